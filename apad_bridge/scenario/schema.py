@@ -1,0 +1,227 @@
+"""The scenario: everything a run depends on, as frozen dataclasses that are checked at birth.
+
+Lengths are metres, speeds m/s, durations seconds of mission time unless a name says `agent` (then seconds of the
+aMussels' own time, theta times faster), charge is the paper's scaled voltage in [0, 1]. Nothing physical has a default:
+a key is optional only where leaving it out has one obvious meaning.
+"""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from typing import Annotated
+
+from annotated_types import Ge, Gt, Le
+from pydantic import ConfigDict
+from pydantic.dataclasses import dataclass
+
+Positive = Annotated[float, Gt(0)]
+NotNegative = Annotated[float, Ge(0)]
+Fraction = Annotated[float, Ge(0), Le(1)]
+Slot = Annotated[int, Ge(0), Le(3)]
+
+_STRICT = ConfigDict(extra="forbid", allow_inf_nan=False)
+frozen = dataclass(frozen=True, kw_only=True, config=_STRICT)
+
+
+@frozen
+class Origin:
+    """Where local NED (0, 0) lies."""
+
+    latitude_deg: Annotated[float, Gt(-90), Ge(-89.9), Le(89.9)]
+    longitude_deg: Annotated[float, Ge(-180), Le(180)]
+
+
+@frozen
+class Area:
+    origin: Origin
+    polygon_m: tuple[tuple[float, float], ...]
+    """Corners as (north, east), in order, not closed; three or more."""
+    depth_m: Positive
+
+    def __post_init__(self) -> None:
+        if len(self.polygon_m) < 3:
+            raise ValueError("polygon_m needs three corners or more")
+        corners = [*self.polygon_m, self.polygon_m[0]]
+        twice_area = sum(a[0] * b[1] - b[0] * a[1] for a, b in zip(corners, corners[1:], strict=False))
+        if abs(twice_area) < 1e-6:
+            raise ValueError("polygon_m encloses no area")
+
+
+@frozen
+class RandomStart:
+    """Positions uniform in the polygon, primary charges uniform in `charge`; both from the scenario's seed."""
+
+    charge: tuple[Fraction, Fraction]
+
+    def __post_init__(self) -> None:
+        if self.charge[0] > self.charge[1]:
+            raise ValueError("charge must be [low, high]")
+
+
+class Hosting(StrEnum):
+    PROCESSES = "processes"
+    ONE_PROCESS = "one_process"
+
+
+class DriftMode(StrEnum):
+    """`paper`: a random step each mission second, always. `physical`: bodies off the bottom follow the current only."""
+
+    PAPER = "paper"
+    PHYSICAL = "physical"
+
+
+@frozen
+class Drift:
+    mode: DriftMode
+    amplitude_m: NotNegative = 0.0
+    """Half width of the uniform step that `paper` mode adds to north and to east each mission second."""
+    current_file: str | None = None
+    """CSV: north_m, east_m, north_m_s, east_m_s; relative to the scenario file."""
+
+
+@frozen
+class Fleet:
+    count: Annotated[int, Ge(0), Le(20000)]
+    first_id: Annotated[int, Ge(1)] = 1
+    start: RandomStart | str = "starts.csv"
+    """A mapping for a random start, or a CSV's name: id, lat, lon (or north, east), battery; or a former run's directory."""
+    hosting: Hosting = Hosting.PROCESSES
+    drift: Drift
+
+
+@frozen
+class Board:
+    """Numbers of the MU board and its body; agent time."""
+
+    discharge_per_min: Positive
+    charge_segments: tuple[tuple[Fraction, Positive], ...]
+    """(upper end of the segment on [0, 1], rate a minute), rising; the last ends at 1."""
+    pin_debounce_ms: Annotated[int, Ge(0)]
+    boot_ms: Annotated[int, Ge(0)]
+    surfacing_s: Positive
+    sinking_s: Positive
+    float_timeout_s: Positive
+    """Floating unserved for so long, an aMussel sinks again."""
+    release_wait_s: NotNegative
+    """After the falling edge, how long to wait for the release packet before sinking without it."""
+
+    def __post_init__(self) -> None:
+        ends = [end for end, _ in self.charge_segments]
+        if not ends or ends != sorted(set(ends)) or ends[-1] != 1.0:
+            raise ValueError("charge_segments must rise and end at 1.0")
+
+
+class HearingMode(StrEnum):
+    """`paper`: every agent reports over Wi-Fi at a fixed rate, always. `physical`: Wi-Fi only floating or docked."""
+
+    PAPER = "paper"
+    PHYSICAL = "physical"
+
+
+@frozen
+class Hearing:
+    mode: HearingMode
+    report_period_s: Positive
+    """Mission seconds between Wi-Fi reports."""
+    codec: str = "musselbed-1"
+
+
+class DockingProfile(StrEnum):
+    VIRTUAL = "virtual"
+    VISUAL = "visual"
+
+
+@frozen
+class Docking:
+    profile: DockingProfile
+    dock_s: NotNegative
+    undock_s: NotNegative
+    timeout_s: Positive
+
+    def __post_init__(self) -> None:
+        if self.timeout_s <= max(self.dock_s, self.undock_s):
+            raise ValueError("timeout_s must be longer than dock_s and undock_s")
+
+
+@frozen
+class Costs:
+    """Scale factors of the planner's cost modules."""
+
+    distance_per_m: NotNegative = 1.0
+    energy_per_charge: NotNegative = 1.0
+
+
+@frozen
+class Mission:
+    collection: str
+    """Name of a collection strategy: `none`, `greedy`, `cautious`, or one from a user's package."""
+    redeployment: str = "greedy-redeploy"
+    pool_threshold: Fraction
+    batch: Annotated[int, Ge(1), Le(4)]
+    full_threshold: Fraction
+    speed_m_s: Positive
+    victory_radius_m: Positive
+    docking: Docking
+    costs: Costs = Costs()
+    end_at_apad_fraction: Fraction = 0.0
+    """The mission ends when the aPad's battery falls to this."""
+    permission_repeat_s: Positive
+    """An unanswered permission to surface is repeated after so long."""
+    surfacing_attempts: Annotated[int, Ge(1)]
+    silence_timeout_s: Positive
+    """An aMussel unheard for so long is not waited for: the mission goes on without it."""
+
+
+@frozen
+class APadBattery:
+    full_v: Positive
+    empty_v: Positive
+    capacity_wh: Positive
+    start_fraction: Fraction
+    hotel_w: NotNegative
+    charging_w_per_dock: NotNegative
+
+    def __post_init__(self) -> None:
+        if self.full_v <= self.empty_v:
+            raise ValueError("full_v must be above empty_v")
+
+
+@frozen
+class APad:
+    """The simulated aPad. A real one needs its name only."""
+
+    name: str = "apad1"
+    start_m: tuple[float, float]
+    max_speed_m_s: Positive
+    max_acceleration_m_s2: Positive
+    max_yaw_rate_rad_s: Positive
+    mass_kg: Positive
+    drag_n_per_m2_s2: NotNegative
+    """Quadratic drag: newtons at 1 m/s."""
+    thruster_max_n: Positive
+    thruster_w_per_n: NotNegative
+    battery: APadBattery
+
+
+@frozen
+class Records:
+    record_period_s: Positive = 1.0
+    """Bag samples: per tick for the first day, then at this period."""
+    truth_on_agent_topics: bool = False
+    """Publish the truth, not the report, on /amusselK/position and battery_level, as generation A's simulator did."""
+
+
+@frozen
+class Scenario:
+    name: str
+    description: str = ""
+    seed: Annotated[int, Ge(0)]
+    duration_s: Positive
+    theta: Annotated[int, Ge(1)]
+    area: Area
+    fleet: Fleet
+    board: Board
+    hearing: Hearing
+    mission: Mission
+    apad: APad
+    records: Records = Records()

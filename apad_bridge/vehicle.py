@@ -1,0 +1,100 @@
+"""What is said between the docking port and a vehicle, real or simulated.
+
+Positions are local NED metres, headings radians clockwise from north, times integer milliseconds of mission time.
+Commands are imperatives, facts are past tense; every fact carries the mission time at which it became true.
+A simulated aPad has the three verbs (`next_due_ms`, `advance`, `receive`); a ROS one queues the same facts.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class GoTo:
+    """Go to a point and then stay there. `command_id` comes back in `Arrived` or `CommandFailed`."""
+
+    command_id: int
+    north_m: float
+    east_m: float
+    speed_m_s: float
+    victory_radius_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class Hold:
+    """Hold position dynamically at a point until the next command; it never completes."""
+
+    command_id: int
+    north_m: float
+    east_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class CloseDock:
+    """Close docking mechanism `slot` (0-3) around aMussel `agent_id`."""
+
+    command_id: int
+    slot: int
+    agent_id: int
+
+
+@dataclass(frozen=True, slots=True)
+class OpenDock:
+    """Open docking mechanism `slot` (0-3) and let aMussel `agent_id` go."""
+
+    command_id: int
+    slot: int
+    agent_id: int
+
+
+VehicleCommand = GoTo | Hold | CloseDock | OpenDock
+
+
+@dataclass(frozen=True, slots=True)
+class PoseReported:
+    at_ms: int
+    north_m: float
+    east_m: float
+    heading_rad: float
+
+
+@dataclass(frozen=True, slots=True)
+class BatteryReported:
+    """The aPad's battery: terminal voltage, and the fraction of [10.5, 16] V that is left, in [0, 1]."""
+
+    at_ms: int
+    voltage_v: float
+    fraction: float
+
+
+@dataclass(frozen=True, slots=True)
+class Arrived:
+    at_ms: int
+    command_id: int
+
+
+@dataclass(frozen=True, slots=True)
+class CommandFailed:
+    at_ms: int
+    command_id: int
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class DockClosed:
+    """The mechanism closed: contact with the aMussel is made. The slot is the vehicle's word (it may not be the one asked)."""
+
+    at_ms: int
+    slot: int
+    agent_id: int
+
+
+@dataclass(frozen=True, slots=True)
+class DockOpened:
+    at_ms: int
+    slot: int
+    agent_id: int
+
+
+VehicleFact = PoseReported | BatteryReported | Arrived | CommandFailed | DockClosed | DockOpened
