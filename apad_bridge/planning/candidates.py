@@ -1,0 +1,74 @@
+"""What a planner is told: the aPad's place, and the agents that it may serve, as the mission BELIEVES them.
+
+The planner cannot name truth: nothing here comes from an agent, only from beliefs about it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import isfinite
+
+
+@dataclass(frozen=True, slots=True)
+class Candidate:
+    """One agent as the mission believes it to be: in the pool, waiting to be collected, or docked.
+
+    Places are local NED metres. `charge` and `secondary` are the two batteries' scaled voltages in [0, 1].
+    Home is where a docked agent goes back to. `slot` (0-3) is the dock that holds it, None while it is in the
+    water.
+    """
+
+    agent_id: int
+    north_m: float
+    east_m: float
+    charge: float
+    secondary: float
+    home_north_m: float
+    home_east_m: float
+    slot: int | None = None
+
+    def __post_init__(self) -> None:
+        numbers = (
+            self.north_m,
+            self.east_m,
+            self.charge,
+            self.secondary,
+            self.home_north_m,
+            self.home_east_m,
+        )
+        if not all(isfinite(number) for number in numbers):
+            raise ValueError(f"aMussel {self.agent_id}: a planner needs finite numbers, not {numbers}")
+
+    @property
+    def place_m(self) -> tuple[float, float]:
+        return (self.north_m, self.east_m)
+
+    @property
+    def home_m(self) -> tuple[float, float]:
+        return (self.home_north_m, self.home_east_m)
+
+
+@dataclass(frozen=True, slots=True)
+class Situation:
+    """What there is to plan with: for a collection those in the pool, for a redeployment those docked.
+
+    Raises ValueError if an agent or a slot is named twice.
+    """
+
+    apad_north_m: float
+    apad_east_m: float
+    candidates: tuple[Candidate, ...]
+    free_slots: tuple[int, ...]
+
+    def __post_init__(self) -> None:
+        ids = [candidate.agent_id for candidate in self.candidates]
+        if len(set(ids)) != len(ids):
+            raise ValueError(f"an aMussel is a candidate twice: {sorted(ids)}")
+        taken = [candidate.slot for candidate in self.candidates if candidate.slot is not None]
+        slots = [*self.free_slots, *taken]
+        if len(set(slots)) != len(slots):
+            raise ValueError(f"a slot is free and taken, or named twice: {sorted(slots)}")
+
+    @property
+    def apad_m(self) -> tuple[float, float]:
+        return (self.apad_north_m, self.apad_east_m)

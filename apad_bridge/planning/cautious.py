@@ -1,0 +1,18 @@
+"""Cautious collection (paper, section V-B): the agents most in need of charge first, wherever they are."""
+
+from __future__ import annotations
+
+from apad_bridge.planning.candidates import Situation
+from apad_bridge.planning.solution import Solution, StepKind
+from apad_bridge.planning.strategy import collect_in_order, places_to_fill
+
+
+class Cautious:
+    """In each step the lowest charge; of equal ones the lowest id. The aPad's movement counts for nothing."""
+
+    plans = StepKind.COLLECT
+
+    def plan(self, situation: Situation, batch: int) -> Solution:
+        count = places_to_fill(situation, batch)
+        by_need = sorted(situation.candidates, key=lambda agent: (agent.charge, agent.agent_id))
+        return collect_in_order(by_need[:count], situation)

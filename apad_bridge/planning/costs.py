@@ -1,0 +1,74 @@
+"""The planner's cost modules: distance and energy, each with a scale factor (paper, sections III and IV-B).
+
+Distance is the Euclidean way from the aPad's place to each goal in turn; it stands for the thrusters' energy
+and leaves wind and current out. Energy is charging DEMAND, seen from the aMussels: how far each collected one
+is from full.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import dist
+from typing import Protocol
+
+from apad_bridge.planning.candidates import Situation
+from apad_bridge.planning.solution import Solution, StepKind
+
+
+class Scales(Protocol):
+    """Cost a metre, and cost a whole battery of charging demand. The scenario's `mission.costs` fits."""
+
+    @property
+    def distance_per_m(self) -> float: ...
+
+    @property
+    def energy_per_charge(self) -> float: ...
+
+
+@dataclass(frozen=True, slots=True)
+class CostScales:
+    distance_per_m: float = 1.0
+    energy_per_charge: float = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class CostBreakdown:
+    """What a plan costs: the bare quantities, and the same after scaling. `demand` is in whole batteries."""
+
+    distance_m: float
+    demand: float
+    distance_cost: float
+    energy_cost: float
+
+    @property
+    def total(self) -> float:
+        return self.distance_cost + self.energy_cost
+
+
+def distance_m(solution: Solution, situation: Situation) -> float:
+    """Metres from the aPad's place through the goals of all steps: agents to collect, homes to deploy at."""
+    agents = {agent.agent_id: agent for agent in situation.candidates}
+    place_m, total_m = situation.apad_m, 0.0
+    for step in solution.steps:
+        agent = agents[step.agent_id]
+        goal_m = agent.place_m if step.kind is StepKind.COLLECT else agent.home_m
+        total_m += dist(place_m, goal_m)
+        place_m = goal_m
+    return total_m
+
+
+def charging_demand(solution: Solution, situation: Situation) -> float:
+    """Sum of (full - charge) over the agents to collect, full being 1. A deployment demands nothing."""
+    charges = {agent.agent_id: agent.charge for agent in situation.candidates}
+    return sum(1.0 - charges[step.agent_id] for step in solution.steps if step.kind is StepKind.COLLECT)
+
+
+def cost_of(solution: Solution, situation: Situation, scales: Scales | None = None) -> CostBreakdown:
+    """The plan's cost in the situation that it was made for, with factors of 1 if none are given.
+
+    Raises KeyError if a step names an agent that is no candidate; `check_solution` refuses such plans first.
+    """
+    factors = scales or CostScales()
+    metres = distance_m(solution, situation)
+    demand = charging_demand(solution, situation)
+    return CostBreakdown(metres, demand, metres * factors.distance_per_m, demand * factors.energy_per_charge)

@@ -1,0 +1,28 @@
+"""Greedy collection (paper, section V-B): the closest agent in each planning step."""
+
+from __future__ import annotations
+
+from apad_bridge.planning.candidates import Candidate, Situation
+from apad_bridge.planning.solution import Solution, StepKind
+from apad_bridge.planning.strategy import collect_in_order, nearest, places_to_fill
+
+
+class Greedy:
+    """From the aPad's place to the nearest candidate, from there to the nearest of the rest, and so on.
+
+    Of equally near ones the lowest id. Charge is not considered at all, nor is the route as a whole the
+    shortest.
+    """
+
+    plans = StepKind.COLLECT
+
+    def plan(self, situation: Situation, batch: int) -> Solution:
+        agents = {agent.agent_id: agent for agent in situation.candidates}
+        points_m = {agent_id: agent.place_m for agent_id, agent in agents.items()}
+        place_m = situation.apad_m
+        chosen: list[Candidate] = []
+        while len(chosen) < places_to_fill(situation, batch):
+            agent_id = nearest(place_m, points_m)
+            place_m = points_m.pop(agent_id)
+            chosen.append(agents[agent_id])
+        return collect_in_order(chosen, situation)

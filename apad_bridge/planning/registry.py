@@ -1,0 +1,75 @@
+"""Strategies by name: the built-in ones, and those that a user's package brings by entry point.
+
+A package adds one with an entry point in the group `musselbed.strategies` whose value is a class (or a function) that,
+called without arguments, gives a strategy. See docs/extending.md. Names are a user's input: whatever is wrong
+with one is a ValueError of one line.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from importlib.metadata import EntryPoint, entry_points
+from typing import Any, cast
+
+from apad_bridge.planning.cautious import Cautious
+from apad_bridge.planning.greedy import Greedy
+from apad_bridge.planning.greedy_redeploy import GreedyRedeploy
+from apad_bridge.planning.no_collection import NoCollection
+from apad_bridge.planning.solution import StepKind
+from apad_bridge.planning.strategy import CollectionStrategy, RedeploymentStrategy
+
+GROUP = "musselbed.strategies"
+
+_BUILT_IN: dict[str, Callable[[], Any]] = {
+    "cautious": Cautious,
+    "greedy": Greedy,
+    "greedy-redeploy": GreedyRedeploy,
+    "none": NoCollection,
+}
+
+
+def known_names() -> list[str]:
+    """Every strategy's name, sorted; those of packages are not loaded for this."""
+    return sorted({*_BUILT_IN, *(entry.name for entry in entry_points(group=GROUP))})
+
+
+def collection(name: str) -> CollectionStrategy:
+    """A new collection strategy of this name. Raises ValueError if there is none, or it cannot be used."""
+    return cast(CollectionStrategy, _made(name, StepKind.COLLECT))
+
+
+def redeployment(name: str) -> RedeploymentStrategy:
+    """A new redeployment strategy of this name. Raises ValueError if there is none, or it cannot be used."""
+    return cast(RedeploymentStrategy, _made(name, StepKind.DEPLOY))
+
+
+def _made(name: str, kind: StepKind) -> object:
+    entries = tuple(entry_points(group=GROUP, name=name))
+    sources = ["musselbed itself"] * (name in _BUILT_IN) + [_package(entry) for entry in entries]
+    if not sources:
+        raise ValueError(f"unknown strategy {name!r}; known: {', '.join(known_names())}")
+    if len(sources) > 1:
+        raise ValueError(
+            f"strategy {name!r} is brought by each of {', '.join(sources)}: rename or remove one"
+        )
+    strategy: object = _BUILT_IN[name]() if name in _BUILT_IN else _loaded(entries[0])
+    if getattr(strategy, "plans", None) is not kind or not callable(getattr(strategy, "plan", None)):
+        raise ValueError(
+            f"strategy {name!r} (from {sources[0]}) is no {kind} strategy: "
+            f"that needs `plans = StepKind.{kind.name}` and a method `plan`"
+        )
+    return strategy
+
+
+def _loaded(entry: EntryPoint) -> object:
+    try:
+        return entry.load()()
+    except Exception as error:  # a package's import or constructor may raise anything
+        raise ValueError(
+            f"strategy {entry.name!r} (from {_package(entry)}, {entry.value}) cannot be loaded: "
+            f"{type(error).__name__}: {error}"
+        ) from error
+
+
+def _package(entry: EntryPoint) -> str:
+    return f"{entry.dist.name} {entry.dist.version}" if entry.dist else entry.value

@@ -1,0 +1,131 @@
+"""Whom each built-in strategy chooses, in which order, and with which slots."""
+
+from __future__ import annotations
+
+from math import dist
+from random import Random
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from apad_bridge.planning.candidates import Candidate, Situation
+from apad_bridge.planning.cautious import Cautious
+from apad_bridge.planning.greedy import Greedy
+from apad_bridge.planning.greedy_redeploy import GreedyRedeploy
+from apad_bridge.planning.no_collection import NoCollection
+from apad_bridge.planning.solution import Solution, Step, StepKind, check_solution
+
+metres = st.floats(-100, 100)
+
+
+def floating(agent_id: int, north_m: float, east_m: float, charge: float = 0.5) -> Candidate:
+    return Candidate(agent_id, north_m, east_m, charge, 1.0, north_m, east_m)
+
+
+def docked(agent_id: int, home_north_m: float, home_east_m: float, slot: int) -> Candidate:
+    return Candidate(agent_id, 0.0, 0.0, 1.0, 1.0, home_north_m, home_east_m, slot)
+
+
+@st.composite
+def pools(draw: st.DrawFn) -> Situation:
+    ids = draw(st.lists(st.integers(1, 200), unique=True, max_size=12))
+    agents = [floating(k, draw(metres), draw(metres), draw(st.floats(0, 1))) for k in ids]
+    free = draw(st.lists(st.integers(0, 3), unique=True))
+    return Situation(draw(metres), draw(metres), tuple(agents), tuple(free))
+
+
+def ids(solution: Solution) -> list[int]:
+    return [step.agent_id for step in solution.steps]
+
+
+def test_cautious_takes_the_lowest_charges_wherever_they_are() -> None:
+    agents = (
+        floating(1, 0, 1, 0.6),
+        floating(2, 90, 90, 0.2),
+        floating(3, 0, 2, 0.7),
+        floating(4, -50, 0, 0.4),
+    )
+    plan = Cautious().plan(Situation(0, 0, agents, (3, 1, 0)), batch=4)
+    assert plan.steps == (
+        Step(StepKind.COLLECT, 2, 3),
+        Step(StepKind.COLLECT, 4, 1),
+        Step(StepKind.COLLECT, 1, 0),
+    )
+
+
+def test_cautious_breaks_ties_by_the_lower_id() -> None:
+    agents = tuple(floating(k, k, 0, 0.5) for k in (9, 3, 7))
+    assert ids(Cautious().plan(Situation(0, 0, agents, (0, 1, 2, 3)), batch=2)) == [3, 7]
+
+
+def test_greedy_moves_on_to_what_it_chose() -> None:
+    # From the aPad 2 is nearer than 3, but after 1 the aPad is at 10 m north, and 3 is nearer than 2.
+    agents = (floating(1, 10, 0), floating(2, -11, 0), floating(3, 22, 0))
+    assert ids(Greedy().plan(Situation(0, 0, agents, (0, 1, 2, 3)), batch=4)) == [1, 3, 2]
+
+
+def test_greedy_breaks_ties_by_the_lower_id() -> None:
+    agents = (floating(8, 0, 5), floating(2, 0, -5), floating(5, 5, 0))
+    assert ids(Greedy().plan(Situation(0, 0, agents, (0, 1, 2, 3)), batch=1)) == [2]
+
+
+def test_greedy_redeploy_goes_to_the_nearest_home_in_turn_and_opens_the_slot_that_holds_the_agent() -> None:
+    agents = (docked(1, 40, 0, 0), docked(2, -15, 0, 1), docked(3, 10, 0, 3), docked(4, 30, 0, 2))
+    plan = GreedyRedeploy().plan(Situation(0, 0, agents, ()))
+    assert [(step.kind, step.agent_id, step.slot) for step in plan.steps] == [
+        (StepKind.DEPLOY, 3, 3),
+        (StepKind.DEPLOY, 4, 2),
+        (StepKind.DEPLOY, 1, 0),
+        (StepKind.DEPLOY, 2, 1),
+    ]
+
+
+def test_redeploying_what_is_not_docked_is_our_bug() -> None:
+    with pytest.raises(ValueError, match="aMussel 4 is not docked"):
+        GreedyRedeploy().plan(Situation(0, 0, (floating(4, 1, 1),), ()))
+
+
+@given(pools(), st.integers(1, 4))
+def test_no_collection_never_collects(pool: Situation, batch: int) -> None:
+    assert NoCollection().plan(pool, batch) == Solution(())
+
+
+@given(pools(), st.integers(1, 4))
+def test_plans_are_as_large_as_they_can_be_and_can_be_carried_out(pool: Situation, batch: int) -> None:
+    for strategy in (Greedy(), Cautious()):
+        plan = strategy.plan(pool, batch)
+        assert len(plan.steps) == min(batch, len(pool.candidates), len(pool.free_slots))
+        check_solution(plan, pool, StepKind.COLLECT)
+
+
+@given(pools(), st.integers(1, 4))
+def test_greedy_leaves_nobody_nearer_behind(pool: Situation, batch: int) -> None:
+    places = {agent.agent_id: (agent.north_m, agent.east_m) for agent in pool.candidates}
+    here = (pool.apad_north_m, pool.apad_east_m)
+    for chosen in ids(Greedy().plan(pool, batch)):
+        assert all(dist(here, places[chosen]) <= dist(here, other) for other in places.values())
+        here = places.pop(chosen)
+
+
+@given(pools(), st.integers(1, 4))
+def test_cautious_order_is_sorted_and_nobody_needier_is_left(pool: Situation, batch: int) -> None:
+    charges = {agent.agent_id: agent.charge for agent in pool.candidates}
+    chosen = [charges.pop(k) for k in ids(Cautious().plan(pool, batch))]
+    assert chosen == sorted(chosen)
+    assert all(charge >= last for charge in charges.values() for last in chosen)
+
+
+@given(pools(), st.integers(1, 4), st.randoms(use_true_random=False))
+def test_the_order_of_the_candidates_does_not_matter(pool: Situation, batch: int, rng: Random) -> None:
+    shuffled = list(pool.candidates)
+    rng.shuffle(shuffled)
+    other = Situation(pool.apad_north_m, pool.apad_east_m, tuple(shuffled), pool.free_slots)
+    for strategy in (Greedy(), Cautious()):
+        assert strategy.plan(pool, batch) == strategy.plan(other, batch)
+
+
+@pytest.mark.parametrize("strategy", [Greedy(), Cautious()])
+def test_a_batch_of_none_is_our_bug(strategy: Greedy | Cautious) -> None:
+    with pytest.raises(ValueError, match="batch must be 1 or more, not 0"):
+        strategy.plan(Situation(0, 0, (floating(1, 1, 1),), (0,)), batch=0)
