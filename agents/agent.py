@@ -1,0 +1,203 @@
+"""One simulated aMussel: the body in the water, the board in the body, and its Wi-Fi reports. Agent time throughout."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from agents.body import Body, WaterConfig
+from agents.outputs import Dropped, Output, Truth, WifiSent
+from agents.physical import Physical
+from agents.stimuli import ContactClosed, ContactOpened, DockMoved, SoundArrived, Stimulus, WifiArrived
+from firmware_model import actions as board_actions
+from firmware_model import stimuli as board_stimuli
+from firmware_model.board import Board, BoardConfig
+from firmware_model.charge import fraction
+from firmware_model.codec import Codec
+from firmware_model.packets import StatusPacket
+from firmware_model.states import State
+from firmware_model.stimuli import ResetCause
+
+
+@dataclass(frozen=True, slots=True)
+class AgentConfig:
+    """Everything an agent is made of but its physical state."""
+
+    board: BoardConfig
+    water: WaterConfig
+    report_period_ms: int
+    heard_always: bool
+    """The paper's hearing: Wi-Fi works wherever the aMussel is. Otherwise only at the surface."""
+
+
+class Agent:
+    """The three verbs around a body and its board.
+
+    Of several things due at one time the body's arrival goes first, then drift, then the board's timers, then the report,
+    which so says the newest. A Truth follows every event that changed anything.
+    """
+
+    def __init__(
+        self, config: AgentConfig, codec: Codec, physical: Physical, now_ms: int, cause: ResetCause
+    ) -> None:
+        self.config = config
+        self._codec = codec
+        self._now_ms = now_ms
+        self._sequence = 0
+        self._truths: list[Truth] = []
+        self._last: tuple[State, Physical] | None = None
+        self.body = Body(
+            config.board.agent_id,
+            config.water,
+            physical.north_um,
+            physical.east_um,
+            physical.depth_anchor_ms,
+            physical.depth_um,
+            physical.buoyancy,
+            physical.docked,
+            now_ms,
+        )
+        self.board = Board(config.board, codec, physical.primary, physical.secondary, now_ms)
+        # A reset agent may have reported at this very time before it died: its next report is a later one.
+        later = 0 if cause is ResetCause.POWER_ON else 1
+        self._report_due_ms = self._report_after(now_ms + later)
+        power = board_stimuli.PowerCameOn(cause, self.body.depth_at_um(now_ms) == 0, physical.docked)
+        self._boot_outputs = self._tell_board(power, now_ms)
+        self._note_truth(now_ms)
+
+    @property
+    def physical(self) -> Physical:
+        body, board = self.body, self.board
+        return Physical(
+            board.primary,
+            board.secondary,
+            body.north_um,
+            body.east_um,
+            body.depth_anchor_ms,
+            body.depth_um,
+            body.buoyancy,
+            body.docked,
+        )
+
+    @property
+    def next_due_ms(self) -> int | None:
+        return min((due for due in self._dues() if due is not None), default=None)
+
+    def take_truths(self) -> list[Truth]:
+        """The truths noted since the last call, in order."""
+        truths, self._truths = self._truths, []
+        return truths
+
+    def advance(self, now_ms: int) -> list[Output]:
+        """Lets time pass to `now_ms`; ValueError if it went back."""
+        if now_ms < self._now_ms:
+            raise ValueError(f"time went back: {now_ms} before {self._now_ms}")
+        outputs, self._boot_outputs = self._boot_outputs, []
+        while True:
+            dues = self._dues()
+            due_ms = min((due for due in dues if due is not None), default=None)
+            if due_ms is None or due_ms > now_ms:
+                break
+            self._now_ms = due_ms
+            outputs += self._fire(dues.index(due_ms), due_ms)
+            self._note_truth(due_ms)
+        self._now_ms = now_ms
+        return outputs
+
+    def receive(self, stimulus: Stimulus, now_ms: int) -> list[Output]:
+        """Takes a fact from the world at `now_ms`, after everything that was due by then."""
+        outputs = self.advance(now_ms)
+        outputs += self._take(stimulus, now_ms)
+        self._note_truth(now_ms)
+        return outputs
+
+    def _dues(self) -> tuple[int | None, ...]:
+        report_ms = (
+            self._report_due_ms if self.config.heard_always or self._at_surface(self._now_ms) else None
+        )
+        return self.body.arrival_ms, self.body.drift_due_ms, self.board.next_due_ms, report_ms
+
+    def _fire(self, which: int, now_ms: int) -> list[Output]:
+        if which == 0:
+            self.body.settle_depth(now_ms)
+            surfaced = self.body.depth_um == 0
+            self._report_due_ms = max(self._report_due_ms, self._report_after(now_ms))
+            return self._tell_board(
+                board_stimuli.SurfaceReached() if surfaced else board_stimuli.BottomReached(), now_ms
+            )
+        if which == 1:
+            self.body.drift(now_ms)
+            return []
+        if which == 2:
+            return self._obey(self.board.advance(now_ms))
+        self._report_due_ms += self.config.report_period_ms
+        if self.board.state is State.BOOTING:
+            return []
+        return [WifiSent(now_ms, self._codec.encode(self._status(now_ms)))]
+
+    def _take(self, stimulus: Stimulus, now_ms: int) -> list[Output]:
+        match stimulus:
+            case ContactClosed(north_um, east_um):
+                if not self._at_surface(now_ms) or self.body.docked:
+                    return [Dropped(now_ms, "a dock closed, but not around this aMussel")]
+                self.body.carry(north_um, east_um)
+                return self._tell_board(board_stimuli.ChargePinRose(), now_ms)
+            case DockMoved(north_um, east_um):
+                if not self.body.docked:
+                    return [Dropped(now_ms, "a dock moved that does not hold this aMussel")]
+                self.body.carry(north_um, east_um)
+                return []
+            case ContactOpened():
+                if not self.body.docked:
+                    return [Dropped(now_ms, "a dock opened that does not hold this aMussel")]
+                self.body.let_go(now_ms)
+                return self._tell_board(board_stimuli.ChargePinFell(), now_ms)
+            case SoundArrived(data):
+                if self._at_surface(now_ms):
+                    return [Dropped(now_ms, "sound does not reach a modem in air")]
+                return self._tell_board(board_stimuli.PacketHeard(data), now_ms)
+            case WifiArrived(data):
+                if not self.config.heard_always and not self._at_surface(now_ms):
+                    return [Dropped(now_ms, "Wi-Fi does not reach under water")]
+                return self._tell_board(board_stimuli.WifiReceived(data), now_ms)
+
+    def _report_after(self, now_ms: int) -> int:
+        return -(-now_ms // self.config.report_period_ms) * self.config.report_period_ms
+
+    def _at_surface(self, now_ms: int) -> bool:
+        return self.body.depth_at_um(now_ms) == 0
+
+    def _tell_board(self, stimulus: board_stimuli.Stimulus, now_ms: int) -> list[Output]:
+        return self._obey(self.board.receive(stimulus, now_ms))
+
+    def _obey(self, actions: list[board_actions.Action]) -> list[Output]:
+        outputs: list[Output] = []
+        for action in actions:
+            match action:
+                case board_actions.RunBuoyancy(at_ms, to):
+                    self.body.run_buoyancy(to, at_ms)
+                case board_actions.Dropped(at_ms, reason):
+                    outputs.append(Dropped(at_ms, reason))
+                case board_actions.StateChanged():
+                    pass  # the truth that follows the event says the new state
+        return outputs
+
+    def _status(self, now_ms: int) -> StatusPacket:
+        body, board, charge = self.body, self.board, self.config.board.charge
+        self._sequence += 1
+        return StatusPacket(
+            self.config.board.agent_id,
+            self._sequence - 1,
+            board.state,
+            fraction(charge.charge_at(board.primary, now_ms)),
+            fraction(charge.charge_at(board.secondary, now_ms)),
+            body.north_um / 1e6,
+            body.east_um / 1e6,
+            body.depth_at_um(now_ms) / 1e6,
+            now_ms,
+        )
+
+    def _note_truth(self, now_ms: int) -> None:
+        now = (self.board.state, self.physical)
+        if now != self._last:
+            self._last = now
+            self._truths.append(Truth(now_ms, self.config.board.agent_id, *now))

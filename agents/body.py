@@ -1,0 +1,120 @@
+"""The body in the water around a board: where it is, how deep, and whether a dock holds it. Agent time, micrometres."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from agents.water.current import CurrentField
+from agents.water.drift import drift_step_um
+from firmware_model.actions import Buoyancy
+
+
+@dataclass(frozen=True, slots=True)
+class WaterConfig:
+    """How a body moves. `step_ms` is one mission second of agent time: drift belongs to the real water's clock."""
+
+    seed: int
+    step_ms: int
+    bottom_um: int
+    surfacing_ms: int
+    sinking_ms: int
+    drifts_always: bool
+    """The paper's mode: every undocked body takes a random step and follows the current each mission second."""
+    amplitude_um: int
+    current: CurrentField
+
+
+class Body:
+    """Place, depth and contact. It moves up or down at a constant rate and drifts on the grid of mission seconds."""
+
+    def __init__(
+        self,
+        agent_id: int,
+        water: WaterConfig,
+        north_um: int,
+        east_um: int,
+        depth_anchor_ms: int,
+        depth_um: int,
+        buoyancy: Buoyancy,
+        docked: bool,
+        now_ms: int,
+    ) -> None:
+        self.agent_id = agent_id
+        self.water = water
+        self.north_um = north_um
+        self.east_um = east_um
+        self.depth_anchor_ms = depth_anchor_ms
+        self.depth_um = depth_um
+        self.buoyancy = buoyancy
+        self.docked = docked
+        self._step = now_ms // water.step_ms
+        """The last drift step that has been taken (or missed, while docked)."""
+
+    def depth_at_um(self, now_ms: int) -> int:
+        elapsed_ms = now_ms - self.depth_anchor_ms
+        if self.buoyancy is Buoyancy.FLOAT:
+            return max(0, self.depth_um - self.water.bottom_um * elapsed_ms // self.water.surfacing_ms)
+        return min(
+            self.water.bottom_um, self.depth_um + self.water.bottom_um * elapsed_ms // self.water.sinking_ms
+        )
+
+    @property
+    def arrival_ms(self) -> int | None:
+        """When it reaches the surface or the bottom that it is moving to; None when it rests there."""
+        water = self.water
+        if self.buoyancy is Buoyancy.FLOAT:
+            way_um, over_ms = self.depth_um, water.surfacing_ms
+        else:
+            way_um, over_ms = water.bottom_um - self.depth_um, water.sinking_ms
+        return None if way_um == 0 else self.depth_anchor_ms - (-way_um * over_ms // water.bottom_um)
+
+    def settle_depth(self, now_ms: int) -> None:
+        self.depth_um = self.depth_at_um(now_ms)
+        self.depth_anchor_ms = now_ms
+
+    def run_buoyancy(self, to: Buoyancy, now_ms: int) -> None:
+        self._miss_steps(now_ms)
+        self.settle_depth(now_ms)
+        self.buoyancy = to
+
+    @property
+    def _adrift(self) -> bool:
+        water = self.water
+        if self.docked:
+            return False
+        on_bottom = self.buoyancy is Buoyancy.SINK and self.depth_um == water.bottom_um
+        if water.drifts_always:
+            return water.amplitude_um > 0 or not water.current.is_still
+        return not on_bottom and not water.current.is_still
+
+    @property
+    def drift_due_ms(self) -> int | None:
+        """The end of the mission second whose drift it takes next; None while nothing moves it."""
+        return (self._step + 1) * self.water.step_ms if self._adrift else None
+
+    def _miss_steps(self, now_ms: int) -> None:
+        """A body that was held does not catch up on the steps it missed."""
+        if not self._adrift:
+            self._step = now_ms // self.water.step_ms
+
+    def drift(self, now_ms: int) -> None:
+        """Takes the step of the mission second that ends at `now_ms`."""
+        water = self.water
+        self._step = now_ms // water.step_ms
+        if water.drifts_always and water.amplitude_um:
+            north_um, east_um = drift_step_um(water.seed, self.agent_id, self._step, water.amplitude_um)
+        else:
+            north_um = east_um = 0
+        north_um_s, east_um_s = water.current.velocity_um_s(self.north_um, self.east_um)
+        self.north_um += north_um + north_um_s
+        self.east_um += east_um + east_um_s
+
+    def carry(self, north_um: int, east_um: int) -> None:
+        """A dock holds it there."""
+        self.docked = True
+        self.north_um = north_um
+        self.east_um = east_um
+
+    def let_go(self, now_ms: int) -> None:
+        self._miss_steps(now_ms)
+        self.docked = False

@@ -1,0 +1,111 @@
+"""The one clock authority of the fleet: keeps a heap of what is due, grants windows, and lets no agent read a clock."""
+
+from __future__ import annotations
+
+import heapq
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from agents.host import Death, Grant, Host
+from agents.outputs import Output
+from agents.stimuli import Stimulus
+from firmware_model.stimuli import ResetCause
+
+
+@dataclass(frozen=True, slots=True)
+class Heard:
+    """Something that came out of an agent; `mission_ms` is derived from the agent's own stamp, rounded up."""
+
+    mission_ms: int
+    agent_id: int
+    output: Output
+
+
+@dataclass(frozen=True, slots=True)
+class Died:
+    """An agent died at `mission_ms`, the end of its last answered window, and why; `gave_up` says why it stays dead."""
+
+    mission_ms: int
+    agent_id: int
+    cause: ResetCause
+    reason: str
+    gave_up: str | None
+
+
+class Coordinator:
+    """Windows for a fleet. Public times are mission milliseconds; an agent's own are `theta` times that."""
+
+    def __init__(self, host: Host, granted_ms: Mapping[int, int], theta: int, now_ms: int = 0) -> None:
+        """`granted_ms`: for each agent, the agent time that it has lived to (0 for a new one)."""
+        if theta < 1:
+            raise ValueError(f"theta is a positive integer, not {theta}")
+        self._host = host
+        self.theta = theta
+        self._now_ms = now_ms
+        self._granted_ms = dict(granted_ms)
+        # What an agent has to do next is learned from its first window, which so is due at once.
+        self._due_ms: dict[int, int] = dict(granted_ms)
+        self._heap = [(due_ms, agent_id) for agent_id, due_ms in self._due_ms.items()]
+        heapq.heapify(self._heap)
+        self._waiting: dict[int, list[tuple[int, Stimulus]]] = {}
+
+    @property
+    def agent_ids(self) -> list[int]:
+        return sorted(self._granted_ms)
+
+    @property
+    def next_due_ms(self) -> int | None:
+        """The mission time by which some agent has something to do."""
+        if self._waiting:
+            return self._now_ms
+        while self._heap and self._due_ms.get(self._heap[0][1]) != self._heap[0][0]:
+            heapq.heappop(self._heap)
+        return -(-self._heap[0][0] // self.theta) if self._heap else None
+
+    def receive(self, agent_id: int, stimulus: Stimulus, now_ms: int) -> None:
+        """A fact of the world at mission time `now_ms`, for one agent; KeyError for an agent that is not of the fleet."""
+        at_ms = max(self.theta * now_ms, self._granted_ms[agent_id])
+        self._waiting.setdefault(agent_id, []).append((at_ms, stimulus))
+
+    def advance(self, now_ms: int) -> list[Heard | Died]:
+        """Grants all that is due by mission time `now_ms`; what came out, by (time, agent, order)."""
+        if now_ms < self._now_ms:
+            raise ValueError(f"time went back: {now_ms} before {self._now_ms}")
+        self._now_ms = now_ms
+        until_ms = self.theta * now_ms
+        waiting, self._waiting = self._waiting, {}
+        chosen = set(waiting)
+        while self._heap and self._heap[0][0] <= until_ms:
+            due_ms, agent_id = heapq.heappop(self._heap)
+            if self._due_ms.get(agent_id) == due_ms:
+                chosen.add(agent_id)
+        grants = {agent_id: Grant(until_ms, tuple(waiting.get(agent_id, ()))) for agent_id in sorted(chosen)}
+        came: list[Heard | Died] = []
+        while grants:
+            grants = self._grant(grants, came)
+        came.sort(key=lambda it: (it.mission_ms, it.agent_id))
+        return came
+
+    def _grant(self, grants: dict[int, Grant], came: list[Heard | Died]) -> dict[int, Grant]:
+        """One round; gives back the windows of agents that died in it and boot again."""
+        again: dict[int, Grant] = {}
+        for agent_id, outcome in self._host.grant(grants).items():
+            if isinstance(outcome, Death):
+                at_ms = self._granted_ms[agent_id]
+                gave_up = self._host.restart(agent_id, at_ms, outcome.cause)
+                mission_ms = -(-at_ms // self.theta)
+                came.append(Died(mission_ms, agent_id, outcome.cause, outcome.reason, gave_up))
+                if gave_up is None:
+                    again[agent_id] = grants[agent_id]
+                else:
+                    del self._granted_ms[agent_id], self._due_ms[agent_id]
+                continue
+            self._granted_ms[agent_id] = grants[agent_id].until_ms
+            if outcome.next_due_ms is None:
+                self._due_ms.pop(agent_id, None)
+            else:
+                self._due_ms[agent_id] = outcome.next_due_ms
+                heapq.heappush(self._heap, (outcome.next_due_ms, agent_id))
+            for output in outcome.outputs:
+                came.append(Heard(-(-output.at_ms // self.theta), agent_id, output))
+        return again

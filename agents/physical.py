@@ -1,0 +1,62 @@
+"""What is physical of an aMussel: what a reset of its MU does not touch.
+
+The nursery keeps one of these for every agent; an agent that died is started again from it.
+"""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import dataclass
+from typing import ClassVar
+
+from firmware_model.actions import Buoyancy
+from firmware_model.charge import Battery, Flow
+
+
+@dataclass(frozen=True, slots=True)
+class Physical:
+    """Anchors in agent milliseconds and micrometres; `depth_um` is the depth at `depth_anchor_ms`, positive down."""
+
+    FORMAT: ClassVar[struct.Struct] = struct.Struct("<QQBQQBqqQqB?")
+
+    primary: Battery
+    secondary: Battery
+    north_um: int
+    east_um: int
+    depth_anchor_ms: int
+    depth_um: int
+    buoyancy: Buoyancy
+    docked: bool
+
+    def pack(self) -> bytes:
+        return self.FORMAT.pack(
+            self.primary.anchor_ms,
+            self.primary.charge,
+            self.primary.flow,
+            self.secondary.anchor_ms,
+            self.secondary.charge,
+            self.secondary.flow,
+            self.north_um,
+            self.east_um,
+            self.depth_anchor_ms,
+            self.depth_um,
+            self.buoyancy,
+            self.docked,
+        )
+
+    @classmethod
+    def unpack(cls, data: bytes) -> Physical:
+        """The inverse of `pack`; struct.error or ValueError for other bytes."""
+        (a_ms, a, a_flow, b_ms, b, b_flow, north, east, depth_ms, depth, buoyancy, docked) = (
+            cls.FORMAT.unpack(data)
+        )
+        return cls(
+            Battery(a_ms, a, Flow(a_flow)),
+            Battery(b_ms, b, Flow(b_flow)),
+            north,
+            east,
+            depth_ms,
+            depth,
+            Buoyancy(buoyancy),
+            docked,
+        )

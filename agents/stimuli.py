@@ -1,0 +1,69 @@
+"""Facts that reach an aMussel from the world, and their form on a link. Positions are local NED in micrometres."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+
+@dataclass(frozen=True, slots=True)
+class ContactClosed:
+    """A docking mechanism closed around the aMussel, which is now carried at this place."""
+
+    north_um: int
+    east_um: int
+
+
+@dataclass(frozen=True, slots=True)
+class DockMoved:
+    """The aPad carried the docked aMussel to this place."""
+
+    north_um: int
+    east_um: int
+
+
+@dataclass(frozen=True, slots=True)
+class ContactOpened:
+    """The docking mechanism let the aMussel go."""
+
+
+@dataclass(frozen=True, slots=True)
+class SoundArrived:
+    data: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class WifiArrived:
+    data: bytes
+
+
+Stimulus = ContactClosed | DockMoved | ContactOpened | SoundArrived | WifiArrived
+
+_KINDS: tuple[type[Any], ...] = (ContactClosed, DockMoved, ContactOpened, SoundArrived, WifiArrived)
+_CODES: dict[type[Any], int] = {kind: code for code, kind in enumerate(_KINDS)}
+_FIELDS: tuple[tuple[tuple[str, type], ...], ...] = (
+    (("north_um", int), ("east_um", int)),
+    (("north_um", int), ("east_um", int)),
+    (),
+    (("data", bytes),),
+    (("data", bytes),),
+)
+
+
+def to_wire(stimulus: Stimulus) -> list[Any]:
+    """[code, field, ...]: plain values that msgpack carries."""
+    code = _CODES[type(stimulus)]
+    return [code, *(getattr(stimulus, name) for name, _ in _FIELDS[code])]
+
+
+def from_wire(wire: Any) -> Stimulus:
+    """The inverse of `to_wire`; ValueError for anything else."""
+    if not isinstance(wire, list) or not wire or type(wire[0]) is not int or not 0 <= wire[0] < len(_KINDS):
+        raise ValueError("not a stimulus")
+    fields = _FIELDS[wire[0]]
+    if len(wire) != len(fields) + 1 or any(
+        type(v) is not t for v, (_, t) in zip(wire[1:], fields, strict=True)
+    ):
+        raise ValueError(f"a {_KINDS[wire[0]].__name__} has other fields")
+    stimulus: Stimulus = _KINDS[wire[0]](*wire[1:])
+    return stimulus

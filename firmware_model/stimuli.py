@@ -1,0 +1,58 @@
+"""Facts that reach the board from outside, in the past tense."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+
+class ResetCause(IntEnum):
+    POWER_ON = 0
+    BROWN_OUT = 1
+    WATCHDOG = 2
+
+
+@dataclass(frozen=True, slots=True)
+class PowerCameOn:
+    """The MCU left reset. `at_surface` is the pressure sensor's word, `pin_high` the charger pin's level."""
+
+    cause: ResetCause
+    at_surface: bool
+    pin_high: bool
+
+
+@dataclass(frozen=True, slots=True)
+class ChargePinRose:
+    """The charger's pin went high: raw, not yet debounced."""
+
+
+@dataclass(frozen=True, slots=True)
+class ChargePinFell:
+    """The charger's pin went low: raw, not yet debounced."""
+
+
+@dataclass(frozen=True, slots=True)
+class PacketHeard:
+    """The acoustic modem delivered these bytes."""
+
+    data: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class WifiReceived:
+    data: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class SurfaceReached:
+    """The pressure sensor reads the surface."""
+
+
+@dataclass(frozen=True, slots=True)
+class BottomReached:
+    """The pressure sensor stopped rising: the aMussel rests on the bottom."""
+
+
+Stimulus = (
+    PowerCameOn | ChargePinRose | ChargePinFell | PacketHeard | WifiReceived | SurfaceReached | BottomReached
+)
