@@ -11,13 +11,27 @@ from enum import StrEnum
 from typing import Annotated
 
 from annotated_types import Ge, Gt, Le
-from pydantic import ConfigDict
+from pydantic import AfterValidator, ConfigDict, StringConstraints
 from pydantic.dataclasses import dataclass
+
+from apad_bridge.scenario.polygon import area_m2, is_simple
+
+
+def _whole_milliseconds(seconds: float) -> float:
+    # Time is integer milliseconds inside: a period of 0.4 ms would be none at all.
+    if abs(seconds * 1000 - round(seconds * 1000)) > 1e-6:
+        raise ValueError("must be a whole number of milliseconds")
+    return seconds
+
 
 Positive = Annotated[float, Gt(0)]
 NotNegative = Annotated[float, Ge(0)]
+PositiveSeconds = Annotated[float, Ge(0.001), Le(1e9), AfterValidator(_whole_milliseconds)]
+NotNegativeSeconds = Annotated[float, Ge(0), Le(1e9), AfterValidator(_whole_milliseconds)]
 Fraction = Annotated[float, Ge(0), Le(1)]
 Slot = Annotated[int, Ge(0), Le(3)]
+FileName = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$")]
+RosName = Annotated[str, StringConstraints(pattern=r"^[A-Za-z][A-Za-z0-9_]*$")]
 
 _STRICT = ConfigDict(extra="forbid", allow_inf_nan=False)
 frozen = dataclass(frozen=True, kw_only=True, config=_STRICT)
@@ -27,7 +41,7 @@ frozen = dataclass(frozen=True, kw_only=True, config=_STRICT)
 class Origin:
     """Where local NED (0, 0) lies."""
 
-    latitude_deg: Annotated[float, Gt(-90), Ge(-89.9), Le(89.9)]
+    latitude_deg: Annotated[float, Ge(-89.9), Le(89.9)]
     longitude_deg: Annotated[float, Ge(-180), Le(180)]
 
 
@@ -41,9 +55,9 @@ class Area:
     def __post_init__(self) -> None:
         if len(self.polygon_m) < 3:
             raise ValueError("polygon_m needs three corners or more")
-        corners = [*self.polygon_m, self.polygon_m[0]]
-        twice_area = sum(a[0] * b[1] - b[0] * a[1] for a, b in zip(corners, corners[1:], strict=False))
-        if abs(twice_area) < 1e-6:
+        if not is_simple(self.polygon_m):
+            raise ValueError("polygon_m crosses or touches itself")
+        if area_m2(self.polygon_m) < 1e-6:
             raise ValueError("polygon_m encloses no area")
 
 
@@ -84,7 +98,9 @@ class Fleet:
     count: Annotated[int, Ge(0), Le(20000)]
     first_id: Annotated[int, Ge(1)] = 1
     start: RandomStart | str = "starts.csv"
-    """A mapping for a random start, or a CSV's name: id, lat, lon (or north, east), battery; or a former run's directory."""
+    """A mapping for a random start, or a CSV's name: id, lat, lon (or north, east), battery; or a former run's directory.
+    Names are relative to the scenario file; the loader makes them absolute. Of a file, the `count` lowest ids from
+    `first_id` on are taken."""
     hosting: Hosting = Hosting.PROCESSES
     drift: Drift
 
@@ -98,11 +114,11 @@ class Board:
     """(upper end of the segment on [0, 1], rate a minute), rising; the last ends at 1."""
     pin_debounce_ms: Annotated[int, Ge(0)]
     boot_ms: Annotated[int, Ge(0)]
-    surfacing_s: Positive
-    sinking_s: Positive
-    float_timeout_s: Positive
+    surfacing_s: PositiveSeconds
+    sinking_s: PositiveSeconds
+    float_timeout_s: PositiveSeconds
     """Floating unserved for so long, an aMussel sinks again."""
-    release_wait_s: NotNegative
+    release_wait_s: NotNegativeSeconds
     """After the falling edge, how long to wait for the release packet before sinking without it."""
 
     def __post_init__(self) -> None:
@@ -121,7 +137,7 @@ class HearingMode(StrEnum):
 @frozen
 class Hearing:
     mode: HearingMode
-    report_period_s: Positive
+    report_period_s: PositiveSeconds
     """Mission seconds between Wi-Fi reports."""
     codec: str = "musselbed-1"
 
@@ -134,9 +150,9 @@ class DockingProfile(StrEnum):
 @frozen
 class Docking:
     profile: DockingProfile
-    dock_s: NotNegative
-    undock_s: NotNegative
-    timeout_s: Positive
+    dock_s: NotNegativeSeconds
+    undock_s: NotNegativeSeconds
+    timeout_s: PositiveSeconds
 
     def __post_init__(self) -> None:
         if self.timeout_s <= max(self.dock_s, self.undock_s):
@@ -165,10 +181,10 @@ class Mission:
     costs: Costs = Costs()
     end_at_apad_fraction: Fraction = 0.0
     """The mission ends when the aPad's battery falls to this."""
-    permission_repeat_s: Positive
+    permission_repeat_s: PositiveSeconds
     """An unanswered permission to surface is repeated after so long."""
     surfacing_attempts: Annotated[int, Ge(1)]
-    silence_timeout_s: Positive
+    silence_timeout_s: PositiveSeconds
     """An aMussel unheard for so long is not waited for: the mission goes on without it."""
 
 
@@ -190,7 +206,7 @@ class APadBattery:
 class APad:
     """The simulated aPad. A real one needs its name only."""
 
-    name: str = "apad1"
+    name: RosName = "apad1"
     start_m: tuple[float, float]
     max_speed_m_s: Positive
     max_acceleration_m_s2: Positive
@@ -205,7 +221,7 @@ class APad:
 
 @frozen
 class Records:
-    record_period_s: Positive = 1.0
+    record_period_s: PositiveSeconds = 1.0
     """Bag samples: per tick for the first day, then at this period."""
     truth_on_agent_topics: bool = False
     """Publish the truth, not the report, on /amusselK/position and battery_level, as generation A's simulator did."""
@@ -213,10 +229,11 @@ class Records:
 
 @frozen
 class Scenario:
-    name: str
+    name: FileName
+    """Letters, digits, dot, dash and underscore: run directories are named after it."""
     description: str = ""
-    seed: Annotated[int, Ge(0)]
-    duration_s: Positive
+    seed: Annotated[int, Ge(0), Le(2**63 - 1)]
+    duration_s: PositiveSeconds
     theta: Annotated[int, Ge(1)]
     area: Area
     fleet: Fleet

@@ -1,0 +1,181 @@
+"""A scenario from its YAML file, from one with overrides, and back to YAML with every default written out.
+
+Types are strict: "12" is no number, 1 is no truth value, 30.0 is no integer; an integer is welcome where a float is
+wanted. Everything that is wrong is reported at once, a line each, before anything starts.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import yaml
+from pydantic import TypeAdapter, ValidationError
+from pydantic_core import ErrorDetails
+
+from apad_bridge.scenario.cross_checks import contradictions
+from apad_bridge.scenario.errors import ScenarioError
+from apad_bridge.scenario.schema import RandomStart, Scenario
+from apad_bridge.scenario.unknown_keys import explain_unknown_key
+from apad_bridge.scenario.yaml_text import parse_yaml
+
+_SCENARIO = TypeAdapter(Scenario)
+
+# Keys that hold the name of a file or directory, relative to the scenario's own.
+_FILE_KEYS = (("fleet", "start"), ("fleet", "drift", "current_file"))
+# pydantic says which member of a union it tried as part of the path; the writer of the file knows no unions.
+_UNION_MEMBERS = {RandomStart.__name__, "str"}
+
+
+def load(path: Path) -> Scenario:
+    """The scenario of a YAML file, with the names of files in it made absolute.
+
+    Raises ScenarioError, with a line for everything that is wrong, also if there is no such file.
+    """
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "is not UTF-8 text"
+        raise ScenarioError([f"{path}: {reason}"]) from error
+    try:
+        data = parse_yaml(text)
+    except ValueError as error:
+        raise ScenarioError([f"{path}: {error}"]) from error
+    _make_absolute(data, path.parent.absolute())
+    return from_data(data, str(path))
+
+
+def from_data(data: Any, source: str) -> Scenario:
+    """The scenario that plain data (mappings, lists, texts, numbers) says; `source` stands first in messages.
+
+    Raises ScenarioError with all that is wrong: first of form, and if there is nothing, of what contradicts.
+    """
+    if not isinstance(data, dict):
+        raise ScenarioError([f"{source}: a scenario is a mapping of keys to values, not {_shown(data)}"])
+    try:
+        # By way of JSON, since only there does strictness leave lists for tuples and texts for enumerations.
+        scenario = _SCENARIO.validate_json(json.dumps(data), strict=True)
+    except ValidationError as error:
+        lines = [_line(source, data, details) for details in _wanted(error.errors(), data)]
+        raise ScenarioError(dict.fromkeys(lines)) from error
+    except ValueError as error:  # json: a list or mapping that holds itself by an alias
+        raise ScenarioError([f"{source}: {error}"]) from error
+    found = contradictions(scenario)
+    if found:
+        raise ScenarioError(f"{source}: {key}: {message}" for key, message in found)
+    return scenario
+
+
+def resolve(scenario: Scenario) -> dict[str, Any]:
+    """The scenario as plain data, defaults written out: what `from_data` makes the same scenario of again."""
+    resolved: dict[str, Any] = _SCENARIO.dump_python(scenario, mode="json")
+    return resolved
+
+
+def write_resolved(path: Path, scenario: Scenario) -> None:
+    """Write the resolved scenario as YAML, so that `load(path)` gives the same scenario again.
+
+    Names of files under the directory of `path` are written relative to it, so that a run's directory that holds its own
+    starts can be moved. The file appears whole or not at all.
+    """
+    data = resolve(scenario)
+    directory = path.parent.absolute()
+    for block, key in _file_entries(data):
+        name = Path(block[key])
+        if name.is_relative_to(directory):
+            block[key] = str(name.relative_to(directory))
+    write_atomically(path, yaml.safe_dump(data, sort_keys=False, allow_unicode=True, width=120))
+
+
+def with_overrides(
+    scenario: Scenario,
+    *,
+    theta: int | None = None,
+    agents: int | None = None,
+    strategy: str | None = None,
+    seed: int | None = None,
+) -> Scenario:
+    """The scenario with what the command line says instead: checked again as a whole; None leaves a value as it is.
+
+    `agents` is the fleet's count and `strategy` the collection strategy's name. Raises ScenarioError.
+    """
+    data = resolve(scenario)
+    if theta is not None:
+        data["theta"] = theta
+    if agents is not None:
+        data["fleet"]["count"] = agents
+    if strategy is not None:
+        data["mission"]["collection"] = strategy
+    if seed is not None:
+        data["seed"] = seed
+    return from_data(data, "command line")
+
+
+def write_atomically(path: Path, text: str) -> None:
+    """Write a text file under a temporary name in the same directory, then rename it into place."""
+    descriptor, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+    try:
+        with open(descriptor, "w", encoding="utf-8", newline="\n") as file:
+            os.fchmod(descriptor, 0o644)
+            file.write(text)
+            file.flush()
+            os.fsync(descriptor)
+        os.replace(temporary, path)
+    except BaseException:
+        os.unlink(temporary)
+        raise
+
+
+def _file_entries(data: Any) -> list[tuple[dict[str, Any], str]]:
+    """(mapping, key) of every file name that stands in the data, which may not be valid yet."""
+    entries = []
+    for *blocks, key in _FILE_KEYS:
+        place = data
+        for block in blocks:
+            place = place.get(block) if isinstance(place, dict) else None
+        if isinstance(place, dict) and isinstance(place.get(key), str):
+            entries.append((place, key))
+    return entries
+
+
+def _make_absolute(data: Any, directory: Path) -> None:
+    for block, key in _file_entries(data):
+        block[key] = os.path.normpath(directory / block[key])
+
+
+def _wanted(errors: list[ErrorDetails], data: Any) -> list[ErrorDetails]:
+    """Errors without those of a union's member that the writer did not mean: a mapping is no attempt at a text."""
+    chosen = []
+    for details in errors:
+        member = (
+            details["loc"][2]
+            if details["loc"][:2] == ("fleet", "start") and len(details["loc"]) > 2
+            else None
+        )
+        mapping = member is not None and isinstance(data["fleet"]["start"], dict)
+        if not (mapping and member == "str") and not (member == RandomStart.__name__ and not mapping):
+            chosen.append(details)
+    return chosen
+
+
+def _line(source: str, data: Any, details: ErrorDetails) -> str:
+    path = tuple(item for item in details["loc"] if item not in _UNION_MEMBERS)
+    dotted = "".join(f"[{item}]" if isinstance(item, int) else f".{item}" for item in path).lstrip(".")
+    where = f"{source}: {dotted}" if dotted else source
+    if details["type"] == "unexpected_keyword_argument":
+        return f"{where}: {explain_unknown_key(Scenario, path)}"
+    if details["type"] == "missing":
+        return f"{where}: this key is missing"
+    message = details["msg"].removeprefix("Value error, ").replace("Input should be", "must be")
+    message = message.replace("must be an object", "must be a mapping").replace("String should", "must")
+    if isinstance(details["input"], dict | list):
+        return f"{where}: {message}"
+    return f"{where}: {message}, not {_shown(details['input'])}"
+
+
+def _shown(value: Any) -> str:
+    text = repr(value) if isinstance(value, str) else json.dumps(value)
+    return text if len(text) <= 60 else f"{text[:57]}..."

@@ -1,0 +1,136 @@
+"""Where each aMussel starts and with what charge: drawn at random, or read from a file or a former run.
+
+Draws come from a keyed hash of (seed, agent id, counter), so an agent's start does not depend on how many others there are
+nor on the order in which they are drawn.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from hashlib import blake2b
+from pathlib import Path
+from struct import Struct
+
+from apad_bridge.geography import LocalFrame
+from apad_bridge.scenario.errors import ScenarioError
+from apad_bridge.scenario.loader import write_atomically
+from apad_bridge.scenario.polygon import Point, bounding_box, contains
+from apad_bridge.scenario.schema import Area, Origin, RandomStart, Scenario
+from apad_bridge.scenario.starts_table import Row, read_table
+
+STARTS_NAME = "starts.csv"
+ENDS_NAME = "ends.csv"
+
+_KEY = Struct("<QQQ")
+_WORDS = Struct("<QQ")
+_UNIT = 2.0**-53
+_CHARGE_DRAW = 0  # draws of a place count from 1
+
+
+@dataclass(frozen=True, slots=True)
+class Start:
+    """Place in local NED metres; primary and secondary charge on the paper's scaled voltage, [0, 1]."""
+
+    agent_id: int
+    north_m: float
+    east_m: float
+    primary: float
+    secondary: float = 1.0
+
+
+def starts_of(scenario: Scenario) -> tuple[Start, ...]:
+    """The fleet's starts in the order of their ids, `fleet.count` of them.
+
+    Raises ScenarioError with a line for everything that is wrong with the file, if they come from one.
+    """
+    fleet = scenario.fleet
+    if isinstance(fleet.start, RandomStart):
+        ids = range(fleet.first_id, fleet.first_id + fleet.count)
+        return tuple(random_start(scenario.seed, agent_id, scenario.area, fleet.start) for agent_id in ids)
+    return read_starts(Path(fleet.start), scenario.area, fleet.first_id, fleet.count)
+
+
+def random_start(seed: int, agent_id: int, area: Area, start: RandomStart) -> Start:
+    """A place uniform in the polygon, by rejection from its bounding box, and a charge uniform in `start.charge`."""
+    (south, west), (north, east) = bounding_box(area.polygon_m)
+    draw = _CHARGE_DRAW + 1
+    place = _point_in(seed, agent_id, draw, (south, west), (north, east))
+    while not contains(area.polygon_m, place):
+        draw += 1
+        place = _point_in(seed, agent_id, draw, (south, west), (north, east))
+    low, high = start.charge
+    share, _ = _uniform_pair(seed, agent_id, _CHARGE_DRAW)
+    return Start(agent_id, place[0], place[1], min(high, low + share * (high - low)))
+
+
+def read_starts(path: Path, area: Area, first_id: int, count: int) -> tuple[Start, ...]:
+    """The `count` lowest ids from `first_id` on, of a CSV or of a former run's directory.
+
+    Of a directory `ends.csv` is read if the run got so far, else `starts.csv`. A place in a CSV must lie in or near the
+    area's bounding box; a former run's agents may have drifted, so theirs need not. Raises ScenarioError.
+    """
+    former_run = path.is_dir()
+    table = _of_former_run(path) if former_run else path
+    frame = LocalFrame.about(area.origin)
+    rows = read_table(table, frame)
+    if not former_run:
+        _refuse_far_rows(table, rows, area)
+    chosen = sorted((row for row in rows if row.agent_id >= first_id), key=lambda row: row.agent_id)[:count]
+    if len(chosen) < count:
+        raise ScenarioError(
+            [f"{table}: {len(chosen)} rows with an id of {first_id} or above, but fleet.count is {count}"]
+        )
+    return tuple(Start(row.agent_id, row.north_m, row.east_m, row.primary, row.secondary) for row in chosen)
+
+
+def save_starts(path: Path, starts: Iterable[Start], origin: Origin) -> None:
+    """Write starts as a CSV that `read_starts` gives the same starts of: exact north and east, and lat and lon to 0.1 mm.
+
+    The file appears whole or not at all.
+    """
+    frame = LocalFrame.about(origin)
+    lines = ["id,lat,lon,north,east,battery,secondary"]
+    for start in starts:
+        latitude_deg, longitude_deg = frame.to_geographic(start.north_m, start.east_m)
+        exact = ",".join(
+            repr(number) for number in (start.north_m, start.east_m, start.primary, start.secondary)
+        )
+        lines.append(f"{start.agent_id},{latitude_deg:.9f},{longitude_deg:.9f},{exact}")
+    write_atomically(path, "\n".join(lines) + "\n")
+
+
+def _of_former_run(directory: Path) -> Path:
+    for name in (ENDS_NAME, STARTS_NAME):
+        if (directory / name).is_file():
+            return directory / name
+    raise ScenarioError([f"{directory}: no former run: it holds neither {ENDS_NAME} nor {STARTS_NAME}"])
+
+
+def _refuse_far_rows(table: Path, rows: Iterable[Row], area: Area) -> None:
+    """Refuse places outside the bounding box, grown by a tenth on each side: lat and lon swapped, another origin."""
+    (south, west), (north, east) = bounding_box(area.polygon_m)
+    margin_north, margin_east = (north - south) / 10, (east - west) / 10
+    lines = [
+        f"{table}:{row.line}: aMussel {row.agent_id} lies outside of the area: "
+        f"north {row.north_m:.1f} m, east {row.east_m:.1f} m"
+        for row in rows
+        if not (
+            south - margin_north <= row.north_m <= north + margin_north
+            and west - margin_east <= row.east_m <= east + margin_east
+        )
+    ]
+    if lines:
+        raise ScenarioError(lines)
+
+
+def _point_in(seed: int, agent_id: int, n: int, low: Point, high: Point) -> Point:
+    share_north, share_east = _uniform_pair(seed, agent_id, n)
+    return (low[0] + share_north * (high[0] - low[0]), low[1] + share_east * (high[1] - low[1]))
+
+
+def _uniform_pair(seed: int, agent_id: int, n: int) -> tuple[float, float]:
+    """Two independent numbers, uniform in [0, 1) in steps of 2^-53."""
+    digest = blake2b(_KEY.pack(seed, agent_id, n), digest_size=16, person=b"musselbed start").digest()
+    first, second = _WORDS.unpack(digest)
+    return (first >> 11) * _UNIT, (second >> 11) * _UNIT

@@ -1,0 +1,174 @@
+"""The CSV of starts: id, a place as lat and lon or as north and east (or both), battery, and perhaps secondary.
+
+The first line that is no comment names the columns, in any order; `#` begins a comment, empty lines do not count. Every
+message names the file and the line.
+"""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Mapping
+from dataclasses import dataclass
+from difflib import get_close_matches
+from math import hypot, isfinite
+from pathlib import Path
+
+from apad_bridge.geography import LocalFrame
+from apad_bridge.scenario.errors import ScenarioError
+
+MAX_AGENT_ID = 2**31 - 1  # ids travel as int32 in ROS messages
+
+_ALIASES = {
+    "id": "id",
+    "agent_id": "id",
+    "lat": "lat",
+    "latitude": "lat",
+    "latitude_deg": "lat",
+    "lon": "lon",
+    "lng": "lon",
+    "longitude": "lon",
+    "longitude_deg": "lon",
+    "north": "north",
+    "north_m": "north",
+    "east": "east",
+    "east_m": "east",
+    "battery": "battery",
+    "charge": "battery",
+    "primary": "battery",
+    "secondary": "secondary",
+}
+_AGREE_M = 0.01  # lat and lon are written to 9 decimals, 0.1 mm
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """One aMussel as the file says it: local NED metres, charges in [0, 1], and the line that said so."""
+
+    line: int
+    agent_id: int
+    north_m: float
+    east_m: float
+    primary: float
+    secondary: float
+
+
+def read_table(path: Path, frame: LocalFrame) -> list[Row]:
+    """All rows, in the order of the file. Raises ScenarioError with a `FILE:LINE: message` for each that is wrong."""
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "is not UTF-8 text"
+        raise ScenarioError([f"{path}: {reason}"]) from error
+    lines = [
+        (number, line) for number, line in enumerate(text.splitlines(), start=1) if _says_something(line)
+    ]
+    if not lines:
+        raise ScenarioError(
+            [f"{path}: no header: the first line names the columns, such as id,north,east,battery"]
+        )
+    try:
+        columns = _columns(lines[0][1])
+    except ValueError as error:
+        raise ScenarioError([f"{path}:{lines[0][0]}: {error}"]) from error
+    rows: dict[int, Row] = {}
+    wrong: list[str] = []
+    for number, line in lines[1:]:
+        try:
+            row = _row(number, columns, _cells(line), frame)
+            if row.agent_id in rows:
+                raise ValueError(f"id {row.agent_id} stands in line {rows[row.agent_id].line} already")
+            rows[row.agent_id] = row
+        except ValueError as error:
+            wrong.append(f"{path}:{number}: {error}")
+    if wrong:
+        raise ScenarioError(wrong)
+    return list(rows.values())
+
+
+def _says_something(line: str) -> bool:
+    return bool(line.strip()) and not line.lstrip().startswith("#")
+
+
+def _cells(line: str) -> list[str]:
+    try:
+        return [cell.strip() for cell in next(csv.reader([line]))]
+    except csv.Error as error:
+        raise ValueError(str(error)) from error
+
+
+def _columns(header: str) -> list[str]:
+    columns = []
+    for cell in _cells(header):
+        name = _ALIASES.get(cell.lower())
+        if name is None:
+            near = get_close_matches(cell.lower(), _ALIASES, n=1)
+            hint = f"did you mean {near[0]}?" if near else f"known: {', '.join(_ALIASES)}"
+            raise ValueError(f"unknown column {cell!r}; {hint}")
+        if name in columns:
+            raise ValueError(f"column {cell!r}: {name} is there already")
+        columns.append(name)
+    for needed in ("id", "battery"):
+        if needed not in columns:
+            raise ValueError(f"column {needed} is missing")
+    for one, other in (("lat", "lon"), ("north", "east")):
+        if (one in columns) != (other in columns):
+            raise ValueError(f"columns {one} and {other} go together")
+    if "lat" not in columns and "north" not in columns:
+        raise ValueError("columns lat and lon, or north and east, are missing")
+    return columns
+
+
+def _row(line: int, columns: list[str], cells: list[str], frame: LocalFrame) -> Row:
+    if len(cells) != len(columns):
+        raise ValueError(f"{len(cells)} values for {len(columns)} columns")
+    texts = dict(zip(columns, cells, strict=True))
+    north_m, east_m = _place(texts, frame)
+    return Row(
+        line,
+        _agent_id(texts["id"]),
+        north_m,
+        east_m,
+        _charge("battery", texts["battery"]),
+        _charge("secondary", texts.get("secondary", "1")),
+    )
+
+
+def _place(texts: Mapping[str, str], frame: LocalFrame) -> tuple[float, float]:
+    """North and east; where lat and lon are given beside them, the two must say the same place."""
+    local = (_number("north", texts["north"]), _number("east", texts["east"])) if "north" in texts else None
+    if "lat" not in texts:
+        assert local is not None  # the header was checked
+        return local
+    projected = frame.to_local(_number("lat", texts["lat"]), _number("lon", texts["lon"]))
+    if local is None:
+        return projected
+    apart_m = hypot(local[0] - projected[0], local[1] - projected[1])
+    if apart_m > _AGREE_M:
+        raise ValueError(
+            f"lat, lon and north, east are {apart_m:.2f} m apart: "
+            f"correct one, leave two columns out, or use the origin that the file was written with"
+        )
+    return local
+
+
+def _agent_id(text: str) -> int:
+    if not (text.isascii() and text.isdigit() and 1 <= int(text) <= MAX_AGENT_ID):
+        raise ValueError(f"id: a whole number from 1 on is wanted, not {text!r}")
+    return int(text)
+
+
+def _charge(column: str, text: str) -> float:
+    charge = _number(column, text)
+    if not 0 <= charge <= 1:
+        raise ValueError(f"{column}: a charge in [0, 1] is wanted, not {text}")
+    return charge
+
+
+def _number(column: str, text: str) -> float:
+    try:
+        number = float(text)
+    except ValueError:
+        raise ValueError(f"{column}: a number is wanted, not {text!r}") from None
+    if not isfinite(number):
+        raise ValueError(f"{column}: a finite number is wanted, not {text}")
+    return number

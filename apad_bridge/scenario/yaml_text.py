@@ -1,0 +1,66 @@
+"""YAML text to plain data: a key stands once, and `no`, `1:30` and `012` are what they look like.
+
+PyYAML follows YAML 1.1, where `no` is false, `1:30` is 90, `012` is ten and `1e-3` is a text. Scenarios are read by the
+core schema of YAML 1.2 instead: true, false, null, integers and floating-point numbers in decimal, and text.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+import yaml
+
+_TAG = "tag:yaml.org,2002:"
+_NUMBER_STARTS = list("-+.0123456789")
+
+
+class _CoreLoader(yaml.SafeLoader):
+    """SafeLoader with the core schema's scalars only, no merge keys, and no key given twice."""
+
+    yaml_implicit_resolvers: dict[str, Any] = {}  # noqa: RUF012 (PyYAML's own name and form)
+    yaml_constructors = {  # noqa: RUF012
+        tag: constructor
+        for tag, constructor in yaml.SafeLoader.yaml_constructors.items()
+        if tag is None or tag.removeprefix(_TAG) in {"null", "bool", "int", "float", "str", "seq", "map"}
+    }
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
+        seen: set[str] = set()
+        for key_node, _ in node.value:
+            if not isinstance(key_node, yaml.ScalarNode):
+                raise yaml.constructor.ConstructorError(
+                    None, None, "a key must be a text", key_node.start_mark
+                )
+            if key_node.value in seen:
+                raise yaml.constructor.ConstructorError(
+                    None, None, f"the key {key_node.value!r} is given twice", key_node.start_mark
+                )
+            seen.add(key_node.value)
+        return super().construct_mapping(node, deep)
+
+
+def _resolve(name: str, pattern: str, starts: list[str]) -> None:
+    _CoreLoader.add_implicit_resolver(_TAG + name, re.compile(rf"^(?:{pattern})$"), starts)
+
+
+_resolve("null", r"~|null|Null|NULL|", ["~", "n", "N", ""])
+_resolve("bool", r"true|True|TRUE|false|False|FALSE", list("tTfF"))
+_resolve("int", r"[-+]?(?:0|[1-9][0-9]*)", _NUMBER_STARTS)
+_resolve("float", r"[-+]?(?:\.[0-9]+|(?:0|[1-9][0-9]*)(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?", _NUMBER_STARTS)
+_resolve("float", r"[-+]?\.(?:inf|Inf|INF)|\.(?:nan|NaN|NAN)", _NUMBER_STARTS)
+
+
+def parse_yaml(text: str) -> Any:
+    """The plain data of one YAML document. Raises ValueError of one line, `line 3, column 5: ...`, if it is none."""
+    try:
+        return yaml.load(text, Loader=_CoreLoader)
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        where = f"line {mark.line + 1}, column {mark.column + 1}: " if mark else ""
+        what = " ".join(part for part in (error.context, error.problem) if part)
+        raise ValueError(f"{where}{what}") from error
+    except yaml.YAMLError as error:
+        raise ValueError(" ".join(str(error).split())) from error
+    except RecursionError as error:
+        raise ValueError("nested too deeply") from error

@@ -1,0 +1,255 @@
+"""Scenario files: what is refused and how it is said, and overrides from the command line."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from apad_bridge.scenario.errors import ScenarioError
+from apad_bridge.scenario.loader import load, with_overrides
+
+SCENARIOS = Path(__file__).parents[3] / "launch_scripts" / "scenarios"
+POOL = (SCENARIOS / "pool-12.yaml").read_text()
+
+Refusals = Callable[..., list[str]]
+
+
+@pytest.fixture
+def refusals(tmp_path: Path) -> Refusals:
+    """The messages that pool-12 gets with some texts replaced by others, each without the file's name in front."""
+    (tmp_path / "pool-12.csv").write_text((SCENARIOS / "pool-12.csv").read_text())
+    path = tmp_path / "changed.yaml"
+
+    def edited(*changes: tuple[str, str]) -> list[str]:
+        text = POOL
+        for old, new in changes:
+            assert text.count(old) == 1, old
+            text = text.replace(old, new)
+        path.write_text(text)
+        with pytest.raises(ScenarioError) as caught:
+            load(path)
+        assert str(caught.value).splitlines() == list(caught.value.lines)
+        assert all(line.startswith(f"{path}: ") for line in caught.value.lines)
+        return [line.removeprefix(f"{path}: ") for line in caught.value.lines]
+
+    return edited
+
+
+@pytest.mark.parametrize("path", sorted(SCENARIOS.glob("*.yaml")), ids=lambda path: path.stem)
+def test_every_shipped_scenario_loads_and_is_named_after_its_file(path: Path) -> None:
+    scenario = load(path)
+    assert scenario.name == path.stem
+    assert scenario.fleet.start == str(
+        path.parent / ("bay-24.csv" if path.stem == "bay-24" else "pool-12.csv")
+    )
+
+
+def test_the_shipped_variants_of_the_pool_differ_in_nothing_else() -> None:
+    pool, demo, idle = (load(SCENARIOS / f"{name}.yaml") for name in ("pool-12", "demo", "no-charging"))
+    assert replace(demo, name="pool-12", description=pool.description) == pool
+    collected = replace(idle.mission, collection="cautious")
+    assert idle.mission.collection == "none"
+    assert replace(idle, name="pool-12", description=pool.description, mission=collected) == pool
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("  batch: 4", "  batch: 4\n  batsh: 3", "mission.batsh: unknown key: did you mean batch?"),
+        ("theta: 30", "theta: 30.0", "theta: must be a valid integer, not 30.0"),
+        ("theta: 30", "theta: 0", "theta: must be greater than or equal to 1, not 0"),
+        ("theta: 30", "theta: true", "theta: must be a valid integer, not true"),
+        ("seed: 1\n", "seed: '1'\n", "seed: must be a valid integer, not '1'"),
+        ("mass_kg: 25", "mass_kg: '25'", "apad.mass_kg: must be a valid number, not '25'"),
+        ("mass_kg: 25", "mass_kg: yes", "apad.mass_kg: must be a valid number, not 'yes'"),
+        ("mass_kg: 25", "mass_kg: true", "apad.mass_kg: must be a valid number, not true"),
+        ("mass_kg: 25", "mass_kg: null", "apad.mass_kg: must be a valid number, not null"),
+        ("mass_kg: 25", "mass_kg: .nan", "apad.mass_kg: must be a finite number, not NaN"),
+        ("mass_kg: 25", "mass_kg: -.inf", "apad.mass_kg: must be a finite number, not -Infinity"),
+        ("mass_kg: 25", "mass_kg: -25", "apad.mass_kg: must be greater than 0, not -25"),
+        ("duration_s: 2400", "duration_s: 40:00", "duration_s: must be a valid number, not '40:00'"),
+        (
+            "victory_radius_m: 0.5",
+            "victory_radius_m: 0",
+            "mission.victory_radius_m: must be greater than 0, not 0",
+        ),
+        (
+            "pool_threshold: 0.8",
+            "pool_threshold: 80",
+            "mission.pool_threshold: must be less than or equal to 1, not 80",
+        ),
+        (
+            "profile: virtual",
+            "profile: magic",
+            "mission.docking.profile: must be 'virtual' or 'visual', not 'magic'",
+        ),
+        ("[28, 21]", "[28, x]", "area.polygon_m[2][1]: must be a valid number, not 'x'"),
+        ("[28, 0], [28, 21]", "[28, 21], [28, 0]", "area: polygon_m crosses or touches itself"),
+        ("[28, 0], [28, 21], [0, 21]]", "[28, 0]]", "area: polygon_m needs three corners or more"),
+        ("hearing: {mode: paper, report_period_s: 1}", "hearing: 1", "hearing: must be a mapping, not 1"),
+        (
+            "report_period_s: 1",
+            "report_period_s: 0.0005",
+            "hearing.report_period_s: must be greater than or equal to 0.001, not 0.0005",
+        ),
+        (
+            "dock_s: 15",
+            "dock_s: 15.0004",
+            "mission.docking.dock_s: must be a whole number of milliseconds, not 15.0004",
+        ),
+        (
+            "name: pool-12",
+            "name: ../pool",
+            "name: must match pattern '^[A-Za-z0-9][A-Za-z0-9._-]*$', not '../pool'",
+        ),
+        ("start: pool-12.csv", "start: {charge: [0.9, 0.2]}", "fleet.start: charge must be [low, high]"),
+        (
+            "start: pool-12.csv",
+            "start: {charge: [0.9, 2]}",
+            "fleet.start.charge[1]: must be less than or equal to 1, not 2",
+        ),
+        ("start: pool-12.csv", "start: 5", "fleet.start: must be a valid string, not 5"),
+        (
+            "mode: paper, amplitude_m",
+            "mode: physical, amplitude_m",
+            "fleet.drift.amplitude_m: physical drift has no random step: "
+            "leave this key out, or use mode: paper",
+        ),
+        (
+            "full_threshold: 0.99",
+            "full_threshold: 0.8",
+            "mission.full_threshold: must be above mission.pool_threshold (0.8), "
+            "or one that was charged would be a candidate again at once",
+        ),
+        (
+            "speed_m_s: 0.5 ",
+            "speed_m_s: 2 ",
+            "mission.speed_m_s: the aPad cannot go faster than apad.max_speed_m_s (1.0)",
+        ),
+        (
+            "collection: cautious",
+            "collection: greedy-redeploy",
+            "mission.collection: strategy 'greedy-redeploy' (from musselbed itself) is no collect strategy: "
+            "that needs `plans = StepKind.COLLECT` and a method `plan`",
+        ),
+        (
+            "redeployment: greedy-redeploy",
+            "redeployment: home",
+            "mission.redeployment: unknown strategy 'home'; known: cautious, greedy, greedy-redeploy, none",
+        ),
+        ("theta: 30", "theta: 30\ntheta: 31", "line 7, column 1: the key 'theta' is given twice"),
+        (
+            "[28, 21]",
+            "[28, 21",
+            "line 10, column 3: while parsing a flow sequence expected ',' or ']', but got '<scalar>'",
+        ),
+        (
+            "seed: 1\n",
+            "seed: !!python/name:os.system 1\n",
+            "line 4, column 7: could not determine a constructor for the tag "
+            "'tag:yaml.org,2002:python/name:os.system'",
+        ),
+        ("mass_kg: 25", "? [1]\n  : 25", "line 42, column 5: a key must be a text"),
+    ],
+)
+def test_one_mistake_is_one_line_with_the_path(refusals: Refusals, old: str, new: str, message: str) -> None:
+    assert refusals((old, new)) == [message]
+
+
+def test_a_key_in_another_unit_is_told_the_unit(refusals: Refusals) -> None:
+    assert refusals(("speed_m_s: 0.5 ", "speed_km_h: 1.8 ")) == [
+        "mission.speed_m_s: this key is missing",
+        "mission.speed_km_h: unknown key: did you mean speed_m_s? (it is in m/s, not km/h)",
+    ]
+    assert refusals(("silence_timeout_s: 120", "silence_timeout: 120"))[1] == (
+        "mission.silence_timeout: unknown key: did you mean silence_timeout_s? (it is in seconds)"
+    )
+
+
+def test_a_key_in_the_wrong_block_is_told_the_block(refusals: Refusals) -> None:
+    assert refusals(("theta: 30", "theta: 30\nspeed_m_s: 0.5")) == [
+        "speed_m_s: unknown key here: did you mean mission.speed_m_s?"
+    ]
+
+
+def test_a_key_like_no_other_is_told_those_there_are(refusals: Refusals) -> None:
+    assert refusals(("{mode: paper, amplitude_m: 0.005}", "{mode: paper, zz: 1}")) == [
+        "fleet.drift.zz: unknown key; known here: mode, amplitude_m, current_file"
+    ]
+
+
+def test_all_mistakes_are_listed_at_once(refusals: Refusals) -> None:
+    lines = refusals(("theta: 30", "theta: no"), ("  batch: 4", "  batch: 5"), ("hotel_w: 25", "hotel_w: -1"))
+    assert [line.split(":")[0] for line in lines] == ["theta", "mission.batch", "apad.battery.hotel_w"]
+
+
+def test_files_that_are_not_there_are_named(refusals: Refusals, tmp_path: Path) -> None:
+    lines = refusals(("start: pool-12.csv", "start: nix.csv"), ("0.005}", "0.005, current_file: tide.csv}"))
+    assert lines == [
+        f"fleet.start: no such file or directory: {tmp_path}/nix.csv",
+        f"fleet.drift.current_file: no such file: {tmp_path}/tide.csv",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "a scenario is a mapping of keys to values, not null"),
+        ("- 1\n", "a scenario is a mapping of keys to values, not [1]"),
+        ("a: &a [*a]\n", "Circular reference detected"),
+        ("[" * 5000, "nested too deeply"),
+        (
+            "a: 1\n---\nb: 1\n",
+            "line 2, column 1: expected a single document in the stream but found another document",
+        ),
+    ],
+)
+def test_what_is_no_scenario_at_all(tmp_path: Path, text: str, message: str) -> None:
+    (tmp_path / "x.yaml").write_text(text)
+    with pytest.raises(ScenarioError) as caught:
+        load(tmp_path / "x.yaml")
+    assert caught.value.lines == (f"{tmp_path}/x.yaml: {message}",)
+
+
+def test_a_file_that_cannot_be_read_is_one_line(tmp_path: Path) -> None:
+    (tmp_path / "latin.yaml").write_bytes(b"name: caf\xe9\n")
+    for name, reason in (("none.yaml", "No such file or directory"), ("latin.yaml", "is not UTF-8 text")):
+        with pytest.raises(ScenarioError) as caught:
+            load(tmp_path / name)
+        assert caught.value.lines == (f"{tmp_path / name}: {reason}",)
+
+
+def test_numbers_are_read_as_they_look(tmp_path: Path) -> None:
+    text = POOL.replace("duration_s: 2400", "duration_s: 2.4e3").replace(
+        "amplitude_m: 0.005", "amplitude_m: 5e-3"
+    )
+    (tmp_path / "x.yaml").write_text(text.replace("pool-12.csv", str(SCENARIOS / "pool-12.csv")))
+    assert load(tmp_path / "x.yaml") == load(SCENARIOS / "pool-12.yaml")
+
+
+def test_overrides_change_what_they_name_and_nothing_else() -> None:
+    pool = load(SCENARIOS / "pool-12.yaml")
+    changed = with_overrides(pool, theta=1, agents=4, strategy="greedy", seed=7)
+    assert (changed.theta, changed.fleet.count, changed.mission.collection, changed.seed) == (
+        1,
+        4,
+        "greedy",
+        7,
+    )
+    assert with_overrides(changed, theta=30, agents=12, strategy="cautious", seed=1) == pool
+    assert with_overrides(pool) == pool
+
+
+def test_overrides_are_checked_as_the_file_is() -> None:
+    pool = load(SCENARIOS / "pool-12.yaml")
+    with pytest.raises(ScenarioError) as caught:
+        with_overrides(pool, theta=0, agents=-1)
+    assert caught.value.lines == (
+        "command line: theta: must be greater than or equal to 1, not 0",
+        "command line: fleet.count: must be greater than or equal to 0, not -1",
+    )
+    with pytest.raises(ScenarioError, match=r"command line: mission\.collection: unknown strategy 'gready'"):
+        with_overrides(pool, strategy="gready")

@@ -1,0 +1,200 @@
+"""Starts: drawn at random, read from CSVs good and bad, from a former run, and saved."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from apad_bridge.geography import LocalFrame
+from apad_bridge.scenario.errors import ScenarioError
+from apad_bridge.scenario.loader import load, with_overrides
+from apad_bridge.scenario.polygon import contains
+from apad_bridge.scenario.schema import Area, Origin, RandomStart
+from apad_bridge.scenario.starts import Start, random_start, read_starts, save_starts, starts_of
+
+SCENARIOS = Path(__file__).parents[3] / "launch_scripts" / "scenarios"
+ORIGIN = Origin(latitude_deg=43.9330937, longitude_deg=15.4443468)
+POOL = Area(origin=ORIGIN, polygon_m=((0, 0), (28, 0), (28, 21), (0, 21)), depth_m=3)
+# An L of 3 quarters of a square: 40 x 40 without its north-eastern 20 x 20.
+L_SHAPE = Area(origin=ORIGIN, polygon_m=((0, 0), (40, 0), (40, 20), (20, 20), (20, 40), (0, 40)), depth_m=3)
+ANY_CHARGE = RandomStart(charge=(0.0, 1.0))
+
+
+def refused(path: Path, area: Area = POOL, count: int = 1) -> list[str]:
+    with pytest.raises(ScenarioError) as caught:
+        read_starts(path, area, first_id=1, count=count)
+    return [line.removeprefix(str(path)) for line in caught.value.lines]
+
+
+@given(st.integers(0, 2**63 - 1), st.integers(1, 20000), st.floats(0, 1), st.floats(0, 1))
+def test_a_random_start_lies_inside(seed: int, agent_id: int, one: float, other: float) -> None:
+    low, high = sorted((one, other))
+    start = random_start(seed, agent_id, L_SHAPE, RandomStart(charge=(low, high)))
+    assert contains(L_SHAPE.polygon_m, (start.north_m, start.east_m))
+    assert low <= start.primary <= high
+    assert (start.agent_id, start.secondary) == (agent_id, 1.0)
+
+
+def test_random_starts_are_uniform() -> None:
+    starts = [random_start(5, agent_id, L_SHAPE, ANY_CHARGE) for agent_id in range(1, 3001)]
+    cells = [0] * 12  # the L holds 12 cells of 10 x 10 m, so 250 are expected in each
+    wanted = [(north, east) for north in range(4) for east in range(4) if not (north >= 2 and east >= 2)]
+    for start in starts:
+        cells[wanted.index((int(start.north_m // 10), int(start.east_m // 10)))] += 1
+    assert (
+        sum((cell - 250) ** 2 / 250 for cell in cells) < 31.26
+    )  # chi-square, 11 degrees of freedom, p = 0.001
+    tenths = [sum(int(start.primary * 10) == tenth for start in starts) for tenth in range(10)]
+    assert sum((tenth - 300) ** 2 / 300 for tenth in tenths) < 27.88  # 9 degrees of freedom, p = 0.001
+
+
+def test_an_agents_start_does_not_depend_on_the_others() -> None:
+    pool = load(SCENARIOS / "pool-12.yaml")
+    twelve = replace(pool, fleet=replace(pool.fleet, start=ANY_CHARGE))
+    assert starts_of(with_overrides(twelve, agents=5)) == starts_of(twelve)[:5]
+    assert (
+        starts_of(replace(twelve, fleet=replace(twelve.fleet, first_id=4, count=2))) == starts_of(twelve)[3:5]
+    )
+    assert starts_of(with_overrides(twelve, seed=2))[0] != starts_of(twelve)[0]
+    assert [start.agent_id for start in starts_of(twelve)] == list(range(1, 13))
+    assert len({start.primary for start in starts_of(twelve)}) == 12
+
+
+def test_a_hand_written_file_with_north_and_east(tmp_path: Path) -> None:
+    (tmp_path / "s.csv").write_text("# mine\n\nid, north, east, battery\n7, 1.5, 2, 0.5\n3,10,20.25,1\n")
+    assert read_starts(tmp_path / "s.csv", POOL, 1, 2) == (
+        Start(3, 10.0, 20.25, 1.0),
+        Start(7, 1.5, 2.0, 0.5),
+    )
+
+
+def test_a_hand_written_file_with_lat_and_lon(tmp_path: Path) -> None:
+    (tmp_path / "s.csv").write_text("battery,Longitude,latitude,ID\n0.5,15.4444,43.9331,2\n")
+    (start,) = read_starts(tmp_path / "s.csv", POOL, 1, 1)
+    # 6.3e-6 deg at 111 105 m a degree of latitude, 5.32e-5 deg at 80 291 m a degree of longitude
+    assert start.north_m == pytest.approx(0.700, abs=0.001)
+    assert start.east_m == pytest.approx(4.2715, abs=0.001)
+
+
+@pytest.mark.parametrize("header", ["agent_id,north_m,east_m,charge", "\ufeffID,North,East,primary"])
+def test_other_names_of_columns(tmp_path: Path, header: str) -> None:
+    (tmp_path / "s.csv").write_text(f"{header}\n1,2,3,0.5\n", encoding="utf-8")
+    assert read_starts(tmp_path / "s.csv", POOL, 1, 1) == (Start(1, 2.0, 3.0, 0.5),)
+
+
+@pytest.mark.parametrize(
+    ("row", "message"),
+    [
+        ("1,nan,3,0.5", "north: a finite number is wanted, not nan"),
+        ("1,2,inf,0.5", "east: a finite number is wanted, not inf"),
+        ("1,2,x,0.5", "east: a number is wanted, not 'x'"),
+        ("1,2,,0.5", "east: a number is wanted, not ''"),
+        ("1,2,3,1.01", "battery: a charge in [0, 1] is wanted, not 1.01"),
+        ("1,2,3,-0.1", "battery: a charge in [0, 1] is wanted, not -0.1"),
+        ("1,2,3,nan", "battery: a finite number is wanted, not nan"),
+        ("1,2,3", "3 values for 4 columns"),
+        ("1,2,3,0.5,9", "5 values for 4 columns"),
+        ("0,2,3,0.5", "id: a whole number from 1 on is wanted, not '0'"),
+        ("1.0,2,3,0.5", "id: a whole number from 1 on is wanted, not '1.0'"),
+        ("-1,2,3,0.5", "id: a whole number from 1 on is wanted, not '-1'"),
+        ("2147483648,2,3,0.5", "id: a whole number from 1 on is wanted, not '2147483648'"),
+        ("8,2,3,0.5", "id 8 stands in line 2 already"),
+        ("1,2,300,0.5", "aMussel 1 lies outside of the area: north 2.0 m, east 300.0 m"),
+        ("1,-40,3,0.5", "aMussel 1 lies outside of the area: north -40.0 m, east 3.0 m"),
+    ],
+)
+def test_a_bad_row_is_told_its_line(tmp_path: Path, row: str, message: str) -> None:
+    (tmp_path / "s.csv").write_text(f"id,north,east,battery\n8,1,1,1\n\n{row}\n")
+    assert refused(tmp_path / "s.csv") == [f":4: {message}"]
+
+
+def test_all_bad_rows_are_listed(tmp_path: Path) -> None:
+    (tmp_path / "s.csv").write_text("id,north,east,battery\n1,x,0,1\n2,0,0,1\n3,0,0,2\n")
+    assert [line.split(":")[1] for line in refused(tmp_path / "s.csv")] == ["2", "4"]
+
+
+@pytest.mark.parametrize(
+    ("header", "message"),
+    [
+        ("id,north,east,batery", "unknown column 'batery'; did you mean battery?"),
+        ("id,north,east,battery,colour", "unknown column 'colour'; known: id, "),
+        ("id,north,east", "column battery is missing"),
+        ("north,east,battery", "column id is missing"),
+        ("id,battery", "columns lat and lon, or north and east, are missing"),
+        ("id,lat,battery", "columns lat and lon go together"),
+        ("id,lat,lon,north,battery", "columns north and east go together"),
+        ("id,north,east,battery,charge", "column 'charge': battery is there already"),
+    ],
+)
+def test_a_bad_header_is_refused(tmp_path: Path, header: str, message: str) -> None:
+    (tmp_path / "s.csv").write_text(f"# starts\n{header}\n1,2,3,0.5\n")
+    (line,) = refused(tmp_path / "s.csv")
+    assert line.startswith(f":2: {message}")
+
+
+def test_files_that_say_nothing(tmp_path: Path) -> None:
+    (tmp_path / "empty.csv").write_text("# nothing\n\n")
+    assert refused(tmp_path / "empty.csv")[0].startswith(": no header: ")
+    assert refused(tmp_path / "none.csv") == [": No such file or directory"]
+    assert refused(tmp_path) == [": no former run: it holds neither ends.csv nor starts.csv"]
+
+
+def test_two_places_that_differ_are_refused(tmp_path: Path) -> None:
+    save_starts(tmp_path / "s.csv", [Start(1, 5.0, 6.0, 0.5)], ORIGIN)
+    assert read_starts(tmp_path / "s.csv", POOL, 1, 1)[0].north_m == 5.0
+    elsewhere = replace(POOL, origin=Origin(latitude_deg=43.94, longitude_deg=15.4443468))
+    (line,) = refused(tmp_path / "s.csv", elsewhere)
+    assert re.match(r":2: lat, lon and north, east are 767\.\d\d m apart: ", line)
+
+
+def test_too_few_rows_are_refused_and_too_many_are_not(tmp_path: Path) -> None:
+    (tmp_path / "s.csv").write_text("id,north,east,battery\n" + "".join(f"{k},1,1,1\n" for k in (9, 4, 6, 2)))
+    assert refused(tmp_path / "s.csv", count=5) == [": 4 rows with an id of 1 or above, but fleet.count is 5"]
+    assert [start.agent_id for start in read_starts(tmp_path / "s.csv", POOL, 3, 2)] == [4, 6]
+    assert read_starts(tmp_path / "s.csv", POOL, 1, 0) == ()
+
+
+charges = st.floats(0, 1)
+
+
+@given(
+    st.lists(
+        st.builds(Start, st.integers(1, 2**31 - 1), st.floats(0, 28), st.floats(0, 21), charges, charges),
+        unique_by=lambda start: start.agent_id,
+    )
+)
+def test_saved_starts_are_read_exactly(tmp_path_factory: pytest.TempPathFactory, starts: list[Start]) -> None:
+    path = tmp_path_factory.mktemp("saved") / "starts.csv"
+    save_starts(path, starts, ORIGIN)
+    assert read_starts(path, POOL, 1, len(starts)) == tuple(sorted(starts, key=lambda start: start.agent_id))
+    assert [entry.name for entry in path.parent.iterdir()] == ["starts.csv"]
+
+
+def test_saved_starts_hold_lat_and_lon(tmp_path: Path) -> None:
+    save_starts(tmp_path / "s.csv", [Start(4, 12.5, -3.25, 0.75, 0.5)], ORIGIN)
+    header, row = (tmp_path / "s.csv").read_text().splitlines()
+    assert header == "id,lat,lon,north,east,battery,secondary"
+    agent_id, lat, lon, *rest = row.split(",")
+    assert (agent_id, rest) == ("4", ["12.5", "-3.25", "0.75", "0.5"])
+    assert LocalFrame.about(ORIGIN).to_local(float(lat), float(lon)) == pytest.approx((12.5, -3.25), abs=2e-4)
+
+
+def test_a_former_runs_ends_come_before_its_starts_and_may_have_drifted_away(tmp_path: Path) -> None:
+    save_starts(tmp_path / "starts.csv", [Start(1, 5.0, 6.0, 0.5)], ORIGIN)
+    assert read_starts(tmp_path, POOL, 1, 1) == (Start(1, 5.0, 6.0, 0.5),)
+    save_starts(tmp_path / "ends.csv", [Start(1, -90.0, 6.0, 0.25, 0.0)], ORIGIN)
+    assert read_starts(tmp_path, POOL, 1, 1) == (Start(1, -90.0, 6.0, 0.25, 0.0),)
+
+
+def test_a_failed_save_leaves_the_old_file_as_it_was(tmp_path: Path) -> None:
+    save_starts(tmp_path / "s.csv", [Start(1, 5.0, 6.0, 0.5)], ORIGIN)
+    before = (tmp_path / "s.csv").read_bytes()
+    with pytest.raises(ValueError, match="too far from the origin"):
+        save_starts(tmp_path / "s.csv", [Start(1, 1e9, 6.0, 0.5)], ORIGIN)
+    assert (tmp_path / "s.csv").read_bytes() == before
+    assert len(list(tmp_path.iterdir())) == 1
