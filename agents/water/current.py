@@ -1,0 +1,137 @@
+"""The water's current: a vector field from a file, steady in time, in integer micrometres and micrometres a second.
+
+Integers, so that the same place gives the same velocity on every machine, whatever was asked before.
+"""
+
+from __future__ import annotations
+
+from array import array
+from bisect import bisect_right
+from dataclasses import dataclass
+from math import isfinite
+
+COLUMNS = ("north_m", "east_m", "north_m_s", "east_m_s")
+MAX_M = 1e6
+MAX_M_S = 20.0  # faster than any current: a wrong unit or a wrong column
+
+
+@dataclass(frozen=True, slots=True)
+class CurrentField:
+    """Velocities at the crossings of lines of constant north and of constant east, which need not be evenly spaced.
+
+    `norths_um` and `easts_um` rise; velocities (um/s) are row by row, all easts of the lowest north first. Between the
+    lines it is bilinear, rounded to the nearest um/s; outside, that of the nearest point of the edge. One crossing only
+    is one current everywhere.
+    """
+
+    norths_um: array[int]
+    easts_um: array[int]
+    north_um_s: array[int]
+    east_um_s: array[int]
+
+    @classmethod
+    def parse(cls, text: str) -> CurrentField:
+        """The field of a CSV: a header naming the four `COLUMNS` in any order, a row a crossing, `#` for comments.
+
+        Rows may come in any order. Raises ValueError, `line N: ...`, for what is no such file or has gaps.
+        """
+        crossings = _crossings(text)
+        norths = sorted({north for north, _ in crossings})
+        easts = sorted({east for _, east in crossings})
+        ordered = [(north, east) for north in norths for east in easts]
+        for crossing in ordered:
+            if crossing not in crossings:
+                north_m, east_m = (um / 1e6 for um in crossing)
+                raise ValueError(f"not a grid: there is no row for north_m {north_m:g}, east_m {east_m:g}")
+        return cls(
+            array("q", norths),
+            array("q", easts),
+            array("q", [crossings[crossing][0] for crossing in ordered]),
+            array("q", [crossings[crossing][1] for crossing in ordered]),
+        )
+
+    @property
+    def is_still(self) -> bool:
+        """Whether no crossing has any current, so that nothing drifts in it anywhere."""
+        return not any(self.north_um_s) and not any(self.east_um_s)
+
+    def velocity_um_s(self, north_um: int, east_um: int) -> tuple[int, int]:
+        """(north, east) velocity of the water in um/s at a place in local NED um."""
+        low_n, high_n, along_n, span_n = _cell(self.norths_um, north_um)
+        low_e, high_e, along_e, span_e = _cell(self.easts_um, east_um)
+        columns = len(self.easts_um)
+        weights = (
+            (low_n * columns + low_e, (span_n - along_n) * (span_e - along_e)),
+            (low_n * columns + high_e, (span_n - along_n) * along_e),
+            (high_n * columns + low_e, along_n * (span_e - along_e)),
+            (high_n * columns + high_e, along_n * along_e),
+        )
+        whole = span_n * span_e
+        north = sum(self.north_um_s[index] * weight for index, weight in weights)
+        east = sum(self.east_um_s[index] * weight for index, weight in weights)
+        return (2 * north + whole) // (2 * whole), (2 * east + whole) // (2 * whole)
+
+
+def _cell(lines_um: array[int], at_um: int) -> tuple[int, int, int, int]:
+    """(index below, index above, way from below, width) among the lines; a cell of width 1 outside of them."""
+    last = len(lines_um) - 1
+    above = bisect_right(lines_um, at_um)
+    if above == 0:
+        return 0, 0, 0, 1
+    if above > last:
+        return last, last, 0, 1
+    below = above - 1
+    return below, above, at_um - lines_um[below], lines_um[above] - lines_um[below]
+
+
+def _crossings(text: str) -> dict[tuple[int, int], tuple[int, int]]:
+    """(north, east) in um to (north, east) in um/s, of every row."""
+    columns: list[str] = []
+    crossings: dict[tuple[int, int], tuple[int, int]] = {}
+    for number, line in enumerate(text.removeprefix("\ufeff").splitlines(), start=1):
+        content = line.partition("#")[0].strip()
+        if not content:
+            continue
+        cells = [cell.strip() for cell in content.split(",")]
+        try:
+            if not columns:
+                columns = _header(cells)
+                continue
+            place, velocity = _row(columns, cells)
+            if place in crossings:
+                raise ValueError("this place stands in a line above already")
+        except ValueError as error:
+            raise ValueError(f"line {number}: {error}") from None
+        crossings[place] = velocity
+    if not crossings:
+        raise ValueError(f"no current in it: a header {','.join(COLUMNS)} and one row or more are wanted")
+    return crossings
+
+
+def _header(cells: list[str]) -> list[str]:
+    if sorted(cells) != sorted(COLUMNS):
+        raise ValueError(f"the columns must be {', '.join(COLUMNS)}, not {', '.join(cells)}")
+    return cells
+
+
+def _row(columns: list[str], cells: list[str]) -> tuple[tuple[int, int], tuple[int, int]]:
+    if len(cells) != len(columns):
+        raise ValueError(f"{len(cells)} values for {len(columns)} columns")
+    texts = dict(zip(columns, cells, strict=True))
+    north, east, north_speed, east_speed = (
+        _millionths(name, texts[name], MAX_M_S if name.endswith("_m_s") else MAX_M) for name in COLUMNS
+    )
+    return (north, east), (north_speed, east_speed)
+
+
+def _millionths(name: str, text: str, limit: float) -> int:
+    try:
+        number = float(text)
+    except ValueError:
+        raise ValueError(f"{name}: a number is wanted, not {text!r}") from None
+    if not isfinite(number) or abs(number) > limit:
+        raise ValueError(f"{name}: a number within +-{limit:g} is wanted, not {text}")
+    return round(number * 1_000_000)
+
+
+STILL_WATER = CurrentField(array("q", [0]), array("q", [0]), array("q", [0]), array("q", [0]))
