@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
+from agents.water.current import CurrentField
 from apad_bridge.planning.registry import collection, redeployment
 from apad_bridge.scenario.schema import DriftMode, Scenario
 
@@ -14,7 +15,7 @@ Contradiction = tuple[str, str]
 def contradictions(scenario: Scenario) -> list[Contradiction]:
     """(path to the key, message) of each contradiction, in the order of the schema; none if the scenario can be run.
 
-    Looks whether the files that the scenario names are there, and whether its strategies are installed.
+    Looks whether the files that the scenario names are there, reads the current's, and looks its strategies up.
     """
     return [*_of_the_fleet(scenario), *_of_the_mission(scenario)]
 
@@ -25,8 +26,10 @@ def _of_the_fleet(scenario: Scenario) -> list[Contradiction]:
     if isinstance(fleet.start, str) and not Path(fleet.start).exists():
         found.append(("fleet.start", f"no such file or directory: {fleet.start}"))
     drift = fleet.drift
-    if drift.current_file is not None and not Path(drift.current_file).is_file():
-        found.append(("fleet.drift.current_file", f"no such file: {drift.current_file}"))
+    if drift.current_file is not None:
+        problem = _problem_with_current(Path(drift.current_file))
+        if problem:
+            found.append(("fleet.drift.current_file", problem))
     if drift.mode is DriftMode.PHYSICAL and drift.amplitude_m:
         found.append(
             (
@@ -35,6 +38,16 @@ def _of_the_fleet(scenario: Scenario) -> list[Contradiction]:
             )
         )
     return found
+
+
+def _problem_with_current(path: Path) -> str:
+    try:
+        CurrentField.parse(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        return f"{error.strerror}: {path}"
+    except ValueError as error:  # not UTF-8, or not a field
+        return f"{path}: {error}"
+    return ""
 
 
 def _of_the_mission(scenario: Scenario) -> list[Contradiction]:

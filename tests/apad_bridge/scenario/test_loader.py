@@ -190,7 +190,14 @@ def test_files_that_are_not_there_are_named(refusals: Refusals, tmp_path: Path) 
     lines = refusals(("start: pool-12.csv", "start: nix.csv"), ("0.005}", "0.005, current_file: tide.csv}"))
     assert lines == [
         f"fleet.start: no such file or directory: {tmp_path}/nix.csv",
-        f"fleet.drift.current_file: no such file: {tmp_path}/tide.csv",
+        f"fleet.drift.current_file: No such file or directory: {tmp_path}/tide.csv",
+    ]
+
+
+def test_a_current_that_cannot_be_read_is_refused_with_its_line(refusals: Refusals, tmp_path: Path) -> None:
+    (tmp_path / "tide.csv").write_text("north_m,east_m,north_m_s,east_m_s\n0,0,0,fast\n")
+    assert refusals(("0.005}", "0.005, current_file: tide.csv}")) == [
+        f"fleet.drift.current_file: {tmp_path}/tide.csv: line 2: east_m_s: a number is wanted, not 'fast'"
     ]
 
 
