@@ -19,17 +19,19 @@ class Progress:
         self._stall_ms = stall_ms
         self._nearest_m = math.inf
         self.deadline_ms = now_ms + stall_ms
+        self._heard_ms: int | None = None
         if pose is not None:
             self._nearest_m = self._distance_m(pose)
 
     def take(self, pose: PoseReported, now_ms: int) -> None:
         distance_m = self._distance_m(pose)
+        self._heard_ms = now_ms
         if distance_m <= self._nearest_m - PROGRESS_M:
             self._nearest_m = distance_m
             self.deadline_ms = now_ms + self._stall_ms
 
     def why(self) -> str:
-        if self._nearest_m == math.inf:
+        if self._heard_ms is None or self._heard_ms + self._stall_ms <= self.deadline_ms:
             return f"stalled: no pose of the vehicle was heard for {self._stall_ms / 1000:g} s"
         return f"stalled: not {PROGRESS_M:g} m nearer within {self._stall_ms / 1000:g} s, {self._nearest_m:.1f} m to go"
 

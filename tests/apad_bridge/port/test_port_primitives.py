@@ -170,6 +170,15 @@ def test_a_vehicle_that_gets_no_nearer_stalls_and_is_told_to_hold_where_it_is():
     assert hold == Hold(2, 0.9, 0.0)
 
 
+def test_a_vehicle_that_falls_silent_on_the_way_is_told_apart_from_one_that_is_stuck():
+    port = DockingPort(VIRTUAL, stall_s=20)
+    port.receive(GO, 0)
+    port.receive(pose(3000, 1.5), 3000)
+    failure, _hold = port.advance(23_000)
+    assert isinstance(failure, PrimitiveFailed)
+    assert "no pose" in failure.reason
+
+
 def test_slow_and_steady_never_stalls():
     port = DockingPort(VIRTUAL, stall_s=20)
     port.receive(GO, 0)
@@ -238,8 +247,10 @@ def test_the_first_cause_of_a_run_of_failures_is_kept_until_something_succeeds()
     port.receive(DockMussel(3, 0, 9), 3)
     port.advance(100_000)
     assert port.first_failure == PrimitiveFailed(2, 2, "no GPS")
+    port.receive(HoldPosition(5, 0.0, 0.0), 100_000)
     port.receive(replace(GO, primitive_id=4), 100_000)
-    port.receive(Arrived(100_001, 4), 100_001)
+    assert port.first_failure == PrimitiveFailed(2, 2, "no GPS")  # holding mends nothing
+    port.receive(Arrived(100_001, 5), 100_001)
     assert port.first_failure is None
 
 

@@ -94,6 +94,13 @@ def test_a_new_go_to_replaces_the_old_one_silently(config):
     assert not [fact for fact in facts if isinstance(fact, CommandFailed)]
 
 
+def test_the_old_go_to_does_not_arrive_once_the_new_command_is_given(config):
+    apad = SimulatedAPad(config)
+    apad.receive(GoTo(1, 0.0, 0.0, 0.5, 0.5), 0)
+    facts = apad.receive(Hold(2, 0.0, 0.0), 950)  # 50 ms before the first would have arrived
+    assert arrivals(facts + apad.advance(5000)) == []
+
+
 def test_hold_goes_there_and_never_completes(config):
     apad = SimulatedAPad(config)
     facts = apad.receive(Hold(1, 2.0, 1.0), 0) + apad.advance(60_000)

@@ -37,10 +37,11 @@ def test_a_closed_dock_draws_its_charging_power_to_the_millisecond(config):
     assert apad.energy_used_fraction == pytest.approx((25 * 200 + 10 * 100.001) / FULL_J, rel=1e-12)
 
 
-def test_cruising_draws_the_thrust_that_drag_asks_for(config):
+@pytest.mark.parametrize("goal_m", [(50.0, 0.0), (0.0, 50.0), (-30.0, 40.0)])
+def test_cruising_draws_the_thrust_that_drag_asks_for(config, goal_m):
     # at 0.5 m/s: 40 * 0.25 = 10 N along the bow, four thrusts of 10 / (2 sqrt 2) N, 6 W each N
     apad = SimulatedAPad(config)
-    apad.receive(GoTo(1, 50.0, 0.0, 0.5, 0.5), 0)
+    apad.receive(GoTo(1, *goal_m, 0.5, 0.5), 0)
     apad.advance(30_000)
     assert apad.thruster_forces_n == pytest.approx((3.535534,) * 4)
     assert apad.power_w == pytest.approx(25 + 6 * 4 * 3.535534)
