@@ -62,10 +62,17 @@ class Coordinator:
             heapq.heappop(self._heap)
         return -(-self._heap[0][0] // self.theta) if self._heap else None
 
-    def receive(self, agent_id: int, stimulus: Stimulus, now_ms: int) -> None:
-        """A fact of the world at mission time `now_ms`, for one agent; KeyError for an agent that is not of the fleet."""
-        at_ms = max(self.theta * now_ms, self._granted_ms[agent_id])
+    def receive(self, agent_id: int, stimulus: Stimulus, now_ms: int) -> int | None:
+        """A fact of the world at mission time `now_ms`, for one agent.
+
+        Gives the agent time that it is stamped with; None, and nothing is kept, for an agent that is not of the fleet.
+        """
+        granted_ms = self._granted_ms.get(agent_id)
+        if granted_ms is None:
+            return None
+        at_ms = max(self.theta * now_ms, granted_ms)
         self._waiting.setdefault(agent_id, []).append((at_ms, stimulus))
+        return at_ms
 
     def advance(self, now_ms: int) -> list[Heard | Died]:
         """Grants all that is due by mission time `now_ms`; what came out, by (time, agent, order)."""

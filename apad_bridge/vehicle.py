@@ -83,7 +83,7 @@ class CommandFailed:
 
 @dataclass(frozen=True, slots=True)
 class DockClosed:
-    """The mechanism closed: contact with the aMussel is made. The slot is the vehicle's word (it may not be the one asked)."""
+    """The mechanism closed: contact with the aMussel is made. The slot is the vehicle's word, and may differ."""
 
     at_ms: int
     slot: int

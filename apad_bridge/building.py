@@ -1,0 +1,78 @@
+"""Builds the parts of a flight from a scenario. Everything that a scenario's numbers become is decided here."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from agents.fleet import FleetConfig, resting_on_bottom
+from agents.physical import Physical
+from apad_bridge.beliefs.hold_last import HoldLast
+from apad_bridge.mission.energy_exchange import EnergyExchange
+from apad_bridge.mission.state import MissionState
+from apad_bridge.planning import registry
+from apad_bridge.port.docking_port import DockingPort
+from apad_bridge.scenario.schema import DriftMode, HearingMode, Scenario
+from apad_bridge.scenario.starts import Start
+from apad_bridge.supervisor import Supervisor
+from firmware_model.codec import load_codec
+
+
+def agent_ids(scenario: Scenario) -> range:
+    return range(scenario.fleet.first_id, scenario.fleet.first_id + scenario.fleet.count)
+
+
+def fleet_config(scenario: Scenario) -> FleetConfig:
+    board, drift, theta = scenario.board, scenario.fleet.drift, scenario.theta
+    return FleetConfig(
+        theta=theta,
+        seed=scenario.seed,
+        codec=scenario.hearing.codec,
+        discharge_per_min=board.discharge_per_min,
+        charge_segments=board.charge_segments,
+        pin_debounce_ms=board.pin_debounce_ms,
+        boot_ms=board.boot_ms,
+        float_timeout_ms=round(board.float_timeout_s * 1000),
+        release_wait_ms=round(board.release_wait_s * 1000),
+        report_period_ms=round(scenario.hearing.report_period_s * 1000) * theta,
+        heard_always=scenario.hearing.mode is HearingMode.PAPER,
+        bottom_um=round(scenario.area.depth_m * 1e6),
+        surfacing_ms=round(board.surfacing_s * 1000),
+        sinking_ms=round(board.sinking_s * 1000),
+        drifts_always=drift.mode is DriftMode.PAPER,
+        drift_amplitude_um=round(drift.amplitude_m * 1e6),
+        current_csv=None if drift.current_file is None else Path(drift.current_file).read_text(),
+    )
+
+
+def births(scenario: Scenario, starts: list[Start]) -> dict[int, Physical]:
+    """The physical state of every agent at time 0, by id: resting on the bottom."""
+    depth_m = scenario.area.depth_m
+    return {
+        start.agent_id: resting_on_bottom(
+            start.north_m, start.east_m, depth_m, start.primary, start.secondary
+        )
+        for start in starts
+    }
+
+
+def supervisor(
+    scenario: Scenario, state: MissionState | None = None, first_command_id: int = 1
+) -> Supervisor:
+    """A supervisor that knows nothing yet, or one that goes on with a mission's journaled `state`."""
+    beliefs = HoldLast(agent_ids(scenario))
+    mission = EnergyExchange(
+        scenario.mission,
+        beliefs,
+        registry.collection(scenario.mission.collection),
+        registry.redeployment(scenario.mission.redeployment),
+        state,
+    )
+    port = DockingPort(scenario.mission.docking, first_command_id=first_command_id)
+    return Supervisor(
+        beliefs,
+        mission,
+        port,
+        load_codec(scenario.hearing.codec),
+        round(scenario.duration_s * 1000),
+        scenario.mission.end_at_apad_fraction,
+    )

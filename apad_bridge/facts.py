@@ -1,0 +1,49 @@
+"""Facts that reach the supervisor, and what it tells the world. Stamps are mission milliseconds."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+from apad_bridge.mission.orders import Note
+from apad_bridge.vehicle import VehicleCommand, VehicleFact
+
+
+@dataclass(frozen=True, slots=True)
+class WifiHeard:
+    at_ms: int
+    data: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class SoundHeard:
+    at_ms: int
+    data: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class OperatorAsked:
+    """A person wants the mission to end."""
+
+    at_ms: int
+    reason: str
+
+
+Fact = WifiHeard | SoundHeard | OperatorAsked | VehicleFact
+
+
+class Medium(StrEnum):
+    WIFI = "wifi"
+    SOUND = "sound"
+
+
+@dataclass(frozen=True, slots=True)
+class Send:
+    """Transmit to one aMussel."""
+
+    medium: Medium
+    agent_id: int
+    data: bytes
+
+
+SupervisorAction = VehicleCommand | Send | Note

@@ -1,0 +1,182 @@
+"""One flight: the loop that lets mission time pass tick by tick for the fleet, the vehicle, the supervisor and the records.
+
+At each tick: the agents are granted time up to it, the vehicle tells what became true, the world's contacts go to the
+bodies, the supervisor acts, and what it says goes out, to be met in the next window. Nothing else moves anything.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+from agents.coordinator import Coordinator, Died, Heard
+from agents.host import Host
+from agents.outputs import Dropped, SoundSent, Truth, WifiSent
+from agents.stimuli import SoundArrived, Stimulus, WifiArrived, to_wire
+from apad_bridge.beliefs.belief import Belief
+from apad_bridge.contacts import Contacts
+from apad_bridge.facts import Medium, OperatorAsked, Send, SoundHeard, WifiHeard
+from apad_bridge.mission.orders import Note
+from apad_bridge.pace import Pace
+from apad_bridge.supervisor import TICK_MS, Supervisor
+from apad_bridge.vehicle import BatteryReported, CloseDock, OpenDock, PoseReported
+from apad_bridge.vehicle_link import Carried, LetGo, VehicleLink
+
+
+_ROUNDS = 8
+"""More answers than this within one tick wait for the next."""
+
+
+class Recorder(Protocol):
+    """What a flight needs of the records."""
+
+    def event(self, at_ms: int, kind: str, **data: Any) -> None: ...
+
+    def truths(self, truths: list[Truth]) -> None: ...
+
+    def tick(
+        self,
+        now_ms: int,
+        beliefs: list[Belief],
+        pose: PoseReported | None,
+        battery: BatteryReported | None,
+        primitive: str,
+        slots: tuple[int | None, ...],
+    ) -> None: ...
+
+
+@dataclass(frozen=True, slots=True)
+class Fleet:
+    """The agents of a flight, where they live, and the clock authority over them."""
+
+    coordinator: Coordinator
+    host: Host
+
+
+Watcher = Callable[[int], None]
+"""Called after each tick with the mission time: progress, publishing."""
+
+
+class Flight:
+    """Flies from `start_ms` to the mission's end. `stop` may be called from a signal handler or another thread."""
+
+    def __init__(
+        self,
+        supervisor: Supervisor,
+        vehicle: VehicleLink,
+        pace: Pace,
+        recorder: Recorder,
+        fleet: Fleet | None,
+        watchers: tuple[Watcher, ...] = (),
+        start_ms: int = 0,
+    ) -> None:
+        self.supervisor = supervisor
+        self.dropped: Counter[str] = Counter()
+        self.now_ms = start_ms
+        self._vehicle = vehicle
+        self._pace = pace
+        self._recorder = recorder
+        self._fleet = fleet
+        self._watchers = watchers
+        self._contacts = Contacts()
+        self._stopped = threading.Event()
+        self._stop_reason = "the operator"
+
+    def stop(self, reason: str) -> None:
+        self._stop_reason = reason
+        self._stopped.set()
+
+    def run(self) -> str:
+        """Flies until the mission has ended; gives the reason."""
+        while True:
+            self._pace.reach(self.now_ms, self._stopped)
+            self.tick(self.now_ms)
+            if self.supervisor.has_ended:
+                return self.supervisor.mission.state.ended_by or ""
+            self.now_ms += TICK_MS
+
+    def tick(self, now_ms: int) -> None:
+        """One tick of mission time: everything stamped up to `now_ms` is handled."""
+        self._hear_fleet(now_ms)
+        self._hear_vehicle(now_ms)
+        if self._stopped.is_set():
+            self.supervisor.receive(OperatorAsked(now_ms, self._stop_reason))
+        for _ in range(_ROUNDS):
+            if not self._act(now_ms):
+                break
+            self._hear_vehicle(now_ms)
+        supervisor = self.supervisor
+        self._recorder.tick(
+            now_ms,
+            supervisor.beliefs.all(),
+            supervisor.pose,
+            supervisor.battery,
+            supervisor.primitive,
+            supervisor.mission.slots,
+        )
+        for watch in self._watchers:
+            watch(now_ms)
+
+    def _act(self, now_ms: int) -> bool:
+        """Lets the supervisor act, and passes on what it says; whether a docking mechanism was commanded.
+
+        A mechanism answers within the tick in which it is commanded, so that docking takes the scenario's time and not a
+        tick more.
+        """
+        mechanism = False
+        for action in self.supervisor.advance(now_ms):
+            match action:
+                case Note(kind, data):
+                    self._recorder.event(now_ms, kind, **data)
+                case Send(medium, agent_id, data):
+                    arrived = SoundArrived(data) if medium is Medium.SOUND else WifiArrived(data)
+                    self._tell_agent(agent_id, arrived, now_ms)
+                case _:
+                    mechanism |= isinstance(action, CloseDock | OpenDock)
+                    self._vehicle.command(action, now_ms)
+        return mechanism
+
+    def _hear_fleet(self, now_ms: int) -> None:
+        if self._fleet is None:
+            return
+        for came in self._fleet.coordinator.advance(now_ms):
+            match came:
+                case Died(at_ms, agent_id, cause, reason, gave_up):
+                    self._recorder.event(
+                        now_ms,
+                        "died",
+                        id=agent_id,
+                        at=at_ms,
+                        cause=cause.name,
+                        reason=reason,
+                        gave_up=gave_up,
+                    )
+                case Heard(at_ms, _, WifiSent(_, data)):
+                    self.supervisor.receive(WifiHeard(at_ms, data))
+                case Heard(at_ms, _, SoundSent(_, data)):
+                    self.supervisor.receive(SoundHeard(at_ms, data))
+                case Heard(_, _, Dropped(_, reason)):
+                    self.dropped[reason] += 1
+        self._recorder.truths(self._fleet.host.take_truths())
+
+    def _hear_vehicle(self, now_ms: int) -> None:
+        for fact in self._vehicle.advance(now_ms):
+            if isinstance(fact, (Carried, LetGo)):
+                stimulus = self._contacts.take(fact)
+                if stimulus is not None:
+                    self._tell_agent(fact.agent_id, stimulus, now_ms)
+            else:
+                self.supervisor.receive(fact)
+
+    def _tell_agent(self, agent_id: int, stimulus: Stimulus, now_ms: int) -> None:
+        if self._fleet is None:
+            return
+        agent_ms = self._fleet.coordinator.receive(agent_id, stimulus, now_ms)
+        if agent_ms is None:
+            self.dropped["for an aMussel that is not of this fleet"] += 1
+            return
+        wire = [field.hex() if isinstance(field, bytes) else field for field in to_wire(stimulus)]
+        self._recorder.event(now_ms, "stimulus", id=agent_id, agent_ms=agent_ms, wire=wire)

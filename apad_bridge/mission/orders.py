@@ -1,0 +1,33 @@
+"""What the mission orders besides primitives, and what it tells the journal."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from apad_bridge.port.primitives import Primitive
+
+
+@dataclass(frozen=True, slots=True)
+class PermitSurfacing:
+    """Tell the aMussel, by sound, that an aPad comes for it: it may surface."""
+
+    agent_id: int
+
+
+@dataclass(frozen=True, slots=True)
+class TellClear:
+    """Tell the aMussel, by Wi-Fi, that it is clear to sink."""
+
+    agent_id: int
+
+
+@dataclass(frozen=True, slots=True)
+class Note:
+    """An event of the mission, for the journal and the bag."""
+
+    kind: str
+    data: dict[str, Any]
+
+
+Order = Primitive | PermitSurfacing | TellClear | Note

@@ -1,0 +1,58 @@
+"""The mission's whole state: one frozen value, journaled whenever it changes, from which a resumed run goes on."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, field
+from enum import StrEnum
+from typing import Any
+
+from apad_bridge.planning.solution import Solution
+
+
+class Phase(StrEnum):
+    """The boxes of the paper's Fig. 7, with each routine's parts apart."""
+
+    IDLE = "idle wait"
+    GO_COLLECT = "go to aMussel"
+    AWAIT_SURFACING = "await surfacing"
+    DOCK = "dock"
+    CHARGE = "charging wait"
+    GO_DEPLOY = "go to deployment"
+    UNDOCK = "undock"
+    ENDED = "ended"
+
+
+@dataclass(frozen=True, slots=True)
+class MissionState:
+    """Times are mission milliseconds. `plan` holds the steps not yet finished, the one under way first."""
+
+    phase: Phase = Phase.IDLE
+    since_ms: int = 0
+    plan: Solution = field(default_factory=lambda: Solution(()))
+    docked: tuple[tuple[int, int], ...] = ()
+    """(slot, agent) of the closed docks, by slot."""
+    homes: tuple[tuple[int, float, float], ...] = ()
+    """(agent, north, east): where each was first heard, and is brought back to."""
+    primitive_id: int = 0
+    """Of the primitive under way."""
+    attempts: int = 0
+    """Permissions sent for the step under way, beyond the first."""
+    cost_m: float = 0.0
+    services: int = 0
+    ended_by: str | None = None
+
+    def to_json(self) -> dict[str, Any]:
+        return {**asdict(self), "plan": self.plan.encode()}
+
+    @classmethod
+    def from_json(cls, data: dict[str, Any]) -> MissionState:
+        """The inverse of `to_json`; KeyError, TypeError or ValueError for anything else."""
+        return cls(
+            **{
+                **data,
+                "phase": Phase(data["phase"]),
+                "plan": Solution.decode(data["plan"]),
+                "docked": tuple((slot, agent_id) for slot, agent_id in data["docked"]),
+                "homes": tuple((agent_id, north, east) for agent_id, north, east in data["homes"]),
+            }
+        )

@@ -1,0 +1,62 @@
+"""What lets mission time pass: as fast as the machine goes, or not before its wall-clock time."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from typing import Protocol
+
+
+class Pace(Protocol):
+    def reach(self, now_ms: int, stopped: threading.Event) -> None:
+        """Returns when mission time `now_ms` has come for everybody, or at once when `stopped` is set.
+
+        TimeoutError, saying who, when somebody whose word is waited for does not give it in the stated time.
+        """
+        ...
+
+    @property
+    def behind_s(self) -> float:
+        """How many wall seconds the flight is behind its time; 0 when it keeps up."""
+        ...
+
+
+class AsFastAsPossible:
+    behind_s = 0.0
+
+    def reach(self, now_ms: int, stopped: threading.Event) -> None:
+        pass
+
+
+class WallClock:
+    """Mission time runs `speed` times as fast as the wall clock, from where it stood at the first call.
+
+    A flight that falls more than `bound_s` behind does not try to make that up: the schedule moves, and `slipped_s` says
+    by how much in all.
+    """
+
+    def __init__(
+        self, speed: float, bound_s: float = 5.0, clock: Callable[[], float] = time.monotonic
+    ) -> None:
+        self._speed = speed
+        self._bound_s = bound_s
+        self._clock = clock
+        self._origin: tuple[int, float] | None = None
+        self.behind_s = 0.0
+        self.slipped_s = 0.0
+
+    def reach(self, now_ms: int, stopped: threading.Event) -> None:
+        now_s = self._clock()
+        if self._origin is None:
+            self._origin = (now_ms, now_s)
+        start_ms, start_s = self._origin
+        due_s = start_s + (now_ms - start_ms) / 1000 / self._speed
+        if due_s > now_s:
+            self.behind_s = 0.0
+            stopped.wait(due_s - now_s)
+            return
+        self.behind_s = now_s - due_s
+        if self.behind_s > self._bound_s:
+            self.slipped_s += self.behind_s
+            self._origin = (start_ms, start_s + self.behind_s)

@@ -1,0 +1,195 @@
+"""The supervisor's pure core: facts in, beliefs kept, the mission moved at ticks, commands and packets out."""
+
+from __future__ import annotations
+
+from collections import Counter, deque
+
+from apad_bridge.beliefs.hold_last import HoldLast
+from apad_bridge.facts import Fact, Medium, OperatorAsked, Send, SoundHeard, SupervisorAction, WifiHeard
+from apad_bridge.mission.energy_exchange import EnergyExchange
+from apad_bridge.mission.orders import Note, Order, PermitSurfacing, TellClear
+from apad_bridge.mission.state import Phase
+from apad_bridge.port.docking_port import DockingPort
+from apad_bridge.port.primitives import (
+    DockChanged,
+    DockMussel,
+    GoToPoint,
+    HoldPosition,
+    Outcome,
+    Primitive,
+    PrimitiveFailed,
+    PrimitiveSucceeded,
+    UndockMussel,
+)
+from apad_bridge.vehicle import (
+    Arrived,
+    BatteryReported,
+    CommandFailed,
+    DockClosed,
+    DockOpened,
+    PoseReported,
+    VehicleCommand,
+)
+from firmware_model.codec import Codec
+from firmware_model.packets import CommandPacket, Kind, StatusPacket
+
+TICK_MS = 1000
+"""The mission acts once a second, the paper's 1 Hz."""
+
+_PRIORITY: dict[type, int] = {
+    DockClosed: 0,
+    DockOpened: 0,
+    PoseReported: 1,
+    BatteryReported: 1,
+    Arrived: 2,
+    CommandFailed: 2,
+    SoundHeard: 3,
+    WifiHeard: 3,
+    OperatorAsked: 4,
+}
+_PRIMITIVE_NAMES: dict[type, str] = {
+    GoToPoint: "go to point",
+    HoldPosition: "hold position",
+    DockMussel: "dock",
+    UndockMussel: "undock",
+}
+
+
+class Supervisor:
+    """Three verbs in mission time. `receive` only keeps a fact; `advance`, called at ticks, acts on all that are due.
+
+    Facts of one tick are handled in the order (time, kind, arrival), so that how they came in between does not matter.
+    """
+
+    def __init__(
+        self,
+        beliefs: HoldLast,
+        mission: EnergyExchange,
+        port: DockingPort,
+        codec: Codec,
+        duration_ms: int,
+        end_at_apad_fraction: float,
+    ) -> None:
+        self.beliefs = beliefs
+        self.mission = mission
+        self.port = port
+        self.pose: PoseReported | None = None
+        self.battery: BatteryReported | None = None
+        self.dropped: Counter[str] = Counter()
+        self._codec = codec
+        self._duration_ms = duration_ms
+        self._end_at_apad_fraction = end_at_apad_fraction
+        self._facts: list[tuple[int, int, int, Fact]] = []
+        self._counter = 0
+        self._now_ms = 0
+        self._named: dict[int, Primitive] = {}
+
+    @property
+    def primitive(self) -> str:
+        """The primitive under way, by the name that people use."""
+        running = self.port.running
+        return "none" if running is None else _PRIMITIVE_NAMES[type(running)]
+
+    @property
+    def has_ended(self) -> bool:
+        return self.mission.state.phase is Phase.ENDED
+
+    def receive(self, fact: Fact) -> None:
+        """Keeps the fact for the tick at or after its stamp."""
+        self._counter += 1
+        self._facts.append((fact.at_ms, _PRIORITY[type(fact)], self._counter, fact))
+
+    def advance(self, now_ms: int) -> list[SupervisorAction]:
+        """Acts at the tick `now_ms` on everything stamped up to it (ValueError if time went back)."""
+        if now_ms < self._now_ms:
+            raise ValueError(f"time went back: {now_ms} before {self._now_ms}")
+        self._now_ms = now_ms
+        due = sorted(entry for entry in self._facts if entry[0] <= now_ms)
+        self._facts = [entry for entry in self._facts if entry[0] > now_ms]
+        actions: list[SupervisorAction] = []
+        for _, _, _, fact in due:
+            actions += self._handle(fact, now_ms)
+        actions += self._pass_on(self.port.advance(now_ms), now_ms)
+        if (reason := self._reason_to_end(now_ms)) is not None:
+            actions += self._obey(self.mission.end(reason, now_ms), now_ms)
+        actions += self._obey(self.mission.advance(now_ms), now_ms)
+        return actions
+
+    def _handle(self, fact: Fact, now_ms: int) -> list[SupervisorAction]:
+        match fact:
+            case WifiHeard(at_ms, data) | SoundHeard(at_ms, data):
+                packet = self._codec.decode(data)
+                if not isinstance(packet, StatusPacket):
+                    self.dropped["bytes that are no status packet"] += 1
+                elif (reason := self.beliefs.hear(packet, at_ms)) is not None:
+                    self.dropped[reason] += 1
+                return []
+            case OperatorAsked(_, reason):
+                return self._obey(self.mission.end(reason, now_ms), now_ms)
+            case PoseReported():
+                self.pose = fact
+                self.mission.moved(fact.north_m, fact.east_m)
+            case BatteryReported():
+                self.battery = fact
+        return self._pass_on(self.port.receive(fact, now_ms), now_ms)
+
+    def _reason_to_end(self, now_ms: int) -> str | None:
+        if now_ms >= self._duration_ms:
+            return "mission time"
+        if self.battery is not None and self.battery.fraction <= self._end_at_apad_fraction:
+            return "the aPad's battery"
+        return None
+
+    def _pass_on(self, came: list[VehicleCommand | Outcome], now_ms: int) -> list[SupervisorAction]:
+        """Commands go out; outcomes go to the mission, and what that orders goes to the port, until all is quiet."""
+        actions: list[SupervisorAction] = []
+        waiting = deque(came)
+        while waiting:
+            item = waiting.popleft()
+            if isinstance(item, (PrimitiveSucceeded, PrimitiveFailed, DockChanged)):
+                actions += self._note_outcome(item)
+                actions += self._obey(self.mission.receive(item, now_ms), now_ms)
+            else:
+                actions.append(item)
+        return actions
+
+    def _obey(self, orders: list[Order], now_ms: int) -> list[SupervisorAction]:
+        actions: list[SupervisorAction] = []
+        for order in orders:
+            match order:
+                case PermitSurfacing(agent_id):
+                    data = self._codec.encode(CommandPacket(Kind.PERMISSION, agent_id))
+                    actions.append(Send(Medium.SOUND, agent_id, data))
+                case TellClear(agent_id):
+                    data = self._codec.encode(CommandPacket(Kind.RELEASE, agent_id))
+                    actions.append(Send(Medium.WIFI, agent_id, data))
+                case Note():
+                    actions.append(order)
+                case _:
+                    self._named[order.primitive_id] = order
+                    actions.append(_primitive_note(order, "started"))
+                    actions += self._pass_on(self.port.receive(order, now_ms), now_ms)
+        return actions
+
+    def _note_outcome(self, outcome: Outcome) -> list[SupervisorAction]:
+        if isinstance(outcome, DockChanged):
+            return []
+        primitive = self._named.pop(outcome.primitive_id, None)
+        if primitive is None:
+            return []
+        if isinstance(outcome, PrimitiveFailed):
+            return [_primitive_note(primitive, "failed", outcome.reason)]
+        return [_primitive_note(primitive, "succeeded")]
+
+
+def _primitive_note(primitive: Primitive, phase: str, reason: str | None = None) -> Note:
+    fields = {
+        "agent": getattr(primitive, "agent_id", None),
+        "slot": getattr(primitive, "slot", None),
+        "north_m": getattr(primitive, "north_m", None),
+        "east_m": getattr(primitive, "east_m", None),
+    }
+    named = {key: value for key, value in fields.items() if value is not None}
+    if reason is not None:
+        named["reason"] = reason
+    return Note("primitive", {"name": _PRIMITIVE_NAMES[type(primitive)], "phase": phase, **named})
