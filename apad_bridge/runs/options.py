@@ -1,0 +1,84 @@
+"""How a run is flown, as said on the command line and kept in the run's directory, so that a resumed run goes on alike."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, dataclass, replace
+from enum import StrEnum
+from pathlib import Path
+from typing import Any
+
+from apad_bridge.scenario.loader import write_atomically
+
+OPTIONS_NAME = "run.json"
+
+
+class APadKind(StrEnum):
+    """`sim`: the simulated aPad. `ros`: one on the master at ROS_MASTER_URI."""
+
+    SIM = "sim"
+    ROS = "ros"
+
+
+class TimeSource(StrEnum):
+    """`asap`: virtual time, in this process. `wall`: the wall clock. `ros`: the /clock of somebody else's master."""
+
+    ASAP = "asap"
+    WALL = "wall"
+    ROS = "ros"
+
+
+class OnDeath(StrEnum):
+    """What the parent does when the supervisor dies: start another, or wait for `musselbed resume`."""
+
+    RESUME = "resume"
+    WAIT = "wait"
+
+
+class Part(StrEnum):
+    """Which part of the bench this process is."""
+
+    WHOLE = "whole"
+    FLEET = "fleet"
+    MISSION = "mission"
+
+
+@dataclass(frozen=True, slots=True)
+class RunOptions:
+    """`master_uri` is empty for a run that needs no ROS; `epoch` counts the supervisors of the run."""
+
+    part: Part
+    apad: APadKind
+    time: TimeSource
+    speed: float
+    on_death: OnDeath
+    dry_run: bool = False
+    master_uri: str = ""
+    owns_master: bool = False
+    xmlrpc_port: int = 0
+    epoch: int = 1
+
+    def save(self, directory: Path) -> None:
+        write_atomically(directory / OPTIONS_NAME, json.dumps(asdict(self), indent=2) + "\n")
+
+    @classmethod
+    def load(cls, directory: Path) -> RunOptions:
+        """FileNotFoundError where no run was started; ValueError for a file of another version."""
+        data: dict[str, Any] = json.loads((directory / OPTIONS_NAME).read_text())
+        try:
+            return cls(
+                **{
+                    **data,
+                    "part": Part(data["part"]),
+                    "apad": APadKind(data["apad"]),
+                    "time": TimeSource(data["time"]),
+                    "on_death": OnDeath(data["on_death"]),
+                }
+            )
+        except (KeyError, TypeError) as error:
+            raise ValueError(
+                f"{directory / OPTIONS_NAME} was written by another version: {error}"
+            ) from error
+
+    def next_epoch(self) -> RunOptions:
+        return replace(self, epoch=self.epoch + 1)

@@ -1,0 +1,71 @@
+"""A flight's live progress for a person at a terminal; plain lines where the output is not a terminal."""
+
+from __future__ import annotations
+
+from types import TracebackType
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
+
+from apad_bridge.runs.status import Status
+
+_LINE_EVERY_MS = 300_000
+
+
+class FlightProgress:
+    """A context manager; `show` takes each status. Goes to stderr, so that stdout stays the result's."""
+
+    def __init__(self, name: str, duration_ms: int, quiet: bool = False) -> None:
+        self._console = Console(stderr=True, quiet=quiet)
+        self._duration_ms = duration_ms
+        self._progress = Progress(
+            TextColumn("[bold]{task.description}"),
+            BarColumn(bar_width=24),
+            TextColumn("{task.fields[clock]}"),
+            TextColumn("{task.fields[doing]}"),
+            TimeRemainingColumn(),
+            console=self._console,
+            refresh_per_second=8,
+            disable=not self._console.is_terminal or quiet,
+        )
+        self._name = name
+        self._task: TaskID | None = None
+        self._last_line_ms = -_LINE_EVERY_MS
+
+    def __enter__(self) -> FlightProgress:
+        self._progress.start()
+        self._task = self._progress.add_task(
+            self._name, total=self._duration_ms, clock="starting", doing=""
+        )
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._progress.stop()
+
+    def say(self, text: str) -> None:
+        """A line of its own, above the bar."""
+        self._console.print(text, highlight=False)
+
+    def show(self, status: Status) -> None:
+        clock = f"{_clock(status.now_ms)} / {_clock(self._duration_ms)}"
+        doing = (
+            f"{status.phase}: {status.active}/{status.agents} active, {status.docked} docked, "
+            f"{status.services} served, {status.cost_m:.0f} m"
+        )
+        if status.apad_fraction is not None:
+            doing += f", aPad {100 * status.apad_fraction:.0f} %"
+        if status.behind_s > 1:
+            doing += f", {status.behind_s:.1f} s behind"
+        if self._task is not None:
+            self._progress.update(self._task, completed=status.now_ms, clock=clock, doing=doing)
+        if self._progress.disable and status.now_ms - self._last_line_ms >= _LINE_EVERY_MS:
+            self._last_line_ms = status.now_ms
+            self.say(f"{clock}  {doing}")
+
+
+def _clock(now_ms: int) -> str:
+    minutes, seconds = divmod(now_ms // 1000, 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours}:{minutes:02d}:{seconds:02d}" if hours else f"{minutes:02d}:{seconds:02d}"

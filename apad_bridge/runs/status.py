@@ -1,0 +1,54 @@
+"""What a running flight says of itself, once a tick: a JSON line from the supervisor to whoever shows it to a person."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, dataclass
+
+from apad_bridge.flight import Flight
+from firmware_model.states import State
+
+
+@dataclass(frozen=True, slots=True)
+class Status:
+    """`active` is the number believed in the water with charge left, of `agents` ever heard."""
+
+    now_ms: int
+    phase: str
+    primitive: str
+    agents: int
+    active: int
+    docked: int
+    services: int
+    cost_m: float
+    apad_fraction: float | None
+    behind_s: float
+
+    @classmethod
+    def of(cls, flight: Flight, now_ms: int, behind_s: float) -> Status:
+        supervisor = flight.supervisor
+        beliefs = supervisor.beliefs.all()
+        state = supervisor.mission.state
+        return cls(
+            now_ms,
+            state.phase.value,
+            supervisor.primitive,
+            len(beliefs),
+            sum(b.state is not State.CHARGING and b.primary > 0 for b in beliefs),
+            len(state.docked),
+            state.services,
+            state.cost_m,
+            None if supervisor.battery is None else supervisor.battery.fraction,
+            behind_s,
+        )
+
+    def to_line(self) -> str:
+        return json.dumps(asdict(self))
+
+    @classmethod
+    def from_line(cls, line: str) -> Status | None:
+        """None for a line that is no status."""
+        try:
+            return cls(**json.loads(line))
+        except (ValueError, TypeError):
+            return None

@@ -1,0 +1,43 @@
+"""A run's row of the paper's Table II, beside the paper's own."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+
+# Table II of the paper: average, maximum, minimum uptime in percent, movement cost in metres, mean number active.
+# The Greedy rows are left out: their Active column contradicts their Avg (it should be N * Avg / 100).
+_PAPER = {
+    "cautious": ("74.37", "87.38", "59.88", "307.17", "8.92"),
+    "none": ("67.36", "79.56", "56.64", "0", "8.08"),
+}
+
+
+def print_table(console: Console, name: str, collection: str, summary: dict[str, Any]) -> None:
+    """Prints the row, the paper's row where there is one to compare with, and what the row does not say."""
+    table = Table(title=f"{name}: uptime, activity and aPad movement (the columns of the paper's Table II)")
+    for column in ("", "Avg %", "Max %", "Min %", "Cost [m]", "Active"):
+        table.add_column(column, justify="left" if not column else "right")
+    uptime = summary["uptime_paper"]
+    if uptime is not None:
+        table.add_row(
+            f"{collection} (this run)",
+            *(f"{uptime[key]:.2f}" for key in ("mean", "max", "min")),
+            f"{summary['cost_m']:.2f}",
+            f"{summary['active_mean']:.2f}",
+        )
+    if collection in _PAPER:
+        table.add_row(f"{collection} (paper)", *_PAPER[collection], style="dim")
+    console.print(table)
+    console.print(
+        f"lost {_word(summary['lost'])}, emptied {_word(summary['emptied'])}, "
+        f"{summary['services']} served, aPad used {100 * summary['apad_energy_fraction']:.1f} % of its battery; "
+        f"ended by {summary['ended_by']}",
+        highlight=False,
+    )
+
+
+def _word(count: int | None) -> str:
+    return "unknown" if count is None else str(count)

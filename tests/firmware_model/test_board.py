@@ -1,0 +1,230 @@
+"""Stories of one board as golden traces, and the law that cutting time does not show."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from firmware_model.actions import Action, Dropped, RunBuoyancy, StateChanged
+from firmware_model.board import Board, BoardConfig
+from firmware_model.charge import FULL, Battery, ChargeModel, Flow, grains
+from firmware_model.codec import MusselbedCodec
+from firmware_model.packets import CommandPacket, Kind
+from firmware_model.states import State
+from firmware_model.stimuli import (
+    BottomReached,
+    ChargePinFell,
+    ChargePinRose,
+    PacketHeard,
+    PowerCameOn,
+    ResetCause,
+    Stimulus,
+    SurfaceReached,
+    WifiReceived,
+)
+
+MODEL = ChargeModel.from_minutes(0.0010427134, ((0.16197, 0.001045), (0.5634, 0.00223), (1.0, 0.002911)))
+CONFIG = BoardConfig(
+    agent_id=24,
+    charge=MODEL,
+    pin_debounce_ms=50,
+    boot_ms=2000,
+    float_timeout_ms=600_000,
+    release_wait_ms=120_000,
+)
+PERMISSION = PacketHeard(CommandPacket(Kind.PERMISSION, 24).encode())
+RELEASE = WifiReceived(CommandPacket(Kind.RELEASE, 24).encode())
+POWER = PowerCameOn(ResetCause.POWER_ON, at_surface=False, pin_high=False)
+MIN = 60_000
+
+
+def board(charge: float = 0.9) -> Board:
+    return Board(
+        CONFIG,
+        MusselbedCodec(),
+        Battery(0, grains(charge), Flow.DISCHARGING),
+        Battery(0, FULL, Flow.RESTING),
+        0,
+    )
+
+
+def told(actions: list[Action]) -> list[str]:
+    lines = []
+    for action in actions:
+        match action:
+            case StateChanged(at_ms, old, trigger, new):
+                lines.append(f"{at_ms} {old.name} -{trigger.name}-> {new.name}")
+            case RunBuoyancy(at_ms, to):
+                lines.append(f"{at_ms} motors {to.name}")
+            case Dropped(at_ms, reason):
+                lines.append(f"{at_ms} dropped: {reason}")
+    return lines
+
+
+def story(mu: Board, facts: list[tuple[int, Stimulus]], until_ms: int) -> list[str]:
+    actions: list[Action] = []
+    for at_ms, stimulus in facts:
+        actions += mu.receive(stimulus, at_ms)
+    return told(actions + mu.advance(until_ms))
+
+
+def test_one_service_from_the_bottom_to_the_bottom() -> None:
+    facts: list[tuple[int, Stimulus]] = [
+        (0, POWER),
+        (10_000, PERMISSION),
+        (70_000, SurfaceReached()),
+        (100_000, ChargePinRose()),
+        (9_000_000, ChargePinFell()),
+        (9_000_400, RELEASE),
+        (9_060_000, BottomReached()),
+    ]
+    assert story(board(), facts, 10_000_000) == [
+        "0 OFF -POWER_CAME_ON-> BOOTING",
+        "2000 BOOTING -BOOTED_ON_BOTTOM-> ACTIVE",
+        "10000 ACTIVE -PERMISSION_HEARD-> SURFACING",
+        "10000 motors FLOAT",
+        "70000 SURFACING -SURFACE_REACHED-> FLOATING",
+        "100050 FLOATING -CHARGE_EDGE_ROSE-> CHARGING",
+        "9000050 CHARGING -CHARGE_EDGE_FELL-> RELEASED",
+        "9000400 RELEASED -CLEAR_TO_SINK-> SINKING",
+        "9000400 motors SINK",
+        "9060000 SINKING -BOTTOM_REACHED-> ACTIVE",
+    ]
+
+
+def charging_board() -> Board:
+    mu = board()
+    mu.receive(POWER, 0)
+    mu.receive(PERMISSION, 10_000)
+    mu.receive(SurfaceReached(), 70_000)
+    mu.receive(ChargePinRose(), 100_000)
+    mu.advance(200_000)
+    assert mu.state is State.CHARGING
+    return mu
+
+
+def test_without_a_release_packet_it_sinks_after_the_stated_wait() -> None:
+    assert story(charging_board(), [(300_000, ChargePinFell())], 500_000) == [
+        "300050 CHARGING -CHARGE_EDGE_FELL-> RELEASED",
+        "420050 RELEASED -CLEAR_TO_SINK-> SINKING",
+        "420050 motors SINK",
+    ]
+
+
+def test_a_release_packet_that_outruns_the_falling_edge_is_kept() -> None:
+    facts: list[tuple[int, Stimulus]] = [(300_000, ChargePinFell()), (300_010, RELEASE)]
+    assert story(charging_board(), facts, 300_060) == [
+        "300050 CHARGING -CHARGE_EDGE_FELL-> RELEASED",
+        "300050 RELEASED -CLEAR_TO_SINK-> SINKING",
+        "300050 motors SINK",
+    ]
+
+
+def test_a_pin_that_bounces_while_docked_does_not_release() -> None:
+    facts: list[tuple[int, Stimulus]] = [(300_000, ChargePinFell()), (300_049, ChargePinRose())]
+    assert story(charging_board(), facts, 400_000) == []
+
+
+def test_the_charge_follows_the_edges() -> None:
+    mu = charging_board()
+    mu.receive(ChargePinFell(), 100_050 + 10 * MIN)
+    mu.advance(100_050 + 10 * MIN + 50)
+    # 0.9 falls for 100.05 s, then 10 min 0.05 s at equation (2)'s upper rate, from 0.898.
+    low = 0.9 - 0.0010427134 * 100_050 / MIN
+    assert mu.primary.charge / FULL == pytest.approx(low + 0.002911 * (10 + 50 / MIN), abs=1e-9)
+
+
+def test_an_emptied_aMussel_stops_measuring_and_still_surfaces_on_its_backup() -> None:
+    mu = board(0.001)
+    lines = story(mu, [(0, POWER), (10 * MIN, PERMISSION)], 10 * MIN)
+    # 0.001 / 0.0010427134 a minute = 57542.2 ms: empty at the millisecond that ends above it.
+    assert lines[2] == "57543 ACTIVE -BATTERY_EMPTIED-> EMPTY"
+    assert lines[3] == "600000 EMPTY -PERMISSION_HEARD-> SURFACING"
+
+
+def test_floating_unserved_it_sinks_again() -> None:
+    facts: list[tuple[int, Stimulus]] = [(0, POWER), (10_000, PERMISSION), (70_000, SurfaceReached())]
+    assert story(board(), facts, 700_000)[-2:] == [
+        "670000 FLOATING -FLOAT_TIMED_OUT-> SINKING",
+        "670000 motors SINK",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("power", "state"),
+    [
+        (PowerCameOn(ResetCause.BROWN_OUT, at_surface=True, pin_high=True), State.CHARGING),
+        (PowerCameOn(ResetCause.WATCHDOG, at_surface=True, pin_high=False), State.FLOATING),
+        (PowerCameOn(ResetCause.BROWN_OUT, at_surface=False, pin_high=False), State.ACTIVE),
+    ],
+)
+def test_a_reset_boots_into_what_the_sensors_say(power: PowerCameOn, state: State) -> None:
+    mu = board()
+    mu.receive(power, 0)
+    mu.advance(2000)
+    assert mu.state is state
+
+
+def test_a_reset_on_the_charger_does_not_interrupt_the_charge() -> None:
+    primary = Battery(0, grains(0.7), Flow.CHARGING)
+    mu = Board(CONFIG, MusselbedCodec(), primary, Battery(0, FULL, Flow.RESTING), 0)
+    mu.receive(PowerCameOn(ResetCause.BROWN_OUT, at_surface=True, pin_high=True), 0)
+    mu.advance(5 * MIN)
+    assert mu.primary == primary
+
+
+@pytest.mark.parametrize(
+    ("stimulus", "reason"),
+    [
+        (PacketHeard(b"\x00garbage"), "not a command"),
+        (PacketHeard(CommandPacket(Kind.PERMISSION, 25).encode()), "for another aMussel"),
+        (RELEASE, "ACTIVE does not take CLEAR_TO_SINK"),
+    ],
+)
+def test_what_it_cannot_use_is_dropped_with_a_reason(stimulus: Stimulus, reason: str) -> None:
+    mu = board()
+    mu.receive(POWER, 0)
+    assert story(mu, [(5000, stimulus)], 6000)[1:] == [f"5000 dropped: {reason}"]
+    assert mu.state is State.ACTIVE
+
+
+def test_time_going_back_is_refused() -> None:
+    mu = board()
+    mu.advance(10)
+    with pytest.raises(ValueError, match="time went back"):
+        mu.advance(9)
+
+
+STIMULI = st.sampled_from(
+    [PERMISSION, RELEASE, ChargePinRose(), ChargePinFell(), SurfaceReached(), BottomReached()]
+)
+
+
+@given(
+    st.floats(0, 0.01),
+    st.lists(st.tuples(st.integers(0, 900_000), STIMULI), max_size=12),
+    st.lists(st.integers(0, 1_500_000), max_size=12),
+)
+def test_cutting_time_does_not_change_the_trace(
+    charge: float, raw: list[tuple[int, Stimulus]], cuts: list[int]
+) -> None:
+    facts = sorted(raw, key=lambda it: it[0])
+    charge = round(charge, 10)
+    whole = board(charge)
+    expected = whole.receive(POWER, 0)
+    for at_ms, stimulus in facts:
+        expected += whole.receive(stimulus, at_ms)
+    expected += whole.advance(1_500_000)
+
+    pieces = board(charge)
+    got = pieces.receive(POWER, 0)
+    moments: list[tuple[int, Stimulus | None]] = [*facts, *((at_ms, None) for at_ms in cuts)]
+    # Stable sort: the facts keep their order; cuts at a fact's own time fall before or after it.
+    for at_ms, fact in sorted(moments, key=lambda it: it[0]):
+        got += pieces.advance(at_ms) if fact is None else pieces.receive(fact, at_ms)
+    got += pieces.advance(1_500_000)
+    assert got == expected
+    assert (pieces.state, pieces.primary, pieces.next_due_ms) == (
+        whole.state,
+        whole.primary,
+        whole.next_due_ms,
+    )
