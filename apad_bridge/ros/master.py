@@ -1,0 +1,141 @@
+"""A ROS master of a run's own: a process in its own session, on a free loopback port.
+
+It never joins a master that runs already: it binds a port that the kernel picks, and what answers there must have the pid
+of the process that was started. Whoever wants somebody else's master connects to that one's URI and needs nothing of this.
+"""
+
+from __future__ import annotations
+
+import os
+import selectors
+import subprocess
+import sys
+import time
+import xmlrpc.client
+from dataclasses import dataclass, field
+from http.client import HTTPConnection, HTTPException
+from pathlib import Path
+
+ORPHAN_S = 600.0
+"""How long a master outlives its starter by default: long enough for `musselbed resume` to find the run's nodes alive."""
+
+_PROGRAM = Path(__file__).with_name("master_process.py")
+
+
+class MasterFailed(Exception):
+    """No master answers; the text is one line that says what follows. Nothing was left running."""
+
+
+@dataclass(slots=True)
+class Master:
+    """A running master. `stop()` ends it; if its starter dies without that, it ends by itself after `orphan_s`."""
+
+    uri: str
+    process: subprocess.Popen[bytes] = field(repr=False)
+
+    @property
+    def pid(self) -> int:
+        return self.process.pid
+
+    @property
+    def alive(self) -> bool:
+        return self.process.poll() is None
+
+    def stop(self, timeout_s: float = 3.0) -> None:
+        """End the master by its pid: politely, and after `timeout_s` by force. Nothing happens when it is gone already."""
+        _end(self.process, timeout_s)
+
+
+def start_master(home: Path, timeout_s: float, orphan_s: float = ORPHAN_S) -> Master:
+    """Start a master that keeps its files in `home` (made if it is not there), and return when it answers XML-RPC.
+
+    Raises:
+        MasterFailed: it did not answer within `timeout_s`; it has been ended and no node was started.
+    """
+    home.mkdir(parents=True, exist_ok=True)
+    log = home / "master.log"
+    deadline_s = time.monotonic() + timeout_s
+    with open(home / "master.err", "ab") as errors:
+        process = subprocess.Popen(
+            [sys.executable, "-I", str(_PROGRAM), str(log.absolute()), str(orphan_s)],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=errors,
+            env=loopback_environment(home),
+            start_new_session=True,
+        )
+    try:
+        uri = _printed_uri(process, deadline_s)
+        _check_answer(uri, process.pid, deadline_s)
+    except MasterFailed as error:
+        _end(process, 1.0)
+        raise MasterFailed(
+            f"the embedded ROS master {error}: no node was started; see {home / 'master.err'}"
+        ) from None
+    except BaseException:
+        _end(process, 1.0)
+        raise
+    return Master(uri, process)
+
+
+def loopback_environment(home: Path, master_uri: str | None = None) -> dict[str, str]:
+    """The environment of a ROS node of a run's own: loopback only, with nothing of the caller's ROS or Python settings.
+
+    The caller's ROS_HOSTNAME, ROS_NAMESPACE, ROS_IPV6 or PYTHONPATH would send nodes elsewhere, rename them or shadow code.
+    """
+    environment = {
+        name: value for name, value in os.environ.items() if not name.startswith(("ROS_", "PYTHON"))
+    }
+    environment |= {"ROS_IP": "127.0.0.1", "ROS_HOME": str(home.absolute())}
+    if master_uri is not None:
+        environment["ROS_MASTER_URI"] = master_uri
+    return environment
+
+
+def _printed_uri(process: subprocess.Popen[bytes], deadline_s: float) -> str:
+    assert process.stdout is not None
+    printed = b""
+    with selectors.DefaultSelector() as selector:
+        selector.register(process.stdout, selectors.EVENT_READ)
+        while not printed.endswith(b"\n"):
+            if not selector.select(max(0.0, deadline_s - time.monotonic())):
+                raise MasterFailed("did not bind a port in time")
+            piece = os.read(process.stdout.fileno(), 1024)
+            if not piece:
+                raise MasterFailed(f"ended with exit code {process.wait(timeout=5)}")
+            printed += piece
+    return printed.decode().strip()
+
+
+def _check_answer(uri: str, pid: int, deadline_s: float) -> None:
+    transport = _TimedTransport(max(0.1, deadline_s - time.monotonic()))
+    try:
+        with xmlrpc.client.ServerProxy(uri, transport=transport) as master:
+            answer = master.getPid("/musselbed")
+    except (OSError, HTTPException, xmlrpc.client.Error) as error:
+        raise MasterFailed(f"at {uri} does not answer ({error})") from None
+    if answer != [1, "", pid]:
+        raise MasterFailed(f"at {uri} is not the process {pid} that was started (it says {answer!r})")
+
+
+class _TimedTransport(xmlrpc.client.Transport):
+    def __init__(self, timeout_s: float) -> None:
+        super().__init__()
+        self._timeout_s = timeout_s
+
+    def make_connection(self, host: xmlrpc.client._HostType) -> HTTPConnection:
+        connection = super().make_connection(host)
+        connection.timeout = self._timeout_s
+        return connection
+
+
+def _end(process: subprocess.Popen[bytes], timeout_s: float) -> None:
+    process.terminate()
+    try:
+        process.wait(timeout=timeout_s)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.wait(timeout=5)
+    for pipe in (process.stdin, process.stdout):
+        if pipe is not None:
+            pipe.close()

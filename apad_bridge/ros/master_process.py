@@ -1,0 +1,47 @@
+"""The program that an embedded ROS master runs in, started by `master.py` by its path; it knows nothing of musselbed.
+
+Use: master_process.py LOG ORPHAN_S. Prints its URI when it is bound, and ends at SIGTERM. Standard input is the lifeline:
+when its other end closes, the starter is dead, and the master ends ORPHAN_S seconds later.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+import signal
+import sys
+import threading
+
+from rosmaster.master import Master
+
+_ENDING = (signal.SIGTERM, signal.SIGINT)
+
+
+def main() -> int:
+    log, orphan_s = sys.argv[1], float(sys.argv[2])
+    logging.basicConfig(
+        filename=log, level=logging.INFO, format="%(asctime)s %(name)s %(levelname)s %(message)s"
+    )
+    # Before any thread starts, so that every thread inherits the mask and only sigtimedwait sees these signals.
+    signal.pthread_sigmask(signal.SIG_BLOCK, _ENDING)
+    master = Master(0)
+    master.start()
+    print(master.uri, flush=True)
+    # rosmaster prints now and then; the starter has stopped reading by then.
+    os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
+    threading.Thread(target=_end_after_the_starter, args=(orphan_s,), daemon=True).start()
+    while master.ok() and signal.sigtimedwait(_ENDING, 1.0) is None:
+        pass
+    master.stop()
+    return 0
+
+
+def _end_after_the_starter(orphan_s: float) -> None:
+    while os.read(sys.stdin.fileno(), 64):
+        pass
+    threading.Event().wait(orphan_s)
+    os.kill(os.getpid(), signal.SIGTERM)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

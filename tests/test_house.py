@@ -1,0 +1,89 @@
+"""The rules of the house that a machine can check: which way imports run, who may know ROS, types and style."""
+
+from __future__ import annotations
+
+import ast
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from apad_bridge.ros.messages import DEFINITIONS
+
+ROOT = Path(__file__).parents[1]
+ROOMS = ("firmware_model", "agents", "apad_bridge")
+ROS = {
+    "rospy",
+    "rosgraph",
+    "rosmaster",
+    "roslaunch",
+    "rosnode",
+    "rosservice",
+    "rostopic",
+    "rosparam",
+    "rosbag",
+    "actionlib",
+}
+ROS |= {"genpy", "genmsg", "std_msgs", "std_srvs", "geometry_msgs", "actionlib_msgs", "rosgraph_msgs"}
+ROS |= {folder.name for folder in DEFINITIONS.iterdir()}
+
+
+def imported_names(text: str) -> set[str]:
+    """The first part of every absolute import, wherever in the file it stands."""
+    names: set[str] = set()
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.Import):
+            names |= {alias.name.split(".")[0] for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.level == 0 and node.module:
+            names.add(node.module.split(".")[0])
+    return names
+
+
+def files_that_import(names: set[str], root: Path = ROOT) -> Iterator[Path]:
+    for room in ROOMS:
+        for path in sorted((root / room).rglob("*.py")):
+            if imported_names(path.read_text()) & names:
+                yield path.relative_to(root)
+
+
+def run_tool(*command: str) -> None:
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, f"{done.stdout}\n{done.stderr}"
+
+
+def test_only_the_ros_room_knows_ros() -> None:
+    strangers = [str(path) for path in files_that_import(ROS) if path.parts[:2] != ("apad_bridge", "ros")]
+    assert strangers == []
+
+
+@pytest.mark.parametrize("library", ["serial", "imcpy"])
+def test_one_file_at_most_imports(library: str) -> None:
+    assert len(list(files_that_import({library}))) <= 1
+
+
+def test_only_the_plugin_of_firmware_model_imports_pytest() -> None:
+    assert set(files_that_import({"pytest"})) <= {Path("firmware_model/pytest_plugin.py")}
+
+
+def test_the_search_finds_an_import_that_hides_in_a_function(tmp_path: Path) -> None:
+    (tmp_path / "agents" / "deep").mkdir(parents=True)
+    (tmp_path / "agents" / "deep" / "sly.py").write_text(
+        "def f():\n    from rospy.core import x\n    return x\n"
+    )
+    (tmp_path / "agents" / "fine.py").write_text("from .rospy import x\nfrom rospyx import y\n")
+    assert list(files_that_import({"rospy"}, tmp_path)) == [Path("agents/deep/sly.py")]
+
+
+def test_imports_run_one_way() -> None:
+    # By its own code and not its script: a script's first line names the place where its environment was made.
+    run_tool(sys.executable, "-c", "from importlinter.cli import lint_imports_command as main; main()")
+
+
+def test_types_are_strict() -> None:
+    run_tool(sys.executable, "-m", "mypy")
+
+
+def test_style_is_clean() -> None:
+    run_tool(sys.executable, "-m", "ruff", "check", "--no-fix", ".")
