@@ -1,0 +1,176 @@
+"""run.bag: samples of a run as a ROS 1 bag, written without ROS, and the repair of one that was never closed.
+
+Stamps are mission time; the messages carry both clocks. A bag is written in chunks, each flushed to the file: what a kill
+loses is the chunk that was being filled.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass
+from io import BytesIO
+from pathlib import Path
+from typing import BinaryIO
+
+from rosbags.interfaces import Connection
+from rosbags.rosbag1.reader import Header, ReaderError, RecordType, read_bytes, read_uint32
+from rosbags.rosbag1.writer import WriteChunk, Writer
+
+from apad_bridge.records.bag_messages import APAD, BELIEFS, EVENT, TRUTH, Messages, typestore
+from apad_bridge.records.samples import APadSample, BeliefSample, TruthSample
+
+CHUNK_BYTES = 256 * 1024
+CHUNK_MS = 60_000
+"""A chunk ends after so much mission time, however little is in it."""
+_TOPICS = {
+    TRUTH: "/musselbed/truth",
+    BELIEFS: "/musselbed/beliefs",
+    APAD: "/musselbed/apad",
+    EVENT: "/musselbed/mission",
+}
+
+
+class _ChunkedWriter(Writer):
+    """Keeps of a written chunk how many messages of each connection it held, and forgets where in it they are: the
+    library keeps that for the whole bag, which grows without bound."""
+
+    def write_chunk(self, chunk: WriteChunk) -> None:
+        super().write_chunk(chunk)
+        for connection_id, entries in chunk.connections.items():
+            chunk.connections[connection_id] = range(len(entries))  # type: ignore[assignment]
+        assert self.bio is not None
+        self.bio.flush()
+
+    def end_chunk(self) -> None:
+        self.write_chunk(self.chunks[-1])
+
+
+class BagWriter:
+    """Writes a new bag; `path` must not exist. Closed it is valid; killed, `repair_bag` makes it so."""
+
+    def __init__(self, path: Path, theta: int) -> None:
+        self.path = path
+        self._messages = Messages(theta)
+        self._writer = _new_writer(path)
+        store = typestore()
+        self._connections = {
+            name: self._writer.add_connection(topic, name, typestore=store) for name, topic in _TOPICS.items()
+        }
+        self._chunk_ms = 0
+
+    def sample(
+        self, now_ms: int, truths: list[TruthSample], beliefs: list[BeliefSample], apad: APadSample | None
+    ) -> None:
+        """One instant; empty lists and None write nothing."""
+        if truths:
+            self._write(TRUTH, now_ms, self._messages.truth(now_ms, truths))
+        if beliefs:
+            self._write(BELIEFS, now_ms, self._messages.beliefs(now_ms, beliefs))
+        if apad is not None:
+            self._write(APAD, now_ms, self._messages.apad(now_ms, apad))
+        if now_ms >= self._chunk_ms + CHUNK_MS:
+            self._chunk_ms = now_ms
+            self._writer.end_chunk()
+
+    def event(self, now_ms: int, kind: str, data: str) -> None:
+        self._write(EVENT, now_ms, self._messages.event(now_ms, kind, data))
+
+    def close(self) -> None:
+        """Ends the bag with its index; a second call does nothing."""
+        if self._writer.bio is not None:
+            self._writer.close()
+
+    def _write(self, name: str, now_ms: int, data: bytes) -> None:
+        # ROS takes a stamp of 0 for "no time": the earliest is a nanosecond.
+        self._writer.write(self._connections[name], max(1, now_ms * 1_000_000), data)
+
+
+@dataclass(frozen=True, slots=True)
+class BagRepair:
+    """What was saved of a bag that was never closed. `last_ms` is the newest saved mission time (0 if there is none)."""
+
+    messages: int
+    last_ms: int
+    torn_bytes: int
+
+
+def repair_bag(path: Path) -> BagRepair | None:
+    """Gives an unclosed bag its index, in place, with every message that is whole; None when the bag was closed.
+
+    The new bag is written beside it and renamed over it, so that a second kill loses nothing more.
+    """
+    if _is_closed(path):
+        return None
+    fresh = path.with_name(f".{path.name}.repaired")
+    fresh.unlink(missing_ok=True)
+    writer = _new_writer(fresh)
+    connections: dict[int, Connection] = {}
+    messages = last_ns = whole = 0
+    for record in _whole_records(path):
+        whole = record.end
+        if record.header.get("op") == bytes([RecordType.CONNECTION]):
+            if record.header.get_uint32("conn") in connections:
+                continue  # killed while the index was written, which names them again
+            fields = Header.read(BytesIO(_as_header(record.data)))
+            connections[record.header.get_uint32("conn")] = writer.add_connection(
+                record.header.get_string("topic"),
+                fields.get_string("type").replace("/", "/msg/", 1),
+                msgdef=fields.get_string("message_definition"),
+                md5sum=fields.get_string("md5sum"),
+            )
+        elif record.header.get("op") == bytes([RecordType.MSGDATA]):
+            stamp_ns = record.header.get_time("time")
+            writer.write(connections[record.header.get_uint32("conn")], stamp_ns, record.data)
+            messages, last_ns = messages + 1, max(last_ns, stamp_ns)
+    writer.close()
+    torn_bytes = path.stat().st_size - whole
+    os.replace(fresh, path)
+    return BagRepair(messages, last_ns // 1_000_000, torn_bytes)
+
+
+@dataclass(frozen=True, slots=True)
+class _Record:
+    header: Header
+    data: bytes
+    end: int
+    """Where in the file the next one begins."""
+
+
+def _new_writer(path: Path) -> _ChunkedWriter:
+    writer = _ChunkedWriter(path)
+    writer.chunk_threshold = CHUNK_BYTES
+    writer.open()
+    return writer
+
+
+def _is_closed(path: Path) -> bool:
+    with path.open("rb") as file:
+        try:
+            file.readline()
+            return Header.read(file, RecordType.BAGHEADER).get_uint64("index_pos") != 0
+        except ReaderError:
+            return False
+
+
+def _whole_records(path: Path) -> Iterator[_Record]:
+    """Every record up to the first that is torn. A chunk (ours are not compressed) is entered, not skipped, so that the
+    whole messages of a torn chunk are found too."""
+    with path.open("rb") as file:
+        file.readline()
+        while True:
+            try:
+                yield _read_record(file)
+            except (ReaderError, UnicodeDecodeError):
+                return
+
+
+def _read_record(file: BinaryIO) -> _Record:
+    header = Header.read(file)
+    size = read_uint32(file)
+    data = b"" if header.get("op") == bytes([RecordType.CHUNK]) else read_bytes(file, size)
+    return _Record(header, data, file.tell())
+
+
+def _as_header(data: bytes) -> bytes:
+    return len(data).to_bytes(4, "little") + data

@@ -1,0 +1,76 @@
+"""Our ROS messages without ROS: read from the same .msg texts that genpy generates from, for the bags."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from rosbags.typesys.store import Typestore
+
+from apad_bridge.records.samples import APadSample, BeliefSample, TruthSample
+
+_DEFINITIONS = Path(__file__).parent.parent / "ros" / "definitions" / "musselbed_msgs" / "msg"
+
+TRUTH = "musselbed_msgs/msg/FleetTruth"
+BELIEFS = "musselbed_msgs/msg/FleetBeliefs"
+APAD = "musselbed_msgs/msg/APadStatus"
+EVENT = "musselbed_msgs/msg/MissionEvent"
+
+
+@cache
+def typestore() -> Typestore:
+    """ROS 1's standard messages and ours."""
+    store = get_typestore(Stores.ROS1_NOETIC)
+    ours: dict[str, Any] = {}
+    for path in sorted(_DEFINITIONS.glob("*.msg")):
+        ours.update(get_types_from_msg(path.read_text(encoding="utf-8"), f"musselbed_msgs/msg/{path.stem}"))
+    store.register(ours)
+    return store
+
+
+class Messages:
+    """Samples as serialized ROS 1 messages, stamped in mission time."""
+
+    def __init__(self, theta: int) -> None:
+        self._theta = theta
+        self._store = typestore()
+        types = self._store.types
+        self._time: Any = types["builtin_interfaces/msg/Time"]
+        self._header: Any = types["std_msgs/msg/Header"]
+        self._agent_truth: Any = types["musselbed_msgs/msg/AgentTruth"]
+        self._agent_belief: Any = types["musselbed_msgs/msg/AgentBelief"]
+        self._fleet_truth: Any = types[TRUTH]
+        self._fleet_beliefs: Any = types[BELIEFS]
+        self._apad_status: Any = types[APAD]
+        self._mission_event: Any = types[EVENT]
+
+    def truth(self, now_ms: int, agents: list[TruthSample]) -> bytes:
+        rows = [self._agent_truth(*agent) for agent in agents]
+        return self._serialize(
+            self._fleet_truth(self._head(now_ms), now_ms, self._theta * now_ms, rows), TRUTH
+        )
+
+    def beliefs(self, now_ms: int, agents: list[BeliefSample]) -> bytes:
+        rows = [self._agent_belief(*agent) for agent in agents]
+        return self._serialize(
+            self._fleet_beliefs(self._head(now_ms), now_ms, self._theta * now_ms, rows), BELIEFS
+        )
+
+    def apad(self, now_ms: int, apad: APadSample) -> bytes:
+        *numbers, primitive, slots = apad
+        message = self._apad_status(
+            self._head(now_ms), now_ms, *numbers, primitive, np.array(slots, dtype=np.int32)
+        )
+        return self._serialize(message, APAD)
+
+    def event(self, now_ms: int, kind: str, data: str) -> bytes:
+        return self._serialize(self._mission_event(self._head(now_ms), now_ms, kind, data), EVENT)
+
+    def _head(self, now_ms: int) -> object:
+        return self._header(0, self._time(now_ms // 1000, now_ms % 1000 * 1_000_000), "ned")
+
+    def _serialize(self, message: object, name: str) -> bytes:
+        return cast(bytes, self._store.serialize_ros1(message, name))

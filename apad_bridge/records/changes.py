@@ -1,0 +1,105 @@
+"""What is worth a line in the journal: changes, so that a long run's journal stays small."""
+
+from __future__ import annotations
+
+from math import cos, hypot, isnan, radians
+
+from agents.outputs import Truth
+from apad_bridge.beliefs.belief import Belief
+from apad_bridge.records.journal import Line
+from apad_bridge.records.samples import APadSample
+
+MUSSEL_MOVED_UM = 250_000
+APAD_MOVED_M = 0.05
+APAD_TURNED_COS = cos(radians(5))
+APAD_BATTERY = 0.005
+APAD_PERIOD_MS = 60_000
+BELIEVED_CHARGE = 0.01
+
+
+def differs_in_kind(now: Truth, before: Truth) -> bool:
+    """Something that counts changed: the state, a battery's anchor, or whether a dock holds it."""
+    one, other = now.physical, before.physical
+    return (
+        now.state is not before.state
+        or one.docked is not other.docked
+        or one.primary != other.primary
+        or one.secondary != other.secondary
+    )
+
+
+def has_moved(now: Truth, before: Truth) -> bool:
+    """It moved by more than a quarter of a metre by itself: a docked one is where the aPad is."""
+    one, other = now.physical, before.physical
+    if one.docked:
+        return False
+    return hypot(one.north_um - other.north_um, one.east_um - other.east_um) > MUSSEL_MOVED_UM
+
+
+class APadChanges:
+    """Journals the aPad when it moved, turned, used energy, changed what it does, or was silent for a minute."""
+
+    def __init__(self) -> None:
+        self._last: tuple[int, APadSample] | None = None
+
+    def line(self, now_ms: int, apad: APadSample) -> Line | None:
+        if self._last is not None and not self._differs(now_ms, apad, *self._last):
+            return None
+        self._last = (now_ms, apad)
+        return {
+            "north_m": round(apad.north_m, 3),
+            "east_m": round(apad.east_m, 3),
+            "heading_rad": round(apad.heading_rad, 4),
+            "voltage_v": _or_none(apad.voltage_v),
+            "battery": _or_none(apad.battery_fraction),
+            "primitive": apad.primitive,
+            "slots": list(apad.slots),
+        }
+
+    def _differs(self, now_ms: int, apad: APadSample, before_ms: int, before: APadSample) -> bool:
+        return (
+            now_ms - before_ms >= APAD_PERIOD_MS
+            or hypot(apad.north_m - before.north_m, apad.east_m - before.east_m) > APAD_MOVED_M
+            or cos(apad.heading_rad - before.heading_rad) < APAD_TURNED_COS
+            or isnan(apad.battery_fraction) is not isnan(before.battery_fraction)
+            or abs(apad.battery_fraction - before.battery_fraction) >= APAD_BATTERY
+            or (apad.primitive, apad.slots) != (before.primitive, before.slots)
+        )
+
+
+class BeliefChanges:
+    """Journals a belief when its state changed or its charge moved by a hundredth."""
+
+    def __init__(self) -> None:
+        self._last: dict[int, Belief] = {}
+
+    def lines(self, beliefs: list[Belief]) -> list[Line]:
+        return [self._line(belief) for belief in beliefs if self._is_new(belief)]
+
+    def _is_new(self, belief: Belief) -> bool:
+        before = self._last.get(belief.agent_id)
+        if before is belief:
+            return False
+        if (
+            before is not None
+            and before.state is belief.state
+            and abs(before.primary - belief.primary) < BELIEVED_CHARGE
+        ):
+            return False
+        self._last[belief.agent_id] = belief
+        return True
+
+    def _line(self, belief: Belief) -> Line:
+        return {
+            "id": belief.agent_id,
+            "heard": belief.heard_ms,
+            "state": belief.state.name,
+            "charge": round(belief.primary, 5),
+            "secondary": round(belief.secondary, 5),
+            "north_m": round(belief.north_m, 3),
+            "east_m": round(belief.east_m, 3),
+        }
+
+
+def _or_none(number: float) -> float | None:
+    return None if isnan(number) else round(number, 5)

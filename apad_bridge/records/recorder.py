@@ -1,0 +1,213 @@
+"""Everything that a flight leaves behind, through one object: journal, bag, ends and summary."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from agents.outputs import Truth
+from apad_bridge.beliefs.belief import Belief
+from apad_bridge.records.bag import BagWriter, repair_bag
+from apad_bridge.records.changes import APadChanges, BeliefChanges, differs_in_kind, has_moved
+from apad_bridge.records.journal import Journal, JournalContents, Line, read_journal
+from apad_bridge.records.run_directory import RunDirectory
+from apad_bridge.records.samples import Water, apad_sample, belief_sample
+from apad_bridge.records.summary import Ending, uptime_figures
+from apad_bridge.records.truth_lines import truth_data, truth_of
+from apad_bridge.records.uptime import UptimeMeter
+from apad_bridge.scenario.schema import Scenario
+from apad_bridge.scenario.starts import Start, save_starts
+from apad_bridge.vehicle import BatteryReported, PoseReported
+
+DAY_MS = 86_400_000
+_JOURNAL_ONLY = frozenset({"stimulus"})
+"""Too many for the bag, where nobody looks for them."""
+
+
+@dataclass(frozen=True, slots=True)
+class Resumed:
+    """What was found of the run that a resumed one goes on with, and what of it was lost."""
+
+    journal: JournalContents
+    journal_torn_bytes: int
+    bag: str | None
+    """The bag that was never closed, if there was one."""
+    bag_lost_ms: int
+    """From the last sample that was saved of it to the journal's last line."""
+
+
+class Recorder:
+    """The flight's one witness. `truths` may never be called: then there are no uptimes, and summary.json says why.
+
+    Lines and samples reach the files at the end of each `tick`; `finish` writes the ends and the summary and closes;
+    `close` alone leaves a valid bag and a journal without an end.
+    """
+
+    def __init__(self, directory: RunDirectory, scenario: Scenario, agent_ids: Iterable[int]) -> None:
+        self.dropped: Counter[str] = Counter()
+        self._directory = directory
+        self._scenario = scenario
+        self._known = frozenset(agent_ids)
+        self._water = Water(scenario)
+        self.meter = UptimeMeter(scenario.theta, self._water.charge)
+        self._newest: dict[int, Truth] = {}
+        self._journaled: dict[int, Truth] = {}
+        self._beliefs: Sequence[Belief] = ()
+        self._gave_up: set[int] = set()
+        self._apad_changes = APadChanges()
+        self._belief_changes = BeliefChanges()
+        self._sampled_ms: int | None = None
+        self._record_period_ms = round(scenario.records.record_period_s * 1000)
+        self._journal = Journal(directory.journal)
+        self._bag = BagWriter(directory.next_bag, scenario.theta)
+
+    @classmethod
+    def resume(
+        cls, directory: RunDirectory, scenario: Scenario, agent_ids: Iterable[int]
+    ) -> tuple[Recorder, Resumed]:
+        """Goes on with a run whose supervisor died: its bag is repaired, another is begun, the uptimes are rebuilt.
+
+        What was lost is in the answer and in the journal's line `resumed`.
+        """
+        contents = read_journal(directory.journal)
+        bags = directory.bags
+        repair = repair_bag(bags[-1]) if bags else None
+        recorder = cls(directory, scenario, agent_ids)
+        recorder._remember(contents)
+        torn_bytes = recorder._journal.torn_bytes
+        lost_ms = 0 if repair is None else max(0, contents.last_ms - repair.last_ms)
+        recorder.event(
+            contents.last_ms,
+            "resumed",
+            journal_dropped=contents.dropped,
+            journal_torn_bytes=torn_bytes,
+            bag_repaired=None if repair is None else {"name": bags[-1].name, **asdict(repair)},
+            bag_lost_ms=lost_ms,
+        )
+        recorder._journal.flush()
+        return recorder, Resumed(contents, torn_bytes, None if repair is None else bags[-1].name, lost_ms)
+
+    def event(self, at_ms: int, kind: str, **data: Any) -> None:
+        """Something that happened, at mission time `at_ms`; plain data only."""
+        self._journal.append(at_ms, kind, data)
+        if kind == "died" and data.get("gave_up") is not None:
+            self._give_up(data)
+        if kind not in _JOURNAL_ONLY:
+            self._bag.event(at_ms, kind, json.dumps(data, separators=(",", ":")))
+
+    def truths(self, truths: Sequence[Truth]) -> None:
+        """Truths in order of time for each aMussel; one that is not is dropped and counted."""
+        for truth in truths:
+            agent_id = truth.agent_id
+            if agent_id not in self._known:
+                self.dropped["a truth of an unknown aMussel"] += 1
+                continue
+            newest, journaled = self._newest.get(agent_id), self._journaled.get(agent_id)
+            if newest is not None and truth.at_ms < newest.at_ms:
+                self.dropped["a truth that a newer one overtook"] += 1
+                continue
+            self._newest[agent_id] = truth
+            # What the meter counts moves with what is journaled, so that a resumed run counts the same.
+            if journaled is None or differs_in_kind(truth, journaled):
+                self.meter.take(truth)
+            elif not has_moved(truth, journaled):
+                continue
+            self._journaled[agent_id] = truth
+            self._journal.append(-(-truth.at_ms // self._scenario.theta), "truth", truth_data(truth))
+
+    def tick(
+        self,
+        now_ms: int,
+        beliefs: Sequence[Belief],
+        pose: PoseReported | None,
+        battery: BatteryReported | None,
+        primitive: str,
+        slots: tuple[int | None, ...],
+    ) -> None:
+        """The end of a mission tick: samples it, journals what changed, and puts the lines of the tick on disk."""
+        apad = None if pose is None else apad_sample(pose, battery, primitive, slots)
+        self._beliefs = beliefs
+        if apad is not None and (line := self._apad_changes.line(now_ms, apad)) is not None:
+            self._journal.append(now_ms, "apad", line)
+        for line in self._belief_changes.lines(list(beliefs)):
+            self._journal.append(now_ms, "belief", line)
+        if self._is_sampled(now_ms):
+            agent_ms, newest = self._scenario.theta * now_ms, self._newest
+            truths = [
+                self._water.sample(truth, max(agent_ms, truth.at_ms)) for _, truth in sorted(newest.items())
+            ]
+            self._bag.sample(now_ms, truths, [belief_sample(belief, now_ms) for belief in beliefs], apad)
+        self._journal.flush()
+
+    def flush(self) -> None:
+        """Puts what was said since the last tick on disk, before something that cannot be taken back."""
+        self._journal.flush()
+
+    def finish(self, at_ms: int, ending: Ending) -> Line:
+        """The run ended at mission time `at_ms`: writes ends.csv and summary.json, closes all; gives the summary."""
+        scenario = self._scenario
+        summary: Line = {
+            "name": scenario.name,
+            "theta": scenario.theta,
+            "seed": scenario.seed,
+            "agents": len(self._known),
+            "mission_s": at_ms / 1000,
+            "ended_by": ending.ended_by,
+            "first_cause": ending.first_cause,
+            **uptime_figures(self.meter, at_ms),
+            "cost_m": ending.cost_m,
+            "services": ending.services,
+            "apad_energy_fraction": ending.apad_energy_fraction,
+            "gave_up": len(self._gave_up),
+            "dropped": dict(sorted((Counter(ending.dropped) + self.dropped).items())),
+        }
+        ends = self._ends(at_ms)
+        if ends:
+            save_starts(self._directory.ends, ends, scenario.area.origin)
+        self._directory.write_json(self._directory.summary, summary)
+        self.close()
+        return summary
+
+    def close(self) -> None:
+        """Closes the journal and the bag; a second call does nothing."""
+        self._journal.close()
+        self._bag.close()
+
+    def _is_sampled(self, now_ms: int) -> bool:
+        """Per tick through the first day of mission time, then at the scenario's period."""
+        last_ms = self._sampled_ms
+        if now_ms > DAY_MS and last_ms is not None and now_ms < last_ms + self._record_period_ms:
+            return False
+        self._sampled_ms = now_ms
+        return True
+
+    def _give_up(self, died: Line) -> None:
+        self._gave_up.add(died["id"])
+        self.meter.gone(died["id"], self._scenario.theta * died["at"])
+
+    def _remember(self, contents: JournalContents) -> None:
+        for line in contents.lines:
+            if line["kind"] == "truth":
+                truth = truth_of(line)
+                self.meter.take(truth)
+                self._newest[truth.agent_id] = self._journaled[truth.agent_id] = truth
+            elif line["kind"] == "died" and line["gave_up"] is not None:
+                self._give_up(line)
+        self._sampled_ms = contents.last_ms
+
+    def _ends(self, at_ms: int) -> list[Start]:
+        """Where the aMussels are and what they hold: the truth, or where there is none what is believed."""
+        agent_ms = self._scenario.theta * at_ms
+        ends = {
+            belief.agent_id: Start(
+                belief.agent_id, belief.north_m, belief.east_m, belief.primary, belief.secondary
+            )
+            for belief in self._beliefs
+        }
+        for agent_id, truth in self._newest.items():
+            now = self._water.sample(truth, max(agent_ms, truth.at_ms))
+            ends[agent_id] = Start(agent_id, now.north_m, now.east_m, now.primary, now.secondary)
+        return [ends[agent_id] for agent_id in sorted(ends)]

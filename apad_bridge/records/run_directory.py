@@ -1,0 +1,130 @@
+"""A run's directory: made for this run alone, never written over, and where everything in it is called what.
+
+Everything but the journal and the bags, which grow, appears whole or not at all.
+"""
+
+from __future__ import annotations
+
+import json
+import platform
+from collections.abc import Iterable
+from dataclasses import dataclass
+from datetime import datetime
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+from apad_bridge.scenario.loader import write_atomically, write_resolved
+from apad_bridge.scenario.schema import Scenario
+from apad_bridge.scenario.starts import ENDS_NAME, STARTS_NAME, Start, save_starts
+
+RUNS = Path("runs")
+_PACKAGES = ("musselbed", "numpy", "rosbags", "rospy")
+
+
+class RunDirectoryError(ValueError):
+    """The directory cannot be used; the text is one line with the mend."""
+
+
+@dataclass(frozen=True, slots=True)
+class RunDirectory:
+    path: Path
+
+    @classmethod
+    def create(cls, scenario_name: str, now_utc: datetime, out: Path | None = None) -> RunDirectory:
+        """`out`, which must be new or empty, or else `runs/<scenario>-<UTC stamp>`, with -2, -3 ... if that is taken."""
+        if out is not None:
+            return cls(_claim(out))
+        stem = f"{scenario_name}-{now_utc:%Y%m%dT%H%M%SZ}"
+        n = 1
+        while True:
+            path = RUNS / (stem if n == 1 else f"{stem}-{n}")
+            try:
+                path.mkdir(parents=True)
+            except FileExistsError:
+                n += 1
+            except OSError as error:
+                raise RunDirectoryError(f"{path}: {error.strerror}; say another place with --out") from error
+            else:
+                return cls(path)
+
+    @classmethod
+    def open(cls, path: Path) -> RunDirectory:
+        """A former run's; RunDirectoryError when there is no journal in it."""
+        if not (path / "journal.jsonl").is_file():
+            raise RunDirectoryError(f"{path}: no run: there is no journal.jsonl in it")
+        return cls(path)
+
+    @property
+    def scenario(self) -> Path:
+        return self.path / "scenario.yaml"
+
+    @property
+    def versions(self) -> Path:
+        return self.path / "versions.json"
+
+    @property
+    def starts(self) -> Path:
+        return self.path / STARTS_NAME
+
+    @property
+    def ends(self) -> Path:
+        return self.path / ENDS_NAME
+
+    @property
+    def journal(self) -> Path:
+        return self.path / "journal.jsonl"
+
+    @property
+    def summary(self) -> Path:
+        return self.path / "summary.json"
+
+    @property
+    def replay(self) -> Path:
+        return self.path / "replay.html"
+
+    @property
+    def bags(self) -> list[Path]:
+        """In the order in which they were begun: run.bag, then one for each resume."""
+        found: list[Path] = []
+        while self._bag(len(found)).exists():
+            found.append(self._bag(len(found)))
+        return found
+
+    @property
+    def next_bag(self) -> Path:
+        return self._bag(len(self.bags))
+
+    def write_inputs(self, scenario: Scenario, starts: Iterable[Start]) -> None:
+        """What the run depends on: scenario.yaml, starts.csv and versions.json."""
+        save_starts(self.starts, starts, scenario.area.origin)
+        write_resolved(self.scenario, scenario)
+        self.write_json(self.versions, versions())
+
+    def write_json(self, path: Path, data: dict[str, Any]) -> None:
+        write_atomically(path, json.dumps(data, indent=2, allow_nan=False) + "\n")
+
+    def _bag(self, n: int) -> Path:
+        return self.path / ("run.bag" if n == 0 else f"run-{n}.bag")
+
+
+def versions() -> dict[str, str | None]:
+    """Versions of what decides a run's figures; None for what is not installed."""
+    found: dict[str, str | None] = {"python": platform.python_version()}
+    for name in _PACKAGES:
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:
+            found[name] = None
+    return found
+
+
+def _claim(out: Path) -> Path:
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        taken = any(out.iterdir())
+    except OSError as error:
+        raise RunDirectoryError(f"{out}: {error.strerror}; --out wants a new or empty directory") from error
+    if taken:
+        raise RunDirectoryError(f"{out}: is not empty; a run never writes over another: say a new directory")
+    return out

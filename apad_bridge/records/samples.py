@@ -1,0 +1,99 @@
+"""What a bag holds of one instant, as plain rows in the order of our messages' fields."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from agents.outputs import Truth
+from agents.physical import Physical
+from apad_bridge.beliefs.belief import Belief
+from apad_bridge.scenario.schema import Scenario
+from apad_bridge.vehicle import BatteryReported, PoseReported
+from firmware_model.actions import Buoyancy
+from firmware_model.charge import ChargeModel, fraction
+
+
+class TruthSample(NamedTuple):
+    agent_id: int
+    state: int
+    primary: float
+    secondary: float
+    north_m: float
+    east_m: float
+    depth_m: float
+    docked: bool
+    agent_time_ms: int
+
+
+class BeliefSample(NamedTuple):
+    agent_id: int
+    state: int
+    charge: float
+    secondary: float
+    north_m: float
+    east_m: float
+    age_s: float
+
+
+class APadSample(NamedTuple):
+    north_m: float
+    east_m: float
+    heading_rad: float
+    voltage_v: float
+    battery_fraction: float
+    primitive: str
+    slots: tuple[int, ...]
+    """-1 for a free one."""
+
+
+class Water:
+    """How a Truth goes on until the next one: batteries and depth are linear from their anchors."""
+
+    def __init__(self, scenario: Scenario) -> None:
+        board = scenario.board
+        self.charge = ChargeModel.from_minutes(board.discharge_per_min, board.charge_segments)
+        self._bottom_um = round(scenario.area.depth_m * 1e6)
+        self._surfacing_ms = round(board.surfacing_s * 1000)
+        self._sinking_ms = round(board.sinking_s * 1000)
+
+    def sample(self, truth: Truth, agent_ms: int) -> TruthSample:
+        """The aMussel at agent time `agent_ms`, at or after the truth's."""
+        physical, charge_at = truth.physical, self.charge.charge_at
+        return TruthSample(
+            truth.agent_id,
+            int(truth.state),
+            fraction(charge_at(physical.primary, agent_ms)),
+            fraction(charge_at(physical.secondary, agent_ms)),
+            physical.north_um / 1e6,
+            physical.east_um / 1e6,
+            self.depth_um(physical, agent_ms) / 1e6,
+            physical.docked,
+            agent_ms,
+        )
+
+    def depth_um(self, physical: Physical, agent_ms: int) -> int:
+        elapsed_ms = agent_ms - physical.depth_anchor_ms
+        if physical.buoyancy is Buoyancy.FLOAT:
+            return max(0, physical.depth_um - self._bottom_um * elapsed_ms // self._surfacing_ms)
+        return min(self._bottom_um, physical.depth_um + self._bottom_um * elapsed_ms // self._sinking_ms)
+
+
+def belief_sample(belief: Belief, now_ms: int) -> BeliefSample:
+    return BeliefSample(
+        belief.agent_id,
+        int(belief.state),
+        belief.primary,
+        belief.secondary,
+        belief.north_m,
+        belief.east_m,
+        belief.age_s(now_ms),
+    )
+
+
+def apad_sample(
+    pose: PoseReported, battery: BatteryReported | None, primitive: str, slots: tuple[int | None, ...]
+) -> APadSample:
+    """The aPad; NaN for a battery of which nothing was heard."""
+    voltage_v, left = (float("nan"),) * 2 if battery is None else (battery.voltage_v, battery.fraction)
+    held = tuple(-1 if agent_id is None else agent_id for agent_id in slots)
+    return APadSample(pose.north_m, pose.east_m, pose.heading_rad, voltage_v, left, primitive, held)

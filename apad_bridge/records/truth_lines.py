@@ -1,0 +1,52 @@
+"""A Truth as a line of the journal and back, in exact integers: a resumed run counts on as if nothing had happened."""
+
+from __future__ import annotations
+
+from agents.outputs import Truth
+from agents.physical import Physical
+from apad_bridge.records.journal import Line
+from firmware_model.actions import Buoyancy
+from firmware_model.charge import Battery, Flow
+from firmware_model.states import State
+
+
+def truth_data(truth: Truth) -> Line:
+    """`primary` and `secondary` are [anchor ms, grains, flow], `depth` is [anchor ms, micrometres]; agent time."""
+    physical = truth.physical
+    return {
+        "id": truth.agent_id,
+        "agent_ms": truth.at_ms,
+        "state": truth.state.name,
+        "primary": _battery_data(physical.primary),
+        "secondary": _battery_data(physical.secondary),
+        "north_um": physical.north_um,
+        "east_um": physical.east_um,
+        "depth": [physical.depth_anchor_ms, physical.depth_um],
+        "buoyancy": physical.buoyancy.name,
+        "docked": physical.docked,
+    }
+
+
+def truth_of(line: Line) -> Truth:
+    """The inverse of `truth_data`; KeyError, TypeError or ValueError for any other line."""
+    depth_anchor_ms, depth_um = line["depth"]
+    physical = Physical(
+        _battery_of(line["primary"]),
+        _battery_of(line["secondary"]),
+        line["north_um"],
+        line["east_um"],
+        depth_anchor_ms,
+        depth_um,
+        Buoyancy[line["buoyancy"]],
+        line["docked"],
+    )
+    return Truth(line["agent_ms"], line["id"], State[line["state"]], physical)
+
+
+def _battery_data(battery: Battery) -> list[int]:
+    return [battery.anchor_ms, battery.charge, int(battery.flow)]
+
+
+def _battery_of(data: list[int]) -> Battery:
+    anchor_ms, charge, flow = data
+    return Battery(anchor_ms, charge, Flow(flow))

@@ -1,0 +1,136 @@
+"""Uptime, counted tick by tick as the paper does, but in closed form: exact integers, and no work at a tick.
+
+Tick k (k = 1, 2, ...) is at mission time k * tick_ms, that is agent time theta * k * tick_ms. At a tick an aMussel is
+what its newest Truth up to that time (inclusive) says. Two meanings of "active" are counted side by side:
+
+- paper: not docked and the primary battery above 0. An aMussel counts as active until it is docked (section V);
+- submerged: measuring on the bottom (state ACTIVE) with the primary battery above 0.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from agents.outputs import Truth
+from firmware_model.charge import Battery, ChargeModel, Flow
+from firmware_model.states import State
+
+
+@dataclass(frozen=True, slots=True)
+class AgentUptime:
+    """Ticks so far of one aMussel. `charge` is its primary battery's now, in grains."""
+
+    agent_id: int
+    paper: int = 0
+    submerged: int = 0
+    dead: int = 0
+    """Ticks with the primary battery at 0."""
+    emptied: bool = False
+    """The primary battery stood at 0 at some time."""
+    lost: bool = False
+    """Both batteries stood at 0 at some time: it can no longer surface."""
+    charge: int = 0
+
+
+@dataclass(slots=True)
+class _Ledger:
+    """What was counted before `truth`, and from when (agent ms) the truth stands."""
+
+    truth: Truth
+    counted: AgentUptime
+    gone_ms: int | None = None
+
+
+class UptimeMeter:
+    """Is fed every Truth, in order of time for each aMussel; answers for any mission time from the last one on."""
+
+    def __init__(self, theta: int, charge: ChargeModel, tick_ms: int = 1000) -> None:
+        self._theta = theta
+        self._charge = charge
+        self._tick_ms = tick_ms
+        self._step_ms = theta * tick_ms
+        self._ledgers: dict[int, _Ledger] = {}
+
+    @property
+    def agent_ids(self) -> list[int]:
+        """Those of whom a Truth was taken."""
+        return sorted(self._ledgers)
+
+    def take(self, truth: Truth) -> None:
+        """The next Truth of its aMussel. ValueError, and nothing changed, when it is older than the one before."""
+        ledger = self._ledgers.get(truth.agent_id)
+        if ledger is None:
+            self._ledgers[truth.agent_id] = _Ledger(truth, AgentUptime(truth.agent_id))
+            return
+        if truth.at_ms < ledger.truth.at_ms:
+            raise ValueError(f"time went back: {truth.at_ms} before {ledger.truth.at_ms}")
+        ledger.counted = self._count(ledger, truth.at_ms)
+        ledger.truth = truth
+        if _is_past(ledger.gone_ms, truth.at_ms - 1):
+            ledger.gone_ms = None  # it lives again: somebody started it by hand
+
+    def gone(self, agent_id: int, at_ms: int) -> None:
+        """The simulation of this aMussel ended for good at agent time `at_ms`: it is active at no later tick."""
+        ledger = self._ledgers.get(agent_id)
+        if ledger is not None and ledger.gone_ms is None:
+            ledger.gone_ms = max(at_ms, ledger.truth.at_ms)
+
+    def ticks(self, now_ms: int) -> int:
+        """How many ticks there were by mission time `now_ms`."""
+        return now_ms // self._tick_ms
+
+    def at(self, now_ms: int) -> list[AgentUptime]:
+        """The counts at mission time `now_ms`, its own tick included, by id."""
+        # One past the last tick's time, so that the open end of the span takes that tick in.
+        until_ms = self.ticks(now_ms) * self._step_ms + 1
+        return [self._count(self._ledgers[agent_id], until_ms) for agent_id in self.agent_ids]
+
+    def active_now(self, now_ms: int) -> int:
+        """How many are active at mission time `now_ms`, in the paper's meaning."""
+        agent_ms = self._theta * now_ms
+        active = 0
+        for ledger in self._ledgers.values():
+            physical = ledger.truth.physical
+            if not physical.docked and not _is_past(ledger.gone_ms, agent_ms):
+                active += self._charge.charge_at(physical.primary, max(agent_ms, ledger.truth.at_ms)) > 0
+        return active
+
+    def _count(self, ledger: _Ledger, until_ms: int) -> AgentUptime:
+        """What was counted, and the span from the ledger's truth up to but not including agent time `until_ms`."""
+        truth, counted = ledger.truth, ledger.counted
+        start_ms = truth.at_ms
+        end_ms = max(start_ms, until_ms if ledger.gone_ms is None else min(until_ms, ledger.gone_ms))
+        primary = truth.physical.primary
+        empty_ms = self._span_at_zero(primary, start_ms, end_ms)
+        backup_empty_ms = self._span_at_zero(truth.physical.secondary, start_ms, end_ms)
+        dead = self._ticks_between(*empty_ms)
+        charged = self._ticks_between(start_ms, end_ms) - dead
+        both_ms = (max(empty_ms[0], backup_empty_ms[0]), min(empty_ms[1], backup_empty_ms[1]))
+        return AgentUptime(
+            truth.agent_id,
+            counted.paper + (0 if truth.physical.docked else charged),
+            counted.submerged + (charged if truth.state is State.ACTIVE else 0),
+            counted.dead + dead,
+            counted.emptied or empty_ms[0] < empty_ms[1],
+            counted.lost or both_ms[0] < both_ms[1],
+            self._charge.charge_at(primary, max(start_ms, end_ms - 1)),
+        )
+
+    def _ticks_between(self, start_ms: int, end_ms: int) -> int:
+        """Ticks in [start, end) of agent time."""
+        return max(0, max(0, (end_ms - 1) // self._step_ms) - max(0, (start_ms - 1) // self._step_ms))
+
+    def _span_at_zero(self, battery: Battery, start_ms: int, end_ms: int) -> tuple[int, int]:
+        """The part of [start, end) in which the battery stands at 0; it is always one piece."""
+        if battery.flow is Flow.DISCHARGING:
+            empty_at_ms = self._charge.empty_at_ms(battery)
+            assert empty_at_ms is not None
+            return min(end_ms, max(start_ms, empty_at_ms)), end_ms
+        if battery.charge > 0:
+            return end_ms, end_ms
+        # A charging battery leaves 0 in the first millisecond after its anchor.
+        return start_ms, end_ms if battery.flow is Flow.RESTING else min(end_ms, battery.anchor_ms + 1)
+
+
+def _is_past(gone_ms: int | None, agent_ms: int) -> bool:
+    return gone_ms is not None and agent_ms >= gone_ms

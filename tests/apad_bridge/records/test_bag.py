@@ -1,0 +1,151 @@
+"""run.bag without ROS: what is written is what is read, and a bag that was never closed gives back what is whole."""
+
+import os
+import signal
+import subprocess
+import sys
+from math import pi
+
+import pytest
+from rosbags.rosbag1 import Reader
+from rosbags.rosbag1.reader import ReaderError
+
+from apad_bridge.records.bag import CHUNK_MS, BagWriter, repair_bag
+from apad_bridge.records.bag_messages import typestore
+from apad_bridge.records.samples import APadSample, BeliefSample, TruthSample
+
+TRUTH = TruthSample(7, 5, 0.25, 1.0, 1.5, -2.5, 3.0, True, 60_000)
+BELIEF = BeliefSample(7, 2, 0.5, 0.75, 1.25, -2.0, 4.5)
+APAD = APadSample(10.0, 11.0, pi, 15.5, 0.875, "dock", (7, -1, -1, 9))
+
+
+def read(path):
+    """(topic, stamp in ms, message) of every message."""
+    with Reader(path) as reader:
+        return [
+            (connection.topic, stamp_ns / 1e6, typestore().deserialize_ros1(data, connection.msgtype))
+            for connection, stamp_ns, data in reader.messages()
+        ]
+
+
+def write_ticks(bag, ticks):
+    for tick in range(ticks):
+        bag.sample(1000 * tick, [TRUTH], [BELIEF], APAD)
+
+
+def test_a_sample_comes_back_with_both_clocks(tmp_path):
+    bag = BagWriter(tmp_path / "run.bag", theta=30)
+    bag.sample(2500, [TRUTH, TRUTH._replace(agent_id=8)], [BELIEF], APAD)
+    bag.event(2500, "dock", '{"slot":0}')
+    bag.close()
+    (truth, beliefs, apad, event) = [message for _, _, message in read(bag.path)]
+    assert [topic for topic, _, _ in read(bag.path)] == [
+        "/musselbed/truth",
+        "/musselbed/beliefs",
+        "/musselbed/apad",
+        "/musselbed/mission",
+    ]
+    assert {stamp_ms for _, stamp_ms, _ in read(bag.path)} == {2500}
+    for message in (truth, beliefs, apad, event):
+        assert (message.header.stamp.sec, message.header.stamp.nanosec) == (2, 500_000_000)
+        assert message.mission_time_ms == 2500
+    assert truth.agent_time_ms == beliefs.agent_time_ms == 75_000
+    assert [agent.id for agent in truth.agents] == [7, 8]
+    agent = truth.agents[0]
+    assert (agent.state, agent.primary, agent.secondary, agent.docked) == (5, 0.25, 1.0, True)
+    assert (agent.north, agent.east, agent.depth, agent.agent_time_ms) == (1.5, -2.5, 3.0, 60_000)
+    belief = beliefs.agents[0]
+    assert (belief.id, belief.state, belief.charge, belief.secondary, belief.age_s) == (7, 2, 0.5, 0.75, 4.5)
+    assert (apad.north, apad.east, apad.heading) == (10.0, 11.0, pi)
+    assert (apad.voltage, apad.battery_fraction, apad.primitive) == (15.5, 0.875, "dock")
+    assert apad.slots.tolist() == [7, -1, -1, 9]
+    assert (event.kind, event.data) == ("dock", '{"slot":0}')
+
+
+def test_the_bag_names_the_definitions_that_genpy_generates(tmp_path):
+    genmsg = pytest.importorskip("genmsg")
+    from apad_bridge.ros.messages import DEFINITIONS
+
+    bag = BagWriter(tmp_path / "run.bag", theta=30)
+    write_ticks(bag, 1)
+    bag.event(0, "end", "{}")
+    bag.close()
+    context = genmsg.MsgContext.create_default()
+    std_msgs = next(
+        path
+        for root in ("/usr/share/std_msgs", "/opt/ros/noetic/share/std_msgs")
+        if os.path.isdir(path := root + "/msg")
+    )
+    folders = {"musselbed_msgs": [str(DEFINITIONS / "musselbed_msgs" / "msg")], "std_msgs": [std_msgs]}
+    with Reader(bag.path) as reader:
+        found = {
+            connection.msgtype.replace("/msg/", "/"): connection.digest for connection in reader.connections
+        }
+    assert len(found) == 4
+    for name, digest in found.items():
+        spec = genmsg.msg_loader.load_msg_by_type(context, name, folders)
+        genmsg.msg_loader.load_depends(context, spec, folders)
+        assert digest == genmsg.compute_md5(context, spec), name
+
+
+def test_a_killed_bag_keeps_all_but_its_last_chunk(tmp_path):
+    program = f"""
+import sys
+sys.path[:0] = {sys.path!r}
+from pathlib import Path
+from test_module import APAD, BELIEF, TRUTH, BagWriter, write_ticks
+bag = BagWriter(Path({str(tmp_path / "run.bag")!r}), 30)
+write_ticks(bag, 200)
+print("written", flush=True)
+sys.stdin.read()
+"""
+    os.symlink(__file__, tmp_path / "test_module.py")
+    with subprocess.Popen(
+        [sys.executable, "-c", program], stdin=subprocess.PIPE, stdout=subprocess.PIPE, cwd=tmp_path
+    ) as process:
+        assert process.stdout.readline() == b"written\n"
+        process.send_signal(signal.SIGKILL)
+        assert process.wait(timeout=10) == -signal.SIGKILL
+    with pytest.raises(ReaderError, match="not indexed"):
+        read(tmp_path / "run.bag")
+    repair = repair_bag(tmp_path / "run.bag")
+    # Ticks 0..60, 61..120 and 121..180 are whole chunks; 181..199 were never written.
+    assert (repair.messages, repair.last_ms, repair.torn_bytes) == (3 * 181, 180_000, 0)
+    assert len(read(tmp_path / "run.bag")) == 3 * 181
+    assert repair_bag(tmp_path / "run.bag") is None
+
+
+def test_a_bag_cut_anywhere_is_repaired_to_what_is_whole(tmp_path):
+    bag = BagWriter(tmp_path / "whole.bag", theta=30)
+    write_ticks(bag, 130)
+    bag.close()
+    whole = bag.path.read_bytes()
+    expected = read_stamps(bag.path)
+    head = bytearray(whole[: 13 + 4096])
+    index_pos = whole.index(b"index_pos=") + 10
+    head[index_pos : index_pos + 8] = bytes(8)
+    torn = tmp_path / "torn.bag"
+    saved_before = 0
+    for cut in sorted({0, 5, 13, 20, 4000, 4109, *range(4110, len(whole), 997), len(whole)}):
+        torn.write_bytes((head + whole[len(head) :])[:cut])
+        repair = repair_bag(torn)
+        stamps = read_stamps(torn)
+        assert stamps == expected[: len(stamps)]
+        assert repair.messages == len(stamps) >= saved_before
+        assert repair.last_ms == (stamps[-1][1] // 1_000_000 if stamps else 0)
+        saved_before = repair.messages
+    assert saved_before == len(expected)
+
+
+def read_stamps(path):
+    with Reader(path) as reader:
+        return [(connection.topic, stamp_ns) for connection, stamp_ns, _ in reader.messages()]
+
+
+def test_what_a_bag_keeps_in_memory_does_not_grow_with_its_messages(tmp_path):
+    bag = BagWriter(tmp_path / "run.bag", theta=30)
+    write_ticks(bag, 20 * CHUNK_MS // 1000)
+    kept = [entries for chunk in bag._writer.chunks for entries in chunk.connections.values()]
+    assert sum(len(entries) for entries in kept if isinstance(entries, list)) < 3 * (CHUNK_MS // 1000 + 1)
+    bag.close()
+    assert len(read_stamps(bag.path)) == 3 * 20 * CHUNK_MS // 1000

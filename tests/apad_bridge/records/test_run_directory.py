@@ -1,0 +1,69 @@
+"""A run's directory is its own: nothing is written over, and what cannot be used is said in one line."""
+
+import json
+from datetime import UTC, datetime
+from pathlib import Path
+
+import pytest
+
+from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
+from apad_bridge.scenario.loader import load
+from apad_bridge.scenario.starts import read_starts, starts_of
+
+SCENARIOS = Path(__file__).parents[3] / "launch_scripts" / "scenarios"
+NOW = datetime(2026, 5, 4, 3, 2, 1, tzinfo=UTC)
+
+
+def test_runs_of_the_same_second_do_not_share_a_directory(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    names = [RunDirectory.create("pool-12", NOW).path.name for _ in range(3)]
+    assert names == ["pool-12-20260504T030201Z", "pool-12-20260504T030201Z-2", "pool-12-20260504T030201Z-3"]
+    assert all((tmp_path / "runs" / name).is_dir() for name in names)
+
+
+def test_a_named_directory_may_be_new_or_empty_but_not_used(tmp_path):
+    new, empty, used = tmp_path / "a" / "new", tmp_path / "empty", tmp_path / "used"
+    empty.mkdir()
+    used.mkdir()
+    (used / "notes.txt").write_text("mine")
+    assert RunDirectory.create("x", NOW, new).path.is_dir()
+    assert RunDirectory.create("x", NOW, empty).path == empty
+    with pytest.raises(RunDirectoryError, match=r"used: is not empty; .*say a new directory$"):
+        RunDirectory.create("x", NOW, used)
+    assert (used / "notes.txt").read_text() == "mine"
+
+
+def test_a_file_is_no_directory(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(RunDirectoryError, match="file: File exists; --out wants"):
+        RunDirectory.create("x", NOW, tmp_path / "file")
+
+
+def test_a_directory_without_a_journal_is_no_run(tmp_path):
+    with pytest.raises(RunDirectoryError, match=r"there is no journal\.jsonl in it"):
+        RunDirectory.open(tmp_path)
+
+
+def test_each_resume_begins_another_bag(tmp_path):
+    directory = RunDirectory.create("x", NOW, tmp_path)
+    for name in ("run.bag", "run-1.bag", "run-2.bag"):
+        assert directory.next_bag == tmp_path / name
+        directory.next_bag.write_bytes(b"")
+    assert [bag.name for bag in directory.bags] == ["run.bag", "run-1.bag", "run-2.bag"]
+
+
+def test_the_inputs_make_the_same_run_again(tmp_path):
+    scenario = load(SCENARIOS / "pool-12.yaml")
+    starts = starts_of(scenario)
+    directory = RunDirectory.create(scenario.name, NOW, tmp_path / "run")
+    directory.write_inputs(scenario, starts)
+    again = load(directory.scenario)
+    assert (again.board, again.mission, again.seed) == (scenario.board, scenario.mission, scenario.seed)
+    assert read_starts(directory.path, scenario.area, 1, scenario.fleet.count) == starts
+    versions = json.loads(directory.versions.read_text())
+    assert versions["python"].startswith("3.") and versions["rosbags"] and "rospy" in versions
+    assert sorted(path.name for path in directory.path.iterdir()) == [
+        "scenario.yaml",
+        "starts.csv",
+        "versions.json",
+    ]

@@ -1,0 +1,137 @@
+"""The meter's closed forms against a literal stepper that knows nothing of them: one millisecond after another."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from agents.outputs import Truth
+from agents.physical import Physical
+from apad_bridge.records.uptime import AgentUptime, UptimeMeter
+from firmware_model.actions import Buoyancy
+from firmware_model.charge import FULL, Battery, ChargeModel, Flow, grains
+from firmware_model.states import State
+
+THETA, TICK_MS = 3, 5
+# So fast that a battery empties and fills within a hundred milliseconds.
+MODEL = ChargeModel(FULL // 40, ((FULL // 3, FULL // 90 + 7), (FULL, FULL // 30)))
+PAPER = ChargeModel.from_minutes(0.0010427134, ((0.16197, 0.001045), (0.5634, 0.00223), (1.0, 0.002911)))
+
+
+def truth(
+    at_ms: int, state: State, docked: bool, primary: tuple[int, Flow], secondary: tuple[int, Flow]
+) -> Truth:
+    physical = Physical(
+        Battery(at_ms, *primary), Battery(at_ms, *secondary), 0, 0, 0, 0, Buoyancy.SINK, docked
+    )
+    return Truth(at_ms, 7, state, physical)
+
+
+def literal(truths: list[Truth], ticks: int) -> AgentUptime:
+    """Equation (3)'s sum, taken literally: every millisecond of agent time, and a look at every tick."""
+    paper = submerged = dead = 0
+    emptied = lost = False
+    standing = None
+    primary = secondary = 0
+    waiting = list(truths)
+    for ms in range(ticks * TICK_MS * THETA + 1):
+        if standing is not None:
+            primary = _step(primary, standing.physical.primary.flow)
+            secondary = _step(secondary, standing.physical.secondary.flow)
+        while waiting and waiting[0].at_ms == ms:
+            standing = waiting.pop(0)
+            primary, secondary = standing.physical.primary.charge, standing.physical.secondary.charge
+        if standing is None:
+            continue
+        emptied |= primary == 0
+        lost |= primary == 0 and secondary == 0
+        if ms > 0 and ms % (TICK_MS * THETA) == 0:
+            paper += primary > 0 and not standing.physical.docked
+            submerged += primary > 0 and standing.state is State.ACTIVE
+            dead += primary == 0
+    return AgentUptime(7, paper, submerged, dead, emptied, lost, primary)
+
+
+def _step(charge: int, flow: Flow) -> int:
+    if flow is Flow.DISCHARGING:
+        return max(0, charge - FULL // 40)
+    if flow is Flow.CHARGING:
+        return min(FULL, charge + (FULL // 90 + 7 if charge <= FULL // 3 else FULL // 30))
+    return charge
+
+
+charges = st.one_of(st.just(0), st.just(FULL), st.integers(0, FULL))
+batteries = st.tuples(charges, st.sampled_from(Flow))
+events = st.lists(
+    st.tuples(
+        st.integers(1, 60),
+        st.sampled_from([State.ACTIVE, State.CHARGING]),
+        st.booleans(),
+        batteries,
+        batteries,
+    ),
+    max_size=8,
+)
+
+
+@given(first_ms=st.integers(0, 20), events=events, ticks=st.integers(0, 20))
+def test_the_meter_counts_what_a_literal_stepper_counts(first_ms, events, ticks):
+    truths, at_ms = [], first_ms
+    for gap_ms, *rest in events:
+        truths.append(truth(at_ms, *rest))
+        at_ms += gap_ms
+    until_ms = ticks * TICK_MS * THETA
+    truths = [it for it in truths if it.at_ms <= until_ms]
+    meter = UptimeMeter(THETA, MODEL, TICK_MS)
+    for it in truths:
+        meter.take(it)
+    assert meter.at(ticks * TICK_MS) == ([literal(truths, ticks)] if truths else [])
+
+
+@given(events=events, ticks=st.integers(1, 20))
+def test_asking_early_changes_nothing(events, ticks):
+    asked, silent = UptimeMeter(THETA, MODEL, TICK_MS), UptimeMeter(THETA, MODEL, TICK_MS)
+    at_ms = 0
+    for gap_ms, *rest in events:
+        for meter in (asked, silent):
+            meter.take(truth(at_ms, *rest))
+        asked.at(at_ms // THETA)
+        at_ms += gap_ms
+    end_ms = max(ticks * TICK_MS, at_ms)
+    assert asked.at(end_ms) == silent.at(end_ms)
+
+
+# Table II, "no charging": 40 minutes at theta = 30 take 1.25126 batteries; the mean initial charge is 0.8428, the least
+# 0.7087, the largest 0.9955; the uptimes 67.36, 56.64 and 79.56 percent.
+@pytest.mark.parametrize(("charge", "percent"), [(0.8428, 67.36), (0.7087, 56.64), (0.9955, 79.56)])
+def test_the_papers_row_without_charging(charge, percent):
+    meter = UptimeMeter(30, PAPER)
+    meter.take(truth(0, State.ACTIVE, False, (grains(charge), Flow.DISCHARGING), (FULL, Flow.RESTING)))
+    (uptime,) = meter.at(2_400_000)
+    assert 100 * uptime.paper / 2400 == pytest.approx(percent, abs=0.05)
+    assert uptime.emptied and not uptime.lost and uptime.charge == 0
+    assert uptime.dead == 2400 - uptime.paper
+
+
+def test_active_now_follows_the_dock_and_the_battery():
+    meter = UptimeMeter(THETA, MODEL, TICK_MS)
+    meter.take(truth(0, State.ACTIVE, False, (FULL, Flow.DISCHARGING), (FULL, Flow.RESTING)))
+    assert meter.active_now(13) == 1  # 39 ms of agent time: 1/40 is left
+    assert meter.active_now(14) == 0
+    meter.take(truth(45, State.CHARGING, True, (FULL // 2, Flow.CHARGING), (FULL, Flow.RESTING)))
+    assert meter.active_now(15) == 0
+
+
+def test_an_aMussel_that_is_gone_is_active_no_more():
+    meter = UptimeMeter(THETA, MODEL, TICK_MS)
+    meter.take(truth(0, State.ACTIVE, False, (FULL, Flow.RESTING), (FULL, Flow.RESTING)))
+    meter.gone(7, 4 * TICK_MS * THETA)
+    assert [uptime.paper for uptime in meter.at(10 * TICK_MS)] == [3]
+    assert meter.active_now(3 * TICK_MS) == 1 and meter.active_now(4 * TICK_MS) == 0
+
+
+def test_an_older_truth_is_refused_and_changes_nothing():
+    meter = UptimeMeter(THETA, MODEL, TICK_MS)
+    meter.take(truth(30, State.ACTIVE, False, (FULL, Flow.RESTING), (FULL, Flow.RESTING)))
+    with pytest.raises(ValueError, match="time went back: 29 before 30"):
+        meter.take(truth(29, State.ACTIVE, True, (0, Flow.RESTING), (0, Flow.RESTING)))
+    assert meter.at(100) == [AgentUptime(7, 19, 19, 0, False, False, FULL)]
