@@ -23,10 +23,11 @@ class Heard:
 
 @dataclass(frozen=True, slots=True)
 class Died:
-    """An agent died at `mission_ms`, the end of its last answered window, and why; `gave_up` says why it stays dead."""
+    """An agent died at `agent_ms`, the end of its last answered window, and why; `gave_up` says why it stays dead."""
 
     mission_ms: int
     agent_id: int
+    agent_ms: int
     cause: ResetCause
     reason: str
     gave_up: str | None
@@ -101,7 +102,7 @@ class Coordinator:
                 at_ms = self._granted_ms[agent_id]
                 gave_up = self._host.restart(agent_id, at_ms, outcome.cause)
                 mission_ms = -(-at_ms // self.theta)
-                came.append(Died(mission_ms, agent_id, outcome.cause, outcome.reason, gave_up))
+                came.append(Died(mission_ms, agent_id, at_ms, outcome.cause, outcome.reason, gave_up))
                 if gave_up is None:
                     again[agent_id] = grants[agent_id]
                 else:

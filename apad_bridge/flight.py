@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import threading
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -24,7 +24,6 @@ from apad_bridge.pace import Pace
 from apad_bridge.supervisor import TICK_MS, Supervisor
 from apad_bridge.vehicle import BatteryReported, CloseDock, OpenDock, PoseReported
 from apad_bridge.vehicle_link import Carried, LetGo, VehicleLink
-
 
 _ROUNDS = 8
 """More answers than this within one tick wait for the next."""
@@ -61,7 +60,7 @@ Watcher = Callable[[int], None]
 
 
 class Flight:
-    """Flies from `start_ms` to the mission's end. `stop` may be called from a signal handler or another thread."""
+    """Flies from `start_ms` to the mission's end; `held` are the aMussels that docks already hold. `stop` may be called from a signal handler or another thread."""
 
     def __init__(
         self,
@@ -72,6 +71,7 @@ class Flight:
         fleet: Fleet | None,
         watchers: tuple[Watcher, ...] = (),
         start_ms: int = 0,
+        held: Iterable[int] = (),
     ) -> None:
         self.supervisor = supervisor
         self.dropped: Counter[str] = Counter()
@@ -81,7 +81,7 @@ class Flight:
         self._recorder = recorder
         self._fleet = fleet
         self._watchers = watchers
-        self._contacts = Contacts()
+        self._contacts = Contacts(held)
         self._stopped = threading.Event()
         self._stop_reason = "the operator"
 
@@ -144,7 +144,7 @@ class Flight:
             return
         for came in self._fleet.coordinator.advance(now_ms):
             match came:
-                case Died(at_ms, agent_id, cause, reason, gave_up):
+                case Died(_, agent_id, agent_ms, cause, reason, gave_up):
                     self._recorder.event(
                         now_ms,
                         "died",

@@ -75,6 +75,7 @@ class Supervisor:
         self.port = port
         self.pose: PoseReported | None = None
         self.battery: BatteryReported | None = None
+        self.battery_at_start: BatteryReported | None = None
         self.dropped: Counter[str] = Counter()
         self._codec = codec
         self._duration_ms = duration_ms
@@ -131,6 +132,8 @@ class Supervisor:
                 self.mission.moved(fact.north_m, fact.east_m)
             case BatteryReported():
                 self.battery = fact
+                if self.battery_at_start is None:
+                    self.battery_at_start = fact
         return self._pass_on(self.port.receive(fact, now_ms), now_ms)
 
     def _reason_to_end(self, now_ms: int) -> str | None:

@@ -76,9 +76,7 @@ class RunOptions:
                 }
             )
         except (KeyError, TypeError) as error:
-            raise ValueError(
-                f"{directory / OPTIONS_NAME} was written by another version: {error}"
-            ) from error
+            raise ValueError(f"{directory / OPTIONS_NAME} was written by another version: {error}") from error
 
     def next_epoch(self) -> RunOptions:
         return replace(self, epoch=self.epoch + 1)

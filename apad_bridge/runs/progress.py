@@ -34,9 +34,7 @@ class FlightProgress:
 
     def __enter__(self) -> FlightProgress:
         self._progress.start()
-        self._task = self._progress.add_task(
-            self._name, total=self._duration_ms, clock="starting", doing=""
-        )
+        self._task = self._progress.add_task(self._name, total=self._duration_ms, clock="starting", doing="")
         return self
 
     def __exit__(
@@ -46,7 +44,7 @@ class FlightProgress:
 
     def say(self, text: str) -> None:
         """A line of its own, above the bar."""
-        self._console.print(text, highlight=False)
+        self._console.print(text, highlight=False, soft_wrap=True)
 
     def show(self, status: Status) -> None:
         clock = f"{_clock(status.now_ms)} / {_clock(self._duration_ms)}"

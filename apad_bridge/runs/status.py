@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import asdict, dataclass
 
-from apad_bridge.flight import Flight
+from apad_bridge.supervisor import Supervisor
 from firmware_model.states import State
 
 
@@ -25,8 +25,7 @@ class Status:
     behind_s: float
 
     @classmethod
-    def of(cls, flight: Flight, now_ms: int, behind_s: float) -> Status:
-        supervisor = flight.supervisor
+    def of(cls, supervisor: Supervisor, now_ms: int, behind_s: float) -> Status:
         beliefs = supervisor.beliefs.all()
         state = supervisor.mission.state
         return cls(

@@ -17,7 +17,7 @@ _PAPER = {
 
 def print_table(console: Console, name: str, collection: str, summary: dict[str, Any]) -> None:
     """Prints the row, the paper's row where there is one to compare with, and what the row does not say."""
-    table = Table(title=f"{name}: uptime, activity and aPad movement (the columns of the paper's Table II)")
+    table = Table(title=f"{name}: a row of the paper's Table II")
     for column in ("", "Avg %", "Max %", "Min %", "Cost [m]", "Active"):
         table.add_column(column, justify="left" if not column else "right")
     uptime = summary["uptime_paper"]
@@ -33,10 +33,15 @@ def print_table(console: Console, name: str, collection: str, summary: dict[str,
     console.print(table)
     console.print(
         f"lost {_word(summary['lost'])}, emptied {_word(summary['emptied'])}, "
-        f"{summary['services']} served, aPad used {100 * summary['apad_energy_fraction']:.1f} % of its battery; "
+        f"{summary['services']} served, aPad used {_percent(summary['apad_energy_fraction'])} of its battery; "
         f"ended by {summary['ended_by']}",
         highlight=False,
+        soft_wrap=True,
     )
+
+
+def _percent(fraction: float | None) -> str:
+    return "an unknown part" if fraction is None else f"{100 * fraction:.1f} %"
 
 
 def _word(count: int | None) -> str:

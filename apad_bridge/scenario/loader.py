@@ -97,6 +97,7 @@ def with_overrides(
     agents: int | None = None,
     strategy: str | None = None,
     seed: int | None = None,
+    hosting: str | None = None,
 ) -> Scenario:
     """The scenario with what the command line says instead: checked again as a whole; None leaves a value as it is.
 
@@ -111,6 +112,8 @@ def with_overrides(
         data["mission"]["collection"] = strategy
     if seed is not None:
         data["seed"] = seed
+    if hosting is not None:
+        data["fleet"]["hosting"] = hosting
     return from_data(data, "command line")
 
 

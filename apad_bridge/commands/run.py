@@ -1,0 +1,183 @@
+"""`musselbed run`: flies a scenario."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+
+from apad_bridge import building
+from apad_bridge.commands.exits import EXITS, Exit, UserError
+from apad_bridge.planning import registry
+from apad_bridge.records.recorder import Recorder
+from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
+from apad_bridge.runs import flying, parent
+from apad_bridge.runs.dry_run import first_plan
+from apad_bridge.runs.options import APadKind, OnDeath, Part, RunOptions, TimeSource
+from apad_bridge.runs.progress import FlightProgress
+from apad_bridge.runs.table import print_table
+from apad_bridge.scenario.errors import ScenarioError
+from apad_bridge.scenario.loader import load, with_overrides
+from apad_bridge.scenario.schema import Hosting, Scenario
+from apad_bridge.scenario.starts import Start, starts_of
+
+_TIMES = """asap: virtual time, as fast as the machine goes, the simulated aPad in the same process, no ROS;
+wall: real time (times --speed with the simulated aPad); ros: the /clock of somebody else's master"""
+
+
+def add_parser(commands: Any) -> None:
+    parser = commands.add_parser(
+        "run",
+        help="fly a scenario: a fleet, the supervisor's mission, and an aPad",
+        description="Flies a scenario to its end and prints its row of the paper's Table II. Everything that happened is "
+        "kept in a new run directory: journal.jsonl, run.bag, summary.json, the resolved scenario, and starts and ends "
+        "that another run can begin from.",
+        epilog=f"exit codes: {EXITS}",
+    )
+    add_scenario_arguments(parser)
+    parser.add_argument(
+        "--apad",
+        choices=[kind.value for kind in APadKind],
+        default=APadKind.SIM.value,
+        help="sim: the simulated aPad (over a ROS master of its own, or in-process with --time asap); "
+        "ros: the one on the master at ROS_MASTER_URI (default: sim)",
+    )
+    parser.add_argument("--strategy", metavar="NAME", help="another collection strategy than the scenario's")
+    parser.add_argument("--dry-run", action="store_true", help="plan once and print it; command nothing")
+    parser.add_argument(
+        "--on-supervisor-death",
+        choices=[policy.value for policy in OnDeath],
+        default=OnDeath.WAIT.value,
+        help="wait for `musselbed resume`, or resume at once (default: wait)",
+    )
+    parser.set_defaults(run=run, part=Part.WHOLE)
+
+
+def add_scenario_arguments(parser: argparse.ArgumentParser) -> None:
+    """What `run`, `fleet` and `mission` share."""
+    parser.add_argument("scenario", type=Path, metavar="SCENARIO.yaml")
+    parser.add_argument(
+        "--time", choices=[source.value for source in TimeSource], default="wall", help=_TIMES
+    )
+    parser.add_argument(
+        "--speed", type=float, default=1.0, metavar="X", help="wall time X times faster; simulated aPad only"
+    )
+    parser.add_argument("--theta", type=int, metavar="N", help="the aMussels' time runs N times the aPad's")
+    parser.add_argument("--agents", type=int, metavar="N", help="another number of aMussels")
+    parser.add_argument("--seed", type=int, metavar="N", help="another seed")
+    parser.add_argument(
+        "--hosting",
+        choices=[hosting.value for hosting in Hosting],
+        help="a process for each aMussel, or all in one (the same trace)",
+    )
+    parser.add_argument(
+        "--out", type=Path, metavar="DIR", help="the run directory (default: a new one in runs/)"
+    )
+    parser.add_argument(
+        "--json", action="store_true", help="print the summary as JSON on stdout, nothing else"
+    )
+
+
+def read_scenario(arguments: argparse.Namespace) -> tuple[Scenario, list[Start]]:
+    """The scenario with the command line's changes, and its starts; UserError with every mistake found."""
+    try:
+        scenario = with_overrides(
+            load(arguments.scenario),
+            theta=arguments.theta,
+            agents=arguments.agents,
+            strategy=getattr(arguments, "strategy", None),
+            seed=arguments.seed,
+            hosting=arguments.hosting,
+        )
+        registry.collection(scenario.mission.collection)
+        registry.redeployment(scenario.mission.redeployment)
+        return scenario, starts_of(scenario)
+    except ScenarioError as error:
+        raise UserError(str(error)) from error
+    except (OSError, ValueError) as error:
+        raise UserError(f"{arguments.scenario}: {error}") from error
+
+
+def options_of(arguments: argparse.Namespace) -> RunOptions:
+    apad, time = APadKind(getattr(arguments, "apad", APadKind.ROS)), TimeSource(arguments.time)
+    if arguments.speed <= 0:
+        raise UserError(f"--speed must be above 0, not {arguments.speed}")
+    if time is TimeSource.ASAP and apad is APadKind.ROS:
+        raise UserError(
+            "--time asap flies the simulated aPad in-process: leave out --apad ros, or use --time wall"
+        )
+    if time is TimeSource.ROS and apad is APadKind.SIM:
+        raise UserError("--time ros follows somebody else's /clock: it needs --apad ros")
+    if arguments.speed != 1 and (apad is APadKind.ROS or time is not TimeSource.WALL):
+        raise UserError("--speed needs --time wall and the simulated aPad: a real vehicle moves in real time")
+    return RunOptions(
+        part=arguments.part,
+        apad=apad,
+        time=time,
+        speed=arguments.speed,
+        on_death=OnDeath(getattr(arguments, "on_supervisor_death", OnDeath.WAIT)),
+        dry_run=getattr(arguments, "dry_run", False),
+    )
+
+
+def run(arguments: argparse.Namespace) -> int:
+    options = options_of(arguments)
+    scenario, starts = read_scenario(arguments)
+    if options.dry_run and options.time is TimeSource.ASAP:
+        return _print_plan(first_plan(scenario, starts), arguments.json)
+    try:
+        directory = RunDirectory.create(scenario.name, datetime.now(UTC), arguments.out)
+    except RunDirectoryError as error:
+        raise UserError(str(error)) from error
+    directory.write_inputs(scenario, starts)
+    options.save(directory.path)
+    with FlightProgress(scenario.name, round(scenario.duration_s * 1000), quiet=arguments.json) as progress:
+        if options.time is TimeSource.ASAP:
+            summary = _fly_here(scenario, starts, directory, progress)
+        else:
+            summary = parent.fly(scenario, starts, options, directory, progress)
+    return report(scenario, directory, summary, arguments.json)
+
+
+def _fly_here(
+    scenario: Scenario, starts: list[Start], directory: RunDirectory, progress: FlightProgress
+) -> dict[str, Any]:
+    recorder = Recorder(directory, scenario, building.agent_ids(scenario))
+    flying.journal_start(recorder, scenario, starts)
+    fleet = flying.open_fleet(scenario, starts, directory.path)
+    try:
+        return flying.fly(scenario, flying.in_process(scenario, fleet), recorder, progress.show)
+    finally:
+        fleet.host.close()
+
+
+def report(scenario: Scenario, directory: RunDirectory, summary: dict[str, Any], as_json: bool) -> int:
+    """Prints what came of a run; the exit code."""
+    if as_json:
+        print(json.dumps({**summary, "run": str(directory.path)}))
+    else:
+        console = Console()
+        print_table(console, scenario.name, scenario.mission.collection, summary)
+        console.print(f"the run's files: {directory.path}", highlight=False, soft_wrap=True)
+    sys.stdout.flush()
+    return Exit.INTERRUPTED if summary["ended_by"] == "the operator" else Exit.DONE
+
+
+def _print_plan(plan: dict[str, Any] | None, as_json: bool) -> int:
+    if as_json:
+        print(json.dumps(plan))
+    elif plan is None:
+        print("no plan: there are never enough candidates")
+    else:
+        steps = ", ".join(f"aMussel {step['agent']} into dock {step['slot']}" for step in plan["steps"])
+        costs = plan["costs"]
+        print(f"at {plan['t'] / 1000:.0f} s, {plan['strategy']}: {steps}")
+        print(
+            f"distance {costs['distance_m']:.1f} m, demand {costs['demand']:.2f} batteries; nothing was commanded"
+        )
+    return Exit.DONE

@@ -1,0 +1,35 @@
+"""The first plan of a mission, with nothing commanded: neither the vehicle nor an aMussel hears a word."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from agents.coordinator import Coordinator, Heard
+from agents.one_process import OneProcess
+from agents.outputs import WifiSent
+from apad_bridge import building
+from apad_bridge.facts import WifiHeard
+from apad_bridge.mission.orders import Note
+from apad_bridge.scenario.schema import Scenario
+from apad_bridge.scenario.starts import Start
+from apad_bridge.simulated_apad.apad import SimulatedAPad
+from apad_bridge.supervisor import TICK_MS
+
+
+def first_plan(scenario: Scenario, starts: list[Start]) -> dict[str, Any] | None:
+    """The journal's `plan` event of the first plan, with its time `t` in mission milliseconds; None if none is made."""
+    births = building.births(scenario, starts)
+    host = OneProcess(building.fleet_config(scenario), births)
+    coordinator = Coordinator(host, dict.fromkeys(births, 0), scenario.theta)
+    supervisor, apad = building.supervisor(scenario), SimulatedAPad(scenario.apad)
+    for now_ms in range(0, round(scenario.duration_s * 1000) + 1, TICK_MS):
+        for came in coordinator.advance(now_ms):
+            if isinstance(came, Heard) and isinstance(came.output, WifiSent):
+                supervisor.receive(WifiHeard(came.mission_ms, came.output.data))
+        for fact in apad.advance(now_ms):
+            supervisor.receive(fact)
+        host.take_truths()
+        for action in supervisor.advance(now_ms):
+            if isinstance(action, Note) and action.kind == "plan":
+                return {"t": now_ms, **action.data}
+    return None

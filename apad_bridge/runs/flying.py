@@ -1,0 +1,147 @@
+"""One supervisor's flight, from the parts that the options name to the summary on disk."""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Callable
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from agents.processes import ProcessHost
+
+from agents.coordinator import Coordinator
+from agents.one_process import OneProcess
+from apad_bridge import building
+from apad_bridge.flight import Fleet, Flight, Watcher
+from apad_bridge.mission.state import MissionState
+from apad_bridge.pace import AsFastAsPossible, Pace
+from apad_bridge.records.recorder import Recorder
+from apad_bridge.records.summary import Ending
+from apad_bridge.runs.status import Status
+from apad_bridge.scenario.schema import Hosting, Scenario
+from apad_bridge.scenario.starts import Start
+from apad_bridge.simulated_apad.apad import SimulatedAPad
+from apad_bridge.supervisor import TICK_MS, Supervisor
+from apad_bridge.vehicle_link import InProcessVehicle, VehicleLink
+
+JOURNAL_FORMAT = 1
+_COMMAND_IDS_PER_EPOCH = 1_000_000
+
+
+@dataclass(frozen=True, slots=True)
+class Surroundings:
+    """What a supervisor flies with: the vehicle, what lets time pass, the fleet (or none), and who watches each tick."""
+
+    vehicle: VehicleLink
+    pace: Pace
+    fleet: Fleet | None
+    watchers: Callable[[Supervisor], tuple[Watcher, ...]] = lambda supervisor: ()
+    held: tuple[int, ...] = ()
+    """aMussels that docks hold already."""
+
+
+@dataclass(frozen=True, slots=True)
+class GoOn:
+    """Where a resumed flight goes on: what the journal last said."""
+
+    now_ms: int
+    state: MissionState
+    epoch: int
+    apad_fraction_at_start: float | None
+
+
+def open_fleet(scenario: Scenario, starts: list[Start], folder: Path) -> Fleet:
+    """A new fleet, hosted as the scenario says; a process per aMussel keeps its files in `folder`."""
+    config, births = building.fleet_config(scenario), building.births(scenario, starts)
+    if scenario.fleet.hosting is Hosting.ONE_PROCESS:
+        host: OneProcess | ProcessHost = OneProcess(config, births)
+    else:
+        host = ProcessHost.start(folder, config, births)
+    return Fleet(Coordinator(host, dict.fromkeys(births, 0), scenario.theta), host)
+
+
+def in_process(scenario: Scenario, fleet: Fleet) -> Surroundings:
+    """Virtual time with the simulated aPad in this process."""
+    return Surroundings(InProcessVehicle(SimulatedAPad(scenario.apad)), AsFastAsPossible(), fleet)
+
+
+def fly(
+    scenario: Scenario,
+    surroundings: Surroundings,
+    recorder: Recorder,
+    show: Callable[[Status], None],
+    go_on: GoOn | None = None,
+) -> dict[str, Any]:
+    """Flies to the mission's end and gives the summary. SIGINT and SIGTERM end the mission in order."""
+    supervisor = building.supervisor(
+        scenario,
+        None if go_on is None else go_on.state,
+        first_command_id=1 + (0 if go_on is None else go_on.epoch * _COMMAND_IDS_PER_EPOCH),
+    )
+    pace = surroundings.pace
+
+    def show_tick(now_ms: int) -> None:
+        show(Status.of(supervisor, now_ms, pace.behind_s))
+
+    flight = Flight(
+        supervisor,
+        surroundings.vehicle,
+        pace,
+        recorder,
+        surroundings.fleet,
+        (*surroundings.watchers(supervisor), show_tick),
+        start_ms=0 if go_on is None else go_on.now_ms + TICK_MS,
+        held=surroundings.held,
+    )
+    with ExitStack() as stack:
+        for number in (signal.SIGINT, signal.SIGTERM):
+            before = signal.signal(number, lambda *_: flight.stop("the operator"))
+            stack.callback(signal.signal, number, before)
+        ended_by = flight.run()
+        recorder.event(flight.now_ms, "end", reason=ended_by)
+        failure = supervisor.port.first_failure
+        ending = Ending(
+            ended_by=ended_by,
+            first_cause=None if failure is None else failure.reason,
+            cost_m=supervisor.mission.state.cost_m,
+            services=supervisor.mission.state.services,
+            apad_energy_fraction=_fraction_used(supervisor, go_on),
+            dropped=flight.dropped + supervisor.dropped + supervisor.port.dropped,
+        )
+        return recorder.finish(flight.now_ms, ending)
+
+
+def journal_start(recorder: Recorder, scenario: Scenario, starts: list[Start]) -> None:
+    """The journal's first line: what a reader needs before anything else."""
+    recorder.event(
+        0,
+        "run",
+        format=JOURNAL_FORMAT,
+        scenario=scenario.name,
+        theta=scenario.theta,
+        seed=scenario.seed,
+        duration_s=scenario.duration_s,
+        pool_threshold=scenario.mission.pool_threshold,
+        full_threshold=scenario.mission.full_threshold,
+        agents=[
+            {
+                "id": start.agent_id,
+                "north_m": start.north_m,
+                "east_m": start.east_m,
+                "primary": start.primary,
+                "secondary": start.secondary,
+            }
+            for start in starts
+        ],
+    )
+
+
+def _fraction_used(supervisor: Supervisor, go_on: GoOn | None) -> float | None:
+    if supervisor.battery is None or supervisor.battery_at_start is None:
+        return None
+    at_start = supervisor.battery_at_start.fraction
+    if go_on is not None and go_on.apad_fraction_at_start is not None:
+        at_start = go_on.apad_fraction_at_start
+    return at_start - supervisor.battery.fraction

@@ -1,0 +1,63 @@
+"""A whole flight in virtual time and in this process, without files: for studies of many configurations."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from agents.coordinator import Coordinator
+from agents.one_process import OneProcess
+from agents.outputs import Truth
+from apad_bridge import building
+from apad_bridge.beliefs.belief import Belief
+from apad_bridge.flight import Fleet, Flight
+from apad_bridge.pace import AsFastAsPossible
+from apad_bridge.records.summary import uptime_figures
+from apad_bridge.records.uptime import UptimeMeter
+from apad_bridge.scenario.schema import Scenario
+from apad_bridge.scenario.starts import starts_of
+from apad_bridge.simulated_apad.apad import SimulatedAPad
+from apad_bridge.vehicle import BatteryReported, PoseReported
+from apad_bridge.vehicle_link import InProcessVehicle
+from firmware_model.charge import ChargeModel
+
+
+class MemoryRecorder:
+    """Keeps the events, and counts uptimes from the truths."""
+
+    def __init__(self, scenario: Scenario) -> None:
+        board = scenario.board
+        charge = ChargeModel.from_minutes(board.discharge_per_min, board.charge_segments)
+        self.meter = UptimeMeter(scenario.theta, charge)
+        self.events: list[tuple[int, str, dict[str, Any]]] = []
+
+    def event(self, at_ms: int, kind: str, **data: Any) -> None:
+        self.events.append((at_ms, kind, data))
+
+    def truths(self, truths: list[Truth]) -> None:
+        for truth in truths:
+            self.meter.take(truth)
+
+    def tick(
+        self,
+        now_ms: int,
+        beliefs: list[Belief],
+        pose: PoseReported | None,
+        battery: BatteryReported | None,
+        primitive: str,
+        slots: tuple[int | None, ...],
+    ) -> None:
+        pass
+
+
+def fly_in_memory(scenario: Scenario) -> tuple[dict[str, Any], MemoryRecorder]:
+    """The summary's figures (those of `uptime_figures`, `cost_m` and `services`), and what was recorded."""
+    births = building.births(scenario, starts_of(scenario))
+    host = OneProcess(building.fleet_config(scenario), births)
+    fleet = Fleet(Coordinator(host, dict.fromkeys(births, 0), scenario.theta), host)
+    supervisor, recorder = building.supervisor(scenario), MemoryRecorder(scenario)
+    vehicle = InProcessVehicle(SimulatedAPad(scenario.apad))
+    flight = Flight(supervisor, vehicle, AsFastAsPossible(), recorder, fleet)
+    flight.run()
+    state = supervisor.mission.state
+    figures = uptime_figures(recorder.meter, flight.now_ms)
+    return {**figures, "cost_m": state.cost_m, "services": state.services}, recorder

@@ -1,0 +1,173 @@
+"""The thin parent of a run over ROS: starts master, aPad node, nursery and supervisor, shows, and ends them in order.
+
+It holds no state of the flight. If the supervisor dies, the fleet is suspended and whole, and another one goes on with it.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import select
+import signal
+import time
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+from apad_bridge.records.run_directory import RunDirectory
+from apad_bridge.ros.apad_process import APadNodeFailed, start_apad_node, stop_apad_node
+from apad_bridge.ros.master import start_master
+from apad_bridge.runs.children import Child
+from apad_bridge.runs.failures import PeerFailed
+from apad_bridge.runs.nurseries import end_nursery, start_nursery
+from apad_bridge.runs.options import APadKind, OnDeath, Part, RunOptions
+from apad_bridge.runs.progress import FlightProgress
+from apad_bridge.runs.status import Status
+from apad_bridge.scenario.schema import Scenario
+from apad_bridge.scenario.starts import Start
+
+_END_S = 4.0
+"""A supervisor that was asked to end in order is killed after so long; all is over within 5 s."""
+WAIT_FOR_RESUME_S = 600.0
+"""So long a fleet without a supervisor is kept for `musselbed resume`."""
+
+
+def fly(
+    scenario: Scenario,
+    starts: list[Start],
+    options: RunOptions,
+    directory: RunDirectory,
+    progress: FlightProgress,
+) -> dict[str, Any]:
+    """Flies the run with processes of its own and gives its summary. PeerFailed when something that it needs fails."""
+    with ExitStack() as stack:
+        options = _open_ros(stack, options, directory.path)
+        options.save(directory.path)
+        if options.part is not Part.MISSION:
+            start_nursery(scenario, starts, directory.path)
+            stack.callback(end_nursery, directory.path)
+        while True:
+            code, result = watch_supervisor(
+                start_supervisor(directory.path, options, resume=options.epoch > 1), progress
+            )
+            if result is not None:
+                return result
+            if code >= 0:
+                raise PeerFailed(
+                    f"the supervisor ended with status {code}; see {directory.path}/supervisor.log"
+                )
+            progress.say(
+                f"the supervisor died ({signal.Signals(-code).name}); the fleet is suspended and whole. "
+                f"To go on: musselbed resume {directory.path}"
+            )
+            if options.on_death is OnDeath.WAIT:
+                return _wait_for_resume(directory.path, progress)
+            options = options.next_epoch()
+            options.save(directory.path)
+
+
+def start_supervisor(run_dir: Path, options: RunOptions, *, resume: bool) -> Child:
+    return Child(
+        "supervisor",
+        "apad_bridge.runs.supervisor_process",
+        [str(run_dir), *(["--resume"] if resume else [])],
+        run_dir / "supervisor.log",
+        {"ROS_MASTER_URI": options.master_uri, **({"ROS_IP": "127.0.0.1"} if options.owns_master else {})},
+    )
+
+
+def watch_supervisor(child: Child, progress: FlightProgress) -> tuple[int, dict[str, Any] | None]:
+    """Shows what the supervisor says until it ends; its exit code, and the summary if it gave one.
+
+    Ctrl-C and SIGTERM here ask it to end in order.
+    """
+    result: dict[str, Any] | None = None
+    deadline_s: float | None = None
+    with _Interrupts() as interrupts:
+        while True:
+            if interrupts.came and deadline_s is None:
+                deadline_s = time.monotonic() + _END_S
+                child.ask_to_end()
+            if deadline_s is not None and time.monotonic() > deadline_s:
+                child.end(1.0)
+            line = interrupts.read_line(child, 0.2)
+            if line is None:
+                continue
+            if not line:
+                break
+            status = Status.from_line(line)
+            if status is not None:
+                progress.show(status)
+            elif line.startswith("{"):
+                result = json.loads(line).get("summary", result)
+            else:
+                progress.say(line.rstrip())
+    code = child.wait(_END_S)
+    child.end(1.0)
+    return (-signal.SIGKILL if code is None else code), result
+
+
+class _Interrupts:
+    """Notes SIGINT and SIGTERM while it is entered, so that the parent ends things in order instead of dying."""
+
+    def __init__(self) -> None:
+        self.came = False
+        self._buffer = b""
+        self._before: dict[int, Any] = {}
+
+    def __enter__(self) -> _Interrupts:
+        for number in (signal.SIGINT, signal.SIGTERM):
+            self._before[number] = signal.signal(number, self._note)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for number, handler in self._before.items():
+            signal.signal(number, handler)
+
+    def _note(self, *_: object) -> None:
+        self.came = True
+
+    def read_line(self, child: Child, timeout_s: float) -> str | None:
+        """A line of the child; empty at its end, None when none came in time."""
+        if b"\n" not in self._buffer:
+            readable, _, _ = select.select([child.lines], [], [], timeout_s)
+            if not readable:
+                return None
+            chunk = os.read(child.lines.fileno(), 65536)
+            if not chunk:
+                return ""
+            self._buffer += chunk
+            if b"\n" not in self._buffer:
+                return None
+        line, self._buffer = self._buffer.split(b"\n", 1)
+        return line.decode(errors="replace") + "\n"
+
+
+def _open_ros(stack: ExitStack, options: RunOptions, run_dir: Path) -> RunOptions:
+    """Starts what ROS needs of its own: a master, and on it the simulated aPad. Ended in reverse order."""
+    if options.apad is APadKind.ROS:
+        return options
+    master = start_master(run_dir / "ros")
+    stack.callback(master.stop)
+    try:
+        node = start_apad_node(run_dir / "scenario.yaml", master.uri, run_dir / "apad.log")
+    except APadNodeFailed as error:
+        raise PeerFailed(f"{error}; see {run_dir}/apad.log") from error
+    stack.callback(stop_apad_node, node, 1.0)
+    return options.on_master(master.uri)
+
+
+def _wait_for_resume(run_dir: Path, progress: FlightProgress) -> dict[str, Any]:
+    """Waits, a stated time, for a resumed supervisor to finish this run."""
+    summary = run_dir / "summary.json"
+    until_s = time.monotonic() + WAIT_FOR_RESUME_S
+    with _Interrupts() as interrupts:
+        while not interrupts.came and time.monotonic() < until_s:
+            if summary.exists():
+                found: dict[str, Any] = json.loads(summary.read_text())
+                return found
+            if (run_dir / RESUMED_NAME).exists():
+                until_s = time.monotonic() + WAIT_FOR_RESUME_S
+                (run_dir / RESUMED_NAME).unlink(missing_ok=True)
+            time.sleep(0.2)
+    raise PeerFailed(f"the supervisor died and nobody resumed the run; its records: {run_dir}")

@@ -1,0 +1,88 @@
+"""The supervisor of a run over ROS, a process of its own: python -m apad_bridge.runs.supervisor_process RUN [--resume]
+
+Its standard output is for the parent: a JSON line a tick (`Status`), words for a person, and at last the summary. It goes
+on when nobody reads it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import json
+import os
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+from apad_bridge import building
+from apad_bridge.commands.exits import Exit
+from apad_bridge.records.recorder import Recorder
+from apad_bridge.records.run_directory import RunDirectory
+from apad_bridge.ros.surroundings import open_surroundings
+from apad_bridge.runs import flying, resuming
+from apad_bridge.runs.failures import PeerFailed
+from apad_bridge.runs.nurseries import adopt
+from apad_bridge.runs.options import Part, RunOptions
+from apad_bridge.scenario.loader import load
+from apad_bridge.scenario.starts import starts_of
+
+PID_NAME = "supervisor.pid"
+
+
+def say(line: str) -> None:
+    """To the parent, if there still is one."""
+    with contextlib.suppress(BrokenPipeError):
+        print(line, flush=True)
+
+
+def fly(run_dir: Path, resume: bool) -> int:
+    directory = RunDirectory(run_dir)
+    scenario, options = load(directory.scenario), RunOptions.load(run_dir)
+    ids = building.agent_ids(scenario)
+    if resume:
+        recorder, resumed = Recorder.resume(directory, scenario, ids)
+        go_on = resuming.go_on(resumed.journal, options.epoch)
+        for words in resuming.what_was_lost(resumed):
+            say(words)
+    else:
+        recorder, go_on = Recorder(directory, scenario, ids), None
+        flying.journal_start(recorder, scenario, starts_of(scenario))
+    start_ms = 0 if go_on is None else go_on.now_ms
+    try:
+        fleet = None if options.part is Part.MISSION else adopt(scenario, run_dir, options.epoch, start_ms)
+        with open_surroundings(scenario, options, run_dir, fleet, recorder, start_ms) as surroundings:
+            summary = flying.fly(
+                scenario, surroundings, recorder, lambda status: say(status.to_line()), go_on
+            )
+    except (PeerFailed, TimeoutError) as error:
+        say(f"ended: {error}")
+        recorder.close()
+        return Exit.PEER_FAILED
+    say(json.dumps({"summary": summary}))
+    return Exit.DONE
+
+
+@contextlib.contextmanager
+def named(run_dir: Path) -> Iterator[None]:
+    """Says in the run's directory which process its supervisor is."""
+    path = run_dir / PID_NAME
+    path.write_text(f"{os.getpid()}\n")
+    try:
+        yield
+    finally:
+        path.unlink(missing_ok=True)
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(
+        description="The supervisor of one run; started by musselbed, not by hand."
+    )
+    parser.add_argument("run", type=Path)
+    parser.add_argument("--resume", action="store_true")
+    arguments = parser.parse_args()
+    with named(arguments.run):
+        return fly(arguments.run, arguments.resume)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
