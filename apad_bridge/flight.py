@@ -60,7 +60,10 @@ Watcher = Callable[[int], None]
 
 
 class Flight:
-    """Flies from `start_ms` to the mission's end; `held` are the aMussels that docks already hold. `stop` may be called from a signal handler or another thread."""
+    """Flies from `start_ms` to the mission's end; `held` are the aMussels that docks already hold.
+
+    `stop` may be called from a signal handler or another thread.
+    """
 
     def __init__(
         self,
@@ -149,7 +152,7 @@ class Flight:
                         now_ms,
                         "died",
                         id=agent_id,
-                        at=at_ms,
+                        agent_ms=agent_ms,
                         cause=cause.name,
                         reason=reason,
                         gave_up=gave_up,

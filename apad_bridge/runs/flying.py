@@ -9,10 +9,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from agents.processes import ProcessHost
-
 from agents.coordinator import Coordinator
 from agents.one_process import OneProcess
+from agents.processes import ProcessHost
 from apad_bridge import building
 from apad_bridge.flight import Fleet, Flight, Watcher
 from apad_bridge.mission.state import MissionState

@@ -78,5 +78,9 @@ class RunOptions:
         except (KeyError, TypeError) as error:
             raise ValueError(f"{directory / OPTIONS_NAME} was written by another version: {error}") from error
 
+    def on_master(self, uri: str) -> RunOptions:
+        """The same on a master of the run's own."""
+        return replace(self, master_uri=uri, owns_master=True)
+
     def next_epoch(self) -> RunOptions:
         return replace(self, epoch=self.epoch + 1)

@@ -21,6 +21,7 @@ from apad_bridge.runs.children import Child
 from apad_bridge.runs.failures import PeerFailed
 from apad_bridge.runs.nurseries import end_nursery, start_nursery
 from apad_bridge.runs.options import APadKind, OnDeath, Part, RunOptions
+from apad_bridge.runs.pid_file import supervisor_of
 from apad_bridge.runs.progress import FlightProgress
 from apad_bridge.runs.status import Status
 from apad_bridge.scenario.schema import Scenario
@@ -166,8 +167,7 @@ def _wait_for_resume(run_dir: Path, progress: FlightProgress) -> dict[str, Any]:
             if summary.exists():
                 found: dict[str, Any] = json.loads(summary.read_text())
                 return found
-            if (run_dir / RESUMED_NAME).exists():
+            if supervisor_of(run_dir) is not None:
                 until_s = time.monotonic() + WAIT_FOR_RESUME_S
-                (run_dir / RESUMED_NAME).unlink(missing_ok=True)
             time.sleep(0.2)
     raise PeerFailed(f"the supervisor died and nobody resumed the run; its records: {run_dir}")

@@ -9,9 +9,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 import json
-import os
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 
 from apad_bridge import building
@@ -25,8 +23,6 @@ from apad_bridge.runs.nurseries import adopt
 from apad_bridge.runs.options import Part, RunOptions
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.starts import starts_of
-
-PID_NAME = "supervisor.pid"
 
 
 def say(line: str) -> None:
@@ -62,17 +58,6 @@ def fly(run_dir: Path, resume: bool) -> int:
     return Exit.DONE
 
 
-@contextlib.contextmanager
-def named(run_dir: Path) -> Iterator[None]:
-    """Says in the run's directory which process its supervisor is."""
-    path = run_dir / PID_NAME
-    path.write_text(f"{os.getpid()}\n")
-    try:
-        yield
-    finally:
-        path.unlink(missing_ok=True)
-
-
 def main() -> int:
     parser = argparse.ArgumentParser(
         description="The supervisor of one run; started by musselbed, not by hand."
@@ -80,7 +65,7 @@ def main() -> int:
     parser.add_argument("run", type=Path)
     parser.add_argument("--resume", action="store_true")
     arguments = parser.parse_args()
-    with named(arguments.run):
+    with supervising(arguments.run):
         return fly(arguments.run, arguments.resume)
 
 
