@@ -41,11 +41,14 @@ class Journal:
         """Opens the file at its end, making it if there is none; a torn last line is cut off."""
         self._descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC, 0o644)
         self._waiting: list[str] = []
+        self.last_ms = -1
+        """The newest mission time that was appended; -1 for none."""
         self.torn_bytes = _cut_torn_line(self._descriptor)
 
     def append(self, at_ms: int, kind: str, data: Line) -> None:
         """ValueError for a value that JSON does not have (NaN); TypeError for one that is not plain data."""
         self._waiting.append(_encode({"t": at_ms, "kind": kind, **data}))
+        self.last_ms = max(self.last_ms, at_ms)
 
     def flush(self) -> None:
         if not self._waiting:

@@ -140,6 +140,9 @@ class Recorder:
                 self._water.sample(truth, max(agent_ms, truth.at_ms)) for _, truth in sorted(newest.items())
             ]
             self._bag.sample(now_ms, truths, [belief_sample(belief, now_ms) for belief in beliefs], apad)
+        if self._journal.last_ms < now_ms:
+            # A quiet tick leaves its time: a resumed run must know how far the fleet was granted.
+            self._journal.append(now_ms, "tick", {})
         self._journal.flush()
 
     def flush(self) -> None:

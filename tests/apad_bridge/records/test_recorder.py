@@ -1,0 +1,273 @@
+"""The recorder on a real flight in virtual time, and on hand-made ticks where a story is wanted."""
+
+import json
+import shutil
+from dataclasses import replace
+from datetime import UTC, datetime
+from pathlib import Path
+
+import pytest
+from rosbags.rosbag1 import Reader
+
+from agents.coordinator import Coordinator
+from agents.one_process import OneProcess
+from agents.outputs import Truth
+from agents.physical import Physical
+from apad_bridge import building
+from apad_bridge.beliefs.belief import Belief
+from apad_bridge.flight import Fleet, Flight
+from apad_bridge.pace import AsFastAsPossible
+from apad_bridge.records.journal import read_journal
+from apad_bridge.records.recorder import DAY_MS, Recorder
+from apad_bridge.records.run_directory import RunDirectory
+from apad_bridge.records.summary import Ending
+from apad_bridge.scenario.loader import load
+from apad_bridge.scenario.starts import read_starts, starts_of
+from apad_bridge.simulated_apad.apad import SimulatedAPad
+from apad_bridge.vehicle import BatteryReported, PoseReported
+from apad_bridge.vehicle_link import InProcessVehicle
+from firmware_model.actions import Buoyancy
+from firmware_model.charge import FULL, Battery, Flow
+from firmware_model.states import State
+
+SCENARIOS = Path(__file__).parents[3] / "launch_scripts" / "scenarios"
+ENDING = Ending("mission time", 12.5, 3, 0.25, {"a packet": 2})
+FREE = (None, None, None, None)
+
+
+@pytest.fixture(scope="module")
+def scenario():
+    return replace(load(SCENARIOS / "pool-12.yaml"), duration_s=600.0)
+
+
+def new_directory(path):
+    return RunDirectory.create("pool-12", datetime(2026, 5, 4, tzinfo=UTC), path)
+
+
+def fly(scenario, recorder, until_ms=None):
+    """The whole flight, or its ticks up to `until_ms`."""
+    births = building.births(scenario, list(starts_of(scenario)))
+    host = OneProcess(building.fleet_config(scenario), births)
+    fleet = Fleet(Coordinator(host, dict.fromkeys(births, 0), scenario.theta), host)
+    vehicle = InProcessVehicle(SimulatedAPad(scenario.apad))
+    flight = Flight(building.supervisor(scenario), vehicle, AsFastAsPossible(), recorder, fleet)
+    if until_ms is None:
+        flight.run()
+    else:
+        for now_ms in range(0, until_ms + 1, 1000):
+            flight.tick(now_ms)
+
+
+class Tee:
+    """The same to two recorders; the second dies and is resumed at `resume_ms`."""
+
+    def __init__(self, whole, broken, resume, resume_ms):
+        self.whole, self.broken, self._resume, self._resume_ms = whole, broken, resume, resume_ms
+
+    def event(self, at_ms, kind, **data):
+        self.whole.event(at_ms, kind, **data)
+        self.broken.event(at_ms, kind, **data)
+
+    def truths(self, truths):
+        self.whole.truths(truths)
+        self.broken.truths(truths)
+
+    def tick(self, now_ms, *rest):
+        self.whole.tick(now_ms, *rest)
+        self.broken.tick(now_ms, *rest)
+        if now_ms == self._resume_ms:
+            self.broken = self._resume()
+
+
+def test_a_flight_leaves_everything_behind(tmp_path, scenario):
+    directory = new_directory(tmp_path / "run")
+    recorder = Recorder(directory, scenario, building.agent_ids(scenario))
+    fly(scenario, recorder)
+    summary = recorder.finish(600_000, ENDING)
+    assert json.loads(directory.summary.read_text()) == summary
+    assert (summary["agents"], summary["mission_s"], summary["theta"]) == (12, 600.0, 30)
+    assert (summary["cost_m"], summary["services"], summary["ended_by"]) == (12.5, 3, "mission time")
+    assert summary["dropped"]["a packet"] == 2
+    assert summary["active_mean"] == pytest.approx(12 * summary["uptime_paper"]["mean"] / 100)
+    assert 0 < summary["uptime_submerged"]["mean"] < summary["uptime_paper"]["mean"] < 100
+    ends = read_starts(tmp_path / "run", scenario.area, 1, 12)
+    assert summary["final_charge_mean"] == pytest.approx(sum(end.primary for end in ends) / 12)
+    with Reader(directory.path / "run.bag") as reader:
+        counts = {topic: info.msgcount for topic, info in reader.topics.items()}
+        assert counts["/musselbed/truth"] == 601
+        assert counts["/musselbed/beliefs"] >= 600 and counts["/musselbed/apad"] >= 600
+        assert (reader.start_time, reader.end_time) == (1, 600_000_000_001)
+    kinds = {line["kind"] for line in read_journal(directory.journal).lines}
+    assert {"truth", "apad", "belief", "mission", "plan", "primitive", "stimulus"} <= kinds
+
+
+def test_a_resumed_run_counts_as_if_nothing_had_happened(tmp_path, scenario):
+    ids = building.agent_ids(scenario)
+    resumed = []
+
+    def die_and_resume():
+        # What a kill leaves: the files as they are now. The dead recorder's own are closed elsewhere.
+        shutil.copytree(tmp_path / "broken", tmp_path / "resumed")
+        with (tmp_path / "resumed" / "journal.jsonl").open("ab") as journal:
+            journal.write(b'{"t":30')
+        recorder, report = Recorder.resume(RunDirectory.open(tmp_path / "resumed"), scenario, ids)
+        resumed.append(report)
+        return recorder
+
+    broken = Recorder(new_directory(tmp_path / "broken"), scenario, ids)
+    tee = Tee(Recorder(new_directory(tmp_path / "whole"), scenario, ids), broken, die_and_resume, 337_000)
+    fly(scenario, tee)
+    whole, again = tee.whole.finish(600_000, ENDING), tee.broken.finish(600_000, ENDING)
+    broken.close()
+    assert again == whole
+    assert (tmp_path / "resumed" / "ends.csv").read_text() == (tmp_path / "whole" / "ends.csv").read_text()
+    (report,) = resumed
+    assert (report.journal.dropped, report.journal_torn_bytes, report.bag) == (1, 7, "run.bag")
+    # The chunk that was being filled since 300 s is lost; the journal knows the tick of the kill.
+    assert (report.journal.last_ms, report.bag_lost_ms) == (337_000, 37_000)
+    journal = read_journal(tmp_path / "resumed" / "journal.jsonl")
+    assert journal.dropped == 0
+    line = journal.first("resumed")
+    assert line["bag_lost_ms"] == report.bag_lost_ms and line["journal_torn_bytes"] == 7
+    with Reader(tmp_path / "resumed" / "run.bag") as reader:
+        assert reader.end_time // 1_000_000 == 300_000
+    with Reader(tmp_path / "resumed" / "run-1.bag") as reader:
+        assert reader.end_time // 1_000_000 == 600_000
+
+
+def hand_made(at_ms, agent_id=3, *, east_um=0, docked=False, charge=FULL, state=State.ACTIVE):
+    physical = Physical(
+        Battery(0, charge, Flow.RESTING),
+        Battery(0, FULL, Flow.RESTING),
+        0,
+        east_um,
+        0,
+        0,
+        Buoyancy.SINK,
+        docked,
+    )
+    return Truth(at_ms, agent_id, state, physical)
+
+
+@pytest.fixture
+def recorder(tmp_path, scenario):
+    recorder = Recorder(new_directory(tmp_path / "run"), scenario, [3, 4])
+    yield recorder
+    recorder.close()
+
+
+def lines_of(recorder, kind):
+    recorder.flush()
+    return [line for line in read_journal(recorder._directory.journal).lines if line["kind"] == kind]
+
+
+def test_truth_is_journaled_when_it_changed_or_moved(recorder):
+    for at_ms, east_um in ((0, 0), (30_000, 250_000), (60_000, 250_001), (90_000, 400_000)):
+        recorder.truths([hand_made(at_ms, east_um=east_um)])
+    recorder.truths([hand_made(120_001, docked=True, state=State.CHARGING)])
+    recorder.truths([hand_made(150_000, east_um=9_000_000, docked=True, state=State.CHARGING)])
+    recorder.truths([hand_made(180_000, east_um=9_000_000)])
+    # Carried by a dock it is where the aPad is; the release says where that was. Mission time is rounded up.
+    assert [(line["t"], line["agent_ms"], line["east_um"]) for line in lines_of(recorder, "truth")] == [
+        (0, 0, 0),
+        (2000, 60_000, 250_001),
+        (4001, 120_001, 0),
+        (6000, 180_000, 9_000_000),
+    ]
+
+
+def test_a_truth_that_cannot_be_is_dropped_and_counted(recorder):
+    recorder.truths([hand_made(60_000), hand_made(30_000, charge=0), hand_made(0, agent_id=99)])
+    summary = recorder.finish(10_000, ENDING)
+    assert summary["dropped"] == {
+        "a packet": 2,
+        "a truth of an unknown aMussel": 1,
+        "a truth that a newer one overtook": 1,
+    }
+    assert summary["emptied"] == 0
+
+
+def test_an_aMussel_given_up_is_active_no_more(recorder):
+    recorder.truths([hand_made(0, 3), hand_made(0, 4)])
+    recorder.event(5000, "died", id=3, at=4000, cause="BROWN_OUT", reason="killed", gave_up="too often")
+    summary = recorder.finish(10_000, ENDING)
+    assert (summary["uptime_paper"]["min"], summary["uptime_paper"]["max"]) == (30.0, 100.0)
+    assert summary["gave_up"] == 1
+
+
+def test_without_truth_the_summary_says_why(recorder, scenario, tmp_path):
+    belief = Belief(3, 1000, State.ACTIVE, 0.5, 0.75, 4.0, 6.0)
+    recorder.tick(1000, [belief], PoseReported(1000, 0.0, 0.0, 0.0), None, "none", FREE)
+    summary = recorder.finish(2000, ENDING)
+    assert summary["uptime_paper"] is None and summary["lost"] is None
+    assert summary["uptime_missing"].startswith("no truth was recorded")
+    (end,) = read_starts(tmp_path / "run", scenario.area, 1, 1)
+    assert (end.agent_id, end.north_m, end.primary, end.secondary) == (3, 4.0, 0.5, 0.75)
+
+
+def test_the_aPad_is_journaled_when_it_matters(recorder):
+    def tick(now_ms, north_m=0.0, heading_rad=3.14, left=0.9, primitive="hold position", slots=FREE):
+        pose = PoseReported(now_ms, north_m, 0.0, heading_rad)
+        recorder.tick(now_ms, [], pose, BatteryReported(now_ms, 15.0, left), primitive, slots)
+
+    tick(0)
+    tick(1000, north_m=0.05)
+    tick(2000, north_m=0.06)
+    tick(3000, north_m=0.06, heading_rad=-3.11)  # 2 degrees, across the south
+    tick(4000, north_m=0.06, heading_rad=-3.0)
+    tick(5000, north_m=0.06, heading_rad=-3.0, left=0.8951)
+    tick(6000, north_m=0.06, heading_rad=-3.0, left=0.8949)
+    tick(7000, north_m=0.06, heading_rad=-3.0, left=0.8949, primitive="dock")
+    tick(8000, north_m=0.06, heading_rad=-3.0, left=0.8949, primitive="dock", slots=(3, None, None, None))
+    for now_ms in (9000, 67_000, 68_000, 69_000):
+        tick(
+            now_ms, north_m=0.06, heading_rad=-3.0, left=0.8949, primitive="dock", slots=(3, None, None, None)
+        )
+    assert [line["t"] for line in lines_of(recorder, "apad")] == [0, 2000, 4000, 6000, 7000, 8000, 68_000]
+    assert lines_of(recorder, "apad")[-1]["slots"] == [3, -1, -1, -1]
+
+
+def test_a_belief_is_journaled_when_its_charge_moved_or_its_state_changed(recorder):
+    for now_ms, charge, state in (
+        (1000, 0.8, State.ACTIVE),
+        (2000, 0.7901, State.ACTIVE),
+        (3000, 0.7899, State.ACTIVE),
+        (4000, 0.7898, State.SURFACING),
+    ):
+        recorder.tick(now_ms, [Belief(3, now_ms, state, charge, 1.0, 0.0, 0.0)], None, None, "none", FREE)
+    assert [line["t"] for line in lines_of(recorder, "belief")] == [1000, 3000, 4000]
+
+
+def test_a_quiet_tick_leaves_its_time(recorder):
+    for now_ms in (1000, 2000):
+        recorder.tick(now_ms, [], None, None, "none", FREE)
+    recorder.event(3000, "leg", metres=1.0)
+    recorder.tick(3000, [], None, None, "none", FREE)
+    assert [line["t"] for line in lines_of(recorder, "tick")] == [1000, 2000]
+
+
+def test_after_a_day_samples_are_as_rare_as_the_scenario_says(tmp_path, scenario):
+    rare = replace(scenario, records=replace(scenario.records, record_period_s=10.0))
+    recorder = Recorder(new_directory(tmp_path / "run"), rare, [3])
+    recorder.truths([hand_made(0)])
+    for now_ms in range(DAY_MS - 5000, DAY_MS + 25_001, 1000):
+        recorder.tick(now_ms, [], None, None, "none", FREE)
+    recorder.close()
+    with Reader(recorder._bag.path) as reader:
+        stamps = [stamp_ns // 1_000_000 - DAY_MS for _, stamp_ns, _ in reader.messages()]
+    assert stamps == [-5000, -4000, -3000, -2000, -1000, 0, 10_000, 20_000]
+
+
+def test_depth_in_the_bag_is_the_bodys(tmp_path, scenario):
+    from agents.body import Body
+    from apad_bridge.records.samples import Water
+
+    water_config = building.fleet_config(scenario).maker().config(3).water
+    water = Water(scenario)
+    for buoyancy in Buoyancy:
+        body = Body(3, water_config, 0, 0, 10_000, 1_234_567, buoyancy, False, 10_000)
+        for now_ms in (10_000, 10_001, 33_333, 60_000, 90_000):
+            physical = replace(
+                hand_made(0).physical, depth_anchor_ms=10_000, depth_um=1_234_567, buoyancy=buoyancy
+            )
+            assert water.depth_um(physical, now_ms) == body.depth_at_um(now_ms)
