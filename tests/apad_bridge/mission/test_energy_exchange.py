@@ -1,0 +1,271 @@
+"""The energy-exchange mission, told by hand what is believed and what the port answers."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from apad_bridge.beliefs.belief import Belief
+from apad_bridge.mission.energy_exchange import EnergyExchange
+from apad_bridge.mission.orders import Note, Order, PermitSurfacing, TellClear
+from apad_bridge.mission.state import MissionState, Phase
+from apad_bridge.planning import registry
+from apad_bridge.port.primitives import (
+    DockChanged,
+    DockMussel,
+    GoToPoint,
+    HoldPosition,
+    Primitive,
+    PrimitiveFailed,
+    PrimitiveSucceeded,
+    UndockMussel,
+)
+from apad_bridge.scenario.loader import load
+from firmware_model.states import State
+
+MISSION = load(Path(__file__).parents[3] / "launch_scripts/scenarios/pool-12.yaml").mission
+
+
+class Told(dict[int, Belief]):
+    """Beliefs as this test says they are."""
+
+    def all(self) -> list[Belief]:
+        return [self[agent_id] for agent_id in sorted(self)]
+
+    def say(self, agent_id: int, now_ms: int, state: State, charge: float, *place: float) -> None:
+        before = self.get(agent_id)
+        where = place or ((before.north_m, before.east_m) if before else (10.0 * agent_id, 0.0))
+        self[agent_id] = Belief(agent_id, now_ms, state, charge, 1.0, where[0], where[1])
+
+
+class Bench:
+    """A mission and the test's hand on it."""
+
+    def __init__(
+        self, agents: int = 4, collection: str = "cautious", state: MissionState | None = None
+    ) -> None:
+        self.told = Told()
+        self.now_ms = 0
+        self.orders: list[Order] = []
+        self.mission = EnergyExchange(
+            MISSION,
+            self.told,
+            registry.collection(collection),
+            registry.redeployment("greedy-redeploy"),
+            state,
+        )
+        self.mission.moved(0.0, 0.0)
+        for agent_id in range(1, agents + 1):
+            self.told.say(agent_id, 0, State.ACTIVE, 0.5 + agent_id / 100)
+
+    def tick(self, seconds: int = 1) -> list[Order]:
+        """One tick after so many seconds, with every aMussel heard anew as it was."""
+        self.now_ms += 1000 * seconds
+        for agent_id, belief in self.told.items():
+            self.told[agent_id] = replace(belief, heard_ms=self.now_ms)
+        self.orders = self.mission.advance(self.now_ms)
+        return self.orders
+
+    def primitive(self) -> Primitive:
+        found = [order for order in self.orders if isinstance(order, Primitive)]
+        assert len(found) == 1, self.orders
+        return found[0]
+
+    def succeed(self) -> Primitive:
+        """The primitive just ordered succeeds; gives it."""
+        done = self.primitive()
+        if isinstance(done, GoToPoint):
+            self.mission.moved(done.north_m, done.east_m)
+        if isinstance(done, DockMussel | UndockMussel):
+            closed = isinstance(done, DockMussel)
+            self.mission.receive(DockChanged(self.now_ms, done.slot, done.agent_id, closed), self.now_ms)
+        self.orders = self.mission.receive(PrimitiveSucceeded(self.now_ms, done.primitive_id), self.now_ms)
+        return done
+
+    def fail(self, reason: str) -> None:
+        failed = PrimitiveFailed(self.now_ms, self.primitive().primitive_id, reason)
+        self.orders = self.mission.receive(failed, self.now_ms)
+
+    def collect(self, agent_id: int) -> None:
+        """From the go-to just ordered to the docked aMussel."""
+        self.succeed()
+        self.told.say(agent_id, self.now_ms, State.FLOATING, self.told[agent_id].primary)
+        self.tick()
+        assert isinstance(self.succeed(), DockMussel)
+        self.told.say(agent_id, self.now_ms, State.CHARGING, self.told[agent_id].primary)
+
+    def notes(self, kind: str) -> list[dict[str, object]]:
+        return [order.data for order in self.orders if isinstance(order, Note) and order.kind == kind]
+
+
+def test_it_holds_and_waits_until_four_are_in_the_pool() -> None:
+    bench = Bench(agents=5)
+    bench.told.say(4, 0, State.ACTIVE, 0.81)
+    bench.told.say(5, 0, State.ACTIVE, 0.9)
+    assert isinstance(next(o for o in bench.tick() if not isinstance(o, Note)), HoldPosition)
+    assert [o for o in bench.tick() if isinstance(o, Primitive)] == []
+    bench.told.say(4, 0, State.ACTIVE, 0.8)
+    bench.tick()
+    assert isinstance(bench.primitive(), GoToPoint)
+
+
+def test_it_goes_to_the_lowest_first_and_permits_it_to_surface_on_the_way() -> None:
+    bench = Bench()
+    bench.tick()
+    goto = next(order for order in bench.orders if isinstance(order, GoToPoint))
+    assert (goto.north_m, goto.east_m) == (10.0, 0.0)
+    assert goto.speed_m_s == 0.5
+    assert PermitSurfacing(1) in bench.orders
+    assert bench.mission.state.cost_m == 10.0
+
+
+def test_it_docks_only_what_floats_and_repeats_the_permission() -> None:
+    bench = Bench()
+    bench.tick()
+    bench.orders = [o for o in bench.orders if not isinstance(o, HoldPosition)]
+    bench.succeed()
+    for _ in range(9):
+        assert PermitSurfacing(1) not in bench.tick()
+    assert PermitSurfacing(1) in bench.tick()
+    bench.told.say(1, bench.now_ms, State.FLOATING, 0.5)
+    bench.tick()
+    assert bench.primitive() == DockMussel(bench.mission.state.primitive_id, 0, 1)
+
+
+def test_one_that_never_answers_is_given_up_and_the_next_is_collected() -> None:
+    bench = Bench()
+    bench.tick()
+    bench.orders = [o for o in bench.orders if not isinstance(o, HoldPosition)]
+    bench.succeed()
+    waited = 0
+    while not bench.notes("given_up"):
+        bench.tick()
+        waited += 1
+        assert waited <= MISSION.permission_repeat_s * MISSION.surfacing_attempts
+    assert bench.notes("given_up")[0]["agent"] == 1
+    assert PermitSurfacing(2) in bench.orders
+
+
+def ready_for_a_round() -> Bench:
+    bench = Bench()
+    bench.tick()
+    bench.orders = [o for o in bench.orders if not isinstance(o, HoldPosition)]
+    for agent_id in (1, 2, 3, 4):
+        bench.collect(agent_id)
+    assert bench.mission.state.phase is Phase.CHARGE
+    return bench
+
+
+def test_a_whole_round_charges_all_to_99_percent_and_brings_them_home() -> None:
+    bench = ready_for_a_round()
+    bench.mission.moved(40.0, 0.0)
+    for agent_id in (1, 2, 3):
+        bench.told.say(agent_id, bench.now_ms, State.CHARGING, 1.0)
+    bench.told.say(4, bench.now_ms, State.CHARGING, 0.99)
+    bench.tick()
+    assert bench.mission.state.phase is Phase.CHARGE
+    bench.told.say(4, bench.now_ms, State.CHARGING, 0.991)
+    bench.tick()
+    for expected in (4, 3, 2, 1):  # nearest home first, from 40 m north
+        goto = bench.succeed()
+        assert isinstance(goto, GoToPoint)
+        assert goto.north_m == 10.0 * expected
+        undock = bench.succeed()
+        assert isinstance(undock, UndockMussel)
+        assert undock.agent_id == expected
+        assert TellClear(expected) in bench.orders
+        bench.told.say(expected, bench.now_ms, State.SINKING, 1.0)
+    assert bench.mission.state.phase is Phase.IDLE
+    assert bench.mission.state.services == 4
+
+
+def test_a_docked_one_whose_charge_does_not_rise_is_not_waited_for() -> None:
+    bench = ready_for_a_round()
+    for agent_id in (1, 2, 3):
+        bench.told.say(agent_id, bench.now_ms, State.CHARGING, 1.0)
+    bench.tick()
+    bench.tick(int(MISSION.silence_timeout_s))
+    assert bench.mission.state.phase is Phase.CHARGE
+    bench.tick(2)
+    assert bench.notes("given_up")[0]["agent"] == 4
+    assert bench.mission.state.phase is Phase.GO_DEPLOY
+
+
+def test_a_failed_go_to_skips_the_step_and_says_why() -> None:
+    bench = Bench()
+    bench.tick()
+    bench.orders = [o for o in bench.orders if not isinstance(o, HoldPosition)]
+    bench.fail("stalled")
+    assert bench.notes("given_up")[0] == {"agent": 1, "what": "collect", "reason": "stalled"}
+    assert PermitSurfacing(2) in bench.orders
+
+
+def test_an_answer_to_a_primitive_that_is_over_changes_nothing() -> None:
+    bench = Bench()
+    bench.tick()
+    before = bench.mission.state
+    assert (
+        bench.mission.receive(PrimitiveSucceeded(bench.now_ms, before.primitive_id - 1), bench.now_ms) == []
+    )
+    assert bench.mission.state == before
+
+
+def test_what_was_docked_by_hand_is_charged_first() -> None:
+    bench = Bench()
+    bench.mission.receive(DockChanged(0, 2, 3, True), 0)
+    bench.tick()
+    assert bench.mission.state.phase is Phase.CHARGE
+
+
+def test_a_stray_at_the_surface_is_told_that_it_may_sink() -> None:
+    bench = Bench(agents=3)
+    bench.told.say(2, 0, State.FLOATING, 0.9)
+    assert TellClear(2) in bench.tick()
+    assert TellClear(2) not in bench.tick()
+    assert TellClear(2) in bench.tick(int(MISSION.permission_repeat_s))
+
+
+def test_it_ends_once_and_holds() -> None:
+    bench = ready_for_a_round()
+    orders = bench.mission.end("the operator", bench.now_ms)
+    assert any(isinstance(order, HoldPosition) for order in orders)
+    assert bench.mission.state.ended_by == "the operator"
+    assert bench.mission.end("mission time", bench.now_ms) == []
+    assert [o for o in bench.tick() if isinstance(o, Primitive)] == []
+
+
+@pytest.mark.parametrize("phase", [Phase.GO_COLLECT, Phase.AWAIT_SURFACING, Phase.DOCK])
+def test_a_resumed_mission_takes_up_the_step_under_way(phase: Phase) -> None:
+    state = replace(ready_state(), phase=phase)
+    bench = Bench(state=MissionState.from_json(state.to_json()))
+    bench.tick()
+    assert (bench.primitive().north_m if isinstance(bench.primitive(), GoToPoint) else None) == 30.0
+    assert PermitSurfacing(3) in bench.orders
+
+
+def test_a_resumed_mission_does_not_dock_twice_what_the_dock_holds() -> None:
+    state = replace(ready_state(), phase=Phase.DOCK, docked=((0, 1), (1, 2), (2, 3)))
+    bench = Bench(state=state)
+    bench.tick()
+    assert PermitSurfacing(4) in bench.orders
+    assert PermitSurfacing(3) not in bench.orders
+
+
+def ready_state() -> MissionState:
+    """Two docked, two more to come, as a journal would have it."""
+    bench = Bench()
+    bench.tick()
+    bench.orders = [o for o in bench.orders if not isinstance(o, HoldPosition)]
+    bench.collect(1)
+    bench.collect(2)
+    assert bench.mission.state.docked == ((0, 1), (1, 2))
+    return bench.mission.state
+
+
+def test_nothing_is_ordered_before_the_aPad_s_place_is_known() -> None:
+    told = Told()
+    told.say(1, 0, State.ACTIVE, 0.1)
+    mission = EnergyExchange(
+        MISSION, told, registry.collection("greedy"), registry.redeployment("greedy-redeploy")
+    )
+    assert mission.advance(0) == []
