@@ -189,7 +189,7 @@ class Recorder:
 
     def _give_up(self, died: Line) -> None:
         self._gave_up.add(died["id"])
-        self.meter.gone(died["id"], self._scenario.theta * died["at"])
+        self.meter.gone(died["id"], died["agent_ms"])
 
     def _remember(self, contents: JournalContents) -> None:
         for line in contents.lines:
