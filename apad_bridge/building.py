@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from agents.fleet import FleetConfig, resting_on_bottom
@@ -44,7 +45,7 @@ def fleet_config(scenario: Scenario) -> FleetConfig:
     )
 
 
-def births(scenario: Scenario, starts: list[Start]) -> dict[int, Physical]:
+def births(scenario: Scenario, starts: Sequence[Start]) -> dict[int, Physical]:
     """The physical state of every agent at time 0, by id: resting on the bottom."""
     depth_m = scenario.area.depth_m
     return {

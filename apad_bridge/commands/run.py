@@ -5,6 +5,8 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -18,6 +20,8 @@ from apad_bridge.records.recorder import Recorder
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
 from apad_bridge.runs import flying, parent
 from apad_bridge.runs.dry_run import first_plan
+from apad_bridge.runs.failures import PeerFailed
+from apad_bridge.runs.nurseries import FOLDER
 from apad_bridge.runs.options import APadKind, OnDeath, Part, RunOptions, TimeSource
 from apad_bridge.runs.progress import FlightProgress
 from apad_bridge.runs.table import print_table
@@ -83,7 +87,7 @@ def add_scenario_arguments(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def read_scenario(arguments: argparse.Namespace) -> tuple[Scenario, list[Start]]:
+def read_scenario(arguments: argparse.Namespace) -> tuple[Scenario, Sequence[Start]]:
     """The scenario with the command line's changes, and its starts; UserError with every mistake found."""
     try:
         scenario = with_overrides(
@@ -136,7 +140,8 @@ def run(arguments: argparse.Namespace) -> int:
         raise UserError(str(error)) from error
     directory.write_inputs(scenario, starts)
     options.save(directory.path)
-    with FlightProgress(scenario.name, round(scenario.duration_s * 1000), quiet=arguments.json) as progress:
+    duration_ms = round(scenario.duration_s * 1000)
+    with peers_may_fail(), FlightProgress(scenario.name, duration_ms, quiet=arguments.json) as progress:
         if options.time is TimeSource.ASAP:
             summary = _fly_here(scenario, starts, directory, progress)
         else:
@@ -144,12 +149,22 @@ def run(arguments: argparse.Namespace) -> int:
     return report(scenario, directory, summary, arguments.json)
 
 
+@contextmanager
+def peers_may_fail() -> Iterator[None]:
+    """A peer's failure becomes one line on stderr and its exit code."""
+    try:
+        yield
+    except PeerFailed as error:
+        print(f"musselbed: {error}", file=sys.stderr)
+        raise SystemExit(Exit.PEER_FAILED) from error
+
+
 def _fly_here(
-    scenario: Scenario, starts: list[Start], directory: RunDirectory, progress: FlightProgress
+    scenario: Scenario, starts: Sequence[Start], directory: RunDirectory, progress: FlightProgress
 ) -> dict[str, Any]:
     recorder = Recorder(directory, scenario, building.agent_ids(scenario))
     flying.journal_start(recorder, scenario, starts)
-    fleet = flying.open_fleet(scenario, starts, directory.path)
+    fleet = flying.open_fleet(scenario, starts, directory.path / FOLDER)
     try:
         return flying.fly(scenario, flying.in_process(scenario, fleet), recorder, progress.show)
     finally:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 from agents.coordinator import Coordinator, Heard
@@ -16,7 +17,7 @@ from apad_bridge.simulated_apad.apad import SimulatedAPad
 from apad_bridge.supervisor import TICK_MS
 
 
-def first_plan(scenario: Scenario, starts: list[Start]) -> dict[str, Any] | None:
+def first_plan(scenario: Scenario, starts: Sequence[Start]) -> dict[str, Any] | None:
     """The journal's `plan` event of the first plan, with its time `t` in mission milliseconds; None if none is made."""
     births = building.births(scenario, starts)
     host = OneProcess(building.fleet_config(scenario), births)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import signal
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
@@ -51,13 +51,14 @@ class GoOn:
     apad_fraction_at_start: float | None
 
 
-def open_fleet(scenario: Scenario, starts: list[Start], folder: Path) -> Fleet:
+def open_fleet(scenario: Scenario, starts: Sequence[Start], folder: Path) -> Fleet:
     """A new fleet, hosted as the scenario says; a process per aMussel keeps its files in `folder`."""
     config, births = building.fleet_config(scenario), building.births(scenario, starts)
     if scenario.fleet.hosting is Hosting.ONE_PROCESS:
         host: OneProcess | ProcessHost = OneProcess(config, births)
     else:
-        host = ProcessHost.start(folder, config, births)
+        folder.mkdir()
+        host = ProcessHost.start(str(folder), config, births)
     return Fleet(Coordinator(host, dict.fromkeys(births, 0), scenario.theta), host)
 
 
@@ -112,7 +113,7 @@ def fly(
         return recorder.finish(flight.now_ms, ending)
 
 
-def journal_start(recorder: Recorder, scenario: Scenario, starts: list[Start]) -> None:
+def journal_start(recorder: Recorder, scenario: Scenario, starts: Sequence[Start]) -> None:
     """The journal's first line: what a reader needs before anything else."""
     recorder.event(
         0,

@@ -10,13 +10,14 @@ import os
 import select
 import signal
 import time
+from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.ros.apad_process import APadNodeFailed, start_apad_node, stop_apad_node
-from apad_bridge.ros.master import start_master
+from apad_bridge.ros.master import MasterFailed, start_master
 from apad_bridge.runs.children import Child
 from apad_bridge.runs.failures import PeerFailed
 from apad_bridge.runs.nurseries import end_nursery, start_nursery
@@ -29,13 +30,14 @@ from apad_bridge.scenario.starts import Start
 
 _END_S = 4.0
 """A supervisor that was asked to end in order is killed after so long; all is over within 5 s."""
+_MASTER_S = 10.0
 WAIT_FOR_RESUME_S = 600.0
 """So long a fleet without a supervisor is kept for `musselbed resume`."""
 
 
 def fly(
     scenario: Scenario,
-    starts: list[Start],
+    starts: Sequence[Start],
     options: RunOptions,
     directory: RunDirectory,
     progress: FlightProgress,
@@ -45,8 +47,7 @@ def fly(
         options = _open_ros(stack, options, directory.path)
         options.save(directory.path)
         if options.part is not Part.MISSION:
-            start_nursery(scenario, starts, directory.path)
-            stack.callback(end_nursery, directory.path)
+            stack.callback(end_nursery, start_nursery(scenario, starts, directory.path), 1.0)
         while True:
             code, result = watch_supervisor(
                 start_supervisor(directory.path, options, resume=options.epoch > 1), progress
@@ -148,12 +149,12 @@ def _open_ros(stack: ExitStack, options: RunOptions, run_dir: Path) -> RunOption
     """Starts what ROS needs of its own: a master, and on it the simulated aPad. Ended in reverse order."""
     if options.apad is APadKind.ROS:
         return options
-    master = start_master(run_dir / "ros")
-    stack.callback(master.stop)
     try:
+        master = start_master(run_dir / "ros", _MASTER_S)
+        stack.callback(master.stop, 1.0)
         node = start_apad_node(run_dir / "scenario.yaml", master.uri, run_dir / "apad.log")
-    except APadNodeFailed as error:
-        raise PeerFailed(f"{error}; see {run_dir}/apad.log") from error
+    except (MasterFailed, APadNodeFailed) as error:
+        raise PeerFailed(f"{error}; see {run_dir}") from error
     stack.callback(stop_apad_node, node, 1.0)
     return options.on_master(master.uri)
 

@@ -21,6 +21,7 @@ from apad_bridge.runs import flying, resuming
 from apad_bridge.runs.failures import PeerFailed
 from apad_bridge.runs.nurseries import adopt
 from apad_bridge.runs.options import Part, RunOptions
+from apad_bridge.runs.pid_file import supervising
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.starts import starts_of
 

@@ -1,0 +1,70 @@
+"""`musselbed resume`: another supervisor goes on with a run whose supervisor died."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from typing import Any
+
+from apad_bridge.commands.exits import EXITS, UserError
+from apad_bridge.commands.run import peers_may_fail, report
+from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
+from apad_bridge.runs.failures import PeerFailed
+from apad_bridge.runs.options import APadKind, RunOptions, TimeSource
+from apad_bridge.runs.parent import start_supervisor, watch_supervisor
+from apad_bridge.runs.pid_file import supervisor_of
+from apad_bridge.runs.progress import FlightProgress
+from apad_bridge.scenario.loader import load
+
+
+def add_parser(commands: Any) -> None:
+    parser = commands.add_parser(
+        "resume",
+        help="go on with a run whose supervisor died",
+        description="Starts another supervisor for a run: it takes over the living fleet, reads the journal, looks at the "
+        "docks and goes on where the mission stood. The old supervisor, if it should still breathe, is fenced off.",
+        epilog=f"With a real aPad nothing moves again before a person has confirmed it. exit codes: {EXITS}",
+    )
+    parser.add_argument("directory", type=Path, metavar="RUN", help="the run's directory")
+    parser.add_argument(
+        "--confirm-motion", action="store_true", help="a person says that the real aPad may move again"
+    )
+    parser.add_argument(
+        "--json", action="store_true", help="print the summary as JSON on stdout, nothing else"
+    )
+    parser.set_defaults(run=run)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    path = arguments.directory
+    try:
+        directory, options = RunDirectory.open(path), RunOptions.load(path)
+    except (RunDirectoryError, OSError, ValueError) as error:
+        raise UserError(str(error)) from error
+    if options.time is TimeSource.ASAP:
+        raise UserError(
+            f"an asap run is the same whenever it is flown: musselbed run {directory.scenario} --time asap"
+        )
+    if (pid := supervisor_of(path)) is not None:
+        raise UserError(f"the run's supervisor lives (pid {pid}): there is nothing to resume")
+    if directory.summary.exists():
+        raise UserError(f"the run has ended: see {directory.summary}")
+    if options.apad is APadKind.ROS and not arguments.confirm_motion:
+        _ask_whether_it_may_move()
+    options = options.next_epoch()
+    options.save(path)
+    scenario = load(directory.scenario)
+    duration_ms = round(scenario.duration_s * 1000)
+    with peers_may_fail(), FlightProgress(scenario.name, duration_ms, quiet=arguments.json) as progress:
+        code, summary = watch_supervisor(start_supervisor(path, options, resume=True), progress)
+        if summary is None:
+            raise PeerFailed(f"the supervisor ended with status {code}; see {path}/supervisor.log")
+    return report(scenario, directory, summary, arguments.json)
+
+
+def _ask_whether_it_may_move() -> None:
+    if not sys.stdin.isatty():
+        raise UserError("a real aPad moves again only on a person's word: add --confirm-motion")
+    if input("The aPad will move again. Is the water around it clear? Type yes: ").strip().lower() != "yes":
+        raise UserError("not confirmed: nothing was commanded")
