@@ -1,0 +1,92 @@
+"""The life of an aMussel that never was, played in the nursery before it forks.
+
+Python specialises code and fills caches as it runs, which copies pages that a forked agent would otherwise share. After
+this every path of an agent has run, so that a thousand agents share the result.
+"""
+
+from __future__ import annotations
+
+import os
+import socket
+from collections.abc import Iterator
+
+from agents.agent import Agent
+from agents.fleet import AgentConfigs, resting_on_bottom
+from agents.host import Grant
+from agents.link import NEVER, Repeat, Window
+from agents.process import Servant
+from agents.slots import SlotPair
+from agents.stimuli import ContactClosed, ContactOpened, DockMoved, SoundArrived, Stimulus, WifiArrived
+from firmware_model.codec import Codec
+from firmware_model.packets import CommandPacket, Kind
+from firmware_model.stimuli import ResetCause
+
+_LIVES = 12
+"""The interpreter specialises a function after eight calls."""
+
+
+def rehearse(configs: AgentConfigs, codec: Codec, agent_id: int) -> None:
+    """Plays all of an agent's paths, among them the refusals."""
+    slots = os.memfd_create("rehearsal")
+    hearer, teller = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    with hearer, teller:
+        for _ in range(_LIVES):
+            _live(configs, codec, agent_id, slots, hearer, teller)
+    os.close(slots)
+
+
+def _live(
+    configs: AgentConfigs,
+    codec: Codec,
+    agent_id: int,
+    slots: int,
+    hearer: socket.socket,
+    teller: socket.socket,
+) -> None:
+    config = configs.config(agent_id)
+    pair = SlotPair(slots, 0, agent_id)
+    pair.birth(resting_on_bottom(0.0, 0.0, config.water.bottom_um / 1e6, 0.5, 1.0))
+    cause = ResetCause.POWER_ON
+    for epoch in (1, 2):
+        slot = pair.newest((epoch, 0))
+        if slot is None:
+            raise AssertionError("a slot just written was not found")
+        agent = Agent(config, codec, slot.physical, slot.granted_ms, cause)
+        servant = Servant(agent, pair, teller, slot.key, slot.granted_ms)
+        until_ms = slot.granted_ms
+        servant.take(Repeat((epoch, 0)).encode())
+        for sequence, (duration_ms, stimuli) in enumerate(_days(agent, codec, agent_id), start=1):
+            facts = tuple((until_ms, stimulus) for stimulus in stimuli)
+            until_ms += duration_ms
+            window = Window((epoch, sequence), Grant(until_ms, facts)).encode()
+            servant.take(window)
+            servant.take(window)
+            while _drained(hearer):
+                pass
+        for wrong in (b"", b"wrong", Window(NEVER, Grant(0)).encode(), Repeat((epoch, 1)).encode()):
+            servant.take(wrong)
+        cause = ResetCause.BROWN_OUT
+
+
+def _days(agent: Agent, codec: Codec, agent_id: int) -> Iterator[tuple[int, list[Stimulus]]]:
+    """(duration in agent ms, stimuli at its start), window by window, from the bottom to the bottom."""
+    config = agent.config
+    permission = codec.encode(CommandPacket(Kind.PERMISSION, agent_id))
+    release = codec.encode(CommandPacket(Kind.RELEASE, agent_id))
+    second_ms = config.water.step_ms
+    yield config.board.boot_ms + second_ms, []
+    yield config.report_period_ms, [SoundArrived(b"wrong")]
+    yield config.water.surfacing_ms, [SoundArrived(permission), ContactOpened(), DockMoved(0, 0)]
+    yield second_ms, [SoundArrived(permission)]
+    yield config.board.pin_debounce_ms + second_ms, [ContactClosed(0, 0), ContactClosed(0, 0)]
+    yield config.report_period_ms, [DockMoved(1, 1)]
+    yield config.board.pin_debounce_ms, [WifiArrived(release), ContactOpened()]
+    yield config.water.sinking_ms, [WifiArrived(permission)]
+    yield config.report_period_ms + second_ms, [WifiArrived(release)]
+
+
+def _drained(hearer: socket.socket) -> bool:
+    try:
+        return bool(hearer.recv(1, socket.MSG_DONTWAIT))
+    except BlockingIOError:
+        return False

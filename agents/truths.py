@@ -1,0 +1,51 @@
+"""Truths on the fleet's one truth socket: a datagram says whose they are and of which window, so that it commits whole."""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import dataclass
+
+from agents.link import LIMIT_BYTES, Key, LinkError
+from agents.outputs import Truth
+from agents.physical import Physical
+
+_HEAD = struct.Struct("<HIQ")
+_TRUTH_BYTES = Truth.HEAD.size + Physical.FORMAT.size
+_AT_ONCE = (LIMIT_BYTES - _HEAD.size) // _TRUTH_BYTES
+
+
+@dataclass(frozen=True, slots=True)
+class Telling:
+    """Truths of one agent in the window `key`, in order."""
+
+    agent_id: int
+    key: Key
+    truths: tuple[Truth, ...]
+
+
+def encode(agent_id: int, key: Key, truths: list[Truth]) -> list[bytes]:
+    """Datagrams that carry `truths`, in order; none for none."""
+    head = _HEAD.pack(agent_id, *key)
+    return [
+        head + b"".join([truth.pack() for truth in truths[start : start + _AT_ONCE]])
+        for start in range(0, len(truths), _AT_ONCE)
+    ]
+
+
+def decode(data: bytes) -> Telling:
+    """The inverse of `encode`, of one datagram; LinkError for other bytes."""
+    if len(data) > LIMIT_BYTES or len(data) < _HEAD.size or (len(data) - _HEAD.size) % _TRUTH_BYTES:
+        raise LinkError(f"{len(data)} bytes are no truths")
+    agent_id, epoch, sequence = _HEAD.unpack_from(data)
+    try:
+        truths = tuple(
+            [
+                Truth.unpack(data[start : start + _TRUTH_BYTES])
+                for start in range(_HEAD.size, len(data), _TRUTH_BYTES)
+            ]
+        )
+    except ValueError as error:
+        raise LinkError(str(error)) from None
+    if any(truth.agent_id != agent_id for truth in truths):
+        raise LinkError("a truth of another agent")
+    return Telling(agent_id, (epoch, sequence), truths)
