@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 from agents.coordinator import Coordinator
 from agents.one_process import OneProcess
@@ -29,6 +29,10 @@ JOURNAL_FORMAT = 1
 _COMMAND_IDS_PER_EPOCH = 1_000_000
 
 
+class Announce(Protocol):
+    def __call__(self, at_ms: int, kind: str, **data: Any) -> None: ...
+
+
 @dataclass(frozen=True, slots=True)
 class Surroundings:
     """What a supervisor flies with: the vehicle, what lets time pass, the fleet (or none), and who watches each tick."""
@@ -37,6 +41,8 @@ class Surroundings:
     pace: Pace
     fleet: Fleet | None
     watchers: Callable[[Supervisor], tuple[Watcher, ...]] = lambda supervisor: ()
+    announce: Announce | None = None
+    """Told every event of the flight, as the journal is."""
     held: tuple[int, ...] = ()
     """aMussels that docks hold already."""
 
@@ -89,7 +95,7 @@ def fly(
         supervisor,
         surroundings.vehicle,
         pace,
-        recorder,
+        recorder if surroundings.announce is None else _Announced(recorder, surroundings.announce),
         surroundings.fleet,
         (*surroundings.watchers(supervisor), show_tick),
         start_ms=0 if go_on is None else go_on.now_ms + TICK_MS,
@@ -111,6 +117,20 @@ def fly(
             dropped=flight.dropped + supervisor.dropped + supervisor.port.dropped,
         )
         return recorder.finish(flight.now_ms, ending)
+
+
+class _Announced:
+    """The records, and a listener that hears the same events."""
+
+    def __init__(self, recorder: Recorder, announce: Announce) -> None:
+        self.truths = recorder.truths
+        self.tick = recorder.tick
+        self._recorder = recorder
+        self._announce = announce
+
+    def event(self, at_ms: int, kind: str, **data: Any) -> None:
+        self._recorder.event(at_ms, kind, **data)
+        self._announce(at_ms, kind, **data)
 
 
 def journal_start(recorder: Recorder, scenario: Scenario, starts: Sequence[Start]) -> None:

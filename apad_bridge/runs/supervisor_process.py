@@ -47,7 +47,8 @@ def fly(run_dir: Path, resume: bool) -> int:
     start_ms = 0 if go_on is None else go_on.now_ms
     try:
         fleet = None if options.part is Part.MISSION else adopt(scenario, run_dir, options.epoch, start_ms)
-        with open_surroundings(scenario, options, run_dir, fleet, recorder, start_ms) as surroundings:
+        docked = {} if go_on is None else dict(go_on.state.docked)
+        with open_surroundings(scenario, options, fleet, docked, start_ms) as surroundings:
             summary = flying.fly(
                 scenario, surroundings, recorder, lambda status: say(status.to_line()), go_on
             )
