@@ -46,7 +46,7 @@ class UptimeMeter:
 
     def __init__(self, theta: int, charge: ChargeModel, tick_ms: int = 1000) -> None:
         self._theta = theta
-        self._charge = charge
+        self.charge = charge
         self._tick_ms = tick_ms
         self._step_ms = theta * tick_ms
         self._ledgers: dict[int, _Ledger] = {}
@@ -92,7 +92,7 @@ class UptimeMeter:
         for ledger in self._ledgers.values():
             physical = ledger.truth.physical
             if not physical.docked and not _is_past(ledger.gone_ms, agent_ms):
-                active += self._charge.charge_at(physical.primary, max(agent_ms, ledger.truth.at_ms)) > 0
+                active += self.charge.charge_at(physical.primary, max(agent_ms, ledger.truth.at_ms)) > 0
         return active
 
     def _count(self, ledger: _Ledger, until_ms: int) -> AgentUptime:
@@ -113,7 +113,7 @@ class UptimeMeter:
             counted.dead + dead,
             counted.emptied or empty_ms[0] < empty_ms[1],
             counted.lost or both_ms[0] < both_ms[1],
-            self._charge.charge_at(primary, max(start_ms, end_ms - 1)),
+            self.charge.charge_at(primary, max(start_ms, end_ms - 1)),
         )
 
     def _ticks_between(self, start_ms: int, end_ms: int) -> int:
@@ -123,7 +123,7 @@ class UptimeMeter:
     def _span_at_zero(self, battery: Battery, start_ms: int, end_ms: int) -> tuple[int, int]:
         """The part of [start, end) in which the battery stands at 0; it is always one piece."""
         if battery.flow is Flow.DISCHARGING:
-            empty_at_ms = self._charge.empty_at_ms(battery)
+            empty_at_ms = self.charge.empty_at_ms(battery)
             assert empty_at_ms is not None
             return min(end_ms, max(start_ms, empty_at_ms)), end_ms
         if battery.charge > 0:

@@ -1,0 +1,43 @@
+"""`musselbed replay RUN`: a run as one HTML page."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import webbrowser
+from pathlib import Path
+from typing import Any
+
+from apad_bridge.commands.exits import EXITS, Exit, UserError
+from apad_bridge.records.run_directory import RunDirectoryError
+from apad_bridge.replay.build import build_replay
+
+
+def add_parser(commands: Any) -> None:
+    parser = commands.add_parser(
+        "replay",
+        help="show a run as one HTML page",
+        description="Writes replay.html into a run's directory: one file that opens from disk, without a network. "
+        "It shows what the journal says so far, also of a run that is still flying or that was killed.",
+        epilog=f"exit codes: {EXITS}",
+    )
+    parser.add_argument("directory", type=Path, metavar="RUN", help="the run's directory")
+    parser.add_argument("--open", action="store_true", help="open the page in the browser")
+    parser.add_argument(
+        "--json", action="store_true", help="print a JSON object with the page's path and size"
+    )
+    parser.set_defaults(run=run)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    try:
+        page = build_replay(arguments.directory)
+    except (RunDirectoryError, OSError) as error:
+        raise UserError(str(error)) from error
+    if arguments.json:
+        print(json.dumps({"page": str(page), "bytes": page.stat().st_size}))
+    else:
+        print(page)
+    if arguments.open and not webbrowser.open(page.absolute().as_uri()):
+        raise UserError(f"no browser could be started: open {page.absolute().as_uri()} in one")
+    return Exit.DONE

@@ -1,0 +1,120 @@
+"use strict";
+// Plots on canvases. A chart is drawn as a whole whenever the time changes: at most 60 000 points.
+
+const STATUSES = ["above", "candidate", "charging", "lost", "unknown"];
+const css = getComputedStyle(document.documentElement);
+const colour = (name) => css.getPropertyValue("--" + name).trim();
+const STATUS_COLOURS = STATUSES.map(colour);
+const [INK, SOFT, LINE, ACCENT] = ["ink", "soft", "line", "accent"].map(colour);
+const FONT = "11px system-ui, 'DejaVu Sans', sans-serif";
+
+// A canvas's context, cleared and scaled so that one unit is one CSS pixel.
+function fresh(canvas) {
+  const ratio = window.devicePixelRatio || 1;
+  const width = canvas.clientWidth, height = canvas.clientHeight;
+  if (canvas.width !== Math.round(width * ratio) || canvas.height !== Math.round(height * ratio)) {
+    canvas.width = Math.round(width * ratio);
+    canvas.height = Math.round(height * ratio);
+  }
+  const ctx = canvas.getContext("2d");
+  ctx.setTransform(ratio, 0, 0, ratio, 0, 0);
+  ctx.clearRect(0, 0, width, height);
+  ctx.font = FONT;
+  return { ctx, width, height };
+}
+
+// 1, 2 or 5 times a power of ten: the smallest that is at least `least`.
+function niceStep(least) {
+  const power = 10 ** Math.floor(Math.log10(least));
+  return power * [1, 2, 5, 10].find((m) => m * power >= least * 0.999999);
+}
+
+const TIME_UNITS = [[1000, "s"], [60000, "min"], [3600000, "h"], [86400000, "d"]];
+function timeTicks(endMs) {
+  const [unit, name] = [...TIME_UNITS].reverse().find(([ms]) => endMs >= 2 * ms) || TIME_UNITS[0];
+  const step = niceStep(Math.max(endMs, 1) / unit / 6);
+  const ticks = [];
+  for (let value = 0; value * unit <= endMs; value += step) ticks.push([value * unit, +value.toFixed(3)]);
+  ticks[ticks.length - 1][1] += " " + name;
+  return ticks;
+}
+
+// Lines over mission time. series: [{values, colour, width, step}], drawn in order; null is a gap.
+function drawLines(canvas, timesMs, nowMs, series, { min, max, format, threshold }) {
+  const { ctx, width, height } = fresh(canvas);
+  const box = { left: 40, right: width - 10, top: 6, bottom: height - 18 };
+  const endMs = timesMs[timesMs.length - 1] || 1;
+  const x = (ms) => box.left + (box.right - box.left) * ms / endMs;
+  const y = (value) => box.bottom - (box.bottom - box.top) * (value - min) / (max - min || 1);
+  ctx.lineWidth = 1;
+  ctx.textBaseline = "middle";
+  ctx.textAlign = "right";
+  const step = niceStep((max - min || 1) / Math.max(2, Math.floor((box.bottom - box.top) / 24)));
+  for (let value = Math.ceil(min / step) * step; value <= max + step * 1e-6; value += step) {
+    stroke(ctx, LINE, [[box.left, y(value)], [box.right, y(value)]]);
+    ctx.fillStyle = SOFT;
+    ctx.fillText(format(value), box.left - 5, y(value));
+  }
+  ctx.textAlign = "center";
+  for (const [ms, label] of timeTicks(endMs)) {
+    ctx.fillStyle = SOFT;
+    ctx.fillText(label, Math.min(x(ms), box.right - 8), height - 7);
+  }
+  if (threshold !== undefined) {
+    ctx.setLineDash([5, 4]);
+    stroke(ctx, SOFT, [[box.left, y(threshold)], [box.right, y(threshold)]]);
+    ctx.setLineDash([]);
+  }
+  for (const { values, colour, width: lineWidth, step: stepped } of series) {
+    ctx.strokeStyle = colour;
+    ctx.lineWidth = lineWidth;
+    ctx.beginPath();
+    let before = null;
+    values.forEach((value, i) => {
+      if (value === null) { before = null; return; }
+      if (before === null) ctx.moveTo(x(timesMs[i]), y(value));
+      else {
+        if (stepped) ctx.lineTo(x(timesMs[i]), y(before));
+        ctx.lineTo(x(timesMs[i]), y(value));
+      }
+      before = value;
+    });
+    ctx.stroke();
+  }
+  ctx.lineWidth = 1.5;
+  stroke(ctx, INK, [[x(nowMs), box.top - 4], [x(nowMs), box.bottom]]);
+}
+
+// Vertical bars in percent. bars: [{label, value, full, colour}]; `full`, the value at the run's end, is drawn pale.
+function drawBars(canvas, bars, marked) {
+  const { ctx, width, height } = fresh(canvas);
+  const box = { left: 40, right: width - 10, top: 6, bottom: height - 18 };
+  const y = (percent) => box.bottom - (box.bottom - box.top) * percent / 100;
+  ctx.textBaseline = "middle";
+  for (const percent of [0, 25, 50, 75, 100]) {
+    stroke(ctx, LINE, [[box.left, y(percent)], [box.right, y(percent)]]);
+    ctx.fillStyle = SOFT;
+    ctx.textAlign = "right";
+    ctx.fillText(percent + " %", box.left - 5, y(percent));
+  }
+  const pitch = (box.right - box.left) / Math.max(1, bars.length);
+  const every = Math.ceil(26 / pitch);
+  ctx.textAlign = "center";
+  bars.forEach(({ label, value, full, colour }, i) => {
+    const left = box.left + pitch * (i + 0.15), wide = pitch * 0.7;
+    ctx.fillStyle = "#e6ebf0";
+    ctx.fillRect(left, y(full), wide, box.bottom - y(full));
+    ctx.fillStyle = colour;
+    ctx.fillRect(left, y(value), wide, box.bottom - y(value));
+    if (marked === label) { ctx.strokeStyle = INK; ctx.lineWidth = 1.5; ctx.strokeRect(left, y(full), wide, box.bottom - y(full)); }
+    ctx.fillStyle = INK;
+    if (i % every === 0) ctx.fillText(label, left + wide / 2, height - 7);
+  });
+}
+
+function stroke(ctx, style, points) {
+  ctx.strokeStyle = style;
+  ctx.beginPath();
+  points.forEach(([px, py], i) => (i ? ctx.lineTo(px, py) : ctx.moveTo(px, py)));
+  ctx.stroke();
+}
