@@ -1,0 +1,93 @@
+"""Starts and stops the simulated aPad's node as a child in a session of its own, so that neither dies with the other."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import select
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import rosgraph
+
+from apad_bridge.ros.generation_a_vehicle import ReleaseFault
+from apad_bridge.ros.master import loopback_environment
+
+
+class APadNodeFailed(Exception):
+    """The node did not come up; the text is one line, with the end of what it said."""
+
+
+def start_apad_node(
+    scenario: Path,
+    master_uri: str,
+    log: Path,
+    *,
+    release: ReleaseFault = ReleaseFault.WORKS,
+    xmlrpc_port: int = 0,
+    ready_s: float = 20.0,
+) -> subprocess.Popen[bytes]:
+    """The child, once it says that it is on the graph of OUR master at `master_uri`. What it says goes to `log`.
+
+    Sets /use_sim_time there, because the node and the gateway follow our /clock. Raises APadNodeFailed after `ready_s` wall
+    seconds, or when the node ended before; nothing is left running then.
+    """
+    try:
+        rosgraph.Master("/musselbed", master_uri).setParam("/use_sim_time", True)
+    except OSError as error:
+        raise APadNodeFailed(f"no ROS master answers at {master_uri} ({error})") from None
+    command = [
+        *(sys.executable, "-m", "apad_bridge.ros.apad_node", "--scenario", str(scenario)),
+        *("--release", release.value, "--xmlrpc-port", str(xmlrpc_port)),
+    ]
+    with log.open("ab") as said:
+        child = subprocess.Popen(
+            command,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=said,
+            env=loopback_environment(log.parent / "ros", master_uri),
+            start_new_session=True,
+        )
+    if _says_ready(child, ready_s):
+        return child
+    status = child.poll()
+    stop_apad_node(child, patience_s=1.0)
+    lines = log.read_text(errors="replace").strip().splitlines()
+    how = f"ended with status {status}" if status is not None else f"was not ready within {ready_s:g} s"
+    raise APadNodeFailed(f"the simulated aPad's node {how}: {lines[-1] if lines else 'it said nothing'}")
+
+
+def stop_apad_node(child: subprocess.Popen[bytes], patience_s: float = 3.0) -> int:
+    """Asks the child to end, kills it after `patience_s`, and gives its status. A child that has ended is reaped."""
+    if child.poll() is None:
+        with contextlib.suppress(ProcessLookupError):
+            os.kill(child.pid, signal.SIGTERM)
+        try:
+            child.wait(patience_s)
+        except subprocess.TimeoutExpired:
+            child.kill()
+    if child.stdout is not None:
+        child.stdout.close()
+    return child.wait(patience_s)
+
+
+def _says_ready(child: subprocess.Popen[bytes], ready_s: float) -> bool:
+    assert child.stdout is not None
+    until_s = time.monotonic() + ready_s
+    said = b""
+    while b"ready\n" not in said:
+        readable, _, _ = select.select([child.stdout], [], [], max(0.0, until_s - time.monotonic()))
+        if not readable:
+            return False
+        came = os.read(child.stdout.fileno(), 4096)
+        if not came:
+            # The end of its output comes a moment before its status.
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                child.wait(1.0)
+            return False
+        said += came
+    return True

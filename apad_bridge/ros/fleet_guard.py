@@ -1,0 +1,63 @@
+"""Before anything starts: does somebody on this master already speak for one of our aMussels?"""
+
+from __future__ import annotations
+
+import socket
+import xmlrpc.client
+from collections.abc import Iterable
+from http.client import HTTPException
+
+import rosgraph
+
+CALLER = "/musselbed"
+_ALIVE_S = 2.0
+"""A node that does not answer in this time is taken for dead, its registrations for what a kill -9 left behind."""
+
+
+class SecondFleet(Exception):
+    """One line: who has which of our names, and what to do."""
+
+
+def refuse_second_fleet(
+    node_name: str, agent_ids: Iterable[int], master_uri: str, object_prefix: str = "amussel"
+) -> None:
+    """Raises SecondFleet when a living node is called `node_name`, or has topics or services of one of the aMussels.
+
+    OSError when no master answers at `master_uri`. Names left behind by a dead node are no hindrance.
+    """
+    master = rosgraph.Master(CALLER, master_uri=master_uri)
+    publishers, _, services = master.getSystemState()
+    taken: dict[str, str] = {}
+    ours = {f"/{object_prefix}{agent_id}" for agent_id in agent_ids}
+    for name, nodes in [*publishers, *services]:
+        agent, _, leaf = name.rpartition("/")
+        if agent in ours and leaf in ("position", "battery_level", "get_battery_level", "charge_info"):
+            for node in nodes:
+                taken.setdefault(node, name)
+    for node, name in sorted(taken.items()):
+        if node != node_name and _is_alive(master, node):
+            raise SecondFleet(
+                f"node {node} already has {name}: two fleets on one master need disjoint ids (fleet.first_id, fleet.count)"
+            )
+    if _is_alive(master, node_name):
+        raise SecondFleet(
+            f"a node named {node_name} runs on this master already: another musselbed run? "
+            f"End it, or give this fleet other ids (fleet.first_id)"
+        )
+
+
+def _is_alive(master: rosgraph.Master, node: str) -> bool:
+    try:
+        uri = master.lookupNode(node)
+    except rosgraph.MasterException:
+        return False
+    before = socket.getdefaulttimeout()
+    socket.setdefaulttimeout(_ALIVE_S)
+    try:
+        with xmlrpc.client.ServerProxy(uri) as proxy:
+            answer = proxy.getPid(CALLER)
+    except (OSError, HTTPException, xmlrpc.client.Error):
+        return False
+    finally:
+        socket.setdefaulttimeout(before)
+    return isinstance(answer, list) and answer[:1] == [1]

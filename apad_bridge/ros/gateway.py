@@ -1,0 +1,219 @@
+"""The one ROS node of a supervisor: what a fleet must show and offer to be aMussels to an aPad, and what we tell people.
+
+    gateway = open_gateway(agent_ids, theta, node_name="musselbed_1", xmlrpc_port=0, truth=None)
+    Flight(..., watchers=(gateway.watcher(supervisor),))     # after each tick
+    gateway.event(at_ms, kind, **data)                       # as a Recorder's: /musselbed/mission
+    gateway.close()
+
+`open_gateway` raises SecondFleet or GatewayFailed (one line each) before anything is on the graph. ROS_MASTER_URI and
+ROS_IP are those of the process's environment. One process has one node: it can be opened once.
+
+rospy's threads answer services from the last tick's snapshot, which is replaced and never changed. Every publisher has a
+bounded queue: a reader that stalls loses the oldest, and time goes on.
+"""
+
+from __future__ import annotations
+
+import json
+import resource
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any
+
+import rosgraph
+import rospy
+from std_msgs.msg import Float64
+
+from apad_bridge.beliefs.belief import Belief
+from apad_bridge.flight import Watcher
+from apad_bridge.ros.fleet_guard import refuse_second_fleet
+from apad_bridge.ros.messages import use_generated_messages
+from apad_bridge.ros.ros_time import to_ros
+from apad_bridge.supervisor import Supervisor
+
+use_generated_messages()
+
+from auv_msgs.msg import NavSts  # noqa: E402
+from misc_msgs.srv import GetChargeInfo, GetChargeInfoResponse  # noqa: E402
+from musselbed_msgs.msg import AgentBelief, APadStatus, FleetBeliefs, MissionEvent  # noqa: E402
+
+_AGENT_QUEUE = 2
+"""Of an aMussel's own topics: newest counts, and a thousand queues are kept small."""
+_FLEET_QUEUE = 10
+_EVENT_QUEUE = 1000
+"""Events are not repeated: a slow reader should still get a whole mission's."""
+
+TruthSource = Callable[[int], Mapping[int, "Shown"]]
+"""Of each aMussel at a mission time: what `records.truth_on_agent_topics` shows instead of the beliefs."""
+
+
+class GatewayFailed(Exception):
+    """One line: why the node could not come up, and what to do."""
+
+
+@dataclass(frozen=True, slots=True)
+class Shown:
+    """What an aMussel's own topics and services say: local NED metres and the active battery's charge in [0, 1]."""
+
+    north_m: float
+    east_m: float
+    depth_m: float
+    charge: float
+
+    @classmethod
+    def of_belief(cls, belief: Belief) -> Shown:
+        """A report has no depth: it is shown as 0."""
+        return cls(belief.north_m, belief.east_m, 0.0, belief.primary)
+
+
+def open_gateway(
+    agent_ids: Iterable[int],
+    theta: int,
+    *,
+    node_name: str,
+    xmlrpc_port: int = 0,
+    truth: TruthSource | None = None,
+) -> Gateway:
+    """The node, on the graph, with the aMussels' topics and services. Raises SecondFleet or GatewayFailed."""
+    ids = list(agent_ids)
+    raise_descriptor_limit()
+    master_uri = rosgraph.get_master_uri()
+    try:
+        refuse_second_fleet(f"/{node_name}", ids, master_uri)
+        rospy.init_node(
+            node_name, argv=[], disable_signals=True, log_level=rospy.WARN, xmlrpc_port=xmlrpc_port
+        )
+    except OSError as error:
+        raise GatewayFailed(
+            f"no ROS master answers at {master_uri} ({error}): is it running, and is ROS_MASTER_URI right?"
+        ) from error
+    except rospy.ROSException as error:
+        raise GatewayFailed(f"the ROS node {node_name} could not start: {error}") from error
+    return Gateway(ids, theta, truth)
+
+
+def raise_descriptor_limit() -> int:
+    """Lets this process have as many descriptors as it may: every connection of ROS is one. Gives the limit."""
+    _, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (hard, hard))
+    return hard
+
+
+class Gateway:
+    """Owned by the flight's thread; the node is initialised before (`open_gateway`)."""
+
+    def __init__(self, agent_ids: Iterable[int], theta: int, truth: TruthSource | None = None) -> None:
+        self._theta = theta
+        self._truth = truth
+        self._shown: Mapping[int, Shown] = MappingProxyType({})
+        ids = list(agent_ids)
+        self._positions = {it: _publisher(f"/amussel{it}/position", NavSts, _AGENT_QUEUE) for it in ids}
+        self._batteries = {it: _publisher(f"/amussel{it}/battery_level", Float64, _AGENT_QUEUE) for it in ids}
+        self._beliefs = _publisher("/musselbed/beliefs", FleetBeliefs, _FLEET_QUEUE)
+        self._apad = _publisher("/musselbed/apad", APadStatus, _FLEET_QUEUE)
+        self._events = _publisher("/musselbed/mission", MissionEvent, _EVENT_QUEUE)
+        self._services = [
+            rospy.Service(f"/amussel{agent_id}/{name}", GetChargeInfo, self._answers(agent_id))
+            for agent_id in ids
+            for name in ("get_battery_level", "charge_info")
+        ]
+
+    def watcher(self, supervisor: Supervisor) -> Watcher:
+        """Publishes what the supervisor believes at each tick."""
+
+        def watch(now_ms: int) -> None:
+            beliefs = supervisor.beliefs.all()
+            if self._truth is None:
+                shown: Mapping[int, Shown] = {it.agent_id: Shown.of_belief(it) for it in beliefs}
+            else:
+                shown = self._truth(now_ms)
+            self._shown = MappingProxyType(dict(shown))
+            self._show_agents(now_ms)
+            self._show_beliefs(beliefs, now_ms)
+            self._show_apad(supervisor, now_ms)
+
+        return watch
+
+    def event(self, at_ms: int, kind: str, **data: Any) -> None:
+        """One event of the mission, on /musselbed/mission."""
+        if self._events.get_num_connections() == 0:
+            return
+        message = MissionEvent(mission_time_ms=at_ms, kind=kind, data=json.dumps(data))
+        message.header.stamp = to_ros(at_ms)
+        self._events.publish(message)
+
+    def close(self) -> None:
+        """Leaves the graph. The process cannot open another gateway."""
+        rospy.signal_shutdown("the flight is over")
+
+    def _show_agents(self, now_ms: int) -> None:
+        for agent_id, shown in self._shown.items():
+            position, battery = self._positions.get(agent_id), self._batteries.get(agent_id)
+            # A message that nobody hears is not made: a thousand aMussels cost nothing then.
+            if position is not None and position.get_num_connections() > 0:
+                position.publish(_position(shown, now_ms))
+            if battery is not None and battery.get_num_connections() > 0:
+                battery.publish(Float64(100 * shown.charge))
+
+    def _show_beliefs(self, beliefs: list[Belief], now_ms: int) -> None:
+        if self._beliefs.get_num_connections() == 0:
+            return
+        message = FleetBeliefs(mission_time_ms=now_ms, agent_time_ms=self._theta * now_ms)
+        message.header.stamp = to_ros(now_ms)
+        message.agents = [
+            AgentBelief(
+                id=it.agent_id,
+                state=int(it.state),
+                charge=it.primary,
+                secondary=it.secondary,
+                north=it.north_m,
+                east=it.east_m,
+                age_s=it.age_s(now_ms),
+            )
+            for it in beliefs
+        ]
+        self._beliefs.publish(message)
+
+    def _show_apad(self, supervisor: Supervisor, now_ms: int) -> None:
+        pose, battery = supervisor.pose, supervisor.battery
+        if self._apad.get_num_connections() == 0 or pose is None:
+            return
+        message = APadStatus(mission_time_ms=now_ms, primitive=supervisor.primitive)
+        message.header.stamp = to_ros(now_ms)
+        message.header.frame_id = "local"
+        message.north, message.east, message.heading = pose.north_m, pose.east_m, pose.heading_rad
+        if battery is not None:
+            message.voltage, message.battery_fraction = battery.voltage_v, battery.fraction
+        message.slots = [-1 if agent_id is None else agent_id for agent_id in supervisor.mission.slots]
+        self._apad.publish(message)
+
+    def _answers(self, agent_id: int) -> Callable[[Any], Any]:
+        def answer(_: Any) -> Any:
+            shown = self._shown.get(agent_id)
+            if shown is None:
+                raise rospy.ServiceException(f"amussel{agent_id} has not been heard yet")
+            return GetChargeInfoResponse(
+                battery_level=100 * shown.charge,
+                x=shown.north_m,
+                y=shown.east_m,
+                z=shown.depth_m,
+                type="consumer",
+                consumers=[],
+            )
+
+        return answer
+
+
+def _publisher(topic: str, kind: Any, queue_size: int) -> rospy.Publisher:
+    return rospy.Publisher(topic, kind, queue_size=queue_size)
+
+
+def _position(shown: Shown, now_ms: int) -> Any:
+    message = NavSts()
+    message.header.stamp = to_ros(now_ms)
+    message.header.frame_id = "local"
+    message.position.north, message.position.east = shown.north_m, shown.east_m
+    message.position.depth = shown.depth_m
+    message.status = NavSts.STATUS_ALL_OK
+    return message

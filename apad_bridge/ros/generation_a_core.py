@@ -1,0 +1,260 @@
+"""What an aPad of generation A says, as facts; what the port commands, as goals. No ROS in here, and no clock.
+
+It trusts `position_static` for the docks and nothing else: a perch that succeeds may have done nothing (a fifth one), and a
+release may never answer (the published server crashes in it). Every wait ends, by the constants below, in mission time.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+from apad_bridge.ros.generation_a_docks import DocksByHearsay
+from apad_bridge.ros.generation_a_vehicle import GO_TO, PERCH, RELEASE
+from apad_bridge.ros.generation_a_words import (
+    ENDS,
+    BatteryHeard,
+    GoalCode,
+    GoalOrder,
+    GoalsHeard,
+    GoalWord,
+    Heard,
+    PoseHeard,
+    StateHeard,
+    StaticHeard,
+)
+from apad_bridge.vehicle import (
+    Arrived,
+    BatteryReported,
+    CloseDock,
+    CommandFailed,
+    DockClosed,
+    DockOpened,
+    GoTo,
+    Hold,
+    OpenDock,
+    PoseReported,
+    VehicleCommand,
+)
+from apad_bridge.vehicle_link import LinkFact
+
+TAKEN_MS = 5_000
+"""A goal that the action server has not acknowledged for so long has failed: nobody serves it."""
+PERCHED_MS = 1_000
+"""After a perch succeeded, how long `position_static` may take to say so (it comes at 20 Hz)."""
+
+
+@dataclass(slots=True)
+class _Sent:
+    """A goal that is not over."""
+
+    command: VehicleCommand
+    sent_ms: int
+    is_taken: bool = False
+    ended_ms: int | None = None
+    """When the server was done with it, if the docks have not shown so yet."""
+
+
+class GenerationACore:
+    """`hear` takes what came, `command` gives the goal to send, `advance` the facts stamped up to its time.
+
+    `battery_v` is (empty, full): generation A says percent only, and the voltage follows from it linearly. `docked` are
+    agents by slot known to be held at `now_ms`. Goal keys begin with `nonce`, which no two runs on one server may share.
+    """
+
+    def __init__(
+        self,
+        agent_ids: Iterable[int],
+        battery_v: tuple[float, float],
+        nonce: str,
+        docked: Mapping[int, int] | None = None,
+        now_ms: int = 0,
+        object_prefix: str = "amussel",
+    ) -> None:
+        self.dropped: Counter[str] = Counter()
+        self.docks = DocksByHearsay(agent_ids, docked or {}, now_ms)
+        self._battery_v = battery_v
+        self._nonce = nonce
+        self._object_prefix = object_prefix
+        self._now_ms = now_ms
+        self._later: list[Heard] = []
+        self._facts: list[LinkFact] = []
+        self._goals: dict[str, _Sent] = {}
+        self._latest_key = ""
+        self._pose: PoseReported | None = None
+        self._battery: BatteryReported | None = None
+        self._position_ms = self._status_ms = -1
+        self.state_ms = -1
+        """The newest stamp of `stateRef`."""
+
+    def unheard(self, now_ms: int) -> list[str]:
+        """Topics, below the aPad's namespace or an aMussel's, that have not spoken up to `now_ms`."""
+        spoken = (
+            ("position", self._position_ms),
+            ("action_server/status", self._status_ms),
+        )
+        held = [f"/{self._object_prefix}{it}/position_static" for it in self.docks.unheard(now_ms)]
+        return [topic for topic, at_ms in spoken if at_ms < now_ms] + held
+
+    @property
+    def untaken(self) -> list[str]:
+        """Keys of goals that the server has not acknowledged."""
+        return [key for key, sent in self._goals.items() if not sent.is_taken]
+
+    @property
+    def awaits_mechanism(self) -> bool:
+        """Whether a docking mechanism was commanded and has not answered."""
+        return any(isinstance(sent.command, CloseDock | OpenDock) for sent in self._goals.values())
+
+    def command(self, command: VehicleCommand, now_ms: int) -> GoalOrder:
+        key = f"{self._nonce}-{command.command_id}"
+        self._goals[key] = _Sent(command, now_ms)
+        self._latest_key = key
+        match command:
+            case GoTo(_, north_m, east_m) | Hold(_, north_m, east_m):
+                return GoalOrder(key, GO_TO, north_m, east_m)
+            case CloseDock(_, _, agent_id):
+                return GoalOrder(key, PERCH, name=f"{self._object_prefix}{agent_id}")
+            case OpenDock(_, _, agent_id):
+                self.docks.order_release(agent_id, now_ms)
+                return GoalOrder(key, RELEASE, name=f"{self._object_prefix}{agent_id}")
+
+    def hear(self, heard: Heard, now_ms: int) -> None:
+        """What is stamped after `now_ms` waits for its time."""
+        if heard.at_ms > now_ms and not isinstance(heard, StateHeard):
+            self._later.append(heard)
+            return
+        match heard:
+            case PoseHeard():
+                self._hear_pose(heard)
+            case StateHeard(at_ms):
+                self.state_ms = max(self.state_ms, at_ms)
+            case BatteryHeard(at_ms, percent):
+                self._hear_battery(at_ms, percent)
+            case StaticHeard():
+                self._hear_static(heard)
+            case GoalsHeard():
+                self._hear_goals(heard)
+
+    def advance(self, now_ms: int) -> list[LinkFact]:
+        """Facts not told before, each stamped at or before `now_ms`; poses and places are the newest only."""
+        if now_ms < self._now_ms:
+            raise ValueError(f"time went back from {self._now_ms} to {now_ms} ms")
+        self._now_ms = now_ms
+        later, self._later = self._later, []
+        for heard in later:
+            self.hear(heard, now_ms)
+        self._take_docks(self.docks.silent(self._position_ms))
+        self._end_waits(now_ms)
+        facts, self._facts = self._facts, []
+        facts += self.docks.places()
+        facts += [fact for fact in (self._pose, self._battery) if fact is not None]
+        self._pose = self._battery = None
+        return facts
+
+    def _hear_pose(self, heard: PoseHeard) -> None:
+        if not all(map(math.isfinite, (heard.north_m, heard.east_m, heard.heading_rad))):
+            self.dropped["position: not finite"] += 1
+        elif heard.at_ms < self._position_ms:
+            self.dropped["position: a newer one overtook it"] += 1
+        else:
+            self._position_ms = heard.at_ms
+            self._pose = PoseReported(heard.at_ms, heard.north_m, heard.east_m, heard.heading_rad)
+
+    def _hear_battery(self, at_ms: int, percent: float) -> None:
+        if not math.isfinite(percent):
+            self.dropped["battery_level: not finite"] += 1
+            return
+        # Gauges in the field overshoot both ends.
+        fraction = min(1.0, max(0.0, percent / 100))
+        empty_v, full_v = self._battery_v
+        self._battery = BatteryReported(at_ms, empty_v + fraction * (full_v - empty_v), fraction)
+
+    def _hear_static(self, heard: StaticHeard) -> None:
+        if not (math.isfinite(heard.north_m) and math.isfinite(heard.east_m)):
+            self.dropped["position_static: not finite"] += 1
+            return
+        self._take_docks(self.docks.hear(heard))
+
+    def _take_docks(self, facts: list[LinkFact]) -> None:
+        """What changed at the docks; a goal that wanted just that is over."""
+        self._facts += facts
+        for key, sent in list(self._goals.items()):
+            if any(_is_wanted(fact, sent.command) for fact in facts):
+                del self._goals[key]
+
+    def _hear_goals(self, heard: GoalsHeard) -> None:
+        named = set()
+        for word in heard.words:
+            named.add(word.key)
+            if (sent := self._goals.get(word.key)) is not None:
+                sent.is_taken = True
+                if word.code in ENDS:
+                    self._end_goal(word, sent, heard.at_ms)
+        if not heard.whole:
+            return
+        self._status_ms = max(self._status_ms, heard.at_ms)
+        for key, sent in list(self._goals.items()):
+            if sent.is_taken and key not in named and sent.ended_ms is None:
+                self._end_goal(GoalWord(key, GoalCode.LOST, "did it restart?"), sent, heard.at_ms)
+
+    def _end_goal(self, word: GoalWord, sent: _Sent, at_ms: int) -> None:
+        match sent.command, word.code:
+            case CloseDock(_, _, agent_id), GoalCode.SUCCEEDED if not self.docks.holds(agent_id):
+                is_over = False
+            case OpenDock(_, _, agent_id), GoalCode.SUCCEEDED | GoalCode.LOST if self.docks.holds(agent_id):
+                # The published server crashes in a release: what became of it is for `position_static` to tell.
+                is_over = False
+            case _:
+                is_over = True
+        if not is_over:
+            sent.ended_ms = at_ms if sent.ended_ms is None else sent.ended_ms
+            return
+        del self._goals[word.key]
+        if word.code is GoalCode.SUCCEEDED:
+            self._tell_success(sent.command, at_ms)
+        elif word.key == self._latest_key or word.code not in (GoalCode.PREEMPTED, GoalCode.RECALLED):
+            reason = f"the aPad's action server says {word.code.name}"
+            self._fail(sent.command, at_ms, f"{reason}: {word.text}" if word.text else reason)
+
+    def _tell_success(self, command: VehicleCommand, at_ms: int) -> None:
+        """Of a go-to; or of a mechanism that already was as commanded, so that who commanded hears of it."""
+        match command:
+            case GoTo(command_id):
+                self._facts.append(Arrived(at_ms, command_id))
+            case CloseDock(_, _, agent_id):
+                self._facts.append(DockClosed(at_ms, self.docks.slot_of(agent_id), agent_id))
+            case OpenDock(_, slot, agent_id):
+                self._facts.append(DockOpened(at_ms, slot, agent_id))
+
+    def _end_waits(self, now_ms: int) -> None:
+        for key, sent in list(self._goals.items()):
+            reason = None
+            if not sent.is_taken and now_ms - sent.sent_ms >= TAKEN_MS:
+                reason = f"no action server took the goal within {TAKEN_MS / 1000:g} s"
+            elif (
+                isinstance(sent.command, CloseDock)
+                and sent.ended_ms is not None
+                and now_ms - sent.ended_ms >= PERCHED_MS
+            ):
+                reason = "the aPad says it perched, but holds nothing: is a dock free?"
+            if reason is not None:
+                del self._goals[key]
+                self._fail(sent.command, now_ms, reason)
+
+    def _fail(self, command: VehicleCommand, at_ms: int, reason: str) -> None:
+        if isinstance(command, OpenDock):
+            self.docks.withdraw_release(command.agent_id)
+        self._facts.append(CommandFailed(at_ms, command.command_id, reason))
+
+
+def _is_wanted(fact: LinkFact, command: VehicleCommand) -> bool:
+    match fact, command:
+        case (DockClosed(_, _, agent_id), CloseDock(_, _, wanted)) | (
+            DockOpened(_, _, agent_id),
+            OpenDock(_, _, wanted),
+        ):
+            return agent_id == wanted
+    return False
