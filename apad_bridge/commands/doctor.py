@@ -1,0 +1,107 @@
+"""`musselbed doctor`: what is wrong with this machine, its network or a scenario, a line each with the mend."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+from collections.abc import Iterable, Iterator
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from apad_bridge.commands.exits import EXITS, Exit
+from apad_bridge.diagnosis import graph, interpreter, machine, network, scenario_check
+from apad_bridge.diagnosis.finding import Finding, Status, examined, warn
+from apad_bridge.scenario.schema import Scenario
+
+
+def add_parser(commands: Any) -> None:
+    parser = commands.add_parser(
+        "doctor",
+        help="check this machine, its ROS, the network both ways, and a scenario",
+        description="Checks what a run needs, and prints a line for each check: OK, WARN or FAIL, what was found, and "
+        "the mend. Nothing is changed: what is registered with a master at ROS_MASTER_URI for the test of the way back "
+        "is taken back at once. Without a master there, its checks are left out, for `musselbed run` brings its own.",
+        epilog=f"Exit code 0 when nothing FAILs, 3 when something does. Of all commands: {EXITS}",
+    )
+    parser.add_argument(
+        "scenario", type=Path, nargs="?", metavar="SCENARIO.yaml", help="check this too, and its ids"
+    )
+    parser.add_argument(
+        "--json", action="store_true", help="a list of {check, status, found, mend} on stdout"
+    )
+    parser.set_defaults(run=run)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    failed = False
+    findings = []
+    for finding in diagnose(arguments.scenario, os.environ.get("ROS_MASTER_URI", "")):
+        failed |= finding.status is Status.FAIL
+        findings.append(asdict(finding))
+        if not arguments.json:
+            print(finding.line(), flush=True)
+    if arguments.json:
+        print(json.dumps(findings, indent=1))
+    return Exit.PEER_FAILED if failed else Exit.DONE
+
+
+def diagnose(scenario_file: Path | None, master_uri: str) -> Iterator[Finding]:
+    """All checks, in an order in which the first FAIL is the one to mend first."""
+    yield from examined("python", interpreter.check_python)
+    yield from examined("packages", interpreter.check_packages)
+    yield from examined("our packages", interpreter.check_shadows)
+    scenario: Scenario | None = None
+    if scenario_file is not None:
+        scenario, findings = scenario_check.read(scenario_file)
+        yield from findings
+    yield from _machine(machine.AGENTS_BY_DEFAULT if scenario is None else scenario.fleet.count)
+    yield from _ros(master_uri, scenario)
+
+
+def _machine(agents: int) -> Iterator[Finding]:
+    yield from examined("open files", lambda: [machine.check_open_files(agents)])
+    yield from examined("processes", lambda: [machine.check_processes(agents)])
+    yield from examined("pseudo-terminals", lambda: [machine.check_terminals()])
+    yield from examined("disk", lambda: [machine.check_disk(Path.cwd())])
+    yield from examined("loopback", machine.check_loopback)
+
+
+def _ros(master_uri: str, scenario: Scenario | None) -> Iterable[Finding]:
+    try:
+        from apad_bridge.ros import diagnosis
+    except ImportError as error:
+        yield Finding("ROS", Status.FAIL, f"cannot be imported: {error}", interpreter.INSTALL)
+        return
+    yield from examined("ROS packages", diagnosis.check_ros_packages)
+    yield from examined("messages", lambda: [diagnosis.check_messages()])
+    yield from examined("definitions", diagnosis.check_other_definitions)
+    if not master_uri:
+        yield warn(
+            "master",
+            "ROS_MASTER_URI is not set: what needs a master was not checked",
+            "nothing to mend for `musselbed run`, which brings its own; for an aPad's: export ROS_MASTER_URI=http://HOST:11311",
+        )
+        return
+    try:
+        found = graph.Graph.read(master_uri)
+    except network.Unreachable as error:
+        yield warn(
+            "master",
+            f"none at {master_uri}, and what needs one was not checked: {error}",
+            "nothing to mend for `musselbed run`, which brings its own; for an aPad's: see that it is on and that its host "
+            "is in /etc/hosts",
+        )
+        return
+    yield Finding("master", Status.OK, f"{master_uri} answers; {len(found.nodes)} nodes on it")
+    host, bind = diagnosis.announced_host(), diagnosis.bind_address()
+    ids = None
+    if scenario is not None:
+        ids = range(scenario.fleet.first_id, scenario.fleet.first_id + scenario.fleet.count)
+    yield from examined("own address", lambda: graph.check_addresses(master_uri, host))
+    yield from examined("call back", lambda: [graph.check_call_back(master_uri, host, bind)])
+    yield from examined("clock", lambda: [graph.check_clock(found)])
+    yield from examined("nodes", lambda: graph.check_nodes(found))
+    yield from examined("aMussel ids", lambda: [graph.check_agents_present(found, ids)])
+    yield from examined("aPad", lambda: diagnosis.check_apads(found))

@@ -1,0 +1,56 @@
+"""What a check found: one line for a person, the mend in the same line."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from enum import StrEnum
+
+
+class Status(StrEnum):
+    OK = "OK"
+    WARN = "WARN"
+    FAIL = "FAIL"
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """`check` names what was looked at. ValueError for trouble without a mend."""
+
+    check: str
+    status: Status
+    found: str
+    mend: str | None = None
+
+    def __post_init__(self) -> None:
+        if (self.mend is None) != (self.status is Status.OK):
+            raise ValueError(f"{self.check}: trouble has a mend, and what is OK has none")
+
+    def line(self) -> str:
+        mend = "" if self.mend is None else f" -> {self.mend}"
+        return " ".join(f"{self.status:<4} {self.check}: {self.found}{mend}".split("\n"))
+
+
+def ok(check: str, found: str) -> Finding:
+    return Finding(check, Status.OK, found)
+
+
+def warn(check: str, found: str, mend: str) -> Finding:
+    return Finding(check, Status.WARN, found, mend)
+
+
+def fail(check: str, found: str, mend: str) -> Finding:
+    return Finding(check, Status.FAIL, found, mend)
+
+
+def examined(check: str, examine: Callable[[], Iterable[Finding]]) -> list[Finding]:
+    """What `examine` finds. One that breaks is a FAIL of its own, and takes no other check with it."""
+    findings: list[Finding] = []
+    try:
+        findings += examine()
+    except Exception as error:
+        reason = f"this check broke: {type(error).__name__}: {error}"
+        findings.append(
+            fail(check, reason, "report this line to musselbed's authors; the other checks stand")
+        )
+    return findings

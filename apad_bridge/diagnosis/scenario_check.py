@@ -1,0 +1,44 @@
+"""Whether a scenario could be flown here: read as `musselbed run` reads it, before anything starts."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from apad_bridge.diagnosis.finding import Finding, fail, ok
+from apad_bridge.scenario.errors import ScenarioError
+from apad_bridge.scenario.loader import load
+from apad_bridge.scenario.schema import Scenario
+from apad_bridge.scenario.starts import starts_of
+from firmware_model.codec import load_codec
+
+
+def read(path: Path) -> tuple[Scenario | None, list[Finding]]:
+    """The scenario if it can be read, and what was found; strategies and files were looked up on the way."""
+    try:
+        scenario = load(path)
+    except ScenarioError as error:
+        return None, [
+            fail("scenario", line, "mend the file: docs/scenarios.md says every key") for line in error.lines
+        ]
+    mission = scenario.mission
+    found = f"{path} can be read; strategies {mission.collection} and {mission.redeployment}"
+    return scenario, [ok("scenario", found), *_parts(scenario)]
+
+
+def _parts(scenario: Scenario) -> Iterator[Finding]:
+    try:
+        starts = starts_of(scenario)
+        if starts:
+            yield ok("starts", f"{len(starts)} aMussels, ids {starts[0].agent_id} to {starts[-1].agent_id}")
+        else:
+            yield ok("starts", "no aMussels")
+    except ScenarioError as error:
+        for line in error.lines:
+            yield fail("starts", line, "mend the file that fleet.start names")
+    codec = scenario.hearing.codec
+    try:
+        load_codec(codec)
+        yield ok("codec", codec)
+    except Exception as error:
+        yield fail("codec", f"{codec}: {error}", "install its package, or name another in hearing.codec")
