@@ -18,6 +18,7 @@ from agents.outputs import Dropped, SoundSent, Truth, WifiSent
 from agents.stimuli import SoundArrived, Stimulus, WifiArrived, to_wire
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.contacts import Contacts
+from apad_bridge.ether import Ether
 from apad_bridge.facts import Medium, OperatorAsked, Send, SoundHeard, WifiHeard
 from apad_bridge.mission.orders import Note
 from apad_bridge.pace import Pace
@@ -62,6 +63,7 @@ Watcher = Callable[[int], None]
 class Flight:
     """Flies from `start_ms` to the mission's end; `held` are the aMussels that docks already hold.
 
+    With an `ether`, the other half of the bench is another process: a fleet's packets go there, or a supervisor's.
     `stop` may be called from a signal handler or another thread.
     """
 
@@ -75,6 +77,7 @@ class Flight:
         watchers: tuple[Watcher, ...] = (),
         start_ms: int = 0,
         held: Iterable[int] = (),
+        ether: Ether | None = None,
     ) -> None:
         self.supervisor = supervisor
         self.dropped: Counter[str] = Counter()
@@ -83,6 +86,7 @@ class Flight:
         self._pace = pace
         self._recorder = recorder
         self._fleet = fleet
+        self._ether = ether
         self._watchers = watchers
         self._contacts = Contacts(held)
         self._stopped = threading.Event()
@@ -105,6 +109,7 @@ class Flight:
         """One tick of mission time: everything stamped up to `now_ms` is handled."""
         self._hear_fleet(now_ms)
         self._hear_vehicle(now_ms)
+        self._hear_ether(now_ms)
         if self._stopped.is_set():
             self.supervisor.receive(OperatorAsked(now_ms, self._stop_reason))
         for _ in range(_ROUNDS):
@@ -134,9 +139,11 @@ class Flight:
             match action:
                 case Note(kind, data):
                     self._recorder.event(now_ms, kind, **data)
-                case Send(medium, agent_id, data):
-                    arrived = SoundArrived(data) if medium is Medium.SOUND else WifiArrived(data)
-                    self._tell_agent(agent_id, arrived, now_ms)
+                case Send(medium, agent_id, data) as send:
+                    if self._fleet is None and self._ether is not None:
+                        self._ether.transmit(medium, agent_id, data, now_ms)
+                    else:
+                        self._send(send, now_ms)
                 case _:
                     mechanism |= isinstance(action, CloseDock | OpenDock)
                     self._vehicle.command(action, now_ms)
@@ -157,13 +164,32 @@ class Flight:
                         reason=reason,
                         gave_up=gave_up,
                     )
-                case Heard(at_ms, _, WifiSent(_, data)):
+                case Heard(at_ms, agent_id, WifiSent(_, data)):
                     self.supervisor.receive(WifiHeard(at_ms, data))
-                case Heard(at_ms, _, SoundSent(_, data)):
+                    self._share(Medium.WIFI, agent_id, data, at_ms)
+                case Heard(at_ms, agent_id, SoundSent(_, data)):
                     self.supervisor.receive(SoundHeard(at_ms, data))
+                    self._share(Medium.SOUND, agent_id, data, at_ms)
                 case Heard(_, _, Dropped(_, reason)):
                     self.dropped[reason] += 1
         self._recorder.truths(self._fleet.host.take_truths())
+
+    def _share(self, medium: Medium, agent_id: int, data: bytes, at_ms: int) -> None:
+        if self._ether is not None:
+            self._ether.transmit(medium, agent_id, data, at_ms)
+
+    def _hear_ether(self, now_ms: int) -> None:
+        if self._ether is None:
+            return
+        for came in self._ether.advance(now_ms):
+            if isinstance(came, Send):
+                self._send(came, now_ms)
+            else:
+                self.supervisor.receive(came)
+
+    def _send(self, send: Send, now_ms: int) -> None:
+        arrived = SoundArrived(send.data) if send.medium is Medium.SOUND else WifiArrived(send.data)
+        self._tell_agent(send.agent_id, arrived, now_ms)
 
     def _hear_vehicle(self, now_ms: int) -> None:
         for fact in self._vehicle.advance(now_ms):

@@ -105,6 +105,10 @@ class GenerationALink:
         """Words of the vehicle that came to nothing, by reason."""
         return self._inbox.dropped + self._core.dropped + self._core.docks.dropped
 
+    def holds(self, agent_id: int) -> bool:
+        """Whether a dock is known to hold this aMussel."""
+        return self._core.docks.holds(agent_id)
+
     def wait_until_ready(self, timeout_s: float) -> None:
         """Until the aPad's topics and its action server are connected. VehicleNotReady after `timeout_s` wall seconds."""
         until_s = time.monotonic() + timeout_s

@@ -8,16 +8,20 @@ from contextlib import ExitStack, contextmanager
 from apad_bridge import building
 from apad_bridge.flight import Fleet
 from apad_bridge.pace import Pace, WallClock
+from apad_bridge.ros.contacts_link import ContactsLink
 from apad_bridge.ros.fleet_guard import SecondFleet
 from apad_bridge.ros.gateway import GatewayFailed, open_gateway
 from apad_bridge.ros.generation_a import GenerationALink, VehicleNotReady
+from apad_bridge.ros.radio import FleetRadio, MissionRadio
 from apad_bridge.ros.ros_pace import FollowedClock, OwnMasterClock
 from apad_bridge.runs.failures import PeerFailed
 from apad_bridge.runs.flying import Surroundings
-from apad_bridge.runs.options import APadKind, RunOptions, TimeSource
+from apad_bridge.runs.options import APadKind, Part, RunOptions, TimeSource
 from apad_bridge.scenario.schema import Scenario
+from firmware_model.codec import load_codec
 
 _READY_S = 15.0
+_NODES = {Part.WHOLE: "musselbed", Part.FLEET: "musselbed_fleet", Part.MISSION: "musselbed_mission"}
 
 
 @contextmanager
@@ -33,41 +37,59 @@ def open_surroundings(
     `docked` are agents by slot that a former supervisor knew to be held; `now_ms` is the mission time to go on from.
     """
     ids = building.agent_ids(scenario)
-    battery = scenario.apad.battery
+    codec = load_codec(scenario.hearing.codec)
+    # A mission alone shows nothing as its aMussels': they, or their fleet, do so themselves.
+    shown = () if options.part is Part.MISSION else ids
     with ExitStack() as stack:
         try:
             gateway = open_gateway(
-                ids,
-                scenario.theta,
-                node_name="musselbed",
-                xmlrpc_port=options.xmlrpc_port,
+                shown, scenario.theta, node_name=_NODES[options.part], xmlrpc_port=options.xmlrpc_port
             )
             stack.callback(gateway.close)
-            link = GenerationALink(
-                scenario.apad.name,
-                ids,
-                (battery.empty_v, battery.full_v),
-                our_clock=options.apad is APadKind.SIM,
-                docked=docked,
-                now_ms=now_ms,
-            )
-            stack.callback(link.close)
-            link.wait_until_ready(_READY_S)
+            vehicle: GenerationALink | ContactsLink
+            ether: FleetRadio | MissionRadio | None = None
+            if options.part is Part.FLEET:
+                vehicle = ContactsLink(ids, docked, now_ms)
+                ether = FleetRadio(ids, codec)
+            else:
+                vehicle = _apad_link(scenario, options, docked, now_ms)
+                if options.part is Part.MISSION:
+                    ether = MissionRadio(ids, codec, scenario.theta, vehicle.holds)
+            stack.callback(vehicle.close)
+            if ether is not None:
+                stack.callback(ether.close)
+            if isinstance(vehicle, GenerationALink):
+                vehicle.wait_until_ready(_READY_S)
         except (SecondFleet, GatewayFailed, VehicleNotReady) as error:
             raise PeerFailed(str(error)) from error
         yield Surroundings(
-            link,
-            _pace(options, link, now_ms),
+            vehicle,
+            _pace(options, vehicle, now_ms),
             fleet,
             lambda supervisor: (gateway.watcher(supervisor),),
             gateway.event,
+            ether,
             tuple(docked.values()),
         )
 
 
-def _pace(options: RunOptions, link: GenerationALink, now_ms: int) -> Pace:
-    if options.apad is APadKind.SIM:
-        return OwnMasterClock(options.speed, link, now_ms)
+def _apad_link(
+    scenario: Scenario, options: RunOptions, docked: Mapping[int, int], now_ms: int
+) -> GenerationALink:
+    battery = scenario.apad.battery
+    return GenerationALink(
+        scenario.apad.name,
+        building.agent_ids(scenario),
+        (battery.empty_v, battery.full_v),
+        our_clock=options.apad is APadKind.SIM,
+        docked=docked,
+        now_ms=now_ms,
+    )
+
+
+def _pace(options: RunOptions, vehicle: GenerationALink | ContactsLink, now_ms: int) -> Pace:
+    if options.apad is APadKind.SIM and isinstance(vehicle, GenerationALink):
+        return OwnMasterClock(options.speed, vehicle, now_ms)
     if options.time is TimeSource.ROS:
         return FollowedClock(now_ms)
     return WallClock(1.0)

@@ -13,6 +13,7 @@ from agents.coordinator import Coordinator
 from agents.one_process import OneProcess
 from agents.processes import ProcessHost
 from apad_bridge import building
+from apad_bridge.ether import Ether
 from apad_bridge.flight import Fleet, Flight, Watcher
 from apad_bridge.mission.state import MissionState
 from apad_bridge.pace import AsFastAsPossible, Pace
@@ -23,6 +24,7 @@ from apad_bridge.scenario.schema import Hosting, Scenario
 from apad_bridge.scenario.starts import Start
 from apad_bridge.simulated_apad.apad import SimulatedAPad
 from apad_bridge.supervisor import TICK_MS, Supervisor
+from apad_bridge.vehicle import DockClosed
 from apad_bridge.vehicle_link import InProcessVehicle, VehicleLink
 
 JOURNAL_FORMAT = 1
@@ -43,6 +45,7 @@ class Surroundings:
     watchers: Callable[[Supervisor], tuple[Watcher, ...]] = lambda supervisor: ()
     announce: Announce | None = None
     """Told every event of the flight, as the journal is."""
+    ether: Ether | None = None
     held: tuple[int, ...] = ()
     """aMussels that docks hold already."""
 
@@ -86,6 +89,9 @@ def fly(
         None if go_on is None else go_on.state,
         first_command_id=1 + (0 if go_on is None else go_on.epoch * _COMMAND_IDS_PER_EPOCH),
     )
+    if go_on is not None:
+        for slot, agent_id in go_on.state.docked:
+            supervisor.port.docks.take(DockClosed(go_on.now_ms, slot, agent_id))
     pace = surroundings.pace
 
     def show_tick(now_ms: int) -> None:
@@ -100,6 +106,7 @@ def fly(
         (*surroundings.watchers(supervisor), show_tick),
         start_ms=0 if go_on is None else go_on.now_ms + TICK_MS,
         held=surroundings.held,
+        ether=surroundings.ether,
     )
     with ExitStack() as stack:
         for number in (signal.SIGINT, signal.SIGTERM):

@@ -1,0 +1,65 @@
+"""A VehicleLink that only listens: what some aPad's `position_static` says of our aMussels. It commands nothing."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+import rospy
+
+from apad_bridge.ros.generation_a_docks import DocksByHearsay
+from apad_bridge.ros.generation_a_words import StaticHeard
+from apad_bridge.ros.inbox import Inbox
+from apad_bridge.ros.messages import use_generated_messages
+from apad_bridge.vehicle import VehicleCommand
+from apad_bridge.vehicle_link import Carried, LetGo, LinkFact
+
+use_generated_messages()
+
+from auv_msgs.msg import NavSts  # noqa: E402
+
+
+class ContactsLink:
+    """For a fleet alone. Somebody else's planner docks its aMussels; here it is felt."""
+
+    def __init__(
+        self,
+        agent_ids: Iterable[int],
+        docked: Mapping[int, int],
+        now_ms: int,
+        object_prefix: str = "amussel",
+    ) -> None:
+        ids = list(agent_ids)
+        self.dropped: Counter[str] = Counter()
+        self._docks = DocksByHearsay(ids, docked, now_ms)
+        self._inbox: Inbox[tuple[int, float, float, bool]] = Inbox()
+        self._subscribers = [
+            rospy.Subscriber(
+                f"/{object_prefix}{agent_id}/position_static", NavSts, self._take, agent_id, tcp_nodelay=True
+            )
+            for agent_id in ids
+        ]
+
+    def advance(self, now_ms: int) -> list[LinkFact]:
+        """Contacts only, stamped `now_ms`: the clocks of a vehicle at sea are not ours."""
+        facts: list[LinkFact] = []
+        for agent_id, north_m, east_m, released in self._inbox.take():
+            if not (math.isfinite(north_m) and math.isfinite(east_m)):
+                self.dropped["position_static: not finite"] += 1
+                continue
+            facts += self._docks.hear(StaticHeard(now_ms, agent_id, north_m, east_m, released))
+        facts += [*self._docks.silent(now_ms), *self._docks.places()]
+        return [fact for fact in facts if isinstance(fact, Carried | LetGo)]
+
+    def command(self, command: VehicleCommand, now_ms: int) -> None:
+        raise RuntimeError("a fleet alone commands no vehicle")
+
+    def close(self) -> None:
+        for subscriber in self._subscribers:
+            subscriber.unregister()
+
+    def _take(self, message: Any, agent_id: int) -> None:
+        position, released = message.position, message.status == 1
+        self._inbox.put((agent_id, position.north, position.east, released), always=released)
