@@ -1,0 +1,148 @@
+"""Debian's own rosbag on a bag of ours: what it says of it, and what a subscriber gets of it when it is played."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from datetime import UTC, datetime
+from pathlib import Path
+
+import pytest
+
+from agents.outputs import Truth
+from agents.physical import Physical
+from apad_bridge.beliefs.belief import Belief
+from apad_bridge.records.recorder import Recorder
+from apad_bridge.records.run_directory import RunDirectory
+from apad_bridge.ros.generate import generate
+from apad_bridge.ros.master import Master, loopback_environment, start_master
+from apad_bridge.scenario.loader import load
+from apad_bridge.vehicle import BatteryReported, PoseReported
+from firmware_model.actions import Buoyancy
+from firmware_model.charge import Battery, Flow, grains
+from firmware_model.states import State
+
+pytestmark = pytest.mark.system
+ROOT = Path(__file__).parents[2]
+TICKS = 10
+
+SUBSCRIBER = """
+import sys
+from pathlib import Path
+from apad_bridge.ros.messages import use_generated_messages
+use_generated_messages(Path(sys.argv[1]))
+import rospy
+from musselbed_msgs.msg import APadStatus, FleetTruth
+heard = []
+def hear(message):
+    heard.append(message.mission_time_ms)
+    if len(heard) == int(sys.argv[2]):
+        agent = message.agents[0]
+        print(heard, agent.id, agent.primary, agent.north, agent.docked, message.agent_time_ms, flush=True)
+rospy.init_node("listener", disable_signals=True)
+rospy.Subscriber("/musselbed/truth", FleetTruth, hear)
+print("ready", flush=True)
+sys.stdin.read()
+rospy.signal_shutdown("the test is over")
+"""
+
+
+@pytest.fixture(scope="module")
+def messages(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("messages") / "ros"
+    generate(folder)
+    return folder
+
+
+@pytest.fixture
+def bag(tmp_path: Path) -> Path:
+    """Ten ticks of one aMussel and the aPad, from time 0 on, and one event."""
+    scenario = load(ROOT / "launch_scripts" / "scenarios" / "pool-12.yaml")
+    directory = RunDirectory.create("story", datetime(2026, 5, 4, tzinfo=UTC), tmp_path / "run")
+    recorder = Recorder(directory, scenario, [7])
+    battery = Battery(0, grains(0.5), Flow.RESTING)
+    physical = Physical(battery, battery, 1_500_000, 2_500_000, 0, 0, Buoyancy.FLOAT, True)
+    recorder.truths([Truth(0, 7, State.CHARGING, physical)])
+    recorder.event(0, "dock", slot=0, agent=7, closed=True)
+    for now_ms in range(0, 1000 * TICKS, 1000):
+        belief = Belief(7, now_ms, State.CHARGING, 0.5, 1.0, 1.5, 2.5)
+        pose = PoseReported(now_ms, 1.0, 2.0, 0.25)
+        recorder.tick(
+            now_ms, [belief], pose, BatteryReported(now_ms, 15.5, 0.9), "hold position", (7, None, None, None)
+        )
+    recorder.close()
+    return directory.path / "run.bag"
+
+
+def tool_environment(messages: Path, base: dict[str, str] | None = None) -> dict[str, str]:
+    """Debian's tools run /usr/bin/python3: they find our messages on these two paths only."""
+    environment = dict(os.environ) if base is None else dict(base)
+    return environment | {"PYTHONPATH": str(messages), "ROS_PACKAGE_PATH": str(messages)}
+
+
+@pytest.fixture
+def master(tmp_path: Path) -> Iterator[Master]:
+    running = start_master(tmp_path / "ros", timeout_s=20, orphan_s=0)
+    yield running
+    running.stop()
+
+
+def rosbag(*words: str, environment: dict[str, str]) -> str:
+    tool = shutil.which("rosbag")
+    assert tool, "rosbag is missing: apt-get install python3-rosbag"
+    done = subprocess.run([tool, *words], env=environment, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def test_rosbag_info_knows_the_bag(bag: Path, messages: Path) -> None:
+    said = rosbag("info", str(bag), environment=tool_environment(messages))
+    for topic, count, kind in (
+        ("truth", TICKS, "FleetTruth"),
+        ("beliefs", TICKS, "FleetBeliefs"),
+        ("apad", TICKS, "APadStatus"),
+        ("mission", 1, "MissionEvent"),
+    ):
+        (line,) = [line for line in said.splitlines() if f"/musselbed/{topic} " in line]
+        assert line.split()[-4:] == [
+            str(count),
+            "msg" if count == 1 else "msgs",
+            ":",
+            f"musselbed_msgs/{kind}",
+        ]
+    assert f"{3 * TICKS + 1}" in said and "9.0s" in said
+
+
+def test_rosbag_play_gives_every_tick_to_a_subscriber(
+    bag: Path, messages: Path, master: Master, tmp_path: Path
+) -> None:
+    environment = loopback_environment(tmp_path / "ros", master.uri)
+    listener = subprocess.Popen(
+        [sys.executable, "-c", SUBSCRIBER, str(messages), str(TICKS)],
+        env=environment,
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+        cwd=ROOT,
+    )
+    assert listener.stdout is not None
+    try:
+        assert listener.stdout.readline() == "ready\n"
+        rosbag(
+            "play",
+            "--rate=20",
+            "--wait-for-subscribers",
+            "--topics",
+            "/musselbed/truth",
+            "--bags",
+            str(bag),
+            environment=tool_environment(messages, environment),
+        )
+        heard = listener.stdout.readline()
+    finally:
+        listener.communicate(timeout=20)
+    times = list(range(0, 1000 * TICKS, 1000))
+    assert heard == f"{times} 7 0.5 1.5 True {30 * times[-1]}\n"

@@ -1,0 +1,208 @@
+"""The replay page of a small run, in a real browser without a network: what it says, and what it paints."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+import subprocess
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from agents.outputs import Truth
+from agents.physical import Physical
+from apad_bridge.records.recorder import Recorder
+from apad_bridge.records.run_directory import RunDirectory
+from apad_bridge.replay.build import build_replay
+from apad_bridge.scenario.loader import load
+from apad_bridge.scenario.starts import starts_of
+from apad_bridge.vehicle import BatteryReported, PoseReported
+from firmware_model.actions import Buoyancy
+from firmware_model.charge import Battery, Flow, grains
+from firmware_model.states import State
+
+pytestmark = pytest.mark.system
+ROOT = Path(__file__).parents[2]
+CHROMIUM = shutil.which("chromium")
+FLAGS = (
+    "--headless",
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--force-device-scale-factor=1",
+    "--window-size=1400,1000",
+    "--host-resolver-rules=MAP * ~NOTFOUND",
+)
+GREEN, RED, PURPLE, GREY = [0x2B, 0x9A, 0x57], [0xD3, 0x3F, 0x3F], [0x7B, 0x48, 0xC8], [0x8B, 0x92, 0x9B]
+PLACES = {1: (5.0, 5.0), 2: (5.0, 15.0), 3: (22.0, 5.0), 4: (22.0, 15.0)}
+DOCKED_S, LOST_S, END_S = 60, 90, 120
+
+
+def truth(at_s: int, agent_id: int, charge: float, *, docked: bool = False, secondary: float = 1.0) -> Truth:
+    north_m, east_m = PLACES[agent_id]
+    primary = Battery(30_000 * at_s, grains(charge), Flow.RESTING)
+    backup = Battery(30_000 * at_s, grains(secondary), Flow.RESTING)
+    place = (round(north_m * 1e6), round(east_m * 1e6))
+    physical = Physical(primary, backup, *place, 0, 3_000_000, Buoyancy.SINK, docked)
+    return Truth(30_000 * at_s, agent_id, State.CHARGING if docked else State.ACTIVE, physical)
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two minutes: 1 stays above the threshold, 2 is docked at 60 s, 3 is a candidate, 4 is lost at 90 s."""
+    assert CHROMIUM, "chromium is missing: apt-get install chromium"
+    scenario = load(ROOT / "launch_scripts" / "scenarios" / "pool-12.yaml")
+    directory = RunDirectory.create(
+        "story", datetime(2026, 5, 4, tzinfo=UTC), tmp_path_factory.mktemp("runs") / "story"
+    )
+    directory.write_inputs(scenario, starts_of(scenario)[:4])
+    recorder = Recorder(directory, scenario, PLACES)
+    agents = [
+        {"id": n, "north_m": place[0], "east_m": place[1], "primary": 1.0, "secondary": 1.0}
+        for n, place in PLACES.items()
+    ]
+    recorder.event(0, "run", format=1, agents=agents)
+    told = {
+        0: [truth(0, 1, 0.95), truth(0, 2, 0.6), truth(0, 3, 0.5), truth(0, 4, 0.0)],
+        DOCKED_S: [truth(DOCKED_S, 2, 0.6, docked=True)],
+        LOST_S: [truth(LOST_S, 4, 0.0, secondary=0.0)],
+    }
+    for now_s in range(END_S + 1):
+        now_ms = 1000 * now_s
+        recorder.truths(told.get(now_s, []))
+        slots: tuple[int | None, ...] = (2, None, None, None) if now_s >= DOCKED_S else (None,) * 4
+        if now_s == 10:
+            steps = [{"agent": 2, "slot": 0}, {"agent": 3, "slot": 1}]
+            recorder.event(now_ms, "plan", what="collect", strategy="cautious", steps=steps)
+            recorder.event(now_ms, "leg", metres=7.5)
+            recorder.event(now_ms, "primitive", name="go to point", phase="started", north_m=5.0, east_m=15.0)
+        pose = PoseReported(now_ms, 14.0, 2.0 + min(now_s, DOCKED_S) / 10, 1.0)
+        recorder.tick(now_ms, [], pose, BatteryReported(now_ms, 15.0, 0.9), "go to point", slots)
+    recorder.event(1000 * END_S, "end", reason="mission time")
+    recorder.close()
+    return build_replay(directory.path)
+
+
+def browse(page: Path, profile: Path, *flags: str, at: str = "") -> str:
+    """Opens the page from disk and gives what the browser printed."""
+    assert CHROMIUM
+    command = [CHROMIUM, *FLAGS, f"--user-data-dir={profile}", *flags, page.as_uri() + at]
+    return subprocess.run(command, capture_output=True, text=True, timeout=60, check=True).stdout
+
+
+def shown(dom: str) -> dict[str, object]:
+    """What a person would read."""
+
+    def text(of: str) -> str:
+        found = re.search(rf'id="{of}"[^>]*>(.*?)</(?:p|b|output)>', dom)
+        assert found, of
+        return re.sub(r"\s+", " ", re.sub("<[^>]+>", " ", found[1])).strip()
+
+    chips = re.findall(r'<li data-agent="(\d+)" data-status="(\w+)"[^>]*><b>\d+</b><span>([^<]*)</span>', dom)
+    names = (
+        "mission-clock",
+        "agent-clock",
+        "primitive",
+        "plan",
+        "docks",
+        "active-now",
+        "cost-now",
+        "uptime-now",
+    )
+    return {name: text(name) for name in names} | {
+        "agents": {int(agent): (status, charge) for agent, status, charge in chips}
+    }
+
+
+def test_the_page_shows_the_time_that_its_address_names(page: Path, tmp_path: Path) -> None:
+    assert shown(browse(page, tmp_path / "a", "--dump-dom", at="#t=5")) == {
+        "mission-clock": "00:00:05",
+        "agent-clock": "00:02:30",
+        "primitive": "none",
+        "plan": "none yet",
+        "docks": "free · free · free · free",
+        "active-now": "3 of 4",
+        "cost-now": "0 m",
+        "uptime-now": "mean 3.1 %",  # 5 of 120 ticks for three of four
+        "agents": {
+            1: ("above", "95 %"),
+            2: ("candidate", "60 %"),
+            3: ("candidate", "50 %"),
+            4: ("candidate", "0 %"),
+        },
+    }
+
+
+def test_scrubbing_changes_what_is_shown(page: Path, tmp_path: Path) -> None:
+    # As a hand on the scrubber does it: its value changes and it says `input`.
+    scrubbed = page.with_name("scrubbed.html")
+    drag = 'const s=document.getElementById("scrub");s.value="100";s.dispatchEvent(new Event("input"));'
+    scrubbed.write_text(page.read_text().replace("</body>", f"<script>{drag}</script></body>"))
+    now = shown(browse(scrubbed, tmp_path / "a", "--dump-dom", at="#t=5"))
+    assert (now["mission-clock"], now["agent-clock"]) == ("00:01:40", "00:50:00")
+    assert now["primitive"] == "go to point 5.0 m north, 15.0 m east"
+    assert now["plan"] == "collect (cautious): 2 3"
+    assert (now["docks"], now["active-now"], now["cost-now"]) == ("2 · free · free · free", "2 of 4", "8 m")
+    assert now["agents"] == {
+        1: ("above", "95 %"),
+        2: ("charging", "60 %"),
+        3: ("candidate", "50 %"),
+        4: ("lost", "0 %"),
+    }
+
+
+def test_playing_moves_the_time_at_the_chosen_speed_and_stops_at_the_end(page: Path, tmp_path: Path) -> None:
+    # A clock and frames of our own, so that how long the browser takes does not matter.
+    clock = (
+        "let now=0;const frames=[];performance.now=()=>now;window.requestAnimationFrame=(f)=>frames.push(f);"
+    )
+    press = """
+      const press=(id)=>document.getElementById(id).click(), seen=[];
+      const pass=(ms)=>{now+=ms;for(const f of frames.splice(0))f();seen.push(document.body.dataset.timeMs);};
+      document.getElementById("speed").value="20";
+      press("play"); pass(1500); pass(500); press("play"); pass(500); press("play"); pass(1000); pass(5000); pass(5000);
+      document.body.dataset.seen=seen.join(" ");
+    """
+    played = page.with_name("played.html")
+    text = page.read_text().replace("<main>", f"<script>{clock}</script><main>")
+    played.write_text(text.replace("</body>", f"<script>{press}</script></body>"))
+    dom = browse(played, tmp_path / "a", "--dump-dom")
+    assert 'data-seen="30000 40000 40000 60000 120000 120000"' in dom
+    assert 'aria-label="Play"' in dom
+
+
+def test_the_map_is_painted_in_the_colours_of_its_legend(page: Path, tmp_path: Path) -> None:
+    early, late = (painted(page, tmp_path / name, at) for name, at in (("early", "#t=5"), ("late", "#t=100")))
+    assert early["1"] == late["1"] == GREEN
+    assert early["3"] == late["3"] == RED
+    assert (early["4"], late["4"]) == (RED, GREY)
+    # The docked one has left its place and is painted at the aPad.
+    assert early["2"] == RED and late["2"] not in (RED, GREEN, PURPLE, GREY)
+    assert early["purple"] == 0 and late["purple"] > 50
+
+
+def painted(page: Path, profile: Path, at: str) -> dict[str, Any]:
+    """The colour that the map has left of the number of each aMussel, by id, and how many purple pixels there are."""
+    look = """
+      const map=document.getElementById("map"), ctx=map.getContext("2d");
+      const to=mapScale(data,map.clientWidth,map.clientHeight);
+      const pixels=ctx.getImageData(0,0,map.width,map.height).data, found={purple:0};
+      for (const [id,[n,e]] of Object.entries(data.homes))
+        found[id]=[...ctx.getImageData(Math.round(to.x(e))-6,Math.round(to.y(n)),1,1).data].slice(0,3);
+      for (let i=0;i<pixels.length;i+=4) found.purple+=pixels[i]===0x7b&&pixels[i+1]===0x48&&pixels[i+2]===0xc8;
+      document.body.dataset.found=JSON.stringify(found);
+    """
+    looking = page.with_name(f"looking-{profile.name}.html")
+    looking.write_text(page.read_text().replace("</body>", f"<script>{look}</script></body>"))
+    dom = browse(looking, profile, "--dump-dom", at=at)
+    found = re.search(r'data-found="([^"]*)"', dom)
+    assert found
+    answer: dict[str, Any] = json.loads(found[1].replace("&quot;", '"'))
+    return answer
