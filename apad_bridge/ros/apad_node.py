@@ -1,8 +1,9 @@
 """The simulated aPad as a ROS 1 node of generation A, in a process of its own.
 
-    python -m apad_bridge.ros.apad_node --scenario RESOLVED.yaml [--release works|silent|crashes] [--xmlrpc-port PORT]
+    python -m apad_bridge.ros.apad_node --scenario RESOLVED.yaml [--time clock|wall] [--release works|silent|crashes]
 
-A thin shell around `GenerationAVehicle`: it follows /clock and has no time of its own. When it has handled all that is due
+A thin shell around `GenerationAVehicle`: it follows /clock and has no time of its own, or, to stand in for a real vehicle
+on somebody's master, the wall clock. When it has handled all that is due
 by a /clock of T it publishes `stateRef` stamped T, last: its word that T was handled. It prints `ready` when it is on the
 graph, ends on SIGTERM or SIGINT, and ends by itself when /clock was silent for `--orphan-s` wall seconds.
 
@@ -69,6 +70,8 @@ from navcon_msgs.srv import (
 _QUEUE = 200
 """Ten seconds of the fastest topic: who reads slower loses the oldest, and nobody waits for it."""
 
+_WALL_STEP_S = 0.05
+"""On the wall clock: its fastest topic's period."""
 _HELD_STATUS, _RELEASED_STATUS = 0, 1
 
 
@@ -97,6 +100,9 @@ class APadNode:
         self._lock = self._server.lock
         self._server.start()
         self._offer_services(namespace)
+
+    def follow_clock(self) -> None:
+        """From now on time is /clock's; otherwise somebody calls `advance_to`."""
         rospy.Subscriber("/clock", Clock, self._take_clock, tcp_nodelay=True)
 
     def _offer_services(self, namespace: str) -> None:
@@ -120,7 +126,10 @@ class APadNode:
 
     def _take_clock(self, message: Any) -> None:
         self.heard_clock_s = time.monotonic()
-        now_ms = to_ms(message.clock)
+        self.advance_to(to_ms(message.clock))
+
+    def advance_to(self, now_ms: int) -> None:
+        """Lets the vehicle's time pass to `now_ms`, tells what came of it, and says so last."""
         with self._lock:
             if self._vehicle is None:
                 self._vehicle = self._make_vehicle(now_ms)
@@ -267,6 +276,7 @@ def main() -> int:
     parser.add_argument(
         "--release", type=ReleaseFault, choices=list(ReleaseFault), default=ReleaseFault.WORKS
     )
+    parser.add_argument("--time", choices=["clock", "wall"], default="clock")
     parser.add_argument("--xmlrpc-port", type=int, default=0)
     parser.add_argument("--orphan-s", type=float, default=600.0)
     arguments = parser.parse_args()
@@ -279,12 +289,18 @@ def main() -> int:
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: stop.set())
     name = scenario.apad.name
-    # Made before rospy's own subscription to /clock, so that their common connection is asked for without delay: with
-    # it, each tick would wait 40 ms for an acknowledgement.
-    rospy.Subscriber("/clock", Clock, tcp_nodelay=True)
+    follows_clock = arguments.time == "clock"
+    if follows_clock:
+        # Made before rospy's own subscription to /clock, so that their common connection is asked for without delay: with
+        # it, each tick would wait 40 ms for an acknowledgement.
+        rospy.Subscriber("/clock", Clock, tcp_nodelay=True)
     rospy.init_node(f"{name}_simulated", argv=[], disable_signals=True, xmlrpc_port=arguments.xmlrpc_port)
     node = APadNode(f"/{name}", _vehicle_maker(scenario, arguments.release))
+    if follows_clock:
+        node.follow_clock()
     print("ready", flush=True)
+    while not follows_clock and not stop.wait(_WALL_STEP_S) and not rospy.is_shutdown():
+        node.advance_to(time.time_ns() // 1_000_000)
     while not stop.wait(1.0) and not rospy.is_shutdown():
         if time.monotonic() - node.heard_clock_s > arguments.orphan_s:
             print(f"musselbed: no /clock for {arguments.orphan_s:g} s: the aPad's node ends", file=sys.stderr)

@@ -78,9 +78,12 @@ class RunOptions:
         except (KeyError, TypeError) as error:
             raise ValueError(f"{directory / OPTIONS_NAME} was written by another version: {error}") from error
 
-    def on_master(self, uri: str) -> RunOptions:
-        """The same on a master of the run's own."""
+    def on_own_master(self, uri: str) -> RunOptions:
         return replace(self, master_uri=uri, owns_master=True)
+
+    def on_master(self, uri: str) -> RunOptions:
+        """The same on a master that somebody else runs."""
+        return replace(self, master_uri=uri)
 
     def next_epoch(self) -> RunOptions:
         return replace(self, epoch=self.epoch + 1)

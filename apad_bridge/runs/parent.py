@@ -18,6 +18,7 @@ from typing import Any
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.ros.apad_process import APadNodeFailed, start_apad_node, stop_apad_node
 from apad_bridge.ros.master import MasterFailed, start_master
+from apad_bridge.ros.route import environment_for, somebodys_master
 from apad_bridge.runs.children import Child
 from apad_bridge.runs.failures import PeerFailed
 from apad_bridge.runs.nurseries import end_nursery, start_nursery
@@ -74,7 +75,7 @@ def start_supervisor(run_dir: Path, options: RunOptions, *, resume: bool) -> Chi
         "apad_bridge.runs.supervisor_process",
         [str(run_dir), *(["--resume"] if resume else [])],
         run_dir / "supervisor.log",
-        {"ROS_MASTER_URI": options.master_uri, **({"ROS_IP": "127.0.0.1"} if options.owns_master else {})},
+        environment_for(options.master_uri),
     )
 
 
@@ -148,7 +149,7 @@ class _Interrupts:
 def _open_ros(stack: ExitStack, options: RunOptions, run_dir: Path) -> RunOptions:
     """Starts what ROS needs of its own: a master, and on it the simulated aPad. Ended in reverse order."""
     if options.apad is APadKind.ROS:
-        return options
+        return options.on_master(somebodys_master())
     try:
         master = start_master(run_dir / "ros", _MASTER_S)
         stack.callback(master.stop, 1.0)
@@ -156,7 +157,7 @@ def _open_ros(stack: ExitStack, options: RunOptions, run_dir: Path) -> RunOption
     except (MasterFailed, APadNodeFailed) as error:
         raise PeerFailed(f"{error}; see {run_dir}") from error
     stack.callback(stop_apad_node, node, 1.0)
-    return options.on_master(master.uri)
+    return options.on_own_master(master.uri)
 
 
 def _wait_for_resume(run_dir: Path, progress: FlightProgress) -> dict[str, Any]:

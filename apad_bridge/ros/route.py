@@ -1,0 +1,51 @@
+"""Which master, and by which of our addresses its nodes reach us: ROS 1 needs both directions by name."""
+
+from __future__ import annotations
+
+import os
+import socket
+from collections.abc import Mapping
+from urllib.parse import urlsplit
+
+from apad_bridge.runs.failures import PeerFailed
+
+_DEFAULT_URI = "http://localhost:11311"
+_TIMEOUT_S = 3.0
+
+
+def somebodys_master(environment: Mapping[str, str] = os.environ) -> str:
+    """The URI in ROS_MASTER_URI, or ROS's default; PeerFailed when nothing listens there."""
+    uri = environment.get("ROS_MASTER_URI") or _DEFAULT_URI
+    host, port = _host_and_port(uri)
+    try:
+        socket.create_connection((host, port), _TIMEOUT_S).close()
+    except OSError as error:
+        raise PeerFailed(
+            f"no ROS master answers at {uri} ({error}): start it, or say where it is with ROS_MASTER_URI"
+        ) from error
+    return uri
+
+
+def environment_for(master_uri: str, environment: Mapping[str, str] = os.environ) -> dict[str, str]:
+    """What a node on this master needs: ROS_MASTER_URI, and ROS_IP as our address on the way to it.
+
+    A ROS_IP or ROS_HOSTNAME that the user has set stays as it is.
+    """
+    if environment.get("ROS_IP") or environment.get("ROS_HOSTNAME"):
+        return {"ROS_MASTER_URI": master_uri}
+    host, port = _host_and_port(master_uri)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        # Connecting a datagram socket sends nothing: the kernel only chooses the route.
+        probe.connect((host, port))
+        return {"ROS_MASTER_URI": master_uri, "ROS_IP": str(probe.getsockname()[0])}
+
+
+def _host_and_port(uri: str) -> tuple[str, int]:
+    parts = urlsplit(uri)
+    try:
+        host, port = parts.hostname, parts.port
+    except ValueError:
+        host = port = None
+    if not host or not port:
+        raise PeerFailed(f"ROS_MASTER_URI={uri} is no http://HOST:PORT")
+    return host, port
