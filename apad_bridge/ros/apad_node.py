@@ -2,10 +2,10 @@
 
     python -m apad_bridge.ros.apad_node --scenario RESOLVED.yaml [--time clock|wall] [--release works|silent|crashes]
 
-A thin shell around `GenerationAVehicle`: it follows /clock and has no time of its own, or, to stand in for a real vehicle
-on somebody's master, the wall clock. When it has handled all that is due
-by a /clock of T it publishes `stateRef` stamped T, last: its word that T was handled. It prints `ready` when it is on the
-graph, ends on SIGTERM or SIGINT, and ends by itself when /clock was silent for `--orphan-s` wall seconds.
+A thin shell around `GenerationAVehicle`. It follows /clock and has no time of its own; or, to stand in for a real vehicle
+on somebody's master, it follows the wall clock. When it has handled all that is due by a /clock of T it publishes
+`stateRef` stamped T, last: its word that T was handled. It prints `ready` when it is on the graph, ends on SIGTERM or
+SIGINT, and ends by itself when /clock was silent for `--orphan-s` wall seconds.
 
 A goal of generation A has no field for speed or victory radius; both are the node's own, from the scenario's mission.
 """
@@ -19,245 +19,20 @@ import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import rospy
-from actionlib.action_server import ActionServer
 from rosgraph_msgs.msg import Clock
-from std_msgs.msg import Float64
-from std_srvs.srv import Trigger, TriggerResponse
 
-from apad_bridge.ros.generation_a_vehicle import (
-    Ended,
-    GenerationAVehicle,
-    Goal,
-    Held,
-    Outcome,
-    PoseShown,
-    ReleaseFault,
-    Shown,
-    SlowShown,
-)
-from apad_bridge.ros.messages import MessagesUnusable, use_generated_messages
-from apad_bridge.ros.ros_time import to_ms, to_ros
+from apad_bridge.ros.generation_a_shown import ReleaseFault
+from apad_bridge.ros.generation_a_vehicle import GenerationAVehicle
+from apad_bridge.ros.messages import MessagesUnusable
 from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.simulated_apad.apad import SimulatedAPad
 
-try:
-    use_generated_messages()
-except MessagesUnusable as error:
-    sys.exit(f"musselbed: {error}")
-
-from apad.msg import aPadAction, aPadFeedback, aPadResult
-from auv_msgs.msg import NavSts
-from misc_msgs.srv import (
-    ChangeDockingStatus,
-    ChangeDockingStatusResponse,
-    GetChargeInfo,
-    GetChargeInfoResponse,
-    GetDockingInfo,
-    GetDockingInfoResponse,
-)
-from navcon_msgs.srv import (
-    ConfigureVelocityController,
-    ConfigureVelocityControllerResponse,
-    EnableControl,
-    EnableControlResponse,
-)
-
-_QUEUE = 200
-"""Ten seconds of the fastest topic: who reads slower loses the oldest, and nobody waits for it."""
-
 _WALL_STEP_S = 0.05
-"""On the wall clock: its fastest topic's period."""
-_HELD_STATUS, _RELEASED_STATUS = 0, 1
-
-
-class APadNode:
-    """Everything under `namespace`. One lock, the action server's, guards the vehicle. The node is initialised before."""
-
-    def __init__(self, namespace: str, make_vehicle: Callable[[int], GenerationAVehicle]) -> None:
-        self.heard_clock_s = time.monotonic()
-        self._make_vehicle = make_vehicle
-        self._vehicle: GenerationAVehicle | None = None
-        self._goals: dict[str, Any] = {}
-        """Handles of the goals that have not ended."""
-        self._position = rospy.Publisher(f"{namespace}/position", NavSts, queue_size=_QUEUE)
-        self._state = rospy.Publisher(f"{namespace}/stateRef", NavSts, queue_size=_QUEUE)
-        self._battery = rospy.Publisher(f"{namespace}/battery_level", Float64, queue_size=_QUEUE)
-        self._held: dict[str, rospy.Publisher] = {}
-        # Its status timer sleeps on ROS time; here the status goes out with the second, from `_show`.
-        rospy.set_param("~actionlib_status_frequency", 0.0)
-        self._server = ActionServer(
-            f"{namespace}/action_server",
-            aPadAction,
-            self._take_goal,
-            self._cancel_goal,
-            auto_start=False,
-        )
-        self._lock = self._server.lock
-        self._server.start()
-        self._offer_services(namespace)
-
-    def follow_clock(self) -> None:
-        """From now on time is /clock's; otherwise somebody calls `advance_to`."""
-        rospy.Subscriber("/clock", Clock, self._take_clock, tcp_nodelay=True)
-
-    def _offer_services(self, namespace: str) -> None:
-        """Enabling, configuring and anchoring succeed and change nothing: this vehicle always holds by itself."""
-        services: list[tuple[str, Any, Callable[[Any], Any]]] = [
-            ("check_docking_availability", GetDockingInfo, self._tell_docks),
-            ("change_docking_status", ChangeDockingStatus, self._change_dock),
-            ("get_battery_level", GetChargeInfo, self._tell_battery),
-            ("charge_info", GetChargeInfo, self._tell_battery),
-            ("anchor", Trigger, lambda _: TriggerResponse(True, "it holds its position by itself")),
-            ("FADP_enable", EnableControl, lambda _: EnableControlResponse()),
-            ("VelCon_enable", EnableControl, lambda _: EnableControlResponse()),
-            (
-                "ConfigureVelocityController",
-                ConfigureVelocityController,
-                lambda _: ConfigureVelocityControllerResponse(),
-            ),
-        ]
-        for name, kind, answer in services:
-            rospy.Service(f"{namespace}/{name}", kind, answer)
-
-    def _take_clock(self, message: Any) -> None:
-        self.heard_clock_s = time.monotonic()
-        self.advance_to(to_ms(message.clock))
-
-    def advance_to(self, now_ms: int) -> None:
-        """Lets the vehicle's time pass to `now_ms`, tells what came of it, and says so last."""
-        with self._lock:
-            if self._vehicle is None:
-                self._vehicle = self._make_vehicle(now_ms)
-            if now_ms < self._vehicle.now_ms:
-                # As when a supervisor was killed between two ticks and another one goes on from the earlier.
-                rospy.logwarn_throttle(10, f"/clock went back to {now_ms} ms: not followed")
-            else:
-                self._show(self._vehicle.advance(now_ms))
-            self._publish_pose(self._state, self._vehicle.now_ms, self._vehicle.pose)
-
-    def _take_goal(self, handle: Any) -> None:
-        message, key = handle.get_goal(), handle.get_goal_id().id
-        with self._lock:
-            vehicle = self._vehicle
-            if vehicle is None:
-                handle.set_rejected(None, "no /clock was heard yet")
-                return
-            if vehicle.has_crashed:
-                return
-            handle.set_accepted()
-            self._goals[key] = handle
-            goal = Goal(key, message.id, message.pose.position.x, message.pose.position.y, message.object)
-            self._show(vehicle.receive(goal, vehicle.now_ms))
-
-    def _cancel_goal(self, handle: Any) -> None:
-        with self._lock:
-            if self._vehicle is not None:
-                self._show(self._vehicle.cancel(handle.get_goal_id().id, self._vehicle.now_ms))
-
-    def _show(self, shown: list[Shown]) -> None:
-        for item in shown:
-            match item:
-                case PoseShown(at_ms, pose):
-                    self._publish_pose(self._position, at_ms, pose)
-                    self._publish_pose(self._state, at_ms, pose)
-                case Held():
-                    self._publish_held(item)
-                case SlowShown(_, battery_percent, goal_key, covered_percent):
-                    self._battery.publish(Float64(battery_percent))
-                    self._tell_progress(goal_key, covered_percent)
-                case Ended():
-                    self._end_goal(item)
-
-    def _publish_pose(self, publisher: rospy.Publisher, at_ms: int, pose: Any) -> None:
-        """Global position, origin, variances and status stay 0, as the published simulator leaves them."""
-        if publisher.get_num_connections() == 0:
-            return
-        message = NavSts()
-        message.header.stamp = to_ros(at_ms)
-        message.header.frame_id = "local"
-        message.position.north, message.position.east = pose.north_m, pose.east_m
-        message.gbody_velocity.x, message.gbody_velocity.y = pose.north_m_s, pose.east_m_s
-        message.orientation.yaw = pose.heading_rad
-        publisher.publish(message)
-
-    def _publish_held(self, held: Held) -> None:
-        publisher = self._held.get(held.name)
-        if publisher is None:
-            try:
-                # Latched, because who listens connects only after the first word is out.
-                publisher = rospy.Publisher(
-                    f"/{held.name}/position_static", NavSts, queue_size=_QUEUE, latch=True
-                )
-            except ValueError as refused:  # a goal may name anything
-                rospy.logwarn_throttle(10, f"an object is named {held.name!r}: {refused}")
-                return
-            self._held[held.name] = publisher
-        message = NavSts()
-        message.header.stamp = to_ros(held.at_ms)
-        message.header.frame_id = "local"
-        message.position.north, message.position.east = held.north_m, held.east_m
-        message.status = _RELEASED_STATUS if held.released else _HELD_STATUS
-        publisher.publish(message)
-
-    def _tell_progress(self, goal_key: str | None, covered_percent: float) -> None:
-        vehicle = self._vehicle
-        if vehicle is not None and vehicle.has_crashed:
-            return
-        handle = self._goals.get(goal_key or "")
-        if handle is not None:
-            feedback = aPadFeedback(id=handle.get_goal().id, status=covered_percent)
-            handle.publish_feedback(feedback)
-        self._server.publish_status()
-
-    def _end_goal(self, ended: Ended) -> None:
-        handle = self._goals.pop(ended.key, None)
-        if handle is None:
-            return
-        result = aPadResult(id=handle.get_goal().id, status=0 if ended.outcome is Outcome.SUCCEEDED else 1)
-        match ended.outcome:
-            case Outcome.SUCCEEDED:
-                handle.set_succeeded(result, ended.reason)
-            case Outcome.PREEMPTED:
-                handle.set_canceled(result, ended.reason)
-            case Outcome.ABORTED:
-                handle.set_aborted(result, ended.reason)
-
-    def _running(self) -> GenerationAVehicle:
-        if self._vehicle is None:
-            raise rospy.ServiceException("no /clock was heard yet")
-        return self._vehicle
-
-    def _tell_docks(self, _: Any) -> Any:
-        with self._lock:
-            vehicle = self._running()
-            return GetDockingInfoResponse(available_slots=vehicle.free_slots, slots=vehicle.held)
-
-    def _change_dock(self, request: Any) -> Any:
-        with self._lock:
-            vehicle = self._running()
-            try:
-                self._show(vehicle.set_dock(request.slot, request.status, vehicle.now_ms))
-            except ValueError as refused:
-                raise rospy.ServiceException(str(refused)) from refused
-            return ChangeDockingStatusResponse(False)
-
-    def _tell_battery(self, _: Any) -> Any:
-        with self._lock:
-            vehicle = self._running()
-            pose = vehicle.pose
-            return GetChargeInfoResponse(
-                battery_level=vehicle.battery_percent,
-                x=pose.north_m,
-                y=pose.east_m,
-                z=0.0,
-                type="charger",
-                consumers=vehicle.held,
-            )
+"""On the wall clock: the period of its fastest topic."""
 
 
 def _vehicle_maker(scenario: Scenario, fault: ReleaseFault) -> Callable[[int], GenerationAVehicle]:
@@ -288,6 +63,11 @@ def main() -> int:
     stop = threading.Event()
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: stop.set())
+    try:
+        from apad_bridge.ros.generation_a_server import GenerationAServer
+    except MessagesUnusable as wrong:
+        print(f"musselbed: {wrong}", file=sys.stderr)
+        return 1
     name = scenario.apad.name
     follows_clock = arguments.time == "clock"
     if follows_clock:
@@ -295,7 +75,7 @@ def main() -> int:
         # it, each tick would wait 40 ms for an acknowledgement.
         rospy.Subscriber("/clock", Clock, tcp_nodelay=True)
     rospy.init_node(f"{name}_simulated", argv=[], disable_signals=True, xmlrpc_port=arguments.xmlrpc_port)
-    node = APadNode(f"/{name}", _vehicle_maker(scenario, arguments.release))
+    node = GenerationAServer(f"/{name}", _vehicle_maker(scenario, arguments.release))
     if follows_clock:
         node.follow_clock()
     print("ready", flush=True)

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import rosgraph
 
-from apad_bridge.ros.generation_a_vehicle import ReleaseFault
+from apad_bridge.ros.generation_a_shown import ReleaseFault
 from apad_bridge.ros.master import loopback_environment
 
 

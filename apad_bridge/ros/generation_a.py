@@ -103,7 +103,7 @@ class GenerationALink:
     @property
     def dropped(self) -> Counter[str]:
         """Words of the vehicle that came to nothing, by reason."""
-        return self._inbox.dropped + self._core.dropped + self._core.docks.dropped
+        return self._inbox.dropped + self._core.dropped
 
     def holds(self, agent_id: int) -> bool:
         """Whether a dock is known to hold this aMussel."""
@@ -145,10 +145,16 @@ class GenerationALink:
     # In step with our own clock: what `OwnMasterClock` asks for.
 
     def wait_until_taken(self, timeout_s: float) -> list[str]:
-        """Until the server has acknowledged every goal; the keys of those that it has not, after `timeout_s`."""
+        """Until the server has acknowledged every goal; the keys of those that it has not, after `timeout_s`.
+
+        One that was missed is not waited for again.
+        """
         until_s = time.monotonic() + timeout_s
-        while (missing := self._core.untaken) and (left_s := until_s - time.monotonic()) > 0:
+        while missing := [key for key in self._core.untaken if key not in self._excused]:
+            if (left_s := until_s - time.monotonic()) <= 0:
+                break
             self._drain(left_s)
+        self._excused |= set(missing)
         return missing
 
     def wait_until_done(self, now_ms: int, timeout_s: float) -> bool:
@@ -167,7 +173,7 @@ class GenerationALink:
         until_s = time.monotonic() + timeout_s
         while True:
             unheard = set(self._core.unheard(now_ms))
-            self._excused &= unheard
+            self._excused &= unheard | set(self._core.untaken)
             missing = unheard - self._excused
             if not missing or (left_s := until_s - time.monotonic()) <= 0:
                 break

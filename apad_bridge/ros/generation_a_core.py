@@ -12,9 +12,12 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from apad_bridge.ros.generation_a_docks import DocksByHearsay
-from apad_bridge.ros.generation_a_vehicle import GO_TO, PERCH, RELEASE
+from apad_bridge.ros.generation_a_readings import Readings
 from apad_bridge.ros.generation_a_words import (
     ENDS,
+    GO_TO,
+    PERCH,
+    RELEASE,
     BatteryHeard,
     GoalCode,
     GoalOrder,
@@ -27,7 +30,6 @@ from apad_bridge.ros.generation_a_words import (
 )
 from apad_bridge.vehicle import (
     Arrived,
-    BatteryReported,
     CloseDock,
     CommandFailed,
     DockClosed,
@@ -35,7 +37,6 @@ from apad_bridge.vehicle import (
     GoTo,
     Hold,
     OpenDock,
-    PoseReported,
     VehicleCommand,
 )
 from apad_bridge.vehicle_link import LinkFact
@@ -60,8 +61,8 @@ class _Sent:
 class GenerationACore:
     """`hear` takes what came, `command` gives the goal to send, `advance` the facts stamped up to its time.
 
-    `battery_v` is (empty, full): generation A says percent only, and the voltage follows from it linearly. `docked` are
-    agents by slot known to be held at `now_ms`. Goal keys begin with `nonce`, which no two runs on one server may share.
+    `battery_v` is (empty, full). `docked` are agents by slot known to be held at `now_ms`. Goal keys begin with `nonce`,
+    which no two runs on one server may share.
     """
 
     def __init__(
@@ -73,9 +74,8 @@ class GenerationACore:
         now_ms: int = 0,
         object_prefix: str = "amussel",
     ) -> None:
-        self.dropped: Counter[str] = Counter()
+        self.readings = Readings(battery_v)
         self.docks = DocksByHearsay(agent_ids, docked or {}, now_ms)
-        self._battery_v = battery_v
         self._nonce = nonce
         self._object_prefix = object_prefix
         self._now_ms = now_ms
@@ -83,16 +83,19 @@ class GenerationACore:
         self._facts: list[LinkFact] = []
         self._goals: dict[str, _Sent] = {}
         self._latest_key = ""
-        self._pose: PoseReported | None = None
-        self._battery: BatteryReported | None = None
-        self._position_ms = self._status_ms = -1
+        self._status_ms = -1
         self.state_ms = -1
         """The newest stamp of `stateRef`."""
+
+    @property
+    def dropped(self) -> Counter[str]:
+        """Words of the vehicle that were of no use, by reason."""
+        return self.readings.dropped + self.docks.dropped
 
     def unheard(self, now_ms: int) -> list[str]:
         """Topics, below the aPad's namespace or an aMussel's, that have not spoken up to `now_ms`."""
         spoken = (
-            ("position", self._position_ms),
+            ("position", self.readings.position_ms),
             ("action_server/status", self._status_ms),
         )
         held = [f"/{self._object_prefix}{it}/position_static" for it in self.docks.unheard(now_ms)]
@@ -128,11 +131,11 @@ class GenerationACore:
             return
         match heard:
             case PoseHeard():
-                self._hear_pose(heard)
+                self.readings.hear_pose(heard)
             case StateHeard(at_ms):
                 self.state_ms = max(self.state_ms, at_ms)
-            case BatteryHeard(at_ms, percent):
-                self._hear_battery(at_ms, percent)
+            case BatteryHeard():
+                self.readings.hear_battery(heard)
             case StaticHeard():
                 self._hear_static(heard)
             case GoalsHeard():
@@ -146,35 +149,15 @@ class GenerationACore:
         later, self._later = self._later, []
         for heard in later:
             self.hear(heard, now_ms)
-        self._take_docks(self.docks.silent(self._position_ms))
+        self._take_docks(self.docks.silent(self.readings.position_ms))
         self._end_waits(now_ms)
         facts, self._facts = self._facts, []
         facts += self.docks.places()
-        facts += [fact for fact in (self._pose, self._battery) if fact is not None]
-        self._pose = self._battery = None
-        return facts
-
-    def _hear_pose(self, heard: PoseHeard) -> None:
-        if not all(map(math.isfinite, (heard.north_m, heard.east_m, heard.heading_rad))):
-            self.dropped["position: not finite"] += 1
-        elif heard.at_ms < self._position_ms:
-            self.dropped["position: a newer one overtook it"] += 1
-        else:
-            self._position_ms = heard.at_ms
-            self._pose = PoseReported(heard.at_ms, heard.north_m, heard.east_m, heard.heading_rad)
-
-    def _hear_battery(self, at_ms: int, percent: float) -> None:
-        if not math.isfinite(percent):
-            self.dropped["battery_level: not finite"] += 1
-            return
-        # Gauges in the field overshoot both ends.
-        fraction = min(1.0, max(0.0, percent / 100))
-        empty_v, full_v = self._battery_v
-        self._battery = BatteryReported(at_ms, empty_v + fraction * (full_v - empty_v), fraction)
+        return facts + self.readings.take()
 
     def _hear_static(self, heard: StaticHeard) -> None:
         if not (math.isfinite(heard.north_m) and math.isfinite(heard.east_m)):
-            self.dropped["position_static: not finite"] += 1
+            self.docks.dropped["position_static: not finite"] += 1
             return
         self._take_docks(self.docks.hear(heard))
 

@@ -10,86 +10,27 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from dataclasses import dataclass
-from enum import Enum, StrEnum
 
+from apad_bridge.ros.generation_a_shown import (
+    Ended,
+    Goal,
+    Held,
+    Outcome,
+    PoseShown,
+    ReleaseFault,
+    Shown,
+    SlowShown,
+)
+from apad_bridge.ros.generation_a_words import GO_TO, PERCH, RELEASE
 from apad_bridge.simulated_apad.apad import SimulatedAPad
 from apad_bridge.simulated_apad.docks import OFFSETS_M
 from apad_bridge.simulated_apad.kinematics import Pose
 from apad_bridge.vehicle import Arrived, CloseDock, CommandFailed, GoTo, OpenDock, VehicleFact
 
-GO_TO, PERCH, RELEASE = 0, 1, 2
-
 HELD_PERIOD_MS = 50
 POSE_PERIOD_MS = 100
 SLOW_PERIOD_MS = 1000
 """Of battery, feedback and goal status."""
-
-
-class ReleaseFault(StrEnum):
-    """What a release does.
-
-    works: what it should. silent: the aMussel is let go, but neither the last word on position_static nor a result comes.
-    crashes: as published: the action server is gone, with all that it held; position and battery are another node's.
-    """
-
-    WORKS = "works"
-    SILENT = "silent"
-    CRASHES = "crashes"
-
-
-class Outcome(Enum):
-    SUCCEEDED = "succeeded"
-    PREEMPTED = "pre-empted"
-    ABORTED = "aborted"
-
-
-@dataclass(frozen=True, slots=True)
-class Goal:
-    key: str
-    kind: int
-    north_m: float
-    east_m: float
-    name: str
-    """Of the object to perch or release: a bare namespace, as `amussel7`."""
-
-
-@dataclass(frozen=True, slots=True)
-class PoseShown:
-    at_ms: int
-    pose: Pose
-
-
-@dataclass(frozen=True, slots=True)
-class Held:
-    """Where `name` is held; with `released`, for the last time."""
-
-    at_ms: int
-    name: str
-    north_m: float
-    east_m: float
-    released: bool = False
-
-
-@dataclass(frozen=True, slots=True)
-class SlowShown:
-    """Battery in percent, and for a running go-to the percentage covered, which is negative when it got farther away."""
-
-    at_ms: int
-    battery_percent: float
-    goal_key: str | None
-    covered_percent: float
-
-
-@dataclass(frozen=True, slots=True)
-class Ended:
-    at_ms: int
-    key: str
-    outcome: Outcome
-    reason: str = ""
-
-
-Shown = PoseShown | Held | SlowShown | Ended
 
 
 class GenerationAVehicle:

@@ -5,6 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import IntEnum
 
+GO_TO, PERCH, RELEASE = 0, 1, 2
+"""Kinds of goals, by their id."""
+
 
 class GoalCode(IntEnum):
     """Of actionlib_msgs/GoalStatus; LOST is the client's own word."""
