@@ -9,8 +9,8 @@ from pathlib import Path
 
 from apad_bridge.diagnosis.finding import Finding, ok, warn
 
-_MD5 = re.compile(r'^\s+_md5sum = "([0-9a-f]{32})"', re.MULTILINE)
-_TYPE = re.compile(r'^\s+_type = "(\w+/\w+)"', re.MULTILINE)
+_MD5 = re.compile(r"""^\s+_md5sum = ["']([0-9a-f]{32})["']""", re.MULTILINE)
+_TYPE = re.compile(r"""^\s+_type\s*= ["'](\w+/\w+)["']""", re.MULTILINE)
 _SHOWN = 3
 
 Md5s = dict[str, str]

@@ -115,6 +115,8 @@ def _definitions_by_text(root: Path, packages: Iterable[str], ours: Definitions)
                 continue
             try:
                 md5s[full_name] = _md5_of_text(full_name, text, search_path)
+            except genmsg.MsgNotFound as error:
+                unreadable.append(f"{text} (no {error.package}/{error.base_type})")
             except (genmsg.InvalidMsgSpec, genmsg.MsgGenerationException, OSError) as error:
                 unreadable.append(f"{text} ({error})")
     return Definitions(str(root), md5s, tuple(unreadable))
