@@ -16,6 +16,7 @@ from rich.console import Console
 from apad_bridge import building
 from apad_bridge.commands.exits import EXITS, Exit, UserError
 from apad_bridge.planning import registry
+from apad_bridge.records.journal import read_journal
 from apad_bridge.records.recorder import Recorder
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
 from apad_bridge.runs import flying, parent
@@ -132,7 +133,7 @@ def options_of(arguments: argparse.Namespace) -> RunOptions:
 def run(arguments: argparse.Namespace) -> int:
     options = options_of(arguments)
     scenario, starts = read_scenario(arguments)
-    if options.dry_run and options.time is TimeSource.ASAP:
+    if options.dry_run and options.apad is APadKind.SIM:
         return _print_plan(first_plan(scenario, starts), arguments.json)
     try:
         directory = RunDirectory.create(scenario.name, datetime.now(UTC), arguments.out)
@@ -146,6 +147,8 @@ def run(arguments: argparse.Namespace) -> int:
             summary = _fly_here(scenario, starts, directory, progress)
         else:
             summary = parent.fly(scenario, starts, options, directory, progress)
+    if options.dry_run:
+        return _print_plan(read_journal(directory.journal).first("plan"), arguments.json)
     return report(scenario, directory, summary, arguments.json)
 
 

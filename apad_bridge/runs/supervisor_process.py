@@ -18,6 +18,7 @@ from apad_bridge.records.recorder import Recorder
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.ros.surroundings import open_surroundings
 from apad_bridge.runs import flying, resuming
+from apad_bridge.runs.dry_run import dry
 from apad_bridge.runs.failures import PeerFailed
 from apad_bridge.runs.nurseries import adopt
 from apad_bridge.runs.options import Part, RunOptions
@@ -48,9 +49,16 @@ def fly(run_dir: Path, resume: bool) -> int:
     try:
         fleet = None if options.part is Part.MISSION else adopt(scenario, run_dir, options.epoch, start_ms)
         docked = {} if go_on is None else dict(go_on.state.docked)
-        with open_surroundings(scenario, options, fleet, docked, start_ms) as surroundings:
+        with open_surroundings(
+            scenario, options, fleet, docked, start_ms, recorder.truths_at
+        ) as surroundings:
             summary = flying.fly(
-                scenario, surroundings, recorder, lambda status: say(status.to_line()), go_on
+                scenario,
+                dry(surroundings) if options.dry_run else surroundings,
+                recorder,
+                lambda status: say(status.to_line()),
+                go_on,
+                until_first_plan=options.dry_run,
             )
     except (PeerFailed, TimeoutError) as error:
         say(f"ended: {error}")
