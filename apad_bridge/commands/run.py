@@ -171,6 +171,7 @@ def _fly_here(
     try:
         return flying.fly(scenario, flying.in_process(scenario, fleet), recorder, progress.show)
     finally:
+        recorder.close()
         fleet.host.close()
 
 

@@ -62,8 +62,9 @@ def fly(run_dir: Path, resume: bool) -> int:
             )
     except (PeerFailed, TimeoutError) as error:
         say(f"ended: {error}")
-        recorder.close()
         return Exit.PEER_FAILED
+    finally:
+        recorder.close()
     say(json.dumps({"summary": summary}))
     return Exit.DONE
 
