@@ -251,6 +251,26 @@ def test_a_resumed_mission_does_not_dock_twice_what_the_dock_holds() -> None:
     assert PermitSurfacing(3) not in bench.orders
 
 
+def test_a_resumed_charging_wait_gives_nobody_up_before_it_was_heard_for_long_enough() -> None:
+    state = replace(ready_state(), phase=Phase.CHARGE, since_ms=0)
+    bench = Bench(agents=0, state=state)
+    bench.now_ms = 500_000
+    bench.tick()
+    assert bench.notes("given_up") == []
+    bench.tick(int(MISSION.silence_timeout_s) + 1)
+    assert [note["agent"] for note in bench.notes("given_up")] == [1, 2]
+
+
+def test_one_docked_by_hand_and_never_heard_does_not_take_a_slot_for_ever() -> None:
+    bench = Bench(agents=1)
+    bench.mission.receive(DockChanged(0, 2, 77, True), 0)
+    bench.tick()
+    bench.tick(int(MISSION.silence_timeout_s) + 1)
+    bench.succeed()
+    assert isinstance(bench.succeed(), UndockMussel)
+    assert bench.mission.slots == (None,) * 4
+
+
 def ready_state() -> MissionState:
     """Two docked, two more to come, as a journal would have it."""
     bench = Bench()
