@@ -84,7 +84,7 @@ class Ears:
             subscriber.unregister()
 
     def _listen(self, topic: str, kind: Any, take: Any, *arguments: Any) -> rospy.Subscriber:
-        # No delay: a tick is a message there and one back, and 40 ms for an acknowledgement would be most of it.
+        # No delay: otherwise a small message may wait on a network for the acknowledgement of the one before.
         return rospy.Subscriber(topic, kind, take, *arguments, tcp_nodelay=True)
 
     def _stamp(self, message: Any) -> int:
