@@ -34,12 +34,14 @@ def open_surroundings(
     options: RunOptions,
     fleet: Fleet | None,
     docked: Mapping[int, int],
+    held: tuple[int, ...],
     now_ms: int,
     truths_at: TruthsAt,
 ) -> Iterator[Surroundings]:
     """Everything on the graph while it is entered; PeerFailed, in one line, when something does not come up.
 
-    `docked` are agents by slot that a former supervisor knew to be held; `now_ms` is the mission time to go on from.
+    `docked` are agents by slot that a former supervisor knew to be held, `held` those whose bodies feel a dock; `now_ms` is
+    the mission time to go on from.
     `truths_at` is the recorder's, for a scenario that wants the truth on the aMussels' own topics.
     """
     ids = building.agent_ids(scenario)
@@ -51,7 +53,7 @@ def open_surroundings(
             gateway = open_gateway(
                 shown,
                 scenario.theta,
-                node_name=_NODES[options.part],
+                node_name=f"{_NODES[options.part]}_{scenario.fleet.first_id}",
                 xmlrpc_port=options.xmlrpc_port,
                 truth=_shown_truth(truths_at) if scenario.records.truth_on_agent_topics else None,
             )
@@ -59,7 +61,7 @@ def open_surroundings(
             vehicle: GenerationALink | ContactsLink
             ether: FleetRadio | MissionRadio | None = None
             if options.part is Part.FLEET:
-                vehicle = ContactsLink(ids, docked, now_ms)
+                vehicle = ContactsLink(scenario.apad.name, ids, docked, now_ms)
                 ether = FleetRadio(ids, codec)
             else:
                 vehicle = _apad_link(scenario, options, docked, now_ms)
@@ -79,7 +81,7 @@ def open_surroundings(
             lambda supervisor: (gateway.watcher(supervisor),),
             gateway.event,
             ether,
-            tuple(docked.values()),
+            held,
         )
 
 

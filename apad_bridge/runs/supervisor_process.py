@@ -49,8 +49,13 @@ def fly(run_dir: Path, resume: bool) -> int:
     try:
         fleet = None if options.part is Part.MISSION else adopt(scenario, run_dir, options.epoch, start_ms)
         docked = {} if go_on is None else dict(go_on.state.docked)
+        if fleet is not None:
+            recorder.truths(fleet.host.take_truths())
+        # What the bodies felt, not what the mission knows: a contact that was on its way when a supervisor died is told
+        # again, and one that was felt is not.
+        held = tuple(it.agent_id for it in recorder.truths_at(start_ms) if it.docked)
         with open_surroundings(
-            scenario, options, fleet, docked, start_ms, recorder.truths_at
+            scenario, options, fleet, docked, held, start_ms, recorder.truths_at
         ) as surroundings:
             summary = flying.fly(
                 scenario,
@@ -61,7 +66,7 @@ def fly(run_dir: Path, resume: bool) -> int:
                 until_first_plan=options.dry_run,
             )
     except (PeerFailed, TimeoutError) as error:
-        say(f"ended: {error}")
+        say(json.dumps({"failed": str(error)}))
         return Exit.PEER_FAILED
     finally:
         recorder.close()
