@@ -10,6 +10,7 @@ import argparse
 import contextlib
 import json
 import sys
+import time
 from pathlib import Path
 
 from apad_bridge import building
@@ -38,8 +39,9 @@ def fly(run_dir: Path, resume: bool) -> int:
     scenario, options = load(directory.scenario), RunOptions.load(run_dir)
     ids = building.agent_ids(scenario)
     if resume:
+        gap_ms = resuming.gap_ms(options, directory.journal, time.time())
         recorder, resumed = Recorder.resume(directory, scenario, ids)
-        go_on = resuming.go_on(resumed.journal, options.epoch)
+        go_on = resuming.go_on(resumed.journal, options.epoch, gap_ms)
         for words in resuming.what_was_lost(resumed):
             say(words)
     else:

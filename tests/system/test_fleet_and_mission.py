@@ -54,9 +54,11 @@ def graph(scenario: Path, tmp_path: Path) -> Iterator[dict[str, str]]:
     master.stop()
 
 
-def start(part: str, scenario: Path, out: Path, environment: dict[str, str]) -> subprocess.Popen[str]:
+def start(
+    part: str, scenario: Path, out: Path, environment: dict[str, str], *more: str
+) -> subprocess.Popen[str]:
     return subprocess.Popen(
-        [*MUSSELBED, part, str(scenario), "--time", "ros", "--out", str(out), "--json"],
+        [*MUSSELBED, part, str(scenario), "--time", "ros", "--out", str(out), "--json", *more],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
@@ -86,6 +88,34 @@ def test_they_serve_each_other_over_topics(scenario: Path, graph: dict[str, str]
     assert charged <= surfaced
 
 
+def test_on_a_real_aPad_nothing_moves_again_without_a_person_s_word(
+    scenario: Path, graph: dict[str, str], tmp_path: Path
+) -> None:
+    out = tmp_path / "run"
+    run = start("run", scenario, out, graph, "--apad", "ros")
+    wait_until_heard(out, '"kind":"dock"')
+    os.kill(int((out / "supervisor.pid").read_text().split()[0]), signal.SIGKILL)
+    resume = [*MUSSELBED, "resume", str(out), "--json"]
+    refused = subprocess.run(
+        resume,
+        capture_output=True,
+        text=True,
+        env=graph,
+        cwd=ROOT,
+        stdin=subprocess.DEVNULL,
+        timeout=PATIENCE_S,
+    )
+    assert refused.returncode == 2
+    assert "--confirm-motion" in refused.stderr
+    resumed = subprocess.run(
+        [*resume, "--confirm-motion"], capture_output=True, text=True, env=graph, cwd=ROOT, timeout=PATIENCE_S
+    )
+    assert resumed.returncode == 0, resumed.stderr
+    said, mistakes = run.communicate(timeout=PATIENCE_S)
+    assert run.returncode == 0, mistakes
+    assert json.loads(said)["services"] >= 1
+
+
 def with_first_id(scenario: Path, first_id: int) -> Path:
     data = yaml.safe_load(scenario.read_text())
     data["fleet"]["first_id"] = first_id
@@ -94,10 +124,10 @@ def with_first_id(scenario: Path, first_id: int) -> Path:
     return path
 
 
-def wait_until_heard(run: Path) -> None:
-    """Until its journal holds a belief: it is on the graph then. The file system announces nothing, so it is polled."""
+def wait_until_heard(run: Path, what: str = '"kind":"belief"') -> None:
+    """Until its journal holds `what`: a belief means that it is on the graph. Files announce nothing, so it is polled."""
     journal, until_s, pause = run / "journal.jsonl", time.monotonic() + PATIENCE_S, threading.Event()
-    while not (journal.exists() and '"kind":"belief"' in journal.read_text()):
+    while not (journal.exists() and what in journal.read_text()):
         assert time.monotonic() < until_s
         pause.wait(0.05)
 
