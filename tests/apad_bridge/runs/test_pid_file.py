@@ -3,7 +3,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from apad_bridge.runs.pid_file import supervisor_of, supervising
+from apad_bridge.runs.pid_file import supervising, supervisor_of
 
 
 def test_a_living_supervisor_is_found_by_pid_and_start_time(tmp_path: Path) -> None:
