@@ -15,6 +15,7 @@ from rich.console import Console
 
 from apad_bridge import building
 from apad_bridge.commands.exits import EXITS, Exit, UserError
+from apad_bridge.mission.plans import STRATEGY_FAILED
 from apad_bridge.planning import registry
 from apad_bridge.records.journal import read_journal
 from apad_bridge.records.recorder import Recorder
@@ -184,6 +185,8 @@ def report(scenario: Scenario, directory: RunDirectory, summary: dict[str, Any],
         print_table(console, scenario.name, scenario.mission.collection, summary)
         console.print(f"the run's files: {directory.path}", highlight=False, soft_wrap=True)
     sys.stdout.flush()
+    if summary["ended_by"].startswith(STRATEGY_FAILED):
+        return Exit.PEER_FAILED
     return Exit.INTERRUPTED if summary["ended_by"] == "the operator" else Exit.DONE
 
 

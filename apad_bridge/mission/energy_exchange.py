@@ -7,18 +7,18 @@ tick. Every wait ends: see `Mission` in the scenario for the times, and the note
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, replace
+from dataclasses import replace
 
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.mission.charging_watch import ChargingWatch
 from apad_bridge.mission.orders import Note, Order, PermitSurfacing, TellClear
+from apad_bridge.mission.plans import asked, plan_note
 from apad_bridge.mission.pool import SLOTS, ChargingPool, situation_of
 from apad_bridge.mission.sources import BeliefSource
 from apad_bridge.mission.state import MissionState, Phase
 from apad_bridge.mission.strays import Strays
 from apad_bridge.planning.candidates import Situation
-from apad_bridge.planning.costs import cost_of
-from apad_bridge.planning.solution import Solution, Step, StepKind, check_solution
+from apad_bridge.planning.solution import Solution, Step, StepKind
 from apad_bridge.planning.strategy import CollectionStrategy, RedeploymentStrategy
 from apad_bridge.port.primitives import (
     DockChanged,
@@ -57,6 +57,7 @@ class EnergyExchange:
         self._strays = Strays(round(config.permission_repeat_s * 1000))
         self._must_begin = True
         """The primitive of the state is to be ordered: at birth, and after a resume."""
+        self._began_ms: int | None = None
 
     @property
     def slots(self) -> tuple[int | None, ...]:
@@ -91,6 +92,8 @@ class EnergyExchange:
         if self._pose is None or self.state.phase is Phase.ENDED:
             return self._take_orders()
         if self._must_begin:
+            if not self._can_begin(now_ms):
+                return self._take_orders()
             self._must_begin = False
             self._begin_again(now_ms)
         match self.state.phase:
@@ -113,6 +116,14 @@ class EnergyExchange:
         return self._take_orders()
 
     # What the aPad is doing, phase by phase.
+
+    def _can_begin(self, now_ms: int) -> bool:
+        """A resumed step waits until its aMussel is heard again, or has been silent for the stated time."""
+        if self._began_ms is None:
+            self._began_ms = now_ms
+        if not self.state.plan.steps or self._beliefs.get(self._step.agent_id) is not None:
+            return True
+        return now_ms - self._began_ms > self._config.silence_timeout_s * 1000
 
     def _begin_again(self, now_ms: int) -> None:
         match self.state.phase:
@@ -142,10 +153,12 @@ class EnergyExchange:
         if len(pool) < batch:
             return
         situation = self._situation(pool, {})
-        solution = self._collection.plan(situation, batch)
-        check_solution(solution, situation, StepKind.COLLECT)
-        if solution.steps:
-            self._note_plan("collect", self._config.collection, solution, situation)
+        name = self._config.collection
+        solution = asked(name, lambda: self._collection.plan(situation, batch), situation, StepKind.COLLECT)
+        if isinstance(solution, str):
+            self._orders += self.end(solution, now_ms)
+        elif solution.steps:
+            self._orders.append(plan_note("collect", name, solution, situation, self._config.costs))
             self._set(plan=solution)
             self._go_collect(now_ms)
 
@@ -207,9 +220,12 @@ class EnergyExchange:
             return
         known = [belief or self._unheard(agent_id) for agent_id, belief in beliefs.items()]
         situation = self._situation(known, docked)
-        solution = self._redeployment.plan(situation)
-        check_solution(solution, situation, StepKind.DEPLOY)
-        self._note_plan("redeploy", self._config.redeployment, solution, situation)
+        name = self._config.redeployment
+        solution = asked(name, lambda: self._redeployment.plan(situation), situation, StepKind.DEPLOY)
+        if isinstance(solution, str):
+            self._orders += self.end(solution, now_ms)
+            return
+        self._orders.append(plan_note("redeploy", name, solution, situation, self._config.costs))
         self._set(plan=solution)
         self._next_step(now_ms)
 
@@ -319,19 +335,6 @@ class EnergyExchange:
     def _next_id(self) -> int:
         self._set(primitive_id=self.state.primitive_id + 1)
         return self.state.primitive_id
-
-    def _note_plan(self, what: str, strategy: str, solution: Solution, situation: Situation) -> None:
-        self._note(
-            "plan",
-            what=what,
-            strategy=strategy,
-            steps=[{"agent": step.agent_id, "slot": step.slot} for step in solution.steps],
-            costs=asdict(cost_of(solution, situation, self._config.costs)),
-            beliefs=[
-                {"id": c.agent_id, "charge": round(c.charge, 5), "north_m": c.north_m, "east_m": c.east_m}
-                for c in situation.candidates
-            ],
-        )
 
     def _enter(self, phase: Phase, now_ms: int, **changes: object) -> None:
         self._set(phase=phase, since_ms=now_ms, **changes)
