@@ -33,6 +33,7 @@ _SIG_DFL = 0
 _SIGKILL = int(signal.SIGKILL)
 _SIGTERM = int(signal.SIGTERM)
 _TRUTH_ROOM_BYTES = 4 * 2**20
+_LOCK_TIMEOUT_S = 2.0
 
 
 @dataclass(slots=True)
@@ -73,14 +74,16 @@ class Brood:
     """All agents of one fleet file. It forks: its process must have no threads and little memory."""
 
     def __init__(self, run_dir: str, file: FleetFile) -> None:
-        """BlockingIOError when another nursery, or an agent of one, still has the physical file."""
+        """ValueError when another nursery, or an agent of one, keeps the physical file for too long."""
         self._slots_fd = os.open(os.path.join(run_dir, PHYSICAL_NAME), os.O_RDWR | os.O_CREAT, 0o644)
-        # Agents inherit the lock: it is free once a dead nursery's last agent is gone, too.
-        fcntl.flock(self._slots_fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        self.truth, self._teller = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        _lock(self._slots_fd)
+        # Places below every sibling's descriptor, so that a child closes those in one call.
+        teller_fd, self._link_fd = (os.open(os.devnull, os.O_RDONLY) for _ in range(2))
+        self.truth, teller = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        with teller:
+            os.dup2(teller.fileno(), teller_fd)
+        self._teller = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET, 0, teller_fd)
         self._teller.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _TRUTH_ROOM_BYTES)
-        # A place below every sibling's descriptor, so that a child closes those in one call.
-        self._link_fd = os.open(os.devnull, os.O_RDONLY)
         self._descriptors = resource.getrlimit(resource.RLIMIT_NOFILE)[0]
         self._upbringing = file.upbringing
         self._codec = load_codec(file.fleet.codec)
@@ -228,6 +231,18 @@ class Brood:
 
     def _pair(self, agent_id: int) -> SlotPair:
         return SlotPair(self._slots_fd, self._index[agent_id], agent_id)
+
+
+def _lock(descriptor: int) -> None:
+    """Agents inherit this lock: it is free once a dead nursery's last agent is gone, too."""
+
+    def give_up(*_: object) -> None:
+        raise ValueError("another nursery, or an agent of one, lives there")
+
+    signal.signal(signal.SIGALRM, give_up)
+    signal.setitimer(signal.ITIMER_REAL, _LOCK_TIMEOUT_S)
+    fcntl.flock(descriptor, fcntl.LOCK_EX)
+    signal.setitimer(signal.ITIMER_REAL, 0)
 
 
 def _newest(pair: SlotPair, up_to: Key | None) -> Slot:

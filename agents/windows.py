@@ -167,17 +167,18 @@ class Links:
             return
         question = open_.get(agent_id)
         if isinstance(message, Refusal):
-            self._refused(agent_id, message, question is not None and message.key == key)
+            self._refused(agent_id, message, key, waiting=question is not None)
         elif question is None or message.key != key:
             self.dropped["agent: an answer that was not waited for"] += 1
         elif (answered := _assemble(question, message)) is not None:
             del open_[agent_id]
             outcomes[agent_id] = answered
 
-    def _refused(self, agent_id: int, refusal: Refusal, ours: bool) -> None:
-        if refusal.fenced:
+    def _refused(self, agent_id: int, refusal: Refusal, key: Key, waiting: bool) -> None:
+        # What an old supervisor was refused may reach this one: they hold the same end of the link.
+        if refusal.fenced and refusal.key[0] == key[0]:
             raise Fenced(refusal.reason)
-        if ours:
+        if waiting and refusal.key == key:
             raise ValueError(f"aMussel {agent_id} refused its window: {refusal.reason}")
         self.dropped[f"refused: {refusal.reason}"] += 1
 
