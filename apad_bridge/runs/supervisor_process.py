@@ -17,6 +17,7 @@ from apad_bridge import building
 from apad_bridge.commands.exits import Exit
 from apad_bridge.records.recorder import Recorder
 from apad_bridge.records.run_directory import RunDirectory
+from apad_bridge.ros.route import why_silent
 from apad_bridge.ros.surroundings import open_surroundings
 from apad_bridge.runs import flying, resuming
 from apad_bridge.runs.dry_run import dry
@@ -68,7 +69,10 @@ def fly(run_dir: Path, resume: bool) -> int:
                 until_first_plan=options.dry_run,
             )
     except (PeerFailed, TimeoutError) as error:
-        say(json.dumps({"failed": str(error)}))
+        # A node falls silent with its master: the master is then the cause to name.
+        why = why_silent(options.master_uri)
+        cause = str(error) if why is None else f"the ROS master at {options.master_uri} is gone ({why})"
+        say(json.dumps({"failed": cause}))
         return Exit.PEER_FAILED
     finally:
         recorder.close()
