@@ -18,7 +18,7 @@ from agents.agent import Agent
 from agents.control import Died
 from agents.fleet_file import PHYSICAL_NAME, FleetFile
 from agents.link import Key, readable
-from agents.process import Servant, serve
+from agents.process import Servant, message_room, serve
 from agents.rehearsal import rehearse
 from agents.slots import Slot, SlotPair
 from firmware_model.codec import load_codec
@@ -29,6 +29,7 @@ _PR_SET_NAME = 15
 _LIBC = ctypes.CDLL(None)
 _PRCTL = _LIBC.prctl
 _SET_SIGNAL = _LIBC.signal
+_DUP2, _CLOSERANGE, _GETPPID, _EXIT = os.dup2, os.closerange, os.getppid, os._exit
 _SIG_DFL = 0
 _SIGKILL = int(signal.SIGKILL)
 _SIGTERM = int(signal.SIGTERM)
@@ -59,9 +60,9 @@ class _Unborn:
     """All that a fork needs; `place` is in the order that was asked, `ours` and `theirs` are its link's ends."""
 
     place: int
-    boot: Boot
-    pair: SlotPair
-    slot: Slot
+    agent_id: int
+    name: bytes
+    servant: Servant
     ours: int
     theirs: int
 
@@ -78,11 +79,15 @@ class Brood:
         self._slots_fd = os.open(os.path.join(run_dir, PHYSICAL_NAME), os.O_RDWR | os.O_CREAT, 0o644)
         _lock(self._slots_fd)
         # Places below every sibling's descriptor, so that a child closes those in one call.
-        teller_fd, self._link_fd = (os.open(os.devnull, os.O_RDONLY) for _ in range(2))
+        teller_fd = os.open(os.devnull, os.O_RDONLY)
+        self._link = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        """A child's link takes its place there."""
         self.truth, teller = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         with teller:
             os.dup2(teller.fileno(), teller_fd)
         self._teller = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET, 0, teller_fd)
+        self._teller.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _TRUTH_ROOM_BYTES)
+        self._room = message_room()
         self._teller.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _TRUTH_ROOM_BYTES)
         self._descriptors = resource.getrlimit(resource.RLIMIT_NOFILE)[0]
         self._upbringing = file.upbringing
@@ -118,7 +123,7 @@ class Brood:
         unborn: list[_Unborn] = []
         for place, boot in enumerate(wanted):
             try:
-                if any(other.boot.agent_id == boot.agent_id for other in unborn):
+                if any(other.agent_id == boot.agent_id for other in unborn):
                     raise NotStarted(f"aMussel {boot.agent_id} is asked for twice")
                 unborn.append(self._conceive(place, boot))
             except NotStarted as refusal:
@@ -127,16 +132,17 @@ class Brood:
         # An agent's garbage collector writes to every young object: freezing leaves it none of these.
         gc.freeze()
         nursery_pid = os.getpid()
+        link, link_fd, room, descriptors = self._link, self._link.fileno(), self._room, self._descriptors
         pids = []
         for agent in unborn:
             pid = os.fork()
             if pid == 0:
-                self._live(nursery_pid, agent)
+                _live(nursery_pid, agent.name, agent.theirs, link_fd, descriptors, link, room, agent.servant)
             pids.append(pid)
         for pid, agent in zip(pids, unborn, strict=True):
             os.close(agent.theirs)
-            outcomes[agent.place] = self.children[agent.boot.agent_id] = Child(pid, agent.ours)
-            self._id_of_pid[pid] = agent.boot.agent_id
+            outcomes[agent.place] = self.children[agent.agent_id] = Child(pid, agent.ours)
+            self._id_of_pid[pid] = agent.agent_id
         return [outcomes[place] for place in range(len(wanted))]
 
     def _conceive(self, place: int, boot: Boot) -> _Unborn:
@@ -153,7 +159,11 @@ class Brood:
         if boot.cause is not ResetCause.POWER_ON:
             self._count_restart(agent_id)
         ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        return _Unborn(place, boot, pair, slot, ours.detach(), theirs.detach())
+        # Made here, it costs the agent's own process none of the memory that making it touches.
+        agent = Agent(self._configs.config(agent_id), self._codec, slot.physical, boot.at_ms, boot.cause)
+        servant = Servant(agent, pair, self._teller, slot.key, boot.at_ms)
+        name = b"amussel-%d" % agent_id
+        return _Unborn(place, agent_id, name, servant, ours.detach(), theirs.detach())
 
     def kill(self, agent_id: int) -> None:
         """Kills a stopped or stuck agent and waits for its end, which a SIGKILL brings in any state."""
@@ -188,31 +198,6 @@ class Brood:
             self._forget(agent_id)
         os.fsync(self._slots_fd)
 
-    def _live(self, nursery_pid: int, unborn: _Unborn) -> None:
-        """The forked agent's whole life; it never returns."""
-        status = 1
-        boot = unborn.boot
-        try:
-            os.dup2(unborn.theirs, self._link_fd)
-            os.closerange(self._link_fd + 1, self._descriptors)
-            _PRCTL(_PR_SET_PDEATHSIG, _SIGKILL, 0, 0, 0)
-            if os.getppid() != nursery_pid:
-                os._exit(0)  # the nursery died before its death could be a signal
-            _PRCTL(_PR_SET_NAME, b"amussel-%d" % boot.agent_id, 0, 0, 0)
-            signal.set_wakeup_fd(-1)
-            # By way of C: the signal module's own functions touch more memory than the rest of this.
-            _SET_SIGNAL(_SIGTERM, _SIG_DFL)
-            config = self._configs.config(boot.agent_id)
-            agent = Agent(config, self._codec, unborn.slot.physical, boot.at_ms, boot.cause)
-            link = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET, 0, self._link_fd)
-            serve(link, Servant(agent, unborn.pair, self._teller, unborn.slot.key, boot.at_ms))
-            status = 0
-        except BaseException:
-            sys.excepthook(*sys.exc_info())
-            sys.stderr.flush()
-        finally:
-            os._exit(status)
-
     def _count_restart(self, agent_id: int) -> None:
         limit = self._upbringing
         now_s = time.monotonic()
@@ -231,6 +216,39 @@ class Brood:
 
     def _pair(self, agent_id: int) -> SlotPair:
         return SlotPair(self._slots_fd, self._index[agent_id], agent_id)
+
+
+def _live(
+    nursery_pid: int,
+    name: bytes,
+    theirs: int,
+    link_fd: int,
+    descriptors: int,
+    link: socket.socket,
+    room: memoryview,
+    servant: Servant,
+) -> None:
+    """A forked agent's whole life; it never returns.
+
+    It runs once, unlike all that was rehearsed: so it finds what it needs in arguments and globals, because each attribute
+    that is looked up for the first time copies some five pages.
+    """
+    status = 1
+    try:
+        _DUP2(theirs, link_fd)
+        _CLOSERANGE(link_fd + 1, descriptors)
+        _PRCTL(_PR_SET_PDEATHSIG, _SIGKILL, 0, 0, 0)
+        if _GETPPID() != nursery_pid:
+            _EXIT(0)  # the nursery died before its death could be a signal
+        _PRCTL(_PR_SET_NAME, name, 0, 0, 0)
+        _SET_SIGNAL(_SIGTERM, _SIG_DFL)
+        serve(link, room, servant)
+        status = 0
+    except BaseException:
+        sys.excepthook(*sys.exc_info())
+        sys.stderr.flush()
+    finally:
+        _EXIT(status)
 
 
 def _lock(descriptor: int) -> None:

@@ -96,13 +96,25 @@ class Servant:
             self._truth.send(datagram)
 
 
-def serve(link: socket.socket, servant: Servant) -> None:
-    """Answers until the other end of the link is gone. The nursery bounds how long a fleet waits for a supervisor."""
-    # Mapped, not allocated: only the pages that a message fills become memory, and no hole moves about the heap.
-    with mmap.mmap(-1, LIMIT_BYTES + 1) as room, memoryview(room) as buffer:
-        while True:
-            size = link.recv_into(buffer)
-            if size == 0 and hung_up(link):
-                return
-            for frame in servant.take(buffer[:size]):
-                link.send(frame)
+def serve(link: socket.socket, buffer: memoryview, servant: Servant) -> None:
+    """Answers until the other end of the link is gone. The nursery bounds how long a fleet waits for a supervisor.
+
+    A message is received into `buffer`, of more than `LIMIT_BYTES`, so that one that is too long shows.
+    """
+    while answer_one(link, buffer, servant):
+        pass
+
+
+def answer_one(link: socket.socket, buffer: memoryview, servant: Servant) -> bool:
+    """Waits for a message and answers it; False at the end of the link."""
+    size = link.recv_into(buffer)
+    if size == 0 and hung_up(link):
+        return False
+    for frame in servant.take(buffer[:size]):
+        link.send(frame)
+    return True
+
+
+def message_room() -> memoryview:
+    """A buffer for `serve`. It is mapped: only pages that a message fills become memory, of whoever receives it."""
+    return memoryview(mmap.mmap(-1, LIMIT_BYTES + 1, mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS))

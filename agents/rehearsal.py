@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import os
 import socket
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 from agents.agent import Agent
 from agents.fleet import AgentConfigs, resting_on_bottom
 from agents.host import Grant
 from agents.link import NEVER, Repeat, Window
-from agents.process import Servant
+from agents.process import Servant, answer_one, message_room
 from agents.slots import SlotPair
 from agents.stimuli import ContactClosed, ContactOpened, DockMoved, SoundArrived, Stimulus, WifiArrived
 from firmware_model.codec import Codec
@@ -29,9 +29,18 @@ def rehearse(configs: AgentConfigs, codec: Codec, agent_id: int) -> None:
     """Plays all of an agent's paths, among them the refusals."""
     slots = os.memfd_create("rehearsal")
     hearer, teller = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-    with hearer, teller:
+    asker, link = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    with hearer, teller, asker, link, message_room() as room:
+
+        def ask(servant: Servant, message: bytes) -> None:
+            asker.send(message)
+            answer_one(link, room, servant)
+            for end in (asker, hearer):
+                while _drained(end):
+                    pass
+
         for _ in range(_LIVES):
-            _live(configs, codec, agent_id, slots, hearer, teller)
+            _live(configs, codec, agent_id, slots, teller, ask)
     os.close(slots)
 
 
@@ -40,8 +49,8 @@ def _live(
     codec: Codec,
     agent_id: int,
     slots: int,
-    hearer: socket.socket,
     teller: socket.socket,
+    ask: Callable[[Servant, bytes], None],
 ) -> None:
     config = configs.config(agent_id)
     pair = SlotPair(slots, 0, agent_id)
@@ -54,17 +63,15 @@ def _live(
         agent = Agent(config, codec, slot.physical, slot.granted_ms, cause)
         servant = Servant(agent, pair, teller, slot.key, slot.granted_ms)
         until_ms = slot.granted_ms
-        servant.take(Repeat((epoch, 0)).encode())
+        ask(servant, Repeat((epoch, 0)).encode())
         for sequence, (duration_ms, stimuli) in enumerate(_days(agent, codec, agent_id), start=1):
             facts = tuple((until_ms, stimulus) for stimulus in stimuli)
             until_ms += duration_ms
             window = Window((epoch, sequence), Grant(until_ms, facts)).encode()
-            servant.take(window)
-            servant.take(window)
-            while _drained(hearer):
-                pass
-        for wrong in (b"", b"wrong", Window(NEVER, Grant(0)).encode(), Repeat((epoch, 1)).encode()):
-            servant.take(wrong)
+            ask(servant, window)
+            ask(servant, window)
+        for wrong in (b"wrong", Window(NEVER, Grant(0)).encode(), Repeat((epoch, 1)).encode()):
+            ask(servant, wrong)
         cause = ResetCause.BROWN_OUT
 
 
