@@ -75,15 +75,19 @@ class Bench:
         return self.run_until(self.now_ms + round(hours * MS_PER_HOUR + minutes * MS_PER_MIN) + ms)
 
     def run_until(self, until_ms: int) -> list[Action]:
+        """As `run`, to a time; an arrival goes before a timer of the board that is due at the same time."""
         done = len(self.trace)
-        while self._arrival is not None and self._arrival[0] <= until_ms:
-            # What the board does by then may send it elsewhere.
-            arrival = self._arrival
-            self._note(self.board.advance(arrival[0]))
-            if self._arrival is arrival:
+        while True:
+            due_ms, arrival = self.board.next_due_ms, self._arrival
+            if arrival is not None and arrival[0] <= until_ms and (due_ms is None or arrival[0] <= due_ms):
                 self._arrival = None
-                self._at_surface = isinstance(arrival[1], SurfaceReached)
-                self._note(self.board.receive(arrival[1], arrival[0]))
+                self.now_ms, there = arrival
+                self._at_surface = isinstance(there, SurfaceReached)
+                self.tell(there)
+            elif due_ms is not None and due_ms <= until_ms:
+                self._note(self.board.advance(due_ms))
+            else:
+                break
         self.now_ms = until_ms
         self._note(self.board.advance(until_ms))
         return self.trace[done:]
@@ -113,6 +117,8 @@ class Bench:
         self.board = Board(
             self.config, MusselbedCodec(), self.board.primary, self.board.secondary, self.now_ms
         )
+        if self.ledger is not None:
+            self.ledger.power_off(self.now_ms)
         return self.tell(PowerCameOn(cause, self._at_surface, self._docked))
 
     def _note(self, actions: list[Action]) -> None:

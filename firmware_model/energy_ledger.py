@@ -39,6 +39,12 @@ class EnergyLedger:
         self._state_ms[self._state] = self._state_ms.get(self._state, 0) + now_ms - self._entered_ms
         self._entered_ms = now_ms
 
+    def power_off(self, now_ms: int) -> None:
+        """The board was reset: every rail fell without a word."""
+        self.settle(now_ms)
+        self._since.clear()
+        self._state = State.OFF
+
     def _close(self, rail: Rail, since_ms: int, now_ms: int) -> None:
         key = (self._state, rail)
         self._on_ms[key] = self._on_ms.get(key, 0) + now_ms - since_ms

@@ -49,11 +49,17 @@ class PowerPath:
         self.secondary = secondary
         self.charging = primary.flow is Flow.CHARGING
         self.load = 0
-        self.feed = Feed.PRIMARY
-        if not self.charging and model.charge_at(primary, now_ms) == 0:
-            self.feed = Feed.SECONDARY if model.charge_at(secondary, now_ms) > 0 else Feed.NEITHER
+        self.feed = self._fed_by(now_ms)
         self.due_ms: int | None = None
         """When `due` has to be called next."""
+
+    def _fed_by(self, now_ms: int) -> Feed:
+        """What a reset finds: the switch between the batteries stays where it was."""
+        if self._model.charge_at(self.secondary, now_ms) > 0 and self.secondary.load > 0:
+            return Feed.SECONDARY
+        if self.charging or self._model.charge_at(self.primary, now_ms) > 0:
+            return Feed.PRIMARY
+        return Feed.SECONDARY if self._model.charge_at(self.secondary, now_ms) > 0 else Feed.NEITHER
 
     def set(self, charging: bool, load: int, now_ms: int) -> None:
         """From `now_ms` on the chargers are on or off, and the board draws `load` grains a millisecond."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from firmware_model.plan import BoardConfig, LastResort, Whole
 from firmware_model.power_path import Feed, PowerPath, WorstCase
-from firmware_model.states import State, Trigger
+from firmware_model.states import TABLE, State, Trigger
 
 
 def deadline_ms(
@@ -18,6 +18,8 @@ def deadline_ms(
 
     `last_resort_ms` is when the last resort was last taken since the charger was last seen.
     """
+    if batteries.feed is Feed.NEITHER and (state, Trigger.BOTH_EMPTIED) in TABLE:
+        return now_ms
     match state:
         case State.BOOTING:
             return now_ms + config.boot_ms
@@ -75,6 +77,8 @@ def _last_resort_due_ms(
 
 def deadline_trigger(state: State, whole: Whole | None, feed: Feed) -> Trigger:
     """What the end of the state's time means."""
+    if feed is Feed.NEITHER and state is not State.BOOTING:
+        return Trigger.BOTH_EMPTIED
     match state:
         case State.ACTIVE:
             idle = whole is not None and feed is Feed.PRIMARY
