@@ -6,7 +6,7 @@ import argparse
 import sys
 from importlib.metadata import version
 
-from apad_bridge.commands import doctor, fleet, mission, replay, resume, run
+from apad_bridge.commands import doctor, fleet, mission, mu, replay, resume, run
 from apad_bridge.commands.exits import EXITS, Exit, UserError
 
 
@@ -20,7 +20,7 @@ def parser() -> argparse.ArgumentParser:
     )
     top.add_argument("--version", action="version", version=f"musselbed {version('musselbed')}")
     commands = top.add_subparsers(dest="command", metavar="COMMAND", required=True)
-    for command in (run, resume, fleet, mission, replay, doctor):
+    for command in (run, resume, fleet, mission, replay, mu, doctor):
         command.add_parser(commands)
     return top
 
