@@ -11,6 +11,7 @@ import signal
 import socket
 import sys
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from agents.agent import Agent
@@ -26,7 +27,13 @@ from firmware_model.stimuli import ResetCause
 _PR_SET_PDEATHSIG = 1
 _PR_SET_NAME = 15
 _LIBC = ctypes.CDLL(None)
+_PRCTL = _LIBC.prctl
+_SET_SIGNAL = _LIBC.signal
+_SIG_DFL = 0
+_SIGKILL = int(signal.SIGKILL)
+_SIGTERM = int(signal.SIGTERM)
 _TRUTH_ROOM_BYTES = 4 * 2**20
+_LOCK_TIMEOUT_S = 2.0
 
 
 @dataclass(slots=True)
@@ -37,6 +44,28 @@ class Child:
     link: int
 
 
+@dataclass(frozen=True, slots=True)
+class Boot:
+    """An agent to boot at agent time `at_ms` as it was at the end of window `up_to`."""
+
+    agent_id: int
+    at_ms: int
+    cause: ResetCause
+    up_to: Key
+
+
+@dataclass(frozen=True, slots=True)
+class _Unborn:
+    """All that a fork needs; `place` is in the order that was asked, `ours` and `theirs` are its link's ends."""
+
+    place: int
+    boot: Boot
+    pair: SlotPair
+    slot: Slot
+    ours: int
+    theirs: int
+
+
 class NotStarted(ValueError):
     """Why an agent was not started."""
 
@@ -45,14 +74,17 @@ class Brood:
     """All agents of one fleet file. It forks: its process must have no threads and little memory."""
 
     def __init__(self, run_dir: str, file: FleetFile) -> None:
-        """BlockingIOError when another nursery, or an agent of one, still has the physical file."""
+        """ValueError when another nursery, or an agent of one, keeps the physical file for too long."""
         self._slots_fd = os.open(os.path.join(run_dir, PHYSICAL_NAME), os.O_RDWR | os.O_CREAT, 0o644)
-        # Agents inherit the lock: it is free once a dead nursery's last agent is gone, too.
-        fcntl.flock(self._slots_fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        self.truth, self._teller = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        _lock(self._slots_fd)
+        # Places below every sibling's descriptor, so that a child closes those in one call.
+        teller_fd, self._link_fd = (os.open(os.devnull, os.O_RDONLY) for _ in range(2))
+        self.truth, teller = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        with teller:
+            os.dup2(teller.fileno(), teller_fd)
+        self._teller = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET, 0, teller_fd)
         self._teller.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _TRUTH_ROOM_BYTES)
-        # A place below every sibling's descriptor, so that a child closes those in one call.
-        self._link_fd = os.open(os.devnull, os.O_RDONLY)
+        self._descriptors = resource.getrlimit(resource.RLIMIT_NOFILE)[0]
         self._upbringing = file.upbringing
         self._codec = load_codec(file.fleet.codec)
         self._configs = file.fleet.maker()
@@ -75,33 +107,53 @@ class Brood:
         """(agent_id, pid or 0, epoch, sequence, granted_ms) of each agent's newest slot."""
         rows = []
         for agent_id in self._index:
-            slot = self._slot(agent_id, None)
+            slot = _newest(self._pair(agent_id), None)
             child = self.children.get(agent_id)
             rows.append((agent_id, child.pid if child else 0, *slot.key, slot.granted_ms))
         return rows
 
-    def start(self, agent_id: int, at_ms: int, cause: ResetCause, up_to: Key) -> Child:
-        """Forks an agent that boots at agent time `at_ms` as it was at `up_to`; NotStarted says why not."""
+    def start(self, wanted: Sequence[Boot]) -> list[Child | NotStarted]:
+        """Forks agents; a Child, or why there is none, for each wanted one in order."""
+        outcomes: dict[int, Child | NotStarted] = {}
+        unborn: list[_Unborn] = []
+        for place, boot in enumerate(wanted):
+            try:
+                if any(other.boot.agent_id == boot.agent_id for other in unborn):
+                    raise NotStarted(f"aMussel {boot.agent_id} is asked for twice")
+                unborn.append(self._conceive(place, boot))
+            except NotStarted as refusal:
+                outcomes[place] = refusal
+        # What this process writes to between two forks, every agent after it pays for: so the forks come last, alone.
+        # An agent's garbage collector writes to every young object: freezing leaves it none of these.
+        gc.freeze()
+        nursery_pid = os.getpid()
+        pids = []
+        for agent in unborn:
+            pid = os.fork()
+            if pid == 0:
+                self._live(nursery_pid, agent)
+            pids.append(pid)
+        for pid, agent in zip(pids, unborn, strict=True):
+            os.close(agent.theirs)
+            outcomes[agent.place] = self.children[agent.boot.agent_id] = Child(pid, agent.ours)
+            self._id_of_pid[pid] = agent.boot.agent_id
+        return [outcomes[place] for place in range(len(wanted))]
+
+    def _conceive(self, place: int, boot: Boot) -> _Unborn:
+        agent_id = boot.agent_id
         if agent_id not in self._index:
             raise NotStarted(f"aMussel {agent_id} is not of this fleet")
         if agent_id in self.children:
             raise NotStarted(f"aMussel {agent_id} lives already, as process {self.children[agent_id].pid}")
-        slot = self._slot(agent_id, up_to)
-        if at_ms < slot.granted_ms:
-            raise NotStarted(
-                f"aMussel {agent_id} has lived to {slot.granted_ms} ms: it cannot boot at {at_ms} ms"
-            )
-        if cause is not ResetCause.POWER_ON:
+        pair = self._pair(agent_id)
+        slot = _newest(pair, boot.up_to)
+        if boot.at_ms < slot.granted_ms:
+            reason = f"it has lived to {slot.granted_ms} ms and cannot boot at {boot.at_ms} ms"
+            raise NotStarted(f"aMussel {agent_id}: {reason}")
+        if boot.cause is not ResetCause.POWER_ON:
             self._count_restart(agent_id)
         ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        nursery_pid = os.getpid()
-        pid = os.fork()
-        if pid == 0:
-            self._live(nursery_pid, agent_id, theirs, at_ms, cause, slot)
-        theirs.close()
-        child = self.children[agent_id] = Child(pid, ours.detach())
-        self._id_of_pid[pid] = agent_id
-        return child
+        return _Unborn(place, boot, pair, slot, ours.detach(), theirs.detach())
 
     def kill(self, agent_id: int) -> None:
         """Kills a stopped or stuck agent and waits for its end, which a SIGKILL brings in any state."""
@@ -136,32 +188,24 @@ class Brood:
             self._forget(agent_id)
         os.fsync(self._slots_fd)
 
-    def _live(
-        self,
-        nursery_pid: int,
-        agent_id: int,
-        theirs: socket.socket,
-        at_ms: int,
-        cause: ResetCause,
-        slot: Slot,
-    ) -> None:
+    def _live(self, nursery_pid: int, unborn: _Unborn) -> None:
         """The forked agent's whole life; it never returns."""
         status = 1
+        boot = unborn.boot
         try:
-            os.dup2(theirs.fileno(), self._link_fd)
-            os.closerange(self._link_fd + 1, resource.getrlimit(resource.RLIMIT_NOFILE)[0])
-            _LIBC.prctl(_PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)
+            os.dup2(unborn.theirs, self._link_fd)
+            os.closerange(self._link_fd + 1, self._descriptors)
+            _PRCTL(_PR_SET_PDEATHSIG, _SIGKILL, 0, 0, 0)
             if os.getppid() != nursery_pid:
                 os._exit(0)  # the nursery died before its death could be a signal
-            _LIBC.prctl(_PR_SET_NAME, f"amussel-{agent_id}".encode(), 0, 0, 0)
+            _PRCTL(_PR_SET_NAME, b"amussel-%d" % boot.agent_id, 0, 0, 0)
             signal.set_wakeup_fd(-1)
-            signal.signal(signal.SIGCHLD, signal.SIG_DFL)
-            signal.signal(signal.SIGTERM, signal.SIG_DFL)
-            agent = Agent(self._configs.config(agent_id), self._codec, slot.physical, at_ms, cause)
-            pair = self._pair(agent_id)
-            pair.newest(slot.key)
+            # By way of C: the signal module's own functions touch more memory than the rest of this.
+            _SET_SIGNAL(_SIGTERM, _SIG_DFL)
+            config = self._configs.config(boot.agent_id)
+            agent = Agent(config, self._codec, unborn.slot.physical, boot.at_ms, boot.cause)
             link = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET, 0, self._link_fd)
-            serve(link, Servant(agent, pair, self._teller, slot.key, at_ms))
+            serve(link, Servant(agent, unborn.pair, self._teller, unborn.slot.key, boot.at_ms))
             status = 0
         except BaseException:
             sys.excepthook(*sys.exc_info())
@@ -188,13 +232,26 @@ class Brood:
     def _pair(self, agent_id: int) -> SlotPair:
         return SlotPair(self._slots_fd, self._index[agent_id], agent_id)
 
-    def _slot(self, agent_id: int, up_to: Key | None) -> Slot:
-        slot = self._pair(agent_id).newest(up_to)
-        if slot is None:
-            raise NotStarted(
-                f"the physical file has no whole slot of aMussel {agent_id} up to window {up_to}"
-            )
-        return slot
+
+def _lock(descriptor: int) -> None:
+    """Agents inherit this lock: it is free once a dead nursery's last agent is gone, too."""
+
+    def give_up(*_: object) -> None:
+        raise ValueError("another nursery, or an agent of one, lives there")
+
+    signal.signal(signal.SIGALRM, give_up)
+    signal.setitimer(signal.ITIMER_REAL, _LOCK_TIMEOUT_S)
+    fcntl.flock(descriptor, fcntl.LOCK_EX)
+    signal.setitimer(signal.ITIMER_REAL, 0)
+
+
+def _newest(pair: SlotPair, up_to: Key | None) -> Slot:
+    slot = pair.newest(up_to)
+    if slot is None:
+        raise NotStarted(
+            f"the physical file has no whole slot of aMussel {pair.agent_id} up to window {up_to}"
+        )
+    return slot
 
 
 def _words(status: int) -> str:

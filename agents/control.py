@@ -145,13 +145,13 @@ def decode(data: bytes) -> Message:
 
 
 def _field(value: Any, wanted: type | int, kind: type[Any]) -> Any:
-    if isinstance(wanted, type):
-        if type(value) is not wanted or (wanted is int and value < 0):
-            raise LinkError(f"a {kind.__name__} has other fields")
-        return value
-    if not isinstance(value, list):
-        raise LinkError(f"a {kind.__name__} has rows")
-    return tuple([_row(row, wanted, kind) for row in value])
+    if isinstance(wanted, int):
+        if not isinstance(value, list):
+            raise LinkError(f"a {kind.__name__} has rows")
+        return tuple([_row(row, wanted, kind) for row in value])
+    if type(value) is not wanted or (isinstance(value, int) and value < 0):
+        raise LinkError(f"a {kind.__name__} has other fields")
+    return value
 
 
 def _row(row: Any, wanted: int, kind: type[Any]) -> tuple[int, ...]:

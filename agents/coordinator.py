@@ -87,7 +87,11 @@ class Coordinator:
             due_ms, agent_id = heapq.heappop(self._heap)
             if self._due_ms.get(agent_id) == due_ms:
                 chosen.add(agent_id)
-        grants = {agent_id: Grant(until_ms, tuple(waiting.get(agent_id, ()))) for agent_id in sorted(chosen)}
+        # An adopted agent may have lived past this time, under a supervisor that died before it could say so.
+        grants = {
+            agent_id: Grant(max(until_ms, self._granted_ms[agent_id]), tuple(waiting.get(agent_id, ())))
+            for agent_id in sorted(chosen)
+        }
         came: list[Heard | Died] = []
         while grants:
             grants = self._grant(grants, came)
@@ -106,7 +110,8 @@ class Coordinator:
                 if gave_up is None:
                     again[agent_id] = grants[agent_id]
                 else:
-                    del self._granted_ms[agent_id], self._due_ms[agent_id]
+                    del self._granted_ms[agent_id]
+                    self._due_ms.pop(agent_id, None)
                 continue
             self._granted_ms[agent_id] = grants[agent_id].until_ms
             if outcome.next_due_ms is None:

@@ -55,6 +55,7 @@ class NurseryLink:
     def __init__(self, run_dir: str, epoch: int) -> None:
         self._sock = control.connect(run_dir, ANSWER_TIMEOUT_S)
         self._request = 0
+        self._fenced: str | None = None
         self.pid = 0
         self.dropped: Counter[str] = Counter()
         self._died: dict[int, str] = {}
@@ -128,7 +129,10 @@ class NurseryLink:
         return self._died.pop(pid)
 
     def end(self, timeout_s: float) -> None:
-        """Ends the fleet and the nursery; one that does not within `timeout_s` is killed, and its agents with it."""
+        """Ends the fleet and the nursery; one that does not within `timeout_s` is killed, and its agents with it.
+
+        Raises Fenced, and ends nothing, when they are another supervisor's.
+        """
         with suppress(NurseryDied):
             self._tell(control.End())
         if not readable(self._process, timeout_s):
@@ -141,6 +145,8 @@ class NurseryLink:
         os.close(self._process)
 
     def _tell(self, message: control.Message) -> None:
+        if self._fenced is not None:
+            raise Fenced(self._fenced)
         try:
             control.send(self._sock, message)
         except OSError as error:
@@ -181,6 +187,7 @@ class NurseryLink:
             case control.Died(_, pid, reason):
                 self._died[pid] = reason
             case control.Refused(_, _, True, reason):
+                self._fenced = reason
                 raise Fenced(reason)
             case control.Refused(_, _, False, reason):
                 self.dropped[f"nursery: {reason}"] += 1

@@ -38,7 +38,7 @@ class OneProcess:
         if agent_id in self._doomed:
             self._doomed.discard(agent_id)
             del self._agents[agent_id]
-            return Death(ResetCause.BROWN_OUT, "killed")
+            return Death(ResetCause.BROWN_OUT, "killed by SIGKILL")
         agent = self._agents[agent_id]
         outputs: list[Output] = []
         for at_ms, stimulus in grant.stimuli:

@@ -40,7 +40,7 @@ class Servant:
         self._told = 0
         self._answer: list[bytes] = []
 
-    def take(self, data: bytes | memoryview) -> list[bytes]:
+    def take(self, data: bytes) -> list[bytes]:
         """The answer to one message. A window is refused before anything has changed, or done whole."""
         try:
             message = decode_to_agent(data)
@@ -97,10 +97,9 @@ class Servant:
 
 def serve(link: socket.socket, servant: Servant) -> None:
     """Answers until the other end of the link is gone. The nursery bounds how long a fleet waits for a supervisor."""
-    buffer = memoryview(bytearray(LIMIT_BYTES + 1))
     while True:
-        size = link.recv_into(buffer)
-        if size == 0 and hung_up(link):
+        data = link.recv(LIMIT_BYTES + 1)
+        if not data and hung_up(link):
             return
-        for frame in servant.take(buffer[:size]):
+        for frame in servant.take(data):
             link.send(frame)

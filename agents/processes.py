@@ -93,7 +93,7 @@ class ProcessHost:
         try:
             host._take_roll()
         except BaseException:
-            host._let_go()
+            host.close()
             raise
         return host
 
@@ -130,7 +130,7 @@ class ProcessHost:
         return outcomes
 
     def restart(self, agent_id: int, at_ms: int, cause: ResetCause) -> str | None:
-        row = (agent_id, at_ms, cause, *self._committed[agent_id])
+        row = (agent_id, at_ms, cause, *self._committed.get(agent_id, NEVER))
         try:
             if self._links.nursery_died:
                 self._follow_nursery()
@@ -147,7 +147,11 @@ class ProcessHost:
 
     def close(self) -> None:
         """Ends the fleet and its nursery, unless a newer supervisor has them."""
-        self._nursery.end(_END_TIMEOUT_S)
+        try:
+            self._nursery.end(_END_TIMEOUT_S)
+        except Fenced:
+            if self._process is not None:
+                self._process.returncode = 0  # it lives on as another's: not ours to wait for
         self._let_go()
 
     def _take_roll(self) -> None:
@@ -195,7 +199,7 @@ class ProcessHost:
         self._links.close()
         self._nursery.close()
         if self._process is not None:
-            self._process.poll()
+            self._process.wait(_END_TIMEOUT_S)
 
 
 def _allow_many_descriptors() -> None:

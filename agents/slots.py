@@ -36,7 +36,7 @@ class SlotPair:
     def __init__(self, fd: int, index: int, agent_id: int) -> None:
         self._fd = fd
         self._offset = 2 * SLOT_BYTES * index
-        self._agent_id = agent_id
+        self.agent_id = agent_id
         self._next = 0
 
     def birth(self, physical: Physical) -> None:
@@ -46,7 +46,7 @@ class SlotPair:
 
     def write(self, key: Key, granted_ms: int, physical: Physical) -> None:
         """Overwrites the slot that is not the newest committed one."""
-        body = _HEAD.pack(self._agent_id, *key, granted_ms) + physical.pack()
+        body = _HEAD.pack(self.agent_id, *key, granted_ms) + physical.pack()
         os.pwrite(self._fd, body + _CRC.pack(crc32(body)), self._offset + SLOT_BYTES * self._next)
         self._next = 1 - self._next
 
@@ -70,6 +70,6 @@ class SlotPair:
         ):
             return None
         agent_id, epoch, sequence, granted_ms = _HEAD.unpack_from(data)
-        if agent_id != self._agent_id:
+        if agent_id != self.agent_id:
             return None
         return Slot((epoch, sequence), granted_ms, Physical.unpack(data[_HEAD.size : _BODY_BYTES]))

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import socket
 import struct
+from collections import Counter
 from dataclasses import dataclass
 
-from agents.link import LIMIT_BYTES, Key, LinkError
+from agents.link import LIMIT_BYTES, Key, LinkError, hung_up
 from agents.outputs import Truth
 from agents.physical import Physical
 
@@ -49,3 +51,37 @@ def decode(data: bytes) -> Telling:
     if any(truth.agent_id != agent_id for truth in truths):
         raise LinkError("a truth of another agent")
     return Telling(agent_id, (epoch, sequence), truths)
+
+
+class Hearer:
+    """The reading end. What is no telling is counted in `dropped`."""
+
+    def __init__(self, sock: socket.socket, dropped: Counter[str]) -> None:
+        self._sock = sock
+        self._dropped = dropped
+        self._told: dict[int, list[Telling]] = {}
+
+    def hear(self) -> None:
+        """Takes all that is there: an agent tells the truth before it answers."""
+        while True:
+            try:
+                data = self._sock.recv(LIMIT_BYTES + 1, socket.MSG_DONTWAIT)
+            except BlockingIOError:
+                return
+            if not data and hung_up(self._sock):
+                return
+            try:
+                telling = decode(data)
+            except LinkError as error:
+                self._dropped[f"truth: {error}"] += 1
+                continue
+            self._told.setdefault(telling.agent_id, []).append(telling)
+
+    def take(self, agent_id: int, up_to: Key) -> tuple[Truth, ...]:
+        """An agent's truths up to an answered window, in order; any others of it are forgotten."""
+        tellings = self._told.pop(agent_id, [])
+        return tuple([truth for telling in tellings for truth in telling.truths if telling.key <= up_to])
+
+    def forget(self, agent_id: int) -> None:
+        """The truths of an unanswered window did not happen."""
+        self._told.pop(agent_id, None)

@@ -11,18 +11,16 @@ import select
 import socket
 import time
 from collections import Counter
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
-from agents import truths
 from agents.host import Death, Reply
 from agents.link import LIMIT_BYTES, Answer, Key, LinkError, Refusal, decode_from_agent, hung_up
 from agents.nursery_link import Fenced, NurseryDied, NurseryLink
 from agents.outputs import Output, Truth
+from agents.truths import Hearer
 from firmware_model.stimuli import ResetCause
 
 _PATIENCE = 10
-_ASK_AGAIN = 4
-"""So often within the time-out an open window is sent again: its answer may have gone to a supervisor fenced off."""
 _REASON_TIMEOUT_S = 1.0
 
 
@@ -33,7 +31,9 @@ class Answered:
     window: Key
     granted_ms: int
     reply: Reply
-    truths: tuple[Truth, ...]
+    told: int
+    """How many truths the window told."""
+    truths: tuple[Truth, ...] = ()
 
 
 @dataclass(slots=True)
@@ -60,10 +60,10 @@ class Links:
         self._living: dict[int, _Living] = {}
         self._agent_of: dict[int, int] = {}
         self._dead: dict[int, Death] = {}
-        self._told: dict[int, list[truths.Telling]] = {}
         self._buffer = memoryview(bytearray(LIMIT_BYTES + 1))
         self.nursery_died = False
         self.dropped: Counter[str] = Counter()
+        self._hearer = Hearer(nursery.truth, self.dropped)
         self._epoll = select.epoll()
         self._epoll.register(nursery, select.EPOLLIN)
         self._epoll.register(nursery.truth, select.EPOLLIN)
@@ -82,7 +82,7 @@ class Links:
         self._living[agent_id] = _Living(agent_id, pid, link)
         self._agent_of[descriptor] = agent_id
         self._dead.pop(agent_id, None)
-        self._told.pop(agent_id, None)
+        self._hearer.forget(agent_id)
         self._epoll.register(descriptor, select.EPOLLIN)
 
     def close(self) -> None:
@@ -104,7 +104,7 @@ class Links:
                 self._send(agent_id, frame)
             else:
                 outcomes[agent_id] = self._dead.get(agent_id, _UNSTARTED)
-        asked_at_s = ask_again_at_s = time.monotonic()
+        asked_at_s = time.monotonic()
         impatience = 0
         while open_:
             now_s = time.monotonic()
@@ -112,13 +112,18 @@ class Links:
                 impatience += 1
                 asked_at_s = now_s
                 self._watch(open_, outcomes, impatience)
-            elif now_s >= ask_again_at_s + self._timeout_s / _ASK_AGAIN:
-                ask_again_at_s = now_s
-                for agent_id, question in open_.items():
-                    self._send(agent_id, question.frame)
-            self._wait(self._timeout_s / _ASK_AGAIN, key, open_, outcomes)
-        self._hear_truths()
-        return {agent_id: self._with_truths(agent_id, key, outcomes[agent_id]) for agent_id in frames}
+            self._wait(asked_at_s + self._timeout_s - now_s, key, open_, outcomes)
+        self._hearer.hear()
+        return {agent_id: self._whole(agent_id, key, outcomes[agent_id]) for agent_id in frames}
+
+    def _whole(self, agent_id: int, key: Key, outcome: Answered | Death) -> Answered | Death:
+        if isinstance(outcome, Death):
+            self._hearer.forget(agent_id)
+            return outcome
+        told = self._hearer.take(agent_id, key)
+        if len(told) < outcome.told:
+            self.dropped["truth: lost"] += outcome.told - len(told)
+        return replace(outcome, truths=told)
 
     def _send(self, agent_id: int, frame: bytes) -> None:
         try:
@@ -136,7 +141,7 @@ class Links:
             if agent_id is not None:
                 self._hear(agent_id, key, open_, outcomes)
             elif descriptor == self._nursery.truth.fileno():
-                self._hear_truths()
+                self._hearer.hear()
             elif descriptor == self._nursery.fileno():
                 self._hear_nursery()
 
@@ -162,24 +167,27 @@ class Links:
             return
         question = open_.get(agent_id)
         if isinstance(message, Refusal):
-            self._refused(agent_id, message, question is not None and message.key == key)
+            self._refused(agent_id, message, key, waiting=question is not None)
         elif question is None or message.key != key:
             self.dropped["agent: an answer that was not waited for"] += 1
         elif (answered := _assemble(question, message)) is not None:
             del open_[agent_id]
             outcomes[agent_id] = answered
 
-    def _refused(self, agent_id: int, refusal: Refusal, ours: bool) -> None:
-        if refusal.fenced:
+    def _refused(self, agent_id: int, refusal: Refusal, key: Key, waiting: bool) -> None:
+        # What an old supervisor was refused may reach this one: they hold the same end of the link.
+        if refusal.fenced and refusal.key[0] == key[0]:
             raise Fenced(refusal.reason)
-        if ours:
+        if waiting and refusal.key == key:
             raise ValueError(f"aMussel {agent_id} refused its window: {refusal.reason}")
         self.dropped[f"refused: {refusal.reason}"] += 1
 
     def _watch(self, open_: dict[int, _Open], outcomes: dict[int, Answered | Death], impatience: int) -> None:
-        """Kills what does not answer because it is stopped, or has not for too long."""
-        for agent_id in list(open_):
-            if impatience >= _PATIENCE or _stopped(self._living[agent_id].pid):
+        """Kills what is stopped or too long silent; asks the others again, whose answer an old supervisor may have had."""
+        for agent_id, question in list(open_.items()):
+            if impatience < _PATIENCE and not _stopped(self._living[agent_id].pid):
+                self._send(agent_id, question.frame)
+            else:
                 reason = f"no answer within {impatience * self._timeout_s:g} s: killed by the watchdog"
                 try:
                     self._nursery.kill(agent_id)
@@ -215,33 +223,6 @@ class Links:
             self.nursery_died = True
             self._epoll.unregister(self._nursery)
 
-    def _hear_truths(self) -> None:
-        """Takes all that is there: an agent tells the truth before it answers."""
-        while True:
-            try:
-                data = self._nursery.truth.recv(LIMIT_BYTES + 1, socket.MSG_DONTWAIT)
-            except BlockingIOError:
-                return
-            if not data and hung_up(self._nursery.truth):
-                return
-            try:
-                telling = truths.decode(data)
-            except LinkError as error:
-                self.dropped[f"truth: {error}"] += 1
-                continue
-            self._told.setdefault(telling.agent_id, []).append(telling)
-
-    def _with_truths(self, agent_id: int, key: Key, outcome: Answered | Death) -> Answered | Death:
-        tellings = self._told.pop(agent_id, [])
-        if isinstance(outcome, Death):
-            return outcome  # the truths of an unanswered window did not happen
-        return Answered(
-            outcome.window,
-            outcome.granted_ms,
-            outcome.reply,
-            tuple([truth for telling in tellings for truth in telling.truths if telling.key <= key]),
-        )
-
 
 _UNSTARTED = Death(ResetCause.BROWN_OUT, "it was not running")
 
@@ -251,7 +232,7 @@ def _assemble(question: _Open, answer: Answer) -> Answered | None:
     if len(question.parts) < answer.parts:
         return None
     outputs = tuple([output for part in range(answer.parts) for output in question.parts[part]])
-    return Answered(answer.window, answer.granted_ms, Reply(answer.reply.next_due_ms, outputs), ())
+    return Answered(answer.window, answer.granted_ms, Reply(answer.reply.next_due_ms, outputs), answer.truths)
 
 
 def _stopped(pid: int) -> bool:

@@ -18,6 +18,7 @@ if [ -d "$_musselbed_messages" ]; then
   # Debian's tools run /usr/bin/python3: they look for code on PYTHONPATH and for texts on ROS_PACKAGE_PATH, nowhere else.
   _musselbed_append PYTHONPATH "$_musselbed_messages"
   _musselbed_append ROS_PACKAGE_PATH "$_musselbed_messages"
+  _musselbed_append ROS_PACKAGE_PATH "$_musselbed_root/launch_scripts"
   _musselbed_append PATH "$_musselbed_root/.venv/bin"
   unset -f _musselbed_append
   unset _musselbed_root _musselbed_messages

@@ -6,7 +6,7 @@ whatever order, and a sum of steps is the same however time was cut.
 
 from __future__ import annotations
 
-from hashlib import blake2b
+from _blake2 import blake2b
 from struct import Struct
 
 _KEY = Struct("<QQQ").pack

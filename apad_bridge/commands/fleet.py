@@ -15,8 +15,8 @@ def add_parser(commands: Any) -> None:
         "fleet",
         help="simulated aMussels on the master at ROS_MASTER_URI, and no mission",
         description="Starts the scenario's aMussels, a process each, on the master at ROS_MASTER_URI. They report on "
-        "/amusselN/position and battery_level, are docked by whoever publishes /amusselN/position_static, and surface or sink "
-        "by rosservice call /amusselN/surface and /amusselN/sink. Nothing is planned and no aPad is commanded.",
+        "/amusselN/position and battery_level, are docked by whoever publishes /amusselN/position_static, and surface or "
+        "sink by rosservice call /amusselN/surface and /amusselN/sink. Nothing is planned and no aPad is commanded.",
         epilog=f"Ends with the scenario's time or Ctrl-C. exit codes: {EXITS}",
     )
     run_command.add_scenario_arguments(parser)

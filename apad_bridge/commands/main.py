@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import argparse
 import sys
+from importlib import import_module
 from importlib.metadata import version
+from typing import Any
 
-from apad_bridge.commands import doctor, fleet, mission, mu, replay, resume, run
 from apad_bridge.commands.exits import EXITS, Exit, UserError
+
+_COMMANDS = ("run", "resume", "fleet", "mission", "replay", "mu", "doctor")
 
 
 def parser() -> argparse.ArgumentParser:
@@ -20,9 +23,22 @@ def parser() -> argparse.ArgumentParser:
     )
     top.add_argument("--version", action="version", version=f"musselbed {version('musselbed')}")
     commands = top.add_subparsers(dest="command", metavar="COMMAND", required=True)
-    for command in (run, resume, fleet, mission, replay, mu, doctor):
-        command.add_parser(commands)
+    for name in _COMMANDS:
+        try:
+            import_module(f"apad_bridge.commands.{name}").add_parser(commands)
+        except ImportError as error:
+            # Something that shadows a package of ours must not keep the doctor from saying so.
+            _add_unloadable(commands, name, error)
     return top
+
+
+def _add_unloadable(commands: Any, name: str, error: ImportError) -> None:
+    def refuse(_: argparse.Namespace) -> int:
+        raise UserError(f"cannot be loaded ({error}); `musselbed doctor` says what stands in the way")
+
+    stub = commands.add_parser(name, help=f"cannot be loaded: {error}")
+    stub.add_argument("rest", nargs=argparse.REMAINDER)
+    stub.set_defaults(run=refuse)
 
 
 def main(arguments: list[str] | None = None) -> int:

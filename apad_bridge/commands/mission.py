@@ -14,9 +14,9 @@ def add_parser(commands: Any) -> None:
     parser = commands.add_parser(
         "mission",
         help="the supervisor alone, for aMussels that are real or another's",
-        description="Flies the scenario's mission with the aPad on the master at ROS_MASTER_URI, for aMussels that it hears "
-        "there: whole status packets on /musselbed/heard, or /amusselN/position and battery_level of an existing fleet. What "
-        "it says to them goes out on /musselbed/said. The scenario's ids say which aMussels are its business.",
+        description="Flies the scenario's mission with the aPad on the master at ROS_MASTER_URI, for aMussels that it "
+        "hears there: whole status packets on /musselbed/heard, or /amusselN/position and battery_level of an existing "
+        "fleet. What it says to them goes out on /musselbed/said. The scenario's ids say which aMussels are its business.",
         epilog=f"exit codes: {EXITS}",
     )
     run_command.add_scenario_arguments(parser)

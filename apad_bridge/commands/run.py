@@ -15,7 +15,9 @@ from rich.console import Console
 
 from apad_bridge import building
 from apad_bridge.commands.exits import EXITS, Exit, UserError
+from apad_bridge.mission.plans import STRATEGY_FAILED
 from apad_bridge.planning import registry
+from apad_bridge.records.journal import read_journal
 from apad_bridge.records.recorder import Recorder
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
 from apad_bridge.runs import flying, parent
@@ -132,7 +134,7 @@ def options_of(arguments: argparse.Namespace) -> RunOptions:
 def run(arguments: argparse.Namespace) -> int:
     options = options_of(arguments)
     scenario, starts = read_scenario(arguments)
-    if options.dry_run and options.time is TimeSource.ASAP:
+    if options.dry_run and options.apad is APadKind.SIM:
         return _print_plan(first_plan(scenario, starts), arguments.json)
     try:
         directory = RunDirectory.create(scenario.name, datetime.now(UTC), arguments.out)
@@ -146,6 +148,8 @@ def run(arguments: argparse.Namespace) -> int:
             summary = _fly_here(scenario, starts, directory, progress)
         else:
             summary = parent.fly(scenario, starts, options, directory, progress)
+    if options.dry_run:
+        return _print_plan(read_journal(directory.journal).first("plan"), arguments.json)
     return report(scenario, directory, summary, arguments.json)
 
 
@@ -168,6 +172,7 @@ def _fly_here(
     try:
         return flying.fly(scenario, flying.in_process(scenario, fleet), recorder, progress.show)
     finally:
+        recorder.close()
         fleet.host.close()
 
 
@@ -180,6 +185,8 @@ def report(scenario: Scenario, directory: RunDirectory, summary: dict[str, Any],
         print_table(console, scenario.name, scenario.mission.collection, summary)
         console.print(f"the run's files: {directory.path}", highlight=False, soft_wrap=True)
     sys.stdout.flush()
+    if summary["ended_by"].startswith(STRATEGY_FAILED):
+        return Exit.PEER_FAILED
     return Exit.INTERRUPTED if summary["ended_by"] == "the operator" else Exit.DONE
 
 

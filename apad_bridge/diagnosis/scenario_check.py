@@ -7,14 +7,16 @@ from pathlib import Path
 
 from apad_bridge.diagnosis.finding import Finding, fail, ok
 from apad_bridge.scenario.errors import ScenarioError
-from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.schema import Scenario
-from apad_bridge.scenario.starts import starts_of
-from firmware_model.codec import load_codec
 
 
 def read(path: Path) -> tuple[Scenario | None, list[Finding]]:
     """The scenario if it can be read, and what was found; strategies and files were looked up on the way."""
+    try:
+        # Here and not above: a package that shadows one of ours must not keep the doctor from loading.
+        from apad_bridge.scenario.loader import load
+    except ImportError as error:
+        return None, [fail("scenario", f"cannot be read here: {error}", "see the checks of packages")]
     try:
         scenario = load(path)
     except ScenarioError as error:
@@ -27,6 +29,9 @@ def read(path: Path) -> tuple[Scenario | None, list[Finding]]:
 
 
 def _parts(scenario: Scenario) -> Iterator[Finding]:
+    from apad_bridge.scenario.starts import starts_of
+    from firmware_model.codec import load_codec
+
     try:
         starts = starts_of(scenario)
         if starts:

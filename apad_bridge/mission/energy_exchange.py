@@ -7,16 +7,18 @@ tick. Every wait ends: see `Mission` in the scenario for the times, and the note
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, replace
+from dataclasses import replace
 
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.mission.charging_watch import ChargingWatch
 from apad_bridge.mission.orders import Note, Order, PermitSurfacing, TellClear
+from apad_bridge.mission.plans import asked, plan_note
+from apad_bridge.mission.pool import SLOTS, ChargingPool, situation_of
 from apad_bridge.mission.sources import BeliefSource
 from apad_bridge.mission.state import MissionState, Phase
-from apad_bridge.planning.candidates import Candidate, Situation
-from apad_bridge.planning.costs import cost_of
-from apad_bridge.planning.solution import Solution, Step, StepKind, check_solution
+from apad_bridge.mission.strays import Strays
+from apad_bridge.planning.candidates import Situation
+from apad_bridge.planning.solution import Solution, Step, StepKind
 from apad_bridge.planning.strategy import CollectionStrategy, RedeploymentStrategy
 from apad_bridge.port.primitives import (
     DockChanged,
@@ -30,10 +32,6 @@ from apad_bridge.port.primitives import (
 )
 from apad_bridge.scenario.schema import Mission
 from firmware_model.states import State
-
-SLOTS = 4
-_IN_THE_WATER = frozenset({State.ACTIVE, State.EMPTY, State.FLOATING, State.SURFACING})
-_STRAY = frozenset({State.FLOATING, State.RELEASED})
 
 
 class EnergyExchange:
@@ -55,11 +53,11 @@ class EnergyExchange:
         self._orders: list[Order] = []
         self._pose: tuple[float, float] | None = None
         self._charging = ChargingWatch(config.full_threshold, round(config.silence_timeout_s * 1000))
-        self._told_clear_ms: dict[int, int] = {}
-        self._shunned: dict[int, int] = {}
-        """Agents that a step was given up for, and until when they are no candidates."""
+        self._pool = ChargingPool(config, beliefs)
+        self._strays = Strays(round(config.permission_repeat_s * 1000))
         self._must_begin = True
         """The primitive of the state is to be ordered: at birth, and after a resume."""
+        self._began_ms: int | None = None
 
     @property
     def slots(self) -> tuple[int | None, ...]:
@@ -94,6 +92,8 @@ class EnergyExchange:
         if self._pose is None or self.state.phase is Phase.ENDED:
             return self._take_orders()
         if self._must_begin:
+            if not self._can_begin(now_ms):
+                return self._take_orders()
             self._must_begin = False
             self._begin_again(now_ms)
         match self.state.phase:
@@ -117,10 +117,21 @@ class EnergyExchange:
 
     # What the aPad is doing, phase by phase.
 
+    def _can_begin(self, now_ms: int) -> bool:
+        """A resumed step waits until its aMussel is heard again, or has been silent for the stated time."""
+        if self._began_ms is None:
+            self._began_ms = now_ms
+        if not self.state.plan.steps or self._beliefs.get(self._step.agent_id) is not None:
+            return True
+        return now_ms - self._began_ms > self._config.silence_timeout_s * 1000
+
     def _begin_again(self, now_ms: int) -> None:
         match self.state.phase:
-            case Phase.IDLE | Phase.CHARGE:
+            case Phase.IDLE:
                 self._hold(now_ms)
+            case Phase.CHARGE:
+                self._hold(now_ms)
+                self._charging.start(now_ms)
             case Phase.GO_COLLECT | Phase.AWAIT_SURFACING | Phase.DOCK:
                 if self._step.agent_id in dict(self.state.docked).values():
                     self._finish_step(now_ms)
@@ -137,15 +148,17 @@ class EnergyExchange:
             # Docked by hand, or before a crash: charge what is there first.
             self._start_charging(now_ms)
             return
-        pool = [belief for belief in self._beliefs.all() if self._is_candidate(belief, now_ms)]
+        pool = self._pool.candidates(now_ms)
         batch = min(self._config.batch, max(1, len(self._beliefs.all())))
         if len(pool) < batch:
             return
         situation = self._situation(pool, {})
-        solution = self._collection.plan(situation, batch)
-        check_solution(solution, situation, StepKind.COLLECT)
-        if solution.steps:
-            self._note_plan("collect", self._config.collection, solution, situation)
+        name = self._config.collection
+        solution = asked(name, lambda: self._collection.plan(situation, batch), situation, StepKind.COLLECT)
+        if isinstance(solution, str):
+            self._orders += self.end(solution, now_ms)
+        elif solution.steps:
+            self._orders.append(plan_note("collect", name, solution, situation, self._config.costs))
             self._set(plan=solution)
             self._go_collect(now_ms)
 
@@ -205,13 +218,21 @@ class EnergyExchange:
         if not docked:
             self._idle(now_ms)
             return
-        # One whose home is not known yet is let go where the aPad stands.
-        situation = self._situation([b for b in beliefs.values() if b is not None], docked)
-        solution = self._redeployment.plan(situation)
-        check_solution(solution, situation, StepKind.DEPLOY)
-        self._note_plan("redeploy", self._config.redeployment, solution, situation)
+        known = [belief or self._unheard(agent_id) for agent_id, belief in beliefs.items()]
+        situation = self._situation(known, docked)
+        name = self._config.redeployment
+        solution = asked(name, lambda: self._redeployment.plan(situation), situation, StepKind.DEPLOY)
+        if isinstance(solution, str):
+            self._orders += self.end(solution, now_ms)
+            return
+        self._orders.append(plan_note("redeploy", name, solution, situation, self._config.costs))
         self._set(plan=solution)
         self._next_step(now_ms)
+
+    def _unheard(self, agent_id: int) -> Belief:
+        """One that a dock holds though it was never heard: it is let go where the aPad stands, and no slot stays taken."""
+        assert self._pose is not None
+        return Belief(agent_id, 0, State.CHARGING, 0.0, 0.0, *self._pose)
 
     def _go_deploy(self, now_ms: int) -> None:
         north_m, east_m = self._homes().get(self._step.agent_id, self._pose or (0.0, 0.0))
@@ -246,7 +267,7 @@ class EnergyExchange:
     def _give_up(self, reason: str, now_ms: int) -> None:
         step = self._step
         self._note("given_up", agent=step.agent_id, what=step.kind.value, reason=reason)
-        self._shunned[step.agent_id] = now_ms + round(self._config.silence_timeout_s * 1000)
+        self._pool.shun(step.agent_id, now_ms)
         self._finish_step(now_ms)
 
     def _finish_step(self, now_ms: int, *, services: int | None = None) -> None:
@@ -272,33 +293,9 @@ class EnergyExchange:
     def _step(self) -> Step:
         return self.state.plan.steps[0]
 
-    def _is_candidate(self, belief: Belief, now_ms: int) -> bool:
-        return (
-            belief.primary <= self._config.pool_threshold
-            and belief.state in _IN_THE_WATER
-            and (belief.primary > 0 or belief.secondary > 0)
-            and self._shunned.get(belief.agent_id, now_ms) <= now_ms
-            and now_ms - belief.heard_ms <= self._config.silence_timeout_s * 1000
-        )
-
-    def _situation(self, beliefs: list[Belief], docked: dict[int, int]) -> Situation:
-        homes = self._homes()
+    def _situation(self, beliefs: list[Belief], slots: dict[int, int]) -> Situation:
         assert self._pose is not None
-        candidates = tuple(
-            Candidate(
-                b.agent_id,
-                b.north_m,
-                b.east_m,
-                b.primary,
-                b.secondary,
-                *homes.get(b.agent_id, self._pose),
-                docked.get(b.agent_id),
-            )
-            for b in beliefs
-        )
-        taken = {slot for slot, _ in self.state.docked}
-        free = tuple(slot for slot in range(SLOTS) if slot not in taken)
-        return Situation(*self._pose, candidates, free)
+        return situation_of(self.state, self._pose, beliefs, slots)
 
     def _homes(self) -> dict[int, tuple[float, float]]:
         return {agent_id: (north_m, east_m) for agent_id, north_m, east_m in self.state.homes}
@@ -311,17 +308,12 @@ class EnergyExchange:
             self._set(homes=tuple(sorted(homes)))
 
     def _tell_strays(self, now_ms: int) -> None:
-        """An aMussel heard at the surface that nobody comes for is told that it may sink."""
         expected = {step.agent_id for step in self.state.plan.steps} | set(dict(self.state.docked).values())
-        for belief in self._beliefs.all():
-            if belief.state not in _STRAY or belief.agent_id in expected or belief.heard_ms < now_ms:
-                continue
-            last_ms = self._told_clear_ms.get(belief.agent_id)
-            if last_ms is None or now_ms - last_ms >= self._config.permission_repeat_s * 1000:
-                self._tell_clear(belief.agent_id, now_ms)
+        for agent_id in self._strays.to_tell(self._beliefs.all(), expected, now_ms):
+            self._tell_clear(agent_id, now_ms)
 
     def _tell_clear(self, agent_id: int, now_ms: int) -> None:
-        self._told_clear_ms[agent_id] = now_ms
+        self._strays.told(agent_id, now_ms)
         self._order(TellClear(agent_id))
 
     def _go_to(self, north_m: float, east_m: float) -> None:
@@ -343,19 +335,6 @@ class EnergyExchange:
     def _next_id(self) -> int:
         self._set(primitive_id=self.state.primitive_id + 1)
         return self.state.primitive_id
-
-    def _note_plan(self, what: str, strategy: str, solution: Solution, situation: Situation) -> None:
-        self._note(
-            "plan",
-            what=what,
-            strategy=strategy,
-            steps=[{"agent": step.agent_id, "slot": step.slot} for step in solution.steps],
-            costs=asdict(cost_of(solution, situation, self._config.costs)),
-            beliefs=[
-                {"id": c.agent_id, "charge": round(c.charge, 5), "north_m": c.north_m, "east_m": c.east_m}
-                for c in situation.candidates
-            ],
-        )
 
     def _enter(self, phase: Phase, now_ms: int, **changes: object) -> None:
         self._set(phase=phase, since_ms=now_ms, **changes)

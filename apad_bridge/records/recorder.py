@@ -14,7 +14,7 @@ from apad_bridge.records.bag import BagWriter, repair_bag
 from apad_bridge.records.changes import APadChanges, BeliefChanges, differs_in_kind, has_moved
 from apad_bridge.records.journal import Journal, JournalContents, Line, read_journal
 from apad_bridge.records.run_directory import RunDirectory
-from apad_bridge.records.samples import Water, apad_sample, belief_sample
+from apad_bridge.records.samples import TruthSample, Water, apad_sample, belief_sample
 from apad_bridge.records.summary import Ending, uptime_figures
 from apad_bridge.records.truth_lines import truth_data, truth_of
 from apad_bridge.records.uptime import UptimeMeter
@@ -135,15 +135,19 @@ class Recorder:
         for line in self._belief_changes.lines(list(beliefs)):
             self._journal.append(now_ms, "belief", line)
         if self._is_sampled(now_ms):
-            agent_ms, newest = self._scenario.theta * now_ms, self._newest
-            truths = [
-                self._water.sample(truth, max(agent_ms, truth.at_ms)) for _, truth in sorted(newest.items())
-            ]
-            self._bag.sample(now_ms, truths, [belief_sample(belief, now_ms) for belief in beliefs], apad)
+            believed = [belief_sample(belief, now_ms) for belief in beliefs]
+            self._bag.sample(now_ms, self.truths_at(now_ms), believed, apad)
         if self._journal.last_ms < now_ms:
             # A quiet tick leaves its time: a resumed run must know how far the fleet was granted.
             self._journal.append(now_ms, "tick", {})
         self._journal.flush()
+
+    def truths_at(self, now_ms: int) -> list[TruthSample]:
+        """What every aMussel is at mission time `now_ms`, by id: the newest truth of each, carried on."""
+        agent_ms = self._scenario.theta * now_ms
+        return [
+            self._water.sample(truth, max(agent_ms, truth.at_ms)) for _, truth in sorted(self._newest.items())
+        ]
 
     def flush(self) -> None:
         """Puts what was said since the last tick on disk, before something that cannot be taken back."""
@@ -203,14 +207,12 @@ class Recorder:
 
     def _ends(self, at_ms: int) -> list[Start]:
         """Where the aMussels are and what they hold: the truth, or where there is none what is believed."""
-        agent_ms = self._scenario.theta * at_ms
         ends = {
             belief.agent_id: Start(
                 belief.agent_id, belief.north_m, belief.east_m, belief.primary, belief.secondary
             )
             for belief in self._beliefs
         }
-        for agent_id, truth in self._newest.items():
-            now = self._water.sample(truth, max(agent_ms, truth.at_ms))
-            ends[agent_id] = Start(agent_id, now.north_m, now.east_m, now.primary, now.secondary)
+        for now in self.truths_at(at_ms):
+            ends[now.agent_id] = Start(now.agent_id, now.north_m, now.east_m, now.primary, now.secondary)
         return [ends[agent_id] for agent_id in sorted(ends)]

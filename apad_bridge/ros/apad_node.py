@@ -21,7 +21,6 @@ from collections.abc import Callable
 from pathlib import Path
 
 import rospy
-from rosgraph_msgs.msg import Clock
 
 from apad_bridge.ros.generation_a_shown import ReleaseFault
 from apad_bridge.ros.generation_a_vehicle import GenerationAVehicle
@@ -70,10 +69,6 @@ def main() -> int:
         return 1
     name = scenario.apad.name
     follows_clock = arguments.time == "clock"
-    if follows_clock:
-        # Made before rospy's own subscription to /clock, so that their common connection is asked for without delay: with
-        # it, each tick would wait 40 ms for an acknowledgement.
-        rospy.Subscriber("/clock", Clock, tcp_nodelay=True)
     rospy.init_node(f"{name}_simulated", argv=[], disable_signals=True, xmlrpc_port=arguments.xmlrpc_port)
     node = GenerationAServer(f"/{name}", _vehicle_maker(scenario, arguments.release))
     if follows_clock:

@@ -9,9 +9,9 @@ import signal
 import subprocess
 import sys
 import time
+import xmlrpc.client
+from http.client import HTTPException
 from pathlib import Path
-
-import rosgraph
 
 from apad_bridge.ros.generation_a_shown import ReleaseFault
 from apad_bridge.ros.master import loopback_environment
@@ -36,8 +36,9 @@ def start_apad_node(
     seconds, or when the node ended before; nothing is left running then.
     """
     try:
-        rosgraph.Master("/musselbed", master_uri).setParam("/use_sim_time", True)
-    except OSError as error:
+        with xmlrpc.client.ServerProxy(master_uri) as master:
+            master.setParam("/musselbed", "/use_sim_time", True)
+    except (OSError, HTTPException, xmlrpc.client.Error) as error:
         raise APadNodeFailed(f"no ROS master answers at {master_uri} ({error})") from None
     command = [
         *(sys.executable, "-m", "apad_bridge.ros.apad_node", "--scenario", str(scenario)),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import threading
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from typing import Any
@@ -22,10 +23,14 @@ from auv_msgs.msg import NavSts  # noqa: E402
 
 
 class ContactsLink:
-    """For a fleet alone. Somebody else's planner docks its aMussels; here it is felt."""
+    """For a fleet alone. Somebody else's planner docks its aMussels; here it is felt.
+
+    The aPad `apad` (its namespace) is listened to only so that a gap in the Wi-Fi is not taken for a release.
+    """
 
     def __init__(
         self,
+        apad: str,
         agent_ids: Iterable[int],
         docked: Mapping[int, int],
         now_ms: int,
@@ -35,12 +40,15 @@ class ContactsLink:
         self.dropped: Counter[str] = Counter()
         self._docks = DocksByHearsay(ids, docked, now_ms)
         self._inbox: Inbox[tuple[int, float, float, bool]] = Inbox()
+        self._apad_spoke = threading.Event()
+        self._apad_heard_ms = now_ms
         self._subscribers = [
             rospy.Subscriber(
                 f"/{object_prefix}{agent_id}/position_static", NavSts, self._take, agent_id, tcp_nodelay=True
             )
             for agent_id in ids
         ]
+        self._subscribers.append(rospy.Subscriber(f"/{apad}/position", NavSts, self._note_apad))
 
     def advance(self, now_ms: int) -> list[LinkFact]:
         """Contacts only, stamped `now_ms`: the clocks of a vehicle at sea are not ours."""
@@ -50,7 +58,10 @@ class ContactsLink:
                 self.dropped["position_static: not finite"] += 1
                 continue
             facts += self._docks.hear(StaticHeard(now_ms, agent_id, north_m, east_m, released))
-        facts += [*self._docks.silent(now_ms), *self._docks.places()]
+        if self._apad_spoke.is_set():
+            self._apad_spoke.clear()
+            self._apad_heard_ms = now_ms
+        facts += [*self._docks.silent(self._apad_heard_ms), *self._docks.places()]
         return [fact for fact in facts if isinstance(fact, Carried | LetGo)]
 
     def command(self, command: VehicleCommand, now_ms: int) -> None:
@@ -59,6 +70,9 @@ class ContactsLink:
     def close(self) -> None:
         for subscriber in self._subscribers:
             subscriber.unregister()
+
+    def _note_apad(self, _: Any) -> None:
+        self._apad_spoke.set()
 
     def _take(self, message: Any, agent_id: int) -> None:
         position, released = message.position, message.status == 1

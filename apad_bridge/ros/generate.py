@@ -36,7 +36,7 @@ PACKAGE_XML = """\
   <name>{name}</name>
   <version>0.1.0</version>
   <description>Message definitions that musselbed speaks, laid here by its installation</description>
-  <maintainer email="nobody@localhost">musselbed</maintainer>
+  <maintainer email="nobody@musselbed.invalid">musselbed</maintainer>
   <license>BSD-3-Clause</license>
 </package>
 """

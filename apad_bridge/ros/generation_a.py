@@ -3,9 +3,8 @@
     link = GenerationALink("apad1", agent_ids, (empty_v, full_v), our_clock=True, docked={}, now_ms=0)
     link.wait_until_ready(10.0)        # VehicleNotReady, one line that says what is missing
 
-The node is initialised before (`open_gateway`). rospy's threads only convert and leave in an inbox; the flight's thread
-does the rest. Pose is taken from `position` and not from `stateRef`: by its name and its place in the published stack that
-is what the vehicle's controllers refer to, and `position` is where the vehicle is. Of ours, both are the same.
+The node is initialised before (`open_gateway`). rospy's threads only leave what came in an inbox (`generation_a_ears`);
+what it means is made out by the core, in the flight's thread.
 
 Stamps: with `our_clock` (our master, our simulated aPad) those of the messages, which are mission time. Without, what came
 since the last tick is stamped with the tick that hears it: the clocks of a vehicle at sea are not ours.
@@ -21,37 +20,24 @@ from dataclasses import replace
 from typing import Any
 
 import rospy
-from actionlib_msgs.msg import GoalStatusArray
-from std_msgs.msg import Float64
 
 from apad_bridge.ros.generation_a_core import GenerationACore
-from apad_bridge.ros.generation_a_words import (
-    BatteryHeard,
-    GoalCode,
-    GoalOrder,
-    GoalsHeard,
-    GoalWord,
-    Heard,
-    PoseHeard,
-    StateHeard,
-    StaticHeard,
-)
+from apad_bridge.ros.generation_a_ears import UNSTAMPED, Ears
+from apad_bridge.ros.generation_a_words import GoalOrder, Heard
 from apad_bridge.ros.inbox import Inbox
+from apad_bridge.ros.live_types import differing_types
 from apad_bridge.ros.messages import use_generated_messages
-from apad_bridge.ros.ros_time import to_ms
 from apad_bridge.vehicle import CloseDock, OpenDock, VehicleCommand
 from apad_bridge.vehicle_link import LinkFact
 
 use_generated_messages()
 
-from apad.msg import aPadActionGoal, aPadActionResult  # noqa: E402
-from auv_msgs.msg import NavSts  # noqa: E402
+from apad.msg import aPadActionGoal  # noqa: E402
 
 ANSWER_S = 0.25
 """Wall seconds that `advance` waits for the answer of a docking mechanism commanded at the same tick."""
 ANSWER_ON_OUR_CLOCK_S = 1.0
 """On our own clock: longer, since nothing is lost by waiting and a busy machine shall decide as an idle one."""
-_UNSTAMPED = -1
 
 
 class VehicleNotReady(Exception):
@@ -82,23 +68,10 @@ class GenerationALink:
         self._now_ms = now_ms
         self._mechanism_ms: int | None = None
         self._excused: set[str] = set()
-        self._has_server = False
         self._inbox: Inbox[Heard] = Inbox()
-        server = f"/{name}/action_server"
-        self._goals = rospy.Publisher(f"{server}/goal", aPadActionGoal, queue_size=20)
+        self._ears = Ears(name, ids, object_prefix, self._inbox, stamped=our_clock)
+        self._goals = rospy.Publisher(f"/{name}/action_server/goal", aPadActionGoal, queue_size=20)
         """Twenty: more goals than that are never on their way, and a server that reads none is told nothing new."""
-        self._subscribers = [
-            self._listen(f"/{name}/position", NavSts, self._take_pose),
-            self._listen(f"/{name}/stateRef", NavSts, self._take_state),
-            self._listen(f"/{name}/battery_level", Float64, self._take_battery),
-            self._listen(f"{server}/status", GoalStatusArray, self._take_status),
-            self._listen(f"{server}/result", aPadActionResult, self._take_result),
-        ]
-        self._vital = self._subscribers[:1] + self._subscribers[3:]
-        self._subscribers += [
-            self._listen(f"/{object_prefix}{agent_id}/position_static", NavSts, self._take_static, agent_id)
-            for agent_id in ids
-        ]
 
     @property
     def dropped(self) -> Counter[str]:
@@ -110,16 +83,33 @@ class GenerationALink:
         return self._core.docks.holds(agent_id)
 
     def wait_until_ready(self, timeout_s: float) -> None:
-        """Until the aPad's topics and its action server are connected. VehicleNotReady after `timeout_s` wall seconds."""
+        """Until the aPad's topics and its action server are connected.
+
+        Raises VehicleNotReady after `timeout_s` wall seconds, or at once when it speaks other definitions.
+        """
         until_s = time.monotonic() + timeout_s
+        self._refuse_other_definitions()
         while missing := self._missing():
             if time.monotonic() > until_s:
+                self._refuse_other_definitions()
                 raise VehicleNotReady(
                     f"/{self.name} is not ready after {timeout_s:g} s: {', '.join(missing)}; "
                     f"does an aPad of generation A run under this name on this master?"
                 )
             # rospy tells of connections only when asked.
             time.sleep(0.02)
+
+    def _missing(self) -> list[str]:
+        deaf = [] if self._goals.get_num_connections() else [f"nobody listens to {self._goals.resolved_name}"]
+        return self._ears.missing + deaf
+
+    def _refuse_other_definitions(self) -> None:
+        goal_types = {self._goals.resolved_name: self._goals.data_class}
+        if lines := differing_types(self._ears.types, goal_types):
+            raise VehicleNotReady(
+                f"/{self.name} speaks other definitions than we do: {'; '.join(lines)}; "
+                f"put its own into apad_bridge/ros/definitions and run launch_scripts/install"
+            )
 
     def advance(self, now_ms: int) -> list[LinkFact]:
         """Facts up to `now_ms`. At the tick of a mechanism's command it waits up to `ANSWER_S` for the answer."""
@@ -138,8 +128,7 @@ class GenerationALink:
         self._goals.publish(_goal_message(self._core.command(command, now_ms)))
 
     def close(self) -> None:
-        for subscriber in self._subscribers:
-            subscriber.unregister()
+        self._ears.close()
         self._goals.unregister()
 
     # In step with our own clock: what `OwnMasterClock` asks for.
@@ -183,59 +172,9 @@ class GenerationALink:
 
     def _drain(self, wait_s: float = 0.0) -> None:
         for heard in self._inbox.take(wait_s):
-            if heard.at_ms == _UNSTAMPED:
+            if heard.at_ms == UNSTAMPED:
                 heard = replace(heard, at_ms=self._now_ms)
             self._core.hear(heard, self._now_ms)
-
-    def _missing(self) -> list[str]:
-        """Of what a flight cannot do without."""
-        missing = [
-            f"nobody publishes {it.resolved_name}" for it in self._vital if not it.get_num_connections()
-        ]
-        if not self._goals.get_num_connections():
-            missing.append(f"nobody listens to {self._goals.resolved_name}")
-        if not self._has_server:
-            missing.append("no word of its action server")
-        if self._our_clock and not self._subscribers[1].get_num_connections():
-            missing.append(f"nobody publishes {self._subscribers[1].resolved_name}")
-        return missing
-
-    def _listen(self, topic: str, kind: Any, take: Any, *arguments: Any) -> rospy.Subscriber:
-        # No delay: a tick is a message there and one back, and 40 ms for an acknowledgement would be most of it.
-        return rospy.Subscriber(topic, kind, take, *arguments, tcp_nodelay=True)
-
-    # From rospy's threads: convert and leave.
-
-    def _stamp(self, message: Any) -> int:
-        return to_ms(message.header.stamp) if self._our_clock else _UNSTAMPED
-
-    def _take_pose(self, message: Any) -> None:
-        position, yaw = message.position, message.orientation.yaw
-        self._inbox.put(PoseHeard(self._stamp(message), position.north, position.east, yaw))
-
-    def _take_state(self, message: Any) -> None:
-        self._inbox.put(StateHeard(self._stamp(message)))
-
-    def _take_battery(self, message: Any) -> None:
-        self._inbox.put(BatteryHeard(_UNSTAMPED, message.data))
-
-    def _take_static(self, message: Any, agent_id: int) -> None:
-        position, released = message.position, message.status == 1
-        heard = StaticHeard(self._stamp(message), agent_id, position.north, position.east, released)
-        self._inbox.put(heard, always=released)
-
-    def _take_status(self, message: Any) -> None:
-        self._has_server = True
-        words = tuple(_word(status) for status in message.status_list)
-        self._inbox.put(GoalsHeard(self._stamp(message), words, whole=True))
-
-    def _take_result(self, message: Any) -> None:
-        heard = GoalsHeard(self._stamp(message), (_word(message.status),), whole=False)
-        self._inbox.put(heard, always=True)
-
-
-def _word(status: Any) -> GoalWord:
-    return GoalWord(status.goal_id.id, GoalCode(status.status), status.text)
 
 
 def _goal_message(order: GoalOrder) -> Any:

@@ -29,6 +29,11 @@ class Inbox(Generic[Item]):
             self._items.append(item)
             self._came.notify_all()
 
+    def drop(self, reason: str) -> None:
+        """Counts what could not even be put in."""
+        with self._came:
+            self.dropped[reason] += 1
+
     def take(self, wait_s: float = 0.0) -> list[Item]:
         """All that is there; when nothing is, what comes first within `wait_s` wall seconds."""
         with self._came:

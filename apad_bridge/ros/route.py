@@ -16,14 +16,20 @@ _TIMEOUT_S = 3.0
 def somebodys_master(environment: Mapping[str, str] = os.environ) -> str:
     """The URI in ROS_MASTER_URI, or ROS's default; PeerFailed when nothing listens there."""
     uri = environment.get("ROS_MASTER_URI") or _DEFAULT_URI
-    host, port = _host_and_port(uri)
-    try:
-        socket.create_connection((host, port), _TIMEOUT_S).close()
-    except OSError as error:
+    if (why := why_silent(uri)) is not None:
         raise PeerFailed(
-            f"no ROS master answers at {uri} ({error}): start it, or say where it is with ROS_MASTER_URI"
-        ) from error
+            f"no ROS master answers at {uri} ({why}): start it, or say where it is with ROS_MASTER_URI"
+        )
     return uri
+
+
+def why_silent(master_uri: str) -> str | None:
+    """Why nothing listens at the URI; None when something does."""
+    try:
+        socket.create_connection(_host_and_port(master_uri), _TIMEOUT_S).close()
+    except OSError as error:
+        return str(error)
+    return None
 
 
 def environment_for(master_uri: str, environment: Mapping[str, str] = os.environ) -> dict[str, str]:

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 
 from apad_bridge import building
 from apad_bridge.flight import Fleet
 from apad_bridge.pace import Pace, WallClock
+from apad_bridge.records.samples import TruthSample
 from apad_bridge.ros.contacts_link import ContactsLink
 from apad_bridge.ros.fleet_guard import SecondFleet
-from apad_bridge.ros.gateway import GatewayFailed, open_gateway
+from apad_bridge.ros.gateway import GatewayFailed, Shown, TruthSource, open_gateway
 from apad_bridge.ros.generation_a import GenerationALink, VehicleNotReady
 from apad_bridge.ros.radio import FleetRadio, MissionRadio
 from apad_bridge.ros.ros_pace import FollowedClock, OwnMasterClock
@@ -24,17 +25,24 @@ _READY_S = 15.0
 _NODES = {Part.WHOLE: "musselbed", Part.FLEET: "musselbed_fleet", Part.MISSION: "musselbed_mission"}
 
 
+TruthsAt = Callable[[int], list[TruthSample]]
+
+
 @contextmanager
 def open_surroundings(
     scenario: Scenario,
     options: RunOptions,
     fleet: Fleet | None,
     docked: Mapping[int, int],
+    held: tuple[int, ...],
     now_ms: int,
+    truths_at: TruthsAt,
 ) -> Iterator[Surroundings]:
     """Everything on the graph while it is entered; PeerFailed, in one line, when something does not come up.
 
-    `docked` are agents by slot that a former supervisor knew to be held; `now_ms` is the mission time to go on from.
+    `docked` are agents by slot that a former supervisor knew to be held, `held` those whose bodies feel a dock; `now_ms` is
+    the mission time to go on from.
+    `truths_at` is the recorder's, for a scenario that wants the truth on the aMussels' own topics.
     """
     ids = building.agent_ids(scenario)
     codec = load_codec(scenario.hearing.codec)
@@ -43,13 +51,17 @@ def open_surroundings(
     with ExitStack() as stack:
         try:
             gateway = open_gateway(
-                shown, scenario.theta, node_name=_NODES[options.part], xmlrpc_port=options.xmlrpc_port
+                shown,
+                scenario.theta,
+                node_name=f"{_NODES[options.part]}_{scenario.fleet.first_id}",
+                xmlrpc_port=options.xmlrpc_port,
+                truth=_shown_truth(truths_at) if scenario.records.truth_on_agent_topics else None,
             )
             stack.callback(gateway.close)
             vehicle: GenerationALink | ContactsLink
             ether: FleetRadio | MissionRadio | None = None
             if options.part is Part.FLEET:
-                vehicle = ContactsLink(ids, docked, now_ms)
+                vehicle = ContactsLink(scenario.apad.name, ids, docked, now_ms)
                 ether = FleetRadio(ids, codec)
             else:
                 vehicle = _apad_link(scenario, options, docked, now_ms)
@@ -69,8 +81,14 @@ def open_surroundings(
             lambda supervisor: (gateway.watcher(supervisor),),
             gateway.event,
             ether,
-            tuple(docked.values()),
+            held,
         )
+
+
+def _shown_truth(truths_at: TruthsAt) -> TruthSource:
+    return lambda now_ms: {
+        it.agent_id: Shown(it.north_m, it.east_m, it.depth_m, it.primary) for it in truths_at(now_ms)
+    }
 
 
 def _apad_link(

@@ -3,18 +3,54 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 from agents.coordinator import Coordinator, Heard
 from agents.one_process import OneProcess
 from agents.outputs import WifiSent
 from apad_bridge import building
-from apad_bridge.facts import WifiHeard
+from apad_bridge.ether import Ether
+from apad_bridge.facts import Medium, WifiHeard
 from apad_bridge.mission.orders import Note
+from apad_bridge.runs.flying import Surroundings
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import Start
 from apad_bridge.simulated_apad.apad import SimulatedAPad
 from apad_bridge.supervisor import TICK_MS
+from apad_bridge.vehicle import VehicleCommand
+from apad_bridge.vehicle_link import VehicleLink
+
+
+class _Unmoved:
+    """A vehicle that is listened to and never commanded."""
+
+    def __init__(self, vehicle: VehicleLink) -> None:
+        self.advance = vehicle.advance
+        self.close = vehicle.close
+
+    def command(self, command: VehicleCommand, now_ms: int) -> None:
+        pass
+
+
+class _Unsaid:
+    """An ether that is listened to and never spoken into."""
+
+    def __init__(self, ether: Ether) -> None:
+        self.advance = ether.advance
+
+    def transmit(self, medium: Medium, agent_id: int, data: bytes, now_ms: int) -> None:
+        pass
+
+
+def dry(surroundings: Surroundings) -> Surroundings:
+    """The same, but neither the vehicle nor a real aMussel hears a word."""
+    ether = surroundings.ether
+    return replace(
+        surroundings,
+        vehicle=_Unmoved(surroundings.vehicle),
+        ether=None if ether is None else _Unsaid(ether),
+    )
 
 
 def first_plan(scenario: Scenario, starts: Sequence[Start]) -> dict[str, Any] | None:

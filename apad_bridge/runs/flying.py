@@ -82,8 +82,10 @@ def fly(
     recorder: Recorder,
     show: Callable[[Status], None],
     go_on: GoOn | None = None,
+    *,
+    until_first_plan: bool = False,
 ) -> dict[str, Any]:
-    """Flies to the mission's end and gives the summary. SIGINT and SIGTERM end the mission in order."""
+    """Flies to the mission's end, or to its first plan, and gives the summary. SIGINT and SIGTERM end it in order."""
     supervisor = building.supervisor(
         scenario,
         None if go_on is None else go_on.state,
@@ -96,6 +98,8 @@ def fly(
 
     def show_tick(now_ms: int) -> None:
         show(Status.of(supervisor, now_ms, pace.behind_s))
+        if until_first_plan and supervisor.mission.state.plan.steps:
+            flight.stop("the dry run's plan")
 
     flight = Flight(
         supervisor,

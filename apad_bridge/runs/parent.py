@@ -82,9 +82,10 @@ def start_supervisor(run_dir: Path, options: RunOptions, *, resume: bool) -> Chi
 def watch_supervisor(child: Child, progress: FlightProgress) -> tuple[int, dict[str, Any] | None]:
     """Shows what the supervisor says until it ends; its exit code, and the summary if it gave one.
 
-    Ctrl-C and SIGTERM here ask it to end in order.
+    PeerFailed when it says that something it needs failed. Ctrl-C and SIGTERM here ask it to end in order.
     """
     result: dict[str, Any] | None = None
+    failed: str | None = None
     deadline_s: float | None = None
     with _Interrupts() as interrupts:
         while True:
@@ -102,11 +103,15 @@ def watch_supervisor(child: Child, progress: FlightProgress) -> tuple[int, dict[
             if status is not None:
                 progress.show(status)
             elif line.startswith("{"):
-                result = json.loads(line).get("summary", result)
+                said = json.loads(line)
+                result = said.get("summary", result)
+                failed = said.get("failed", failed)
             else:
                 progress.say(line.rstrip())
     code = child.wait(_END_S)
     child.end(1.0)
+    if failed is not None:
+        raise PeerFailed(failed)
     return (-signal.SIGKILL if code is None else code), result
 
 

@@ -3,16 +3,29 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 from apad_bridge.mission.state import MissionState
 from apad_bridge.records.journal import JournalContents
 from apad_bridge.records.recorder import Resumed
 from apad_bridge.runs.failures import PeerFailed
 from apad_bridge.runs.flying import GoOn
+from apad_bridge.runs.options import RunOptions
 
 
-def go_on(journal: JournalContents, epoch: int) -> GoOn:
-    """The newest mission snapshot and time; PeerFailed when the journal has none or the run has ended."""
+def gap_ms(options: RunOptions, journal: Path, now_s: float) -> int:
+    """Mission time that went by without a supervisor, to be granted to the fleet at once; `now_s` is since the epoch.
+
+    A real vehicle's time went on, for as long as the journal, which every tick writes to, has stood still. On a master of
+    our own /clock stood still with the supervisor.
+    """
+    if options.owns_master:
+        return 0
+    return max(0, round((now_s - journal.stat().st_mtime) * 1000))
+
+
+def go_on(journal: JournalContents, epoch: int, gap_ms: int) -> GoOn:
+    """The newest mission snapshot, and the time with the gap granted; PeerFailed when the run has ended."""
     state, fraction = MissionState(), None
     for line in journal.lines:
         if line["kind"] == "mission":
@@ -27,7 +40,7 @@ def go_on(journal: JournalContents, epoch: int) -> GoOn:
         elif line["kind"] == "end":
             raise PeerFailed("this run has ended: there is nothing to go on with")
     # Ticks stand on whole seconds; the journal's last line may lie between two.
-    return GoOn(journal.last_ms // 1000 * 1000, state, epoch, fraction)
+    return GoOn((journal.last_ms + gap_ms) // 1000 * 1000, state, epoch, fraction)
 
 
 def what_was_lost(resumed: Resumed) -> list[str]:

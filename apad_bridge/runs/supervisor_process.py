@@ -10,14 +10,17 @@ import argparse
 import contextlib
 import json
 import sys
+import time
 from pathlib import Path
 
 from apad_bridge import building
 from apad_bridge.commands.exits import Exit
 from apad_bridge.records.recorder import Recorder
 from apad_bridge.records.run_directory import RunDirectory
+from apad_bridge.ros.route import why_silent
 from apad_bridge.ros.surroundings import open_surroundings
 from apad_bridge.runs import flying, resuming
+from apad_bridge.runs.dry_run import dry
 from apad_bridge.runs.failures import PeerFailed
 from apad_bridge.runs.nurseries import adopt
 from apad_bridge.runs.options import Part, RunOptions
@@ -37,8 +40,9 @@ def fly(run_dir: Path, resume: bool) -> int:
     scenario, options = load(directory.scenario), RunOptions.load(run_dir)
     ids = building.agent_ids(scenario)
     if resume:
+        gap_ms = resuming.gap_ms(options, directory.journal, time.time())
         recorder, resumed = Recorder.resume(directory, scenario, ids)
-        go_on = resuming.go_on(resumed.journal, options.epoch)
+        go_on = resuming.go_on(resumed.journal, options.epoch, gap_ms)
         for words in resuming.what_was_lost(resumed):
             say(words)
     else:
@@ -48,14 +52,30 @@ def fly(run_dir: Path, resume: bool) -> int:
     try:
         fleet = None if options.part is Part.MISSION else adopt(scenario, run_dir, options.epoch, start_ms)
         docked = {} if go_on is None else dict(go_on.state.docked)
-        with open_surroundings(scenario, options, fleet, docked, start_ms) as surroundings:
+        if fleet is not None:
+            recorder.truths(fleet.host.take_truths())
+        # What the bodies felt, not what the mission knows: a contact that was on its way when a supervisor died is told
+        # again, and one that was felt is not.
+        held = tuple(it.agent_id for it in recorder.truths_at(start_ms) if it.docked)
+        with open_surroundings(
+            scenario, options, fleet, docked, held, start_ms, recorder.truths_at
+        ) as surroundings:
             summary = flying.fly(
-                scenario, surroundings, recorder, lambda status: say(status.to_line()), go_on
+                scenario,
+                dry(surroundings) if options.dry_run else surroundings,
+                recorder,
+                lambda status: say(status.to_line()),
+                go_on,
+                until_first_plan=options.dry_run,
             )
     except (PeerFailed, TimeoutError) as error:
-        say(f"ended: {error}")
-        recorder.close()
+        # A node falls silent with its master: the master is then the cause to name.
+        why = why_silent(options.master_uri)
+        cause = str(error) if why is None else f"the ROS master at {options.master_uri} is gone ({why})"
+        say(json.dumps({"failed": cause}))
         return Exit.PEER_FAILED
+    finally:
+        recorder.close()
     say(json.dumps({"summary": summary}))
     return Exit.DONE
 

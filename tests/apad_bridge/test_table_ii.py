@@ -19,7 +19,7 @@ SCENARIOS = Path(__file__).parents[2] / "launch_scripts/scenarios"
 
 
 def stepped_uptimes(charges: list[float], theta: int, steps: int) -> list[float]:
-    """Equation (3) over equation (1), literally: u_k = u_(k-1) - 0.0010427134 theta dt, dt = 1/60 min, clamped to [0, 1]."""
+    """Equation (3) over equation (1), literally: u_k = u_(k-1) - 0.0010427134 theta dt, dt = 1/60 min, in [0, 1]."""
     uptimes = []
     for u in charges:
         active = 0

@@ -1,4 +1,6 @@
-"""Flies a scenario and prints what was decided, as JSON. Use: generation_a_flight.py SCENARIO asap|ros [SPEED|max]
+"""Flies a scenario and prints what was decided, as JSON.
+
+Use: generation_a_flight.py SCENARIO asap|ros [SPEED|max] [PATIENCE_S]
 
 With `ros`, ROS_MASTER_URI names a master on which the simulated aPad's node runs.
 """
@@ -8,6 +10,7 @@ from __future__ import annotations
 import json
 import sys
 import time
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
@@ -16,10 +19,14 @@ from agents.one_process import OneProcess
 from apad_bridge import building
 from apad_bridge.flight import Fleet, Flight
 from apad_bridge.pace import AsFastAsPossible
+from apad_bridge.ros.gateway import open_gateway
+from apad_bridge.ros.generation_a import GenerationALink, VehicleNotReady
+from apad_bridge.ros.ros_pace import OwnMasterClock
 from apad_bridge.scenario import loader
+from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
 from apad_bridge.simulated_apad.apad import SimulatedAPad
-from apad_bridge.vehicle_link import InProcessVehicle
+from apad_bridge.vehicle_link import InProcessVehicle, VehicleLink
 
 
 class Decisions:
@@ -53,52 +60,56 @@ class Decisions:
         pass
 
 
-def main() -> None:
-    scenario = loader.load(Path(sys.argv[1]))
+def fly(scenario: Scenario, over_ros: bool, speed: float | None, patience_s: float) -> dict[str, Any]:
     decisions = Decisions()
     births = building.births(scenario, starts_of(scenario))
     host = OneProcess(building.fleet_config(scenario), births)
     fleet = Fleet(Coordinator(host, dict.fromkeys(births, 0), scenario.theta), host)
     supervisor = building.supervisor(scenario)
-    vehicle: Any = InProcessVehicle(SimulatedAPad(scenario.apad))
-    pace: Any = AsFastAsPossible()
-    watchers: tuple[Any, ...] = ()
-    gateway = None
-    opened_s = time.monotonic()
-    if sys.argv[2] == "ros":
-        from apad_bridge.ros.gateway import open_gateway
-        from apad_bridge.ros.generation_a import GenerationALink
-        from apad_bridge.ros.ros_pace import OwnMasterClock
+    with ExitStack() as stack:
+        vehicle: VehicleLink
+        if over_ros:
+            battery = scenario.apad.battery
+            gateway = open_gateway(births, scenario.theta, node_name="musselbed")
+            stack.callback(gateway.close)
+            vehicle = link = GenerationALink(
+                scenario.apad.name, births, (battery.empty_v, battery.full_v), our_clock=True
+            )
+            stack.callback(link.close)
+            link.wait_until_ready(5 * patience_s)
+            pace = OwnMasterClock(speed, link, patience_s=patience_s)
+            flight = Flight(supervisor, link, pace, decisions, fleet, (gateway.watcher(supervisor), ticked))
+        else:
+            vehicle = InProcessVehicle(SimulatedAPad(scenario.apad))
+            flight = Flight(supervisor, vehicle, AsFastAsPossible(), decisions, fleet)
+        begun_s = time.monotonic()
+        ended_by = flight.run()
+        return {
+            "ended_by": ended_by,
+            "decisions": decisions.kept,
+            "cost_m": supervisor.mission.state.cost_m,
+            "services": supervisor.mission.state.services,
+            "flight_s": time.monotonic() - begun_s,
+            "dropped": dict(flight.dropped + supervisor.dropped + supervisor.port.dropped),
+            "vehicle_dropped": dict(getattr(vehicle, "dropped", {})),
+        }
 
-        speed = None if sys.argv[3] == "max" else float(sys.argv[3])
-        battery = scenario.apad.battery
-        gateway = open_gateway(births, scenario.theta, node_name="musselbed")
-        vehicle = GenerationALink(
-            scenario.apad.name, births, (battery.empty_v, battery.full_v), our_clock=True
-        )
-        vehicle.wait_until_ready(10.0)
-        pace = OwnMasterClock(speed, vehicle)
-        watchers = (gateway.watcher(supervisor),)
-    ready_s = time.monotonic()
-    flight = Flight(supervisor, vehicle, pace, decisions, fleet, watchers)
-    ended_by = flight.run()
-    state = supervisor.mission.state
-    battery_now = supervisor.battery
-    summary = {
-        "ended_by": ended_by,
-        "decisions": decisions.kept,
-        "cost_m": state.cost_m,
-        "services": state.services,
-        "apad_fraction": None if battery_now is None else battery_now.fraction,
-        "open_s": ready_s - opened_s,
-        "flight_s": time.monotonic() - ready_s,
-        "dropped": dict(flight.dropped + supervisor.dropped + supervisor.port.dropped),
-        "vehicle_dropped": dict(getattr(vehicle, "dropped", {})),
-    }
-    print(json.dumps(summary))
-    vehicle.close()
-    if gateway is not None:
-        gateway.close()
+
+def ticked(now_ms: int) -> None:
+    """Says on standard error that the flight is under way, for who wants to disturb it."""
+    if now_ms == 10_000:
+        print("flying", file=sys.stderr, flush=True)
+
+
+def main() -> None:
+    scenario = loader.load(Path(sys.argv[1]))
+    speed = None if sys.argv[3:4] in ([], ["max"]) else float(sys.argv[3])
+    patience_s = float(sys.argv[4]) if len(sys.argv) > 4 else 5.0
+    try:
+        told = fly(scenario, sys.argv[2] == "ros", speed, patience_s)
+    except (TimeoutError, VehicleNotReady) as error:
+        told = {"failed": str(error)}
+    print(json.dumps(told))
 
 
 if __name__ == "__main__":

@@ -122,7 +122,7 @@ def test_a_workspace_that_was_sourced_before_wins(installed: Path, tmp_path: Pat
     messages = generated_folder(installed / ".venv")
     theirs, ours, package_path, last_of_path = told.stdout.splitlines()
     assert Path(theirs).is_relative_to(workspace) and Path(ours).is_relative_to(messages)
-    assert package_path == f"{workspace}:{messages}"
+    assert package_path == f"{workspace}:{messages}:{installed / 'launch_scripts'}"
     assert last_of_path == str(installed / ".venv" / "bin")
 
 

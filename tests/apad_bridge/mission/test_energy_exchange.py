@@ -10,6 +10,7 @@ from apad_bridge.mission.energy_exchange import EnergyExchange
 from apad_bridge.mission.orders import Note, Order, PermitSurfacing, TellClear
 from apad_bridge.mission.state import MissionState, Phase
 from apad_bridge.planning import registry
+from apad_bridge.planning.solution import Solution, Step, StepKind
 from apad_bridge.port.primitives import (
     DockChanged,
     DockMussel,
@@ -249,6 +250,70 @@ def test_a_resumed_mission_does_not_dock_twice_what_the_dock_holds() -> None:
     bench.tick()
     assert PermitSurfacing(4) in bench.orders
     assert PermitSurfacing(3) not in bench.orders
+
+
+def test_a_resumed_charging_wait_gives_nobody_up_before_it_was_heard_for_long_enough() -> None:
+    state = replace(ready_state(), phase=Phase.CHARGE, since_ms=0, plan=Solution(()))
+    bench = Bench(agents=0, state=state)
+    bench.now_ms = 500_000
+    bench.tick()
+    assert bench.notes("given_up") == []
+    bench.tick(int(MISSION.silence_timeout_s) + 1)
+    assert [note["agent"] for note in bench.notes("given_up")] == [1, 2]
+
+
+def test_one_docked_by_hand_and_never_heard_does_not_take_a_slot_for_ever() -> None:
+    bench = Bench(agents=1)
+    bench.mission.receive(DockChanged(0, 2, 77, True), 0)
+    bench.tick()
+    bench.tick(int(MISSION.silence_timeout_s) + 1)
+    bench.succeed()
+    assert isinstance(bench.succeed(), UndockMussel)
+    assert bench.mission.slots == (None,) * 4
+
+
+def test_a_resumed_step_waits_for_its_aMussel_to_be_heard_again() -> None:
+    state = replace(ready_state(), phase=Phase.GO_COLLECT)
+    bench = Bench(agents=0, state=state)
+    bench.now_ms = 500_000
+    assert bench.tick() == []
+    bench.told.say(3, bench.now_ms, State.FLOATING, 0.5)
+    bench.tick()
+    assert isinstance(bench.primitive(), GoToPoint)
+
+
+def test_a_resumed_step_of_one_that_stays_silent_is_given_up() -> None:
+    state = replace(ready_state(), phase=Phase.GO_COLLECT)
+    bench = Bench(agents=0, state=state)
+    bench.tick()
+    bench.tick(int(MISSION.silence_timeout_s) + 1)
+    assert bench.notes("given_up")[0]["agent"] == 3
+
+
+class Raises:
+    plans = "collect"
+
+    def plan(self, situation: object, batch: int) -> Solution:
+        raise RuntimeError("no idea")
+
+
+class Foreign:
+    plans = "collect"
+
+    def plan(self, situation: object, batch: int) -> Solution:
+        return Solution((Step(StepKind.COLLECT, 99, 0),))
+
+
+@pytest.mark.parametrize(("strategy", "why"), [(Raises(), "no idea"), (Foreign(), "99")])
+def test_a_strategy_that_fails_ends_the_mission_holding(strategy: object, why: str) -> None:
+    bench = Bench()
+    bench.mission._collection = strategy  # type: ignore[assignment]
+    bench.tick()
+    assert bench.mission.state.phase is Phase.ENDED
+    assert bench.mission.state.ended_by is not None
+    assert bench.mission.state.ended_by.startswith("failure of strategy 'cautious'")
+    assert why in bench.mission.state.ended_by
+    assert isinstance([o for o in bench.orders if isinstance(o, Primitive)][-1], HoldPosition)
 
 
 def ready_state() -> MissionState:

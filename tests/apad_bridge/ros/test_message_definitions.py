@@ -39,7 +39,15 @@ LEGACY_MD5 = {
     "uuv_sensor_msgs/msg/AcousticModemPayload": "6ee66ed96aa9a69589dc1008fee65ce4",
     "uuv_sensor_msgs/msg/AcousticModemRange": "d41ea0b9d0d8580cb0eceda00eab751e",
 }
-OWN_MESSAGES = ["AgentBelief", "AgentTruth", "APadStatus", "FleetBeliefs", "FleetTruth", "MissionEvent"]
+OWN_MESSAGES = [
+    "AgentBelief",
+    "AgentTruth",
+    "APadStatus",
+    "FleetBeliefs",
+    "FleetTruth",
+    "MissionEvent",
+    "Packet",
+]
 SYSTEM = ("std_msgs", "geometry_msgs", "actionlib_msgs")
 
 

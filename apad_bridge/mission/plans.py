@@ -1,0 +1,40 @@
+"""Plans as the mission gets them from a strategy, which may be a user's, and as it tells them to the journal."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import asdict
+
+from apad_bridge.mission.orders import Note
+from apad_bridge.planning.candidates import Situation
+from apad_bridge.planning.costs import Scales, cost_of
+from apad_bridge.planning.solution import Solution, StepKind, check_solution
+
+STRATEGY_FAILED = "failure of strategy"
+"""How a reason begins when a strategy raised, or gave a plan that cannot be flown."""
+
+
+def asked(name: str, plan: Callable[[], Solution], situation: Situation, kind: StepKind) -> Solution | str:
+    """The strategy's plan if it can be flown; or, for one that fails, why not: it is not ours, and the vehicle is out."""
+    try:
+        solution = plan()
+        check_solution(solution, situation, kind)
+    except Exception as error:
+        return f"{STRATEGY_FAILED} {name!r}: {type(error).__name__}: {error}"
+    return solution
+
+
+def plan_note(what: str, name: str, solution: Solution, situation: Situation, scales: Scales) -> Note:
+    return Note(
+        "plan",
+        {
+            "what": what,
+            "strategy": name,
+            "steps": [{"agent": step.agent_id, "slot": step.slot} for step in solution.steps],
+            "costs": asdict(cost_of(solution, situation, scales)),
+            "beliefs": [
+                {"id": c.agent_id, "charge": round(c.charge, 5), "north_m": c.north_m, "east_m": c.east_m}
+                for c in situation.candidates
+            ],
+        },
+    )

@@ -1,0 +1,72 @@
+"""Who may be collected, and what a planner is told of them: both from beliefs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+
+from apad_bridge.beliefs.belief import Belief
+from apad_bridge.mission.sources import BeliefSource
+from apad_bridge.mission.state import MissionState
+from apad_bridge.planning.candidates import Candidate, Situation
+from apad_bridge.scenario.schema import Mission
+from firmware_model.states import State
+
+SLOTS = 4
+_IN_THE_WATER = frozenset({State.ACTIVE, State.EMPTY, State.FLOATING, State.SURFACING})
+
+
+class ChargingPool:
+    """The paper's charging selection pool. One that a step was given up for is left out for a while."""
+
+    def __init__(self, config: Mission, beliefs: BeliefSource) -> None:
+        self._config = config
+        self._beliefs = beliefs
+        self._shunned_until_ms: dict[int, int] = {}
+
+    def candidates(self, now_ms: int) -> list[Belief]:
+        """Those heard of late, in the water, at or below the pool's threshold and not lost, by id."""
+        return [belief for belief in self._beliefs.all() if self._is_candidate(belief, now_ms)]
+
+    def shun(self, agent_id: int, now_ms: int) -> None:
+        self._shunned_until_ms[agent_id] = now_ms + self._silence_ms
+
+    @property
+    def _silence_ms(self) -> int:
+        return round(self._config.silence_timeout_s * 1000)
+
+    def _is_candidate(self, belief: Belief, now_ms: int) -> bool:
+        return (
+            belief.primary <= self._config.pool_threshold
+            and belief.state in _IN_THE_WATER
+            and (belief.primary > 0 or belief.secondary > 0)
+            and self._shunned_until_ms.get(belief.agent_id, now_ms) <= now_ms
+            and now_ms - belief.heard_ms <= self._silence_ms
+        )
+
+
+def situation_of(
+    state: MissionState,
+    place_m: tuple[float, float],
+    beliefs: Iterable[Belief],
+    slots: Mapping[int, int],
+) -> Situation:
+    """For a planner: `beliefs` as candidates with their homes, and, for docked ones, the slot of `slots` that holds them.
+
+    One whose home is not known yet is let go where the aPad stands.
+    """
+    homes = {agent_id: (north_m, east_m) for agent_id, north_m, east_m in state.homes}
+    candidates = tuple(
+        Candidate(
+            it.agent_id,
+            it.north_m,
+            it.east_m,
+            it.primary,
+            it.secondary,
+            *homes.get(it.agent_id, place_m),
+            slots.get(it.agent_id),
+        )
+        for it in beliefs
+    )
+    taken = {slot for slot, _ in state.docked}
+    free = tuple(slot for slot in range(SLOTS) if slot not in taken)
+    return Situation(*place_m, candidates, free)

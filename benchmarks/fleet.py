@@ -1,0 +1,242 @@
+"""What an aMussel costs as a process of its own, beside a bare rospy node: memory at two moments, and time to be ready.
+
+`pss_mb_per_agent` is the proportional set size of all agents' processes and of their nursery, divided by the agents;
+`kernel_mb_per_agent` is by how much the machine's kernel memory (slab, page tables, stacks) rose since before the first of
+them, divided likewise, so that a busy machine blurs it; `ready_s` is from the exec of the nursery to the last agent's first
+reply. Flown are 20 hours of agent time at theta 30 with the paper's reports, one a mission second, and its drift; each
+aMussel is charged once. A thousand of them are granted ten reports at once, because one at a time takes minutes.
+A bare rospy node publishes as many statuses, with nobody listening, in one go; the master is not counted.
+"""
+
+from __future__ import annotations
+
+import os
+import select
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterable, Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+
+from agents.coordinator import Coordinator, Heard
+from agents.fleet import FleetConfig, resting_on_bottom
+from agents.launch import launch_nursery, prepare
+from agents.processes import ProcessHost
+from agents.stimuli import ContactClosed, ContactOpened, DockMoved, SoundArrived, WifiArrived
+from firmware_model.codec import MusselbedCodec
+from firmware_model.packets import CommandPacket, Kind
+
+MUSSELBED_AGENTS = ((24, 1), (100, 1), (1000, 10))
+"""(agents, seconds of mission time granted at once)"""
+ROSPY_NODES = (24, 100)
+THETA = 30
+MISSION_S = 20 * 3600 // THETA
+SERVICE_S = (0, 10, 100, 200)
+"""Permission, contact, release and the word to sink, in seconds from an aMussel's turn."""
+NODE = Path(__file__).parent / "nodes" / "bare_rospy.py"
+NODE_TIMEOUT_S = 120.0
+FLEET = FleetConfig(
+    theta=THETA,
+    seed=1,
+    codec="musselbed-1",
+    discharge_per_min=0.0010427134,
+    charge_segments=((0.16197, 0.001045), (0.5634, 0.00223), (1.0, 0.002911)),
+    pin_debounce_ms=50,
+    boot_ms=2000,
+    float_timeout_ms=43_200_000,
+    release_wait_ms=120_000,
+    report_period_ms=1000 * THETA,
+    heard_always=True,
+    bottom_um=3_000_000,
+    surfacing_ms=60_000,
+    sinking_ms=60_000,
+    drifts_always=True,
+    drift_amplitude_um=5000,
+    current_csv=None,
+)
+
+
+def measure() -> dict[str, Any]:
+    rows: list[dict[str, Any]] = []
+    for agents, window_s in MUSSELBED_AGENTS:
+        with tempfile.TemporaryDirectory(prefix="musselbed-") as run_dir:
+            rows += musselbed_rows(run_dir, agents, window_s)
+    for nodes in ROSPY_NODES:
+        with tempfile.TemporaryDirectory(prefix="musselbed-") as ros_home:
+            rows += rospy_rows(ros_home, nodes)
+    return {"rows": rows}
+
+
+def show(result: dict[str, Any], console: Console) -> None:
+    table = Table(title="A process per aMussel, and bare rospy nodes")
+    for name in ("kind", "agents", "at", "PSS, MB each", "kernel, MB each", "ready, s"):
+        table.add_column(name, justify="left" if name in ("kind", "at") else "right")
+    for row in result["rows"]:
+        table.add_row(
+            row["kind"],
+            str(row["agents"]),
+            row["at"],
+            f"{row['pss_mb_per_agent']:.2f}",
+            f"{row['kernel_mb_per_agent']:.2f}",
+            f"{row['ready_s']:.2f}",
+        )
+    console.print(table)
+
+
+def musselbed_rows(run_dir: str, agents: int, window_s: int) -> Iterator[dict[str, Any]]:
+    births = {agent_id: resting_on_bottom(agent_id, 0.0, 3.0, 0.9, 1.0) for agent_id in range(1, agents + 1)}
+    prepare(run_dir, FLEET, births)
+    kernel_before_kb = kernel_kb()
+    began_s = time.monotonic()
+    nursery = launch_nursery(run_dir)
+    host = ProcessHost.adopt(run_dir, 1)
+    try:
+        clock = Coordinator(host, dict.fromkeys(births, 0), THETA)
+        clock.advance(0)
+        ready_s = time.monotonic() - began_s
+
+        def row(at: str) -> dict[str, Any]:
+            pids = [host.nursery_pid, *host.pids.values()]
+            return cost_row("musselbed", agents, at, pids, kernel_before_kb, ready_s)
+
+        heard = {it.agent_id for it in clock.advance(1000) if isinstance(it, Heard)}
+        if len(heard) != agents:
+            raise RuntimeError(f"{agents - len(heard)} aMussels sent no status in their first second")
+        yield row("first_status")
+        for now_s in range(1 + window_s, MISSION_S + 1, window_s):
+            serve(clock, agents, now_s, window_s)
+            clock.advance(now_s * 1000)
+            host.take_truths()
+        yield row("after_20h")
+    finally:
+        host.close()
+        nursery.wait()
+
+
+def serve(clock: Coordinator, agents: int, now_s: int, window_s: int) -> None:
+    """The docking of every aMussel whose turn for a step of it has come; their turns are spread over the mission."""
+    codec = MusselbedCodec()
+    for agent_id in range(1, agents + 1):
+        turn_s = 2 + (MISSION_S - 2 - max(SERVICE_S) - window_s) * agent_id // agents
+        for step, after_s in enumerate(SERVICE_S):
+            if not now_s - window_s < turn_s + after_s <= now_s:
+                continue
+            at_ms = (now_s - window_s) * 1000
+            for stimulus in (
+                (SoundArrived(codec.encode(CommandPacket(Kind.PERMISSION, agent_id))),),
+                (ContactClosed(1_000_000, 1_000_000), DockMoved(2_000_000, 2_000_000)),
+                (ContactOpened(),),
+                (WifiArrived(codec.encode(CommandPacket(Kind.RELEASE, agent_id))),),
+            )[step]:
+                clock.receive(agent_id, stimulus, at_ms)
+
+
+def rospy_rows(ros_home: str, nodes: int) -> Iterator[dict[str, Any]]:
+    with ExitStack() as stack:
+        environment = stack.enter_context(master(ros_home))
+        kernel_before_kb = kernel_kb()
+        began_s = time.monotonic()
+        processes = [
+            stack.enter_context(
+                subprocess.Popen(
+                    [sys.executable, NODE, str(number)],
+                    env=environment,
+                    stdin=subprocess.PIPE,
+                    stdout=subprocess.PIPE,
+                )
+            )
+            for number in range(nodes)
+        ]
+        for process in processes:
+            stack.callback(process.kill)
+        publish(processes, 1)
+        ready_s = time.monotonic() - began_s
+        pids = [process.pid for process in processes]
+        yield cost_row("rospy", nodes, "first_status", pids, kernel_before_kb, ready_s)
+        publish(processes, MISSION_S)
+        yield cost_row("rospy", nodes, "after_20h", pids, kernel_before_kb, ready_s)
+
+
+@contextmanager
+def master(ros_home: str) -> Iterator[dict[str, str]]:
+    """A master on a free port of the loopback interface, and the environment of its nodes."""
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        port = free.getsockname()[1]
+    environment = {
+        **os.environ,
+        "ROS_MASTER_URI": f"http://127.0.0.1:{port}",
+        "ROS_IP": "127.0.0.1",
+        "ROS_HOME": ros_home,
+        "ROS_LOG_DIR": ros_home,
+    }
+    process = subprocess.Popen(
+        [sys.executable, "-c", "import rosmaster; rosmaster.rosmaster_main()", "--core", "-p", str(port)],
+        env=environment,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )
+    try:
+        deadline_s = time.monotonic() + NODE_TIMEOUT_S
+        while not reachable(port):
+            if time.monotonic() > deadline_s or process.poll() is not None:
+                raise RuntimeError("no ROS master came up: is python3-rosmaster installed?")
+            select.select([], [], [], 0.05)
+        yield environment
+    finally:
+        process.terminate()
+        process.wait()
+
+
+def reachable(port: int) -> bool:
+    try:
+        socket.create_connection(("127.0.0.1", port), 1.0).close()
+    except OSError:
+        return False
+    return True
+
+
+def publish(processes: Iterable[subprocess.Popen[bytes]], count: int) -> None:
+    """Lets every node publish, and waits for all of them."""
+    for process in processes:
+        assert process.stdin is not None
+        process.stdin.write(f"publish {count}\n".encode())
+        process.stdin.flush()
+    for process in processes:
+        assert process.stdout is not None
+        ready = select.select([process.stdout], [], [], NODE_TIMEOUT_S)[0]
+        if not ready or process.stdout.readline() != b"done\n":
+            raise RuntimeError(f"a rospy node did not publish within {NODE_TIMEOUT_S:g} s")
+
+
+def cost_row(
+    kind: str, agents: int, at: str, pids: list[int], kernel_before_kb: int, ready_s: float
+) -> dict[str, Any]:
+    return {
+        "kind": kind,
+        "agents": agents,
+        "at": at,
+        "pss_mb_per_agent": round(sum(map(pss_kb, pids)) / 1024 / agents, 3),
+        "kernel_mb_per_agent": round((kernel_kb() - kernel_before_kb) / 1024 / agents, 3),
+        "ready_s": round(ready_s, 3),
+    }
+
+
+def pss_kb(pid: int) -> int:
+    return fields_kb(f"/proc/{pid}/smaps_rollup")["Pss"]
+
+
+def kernel_kb() -> int:
+    fields = fields_kb("/proc/meminfo")
+    return fields["Slab"] + fields["PageTables"] + fields["KernelStack"]
+
+
+def fields_kb(path: str) -> dict[str, int]:
+    lines = (line.split() for line in Path(path).read_text().splitlines())
+    return {words[0].rstrip(":"): int(words[1]) for words in lines if len(words) == 3 and words[2] == "kB"}

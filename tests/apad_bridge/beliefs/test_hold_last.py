@@ -1,0 +1,54 @@
+import math
+from dataclasses import replace
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from apad_bridge.beliefs.hold_last import HoldLast
+from firmware_model.packets import StatusPacket
+from firmware_model.states import State
+
+PACKET = StatusPacket(5, 0, State.ACTIVE, 0.7, 1.0, 3.0, 4.0, 3.0, 60_000)
+
+
+def test_it_believes_the_newest_packet() -> None:
+    beliefs = HoldLast([5, 6])
+    assert beliefs.get(5) is None
+    assert beliefs.hear(PACKET, 2000) is None
+    assert beliefs.hear(replace(PACKET, primary=0.6, agent_ms=90_000), 3000) is None
+    found = beliefs.get(5)
+    assert found is not None
+    assert (found.primary, found.heard_ms, found.age_s(5500)) == (0.6, 3000, 2.5)
+    assert [belief.agent_id for belief in beliefs.all()] == [5]
+
+
+@pytest.mark.parametrize(
+    ("packet", "reason"),
+    [
+        (replace(PACKET, agent_id=7), "unknown aMussel"),
+        (replace(PACKET, north_m=math.nan), "not finite"),
+        (replace(PACKET, east_m=math.inf), "not finite"),
+        (replace(PACKET, primary=1.01), "outside"),
+        (replace(PACKET, secondary=-0.01), "outside"),
+        (replace(PACKET, agent_ms=59_999), "overtook"),
+    ],
+)
+def test_what_it_does_not_believe_changes_nothing(packet: StatusPacket, reason: str) -> None:
+    beliefs = HoldLast([5])
+    beliefs.hear(PACKET, 2000)
+    before = beliefs.all()
+    said = beliefs.hear(packet, 3000)
+    assert said is not None
+    assert reason in said
+    assert beliefs.all() == before
+
+
+@given(st.permutations(range(6)))
+def test_the_order_of_arrival_does_not_matter(order: list[int]) -> None:
+    beliefs = HoldLast([5])
+    for n in order:
+        beliefs.hear(replace(PACKET, primary=n / 10, agent_ms=1000 * n), 10_000)
+    found = beliefs.get(5)
+    assert found is not None
+    assert found.primary == 0.5

@@ -1,0 +1,154 @@
+"""A fleet without a mission and a mission without a fleet, two processes on somebody's master that follow its /clock."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+import yaml
+
+from apad_bridge.records.journal import read_journal
+from apad_bridge.ros.apad_process import start_apad_node, stop_apad_node
+from apad_bridge.ros.master import loopback_environment, start_master
+
+pytestmark = pytest.mark.system
+
+ROOT = Path(__file__).parents[2]
+MUSSELBED = [sys.executable, "-m", "apad_bridge.commands.main"]
+PATIENCE_S = 90.0
+
+
+@pytest.fixture
+def scenario(tmp_path: Path) -> Path:
+    data = yaml.safe_load((ROOT / "launch_scripts/scenarios/pool-12.yaml").read_text())
+    data.update(name="split", duration_s=130, theta=600)
+    data["fleet"].update(count=4, start={"charge": [0.5, 0.75]})
+    data["area"]["polygon_m"] = [[0, 0], [4, 0], [4, 4], [0, 4]]
+    data["apad"]["start_m"] = [2, 2]
+    data["mission"]["docking"].update(dock_s=3, undock_s=1)
+    data["board"]["float_timeout_s"] = 432000
+    path = tmp_path / "split.yaml"
+    path.write_text(yaml.safe_dump(data))
+    return path
+
+
+@pytest.fixture
+def graph(scenario: Path, tmp_path: Path) -> Iterator[dict[str, str]]:
+    """Somebody's master with an aPad on it and a /clock twelve times as fast as the wall's; gives the environment."""
+    master = start_master(tmp_path / "ros", 20)
+    environment = {**os.environ, **loopback_environment(tmp_path / "ros", master.uri)}
+    node = start_apad_node(scenario, master.uri, tmp_path / "apad.log")
+    clock = subprocess.Popen(
+        [sys.executable, "-m", "apad_bridge.ros.clock_node", "--speed", "12"], env=environment
+    )
+    yield environment
+    clock.terminate()
+    clock.wait(10)
+    stop_apad_node(node)
+    master.stop()
+
+
+def start(
+    part: str, scenario: Path, out: Path, environment: dict[str, str], *more: str
+) -> subprocess.Popen[str]:
+    return subprocess.Popen(
+        [*MUSSELBED, part, str(scenario), "--time", "ros", "--out", str(out), "--json", *more],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env=environment,
+        cwd=ROOT,
+    )
+
+
+def test_they_serve_each_other_over_topics(scenario: Path, graph: dict[str, str], tmp_path: Path) -> None:
+    fleet_run, mission_run = tmp_path / "fleet-run", tmp_path / "mission-run"
+    fleet = start("fleet", scenario, fleet_run, graph)
+    mission = start("mission", scenario, mission_run, graph)
+    said, mistakes = mission.communicate(timeout=PATIENCE_S)
+    assert mission.returncode == 0, mistakes
+    fleet_said, fleet_mistakes = fleet.communicate(timeout=PATIENCE_S)
+    assert fleet.returncode == 0, fleet_mistakes
+
+    summary = json.loads(said)
+    assert summary["services"] >= 1
+    assert summary["uptime_paper"] is None  # a mission alone knows no truth
+    lines = read_journal(fleet_run / "journal.jsonl").lines
+    charged = {line["id"] for line in lines if line["kind"] == "truth" and line["state"] == "CHARGING"}
+    assert charged == {1, 2, 3, 4}
+    assert json.loads(fleet_said)["cost_m"] == 0.0
+    # Every dock that the mission made, it made by what it heard on /musselbed/heard: the aMussels had surfaced first.
+    surfaced = {line["id"] for line in lines if line["kind"] == "truth" and line["state"] == "FLOATING"}
+    assert charged <= surfaced
+
+
+def test_on_a_real_aPad_nothing_moves_again_without_a_person_s_word(
+    scenario: Path, graph: dict[str, str], tmp_path: Path
+) -> None:
+    out = tmp_path / "run"
+    run = start("run", scenario, out, graph, "--apad", "ros")
+    wait_until_heard(out, '"kind":"dock"')
+    os.kill(int((out / "supervisor.pid").read_text().split()[0]), signal.SIGKILL)
+    resume = [*MUSSELBED, "resume", str(out), "--json"]
+    refused = subprocess.run(
+        resume,
+        capture_output=True,
+        text=True,
+        env=graph,
+        cwd=ROOT,
+        stdin=subprocess.DEVNULL,
+        timeout=PATIENCE_S,
+    )
+    assert refused.returncode == 2
+    assert "--confirm-motion" in refused.stderr
+    resumed = subprocess.run(
+        [*resume, "--confirm-motion"], capture_output=True, text=True, env=graph, cwd=ROOT, timeout=PATIENCE_S
+    )
+    assert resumed.returncode == 0, resumed.stderr
+    said, mistakes = run.communicate(timeout=PATIENCE_S)
+    assert run.returncode == 0, mistakes
+    assert json.loads(said)["services"] >= 1
+
+
+def with_first_id(scenario: Path, first_id: int) -> Path:
+    data = yaml.safe_load(scenario.read_text())
+    data["fleet"]["first_id"] = first_id
+    path = scenario.with_name(f"split-{first_id}.yaml")
+    path.write_text(yaml.safe_dump(data))
+    return path
+
+
+def wait_until_heard(run: Path, what: str = '"kind":"belief"') -> None:
+    """Until its journal holds `what`: a belief means that it is on the graph. Files announce nothing, so it is polled."""
+    journal, until_s, pause = run / "journal.jsonl", time.monotonic() + PATIENCE_S, threading.Event()
+    while not (journal.exists() and what in journal.read_text()):
+        assert time.monotonic() < until_s
+        pause.wait(0.05)
+
+
+def test_two_fleets_on_one_master_need_disjoint_ids(
+    scenario: Path, graph: dict[str, str], tmp_path: Path
+) -> None:
+    first = start("fleet", scenario, tmp_path / "first", graph)
+    wait_until_heard(tmp_path / "first")
+    for first_id, why in (
+        (1, "musselbed_fleet_1 runs on this master already"),
+        (4, "already has /amussel4/"),
+    ):
+        second = start("fleet", with_first_id(scenario, first_id), tmp_path / f"second-{first_id}", graph)
+        said, mistakes = second.communicate(timeout=PATIENCE_S)
+        assert second.returncode == 3, said
+        assert why in mistakes
+        assert len(mistakes.strip().splitlines()) == 1
+    disjoint = start("fleet", with_first_id(scenario, 5), tmp_path / "disjoint", graph)
+    wait_until_heard(tmp_path / "disjoint")
+    for fleet in (disjoint, first):
+        fleet.send_signal(signal.SIGINT)
+        fleet.communicate(timeout=PATIENCE_S)
+        assert fleet.returncode in (0, 130)  # 0: its time was over first

@@ -1,0 +1,216 @@
+"""A flight over real TCPROS: an embedded master, the simulated aPad's node and the gateway in processes of their own."""
+
+from __future__ import annotations
+
+import json
+import os
+import select
+import signal
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from pathlib import Path
+from typing import IO, Any
+
+import pytest
+
+from apad_bridge.ros.apad_process import APadNodeFailed, start_apad_node, stop_apad_node
+from apad_bridge.ros.generation_a_shown import ReleaseFault
+from apad_bridge.ros.master import Master, loopback_environment, start_master
+from apad_bridge.scenario import loader
+
+pytestmark = pytest.mark.system
+ROOT = Path(__file__).parents[2]
+PATIENCE_S = 60.0
+
+
+@pytest.fixture
+def master(tmp_path: Path) -> Iterator[Master]:
+    running = start_master(tmp_path / "ros", timeout_s=20, orphan_s=60)
+    yield running
+    running.stop()
+
+
+@pytest.fixture
+def stack() -> Iterator[ExitStack]:
+    with ExitStack() as opened:
+        yield opened
+
+
+@pytest.fixture
+def start(tmp_path: Path, master: Master, stack: ExitStack) -> Callable[..., subprocess.Popen[str]]:
+    """Starts a program of this folder as a node on the master; it is killed by its pid at the end."""
+
+    def started(program: str, *arguments: str) -> subprocess.Popen[str]:
+        child = subprocess.Popen(
+            [sys.executable, "-m", f"tests.system.{program}", *arguments],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            env=loopback_environment(tmp_path / "ros", master.uri),
+            cwd=ROOT,
+            text=True,
+        )
+
+        def end() -> None:
+            child.kill()
+            child.communicate()
+
+        stack.callback(end)
+        return child
+
+    return started
+
+
+def four(tmp_path: Path, duration_s: float) -> Path:
+    """Four aMussels that are candidates from the start and charged within a minute."""
+    (tmp_path / "four.csv").write_text(
+        "id,north,east,battery\n1,2,3,0.75\n2,4,8,0.74\n3,9,5,0.70\n4,8,9,0.72\n"
+    )
+    data = loader.resolve(loader.load(ROOT / "launch_scripts" / "scenarios" / "pool-12.yaml"))
+    data |= {"theta": 600, "duration_s": duration_s}
+    data["fleet"] |= {"count": 4, "start": str(tmp_path / "four.csv")}
+    data["apad"]["start_m"] = [6, 6]
+    path = tmp_path / "scenario.yaml"
+    loader.write_resolved(path, loader.from_data(data, "four"))
+    return path
+
+
+def node(scenario: Path, master: Master, stack: ExitStack, **options: Any) -> subprocess.Popen[bytes]:
+    child = start_apad_node(scenario, master.uri, scenario.parent / "apad.log", **options)
+    stack.callback(stop_apad_node, child)
+    return child
+
+
+def line_of(stream: IO[str]) -> str:
+    readable, _, _ = select.select([stream], [], [], PATIENCE_S)
+    assert readable, "it said nothing"
+    return stream.readline()
+
+
+def told(child: subprocess.Popen[str]) -> dict[str, Any]:
+    said, errors = child.communicate(timeout=PATIENCE_S)
+    assert said, errors
+    result: dict[str, Any] = json.loads(said.splitlines()[-1])
+    return result
+
+
+def test_a_flight_over_ros_decides_as_one_in_virtual_time(
+    tmp_path: Path, master: Master, stack: ExitStack, start: Callable[..., subprocess.Popen[str]]
+) -> None:
+    """To the second: each docking, plan and release at the same tick. Only the aPad's battery, which generation A does not
+    stamp, may be a tick old."""
+    scenario = four(tmp_path, 220)
+    node(scenario, master, stack)
+    over_ros = told(start("generation_a_flight", str(scenario), "ros", "max"))
+    virtual = told(start("generation_a_flight", str(scenario), "asap"))
+    closed = [data["agent"] for _, kind, data in virtual["decisions"] if kind == "dock" and data["closed"]]
+    assert len(closed) == 4 and virtual["services"] == 4
+    assert over_ros["decisions"] == virtual["decisions"]
+    assert over_ros["cost_m"] == pytest.approx(virtual["cost_m"], abs=1e-6)
+    assert over_ros["services"] == virtual["services"]
+    assert over_ros["dropped"] == over_ros["vehicle_dropped"] == {}
+
+
+def test_a_release_without_an_answer_is_heard_by_its_silence(
+    tmp_path: Path, master: Master, stack: ExitStack, start: Callable[..., subprocess.Popen[str]]
+) -> None:
+    scenario = four(tmp_path, 160)
+    node(scenario, master, stack, release=ReleaseFault.SILENT)
+    over_ros = told(start("generation_a_flight", str(scenario), "ros", "max"))
+    virtual = told(start("generation_a_flight", str(scenario), "asap"))
+    first = [
+        next(at_s for at_s, kind, data in flown["decisions"] if kind == "dock" and not data["closed"])
+        for flown in (virtual, over_ros)
+    ]
+    assert first[1] == first[0] + 2
+    assert over_ros["services"] == virtual["services"] == 1
+
+
+def test_a_node_that_died_is_named_and_the_flight_ends(
+    tmp_path: Path, master: Master, stack: ExitStack, start: Callable[..., subprocess.Popen[str]]
+) -> None:
+    scenario = four(tmp_path, 10_000)
+    vehicle = node(scenario, master, stack)
+    flight = start("generation_a_flight", str(scenario), "ros", "100", "1.0")
+    assert flight.stderr is not None
+    assert line_of(flight.stderr) == "flying\n"
+    os.kill(vehicle.pid, signal.SIGKILL)
+    assert "the node of /apad1 did not say within 1 s" in told(flight)["failed"]
+
+
+def test_without_an_apad_it_says_what_is_missing_and_with_a_strange_one_what_differs(
+    tmp_path: Path, master: Master, start: Callable[..., subprocess.Popen[str]], stack: ExitStack
+) -> None:
+    scenario = str(four(tmp_path, 100))
+    failed = told(start("generation_a_flight", scenario, "ros", "max", "0.2"))["failed"]
+    for missing in (
+        "nobody publishes /apad1/position",
+        "no word of its action server",
+        "nobody listens to /apad1/action_server/goal",
+    ):
+        assert missing in failed
+    stranger = subprocess.Popen(
+        ["/usr/bin/rostopic", "pub", "--latch", "/apad1/position", "std_msgs/String", "data: here"],
+        env=loopback_environment(tmp_path / "ros", master.uri) | {"PYTHONUNBUFFERED": "1"},
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    stack.callback(stranger.wait)
+    stack.callback(stranger.kill)
+    assert stranger.stdout is not None
+    stack.callback(stranger.stdout.close)
+    assert "latching" in line_of(stranger.stdout)
+    failed = told(start("generation_a_flight", scenario, "ros"))["failed"]
+    assert "/apad1/position is std_msgs/String (md5 992ce8a1687cec8c8bd883ec73ca41d1) there" in failed
+    assert "auv_msgs/NavSts (md5 d1c2e3fd518b63978e72fa7409f4ba71) here" in failed
+
+
+def test_a_second_fleet_with_the_same_ids_is_refused_unless_the_first_is_dead(
+    start: Callable[..., subprocess.Popen[str]],
+) -> None:
+    def opened(*arguments: str) -> tuple[subprocess.Popen[str], str]:
+        gateway = start("open_a_gateway", *arguments)
+        assert gateway.stdout is not None
+        return gateway, line_of(gateway.stdout)
+
+    first, word = opened("musselbed", "1", "12")
+    assert word.startswith("open")
+    _, word = opened("another", "12", "5")
+    assert word.startswith("node /musselbed already has /amussel12/")
+    _, word = opened("musselbed", "100", "5")
+    assert word.startswith("a node named /musselbed runs on this master already")
+    _, word = opened("another", "13", "5")
+    assert word.startswith("open")
+    os.kill(first.pid, signal.SIGKILL)
+    first.wait(PATIENCE_S)
+    _, word = opened("musselbed", "1", "12")
+    assert word.startswith("open")
+
+
+def test_an_amussel_answers_for_its_battery_with_what_it_reported(
+    tmp_path: Path, master: Master, start: Callable[..., subprocess.Popen[str]]
+) -> None:
+    gateway = start("open_a_gateway", "musselbed", "7", "2")
+    assert gateway.stdout is not None
+    assert line_of(gateway.stdout).startswith("open")
+    environment = loopback_environment(tmp_path / "ros", master.uri)
+    environment["PYTHONPATH"] = str(Path(sys.prefix) / "share" / "musselbed" / "ros")
+
+    def asked(service: str) -> subprocess.CompletedProcess[str]:
+        command = ["/usr/bin/rosservice", "call", service]
+        return subprocess.run(command, env=environment, capture_output=True, text=True, timeout=PATIENCE_S)
+
+    answer = asked("/amussel7/charge_info").stdout.splitlines()
+    assert {"battery_level: 75.0", "x: 1.5", "y: -2.5", 'type: "consumer"'} <= set(answer)
+    assert "amussel8 has not been heard yet" in asked("/amussel8/get_battery_level").stderr
+
+
+def test_a_node_that_cannot_come_up_leaves_nothing_and_says_why(tmp_path: Path, master: Master) -> None:
+    wrong = tmp_path / "wrong.yaml"
+    wrong.write_text("name: 7\n")
+    with pytest.raises(APadNodeFailed, match=r"ended with status 2: .*wrong\.yaml"):
+        start_apad_node(wrong, master.uri, tmp_path / "apad.log")
+    with pytest.raises(APadNodeFailed, match="no ROS master answers"):
+        start_apad_node(wrong, "http://127.0.0.1:1/", tmp_path / "apad.log")

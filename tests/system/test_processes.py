@@ -1,0 +1,415 @@
+"""A process per aMussel, with real processes: the same trace as one process, and what dies alone dies alone."""
+
+from __future__ import annotations
+
+import os
+import select
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import suppress
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from agents import control
+from agents.coordinator import Coordinator, Died, Heard
+from agents.fleet import FleetConfig, resting_on_bottom
+from agents.fleet_file import Upbringing
+from agents.host import Grant, Host, Reply
+from agents.launch import NoNursery, launch_nursery, prepare
+from agents.link import LIMIT_BYTES, Window
+from agents.one_process import OneProcess
+from agents.outputs import Truth, WifiSent
+from agents.processes import Fenced, ProcessHost
+from agents.stimuli import ContactClosed, ContactOpened, DockMoved, SoundArrived, Stimulus
+from firmware_model.charge import Flow
+from firmware_model.codec import MusselbedCodec
+from firmware_model.packets import CommandPacket, Kind
+from firmware_model.states import State
+from firmware_model.stimuli import ResetCause
+
+pytestmark = pytest.mark.system
+
+IDS = (3, 8, 21)
+THETA = 30
+FLEET = FleetConfig(
+    theta=THETA,
+    seed=5,
+    codec="musselbed-1",
+    discharge_per_min=0.0010427134,
+    charge_segments=((0.16197, 0.001045), (0.5634, 0.00223), (1.0, 0.002911)),
+    pin_debounce_ms=50,
+    boot_ms=2000,
+    float_timeout_ms=600_000,
+    release_wait_ms=120_000,
+    report_period_ms=30_000,
+    heard_always=True,
+    bottom_um=3_000_000,
+    surfacing_ms=60_000,
+    sinking_ms=45_000,
+    drifts_always=True,
+    drift_amplitude_um=5000,
+    current_csv=None,
+)
+BIRTHS = {agent_id: resting_on_bottom(0.0, agent_id, 3.0, 0.3, 1.0) for agent_id in IDS}
+PATIENT = Upbringing(restarts=1000)
+
+
+def command(kind: Kind, agent_id: int) -> SoundArrived:
+    return SoundArrived(MusselbedCodec().encode(CommandPacket(kind, agent_id)))
+
+
+def coordinator(host: Host) -> Coordinator:
+    return Coordinator(host, dict.fromkeys(IDS, 0), THETA)
+
+
+def gone(pid: int, timeout_s: float = 10.0) -> bool:
+    """Whether the process ends within the time; for one that is not ours to wait for."""
+    try:
+        descriptor = os.pidfd_open(pid)
+    except ProcessLookupError:
+        return True
+    poll = select.poll()
+    poll.register(descriptor, select.POLLIN)
+    try:
+        return bool(poll.poll(timeout_s * 1000))
+    finally:
+        os.close(descriptor)
+
+
+@pytest.fixture
+def host(tmp_path: Path) -> Iterator[ProcessHost]:
+    started = ProcessHost.start(tmp_path, FLEET, BIRTHS, window_timeout_s=1.0, upbringing=PATIENT)
+    yield started
+    started.close()
+    assert gone(started.nursery_pid)
+
+
+EVENTS = st.one_of(
+    st.just("kill"),
+    st.sampled_from([ContactClosed(1, 2), DockMoved(9, 9), ContactOpened()]),
+    st.sampled_from(
+        [command(kind, agent_id) for kind in (Kind.PERMISSION, Kind.RELEASE) for agent_id in IDS]
+    ),
+)
+STORIES = st.lists(st.tuples(st.integers(0, 20), st.sampled_from(IDS), EVENTS), max_size=12)
+Story = list[tuple[int, int, Stimulus | str]]
+
+
+def fly(
+    host: OneProcess | ProcessHost, story: Story, steps_ms: list[int]
+) -> tuple[list[Heard | Died], list[Truth]]:
+    """Windows of the given lengths; an event of step k comes before that window, a kill as kill -9."""
+    clock = coordinator(host)
+    came: list[Heard | Died] = []
+    told: list[Truth] = []
+    now_ms = 0
+    for step, length_ms in enumerate([0, *steps_ms]):
+        now_ms += length_ms
+        for _, agent_id, event in (entry for entry in story if entry[0] == step):
+            if isinstance(event, str):
+                kill(host, agent_id)
+            else:
+                clock.receive(agent_id, event, now_ms)
+        came += clock.advance(now_ms)
+        told += host.take_truths()
+    return came, told
+
+
+def kill(host: OneProcess | ProcessHost, agent_id: int) -> None:
+    if isinstance(host, OneProcess):
+        host.kill(agent_id)
+    elif agent_id in host.pids:
+        with suppress(ProcessLookupError):  # killed before, and not granted since
+            os.kill(host.pids[agent_id], signal.SIGKILL)
+
+
+@settings(max_examples=12, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(story=STORIES, steps_ms=st.lists(st.integers(1, 4000), min_size=5, max_size=20))
+def test_one_process_and_many_give_the_same_trace(
+    tmp_path_factory: pytest.TempPathFactory, story: Story, steps_ms: list[int]
+) -> None:
+    many = ProcessHost.start(tmp_path_factory.mktemp("run"), FLEET, BIRTHS, upbringing=PATIENT)
+    try:
+        assert fly(many, story, steps_ms) == fly(OneProcess(FLEET, BIRTHS), story, steps_ms)
+        assert not many.dropped
+    finally:
+        many.close()
+
+
+def last_truths(truths: list[Truth]) -> dict[int, Truth]:
+    return {truth.agent_id: truth for truth in truths}
+
+
+def charging(host: ProcessHost) -> tuple[Coordinator, list[Truth]]:
+    """aMussel 8 in a dock, charging at 10 s of mission time."""
+    clock = coordinator(host)
+    clock.receive(8, command(Kind.PERMISSION, 8), 1_000)
+    clock.advance(1_000)
+    clock.receive(8, ContactClosed(7_000_000, 8_000_000), 5_000)
+    clock.advance(10_000)
+    return clock, host.take_truths()
+
+
+def test_kill_9_in_mid_charge_boots_and_charges_on(host: ProcessHost) -> None:
+    clock, truths = charging(host)
+    before = last_truths(truths)[8]
+    assert before.state is State.CHARGING
+    old_pid = host.pids[8]
+    os.kill(old_pid, signal.SIGKILL)
+    came = clock.advance(20_000)
+    died = [it for it in came if isinstance(it, Died)]
+    assert [(it.agent_id, it.agent_ms, it.cause, it.reason, it.gave_up) for it in died] == [
+        (8, 300_000, ResetCause.BROWN_OUT, "killed by SIGKILL", None)
+    ]
+    mine = [truth for truth in host.take_truths() if truth.agent_id == 8]
+    assert [(truth.at_ms, truth.state) for truth in mine] == [
+        (300_000, State.BOOTING),
+        (302_000, State.CHARGING),
+    ]
+    assert all(
+        truth.physical == before.physical for truth in mine
+    )  # its battery's anchor and its place went on
+    assert mine[-1].physical.primary.flow is Flow.CHARGING
+    assert host.pids[8] != old_pid and gone(old_pid)
+
+
+def test_an_idle_death_is_seen_in_the_next_window(host: ProcessHost) -> None:
+    clock = coordinator(host)
+    clock.advance(1_000)
+    pids = dict(host.pids)
+    for agent_id in IDS:
+        os.kill(pids[agent_id], signal.SIGKILL)
+        assert gone(pids[agent_id])
+    died = [it.agent_id for it in clock.advance(2_000) if isinstance(it, Died)]
+    assert died == sorted(IDS)
+
+
+def test_a_stopped_agent_is_killed_by_the_watchdog(host: ProcessHost) -> None:
+    clock = coordinator(host)
+    clock.advance(1_000)
+    host.take_truths()
+    os.kill(host.pids[21], signal.SIGSTOP)
+    came = clock.advance(2_000)
+    died = [it for it in came if isinstance(it, Died)]
+    assert [(it.agent_id, it.cause, it.reason) for it in died] == [
+        (21, ResetCause.WATCHDOG, "no answer within 1 s: killed by the watchdog")
+    ]
+    assert sorted(it.agent_id for it in came if isinstance(it, Heard)) == [3, 8, 21]
+
+
+@pytest.mark.parametrize(
+    "data", [b"", b"\xc1garbage", bytes(LIMIT_BYTES + 1)], ids=["empty", "garbage", "oversized"]
+)
+def test_a_bad_message_to_an_agent_disturbs_nothing(host: ProcessHost, data: bytes) -> None:
+    reference = OneProcess(FLEET, BIRTHS)
+    mine, theirs = coordinator(host), coordinator(reference)
+    assert mine.advance(1_000) == theirs.advance(1_000)
+    host.links.link(3).send(data)
+    assert mine.advance(2_000) == theirs.advance(2_000)
+    assert host.take_truths() == reference.take_truths()
+    assert sum(host.dropped.values()) == 1
+    assert next(iter(host.dropped)).startswith("refused: ")
+
+
+def test_a_bad_message_to_the_nursery_disturbs_nothing(host: ProcessHost, tmp_path: Path) -> None:
+    clock = coordinator(host)
+    with control.connect(str(tmp_path), 5.0) as guest:
+        for data in (b"\xc1garbage", bytes(LIMIT_BYTES + 1), control.encode(control.End())):
+            guest.send(data)
+            answer = control.receive(guest)
+            assert answer is not None and isinstance(answer[0], control.Refused)
+    assert len(clock.advance(1_000)) == 3
+
+
+def test_unknown_and_living_aMussels_are_not_started(host: ProcessHost) -> None:
+    assert host.restart(99, 0, ResetCause.BROWN_OUT) == "aMussel 99 is not of this fleet"
+    assert host.restart(8, 0, ResetCause.BROWN_OUT) == f"aMussel 8 lives already, as process {host.pids[8]}"
+    assert len(coordinator(host).advance(1_000)) == 3
+
+
+def test_ids_and_fleets_that_cannot_be(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="aMussel 65536: ids are 0 to 65535"):
+        ProcessHost.start(tmp_path, FLEET, {65536: BIRTHS[3]})
+    prepare(tmp_path, FLEET, BIRTHS)
+    with pytest.raises(FileExistsError):
+        prepare(tmp_path, FLEET, BIRTHS)
+
+
+def test_a_second_nursery_has_no_place_in_a_run_directory(host: ProcessHost, tmp_path: Path) -> None:
+    with pytest.raises(NoNursery, match="another nursery"):
+        launch_nursery(tmp_path)
+    assert len(coordinator(host).advance(1_000)) == 3
+
+
+def test_an_agent_that_dies_too_often_stays_dead(tmp_path: Path) -> None:
+    host = ProcessHost.start(tmp_path, FLEET, BIRTHS, upbringing=Upbringing(restarts=2, within_s=600.0))
+    try:
+        clock = coordinator(host)
+        gave_up: list[str | None] = []
+        for second in range(1, 4):
+            os.kill(host.pids[3], signal.SIGKILL)
+            gave_up += [it.gave_up for it in clock.advance(second * 1_000) if isinstance(it, Died)]
+        assert gave_up == [None, None, "aMussel 3 was restarted 2 times within 600 s: it stays dead"]
+        assert clock.agent_ids == [8, 21]
+        assert len(clock.advance(4_000)) == 2
+    finally:
+        host.close()
+
+
+SUPERVISOR = """
+import sys
+from agents.coordinator import Coordinator
+from agents.processes import ProcessHost
+host = ProcessHost.adopt(sys.argv[1], 1)
+clock = Coordinator(host, host.granted_ms, 30)
+for second in range(1, 11):
+    clock.advance(second * 1000)
+print(*host.pids.values(), flush=True)
+sys.stdin.read()
+"""
+
+
+def orphaned(run_dir: Path, upbringing: Upbringing) -> tuple[subprocess.Popen[bytes], list[int]]:
+    """A nursery whose supervisor was killed at 10 s of mission time, and its agents' processes."""
+    prepare(run_dir, FLEET, BIRTHS, upbringing)
+    nursery = launch_nursery(run_dir)
+    supervisor = subprocess.Popen(
+        [sys.executable, "-c", SUPERVISOR, run_dir], stdin=subprocess.PIPE, stdout=subprocess.PIPE
+    )
+    with supervisor:
+        assert supervisor.stdout is not None
+        pids = [int(pid) for pid in supervisor.stdout.readline().split()]
+        supervisor.kill()
+    assert len(pids) == len(IDS)
+    return nursery, pids
+
+
+@pytest.fixture
+def orphans(tmp_path: Path) -> Iterator[subprocess.Popen[bytes]]:
+    nursery, _ = orphaned(tmp_path, PATIENT)
+    yield nursery
+    nursery.terminate()
+    nursery.wait(10)
+
+
+def test_a_new_supervisor_adopts_the_fleet_of_a_killed_one(
+    orphans: subprocess.Popen[bytes], tmp_path: Path
+) -> None:
+    host = ProcessHost.adopt(tmp_path, 2)
+    assert host.nursery_pid == orphans.pid
+    assert host.granted_ms == dict.fromkeys(IDS, 300_000)
+    assert {agent_id: [out.at_ms for out in reply.outputs] for agent_id, reply in host.repeated.items()} == (
+        {agent_id: [300_000] for agent_id in IDS}
+    )
+    reference = OneProcess(FLEET, BIRTHS)
+    theirs = coordinator(reference)
+    for second in range(1, 11):
+        theirs.advance(second * 1_000)
+    present = last_truths(reference.take_truths())
+    told = host.take_truths()
+    assert last_truths(told) == {agent_id: present[agent_id] for agent_id in IDS}
+    mine = Coordinator(host, host.granted_ms, THETA, now_ms=10_000)
+    mine.advance(10_000)
+    assert mine.advance(15_000) == theirs.advance(15_000)
+    assert host.take_truths() == reference.take_truths()
+    host.close()
+    assert orphans.wait(10) == 0
+
+
+def test_an_old_supervisor_is_fenced_off(host: ProcessHost, tmp_path: Path) -> None:
+    clock = coordinator(host)
+    clock.advance(1_000)
+    with pytest.raises(Fenced, match="epoch 1 is taken"):
+        ProcessHost.adopt(tmp_path, 1)
+    newer = ProcessHost.adopt(tmp_path, 2)
+    with pytest.raises(Fenced, match="epoch 2"):
+        clock.advance(2_000)
+    with pytest.raises(Fenced, match="epoch 2"):
+        host.restart(3, 30_000, ResetCause.BROWN_OUT)
+    theirs = Coordinator(newer, newer.granted_ms, THETA, now_ms=1_000)
+    theirs.advance(1_000)
+    assert len(theirs.advance(2_000)) == 3
+    # Its links still lead to the agents, which refuse it.
+    stale = host.links.link(3)
+    stale.send(Window((1, 99), Grant(60_000)).encode())
+    assert len(theirs.advance(3_000)) == 3
+    newer.close()
+
+
+def test_agents_die_with_their_nursery_and_its_file_starts_them_again(host: ProcessHost) -> None:
+    clock, truths = charging(host)
+    before = last_truths(truths)
+    pids = dict(host.pids)
+    first = host.nursery_pid
+    os.kill(first, signal.SIGKILL)
+    assert all(gone(pid) for pid in pids.values())
+    came = clock.advance(11_000)
+    assert [(it.agent_id, it.reason) for it in came if isinstance(it, Died)] == [
+        (agent_id, "its nursery died") for agent_id in IDS
+    ]
+    assert host.nursery_pid != first and set(host.pids) == set(IDS)
+    booted = {
+        truth.agent_id: truth
+        for truth in host.take_truths()
+        if truth.at_ms == 300_000 and truth.state is State.BOOTING
+    }
+    assert {agent_id: truth.physical for agent_id, truth in booted.items()} == (
+        {agent_id: before[agent_id].physical for agent_id in IDS}
+    )
+
+
+def test_a_whole_crash_is_resumed_from_the_file(orphans: subprocess.Popen[bytes], tmp_path: Path) -> None:
+    orphans.kill()
+    orphans.wait(10)
+    host = ProcessHost.adopt(tmp_path, 2)
+    try:
+        assert host.granted_ms == dict.fromkeys(IDS, 300_000)
+        clock = Coordinator(host, host.granted_ms, THETA, now_ms=10_000)
+        came = clock.advance(11_000)
+        assert sorted(it.agent_id for it in came if isinstance(it, Died)) == list(IDS)
+        assert sorted(it.agent_id for it in came if isinstance(it, Heard)) == list(IDS)
+    finally:
+        host.close()
+
+
+def test_an_orphaned_fleet_ends(tmp_path: Path) -> None:
+    nursery, pids = orphaned(tmp_path, Upbringing(orphan_s=0.2))
+    assert nursery.wait(10) == 0
+    assert all(gone(pid) for pid in pids)
+    assert "no supervisor for 0.2 s: the fleet ends" in (tmp_path / "nursery.log").read_text()
+
+
+def test_ending_is_bounded_though_an_agent_is_stopped(tmp_path: Path) -> None:
+    host = ProcessHost.start(tmp_path, FLEET, BIRTHS, upbringing=Upbringing(ending_s=0.2))
+    pids = dict(host.pids)
+    os.kill(pids[8], signal.SIGSTOP)
+    began_s = time.monotonic()
+    host.close()
+    assert time.monotonic() - began_s < 5.0
+    assert all(gone(pid) for pid in [*pids.values(), host.nursery_pid])
+
+
+def test_a_long_window_travels_in_parts(host: ProcessHost) -> None:
+    reference = OneProcess(FLEET, BIRTHS)
+    grants = {agent_id: Grant(20_000 * THETA * 1_000 // 10) for agent_id in IDS}
+    mine, theirs = host.grant(grants), reference.grant(grants)
+    assert mine == theirs
+    reply = mine[3]
+    assert isinstance(reply, Reply) and sum(isinstance(out, WifiSent) for out in reply.outputs) == 2000
+    assert host.take_truths() == reference.take_truths()
+
+
+def test_agents_are_named_and_hold_few_descriptors(host: ProcessHost) -> None:
+    coordinator(host).advance(0)
+    for agent_id, pid in host.pids.items():
+        assert Path(f"/proc/{pid}/comm").read_text() == f"amussel-{agent_id}\n"
+        held = {int(entry.name): os.readlink(entry) for entry in Path(f"/proc/{pid}/fd").iterdir()}
+        sockets = [path for path in held.values() if path.startswith("socket:")]
+        assert len(sockets) == 2  # its link, and the truth socket that all share
+        assert len(held) == 6  # with the physical file and the three standard ones

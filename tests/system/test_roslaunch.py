@@ -1,0 +1,124 @@
+"""The launch files: what they would start, and one short flight on roslaunch's own master."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import socket
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import yaml
+
+from apad_bridge.ros.master import loopback_environment, start_master
+from apad_bridge.scenario.loader import load
+
+pytestmark = pytest.mark.system
+ROOT = Path(__file__).parents[2]
+LAUNCH = ROOT / "launch_scripts"
+SHIPPED = ["pool-12", "bay-24", "no-charging", "demo"]
+
+FLEET_ONLY = {"/musselbed"}
+WITH_THE_SIMULATED_APAD = FLEET_ONLY | {"/musselbed_clock", "/apad1_simulated"}
+
+
+@pytest.fixture
+def environment(tmp_path: Path) -> dict[str, str]:
+    """Of a shell in `tmp_path` that found our package, in which musselbed's Python stands first."""
+    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+    return loopback_environment(tmp_path / "ros") | {
+        "ROS_PACKAGE_PATH": str(LAUNCH),
+        "PATH": path,
+        "PWD": str(tmp_path),
+    }
+
+
+def roslaunch(environment: dict[str, str], *arguments: str) -> str:
+    """What it says on both outputs."""
+    done = subprocess.run(
+        ["roslaunch", *arguments],
+        env=environment,
+        cwd=environment["PWD"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        timeout=60,
+    )
+    assert done.returncode == 0, done.stdout
+    return done.stdout
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_what_a_launch_file_starts(name: str, environment: dict[str, str]) -> None:
+    assert (
+        set(roslaunch(environment, "--nodes", "musselbed", f"{name}.launch").split())
+        == WITH_THE_SIMULATED_APAD
+    )
+    assert yaml.safe_load(roslaunch(environment, "--dump-params", "musselbed", f"{name}.launch")) == {
+        "/use_sim_time": True
+    }
+    command = roslaunch(environment, "--args", "/musselbed", "musselbed", f"{name}.launch").split()
+    assert f"{LAUNCH}/scenarios/{name}.yaml" in command
+    scenario = load(LAUNCH / "scenarios" / f"{name}.yaml")
+    for option, value in {
+        "--theta": scenario.theta,
+        "--agents": scenario.fleet.count,
+        "--strategy": scenario.mission.collection,
+    }.items():
+        assert command[command.index(option) + 1] == str(value), (
+            "the launch file flies another scenario than the YAML"
+        )
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_with_an_aPad_of_somebody_elses_time_is_left_alone(name: str, environment: dict[str, str]) -> None:
+    arguments = ("musselbed", f"{name}.launch", "simulate_apad:=false")
+    assert set(roslaunch(environment, "--nodes", *arguments).split()) == FLEET_ONLY
+    assert "use_sim_time" not in roslaunch(environment, "--dump-params", *arguments)
+    command = roslaunch(environment, "--args", "/musselbed", *arguments)
+    assert "--apad ros --time wall" in command and "speed" not in command
+
+
+def test_a_short_flight_on_roslaunchs_master(tmp_path: Path, environment: dict[str, str]) -> None:
+    data = yaml.safe_load((LAUNCH / "scenarios" / "pool-12.yaml").read_text())
+    shutil.copy(LAUNCH / "scenarios" / "pool-12.csv", tmp_path)
+    data |= {"name": "short", "duration_s": 20}
+    (tmp_path / "short.yaml").write_text(yaml.safe_dump(data))
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        port = free.getsockname()[1]
+    arguments = (f"scenario:={tmp_path / 'short.yaml'}", "speed:=10", "agents:=4", "options:=--seed 3")
+    told = roslaunch(environment, "-p", str(port), "musselbed", "fly.launch", *arguments)
+    (summary_file,) = [*tmp_path.glob("runs/short-*/summary.json"), None][:1]
+    assert summary_file is not None, told
+    summary = json.loads(summary_file.read_text())
+    assert (summary["ended_by"], summary["agents"], summary["seed"]) == ("mission time", 4, 3)
+    assert "process has finished cleanly" in told
+
+
+def test_a_second_clock_is_refused(tmp_path: Path) -> None:
+    master = start_master(tmp_path / "ros", timeout_s=20, orphan_s=0)
+    environment = loopback_environment(tmp_path / "ros", master.uri)
+    first = [
+        sys.executable,
+        "-c",
+        "import rospy, sys; from rosgraph_msgs.msg import Clock\n"
+        "rospy.init_node('theirs', disable_signals=True); rospy.Publisher('/clock', Clock, queue_size=1)\n"
+        "print('ready', flush=True); sys.stdin.read(); rospy.signal_shutdown('')",
+    ]
+    try:
+        with subprocess.Popen(
+            first, env=environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+        ) as theirs:
+            assert theirs.stdout is not None and theirs.stdout.readline() == "ready\n"
+            command = [sys.executable, "-m", "apad_bridge.ros.clock_node"]
+            second = subprocess.run(
+                command, env=environment, cwd=ROOT, capture_output=True, text=True, timeout=30
+            )
+            theirs.communicate(timeout=20)
+    finally:
+        master.stop()
+    assert second.returncode == 3
+    assert "/clock comes from /theirs already" in second.stderr

@@ -1,0 +1,277 @@
+"""`musselbed run` and `resume` as a person uses them: real processes, a real master, signals, and what is left behind."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from rosbags.rosbag1 import Reader
+
+from apad_bridge.records.journal import read_journal
+
+pytestmark = pytest.mark.system
+
+ROOT = Path(__file__).parents[2]
+MUSSELBED = [sys.executable, "-m", "apad_bridge.commands.main"]
+PATIENCE_S = 60.0
+
+
+def wait_for(what: Callable[[], Any], why: str, patience_s: float = PATIENCE_S) -> Any:
+    """Polls the file system, which announces nothing, until `what` gives something."""
+    until_s = time.monotonic() + patience_s
+    poller = threading.Event()
+    while not (found := what()):
+        assert time.monotonic() < until_s, why
+        poller.wait(0.02)
+    return found
+
+
+@pytest.fixture
+def scenario(tmp_path: Path) -> Path:
+    """Six aMussels close together at theta = 600: a round of four takes about a minute of mission time."""
+    data = yaml.safe_load((ROOT / "launch_scripts/scenarios/pool-12.yaml").read_text())
+    data.update(name="short", duration_s=150, theta=600)
+    data["fleet"].update(count=6, start={"charge": [0.5, 0.75]})
+    data["area"]["polygon_m"] = [[0, 0], [6, 0], [6, 4], [0, 4]]
+    data["apad"]["start_m"] = [3, 2]
+    data["mission"]["docking"].update(dock_s=3, undock_s=1)
+    data["board"]["float_timeout_s"] = 432000
+    path = tmp_path / "short.yaml"
+    path.write_text(yaml.safe_dump(data))
+    return path
+
+
+def musselbed(*arguments: object) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [*MUSSELBED, *map(str, arguments)], capture_output=True, text=True, timeout=PATIENCE_S, cwd=ROOT
+    )
+
+
+@pytest.fixture
+def fly(scenario: Path, tmp_path: Path) -> Iterator[Callable[..., tuple[subprocess.Popen[str], Path]]]:
+    """Starts a flight over ROS; whatever still runs of it is ended by its pid afterwards."""
+    started: list[subprocess.Popen[str]] = []
+
+    def start(speed: float, *more: str) -> tuple[subprocess.Popen[str], Path]:
+        out = tmp_path / f"run-{len(started)}"
+        process = subprocess.Popen(
+            [*MUSSELBED, "run", str(scenario), "--speed", str(speed), "--out", str(out), "--json", *more],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            cwd=ROOT,
+        )
+        started.append(process)
+        return process, out
+
+    yield start
+    for process in started:
+        if process.poll() is None:
+            process.send_signal(signal.SIGINT)
+        process.communicate(timeout=PATIENCE_S)
+
+
+def docked(run: Path) -> list[int]:
+    """Agents that the journal says are docked now, in docking order."""
+    held: list[int] = []
+    for line in read_journal(run / "journal.jsonl").lines if (run / "journal.jsonl").exists() else []:
+        if line["kind"] == "dock":
+            held = [*held, line["agent"]] if line["closed"] else [a for a in held if a != line["agent"]]
+    return held
+
+
+def children_of(run: Path) -> list[str]:
+    """Command lines of living processes that belong to the run: they name its directory, or are its agents."""
+    found = []
+    for entry in Path("/proc").iterdir():
+        if entry.name.isdigit() and int(entry.name) != os.getpid():
+            try:
+                line = (entry / "cmdline").read_bytes().replace(b"\0", b" ").decode(errors="replace")
+            except OSError:
+                continue
+            if str(run) in line:
+                found.append(line)
+    return found
+
+
+def decisions(run: Path) -> list[tuple[str, list[int]]]:
+    lines = read_journal(run / "journal.jsonl").lines
+    return [(line["what"], [s["agent"] for s in line["steps"]]) for line in lines if line["kind"] == "plan"]
+
+
+def test_over_ros_and_in_virtual_time_it_decides_alike(fly: Any, scenario: Path, tmp_path: Path) -> None:
+    process, run = fly(50)
+    stdout, stderr = process.communicate(timeout=PATIENCE_S)
+    assert process.returncode == 0, stderr
+    over_ros = json.loads(stdout)
+
+    virtual = tmp_path / "virtual"
+    asap = musselbed("run", scenario, "--time", "asap", "--out", virtual, "--json")
+    assert asap.returncode == 0, asap.stderr
+    in_virtual_time = json.loads(asap.stdout)
+
+    assert decisions(run) == decisions(virtual)
+    assert over_ros["services"] == in_virtual_time["services"] >= 4
+    # ROS keeps no order between topics: a word may be heard one tick (1 s of 150) later. A tick is 0.7 points of uptime for
+    # one aMussel, and 0.5 m of way.
+    for key in ("mean", "max", "min"):
+        assert over_ros["uptime_paper"][key] == pytest.approx(in_virtual_time["uptime_paper"][key], abs=1.5)
+    assert over_ros["cost_m"] == pytest.approx(in_virtual_time["cost_m"], abs=2.0)
+    assert children_of(run) == []
+    with Reader(run / "run.bag") as bag:
+        assert {"/musselbed/truth", "/musselbed/beliefs", "/musselbed/apad", "/musselbed/mission"} <= set(
+            bag.topics
+        )
+
+
+def test_ctrl_c_ends_everything_in_order_within_5_s_with_a_valid_bag(fly: Any) -> None:
+    process, run = fly(20)
+    wait_for(lambda: docked(run), "nothing was docked")
+    asked_s = time.monotonic()
+    process.send_signal(signal.SIGINT)
+    stdout, stderr = process.communicate(timeout=PATIENCE_S)
+    assert time.monotonic() - asked_s < 5.0
+    assert process.returncode == 130, stderr
+    assert json.loads(stdout)["ended_by"] == "the operator"
+    assert json.loads((run / "summary.json").read_text())["ended_by"] == "the operator"
+    with Reader(run / "run.bag") as bag:
+        assert bag.message_count > 0
+    assert children_of(run) == []
+
+
+def test_kill_9_of_the_supervisor_and_resume_goes_on_with_the_docks_as_they_were(fly: Any) -> None:
+    process, run = fly(20)
+    wait_for(lambda: len(docked(run)) == 2, "no two were docked")
+    os.kill(int((run / "supervisor.pid").read_text().split()[0]), signal.SIGKILL)
+    before = docked(run)
+
+    resumed = musselbed("resume", run, "--json")
+    assert resumed.returncode == 0, resumed.stderr
+    stdout, stderr = process.communicate(timeout=PATIENCE_S)
+    assert process.returncode == 0, stderr
+    summary = json.loads(resumed.stdout)
+    assert json.loads(stdout)["services"] == summary["services"] >= 4
+    assert summary["lost"] == 0
+
+    lines = read_journal(run / "journal.jsonl").lines
+    at = next(n for n, line in enumerate(lines) if line["kind"] == "resumed")
+    after = [line for line in lines[at:] if line["kind"] == "dock"]
+    # Who was docked is not docked again before it has been let go: the first dock event of each is its release.
+    for agent_id in before:
+        assert next(line for line in after if line["agent"] == agent_id)["closed"] is False
+    assert children_of(run) == []
+
+
+def test_kill_9_of_an_agent_while_it_charges_and_it_goes_on_charging(fly: Any) -> None:
+    process, run = fly(20)
+    agent_id = wait_for(lambda: docked(run), "nothing was docked")[0]
+    pid = wait_for(lambda: pid_of_agent(run, agent_id), "the agent has no process")
+    os.kill(pid, signal.SIGKILL)
+    stdout, stderr = process.communicate(timeout=PATIENCE_S)
+    assert process.returncode == 0, stderr
+    assert json.loads(stdout)["services"] >= 4
+    lines = read_journal(run / "journal.jsonl").lines
+    died = next(line for line in lines if line["kind"] == "died")
+    assert (died["id"], died["cause"]) == (agent_id, "BROWN_OUT")
+    truths = [line for line in lines if line["kind"] == "truth" and line["id"] == agent_id]
+    boot = next(
+        n for n, t in enumerate(truths) if t["state"] == "BOOTING" and t["agent_ms"] >= died["agent_ms"] > 0
+    )
+    # Its battery's anchor and its place in the dock are what they were: the charge went on under the reset.
+    assert truths[boot]["primary"] == truths[boot - 1]["primary"]
+    assert truths[boot]["docked"] is truths[boot - 1]["docked"] is True
+    assert truths[boot + 1]["state"] == "CHARGING"
+
+
+def pid_of_agent(run: Path, agent_id: int) -> int | None:
+    """The agent's process, by its name among the children of the run's nursery."""
+    for entry in Path("/proc").iterdir():
+        if not entry.name.isdigit():
+            continue
+        try:
+            stat = (entry / "stat").read_text()
+            parent = int(stat.rpartition(")")[2].split()[1])
+            nursery = (Path("/proc") / str(parent) / "cmdline").read_bytes().decode(errors="replace")
+        except (OSError, ValueError):
+            continue
+        if f"({agent_name(agent_id)})" in stat and str(run) in nursery:
+            return int(entry.name)
+    return None
+
+
+def agent_name(agent_id: int) -> str:
+    return f"amussel-{agent_id}"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("--time", "asap", "--apad", "ros"), "leave out --apad ros"),
+        (("--time", "ros"), "it needs --apad ros"),
+        (("--speed", "0"), "--speed must be above 0"),
+        (("--speed", "5", "--apad", "ros"), "a real vehicle moves in real time"),
+        (("--strategy", "gready"), "known: "),
+        (("--theta", "0"), "theta"),
+    ],
+)
+def test_a_mistake_gets_one_line_and_exit_2_before_anything_starts(
+    scenario: Path, tmp_path: Path, arguments: tuple[str, ...], said: str
+) -> None:
+    out = tmp_path / "never"
+    result = musselbed("run", scenario, "--out", out, *arguments)
+    assert result.returncode == 2
+    assert said in result.stderr
+    assert "Traceback" not in result.stderr
+    assert len(result.stderr.strip().splitlines()) == 1
+    assert not out.exists()
+
+
+def test_a_run_directory_is_never_overwritten(scenario: Path, tmp_path: Path) -> None:
+    out = tmp_path / "taken"
+    out.mkdir()
+    (out / "precious.txt").write_text("data")
+    result = musselbed("run", scenario, "--time", "asap", "--out", out)
+    assert result.returncode == 2
+    assert "not empty" in result.stderr
+    assert [path.name for path in out.iterdir()] == ["precious.txt"]
+
+
+def test_without_a_master_a_run_on_somebody_s_says_so(scenario: Path, tmp_path: Path) -> None:
+    result = subprocess.run(
+        [*MUSSELBED, "run", str(scenario), "--apad", "ros", "--out", str(tmp_path / "none")],
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE_S,
+        cwd=ROOT,
+        env={**os.environ, "ROS_MASTER_URI": "http://127.0.0.1:9"},
+    )
+    assert result.returncode == 3
+    assert "no ROS master answers at http://127.0.0.1:9" in result.stderr
+
+
+def test_a_dry_run_plans_and_commands_nothing(scenario: Path, tmp_path: Path) -> None:
+    result = musselbed("run", scenario, "--dry-run", "--json", "--out", tmp_path / "dry")
+    assert result.returncode == 0, result.stderr
+    plan = json.loads(result.stdout)
+    assert plan["what"] == "collect"
+    assert len(plan["steps"]) == 4
+    assert not (tmp_path / "dry").exists()
+
+
+def test_resume_refuses_what_cannot_be_resumed(scenario: Path, tmp_path: Path) -> None:
+    run = tmp_path / "virtual"
+    assert musselbed("run", scenario, "--time", "asap", "--out", run).returncode == 0
+    again = musselbed("resume", run)
+    assert again.returncode == 2
+    assert "--time asap" in again.stderr
+    nothing = musselbed("resume", tmp_path)
+    assert nothing.returncode == 2
+    assert "no run" in nothing.stderr
