@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from firmware_model.actions import Action, Buoyancy, RunBuoyancy
 from firmware_model.board import Board
-from firmware_model.charge import Battery, Flow, grains
+from firmware_model.charge import Battery, Flow, fraction, grains
 from firmware_model.codec import MusselbedCodec
 from firmware_model.energy_ledger import EnergyLedger
 from firmware_model.packets import CommandPacket, Kind
@@ -53,6 +53,8 @@ class Bench:
             Battery(0, grains(secondary), flow, 0, 1),
             0,
         )
+        self.courses: list[tuple[int, Battery, Battery]] = []
+        """(from ms, primary, secondary): what the batteries did, piece by piece."""
         self.ledger = None if config.whole is None else EnergyLedger(config.whole.power.loads, 0)
         self.reset(ResetCause.POWER_ON)
 
@@ -69,6 +71,16 @@ class Bench:
     def secondary(self) -> int:
         """Grains, now."""
         return self.config.charge.charge_at(self.board.secondary, self.now_ms)
+
+    @property
+    def primary_fraction(self) -> float:
+        """In [0, 1], now."""
+        return fraction(self.primary)
+
+    @property
+    def secondary_fraction(self) -> float:
+        """In [0, 1], now."""
+        return fraction(self.secondary)
 
     def run(self, *, hours: float = 0, minutes: float = 0, ms: int = 0) -> list[Action]:
         """Lets time pass; what the board did meanwhile."""
@@ -123,6 +135,10 @@ class Bench:
 
     def _note(self, actions: list[Action]) -> None:
         self.trace += actions
+        primary, secondary = self.board.primary, self.board.secondary
+        if not self.courses or self.courses[-1][1] is not primary or self.courses[-1][2] is not secondary:
+            from_ms = max(primary.anchor_ms, secondary.anchor_ms)
+            self.courses.append((from_ms, primary, secondary))
         if self.ledger is not None:
             self.ledger.take(actions)
         for action in actions:

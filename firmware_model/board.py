@@ -78,6 +78,7 @@ class Board:
         self._last_resort_ms: int | None = None
         self._pulses: dict[Rail, int] = {}
         """Rails that are on for a time of their own, and until when."""
+        self._pulse_due_ms: int | None = None
         self._deadline_ms: int | None = None
 
     @property
@@ -91,11 +92,15 @@ class Board:
     @property
     def next_due_ms(self) -> int | None:
         """When something of the board is due next; of several at once pin, batteries, pulses, deadline in this order."""
-        return min((due for due in self._dues() if due is not None), default=None)
+        return self._next()[0]
 
-    def _dues(self) -> tuple[int | None, ...]:
-        pulse_ms = min(self._pulses.values()) if self._pulses else None
-        return self._pin.next_due_ms, self._batteries.due_ms, pulse_ms, self._deadline_ms
+    def _next(self) -> tuple[int | None, int]:
+        """When something is due next, and which: 0 the pin, 1 the batteries, 2 a pulse, 3 the deadline."""
+        due_ms, which = self._pin.next_due_ms, 0
+        for n, other_ms in enumerate((self._batteries.due_ms, self._pulse_due_ms, self._deadline_ms), 1):
+            if other_ms is not None and (due_ms is None or other_ms < due_ms):
+                due_ms, which = other_ms, n
+        return due_ms, which
 
     def advance(self, now_ms: int) -> list[Action]:
         """Fires every timer that is due by `now_ms`, in order, each at its own time (ValueError if time went back)."""
@@ -103,12 +108,11 @@ class Board:
             raise ValueError(f"time went back: {now_ms} before {self._now_ms}")
         actions: list[Action] = []
         while True:
-            dues = self._dues()
-            due_ms = min((due for due in dues if due is not None), default=None)
+            due_ms, which = self._next()
             if due_ms is None or due_ms > now_ms:
                 break
             self._now_ms = due_ms
-            actions += self._fire(dues.index(due_ms), due_ms)
+            actions += self._fire(which, due_ms)
         self._now_ms = now_ms
         return actions
 
@@ -243,6 +247,7 @@ class Board:
         if state is State.LOST:
             self._pulses.clear()
         pulsed = bits(*self._pulses)
+        self._pulse_due_ms = min(self._pulses.values(), default=None)
         on = rails_of(state, whole.power.kept_on, whole.cycle is None, pulsed)
         changed = on ^ self.rails
         self.rails = on

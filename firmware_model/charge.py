@@ -102,8 +102,11 @@ class ChargeModel:
         return Battery(now_ms, self.charge_at(battery, now_ms), flow, load, battery.coils)
 
     def empty_at_ms(self, battery: Battery) -> int | None:
-        """The first millisecond at which a discharging battery stands at 0; None when it is not discharging."""
-        return self.falls_to_at_ms(battery, 0) if battery.flow is Flow.DISCHARGING else None
+        """The first millisecond at which a discharging battery stands at 0; None when nothing is drawn from it."""
+        rate = self.discharge + battery.load
+        if battery.flow is not Flow.DISCHARGING or rate == 0:
+            return None
+        return battery.anchor_ms - (-battery.charge // rate)
 
     def falls_to_at_ms(self, battery: Battery, target: int) -> int | None:
         """The first millisecond at which a battery holds `target` grains or fewer; None when it never does."""

@@ -134,6 +134,9 @@ FIELD = Cycle(
 )
 """Wakes of several minutes, as in Fig. 4 a: sample, process a little, await the timeslot, transmit."""
 
+CYCLES = {"never": None, "hourly": HOURLY, "field": FIELD}
+"""By the names that scripts and tests use."""
+
 
 def power(last_resort: LastResort = LastResort.WAIT, kept_on: int = 0) -> Power:
     return Power(

@@ -12,10 +12,11 @@ from rich.console import Console
 from rich.table import Table
 
 from apad_bridge.commands.exits import EXITS, Exit, UserError
-from apad_bridge.runs.mu_script import Budget, ScriptError, budget_of, read_script
+from apad_bridge.runs.mu_script import Budget, ScriptError, budget_of, play, read_script
 from firmware_model.state_diagram import blocks
 from firmware_model.table_one import ASSUMED, FITTED, TAKEN
 from firmware_model.table_one_runs import ROWS
+from firmware_model.trace import vcd
 
 
 def add_parser(commands: Any) -> None:
@@ -42,6 +43,9 @@ def add_parser(commands: Any) -> None:
     )
     budget.add_argument("script", type=Path, metavar="SCRIPT.yaml", help="see docs/mu-scripts.md")
     budget.add_argument("--json", action="store_true", help="the budget as JSON on stdout")
+    budget.add_argument(
+        "--vcd", type=Path, metavar="FILE", help="write states, rails and batteries for GTKWave"
+    )
     budget.set_defaults(run=run_script)
     states = parts.add_parser(
         "states", help="print the diagram of the states, in Mermaid, and what each powers"
@@ -107,7 +111,13 @@ def run_script(arguments: argparse.Namespace) -> int:
         script = read_script(arguments.script)
     except ScriptError as error:
         raise UserError(str(error)) from None
-    budget = budget_of(script)
+    bench = play(script)
+    if arguments.vcd is not None:
+        try:
+            arguments.vcd.write_text(vcd(bench.trace, bench.courses, bench.config.charge, bench.now_ms))
+        except OSError as error:
+            raise UserError(f"{arguments.vcd} cannot be written: {error.strerror}") from None
+    budget = budget_of(script, bench)
     if arguments.json:
         print(json.dumps(budget.to_json(), indent=1))
     else:

@@ -19,13 +19,12 @@ from firmware_model.packets import Kind
 from firmware_model.plan import BoardConfig, LastResort
 from firmware_model.rails import Rail, bits
 from firmware_model.stimuli import ResetCause
-from firmware_model.table_one import FIELD, HOURLY, board, power
+from firmware_model.table_one import CYCLES, board, power
 
 Fraction = Annotated[float, Ge(0), Le(1)]
 Fact = Literal[
     "permission", "release", "ping", "hover", "charge_pin_rises", "charge_pin_falls", "brown_out", "watchdog"
 ]
-_CYCLES = {"never": None, "hourly": HOURLY, "field": FIELD}
 _STRICT = ConfigDict(extra="forbid", allow_inf_nan=False)
 
 
@@ -96,10 +95,10 @@ def read_script(path: Path) -> MuScript:
 
 def config_of(script: MuScript) -> BoardConfig:
     kept_on = bits(*(Rail[name.upper()] for name in set(script.kept_on)))
-    return board(_CYCLES[script.sleep], power(LastResort[script.last_resort.upper()], kept_on))
+    return board(CYCLES[script.sleep], power(LastResort[script.last_resort.upper()], kept_on))
 
 
-def budget_of(script: MuScript) -> Budget:
+def play(script: MuScript) -> Bench:
     """Runs the script from power-on on the bottom. What is told after the end is not told."""
     bench = Bench(config_of(script), primary=script.primary, secondary=script.secondary)
     end_ms = round(script.hours * 3_600_000)
@@ -109,8 +108,13 @@ def budget_of(script: MuScript) -> Budget:
             bench.run_until(at_ms)
             _tell(bench, fact)
     bench.run_until(end_ms)
+    return bench
+
+
+def budget_of(script: MuScript, bench: Bench) -> Budget:
+    """What the board of a played script came to."""
     assert bench.ledger is not None
-    bench.ledger.settle(end_ms)
+    bench.ledger.settle(bench.now_ms)
     by_rail = {rail.name: fraction(drawn) for rail, drawn in bench.ledger.by_rail().items()}
     drawn = sum(by_rail.values())
     return Budget(
@@ -120,8 +124,8 @@ def budget_of(script: MuScript) -> Budget:
         by_state={state.name: fraction(drawn) for state, drawn in bench.ledger.by_state().items()},
         state_hours={state.name: ms / 3_600_000 for state, ms in bench.ledger.state_ms().items() if ms},
         state=bench.state.name,
-        primary=fraction(bench.primary),
-        secondary=fraction(bench.secondary),
+        primary=bench.primary_fraction,
+        secondary=bench.secondary_fraction,
         samples=sum(isinstance(action, LogSample) for action in bench.trace),
         dropped=sum(isinstance(action, Dropped) for action in bench.trace),
         life_hours=script.hours / drawn if drawn else None,

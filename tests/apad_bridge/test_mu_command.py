@@ -8,7 +8,7 @@ import pytest
 
 from apad_bridge.commands.exits import Exit
 from apad_bridge.commands.main import main
-from apad_bridge.runs.mu_script import ScriptError, budget_of, read_script
+from apad_bridge.runs.mu_script import Budget, ScriptError, budget_of, play, read_script
 from firmware_model.state_diagram import blocks
 
 PAGE = Path(__file__).parents[2] / "docs/mu-scripts.md"
@@ -18,6 +18,11 @@ def script(tmp_path: Path, text: str) -> Path:
     path = tmp_path / "script.yaml"
     path.write_text(text)
     return path
+
+
+def played(path: Path) -> Budget:
+    told = read_script(path)
+    return budget_of(told, play(told))
 
 
 def test_table1_as_json_has_the_paper_s_rows_and_says_what_was_fitted(
@@ -58,7 +63,7 @@ def test_the_script_on_the_page_runs(tmp_path: Path, capsys: pytest.CaptureFixtu
 
 
 def test_a_board_that_never_sleeps_lives_as_long_as_equation_1_says(tmp_path: Path) -> None:
-    budget = budget_of(read_script(script(tmp_path, "{hours: 10, sleep: never, primary: 1, secondary: 1}")))
+    budget = played(script(tmp_path, "{hours: 10, sleep: never, primary: 1, secondary: 1}"))
     assert budget.life_hours == pytest.approx(1 / 0.0010427134 / 60, rel=1e-4)
     assert budget.primary == pytest.approx(1 - 600 * 0.0010427134, abs=1e-4)
     assert sum(budget.by_rail.values()) == pytest.approx(sum(budget.by_state.values()))
@@ -66,7 +71,7 @@ def test_a_board_that_never_sleeps_lives_as_long_as_equation_1_says(tmp_path: Pa
 
 def test_the_pi_kept_on_draws_its_share(tmp_path: Path) -> None:
     text = "{hours: 2, sleep: hourly, primary: 1, secondary: 1, kept_on: [pi]}"
-    budget = budget_of(read_script(script(tmp_path, text)))
+    budget = played(script(tmp_path, text))
     # 1000 mW for 2 h out of 7400 mWh.
     assert budget.by_rail["PI"] == pytest.approx(2000 / 7400, rel=1e-6)
     assert budget.samples == 1  # the wake at 2 h has only begun
@@ -93,6 +98,16 @@ def test_a_script_with_a_mistake_is_one_line_that_names_it(
         read_script(path)
     assert main(["mu", "run", str(path)]) == Exit.USER_MISTAKE
     assert fault in capsys.readouterr().err
+
+
+def test_a_vcd_file_is_written_or_refused_in_one_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = str(script(tmp_path, "{hours: 1, sleep: hourly, primary: 1, secondary: 1}"))
+    assert main(["mu", "run", path, "--vcd", str(tmp_path / "mu.vcd")]) == Exit.DONE
+    assert (tmp_path / "mu.vcd").read_text().startswith("$timescale 1ms")
+    assert main(["mu", "run", path, "--vcd", str(tmp_path / "no" / "mu.vcd")]) == Exit.USER_MISTAKE
+    assert "cannot be written" in capsys.readouterr().err
 
 
 def test_states_prints_what_the_page_shows(capsys: pytest.CaptureFixture[str]) -> None:
