@@ -9,6 +9,7 @@ are built by this instead. They take the same arguments, compare, hash and match
 from __future__ import annotations
 
 import dataclasses
+import gc
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from inspect import get_annotations
@@ -20,6 +21,7 @@ from typing import Any
 def lean_dataclasses() -> Iterator[None]:
     """While it lasts, modules that are imported get lean classes for `dataclass(frozen=True, slots=True)`."""
     ordinary = dataclasses.dataclass
+    gc.freeze()
     dataclasses.dataclass = _lean_or(ordinary)
     try:
         yield
@@ -37,6 +39,7 @@ def _lean_or(ordinary: Callable[..., Any]) -> Any:
 
 
 def _lean(cls: type) -> type:
+    gc.collect()  # the class that the last call replaced makes room, so that none lies between
     names = tuple(name for name, kind in get_annotations(cls).items() if not kind.startswith("ClassVar"))
     body = {name: value for name, value in cls.__dict__.items() if name not in _DROPPED and name not in names}
     defaults = {f"_{name}": cls.__dict__[name] for name in names if name in cls.__dict__}

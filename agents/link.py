@@ -25,6 +25,9 @@ LIMIT_BYTES = 65536
 OUTPUTS_AT_ONCE = 256
 """An answer with more outputs than this travels in parts."""
 
+_pack = msgpack.Packer().pack
+"""One for all: each `msgpack.packb` takes a buffer of a megabyte."""
+
 Key = tuple[int, int]
 """(epoch, sequence) of a window."""
 NEVER: Key = (0, 0)
@@ -50,7 +53,7 @@ class Window:
     def encode(self) -> bytes:
         """ValueError for a window with more stimuli than a message holds."""
         facts = [[at_ms, stimuli.to_wire(stimulus)] for at_ms, stimulus in self.grant.stimuli]
-        data: bytes = msgpack.packb([Kind.WINDOW, *self.key, self.grant.until_ms, facts])
+        data: bytes = _pack([Kind.WINDOW, *self.key, self.grant.until_ms, facts])
         if len(data) > LIMIT_BYTES:
             raise ValueError(
                 f"a window of {len(data)} bytes: a link carries {LIMIT_BYTES}; grant shorter windows"
@@ -65,7 +68,7 @@ class Repeat:
     key: Key
 
     def encode(self) -> bytes:
-        data: bytes = msgpack.packb([Kind.REPEAT, *self.key])
+        data: bytes = _pack([Kind.REPEAT, *self.key])
         return data
 
 
@@ -92,7 +95,7 @@ class Refusal:
     reason: str
 
     def encode(self) -> bytes:
-        data: bytes = msgpack.packb([Kind.REFUSAL, *self.key, self.fenced, self.reason])
+        data: bytes = _pack([Kind.REFUSAL, *self.key, self.fenced, self.reason])
         return data
 
 
@@ -101,7 +104,7 @@ def encode_answer(key: Key, window: Key, granted_ms: int, truths: int, reply: Re
     wire = [outputs.to_wire(output) for output in reply.outputs]
     starts = range(0, len(wire) or 1, OUTPUTS_AT_ONCE)
     return [
-        msgpack.packb(
+        _pack(
             [
                 Kind.ANSWER,
                 *key,

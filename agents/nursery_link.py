@@ -64,6 +64,9 @@ class NurseryLink:
             self._tell(control.Hello(epoch))
             welcome, (truth,) = self._hear(control.Welcome, ANSWER_TIMEOUT_S)
             self.truth = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET, 0, truth)
+            # A library in this process may have set a default time-out, as rospy does (60 s): a read that shall not wait
+            # would then wait for so long.
+            self.truth.setblocking(False)
             self.pid = welcome.pid
             self._process = os.pidfd_open(self.pid)
             self.roll: list[Enrolled] = []

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import mmap
 import socket
 
 from agents import truths
@@ -40,7 +41,7 @@ class Servant:
         self._told = 0
         self._answer: list[bytes] = []
 
-    def take(self, data: bytes) -> list[bytes]:
+    def take(self, data: bytes | memoryview) -> list[bytes]:
         """The answer to one message. A window is refused before anything has changed, or done whole."""
         try:
             message = decode_to_agent(data)
@@ -97,9 +98,11 @@ class Servant:
 
 def serve(link: socket.socket, servant: Servant) -> None:
     """Answers until the other end of the link is gone. The nursery bounds how long a fleet waits for a supervisor."""
-    while True:
-        data = link.recv(LIMIT_BYTES + 1)
-        if not data and hung_up(link):
-            return
-        for frame in servant.take(data):
-            link.send(frame)
+    # Mapped, not allocated: only the pages that a message fills become memory, and no hole moves about the heap.
+    with mmap.mmap(-1, LIMIT_BYTES + 1) as room, memoryview(room) as buffer:
+        while True:
+            size = link.recv_into(buffer)
+            if size == 0 and hung_up(link):
+                return
+            for frame in servant.take(buffer[:size]):
+                link.send(frame)

@@ -13,7 +13,7 @@ from apad_bridge.beliefs.belief import Belief
 from apad_bridge.mission.charging_watch import ChargingWatch
 from apad_bridge.mission.orders import Note, Order, PermitSurfacing, TellClear
 from apad_bridge.mission.plans import asked, plan_note
-from apad_bridge.mission.pool import SLOTS, ChargingPool, situation_of
+from apad_bridge.mission.pool import SLOTS, ChargingPool, situation_of, unheard
 from apad_bridge.mission.sources import BeliefSource
 from apad_bridge.mission.state import MissionState, Phase
 from apad_bridge.mission.strays import Strays
@@ -218,7 +218,8 @@ class EnergyExchange:
         if not docked:
             self._idle(now_ms)
             return
-        known = [belief or self._unheard(agent_id) for agent_id, belief in beliefs.items()]
+        assert self._pose is not None
+        known = [belief or unheard(agent_id, self._pose) for agent_id, belief in beliefs.items()]
         situation = self._situation(known, docked)
         name = self._config.redeployment
         solution = asked(name, lambda: self._redeployment.plan(situation), situation, StepKind.DEPLOY)
@@ -228,11 +229,6 @@ class EnergyExchange:
         self._orders.append(plan_note("redeploy", name, solution, situation, self._config.costs))
         self._set(plan=solution)
         self._next_step(now_ms)
-
-    def _unheard(self, agent_id: int) -> Belief:
-        """One that a dock holds though it was never heard: it is let go where the aPad stands, and no slot stays taken."""
-        assert self._pose is not None
-        return Belief(agent_id, 0, State.CHARGING, 0.0, 0.0, *self._pose)
 
     def _go_deploy(self, now_ms: int) -> None:
         north_m, east_m = self._homes().get(self._step.agent_id, self._pose or (0.0, 0.0))

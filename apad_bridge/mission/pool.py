@@ -44,6 +44,11 @@ class ChargingPool:
         )
 
 
+def unheard(agent_id: int, place_m: tuple[float, float]) -> Belief:
+    """One that a dock holds though it was never heard: it is let go where the aPad stands, and no slot stays taken."""
+    return Belief(agent_id, 0, State.CHARGING, 0.0, 0.0, *place_m)
+
+
 def situation_of(
     state: MissionState,
     place_m: tuple[float, float],

@@ -9,7 +9,8 @@ from pathlib import Path
 
 from agents.coordinator import Coordinator
 from agents.launch import NoNursery, launch_nursery, prepare
-from agents.processes import Fenced, ProcessHost
+from agents.nursery_link import Fenced, NurseryDied, NurseryLink
+from agents.processes import ProcessHost
 from apad_bridge import building
 from apad_bridge.flight import Fleet
 from apad_bridge.runs.failures import PeerFailed
@@ -17,6 +18,9 @@ from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import Start
 
 FOLDER = "fleet"
+_LAST_EPOCH = 2**31
+"""Above that of any supervisor: who ends a run is refused by nobody."""
+_END_S = 1.0
 
 
 def start_nursery(scenario: Scenario, starts: Sequence[Start], run_dir: Path) -> subprocess.Popen[bytes]:
@@ -30,15 +34,18 @@ def start_nursery(scenario: Scenario, starts: Sequence[Start], run_dir: Path) ->
         raise PeerFailed(f"the fleet cannot start: {error}; see {folder}/nursery.log") from error
 
 
-def end_nursery(nursery: subprocess.Popen[bytes], timeout_s: float) -> None:
-    """Ends it, and with it its agents, if its supervisor has not done so."""
+def end_fleet(run_dir: Path, nursery: subprocess.Popen[bytes]) -> None:
+    """Ends the run's fleet if a supervisor has not done so, and reaps `nursery`, the first one that it had.
+
+    The one that lives now may be another: a supervisor starts it when one dies.
+    """
+    with contextlib.suppress(OSError, NurseryDied, Fenced):
+        link = NurseryLink(str(run_dir / FOLDER), _LAST_EPOCH)
+        link.end(_END_S)
+        link.close()
     if nursery.poll() is None:
-        nursery.terminate()
-        with contextlib.suppress(subprocess.TimeoutExpired):
-            nursery.wait(timeout_s)
-            return
         nursery.kill()
-        nursery.wait(timeout_s)
+    nursery.wait(_END_S)
 
 
 def adopt(scenario: Scenario, run_dir: Path, epoch: int, now_ms: int) -> Fleet:

@@ -21,7 +21,7 @@ from apad_bridge.ros.master import MasterFailed, start_master
 from apad_bridge.ros.route import environment_for, somebodys_master
 from apad_bridge.runs.children import Child
 from apad_bridge.runs.failures import PeerFailed
-from apad_bridge.runs.nurseries import end_nursery, start_nursery
+from apad_bridge.runs.nurseries import end_fleet, start_nursery
 from apad_bridge.runs.options import APadKind, OnDeath, Part, RunOptions
 from apad_bridge.runs.pid_file import supervisor_of
 from apad_bridge.runs.progress import FlightProgress
@@ -48,7 +48,7 @@ def fly(
         options = _open_ros(stack, options, directory.path)
         options.save(directory.path)
         if options.part is not Part.MISSION:
-            stack.callback(end_nursery, start_nursery(scenario, starts, directory.path), 1.0)
+            stack.callback(end_fleet, directory.path, start_nursery(scenario, starts, directory.path))
         while True:
             code, result = watch_supervisor(
                 start_supervisor(directory.path, options, resume=options.epoch > 1), progress
@@ -94,6 +94,10 @@ def watch_supervisor(child: Child, progress: FlightProgress) -> tuple[int, dict[
                 child.ask_to_end()
             if deadline_s is not None and time.monotonic() > deadline_s:
                 child.end(1.0)
+                raise PeerFailed(
+                    f"the supervisor did not end within {_END_S:g} s and was killed; "
+                    f"its records end there: {child.log.parent}"
+                )
             line = interrupts.read_line(child, 0.2)
             if line is None:
                 continue

@@ -76,6 +76,8 @@ def fly(run_dir: Path, resume: bool) -> int:
         return Exit.PEER_FAILED
     finally:
         recorder.close()
+    if fleet is not None:
+        fleet.host.close()
     say(json.dumps({"summary": summary}))
     return Exit.DONE
 

@@ -191,6 +191,35 @@ def test_kill_9_of_an_agent_while_it_charges_and_it_goes_on_charging(fly: Any) -
     assert truths[boot + 1]["state"] == "CHARGING"
 
 
+def test_kill_9_of_the_nursery_and_another_goes_on_from_its_file(fly: Any) -> None:
+    process, run = fly(20)
+    wait_for(lambda: docked(run), "nothing was docked")
+    os.kill(pid_of_nursery(run), signal.SIGKILL)
+    stdout, stderr = process.communicate(timeout=PATIENCE_S)
+    assert process.returncode == 0, stderr
+    assert json.loads(stdout)["services"] >= 4
+    lines = read_journal(run / "journal.jsonl").lines
+    assert {line["id"] for line in lines if line["kind"] == "died"} == set(range(1, 7))
+    assert children_of(run) == []
+
+
+def pid_of_nursery(run: Path) -> int:
+    """The one process of the run's nursery that is no agent: the parent of the others."""
+    pids = [
+        int(entry.name)
+        for entry in Path("/proc").iterdir()
+        if entry.name.isdigit() and f"agents.nursery\0{run}" in cmdline(entry)
+    ]
+    return min(pids)
+
+
+def cmdline(entry: Path) -> str:
+    try:
+        return (entry / "cmdline").read_bytes().decode(errors="replace")
+    except OSError:
+        return ""
+
+
 def pid_of_agent(run: Path, agent_id: int) -> int | None:
     """The agent's process, by its name among the children of the run's nursery."""
     for entry in Path("/proc").iterdir():

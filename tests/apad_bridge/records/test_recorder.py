@@ -189,7 +189,9 @@ def test_a_truth_that_cannot_be_is_dropped_and_counted(recorder):
 
 def test_an_aMussel_given_up_is_active_no_more(recorder):
     recorder.truths([hand_made(0, 3), hand_made(0, 4)])
-    recorder.event(5000, "died", id=3, agent_ms=120_000, cause="BROWN_OUT", reason="killed", gave_up="too often")
+    recorder.event(
+        5000, "died", id=3, agent_ms=120_000, cause="BROWN_OUT", reason="killed", gave_up="too often"
+    )
     summary = recorder.finish(10_000, ENDING)
     assert (summary["uptime_paper"]["min"], summary["uptime_paper"]["max"]) == (30.0, 100.0)
     assert summary["gave_up"] == 1
