@@ -5,15 +5,17 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from agents.body import Body, WaterConfig
-from agents.outputs import Dropped, Output, Truth, WifiSent
+from agents.outputs import Dropped, Output, SoundSent, Truth, WifiSent
 from agents.physical import Physical
 from agents.stimuli import ContactClosed, ContactOpened, DockMoved, SoundArrived, Stimulus, WifiArrived
 from firmware_model import actions as board_actions
 from firmware_model import stimuli as board_stimuli
-from firmware_model.board import Board, BoardConfig
+from firmware_model.board import Board
 from firmware_model.charge import fraction
 from firmware_model.codec import Codec
 from firmware_model.packets import StatusPacket
+from firmware_model.plan import BoardConfig
+from firmware_model.rails import Rail
 from firmware_model.states import State
 from firmware_model.stimuli import ResetCause
 
@@ -177,8 +179,11 @@ class Agent:
                     self.body.run_buoyancy(to, at_ms)
                 case board_actions.Dropped(at_ms, reason):
                     outputs.append(Dropped(at_ms, reason))
-                case board_actions.StateChanged():
-                    pass  # the truth that follows the event says the new state
+                case board_actions.SendStatus(at_ms, by):
+                    data = self._codec.encode(self._status(at_ms))
+                    outputs.append(WifiSent(at_ms, data) if by is Rail.WIFI else SoundSent(at_ms, data))
+                case _:
+                    pass  # the truth that follows the event says the new state and what flows
         return outputs
 
     def _status(self, now_ms: int) -> StatusPacket:

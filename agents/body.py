@@ -54,6 +54,8 @@ class Body:
         elapsed_ms = now_ms - self.depth_anchor_ms
         if self.buoyancy is Buoyancy.FLOAT:
             return max(0, self.depth_um - self.water.bottom_um * elapsed_ms // self.water.surfacing_ms)
+        if self.buoyancy is Buoyancy.HOVER:
+            return self.depth_um
         return min(
             self.water.bottom_um, self.depth_um + self.water.bottom_um * elapsed_ms // self.water.sinking_ms
         )
@@ -64,6 +66,8 @@ class Body:
         water = self.water
         if self.buoyancy is Buoyancy.FLOAT:
             way_um, over_ms = self.depth_um, water.surfacing_ms
+        elif self.buoyancy is Buoyancy.HOVER:
+            return None
         else:
             way_um, over_ms = water.bottom_um - self.depth_um, water.sinking_ms
         return None if way_um == 0 else self.depth_anchor_ms - (-way_um * over_ms // water.bottom_um)

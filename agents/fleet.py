@@ -10,8 +10,8 @@ from agents.body import WaterConfig
 from agents.physical import Physical
 from agents.water.current import STILL_WATER, CurrentField
 from firmware_model.actions import Buoyancy
-from firmware_model.board import BoardConfig
 from firmware_model.charge import Battery, ChargeModel, Flow, grains
+from firmware_model.plan import BoardConfig
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,7 +17,7 @@ from firmware_model.charge import Battery, Flow
 class Physical:
     """Anchors in agent milliseconds and micrometres; `depth_um` is the depth at `depth_anchor_ms`, positive down."""
 
-    FORMAT: ClassVar[struct.Struct] = struct.Struct("<QQBQQBqqQqB?")
+    FORMAT: ClassVar[struct.Struct] = struct.Struct("<QQBQBQQBQBqqQqB?")
 
     primary: Battery
     secondary: Battery
@@ -33,9 +33,13 @@ class Physical:
             self.primary.anchor_ms,
             self.primary.charge,
             self.primary.flow,
+            self.primary.load,
+            self.primary.coils,
             self.secondary.anchor_ms,
             self.secondary.charge,
             self.secondary.flow,
+            self.secondary.load,
+            self.secondary.coils,
             self.north_um,
             self.east_um,
             self.depth_anchor_ms,
@@ -47,12 +51,12 @@ class Physical:
     @classmethod
     def unpack(cls, data: bytes) -> Physical:
         """The inverse of `pack`; struct.error or ValueError for other bytes."""
-        (a_ms, a, a_flow, b_ms, b, b_flow, north, east, depth_ms, depth, buoyancy, docked) = (
-            cls.FORMAT.unpack(data)
-        )
+        fields = cls.FORMAT.unpack(data)
+        a_ms, a, a_flow, a_load, a_coils, b_ms, b, b_flow, b_load, b_coils, *body = fields
+        north, east, depth_ms, depth, buoyancy, docked = body
         return cls(
-            Battery(a_ms, a, Flow(a_flow)),
-            Battery(b_ms, b, Flow(b_flow)),
+            Battery(a_ms, a, Flow(a_flow), a_load, a_coils),
+            Battery(b_ms, b, Flow(b_flow), b_load, b_coils),
             north,
             east,
             depth_ms,

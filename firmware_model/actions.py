@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import IntEnum
 
+from firmware_model.power_path import Feed
+from firmware_model.rails import Rail
 from firmware_model.states import State, Trigger
 
 
@@ -13,6 +15,7 @@ class Buoyancy(IntEnum):
 
     SINK = 0
     FLOAT = 1
+    HOVER = 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,6 +33,36 @@ class RunBuoyancy:
 
 
 @dataclass(frozen=True, slots=True)
+class SetRail:
+    at_ms: int
+    rail: Rail
+    on: bool
+
+
+@dataclass(frozen=True, slots=True)
+class FeedFrom:
+    """The board lives on another battery from now on."""
+
+    at_ms: int
+    feed: Feed
+
+
+@dataclass(frozen=True, slots=True)
+class LogSample:
+    """All sensors have been read: one sample of what the mission is for."""
+
+    at_ms: int
+
+
+@dataclass(frozen=True, slots=True)
+class SendStatus:
+    """Send a status by the modem or by Wi-Fi; who hosts the board knows its place and makes the packet."""
+
+    at_ms: int
+    by: Rail
+
+
+@dataclass(frozen=True, slots=True)
 class Dropped:
     """A stimulus that the board could not use; counted by whoever hosts it, never raised."""
 
@@ -37,4 +70,4 @@ class Dropped:
     reason: str
 
 
-Action = StateChanged | RunBuoyancy | Dropped
+Action = StateChanged | RunBuoyancy | SetRail | FeedFrom | LogSample | SendStatus | Dropped

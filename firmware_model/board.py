@@ -2,36 +2,55 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
-from firmware_model.actions import Action, Buoyancy, Dropped, RunBuoyancy, StateChanged
-from firmware_model.charge import Battery, ChargeModel, Flow
+from firmware_model.actions import (
+    Action,
+    Buoyancy,
+    Dropped,
+    FeedFrom,
+    LogSample,
+    RunBuoyancy,
+    SendStatus,
+    SetRail,
+    StateChanged,
+)
+from firmware_model.charge import Battery
 from firmware_model.charge_pin import ChargePin, Edge
 from firmware_model.codec import Codec
 from firmware_model.packets import CommandPacket, Kind
-from firmware_model.states import Refused, State, Trigger, next_state
+from firmware_model.plan import BoardConfig
+from firmware_model.power_path import Feed, PowerPath, WorstCase
+from firmware_model.rails import Rail, bits, rails_of
+from firmware_model.states import TABLE, Refused, State, Trigger, next_state
 from firmware_model.stimuli import (
     BottomReached,
     ChargePinFell,
     ChargePinRose,
     PacketHeard,
     PowerCameOn,
+    ResetCause,
     Stimulus,
     SurfaceReached,
     WifiReceived,
 )
+from firmware_model.timers import deadline_ms, deadline_trigger
 
-
-@dataclass(frozen=True, slots=True)
-class BoardConfig:
-    """Numbers of one board; milliseconds of agent time."""
-
-    agent_id: int
-    charge: ChargeModel
-    pin_debounce_ms: int
-    boot_ms: int
-    float_timeout_ms: int
-    release_wait_ms: int
+_COMMANDS = {
+    Kind.PERMISSION: Trigger.PERMISSION_HEARD,
+    Kind.RELEASE: Trigger.CLEAR_TO_SINK,
+    Kind.PING: Trigger.PING_HEARD,
+    Kind.HOVER: Trigger.HOVER_TOLD,
+}
+_DOCKED = (State.CHARGING, State.REPORTING)
+_MOTORS = {
+    State.SURFACING: Buoyancy.FLOAT,
+    State.SINKING: Buoyancy.SINK,
+    State.HOVERING: Buoyancy.HOVER,
+}
+_REPORTS = {
+    State.TRANSMITTING: Rail.MODEM_TRANSMITTING,
+    State.CALLING: Rail.MODEM_TRANSMITTING,
+    State.REPORTING: Rail.WIFI,
+}
 
 
 class Board:
@@ -42,37 +61,78 @@ class Board:
     ) -> None:
         self.config = config
         self.state = State.OFF
-        self.primary = primary
-        self.secondary = secondary
+        self.reset_cause: ResetCause | None = None
+        self.rails = 0
+        """What is on, as bits; always 0 in the worst case, which knows one load only."""
+        self._whole = config.whole
+        self._batteries: WorstCase | PowerPath = (
+            WorstCase(config.charge, primary, secondary)
+            if config.whole is None
+            else PowerPath(config.charge, config.whole.power, primary, secondary, now_ms)
+        )
         self._codec = codec
         self._now_ms = now_ms
         self._pin = ChargePin(config.pin_debounce_ms, high=False)
         self._at_surface = False
         self._clear_to_sink = False
+        self._last_resort_ms: int | None = None
+        self._pulses: dict[Rail, int] = {}
+        """Rails that are on for a time of their own, and until when."""
+        self._pulse_due_ms: int | None = None
         self._deadline_ms: int | None = None
 
     @property
+    def primary(self) -> Battery:
+        return self._batteries.primary
+
+    @property
+    def secondary(self) -> Battery:
+        return self._batteries.secondary
+
+    @property
     def next_due_ms(self) -> int | None:
-        """When a timer of the board fires next; of two at once the pin's goes first."""
-        if self._pin.next_due_ms is None or self._deadline_ms is None:
-            return self._pin.next_due_ms if self._deadline_ms is None else self._deadline_ms
-        return min(self._pin.next_due_ms, self._deadline_ms)
+        """When something of the board is due next; of several at once pin, batteries, pulses, deadline in this order."""
+        return self._next()[0]
+
+    def _next(self) -> tuple[int | None, int]:
+        """When something is due next, and which: 0 the pin, 1 the batteries, 2 a pulse, 3 the deadline."""
+        due_ms, which = self._pin.next_due_ms, 0
+        for n, other_ms in enumerate((self._batteries.due_ms, self._pulse_due_ms, self._deadline_ms), 1):
+            if other_ms is not None and (due_ms is None or other_ms < due_ms):
+                due_ms, which = other_ms, n
+        return due_ms, which
 
     def advance(self, now_ms: int) -> list[Action]:
         """Fires every timer that is due by `now_ms`, in order, each at its own time (ValueError if time went back)."""
         if now_ms < self._now_ms:
             raise ValueError(f"time went back: {now_ms} before {self._now_ms}")
         actions: list[Action] = []
-        while (due_ms := self.next_due_ms) is not None and due_ms <= now_ms:
+        while True:
+            due_ms, which = self._next()
+            if due_ms is None or due_ms > now_ms:
+                break
             self._now_ms = due_ms
-            if due_ms == self._pin.next_due_ms:
-                edge = self._pin.due(due_ms)
-                actions += self._edge(edge) if edge is not None else []
-            else:
-                self._deadline_ms = None
-                actions += self._pull(self._deadline_trigger())
+            actions += self._fire(which, due_ms)
         self._now_ms = now_ms
         return actions
+
+    def _fire(self, which: int, now_ms: int) -> list[Action]:
+        if which == 0:
+            edge = self._pin.due(now_ms)
+            return self._edge(edge) if edge is not None else []
+        if which == 1:
+            return self._switch_over(now_ms)
+        if which == 2:
+            self._pulses = {rail: off_ms for rail, off_ms in self._pulses.items() if off_ms > now_ms}
+            return self._set_rails()
+        self._deadline_ms = None
+        if self.state is State.BOOTING:
+            return self._pull(self._boot_trigger())
+        sampled: list[Action] = [LogSample(now_ms)] if self.state is State.SAMPLING else []
+        trigger = deadline_trigger(self.state, self._whole, self._batteries.feed)
+        if trigger in (Trigger.LAST_RESORT_CALL, Trigger.LAST_RESORT_SURFACE):
+            self._last_resort_ms = now_ms
+        return sampled + self._pull(trigger)
 
     def receive(self, stimulus: Stimulus, now_ms: int) -> list[Action]:
         """Takes a fact from outside at `now_ms`, after everything that was due by then."""
@@ -82,7 +142,11 @@ class Board:
                 self._pin.level(True, now_ms)
             case ChargePinFell():
                 self._pin.level(False, now_ms)
-            case PacketHeard(data) | WifiReceived(data):
+            case PacketHeard(data):
+                actions += self._hear(data)
+            case WifiReceived(data):
+                if self._whole is not None and not self.rails >> Rail.WIFI & 1:
+                    return [*actions, Dropped(now_ms, "Wi-Fi is off")]
                 actions += self._command(data)
             case SurfaceReached():
                 self._at_surface = True
@@ -90,11 +154,20 @@ class Board:
             case BottomReached():
                 self._at_surface = False
                 actions += self._pull(Trigger.BOTTOM_REACHED)
-            case PowerCameOn(_, at_surface, pin_high):
+            case PowerCameOn(cause, at_surface, pin_high):
+                self.reset_cause = cause
                 self._at_surface = at_surface
                 self._pin = ChargePin(self.config.pin_debounce_ms, pin_high)
                 actions += self._pull(Trigger.POWER_CAME_ON)
         return actions
+
+    def _hear(self, data: bytes) -> list[Action]:
+        if self._whole is None:
+            return self._command(data)
+        if not self.rails & (1 << Rail.MODEM_LISTENING | 1 << Rail.MODEM_RECEIVING):
+            return [Dropped(self._now_ms, "the modem is not listening")]
+        self._pulses[Rail.MODEM_RECEIVING] = self._now_ms + self._whole.power.receive_ms
+        return self._set_rails() + self._command(data)
 
     def _command(self, data: bytes) -> list[Action]:
         packet = self._codec.decode(data)
@@ -102,31 +175,39 @@ class Board:
             return [Dropped(self._now_ms, "not a command")]
         if packet.agent_id != self.config.agent_id:
             return [Dropped(self._now_ms, "for another aMussel")]
-        if packet.kind is Kind.PERMISSION:
-            return self._pull(Trigger.PERMISSION_HEARD)
-        if self.state is State.CHARGING:
+        if packet.kind is Kind.RELEASE and self.state in _DOCKED:
             # The packet and the contact travel apart: it may come before the falling edge is certain.
             self._clear_to_sink = True
             return []
-        return self._pull(Trigger.CLEAR_TO_SINK)
+        if packet.kind is Kind.HOVER and self._whole is None:
+            return [Dropped(self._now_ms, "the worst case knows no hovering")]
+        return self._pull(_COMMANDS[packet.kind])
 
     def _edge(self, edge: Edge) -> list[Action]:
         if self.state in (State.OFF, State.BOOTING):
             return []  # the level is read again when the board has booted
         if edge is Edge.ROSE:
             self._clear_to_sink = False
+            self._last_resort_ms = None
             return self._pull(Trigger.CHARGE_EDGE_ROSE)
         actions = self._pull(Trigger.CHARGE_EDGE_FELL)
         if self._clear_to_sink and self.state is State.RELEASED:
             actions += self._pull(Trigger.CLEAR_TO_SINK)
         return actions
 
-    def _deadline_trigger(self) -> Trigger:
-        if self.state is State.BOOTING:
-            if self._pin.high:
-                return Trigger.BOOTED_ON_CHARGER
-            return Trigger.BOOTED_AT_SURFACE if self._at_surface else Trigger.BOOTED_ON_BOTTOM
-        return _DEADLINE_TRIGGERS[self.state]
+    def _switch_over(self, now_ms: int) -> list[Action]:
+        assert isinstance(self._batteries, PowerPath)
+        feed = self._batteries.due(now_ms)
+        actions: list[Action] = [FeedFrom(now_ms, feed)]
+        trigger = Trigger.BOTH_EMPTIED if feed is Feed.NEITHER else Trigger.BATTERY_EMPTIED
+        if feed is not Feed.PRIMARY and (self.state, trigger) in TABLE:
+            actions += self._pull(trigger)
+        return actions
+
+    def _boot_trigger(self) -> Trigger:
+        if self._pin.high:
+            return Trigger.BOOTED_ON_CHARGER
+        return Trigger.BOOTED_AT_SURFACE if self._at_surface else Trigger.BOOTED_ON_BOTTOM
 
     def _pull(self, trigger: Trigger) -> list[Action]:
         old = self.state
@@ -137,33 +218,41 @@ class Board:
         return [StateChanged(self._now_ms, old, trigger, self.state), *self._enter()]
 
     def _enter(self) -> list[Action]:
-        """Sets the power path, the deadline and the motors for the state just entered."""
-        now_ms, config = self._now_ms, self.config
-        if self.state is not State.BOOTING:
-            flow = Flow.CHARGING if self.state is State.CHARGING else Flow.DISCHARGING
-            if flow is not self.primary.flow:
-                self.primary = config.charge.settle(self.primary, now_ms, flow)
-        match self.state:
-            case State.BOOTING:
-                self._deadline_ms = now_ms + config.boot_ms
-            case State.ACTIVE:
-                empty_at_ms = config.charge.empty_at_ms(self.primary)
-                self._deadline_ms = None if empty_at_ms is None else max(now_ms, empty_at_ms)
-            case State.FLOATING:
-                self._deadline_ms = now_ms + config.float_timeout_ms
-            case State.RELEASED:
-                self._deadline_ms = now_ms + config.release_wait_ms
-            case _:
-                self._deadline_ms = None
-        if self.state is State.SURFACING:
-            return [RunBuoyancy(now_ms, Buoyancy.FLOAT)]
-        if self.state is State.SINKING:
-            return [RunBuoyancy(now_ms, Buoyancy.SINK)]
-        return []
+        """Sets the motors, the power path and the deadline for the state just entered."""
+        state, now_ms = self.state, self._now_ms
+        actions: list[Action] = []
+        motors = _MOTORS.get(state)
+        if motors is not None:
+            actions.append(RunBuoyancy(now_ms, motors))
+            if self._whole is not None:
+                self._pulses[Rail.MOTORS] = now_ms + self._whole.power.motor_run_ms
+        if isinstance(self._batteries, PowerPath):
+            actions += self._set_rails()
+        elif state is not State.BOOTING:
+            self._batteries.charge(state is State.CHARGING, now_ms)
+        self._set_deadline()
+        if state in _REPORTS:
+            actions.append(SendStatus(now_ms, _REPORTS[state]))
+        return actions
 
+    def _set_deadline(self) -> None:
+        self._deadline_ms = deadline_ms(
+            self.state, self.config, self._batteries, self._last_resort_ms, self._now_ms
+        )
 
-_DEADLINE_TRIGGERS = {
-    State.ACTIVE: Trigger.BATTERY_EMPTIED,
-    State.FLOATING: Trigger.FLOAT_TIMED_OUT,
-    State.RELEASED: Trigger.CLEAR_TO_SINK,
-}
+    def _set_rails(self) -> list[Action]:
+        """Switches what the state and the pulses want, and tells the batteries."""
+        whole, batteries, now_ms, state = self._whole, self._batteries, self._now_ms, self.state
+        assert whole is not None and isinstance(batteries, PowerPath)
+        if state is State.LOST:
+            self._pulses.clear()
+        pulsed = bits(*self._pulses)
+        self._pulse_due_ms = min(self._pulses.values(), default=None)
+        on = rails_of(state, whole.power.kept_on, whole.cycle is None, pulsed)
+        changed = on ^ self.rails
+        self.rails = on
+        charging = batteries.charging if state in (State.OFF, State.BOOTING) else state in _DOCKED
+        batteries.set(charging, whole.power.loads.total(on), now_ms)
+        if state is State.EMPTY:
+            self._set_deadline()  # the safe level comes sooner or later under another load
+        return [SetRail(now_ms, rail, bool(on >> rail & 1)) for rail in Rail if changed >> rail & 1]

@@ -3,10 +3,14 @@
 Equations (1) and (2) of the paper are per simulated minute. One full battery is `FULL` grains, chosen so that a rate
 with ten decimals a minute is a whole number of grains a millisecond. Charge moves as the paper's own difference
 equation does, with a step of one millisecond; the closed forms below equal that iteration exactly.
+
+While a charger feeds a battery that is also drawn on, the net rate may be too low to leave a segment of the curve, or
+negative: a charge that would rise into a segment in which it falls rests at the end between the two.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from decimal import Decimal
 from enum import IntEnum
@@ -42,11 +46,21 @@ class Flow(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class Battery:
-    """An anchor: `charge` grains at `anchor_ms`, flowing as `flow` since. It moves only at events."""
+    """An anchor: `charge` grains at `anchor_ms`, flowing as `flow` since. It moves only at events.
+
+    `load` is what is drawn from it, in grains a millisecond, on top of the model's own discharge; `coils` are those that
+    charge it, one or two.
+    """
 
     anchor_ms: int
     charge: int
     flow: Flow
+    load: int = 0
+    coils: int = 1
+
+
+Segments = tuple[tuple[int, int], ...]
+_FOREVER = 1 << 62
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,15 +68,17 @@ class ChargeModel:
     """Discharge at one rate (equation (1)) and a piecewise-linear charging curve (equation (2)).
 
     `segments` are (upper end in grains, grains a millisecond), rising, the last ending at `FULL`. A charge that lies on
-    an end still moves at that segment's rate, as in equation (2).
+    an end still moves at that segment's rate, as in equation (2). `discharge` is equation (1)'s rate where every load is
+    in it, and 0 where loads are counted by module; `segments_by_two` is the curve of a charger with two coils.
     """
 
     discharge: int
-    segments: tuple[tuple[int, int], ...]
+    segments: Segments
+    segments_by_two: Segments = ()
 
     @classmethod
     def from_minutes(cls, discharge: float, segments: tuple[tuple[float, float], ...]) -> ChargeModel:
-        """From rates a simulated minute and ends on [0, 1], as the paper prints them."""
+        """From rates a simulated minute and ends on [0, 1], as the paper prints them; one coil."""
         return cls(
             grains_per_ms(discharge), tuple((grains(end), grains_per_ms(rate)) for end, rate in segments)
         )
@@ -75,46 +91,88 @@ class ChargeModel:
         if battery.flow is Flow.RESTING:
             return battery.charge
         if battery.flow is Flow.DISCHARGING:
-            return max(0, battery.charge - self.discharge * elapsed_ms)
-        charge = battery.charge
-        for end, rate in self.segments:
-            if charge > end:
-                continue
-            steps = (end - charge) // rate + 1
-            if steps >= elapsed_ms:
-                return min(FULL, charge + rate * elapsed_ms)
-            charge += rate * steps
-            elapsed_ms -= steps
-        return min(FULL, charge)
+            return max(0, battery.charge - (self.discharge + battery.load) * elapsed_ms)
+        for at_ms, last_ms, charge, rate in self._pieces(battery):
+            if now_ms <= last_ms:
+                return charge + rate * (now_ms - at_ms)
+        raise AssertionError("the last piece lasts for ever")
 
-    def settle(self, battery: Battery, now_ms: int, flow: Flow) -> Battery:
-        """A new anchor at `now_ms`, flowing as `flow` from there."""
-        return Battery(now_ms, self.charge_at(battery, now_ms), flow)
+    def settle(self, battery: Battery, now_ms: int, flow: Flow, load: int = 0) -> Battery:
+        """A new anchor at `now_ms`, flowing as `flow` under `load` from there."""
+        return Battery(now_ms, self.charge_at(battery, now_ms), flow, load, battery.coils)
 
     def empty_at_ms(self, battery: Battery) -> int | None:
-        """The first millisecond at which a discharging battery stands at 0; None when it is not discharging."""
-        if battery.flow is not Flow.DISCHARGING:
+        """The first millisecond at which a discharging battery stands at 0; None when nothing is drawn from it."""
+        rate = self.discharge + battery.load
+        if battery.flow is not Flow.DISCHARGING or rate == 0:
             return None
-        return battery.anchor_ms - (-battery.charge // self.discharge)
+        return battery.anchor_ms - (-battery.charge // rate)
+
+    def falls_to_at_ms(self, battery: Battery, target: int) -> int | None:
+        """The first millisecond at which a battery holds `target` grains or fewer; None when it never does."""
+        for at_ms, last_ms, charge, rate in self._pieces(battery):
+            if charge <= target:
+                return at_ms
+            if rate < 0 and (found_ms := at_ms - (charge - target) // rate) <= last_ms:
+                return found_ms
+        return None
 
     def reaches_at_ms(self, battery: Battery, target: int) -> int | None:
-        """The first millisecond at which a charging battery holds `target` grains or more; None when it never does."""
-        if battery.charge >= target:
-            return battery.anchor_ms
-        if battery.flow is not Flow.CHARGING or target > FULL:
-            return None
-        charge, at_ms = battery.charge, battery.anchor_ms
-        for end, rate in self.segments:
-            if charge > end:
-                continue
-            if target <= end:
-                return at_ms - (-(target - charge) // rate)
-            steps = (end - charge) // rate + 1
-            charge += rate * steps
-            at_ms += steps
+        """The first millisecond at which a battery holds `target` grains or more; None when it never does."""
+        for at_ms, last_ms, charge, rate in self._pieces(battery):
             if charge >= target:
                 return at_ms
-        return at_ms
+            if rate > 0 and (found_ms := at_ms - (charge - target) // rate) <= last_ms:
+                return found_ms
+        return None
+
+    def _pieces(self, battery: Battery) -> Iterator[tuple[int, int, int, int]]:
+        """The course as straight pieces (from ms, to ms, grains at the first, grains a millisecond), the last for ever."""
+        at_ms, charge = battery.anchor_ms, battery.charge
+        if battery.flow is Flow.RESTING:
+            yield at_ms, _FOREVER, charge, 0
+            return
+        if battery.flow is Flow.DISCHARGING:
+            segments: Segments = ((FULL, 0),)
+            load = self.discharge + battery.load
+        else:
+            segments = self.segments if battery.coils == 1 else self.segments_by_two
+            load = battery.load
+        while True:
+            low, end, rate = _segment(segments, charge)
+            rate -= load
+            # The last millisecond at which it is still in this segment.
+            if rate > 0:
+                steps = (end - charge) // rate
+            elif rate < 0:
+                steps = (charge - low - 1) // -rate
+            else:
+                steps = _FOREVER
+            if steps >= 0:
+                yield at_ms, min(_FOREVER, at_ms + steps), charge, rate
+            if rate == 0:
+                return
+            at_ms += steps + 1
+            charge += rate * (steps + 1)
+            if charge >= FULL or charge <= 0:
+                charge = min(FULL, max(0, charge))
+                if charge == 0 and _segment(segments, 0)[2] > load:
+                    continue
+                yield at_ms, _FOREVER, charge, 0
+                return
+            if rate > 0 and _segment(segments, charge)[2] <= load:
+                yield at_ms, _FOREVER, end, 0
+                return
+
+
+def _segment(segments: Segments, charge: int) -> tuple[int, int, int]:
+    """(lower end, upper end, charger's rate) of the segment that `charge` moves in; the lower end is not in it."""
+    low = 0
+    for end, rate in segments:
+        if charge <= end:
+            return low, end, rate
+        low = end
+    raise ValueError(f"a charge of {charge} lies above the curve's end")
 
 
 def fraction(charge: int) -> float:

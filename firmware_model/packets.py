@@ -16,6 +16,7 @@ from firmware_model.states import State
 
 VERSION = 1
 _CHARGE_STEPS = 65535
+_COMMANDS = (2, 3, 4, 5)
 _STATES = {int(state): state for state in State}
 
 
@@ -23,6 +24,8 @@ class Kind(IntEnum):
     STATUS = 1
     PERMISSION = 2
     RELEASE = 3
+    PING = 4
+    HOVER = 5
 
 
 def _sealed(body: bytes) -> bytes:
@@ -65,7 +68,8 @@ class StatusPacket:
 
 @dataclass(frozen=True, slots=True)
 class CommandPacket:
-    """An aPad's word to one aMussel: PERMISSION to surface, or RELEASE (it is clear to sink)."""
+    """An aPad's word to one aMussel: PERMISSION to surface, RELEASE (it is clear to sink), PING (wake up and listen) or
+    HOVER (hold a depth)."""
 
     FORMAT: ClassVar[struct.Struct] = struct.Struct("<BBH")
 
@@ -104,6 +108,6 @@ def decode(data: bytes) -> Packet | None:
             depth / 100,
             agent_ms,
         )
-    if body[1] in (Kind.PERMISSION, Kind.RELEASE) and len(body) == CommandPacket.FORMAT.size:
+    if body[1] in _COMMANDS and len(body) == CommandPacket.FORMAT.size:
         return CommandPacket(Kind(body[1]), struct.unpack_from("<H", body, 2)[0])
     return None

@@ -25,6 +25,22 @@ class State(IntEnum):
     SINKING = 7
     EMPTY = 8
     """On the bottom with the active battery at 0: not measuring, listening on the backup battery."""
+    SLEEPING = 9
+    """Deep sleep on the bottom: the clock, the modem, the charger's pin and the battery monitor wake it."""
+    SAMPLING = 10
+    """All sensors are on."""
+    PROCESSING = 11
+    """The Pi works on the samples."""
+    AWAITING_SLOT = 12
+    TRANSMITTING = 13
+    HOVERING = 14
+    """Held at a depth by runs of the buoyancy motors."""
+    REPORTING = 15
+    """Docked, and awake for as long as a report takes."""
+    CALLING = 16
+    """On the bottom at the backup battery's safe level, sending its status; between its calls it is EMPTY and listens."""
+    LOST = 17
+    """Both batteries are at 0: it can no longer surface."""
 
 
 class Trigger(IntEnum):
@@ -42,35 +58,80 @@ class Trigger(IntEnum):
     FLOAT_TIMED_OUT = 9
     BOTTOM_REACHED = 10
     BATTERY_EMPTIED = 11
+    """The primary battery: the board now lives on its backup."""
+    ALARM_RANG = 12
+    WAKE_OVER = 13
+    SAMPLES_TO_PROCESS = 14
+    SAMPLES_TO_SEND = 15
+    PROCESSED = 16
+    SLOT_OPENED = 17
+    PING_HEARD = 18
+    HOVER_TOLD = 19
+    HOVER_DUE = 20
+    """The depth is corrected by another motor run."""
+    LAST_RESORT_CALL = 21
+    LAST_RESORT_SURFACE = 22
+    BOTH_EMPTIED = 23
 
 
 _S, _T = State, Trigger
 
-# A reset on the way up or down boots as if on the bottom; the pressure sensor then says what is so, which is why ACTIVE
-# and EMPTY take SURFACE_REACHED.
+# A reset on the way up or down boots as if on the bottom; the pressure sensor then says what is so, which is why every
+# state on the bottom takes SURFACE_REACHED, and a charger's edge. While it transmits it hears nothing.
+_BOTTOM = (
+    _S.ACTIVE,
+    _S.EMPTY,
+    _S.SLEEPING,
+    _S.SAMPLING,
+    _S.PROCESSING,
+    _S.AWAITING_SLOT,
+    _S.TRANSMITTING,
+    _S.CALLING,
+)
+_LISTENING = tuple(state for state in _BOTTOM if state not in (_S.TRANSMITTING, _S.CALLING))
+_UNDOCKED = (*_BOTTOM, _S.SURFACING, _S.FLOATING, _S.RELEASED, _S.SINKING, _S.HOVERING)
+
 TABLE: dict[tuple[State, Trigger], State] = {
     (_S.OFF, _T.POWER_CAME_ON): _S.BOOTING,
     (_S.BOOTING, _T.BOOTED_ON_BOTTOM): _S.ACTIVE,
     (_S.BOOTING, _T.BOOTED_AT_SURFACE): _S.FLOATING,
     (_S.BOOTING, _T.BOOTED_ON_CHARGER): _S.CHARGING,
-    (_S.ACTIVE, _T.PERMISSION_HEARD): _S.SURFACING,
-    (_S.ACTIVE, _T.BATTERY_EMPTIED): _S.EMPTY,
-    (_S.ACTIVE, _T.CHARGE_EDGE_ROSE): _S.CHARGING,
-    (_S.ACTIVE, _T.SURFACE_REACHED): _S.FLOATING,
-    (_S.EMPTY, _T.PERMISSION_HEARD): _S.SURFACING,
-    (_S.EMPTY, _T.CHARGE_EDGE_ROSE): _S.CHARGING,
-    (_S.EMPTY, _T.SURFACE_REACHED): _S.FLOATING,
-    (_S.SURFACING, _T.SURFACE_REACHED): _S.FLOATING,
-    (_S.SURFACING, _T.CHARGE_EDGE_ROSE): _S.CHARGING,
-    (_S.FLOATING, _T.CHARGE_EDGE_ROSE): _S.CHARGING,
+    # A wake and back to sleep.
+    (_S.ACTIVE, _T.WAKE_OVER): _S.SLEEPING,
+    (_S.ACTIVE, _T.PING_HEARD): _S.ACTIVE,
+    (_S.SLEEPING, _T.PING_HEARD): _S.ACTIVE,
+    (_S.SLEEPING, _T.ALARM_RANG): _S.SAMPLING,
+    (_S.SAMPLING, _T.WAKE_OVER): _S.SLEEPING,
+    (_S.SAMPLING, _T.SAMPLES_TO_PROCESS): _S.PROCESSING,
+    (_S.SAMPLING, _T.SAMPLES_TO_SEND): _S.AWAITING_SLOT,
+    (_S.PROCESSING, _T.PROCESSED): _S.AWAITING_SLOT,
+    (_S.PROCESSING, _T.WAKE_OVER): _S.SLEEPING,
+    (_S.AWAITING_SLOT, _T.SLOT_OPENED): _S.TRANSMITTING,
+    (_S.TRANSMITTING, _T.WAKE_OVER): _S.SLEEPING,
+    # Up, docked, released and down.
+    **{(state, _T.PERMISSION_HEARD): _S.SURFACING for state in (*_LISTENING, _S.SINKING, _S.HOVERING)},
+    **{(state, _T.SURFACE_REACHED): _S.FLOATING for state in (*_BOTTOM, _S.SURFACING)},
+    **{(state, _T.CHARGE_EDGE_ROSE): _S.CHARGING for state in (*_UNDOCKED, _S.LOST)},
     (_S.FLOATING, _T.FLOAT_TIMED_OUT): _S.SINKING,
     (_S.FLOATING, _T.CLEAR_TO_SINK): _S.SINKING,
+    (_S.CHARGING, _T.ALARM_RANG): _S.REPORTING,
     (_S.CHARGING, _T.CHARGE_EDGE_FELL): _S.RELEASED,
-    (_S.RELEASED, _T.CHARGE_EDGE_ROSE): _S.CHARGING,
+    (_S.REPORTING, _T.WAKE_OVER): _S.CHARGING,
+    (_S.REPORTING, _T.CHARGE_EDGE_FELL): _S.RELEASED,
     (_S.RELEASED, _T.CLEAR_TO_SINK): _S.SINKING,
     (_S.SINKING, _T.BOTTOM_REACHED): _S.ACTIVE,
-    (_S.SINKING, _T.CHARGE_EDGE_ROSE): _S.CHARGING,
-    (_S.SINKING, _T.PERMISSION_HEARD): _S.SURFACING,
+    # Held at a depth.
+    (_S.ACTIVE, _T.HOVER_TOLD): _S.HOVERING,
+    (_S.SLEEPING, _T.HOVER_TOLD): _S.HOVERING,
+    (_S.HOVERING, _T.HOVER_DUE): _S.HOVERING,
+    (_S.HOVERING, _T.CLEAR_TO_SINK): _S.SINKING,
+    # Emergency. Under way it goes on with what it was doing, on the other battery.
+    **{(state, _T.BATTERY_EMPTIED): _S.EMPTY for state in _BOTTOM if state not in (_S.EMPTY, _S.CALLING)},
+    (_S.HOVERING, _T.BATTERY_EMPTIED): _S.SINKING,
+    (_S.EMPTY, _T.LAST_RESORT_CALL): _S.CALLING,
+    (_S.EMPTY, _T.LAST_RESORT_SURFACE): _S.SURFACING,
+    (_S.CALLING, _T.WAKE_OVER): _S.EMPTY,
+    **{(state, _T.BOTH_EMPTIED): _S.LOST for state in _UNDOCKED},
 }
 
 

@@ -73,6 +73,8 @@ class Water:
 
     def depth_um(self, physical: Physical, agent_ms: int) -> int:
         elapsed_ms = agent_ms - physical.depth_anchor_ms
+        if physical.buoyancy is Buoyancy.HOVER:
+            return physical.depth_um
         if physical.buoyancy is Buoyancy.FLOAT:
             return max(0, physical.depth_um - self._bottom_um * elapsed_ms // self._surfacing_ms)
         return min(self._bottom_um, physical.depth_um + self._bottom_um * elapsed_ms // self._sinking_ms)

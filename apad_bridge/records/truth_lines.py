@@ -11,7 +11,7 @@ from firmware_model.states import State
 
 
 def truth_data(truth: Truth) -> Line:
-    """`primary` and `secondary` are [anchor ms, grains, flow], `depth` is [anchor ms, micrometres]; agent time."""
+    """Batteries are [anchor ms, grains, flow, load, coils], `depth` is [anchor ms, micrometres]; agent time."""
     physical = truth.physical
     return {
         "id": truth.agent_id,
@@ -44,9 +44,9 @@ def truth_of(line: Line) -> Truth:
 
 
 def _battery_data(battery: Battery) -> list[int]:
-    return [battery.anchor_ms, battery.charge, int(battery.flow)]
+    return [battery.anchor_ms, battery.charge, int(battery.flow), battery.load, battery.coils]
 
 
 def _battery_of(data: list[int]) -> Battery:
-    anchor_ms, charge, flow = data
-    return Battery(anchor_ms, charge, Flow(flow))
+    anchor_ms, charge, flow, load, coils = data
+    return Battery(anchor_ms, charge, Flow(flow), load, coils)

@@ -23,21 +23,74 @@ charges = st.integers(0, FULL)
 flows = st.sampled_from(Flow)
 
 
-def iterated(model: ChargeModel, charge: int, flow: Flow, steps: int) -> int:
-    """Equations (1) and (2) stepped once a millisecond, as the paper writes them."""
+def iterated(model: ChargeModel, battery: Battery, steps: int) -> int:
+    """Equations (1) and (2) stepped once a millisecond, as the paper writes them, with a load beside the charger."""
+    curve = model.segments_by_two if battery.coils == 2 else model.segments
+
+    def segment(charge: int) -> tuple[int, int]:
+        end, rate = next((end, rate) for end, rate in curve if charge <= end)
+        return end, rate - battery.load
+
+    charge = battery.charge
     for _ in range(steps):
-        if flow is Flow.DISCHARGING:
-            charge -= model.discharge
-        elif flow is Flow.CHARGING:
-            charge += next(rate for end, rate in model.segments if charge <= end)
+        if battery.flow is Flow.DISCHARGING:
+            charge -= model.discharge + battery.load
+        elif battery.flow is Flow.CHARGING:
+            end, net = segment(charge)
+            charge = min(FULL, max(0, charge + net))
+            # It does not rise into a segment in which it would not go on rising.
+            if net > 0 and charge > end and segment(charge)[1] <= 0:
+                charge = end
         charge = min(FULL, max(0, charge))
     return charge
+
+
+# Loads among the rates of the curves below, so that some segments rise and others fall.
+loads = st.one_of(st.just(0), st.integers(0, FULL // 60))
+# Not only rising: a charger that tapers off.
+TAPERED = ChargeModel(
+    0,
+    ((FULL // 5, FULL // 300), (FULL // 2, FULL // 77), (FULL, FULL // 200)),
+    ((FULL // 3, FULL // 90), (FULL // 2, FULL // 100), (FULL, FULL // 70)),
+)
+batteries = st.builds(Battery, st.just(1000), charges, flows, loads, st.sampled_from([1, 2]))
 
 
 @given(charges, flows, st.integers(0, 400))
 def test_closed_form_is_the_iteration(charge: int, flow: Flow, elapsed_ms: int) -> None:
     battery = Battery(1000, charge, flow)
-    assert STEEP.charge_at(battery, 1000 + elapsed_ms) == iterated(STEEP, charge, flow, elapsed_ms)
+    assert STEEP.charge_at(battery, 1000 + elapsed_ms) == iterated(STEEP, battery, elapsed_ms)
+
+
+@given(batteries, st.integers(0, 400))
+def test_closed_form_under_load_is_the_iteration(battery: Battery, elapsed_ms: int) -> None:
+    assert TAPERED.charge_at(battery, 1000 + elapsed_ms) == iterated(TAPERED, battery, elapsed_ms)
+
+
+@given(batteries, st.lists(st.integers(0, 600), max_size=5))
+def test_cutting_time_under_load_does_not_show(battery: Battery, cuts: list[int]) -> None:
+    cut = battery
+    for cut_ms in sorted(cuts):
+        cut = TAPERED.settle(cut, 1000 + cut_ms, cut.flow, cut.load)
+    assert TAPERED.charge_at(cut, 1700) == TAPERED.charge_at(battery, 1700)
+
+
+@given(batteries, charges)
+def test_falls_to_and_reaches_are_the_first_milliseconds_that_do(battery: Battery, target: int) -> None:
+    course = [TAPERED.charge_at(battery, 1000 + ms) for ms in range(700)]
+    for found_ms, there in (
+        (TAPERED.falls_to_at_ms(battery, target), [charge <= target for charge in course]),
+        (TAPERED.reaches_at_ms(battery, target), [charge >= target for charge in course]),
+    ):
+        first = 1000 + there.index(True) if any(there) else None
+        assert found_ms == first or (first is None and found_ms is not None and found_ms >= 1700)
+
+
+def test_a_load_above_the_charger_s_upper_rate_holds_the_charge_at_the_breakpoint() -> None:
+    # 1/77 a millisecond up to one half, and then 1/200 less a load of 1/100: it neither rises nor falls there.
+    battery = Battery(0, FULL // 4, Flow.CHARGING, FULL // 100)
+    assert TAPERED.charge_at(battery, 10_000) == FULL // 2
+    assert TAPERED.charge_at(Battery(0, FULL, Flow.CHARGING, FULL // 100), 10_000) == FULL // 2
 
 
 @given(charges, flows, st.lists(st.integers(0, 10**8), max_size=6))

@@ -1,0 +1,163 @@
+"""`musselbed mu`: one MU board by itself: Table I run on it, its energy budget for a script, the diagram of its states."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+
+from apad_bridge.commands.exits import EXITS, Exit, UserError
+from apad_bridge.runs.mu_script import Budget, ScriptError, budget_of, play, read_script
+from firmware_model.state_diagram import blocks
+from firmware_model.table_one import ASSUMED, FITTED, TAKEN
+from firmware_model.table_one_runs import ROWS
+from firmware_model.trace import vcd
+
+
+def add_parser(commands: Any) -> None:
+    parser = commands.add_parser(
+        "mu",
+        help="one MU board by itself: Table I, an energy budget, its states",
+        description="Runs the firmware model of one aMussel's MU board, without water, ROS or an aPad.",
+        epilog=f"exit codes: {EXITS}",
+    )
+    parts = parser.add_subparsers(dest="part", metavar="PART", required=True)
+    table1 = parts.add_parser(
+        "table1",
+        help="the paper's Table I, run on a board",
+        description="Runs a board until its battery is empty or full, in each mode of the paper's Table I and in Fig. 4's "
+        "heavy run, and lists the numbers that were fitted to it. Exit code 3 when a row leaves its bounds.",
+    )
+    table1.add_argument("--json", action="store_true", help="rows and parameters as JSON on stdout")
+    table1.set_defaults(run=run_table1)
+    budget = parts.add_parser(
+        "run",
+        help="run a board from a small script",
+        description="Runs one board for as long as SCRIPT.yaml says and prints what each module and each state drew, and "
+        "how long its batteries last at that rate.",
+    )
+    budget.add_argument("script", type=Path, metavar="SCRIPT.yaml", help="see docs/mu-scripts.md")
+    budget.add_argument("--json", action="store_true", help="the budget as JSON on stdout")
+    budget.add_argument(
+        "--vcd", type=Path, metavar="FILE", help="write states, rails and batteries for GTKWave"
+    )
+    budget.set_defaults(run=run_script)
+    states = parts.add_parser(
+        "states", help="print the diagram of the states, in Mermaid, and what each powers"
+    )
+    states.set_defaults(run=run_states)
+
+
+def run_table1(arguments: argparse.Namespace) -> int:
+    result = table_one()
+    if arguments.json:
+        print(json.dumps(result, indent=1))
+    else:
+        _show_table_one(result, Console())
+    return Exit.DONE if all(row["within"] for row in result["rows"]) else Exit.PEER_FAILED
+
+
+def table_one() -> dict[str, Any]:
+    """`rows` as the paper has them and as the board runs them, and the model's numbers with their sources."""
+    rows = []
+    for row in ROWS:
+        run_min = row.run()
+        rows.append(
+            {
+                "mode": row.mode,
+                "paper_min": row.paper_min,
+                "run_min": round(run_min, 2),
+                "low_min": round(row.low_min, 2),
+                "high_min": round(row.high_min, 2),
+                "within": row.low_min <= run_min <= row.high_min,
+            }
+        )
+    return {
+        "rows": rows,
+        "fitted": [asdict(parameter) for parameter in FITTED],
+        "taken": [asdict(parameter) for parameter in TAKEN],
+        "assumed": [asdict(parameter) for parameter in ASSUMED],
+    }
+
+
+def _show_table_one(result: dict[str, Any], console: Console) -> None:
+    rows = _table("Table I", "mode", "paper (min)", "run (min)", "bounds (min)")
+    for row in result["rows"]:
+        bounds = f"{row['low_min']:.0f} - {row['high_min']:.0f}"
+        rows.add_row(row["mode"], f"{row['paper_min']:.0f}", f"{row['run_min']:.1f}", bounds)
+    console.print(rows)
+    fitted = Table(title="fitted here")
+    for name in ("parameter", "value", "what it is", "fitted to"):
+        fitted.add_column(name)
+    for parameter in result["fitted"]:
+        value = f"{parameter['value']:.10g} {parameter['unit']}"
+        fitted.add_row(parameter["name"], value, parameter["source"], parameter["fitted_to"])
+    console.print(fitted)
+    for what, key in (("the paper's own fits", "taken"), ("assumed, for Table I does not tell", "assumed")):
+        console.print(f"{what}:", style="bold")
+        for parameter in result[key]:
+            console.print(
+                f"  {parameter['name']}: {parameter['value']:.10g} {parameter['unit']} ({parameter['source']})"
+            )
+
+
+def run_script(arguments: argparse.Namespace) -> int:
+    try:
+        script = read_script(arguments.script)
+    except ScriptError as error:
+        raise UserError(str(error)) from None
+    bench = play(script)
+    if arguments.vcd is not None:
+        try:
+            arguments.vcd.write_text(vcd(bench.trace, bench.courses, bench.config.charge, bench.now_ms))
+        except OSError as error:
+            raise UserError(f"{arguments.vcd} cannot be written: {error.strerror}") from None
+    budget = budget_of(script, bench)
+    if arguments.json:
+        print(json.dumps(budget.to_json(), indent=1))
+    else:
+        _show_budget(budget, Console())
+    return Exit.DONE
+
+
+def _show_budget(budget: Budget, console: Console) -> None:
+    energy = "mWh" if budget.capacity_mwh is not None else "% of a battery"
+    scale = 100 if budget.capacity_mwh is None else budget.capacity_mwh
+    by_rail = _table("by module", "module", energy, "share")
+    by_state = _table("by state", "state", energy, "hours")
+    total = sum(budget.by_rail.values()) or 1.0
+    for name, drawn in sorted(budget.by_rail.items(), key=lambda item: -item[1]):
+        by_rail.add_row(name, f"{drawn * scale:.3f}", f"{100 * drawn / total:.1f} %")
+    for name, hours in sorted(
+        budget.state_hours.items(), key=lambda item: -budget.by_state.get(item[0], 0.0)
+    ):
+        by_state.add_row(name, f"{budget.by_state.get(name, 0.0) * scale:.3f}", f"{hours:.3f}")
+    console.print(by_rail, by_state)
+    console.print(
+        f"after {budget.hours:g} h: {budget.state}, primary {budget.primary:.4f}, secondary {budget.secondary:.4f}, "
+        f"{budget.samples} samples, {budget.dropped} stimuli dropped"
+    )
+    if budget.life_hours is None:
+        console.print("predicted life: not limited by this, for nothing was drawn")
+    else:
+        console.print(
+            f"predicted life of a full primary at this rate: {budget.life_hours:.1f} h; with the secondary twice that"
+        )
+
+
+def _table(title: str, first: str, *others: str) -> Table:
+    table = Table(title=title)
+    table.add_column(first)
+    for name in others:
+        table.add_column(name, justify="right")
+    return table
+
+
+def run_states(arguments: argparse.Namespace) -> int:
+    print(blocks(), end="")
+    return Exit.DONE

@@ -1,0 +1,42 @@
+"""One board that sleeps and wakes every hour for 10 s: simulated hours a second, and the cost of an event."""
+
+from __future__ import annotations
+
+import statistics
+import time
+from typing import Any
+
+from rich.console import Console
+
+from firmware_model.actions import StateChanged
+from firmware_model.bench import Bench
+from firmware_model.table_one import HOURLY, board, power
+
+HOURS = 20
+REPEATS = 50
+
+
+def measure() -> dict[str, Any]:
+    """Medians of 20-hour runs of a fresh board, its trace kept and its energy booked; an event is a change of state."""
+    took_s, events = [], 0
+    for _ in range(REPEATS):
+        began_s = time.perf_counter()
+        bench = Bench(board(HOURLY, power()))
+        bench.run(hours=HOURS)
+        took_s.append(time.perf_counter() - began_s)
+        events = sum(isinstance(action, StateChanged) for action in bench.trace)
+    median_s = statistics.median(took_s)
+    return {
+        "hours_per_s": HOURS / median_s,
+        "us_per_event": 1e6 * median_s / events,
+        "ms_per_20_hours": 1000 * median_s,
+        "events": events,
+        "repeats": REPEATS,
+    }
+
+
+def show(result: dict[str, Any], console: Console) -> None:
+    console.print(
+        f"{HOURS} h of one board with hourly wakes: {result['ms_per_20_hours']:.2f} ms "
+        f"({result['hours_per_s']:.0f} h/s, {result['us_per_event']:.1f} us an event, {result['events']} events)"
+    )

@@ -1,0 +1,117 @@
+"""What a board with sleep, rails and two batteries is configured with. Milliseconds of agent time; charge in grains."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+from firmware_model.charge import ChargeModel
+from firmware_model.rails import Loads
+
+PATH_UNIT = 10_000
+
+
+class LastResort(IntEnum):
+    """What an aMussel on its backup battery does at the safe level, before it can no longer surface."""
+
+    WAIT = 0
+    """Stay on the bottom and listen."""
+    CALL = 1
+    """Stay and send its status again and again."""
+    SURFACE = 2
+    """Come up without a permission: the one case in which it does."""
+
+
+@dataclass(frozen=True, slots=True)
+class Power:
+    """Loads by module, two batteries, and the path between charger, batteries and board.
+
+    `path` is how much of the load reaches the battery that feeds the board while that is charged, in 1/10000: Table I's
+    charging times do not superpose with its discharging times, so this is a parameter of its own.
+    """
+
+    loads: Loads
+    path: int
+    motor_run_ms: int
+    receive_ms: int
+    """How long the modem draws its receiving load for a packet; spent from the packet's end on, which is when it acts."""
+    switch_back: int
+    """The board returns to the primary battery once that holds so much."""
+    safe_level: int
+    """Of the backup battery: the last resort is taken here."""
+    last_resort: LastResort
+    kept_on: int = 0
+    """Rails that nothing switches off, as bits."""
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.path <= PATH_UNIT:
+            raise ValueError(f"path must lie in 0 to {PATH_UNIT}, not {self.path}")
+
+
+@dataclass(frozen=True, slots=True)
+class Slots:
+    """Acoustic timeslots as arithmetic on the time: slot `index` of every frame is this board's."""
+
+    frame_ms: int
+    slot_ms: int
+    index: int
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.index * self.slot_ms <= self.frame_ms - self.slot_ms:
+            raise ValueError(f"slot {self.index} does not lie in the frame")
+
+    def next_ms(self, now_ms: int) -> int:
+        """The first time from `now_ms` on at which the slot opens."""
+        first_ms = self.index * self.slot_ms
+        return first_ms - (first_ms - now_ms) // self.frame_ms * self.frame_ms
+
+
+@dataclass(frozen=True, slots=True)
+class Cycle:
+    """When the board sleeps and what a wake does. The alarm rings at whole multiples of its period."""
+
+    alarm_ms: int
+    sample_ms: int
+    """How long the sensors are on: the whole of a short wake."""
+    processing_ms: int
+    """How long the Pi works on the samples; 0 when a wake does without."""
+    slots: Slots | None
+    """Where the board awaits its timeslot and transmits; None when it goes back to sleep instead."""
+    listen_ms: int
+    """How long it stays awake after a ping, and after it has come to rest on the bottom."""
+
+    def __post_init__(self) -> None:
+        if self.alarm_ms <= 0:
+            raise ValueError("alarm_ms must be positive")
+
+    def alarm_after_ms(self, now_ms: int) -> int:
+        """The first alarm after `now_ms`."""
+        return (now_ms // self.alarm_ms + 1) * self.alarm_ms
+
+
+@dataclass(frozen=True, slots=True)
+class Whole:
+    """The whole firmware; a board without one is the paper's worst case: one battery, one load, never asleep."""
+
+    power: Power
+    cycle: Cycle | None
+    """None: never asleep."""
+    transmit_ms: int
+    call_ms: int
+    """Between the calls of a last resort."""
+    hover_ms: int
+    """Between the motor runs that hold a depth."""
+
+
+@dataclass(frozen=True, slots=True)
+class BoardConfig:
+    """Numbers of one board; milliseconds of agent time."""
+
+    agent_id: int
+    charge: ChargeModel
+    pin_debounce_ms: int
+    boot_ms: int
+    float_timeout_ms: int
+    release_wait_ms: int
+    whole: Whole | None = None
+    """Sleep, rails and two batteries; None is the paper's worst case."""

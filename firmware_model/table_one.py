@@ -1,0 +1,157 @@
+"""The numbers of an aMussel's power, and the row of the paper's Table I that each was fitted to.
+
+Everything is scaled voltage a simulated minute, as in the paper, which measured nothing else. Six rows stand against
+four parameters fitted here (`FITTED`); equations (1) and (2) are the paper's own fits, and what Table I cannot tell
+apart (`ASSUMED`) was taken from data sheets, for a battery of 7400 mWh.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from firmware_model.charge import FULL, ChargeModel, grains, grains_per_ms
+from firmware_model.plan import PATH_UNIT, BoardConfig, Cycle, LastResort, Power, Slots, Whole
+from firmware_model.rails import Loads, Rail
+
+EQUATION_1 = 0.0010427134
+EQUATION_2 = ((0.16197, 0.001045), (0.5634, 0.00223), (1.0, 0.002911))
+REFERENCE_MWH = 7400.0
+
+
+def _milliwatts(power_mw: float) -> float:
+    """As scaled voltage a minute of the reference battery."""
+    return round(power_mw / REFERENCE_MWH / 60, 10)
+
+
+@dataclass(frozen=True, slots=True)
+class Parameter:
+    """A number of the model, where it comes from, and the row of Table I that it was fitted to."""
+
+    name: str
+    value: float
+    unit: str
+    source: str
+    fitted_to: str = ""
+
+
+FITTED = (
+    Parameter(
+        "mu_asleep",
+        0.0000392756,
+        "a minute",
+        "deep sleep of the MU without the modem",
+        "discharging, hourly wakes: 14057 min",
+    ),
+    Parameter(
+        "two_coils",
+        1.2435,
+        "of equation (2)",
+        "the primary's charger has two coils",
+        "charging, primary, hourly wakes: 398 min",
+    ),
+    Parameter(
+        "path",
+        0.6037,
+        "of the load",
+        "power path: what of the load reaches the battery while charging",
+        "charging, primary, idle: 575 min",
+    ),
+    Parameter(
+        "motor_run",
+        0.0268,
+        "a run",
+        "one run of the buoyancy motors",
+        "Pi on, motors every 10 min: within 3 hours, so 165 min",
+    ),
+)
+TAKEN = (
+    Parameter("idle", EQUATION_1, "a minute", "equation (1): MU on and modem listening"),
+    Parameter("charge_segments", 3, "segments", "equation (2): the secondary battery, one coil"),
+)
+"""The paper's own fits to its recordings."""
+
+_NANOMODEM = "nanomodem data sheet, at 5 V"
+ASSUMED = (
+    Parameter(
+        "reference_capacity",
+        REFERENCE_MWH,
+        "mWh",
+        "2 Ah at 3.7 V; turns the milliwatts below into scaled voltage",
+    ),
+    Parameter("modem_listening", 12.5, "mW", f"{_NANOMODEM}: 2.5 mA"),
+    Parameter("modem_receiving", 25, "mW", f"{_NANOMODEM}: 5 mA"),
+    Parameter("modem_transmitting", 1500, "mW", f"{_NANOMODEM}: up to 300 mA"),
+    Parameter("oxygen", 100, "mW", "an optode of this class"),
+    Parameter("pressure", 5, "mW", "a sensor of this class"),
+    Parameter("temperature", 5, "mW", "a sensor of this class"),
+    Parameter("turbidity", 50, "mW", "a sensor of this class"),
+    Parameter("pi", 1000, "mW", "a small Raspberry Pi at work"),
+    Parameter("wifi", 500, "mW", "a module of this class"),
+    Parameter("gsm", 400, "mW", "a module of this class"),
+    Parameter("bluetooth", 50, "mW", "a module of this class"),
+    Parameter("motor_run_time", 60, "s", "the energy of a run is what was fitted, not its time"),
+)
+_FITTED = {parameter.name: parameter.value for parameter in FITTED}
+_ASSUMED = {parameter.name: parameter.value for parameter in ASSUMED}
+_LISTENING = _milliwatts(_ASSUMED["modem_listening"])
+_HOUR_MS = 3_600_000
+_MOTOR_RUN_MS = round(_ASSUMED["motor_run_time"] * 1000)
+
+LOADS = Loads.from_minutes(
+    {
+        Rail.MU_ASLEEP: _FITTED["mu_asleep"],
+        Rail.MU_ACTIVE: round(EQUATION_1 - _LISTENING, 10),
+        Rail.OXYGEN: _milliwatts(_ASSUMED["oxygen"]),
+        Rail.PRESSURE: _milliwatts(_ASSUMED["pressure"]),
+        Rail.TEMPERATURE: _milliwatts(_ASSUMED["temperature"]),
+        Rail.TURBIDITY: _milliwatts(_ASSUMED["turbidity"]),
+        Rail.PI: _milliwatts(_ASSUMED["pi"]),
+        Rail.MODEM_LISTENING: _LISTENING,
+        Rail.MODEM_RECEIVING: _milliwatts(_ASSUMED["modem_receiving"]),
+        Rail.MODEM_TRANSMITTING: _milliwatts(_ASSUMED["modem_transmitting"]),
+        Rail.WIFI: _milliwatts(_ASSUMED["wifi"]),
+        Rail.GSM: _milliwatts(_ASSUMED["gsm"]),
+        Rail.BLUETOOTH: _milliwatts(_ASSUMED["bluetooth"]),
+        Rail.MOTORS: round(_FITTED["motor_run"] * 60_000 / _MOTOR_RUN_MS, 10),
+    }
+)
+_ONE_COIL = tuple((grains(end), grains_per_ms(rate)) for end, rate in EQUATION_2)
+MODEL = ChargeModel(
+    discharge=0,
+    segments=_ONE_COIL,
+    segments_by_two=tuple(
+        (end, rate * round(_FITTED["two_coils"] * 10_000) // 10_000) for end, rate in _ONE_COIL
+    ),
+)
+HOURLY = Cycle(alarm_ms=_HOUR_MS, sample_ms=10_000, processing_ms=0, slots=None, listen_ms=60_000)
+"""Table I's short wakes: the sensors for 10 s every hour."""
+FIELD = Cycle(
+    alarm_ms=_HOUR_MS,
+    sample_ms=10_000,
+    processing_ms=60_000,
+    slots=Slots(frame_ms=300_000, slot_ms=5000, index=0),
+    listen_ms=60_000,
+)
+"""Wakes of several minutes, as in Fig. 4 a: sample, process a little, await the timeslot, transmit."""
+
+CYCLES = {"never": None, "hourly": HOURLY, "field": FIELD}
+"""By the names that scripts and tests use."""
+
+
+def power(last_resort: LastResort = LastResort.WAIT, kept_on: int = 0) -> Power:
+    return Power(
+        loads=LOADS,
+        path=round(_FITTED["path"] * PATH_UNIT),
+        motor_run_ms=_MOTOR_RUN_MS,
+        receive_ms=105,
+        switch_back=FULL // 10,
+        safe_level=FULL // 5,
+        last_resort=last_resort,
+        kept_on=kept_on,
+    )
+
+
+def board(cycle: Cycle | None, a_power: Power, agent_id: int = 1) -> BoardConfig:
+    """A board with these loads; `cycle` None never sleeps."""
+    whole = Whole(a_power, cycle, transmit_ms=1000, call_ms=600_000, hover_ms=600_000)
+    return BoardConfig(agent_id, MODEL, 50, 2000, 12 * _HOUR_MS, 120_000, whole)

@@ -1,0 +1,134 @@
+"""An agent whose board is the whole firmware: its life survives cuts, resets and the wire, and its board's words go out."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from agents.agent import Agent, AgentConfig
+from agents.fleet import FleetConfig, resting_on_bottom
+from agents.outputs import Output, SoundSent, Truth, WifiSent
+from agents.physical import Physical
+from agents.stimuli import ContactClosed, ContactOpened, SoundArrived, Stimulus, WifiArrived
+from firmware_model.charge import Flow
+from firmware_model.codec import MusselbedCodec
+from firmware_model.packets import CommandPacket, Kind, StatusPacket
+from firmware_model.plan import LastResort
+from firmware_model.states import State
+from firmware_model.stimuli import ResetCause
+from firmware_model.table_one import FIELD, board, power
+
+CODEC = MusselbedCodec()
+COMMANDS = {kind: CODEC.encode(CommandPacket(kind, 7)) for kind in Kind if kind is not Kind.STATUS}
+WATER = (
+    FleetConfig(
+        theta=30,
+        seed=5,
+        codec="musselbed-1",
+        discharge_per_min=0.001,
+        charge_segments=((1.0, 0.002),),
+        pin_debounce_ms=50,
+        boot_ms=2000,
+        float_timeout_ms=600_000,
+        release_wait_ms=120_000,
+        report_period_ms=30_000,
+        heard_always=False,
+        bottom_um=3_000_000,
+        surfacing_ms=60_000,
+        sinking_ms=45_000,
+        drifts_always=False,
+        drift_amplitude_um=0,
+        current_csv=None,
+    )
+    .maker()
+    .config(7)
+    .water
+)
+CYCLE = replace(FIELD, alarm_ms=200_000)
+CONFIG = AgentConfig(board(CYCLE, power(LastResort.CALL), agent_id=7), WATER, 30_000, heard_always=False)
+STIMULI: tuple[Stimulus, ...] = (
+    *(SoundArrived(data) for data in COMMANDS.values()),
+    WifiArrived(COMMANDS[Kind.RELEASE]),
+    ContactClosed(0, 0),
+    ContactOpened(),
+)
+END_MS = 2_000_000
+
+
+def agent(primary: float = 0.9, secondary: float = 1.0) -> Agent:
+    physical = resting_on_bottom(1.0, 2.0, 3.0, primary, secondary)
+    return Agent(CONFIG, CODEC, physical, 0, ResetCause.POWER_ON)
+
+
+def live(
+    story: list[tuple[int, Stimulus | None]], cuts: list[int], charges: tuple[float, float], packed: bool
+) -> tuple[list[Output], list[Truth]]:
+    """Outputs and truths up to END_MS; None is a reset, over the wire when `packed`."""
+    mussel = agent(*charges)
+    outputs: list[Output] = []
+    truths: list[Truth] = []
+    moments = [(at_ms, 1, stimulus) for at_ms, stimulus in story] + [(at_ms, 0, None) for at_ms in cuts]
+    for at_ms, is_event, stimulus in sorted(moments, key=lambda it: it[:2]):
+        outputs += mussel.advance(at_ms)
+        if is_event and stimulus is None:
+            truths += mussel.take_truths()
+            physical = mussel.physical
+            if packed:
+                physical = Physical.unpack(physical.pack())
+            mussel = Agent(CONFIG, CODEC, physical, at_ms, ResetCause.BROWN_OUT)
+        elif stimulus is not None:
+            outputs += mussel.receive(stimulus, at_ms)
+    outputs += mussel.advance(END_MS)
+    return outputs, truths + mussel.take_truths()
+
+
+TIMES = st.integers(0, END_MS)
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    story=st.lists(
+        st.tuples(TIMES, st.sampled_from([*STIMULI, None])), max_size=12, unique_by=lambda it: it[0]
+    ),
+    cuts=st.lists(TIMES, max_size=20),
+    charges=st.sampled_from([(0.0, 0.0), (0.001, 0.15), (0.01, 1.0), (0.9, 1.0)]),
+)
+def test_any_cuts_and_the_wire_give_the_same_life(
+    story: list[tuple[int, Stimulus | None]], cuts: list[int], charges: tuple[float, float]
+) -> None:
+    assert live(story, cuts, charges, packed=True) == live(story, [], charges, packed=False)
+
+
+def test_its_status_goes_out_by_sound_in_its_slot() -> None:
+    sounds = [output for output in agent().advance(400_000) if isinstance(output, SoundSent)]
+    # Awake at 200 s, sampled and processed by 270 s; slot 0 of the next five-minute frame opens at 300 s.
+    assert [sound.at_ms for sound in sounds] == [300_000]
+    packet = CODEC.decode(sounds[0].data)
+    assert isinstance(packet, StatusPacket)
+    assert (packet.state, packet.depth_m, packet.agent_ms) == (State.TRANSMITTING, 3.0, 300_000)
+
+
+def test_docked_both_batteries_charge_and_it_reports_by_wifi() -> None:
+    mussel = agent(0.5, 0.5)
+    mussel.receive(SoundArrived(COMMANDS[Kind.PERMISSION]), 70_000)
+    mussel.receive(ContactClosed(0, 0), 140_000)
+    outputs = mussel.advance(205_000)
+    assert mussel.board.state is State.REPORTING
+    assert any(isinstance(output, WifiSent) and output.at_ms == 200_000 for output in outputs)
+    physical = mussel.physical
+    assert (physical.primary.flow, physical.primary.coils) == (Flow.CHARGING, 2)
+    assert (physical.secondary.flow, physical.secondary.coils) == (Flow.CHARGING, 1)
+    assert physical.primary.load > 0 == physical.secondary.load
+
+
+def test_hovering_it_stays_at_its_depth() -> None:
+    mussel = agent()
+    mussel.receive(SoundArrived(COMMANDS[Kind.HOVER]), 70_000)
+    mussel.advance(700_000)
+    assert mussel.board.state is State.HOVERING
+    assert mussel.body.depth_at_um(700_000) == 3_000_000
+    mussel.receive(SoundArrived(COMMANDS[Kind.PERMISSION]), 700_000)
+    mussel.advance(760_000)
+    assert mussel.board.state is State.FLOATING

@@ -1,0 +1,338 @@
+"""Stories of a board that sleeps, as golden traces; and the laws of its time and its energy."""
+
+from dataclasses import replace
+from itertools import pairwise
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from firmware_model.actions import Action, FeedFrom, LogSample, RunBuoyancy, SendStatus, StateChanged
+from firmware_model.bench import Bench
+from firmware_model.board import Board
+from firmware_model.charge import FULL, Battery, Flow, grains
+from firmware_model.codec import MusselbedCodec
+from firmware_model.packets import CommandPacket, Kind
+from firmware_model.plan import BoardConfig, Cycle, LastResort
+from firmware_model.rails import Rail
+from firmware_model.states import State
+from firmware_model.stimuli import (
+    BottomReached,
+    ChargePinFell,
+    ChargePinRose,
+    PacketHeard,
+    PowerCameOn,
+    ResetCause,
+    Stimulus,
+    SurfaceReached,
+    WifiReceived,
+)
+from firmware_model.table_one import FIELD, HOURLY, LOADS, MODEL, board, power
+
+HOUR = 3_600_000
+
+
+def told(actions: list[Action]) -> list[str]:
+    """What happened, without the rails."""
+    lines = []
+    for action in actions:
+        match action:
+            case StateChanged(at_ms, old, trigger, new):
+                lines.append(f"{at_ms} {old.name} -{trigger.name}-> {new.name}")
+            case RunBuoyancy(at_ms, to):
+                lines.append(f"{at_ms} motors {to.name}")
+            case FeedFrom(at_ms, feed):
+                lines.append(f"{at_ms} feed {feed.name}")
+            case LogSample(at_ms):
+                lines.append(f"{at_ms} sample")
+            case SendStatus(at_ms, by):
+                lines.append(f"{at_ms} send by {by.name}")
+    return lines
+
+
+def asleep(cycle: Cycle = HOURLY, last_resort: LastResort = LastResort.WAIT, **start: float) -> Bench:
+    """A bench past its boot, asleep after its minute of listening."""
+    bench = Bench(board(cycle, power(last_resort)), **start)  # type: ignore[arg-type]
+    bench.run(minutes=2)
+    bench.trace.clear()
+    return bench
+
+
+def test_a_short_wake_samples_for_ten_seconds_every_hour() -> None:
+    bench = asleep()
+    assert told(bench.run(hours=2)) == [
+        "3600000 SLEEPING -ALARM_RANG-> SAMPLING",
+        "3610000 sample",
+        "3610000 SAMPLING -WAKE_OVER-> SLEEPING",
+        "7200000 SLEEPING -ALARM_RANG-> SAMPLING",
+        "7210000 sample",
+        "7210000 SAMPLING -WAKE_OVER-> SLEEPING",
+    ]
+
+
+def test_a_long_wake_processes_awaits_its_slot_and_transmits() -> None:
+    assert told(asleep(FIELD).run(hours=1.5)) == [
+        "3600000 SLEEPING -ALARM_RANG-> SAMPLING",
+        "3610000 sample",
+        "3610000 SAMPLING -SAMPLES_TO_PROCESS-> PROCESSING",
+        "3670000 PROCESSING -PROCESSED-> AWAITING_SLOT",
+        # Frames of five minutes: the next one begins at 65 minutes.
+        "3900000 AWAITING_SLOT -SLOT_OPENED-> TRANSMITTING",
+        "3900000 send by MODEM_TRANSMITTING",
+        "3901000 TRANSMITTING -WAKE_OVER-> SLEEPING",
+    ]
+
+
+def test_a_wake_without_the_pi_goes_from_sampling_to_its_slot() -> None:
+    lines = told(asleep(replace(FIELD, processing_ms=0)).run(hours=1.5))
+    assert lines[2] == "3610000 SAMPLING -SAMPLES_TO_SEND-> AWAITING_SLOT"
+
+
+def test_a_ping_wakes_it_to_listen_for_a_minute() -> None:
+    bench = asleep()
+    assert told(bench.command(Kind.PING)) == ["120000 SLEEPING -PING_HEARD-> ACTIVE"]
+    assert told(bench.run(minutes=5)) == ["180000 ACTIVE -WAKE_OVER-> SLEEPING"]
+
+
+def test_one_service_with_reports_in_the_dock() -> None:
+    bench = asleep()
+    bench.command(Kind.PERMISSION)
+    bench.run(minutes=4)
+    bench.charge_pin_rises()
+    bench.run(hours=1)
+    bench.charge_pin_falls()
+    bench.run(ms=100)
+    bench.command(Kind.RELEASE)
+    bench.run(minutes=3)
+    assert told(bench.trace) == [
+        "120000 SLEEPING -PERMISSION_HEARD-> SURFACING",
+        "120000 motors FLOAT",
+        "180000 SURFACING -SURFACE_REACHED-> FLOATING",
+        "360050 FLOATING -CHARGE_EDGE_ROSE-> CHARGING",
+        "3600000 CHARGING -ALARM_RANG-> REPORTING",
+        "3600000 send by WIFI",
+        "3610000 REPORTING -WAKE_OVER-> CHARGING",
+        "3960050 CHARGING -CHARGE_EDGE_FELL-> RELEASED",
+        "3960100 RELEASED -CLEAR_TO_SINK-> SINKING",
+        "3960100 motors SINK",
+        "4020100 SINKING -BOTTOM_REACHED-> ACTIVE",
+        "4080100 ACTIVE -WAKE_OVER-> SLEEPING",
+    ]
+
+
+def test_a_charge_edge_wakes_a_sleeper() -> None:
+    bench = asleep()
+    bench.charge_pin_rises()
+    assert told(bench.run(minutes=1)) == ["120050 SLEEPING -CHARGE_EDGE_ROSE-> CHARGING"]
+
+
+def test_it_hovers_by_a_motor_run_every_ten_minutes_and_sinks_when_told() -> None:
+    bench = asleep()
+    bench.command(Kind.HOVER)
+    bench.run(minutes=15)
+    bench.tell(PacketHeard(CommandPacket(Kind.RELEASE, 1).encode()))
+    assert told(bench.trace) == [
+        "120000 SLEEPING -HOVER_TOLD-> HOVERING",
+        "120000 motors HOVER",
+        "720000 HOVERING -HOVER_DUE-> HOVERING",
+        "720000 motors HOVER",
+        "1020000 HOVERING -CLEAR_TO_SINK-> SINKING",
+        "1020000 motors SINK",
+    ]
+
+
+def test_an_emptied_primary_wakes_it_into_the_emergency_and_the_dock_brings_it_back() -> None:
+    bench = asleep(primary=0.003, secondary=0.9)
+    lines = told(bench.run(hours=40))
+    assert [line.split(" ", 1)[1] for line in lines[-2:]] == [
+        "feed SECONDARY",
+        "SLEEPING -BATTERY_EMPTIED-> EMPTY",
+    ]
+    assert bench.primary == 0
+    bench.charge_pin_rises()
+    lines = told(bench.run(hours=2))
+    switch_back = next(line for line in lines if "feed" in line)
+    assert switch_back.endswith("feed PRIMARY")
+    # One tenth at 1.2435 times equation (2)'s first rate: 76.95 min after the edge, nothing drawn on the way.
+    edge_ms, back_ms = (int(line.split()[0]) for line in (lines[0], switch_back))
+    assert (back_ms - edge_ms) / 60_000 == pytest.approx(0.1 / (1.2435 * 0.001045), abs=0.01)
+
+
+@pytest.mark.parametrize(
+    ("last_resort", "after"),
+    [
+        (LastResort.WAIT, ["EMPTY -BOTH_EMPTIED-> LOST"]),
+        (LastResort.CALL, ["EMPTY -LAST_RESORT_CALL-> CALLING", "CALLING -WAKE_OVER-> EMPTY"]),
+        (
+            LastResort.SURFACE,
+            ["EMPTY -LAST_RESORT_SURFACE-> SURFACING", "SURFACING -SURFACE_REACHED-> FLOATING"],
+        ),
+    ],
+)
+def test_the_last_resort_is_taken_at_the_safe_level(last_resort: LastResort, after: list[str]) -> None:
+    bench = asleep(last_resort=last_resort, primary=0.002, secondary=0.201)
+    bench.run(hours=1000)
+    changes = [action for action in bench.trace if isinstance(action, StateChanged)]
+    emptied = next(n for n, change in enumerate(changes) if change.new is State.EMPTY)
+    following = [f"{a.old.name} -{a.trigger.name}-> {a.new.name}" for a in changes[emptied + 1 :]]
+    assert following[: len(after)] == after
+    assert following[-1].endswith("-BOTH_EMPTIED-> LOST")
+    assert (bench.primary, bench.secondary) == (0, 0)
+    if last_resort is not LastResort.WAIT:
+        # 0.001 above the safe level at the sleeping load: about 14.8 min after the primary was empty.
+        took_ms = changes[emptied + 1].at_ms - changes[emptied].at_ms
+        assert took_ms / 60_000 == pytest.approx(0.001 / (0.0000392756 + 0.0000281532), rel=0.01)
+
+
+def test_calls_repeat_and_between_them_it_can_be_permitted_to_surface() -> None:
+    bench = asleep(last_resort=LastResort.CALL, primary=0.0002, secondary=0.15)
+    bench.run(hours=1)
+    calls = [a.at_ms for a in bench.trace if isinstance(a, SendStatus)]
+    assert len(calls) >= 4 and {b - a for a, b in pairwise(calls)} == {600_000}
+    bench.command(Kind.PERMISSION)
+    assert bench.state is State.SURFACING
+
+
+def test_one_that_boots_with_both_batteries_empty_is_lost() -> None:
+    bench = Bench(board(HOURLY, power()), primary=0.0, secondary=0.0)
+    bench.run(minutes=1)
+    assert bench.state is State.LOST
+
+
+def test_a_lost_one_that_is_docked_all_the_same_charges() -> None:
+    bench = asleep(primary=0.0001, secondary=0.0001)
+    bench.run(hours=1)
+    assert (bench.state, bench.board.rails) == (State.LOST, 0)
+    bench.charge_pin_rises()
+    bench.run(hours=1)
+    assert bench.state is State.CHARGING
+    assert bench.primary > grains(0.05) and bench.secondary > grains(0.05)
+
+
+def test_what_its_radios_are_not_on_for_is_dropped() -> None:
+    bench = asleep()
+    assert "Wi-Fi is off" in str(bench.command(Kind.RELEASE))
+    bench = asleep(FIELD)
+    bench.run_until(3_900_500)
+    assert bench.state is State.TRANSMITTING
+    assert "the modem is not listening" in str(bench.command(Kind.PERMISSION))
+
+
+@pytest.mark.parametrize("cause", ResetCause)
+def test_a_reset_says_its_cause_and_leaves_the_batteries(cause: ResetCause) -> None:
+    bench = asleep(primary=0.8)
+    before = bench.primary
+    bench.reset(cause)
+    assert (bench.board.reset_cause, bench.primary, bench.state) == (cause, before, State.BOOTING)
+    bench.run(minutes=2)
+    assert bench.state is State.SLEEPING
+
+
+def test_a_reset_does_not_turn_the_switch_between_the_batteries() -> None:
+    bench = asleep(primary=0.0, secondary=0.5)
+    bench.charge_pin_rises()
+    bench.run(minutes=10)
+    bench.charge_pin_falls()
+    bench.run(minutes=10)
+    assert bench.primary > 0
+    for _ in range(2):
+        assert (bench.state, bench.board.secondary.flow) == (State.EMPTY, Flow.DISCHARGING)
+        bench.reset(ResetCause.BROWN_OUT)
+        bench.run(minutes=1)
+
+
+def test_never_asleep_it_stays_active_on_the_idle_load() -> None:
+    bench = Bench(board(None, power()))
+    bench.run(hours=5)
+    assert bench.state is State.ACTIVE
+    assert bench.primary / FULL == pytest.approx(1 - 300 * 0.0010427134, abs=1e-6)
+
+
+# The laws.
+
+QUICK = Cycle(alarm_ms=20_000, sample_ms=3000, processing_ms=2000, slots=FIELD.slots, listen_ms=5000)
+COMMANDS = [CommandPacket(kind, 1).encode() for kind in Kind if kind is not Kind.STATUS]
+STIMULI: st.SearchStrategy[Stimulus] = st.one_of(
+    st.sampled_from(
+        [ChargePinRose(), ChargePinFell(), SurfaceReached(), BottomReached(), PacketHeard(b"noise")]
+    ),
+    st.sampled_from([PacketHeard(data) for data in COMMANDS] + [WifiReceived(data) for data in COMMANDS]),
+)
+FACTS = st.lists(st.tuples(st.integers(0, 900_000), STIMULI), max_size=12)
+CONFIGS = st.builds(
+    lambda cycle, last_resort, kept_on: board(cycle, power(last_resort, kept_on)),
+    st.sampled_from([None, HOURLY, FIELD, QUICK, replace(QUICK, slots=None)]),
+    st.sampled_from(LastResort),
+    st.sampled_from([0, 1 << Rail.PI]),
+)
+
+
+def made(config: BoardConfig, primary: float, secondary: float) -> Board:
+    batteries = (Battery(0, grains(round(charge, 10)), Flow.RESTING) for charge in (primary, secondary))
+    return Board(config, MusselbedCodec(), *batteries, 0)
+
+
+@given(
+    CONFIGS, st.floats(0, 0.02), st.floats(0, 0.25), FACTS, st.lists(st.integers(0, 1_500_000), max_size=12)
+)
+def test_cutting_time_does_not_change_the_trace(
+    config: BoardConfig, primary: float, secondary: float, raw: list[tuple[int, Stimulus]], cuts: list[int]
+) -> None:
+    moments: list[tuple[int, Stimulus | None]] = [*sorted(raw, key=lambda it: it[0])]
+    boards, traces = [], []
+    for at_cuts in ([], cuts):
+        mu = made(config, primary, secondary)
+        trace = mu.receive(PowerCameOn(ResetCause.POWER_ON, at_surface=False, pin_high=False), 0)
+        cut_moments: list[tuple[int, Stimulus | None]] = [(at_ms, None) for at_ms in at_cuts]
+        for at_ms, fact in sorted([*moments, *cut_moments], key=lambda it: it[0]):
+            trace += mu.advance(at_ms) if fact is None else mu.receive(fact, at_ms)
+        trace += mu.advance(1_500_000)
+        boards.append(mu)
+        traces.append(trace)
+    assert traces[0] == traces[1]
+    whole, pieces = boards
+    assert (pieces.state, pieces.primary, pieces.secondary, pieces.rails, pieces.next_due_ms) == (
+        whole.state,
+        whole.primary,
+        whole.secondary,
+        whole.rails,
+        whole.next_due_ms,
+    )
+
+
+@given(CONFIGS, FACTS, st.lists(st.integers(0, 900_000), max_size=2))
+def test_what_the_modules_drew_is_what_the_batteries_lost(
+    config: BoardConfig, raw: list[tuple[int, Stimulus]], resets: list[int]
+) -> None:
+    """Exactly, in grains, by module and by state, while nothing charges and nothing is empty."""
+    bench = Bench(config)
+    moments: list[tuple[int, Stimulus | None]] = [*raw, *((at_ms, None) for at_ms in resets)]
+    for at_ms, fact in sorted(moments, key=lambda it: it[0]):
+        bench.run_until(at_ms)
+        if fact is None:
+            bench.reset(ResetCause.WATCHDOG)
+        elif not isinstance(fact, ChargePinRose):
+            bench.tell(fact)
+    bench.run_until(1_000_000)
+    assert bench.ledger is not None
+    bench.ledger.settle(1_000_000)
+    lost = FULL - bench.primary
+    assert bench.secondary == FULL
+    assert sum(bench.ledger.by_rail().values()) == sum(bench.ledger.by_state().values()) == lost > 0
+
+
+@given(CONFIGS, st.floats(0, 1), st.floats(0, 1), FACTS)
+def test_charges_stay_on_the_scale_and_what_is_on_is_what_the_batteries_feel(
+    config: BoardConfig, primary: float, secondary: float, raw: list[tuple[int, Stimulus]]
+) -> None:
+    mu = made(config, primary, secondary)
+    mu.receive(PowerCameOn(ResetCause.POWER_ON, at_surface=False, pin_high=False), 0)
+    for at_ms, fact in sorted(raw, key=lambda it: it[0]):
+        mu.receive(fact, at_ms)
+        for battery in (mu.primary, mu.secondary):
+            assert 0 <= MODEL.charge_at(battery, at_ms) <= FULL
+        drawn = mu.primary.load + mu.secondary.load
+        if Flow.CHARGING in (mu.primary.flow, mu.secondary.flow):
+            assert drawn == LOADS.total(mu.rails) * 6037 // 10_000
+        elif MODEL.charge_at(mu.primary, at_ms) or MODEL.charge_at(mu.secondary, at_ms):
+            assert drawn == LOADS.total(mu.rails)
