@@ -6,7 +6,6 @@ from firmware_model.actions import (
     MOTORS,
     REPORTS,
     Action,
-    Buoyancy,
     Dropped,
     FeedFrom,
     LogSample,
