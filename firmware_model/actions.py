@@ -71,3 +71,16 @@ class Dropped:
 
 
 Action = StateChanged | RunBuoyancy | SetRail | FeedFrom | LogSample | SendStatus | Dropped
+
+MOTORS = {
+    State.SURFACING: Buoyancy.FLOAT,
+    State.SINKING: Buoyancy.SINK,
+    State.HOVERING: Buoyancy.HOVER,
+}
+"""Where the motors are run to on entering a state."""
+REPORTS = {
+    State.TRANSMITTING: Rail.MODEM_TRANSMITTING,
+    State.CALLING: Rail.MODEM_TRANSMITTING,
+    State.REPORTING: Rail.WIFI,
+}
+"""By what a status is sent on entering a state."""

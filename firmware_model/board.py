@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from firmware_model.actions import (
+    MOTORS,
+    REPORTS,
     Action,
-    Buoyancy,
     Dropped,
     FeedFrom,
     LogSample,
@@ -41,16 +42,6 @@ _COMMANDS = {
     Kind.HOVER: Trigger.HOVER_TOLD,
 }
 _DOCKED = (State.CHARGING, State.REPORTING)
-_MOTORS = {
-    State.SURFACING: Buoyancy.FLOAT,
-    State.SINKING: Buoyancy.SINK,
-    State.HOVERING: Buoyancy.HOVER,
-}
-_REPORTS = {
-    State.TRANSMITTING: Rail.MODEM_TRANSMITTING,
-    State.CALLING: Rail.MODEM_TRANSMITTING,
-    State.REPORTING: Rail.WIFI,
-}
 
 
 class Board:
@@ -221,7 +212,7 @@ class Board:
         """Sets the motors, the power path and the deadline for the state just entered."""
         state, now_ms = self.state, self._now_ms
         actions: list[Action] = []
-        motors = _MOTORS.get(state)
+        motors = MOTORS.get(state)
         if motors is not None:
             actions.append(RunBuoyancy(now_ms, motors))
             if self._whole is not None:
@@ -231,8 +222,8 @@ class Board:
         elif state is not State.BOOTING:
             self._batteries.charge(state is State.CHARGING, now_ms)
         self._set_deadline()
-        if state in _REPORTS:
-            actions.append(SendStatus(now_ms, _REPORTS[state]))
+        if state in REPORTS:
+            actions.append(SendStatus(now_ms, REPORTS[state]))
         return actions
 
     def _set_deadline(self) -> None:
