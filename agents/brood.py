@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import ctypes
 import fcntl
 import gc
 import os
 import resource
 import signal
 import socket
-import sys
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,22 +15,15 @@ from dataclasses import dataclass
 from agents.agent import Agent
 from agents.control import Died
 from agents.fleet_file import PHYSICAL_NAME, FleetFile
+from agents.forked import live
 from agents.link import Key, readable
-from agents.process import Servant, message_room, serve
+from agents.memory import return_freed_memory
+from agents.process import Servant, message_room
 from agents.rehearsal import rehearse
-from agents.slots import Slot, SlotPair
+from agents.slots import PAIR_BYTES, Slot, SlotPair
 from firmware_model.codec import load_codec
 from firmware_model.stimuli import ResetCause
 
-_PR_SET_PDEATHSIG = 1
-_PR_SET_NAME = 15
-_LIBC = ctypes.CDLL(None)
-_PRCTL = _LIBC.prctl
-_SET_SIGNAL = _LIBC.signal
-_DUP2, _CLOSERANGE, _GETPPID, _EXIT = os.dup2, os.closerange, os.getppid, os._exit
-_SIG_DFL = 0
-_SIGKILL = int(signal.SIGKILL)
-_SIGTERM = int(signal.SIGTERM)
 _TRUTH_ROOM_BYTES = 4 * 2**20
 _LOCK_TIMEOUT_S = 2.0
 
@@ -88,7 +79,6 @@ class Brood:
         self._teller = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET, 0, teller_fd)
         self._teller.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _TRUTH_ROOM_BYTES)
         self._room = message_room()
-        self._teller.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _TRUTH_ROOM_BYTES)
         self._descriptors = resource.getrlimit(resource.RLIMIT_NOFILE)[0]
         self._upbringing = file.upbringing
         self._codec = load_codec(file.fleet.codec)
@@ -97,16 +87,17 @@ class Brood:
         self._restarted_at_s: dict[int, list[float]] = {}
         self.children: dict[int, Child] = {}
         self._id_of_pid: dict[int, int] = {}
-        if os.fstat(self._slots_fd).st_size == 0:
-            for agent_id, physical in file.births.items():
-                self._pair(agent_id).birth(physical)
+        # Births are written in the order of their places: a file without the last one has never been used.
+        if os.fstat(self._slots_fd).st_size <= PAIR_BYTES * (len(self._index) - 1):
+            for agent_id in self._index:
+                self._pair(agent_id).birth(file.births[agent_id])
 
     def warm(self) -> None:
         """Runs and touches all that an agent uses, then sets it apart from the garbage collector, to be shared."""
         rehearse(self._configs, self._codec, next(iter(self._index), 0))
         gc.collect()
         gc.freeze()
-        _LIBC.malloc_trim(0)
+        return_freed_memory()
 
     def rows(self) -> list[tuple[int, int, int, int, int]]:
         """(agent_id, pid or 0, epoch, sequence, granted_ms) of each agent's newest slot."""
@@ -137,7 +128,7 @@ class Brood:
         for agent in unborn:
             pid = os.fork()
             if pid == 0:
-                _live(nursery_pid, agent.name, agent.theirs, link_fd, descriptors, link, room, agent.servant)
+                live(nursery_pid, agent.name, agent.theirs, link_fd, descriptors, link, room, agent.servant)
             pids.append(pid)
         for pid, agent in zip(pids, unborn, strict=True):
             os.close(agent.theirs)
@@ -216,39 +207,6 @@ class Brood:
 
     def _pair(self, agent_id: int) -> SlotPair:
         return SlotPair(self._slots_fd, self._index[agent_id], agent_id)
-
-
-def _live(
-    nursery_pid: int,
-    name: bytes,
-    theirs: int,
-    link_fd: int,
-    descriptors: int,
-    link: socket.socket,
-    room: memoryview,
-    servant: Servant,
-) -> None:
-    """A forked agent's whole life; it never returns.
-
-    It runs once, unlike all that was rehearsed: so it finds what it needs in arguments and globals, because each attribute
-    that is looked up for the first time copies some five pages.
-    """
-    status = 1
-    try:
-        _DUP2(theirs, link_fd)
-        _CLOSERANGE(link_fd + 1, descriptors)
-        _PRCTL(_PR_SET_PDEATHSIG, _SIGKILL, 0, 0, 0)
-        if _GETPPID() != nursery_pid:
-            _EXIT(0)  # the nursery died before its death could be a signal
-        _PRCTL(_PR_SET_NAME, name, 0, 0, 0)
-        _SET_SIGNAL(_SIGTERM, _SIG_DFL)
-        serve(link, room, servant)
-        status = 0
-    except BaseException:
-        sys.excepthook(*sys.exc_info())
-        sys.stderr.flush()
-    finally:
-        _EXIT(status)
 
 
 def _lock(descriptor: int) -> None:

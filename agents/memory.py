@@ -14,6 +14,13 @@ _LARGE_BYTES = 32768
 _BYTES_HEAD = 33
 _ROUNDS = 200_000
 """Far more objects than there are holes: an interpreter that lays out memory in another way must not hang here."""
+_LIBC = ctypes.CDLL(None)
+_LIBC.sbrk.restype = ctypes.c_void_p
+
+
+def return_freed_memory() -> None:
+    """Gives malloc's free pages back to the system: forked processes would copy the ones they touch."""
+    _LIBC.malloc_trim(0)
 
 
 def fill_holes() -> list[object]:
@@ -22,10 +29,8 @@ def fill_holes() -> list[object]:
     For CPython 3.11's pools, where the first object of an untouched pool tells that no hole of that size is left.
     """
     gc.collect()
-    libc = ctypes.CDLL(None)
-    libc.sbrk.restype = ctypes.c_void_p
-    libc.malloc_trim(0)
-    end = libc.sbrk(0) or 0
+    return_freed_memory()
+    end = _LIBC.sbrk(0) or 0
     filling: list[object] = []
     for size in range(_LARGE_BYTES, _SMALL_BYTES, -16):
         _fill(filling, size, lambda at: at >= end)

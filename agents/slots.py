@@ -18,7 +18,9 @@ _HEAD = struct.Struct("<HIQQ")
 _CRC = struct.Struct("<I")
 _BODY_BYTES = _HEAD.size + Physical.FORMAT.size
 SLOT_BYTES = 128
-"""Room for a slot; two side by side make an agent's pair, so that none crosses a page of the file."""
+"""Room for a slot, so that none crosses a page of the file."""
+PAIR_BYTES = 2 * SLOT_BYTES
+"""An agent's two slots lie side by side."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,7 +37,7 @@ class SlotPair:
 
     def __init__(self, fd: int, index: int, agent_id: int) -> None:
         self._fd = fd
-        self._offset = 2 * SLOT_BYTES * index
+        self._offset = PAIR_BYTES * index
         self.agent_id = agent_id
         self._next = 0
 
