@@ -19,6 +19,7 @@ import dataclasses  # noqa: F401
 import decimal  # noqa: F401
 import enum  # noqa: F401
 import fcntl  # noqa: F401
+import mmap  # noqa: F401
 import os
 import resource
 import select  # noqa: F401
