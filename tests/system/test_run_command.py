@@ -88,6 +88,12 @@ def docked(run: Path) -> list[int]:
     return held
 
 
+def charging(run: Path) -> list[int]:
+    """Agents that the journal's truths have shown charging."""
+    lines = read_journal(run / "journal.jsonl").lines if (run / "journal.jsonl").exists() else []
+    return [line["id"] for line in lines if line["kind"] == "truth" and line["state"] == "CHARGING"]
+
+
 def children_of(run: Path) -> list[str]:
     """Command lines of living processes that belong to the run: they name its directory, or are its agents."""
     found = []
@@ -172,7 +178,7 @@ def test_kill_9_of_the_supervisor_and_resume_goes_on_with_the_docks_as_they_were
 
 def test_kill_9_of_an_agent_while_it_charges_and_it_goes_on_charging(fly: Any) -> None:
     process, run = fly(20)
-    agent_id = wait_for(lambda: docked(run), "nothing was docked")[0]
+    agent_id = wait_for(lambda: charging(run), "nothing charges")[0]
     pid = wait_for(lambda: pid_of_agent(run, agent_id), "the agent has no process")
     os.kill(pid, signal.SIGKILL)
     stdout, stderr = process.communicate(timeout=PATIENCE_S)
