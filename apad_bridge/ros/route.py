@@ -46,6 +46,14 @@ def environment_for(master_uri: str, environment: Mapping[str, str] = os.environ
         return {"ROS_MASTER_URI": master_uri, "ROS_IP": str(probe.getsockname()[0])}
 
 
+def free_port() -> int:
+    """A TCP port that nothing listens at now."""
+    with socket.socket() as probe:
+        probe.bind(("", 0))
+        port: int = probe.getsockname()[1]
+    return port
+
+
 def _host_and_port(uri: str) -> tuple[str, int]:
     parts = urlsplit(uri)
     try:

@@ -85,5 +85,13 @@ class RunOptions:
         """The same on a master that somebody else runs."""
         return replace(self, master_uri=uri)
 
+    def at_port(self, xmlrpc_port: int) -> RunOptions:
+        """Every supervisor of the run puts its node at this port.
+
+        A master takes a node that comes back at another port, while its old one is another node's by now, for a reason to
+        shut that healthy node down (ros_comm issue 2241).
+        """
+        return replace(self, xmlrpc_port=xmlrpc_port)
+
     def next_epoch(self) -> RunOptions:
         return replace(self, epoch=self.epoch + 1)

@@ -18,7 +18,7 @@ from typing import Any
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.ros.apad_process import APadNodeFailed, start_apad_node, stop_apad_node
 from apad_bridge.ros.master import MasterFailed, start_master
-from apad_bridge.ros.route import environment_for, somebodys_master
+from apad_bridge.ros.route import environment_for, free_port, somebodys_master
 from apad_bridge.runs.children import Child
 from apad_bridge.runs.failures import PeerFailed
 from apad_bridge.runs.nurseries import end_fleet, start_nursery
@@ -45,7 +45,7 @@ def fly(
 ) -> dict[str, Any]:
     """Flies the run with processes of its own and gives its summary. PeerFailed when something that it needs fails."""
     with ExitStack() as stack:
-        options = _open_ros(stack, options, directory.path)
+        options = _open_ros(stack, options, directory.path).at_port(free_port())
         options.save(directory.path)
         if options.part is not Part.MISSION:
             stack.callback(end_fleet, directory.path, start_nursery(scenario, starts, directory.path))

@@ -158,11 +158,13 @@ def test_kill_9_of_the_supervisor_and_resume_goes_on_with_the_docks_as_they_were
     wait_for(lambda: len(docked(run)) == 2, "no two were docked")
     os.kill(int((run / "supervisor.pid").read_text().split()[0]), signal.SIGKILL)
     before = docked(run)
+    port = json.loads((run / "run.json").read_text())["xmlrpc_port"]
 
     resumed = musselbed("resume", run, "--json")
     assert resumed.returncode == 0, resumed.stderr
     stdout, stderr = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 0, stderr
+    assert json.loads((run / "run.json").read_text())["xmlrpc_port"] == port > 0
     summary = json.loads(resumed.stdout)
     assert json.loads(stdout)["services"] == summary["services"] >= 4
     assert summary["lost"] == 0
