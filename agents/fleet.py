@@ -36,6 +36,7 @@ class FleetConfig:
     drift_amplitude_um: int
     current_csv: str | None
     """The text of the current vector field's file; None for still water."""
+    coil_alignment_ms: int = 0
 
     def to_wire(self) -> dict[str, Any]:
         return asdict(self)
@@ -64,6 +65,7 @@ class AgentConfigs:
             drifts_always=fleet.drifts_always,
             amplitude_um=fleet.drift_amplitude_um,
             current=STILL_WATER if fleet.current_csv is None else CurrentField.parse(fleet.current_csv),
+            coil_alignment_ms=fleet.coil_alignment_ms,
         )
 
     def config(self, agent_id: int) -> AgentConfig:

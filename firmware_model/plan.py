@@ -115,3 +115,11 @@ class BoardConfig:
     release_wait_ms: int
     whole: Whole | None = None
     """Sleep, rails and two batteries; None is the paper's worst case."""
+    pin_chatter_ms: int = 2000
+    """A charger's pin that bounces for so long is decided by the level that it had for the greater part of it."""
+    pin_check_ms: int = 60_000
+    """The pin's level is sampled at whole multiples of it, and at every wake: that finds an edge that was missed."""
+
+    def __post_init__(self) -> None:
+        if not self.pin_debounce_ms < self.pin_chatter_ms or self.pin_check_ms <= 0:
+            raise ValueError("pin_chatter_ms must be longer than pin_debounce_ms, and pin_check_ms positive")
