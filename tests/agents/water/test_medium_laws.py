@@ -1,4 +1,4 @@
-"""Laws of the medium: cuts of time and the order of ties change nothing, culling leaves out nobody; and a second opinion."""
+"""Laws of the medium: no cut of time and no order of ties changes anything; and what another implementation says."""
 
 from __future__ import annotations
 
