@@ -50,19 +50,19 @@ class Power:
 
 @dataclass(frozen=True, slots=True)
 class Slots:
-    """Acoustic timeslots as arithmetic on the time: slot `index` of every frame is this board's."""
+    """Acoustic timeslots as arithmetic on the time, the same for all boards; each has one of them in every frame."""
 
     frame_ms: int
     slot_ms: int
-    index: int
 
-    def __post_init__(self) -> None:
-        if not 0 <= self.index * self.slot_ms <= self.frame_ms - self.slot_ms:
-            raise ValueError(f"slot {self.index} does not lie in the frame")
+    @property
+    def count(self) -> int:
+        """How many whole slots a frame has."""
+        return self.frame_ms // self.slot_ms
 
-    def next_ms(self, now_ms: int) -> int:
-        """The first time from `now_ms` on at which the slot opens."""
-        first_ms = self.index * self.slot_ms
+    def next_ms(self, index: int, now_ms: int) -> int:
+        """The first time from `now_ms` on at which slot `index` opens."""
+        first_ms = index * self.slot_ms
         return first_ms - (first_ms - now_ms) // self.frame_ms * self.frame_ms
 
 
@@ -115,3 +115,10 @@ class BoardConfig:
     release_wait_ms: int
     whole: Whole | None = None
     """Sleep, rails and two batteries; None is the paper's worst case."""
+    slot: int = 0
+    """Which acoustic timeslot of every frame is this board's."""
+
+    def __post_init__(self) -> None:
+        cycle = None if self.whole is None else self.whole.cycle
+        if cycle is not None and cycle.slots is not None and not 0 <= self.slot < cycle.slots.count:
+            raise ValueError(f"slot {self.slot} does not lie in a frame of {cycle.slots.count}")

@@ -18,7 +18,7 @@ from firmware_model.packets import CommandPacket, Kind, StatusPacket
 from firmware_model.plan import LastResort
 from firmware_model.states import State
 from firmware_model.stimuli import ResetCause
-from firmware_model.table_one import FIELD, board, power
+from firmware_model.table_one import FIELD, WORST_CASE, board, power
 
 CODEC = MusselbedCodec()
 COMMANDS = {kind: CODEC.encode(CommandPacket(kind, 7)) for kind in Kind if kind is not Kind.STATUS}
@@ -27,8 +27,7 @@ WATER = (
         theta=30,
         seed=5,
         codec="musselbed-1",
-        discharge_per_min=0.001,
-        charge_segments=((1.0, 0.002),),
+        charge=WORST_CASE,
         pin_debounce_ms=50,
         boot_ms=2000,
         float_timeout_ms=600_000,
