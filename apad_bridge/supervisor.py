@@ -31,7 +31,7 @@ from apad_bridge.vehicle import (
     VehicleCommand,
 )
 from firmware_model.codec import Codec
-from firmware_model.packets import CommandPacket, Kind, StatusPacket
+from firmware_model.packets import CommandPacket, Kind, ShortStatus, Status, basic_of
 
 TICK_MS = 1000
 """The mission acts once a second, the paper's 1 Hz."""
@@ -119,10 +119,7 @@ class Supervisor:
     def _handle(self, fact: Fact, now_ms: int) -> list[SupervisorAction]:
         match fact:
             case WifiHeard(at_ms, data) | SoundHeard(at_ms, data):
-                packet = self._codec.decode(data)
-                if not isinstance(packet, StatusPacket):
-                    self.dropped["bytes that are no status packet"] += 1
-                elif (reason := self.beliefs.hear(packet, at_ms)) is not None:
+                if (reason := self._hear(data, at_ms)) is not None:
                     self.dropped[reason] += 1
                 return []
             case OperatorAsked(_, reason):
@@ -135,6 +132,15 @@ class Supervisor:
                 if self.battery_at_start is None:
                     self.battery_at_start = fact
         return self._pass_on(self.port.receive(fact, now_ms), now_ms)
+
+    def _hear(self, data: bytes, at_ms: int) -> str | None:
+        """Believes what the bytes say; or says why not."""
+        packet = self._codec.decode(data)
+        if isinstance(packet, ShortStatus):
+            return self.beliefs.hear_short(packet, at_ms)
+        if not isinstance(packet, Status):
+            return "bytes that are no status packet"
+        return self.beliefs.hear(basic_of(packet), at_ms)
 
     def _reason_to_end(self, now_ms: int) -> str | None:
         if now_ms >= self._duration_ms:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from dataclasses import replace
 
 from apad_bridge.beliefs.belief import Belief
-from firmware_model.packets import StatusPacket
+from firmware_model.packets import ShortStatus, StatusPacket
 
 
 class HoldLast:
@@ -44,5 +45,15 @@ class HoldLast:
             packet.secondary,
             packet.north_m,
             packet.east_m,
+        )
+        return None
+
+    def hear_short(self, packet: ShortStatus, at_ms: int) -> str | None:
+        """As `hear`; the place stays what it was believed to be."""
+        before = self._beliefs.get(packet.agent_id)
+        if before is None:
+            return "a short status of an aMussel whose place is not known"
+        self._beliefs[packet.agent_id] = replace(
+            before, heard_ms=at_ms, state=packet.state, primary=packet.primary, secondary=packet.secondary
         )
         return None
