@@ -1,6 +1,8 @@
 """The wire layout: golden bytes put together by hand, round trips, and that no single flipped bit goes unseen."""
 
+import re
 import struct
+from pathlib import Path
 
 import pytest
 from hypothesis import given

@@ -254,7 +254,12 @@ QUICK = Cycle(alarm_ms=20_000, sample_ms=3000, processing_ms=2000, slots=FIELD.s
 COMMANDS = [CommandPacket(kind, 1).encode() for kind in sorted(PLAIN_KINDS)]
 STIMULI: st.SearchStrategy[Stimulus] = st.one_of(
     st.sampled_from(
-        [ChargePinRose(), ChargePinFell(), SurfaceReached(), BottomReached(), PacketHeard(b"noise")]
+        [
+            *(edge(noticed) for edge in (ChargePinRose, ChargePinFell) for noticed in (True, False)),
+            SurfaceReached(),
+            BottomReached(),
+            PacketHeard(b"noise"),
+        ]
     ),
     st.sampled_from([PacketHeard(data) for data in COMMANDS] + [WifiReceived(data) for data in COMMANDS]),
 )
