@@ -77,7 +77,9 @@ class FleetBeliefs:
         if before is None:
             return "a short status of an aMussel whose place is not known"
         charges, place = (packet.primary, packet.secondary), (before.north_m, before.east_m)
-        return self.hear(StatusPacket(packet.agent_id, 0, packet.state, *charges, *place, 0.0, agent_ms), at_ms)
+        return self.hear(
+            StatusPacket(packet.agent_id, 0, packet.state, *charges, *place, 0.0, agent_ms), at_ms
+        )
 
     def learn(self, agent_id: int, measurement: Measurement) -> str | None:
         """Takes anything that is known of one aMussel; or says why it is not believed, and nothing has changed."""
