@@ -31,6 +31,7 @@ from apad_bridge.port.primitives import (
     UndockMussel,
 )
 from apad_bridge.scenario.schema import Mission
+from firmware_model.state_groups import BEYOND_HELP, DOCKED
 from firmware_model.states import State
 
 
@@ -149,7 +150,8 @@ class EnergyExchange:
             self._start_charging(now_ms)
             return
         pool = self._pool.candidates(now_ms)
-        batch = min(self._config.batch, max(1, len(self._beliefs.all())))
+        left = sum(belief.state not in BEYOND_HELP for belief in self._beliefs.all())
+        batch = min(self._config.batch, max(1, left))
         if len(pool) < batch:
             return
         situation = self._situation(pool, {})
@@ -298,7 +300,7 @@ class EnergyExchange:
 
     def _learn_homes(self) -> None:
         known = {agent_id for agent_id, _, _ in self.state.homes}
-        new = [b for b in self._beliefs.all() if b.agent_id not in known and b.state is not State.CHARGING]
+        new = [b for b in self._beliefs.all() if b.agent_id not in known and b.state not in DOCKED]
         if new:
             homes = (*self.state.homes, *((b.agent_id, b.north_m, b.east_m) for b in new))
             self._set(homes=tuple(sorted(homes)))

@@ -5,9 +5,7 @@ from __future__ import annotations
 from collections.abc import Container, Iterable
 
 from apad_bridge.beliefs.belief import Belief
-from firmware_model.states import State
-
-_AT_THE_SURFACE = frozenset({State.FLOATING, State.RELEASED})
+from firmware_model.state_groups import UP_AND_UNDOCKED
 
 
 class Strays:
@@ -24,7 +22,7 @@ class Strays:
         return [
             belief.agent_id
             for belief in beliefs
-            if belief.state in _AT_THE_SURFACE
+            if belief.state in UP_AND_UNDOCKED
             and belief.agent_id not in expected
             and belief.heard_ms == now_ms
             and now_ms - self._told_ms.get(belief.agent_id, now_ms - self._repeat_ms) >= self._repeat_ms

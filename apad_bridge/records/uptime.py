@@ -4,7 +4,9 @@ Tick k (k = 1, 2, ...) is at mission time k * tick_ms, that is agent time theta 
 what its newest Truth up to that time (inclusive) says. Two meanings of "active" are counted side by side:
 
 - paper: not docked and the primary battery above 0. An aMussel counts as active until it is docked (section V);
-- submerged: measuring on the bottom (state ACTIVE) with the primary battery above 0.
+- submerged: under water with the primary battery in use, asleep between two samples or not.
+
+An aMussel that is LOST, both batteries at 0, can no longer surface.
 """
 
 from __future__ import annotations
@@ -13,7 +15,7 @@ from dataclasses import dataclass
 
 from agents.outputs import Truth
 from firmware_model.charge import Battery, ChargeModel, Flow
-from firmware_model.states import State
+from firmware_model.state_groups import AT_WORK
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,7 +111,7 @@ class UptimeMeter:
         return AgentUptime(
             truth.agent_id,
             counted.paper + (0 if truth.physical.docked else charged),
-            counted.submerged + (charged if truth.state is State.ACTIVE else 0),
+            counted.submerged + (charged if truth.state in AT_WORK else 0),
             counted.dead + dead,
             counted.emptied or empty_ms[0] < empty_ms[1],
             counted.lost or both_ms[0] < both_ms[1],

@@ -10,31 +10,19 @@ from __future__ import annotations
 from enum import StrEnum
 from typing import Annotated
 
-from annotated_types import Ge, Gt, Le
-from pydantic import AfterValidator, ConfigDict, StringConstraints
-from pydantic.dataclasses import dataclass
+from annotated_types import Ge, Le
 
 from apad_bridge.scenario.polygon import area_m2, is_simple
-
-
-def _whole_milliseconds(seconds: float) -> float:
-    # Time is integer milliseconds inside: a period of 0.4 ms would be none at all.
-    if abs(seconds * 1000 - round(seconds * 1000)) > 1e-6:
-        raise ValueError("must be a whole number of milliseconds")
-    return seconds
-
-
-Positive = Annotated[float, Gt(0)]
-NotNegative = Annotated[float, Ge(0)]
-PositiveSeconds = Annotated[float, Ge(0.001), Le(1e9), AfterValidator(_whole_milliseconds)]
-NotNegativeSeconds = Annotated[float, Ge(0), Le(1e9), AfterValidator(_whole_milliseconds)]
-Fraction = Annotated[float, Ge(0), Le(1)]
-Slot = Annotated[int, Ge(0), Le(3)]
-FileName = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$")]
-RosName = Annotated[str, StringConstraints(pattern=r"^[A-Za-z][A-Za-z0-9_]*$")]
-
-_STRICT = ConfigDict(extra="forbid", allow_inf_nan=False)
-frozen = dataclass(frozen=True, kw_only=True, config=_STRICT)
+from apad_bridge.scenario.quantities import (
+    FileName,
+    Fraction,
+    NotNegative,
+    NotNegativeSeconds,
+    Positive,
+    PositiveSeconds,
+    RosName,
+    frozen,
+)
 
 
 @frozen
