@@ -38,12 +38,12 @@ class SerialLine:
         return max(0, len(data) - room)
 
     def empty(self) -> None:
-        """The power went: bytes on their way to the modem are lost."""
+        """The power went: bytes on their way are lost, those to the modem and those from it."""
         self._coming.clear()
+        self._going.clear()
 
     def forget(self) -> None:
-        """The modem restarts: a command that was begun and answers on their way are gone."""
-        self._going.clear()
+        """The modem restarts: a command that was begun is gone."""
         self.reader.fell_silent()
         self.reader.timed = False
 
