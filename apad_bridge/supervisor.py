@@ -32,7 +32,7 @@ from apad_bridge.vehicle import (
     VehicleCommand,
 )
 from firmware_model.codec import Codec
-from firmware_model.packets import CommandPacket, Kind, StatusPacket
+from firmware_model.packets import CommandPacket, Kind, ShortStatus, Status, basic_of
 
 TICK_MS = 1000
 """The mission acts once a second, the paper's 1 Hz."""
@@ -68,6 +68,7 @@ class Supervisor:
         mission: EnergyExchange,
         port: DockingPort,
         codec: Codec,
+        theta: int,
         duration_ms: int,
         end_at_apad_fraction: float,
     ) -> None:
@@ -79,6 +80,7 @@ class Supervisor:
         self.battery_at_start: BatteryReported | None = None
         self.dropped: Counter[str] = Counter()
         self._codec = codec
+        self._theta = theta
         self._duration_ms = duration_ms
         self._end_at_apad_fraction = end_at_apad_fraction
         self._facts: list[tuple[int, int, int, Fact]] = []
@@ -121,10 +123,7 @@ class Supervisor:
     def _handle(self, fact: Fact, now_ms: int) -> list[SupervisorAction]:
         match fact:
             case WifiHeard(at_ms, data) | SoundHeard(at_ms, data):
-                packet = self._codec.decode(data)
-                if not isinstance(packet, StatusPacket):
-                    self.dropped["bytes that are no status packet"] += 1
-                elif (reason := self.beliefs.hear(packet, at_ms)) is not None:
+                if (reason := self._hear(data, at_ms)) is not None:
                     self.dropped[reason] += 1
                 return []
             case OperatorAsked(_, reason):
@@ -137,6 +136,15 @@ class Supervisor:
                 if self.battery_at_start is None:
                     self.battery_at_start = fact
         return self._pass_on(self.port.receive(fact, now_ms), now_ms)
+
+    def _hear(self, data: bytes, at_ms: int) -> str | None:
+        """Believes what the bytes say; or says why not."""
+        packet = self._codec.decode(data)
+        if isinstance(packet, ShortStatus):
+            return self.beliefs.hear_short(packet, at_ms, self._theta * at_ms)
+        if not isinstance(packet, Status):
+            return "bytes that are no status packet"
+        return self.beliefs.hear(basic_of(packet), at_ms)
 
     def _reason_to_end(self, now_ms: int) -> str | None:
         if now_ms >= self._duration_ms:
