@@ -76,8 +76,19 @@ class Sea:
         """Of the medium, between two ticks."""
 
     def take_truths(self) -> list[Truth]:
+        """The fleet's truths since the last call, of whose places the sea has taken note."""
+        for truth in self._note_truths():
+            place = self._places[truth.agent_id]
+            self._told += self._medium.receive(Moved(truth.agent_id, place), self._now_ms)
         truths, self._truths = self._truths, []
         return truths
+
+    def _note_truths(self) -> list[Truth]:
+        new = self._host.take_truths()
+        for truth in new:
+            self._places[truth.agent_id] = self._place(truth.physical)
+        self._truths += new
+        return new
 
     # What the aPad does, at ticks.
 
@@ -150,11 +161,9 @@ class Sea:
     def _round(self, came: list[Heard | Died], horizon_ms: int, results: list[SeaResult]) -> None:
         """Brings what agents did in the round to the medium, in the order of time, and what that decided to agents."""
         happened: list[tuple[int, int, int, medium.Stimulus]] = []
-        truths = self._host.take_truths()
-        self._truths += truths
-        for truth in truths:
-            place = self._places[truth.agent_id] = self._place(truth.physical)
-            happened.append((truth.at_ms, 0, truth.agent_id, Moved(truth.agent_id, place)))
+        for truth in self._note_truths():
+            moved = Moved(truth.agent_id, self._place(truth.physical))
+            happened.append((truth.at_ms, 0, truth.agent_id, moved))
         for it in came:
             match it:
                 case Heard(_, agent_id, SoundSent() | PingAnswered() as output):

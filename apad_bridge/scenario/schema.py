@@ -23,6 +23,7 @@ from apad_bridge.scenario.quantities import (
     RosName,
     frozen,
 )
+from apad_bridge.scenario.water import Water
 
 
 @frozen
@@ -230,3 +231,5 @@ class Scenario:
     mission: Mission
     apad: APad
     records: Records = Records()
+    water: Water | None = None
+    """None: everything that is said gets through, at once and whole, as in the paper's experiments."""
