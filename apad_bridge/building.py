@@ -76,6 +76,7 @@ def supervisor(
         mission,
         port,
         load_codec(scenario.hearing.codec),
+        scenario.theta,
         round(scenario.duration_s * 1000),
         scenario.mission.end_at_apad_fraction,
     )

@@ -115,14 +115,25 @@ class Bench:
         data = CommandPacket(kind, self.config.agent_id).encode()
         return self.tell(WifiReceived(data) if kind is Kind.RELEASE else PacketHeard(data))
 
-    def charge_pin_rises(self) -> list[Action]:
+    def charge_pin_rises(self, *, noticed: bool = True) -> list[Action]:
+        """In a dock, now; `noticed` False: the edge's interrupt is lost."""
         self._docked = self._at_surface = True
         self._arrival = None
-        return self.tell(ChargePinRose())
+        return self.tell(ChargePinRose(noticed))
 
-    def charge_pin_falls(self) -> list[Action]:
+    def charge_pin_falls(self, *, noticed: bool = True) -> list[Action]:
         self._docked = False
-        return self.tell(ChargePinFell())
+        return self.tell(ChargePinFell(noticed))
+
+    def charge_pin_chatters(self, *, high_ms: int, low_ms: int, times: int) -> list[Action]:
+        """The pin rises and falls `times` times; what the board did meanwhile."""
+        done = len(self.trace)
+        for _ in range(times):
+            self.charge_pin_rises()
+            self.run(ms=high_ms)
+            self.charge_pin_falls()
+            self.run(ms=low_ms)
+        return self.trace[done:]
 
     def reset(self, cause: ResetCause) -> list[Action]:
         """Starts the firmware anew; batteries and body are as they were."""
