@@ -40,15 +40,15 @@ def whole_firmware(board: Board) -> plan.Whole | None:
     )
 
 
-def can_fill_to(board: Board, level: float) -> bool:
-    """Whether the primary battery of a board in a dock gets above `level` under what is on there, however long it takes."""
+def can_fill(board: Board, start: float, level: float) -> bool:
+    """Whether the primary battery of a board in a dock gets from `start` above `level` under what is on there, ever."""
     whole = whole_firmware(board)
     load = 0
     if whole is not None:
         on = rails_of(State.CHARGING, whole.power.kept_on, whole.cycle is None, 0)
         load = whole.power.loads.total(on) * whole.power.path // plan.PATH_UNIT
-    empty = Battery(0, 0, Flow.CHARGING, load, coils=1 if whole is None else 2)
-    return charge_model(board).reaches_at_ms(empty, min(FULL, grains(level) + 1)) is not None
+    docked = Battery(0, grains(start), Flow.CHARGING, load, coils=1 if whole is None else 2)
+    return charge_model(board).reaches_at_ms(docked, min(FULL, grains(level) + 1)) is not None
 
 
 def _power(power: BoardPower, last_resort: LastResort) -> plan.Power:

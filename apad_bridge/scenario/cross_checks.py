@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from agents.water.current import CurrentField
-from apad_bridge.boards import can_fill_to
+from apad_bridge.boards import can_fill
 from apad_bridge.planning.registry import collection, redeployment
 from apad_bridge.scenario.schema import DriftMode, FullWhen, Scenario
 from apad_bridge.scenario.whole_board import SleepCycle
@@ -121,7 +121,7 @@ def _of_the_mission(scenario: Scenario) -> list[Contradiction]:
                 "a board without `whole` charges its primary battery only: leave this key out, or say primary",
             )
         )
-    if not can_fill_to(scenario.board, mission.full_threshold):
+    if not can_fill(scenario.board, mission.pool_threshold, mission.full_threshold):
         found.append(
             (
                 "mission.full_threshold",
