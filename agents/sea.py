@@ -1,10 +1,10 @@
 """A fleet in its sea: lets time pass in rounds as fine as sound needs, and carries what is said between modems.
 
-A packet acts at its end, and an agent that does something at a time d can be heard from d + 105 ms on at the earliest, which
-is the shortest packet's length. So a round never goes beyond the next end of a packet on its way, nor beyond that time
-after the next thing that anybody does; when nobody has anything to do, it goes to the tick. Whoever hears a packet meets
-it in the next round, stamped with its end. The medium knows where modems are from the fleet's truths: it is the world, not
-a mission.
+A packet acts at its end, and an agent that does something at a time d can be heard from d + 105 ms on at the earliest: so
+long is the shortest packet. A round so never goes beyond the next end of a packet on its way, nor beyond that time after
+the next thing that anybody does; when nobody has anything to do, it goes to the tick. Whoever hears a packet meets it in
+the next round, stamped with its end. The medium knows where modems are from the fleet's truths: it is the world, not a
+mission.
 """
 
 from __future__ import annotations

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 
 from agents.coordinator import Coordinator
@@ -10,11 +11,21 @@ from agents.sea import Sea, SeaConfig
 from agents.sea_facts import APAD
 from agents.water import sound, wifi
 from agents.water.topology import Topology, parse_topology
+from apad_bridge.boards import whole_firmware
+from apad_bridge.flight import Fleet
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.water import Sound, Water
 
 APAD_NAME = "apad"
 """The aPad in a file of links."""
+
+
+def fleet_of(scenario: Scenario, host: Host, granted_ms: Mapping[int, int], now_ms: int = 0) -> Fleet:
+    """The fleet that lives in `host`, each aMussel having lived to its `granted_ms`, at mission time `now_ms`."""
+    coordinator = Coordinator(host, granted_ms, scenario.theta, now_ms)
+    whole = whole_firmware(scenario.board)
+    slots = None if whole is None or whole.cycle is None else whole.cycle.slots
+    return Fleet(coordinator, host, sea_of(scenario, coordinator, host, now_ms), slots)
 
 
 def sea_of(scenario: Scenario, coordinator: Coordinator, host: Host, now_ms: int = 0) -> Sea | None:
