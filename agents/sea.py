@@ -67,7 +67,7 @@ class Sea:
         self._medium = Medium(
             config.sound, config.seed, [(node, address_of(node)) for node in nodes], start_ms
         )
-        self._now_ms = start_ms
+        self.now_ms = start_ms
         self._keel = KeelModem(start_ms)
         self._places: dict[int, Place] = {}
         self._apad_at_ms: int | None = None
@@ -79,7 +79,7 @@ class Sea:
         """The fleet's truths since the last call, of whose places the sea has taken note."""
         for truth in self._note_truths():
             place = self._places[truth.agent_id]
-            self._told += self._medium.receive(Moved(truth.agent_id, place), self._now_ms)
+            self._told += self._medium.receive(Moved(truth.agent_id, place), self.now_ms)
         truths, self._truths = self._truths, []
         return truths
 
@@ -99,9 +99,9 @@ class Sea:
         if before is not None and self._apad_at_ms is not None and at_ms > self._apad_at_ms:
             metres = hypot(place.north_um - before.north_um, place.east_um - before.east_um) / 1e6
             fast = 1000 * metres > self.config.thrusting_m_s * (at_ms - self._apad_at_ms)
-            self._told += self._medium.receive(ThrustersRan(APAD, fast), self._now_ms)
+            self._told += self._medium.receive(ThrustersRan(APAD, fast), self.now_ms)
         self._apad_at_ms = at_ms
-        self._told += self._medium.receive(Moved(APAD, place), self._now_ms)
+        self._told += self._medium.receive(Moved(APAD, place), self.now_ms)
 
     def say(self, agent_id: int | None, data: bytes) -> None:
         """Sends bytes by the aPad's modem, to one aMussel or to all, as soon as it is free."""
@@ -119,7 +119,7 @@ class Sea:
 
     def lay_links(self, topology: Topology) -> None:
         """Links are as the topology says from now on."""
-        self._told += self._medium.receive(LinksChanged(topology), self._now_ms)
+        self._told += self._medium.receive(LinksChanged(topology), self.now_ms)
 
     def wifi_reaches(self, agent_id: int, now_ms: int) -> bool:
         """Whether what the aPad says to an aMussel by Wi-Fi now gets through the air."""
@@ -134,8 +134,8 @@ class Sea:
     def advance(self, now_ms: int) -> list[SeaResult]:
         """Everything up to mission time `now_ms`, in the order of the rounds (ValueError if time went back)."""
         until_ms = self._theta * now_ms
-        if until_ms < self._now_ms:
-            raise ValueError(f"time went back: {until_ms} before {self._now_ms}")
+        if until_ms < self.now_ms:
+            raise ValueError(f"time went back: {until_ms} before {self.now_ms}")
         results: list[SeaResult] = []
         told, self._told = self._told, []
         self._deliver(told, results)
@@ -144,7 +144,7 @@ class Sea:
             whole = horizon_ms == until_ms
             came = self._coordinator.advance(now_ms) if whole else self._coordinator.grant(horizon_ms)
             self._round(came, horizon_ms, results)
-            self._now_ms = horizon_ms
+            self.now_ms = horizon_ms
             if whole:
                 return results
 
@@ -155,8 +155,8 @@ class Sea:
             horizon_ms = min(horizon_ms, due_ms)
         for does_ms in (self._coordinator.due_agent_ms, self._keel.next_due_ms):
             if does_ms is not None:
-                horizon_ms = min(horizon_ms, max(does_ms, self._now_ms) + _SHORTEST_MS)
-        return max(horizon_ms, self._now_ms)
+                horizon_ms = min(horizon_ms, max(does_ms, self.now_ms) + _SHORTEST_MS)
+        return max(horizon_ms, self.now_ms)
 
     def _round(self, came: list[Heard | Died], horizon_ms: int, results: list[SeaResult]) -> None:
         """Brings what agents did in the round to the medium, in the order of time, and what that decided to agents."""

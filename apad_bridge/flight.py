@@ -9,7 +9,7 @@ from __future__ import annotations
 import threading
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from typing import Any, Protocol
 
 from agents.coordinator import Coordinator, Died, Heard
@@ -23,6 +23,7 @@ from apad_bridge.beliefs.belief import Belief
 from apad_bridge.contacts import Contacts
 from apad_bridge.ether import Ether
 from apad_bridge.facts import Medium, OperatorAsked, RangeHeard, Send, SoundHeard, WifiHeard
+from apad_bridge.links_file import LinksFile
 from apad_bridge.mission.orders import Note
 from apad_bridge.pace import Pace
 from apad_bridge.records.packet_lines import packet_data
@@ -58,13 +59,15 @@ class Recorder(Protocol):
 class Fleet:
     """The agents of a flight, where they live, the clock authority over them, and the water that carries their sound.
 
-    Without a `sea` whatever is said is heard. `slots` are the timeslots that packets are counted in.
+    Without a `sea` whatever is said is heard. `slots` are the timeslots that packets are counted in, `links`
+    is looked at at each tick.
     """
 
     coordinator: Coordinator
     host: Host
     sea: Sea | None = None
     slots: Slots | None = None
+    links: LinksFile | None = None
 
     def advance(self, now_ms: int) -> Sequence[SeaResult]:
         return self.coordinator.advance(now_ms) if self.sea is None else self.sea.advance(now_ms)
@@ -169,6 +172,7 @@ class Flight:
     def _hear_fleet(self, now_ms: int) -> None:
         if self._fleet is None:
             return
+        self._look_at_links(self._fleet, now_ms)
         for came in self._fleet.advance(now_ms):
             match came:
                 case Died(_, agent_id, agent_ms, cause, reason, gave_up):
@@ -203,6 +207,15 @@ class Flight:
                 case PacketEnded() as packet:
                     self._recorder.event(now_ms, "packet", **packet_data(packet, self._fleet.slots))
         self._recorder.truths(self._fleet.take_truths())
+
+    def _look_at_links(self, fleet: Fleet, now_ms: int) -> None:
+        changed = None if fleet.links is None else fleet.links.look()
+        if changed is None or fleet.sea is None:
+            return
+        if changed.topology is not None:
+            fleet.sea.lay_links(changed.topology)
+        rules = None if changed.topology is None else [list(astuple(it)) for it in changed.topology.rules]
+        self._recorder.event(now_ms, "links", rules=rules, problem=changed.problem)
 
     def _share(self, medium: Medium, agent_id: int, data: bytes, at_ms: int) -> None:
         if self._ether is not None:

@@ -8,16 +8,12 @@ from pathlib import Path
 from agents.coordinator import Coordinator
 from agents.host import Host
 from agents.sea import Sea, SeaConfig
-from agents.sea_facts import APAD
 from agents.water import sound, wifi
-from agents.water.topology import Topology, parse_topology
 from apad_bridge.boards import whole_firmware
 from apad_bridge.flight import Fleet
+from apad_bridge.links_file import LinksFile
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.water import Sound, Water
-
-APAD_NAME = "apad"
-"""The aPad in a file of links."""
 
 
 def fleet_of(scenario: Scenario, host: Host, granted_ms: Mapping[int, int], now_ms: int = 0) -> Fleet:
@@ -25,18 +21,15 @@ def fleet_of(scenario: Scenario, host: Host, granted_ms: Mapping[int, int], now_
     coordinator = Coordinator(host, granted_ms, scenario.theta, now_ms)
     whole = whole_firmware(scenario.board)
     slots = None if whole is None or whole.cycle is None else whole.cycle.slots
-    return Fleet(coordinator, host, sea_of(scenario, coordinator, host, now_ms), slots)
-
-
-def sea_of(scenario: Scenario, coordinator: Coordinator, host: Host, now_ms: int = 0) -> Sea | None:
-    """None where the scenario knows no water: then everything said is heard."""
     water = scenario.water
     if water is None:
-        return None
+        return Fleet(coordinator, host, slots=slots)
     sea = Sea(sea_config(scenario, water), coordinator, host, now_ms)
-    if water.links_file is not None:
-        sea.lay_links(topology(Path(water.links_file).read_text(encoding="utf-8"), scenario.theta))
-    return sea
+    if water.links_file is None:
+        return Fleet(coordinator, host, sea, slots)
+    links = LinksFile(Path(water.links_file), scenario.theta)
+    sea.lay_links(links.read())
+    return Fleet(coordinator, host, sea, slots, links)
 
 
 def sea_config(scenario: Scenario, water: Water) -> SeaConfig:
@@ -80,8 +73,3 @@ def sound_of(told: Sound) -> sound.Sound:
         range_limit_m=told.range_limit_m,
         turnaround_ms=round(told.turnaround_s * 1000),
     )
-
-
-def topology(text: str, theta: int) -> Topology:
-    """Of a file of links, whose seconds are mission time. ValueError, `line N: ...`."""
-    return parse_topology(text, {APAD_NAME: APAD}, 1000 * theta)
