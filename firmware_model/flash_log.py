@@ -13,6 +13,9 @@ from typing import Protocol
 
 from firmware_model.sample_record import RECORD_BYTES, SampleRecord
 
+PAGES = 16
+PAGE_BYTES = 4096
+"""With 170 records a page, the log holds at least 2380: 99 days of a sample an hour."""
 
 
 class Flash(Protocol):
@@ -53,15 +56,6 @@ class Ring:
         """The first record that still counts when `next_sequence` is the next to be written."""
         begun = next_sequence // self.records_a_page
         return max(0, (begun - self.pages + 2) * self.records_a_page)
-
-
-@dataclass(frozen=True, slots=True, order=True)
-class _Page:
-    """A page as found by scanning: its first record's sequence, how many were written, how many of those are unreadable."""
-
-    first: int
-    written: int
-    torn: int
 
 
 class FlashLog:
@@ -131,29 +125,59 @@ class FlashLog:
 
     def _recover(self, next_sequence: int) -> None:
         """Goes on behind the newest record that can be read, and behind what was torn after it."""
-        newest = max(filter(None, map(self._scan, range(self.ring.pages))), default=_Page(0, 0, 0))
-        end, torn = newest.first + newest.written, newest.torn
-        if newest.written == self.ring.records_a_page:
-            begun = self._torn_at_begin(self.ring.page(end))
-            end, torn = end + begun, torn + begun
-        self.next_sequence = max(end, next_sequence)
-        self.torn = torn + self.next_sequence - end
+        firsts = [first for page in range(self.ring.pages) if (first := self._first(page)) is not None]
+        newest = max(firsts, default=0)
+        slots = self._slots(self.ring.page(newest)) if firsts else []
+        end = newest + len(slots)
+        known = max(end, next_sequence)
+        begun = self._begun(known)
+        # A page that was begun is erased before its first record is written: that sequence is free.
+        self.next_sequence = known + (begun if known % self.ring.records_a_page else 0)
+        unreadable = [SampleRecord.decode(slot) for slot in slots].count(None)
+        self.torn = unreadable + known - end + begun
 
-    def _scan(self, page: int) -> _Page | None:
-        """What a page holds; None for nothing that can be read."""
-        slots = self._slots(page)
-        records = [SampleRecord.decode(slot) for slot in slots]
-        for n, record in enumerate(records):
-            if record is not None:
-                return _Page(record.sequence - n, len(slots), records.count(None))
+    def _begun(self, sequence: int) -> int:
+        """How many records from `sequence` on cannot be written now, because something was begun there."""
+        page, before = self.ring.page(sequence), sequence % self.ring.records_a_page
+        first = self._first(page)
+        if first is not None and first != sequence - before:
+            return -before % self.ring.records_a_page  # the page was never erased for them
+        return max(0, len(self._slots(page)) - before)
+
+    def _first(self, page: int) -> int | None:
+        """The sequence of a page's first record; None when nothing of it can be read."""
+        for n, slot in enumerate(self._slots(page)):
+            if (record := SampleRecord.decode(slot)) is not None:
+                return record.sequence - n
         return None
-
-    def _torn_at_begin(self, page: int) -> int:
-        """How many records were begun in a page where none can be read."""
-        return len(self._slots(page)) if self._scan(page) is None else 0
 
     def _slots(self, page: int) -> list[bytes]:
         """The page's records as bytes, without those behind the last that is not blank."""
         data = self._flash.read(page * self.ring.page_bytes, self.ring.records_a_page * RECORD_BYTES)
         used = -(-len(data.rstrip(b"\0")) // RECORD_BYTES)
         return [data[n * RECORD_BYTES : (n + 1) * RECORD_BYTES] for n in range(used)]
+
+
+class MemoryFlash:
+    """A flash in this process's memory; it refuses what a real one does badly."""
+
+    def __init__(self, pages: int = PAGES, page_bytes: int = PAGE_BYTES) -> None:
+        self.pages = pages
+        self.page_bytes = page_bytes
+        self._pages: dict[int, bytearray] = {}
+
+    def read(self, at: int, size: int) -> bytes:
+        page, offset = divmod(at, self.page_bytes)
+        return bytes(self._pages.get(page, bytearray(self.page_bytes))[offset : offset + size])
+
+    def program(self, at: int, data: bytes) -> None:
+        """ValueError over bytes that are not erased, or beyond a page."""
+        page, offset = divmod(at, self.page_bytes)
+        if offset + len(data) > self.page_bytes or page >= self.pages:
+            raise ValueError("what is programmed lies in one page")
+        if any(self.read(at, len(data))):
+            raise ValueError("these bytes are not erased")
+        self._pages.setdefault(page, bytearray(self.page_bytes))[offset : offset + len(data)] = data
+
+    def erase(self, page: int) -> None:
+        self._pages.pop(page, None)

@@ -1,4 +1,4 @@
-"""What is true of the water where a sensor is: fields of oxygen, temperature and turbidity, and the pressure of the depth."""
+"""What is true of the water where a sensor is: oxygen, temperature, turbidity, and the pressure of its depth."""
 
 from __future__ import annotations
 
