@@ -59,7 +59,7 @@ def sea_config(scenario: Scenario, water: Water) -> SeaConfig:
 def sound_of(told: Sound) -> sound.Sound:
     absorption = told.absorption_db_per_km
     return sound.Sound(
-        speed_m_s=told.speed_m_s,
+        speed_m_s=told.sound_speed_m_s,
         source_level_db=told.source_level_db,
         spreading_db=told.spreading_db,
         absorption_db_per_km=sound.thorp_db_per_km(told.frequency_khz) if absorption is None else absorption,

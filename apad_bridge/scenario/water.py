@@ -13,7 +13,7 @@ from apad_bridge.scenario.quantities import NotNegative, NotNegativeSeconds, Pos
 class Sound:
     """The modems and the water between them. Left out, a key is the nanomodem's own figure, or open sea."""
 
-    speed_m_s: Annotated[float, Ge(1000), Le(2000)] = 1500.0
+    sound_speed_m_s: Annotated[float, Ge(1000), Le(2000)] = 1500.0
     source_level_db: Annotated[float, Gt(0), Le(300)] = 168.0
     spreading_db: Annotated[float, Ge(0), Le(60)] = 20.0
     absorption_db_per_km: NotNegative | None = None

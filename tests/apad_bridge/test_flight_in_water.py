@@ -108,7 +108,7 @@ def test_a_scenario_without_water_is_what_it_was() -> None:
 @pytest.mark.parametrize(
     ("water", "error"),
     [
-        ({"sound": {"speed_m_s": 300}}, "water.sound.speed_m_s"),
+        ({"sound": {"sound_speed_m_s": 300}}, "water.sound.sound_speed_m_s"),
         ({"sound": {"loudness_db": 3}}, "water.sound.loudness_db"),
         ({"links_file": "/nowhere/links.csv"}, "water.links_file: No such file or directory"),
     ],
