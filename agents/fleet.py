@@ -40,6 +40,8 @@ class FleetConfig:
     """Sleep, rails and two batteries; None is the paper's worst case."""
     first_id: int = 1
     """Who has the first acoustic timeslot; the others follow by their ids."""
+    coil_alignment_ms: int = 0
+    """From a contact until the charger starts."""
 
     def to_wire(self) -> dict[str, Any]:
         return asdict(self)
@@ -98,6 +100,7 @@ class AgentConfigs:
             drifts_always=fleet.drifts_always,
             amplitude_um=fleet.drift_amplitude_um,
             current=STILL_WATER if fleet.current_csv is None else CurrentField.parse(fleet.current_csv),
+            coil_alignment_ms=fleet.coil_alignment_ms,
         )
 
     def config(self, agent_id: int) -> AgentConfig:

@@ -117,8 +117,14 @@ class BoardConfig:
     """Sleep, rails and two batteries; None is the paper's worst case."""
     slot: int = 0
     """Which acoustic timeslot of every frame is this board's."""
+    pin_chatter_ms: int = 2000
+    """A charger's pin that bounces for so long is decided by the level that it had for the greater part of it."""
+    pin_check_ms: int = 60_000
+    """The pin's level is sampled at whole multiples of it, and at every wake: that finds an edge that was missed."""
 
     def __post_init__(self) -> None:
         cycle = None if self.whole is None else self.whole.cycle
         if cycle is not None and cycle.slots is not None and not 0 <= self.slot < cycle.slots.count:
             raise ValueError(f"slot {self.slot} does not lie in a frame of {cycle.slots.count}")
+        if not self.pin_debounce_ms < self.pin_chatter_ms or self.pin_check_ms <= 0:
+            raise ValueError("pin_chatter_ms must be longer than pin_debounce_ms, and pin_check_ms positive")
