@@ -27,7 +27,7 @@ from firmware_model.stimuli import (
     SurfaceReached,
     WifiReceived,
 )
-from firmware_model.table_one import FIELD, HOURLY, LOADS, MODEL, board, power
+from firmware_model.table_one import FIELD, HOURLY, LOADS, METERING, MODEL, board, power
 
 HOUR = 3_600_000
 
@@ -265,10 +265,13 @@ STIMULI: st.SearchStrategy[Stimulus] = st.one_of(
 )
 FACTS = st.lists(st.tuples(st.integers(0, 900_000), STIMULI), max_size=12)
 CONFIGS = st.builds(
-    lambda cycle, last_resort, kept_on: board(cycle, power(last_resort, kept_on)),
+    lambda cycle, last_resort, kept_on, metering: board(
+        cycle, power(last_resort, kept_on, metering, FULL // 100)
+    ),
     st.sampled_from([None, HOURLY, FIELD, QUICK, replace(QUICK, slots=None)]),
     st.sampled_from(LastResort),
     st.sampled_from([0, 1 << Rail.PI]),
+    st.sampled_from([None, METERING, replace(METERING, settle_ms=0, noise=FULL // 50)]),
 )
 
 
