@@ -8,7 +8,7 @@ from pathlib import Path
 from agents.fleet import FleetConfig, resting_on_bottom
 from agents.physical import Physical
 from apad_bridge.beliefs.hold_last import HoldLast
-from apad_bridge.boards import charge_model
+from apad_bridge.boards import charge_model, whole_firmware
 from apad_bridge.mission.energy_exchange import EnergyExchange
 from apad_bridge.mission.state import MissionState
 from apad_bridge.planning import registry
@@ -42,6 +42,7 @@ def fleet_config(scenario: Scenario) -> FleetConfig:
         drifts_always=drift.mode is DriftMode.PAPER,
         drift_amplitude_um=round(drift.amplitude_m * 1e6),
         current_csv=None if drift.current_file is None else Path(drift.current_file).read_text(),
+        whole=whole_firmware(board),
         first_id=scenario.fleet.first_id,
     )
 
@@ -75,6 +76,7 @@ def supervisor(
         mission,
         port,
         load_codec(scenario.hearing.codec),
+        scenario.theta,
         round(scenario.duration_s * 1000),
         scenario.mission.end_at_apad_fraction,
     )

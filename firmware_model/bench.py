@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TypeVar
+
 from firmware_model.actions import Action, Buoyancy, RunBuoyancy
 from firmware_model.board import Board
 from firmware_model.charge import Battery, Flow, fraction, grains
@@ -22,6 +24,7 @@ from firmware_model.stimuli import (
     WifiReceived,
 )
 
+A = TypeVar("A", bound=Action)
 MS_PER_MIN = 60_000
 MS_PER_HOUR = 60 * MS_PER_MIN
 
@@ -81,6 +84,10 @@ class Bench:
     def secondary_fraction(self) -> float:
         """In [0, 1], now."""
         return fraction(self.secondary)
+
+    def did(self, kind: type[A], since_ms: int = 0) -> list[A]:
+        """Of all that it did from `since_ms` on, the actions of one kind."""
+        return [action for action in self.trace if isinstance(action, kind) and action.at_ms >= since_ms]
 
     def run(self, *, hours: float = 0, minutes: float = 0, ms: int = 0) -> list[Action]:
         """Lets time pass; what the board did meanwhile."""

@@ -17,7 +17,7 @@ from firmware_model.actions import (
 from firmware_model.charge import Battery
 from firmware_model.charge_pin import ChargePin, Edge, Fault
 from firmware_model.codec import Codec
-from firmware_model.packets import CommandPacket, Kind
+from firmware_model.packets import EVERYONE, CommandPacket, Kind
 from firmware_model.plan import BoardConfig
 from firmware_model.power_path import Feed, Level, PowerPath, WorstCase
 from firmware_model.rails import RAILS, Rail, bits, rails_of
@@ -40,6 +40,7 @@ _COMMANDS = {
     Kind.RELEASE: Trigger.CLEAR_TO_SINK,
     Kind.PING: Trigger.PING_HEARD,
     Kind.HOVER: Trigger.HOVER_TOLD,
+    Kind.SINK: Trigger.CLEAR_TO_SINK,
 }
 _EMPTIED = {Feed.SECONDARY: Trigger.BATTERY_EMPTIED, Feed.NEITHER: Trigger.BOTH_EMPTIED}
 _DOCKED = (State.CHARGING, State.REPORTING)
@@ -178,7 +179,7 @@ class Board:
         packet = self._codec.decode(data)
         if not isinstance(packet, CommandPacket):
             return [Dropped(self._now_ms, "not a command")]
-        if packet.agent_id != self.config.agent_id:
+        if packet.agent_id not in (self.config.agent_id, EVERYONE):
             return [Dropped(self._now_ms, "for another aMussel")]
         if packet.kind is Kind.RELEASE and self.state in _DOCKED:
             # The packet and the contact travel apart: it may come before the falling edge is certain.
@@ -186,7 +187,12 @@ class Board:
             return []
         if packet.kind is Kind.HOVER and self._whole is None:
             return [Dropped(self._now_ms, "the worst case knows no hovering")]
-        return self._pull(_COMMANDS[packet.kind])
+        trigger = _COMMANDS.get(packet.kind)
+        return (
+            [Dropped(self._now_ms, "a command that is not obeyed here")]
+            if trigger is None
+            else self._pull(trigger)
+        )
 
     def _edge(self, edge: Edge) -> list[Action]:
         if self.state in (State.OFF, State.BOOTING):

@@ -9,7 +9,7 @@ from apad_bridge.mission.sources import BeliefSource
 from apad_bridge.mission.state import MissionState
 from apad_bridge.planning.candidates import Candidate, Situation
 from apad_bridge.scenario.schema import Mission
-from firmware_model.state_groups import TO_BE_FETCHED
+from firmware_model.state_groups import BEYOND_HELP, TO_BE_FETCHED
 from firmware_model.states import State
 
 SLOTS = 4
@@ -26,6 +26,12 @@ class ChargingPool:
     def candidates(self, now_ms: int) -> list[Belief]:
         """Those heard of late, in the water, at or below the pool's threshold and not lost, by id."""
         return [belief for belief in self._beliefs.all() if self._is_candidate(belief, now_ms)]
+
+    @property
+    def batch(self) -> int:
+        """How many candidates are waited for: never more than there are aMussels that can still come up."""
+        left = sum(belief.state not in BEYOND_HELP for belief in self._beliefs.all())
+        return min(self._config.batch, max(1, left))
 
     def shun(self, agent_id: int, now_ms: int) -> None:
         self._shunned_until_ms[agent_id] = now_ms + self._silence_ms

@@ -14,14 +14,14 @@ from agents.physical import Physical
 from agents.stimuli import CoilSlipped, ContactClosed, ContactOpened, SoundArrived, Stimulus, WifiArrived
 from firmware_model.charge import Flow
 from firmware_model.codec import MusselbedCodec
-from firmware_model.packets import CommandPacket, Kind, StatusPacket
+from firmware_model.packets import PLAIN_KINDS, CommandPacket, Kind, StatusPacket
 from firmware_model.plan import LastResort
 from firmware_model.states import State
 from firmware_model.stimuli import ResetCause
 from firmware_model.table_one import FIELD, WORST_CASE, board, power
 
 CODEC = MusselbedCodec()
-COMMANDS = {kind: CODEC.encode(CommandPacket(kind, 7)) for kind in Kind if kind is not Kind.STATUS}
+COMMANDS = {kind: CODEC.encode(CommandPacket(kind, 7)) for kind in sorted(PLAIN_KINDS)}
 WATER = (
     FleetConfig(
         theta=30,
