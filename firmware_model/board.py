@@ -217,6 +217,8 @@ class Board:
                 return [FeedFrom(now_ms, feed)]
             case Level.SAFE_LEVEL if self.state is State.EMPTY:
                 self._set_deadline()
+            case Level.LOW_LEVEL:
+                return self._pull_if_taken(Trigger.LOW_LEVEL_REACHED)
         return []
 
     def _pull_if_taken(self, trigger: Trigger) -> list[Action]:

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from firmware_model.actions import Action, FeedFrom
@@ -219,6 +219,7 @@ class Stepped:
         return found + (self.cut_off() if found else [])
 
 
+@settings(deadline=None)
 @given(METERINGS, st.integers(0, 100), st.integers(0, 100), FACTS)
 def test_levels_are_those_of_a_monitor_that_is_stepped_through_every_millisecond(
     metering: Metering, primary: int, secondary: int, raw: list[tuple[int, bool, int]]
