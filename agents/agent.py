@@ -7,7 +7,15 @@ from dataclasses import dataclass
 from agents.body import Body, WaterConfig
 from agents.outputs import Dropped, Output, SoundSent, Truth, WifiSent
 from agents.physical import Physical
-from agents.stimuli import ContactClosed, ContactOpened, DockMoved, SoundArrived, Stimulus, WifiArrived
+from agents.stimuli import (
+    CoilSlipped,
+    ContactClosed,
+    ContactOpened,
+    DockMoved,
+    SoundArrived,
+    Stimulus,
+    WifiArrived,
+)
 from firmware_model import actions as board_actions
 from firmware_model import stimuli as board_stimuli
 from firmware_model.board import Board
@@ -34,8 +42,8 @@ class AgentConfig:
 class Agent:
     """The three verbs around a body and its board.
 
-    Of several things due at one time the body's arrival goes first, then drift, then the board's timers, then the report,
-    which so says the newest. A Truth follows every event that changed anything.
+    Of several things due at one time the body's arrival goes first, then drift, then the board's timers, then the charger,
+    then the report, which so says the newest. A Truth follows every event that changed anything.
     """
 
     def __init__(
@@ -57,12 +65,13 @@ class Agent:
             physical.buoyancy,
             physical.docked,
             now_ms,
+            physical.pin_due_ms,
         )
         self.board = Board(config.board, codec, physical.primary, physical.secondary, now_ms)
         # A reset agent may have reported at this very time before it died: its next report is a later one.
         later = 0 if cause is ResetCause.POWER_ON else 1
         self._report_due_ms = self._report_after(now_ms + later)
-        power = board_stimuli.PowerCameOn(cause, self.body.depth_at_um(now_ms) == 0, physical.docked)
+        power = board_stimuli.PowerCameOn(cause, self.body.depth_at_um(now_ms) == 0, self.body.pin_high)
         self._boot_outputs = self._tell_board(power, now_ms)
         self._note_truth(now_ms)
 
@@ -78,6 +87,7 @@ class Agent:
             body.depth_um,
             body.buoyancy,
             body.docked,
+            body.pin_due_ms,
         )
 
     @property
@@ -116,7 +126,8 @@ class Agent:
         report_ms = (
             self._report_due_ms if self.config.heard_always or self._at_surface(self._now_ms) else None
         )
-        return self.body.arrival_ms, self.body.drift_due_ms, self.board.next_due_ms, report_ms
+        body = self.body
+        return body.arrival_ms, body.drift_due_ms, self.board.next_due_ms, body.pin_due_ms or None, report_ms
 
     def _fire(self, which: int, now_ms: int) -> list[Output]:
         if which == 0:
@@ -131,6 +142,9 @@ class Agent:
             return []
         if which == 2:
             return self._obey(self.board.advance(now_ms))
+        if which == 3:
+            self.body.align()
+            return self._tell_board(board_stimuli.ChargePinRose(), now_ms)
         self._report_due_ms += self.config.report_period_ms
         if self.board.state is State.BOOTING:
             return []
@@ -141,8 +155,8 @@ class Agent:
             case ContactClosed(north_um, east_um):
                 if not self._at_surface(now_ms) or self.body.docked:
                     return [Dropped(now_ms, "a dock closed, but not around this aMussel")]
-                self.body.carry(north_um, east_um)
-                return self._tell_board(board_stimuli.ChargePinRose(), now_ms)
+                self.body.dock(north_um, east_um, now_ms)
+                return self._tell_board(board_stimuli.ChargePinRose(), now_ms) if self.body.pin_high else []
             case DockMoved(north_um, east_um):
                 if not self.body.docked:
                     return [Dropped(now_ms, "a dock moved that does not hold this aMussel")]
@@ -153,6 +167,14 @@ class Agent:
                     return [Dropped(now_ms, "a dock opened that does not hold this aMussel")]
                 self.body.let_go(now_ms)
                 return self._tell_board(board_stimuli.ChargePinFell(), now_ms)
+            case CoilSlipped():
+                if not self.body.docked:
+                    return [Dropped(now_ms, "coils slipped in a dock that does not hold this aMussel")]
+                self.body.slip(now_ms)
+                outputs = self._tell_board(board_stimuli.ChargePinFell(), now_ms)
+                if self.body.pin_high:
+                    outputs += self._tell_board(board_stimuli.ChargePinRose(), now_ms)
+                return outputs
             case SoundArrived(data):
                 if self._at_surface(now_ms):
                     return [Dropped(now_ms, "sound does not reach a modem in air")]

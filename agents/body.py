@@ -22,6 +22,8 @@ class WaterConfig:
     """The paper's mode: every undocked body takes a random step and follows the current each mission second."""
     amplitude_um: int
     current: CurrentField
+    coil_alignment_ms: int = 0
+    """From the contact, or from the coils' last slip, until the charger starts and its pin rises."""
 
 
 class Body:
@@ -38,6 +40,7 @@ class Body:
         buoyancy: Buoyancy,
         docked: bool,
         now_ms: int,
+        pin_due_ms: int = 0,
     ) -> None:
         self.agent_id = agent_id
         self.water = water
@@ -47,10 +50,14 @@ class Body:
         self.depth_um = depth_um
         self.buoyancy = buoyancy
         self.docked = docked
+        self.pin_due_ms = pin_due_ms
+        """When the coils of the dock that holds it will be aligned; 0 when they are, or when no dock holds it."""
         self._step = now_ms // water.step_ms
         """The last drift step that has been taken (or missed, while docked)."""
 
     def depth_at_um(self, now_ms: int) -> int:
+        if self.docked:
+            return 0
         elapsed_ms = now_ms - self.depth_anchor_ms
         if self.buoyancy is Buoyancy.FLOAT:
             return max(0, self.depth_um - self.water.bottom_um * elapsed_ms // self.water.surfacing_ms)
@@ -64,6 +71,8 @@ class Body:
     def arrival_ms(self) -> int | None:
         """When it reaches the surface or the bottom that it is moving to; None when it rests there."""
         water = self.water
+        if self.docked:
+            return None
         if self.buoyancy is Buoyancy.FLOAT:
             way_um, over_ms = self.depth_um, water.surfacing_ms
         elif self.buoyancy is Buoyancy.HOVER:
@@ -113,12 +122,35 @@ class Body:
         self.north_um += north_um + north_um_s
         self.east_um += east_um + east_um_s
 
-    def carry(self, north_um: int, east_um: int) -> None:
-        """A dock holds it there."""
+    @property
+    def pin_high(self) -> bool:
+        """The charger's pin, by what is physical: a dock holds it and the coils are aligned."""
+        return self.docked and self.pin_due_ms == 0
+
+    def dock(self, north_um: int, east_um: int, now_ms: int) -> None:
+        """A dock closes around it and the coils begin to align."""
+        if self.buoyancy is not Buoyancy.FLOAT:
+            self.settle_depth(now_ms)
         self.docked = True
+        self.carry(north_um, east_um)
+        self.slip(now_ms)
+
+    def slip(self, now_ms: int) -> None:
+        """The coils are apart: the charger stops until they are aligned again."""
+        self.pin_due_ms = now_ms + self.water.coil_alignment_ms if self.water.coil_alignment_ms else 0
+
+    def align(self) -> None:
+        """The coils are aligned: the charger starts."""
+        self.pin_due_ms = 0
+
+    def carry(self, north_um: int, east_um: int) -> None:
+        """The dock that holds it is there."""
         self.north_um = north_um
         self.east_um = east_um
 
     def let_go(self, now_ms: int) -> None:
         self._miss_steps(now_ms)
+        if self.buoyancy is not Buoyancy.FLOAT:
+            self.settle_depth(now_ms)  # the motors ran while the dock held it: it sinks from now on
         self.docked = False
+        self.pin_due_ms = 0

@@ -11,18 +11,18 @@ from agents.physical import Physical
 from agents.water.current import STILL_WATER, CurrentField
 from firmware_model.actions import Buoyancy
 from firmware_model.charge import Battery, ChargeModel, Flow, grains
-from firmware_model.plan import BoardConfig
+from firmware_model.plan import BoardConfig, Cycle, LastResort, Power, Slots, Whole
+from firmware_model.rails import Loads
 
 
 @dataclass(frozen=True, slots=True)
 class FleetConfig:
-    """Shared by all agents. Durations `_ms` are agent time; rates are a minute of agent time, as the paper prints them."""
+    """Shared by all agents. Durations `_ms` are agent time."""
 
     theta: int
     seed: int
     codec: str
-    discharge_per_min: float
-    charge_segments: tuple[tuple[float, float], ...]
+    charge: ChargeModel
     pin_debounce_ms: int
     boot_ms: int
     float_timeout_ms: int
@@ -36,17 +36,52 @@ class FleetConfig:
     drift_amplitude_um: int
     current_csv: str | None
     """The text of the current vector field's file; None for still water."""
+    whole: Whole | None = None
+    """Sleep, rails and two batteries; None is the paper's worst case."""
+    first_id: int = 1
+    """Who has the first acoustic timeslot; the others follow by their ids."""
+    coil_alignment_ms: int = 0
+    """From a contact until the charger starts."""
 
     def to_wire(self) -> dict[str, Any]:
         return asdict(self)
 
     @classmethod
     def from_wire(cls, wire: dict[str, Any]) -> FleetConfig:
-        segments = tuple((end, rate) for end, rate in wire["charge_segments"])
-        return cls(**{**wire, "charge_segments": segments})
+        """The inverse of `to_wire`; KeyError, TypeError or ValueError for anything else."""
+        whole = wire["whole"]
+        return cls(
+            **{
+                **wire,
+                "charge": _charge_of(wire["charge"]),
+                "whole": None if whole is None else _whole_of(whole),
+            }
+        )
 
     def maker(self) -> AgentConfigs:
         return AgentConfigs(self)
+
+
+def _charge_of(wire: dict[str, Any]) -> ChargeModel:
+    one, two = (tuple((end, rate) for end, rate in wire[key]) for key in ("segments", "segments_by_two"))
+    return ChargeModel(**{**wire, "segments": one, "segments_by_two": two})
+
+
+def _whole_of(wire: dict[str, Any]) -> Whole:
+    power, cycle = wire["power"], wire["cycle"]
+    loads, last_resort = Loads(tuple(power["loads"]["of"])), LastResort(power["last_resort"])
+    return Whole(
+        **{
+            **wire,
+            "power": Power(**{**power, "loads": loads, "last_resort": last_resort}),
+            "cycle": None if cycle is None else _cycle_of(cycle),
+        }
+    )
+
+
+def _cycle_of(wire: dict[str, Any]) -> Cycle:
+    slots = wire["slots"]
+    return Cycle(**{**wire, "slots": None if slots is None else Slots(**slots)})
 
 
 class AgentConfigs:
@@ -54,7 +89,8 @@ class AgentConfigs:
 
     def __init__(self, fleet: FleetConfig) -> None:
         self._fleet = fleet
-        self._charge = ChargeModel.from_minutes(fleet.discharge_per_min, fleet.charge_segments)
+        cycle = None if fleet.whole is None else fleet.whole.cycle
+        self._has_slots = cycle is not None and cycle.slots is not None
         self._water = WaterConfig(
             seed=fleet.seed,
             step_ms=1000 * fleet.theta,
@@ -64,17 +100,20 @@ class AgentConfigs:
             drifts_always=fleet.drifts_always,
             amplitude_um=fleet.drift_amplitude_um,
             current=STILL_WATER if fleet.current_csv is None else CurrentField.parse(fleet.current_csv),
+            coil_alignment_ms=fleet.coil_alignment_ms,
         )
 
     def config(self, agent_id: int) -> AgentConfig:
         fleet = self._fleet
         board = BoardConfig(
             agent_id,
-            self._charge,
+            fleet.charge,
             fleet.pin_debounce_ms,
             fleet.boot_ms,
             fleet.float_timeout_ms,
             fleet.release_wait_ms,
+            fleet.whole,
+            agent_id - fleet.first_id if self._has_slots else 0,
         )
         return AgentConfig(board, self._water, fleet.report_period_ms, fleet.heard_always)
 

@@ -17,7 +17,7 @@ from firmware_model.charge import Battery, Flow
 class Physical:
     """Anchors in agent milliseconds and micrometres; `depth_um` is the depth at `depth_anchor_ms`, positive down."""
 
-    FORMAT: ClassVar[struct.Struct] = struct.Struct("<QQBQBQQBQBqqQqB?")
+    FORMAT: ClassVar[struct.Struct] = struct.Struct("<QQBQBQQBQBqqQqB?Q")
 
     primary: Battery
     secondary: Battery
@@ -27,6 +27,8 @@ class Physical:
     depth_um: int
     buoyancy: Buoyancy
     docked: bool
+    pin_due_ms: int = 0
+    """When the coils of its dock will be aligned; 0 when they are, or when no dock holds it."""
 
     def pack(self) -> bytes:
         return self.FORMAT.pack(
@@ -46,6 +48,7 @@ class Physical:
             self.depth_um,
             self.buoyancy,
             self.docked,
+            self.pin_due_ms,
         )
 
     @classmethod
@@ -53,7 +56,7 @@ class Physical:
         """The inverse of `pack`; struct.error or ValueError for other bytes."""
         fields = cls.FORMAT.unpack(data)
         a_ms, a, a_flow, a_load, a_coils, b_ms, b, b_flow, b_load, b_coils, *body = fields
-        north, east, depth_ms, depth, buoyancy, docked = body
+        north, east, depth_ms, depth, buoyancy, docked, pin_due_ms = body
         return cls(
             Battery(a_ms, a, Flow(a_flow), a_load, a_coils),
             Battery(b_ms, b, Flow(b_flow), b_load, b_coils),
@@ -63,4 +66,5 @@ class Physical:
             depth,
             Buoyancy(buoyancy),
             docked,
+            pin_due_ms,
         )

@@ -16,7 +16,15 @@ from agents.host import Grant
 from agents.link import NEVER, Repeat, Window
 from agents.process import Servant, answer_one, message_room
 from agents.slots import SlotPair
-from agents.stimuli import ContactClosed, ContactOpened, DockMoved, SoundArrived, Stimulus, WifiArrived
+from agents.stimuli import (
+    CoilSlipped,
+    ContactClosed,
+    ContactOpened,
+    DockMoved,
+    SoundArrived,
+    Stimulus,
+    WifiArrived,
+)
 from firmware_model.codec import Codec
 from firmware_model.packets import CommandPacket, Kind
 from firmware_model.stimuli import ResetCause
@@ -86,7 +94,7 @@ def _days(agent: Agent, codec: Codec, agent_id: int) -> Iterator[tuple[int, list
     yield config.water.surfacing_ms, [SoundArrived(permission), ContactOpened(), DockMoved(0, 0)]
     yield second_ms, [SoundArrived(permission)]
     yield config.board.pin_debounce_ms + second_ms, [ContactClosed(0, 0), ContactClosed(0, 0)]
-    yield config.report_period_ms, [DockMoved(1, 1)]
+    yield config.report_period_ms, [DockMoved(1, 1), CoilSlipped()]
     yield config.board.pin_debounce_ms, [WifiArrived(release), ContactOpened()]
     yield config.water.sinking_ms, [WifiArrived(permission)]
     yield config.report_period_ms + second_ms, [WifiArrived(release)]

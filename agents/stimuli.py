@@ -37,9 +37,21 @@ class WifiArrived:
     data: bytes
 
 
-Stimulus = ContactClosed | DockMoved | ContactOpened | SoundArrived | WifiArrived
+@dataclass(frozen=True, slots=True)
+class CoilSlipped:
+    """The coils slipped apart in a closed dock: the charger stops, and has to be aligned again."""
 
-_KINDS: tuple[type[Any], ...] = (ContactClosed, DockMoved, ContactOpened, SoundArrived, WifiArrived)
+
+Stimulus = ContactClosed | DockMoved | ContactOpened | SoundArrived | WifiArrived | CoilSlipped
+
+_KINDS: tuple[type[Any], ...] = (
+    ContactClosed,
+    DockMoved,
+    ContactOpened,
+    SoundArrived,
+    WifiArrived,
+    CoilSlipped,
+)
 _CODES: dict[type[Any], int] = {kind: code for code, kind in enumerate(_KINDS)}
 _FIELDS: tuple[tuple[tuple[str, type], ...], ...] = (
     (("north_um", int), ("east_um", int)),
@@ -47,6 +59,7 @@ _FIELDS: tuple[tuple[tuple[str, type], ...], ...] = (
     (),
     (("data", bytes),),
     (("data", bytes),),
+    (),
 )
 
 

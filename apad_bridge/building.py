@@ -8,6 +8,7 @@ from pathlib import Path
 from agents.fleet import FleetConfig, resting_on_bottom
 from agents.physical import Physical
 from apad_bridge.beliefs.hold_last import HoldLast
+from apad_bridge.boards import charge_model, whole_firmware
 from apad_bridge.mission.energy_exchange import EnergyExchange
 from apad_bridge.mission.state import MissionState
 from apad_bridge.planning import registry
@@ -30,8 +31,7 @@ def fleet_config(scenario: Scenario) -> FleetConfig:
         theta=theta,
         seed=scenario.seed,
         codec=scenario.hearing.codec,
-        discharge_per_min=board.discharge_per_min,
-        charge_segments=board.charge_segments,
+        charge=charge_model(board),
         pin_debounce_ms=board.pin_debounce_ms,
         boot_ms=board.boot_ms,
         float_timeout_ms=round(board.float_timeout_s * 1000),
@@ -44,6 +44,8 @@ def fleet_config(scenario: Scenario) -> FleetConfig:
         drifts_always=drift.mode is DriftMode.PAPER,
         drift_amplitude_um=round(drift.amplitude_m * 1e6),
         current_csv=None if drift.current_file is None else Path(drift.current_file).read_text(),
+        whole=whole_firmware(board),
+        first_id=scenario.fleet.first_id,
     )
 
 
@@ -85,6 +87,7 @@ def supervisor(
         mission,
         port,
         load_codec(scenario.hearing.codec),
+        scenario.theta,
         round(scenario.duration_s * 1000),
         scenario.mission.end_at_apad_fraction,
     )

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections import Counter, deque
 
-from apad_bridge.beliefs.hold_last import HoldLast
+from apad_bridge.beliefs.fleet import FleetBeliefs
+from apad_bridge.beliefs.measurement import Docked, Permitted, Released
 from apad_bridge.facts import Fact, Medium, OperatorAsked, Send, SoundHeard, SupervisorAction, WifiHeard
 from apad_bridge.mission.energy_exchange import EnergyExchange
 from apad_bridge.mission.orders import Note, Order, PermitSurfacing, TellClear
@@ -31,7 +32,7 @@ from apad_bridge.vehicle import (
     VehicleCommand,
 )
 from firmware_model.codec import Codec
-from firmware_model.packets import CommandPacket, Kind, StatusPacket
+from firmware_model.packets import CommandPacket, Kind, ShortStatus, Status, basic_of
 
 TICK_MS = 1000
 """The mission acts once a second, the paper's 1 Hz."""
@@ -63,10 +64,11 @@ class Supervisor:
 
     def __init__(
         self,
-        beliefs: HoldLast,
+        beliefs: FleetBeliefs,
         mission: EnergyExchange,
         port: DockingPort,
         codec: Codec,
+        theta: int,
         duration_ms: int,
         end_at_apad_fraction: float,
     ) -> None:
@@ -78,6 +80,7 @@ class Supervisor:
         self.battery_at_start: BatteryReported | None = None
         self.dropped: Counter[str] = Counter()
         self._codec = codec
+        self._theta = theta
         self._duration_ms = duration_ms
         self._end_at_apad_fraction = end_at_apad_fraction
         self._facts: list[tuple[int, int, int, Fact]] = []
@@ -107,6 +110,7 @@ class Supervisor:
         self._now_ms = now_ms
         due = sorted(entry for entry in self._facts if entry[0] <= now_ms)
         self._facts = [entry for entry in self._facts if entry[0] > now_ms]
+        self.beliefs.advance(now_ms)
         actions: list[SupervisorAction] = []
         for _, _, _, fact in due:
             actions += self._handle(fact, now_ms)
@@ -119,10 +123,7 @@ class Supervisor:
     def _handle(self, fact: Fact, now_ms: int) -> list[SupervisorAction]:
         match fact:
             case WifiHeard(at_ms, data) | SoundHeard(at_ms, data):
-                packet = self._codec.decode(data)
-                if not isinstance(packet, StatusPacket):
-                    self.dropped["bytes that are no status packet"] += 1
-                elif (reason := self.beliefs.hear(packet, at_ms)) is not None:
+                if (reason := self._hear(data, at_ms)) is not None:
                     self.dropped[reason] += 1
                 return []
             case OperatorAsked(_, reason):
@@ -135,6 +136,15 @@ class Supervisor:
                 if self.battery_at_start is None:
                     self.battery_at_start = fact
         return self._pass_on(self.port.receive(fact, now_ms), now_ms)
+
+    def _hear(self, data: bytes, at_ms: int) -> str | None:
+        """Believes what the bytes say; or says why not."""
+        packet = self._codec.decode(data)
+        if isinstance(packet, ShortStatus):
+            return self.beliefs.hear_short(packet, at_ms, self._theta * at_ms)
+        if not isinstance(packet, Status):
+            return "bytes that are no status packet"
+        return self.beliefs.hear(basic_of(packet), at_ms)
 
     def _reason_to_end(self, now_ms: int) -> str | None:
         if now_ms >= self._duration_ms:
@@ -150,6 +160,7 @@ class Supervisor:
         while waiting:
             item = waiting.popleft()
             if isinstance(item, (PrimitiveSucceeded, PrimitiveFailed, DockChanged)):
+                self._learn(item)
                 actions += self._note_outcome(item)
                 actions += self._obey(self.mission.receive(item, now_ms), now_ms)
             else:
@@ -161,6 +172,7 @@ class Supervisor:
         for order in orders:
             match order:
                 case PermitSurfacing(agent_id):
+                    self.beliefs.learn(agent_id, Permitted(now_ms))
                     data = self._codec.encode(CommandPacket(Kind.PERMISSION, agent_id))
                     actions.append(Send(Medium.SOUND, agent_id, data))
                 case TellClear(agent_id):
@@ -173,6 +185,16 @@ class Supervisor:
                     actions.append(_primitive_note(order, "started"))
                     actions += self._pass_on(self.port.receive(order, now_ms), now_ms)
         return actions
+
+    def _learn(self, outcome: Outcome) -> None:
+        """What a dock did is known of the aMussel in it, heard or not."""
+        if not isinstance(outcome, DockChanged) or self.pose is None:
+            return
+        if outcome.closed:
+            self.beliefs.learn(outcome.agent_id, Docked(outcome.at_ms))
+        else:
+            released = Released(outcome.at_ms, self.pose.north_m, self.pose.east_m)
+            self.beliefs.learn(outcome.agent_id, released)
 
     def _note_outcome(self, outcome: Outcome) -> list[SupervisorAction]:
         if isinstance(outcome, DockChanged):

@@ -32,6 +32,7 @@ from agents.processes import ProcessHost
 from agents.stimuli import ContactClosed, ContactOpened, DockMoved, SoundArrived, WifiArrived
 from firmware_model.codec import MusselbedCodec
 from firmware_model.packets import CommandPacket, Kind
+from firmware_model.table_one import WORST_CASE
 
 MUSSELBED_AGENTS = ((24, 1), (100, 1), (1000, 10))
 """(agents, seconds of mission time granted at once)"""
@@ -46,8 +47,7 @@ FLEET = FleetConfig(
     theta=THETA,
     seed=1,
     codec="musselbed-1",
-    discharge_per_min=0.0010427134,
-    charge_segments=((0.16197, 0.001045), (0.5634, 0.00223), (1.0, 0.002911)),
+    charge=WORST_CASE,
     pin_debounce_ms=50,
     boot_ms=2000,
     float_timeout_ms=43_200_000,

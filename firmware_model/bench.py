@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TypeVar
+
 from firmware_model.actions import Action, Buoyancy, RunBuoyancy
 from firmware_model.board import Board
 from firmware_model.charge import Battery, Flow, fraction, grains
@@ -22,6 +24,7 @@ from firmware_model.stimuli import (
     WifiReceived,
 )
 
+A = TypeVar("A", bound=Action)
 MS_PER_MIN = 60_000
 MS_PER_HOUR = 60 * MS_PER_MIN
 
@@ -82,6 +85,10 @@ class Bench:
         """In [0, 1], now."""
         return fraction(self.secondary)
 
+    def did(self, kind: type[A], since_ms: int = 0) -> list[A]:
+        """Of all that it did from `since_ms` on, the actions of one kind."""
+        return [action for action in self.trace if isinstance(action, kind) and action.at_ms >= since_ms]
+
     def run(self, *, hours: float = 0, minutes: float = 0, ms: int = 0) -> list[Action]:
         """Lets time pass; what the board did meanwhile."""
         return self.run_until(self.now_ms + round(hours * MS_PER_HOUR + minutes * MS_PER_MIN) + ms)
@@ -115,14 +122,25 @@ class Bench:
         data = CommandPacket(kind, self.config.agent_id).encode()
         return self.tell(WifiReceived(data) if kind is Kind.RELEASE else PacketHeard(data))
 
-    def charge_pin_rises(self) -> list[Action]:
+    def charge_pin_rises(self, *, noticed: bool = True) -> list[Action]:
+        """In a dock, now; `noticed` False: the edge's interrupt is lost."""
         self._docked = self._at_surface = True
         self._arrival = None
-        return self.tell(ChargePinRose())
+        return self.tell(ChargePinRose(noticed))
 
-    def charge_pin_falls(self) -> list[Action]:
+    def charge_pin_falls(self, *, noticed: bool = True) -> list[Action]:
         self._docked = False
-        return self.tell(ChargePinFell())
+        return self.tell(ChargePinFell(noticed))
+
+    def charge_pin_chatters(self, *, high_ms: int, low_ms: int, times: int) -> list[Action]:
+        """The pin rises and falls `times` times; what the board did meanwhile."""
+        done = len(self.trace)
+        for _ in range(times):
+            self.charge_pin_rises()
+            self.run(ms=high_ms)
+            self.charge_pin_falls()
+            self.run(ms=low_ms)
+        return self.trace[done:]
 
     def reset(self, cause: ResetCause) -> list[Action]:
         """Starts the firmware anew; batteries and body are as they were."""

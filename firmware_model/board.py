@@ -15,12 +15,12 @@ from firmware_model.actions import (
     StateChanged,
 )
 from firmware_model.charge import Battery
-from firmware_model.charge_pin import ChargePin, Edge
+from firmware_model.charge_pin import ChargePin, Edge, Fault
 from firmware_model.codec import Codec
-from firmware_model.packets import CommandPacket, Kind
+from firmware_model.packets import EVERYONE, CommandPacket, Kind
 from firmware_model.plan import BoardConfig
 from firmware_model.power_path import Feed, PowerPath, WorstCase
-from firmware_model.rails import Rail, bits, rails_of
+from firmware_model.rails import RAILS, Rail, bits, rails_of
 from firmware_model.states import TABLE, Refused, State, Trigger, next_state
 from firmware_model.stimuli import (
     BottomReached,
@@ -40,6 +40,7 @@ _COMMANDS = {
     Kind.RELEASE: Trigger.CLEAR_TO_SINK,
     Kind.PING: Trigger.PING_HEARD,
     Kind.HOVER: Trigger.HOVER_TOLD,
+    Kind.SINK: Trigger.CLEAR_TO_SINK,
 }
 _DOCKED = (State.CHARGING, State.REPORTING)
 
@@ -63,7 +64,7 @@ class Board:
         )
         self._codec = codec
         self._now_ms = now_ms
-        self._pin = ChargePin(config.pin_debounce_ms, high=False)
+        self._pin = _pin(config, high=False)
         self._at_surface = False
         self._clear_to_sink = False
         self._last_resort_ms: int | None = None
@@ -109,8 +110,9 @@ class Board:
 
     def _fire(self, which: int, now_ms: int) -> list[Action]:
         if which == 0:
-            edge = self._pin.due(now_ms)
-            return self._edge(edge) if edge is not None else []
+            edge, fault = self._pin.due(now_ms)
+            faults: list[Action] = [] if fault is None else [Dropped(now_ms, fault.value)]
+            return faults if edge is None else faults + self._edge(edge)
         if which == 1:
             return self._switch_over(now_ms)
         if which == 2:
@@ -129,10 +131,10 @@ class Board:
         """Takes a fact from outside at `now_ms`, after everything that was due by then."""
         actions = self.advance(now_ms)
         match stimulus:
-            case ChargePinRose():
-                self._pin.level(True, now_ms)
-            case ChargePinFell():
-                self._pin.level(False, now_ms)
+            case ChargePinRose(noticed):
+                actions += self._wire(True, noticed)
+            case ChargePinFell(noticed):
+                actions += self._wire(False, noticed)
             case PacketHeard(data):
                 actions += self._hear(data)
             case WifiReceived(data):
@@ -148,9 +150,17 @@ class Board:
             case PowerCameOn(cause, at_surface, pin_high):
                 self.reset_cause = cause
                 self._at_surface = at_surface
-                self._pin = ChargePin(self.config.pin_debounce_ms, pin_high)
+                self._pin = _pin(self.config, pin_high)
                 actions += self._pull(Trigger.POWER_CAME_ON)
         return actions
+
+    def _wire(self, high: bool, noticed: bool) -> list[Action]:
+        if noticed:
+            self._pin.level(high, self._now_ms)
+        else:
+            self._pin.level_unseen(high, self._now_ms)
+        # The chargers need no firmware: they run for as long as the pin is high.
+        return self._set_rails() if self._whole is not None else []
 
     def _hear(self, data: bytes) -> list[Action]:
         if self._whole is None:
@@ -164,7 +174,7 @@ class Board:
         packet = self._codec.decode(data)
         if not isinstance(packet, CommandPacket):
             return [Dropped(self._now_ms, "not a command")]
-        if packet.agent_id != self.config.agent_id:
+        if packet.agent_id not in (self.config.agent_id, EVERYONE):
             return [Dropped(self._now_ms, "for another aMussel")]
         if packet.kind is Kind.RELEASE and self.state in _DOCKED:
             # The packet and the contact travel apart: it may come before the falling edge is certain.
@@ -172,7 +182,12 @@ class Board:
             return []
         if packet.kind is Kind.HOVER and self._whole is None:
             return [Dropped(self._now_ms, "the worst case knows no hovering")]
-        return self._pull(_COMMANDS[packet.kind])
+        trigger = _COMMANDS.get(packet.kind)
+        return (
+            [Dropped(self._now_ms, "a command that is not obeyed here")]
+            if trigger is None
+            else self._pull(trigger)
+        )
 
     def _edge(self, edge: Edge) -> list[Action]:
         if self.state in (State.OFF, State.BOOTING):
@@ -224,6 +239,8 @@ class Board:
         self._set_deadline()
         if state in REPORTS:
             actions.append(SendStatus(now_ms, REPORTS[state]))
+        if not RAILS[state] >> Rail.MU_ASLEEP & 1 and self._pin.look(now_ms):
+            actions.append(Dropped(now_ms, Fault.MISSED.value))
         return actions
 
     def _set_deadline(self) -> None:
@@ -242,8 +259,11 @@ class Board:
         on = rails_of(state, whole.power.kept_on, whole.cycle is None, pulsed)
         changed = on ^ self.rails
         self.rails = on
-        charging = batteries.charging if state in (State.OFF, State.BOOTING) else state in _DOCKED
-        batteries.set(charging, whole.power.loads.total(on), now_ms)
+        batteries.set(self._pin.wire_high, whole.power.loads.total(on), now_ms)
         if state is State.EMPTY:
             self._set_deadline()  # the safe level comes sooner or later under another load
         return [SetRail(now_ms, rail, bool(on >> rail & 1)) for rail in Rail if changed >> rail & 1]
+
+
+def _pin(config: BoardConfig, high: bool) -> ChargePin:
+    return ChargePin(config.pin_debounce_ms, high, config.pin_chatter_ms, config.pin_check_ms)

@@ -50,19 +50,19 @@ class Power:
 
 @dataclass(frozen=True, slots=True)
 class Slots:
-    """Acoustic timeslots as arithmetic on the time: slot `index` of every frame is this board's."""
+    """Acoustic timeslots as arithmetic on the time, the same for all boards; each has one of them in every frame."""
 
     frame_ms: int
     slot_ms: int
-    index: int
 
-    def __post_init__(self) -> None:
-        if not 0 <= self.index * self.slot_ms <= self.frame_ms - self.slot_ms:
-            raise ValueError(f"slot {self.index} does not lie in the frame")
+    @property
+    def count(self) -> int:
+        """How many whole slots a frame has."""
+        return self.frame_ms // self.slot_ms
 
-    def next_ms(self, now_ms: int) -> int:
-        """The first time from `now_ms` on at which the slot opens."""
-        first_ms = self.index * self.slot_ms
+    def next_ms(self, index: int, now_ms: int) -> int:
+        """The first time from `now_ms` on at which slot `index` opens."""
+        first_ms = index * self.slot_ms
         return first_ms - (first_ms - now_ms) // self.frame_ms * self.frame_ms
 
 
@@ -115,3 +115,16 @@ class BoardConfig:
     release_wait_ms: int
     whole: Whole | None = None
     """Sleep, rails and two batteries; None is the paper's worst case."""
+    slot: int = 0
+    """Which acoustic timeslot of every frame is this board's."""
+    pin_chatter_ms: int = 2000
+    """A charger's pin that bounces for so long is decided by the level that it had for the greater part of it."""
+    pin_check_ms: int = 60_000
+    """The pin's level is sampled at whole multiples of it, and at every wake: that finds an edge that was missed."""
+
+    def __post_init__(self) -> None:
+        cycle = None if self.whole is None else self.whole.cycle
+        if cycle is not None and cycle.slots is not None and not 0 <= self.slot < cycle.slots.count:
+            raise ValueError(f"slot {self.slot} does not lie in a frame of {cycle.slots.count}")
+        if not self.pin_debounce_ms < self.pin_chatter_ms or self.pin_check_ms <= 0:
+            raise ValueError("pin_chatter_ms must be longer than pin_debounce_ms, and pin_check_ms positive")

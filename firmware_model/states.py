@@ -119,6 +119,8 @@ TABLE: dict[tuple[State, Trigger], State] = {
     (_S.REPORTING, _T.WAKE_OVER): _S.CHARGING,
     (_S.REPORTING, _T.CHARGE_EDGE_FELL): _S.RELEASED,
     (_S.RELEASED, _T.CLEAR_TO_SINK): _S.SINKING,
+    # The motors had run to sink while the dock held it: it sank as soon as it was let go.
+    (_S.RELEASED, _T.BOTTOM_REACHED): _S.ACTIVE,
     (_S.SINKING, _T.BOTTOM_REACHED): _S.ACTIVE,
     # Held at a depth.
     (_S.ACTIVE, _T.HOVER_TOLD): _S.HOVERING,

@@ -23,12 +23,16 @@ class PowerCameOn:
 
 @dataclass(frozen=True, slots=True)
 class ChargePinRose:
-    """The charger's pin went high: raw, not yet debounced."""
+    """The charger's pin went high: raw, not yet debounced. `noticed` is False when the edge's interrupt was lost."""
+
+    noticed: bool = True
 
 
 @dataclass(frozen=True, slots=True)
 class ChargePinFell:
-    """The charger's pin went low: raw, not yet debounced."""
+    """The charger's pin went low: raw, not yet debounced. `noticed` is False when the edge's interrupt was lost."""
+
+    noticed: bool = True
 
 
 @dataclass(frozen=True, slots=True)

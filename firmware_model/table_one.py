@@ -115,6 +115,8 @@ LOADS = Loads.from_minutes(
         Rail.MOTORS: round(_FITTED["motor_run"] * 60_000 / _MOTOR_RUN_MS, 10),
     }
 )
+WORST_CASE = ChargeModel.from_minutes(EQUATION_1, EQUATION_2)
+"""The paper's experiments (section IV-A): one battery, one load, the secondary's charging curve."""
 _ONE_COIL = tuple((grains(end), grains_per_ms(rate)) for end, rate in EQUATION_2)
 MODEL = ChargeModel(
     discharge=0,
@@ -129,7 +131,7 @@ FIELD = Cycle(
     alarm_ms=_HOUR_MS,
     sample_ms=10_000,
     processing_ms=60_000,
-    slots=Slots(frame_ms=300_000, slot_ms=5000, index=0),
+    slots=Slots(frame_ms=300_000, slot_ms=5000),
     listen_ms=60_000,
 )
 """Wakes of several minutes, as in Fig. 4 a: sample, process a little, await the timeslot, transmit."""

@@ -38,10 +38,10 @@ def deadline_ms(
         return now_ms
     if state is State.EMPTY:
         return _last_resort_due_ms(config.whole, batteries, last_resort_ms, now_ms)
-    return _deadline_of_whole(state, config.whole, now_ms)
+    return _deadline_of_whole(state, config.whole, config.slot, now_ms)
 
 
-def _deadline_of_whole(state: State, whole: Whole, now_ms: int) -> int | None:
+def _deadline_of_whole(state: State, whole: Whole, slot: int, now_ms: int) -> int | None:
     if state is State.HOVERING:
         return now_ms + whole.hover_ms
     if state in (State.TRANSMITTING, State.CALLING):
@@ -60,7 +60,7 @@ def _deadline_of_whole(state: State, whole: Whole, now_ms: int) -> int | None:
             return now_ms + cycle.processing_ms
         case State.AWAITING_SLOT:
             assert cycle.slots is not None
-            return cycle.slots.next_ms(now_ms)
+            return cycle.slots.next_ms(slot, now_ms)
     return None
 
 

@@ -7,20 +7,29 @@ import re
 import shlex
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any, get_args, get_type_hints
 
 import pytest
 
 from apad_bridge.commands.main import parser
-from apad_bridge.scenario import schema
+from apad_bridge.scenario.schema import Scenario
 
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").glob("*.md"))]
 ROOMS = ("launch_scripts", "docs", "apad_bridge", "agents", "firmware_model", "tests", "benchmarks")
-DATACLASSES = [
-    kind
-    for kind in vars(schema).values()
-    if dataclasses.is_dataclass(kind) and isinstance(kind, type) and kind.__module__ == schema.__name__
-]
+
+
+def dataclasses_in(kind: Any) -> Iterator[type]:
+    """The dataclass that a type is, or holds in a union or tuple, and those of its fields, depth first."""
+    for part in get_args(kind):
+        yield from dataclasses_in(part)
+    if isinstance(kind, type) and dataclasses.is_dataclass(kind):
+        yield kind
+        for hint in get_type_hints(kind).values():
+            yield from dataclasses_in(hint)
+
+
+DATACLASSES = list(dict.fromkeys(dataclasses_in(Scenario)))
 
 
 def of_all_pages(pattern: str) -> list[tuple[str, str]]:

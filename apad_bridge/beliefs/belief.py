@@ -2,14 +2,49 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, field
+from enum import IntFlag
 
+from apad_bridge.beliefs.mixture import Part, below, interval
+from apad_bridge.beliefs.modes import Mode, mode_of
 from firmware_model.states import State
+
+
+class Source(IntFlag):
+    """What a belief was learned from since the newest packet, that one included."""
+
+    PACKET = 1
+    SILENCE = 2
+    """Slots went by in which a packet was due."""
+    DOCKING = 4
+    RELEASE = 8
+    RANGE = 16
+    SCHEDULE = 32
+    """The schedule that was commanded last says what the aMussel does."""
+
+
+@dataclass(frozen=True, slots=True)
+class Clock:
+    """The aMussel's clock against its nominal agent time: ahead by `offset_ms`, gaining `drift_ppm`; variances of both."""
+
+    offset_ms: float = 0.0
+    drift_ppm: float = 0.0
+    offset_var: float = 0.0
+    drift_var: float = 0.0
+
+
+EXACT_CLOCK = Clock()
+EXACT = (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True)
 class Belief:
-    """`heard_ms` is the mission time of the newest packet; charges are the paper's scaled voltage in [0, 1]."""
+    """An estimate for the mission time `at_ms`; charges are the paper's scaled voltage in [0, 1].
+
+    `heard_ms` is the mission time of the newest packet, and `state` what it said. An estimator that claims to be certain
+    leaves everything below `east_m` as it is.
+    """
 
     agent_id: int
     heard_ms: int
@@ -18,7 +53,52 @@ class Belief:
     secondary: float
     north_m: float
     east_m: float
+    carried_ms: int = 0
+    """How far past `heard_ms` the estimate was carried."""
+    charge_cov: tuple[float, float, float] = EXACT
+    """Variance of the primary, covariance, variance of the secondary."""
+    place_cov: tuple[float, float, float] = EXACT
+    """Variance north, covariance, variance east; square metres."""
+    mode_probabilities: tuple[float, ...] = ()
+    """In the order of `Mode`; empty when `state` is simply believed."""
+    clock: Clock = EXACT_CLOCK
+    learned_from: Source = Source.PACKET
+    silent_slots: int = 0
+    """Slots since the newest packet in which one was due and none was heard."""
+    parts: tuple[Part, ...] = ()
+    """The primary charge as a mixture, before its ends at 0 and 1; empty for one Gaussian."""
+    memory: object = field(default=None, compare=False, repr=False)
+    """The estimator's own; nobody else looks into it."""
+
+    @property
+    def at_ms(self) -> int:
+        return self.heard_ms + self.carried_ms
 
     def age_s(self, now_ms: int) -> float:
         """Mission seconds since the newest packet."""
         return (now_ms - self.heard_ms) / 1000
+
+    @property
+    def mode(self) -> Mode:
+        """The most probable one; the first of several."""
+        if not self.mode_probabilities:
+            return mode_of(self.state, self.primary, self.secondary)
+        return Mode(max(range(len(Mode)), key=self.mode_probabilities.__getitem__))
+
+    def probability_of(self, *modes: Mode) -> float:
+        """That it is in one of `modes`."""
+        if not self.mode_probabilities:
+            return float(self.mode in modes)
+        return math.fsum(self.mode_probabilities[mode] for mode in modes)
+
+    def probability_at_most(self, charge: float) -> float:
+        """That the primary battery holds `charge` or less."""
+        return below(self._mixture, charge)
+
+    def charge_interval(self, share: float = 0.95) -> tuple[float, float]:
+        """The central interval that holds the primary charge with probability `share`."""
+        return interval(self._mixture, share)
+
+    @property
+    def _mixture(self) -> tuple[Part, ...]:
+        return self.parts or (Part(1.0, self.primary, math.sqrt(self.charge_cov[0])),)

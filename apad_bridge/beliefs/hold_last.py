@@ -2,47 +2,34 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable
 
 from apad_bridge.beliefs.belief import Belief
-from firmware_model.packets import StatusPacket
+from apad_bridge.beliefs.fleet import FleetBeliefs
+from apad_bridge.beliefs.measurement import Heard, Measurement
 
 
-class HoldLast:
-    """Beliefs by agent id, for the ids of one fleet."""
+class LastPacket:
+    """Claims to be certain, and learns from packets alone."""
 
-    def __init__(self, agent_ids: Iterable[int]) -> None:
-        self._known = frozenset(agent_ids)
-        self._beliefs: dict[int, Belief] = {}
-        self._newest_ms: dict[int, int] = {}
+    def predict(self, belief: Belief, to_ms: int) -> Belief:
+        return belief
 
-    def get(self, agent_id: int) -> Belief | None:
-        return self._beliefs.get(agent_id)
-
-    def all(self) -> list[Belief]:
-        """Every aMussel that was ever heard, by id."""
-        return [self._beliefs[agent_id] for agent_id in sorted(self._beliefs)]
-
-    def hear(self, packet: StatusPacket, at_ms: int) -> str | None:
-        """Believes the packet heard at mission time `at_ms`; or says why not, and nothing has changed."""
-        if packet.agent_id not in self._known:
-            return "a status of an unknown aMussel"
-        numbers = (packet.north_m, packet.east_m, packet.depth_m, packet.primary, packet.secondary)
-        if not all(map(math.isfinite, numbers)):
-            return "a status with a number that is not finite"
-        if not (0 <= packet.primary <= 1 and 0 <= packet.secondary <= 1):
-            return "a status with a charge outside [0, 1]"
-        if packet.agent_ms < self._newest_ms.get(packet.agent_id, -1):
-            return "a status that a newer one overtook"
-        self._newest_ms[packet.agent_id] = packet.agent_ms
-        self._beliefs[packet.agent_id] = Belief(
+    def update(self, belief: Belief | None, measurement: Measurement) -> Belief | None:
+        if not isinstance(measurement, Heard):
+            return belief
+        packet = measurement.packet
+        return Belief(
             packet.agent_id,
-            at_ms,
+            measurement.at_ms,
             packet.state,
             packet.primary,
             packet.secondary,
             packet.north_m,
             packet.east_m,
         )
-        return None
+
+
+class HoldLast(FleetBeliefs):
+    def __init__(self, agent_ids: Iterable[int]) -> None:
+        super().__init__(LastPacket(), agent_ids)

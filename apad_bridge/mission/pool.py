@@ -9,10 +9,10 @@ from apad_bridge.mission.sources import BeliefSource
 from apad_bridge.mission.state import MissionState
 from apad_bridge.planning.candidates import Candidate, Situation
 from apad_bridge.scenario.schema import Mission
+from firmware_model.state_groups import BEYOND_HELP, TO_BE_FETCHED
 from firmware_model.states import State
 
 SLOTS = 4
-_IN_THE_WATER = frozenset({State.ACTIVE, State.EMPTY, State.FLOATING, State.SURFACING})
 
 
 class ChargingPool:
@@ -27,6 +27,12 @@ class ChargingPool:
         """Those heard of late, in the water, at or below the pool's threshold and not lost, by id."""
         return [belief for belief in self._beliefs.all() if self._is_candidate(belief, now_ms)]
 
+    @property
+    def batch(self) -> int:
+        """How many candidates are waited for: never more than there are aMussels that can still come up."""
+        left = sum(belief.state not in BEYOND_HELP for belief in self._beliefs.all())
+        return min(self._config.batch, max(1, left))
+
     def shun(self, agent_id: int, now_ms: int) -> None:
         self._shunned_until_ms[agent_id] = now_ms + self._silence_ms
 
@@ -37,7 +43,7 @@ class ChargingPool:
     def _is_candidate(self, belief: Belief, now_ms: int) -> bool:
         return (
             belief.primary <= self._config.pool_threshold
-            and belief.state in _IN_THE_WATER
+            and belief.state in TO_BE_FETCHED
             and (belief.primary > 0 or belief.secondary > 0)
             and self._shunned_until_ms.get(belief.agent_id, now_ms) <= now_ms
             and now_ms - belief.heard_ms <= self._silence_ms

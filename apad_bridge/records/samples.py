@@ -7,10 +7,11 @@ from typing import NamedTuple
 from agents.outputs import Truth
 from agents.physical import Physical
 from apad_bridge.beliefs.belief import Belief
+from apad_bridge.boards import charge_model
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.vehicle import BatteryReported, PoseReported
 from firmware_model.actions import Buoyancy
-from firmware_model.charge import ChargeModel, fraction
+from firmware_model.charge import fraction
 
 
 class TruthSample(NamedTuple):
@@ -51,7 +52,7 @@ class Water:
 
     def __init__(self, scenario: Scenario) -> None:
         board = scenario.board
-        self.charge = ChargeModel.from_minutes(board.discharge_per_min, board.charge_segments)
+        self.charge = charge_model(board)
         self._bottom_um = round(scenario.area.depth_m * 1e6)
         self._surfacing_ms = round(board.surfacing_s * 1000)
         self._sinking_ms = round(board.sinking_s * 1000)

@@ -7,10 +7,11 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import Any
 
+from apad_bridge.boards import charge_model
 from apad_bridge.records.journal import JournalContents
 from apad_bridge.replay.history import SLOTS, History, PlanView
 from apad_bridge.scenario.schema import Scenario
-from firmware_model.charge import ChargeModel, fraction
+from firmware_model.charge import fraction
 
 MAX_SAMPLES = 600
 MAX_VALUES = 60_000
@@ -60,8 +61,7 @@ def page_data(scenario: Scenario, journal: JournalContents, summary: dict[str, A
     start = journal.first("run")
     if start is None:
         raise ValueError("the journal has no line `run`: the flight never began")
-    charge = ChargeModel.from_minutes(scenario.board.discharge_per_min, scenario.board.charge_segments)
-    history = History(journal, scenario.theta, charge)
+    history = History(journal, scenario.theta, charge_model(scenario.board))
     sampler = _Sampler(scenario, history, [agent["id"] for agent in start["agents"]])
     times = sample_times(history.end_ms, len(start["agents"]))
     for now_ms in times:

@@ -9,6 +9,7 @@ from agents.one_process import OneProcess
 from agents.outputs import Truth
 from apad_bridge import building
 from apad_bridge.beliefs.belief import Belief
+from apad_bridge.boards import charge_model
 from apad_bridge.flight import Fleet, Flight
 from apad_bridge.pace import AsFastAsPossible
 from apad_bridge.records.summary import uptime_figures
@@ -17,16 +18,13 @@ from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
 from apad_bridge.vehicle import BatteryReported, PoseReported
 from apad_bridge.vehicle_link import InProcessVehicle
-from firmware_model.charge import ChargeModel
 
 
 class MemoryRecorder:
     """Keeps the events, and counts uptimes from the truths."""
 
     def __init__(self, scenario: Scenario) -> None:
-        board = scenario.board
-        charge = ChargeModel.from_minutes(board.discharge_per_min, board.charge_segments)
-        self.meter = UptimeMeter(scenario.theta, charge)
+        self.meter = UptimeMeter(scenario.theta, charge_model(scenario.board))
         self.events: list[tuple[int, str, dict[str, Any]]] = []
 
     def event(self, at_ms: int, kind: str, **data: Any) -> None:

@@ -73,6 +73,8 @@ class Budget:
     dropped: int
     life_hours: float | None
     """How long a full primary lasts at the mean rate of this run; None when nothing was drawn."""
+    life_samples: int | None
+    """How many samples that makes; None likewise."""
 
     def to_json(self) -> dict[str, Any]:
         return asdict(self)
@@ -117,6 +119,7 @@ def budget_of(script: MuScript, bench: Bench) -> Budget:
     bench.ledger.settle(bench.now_ms)
     by_rail = {rail.name: fraction(drawn) for rail, drawn in bench.ledger.by_rail().items()}
     drawn = sum(by_rail.values())
+    samples = len(bench.did(LogSample))
     return Budget(
         hours=script.hours,
         capacity_mwh=script.capacity_mwh,
@@ -126,9 +129,10 @@ def budget_of(script: MuScript, bench: Bench) -> Budget:
         state=bench.state.name,
         primary=bench.primary_fraction,
         secondary=bench.secondary_fraction,
-        samples=sum(isinstance(action, LogSample) for action in bench.trace),
-        dropped=sum(isinstance(action, Dropped) for action in bench.trace),
+        samples=samples,
+        dropped=len(bench.did(Dropped)),
         life_hours=script.hours / drawn if drawn else None,
+        life_samples=int(samples / drawn) if drawn else None,
     )
 
 

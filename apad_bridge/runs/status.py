@@ -6,7 +6,7 @@ import json
 from dataclasses import asdict, dataclass
 
 from apad_bridge.supervisor import Supervisor
-from firmware_model.states import State
+from firmware_model.state_groups import DOCKED
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,7 +33,7 @@ class Status:
             state.phase.value,
             supervisor.primitive,
             len(beliefs),
-            sum(b.state is not State.CHARGING and b.primary > 0 for b in beliefs),
+            sum(b.state not in DOCKED and b.primary > 0 for b in beliefs),
             len(state.docked),
             state.services,
             state.cost_m,

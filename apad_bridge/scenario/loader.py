@@ -18,6 +18,7 @@ from pydantic_core import ErrorDetails
 
 from apad_bridge.scenario.cross_checks import contradictions
 from apad_bridge.scenario.errors import ScenarioError
+from apad_bridge.scenario.profiles import filled_in
 from apad_bridge.scenario.schema import RandomStart, Scenario
 from apad_bridge.scenario.unknown_keys import explain_unknown_key
 from apad_bridge.scenario.yaml_text import parse_yaml
@@ -57,9 +58,9 @@ def from_data(data: Any, source: str) -> Scenario:
         raise ScenarioError([f"{source}: a scenario is a mapping of keys to values, not {_shown(data)}"])
     try:
         # By way of JSON, since only there does strictness leave lists for tuples and texts for enumerations.
-        scenario = _SCENARIO.validate_json(json.dumps(data), strict=True)
+        scenario = _SCENARIO.validate_json(json.dumps(filled_in(data)), strict=True)
     except ValidationError as error:
-        lines = [_line(source, data, details) for details in _wanted(error.errors(), data)]
+        lines = [_line(source, data, details) for details in _meant(_wanted(error.errors(), data))]
         raise ScenarioError(dict.fromkeys(lines)) from error
     except ValueError as error:  # json: a list or mapping that holds itself by an alias
         raise ScenarioError([f"{source}: {error}"]) from error
@@ -165,6 +166,17 @@ def _wanted(errors: list[ErrorDetails], data: Any) -> list[ErrorDetails]:
         if not (mapping and member == "str") and not (member == RandomStart.__name__ and not mapping):
             chosen.append(details)
     return chosen
+
+
+def _meant(errors: list[ErrorDetails]) -> list[ErrorDetails]:
+    """Errors without the keys that a profile would have given, had its name been right."""
+    misnamed = [details["loc"][:-1] for details in errors if details["loc"][-1:] == ("profile",)]
+    return [
+        details
+        for details in errors
+        if details["type"] != "missing"
+        or not any(details["loc"][: len(block)] == block for block in misnamed)
+    ]
 
 
 def _line(source: str, data: Any, details: ErrorDetails) -> str:

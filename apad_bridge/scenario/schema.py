@@ -10,31 +10,22 @@ from __future__ import annotations
 from enum import StrEnum
 from typing import Annotated
 
-from annotated_types import Ge, Gt, Le
-from pydantic import AfterValidator, ConfigDict, StringConstraints
-from pydantic.dataclasses import dataclass
+from annotated_types import Ge, Le
 
 from apad_bridge.scenario.polygon import area_m2, is_simple
-
-
-def _whole_milliseconds(seconds: float) -> float:
-    # Time is integer milliseconds inside: a period of 0.4 ms would be none at all.
-    if abs(seconds * 1000 - round(seconds * 1000)) > 1e-6:
-        raise ValueError("must be a whole number of milliseconds")
-    return seconds
-
-
-Positive = Annotated[float, Gt(0)]
-NotNegative = Annotated[float, Ge(0)]
-PositiveSeconds = Annotated[float, Ge(0.001), Le(1e9), AfterValidator(_whole_milliseconds)]
-NotNegativeSeconds = Annotated[float, Ge(0), Le(1e9), AfterValidator(_whole_milliseconds)]
-Fraction = Annotated[float, Ge(0), Le(1)]
-Slot = Annotated[int, Ge(0), Le(3)]
-FileName = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$")]
-RosName = Annotated[str, StringConstraints(pattern=r"^[A-Za-z][A-Za-z0-9_]*$")]
-
-_STRICT = ConfigDict(extra="forbid", allow_inf_nan=False)
-frozen = dataclass(frozen=True, kw_only=True, config=_STRICT)
+from apad_bridge.scenario.quantities import (
+    ChargeSegments,
+    FileName,
+    Fraction,
+    NotNegative,
+    NotNegativeSeconds,
+    Positive,
+    PositiveSeconds,
+    RatePerMinute,
+    RosName,
+    frozen,
+)
+from apad_bridge.scenario.whole_board import WholeBoard
 
 
 @frozen
@@ -107,11 +98,10 @@ class Fleet:
 
 @frozen
 class Board:
-    """Numbers of the MU board and its body; agent time."""
+    """Numbers of the MU board and its body; agent time. Either the paper's worst case, by its two equations, or `whole`."""
 
-    discharge_per_min: Positive
-    charge_segments: tuple[tuple[Fraction, Positive], ...]
-    """(upper end of the segment on [0, 1], rate a minute), rising; the last ends at 1."""
+    discharge_per_min: RatePerMinute | None = None
+    charge_segments: ChargeSegments | None = None
     pin_debounce_ms: Annotated[int, Ge(0)]
     boot_ms: Annotated[int, Ge(0)]
     surfacing_s: PositiveSeconds
@@ -120,11 +110,18 @@ class Board:
     """Floating unserved for so long, an aMussel sinks again."""
     release_wait_s: NotNegativeSeconds
     """After the falling edge, how long to wait for the release packet before sinking without it."""
+    whole: WholeBoard | None = None
 
     def __post_init__(self) -> None:
-        ends = [end for end, _ in self.charge_segments]
-        if not ends or ends != sorted(set(ends)) or ends[-1] != 1.0:
-            raise ValueError("charge_segments must rise and end at 1.0")
+        equations = {"discharge_per_min": self.discharge_per_min, "charge_segments": self.charge_segments}
+        missing = [name for name, value in equations.items() if value is None]
+        given = [name for name in equations if name not in missing]
+        if self.whole is None and missing:
+            raise ValueError(f"{' and '.join(missing)} must be there, or `whole` for the whole firmware")
+        if self.whole is not None and given:
+            raise ValueError(
+                f"{' and '.join(given)} must be left out where `whole` is: its numbers are in whole.power"
+            )
 
 
 class HearingMode(StrEnum):
@@ -203,6 +200,13 @@ class Costs:
     energy_per_charge: NotNegative = 1.0
 
 
+class FullWhen(StrEnum):
+    """Which of its batteries have to be above the threshold for a docked aMussel to be full."""
+
+    PRIMARY = "primary"
+    BOTH = "both"
+
+
 @frozen
 class Mission:
     collection: str
@@ -211,6 +215,7 @@ class Mission:
     pool_threshold: Fraction
     batch: Annotated[int, Ge(1), Le(4)]
     full_threshold: Fraction
+    full_when: FullWhen = FullWhen.PRIMARY
     speed_m_s: Positive
     victory_radius_m: Positive
     docking: Docking

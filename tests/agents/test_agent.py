@@ -17,6 +17,7 @@ from firmware_model.codec import MusselbedCodec
 from firmware_model.packets import CommandPacket, Kind, StatusPacket
 from firmware_model.states import State
 from firmware_model.stimuli import ResetCause
+from firmware_model.table_one import WORST_CASE
 
 CODEC = MusselbedCodec()
 PERMISSION = CODEC.encode(CommandPacket(Kind.PERMISSION, 7))
@@ -33,8 +34,7 @@ FLEET = FleetConfig(
     theta=30,
     seed=5,
     codec="musselbed-1",
-    discharge_per_min=0.0010427134,
-    charge_segments=((0.16197, 0.001045), (0.5634, 0.00223), (1.0, 0.002911)),
+    charge=WORST_CASE,
     pin_debounce_ms=50,
     boot_ms=2000,
     float_timeout_ms=600_000,

@@ -32,13 +32,13 @@ from agents.stimuli import ContactClosed, ContactOpened, DockMoved, SoundArrived
 from agents.truths import decode as decode_telling
 from firmware_model.codec import MusselbedCodec
 from firmware_model.stimuli import ResetCause
+from firmware_model.table_one import WORST_CASE
 
 FLEET = FleetConfig(
     theta=30,
     seed=5,
     codec="musselbed-1",
-    discharge_per_min=0.0010427134,
-    charge_segments=((1.0, 0.002911),),
+    charge=WORST_CASE,
     pin_debounce_ms=50,
     boot_ms=2000,
     float_timeout_ms=600_000,

@@ -11,24 +11,23 @@ from agents.agent import Agent, AgentConfig
 from agents.fleet import FleetConfig, resting_on_bottom
 from agents.outputs import Output, SoundSent, Truth, WifiSent
 from agents.physical import Physical
-from agents.stimuli import ContactClosed, ContactOpened, SoundArrived, Stimulus, WifiArrived
+from agents.stimuli import CoilSlipped, ContactClosed, ContactOpened, SoundArrived, Stimulus, WifiArrived
 from firmware_model.charge import Flow
 from firmware_model.codec import MusselbedCodec
-from firmware_model.packets import CommandPacket, Kind, StatusPacket
+from firmware_model.packets import PLAIN_KINDS, CommandPacket, Kind, StatusPacket
 from firmware_model.plan import LastResort
 from firmware_model.states import State
 from firmware_model.stimuli import ResetCause
-from firmware_model.table_one import FIELD, board, power
+from firmware_model.table_one import FIELD, WORST_CASE, board, power
 
 CODEC = MusselbedCodec()
-COMMANDS = {kind: CODEC.encode(CommandPacket(kind, 7)) for kind in Kind if kind is not Kind.STATUS}
+COMMANDS = {kind: CODEC.encode(CommandPacket(kind, 7)) for kind in sorted(PLAIN_KINDS)}
 WATER = (
     FleetConfig(
         theta=30,
         seed=5,
         codec="musselbed-1",
-        discharge_per_min=0.001,
-        charge_segments=((1.0, 0.002),),
+        charge=WORST_CASE,
         pin_debounce_ms=50,
         boot_ms=2000,
         float_timeout_ms=600_000,
@@ -46,6 +45,7 @@ WATER = (
     .config(7)
     .water
 )
+WATER = replace(WATER, coil_alignment_ms=20_000)
 CYCLE = replace(FIELD, alarm_ms=200_000)
 CONFIG = AgentConfig(board(CYCLE, power(LastResort.CALL), agent_id=7), WATER, 30_000, heard_always=False)
 STIMULI: tuple[Stimulus, ...] = (
@@ -53,6 +53,7 @@ STIMULI: tuple[Stimulus, ...] = (
     WifiArrived(COMMANDS[Kind.RELEASE]),
     ContactClosed(0, 0),
     ContactOpened(),
+    CoilSlipped(),
 )
 END_MS = 2_000_000
 
@@ -132,3 +133,42 @@ def test_hovering_it_stays_at_its_depth() -> None:
     mussel.receive(SoundArrived(COMMANDS[Kind.PERMISSION]), 700_000)
     mussel.advance(760_000)
     assert mussel.board.state is State.FLOATING
+
+
+def docked(contact_ms: int) -> Agent:
+    """At the surface since 130 s; the dock closes at `contact_ms`."""
+    mussel = agent(0.5, 0.5)
+    mussel.receive(SoundArrived(COMMANDS[Kind.PERMISSION]), 70_000)
+    mussel.receive(ContactClosed(0, 0), contact_ms)
+    return mussel
+
+
+def test_the_charger_starts_when_the_coils_are_aligned_and_not_at_the_contact() -> None:
+    mussel = docked(140_000)
+    assert (mussel.body.pin_high, mussel.body.pin_due_ms) == (False, 160_000)
+    mussel.advance(160_049)
+    assert (mussel.board.state, mussel.physical.primary.flow) == (State.FLOATING, Flow.CHARGING)
+    assert mussel.physical.primary.anchor_ms == 160_000
+    mussel.advance(160_050)
+    assert mussel.board.state is State.CHARGING
+
+
+def test_coils_that_slip_release_nothing_when_they_align_again_in_time() -> None:
+    mussel = docked(140_000)
+    mussel.receive(CoilSlipped(), 163_000)
+    mussel.advance(163_050)
+    assert (mussel.board.state, mussel.physical.primary.flow) == (State.RELEASED, Flow.DISCHARGING)
+    mussel.advance(183_050)
+    assert (mussel.board.state, mussel.physical.primary.flow) == (State.CHARGING, Flow.CHARGING)
+
+
+def test_a_body_that_a_dock_holds_does_not_sink_until_it_is_let_go() -> None:
+    mussel = docked(140_000)
+    for at_ms in range(170_000, 310_000, 15_000):
+        mussel.receive(
+            CoilSlipped(), at_ms
+        )  # over and over: after 120 s without the charger it believes that it is free
+    assert (mussel.board.state, mussel.body.depth_at_um(309_000)) == (State.SINKING, 0)
+    mussel.receive(ContactOpened(), 310_000)
+    mussel.advance(355_000)
+    assert (mussel.board.state, mussel.body.depth_at_um(355_000)) == (State.ACTIVE, 3_000_000)

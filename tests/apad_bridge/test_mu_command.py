@@ -100,6 +100,27 @@ def test_a_script_with_a_mistake_is_one_line_that_names_it(
     assert fault in capsys.readouterr().err
 
 
+def test_the_trace_is_printed_when_it_is_asked_for(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = str(script(tmp_path, "{hours: 1.5, sleep: hourly, primary: 1, secondary: 1, tell: [[0.5, ping]]}"))
+    assert main(["mu", "run", path]) == Exit.DONE
+    assert "PING_HEARD" not in capsys.readouterr().out
+    assert main(["mu", "run", path, "--trace", "--json"]) == Exit.DONE
+    trace = json.loads(capsys.readouterr().out)["trace"]
+    assert "  0:30:00.000  SLEEPING -PING_HEARD-> ACTIVE" in trace
+    assert trace[0] == "  0:00:00.000  OFF -POWER_CAME_ON-> BOOTING"
+
+
+def test_the_predicted_life_counts_its_samples(tmp_path: Path) -> None:
+    budget = played(script(tmp_path, "{hours: 10.5, sleep: hourly, primary: 1, secondary: 1}"))
+    assert budget.life_hours is not None
+    drawn = 1 - budget.primary
+    assert budget.life_hours == pytest.approx(10.5 / drawn, rel=1e-6)
+    # Ten wakes in 10.5 hours.
+    assert budget.life_samples == int(10 / drawn)
+
+
 def test_a_vcd_file_is_written_or_refused_in_one_line(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -12,7 +12,7 @@ from firmware_model.bench import Bench
 from firmware_model.board import Board
 from firmware_model.charge import FULL, Battery, Flow, grains
 from firmware_model.codec import MusselbedCodec
-from firmware_model.packets import CommandPacket, Kind
+from firmware_model.packets import PLAIN_KINDS, CommandPacket, Kind
 from firmware_model.plan import BoardConfig, Cycle, LastResort
 from firmware_model.rails import Rail
 from firmware_model.states import State
@@ -251,10 +251,15 @@ def test_never_asleep_it_stays_active_on_the_idle_load() -> None:
 # The laws.
 
 QUICK = Cycle(alarm_ms=20_000, sample_ms=3000, processing_ms=2000, slots=FIELD.slots, listen_ms=5000)
-COMMANDS = [CommandPacket(kind, 1).encode() for kind in Kind if kind is not Kind.STATUS]
+COMMANDS = [CommandPacket(kind, 1).encode() for kind in sorted(PLAIN_KINDS)]
 STIMULI: st.SearchStrategy[Stimulus] = st.one_of(
     st.sampled_from(
-        [ChargePinRose(), ChargePinFell(), SurfaceReached(), BottomReached(), PacketHeard(b"noise")]
+        [
+            *(edge(noticed) for edge in (ChargePinRose, ChargePinFell) for noticed in (True, False)),
+            SurfaceReached(),
+            BottomReached(),
+            PacketHeard(b"noise"),
+        ]
     ),
     st.sampled_from([PacketHeard(data) for data in COMMANDS] + [WifiReceived(data) for data in COMMANDS]),
 )

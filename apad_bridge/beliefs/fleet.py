@@ -1,0 +1,93 @@
+"""The beliefs of a whole fleet, kept by one estimator: packets are checked here, before any filter sees them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from typing import Protocol
+
+from apad_bridge.beliefs.belief import Belief
+from apad_bridge.beliefs.measurement import Heard, Measurement, Rejected
+from firmware_model.packets import ShortStatus, StatusPacket
+
+
+class Estimator(Protocol):
+    """Pure: a belief goes in, another comes out. It is asked at events only, never by a clock of its own."""
+
+    def predict(self, belief: Belief, to_ms: int) -> Belief:
+        """What is believed for mission time `to_ms`, nothing more having been learned (ValueError before its time)."""
+        ...
+
+    def update(self, belief: Belief | None, measurement: Measurement) -> Belief | None:
+        """The belief that knows `measurement` too; None while nothing is known. Raises Rejected."""
+        ...
+
+
+class FleetBeliefs:
+    """Beliefs by agent id, for the ids of one fleet. `advance` says what time it is; `get` and `all` are for that time."""
+
+    def __init__(self, estimator: Estimator, agent_ids: Iterable[int]) -> None:
+        self.estimator = estimator
+        self._known = frozenset(agent_ids)
+        self._beliefs: dict[int, Belief] = {}
+        self._newest_ms: dict[int, int] = {}
+        self._now_ms = 0
+        self._at_now: dict[int, Belief] = {}
+
+    def advance(self, now_ms: int) -> None:
+        """ValueError if time went back."""
+        if now_ms < self._now_ms:
+            raise ValueError(f"time went back: {now_ms} before {self._now_ms}")
+        if now_ms > self._now_ms:
+            self._now_ms = now_ms
+            self._at_now.clear()
+
+    def get(self, agent_id: int) -> Belief | None:
+        belief = self._at_now.get(agent_id)
+        if belief is None and (newest := self._beliefs.get(agent_id)) is not None:
+            belief = newest
+            if newest.at_ms < self._now_ms:
+                belief = self.estimator.predict(newest, self._now_ms)
+            self._at_now[agent_id] = belief
+        return belief
+
+    def all(self) -> list[Belief]:
+        """Every aMussel of which anything is believed, by id."""
+        return [belief for agent_id in sorted(self._beliefs) if (belief := self.get(agent_id)) is not None]
+
+    def hear(self, packet: StatusPacket, at_ms: int) -> str | None:
+        """Believes the packet heard at mission time `at_ms`; or says why not, and nothing has changed."""
+        if packet.agent_id not in self._known:
+            return "a status of an unknown aMussel"
+        numbers = (packet.north_m, packet.east_m, packet.depth_m, packet.primary, packet.secondary)
+        if not all(map(math.isfinite, numbers)):
+            return "a status with a number that is not finite"
+        if not (0 <= packet.primary <= 1 and 0 <= packet.secondary <= 1):
+            return "a status with a charge outside [0, 1]"
+        if packet.agent_ms < self._newest_ms.get(packet.agent_id, -1):
+            return "a status that a newer one overtook"
+        reason = self.learn(packet.agent_id, Heard(at_ms, packet))
+        if reason is None:
+            self._newest_ms[packet.agent_id] = packet.agent_ms
+        return reason
+
+    def hear_short(self, packet: ShortStatus, at_ms: int, agent_ms: int) -> str | None:
+        """As `hear`, of a status that says neither place nor time: it is sent at `agent_ms`, from where it is believed."""
+        before = self.get(packet.agent_id)
+        if before is None:
+            return "a short status of an aMussel whose place is not known"
+        charges, place = (packet.primary, packet.secondary), (before.north_m, before.east_m)
+        return self.hear(
+            StatusPacket(packet.agent_id, 0, packet.state, *charges, *place, 0.0, agent_ms), at_ms
+        )
+
+    def learn(self, agent_id: int, measurement: Measurement) -> str | None:
+        """Takes anything that is known of one aMussel; or says why it is not believed, and nothing has changed."""
+        try:
+            belief = self.estimator.update(self._beliefs.get(agent_id), measurement)
+        except Rejected as rejected:
+            return str(rejected)
+        if belief is not None:
+            self._beliefs[agent_id] = belief
+            self._at_now.pop(agent_id, None)
+        return None

@@ -1,0 +1,108 @@
+"""A charge as a mixture of Gaussians that is held at 0 and 1, as a battery is: what lies beyond an end lies on it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+_ROOT_TWO = math.sqrt(2)
+_STEPS = 40
+
+
+class Part(NamedTuple):
+    """A Gaussian of weight `weight`, before the ends; a deviation of 0 is a certain value."""
+
+    weight: float
+    mean: float
+    sd: float
+
+
+def normal_cdf(z: float) -> float:
+    return 0.5 * math.erfc(-z / _ROOT_TWO)
+
+
+def normal_pdf(z: float) -> float:
+    return math.exp(-0.5 * z * z) / math.sqrt(2 * math.pi)
+
+
+def below(parts: Sequence[Part], charge: float) -> float:
+    """The probability of `charge` or less."""
+    if charge < 0:
+        return 0.0
+    if charge >= 1:
+        return 1.0
+    return math.fsum(weight * _cdf(charge, mean, sd) for weight, mean, sd in parts)
+
+
+def below_strictly(parts: Sequence[Part], charge: float) -> float:
+    """The probability of less than `charge`: at 1 that is all but what rests there."""
+    if charge <= 0:
+        return 0.0
+    if charge > 1:
+        return 1.0
+    return math.fsum(weight * _cdf(charge, mean, sd, strictly=True) for weight, mean, sd in parts)
+
+
+def interval(parts: Sequence[Part], share: float) -> tuple[float, float]:
+    """The central interval of probability `share`."""
+    return quantile(parts, (1 - share) / 2), quantile(parts, (1 + share) / 2)
+
+
+def quantile(parts: Sequence[Part], probability: float) -> float:
+    """The least charge that is not exceeded with `probability`; by halving, to 1e-12."""
+    if below(parts, 0.0) >= probability:
+        return 0.0
+    low, high = 0.0, 1.0
+    for _ in range(_STEPS):
+        middle = (low + high) / 2
+        if below(parts, middle) >= probability:
+            high = middle
+        else:
+            low = middle
+    return high
+
+
+def held(mean: float, variance: float) -> tuple[float, float]:
+    """Mean and variance of a Gaussian whose every value beyond 0 or 1 rests at that end.
+
+    This is what a battery does that runs empty or full, so it belongs to prediction: the probability of the ends is kept.
+    """
+    sd = math.sqrt(max(variance, 0.0))
+    if mean - 5 * sd >= 0 and mean + 5 * sd <= 1:
+        return mean, variance
+    if sd < 1e-9:
+        return min(1.0, max(0.0, mean)), 0.0
+    a, b = -mean / sd, (1 - mean) / sd
+    cdf_a, cdf_b, pdf_a, pdf_b = normal_cdf(a), normal_cdf(b), normal_pdf(a), normal_pdf(b)
+    inside = cdf_b - cdf_a
+    first = mean * inside + sd * (pdf_a - pdf_b) + (1 - cdf_b)
+    second = (mean**2 + variance) * inside + sd * (2 * mean * (pdf_a - pdf_b) + sd * (a * pdf_a - b * pdf_b))
+    second += 1 - cdf_b
+    return first, max(0.0, second - first**2)
+
+
+def truncated(mean: float, variance: float) -> tuple[float, float]:
+    """Mean and variance of a Gaussian of which only what lies in [0, 1] is possible.
+
+    This is what a measurement leaves: a posterior beyond an end is no charge. Far outside, the end itself is the answer.
+    """
+    sd = math.sqrt(max(variance, 0.0))
+    if mean - 5 * sd >= 0 and mean + 5 * sd <= 1:
+        return mean, variance
+    if sd < 1e-9:
+        return min(1.0, max(0.0, mean)), 0.0
+    a, b = -mean / sd, (1 - mean) / sd
+    inside = normal_cdf(b) - normal_cdf(a)
+    if inside < 1e-6:
+        return min(1.0, max(0.0, mean)), min(variance, (sd / max(abs(a), abs(b), 1.0)) ** 2)
+    pdf_a, pdf_b = normal_pdf(a), normal_pdf(b)
+    shift = (pdf_a - pdf_b) / inside
+    spread = 1 + (a * pdf_a - b * pdf_b) / inside - shift**2
+    return min(1.0, max(0.0, mean + sd * shift)), variance * max(spread, 1e-9)
+
+
+def _cdf(charge: float, mean: float, sd: float, strictly: bool = False) -> float:
+    if sd < 1e-9:
+        return float(mean < charge if strictly else mean <= charge)
+    return normal_cdf((charge - mean) / sd)

@@ -1,0 +1,64 @@
+"""What an aMussel may be doing, as far as energy and rescue are concerned: coarser than the firmware's states."""
+
+from __future__ import annotations
+
+from enum import IntEnum
+
+from firmware_model.states import State
+
+
+class Mode(IntEnum):
+    """Two of one mode draw alike; an aPad can plan without knowing more."""
+
+    ASLEEP = 0
+    """Asleep, but for the short wakes of its own cycle; so too on the backup battery, waiting for help."""
+    IDLE = 1
+    """The MU is awake and its modem listens: the paper's worst case."""
+    HIGH_LOAD = 2
+    """The Pi works, or motors hold a depth."""
+    SURFACING = 3
+    FLOATING = 4
+    CHARGING_PRIMARY = 5
+    """Docked; the primary battery is not full yet."""
+    CHARGING_SECONDARY = 6
+    """Docked; the primary is full, the secondary not yet."""
+    FULL = 7
+    """Docked; both are full."""
+    LOST = 8
+    """Both batteries are empty: it can no longer surface."""
+
+
+SUBMERGED = (Mode.ASLEEP, Mode.IDLE, Mode.HIGH_LOAD)
+"""What it chooses among by itself; everything else an aPad brings about or learns of."""
+DOCKED = (Mode.CHARGING_PRIMARY, Mode.CHARGING_SECONDARY, Mode.FULL)
+
+_OF_STATE: dict[State, Mode] = {
+    State.OFF: Mode.ASLEEP,
+    State.BOOTING: Mode.IDLE,
+    State.ACTIVE: Mode.IDLE,
+    State.SURFACING: Mode.SURFACING,
+    State.FLOATING: Mode.FLOATING,
+    State.CHARGING: Mode.CHARGING_PRIMARY,
+    State.RELEASED: Mode.FLOATING,
+    State.SINKING: Mode.IDLE,
+    State.EMPTY: Mode.ASLEEP,
+    State.SLEEPING: Mode.ASLEEP,
+    State.SAMPLING: Mode.ASLEEP,
+    State.PROCESSING: Mode.HIGH_LOAD,
+    State.AWAITING_SLOT: Mode.ASLEEP,
+    State.TRANSMITTING: Mode.ASLEEP,
+    State.HOVERING: Mode.HIGH_LOAD,
+    State.REPORTING: Mode.CHARGING_PRIMARY,
+    State.CALLING: Mode.ASLEEP,
+    State.LOST: Mode.LOST,
+}
+"""Sampling, waiting for the slot and transmitting are the short wakes of one that sleeps."""
+FULL_CHARGE = 0.999
+
+
+def mode_of(state: State, primary: float, secondary: float) -> Mode:
+    """The mode that a packet states; docked, the charges say which battery is still being charged."""
+    mode = _OF_STATE[state]
+    if mode is Mode.CHARGING_PRIMARY and primary >= FULL_CHARGE:
+        return Mode.FULL if secondary >= FULL_CHARGE else Mode.CHARGING_SECONDARY
+    return mode

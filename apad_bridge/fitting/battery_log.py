@@ -1,0 +1,235 @@
+"""A battery's log as it comes from a user's file: minutes and the paper's scaled voltage, or one line on what is wrong.
+
+Time may be seconds, minutes, hours, milliseconds, nanoseconds (as `rostopic echo -p` writes them) or ISO stamps; the
+value mV, V, percent, or scaled already. What a column's name ends in says its unit; where it does not, an option has to
+for time, and the values' size does for voltage, where only one unit is possible.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+Floats = npt.NDArray[np.float64]
+
+MINUTES_IN = {"ns": 1 / 60e9, "ms": 1 / 60e3, "s": 1 / 60, "min": 1.0, "h": 60.0}
+VALUE_UNITS = ("mv", "v", "percent", "scaled")
+_WORDS = {
+    "sec": "s", "secs": "s", "second": "s", "seconds": "s", "minute": "min", "minutes": "min", "mins": "min",
+    "hour": "h", "hours": "h", "msec": "ms", "stamp": "", "volt": "v", "volts": "v", "millivolts": "mv",
+    "fraction": "scaled", "%": "percent", "pct": "percent",
+}  # fmt: skip
+_TIME_NAMES = re.compile(r"time|stamp|^t\b|date|second|minute|hour|elapsed")
+_VALUE_NAMES = re.compile(
+    r"volt|batt|charge|soc|scaled|fraction|percent|primary|secondary|^u\b|^v\b|\bm?v\b|data"
+)
+
+
+class LogError(ValueError):
+    """The log cannot be used: one line, with the mend."""
+
+
+@dataclass(frozen=True, slots=True)
+class LogFormat:
+    """What the user said of the file; None is what the file has to say itself."""
+
+    time_column: str | None = None
+    value_column: str | None = None
+    time_unit: str | None = None
+    value_unit: str | None = None
+    empty_mv: float = 3600.0
+    full_mv: float = 4200.0
+
+
+@dataclass(frozen=True, slots=True)
+class BatteryLog:
+    """`minutes` (n,) from the first row on, never falling; `scaled` (n,), 0 at `empty_mv` and 1 at `full_mv`."""
+
+    name: str
+    minutes: Floats
+    scaled: Floats
+    left_out: int
+    """Rows without a value."""
+
+
+def read_log(path: Path, how: LogFormat) -> BatteryLog:
+    """Reads a CSV file (comma, semicolon or tab; with or without a line of names). LogError with the file's line."""
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except OSError as error:
+        raise LogError(f"{path}: {error.strerror}") from None
+    except UnicodeDecodeError:
+        raise LogError(f"{path}: is no text in UTF-8: export the log as CSV") from None
+    rows = list(_rows(text))
+    if not rows:
+        raise LogError(f"{path}: holds no rows")
+    try:
+        return _log(path, rows, how)
+    except LogError as error:
+        raise LogError(f"{path}: {error}") from None
+
+
+def _rows(text: str) -> Iterator[tuple[int, list[str]]]:
+    """(line, cells) of every line that is neither empty nor a comment."""
+    lines = text.splitlines()
+    first = next((line for line in lines if line.strip()), "")
+    delimiter = next((mark for mark in ";\t" if mark in first), ",")
+    for number, cells in enumerate(csv.reader(lines, delimiter=delimiter), 1):
+        if any(cell.strip() for cell in cells) and not cells[0].startswith("#"):
+            # Where commas do not part the cells they are a decimal sign.
+            yield (
+                number,
+                [cell.strip() if delimiter == "," else cell.strip().replace(",", ".") for cell in cells],
+            )
+
+
+def _log(path: Path, rows: list[tuple[int, list[str]]], how: LogFormat) -> BatteryLog:
+    names = rows[0][1]
+    named = not any(_is_number(cell) or _stamp(cell) is not None for cell in names)
+    if not named:
+        names = [f"{n}" for n in range(1, len(names) + 1)]
+    time_at = _column(names, how.time_column, _TIME_NAMES, "--time-column", 0 if not named else None)
+    value_at = _column(
+        names, how.value_column, _VALUE_NAMES, "--value-column", 1 if not named else None, but=time_at
+    )
+    body = rows[1:] if named else rows
+    times, values, numbers, left_out = _cells(body, time_at, value_at)
+    if not times:
+        raise LogError("holds no rows with a value")
+    minutes = _minutes(times, numbers, how.time_unit or _unit_in(names[time_at], tuple(MINUTES_IN)))
+    unit = how.value_unit or _unit_in(names[value_at], VALUE_UNITS) or _unit_by_size(values)
+    return BatteryLog(path.name, minutes, _scaled(values, unit, how), left_out)
+
+
+def _column(
+    names: list[str],
+    told: str | None,
+    known: re.Pattern[str],
+    option: str,
+    default: int | None,
+    but: int = -1,
+) -> int:
+    """Which column: by its name as told, else by what such columns are called, else by its place."""
+    if told is not None:
+        if told not in names:
+            raise LogError(f"no column is called {told!r}; there are {', '.join(names)}")
+        return names.index(told)
+    if default is not None:
+        if default >= len(names):
+            raise LogError("needs two columns, time and voltage")
+        return default
+    found = [n for n, name in enumerate(names) if n != but and known.search(name.lower().replace("_", " "))]
+    if len(found) != 1 and option == "--value-column" and len(names) == 2:
+        return 1 - but
+    if not found:
+        raise LogError(f"no column looks like it: say which by {option}, one of {', '.join(names)}")
+    if len(found) > 1 and option == "--value-column":
+        several = ", ".join(names[n] for n in found)
+        raise LogError(f"{several}: say by {option} which of them is fitted")
+    return found[0]
+
+
+def _cells(
+    rows: list[tuple[int, list[str]]], time_at: int, value_at: int
+) -> tuple[list[str], Floats, list[int], int]:
+    """(times as text, values, line numbers, rows left out because they have no value)."""
+    times, values, numbers = [], [], []
+    left_out = 0
+    for number, cells in rows:
+        if max(time_at, value_at) >= len(cells):
+            raise LogError(f"line {number}: has {len(cells)} columns only")
+        cell = cells[value_at]
+        if cell.lower() in ("", "nan", "na", "null", "none"):
+            left_out += 1
+            continue
+        if not _is_number(cell):
+            raise LogError(f"line {number}: {cell!r} is no number")
+        times.append(cells[time_at])
+        values.append(float(cell))
+        numbers.append(number)
+    return times, np.array(values), numbers, left_out
+
+
+def _minutes(times: list[str], numbers: list[int], unit: str | None) -> Floats:
+    stamps = not _is_number(times[0])
+    if not stamps and unit is None:
+        raise LogError(
+            "does not say the unit of its time: call the column time_s or time_min, or give --time-unit"
+        )
+    found: list[float] = []
+    first: datetime | None = None
+    for number, cell in zip(numbers, times, strict=True):
+        if stamps:
+            stamp = _stamp(cell)
+            if stamp is None:
+                raise LogError(f"line {number}: {cell!r} is no ISO time stamp (such as 2026-05-01T12:00:00)")
+            first = first or stamp
+            if (stamp.tzinfo is None) is not (first.tzinfo is None):
+                raise LogError(f"line {number}: {cell!r}: stamps with and without a time zone in one log")
+            at = (stamp - first).total_seconds() / 60
+        elif _is_number(cell):
+            at = (float(cell) - float(times[0])) * MINUTES_IN[unit or ""]
+        else:
+            raise LogError(f"line {number}: {cell!r} is no number")
+        if found and at < found[-1]:
+            raise LogError(f"line {number}: time goes back: put the rows in order, or cut the log there")
+        found.append(at)
+    return np.array(found)
+
+
+def _scaled(values: Floats, unit: str, how: LogFormat) -> Floats:
+    if unit == "scaled":
+        return values
+    if unit == "percent":
+        return values / 100
+    scale = 1000 if unit == "v" else 1
+    scaled: Floats = (values * scale - how.empty_mv) / (how.full_mv - how.empty_mv)
+    return scaled
+
+
+def _unit_in(name: str, units: tuple[str, ...]) -> str | None:
+    """The unit that a column's name says: time_s, "t [min]", Voltage (mV), seconds; `%time` is ROS's nanoseconds."""
+    if name == "%time":
+        return "ns" if "ns" in units else None
+    words: list[str] = re.findall(r"[a-z]+|%", name.lower())
+    for word in reversed(words):
+        unit = _WORDS.get(word, word)
+        if unit in units:
+            return unit
+    return None
+
+
+def _unit_by_size(values: Floats) -> str:
+    low, high = float(values.min()), float(values.max())
+    if low >= -0.2 and high <= 1.2:
+        return "scaled"
+    if low >= 2 and high <= 5.5:
+        return "v"
+    if low >= 2000 and high <= 5500:
+        return "mv"
+    raise LogError(
+        f"does not say the unit of its values, which run from {low:g} to {high:g}: give --value-unit "
+        f"({', '.join(VALUE_UNITS)})"
+    )
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        return math.isfinite(float(cell))
+    except ValueError:
+        return False
+
+
+def _stamp(cell: str) -> datetime | None:
+    try:
+        return datetime.fromisoformat(cell)
+    except ValueError:
+        return None

@@ -1,0 +1,160 @@
+"""Least squares fit of a continuous piecewise-linear curve whose breakpoints are sought as well.
+
+For given breakpoints the values at them follow from linear least squares in hat functions: a tridiagonal system whose
+entries are sums over a segment's rows, differences of running sums. A trial of breakpoints so costs the same however
+long the log is, and many can be tried: one is added at a time where it helps most, each is then moved wherever on the
+whole axis it helps more, and all are refined in ever smaller steps. The sum of squares has many hollows, so this finds
+the deepest in all but contrived cases; tests compare it with an exhaustive search.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+Floats = npt.NDArray[np.float64]
+
+MIN_ROWS = 3
+"""In each segment."""
+_GRID = 48
+_FIRST_STEP, _LAST_STEP = 0.02, 1e-7
+_GAIN = 1 - 1e-9
+"""A trial has to be better by more than rounding."""
+
+
+@dataclass(frozen=True, slots=True)
+class Piecewise:
+    """A curve through (knot, value); the first and last knot are the first and last row's."""
+
+    knots: tuple[float, ...]
+    values: tuple[float, ...]
+
+    @property
+    def slopes(self) -> tuple[float, ...]:
+        """Of each segment."""
+        return tuple(
+            (self.values[n + 1] - self.values[n]) / (self.knots[n + 1] - self.knots[n])
+            for n in range(len(self.knots) - 1)
+        )
+
+    def at(self, x: Floats) -> Floats:
+        return np.interp(x, self.knots, self.values)
+
+
+def fit(x: Floats, y: Floats, segments: int) -> Piecewise:
+    """The curve with `segments` pieces, `x` (n,) never falling and `y` (n,).
+
+    ValueError when there are too few rows for that many pieces, or all at the same x.
+    """
+    if segments < 1:
+        raise ValueError(f"a curve has one segment or more, not {segments}")
+    if len(x) < MIN_ROWS * segments + 1 or x[0] == x[-1]:
+        raise ValueError(
+            f"{len(x)} rows are too few for {segments} segments: {MIN_ROWS * segments + 1} at least"
+        )
+    span = float(x[-1] - x[0])
+    trial = _Trial((x - x[0]) / span, y)
+    inner: tuple[float, ...] = ()
+    for _ in range(segments - 1):
+        inner = _exchange(trial, _with_one_more(trial, inner))
+    if len(inner) < segments - 1:
+        raise ValueError(f"the rows stand too close together in time for {segments} segments")
+    inner = _refine(trial, inner)
+    knots = np.array([0.0, *inner, 1.0])
+    _, values = trial.solve(knots)
+    at = [float(x[0]), *(float(x[0]) + span * knot for knot in inner), float(x[-1])]
+    return Piecewise(tuple(at), tuple(float(value) for value in values))
+
+
+class _Trial:
+    """The sum of squares for given breakpoints, x on [0, 1]."""
+
+    def __init__(self, x: Floats, y: Floats) -> None:
+        self.x = x
+        self._mean = float(y.mean())
+        y = y - self._mean
+        self._total = float(y @ y)
+        zero = np.zeros(1)
+        self._sums = tuple(np.concatenate((zero, np.cumsum(it))) for it in (x, x * x, y, x * y))
+
+    def solve(self, knots: Floats) -> tuple[float, Floats]:
+        """(sum of squares, values at the knots); the sum is infinite where a segment holds too few rows."""
+        cut = np.searchsorted(self.x, knots)
+        cut[-1] = len(self.x)
+        count = np.diff(cut).astype(float)
+        if count.min() < MIN_ROWS:
+            return np.inf, np.zeros(len(knots))
+        sx, sxx, sy, sxy = (np.diff(sums[cut]) for sums in self._sums)
+        left, width = knots[:-1], np.diff(knots)
+        w = (sx - left * count) / width
+        ww = (sxx - 2 * left * sx + left * left * count) / width**2
+        wy = (sxy - left * sy) / width
+        size = len(knots)
+        gram = np.zeros((size, size))
+        right = np.zeros(size)
+        at = np.arange(size - 1)
+        gram[at, at] += count - 2 * w + ww
+        gram[at + 1, at + 1] += ww
+        gram[at, at + 1] += w - ww
+        gram[at + 1, at] += w - ww
+        right[:-1] += sy - wy
+        right[1:] += wy
+        try:
+            values = np.linalg.solve(gram, right).astype(np.float64)
+        except np.linalg.LinAlgError:
+            return np.inf, right
+        return max(0.0, self._total - float(values @ right)), values + self._mean
+
+    def squares(self, inner: tuple[float, ...]) -> float:
+        return self.solve(np.array([0.0, *inner, 1.0]))[0]
+
+
+def _with_one_more(trial: _Trial, inner: tuple[float, ...]) -> tuple[float, ...]:
+    """One breakpoint more, where it helps most on a grid; the same when no place is left for it."""
+    tried = [tuple(sorted((*inner, float(at)))) for at in _grid(trial)]
+    best = min(tried, key=trial.squares, default=inner)
+    return best if trial.squares(best) < np.inf else inner
+
+
+def _exchange(trial: _Trial, inner: tuple[float, ...]) -> tuple[float, ...]:
+    """Takes each breakpoint out and puts it back where it helps most, until none moves."""
+    best = trial.squares(inner)
+    moved = True
+    while moved:
+        moved = False
+        for n in range(len(inner)):
+            other = _with_one_more(trial, inner[:n] + inner[n + 1 :])
+            squares = trial.squares(other)
+            if len(other) == len(inner) and squares < best * _GAIN:
+                inner, best, moved = other, squares, True
+    return inner
+
+
+def _refine(trial: _Trial, inner: tuple[float, ...]) -> tuple[float, ...]:
+    """Moves each breakpoint, and neighbours together, by steps that grow smaller until none helps."""
+    best = trial.squares(inner)
+    step = _FIRST_STEP
+    together = [(n,) for n in range(len(inner))] + [(n, n + 1) for n in range(len(inner) - 1)]
+    while step > _LAST_STEP:
+        moved = False
+        for which in together:
+            for by in (step, -step):
+                other = tuple(at + by if n in which else at for n, at in enumerate(inner))
+                if not all(a < b for a, b in zip((0.0, *other), (*other, 1.0), strict=True)):
+                    continue
+                squares = trial.squares(other)
+                if squares < best * _GAIN:
+                    inner, best, moved = other, squares, True
+        if not moved:
+            step /= 2
+    return inner
+
+
+def _grid(trial: _Trial) -> Floats:
+    """Half of the places evenly in x, half evenly in rows: a log may be dense in one part and thin in another."""
+    even = np.linspace(0, 1, _GRID // 2 + 2)[1:-1]
+    by_row = trial.x[np.linspace(0, len(trial.x) - 1, _GRID // 2 + 2).astype(int)[1:-1]]
+    places: Floats = np.unique(np.concatenate((even, by_row)))
+    return places

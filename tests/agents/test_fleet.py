@@ -1,0 +1,68 @@
+"""A fleet's numbers across a link, and what its agents are made of."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import msgpack
+import pytest
+
+from agents.fleet import FleetConfig
+from firmware_model.plan import LastResort, Whole
+from firmware_model.rails import Rail, bits
+from firmware_model.table_one import FIELD, HOURLY, MODEL, WORST_CASE, power
+
+WORST = FleetConfig(
+    theta=30,
+    seed=5,
+    codec="musselbed-1",
+    charge=WORST_CASE,
+    pin_debounce_ms=50,
+    boot_ms=2000,
+    float_timeout_ms=600_000,
+    release_wait_ms=120_000,
+    report_period_ms=30_000,
+    heard_always=True,
+    bottom_um=3_000_000,
+    surfacing_ms=60_000,
+    sinking_ms=45_000,
+    drifts_always=True,
+    drift_amplitude_um=5000,
+    current_csv=None,
+)
+POWER = power(LastResort.SURFACE, bits(Rail.PI))
+FLEETS = {
+    "worst case": WORST,
+    "field": replace(WORST, charge=MODEL, whole=Whole(POWER, FIELD, 1000, 60_000, 600_000), first_id=5),
+    "hourly": replace(WORST, charge=MODEL, whole=Whole(POWER, HOURLY, 1000, 60_000, 600_000)),
+    "never asleep": replace(WORST, charge=MODEL, whole=Whole(POWER, None, 1000, 60_000, 600_000)),
+}
+
+
+def over_the_wire(fleet: FleetConfig) -> FleetConfig:
+    return FleetConfig.from_wire(msgpack.unpackb(msgpack.packb(fleet.to_wire())))
+
+
+@pytest.mark.parametrize("fleet", FLEETS.values(), ids=FLEETS)
+def test_a_fleet_crosses_the_link_whole(fleet: FleetConfig) -> None:
+    assert over_the_wire(fleet) == fleet
+    assert over_the_wire(fleet).maker().config(7) == fleet.maker().config(7)
+
+
+@pytest.mark.parametrize("change", [{"power": None}, {"naps": 3}, {"cycle": {"alarm_ms": 1}}])
+def test_what_is_no_whole_board_is_refused(change: dict[str, object]) -> None:
+    wire = FLEETS["field"].to_wire()
+    with pytest.raises((KeyError, TypeError, ValueError)):
+        FleetConfig.from_wire({**wire, "whole": {**wire["whole"], **change}})
+
+
+def test_agents_share_the_firmware_s_numbers_and_have_timeslots_of_their_own() -> None:
+    configs = FLEETS["field"].maker()
+    fifth, ninth = configs.config(5).board, configs.config(9).board
+    assert fifth.whole is ninth.whole and fifth.charge is ninth.charge
+    assert (fifth.slot, ninth.slot) == (0, 4)
+
+
+def test_one_that_has_no_timeslot_is_refused() -> None:
+    with pytest.raises(ValueError, match="slot 60 does not lie in a frame of 60"):
+        FLEETS["field"].maker().config(65)
