@@ -209,14 +209,15 @@ class Agent:
         return outputs
 
     def _status(self, now_ms: int) -> StatusPacket:
-        body, board, charge = self.body, self.board, self.config.board.charge
+        body, board = self.body, self.board
+        primary, secondary = board.readings(now_ms)
         self._sequence += 1
         return StatusPacket(
             self.config.board.agent_id,
             self._sequence - 1,
             board.state,
-            fraction(charge.charge_at(board.primary, now_ms)),
-            fraction(charge.charge_at(board.secondary, now_ms)),
+            fraction(primary),
+            fraction(secondary),
             body.north_um / 1e6,
             body.east_um / 1e6,
             body.depth_at_um(now_ms) / 1e6,
