@@ -87,6 +87,13 @@ class Board:
         return self._batteries.readings(now_ms)
 
     @property
+    def hears(self) -> bool:
+        """Whether the modem listens. The worst case's always does."""
+        return self._whole is None or bool(
+            self.rails & (1 << Rail.MODEM_LISTENING | 1 << Rail.MODEM_RECEIVING)
+        )
+
+    @property
     def next_due_ms(self) -> int | None:
         """When something of the board is due next; of several at once pin, batteries, pulses, deadline in this order."""
         return self._next()[0]
@@ -170,7 +177,7 @@ class Board:
     def _hear(self, data: bytes) -> list[Action]:
         if self._whole is None:
             return self._command(data)
-        if not self.rails & (1 << Rail.MODEM_LISTENING | 1 << Rail.MODEM_RECEIVING):
+        if not self.hears:
             return [Dropped(self._now_ms, "the modem is not listening")]
         self._pulses[Rail.MODEM_RECEIVING] = self._now_ms + self._whole.power.receive_ms
         return self._set_rails() + self._command(data)
