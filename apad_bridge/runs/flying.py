@@ -21,11 +21,7 @@ from apad_bridge.records.summary import Ending
 from apad_bridge.runs.status import Status
 from apad_bridge.scenario.schema import Hosting, Scenario
 from apad_bridge.scenario.starts import Start
-<<<<<<< HEAD
-=======
 from apad_bridge.sea_building import fleet_of
-from apad_bridge.simulated_apad.apad import SimulatedAPad
->>>>>>> main
 from apad_bridge.supervisor import TICK_MS, Supervisor
 from apad_bridge.vehicle import DockClosed
 from apad_bridge.vehicle_link import InProcessVehicle, VehicleLink

@@ -15,11 +15,7 @@ from apad_bridge.records.summary import uptime_figures
 from apad_bridge.records.uptime import UptimeMeter
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
-<<<<<<< HEAD
-=======
 from apad_bridge.sea_building import fleet_of
-from apad_bridge.simulated_apad.apad import SimulatedAPad
->>>>>>> main
 from apad_bridge.vehicle import BatteryReported, PoseReported
 from apad_bridge.vehicle_link import InProcessVehicle
 
