@@ -49,9 +49,7 @@ def test_a_better_range_counts_for_more() -> None:
     """Two ranges of one aMussel, from the south 1 m too long and from the north right; the good one has a tenth of the
     deviation. On the line the place is the weighted mean: (1 * 101 + 100 * 100) / 101."""
     anchors = np.array([(0.0, 0.0, 0.0), (200.0, 0.0, 0.0), (100.0, 300.0, 0.0), (100.0, -300.0, 0.0)])
-    found = solve(
-        anchors, np.array([101.0, 100.0, 300.0, 300.0]), np.array([1, 0.1, 1, 1]), 0.0, (95.0, 5.0)
-    )
+    found = solve(anchors, np.array([101.0, 100.0, 300.0, 300.0]), np.array([1, 0.1, 1, 1]), 0.0, (95.0, 5.0))
     assert found.north_m == pytest.approx((101 + 100 * 100) / 101, abs=1e-3)
 
 
