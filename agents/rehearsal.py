@@ -22,6 +22,7 @@ from agents.stimuli import (
     ContactClosed,
     ContactOpened,
     DockMoved,
+    PingArrived,
     SoundArrived,
     Stimulus,
     WifiArrived,
@@ -130,8 +131,11 @@ def _days(agent: Agent, codec: Codec, agent_id: int) -> Iterator[tuple[int, list
         yield 2 * _ALARM_MS, [SoundArrived(ping)]
         yield _ALARM_MS, [SoundArrived(hover)]
         yield _ALARM_MS, [SoundArrived(release), SoundArrived(hover)]
-    yield config.water.surfacing_ms, [SoundArrived(permission), ContactOpened(), DockMoved(0, 0)]
-    yield second_ms, [SoundArrived(permission)]
+    yield (
+        config.water.surfacing_ms,
+        [PingArrived(1), SoundArrived(permission), ContactOpened(), DockMoved(0, 0)],
+    )
+    yield second_ms, [SoundArrived(permission), PingArrived(1)]
     yield config.board.pin_debounce_ms + second_ms, [ContactClosed(0, 0), ContactClosed(0, 0)]
     yield config.report_period_ms + _ALARM_MS, [DockMoved(1, 1), CoilSlipped()]
     yield config.board.pin_debounce_ms, [WifiArrived(release), ContactOpened()]
