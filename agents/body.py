@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from agents.water.current import CurrentField
 from agents.water.drift import drift_step_um
+from agents.water.stream import Stream
 from firmware_model.actions import Buoyancy
 
 
@@ -21,7 +21,7 @@ class WaterConfig:
     drifts_always: bool
     """The paper's mode: every undocked body takes a random step and follows the current each mission second."""
     amplitude_um: int
-    current: CurrentField
+    current: Stream
     coil_alignment_ms: int = 0
     """From the contact, or from the coils' last slip, until the charger starts and its pin rises."""
 
@@ -118,7 +118,8 @@ class Body:
             north_um, east_um = drift_step_um(water.seed, self.agent_id, self._step, water.amplitude_um)
         else:
             north_um = east_um = 0
-        north_um_s, east_um_s = water.current.velocity_um_s(self.north_um, self.east_um)
+        depth_um = self.depth_at_um(now_ms)
+        north_um_s, east_um_s = water.current.velocity_um_s(self.north_um, self.east_um, depth_um, self._step)
         self.north_um += north_um + north_um_s
         self.east_um += east_um + east_um_s
 

@@ -8,7 +8,7 @@ from typing import Any
 from agents.agent import AgentConfig
 from agents.body import WaterConfig
 from agents.physical import Physical
-from agents.water.current import STILL_WATER, CurrentField
+from agents.water.stream import STILL, Stream, Tide, parse_stream
 from firmware_model.actions import Buoyancy
 from firmware_model.charge import Battery, ChargeModel, Flow, grains
 from firmware_model.plan import BoardConfig, Cycle, LastResort, Metering, Power, Slots, Whole
@@ -42,6 +42,10 @@ class FleetConfig:
     """Who has the first acoustic timeslot; the others follow by their ids."""
     coil_alignment_ms: int = 0
     """From a contact until the charger starts."""
+    tides: tuple[tuple[int, int, int, int, int], ...] = ()
+    """Of each constituent what a `Tide` has, in its order."""
+    current_profile: tuple[tuple[int, int], ...] = ()
+    """(depth in um, millionths of the current that are left there)."""
 
     def to_wire(self) -> dict[str, Any]:
         return asdict(self)
@@ -55,6 +59,8 @@ class FleetConfig:
                 **wire,
                 "charge": _charge_of(wire["charge"]),
                 "whole": None if whole is None else _whole_of(whole),
+                "tides": tuple([tuple(it) for it in wire["tides"]]),
+                "current_profile": tuple([tuple(it) for it in wire["current_profile"]]),
             }
         )
 
@@ -95,6 +101,12 @@ def _cycle_of(wire: dict[str, Any]) -> Cycle:
     return Cycle(**{**wire, "slots": None if slots is None else Slots(**slots)})
 
 
+def _stream(fleet: FleetConfig) -> Stream:
+    told = STILL if fleet.current_csv is None else parse_stream(fleet.current_csv)
+    tides = tuple([Tide(*it) for it in fleet.tides])
+    return Stream(told.seconds, told.depths_um, told.fields, tides, fleet.current_profile)
+
+
 class AgentConfigs:
     """Makes agents' configurations that share what they can: a forked agent then shares the memory too."""
 
@@ -110,7 +122,7 @@ class AgentConfigs:
             sinking_ms=fleet.sinking_ms,
             drifts_always=fleet.drifts_always,
             amplitude_um=fleet.drift_amplitude_um,
-            current=STILL_WATER if fleet.current_csv is None else CurrentField.parse(fleet.current_csv),
+            current=_stream(fleet),
             coil_alignment_ms=fleet.coil_alignment_ms,
         )
 
