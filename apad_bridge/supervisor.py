@@ -7,8 +7,8 @@ from collections import Counter, deque
 from apad_bridge.beliefs.fleet import FleetBeliefs
 from apad_bridge.beliefs.measurement import Docked, Permitted, Released
 from apad_bridge.facts import Fact, Medium, OperatorAsked, Send, SoundHeard, SupervisorAction, WifiHeard
-from apad_bridge.mission.energy_exchange import EnergyExchange
 from apad_bridge.mission.orders import Note, Order, PermitSurfacing, TellClear
+from apad_bridge.mission.role import Mission
 from apad_bridge.mission.state import Phase
 from apad_bridge.port.docking_port import DockingPort
 from apad_bridge.port.primitives import (
@@ -65,7 +65,7 @@ class Supervisor:
     def __init__(
         self,
         beliefs: FleetBeliefs,
-        mission: EnergyExchange,
+        mission: Mission,
         port: DockingPort,
         codec: Codec,
         theta: int,
