@@ -5,13 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from agents.body import Body, WaterConfig
-from agents.outputs import Dropped, Output, SoundSent, Truth, WifiSent
+from agents.outputs import Dropped, Output, PingAnswered, SoundSent, Truth, WifiSent
 from agents.physical import Physical
 from agents.stimuli import (
     CoilSlipped,
     ContactClosed,
     ContactOpened,
     DockMoved,
+    PingArrived,
     SoundArrived,
     Stimulus,
     WifiArrived,
@@ -179,6 +180,12 @@ class Agent:
                 if self._at_surface(now_ms):
                     return [Dropped(now_ms, "sound does not reach a modem in air")]
                 return self._tell_board(board_stimuli.PacketHeard(data), now_ms)
+            case PingArrived(travelled_us):
+                if self._at_surface(now_ms):
+                    return [Dropped(now_ms, "sound does not reach a modem in air")]
+                if not self.board.hears:
+                    return [Dropped(now_ms, "the modem is not listening")]
+                return [PingAnswered(now_ms, travelled_us)]
             case WifiArrived(data):
                 if not self.config.heard_always and not self._at_surface(now_ms):
                     return [Dropped(now_ms, "Wi-Fi does not reach under water")]
@@ -209,14 +216,15 @@ class Agent:
         return outputs
 
     def _status(self, now_ms: int) -> StatusPacket:
-        body, board, charge = self.body, self.board, self.config.board.charge
+        body, board = self.body, self.board
+        primary, secondary = board.readings(now_ms)
         self._sequence += 1
         return StatusPacket(
             self.config.board.agent_id,
             self._sequence - 1,
             board.state,
-            fraction(charge.charge_at(board.primary, now_ms)),
-            fraction(charge.charge_at(board.secondary, now_ms)),
+            fraction(primary),
+            fraction(secondary),
             body.north_um / 1e6,
             body.east_um / 1e6,
             body.depth_at_um(now_ms) / 1e6,

@@ -8,7 +8,7 @@ from pathlib import Path
 from agents.fleet import FleetConfig, resting_on_bottom
 from agents.physical import Physical
 from apad_bridge.beliefs.hold_last import HoldLast
-from apad_bridge.boards import charge_model
+from apad_bridge.boards import charge_model, whole_firmware
 from apad_bridge.mission.energy_exchange import EnergyExchange
 from apad_bridge.mission.role import Mission
 from apad_bridge.mission.state import MissionState
@@ -17,6 +17,8 @@ from apad_bridge.port.docking_port import DockingPort
 from apad_bridge.scenario.schema import DriftMode, HearingMode, Scenario
 from apad_bridge.scenario.starts import Start
 from apad_bridge.scripting.commanded import CommandedMission, Front
+from apad_bridge.simulated_apad.apad import SimulatedAPad
+from apad_bridge.simulated_apad.misses import Misses
 from apad_bridge.supervisor import Supervisor
 from firmware_model.codec import load_codec
 
@@ -44,6 +46,7 @@ def fleet_config(scenario: Scenario) -> FleetConfig:
         drifts_always=drift.mode is DriftMode.PAPER,
         drift_amplitude_um=round(drift.amplitude_m * 1e6),
         current_csv=None if drift.current_file is None else Path(drift.current_file).read_text(),
+        whole=whole_firmware(board),
         first_id=scenario.fleet.first_id,
     )
 
@@ -57,6 +60,15 @@ def births(scenario: Scenario, starts: Sequence[Start]) -> dict[int, Physical]:
         )
         for start in starts
     }
+
+
+def misses(scenario: Scenario) -> Misses:
+    """Which dockings fail, alike for every vehicle."""
+    return Misses(scenario.seed, scenario.apad.dock_miss_probability)
+
+
+def simulated_apad(scenario: Scenario) -> SimulatedAPad:
+    return SimulatedAPad(scenario.apad, misses(scenario))
 
 
 def supervisor(

@@ -32,7 +32,6 @@ from apad_bridge.port.primitives import (
     UndockMussel,
 )
 from apad_bridge.scenario.schema import Mission
-from firmware_model.state_groups import BEYOND_HELP
 from firmware_model.states import State
 
 
@@ -54,7 +53,9 @@ class EnergyExchange:
         self._redeployment = redeployment
         self._orders: list[Order] = []
         self._pose: tuple[float, float] | None = None
-        self._charging = ChargingWatch(config.full_threshold, round(config.silence_timeout_s * 1000))
+        self._charging = ChargingWatch(
+            config.full_threshold, config.full_when, round(config.silence_timeout_s * 1000)
+        )
         self._pool = ChargingPool(config, beliefs)
         self._strays = Strays(round(config.permission_repeat_s * 1000))
         self._must_begin = True
@@ -151,9 +152,8 @@ class EnergyExchange:
             self._start_charging(now_ms)
             return
         pool = self._pool.candidates(now_ms)
-        left = sum(belief.state not in BEYOND_HELP for belief in self._beliefs.all())
-        batch = min(self._config.batch, max(1, left))
-        if len(pool) < batch:
+        batch = self._pool.batch_of(pool)
+        if not batch:
             return
         situation = self._situation(pool, {})
         name = self._config.collection
@@ -253,9 +253,8 @@ class EnergyExchange:
                 self._order(UndockMussel(primitive_id, self._step.slot, self._step.agent_id))
                 self._enter(Phase.UNDOCK, now_ms)
             case Phase.UNDOCK:
-                self._tell_clear(self._step.agent_id, now_ms)
-                belief = self._beliefs.get(self._step.agent_id)
-                full = belief is not None and belief.primary > self._config.full_threshold
+                self._order(TellClear(self._step.agent_id))
+                full = self._charging.is_full(self._beliefs.get(self._step.agent_id))
                 self._note("released", agent=self._step.agent_id, full=full)
                 self._finish_step(now_ms, services=self.state.services + full)
 
@@ -307,11 +306,7 @@ class EnergyExchange:
     def _tell_strays(self, now_ms: int) -> None:
         expected = {step.agent_id for step in self.state.plan.steps} | set(dict(self.state.docked).values())
         for agent_id in self._strays.to_tell(self._beliefs.all(), expected, now_ms):
-            self._tell_clear(agent_id, now_ms)
-
-    def _tell_clear(self, agent_id: int, now_ms: int) -> None:
-        self._strays.told(agent_id, now_ms)
-        self._order(TellClear(agent_id))
+            self._order(TellClear(agent_id))
 
     def _go_to(self, north_m: float, east_m: float) -> None:
         assert self._pose is not None

@@ -35,7 +35,7 @@ def print_table(console: Console, name: str, collection: str, summary: dict[str,
         table.add_row(f"{collection} (paper)", *paper, style="dim")
     console.print(table)
     console.print(
-        f"lost {_word(summary['lost'])}, emptied {_word(summary['emptied'])}, "
+        f"lost {_word(summary['amussels_lost'])}, emptied {_word(summary['emptied'])}, "
         f"{summary['services']} served, aPad used {_percent(summary['apad_energy_fraction'])} of its battery; "
         f"ended by {summary['ended_by']}",
         highlight=False,

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from agents.water.current import CurrentField
+from apad_bridge.boards import can_fill
 from apad_bridge.planning.registry import collection, redeployment
-from apad_bridge.scenario.schema import DriftMode, Scenario
+from apad_bridge.scenario.links import problem_with_links
+from apad_bridge.scenario.schema import DriftMode, FullWhen, HearingMode, Scenario
+from apad_bridge.scenario.whole_board import SleepCycle
 
 Contradiction = tuple[str, str]
 
@@ -17,7 +20,12 @@ def contradictions(scenario: Scenario) -> list[Contradiction]:
 
     Looks whether the files that the scenario names are there, reads the current's, and looks its strategies up.
     """
-    return [*_of_the_fleet(scenario), *_of_the_mission(scenario)]
+    return [
+        *_of_the_fleet(scenario),
+        *_of_the_board(scenario),
+        *_of_the_mission(scenario),
+        *_of_the_water(scenario),
+    ]
 
 
 def _of_the_fleet(scenario: Scenario) -> list[Contradiction]:
@@ -50,6 +58,48 @@ def _problem_with_current(path: Path) -> str:
     return ""
 
 
+def _of_the_board(scenario: Scenario) -> Iterator[Contradiction]:
+    whole = scenario.board.whole
+    if whole is None:
+        return
+    if whole.power.motor_run_s >= whole.hover_period_s:
+        yield (
+            "board.whole.hover_period_s",
+            f"must be longer than a motor run ({whole.power.motor_run_s:g} s), or hovering never ends one",
+        )
+    if whole.transmit_ms >= whole.last_resort.call_period_s * 1000:
+        yield (
+            "board.whole.last_resort.call_period_s",
+            f"must be longer than a call takes, which is transmit_ms ({whole.transmit_ms} ms)",
+        )
+    if whole.cycle is not None:
+        yield from _of_the_cycle(scenario.fleet.count, whole.cycle, whole.transmit_ms / 1000)
+
+
+def _of_the_cycle(agents: int, cycle: SleepCycle, transmit_s: float) -> Iterator[Contradiction]:
+    awake_s, slots = cycle.sample_s + cycle.processing_s, cycle.slots
+    if slots is not None:
+        awake_s += slots.frame_s + transmit_s
+        held = round(slots.frame_s * 1000) // round(slots.slot_s * 1000)
+        if agents > held:
+            yield (
+                "board.whole.cycle.slots.frame_s",
+                f"holds {held} slots of {slots.slot_s:g} s, and {agents} aMussels need one each: "
+                f"make it {agents * slots.slot_s:g} s or more, or slot_s shorter",
+            )
+        if slots.slot_s < transmit_s:
+            yield (
+                "board.whole.cycle.slots.slot_s",
+                f"must be no shorter than a status, which is transmit_ms ({transmit_s:g} s), or two would overlap",
+            )
+    if awake_s >= cycle.alarm_s:
+        parts = "sample_s, processing_s" + (", a whole frame and transmit_ms" if slots is not None else "")
+        yield (
+            "board.whole.cycle.alarm_s",
+            f"must be longer than a wake, which takes up to {awake_s:g} s ({parts}), or alarms pass unheard",
+        )
+
+
 def _of_the_mission(scenario: Scenario) -> list[Contradiction]:
     found = []
     mission = scenario.mission
@@ -70,6 +120,20 @@ def _of_the_mission(scenario: Scenario) -> list[Contradiction]:
                 "or one that was charged would be a candidate again at once",
             )
         )
+    if mission.full_when is FullWhen.BOTH and scenario.board.whole is None:
+        found.append(
+            (
+                "mission.full_when",
+                "a board without `whole` charges its primary battery only: leave this key out, or say primary",
+            )
+        )
+    if not can_fill(scenario.board, mission.pool_threshold, mission.full_threshold):
+        found.append(
+            (
+                "mission.full_threshold",
+                "is never reached in a dock: what is on there draws more than the charger gives. Lower it, or keep less on",
+            )
+        )
     if mission.speed_m_s > scenario.apad.max_speed_m_s:
         found.append(
             (
@@ -78,3 +142,16 @@ def _of_the_mission(scenario: Scenario) -> list[Contradiction]:
             )
         )
     return found
+
+
+def _of_the_water(scenario: Scenario) -> Iterator[Contradiction]:
+    water = scenario.water
+    if water is None:
+        return
+    if water.wifi is not None and scenario.hearing.mode is HearingMode.PAPER:
+        yield (
+            "water.wifi",
+            "with hearing.mode: paper Wi-Fi always gets through: leave this block out, or use mode: physical",
+        )
+    if water.links_file is not None and (problem := problem_with_links(Path(water.links_file))):
+        yield "water.links_file", problem

@@ -7,20 +7,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from agents.coordinator import Coordinator
-from agents.one_process import OneProcess
-from apad_bridge import building
-from apad_bridge.flight import Fleet, Flight
 from apad_bridge.mission.state import MissionState
-from apad_bridge.pace import AsFastAsPossible
-from apad_bridge.runs.in_memory import MemoryRecorder
+from apad_bridge.runs.in_memory import open_flight
 from apad_bridge.scenario.schema import Scenario
-from apad_bridge.scenario.starts import starts_of
 from apad_bridge.scripting.api import Api
 from apad_bridge.scripting.handover import AS_FAST_AS_POSSIBLE, Turns
 from apad_bridge.scripting.program import Program, ScriptFront, as_program
-from apad_bridge.simulated_apad.apad import SimulatedAPad
-from apad_bridge.vehicle_link import InProcessVehicle
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,12 +36,7 @@ def fly_script(
     name = script.name if isinstance(script, Path) else Path(script.__code__.co_filename).name
     said: list[str] = []
     front = ScriptFront(scenario, program, name, said.append, turns)
-    births = building.births(scenario, starts_of(scenario))
-    host = OneProcess(building.fleet_config(scenario), births)
-    fleet = Fleet(Coordinator(host, dict.fromkeys(births, 0), scenario.theta), host)
-    supervisor, recorder = building.supervisor(scenario, fronts=(front,)), MemoryRecorder(scenario)
-    vehicle = InProcessVehicle(SimulatedAPad(scenario.apad))
-    flight = Flight(supervisor, vehicle, AsFastAsPossible(), recorder, fleet)
+    flight, recorder = open_flight(scenario, (front,))
     ended_by = flight.run()
     front.join()
     return ScriptFlight(
@@ -57,6 +44,6 @@ def fly_script(
         flight.now_ms / 1000,
         tuple(said),
         tuple(recorder.events),
-        supervisor.mission.state,
+        flight.supervisor.mission.state,
         front.error,
     )

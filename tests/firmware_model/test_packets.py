@@ -2,6 +2,7 @@
 
 import re
 import struct
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -71,7 +72,10 @@ GOLDEN: dict[str, tuple[Packet, str]] = {
     "BACK_UP_LOG": (CommandPacket(Kind.BACK_UP_LOG, 5), "020a" "0500"),
     "BEACON": (Beacon(EVERYONE, 2**40 + 1), "020b" "0000" "0100000000010000"),
     "LOG_ACK": (LogAck(5, 70_000), "020c" "0500" "70110100"),
-    "LOG_RECORDS": (LogRecords(5, 3, (RECORD,)), "020f" "0500" "03000000" + RECORD_BODY + RECORD_CHECK),
+    "LOG_RECORDS": (
+        LogRecords(5, 3, 4, 2, (RECORD,)),
+        "020f" "0500" "03000000" "04000000" "02" + RECORD_BODY + RECORD_CHECK,
+    ),
 }  # fmt: skip
 
 
@@ -180,6 +184,15 @@ STATUSES = st.builds(
     st.integers(0, 2**63),
 )
 RECORDS = st.builds(SampleRecord, U32, st.integers(0, 2**63), COUNTED, st.integers(0, 15))
+
+
+def log_records(agent_id: int, oldest: int, first: int, records: list[SampleRecord]) -> LogRecords:
+    """As an aMussel sends them: rising, and some are missing."""
+    first += oldest
+    kept = [replace(record, sequence=first + 2 * n) for n, record in enumerate(records)]
+    return LogRecords(agent_id, oldest, first, 2 * len(kept), tuple(kept))
+
+
 PACKETS: st.SearchStrategy[Packet] = st.one_of(
     STATUSES,
     st.builds(AcousticStatus, STATUSES, COUNTED, U32, U16),
@@ -205,7 +218,7 @@ PACKETS: st.SearchStrategy[Packet] = st.one_of(
     st.builds(SetThreshold, U16, st.sampled_from(Threshold), CHARGES),
     st.builds(Beacon, U16, st.integers(0, 2**64 - 1)),
     st.builds(LogAck, U16, U32),
-    st.builds(LogRecords, U16, U32, st.lists(RECORDS, max_size=3).map(tuple)),
+    st.builds(log_records, U16, st.integers(0, 2**31), U8, st.lists(RECORDS, max_size=5)),
 )
 
 
@@ -293,5 +306,16 @@ def test_a_value_that_there_is_not_with_a_right_checksum_is_nothing(name: str, a
 
 def test_a_harmed_record_in_an_unharmed_packet_is_nothing() -> None:
     body = bytearray(bytes.fromhex(GOLDEN["LOG_RECORDS"][1]))
-    body[12] ^= 1
+    body[20] ^= 1
     assert decode(checked(bytes(body))) is None
+
+
+@pytest.mark.parametrize(
+    ("oldest", "first", "covered", "sequences"),
+    [(5, 4, 2, [5]), (3, 4, 2, [3]), (3, 4, 2, [6]), (3, 4, 2, [5, 4]), (3, 4, 2, [5, 5]), (3, 4, 0, [4])],
+)
+def test_records_outside_what_a_packet_covers_are_nothing(
+    oldest: int, first: int, covered: int, sequences: list[int]
+) -> None:
+    records = tuple(replace(RECORD, sequence=sequence) for sequence in sequences)
+    assert decode(LogRecords(5, oldest, first, covered, records).encode()) is None
