@@ -42,6 +42,8 @@ class FleetConfig:
     """Who has the first acoustic timeslot; the others follow by their ids."""
     coil_alignment_ms: int = 0
     """From a contact until the charger starts."""
+    pin_chatter_ms: int = 2000
+    pin_check_ms: int = 60_000
 
     def to_wire(self) -> dict[str, Any]:
         return asdict(self)
@@ -125,6 +127,8 @@ class AgentConfigs:
             fleet.release_wait_ms,
             fleet.whole,
             agent_id - fleet.first_id if self._has_slots else 0,
+            fleet.pin_chatter_ms,
+            fleet.pin_check_ms,
         )
         return AgentConfig(board, self._water, fleet.report_period_ms, fleet.heard_always)
 
