@@ -17,7 +17,7 @@ from firmware_model.charge import Battery, Flow
 class Physical:
     """Anchors in agent milliseconds and micrometres; `depth_um` is the depth at `depth_anchor_ms`, positive down."""
 
-    FORMAT: ClassVar[struct.Struct] = struct.Struct("<QQBQBQQBQBqqQqB?Q")
+    FORMAT: ClassVar[struct.Struct] = struct.Struct("<QQBQBQQBQBqqQqB?QII")
 
     primary: Battery
     secondary: Battery
@@ -29,6 +29,10 @@ class Physical:
     docked: bool
     pin_due_ms: int = 0
     """When the coils of its dock will be aligned; 0 when they are, or when no dock holds it."""
+    samples: int = 0
+    """How many samples its log has ever taken; with `acknowledged`, in registers that outlive a reset."""
+    acknowledged: int = 0
+    """Its log's records below this sequence were acknowledged."""
 
     def pack(self) -> bytes:
         return self.FORMAT.pack(
