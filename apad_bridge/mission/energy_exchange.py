@@ -152,8 +152,8 @@ class EnergyExchange:
             self._start_charging(now_ms)
             return
         pool = self._pool.candidates(now_ms)
-        batch = self._pool.batch
-        if len(pool) < batch:
+        batch = self._pool.batch_of(pool)
+        if not batch:
             return
         situation = self._situation(pool, {})
         name = self._config.collection
