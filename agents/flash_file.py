@@ -35,7 +35,9 @@ class FlashRegion:
         """As if no record from `next_sequence` on had been written: those of an unanswered window did not happen."""
         ring = Ring(self.pages, self.page_bytes)
         at = ring.address(next_sequence)
-        self.program(at, bytes(self.page_bytes - at % self.page_bytes))
+        rest = bytes(self.page_bytes - at % self.page_bytes)
+        if self.read(at, len(rest)) != rest:
+            self.program(at, rest)
         for page in range(self.pages):
             first = ring.first_in(self, page)
             if first is not None and first >= next_sequence:

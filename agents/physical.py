@@ -53,6 +53,8 @@ class Physical:
             self.buoyancy,
             self.docked,
             self.pin_due_ms,
+            self.samples,
+            self.acknowledged,
         )
 
     @classmethod
@@ -60,7 +62,7 @@ class Physical:
         """The inverse of `pack`; struct.error or ValueError for other bytes."""
         fields = cls.FORMAT.unpack(data)
         a_ms, a, a_flow, a_load, a_coils, b_ms, b, b_flow, b_load, b_coils, *body = fields
-        north, east, depth_ms, depth, buoyancy, docked, pin_due_ms = body
+        north, east, depth_ms, depth, buoyancy, docked, pin_due_ms, samples, acknowledged = body
         return cls(
             Battery(a_ms, a, Flow(a_flow), a_load, a_coils),
             Battery(b_ms, b, Flow(b_flow), b_load, b_coils),
@@ -71,4 +73,6 @@ class Physical:
             Buoyancy(buoyancy),
             docked,
             pin_due_ms,
+            samples,
+            acknowledged,
         )

@@ -21,7 +21,7 @@ class Modem(IntEnum):
 
 
 class Reporter:
-    """Counts the reports of one aMussel. A board without a log is the paper's worst case: it has one status for all media."""
+    """Counts the reports of one aMussel. Without a log it is the paper's worst case: with one status for all media."""
 
     def __init__(self, board: Board, body: Body, logbook: Logbook | None, modem: Modem) -> None:
         self._board = board

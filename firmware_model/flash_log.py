@@ -138,7 +138,11 @@ class FlashLog:
 
     def _recover(self, next_sequence: int) -> None:
         """Goes on behind the newest record that can be read, and behind what was torn after it."""
-        firsts = [first for page in range(self.ring.pages) if (first := self.ring.first_in(self._flash, page)) is not None]
+        firsts = [
+            first
+            for page in range(self.ring.pages)
+            if (first := self.ring.first_in(self._flash, page)) is not None
+        ]
         newest = max(firsts, default=0)
         slots = self.ring.written(self._flash, self.ring.page(newest)) if firsts else []
         end = newest + len(slots)

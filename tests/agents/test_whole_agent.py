@@ -14,7 +14,7 @@ from agents.physical import Physical
 from agents.stimuli import CoilSlipped, ContactClosed, ContactOpened, SoundArrived, Stimulus, WifiArrived
 from firmware_model.charge import Flow
 from firmware_model.codec import MusselbedCodec
-from firmware_model.packets import PLAIN_KINDS, CommandPacket, Kind, StatusPacket
+from firmware_model.packets import PLAIN_KINDS, AcousticStatus, CommandPacket, Kind
 from firmware_model.plan import LastResort
 from firmware_model.states import State
 from firmware_model.stimuli import ResetCause
@@ -107,8 +107,10 @@ def test_its_status_goes_out_by_sound_in_its_slot() -> None:
     # Awake at 200 s, sampled and processed by 270 s; slot 0 of the next five-minute frame opens at 300 s.
     assert [sound.at_ms for sound in sounds] == [300_000]
     packet = CODEC.decode(sounds[0].data)
-    assert isinstance(packet, StatusPacket)
-    assert (packet.state, packet.depth_m, packet.agent_ms) == (State.TRANSMITTING, 3.0, 300_000)
+    assert isinstance(packet, AcousticStatus)
+    status = packet.basic
+    assert (status.state, status.depth_m, status.agent_ms) == (State.TRANSMITTING, 3.0, 300_000)
+    assert (packet.samples, packet.waiting) == (1, 1)
 
 
 def test_docked_both_batteries_charge_and_it_reports_by_wifi() -> None:
