@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from agents.body import Body, WaterConfig
 from agents.logbook import Logbook
-from agents.outputs import Dropped, Output, SoundSent, Truth, WifiSent
+from agents.outputs import Dropped, Output, PingAnswered, SoundSent, Truth, WifiSent
 from agents.physical import Physical
 from agents.reporter import Modem, Reporter
 from agents.stimuli import (
@@ -14,6 +14,7 @@ from agents.stimuli import (
     ContactClosed,
     ContactOpened,
     DockMoved,
+    PingArrived,
     SoundArrived,
     Stimulus,
     WifiArrived,
@@ -193,6 +194,12 @@ class Agent:
                 if self._at_surface(now_ms):
                     return [Dropped(now_ms, "sound does not reach a modem in air")]
                 return self._tell_board(board_stimuli.PacketHeard(data), now_ms)
+            case PingArrived(travelled_us):
+                if self._at_surface(now_ms):
+                    return [Dropped(now_ms, "sound does not reach a modem in air")]
+                if not self.board.hears:
+                    return [Dropped(now_ms, "the modem is not listening")]
+                return [PingAnswered(now_ms, travelled_us)]
             case WifiArrived(data):
                 if not self.config.heard_always and not self._at_surface(now_ms):
                     return [Dropped(now_ms, "Wi-Fi does not reach under water")]

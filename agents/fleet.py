@@ -14,7 +14,7 @@ from agents.water.fields import Constant, Fields
 from firmware_model.actions import Buoyancy
 from firmware_model.charge import Battery, ChargeModel, Flow, grains
 from firmware_model.flash_log import PAGES
-from firmware_model.plan import BoardConfig, Cycle, LastResort, Power, Slots, Whole
+from firmware_model.plan import BoardConfig, Cycle, LastResort, Metering, Power, Slots, Whole
 from firmware_model.rails import Loads
 
 
@@ -79,13 +79,24 @@ def _charge_of(wire: dict[str, Any]) -> ChargeModel:
 
 
 def _whole_of(wire: dict[str, Any]) -> Whole:
-    power, cycle = wire["power"], wire["cycle"]
-    loads, last_resort = Loads(tuple(power["loads"]["of"])), LastResort(power["last_resort"])
+    cycle = wire["cycle"]
     return Whole(
         **{
             **wire,
-            "power": Power(**{**power, "loads": loads, "last_resort": last_resort}),
+            "power": _power_of(wire["power"]),
             "cycle": None if cycle is None else _cycle_of(cycle),
+        }
+    )
+
+
+def _power_of(wire: dict[str, Any]) -> Power:
+    metering = wire["metering"]
+    return Power(
+        **{
+            **wire,
+            "loads": Loads(tuple(wire["loads"]["of"])),
+            "last_resort": LastResort(wire["last_resort"]),
+            "metering": None if metering is None else Metering(**metering),
         }
     )
 

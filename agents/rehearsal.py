@@ -22,6 +22,7 @@ from agents.stimuli import (
     ContactClosed,
     ContactOpened,
     DockMoved,
+    PingArrived,
     SoundArrived,
     Stimulus,
     WifiArrived,
@@ -116,8 +117,11 @@ def _days(agent: Agent, codec: Codec, agent_id: int, now_ms: int) -> Iterator[tu
     second_ms = config.water.step_ms
     yield config.board.boot_ms + second_ms, []
     yield config.report_period_ms, [SoundArrived(b"wrong")]
-    yield config.water.surfacing_ms, [SoundArrived(permission), ContactOpened(), DockMoved(0, 0)]
-    yield second_ms, [SoundArrived(permission)]
+    yield (
+        config.water.surfacing_ms,
+        [PingArrived(1), SoundArrived(permission), ContactOpened(), DockMoved(0, 0)],
+    )
+    yield second_ms, [SoundArrived(permission), PingArrived(1)]
     yield config.board.pin_debounce_ms + second_ms, [ContactClosed(0, 0), ContactClosed(0, 0)]
     yield config.report_period_ms, [DockMoved(1, 1), CoilSlipped()]
     yield config.board.pin_debounce_ms, [WifiArrived(release), ContactOpened()]

@@ -60,14 +60,14 @@ class Reporter:
 
     def _basic(self, now_ms: int) -> StatusPacket:
         body, board = self._body, self._board
-        charge = board.config.charge
+        primary, secondary = board.readings(now_ms)
         self._sequence += 1
         return StatusPacket(
             board.config.agent_id,
             self._sequence - 1,
             board.state,
-            fraction(charge.charge_at(board.primary, now_ms)),
-            fraction(charge.charge_at(board.secondary, now_ms)),
+            fraction(primary),
+            fraction(secondary),
             body.north_um / 1e6,
             body.east_um / 1e6,
             body.depth_at_um(now_ms) / 1e6,

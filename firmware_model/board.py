@@ -21,7 +21,7 @@ from firmware_model.charge_pin import ChargePin, Edge, Fault
 from firmware_model.codec import Codec
 from firmware_model.packets import EVERYONE, Command, Kind, LogAck
 from firmware_model.plan import BoardConfig
-from firmware_model.power_path import Feed, PowerPath, WorstCase
+from firmware_model.power_path import Feed, Level, PowerPath, WorstCase
 from firmware_model.rails import RAILS, Rail, bits, rails_of
 from firmware_model.states import TABLE, Refused, State, Trigger, next_state
 from firmware_model.stimuli import (
@@ -44,6 +44,7 @@ _COMMANDS = {
     Kind.HOVER: Trigger.HOVER_TOLD,
     Kind.SINK: Trigger.CLEAR_TO_SINK,
 }
+_EMPTIED = {Feed.SECONDARY: Trigger.BATTERY_EMPTIED, Feed.NEITHER: Trigger.BOTH_EMPTIED}
 _DOCKED = (State.CHARGING, State.REPORTING)
 
 
@@ -62,7 +63,7 @@ class Board:
         self._batteries: WorstCase | PowerPath = (
             WorstCase(config.charge, primary, secondary)
             if config.whole is None
-            else PowerPath(config.charge, config.whole.power, primary, secondary, now_ms)
+            else PowerPath(config.charge, config.whole.power, primary, secondary, now_ms, config.agent_id)
         )
         self._codec = codec
         self._now_ms = now_ms
@@ -82,6 +83,17 @@ class Board:
     @property
     def secondary(self) -> Battery:
         return self._batteries.secondary
+
+    def readings(self, now_ms: int) -> tuple[int, int]:
+        """Primary and secondary as the board knows them, in grains: the monitor's last samples."""
+        return self._batteries.readings(now_ms)
+
+    @property
+    def hears(self) -> bool:
+        """Whether the modem listens. The worst case's always does."""
+        return self._whole is None or bool(
+            self.rails & (1 << Rail.MODEM_LISTENING | 1 << Rail.MODEM_RECEIVING)
+        )
 
     @property
     def feed(self) -> Feed:
@@ -121,7 +133,7 @@ class Board:
             faults: list[Action] = [] if fault is None else [Dropped(now_ms, fault.value)]
             return faults if edge is None else faults + self._edge(edge)
         if which == 1:
-            return self._switch_over(now_ms)
+            return self._level_reached(now_ms)
         if which == 2:
             self._pulses = {rail: off_ms for rail, off_ms in self._pulses.items() if off_ms > now_ms}
             return self._set_rails()
@@ -172,7 +184,7 @@ class Board:
     def _hear(self, data: bytes) -> list[Action]:
         if self._whole is None:
             return self._command(data)
-        if not self.rails & (1 << Rail.MODEM_LISTENING | 1 << Rail.MODEM_RECEIVING):
+        if not self.hears:
             return [Dropped(self._now_ms, "the modem is not listening")]
         self._pulses[Rail.MODEM_RECEIVING] = self._now_ms + self._whole.power.receive_ms
         return self._set_rails() + self._command(data)
@@ -222,14 +234,23 @@ class Board:
             actions += self._pull(Trigger.CLEAR_TO_SINK)
         return actions
 
-    def _switch_over(self, now_ms: int) -> list[Action]:
+    def _level_reached(self, now_ms: int) -> list[Action]:
+        """Whatever the batteries came to."""
         assert isinstance(self._batteries, PowerPath)
-        feed = self._batteries.due(now_ms)
-        actions: list[Action] = [FeedFrom(now_ms, feed)]
-        trigger = Trigger.BOTH_EMPTIED if feed is Feed.NEITHER else Trigger.BATTERY_EMPTIED
-        if feed is not Feed.PRIMARY and (self.state, trigger) in TABLE:
-            actions += self._pull(trigger)
-        return actions
+        level, feed = self._batteries.due(now_ms), self._batteries.feed
+        match level:
+            case Level.EMPTIED:
+                return [FeedFrom(now_ms, feed), *self._pull_if_taken(_EMPTIED[feed])]
+            case Level.SWITCH_BACK:
+                return [FeedFrom(now_ms, feed)]
+            case Level.SAFE_LEVEL if self.state is State.EMPTY:
+                self._set_deadline()
+            case Level.LOW_LEVEL:
+                return self._pull_if_taken(Trigger.LOW_LEVEL_REACHED)
+        return []
+
+    def _pull_if_taken(self, trigger: Trigger) -> list[Action]:
+        return self._pull(trigger) if (self.state, trigger) in TABLE else []
 
     def _boot_trigger(self) -> Trigger:
         if self._pin.high:
@@ -284,7 +305,7 @@ class Board:
         self.rails = on
         batteries.set(self._pin.wire_high, whole.power.loads.total(on), now_ms)
         if state is State.EMPTY:
-            self._set_deadline()  # the safe level comes sooner or later under another load
+            self._set_deadline()  # a charger that touched it lifts it off its safe level
         return [SetRail(now_ms, rail, bool(on >> rail & 1)) for rail in Rail if changed >> rail & 1]
 
 

@@ -23,6 +23,32 @@ class LastResort(IntEnum):
 
 
 @dataclass(frozen=True, slots=True)
+class Metering:
+    """How a board reads its batteries: voltage = charge - sag + lift + noise, all in grains of the scaled voltage.
+
+    Table I's and the equations' curves are voltages of an idle board, so sag is counted from the load that those had.
+    """
+
+    period_ms: int
+    """The monitor samples at whole multiples of it."""
+    settle_ms: int
+    """A level counts once every sample over so long was beyond it. Longer than a motor run, or that makes an emergency."""
+    sag_ms: int = 0
+    """Internal resistance: grains of voltage for each grain a millisecond of load above `sag_from`."""
+    sag_from: int = 0
+    lift: int = 0
+    """While its charger gives."""
+    noise: int = 0
+    """Readings are up to so much off, either way, all alike."""
+    seed: int = 0
+    """Of the noise, which is a keyed hash of (seed, agent id, number of the sample)."""
+
+    def __post_init__(self) -> None:
+        if self.period_ms <= 0 or min(self.settle_ms, self.sag_ms, self.sag_from, self.lift, self.noise) < 0:
+            raise ValueError("period_ms must be positive, and nothing else of a Metering negative")
+
+
+@dataclass(frozen=True, slots=True)
 class Power:
     """Loads by module, two batteries, and the path between charger, batteries and board.
 
@@ -42,6 +68,10 @@ class Power:
     last_resort: LastResort
     kept_on: int = 0
     """Rails that nothing switches off, as bits."""
+    metering: Metering | None = None
+    """None: the board knows the charges exactly, and every level counts at once."""
+    low_level: int = 0
+    """Of the primary battery: a sleeping board wakes when it falls to it; 0 for no such level."""
 
     def __post_init__(self) -> None:
         if not 0 <= self.path <= PATH_UNIT:

@@ -72,6 +72,8 @@ class Trigger(IntEnum):
     LAST_RESORT_CALL = 21
     LAST_RESORT_SURFACE = 22
     BOTH_EMPTIED = 23
+    LOW_LEVEL_REACHED = 24
+    """The primary battery is down to the level at which a sleeper wakes."""
 
 
 _S, _T = State, Trigger
@@ -127,9 +129,11 @@ TABLE: dict[tuple[State, Trigger], State] = {
     (_S.SLEEPING, _T.HOVER_TOLD): _S.HOVERING,
     (_S.HOVERING, _T.HOVER_DUE): _S.HOVERING,
     (_S.HOVERING, _T.CLEAR_TO_SINK): _S.SINKING,
-    # Emergency. Under way it goes on with what it was doing, on the other battery.
+    # Emergency. At the low level a sleeper wakes out of its turn; its wake then goes on as any other. Under way it goes on
+    # with what it was doing, on the other battery.
     **{(state, _T.BATTERY_EMPTIED): _S.EMPTY for state in _BOTTOM if state not in (_S.EMPTY, _S.CALLING)},
     (_S.HOVERING, _T.BATTERY_EMPTIED): _S.SINKING,
+    (_S.SLEEPING, _T.LOW_LEVEL_REACHED): _S.SAMPLING,
     (_S.EMPTY, _T.LAST_RESORT_CALL): _S.CALLING,
     (_S.EMPTY, _T.LAST_RESORT_SURFACE): _S.SURFACING,
     (_S.CALLING, _T.WAKE_OVER): _S.EMPTY,

@@ -69,10 +69,9 @@ def _last_resort_due_ms(
 ) -> int | None:
     if whole.power.last_resort is LastResort.WAIT:
         return None
-    safe_ms = batteries.safe_level_ms(now_ms)
-    if safe_ms is None or last_resort_ms is None:
-        return safe_ms
-    return max(safe_ms, last_resort_ms + whole.call_ms)
+    if batteries.safe_ms is None:
+        return None
+    return now_ms if last_resort_ms is None else max(now_ms, last_resort_ms + whole.call_ms)
 
 
 def deadline_trigger(state: State, whole: Whole | None, feed: Feed) -> Trigger:

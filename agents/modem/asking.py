@@ -25,12 +25,12 @@ _KINDS = {
     "CM": FrameKind.PROBE,
     "CC": FrameKind.PROBE,
 }
-_AWAITED = {
-    "M": FrameKind.ACK,
-    "P": FrameKind.PING_REPLY,
-    "CM": FrameKind.PROBE_REPLY,
-    "CC": FrameKind.PROBE_REPLY,
+AWAITED = {
+    FrameKind.UNICAST_ACKED: FrameKind.ACK,
+    FrameKind.PING: FrameKind.PING_REPLY,
+    FrameKind.PROBE: FrameKind.PROBE_REPLY,
 }
+"""What answers a question."""
 
 
 def goes_out(name: str) -> bool:
@@ -43,28 +43,29 @@ def send(modem: Modem, command: Command, number: int, tick: int, now_ms: int) ->
     now_us = tick * 1000 // TICKS_PER_MS
     if command.timer_us is not None:
         wait_us = modem.timer.wait_us(command.timer_us, now_us)
-    reason = _refusal(modem, command, wait_us)
+    kind = _KINDS[command.name]
+    reason = why_not(modem, kind)
+    if wait_us is None:
+        reason = "a transmission can be put off by 2 s at most, and not into the past"
     if reason is not None or wait_us is None:
         modem.answer(number, answers.ERROR, tick)
         return [Dropped(now_ms, f"serial: {reason}")]
     generation = modem.config.firmware.generation
-    kind = _KINDS[command.name]
     to = None if kind in TO_ALL else command.address
     frame = Frame(kind, modem.address, to, command.data, generation)
     address = "" if to is None else f"{to:03}"
     size = answers.length(generation, command.data) if command.data else ""
     modem.answer(number, answers.told(generation, command.name + address + size), tick)
-    if command.name in _AWAITED:
-        modem.ask(command.name, frame, _AWAITED[command.name], number)
+    if kind in AWAITED:
+        modem.ask(command.name, frame, AWAITED[kind], number)
     modem.send(frame, max(now_ms, -(-(now_us + wait_us) // 1000)))
     return []
 
 
-def _refusal(modem: Modem, command: Command, wait_us: int | None) -> str | None:
-    if wait_us is None:
-        return "a transmission can be put off by 2 s at most, and not into the past"
+def why_not(modem: Modem, kind: FrameKind) -> str | None:
+    """Why a frame of this kind cannot be sent now."""
     if modem.waiting:
         return "a frame waits to be sent already"
-    if command.name in _AWAITED and modem.question is not None:
+    if kind in AWAITED and modem.question is not None:
         return "an answer is waited for already"
     return None

@@ -11,10 +11,21 @@ from agents.modem.states import ModemState, Trigger
 
 @dataclass(frozen=True, slots=True)
 class SerialBytes:
-    """Somebody wrote these to the serial line, one right after the other. A modem may have several lines, from 0."""
+    """Somebody wrote these to the serial line, one right after the other. A modem may have several lines, from 0.
+
+    `paused`: whatever was written before, there was too long a silence in between.
+    """
 
     data: bytes
     line: int = 0
+    paused: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """A host that has no serial line between it and the modem wants this frame sent, whose source is the modem."""
+
+    frame: Frame
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,7 +77,9 @@ class PowerWent:
     pass
 
 
-Stimulus = SerialBytes | SoundBegan | FrameArrived | SupplyChanged | NoiseChanged | PowerCame | PowerWent
+Stimulus = (
+    SerialBytes | Asked | SoundBegan | FrameArrived | SupplyChanged | NoiseChanged | PowerCame | PowerWent
+)
 
 
 class Pin(IntEnum):
@@ -83,6 +96,23 @@ class SerialOut:
     at_ms: int
     data: bytes
     line: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Delivered:
+    """Data or a beacon for this modem, told to the host that has no line."""
+
+    at_ms: int
+    frame: Frame
+
+
+@dataclass(frozen=True, slots=True)
+class Answered:
+    """What came of a question that was `Asked`: the range in steps of 31.25 us of sound, or None by the time-out."""
+
+    at_ms: int
+    asked: Frame
+    steps: int | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,4 +147,4 @@ class Dropped:
     reason: str
 
 
-Action = SerialOut | EmitFrame | StateChanged | PinRose | Dropped
+Action = SerialOut | Delivered | Answered | EmitFrame | StateChanged | PinRose | Dropped

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from agents.modem import answers
-from agents.modem.facts import Action, Dropped, FrameArrived, Pin, PinRose
+from agents.modem.facts import Action, Answered, Delivered, Dropped, FrameArrived, Pin, PinRose
 from agents.modem.firmware import range_steps
 from agents.modem.frames import ANSWERS, Frame, FrameKind
 from agents.modem.states import HEARING
@@ -37,6 +37,7 @@ def hear(modem: Modem, arrived: FrameArrived, now_ms: int) -> list[Action]:
         actions.append(PinRose(now_ms, Pin.RXM))
     printed = _printed(modem, arrived, now_ms)
     if printed is not None:
+        actions.append(Delivered(now_ms, frame))
         for number in range(len(modem.lines)):
             modem.answer(number, printed)
     reply = _reply(modem, frame, arrived.propagation_us)
@@ -91,10 +92,12 @@ def _take_answer(modem: Modem, arrived: FrameArrived, now_ms: int) -> list[Actio
         return [Dropped(now_ms, "sound: an answer that is not waited for")]
     # Half of the round trip; the turnaround is known to both and taken off.
     steps = range_steps((frame.flight_us + arrived.propagation_us) / 2)
+    modem.question = None
+    if question.line is None:
+        return [Answered(now_ms, question.frame, steps)]
     if frame.kind is FrameKind.PROBE_REPLY:
         result = answers.impulse_response(question.name, frame.source, steps, arrived.echoes)
     else:
         result = answers.found(frame.source, steps)
     modem.answer(question.line, result)
-    modem.question = None
     return []

@@ -9,9 +9,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from agents.modem import answers, obeying
+from agents.modem import answers, asking, obeying
 from agents.modem.facts import (
     Action,
+    Answered,
+    Asked,
     Dropped,
     EmitFrame,
     FrameArrived,
@@ -42,7 +44,8 @@ class Question:
     name: str
     frame: Frame
     awaited: FrameKind
-    line: int
+    line: int | None
+    """None: it was asked without a line."""
     until_ms: int | None = None
 
 
@@ -115,8 +118,10 @@ class Modem:
         """Takes a fact at `now_ms`, after everything that was due by then."""
         actions = self.advance(now_ms)
         match stimulus:
-            case SerialBytes(data, number):
-                actions += self._take_bytes(data, number)
+            case SerialBytes():
+                actions += self._take_bytes(stimulus)
+            case Asked(frame):
+                actions += self._take_frame(frame)
             case SoundBegan(duration_ms):
                 if self.state in HEARING:
                     self._sound_until_ms = max(self._sound_until_ms or 0, now_ms + duration_ms)
@@ -143,7 +148,7 @@ class Modem:
         """Prints on that line, from `tick` on or from now."""
         self.lines[number].answer(data, self._now_ms * TICKS_PER_MS if tick is None else tick)
 
-    def ask(self, name: str, frame: Frame, awaited: FrameKind, line: int) -> None:
+    def ask(self, name: str, frame: Frame, awaited: FrameKind, line: int | None) -> None:
         """The frame is a question of that line, by the command `name`; it waits for an answer once it is sent."""
         self.question = Question(name, frame, awaited, line)
 
@@ -206,18 +211,31 @@ class Modem:
             return self.go(Trigger.SOUND_ENDED)
         if which == 2:
             assert question is not None
-            self.answer(question.line, answers.NOTHING_CAME)
             self.question = None
+            if question.line is None:
+                return [Answered(now_ms, question.frame, None)]
+            self.answer(question.line, answers.NOTHING_CAME)
             return []
         _, frame = self.waiting.pop(0)
         self._sending = (now_ms + frame.duration_ms, frame)
         return [*self.go(Trigger.SENDING_BEGAN), EmitFrame(now_ms, frame)]
 
-    def _take_bytes(self, data: bytes, number: int) -> list[Action]:
+    def _take_bytes(self, came: SerialBytes) -> list[Action]:
         if self.state is ModemState.OFF:
             return [Dropped(self._now_ms, "bytes for a modem without power")]
-        lost = self.lines[number].write(data, self._now_ms)
+        lost = self.lines[came.line].write(came.data, self._now_ms, came.paused)
         return [Dropped(self._now_ms, f"{lost} bytes beyond the serial line's buffer")] if lost else []
+
+    def _take_frame(self, frame: Frame) -> list[Action]:
+        reason = asking.why_not(self, frame.kind)
+        if self.state in (ModemState.OFF, ModemState.SLEEPING):
+            reason = f"the modem is {self.state.name.lower()}"
+        if reason is not None:
+            return [Dropped(self._now_ms, f"asked: {reason}")]
+        if frame.kind in asking.AWAITED:
+            self.ask("", frame, asking.AWAITED[frame.kind], None)
+        self.send(frame, self._now_ms)
+        return self._fire(3) if self._sending is None and self.waiting[0][1] is frame else []
 
     def _read(self, number: int, until_ms: int) -> list[Action]:
         came = self.lines[number].read(until_ms)

@@ -27,10 +27,10 @@ class SerialLine:
         self._going: deque[tuple[int, bytes]] = deque()
         self._out_free_tick = 0
 
-    def write(self, data: bytes, now_ms: int) -> int:
-        """Somebody sends these to the modem from `now_ms` on; how many of them are lost."""
+    def write(self, data: bytes, now_ms: int, paused: bool = False) -> int:
+        """Somebody sends these to the modem from `now_ms` on, perhaps after a silence; how many of them are lost."""
         room = BUFFER_BYTES - len(self._coming)
-        tick = max(now_ms * TICKS_PER_MS, self._free_tick)
+        tick = max(now_ms * TICKS_PER_MS, self._free_tick + paused * (SILENCE_TICKS + 1))
         for byte in data[:room]:
             tick += BYTE_TICKS
             self._coming.append((tick, byte))

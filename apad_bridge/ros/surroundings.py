@@ -9,9 +9,10 @@ from apad_bridge import building
 from apad_bridge.flight import Fleet
 from apad_bridge.pace import Pace, WallClock
 from apad_bridge.records.samples import TruthSample
+from apad_bridge.ros.agent_topics import Shown
 from apad_bridge.ros.contacts_link import ContactsLink
 from apad_bridge.ros.fleet_guard import SecondFleet
-from apad_bridge.ros.gateway import GatewayFailed, Shown, TruthSource, open_gateway
+from apad_bridge.ros.gateway import GatewayFailed, TruthSource, open_gateway
 from apad_bridge.ros.generation_a import GenerationALink, VehicleNotReady
 from apad_bridge.ros.radio import FleetRadio, MissionRadio
 from apad_bridge.ros.ros_pace import FollowedClock, OwnMasterClock

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
-from agents.coordinator import Coordinator
 from agents.one_process import OneProcess
 from agents.processes import ProcessHost
 from apad_bridge import building
@@ -22,6 +21,7 @@ from apad_bridge.records.summary import Ending
 from apad_bridge.runs.status import Status
 from apad_bridge.scenario.schema import Hosting, Scenario
 from apad_bridge.scenario.starts import Start
+from apad_bridge.sea_building import fleet_of
 from apad_bridge.simulated_apad.apad import SimulatedAPad
 from apad_bridge.supervisor import TICK_MS, Supervisor
 from apad_bridge.vehicle import DockClosed
@@ -68,7 +68,7 @@ def open_fleet(scenario: Scenario, starts: Sequence[Start], folder: Path) -> Fle
     else:
         folder.mkdir()
         host = ProcessHost.start(str(folder), config, births)
-    return Fleet(Coordinator(host, dict.fromkeys(births, 0), scenario.theta), host)
+    return fleet_of(scenario, host, dict.fromkeys(births, 0))
 
 
 def in_process(scenario: Scenario, fleet: Fleet) -> Surroundings:

@@ -25,6 +25,7 @@ from apad_bridge.scenario.quantities import (
     RosName,
     frozen,
 )
+from apad_bridge.scenario.water import Water
 from apad_bridge.scenario.whole_board import WholeBoard
 
 
@@ -247,3 +248,5 @@ class Scenario:
     mission: Mission
     apad: APad
     records: Records = Records()
+    water: Water | None = None
+    """None: everything that is said gets through, at once and whole, as in the paper's experiments."""

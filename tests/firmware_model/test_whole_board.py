@@ -4,7 +4,7 @@ from dataclasses import replace
 from itertools import pairwise
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from firmware_model.actions import Action, FeedFrom, LogSample, RunBuoyancy, SendStatus, StateChanged
@@ -13,7 +13,7 @@ from firmware_model.board import Board
 from firmware_model.charge import FULL, Battery, Flow, grains
 from firmware_model.codec import MusselbedCodec
 from firmware_model.packets import PLAIN_KINDS, CommandPacket, Kind
-from firmware_model.plan import BoardConfig, Cycle, LastResort
+from firmware_model.plan import BoardConfig, Cycle, LastResort, Metering
 from firmware_model.rails import Rail
 from firmware_model.states import State
 from firmware_model.stimuli import (
@@ -27,7 +27,7 @@ from firmware_model.stimuli import (
     SurfaceReached,
     WifiReceived,
 )
-from firmware_model.table_one import FIELD, HOURLY, LOADS, MODEL, board, power
+from firmware_model.table_one import FIELD, HOURLY, LOADS, METERING, MODEL, board, power
 
 HOUR = 3_600_000
 
@@ -193,6 +193,30 @@ def test_calls_repeat_and_between_them_it_can_be_permitted_to_surface() -> None:
     assert bench.state is State.SURFACING
 
 
+@pytest.mark.parametrize("metering", [None, replace(METERING, noise=0)])
+def test_the_low_level_wakes_a_sleeper_once_and_it_reports_in_its_slot(metering: Metering | None) -> None:
+    bench = Bench(board(FIELD, power(metering=metering, low_level=grains(0.5))), primary=0.5035)
+    bench.run(minutes=50)
+    lines = told(bench.trace)
+    wake = next(n for n, line in enumerate(lines) if "LOW_LEVEL_REACHED" in line)
+    at_ms = int(lines[wake].split()[0])
+    # Asleep since 62 s at 0.0000674288 a minute; metered, two minutes of samples more.
+    crossed_ms = 62_000 + (0.5035 - 0.0010427134 * 62 / 60 - 0.5) / 0.0000674288 * 60_000
+    later_ms = 0 if metering is None else 125_000
+    assert at_ms == pytest.approx(crossed_ms + later_ms, abs=5000)
+    assert [line.split(" ", 1)[1] for line in lines[wake : wake + 7]] == [
+        "SLEEPING -LOW_LEVEL_REACHED-> SAMPLING",
+        "sample",
+        "SAMPLING -SAMPLES_TO_PROCESS-> PROCESSING",
+        "PROCESSING -PROCESSED-> AWAITING_SLOT",
+        "AWAITING_SLOT -SLOT_OPENED-> TRANSMITTING",
+        "send by MODEM_TRANSMITTING",
+        "TRANSMITTING -WAKE_OVER-> SLEEPING",
+    ]
+    bench.run(hours=20)
+    assert sum("LOW_LEVEL_REACHED" in line for line in told(bench.trace)) == 1
+
+
 def test_one_that_boots_with_both_batteries_empty_is_lost() -> None:
     bench = Bench(board(HOURLY, power()), primary=0.0, secondary=0.0)
     bench.run(minutes=1)
@@ -265,10 +289,13 @@ STIMULI: st.SearchStrategy[Stimulus] = st.one_of(
 )
 FACTS = st.lists(st.tuples(st.integers(0, 900_000), STIMULI), max_size=12)
 CONFIGS = st.builds(
-    lambda cycle, last_resort, kept_on: board(cycle, power(last_resort, kept_on)),
+    lambda cycle, last_resort, kept_on, metering: board(
+        cycle, power(last_resort, kept_on, metering, FULL // 100)
+    ),
     st.sampled_from([None, HOURLY, FIELD, QUICK, replace(QUICK, slots=None)]),
     st.sampled_from(LastResort),
     st.sampled_from([0, 1 << Rail.PI]),
+    st.sampled_from([None, METERING, replace(METERING, settle_ms=0, noise=FULL // 50)]),
 )
 
 
@@ -277,6 +304,7 @@ def made(config: BoardConfig, primary: float, secondary: float) -> Board:
     return Board(config, MusselbedCodec(), *batteries, 0)
 
 
+@settings(deadline=None)
 @given(
     CONFIGS, st.floats(0, 0.02), st.floats(0, 0.25), FACTS, st.lists(st.integers(0, 1_500_000), max_size=12)
 )
@@ -305,6 +333,7 @@ def test_cutting_time_does_not_change_the_trace(
     )
 
 
+@settings(deadline=None)
 @given(CONFIGS, FACTS, st.lists(st.integers(0, 900_000), max_size=2))
 def test_what_the_modules_drew_is_what_the_batteries_lost(
     config: BoardConfig, raw: list[tuple[int, Stimulus]], resets: list[int]
@@ -326,6 +355,7 @@ def test_what_the_modules_drew_is_what_the_batteries_lost(
     assert sum(bench.ledger.by_rail().values()) == sum(bench.ledger.by_state().values()) == lost > 0
 
 
+@settings(deadline=None)
 @given(CONFIGS, st.floats(0, 1), st.floats(0, 1), FACTS)
 def test_charges_stay_on_the_scale_and_what_is_on_is_what_the_batteries_feel(
     config: BoardConfig, primary: float, secondary: float, raw: list[tuple[int, Stimulus]]

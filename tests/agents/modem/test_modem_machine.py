@@ -11,6 +11,9 @@ from hypothesis import strategies as st
 
 from agents.modem.facts import (
     Action,
+    Answered,
+    Asked,
+    Delivered,
     Dropped,
     EmitFrame,
     FrameArrived,
@@ -200,7 +203,7 @@ def test_pins_rise_for_a_unicast_and_for_any_frame() -> None:
     it = modem()
     unicast = FrameArrived(Frame(FrameKind.UNICAST, 9, 1, b"hi"))
     other = FrameArrived(Frame(FrameKind.UNICAST, 9, 2, b"hi"))
-    assert it.receive(unicast, 1000) == [PinRose(1000, Pin.RXM)]
+    assert it.receive(unicast, 1000) == [PinRose(1000, Pin.RXM), Delivered(1000, unicast.frame)]
     it.advance(1900)
     assert it.receive(other, 2000) == []
     it.receive(SerialBytes(b"$XFE"), 2000)
@@ -229,6 +232,44 @@ def test_two_lines_get_their_own_answers_and_both_what_is_heard(pair: Pair) -> N
     assert water.printed("near", 1).endswith(b":00\r\n#B00202hi\r\n")
 
 
+def test_a_host_without_a_line_asks_and_is_told(pair: Pair) -> None:
+    water = pair()
+    ping = Frame(FrameKind.PING, 1, 2)
+    water.tell("near", Asked(ping))
+    water.run(1000)
+    lost = Frame(FrameKind.PING, 1, 3)
+    water.tell("near", Asked(lost))
+    water.run(6000)
+    words = Frame(FrameKind.UNICAST, 1, 2, b"words")
+    water.tell("near", Asked(words))
+    water.run(7000)
+    # 105 ms out, 100 of way, 5 of turnaround, and the same back; the other ping is given up after 4 s.
+    assert water.of("near", Answered) == [Answered(415, ping, 3200), Answered(1000 + 105 + 4000, lost, None)]
+    assert [(it.at_ms, it.frame) for it in water.of("near", EmitFrame)] == [
+        (0, ping),
+        (1000, lost),
+        (6000, words),
+    ]
+    assert water.of("far", Delivered) == [Delivered(6000 + words.duration_ms + 100, words)]
+    assert water.printed("near") == b""
+    assert water.printed("far") == b"#U05words\r\n"
+
+
+def test_a_host_without_a_line_is_told_why_not() -> None:
+    it = modem()
+    it.receive(Asked(Frame(FrameKind.BROADCAST, 1, None, b"one")), 0)
+    assert it.receive(Asked(Frame(FrameKind.BROADCAST, 1, None, b"two")), 1) == []
+    (refused,) = it.receive(Asked(Frame(FrameKind.BROADCAST, 1, None, b"three")), 2)
+    assert isinstance(refused, Dropped)
+
+
+def test_a_pause_parts_bytes_whenever_they_are_told() -> None:
+    it = modem()
+    it.receive(SerialBytes(b"$P0"), 0)
+    actions = it.receive(SerialBytes(b"02", paused=True), 0) + it.advance(100)
+    assert [data for _, data in outs(actions)] == [b"E\r\n", b"E\r\n"]
+
+
 def test_time_does_not_go_back() -> None:
     it = modem()
     it.advance(5)
@@ -243,6 +284,9 @@ STIMULI: list[Stimulus] = [
     ),
     SerialBytes(b"$B02abT%014d" % 3_000_000),
     SerialBytes(b"$F", 1),
+    SerialBytes(b"2", 0, paused=True),
+    Asked(Frame(FrameKind.PING, 1, 2)),
+    Asked(Frame(FrameKind.BROADCAST, 1, None, b"abc")),
     SoundBegan(330),
     FrameArrived(Frame(FrameKind.PING, 3, 1), 1234),
     FrameArrived(Frame(FrameKind.PING_REPLY, 2, 1, flight_us=1234), 1234),
