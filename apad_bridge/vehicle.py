@@ -23,11 +23,12 @@ class GoTo:
 
 @dataclass(frozen=True, slots=True)
 class Hold:
-    """Hold position dynamically at a point until the next command; it never completes."""
+    """Hold position dynamically at a point until the next command; it never completes. Without a heading, any will do."""
 
     command_id: int
     north_m: float
     east_m: float
+    heading_rad: float | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,22 +12,20 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from apad_bridge.ros.generation_a_docks import DocksByHearsay
-from apad_bridge.ros.generation_a_readings import Readings
 from apad_bridge.ros.generation_a_words import (
     ENDS,
     GO_TO,
     PERCH,
     RELEASE,
-    BatteryHeard,
     GoalCode,
     GoalOrder,
     GoalsHeard,
     GoalWord,
     Heard,
-    PoseHeard,
-    StateHeard,
     StaticHeard,
 )
+from apad_bridge.ros.legacy_words import BatteryHeard, PoseHeard, StateHeard
+from apad_bridge.ros.readings import Readings
 from apad_bridge.vehicle import (
     Arrived,
     CloseDock,

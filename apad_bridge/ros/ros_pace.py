@@ -15,7 +15,7 @@ from typing import Any, Protocol
 import rospy
 from rosgraph_msgs.msg import Clock
 
-from apad_bridge.pace import AsFastAsPossible, Pace, WallClock
+from apad_bridge.pace import BEAT_S, AsFastAsPossible, Between, Pace, WallClock
 from apad_bridge.ros.ros_time import to_ms, to_ros
 
 PATIENCE_S = 5.0
@@ -66,13 +66,15 @@ class OwnMasterClock:
     def behind_s(self) -> float:
         return self._pace.behind_s
 
-    def reach(self, now_ms: int, stopped: threading.Event) -> None:
+    def reach(self, now_ms: int, stopped: threading.Event, between: Between | None = None) -> None:
         self._link.wait_until_taken(SETTLE_S)
         while self._told_ms < now_ms or not self._has_told:
             step_ms = now_ms if stopped.is_set() else min(now_ms, self._told_ms + self._step_ms)
-            self._pace.reach(step_ms, stopped)
+            self._pace.reach(step_ms, stopped, between)
             self._clock.publish(Clock(to_ros(step_ms)))
             self._told_ms, self._has_told = step_ms, True
+            if between is not None and step_ms < now_ms:
+                between(step_ms)
         if not self._link.wait_until_done(now_ms, self._patience_s):
             raise TimeoutError(
                 f"the node of /{self._link.name} did not say within {self._patience_s:g} s, by its stateRef, "
@@ -93,16 +95,21 @@ class FollowedClock:
         self._came = threading.Condition()
         self._subscriber = rospy.Subscriber("/clock", Clock, self._take, tcp_nodelay=True)
 
-    def reach(self, now_ms: int, stopped: threading.Event) -> None:
+    def reach(self, now_ms: int, stopped: threading.Event, between: Between | None = None) -> None:
+        moved_s, last_ms = time.monotonic(), self._now_ms
+        while (self._origin_ms is None or self._now_ms < now_ms) and not stopped.is_set():
+            with self._came:
+                # Woken now and then to see `stopped`, which nothing here announces, and for who is told in between.
+                if self._origin_ms is None or self._now_ms < now_ms:
+                    self._came.wait(0.1 if between is None else BEAT_S)
+                come_ms, why = self._now_ms, self._why(now_ms)
+            if come_ms > last_ms:
+                moved_s, last_ms = time.monotonic(), come_ms
+            elif time.monotonic() - moved_s > self._standstill_s:
+                raise TimeoutError(why)
+            if between is not None and self._start_ms < come_ms < now_ms:
+                between(come_ms)
         with self._came:
-            moved_s, last_ms = time.monotonic(), self._now_ms
-            while (self._origin_ms is None or self._now_ms < now_ms) and not stopped.is_set():
-                # Woken now and then to see `stopped`, which nothing here announces.
-                self._came.wait(0.1)
-                if self._now_ms > last_ms:
-                    moved_s, last_ms = time.monotonic(), self._now_ms
-                elif time.monotonic() - moved_s > self._standstill_s:
-                    raise TimeoutError(self._why(now_ms))
             self.behind_s = max(0.0, (self._now_ms - now_ms) / 1000)
 
     def close(self) -> None:

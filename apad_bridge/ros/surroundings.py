@@ -13,13 +13,16 @@ from apad_bridge.ros.agent_topics import Shown
 from apad_bridge.ros.contacts_link import ContactsLink
 from apad_bridge.ros.fleet_guard import SecondFleet
 from apad_bridge.ros.gateway import GatewayFailed, TruthSource, open_gateway
-from apad_bridge.ros.generation_a import GenerationALink, VehicleNotReady
+from apad_bridge.ros.generation_a import GenerationALink
+from apad_bridge.ros.generation_b import GenerationBLink
+from apad_bridge.ros.generations import live_generation
 from apad_bridge.ros.radio import FleetRadio, MissionRadio
 from apad_bridge.ros.ros_pace import FollowedClock, OwnMasterClock
+from apad_bridge.ros.vehicle_not_ready import VehicleNotReady
 from apad_bridge.runs.failures import PeerFailed
 from apad_bridge.runs.flying import Surroundings
 from apad_bridge.runs.options import APadKind, Part, RunOptions, TimeSource
-from apad_bridge.scenario.schema import Scenario
+from apad_bridge.scenario.schema import Generation, Scenario
 from firmware_model.codec import load_codec
 
 _READY_S = 15.0
@@ -27,6 +30,7 @@ _NODES = {Part.WHOLE: "musselbed", Part.FLEET: "musselbed_fleet", Part.MISSION: 
 
 
 TruthsAt = Callable[[int], list[TruthSample]]
+APadLink = GenerationALink | GenerationBLink
 
 
 @contextmanager
@@ -59,7 +63,7 @@ def open_surroundings(
                 truth=_shown_truth(truths_at) if scenario.records.truth_on_agent_topics else None,
             )
             stack.callback(gateway.close)
-            vehicle: GenerationALink | ContactsLink
+            vehicle: APadLink | ContactsLink
             ether: FleetRadio | MissionRadio | None = None
             if options.part is Part.FLEET:
                 vehicle = ContactsLink(scenario.apad.name, ids, docked, now_ms)
@@ -71,7 +75,7 @@ def open_surroundings(
             stack.callback(vehicle.close)
             if ether is not None:
                 stack.callback(ether.close)
-            if isinstance(vehicle, GenerationALink):
+            if not isinstance(vehicle, ContactsLink):
                 vehicle.wait_until_ready(_READY_S)
         except (SecondFleet, GatewayFailed, VehicleNotReady) as error:
             raise PeerFailed(str(error)) from error
@@ -92,22 +96,32 @@ def _shown_truth(truths_at: TruthsAt) -> TruthSource:
     }
 
 
-def _apad_link(
-    scenario: Scenario, options: RunOptions, docked: Mapping[int, int], now_ms: int
-) -> GenerationALink:
+def _apad_link(scenario: Scenario, options: RunOptions, docked: Mapping[int, int], now_ms: int) -> APadLink:
+    """A link of the scenario's generation, or of the one that is on the graph."""
+    ours = options.apad is APadKind.SIM
+    generation = scenario.apad.generation
+    if generation is Generation.AUTO:
+        generation = Generation.A if ours else live_generation(scenario.apad.name, _READY_S)
     battery = scenario.apad.battery
-    return GenerationALink(
+    battery_v, ids = (battery.empty_v, battery.full_v), building.agent_ids(scenario)
+    if generation is Generation.A:
+        return GenerationALink(
+            scenario.apad.name, ids, battery_v, our_clock=ours, docked=docked, now_ms=now_ms
+        )
+    return GenerationBLink(
         scenario.apad.name,
-        building.agent_ids(scenario),
-        (battery.empty_v, battery.full_v),
-        our_clock=options.apad is APadKind.SIM,
+        ids,
+        battery_v,
+        scenario.mission.docking,
+        building.misses(scenario),
+        our_clock=ours,
         docked=docked,
         now_ms=now_ms,
     )
 
 
-def _pace(options: RunOptions, vehicle: GenerationALink | ContactsLink, now_ms: int) -> Pace:
-    if options.apad is APadKind.SIM and isinstance(vehicle, GenerationALink):
+def _pace(options: RunOptions, vehicle: APadLink | ContactsLink, now_ms: int) -> Pace:
+    if options.apad is APadKind.SIM and not isinstance(vehicle, ContactsLink):
         return OwnMasterClock(options.speed, vehicle, now_ms)
     if options.time is TimeSource.ROS:
         return FollowedClock(now_ms)

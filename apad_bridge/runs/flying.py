@@ -22,7 +22,6 @@ from apad_bridge.runs.status import Status
 from apad_bridge.scenario.schema import Hosting, Scenario
 from apad_bridge.scenario.starts import Start
 from apad_bridge.sea_building import fleet_of
-from apad_bridge.simulated_apad.apad import SimulatedAPad
 from apad_bridge.supervisor import TICK_MS, Supervisor
 from apad_bridge.vehicle import DockClosed
 from apad_bridge.vehicle_link import InProcessVehicle, VehicleLink
@@ -73,7 +72,7 @@ def open_fleet(scenario: Scenario, starts: Sequence[Start], folder: Path) -> Fle
 
 def in_process(scenario: Scenario, fleet: Fleet) -> Surroundings:
     """Virtual time with the simulated aPad in this process."""
-    return Surroundings(InProcessVehicle(SimulatedAPad(scenario.apad)), AsFastAsPossible(), fleet)
+    return Surroundings(InProcessVehicle(building.simulated_apad(scenario)), AsFastAsPossible(), fleet)
 
 
 def fly(

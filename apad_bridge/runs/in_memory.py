@@ -16,7 +16,6 @@ from apad_bridge.records.uptime import UptimeMeter
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
 from apad_bridge.sea_building import fleet_of
-from apad_bridge.simulated_apad.apad import SimulatedAPad
 from apad_bridge.vehicle import BatteryReported, PoseReported
 from apad_bridge.vehicle_link import InProcessVehicle
 
@@ -53,7 +52,7 @@ def fly_in_memory(scenario: Scenario) -> tuple[dict[str, Any], MemoryRecorder]:
     host = OneProcess(building.fleet_config(scenario), births)
     fleet = fleet_of(scenario, host, dict.fromkeys(births, 0))
     supervisor, recorder = building.supervisor(scenario), MemoryRecorder(scenario)
-    vehicle = InProcessVehicle(SimulatedAPad(scenario.apad))
+    vehicle = InProcessVehicle(building.simulated_apad(scenario))
     flight = Flight(supervisor, vehicle, AsFastAsPossible(), recorder, fleet)
     flight.run()
     state = supervisor.mission.state

@@ -63,7 +63,7 @@ def start(tmp_path: Path, master: Master, stack: ExitStack) -> Callable[..., sub
     return started
 
 
-def four(tmp_path: Path, duration_s: float) -> Path:
+def four(tmp_path: Path, duration_s: float, generation: str = "a") -> Path:
     """Four aMussels that are candidates from the start and charged within a minute."""
     (tmp_path / "four.csv").write_text(
         "id,north,east,battery\n1,2,3,0.75\n2,4,8,0.74\n3,9,5,0.70\n4,8,9,0.72\n"
@@ -71,7 +71,7 @@ def four(tmp_path: Path, duration_s: float) -> Path:
     data = loader.resolve(loader.load(ROOT / "launch_scripts" / "scenarios" / "pool-12.yaml"))
     data |= {"theta": 600, "duration_s": duration_s}
     data["fleet"] |= {"count": 4, "start": str(tmp_path / "four.csv")}
-    data["apad"]["start_m"] = [6, 6]
+    data["apad"] |= {"start_m": [6, 6], "generation": generation}
     path = tmp_path / "scenario.yaml"
     loader.write_resolved(path, loader.from_data(data, "four"))
     return path
@@ -96,6 +96,11 @@ def told(child: subprocess.Popen[str]) -> dict[str, Any]:
     return result
 
 
+def about_when(decisions: list[list[Any]]) -> list[list[Any]]:
+    """The decisions without their times, in the order of what belongs together."""
+    return [decision[1:] for decision in decisions]
+
+
 def test_a_flight_over_ros_decides_as_one_in_virtual_time(
     tmp_path: Path, master: Master, stack: ExitStack, start: Callable[..., subprocess.Popen[str]]
 ) -> None:
@@ -103,12 +108,31 @@ def test_a_flight_over_ros_decides_as_one_in_virtual_time(
     stamp, may be a tick old."""
     scenario = four(tmp_path, 220)
     node(scenario, master, stack)
-    over_ros = told(start("generation_a_flight", str(scenario), "ros", "max"))
-    virtual = told(start("generation_a_flight", str(scenario), "asap"))
+    over_ros = told(start("legacy_flight", str(scenario), "ros", "max"))
+    virtual = told(start("legacy_flight", str(scenario), "asap"))
     closed = [data["agent"] for _, kind, data in virtual["decisions"] if kind == "dock" and data["closed"]]
     assert len(closed) == 4 and virtual["services"] == 4
     assert over_ros["decisions"] == virtual["decisions"]
     assert over_ros["cost_m"] == pytest.approx(virtual["cost_m"], abs=1e-6)
+    assert over_ros["services"] == virtual["services"]
+    assert over_ros["dropped"] == over_ros["vehicle_dropped"] == {}
+
+
+def test_a_flight_over_generation_b_makes_the_same_decisions(
+    tmp_path: Path, master: Master, stack: ExitStack, start: Callable[..., subprocess.Popen[str]]
+) -> None:
+    """Its words have no stamps, so one may be heard a tick late: 2 s and 2 m in the flight are allowed."""
+    scenario = four(tmp_path, 216, "b")
+    node(scenario, master, stack)
+    over_ros = told(start("legacy_flight", str(scenario), "ros", "max"))
+    virtual = told(start("legacy_flight", str(scenario), "asap"))
+    assert virtual["services"] == 4
+    assert about_when(over_ros["decisions"]) == about_when(virtual["decisions"])
+    late_s = [
+        there[0] - here[0] for there, here in zip(over_ros["decisions"], virtual["decisions"], strict=True)
+    ]
+    assert all(0 <= it <= 2 for it in late_s)
+    assert over_ros["cost_m"] == pytest.approx(virtual["cost_m"], abs=2)
     assert over_ros["services"] == virtual["services"]
     assert over_ros["dropped"] == over_ros["vehicle_dropped"] == {}
 
@@ -118,8 +142,8 @@ def test_a_release_without_an_answer_is_heard_by_its_silence(
 ) -> None:
     scenario = four(tmp_path, 160)
     node(scenario, master, stack, release=ReleaseFault.SILENT)
-    over_ros = told(start("generation_a_flight", str(scenario), "ros", "max"))
-    virtual = told(start("generation_a_flight", str(scenario), "asap"))
+    over_ros = told(start("legacy_flight", str(scenario), "ros", "max"))
+    virtual = told(start("legacy_flight", str(scenario), "asap"))
     first = [
         next(at_s for at_s, kind, data in flown["decisions"] if kind == "dock" and not data["closed"])
         for flown in (virtual, over_ros)
@@ -133,7 +157,7 @@ def test_a_node_that_died_is_named_and_the_flight_ends(
 ) -> None:
     scenario = four(tmp_path, 10_000)
     vehicle = node(scenario, master, stack)
-    flight = start("generation_a_flight", str(scenario), "ros", "100", "1.0")
+    flight = start("legacy_flight", str(scenario), "ros", "100", "1.0")
     assert flight.stderr is not None
     assert line_of(flight.stderr) == "flying\n"
     os.kill(vehicle.pid, signal.SIGKILL)
@@ -144,7 +168,7 @@ def test_without_an_apad_it_says_what_is_missing_and_with_a_strange_one_what_dif
     tmp_path: Path, master: Master, start: Callable[..., subprocess.Popen[str]], stack: ExitStack
 ) -> None:
     scenario = str(four(tmp_path, 100))
-    failed = told(start("generation_a_flight", scenario, "ros", "max", "0.2"))["failed"]
+    failed = told(start("legacy_flight", scenario, "ros", "max", "0.2"))["failed"]
     for missing in (
         "nobody publishes /apad1/position",
         "no word of its action server",
@@ -162,7 +186,7 @@ def test_without_an_apad_it_says_what_is_missing_and_with_a_strange_one_what_dif
     assert stranger.stdout is not None
     stack.callback(stranger.stdout.close)
     assert "latching" in line_of(stranger.stdout)
-    failed = told(start("generation_a_flight", scenario, "ros"))["failed"]
+    failed = told(start("legacy_flight", scenario, "ros"))["failed"]
     assert "/apad1/position is std_msgs/String (md5 992ce8a1687cec8c8bd883ec73ca41d1) there" in failed
     assert "auv_msgs/NavSts (md5 d1c2e3fd518b63978e72fa7409f4ba71) here" in failed
 
