@@ -35,6 +35,9 @@ def fleet_config(scenario: Scenario) -> FleetConfig:
         codec=scenario.hearing.codec,
         charge=charge_model(board),
         pin_debounce_ms=board.pin_debounce_ms,
+        pin_chatter_ms=board.pin_chatter_ms,
+        pin_check_ms=round(board.pin_check_s * 1000),
+        coil_alignment_ms=round(board.coil_alignment_s * 1000),
         boot_ms=board.boot_ms,
         float_timeout_ms=round(board.float_timeout_s * 1000),
         release_wait_ms=round(board.release_wait_s * 1000),
@@ -46,7 +49,7 @@ def fleet_config(scenario: Scenario) -> FleetConfig:
         drifts_always=drift.mode is DriftMode.PAPER,
         drift_amplitude_um=round(drift.amplitude_m * 1e6),
         current_csv=None if drift.current_file is None else Path(drift.current_file).read_text(),
-        whole=whole_firmware(board),
+        whole=whole_firmware(board, scenario.seed),
         first_id=scenario.fleet.first_id,
     )
 
