@@ -8,9 +8,12 @@ from typing import Any
 from agents.agent import AgentConfig
 from agents.body import WaterConfig
 from agents.physical import Physical
+from agents.reporter import Modem
+from agents.water.fields import Constant, Fields
 from agents.water.stream import STILL, Stream, Tide, parse_stream
 from firmware_model.actions import Buoyancy
 from firmware_model.charge import Battery, ChargeModel, Flow, grains
+from firmware_model.flash_log import PAGES
 from firmware_model.plan import BoardConfig, Cycle, LastResort, Metering, Power, Slots, Whole
 from firmware_model.rails import Loads
 
@@ -46,6 +49,15 @@ class FleetConfig:
     """Of each constituent what a `Tide` has, in its order."""
     current_profile: tuple[tuple[int, int], ...] = ()
     """(depth in um, millionths of the current that are left there)."""
+    pin_chatter_ms: int = 2000
+    pin_check_ms: int = 60_000
+    oxygen_mg_l: float = 8.0
+    temperature_c: float = 18.0
+    turbidity_ntu: float = 5.0
+    """What is true of the water everywhere."""
+    modem: Modem = Modem.V3
+    flash_pages: int = PAGES
+    """Of `firmware_model.flash_log.PAGE_BYTES` each, for the log of one aMussel."""
 
     def to_wire(self) -> dict[str, Any]:
         return asdict(self)
@@ -58,6 +70,7 @@ class FleetConfig:
             **{
                 **wire,
                 "charge": _charge_of(wire["charge"]),
+                "modem": Modem(wire["modem"]),
                 "whole": None if whole is None else _whole_of(whole),
                 "tides": tuple([tuple(it) for it in wire["tides"]]),
                 "current_profile": tuple([tuple(it) for it in wire["current_profile"]]),
@@ -124,6 +137,9 @@ class AgentConfigs:
             amplitude_um=fleet.drift_amplitude_um,
             current=_stream(fleet),
             coil_alignment_ms=fleet.coil_alignment_ms,
+            fields=Fields(
+                Constant(fleet.oxygen_mg_l), Constant(fleet.temperature_c), Constant(fleet.turbidity_ntu)
+            ),
         )
 
     def config(self, agent_id: int) -> AgentConfig:
@@ -137,8 +153,10 @@ class AgentConfigs:
             fleet.release_wait_ms,
             fleet.whole,
             agent_id - fleet.first_id if self._has_slots else 0,
+            fleet.pin_chatter_ms,
+            fleet.pin_check_ms,
         )
-        return AgentConfig(board, self._water, fleet.report_period_ms, fleet.heard_always)
+        return AgentConfig(board, self._water, fleet.report_period_ms, fleet.heard_always, fleet.modem)
 
 
 def resting_on_bottom(
