@@ -10,16 +10,29 @@ mission.
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Collection
 from dataclasses import dataclass
 from math import hypot
 
 from agents.coordinator import Coordinator, Died, Heard
 from agents.host import Host
 from agents.keel_modem import KeelModem, Send
+from agents.modem.facts import FrameArrived
 from agents.modem.frames import PAYLOAD_BYTES, SHORT_MS, Frame, FrameKind, Generation
 from agents.outputs import PingAnswered, SoundSent, Truth, WifiSent
 from agents.physical import Physical
-from agents.sea_facts import APAD, APAD_ADDRESS, NotRanged, Ranged, SeaResult, SoundReached, Told, address_of
+from agents.sea_facts import (
+    APAD,
+    APAD_ADDRESS,
+    NotRanged,
+    Printed,
+    Ranged,
+    SeaResult,
+    SoundReached,
+    Told,
+    address_of,
+)
+from agents.sea_modems import SeaModems
 from agents.stimuli import PingArrived, SoundArrived
 from agents.water import medium
 from agents.water.chance import fates
@@ -29,6 +42,7 @@ from agents.water.sound import Sound
 from agents.water.topology import Topology
 from agents.water.wifi import Wifi
 from firmware_model.actions import Buoyancy
+from firmware_model.rails import RAILS
 
 _SHORTEST_MS = SHORT_MS[Generation.V3]
 _STEP_US = 62.5
@@ -53,10 +67,22 @@ class SeaConfig:
     """An aPad that moves faster than this has its thrusters running."""
 
 
+Happened = tuple[int, int, int, medium.Stimulus]
+"""(agent time, order within it, node, what)."""
+
+
 class Sea:
     """Around a coordinator, whose `advance` this one's takes the place of. Public times are mission milliseconds."""
 
-    def __init__(self, config: SeaConfig, coordinator: Coordinator, host: Host, now_ms: int = 0) -> None:
+    def __init__(
+        self,
+        config: SeaConfig,
+        coordinator: Coordinator,
+        host: Host,
+        now_ms: int = 0,
+        opened: Collection[int] = (),
+    ) -> None:
+        """`opened` are the agents whose modems somebody else may talk to: see `write`, and `Printed`."""
         self.config = config
         self.dropped: Counter[str] = Counter()
         self._coordinator = coordinator
@@ -69,6 +95,9 @@ class Sea:
         )
         self.now_ms = start_ms
         self._keel = KeelModem(start_ms)
+        self._modems = (
+            SeaModems({node: address_of(node) for node in nodes}, opened, start_ms) if opened else None
+        )
         self._places: dict[int, Place] = {}
         self._apad_at_ms: int | None = None
         self._truths: list[Truth] = []
@@ -125,6 +154,12 @@ class Sea:
         """Whether what the aPad says to an aMussel by Wi-Fi now gets through the air."""
         return self._through_the_air(APAD, agent_id, self._theta * now_ms)
 
+    def write(self, agent_id: int, data: bytes) -> None:
+        """Whoever opened the modem wrote this to its serial line; what it prints comes as `Printed`."""
+        if self._modems is None:
+            raise ValueError(f"the modem of aMussel {agent_id} has not been opened")
+        self._modems.write(agent_id, data)
+
     def _ask(self, node: int | None, frame: Frame) -> None:
         if not self._keel.ask(node, frame):
             self.dropped["sound: the aPad's modem has too much to send"] += 1
@@ -153,23 +188,26 @@ class Sea:
         horizon_ms = until_ms
         if (due_ms := self._medium.next_due_ms) is not None:
             horizon_ms = min(horizon_ms, due_ms)
-        for does_ms in (self._coordinator.due_agent_ms, self._keel.next_due_ms):
+        modems_ms = None if self._modems is None else self._modems.next_due_ms
+        for does_ms in (self._coordinator.due_agent_ms, self._keel.next_due_ms, modems_ms):
             if does_ms is not None:
                 horizon_ms = min(horizon_ms, max(does_ms, self.now_ms) + _SHORTEST_MS)
         return max(horizon_ms, self.now_ms)
 
     def _round(self, came: list[Heard | Died], horizon_ms: int, results: list[SeaResult]) -> None:
         """Brings what agents did in the round to the medium, in the order of time, and what that decided to agents."""
-        happened: list[tuple[int, int, int, medium.Stimulus]] = []
+        happened: list[Happened] = []
         for truth in self._note_truths():
             moved = Moved(truth.agent_id, self._place(truth.physical))
             happened.append((truth.at_ms, 0, truth.agent_id, moved))
+            if self._modems is not None:
+                self._modems.power(truth.agent_id, RAILS[truth.state] != 0, truth.at_ms)
         for it in came:
             match it:
                 case Heard(_, agent_id, SoundSent() | PingAnswered() as output):
                     frame = self._frame(agent_id, output)
                     if frame is not None:
-                        happened.append((output.at_ms, 1, agent_id, Began(agent_id, frame)))
+                        self._send(happened, output.at_ms, agent_id, frame)
                     continue
                 case Heard(_, agent_id, WifiSent(at_ms)):
                     if not self._through_the_air(agent_id, APAD, at_ms):
@@ -179,13 +217,25 @@ class Sea:
             results.append(it)
         for spoke in self._keel.advance(horizon_ms):
             if isinstance(spoke, Send):
-                happened.append((spoke.at_ms, 1, APAD, Began(APAD, spoke.frame)))
+                self._send(happened, spoke.at_ms, APAD, spoke.frame)
             elif spoke.node is not None:
                 results.append(NotRanged(self._mission_ms(spoke.at_ms), spoke.node))
+        if self._modems is not None:
+            for sent in self._modems.round(horizon_ms):
+                happened.append((sent.at_ms, 1, sent.node, Began(sent.node, sent.frame)))
         decided: list[medium.Result] = []
         for at_ms, _, _, stimulus in sorted(happened, key=lambda it: it[:3]):
             decided += self._medium.receive(stimulus, min(max(at_ms, self._medium.now_ms), horizon_ms))
         self._deliver(decided + self._medium.advance(horizon_ms), results)
+        if self._modems is not None:
+            results += [Printed(self._mission_ms(horizon_ms), *it) for it in self._modems.take_printed()]
+
+    def _send(self, happened: list[Happened], at_ms: int, node: int, frame: Frame) -> None:
+        """By the node's modem, if there are modems; otherwise straight into the water."""
+        if self._modems is None:
+            happened.append((at_ms, 1, node, Began(node, frame)))
+        else:
+            self._modems.ask(node, frame, at_ms)
 
     def _deliver(self, decided: list[medium.Result], results: list[SeaResult]) -> None:
         for it in decided:
@@ -193,6 +243,10 @@ class Sea:
                 results.append(it)
                 continue
             node, at_ms, frame = it.reception.receiver, it.reception.at_ms, it.frame
+            if self._modems is not None:
+                arrived = FrameArrived(frame, it.reception.travelled_us, it.reception.snr_db)
+                if not self._modems.hear(node, arrived, at_ms):
+                    continue
             if node == APAD:
                 self._hear(it, results)
                 continue

@@ -55,4 +55,13 @@ class Told:
     stimulus: Stimulus
 
 
-SeaResult = Heard | Died | SoundReached | Ranged | NotRanged | Told | PacketEnded
+@dataclass(frozen=True, slots=True)
+class Printed:
+    """An opened modem printed this on its serial line."""
+
+    mission_ms: int
+    agent_id: int
+    data: bytes
+
+
+SeaResult = Printed | Heard | Died | SoundReached | Ranged | NotRanged | Told | PacketEnded

@@ -149,6 +149,13 @@ class DockingProfile(StrEnum):
     VISUAL = "visual"
 
 
+class ArmUse(StrEnum):
+    """What a virtual docking does with the vehicle's arm: it is left alone, or opened for the time of the docking."""
+
+    ALONE = "alone"
+    MOVED = "moved"
+
+
 @frozen
 class Servo:
     """What the vehicle's own docking is told, and how long it may take."""
@@ -174,6 +181,7 @@ class Docking:
     timeout_s: PositiveSeconds
     attempts: Annotated[int, Ge(1), Le(10)] = 1
     """So often a docking is tried before the aMussel is given up for this time."""
+    arm: ArmUse = ArmUse.ALONE
     servo: Servo | None = None
 
     def __post_init__(self) -> None:
