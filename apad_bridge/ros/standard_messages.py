@@ -119,7 +119,8 @@ def agent_markers(belief: Belief, now_ms: int) -> list[Marker]:
     """A ball from red (empty) to green (full), cyan when docked, grey when lost; and its id and charge above it."""
     at = enu(belief.north_m, belief.east_m)
     ball = _marker("amussels", belief.agent_id, Marker.SPHERE, now_ms, at, _colour(belief), _MARKER_M)
-    above = (at[0], at[1], at[2] + _LABEL_M)
+    # North of the ball, so that it is read from above too.
+    above = (at[0], at[1] + _LABEL_M, at[2] + _LABEL_M)
     label = _marker(
         "labels",
         belief.agent_id,

@@ -1,6 +1,6 @@
 """Shows a fleet of two on ROS's standard messages, a tick every 100 ms, until its standard input ends.
 
-Use: show_standard_topics.py; prints `showing`. aMussel 1 wants charging; aMussel 2 has never been heard; the aPad heads east.
+Use: show_standard_topics.py; prints `showing`. aMussel 1 wants charging, aMussel 2 was never heard, the aPad heads east.
 """
 
 from __future__ import annotations
