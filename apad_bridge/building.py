@@ -13,6 +13,7 @@ from apad_bridge.mission.energy_exchange import EnergyExchange
 from apad_bridge.mission.state import MissionState
 from apad_bridge.planning import registry
 from apad_bridge.port.docking_port import DockingPort
+from apad_bridge.sample_collection import SampleCollection
 from apad_bridge.scenario.schema import DriftMode, HearingMode, Scenario
 from apad_bridge.scenario.starts import Start
 from apad_bridge.simulated_apad.apad import SimulatedAPad
@@ -73,9 +74,15 @@ def simulated_apad(scenario: Scenario) -> SimulatedAPad:
 
 
 def supervisor(
-    scenario: Scenario, state: MissionState | None = None, first_command_id: int = 1
+    scenario: Scenario,
+    state: MissionState | None = None,
+    first_command_id: int = 1,
+    samples: SampleCollection | None = None,
 ) -> Supervisor:
-    """A supervisor that knows nothing yet, or one that goes on with a mission's journaled `state`."""
+    """A supervisor that knows nothing yet, or one that goes on with a mission's journaled `state`.
+
+    Without `samples` it leaves the aMussels' logs to others.
+    """
     beliefs = HoldLast(agent_ids(scenario))
     mission = EnergyExchange(
         scenario.mission,
@@ -91,6 +98,7 @@ def supervisor(
         port,
         load_codec(scenario.hearing.codec),
         scenario.theta,
+        samples,
         round(scenario.duration_s * 1000),
         scenario.mission.end_at_apad_fraction,
     )

@@ -11,8 +11,12 @@ from firmware_model.states import State
 
 
 def truth_data(truth: Truth) -> Line:
-    """Batteries are [anchor ms, grains, flow, load, coils], `depth` is [anchor ms, micrometres]; agent time."""
+    """Batteries are [anchor ms, grains, flow, load, coils], `depth` is [anchor ms, micrometres]; agent time.
+
+    `log` is [samples ever taken, acknowledged below this sequence], once there are any.
+    """
     physical = truth.physical
+    log = {"log": [physical.samples, physical.acknowledged]} if physical.samples else {}
     return {
         "id": truth.agent_id,
         "agent_ms": truth.at_ms,
@@ -24,12 +28,14 @@ def truth_data(truth: Truth) -> Line:
         "depth": [physical.depth_anchor_ms, physical.depth_um],
         "buoyancy": physical.buoyancy.name,
         "docked": physical.docked,
+        **log,
     }
 
 
 def truth_of(line: Line) -> Truth:
     """The inverse of `truth_data`; KeyError, TypeError or ValueError for any other line."""
     depth_anchor_ms, depth_um = line["depth"]
+    samples, acknowledged = line.get("log", (0, 0))
     physical = Physical(
         _battery_of(line["primary"]),
         _battery_of(line["secondary"]),
@@ -39,6 +45,8 @@ def truth_of(line: Line) -> Truth:
         depth_um,
         Buoyancy[line["buoyancy"]],
         line["docked"],
+        samples=samples,
+        acknowledged=acknowledged,
     )
     return Truth(line["agent_ms"], line["id"], State[line["state"]], physical)
 
