@@ -13,10 +13,14 @@ from firmware_model.states import State
 def truth_data(truth: Truth) -> Line:
     """Batteries are [anchor ms, grains, flow, load, coils], `depth` is [anchor ms, micrometres]; agent time.
 
-    `log` is [samples ever taken, acknowledged below this sequence], once there are any.
+    Where there are any: `pin_due` is when the coils will be aligned, `log` is [samples taken, acknowledged below].
     """
     physical = truth.physical
-    log = {"log": [physical.samples, physical.acknowledged]} if physical.samples else {}
+    more: Line = {}
+    if physical.pin_due_ms:
+        more["pin_due"] = physical.pin_due_ms
+    if physical.samples:
+        more["log"] = [physical.samples, physical.acknowledged]
     return {
         "id": truth.agent_id,
         "agent_ms": truth.at_ms,
@@ -28,7 +32,7 @@ def truth_data(truth: Truth) -> Line:
         "depth": [physical.depth_anchor_ms, physical.depth_um],
         "buoyancy": physical.buoyancy.name,
         "docked": physical.docked,
-        **log,
+        **more,
     }
 
 
@@ -45,8 +49,9 @@ def truth_of(line: Line) -> Truth:
         depth_um,
         Buoyancy[line["buoyancy"]],
         line["docked"],
-        samples=samples,
-        acknowledged=acknowledged,
+        line.get("pin_due", 0),
+        samples,
+        acknowledged,
     )
     return Truth(line["agent_ms"], line["id"], State[line["state"]], physical)
 
