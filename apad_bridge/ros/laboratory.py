@@ -40,13 +40,18 @@ class Laboratory:
         self.codec = codec
         self.ears = LaboratoryEars(names, apad, self.ids)
         self.mouths = LaboratoryMouths(names, apad, self.ids)
-        self.dropped: Counter[str] = Counter()
+        self.useless: Counter[str] = Counter()
 
     def beside(self, vehicle: VehicleLink, hears: HearsOfDocks | None) -> LaboratoryLink:
         return LaboratoryLink(self, vehicle, hears)
 
-    def around(self, ether: Ether | None, *, is_mission: bool) -> LaboratoryEther:
-        return LaboratoryEther(self, ether, is_mission=is_mission)
+    def around(self, ether: Ether | None, link: LaboratoryLink, *, is_mission: bool) -> LaboratoryEther:
+        return LaboratoryEther(self, ether, link, is_mission=is_mission)
+
+    @property
+    def dropped(self) -> Counter[str]:
+        """Words that came to nothing, by reason."""
+        return self.ears.dropped + self.useless
 
     def close(self) -> None:
         self.ears.close()
@@ -70,7 +75,7 @@ class LaboratoryLink:
             elif self._hears is not None:
                 self._hears.said(word)
             else:
-                laboratory.dropped["a docked alert, where the aPad itself tells what it holds"] += 1
+                laboratory.useless["a docked alert, where the aPad itself tells what it holds"] += 1
         facts = self._vehicle.advance(now_ms)
         for fact in facts:
             if isinstance(fact, DockClosed | DockOpened):
@@ -91,8 +96,10 @@ class LaboratoryEther:
     With `is_mission` the aMussels are elsewhere, and what is transmitted here is a supervisor's; otherwise it is theirs.
     """
 
-    def __init__(self, laboratory: Laboratory, inner: Ether | None, *, is_mission: bool) -> None:
-        self.link: LaboratoryLink | None = None
+    def __init__(
+        self, laboratory: Laboratory, inner: Ether | None, link: LaboratoryLink, *, is_mission: bool
+    ) -> None:
+        self._link = link
         self._laboratory = laboratory
         self._inner = inner
         self._is_mission = is_mission
@@ -100,10 +107,8 @@ class LaboratoryEther:
         """When each aMussel that is on the Wi-Fi last sent something."""
 
     def advance(self, now_ms: int) -> list[WifiHeard | SoundHeard | Send]:
-        heard: list[WifiHeard | SoundHeard | Send] = []
-        if self.link is not None:
-            words, self.link.words = self.link.words, []
-            heard += [send for word in words for send in self._sends(word)]
+        words, self._link.words = self._link.words, []
+        heard: list[WifiHeard | SoundHeard | Send] = [send for word in words for send in self._sends(word)]
         for agent_id, last_ms in list(self._on_wifi.items()):
             if now_ms - last_ms > WIFI_GONE_MS:
                 del self._on_wifi[agent_id]

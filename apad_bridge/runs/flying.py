@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+from collections import Counter
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
@@ -21,6 +22,7 @@ from apad_bridge.records.summary import Ending
 from apad_bridge.runs.status import Status
 from apad_bridge.scenario.schema import Hosting, Scenario
 from apad_bridge.scenario.starts import Start
+from apad_bridge.scripting.commanded import Front
 from apad_bridge.sea_building import fleet_of
 from apad_bridge.supervisor import TICK_MS, Supervisor
 from apad_bridge.vehicle import DockClosed
@@ -47,6 +49,8 @@ class Surroundings:
     ether: Ether | None = None
     held: tuple[int, ...] = ()
     """aMussels that docks hold already."""
+    dropped: Callable[[], Counter[str]] = Counter
+    """What was heard around here and came to nothing, by reason."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,12 +87,17 @@ def fly(
     go_on: GoOn | None = None,
     *,
     until_first_plan: bool = False,
+    fronts: Sequence[Front] = (),
 ) -> dict[str, Any]:
-    """Flies to the mission's end, or to its first plan, and gives the summary. SIGINT and SIGTERM end it in order."""
+    """Flies to the mission's end, or to its first plan, and gives the summary. SIGINT and SIGTERM end it in order.
+
+    With `fronts` there is no mission of our own: the aPad does what these order.
+    """
     supervisor = building.supervisor(
         scenario,
         None if go_on is None else go_on.state,
         first_command_id=1 + (0 if go_on is None else go_on.epoch * _COMMAND_IDS_PER_EPOCH),
+        fronts=fronts,
     )
     if go_on is not None:
         for slot, agent_id in go_on.state.docked:
@@ -124,7 +133,7 @@ def fly(
             cost_m=supervisor.mission.state.cost_m,
             services=supervisor.mission.state.services,
             apad_energy_fraction=_fraction_used(supervisor, go_on),
-            dropped=flight.dropped + supervisor.dropped + supervisor.port.dropped,
+            dropped=flight.dropped + supervisor.dropped + supervisor.port.dropped + surroundings.dropped(),
         )
         return recorder.finish(flight.now_ms, ending)
 
