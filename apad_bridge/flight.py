@@ -171,6 +171,8 @@ class Flight:
                         self._ether.transmit(medium, agent_id, data, now_ms)
                     else:
                         self._send(send, now_ms)
+                        if self._ether is not None:
+                            self._ether.said(send, now_ms)
                 case _:
                     mechanism |= isinstance(action, CloseDock | OpenDock)
                     self._vehicle.command(action, now_ms)
