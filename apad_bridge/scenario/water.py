@@ -6,7 +6,7 @@ from typing import Annotated
 
 from annotated_types import Ge, Gt, Le
 
-from apad_bridge.scenario.quantities import Fraction, NotNegative, NotNegativeSeconds, Positive, frozen
+from apad_bridge.scenario.quantities import Fraction, NotNegative, NotNegativeSeconds, Positive, PositiveSeconds, frozen
 
 Speed = Annotated[float, Ge(-20), Le(20)]
 
@@ -75,11 +75,39 @@ class Current:
 
 
 @frozen
+class Talk:
+    """What the aPad says by sound of its own accord."""
+
+    waits: bool = True
+    """Its words keep out of the aMussels' timeslots."""
+    assigns: bool = False
+    """It learns by pings how long sound takes, and gives each aMussel its slot."""
+    beacon_period_s: NotNegativeSeconds = 0.0
+    """Agent time; 0: it never says what time it is."""
+    ping_period_s: NotNegativeSeconds = 0.0
+    """Mission time: one aMussel after another is pinged so often, to know where it is; 0 for never."""
+
+
+@frozen
+class Localisation:
+    """Places from the ranges that `talk.ping_period_s` brings."""
+
+    deviation_m: Positive = 0.5
+    """Of a range: the modem's noise, and how well the aPad knows its own place."""
+    memory_s: PositiveSeconds = 3600.0
+    apart_m: Positive = 5.0
+    """Ranges taken nearer to each other than this count as one."""
+    worst_hdop: Positive = 5.0
+
+
+@frozen
 class Water:
     """Without `wifi` whatever is said by Wi-Fi is heard, except from under water."""
 
     sound: Sound = Sound()
     wifi: Wifi | None = None
+    talk: Talk = Talk()
+    localisation: Localisation | None = None
     current: Current | None = None
     links_file: str | None = None
     """CSV: from, to, loss and perhaps since_s, until_s; relative to the scenario file. Read again when it changes."""
