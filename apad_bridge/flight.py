@@ -112,6 +112,15 @@ class Flight:
         self._stopped = threading.Event()
         self._stop_reason = "the operator"
 
+    @property
+    def all_dropped(self) -> Counter[str]:
+        """What came to nothing anywhere in the flight, by reason."""
+        supervisor = self.supervisor
+        dropped = self.dropped + supervisor.dropped + supervisor.port.dropped + supervisor.ears_dropped
+        return (
+            dropped if self._fleet is None or self._fleet.sea is None else dropped + self._fleet.sea.dropped
+        )
+
     def stop(self, reason: str) -> None:
         self._stop_reason = reason
         self._stopped.set()

@@ -130,7 +130,7 @@ def fly(
             cost_m=supervisor.mission.state.cost_m,
             services=supervisor.mission.state.services,
             apad_energy_fraction=_fraction_used(supervisor, go_on),
-            dropped=flight.dropped + supervisor.dropped + supervisor.port.dropped,
+            dropped=flight.all_dropped,
         )
         return recorder.finish(flight.now_ms, ending)
 

@@ -58,9 +58,7 @@ class Ears:
         actions = self._talk.hear(fact.agent_id, fact.range_m, now_ms)
         if self._locator is None or pose is None:
             return actions
-        taken = RangeTaken(
-            fact.at_ms, fact.agent_id, fact.range_m, pose.north_m, pose.east_m, self._keel_m
-        )
+        taken = RangeTaken(fact.at_ms, fact.agent_id, fact.range_m, pose.north_m, pose.east_m, self._keel_m)
         belief = beliefs.get(fact.agent_id)
         fix = self._locator.take(taken, None if belief is None else (belief.north_m, belief.east_m))
         if fix is None:

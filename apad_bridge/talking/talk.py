@@ -1,8 +1,8 @@
 """What an aPad says by sound of its own accord, and when: beacons, slots for its aMussels, and pings.
 
-It plans the air: each word gets a time at which the aMussels are quiet and the aPad's modem free, so that what a beacon says
-is true when it is said. It pings each aMussel, to learn how long sound takes; it gives each its slot, with an offset that
-makes its words arrive in it; and from time to time it says what time it is, and everyone's slot again.
+It plans the air: each word gets a time at which the aMussels are quiet and the aPad's modem free, so that what a beacon
+says is true when it is said. It pings each aMussel, to learn how long sound takes; it gives each its slot, with an offset
+that makes its words arrive in it; and from time to time it says what time it is, and everyone's slot again.
 
 An aMussel that sets its clock by a beacon is late by the beacon's way, and its own words take as long again: so its offset
 is minus twice the way. Its guard is for what clocks drift between two beacons.
@@ -70,7 +70,9 @@ class Talk:
     def timed(self, actions: Sequence[SupervisorAction], now_ms: int) -> list[SupervisorAction]:
         """The same actions; words by sound with the time at which they may be said."""
         return [
-            self._timed(it, now_ms) if isinstance(it, Send) and it.medium is Medium.SOUND else it
+            self._timed(it, now_ms)
+            if isinstance(it, Send) and it.medium is Medium.SOUND and it.not_before_ms == 0
+            else it
             for it in actions
         ]
 
