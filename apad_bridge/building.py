@@ -14,6 +14,7 @@ from apad_bridge.mission.role import Mission
 from apad_bridge.mission.state import MissionState
 from apad_bridge.planning import registry
 from apad_bridge.port.docking_port import DockingPort
+from apad_bridge.sample_collection import SampleCollection
 from apad_bridge.scenario.schema import DriftMode, HearingMode, Scenario
 from apad_bridge.scenario.starts import Start
 from apad_bridge.scripting.commanded import CommandedMission, Front
@@ -86,10 +87,12 @@ def supervisor(
     state: MissionState | None = None,
     first_command_id: int = 1,
     fronts: Sequence[Front] = (),
+    samples: SampleCollection | None = None,
 ) -> Supervisor:
     """A supervisor that knows nothing yet, or one that goes on with a mission's journaled `state`.
 
-    Its mission is the paper's; or, where there are `fronts`, one that does what these order.
+    Its mission is the paper's; or, where there are `fronts`, one that does what these order. Without `samples` it leaves
+    the aMussels' logs to others.
     """
     beliefs = HoldLast(agent_ids(scenario))
     mission: Mission = (
@@ -110,6 +113,7 @@ def supervisor(
         port,
         load_codec(scenario.hearing.codec),
         scenario.theta,
+        samples,
         round(scenario.duration_s * 1000),
         scenario.mission.end_at_apad_fraction,
         ears_of(scenario, agent_ids(scenario)),

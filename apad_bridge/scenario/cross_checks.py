@@ -64,10 +64,11 @@ def _of_the_board(scenario: Scenario) -> Iterator[Contradiction]:
             f"must be longer than a call takes, which is transmit_ms ({whole.transmit_ms} ms)",
         )
     if whole.cycle is not None:
-        yield from _of_the_cycle(scenario.fleet.count, whole.cycle, whole.transmit_ms / 1000)
+        yield from _of_the_cycle(scenario, whole.cycle, whole.transmit_ms / 1000)
 
 
-def _of_the_cycle(agents: int, cycle: SleepCycle, transmit_s: float) -> Iterator[Contradiction]:
+def _of_the_cycle(scenario: Scenario, cycle: SleepCycle, transmit_s: float) -> Iterator[Contradiction]:
+    agents = scenario.fleet.count
     awake_s, slots = cycle.sample_s + cycle.processing_s, cycle.slots
     if slots is not None:
         awake_s += slots.frame_s + transmit_s
@@ -83,6 +84,12 @@ def _of_the_cycle(agents: int, cycle: SleepCycle, transmit_s: float) -> Iterator
                 "board.whole.cycle.slots.slot_s",
                 f"must be no shorter than a status, which is transmit_ms ({transmit_s:g} s), or two would overlap",
             )
+    if cycle.report_s <= scenario.theta:
+        yield (
+            "board.whole.cycle.report_s",
+            f"must be longer than {scenario.theta} s, which pass for a docked aMussel before the aPad's next second: "
+            "or no log is ever acknowledged",
+        )
     if awake_s >= cycle.alarm_s:
         parts = "sample_s, processing_s" + (", a whole frame and transmit_ms" if slots is not None else "")
         yield (
