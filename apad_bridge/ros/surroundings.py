@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 
 from apad_bridge import building
 from apad_bridge.flight import Fleet, Watcher
+from apad_bridge.geography import LocalFrame
 from apad_bridge.pace import Pace, WallClock
 from apad_bridge.ros.agent_topics import Shown
 from apad_bridge.ros.contacts_link import ContactsLink
+from apad_bridge.ros.fleet_diagnostics import Limits
 from apad_bridge.ros.fleet_guard import SecondFleet
 from apad_bridge.ros.gateway import GatewayFailed, TruthSource, open_gateway
 from apad_bridge.ros.radio import FleetRadio, MissionRadio
 from apad_bridge.ros.ros_pace import FollowedClock, OwnMasterClock
+from apad_bridge.ros.standard_topics import StandardTopics
 from apad_bridge.ros.vehicle_not_ready import VehicleNotReady
 from apad_bridge.ros.vehicles import READY_S, APadLink, TruthsAt, open_apad
 from apad_bridge.runs.failures import PeerFailed
@@ -55,6 +58,7 @@ def open_surroundings(
                 truth=_shown_truth(truths_at) if scenario.records.truth_on_agent_topics else None,
             )
             stack.callback(gateway.close)
+            standard = _standard_topics(shown, scenario)
             vehicle: APadLink | ContactsLink
             watches: tuple[Watcher, ...] = ()
             ether: FleetRadio | MissionRadio | None = None
@@ -79,11 +83,17 @@ def open_surroundings(
             vehicle,
             _pace(options, vehicle, now_ms, in_fine_steps=bool(watches)),
             fleet,
-            lambda supervisor: (gateway.watcher(supervisor), *watches),
+            lambda supervisor: (gateway.watcher(supervisor), standard.watcher(supervisor), *watches),
             gateway.event,
             ether,
             held,
         )
+
+
+def _standard_topics(shown: Iterable[int], scenario: Scenario) -> StandardTopics:
+    mission = scenario.mission
+    limits = Limits(mission.silence_timeout_s, mission.pool_threshold)
+    return StandardTopics(shown, scenario.apad.name, LocalFrame.about(scenario.area.origin), limits)
 
 
 def _shown_truth(truths_at: TruthsAt) -> TruthSource:
