@@ -189,6 +189,8 @@ class Flight:
                         self._ether.transmit(medium, agent_id, data, now_ms)
                     else:
                         self._send(send, now_ms)
+                        if self._ether is not None:
+                            self._ether.said(send, now_ms)
                 case Ping(agent_id, not_before_ms):
                     if self._fleet is not None and self._fleet.sea is not None:
                         self._fleet.sea.ping(agent_id, not_before_ms)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+from collections import Counter
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
@@ -49,6 +50,8 @@ class Surroundings:
     ether: Ether | None = None
     held: tuple[int, ...] = ()
     """aMussels that docks hold already."""
+    dropped: Callable[[], Counter[str]] = Counter
+    """What was heard around here and came to nothing, by reason."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,7 +135,7 @@ def fly(
             cost_m=supervisor.mission.state.cost_m,
             services=supervisor.mission.state.services,
             apad_energy_fraction=_fraction_used(supervisor, go_on),
-            dropped=flight.all_dropped,
+            dropped=flight.all_dropped + surroundings.dropped(),
             samples_gone={} if supervisor.samples is None else supervisor.samples.gone,
         )
         return recorder.finish(flight.now_ms, ending)

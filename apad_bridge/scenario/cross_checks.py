@@ -7,6 +7,7 @@ from pathlib import Path
 
 from apad_bridge.boards import can_fill
 from apad_bridge.geography import LocalFrame
+from apad_bridge.laboratory.names import load_names
 from apad_bridge.planning.registry import collection, redeployment
 from apad_bridge.scenario.currents import problem_with_current
 from apad_bridge.scenario.links import problem_with_links
@@ -26,7 +27,21 @@ def contradictions(scenario: Scenario) -> list[Contradiction]:
         *_of_the_board(scenario),
         *_of_the_mission(scenario),
         *_of_the_water(scenario),
+        *_of_the_apad(scenario),
     ]
+
+
+def _of_the_apad(scenario: Scenario) -> list[Contradiction]:
+    if scenario.apad.interface is None:
+        return []
+    path = Path(scenario.apad.interface)
+    try:
+        load_names(path)
+    except OSError as error:
+        return [("apad.interface", f"{error.strerror}: {path}")]
+    except ValueError as error:
+        return [("apad.interface", f"{path}: {error}")]
+    return []
 
 
 def _of_the_fleet(scenario: Scenario) -> list[Contradiction]:

@@ -31,6 +31,7 @@ _FILE_KEYS = (
     ("fleet", "drift", "current_file"),
     ("water", "links_file"),
     ("water", "current", "file"),
+    ("apad", "interface"),
 )
 # pydantic says which member of a union it tried as part of the path; the writer of the file knows no unions.
 _UNION_MEMBERS = {RandomStart.__name__, "str"}
