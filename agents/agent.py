@@ -67,7 +67,7 @@ class Agent:
             now_ms,
             physical.pin_due_ms,
         )
-        self.board = Board(config.board, codec, physical.primary, physical.secondary, now_ms)
+        self.board = Board(config.board, codec, physical.primary, physical.secondary, now_ms, physical.kept)
         # A reset agent may have reported at this very time before it died: its next report is a later one.
         later = 0 if cause is ResetCause.POWER_ON else 1
         self._report_due_ms = self._report_after(now_ms + later)
@@ -88,6 +88,7 @@ class Agent:
             body.buoyancy,
             body.docked,
             body.pin_due_ms,
+            board.kept,
         )
 
     @property
@@ -221,7 +222,7 @@ class Agent:
             body.north_um / 1e6,
             body.east_um / 1e6,
             body.depth_at_um(now_ms) / 1e6,
-            now_ms,
+            board.clock_ms(now_ms),
         )
 
     def _note_truth(self, now_ms: int) -> None:

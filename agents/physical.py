@@ -11,13 +11,15 @@ from typing import ClassVar
 
 from firmware_model.actions import Buoyancy
 from firmware_model.charge import Battery, Flow
+from firmware_model.keeper import Kept
+from firmware_model.settings import Settings
 
 
 @dataclass(frozen=True, slots=True)
 class Physical:
     """Anchors in agent milliseconds and micrometres; `depth_um` is the depth at `depth_anchor_ms`, positive down."""
 
-    FORMAT: ClassVar[struct.Struct] = struct.Struct("<QQBQBQQBQBqqQqB?Q")
+    FORMAT: ClassVar[struct.Struct] = struct.Struct("<QQBQBQQBQBqqQqB?Q?QQIIIIIHiQQQ")
 
     primary: Battery
     secondary: Battery
@@ -29,6 +31,8 @@ class Physical:
     docked: bool
     pin_due_ms: int = 0
     """When the coils of its dock will be aligned; 0 when they are, or when no dock holds it."""
+    kept: Kept | None = None
+    """Its clock and its settings; None while nobody has told it anything."""
 
     def pack(self) -> bytes:
         return self.FORMAT.pack(
@@ -49,6 +53,7 @@ class Physical:
             self.buoyancy,
             self.docked,
             self.pin_due_ms,
+            *_packed(self.kept),
         )
 
     @classmethod
@@ -56,7 +61,7 @@ class Physical:
         """The inverse of `pack`; struct.error or ValueError for other bytes."""
         fields = cls.FORMAT.unpack(data)
         a_ms, a, a_flow, a_load, a_coils, b_ms, b, b_flow, b_load, b_coils, *body = fields
-        north, east, depth_ms, depth, buoyancy, docked, pin_due_ms = body
+        north, east, depth_ms, depth, buoyancy, docked, pin_due_ms, *kept = body
         return cls(
             Battery(a_ms, a, Flow(a_flow), a_load, a_coils),
             Battery(b_ms, b, Flow(b_flow), b_load, b_coils),
@@ -67,4 +72,30 @@ class Physical:
             Buoyancy(buoyancy),
             docked,
             pin_due_ms,
+            _unpacked(*kept),
         )
+
+
+def _packed(kept: Kept | None) -> tuple[int, ...]:
+    if kept is None:
+        return (False, *(0,) * 12)
+    it = kept.settings
+    return (
+        True,
+        kept.anchor_ms,
+        kept.reading_ms,
+        it.alarm_ms,
+        it.sample_ms,
+        it.frame_ms,
+        it.slot_ms,
+        it.guard_ms,
+        it.slot,
+        it.offset_ms,
+        it.safe_level,
+        it.switch_back,
+        it.low_level,
+    )
+
+
+def _unpacked(is_kept: bool, anchor_ms: int, reading_ms: int, *settings: int) -> Kept | None:
+    return Kept(anchor_ms, reading_ms, Settings(*settings)) if is_kept else None

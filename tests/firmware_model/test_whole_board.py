@@ -13,7 +13,7 @@ from firmware_model.board import Board
 from firmware_model.charge import FULL, Battery, Flow, grains
 from firmware_model.codec import MusselbedCodec
 from firmware_model.packets import PLAIN_KINDS, CommandPacket, Kind
-from firmware_model.plan import BoardConfig, Cycle, LastResort, Metering
+from firmware_model.plan import BoardConfig, Cycle, LastResort, Metering, Timekeeping
 from firmware_model.rails import Rail
 from firmware_model.states import State
 from firmware_model.stimuli import (
@@ -288,14 +288,23 @@ STIMULI: st.SearchStrategy[Stimulus] = st.one_of(
     st.sampled_from([PacketHeard(data) for data in COMMANDS] + [WifiReceived(data) for data in COMMANDS]),
 )
 FACTS = st.lists(st.tuples(st.integers(0, 900_000), STIMULI), max_size=12)
+
+
+def drifting(config: BoardConfig, drift_ppb: int, timekeeping: Timekeeping | None) -> BoardConfig:
+    assert config.whole is not None
+    return replace(config, drift_ppb=drift_ppb, whole=replace(config.whole, timekeeping=timekeeping))
+
+
 CONFIGS = st.builds(
-    lambda cycle, last_resort, kept_on, metering: board(
-        cycle, power(last_resort, kept_on, metering, FULL // 100)
+    lambda cycle, last_resort, kept_on, metering, drift_ppb, timekeeping: drifting(
+        board(cycle, power(last_resort, kept_on, metering, FULL // 100)), drift_ppb, timekeeping
     ),
     st.sampled_from([None, HOURLY, FIELD, QUICK, replace(QUICK, slots=None)]),
     st.sampled_from(LastResort),
     st.sampled_from([0, 1 << Rail.PI]),
     st.sampled_from([None, METERING, replace(METERING, settle_ms=0, noise=FULL // 50)]),
+    st.sampled_from([0, 500_000, -20_000_000]),
+    st.sampled_from([None, Timekeeping(20_000, 30_000)]),
 )
 
 
