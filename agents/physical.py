@@ -19,7 +19,7 @@ from firmware_model.settings import Settings
 class Physical:
     """Anchors in agent milliseconds and micrometres; `depth_um` is the depth at `depth_anchor_ms`, positive down."""
 
-    FORMAT: ClassVar[struct.Struct] = struct.Struct("<QQBQBQQBQBqqQqB?Q?QQIIIIIHiQQQ")
+    FORMAT: ClassVar[struct.Struct] = struct.Struct("<QQBQBQQBQBqqQqB?QqII?QQIIIIIHiQQQ")
 
     primary: Battery
     secondary: Battery
@@ -31,6 +31,12 @@ class Physical:
     docked: bool
     pin_due_ms: int = 0
     """When the coils of its dock will be aligned; 0 when they are, or when no dock holds it."""
+    hover_um: int = 0
+    """The depth that it hovers at, or moves to; 0 when its buoyancy is another."""
+    samples: int = 0
+    """How many samples its log has ever taken; with `acknowledged`, in registers that outlive a reset."""
+    acknowledged: int = 0
+    """Its log's records below this sequence were acknowledged."""
     kept: Kept | None = None
     """Its clock and its settings; None while nobody has told it anything."""
 
@@ -53,6 +59,9 @@ class Physical:
             self.buoyancy,
             self.docked,
             self.pin_due_ms,
+            self.hover_um,
+            self.samples,
+            self.acknowledged,
             *_packed(self.kept),
         )
 
@@ -61,7 +70,9 @@ class Physical:
         """The inverse of `pack`; struct.error or ValueError for other bytes."""
         fields = cls.FORMAT.unpack(data)
         a_ms, a, a_flow, a_load, a_coils, b_ms, b, b_flow, b_load, b_coils, *body = fields
-        north, east, depth_ms, depth, buoyancy, docked, pin_due_ms, *kept = body
+        north, east, depth_ms, depth, buoyancy, docked, pin_due_ms, hover_um, samples, acknowledged, *kept = (
+            body
+        )
         return cls(
             Battery(a_ms, a, Flow(a_flow), a_load, a_coils),
             Battery(b_ms, b, Flow(b_flow), b_load, b_coils),
@@ -72,6 +83,9 @@ class Physical:
             Buoyancy(buoyancy),
             docked,
             pin_due_ms,
+            hover_um,
+            samples,
+            acknowledged,
             _unpacked(*kept),
         )
 

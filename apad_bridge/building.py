@@ -15,6 +15,8 @@ from apad_bridge.planning import registry
 from apad_bridge.port.docking_port import DockingPort
 from apad_bridge.scenario.schema import DriftMode, HearingMode, Scenario
 from apad_bridge.scenario.starts import Start
+from apad_bridge.simulated_apad.apad import SimulatedAPad
+from apad_bridge.simulated_apad.misses import Misses
 from apad_bridge.supervisor import Supervisor
 from firmware_model.codec import load_codec
 
@@ -56,6 +58,15 @@ def births(scenario: Scenario, starts: Sequence[Start]) -> dict[int, Physical]:
         )
         for start in starts
     }
+
+
+def misses(scenario: Scenario) -> Misses:
+    """Which dockings fail, alike for every vehicle."""
+    return Misses(scenario.seed, scenario.apad.dock_miss_probability)
+
+
+def simulated_apad(scenario: Scenario) -> SimulatedAPad:
+    return SimulatedAPad(scenario.apad, misses(scenario))
 
 
 def supervisor(

@@ -22,6 +22,15 @@ class SoundHeard:
 
 
 @dataclass(frozen=True, slots=True)
+class RangeHeard:
+    """A ping for an aMussel was answered from `range_m`, or by None in time."""
+
+    at_ms: int
+    agent_id: int
+    range_m: float | None
+
+
+@dataclass(frozen=True, slots=True)
 class OperatorAsked:
     """A person wants the mission to end."""
 
@@ -29,7 +38,7 @@ class OperatorAsked:
     reason: str
 
 
-Fact = WifiHeard | SoundHeard | OperatorAsked | VehicleFact
+Fact = WifiHeard | SoundHeard | RangeHeard | OperatorAsked | VehicleFact
 
 
 class Medium(StrEnum):

@@ -8,23 +8,30 @@ from __future__ import annotations
 
 import threading
 from collections import Counter
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import astuple, dataclass
 from typing import Any, Protocol
 
 from agents.coordinator import Coordinator, Died, Heard
 from agents.host import Host
 from agents.outputs import Dropped, SoundSent, Truth, WifiSent
+from agents.sea import Sea
+from agents.sea_facts import NotRanged, Ranged, SeaResult, SoundReached, Told
 from agents.stimuli import SoundArrived, Stimulus, WifiArrived, to_wire
+from agents.water.medium import PacketEnded
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.contacts import Contacts
 from apad_bridge.ether import Ether
-from apad_bridge.facts import Medium, OperatorAsked, Send, SoundHeard, WifiHeard
+from apad_bridge.facts import Medium, OperatorAsked, RangeHeard, Send, SoundHeard, WifiHeard
+from apad_bridge.links_file import LinksFile
 from apad_bridge.mission.orders import Note
 from apad_bridge.pace import Pace
+from apad_bridge.records.packet_lines import packet_data
 from apad_bridge.supervisor import TICK_MS, Supervisor
 from apad_bridge.vehicle import BatteryReported, CloseDock, OpenDock, PoseReported
 from apad_bridge.vehicle_link import Carried, LetGo, VehicleLink
+from firmware_model.plan import Slots
+from firmware_model.wire import EVERYONE
 
 _ROUNDS = 8
 """More answers than this within one tick wait for the next."""
@@ -50,10 +57,23 @@ class Recorder(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Fleet:
-    """The agents of a flight, where they live, and the clock authority over them."""
+    """The agents of a flight, where they live, the clock authority over them, and the water that carries their sound.
+
+    Without a `sea` whatever is said is heard. `slots` are the timeslots that packets are counted in, `links`
+    is looked at at each tick.
+    """
 
     coordinator: Coordinator
     host: Host
+    sea: Sea | None = None
+    slots: Slots | None = None
+    links: LinksFile | None = None
+
+    def advance(self, now_ms: int) -> Sequence[SeaResult]:
+        return self.coordinator.advance(now_ms) if self.sea is None else self.sea.advance(now_ms)
+
+    def take_truths(self) -> list[Truth]:
+        return self.host.take_truths() if self.sea is None else self.sea.take_truths()
 
 
 Watcher = Callable[[int], None]
@@ -152,7 +172,8 @@ class Flight:
     def _hear_fleet(self, now_ms: int) -> None:
         if self._fleet is None:
             return
-        for came in self._fleet.coordinator.advance(now_ms):
+        self._look_at_links(self._fleet, now_ms)
+        for came in self._fleet.advance(now_ms):
             match came:
                 case Died(_, agent_id, agent_ms, cause, reason, gave_up):
                     self._recorder.event(
@@ -172,7 +193,29 @@ class Flight:
                     self._share(Medium.SOUND, agent_id, data, at_ms)
                 case Heard(_, _, Dropped(_, reason)):
                     self.dropped[reason] += 1
-        self._recorder.truths(self._fleet.host.take_truths())
+                case SoundReached(at_ms, agent_id, data):
+                    self.supervisor.receive(SoundHeard(at_ms, data))
+                    self._share(Medium.SOUND, agent_id, data, at_ms)
+                case Ranged(at_ms, agent_id, range_m):
+                    self.supervisor.receive(RangeHeard(at_ms, agent_id, range_m))
+                    self._recorder.event(now_ms, "range", id=agent_id, range_m=round(range_m, 3))
+                case NotRanged(at_ms, agent_id):
+                    self.supervisor.receive(RangeHeard(at_ms, agent_id, None))
+                    self._recorder.event(now_ms, "range", id=agent_id, range_m=None)
+                case Told(_, agent_id, agent_ms, stimulus):
+                    self._note_stimulus(now_ms, agent_id, agent_ms, stimulus)
+                case PacketEnded() as packet:
+                    self._recorder.event(now_ms, "packet", **packet_data(packet, self._fleet.slots))
+        self._recorder.truths(self._fleet.take_truths())
+
+    def _look_at_links(self, fleet: Fleet, now_ms: int) -> None:
+        changed = None if fleet.links is None else fleet.links.look()
+        if changed is None or fleet.sea is None:
+            return
+        if changed.topology is not None:
+            fleet.sea.lay_links(changed.topology)
+        rules = None if changed.topology is None else [list(astuple(it)) for it in changed.topology.rules]
+        self._recorder.event(now_ms, "links", rules=rules, problem=changed.problem)
 
     def _share(self, medium: Medium, agent_id: int, data: bytes, at_ms: int) -> None:
         if self._ether is not None:
@@ -188,11 +231,20 @@ class Flight:
                 self.supervisor.receive(came)
 
     def _send(self, send: Send, now_ms: int) -> None:
+        sea = None if self._fleet is None else self._fleet.sea
+        if sea is not None and send.medium is Medium.SOUND:
+            sea.say(None if send.agent_id == EVERYONE else send.agent_id, send.data)
+            return
+        if sea is not None and not sea.wifi_reaches(send.agent_id, now_ms):
+            return
         arrived = SoundArrived(send.data) if send.medium is Medium.SOUND else WifiArrived(send.data)
         self._tell_agent(send.agent_id, arrived, now_ms)
 
     def _hear_vehicle(self, now_ms: int) -> None:
+        sea = None if self._fleet is None else self._fleet.sea
         for fact in self._vehicle.advance(now_ms):
+            if sea is not None and isinstance(fact, PoseReported):
+                sea.carry_apad(fact.north_m, fact.east_m, fact.at_ms)
             if isinstance(fact, (Carried, LetGo)):
                 stimulus = self._contacts.take(fact)
                 if stimulus is not None:
@@ -207,5 +259,8 @@ class Flight:
         if agent_ms is None:
             self.dropped["for an aMussel that is not of this fleet"] += 1
             return
+        self._note_stimulus(now_ms, agent_id, agent_ms, stimulus)
+
+    def _note_stimulus(self, now_ms: int, agent_id: int, agent_ms: int, stimulus: Stimulus) -> None:
         wire = [field.hex() if isinstance(field, bytes) else field for field in to_wire(stimulus)]
         self._recorder.event(now_ms, "stimulus", id=agent_id, agent_ms=agent_ms, wire=wire)

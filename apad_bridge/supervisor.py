@@ -6,7 +6,16 @@ from collections import Counter, deque
 
 from apad_bridge.beliefs.fleet import FleetBeliefs
 from apad_bridge.beliefs.measurement import Docked, Permitted, Released
-from apad_bridge.facts import Fact, Medium, OperatorAsked, Send, SoundHeard, SupervisorAction, WifiHeard
+from apad_bridge.facts import (
+    Fact,
+    Medium,
+    OperatorAsked,
+    RangeHeard,
+    Send,
+    SoundHeard,
+    SupervisorAction,
+    WifiHeard,
+)
 from apad_bridge.mission.energy_exchange import EnergyExchange
 from apad_bridge.mission.orders import Note, Order, PermitSurfacing, TellClear
 from apad_bridge.mission.state import Phase
@@ -45,6 +54,7 @@ _PRIORITY: dict[type, int] = {
     Arrived: 2,
     CommandFailed: 2,
     SoundHeard: 3,
+    RangeHeard: 3,
     WifiHeard: 3,
     OperatorAsked: 4,
 }
@@ -125,6 +135,8 @@ class Supervisor:
             case WifiHeard(at_ms, data) | SoundHeard(at_ms, data):
                 if (reason := self._hear(data, at_ms)) is not None:
                     self.dropped[reason] += 1
+                return []
+            case RangeHeard():
                 return []
             case OperatorAsked(_, reason):
                 return self._obey(self.mission.end(reason, now_ms), now_ms)

@@ -23,11 +23,12 @@ class GoTo:
 
 @dataclass(frozen=True, slots=True)
 class Hold:
-    """Hold position dynamically at a point until the next command; it never completes."""
+    """Hold position dynamically at a point until the next command; it never completes. Without a heading, any will do."""
 
     command_id: int
     north_m: float
     east_m: float
+    heading_rad: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +49,16 @@ class OpenDock:
     agent_id: int
 
 
-VehicleCommand = GoTo | Hold | CloseDock | OpenDock
+@dataclass(frozen=True, slots=True)
+class MoveArm:
+    """Open or close the arm of dock `slot` for people to see: nothing is caught by it, and nothing is answered."""
+
+    command_id: int
+    slot: int
+    is_open: bool
+
+
+VehicleCommand = GoTo | Hold | CloseDock | OpenDock | MoveArm
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,19 +6,22 @@ from firmware_model.actions import (
     MOTORS,
     REPORTS,
     Action,
+    DropLog,
     Dropped,
     FeedFrom,
     LogSample,
     RunBuoyancy,
+    SendLog,
     SendStatus,
     StateChanged,
 )
 from firmware_model.charge import Battery
-from firmware_model.charge_pin import ChargePin, Edge, Fault
-from firmware_model.clock import LATEST_MS
+from firmware_model.charge_pin import Edge, Fault
 from firmware_model.codec import Codec
-from firmware_model.keeper import Keeper, Kept
-from firmware_model.packets import EVERYONE, Beacon, Command, Kind
+from firmware_model.commands import TRIGGERS, understood
+from firmware_model.keeper import Kept
+from firmware_model.packets import Beacon, HoverAt, Kind, LogAck, SetThreshold, SleepSchedule, SlotAssignment
+from firmware_model.parts import Parts
 from firmware_model.plan import BoardConfig
 from firmware_model.power_path import Feed, Level, PowerPath, WorstCase
 from firmware_model.rails import RAILS, Rail
@@ -29,28 +32,19 @@ from firmware_model.stimuli import (
     ChargePinRose,
     PacketHeard,
     PowerCameOn,
-    ResetCause,
     Stimulus,
     SurfaceReached,
     WifiReceived,
 )
-from firmware_model.switchboard import Switchboard
 from firmware_model.timers import Deadline, basic_deadline, last_resort, whole_deadline
 
-_COMMANDS = {
-    Kind.PERMISSION: Trigger.PERMISSION_HEARD,
-    Kind.RELEASE: Trigger.CLEAR_TO_SINK,
-    Kind.PING: Trigger.PING_HEARD,
-    Kind.HOVER: Trigger.HOVER_TOLD,
-    Kind.SINK: Trigger.CLEAR_TO_SINK,
-}
 _EMPTIED = {Feed.SECONDARY: Trigger.BATTERY_EMPTIED, Feed.NEITHER: Trigger.BOTH_EMPTIED}
 _BY_THE_CLOCK = (State.SLEEPING, State.CHARGING, State.AWAITING_SLOT)
 NOT_SENT = "a status: no beacon came, and the clock may be off by more than the guard"
 _DOCKED = (State.CHARGING, State.REPORTING)
 
 
-class Board:
+class Board(Parts):
     """One MU board. It is OFF until it receives `PowerCameOn`; its batteries live on whether it runs or not."""
 
     def __init__(
@@ -63,65 +57,15 @@ class Board:
         kept: Kept | None = None,
     ) -> None:
         """`kept` is what a reset leaves of a whole board's clock and settings; without it they are as delivered."""
-        self.config = config
-        self.state = State.OFF
-        self.reset_cause: ResetCause | None = None
-        self._whole = config.whole
-        self._batteries: WorstCase | PowerPath
-        self._keeper: Keeper | None = None
-        self._switches: Switchboard | None = None
-        if config.whole is None:
-            self._batteries = WorstCase(config.charge, primary, secondary)
-        else:
-            self._keeper = Keeper(config, kept, now_ms)
-            self._batteries = PowerPath(
-                config.charge,
-                config.whole.power,
-                primary,
-                secondary,
-                now_ms,
-                config.agent_id,
-                self._keeper.settings.levels,
-            )
-            self._switches = Switchboard(config.whole, self._batteries)
+        super().__init__(config, primary, secondary, now_ms, kept)
         self._codec = codec
         self._now_ms = now_ms
-        self._pin = _pin(config, high=False)
         self._at_surface = False
         self._clear_to_sink = False
         self._last_resort_ms: int | None = None
+        self._stays_down_until_ms = 0
+        self._hover_mm: int | None = None
         self._deadline: Deadline | None = None
-
-    @property
-    def rails(self) -> int:
-        """What is on, as bits; always 0 in the worst case, which knows one load only."""
-        return 0 if self._switches is None else self._switches.rails
-
-    @property
-    def kept(self) -> Kept | None:
-        """What a reset has to leave: None for a board that nobody has told anything yet."""
-        return None if self._keeper is None else self._keeper.kept
-
-    @property
-    def primary(self) -> Battery:
-        return self._batteries.primary
-
-    @property
-    def secondary(self) -> Battery:
-        return self._batteries.secondary
-
-    @property
-    def clock_offset_ms(self) -> int:
-        """By how much the clock was ahead of the last beacon."""
-        return 0 if self._keeper is None else self._keeper.clock.corrected_ms
-
-    def clock_ms(self, now_ms: int) -> int:
-        """What the board's own clock reads; the paper's worst case has one that is never off."""
-        return now_ms if self._keeper is None else self._keeper.clock.reading_at(now_ms)
-
-    def readings(self, now_ms: int) -> tuple[int, int]:
-        """Primary and secondary as the board knows them, in grains: the monitor's last samples."""
-        return self._batteries.readings(now_ms)
 
     @property
     def next_due_ms(self) -> int | None:
@@ -208,7 +152,7 @@ class Board:
             case PowerCameOn(cause, at_surface, pin_high):
                 self.reset_cause = cause
                 self._at_surface = at_surface
-                self._pin = _pin(self.config, pin_high)
+                self._pin.restart(pin_high)
                 actions += self._pull(Trigger.POWER_CAME_ON)
         return actions
 
@@ -221,44 +165,65 @@ class Board:
         return self._set_rails() if self._switches is not None else []
 
     def _hear(self, data: bytes) -> list[Action]:
-        switches = self._switches
-        if switches is None or self._whole is None:
+        switches, whole = self._switches, self.config.whole
+        if switches is None or whole is None:
             return self._command(data)
-        if not switches.is_on(Rail.MODEM_LISTENING, Rail.MODEM_RECEIVING):
+        if not self.hears:
             return [Dropped(self._now_ms, "the modem is not listening")]
-        switches.pulse(Rail.MODEM_RECEIVING, self._now_ms + self._whole.power.receive_ms)
+        switches.pulse(Rail.MODEM_RECEIVING, self._now_ms + whole.power.receive_ms)
         return self._set_rails() + self._command(data)
 
     def _command(self, data: bytes) -> list[Action]:
-        packet = self._codec.decode(data)
-        if not isinstance(packet, Command):
-            return [Dropped(self._now_ms, "not a command")]
-        if packet.agent_id not in (self.config.agent_id, EVERYONE):
-            return [Dropped(self._now_ms, "for another aMussel")]
-        if isinstance(packet, Beacon):
-            return self._set_clock(packet.agent_ms)
-        if packet.kind is Kind.RELEASE and self.state in _DOCKED:
+        command, now_ms = understood(data, self._codec, self.config), self._now_ms
+        match command:
+            case str():
+                return [Dropped(now_ms, command)]
+            case Beacon(_, agent_ms):
+                return self._set_clock(agent_ms)
+            case SleepSchedule() | SlotAssignment() | SetThreshold():
+                return self._set(command)
+            case LogAck(_, next_sequence):
+                return self._keep_uploading(DropLog(now_ms, next_sequence))
+        if command.kind is Kind.BACK_UP_LOG:
+            return self._keep_uploading(SendLog(now_ms))
+        if command.kind is Kind.RELEASE and self.state in _DOCKED:
             # The packet and the contact travel apart: it may come before the falling edge is certain.
             self._clear_to_sink = True
             return []
-        if packet.kind is Kind.HOVER and self._whole is None:
-            return [Dropped(self._now_ms, "the worst case knows no hovering")]
-        trigger = _COMMANDS.get(packet.kind)
-        return (
-            [Dropped(self._now_ms, "a command that is not obeyed here")]
-            if trigger is None
-            else self._pull(trigger)
-        )
+        trigger = TRIGGERS[command.kind]
+        if (self.state, trigger) in TABLE:
+            if isinstance(command, HoverAt):
+                self._hover_mm = round(command.depth_m * 1000)
+            elif command.kind is Kind.HOVER:
+                self._hover_mm = None
+            elif command.kind is Kind.SINK and self.config.whole is not None:
+                self._stays_down_until_ms = now_ms + self.config.whole.stay_down_ms
+        return self._pull(trigger)
 
     def _set_clock(self, agent_ms: int) -> list[Action]:
-        if self._keeper is None:
-            return [Dropped(self._now_ms, "the worst case needs no beacon")]
-        if agent_ms > LATEST_MS:
-            return [Dropped(self._now_ms, "a beacon of a time that cannot be")]
+        assert self._keeper is not None  # the worst case knows no beacon
         self._keeper.set_clock(agent_ms, self._now_ms)
         if self.state in _BY_THE_CLOCK:
             self._set_deadline()
         return self._pull_if_taken(Trigger.BEACON_HEARD)
+
+    def _set(self, command: SleepSchedule | SlotAssignment | SetThreshold) -> list[Action]:
+        assert self._keeper is not None and isinstance(self._batteries, PowerPath)
+        if not self._keeper.told(command, self._now_ms):
+            return [Dropped(self._now_ms, f"a {command.kind.name} that cannot be")]
+        if isinstance(command, SetThreshold):
+            self._batteries.set_levels(self._keeper.settings.levels, self._now_ms)
+        if self.state in _BY_THE_CLOCK:
+            self._set_deadline()
+        return []
+
+    def _keep_uploading(self, action: Action) -> list[Action]:
+        """A docked board stays awake for as long as somebody takes its log."""
+        if not self.rails >> Rail.WIFI & 1:
+            return [Dropped(self._now_ms, "Wi-Fi is off")]
+        if self.state is State.REPORTING:
+            self._set_deadline()
+        return [action]
 
     def _edge(self, edge: Edge) -> list[Action]:
         if self.state in (State.OFF, State.BOOTING):
@@ -309,9 +274,10 @@ class Board:
         actions: list[Action] = []
         motors = MOTORS.get(state)
         if motors is not None:
-            actions.append(RunBuoyancy(now_ms, motors))
-            if self._switches is not None and self._whole is not None:
-                self._switches.pulse(Rail.MOTORS, now_ms + self._whole.power.motor_run_ms)
+            depth_mm = self._hover_mm if state is State.HOVERING else None
+            actions.append(RunBuoyancy(now_ms, motors, depth_mm))
+            if self._switches is not None and self.config.whole is not None:
+                self._switches.pulse(Rail.MOTORS, now_ms + self.config.whole.power.motor_run_ms)
         if self._keeper is not None:
             self._keeper.clock.pass_over(now_ms)
             actions += self._set_rails()
@@ -320,12 +286,14 @@ class Board:
         self._set_deadline()
         if state in REPORTS:
             actions.append(SendStatus(now_ms, REPORTS[state]))
+            if state is State.REPORTING:
+                actions.append(SendLog(now_ms))
         if not RAILS[state] >> Rail.MU_ASLEEP & 1 and self._pin.look(now_ms):
             actions.append(Dropped(now_ms, Fault.MISSED.value))
         return actions
 
     def _set_deadline(self) -> None:
-        state, whole, batteries, now_ms = self.state, self._whole, self._batteries, self._now_ms
+        state, whole, batteries, now_ms = self.state, self.config.whole, self._batteries, self._now_ms
         if state is State.BOOTING:
             self._deadline = (now_ms + self.config.boot_ms, Trigger.BOOTED_ON_BOTTOM)
             return
@@ -335,7 +303,8 @@ class Board:
             return
         assert isinstance(batteries, PowerPath) and self._keeper is not None
         if state is State.EMPTY:
-            self._deadline = last_resort(whole, batteries, self._last_resort_ms, now_ms)
+            last_ms, until_ms = self._last_resort_ms, self._stays_down_until_ms
+            self._deadline = last_resort(whole, batteries, last_ms, until_ms, now_ms)
         else:
             self._deadline = whole_deadline(state, whole, self._keeper, now_ms)
 
@@ -345,7 +314,3 @@ class Board:
         if self.state is State.EMPTY:
             self._set_deadline()  # a charger that touched it lifts it off its safe level
         return [*switched]
-
-
-def _pin(config: BoardConfig, high: bool) -> ChargePin:
-    return ChargePin(config.pin_debounce_ms, high, config.pin_chatter_ms, config.pin_check_ms)

@@ -142,6 +142,8 @@ class Whole:
     """Between the calls of a last resort."""
     hover_ms: int
     """Between the motor runs that hold a depth."""
+    stay_down_ms: int = 21_600_000
+    """One that was told to sink takes no last resort that brings it up for so long: 6 h."""
     timekeeping: Timekeeping | None = None
     """None: it trusts its clock."""
 

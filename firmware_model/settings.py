@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from firmware_model.charge import FULL
 from firmware_model.packets import SetThreshold, SleepSchedule, SlotAssignment
@@ -67,17 +67,16 @@ class Settings:
             case SleepSchedule(_, alarm_ms, wake_ms):
                 if self.alarm_ms == 0 or not 0 < wake_ms < alarm_ms:
                     return None
-                return replace(self, alarm_ms=alarm_ms, sample_ms=wake_ms)
+                return self._with(alarm_ms=alarm_ms, sample_ms=wake_ms)
             case SlotAssignment(_, frame_ms, slot_ms, guard_ms, slot, offset_ms):
                 if slot_ms == 0 or (slot + 1) * slot_ms > frame_ms or guard_ms >= slot_ms:
                     return None
-                return replace(
-                    self,
-                    frame_ms=frame_ms,
-                    slot_ms=slot_ms,
-                    guard_ms=guard_ms,
-                    slot=slot,
-                    offset_ms=offset_ms,
+                return self._with(
+                    frame_ms=frame_ms, slot_ms=slot_ms, guard_ms=guard_ms, slot=slot, offset_ms=offset_ms
                 )
             case SetThreshold(_, which, value):
-                return replace(self, **{which.name.lower(): round(value * FULL)})
+                return self._with(**{which.name.lower(): round(value * FULL)})
+
+    def _with(self, **changes: int) -> Settings:
+        """`dataclasses.replace`, which does not know the lean classes of an agent's process."""
+        return Settings(*(changes.get(name, getattr(self, name)) for name in self.__match_args__))

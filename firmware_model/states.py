@@ -79,6 +79,8 @@ class Trigger(IntEnum):
     CLOCK_DOUBTED = 25
     """It may be off by more than the guard of the timeslot."""
     BEACON_HEARD = 26
+    SINK_TOLD = 27
+    """By an aPad, which wants it to go down and stay there."""
 
 
 _S, _T = State, Trigger
@@ -133,6 +135,7 @@ TABLE: dict[tuple[State, Trigger], State] = {
     # The motors had run to sink while the dock held it: it sank as soon as it was let go.
     (_S.RELEASED, _T.BOTTOM_REACHED): _S.ACTIVE,
     (_S.SINKING, _T.BOTTOM_REACHED): _S.ACTIVE,
+    **{(state, _T.SINK_TOLD): _S.SINKING for state in (_S.SURFACING, _S.FLOATING, _S.RELEASED, _S.HOVERING)},
     # Held at a depth.
     (_S.ACTIVE, _T.HOVER_TOLD): _S.HOVERING,
     (_S.SLEEPING, _T.HOVER_TOLD): _S.HOVERING,

@@ -80,10 +80,14 @@ def _slot(whole: Whole, settings: Settings, clock: AlarmClock, now_ms: int) -> D
     return at_ms, Trigger.SLOT_OPENED
 
 
-def last_resort(whole: Whole, batteries: PowerPath, last_ms: int | None, now_ms: int) -> Deadline | None:
+def last_resort(
+    whole: Whole, batteries: PowerPath, last_ms: int | None, stays_down_until_ms: int, now_ms: int
+) -> Deadline | None:
     """For the state EMPTY; `last_ms` is when the last resort was last taken since the charger was last seen."""
     action = whole.power.last_resort
     if action is LastResort.WAIT or batteries.safe_ms is None:
         return None
-    trigger = Trigger.LAST_RESORT_SURFACE if action is LastResort.SURFACE else Trigger.LAST_RESORT_CALL
-    return (now_ms if last_ms is None else max(now_ms, last_ms + whole.call_ms)), trigger
+    at_ms = now_ms if last_ms is None else max(now_ms, last_ms + whole.call_ms)
+    if action is LastResort.CALL:
+        return at_ms, Trigger.LAST_RESORT_CALL
+    return max(at_ms, stays_down_until_ms), Trigger.LAST_RESORT_SURFACE

@@ -130,7 +130,7 @@ class Medium:
         """`addresses`: (node, address 0 to 255) of all modems."""
         self.sound = sound
         self._seed = seed
-        self._now_ms = now_ms
+        self.now_ms = now_ms
         self._nodes_at: dict[int, list[int]] = {}
         for node, address in sorted(addresses):
             self._nodes_at.setdefault(address, []).append(node)
@@ -153,9 +153,9 @@ class Medium:
 
     def advance(self, now_ms: int) -> list[Result]:
         """What was decided up to `now_ms`, in the order of the ends (ValueError if time went back)."""
-        if now_ms < self._now_ms:
-            raise ValueError(f"time went back: {now_ms} before {self._now_ms}")
-        self._now_ms = now_ms
+        if now_ms < self.now_ms:
+            raise ValueError(f"time went back: {now_ms} before {self.now_ms}")
+        self.now_ms = now_ms
         results: list[Result] = list(self._ended)
         self._ended = []
         while self._ends and self._ends[0][0] <= now_ms:
@@ -286,7 +286,7 @@ class Medium:
         """Packets that can disturb nothing any more, neither what is under way nor what begins later."""
         if not self._on_air:
             return
-        since_ms = min((packet.began_ms for packet in self._on_air if packet.waiting), default=self._now_ms)
+        since_ms = min((packet.began_ms for packet in self._on_air if packet.waiting), default=self.now_ms)
         keep_ms = max(self._reach_ms, self.sound.turnaround_ms)
         if any(packet.ends_ms + keep_ms <= since_ms for packet in self._on_air):
             self._on_air = [packet for packet in self._on_air if packet.ends_ms + keep_ms > since_ms]

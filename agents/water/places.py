@@ -28,8 +28,10 @@ class Place:
     def depth_at_um(self, at_ms: int) -> int:
         if self.rise_um == 0:
             return self.depth_um
-        depth_um = self.depth_um + self.rise_um * (at_ms - self.depth_anchor_ms) // self.rise_over_ms
-        return min(max(depth_um, 0), self.bottom_um)
+        elapsed_ms = at_ms - self.depth_anchor_ms
+        if self.rise_um < 0:
+            return max(0, self.depth_um - -self.rise_um * elapsed_ms // self.rise_over_ms)
+        return min(self.bottom_um, self.depth_um + self.rise_um * elapsed_ms // self.rise_over_ms)
 
     def hears_at(self, at_ms: int) -> bool:
         """Whether there is water around the modem."""

@@ -29,7 +29,7 @@ from apad_bridge.runs.progress import FlightProgress
 from apad_bridge.runs.table import print_table
 from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.loader import load, with_overrides
-from apad_bridge.scenario.schema import Hosting, Scenario
+from apad_bridge.scenario.schema import Generation, Hosting, Scenario
 from apad_bridge.scenario.starts import Start, starts_of
 
 _TIMES = """asap: virtual time, as fast as the machine goes, the simulated aPad in the same process, no ROS;
@@ -73,6 +73,11 @@ def add_scenario_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--speed", type=float, default=1.0, metavar="X", help="wall time X times faster; simulated aPad only"
     )
+    parser.add_argument(
+        "--generation",
+        choices=[it.value for it in Generation],
+        help="of the aPad's software: a (action_server), b (commander/primitive), or auto: what is on the graph",
+    )
     parser.add_argument("--theta", type=int, metavar="N", help="the aMussels' time runs N times the aPad's")
     parser.add_argument("--agents", type=int, metavar="N", help="another number of aMussels")
     parser.add_argument("--seed", type=int, metavar="N", help="another seed")
@@ -99,6 +104,7 @@ def read_scenario(arguments: argparse.Namespace) -> tuple[Scenario, Sequence[Sta
             strategy=getattr(arguments, "strategy", None),
             seed=arguments.seed,
             hosting=arguments.hosting,
+            generation=arguments.generation,
         )
         registry.collection(scenario.mission.collection)
         registry.redeployment(scenario.mission.redeployment)

@@ -11,8 +11,12 @@ from firmware_model.states import State
 
 
 def truth_data(truth: Truth) -> Line:
-    """Batteries are [anchor ms, grains, flow, load, coils], `depth` is [anchor ms, micrometres]; agent time."""
+    """Batteries are [anchor ms, grains, flow, load, coils], `depth` is [anchor ms, micrometres]; agent time.
+
+    One that hovers has `hover_um` too, the depth that it moves to.
+    """
     physical = truth.physical
+    hovering = {"hover_um": physical.hover_um} if physical.buoyancy is Buoyancy.HOVER else {}
     return {
         "id": truth.agent_id,
         "agent_ms": truth.at_ms,
@@ -24,6 +28,7 @@ def truth_data(truth: Truth) -> Line:
         "depth": [physical.depth_anchor_ms, physical.depth_um],
         "buoyancy": physical.buoyancy.name,
         "docked": physical.docked,
+        **hovering,
     }
 
 
@@ -39,6 +44,7 @@ def truth_of(line: Line) -> Truth:
         depth_um,
         Buoyancy[line["buoyancy"]],
         line["docked"],
+        hover_um=line.get("hover_um", 0),
     )
     return Truth(line["agent_ms"], line["id"], State[line["state"]], physical)
 

@@ -14,16 +14,14 @@ from actionlib_msgs.msg import GoalStatusArray
 from std_msgs.msg import Float64
 
 from apad_bridge.ros.generation_a_words import (
-    BatteryHeard,
     GoalCode,
     GoalsHeard,
     GoalWord,
     Heard,
-    PoseHeard,
-    StateHeard,
     StaticHeard,
 )
 from apad_bridge.ros.inbox import Inbox
+from apad_bridge.ros.legacy_words import UNSTAMPED, BatteryHeard, PoseHeard, StateHeard
 from apad_bridge.ros.messages import use_generated_messages
 from apad_bridge.ros.ros_time import to_ms
 
@@ -31,9 +29,6 @@ use_generated_messages()
 
 from apad.msg import aPadActionResult  # noqa: E402
 from auv_msgs.msg import NavSts  # noqa: E402
-
-UNSTAMPED = -1
-"""Instead of a stamp: whoever empties the inbox knows the time."""
 
 
 class Ears:

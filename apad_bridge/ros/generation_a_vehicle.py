@@ -3,12 +3,13 @@
 What the published stack does was observed on a running graph; where it surprises, so does this: a perch asks for no
 nearness and takes the first free slot, a fifth one succeeds and does nothing, a cancelled go-to keeps moving, a goal of
 an unknown kind stays active for ever. A goal of generation A carries neither speed nor victory radius: both are this
-vehicle's own.
+vehicle's own. One thing is ours: with `misses`, a perch may abort because the mechanism missed.
 """
 
 from __future__ import annotations
 
 import math
+import re
 from collections import Counter
 
 from apad_bridge.ros.generation_a_shown import (
@@ -25,12 +26,14 @@ from apad_bridge.ros.generation_a_words import GO_TO, PERCH, RELEASE
 from apad_bridge.simulated_apad.apad import SimulatedAPad
 from apad_bridge.simulated_apad.docks import OFFSETS_M
 from apad_bridge.simulated_apad.kinematics import Pose
+from apad_bridge.simulated_apad.misses import MISSED, Misses
 from apad_bridge.vehicle import Arrived, CloseDock, CommandFailed, GoTo, OpenDock, VehicleFact
 
 HELD_PERIOD_MS = 50
 POSE_PERIOD_MS = 100
 SLOW_PERIOD_MS = 1000
 """Of battery, feedback and goal status."""
+_AGENT_NUMBER = re.compile(r"\d+$", re.ASCII)
 
 
 class GenerationAVehicle:
@@ -43,6 +46,7 @@ class GenerationAVehicle:
         victory_radius_m: float,
         start_ms: int = 0,
         release_fault: ReleaseFault = ReleaseFault.WORKS,
+        misses: Misses | None = None,
     ) -> None:
         self.dropped: Counter[str] = Counter()
         self.has_crashed = False
@@ -51,6 +55,7 @@ class GenerationAVehicle:
         self._victory_radius_m = victory_radius_m
         self._start_ms = start_ms
         self._release_fault = release_fault
+        self._misses = misses
         self._now_ms = start_ms
         self._grid_ms = start_ms - HELD_PERIOD_MS
         self._goal: Goal | None = None
@@ -143,6 +148,9 @@ class GenerationAVehicle:
         free = self.free_slots
         if not free:
             return self._end(Outcome.SUCCEEDED)
+        number = _AGENT_NUMBER.search(goal.name)
+        if self._misses is not None and number is not None and self._misses.misses(int(number[0])):
+            return self._end(Outcome.ABORTED, MISSED)
         slot, serial = free[0], self._next_serial()
         facts = self._apad.receive(CloseDock(serial, slot, serial), self._now_ms - self._start_ms)
         if failed := self._ended_by(facts):

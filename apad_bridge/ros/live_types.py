@@ -9,7 +9,7 @@ import rosgraph
 
 from apad_bridge.diagnosis.graph import Graph
 from apad_bridge.diagnosis.network import Unreachable
-from apad_bridge.ros.wire_probe import NotTold, topic_md5
+from apad_bridge.ros.wire_probe import NotTold, service_md5, topic_md5
 
 
 def differing_types(published: Mapping[str, Any], listened_to: Mapping[str, Any]) -> list[str]:
@@ -35,6 +35,23 @@ def differing_types(published: Mapping[str, Any], listened_to: Mapping[str, Any]
         there = graph.types.get(topic, ours._type)
         if graph.subscribers.get(topic) and there != ours._type:
             lines.append(f"{topic} is {there} there, and {_named(ours)} here")
+    return lines
+
+
+def differing_services(services: Mapping[str, Any]) -> list[str]:
+    """A line for each service whose md5, asked of its server, is not that of our class."""
+    try:
+        graph = Graph.read(rosgraph.get_master_uri())
+    except Unreachable:
+        return []
+    lines = []
+    for name, ours in services.items():
+        try:
+            md5 = service_md5(graph, name)
+        except NotTold:
+            continue
+        if md5 != ours._md5sum:
+            lines.append(f"{name} has md5 {md5} there, and {_named(ours)} here")
     return lines
 
 

@@ -2,30 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 
 from apad_bridge import building
-from apad_bridge.flight import Fleet
+from apad_bridge.flight import Fleet, Watcher
 from apad_bridge.pace import Pace, WallClock
-from apad_bridge.records.samples import TruthSample
+from apad_bridge.ros.agent_topics import Shown
 from apad_bridge.ros.contacts_link import ContactsLink
 from apad_bridge.ros.fleet_guard import SecondFleet
-from apad_bridge.ros.gateway import GatewayFailed, Shown, TruthSource, open_gateway
-from apad_bridge.ros.generation_a import GenerationALink, VehicleNotReady
+from apad_bridge.ros.gateway import GatewayFailed, TruthSource, open_gateway
 from apad_bridge.ros.radio import FleetRadio, MissionRadio
 from apad_bridge.ros.ros_pace import FollowedClock, OwnMasterClock
+from apad_bridge.ros.vehicle_not_ready import VehicleNotReady
+from apad_bridge.ros.vehicles import READY_S, APadLink, TruthsAt, open_apad
 from apad_bridge.runs.failures import PeerFailed
 from apad_bridge.runs.flying import Surroundings
 from apad_bridge.runs.options import APadKind, Part, RunOptions, TimeSource
 from apad_bridge.scenario.schema import Scenario
 from firmware_model.codec import load_codec
 
-_READY_S = 15.0
 _NODES = {Part.WHOLE: "musselbed", Part.FLEET: "musselbed_fleet", Part.MISSION: "musselbed_mission"}
-
-
-TruthsAt = Callable[[int], list[TruthSample]]
 
 
 @contextmanager
@@ -58,27 +55,31 @@ def open_surroundings(
                 truth=_shown_truth(truths_at) if scenario.records.truth_on_agent_topics else None,
             )
             stack.callback(gateway.close)
-            vehicle: GenerationALink | ContactsLink
+            vehicle: APadLink | ContactsLink
+            watches: tuple[Watcher, ...] = ()
             ether: FleetRadio | MissionRadio | None = None
             if options.part is Part.FLEET:
                 vehicle = ContactsLink(scenario.apad.name, ids, docked, now_ms)
                 ether = FleetRadio(ids, codec)
             else:
-                vehicle = _apad_link(scenario, options, docked, now_ms)
+                opened = open_apad(scenario, options, docked, now_ms, truths_at)
+                vehicle = opened.link
+                if opened.watch is not None:
+                    watches = (opened.watch,)
                 if options.part is Part.MISSION:
                     ether = MissionRadio(ids, codec, scenario.theta, vehicle.holds)
             stack.callback(vehicle.close)
             if ether is not None:
                 stack.callback(ether.close)
-            if isinstance(vehicle, GenerationALink):
-                vehicle.wait_until_ready(_READY_S)
+            if not isinstance(vehicle, ContactsLink):
+                vehicle.wait_until_ready(READY_S)
         except (SecondFleet, GatewayFailed, VehicleNotReady) as error:
             raise PeerFailed(str(error)) from error
         yield Surroundings(
             vehicle,
-            _pace(options, vehicle, now_ms),
+            _pace(options, vehicle, now_ms, in_fine_steps=bool(watches)),
             fleet,
-            lambda supervisor: (gateway.watcher(supervisor),),
+            lambda supervisor: (gateway.watcher(supervisor), *watches),
             gateway.event,
             ether,
             held,
@@ -91,23 +92,9 @@ def _shown_truth(truths_at: TruthsAt) -> TruthSource:
     }
 
 
-def _apad_link(
-    scenario: Scenario, options: RunOptions, docked: Mapping[int, int], now_ms: int
-) -> GenerationALink:
-    battery = scenario.apad.battery
-    return GenerationALink(
-        scenario.apad.name,
-        building.agent_ids(scenario),
-        (battery.empty_v, battery.full_v),
-        our_clock=options.apad is APadKind.SIM,
-        docked=docked,
-        now_ms=now_ms,
-    )
-
-
-def _pace(options: RunOptions, vehicle: GenerationALink | ContactsLink, now_ms: int) -> Pace:
-    if options.apad is APadKind.SIM and isinstance(vehicle, GenerationALink):
-        return OwnMasterClock(options.speed, vehicle, now_ms)
+def _pace(options: RunOptions, vehicle: APadLink | ContactsLink, now_ms: int, *, in_fine_steps: bool) -> Pace:
+    if options.apad is APadKind.SIM and not isinstance(vehicle, ContactsLink):
+        return OwnMasterClock(options.speed, vehicle, now_ms, in_fine_steps=in_fine_steps)
     if options.time is TimeSource.ROS:
         return FollowedClock(now_ms)
     return WallClock(1.0)

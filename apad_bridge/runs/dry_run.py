@@ -16,7 +16,6 @@ from apad_bridge.mission.orders import Note
 from apad_bridge.runs.flying import Surroundings
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import Start
-from apad_bridge.simulated_apad.apad import SimulatedAPad
 from apad_bridge.supervisor import TICK_MS
 from apad_bridge.vehicle import VehicleCommand
 from apad_bridge.vehicle_link import VehicleLink
@@ -58,7 +57,7 @@ def first_plan(scenario: Scenario, starts: Sequence[Start]) -> dict[str, Any] | 
     births = building.births(scenario, starts)
     host = OneProcess(building.fleet_config(scenario), births)
     coordinator = Coordinator(host, dict.fromkeys(births, 0), scenario.theta)
-    supervisor, apad = building.supervisor(scenario), SimulatedAPad(scenario.apad)
+    supervisor, apad = building.supervisor(scenario), building.simulated_apad(scenario)
     for now_ms in range(0, round(scenario.duration_s * 1000) + 1, TICK_MS):
         for came in coordinator.advance(now_ms):
             if isinstance(came, Heard) and isinstance(came.output, WifiSent):

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
-from agents.coordinator import Coordinator
 from agents.one_process import OneProcess
 from agents.processes import ProcessHost
 from apad_bridge import building
@@ -22,7 +21,7 @@ from apad_bridge.records.summary import Ending
 from apad_bridge.runs.status import Status
 from apad_bridge.scenario.schema import Hosting, Scenario
 from apad_bridge.scenario.starts import Start
-from apad_bridge.simulated_apad.apad import SimulatedAPad
+from apad_bridge.sea_building import fleet_of
 from apad_bridge.supervisor import TICK_MS, Supervisor
 from apad_bridge.vehicle import DockClosed
 from apad_bridge.vehicle_link import InProcessVehicle, VehicleLink
@@ -68,12 +67,12 @@ def open_fleet(scenario: Scenario, starts: Sequence[Start], folder: Path) -> Fle
     else:
         folder.mkdir()
         host = ProcessHost.start(str(folder), config, births)
-    return Fleet(Coordinator(host, dict.fromkeys(births, 0), scenario.theta), host)
+    return fleet_of(scenario, host, dict.fromkeys(births, 0))
 
 
 def in_process(scenario: Scenario, fleet: Fleet) -> Surroundings:
     """Virtual time with the simulated aPad in this process."""
-    return Surroundings(InProcessVehicle(SimulatedAPad(scenario.apad)), AsFastAsPossible(), fleet)
+    return Surroundings(InProcessVehicle(building.simulated_apad(scenario)), AsFastAsPossible(), fleet)
 
 
 def fly(

@@ -4,19 +4,18 @@ from __future__ import annotations
 
 from typing import Any
 
-from agents.coordinator import Coordinator
 from agents.one_process import OneProcess
 from agents.outputs import Truth
 from apad_bridge import building
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.boards import charge_model
-from apad_bridge.flight import Fleet, Flight
+from apad_bridge.flight import Flight
 from apad_bridge.pace import AsFastAsPossible
 from apad_bridge.records.summary import uptime_figures
 from apad_bridge.records.uptime import UptimeMeter
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
-from apad_bridge.simulated_apad.apad import SimulatedAPad
+from apad_bridge.sea_building import fleet_of
 from apad_bridge.vehicle import BatteryReported, PoseReported
 from apad_bridge.vehicle_link import InProcessVehicle
 
@@ -51,9 +50,9 @@ def fly_in_memory(scenario: Scenario) -> tuple[dict[str, Any], MemoryRecorder]:
     """The summary's figures (those of `uptime_figures`, `cost_m` and `services`), and what was recorded."""
     births = building.births(scenario, starts_of(scenario))
     host = OneProcess(building.fleet_config(scenario), births)
-    fleet = Fleet(Coordinator(host, dict.fromkeys(births, 0), scenario.theta), host)
+    fleet = fleet_of(scenario, host, dict.fromkeys(births, 0))
     supervisor, recorder = building.supervisor(scenario), MemoryRecorder(scenario)
-    vehicle = InProcessVehicle(SimulatedAPad(scenario.apad))
+    vehicle = InProcessVehicle(building.simulated_apad(scenario))
     flight = Flight(supervisor, vehicle, AsFastAsPossible(), recorder, fleet)
     flight.run()
     state = supervisor.mission.state

@@ -7,7 +7,6 @@ import subprocess
 from collections.abc import Sequence
 from pathlib import Path
 
-from agents.coordinator import Coordinator
 from agents.launch import NoNursery, launch_nursery, prepare
 from agents.nursery_link import Fenced, NurseryDied, NurseryLink
 from agents.processes import ProcessHost
@@ -16,6 +15,7 @@ from apad_bridge.flight import Fleet
 from apad_bridge.runs.failures import PeerFailed
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import Start
+from apad_bridge.sea_building import fleet_of
 
 FOLDER = "fleet"
 _LAST_EPOCH = 2**31
@@ -54,4 +54,4 @@ def adopt(scenario: Scenario, run_dir: Path, epoch: int, now_ms: int) -> Fleet:
         host = ProcessHost.adopt(str(run_dir / FOLDER), epoch)
     except (NoNursery, Fenced) as error:
         raise PeerFailed(f"the fleet cannot be taken over: {error}") from error
-    return Fleet(Coordinator(host, host.granted_ms, scenario.theta, now_ms), host)
+    return fleet_of(scenario, host, host.granted_ms, now_ms)

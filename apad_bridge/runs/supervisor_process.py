@@ -53,7 +53,7 @@ def fly(run_dir: Path, resume: bool) -> int:
         fleet = None if options.part is Part.MISSION else adopt(scenario, run_dir, options.epoch, start_ms)
         docked = {} if go_on is None else dict(go_on.state.docked)
         if fleet is not None:
-            recorder.truths(fleet.host.take_truths())
+            recorder.truths(fleet.take_truths())
         # What the bodies felt, not what the mission knows: a contact that was on its way when a supervisor died is told
         # again, and one that was felt is not.
         held = tuple(it.agent_id for it in recorder.truths_at(start_ms) if it.docked)

@@ -8,7 +8,8 @@ from pathlib import Path
 from agents.water.current import CurrentField
 from apad_bridge.boards import can_fill
 from apad_bridge.planning.registry import collection, redeployment
-from apad_bridge.scenario.schema import DriftMode, FullWhen, Scenario
+from apad_bridge.scenario.links import problem_with_links
+from apad_bridge.scenario.schema import DriftMode, FullWhen, HearingMode, Scenario
 from apad_bridge.scenario.whole_board import SleepCycle
 
 Contradiction = tuple[str, str]
@@ -19,7 +20,12 @@ def contradictions(scenario: Scenario) -> list[Contradiction]:
 
     Looks whether the files that the scenario names are there, reads the current's, and looks its strategies up.
     """
-    return [*_of_the_fleet(scenario), *_of_the_board(scenario), *_of_the_mission(scenario)]
+    return [
+        *_of_the_fleet(scenario),
+        *_of_the_board(scenario),
+        *_of_the_mission(scenario),
+        *_of_the_water(scenario),
+    ]
 
 
 def _of_the_fleet(scenario: Scenario) -> list[Contradiction]:
@@ -136,3 +142,16 @@ def _of_the_mission(scenario: Scenario) -> list[Contradiction]:
             )
         )
     return found
+
+
+def _of_the_water(scenario: Scenario) -> Iterator[Contradiction]:
+    water = scenario.water
+    if water is None:
+        return
+    if water.wifi is not None and scenario.hearing.mode is HearingMode.PAPER:
+        yield (
+            "water.wifi",
+            "with hearing.mode: paper Wi-Fi always gets through: leave this block out, or use mode: physical",
+        )
+    if water.links_file is not None and (problem := problem_with_links(Path(water.links_file))):
+        yield "water.links_file", problem

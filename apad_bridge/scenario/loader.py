@@ -26,7 +26,7 @@ from apad_bridge.scenario.yaml_text import parse_yaml
 _SCENARIO = TypeAdapter(Scenario)
 
 # Keys that hold the name of a file or directory, relative to the scenario's own.
-_FILE_KEYS = (("fleet", "start"), ("fleet", "drift", "current_file"))
+_FILE_KEYS = (("fleet", "start"), ("fleet", "drift", "current_file"), ("water", "links_file"))
 # pydantic says which member of a union it tried as part of the path; the writer of the file knows no unions.
 _UNION_MEMBERS = {RandomStart.__name__, "str"}
 
@@ -99,10 +99,11 @@ def with_overrides(
     strategy: str | None = None,
     seed: int | None = None,
     hosting: str | None = None,
+    generation: str | None = None,
 ) -> Scenario:
     """The scenario with what the command line says instead: checked again as a whole; None leaves a value as it is.
 
-    `agents` is the fleet's count and `strategy` the collection strategy's name. Raises ScenarioError.
+    `agents` is the fleet's count, `strategy` the collection strategy's name, `generation` the aPad's. Raises ScenarioError.
     """
     data = resolve(scenario)
     if theta is not None:
@@ -115,6 +116,8 @@ def with_overrides(
         data["seed"] = seed
     if hosting is not None:
         data["fleet"]["hosting"] = hosting
+    if generation is not None:
+        data["apad"]["generation"] = generation
     return from_data(data, "command line")
 
 

@@ -15,6 +15,7 @@ from typing import IO, Any
 
 import pytest
 
+from apad_bridge.records.journal import read_journal
 from apad_bridge.ros.apad_process import APadNodeFailed, start_apad_node, stop_apad_node
 from apad_bridge.ros.generation_a_shown import ReleaseFault
 from apad_bridge.ros.master import Master, loopback_environment, start_master
@@ -63,7 +64,7 @@ def start(tmp_path: Path, master: Master, stack: ExitStack) -> Callable[..., sub
     return started
 
 
-def four(tmp_path: Path, duration_s: float) -> Path:
+def four(tmp_path: Path, duration_s: float, generation: str = "a") -> Path:
     """Four aMussels that are candidates from the start and charged within a minute."""
     (tmp_path / "four.csv").write_text(
         "id,north,east,battery\n1,2,3,0.75\n2,4,8,0.74\n3,9,5,0.70\n4,8,9,0.72\n"
@@ -71,7 +72,7 @@ def four(tmp_path: Path, duration_s: float) -> Path:
     data = loader.resolve(loader.load(ROOT / "launch_scripts" / "scenarios" / "pool-12.yaml"))
     data |= {"theta": 600, "duration_s": duration_s}
     data["fleet"] |= {"count": 4, "start": str(tmp_path / "four.csv")}
-    data["apad"]["start_m"] = [6, 6]
+    data["apad"] |= {"start_m": [6, 6], "generation": generation}
     path = tmp_path / "scenario.yaml"
     loader.write_resolved(path, loader.from_data(data, "four"))
     return path
@@ -96,6 +97,11 @@ def told(child: subprocess.Popen[str]) -> dict[str, Any]:
     return result
 
 
+def about_when(decisions: list[list[Any]]) -> list[list[Any]]:
+    """The decisions without their times, in the order of what belongs together."""
+    return [decision[1:] for decision in decisions]
+
+
 def test_a_flight_over_ros_decides_as_one_in_virtual_time(
     tmp_path: Path, master: Master, stack: ExitStack, start: Callable[..., subprocess.Popen[str]]
 ) -> None:
@@ -103,8 +109,8 @@ def test_a_flight_over_ros_decides_as_one_in_virtual_time(
     stamp, may be a tick old."""
     scenario = four(tmp_path, 220)
     node(scenario, master, stack)
-    over_ros = told(start("generation_a_flight", str(scenario), "ros", "max"))
-    virtual = told(start("generation_a_flight", str(scenario), "asap"))
+    over_ros = told(start("legacy_flight", str(scenario), "ros", "max"))
+    virtual = told(start("legacy_flight", str(scenario), "asap"))
     closed = [data["agent"] for _, kind, data in virtual["decisions"] if kind == "dock" and data["closed"]]
     assert len(closed) == 4 and virtual["services"] == 4
     assert over_ros["decisions"] == virtual["decisions"]
@@ -113,13 +119,77 @@ def test_a_flight_over_ros_decides_as_one_in_virtual_time(
     assert over_ros["dropped"] == over_ros["vehicle_dropped"] == {}
 
 
+def test_a_flight_over_generation_b_makes_the_same_decisions(
+    tmp_path: Path, master: Master, stack: ExitStack, start: Callable[..., subprocess.Popen[str]]
+) -> None:
+    """Its words have no stamps, so one may be heard a tick late: 2 s and 2 m in the flight are allowed."""
+    scenario = four(tmp_path, 216, "b")
+    node(scenario, master, stack)
+    over_ros = told(start("legacy_flight", str(scenario), "ros", "max"))
+    virtual = told(start("legacy_flight", str(scenario), "asap"))
+    assert virtual["services"] == 4
+    assert about_when(over_ros["decisions"]) == about_when(virtual["decisions"])
+    late_s = [
+        there[0] - here[0] for there, here in zip(over_ros["decisions"], virtual["decisions"], strict=True)
+    ]
+    assert all(0 <= it <= 2 for it in late_s)
+    assert over_ros["cost_m"] == pytest.approx(virtual["cost_m"], abs=2)
+    assert over_ros["services"] == virtual["services"]
+    assert over_ros["dropped"] == over_ros["vehicle_dropped"] == {}
+
+
+def test_the_vehicles_own_eyes_dock_simulated_amussels_that_a_camera_shows_them(tmp_path: Path) -> None:
+    """Same plan, slots and order as in virtual time, where a docking takes what the scenario says and not what it takes."""
+    path = four(tmp_path, 150, "b")
+    data = loader.resolve(loader.load(path))
+    servo = {
+        "search_yaw_rate_rad_s": 0.2,
+        "max_yaw_rate_rad_s": 0.3,
+        "max_surge_m_s": 0.15,
+        "surge_stdev": 0.2,
+        "search_s": 120,
+    }
+    data["mission"]["docking"] |= {"profile": "camera", "timeout_s": 150, "servo": servo}
+    data["mission"] |= {"batch": 2, "silence_timeout_s": 400}
+    data["apad"]["drift_m_s"] = [0.01, -0.02]
+    loader.write_resolved(path, loader.from_data(data, "camera"))
+    flights = {}
+    for name, options in (("ros", ["--speed", "500"]), ("asap", ["--time", "asap"])):
+        out = tmp_path / name
+        command = [sys.executable, "-m", "apad_bridge.commands.main", "run", str(path), *options]
+        command += ["--hosting", "one_process", "--json", "--out", str(out)]
+        done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S, cwd=ROOT)
+        assert done.returncode == 0, done.stderr
+        flights[name] = (json.loads(done.stdout), read_journal(out / "journal.jsonl"))
+
+    def decided(name: str) -> list[Any]:
+        _, journal = flights[name]
+        steps = [(step["agent"], step["slot"]) for step in journal.first("plan")["steps"]]
+        docks = [
+            (line["agent"], line["slot"], line["closed"]) for line in journal.lines if line["kind"] == "dock"
+        ]
+        return [steps, docks[:2]]
+
+    steps, docks = decided("ros")
+    assert docks == [(agent, slot, True) for agent, slot in steps] and len(docks) == 2
+    assert decided("asap") == [steps, docks]
+    ros, _ = flights["ros"]
+    assert ros["first_cause"] is None and ros["dropped"] == {}
+    legs = {
+        name: [line["metres"] for line in journal.lines if line["kind"] == "leg"][:2]
+        for name, (_, journal) in flights.items()
+    }
+    # Where the vehicle ends up after a docking by eye is its own business: a metre a docking.
+    assert legs["ros"] == pytest.approx(legs["asap"], abs=1.0)
+
+
 def test_a_release_without_an_answer_is_heard_by_its_silence(
     tmp_path: Path, master: Master, stack: ExitStack, start: Callable[..., subprocess.Popen[str]]
 ) -> None:
     scenario = four(tmp_path, 160)
     node(scenario, master, stack, release=ReleaseFault.SILENT)
-    over_ros = told(start("generation_a_flight", str(scenario), "ros", "max"))
-    virtual = told(start("generation_a_flight", str(scenario), "asap"))
+    over_ros = told(start("legacy_flight", str(scenario), "ros", "max"))
+    virtual = told(start("legacy_flight", str(scenario), "asap"))
     first = [
         next(at_s for at_s, kind, data in flown["decisions"] if kind == "dock" and not data["closed"])
         for flown in (virtual, over_ros)
@@ -133,7 +203,7 @@ def test_a_node_that_died_is_named_and_the_flight_ends(
 ) -> None:
     scenario = four(tmp_path, 10_000)
     vehicle = node(scenario, master, stack)
-    flight = start("generation_a_flight", str(scenario), "ros", "100", "1.0")
+    flight = start("legacy_flight", str(scenario), "ros", "100", "1.0")
     assert flight.stderr is not None
     assert line_of(flight.stderr) == "flying\n"
     os.kill(vehicle.pid, signal.SIGKILL)
@@ -144,7 +214,7 @@ def test_without_an_apad_it_says_what_is_missing_and_with_a_strange_one_what_dif
     tmp_path: Path, master: Master, start: Callable[..., subprocess.Popen[str]], stack: ExitStack
 ) -> None:
     scenario = str(four(tmp_path, 100))
-    failed = told(start("generation_a_flight", scenario, "ros", "max", "0.2"))["failed"]
+    failed = told(start("legacy_flight", scenario, "ros", "max", "0.2"))["failed"]
     for missing in (
         "nobody publishes /apad1/position",
         "no word of its action server",
@@ -162,7 +232,7 @@ def test_without_an_apad_it_says_what_is_missing_and_with_a_strange_one_what_dif
     assert stranger.stdout is not None
     stack.callback(stranger.stdout.close)
     assert "latching" in line_of(stranger.stdout)
-    failed = told(start("generation_a_flight", scenario, "ros"))["failed"]
+    failed = told(start("legacy_flight", scenario, "ros"))["failed"]
     assert "/apad1/position is std_msgs/String (md5 992ce8a1687cec8c8bd883ec73ca41d1) there" in failed
     assert "auv_msgs/NavSts (md5 d1c2e3fd518b63978e72fa7409f4ba71) here" in failed
 
@@ -205,6 +275,17 @@ def test_an_amussel_answers_for_its_battery_with_what_it_reported(
     answer = asked("/amussel7/charge_info").stdout.splitlines()
     assert {"battery_level: 75.0", "x: 1.5", "y: -2.5", 'type: "consumer"'} <= set(answer)
     assert "amussel8 has not been heard yet" in asked("/amussel8/get_battery_level").stderr
+
+    # One tick was made: what comes after is its report again, with its stamp.
+    command = ["/usr/bin/rostopic", "echo", "-n", "5", "-p", "/amussel7/position"]
+    echo = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=PATIENCE_S)
+    header, *rows = (line.split(",") for line in echo.stdout.splitlines())
+    repeated = [dict(zip(header, row, strict=True)) for row in rows]
+    assert [(it["field.header.stamp"], it["field.position.north"]) for it in repeated] == [
+        ("1000000000", "1.5")
+    ] * 5
+    sequence = [int(it["field.header.seq"]) for it in repeated]
+    assert sequence == list(range(sequence[0], sequence[0] + 5))
 
 
 def test_a_node_that_cannot_come_up_leaves_nothing_and_says_why(tmp_path: Path, master: Master) -> None:

@@ -1,0 +1,57 @@
+"""The block `water` of a scenario: sound, Wi-Fi and links as they are in the real water, not in the paper's experiments."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from annotated_types import Ge, Gt, Le
+
+from apad_bridge.scenario.quantities import NotNegative, NotNegativeSeconds, Positive, frozen
+
+
+@frozen
+class Sound:
+    """The modems and the water between them. Left out, a key is the nanomodem's own figure, or open sea."""
+
+    sound_speed_m_s: Annotated[float, Ge(1000), Le(2000)] = 1500.0
+    source_level_db: Annotated[float, Gt(0), Le(300)] = 168.0
+    spreading_db: Annotated[float, Ge(0), Le(60)] = 20.0
+    absorption_db_per_km: NotNegative | None = None
+    """None: by Thorp's formula at `frequency_khz`."""
+    frequency_khz: Annotated[float, Gt(0), Le(1000)] = 28.0
+    noise_db_per_hz: Annotated[float, Ge(-200), Le(200)] = 50.0
+    bandwidth_hz: Positive = 8000.0
+    fading_db: NotNegative = 0.0
+    reverberation_s: NotNegativeSeconds = 0.0
+    reverberation_db: NotNegative = 10.0
+    capture_db: Annotated[float, Ge(0), Le(300)] = 6.0
+    thruster_noise_db: NotNegative = 20.0
+    thrusting_m_s: NotNegative = 0.1
+    """An aPad that moves faster has its thrusters running."""
+    range_limit_m: Positive = 5000.0
+    turnaround_s: NotNegativeSeconds = 0.0
+    keel_m: Positive = 0.5
+    """The depth of the aPad's modem."""
+    range_noise_m: NotNegative = 0.1
+
+
+@frozen
+class Wifi:
+    """Radios near the waves: half of all packets get through where the path leaves `sensitivity_dbm`."""
+
+    frequency_mhz: Positive = 2440.0
+    transmit_dbm: float = 20.0
+    sensitivity_dbm: float = -85.0
+    mussel_antenna_m: Positive = 0.05
+    apad_antenna_m: Positive = 1.5
+    slope_db: Positive = 1.5
+
+
+@frozen
+class Water:
+    """Without `wifi` whatever is said by Wi-Fi is heard, except from under water."""
+
+    sound: Sound = Sound()
+    wifi: Wifi | None = None
+    links_file: str | None = None
+    """CSV: from, to, loss and perhaps since_s, until_s; relative to the scenario file. Read again when it changes."""

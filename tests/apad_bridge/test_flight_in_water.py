@@ -1,0 +1,155 @@
+"""Flights whose words go through the water: what the supervisor hears is what reached the aPad, when it did."""
+
+from __future__ import annotations
+
+import json
+from math import dist
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from agents.one_process import OneProcess
+from apad_bridge import building
+from apad_bridge.flight import Flight
+from apad_bridge.pace import AsFastAsPossible
+from apad_bridge.runs.in_memory import MemoryRecorder, fly_in_memory
+from apad_bridge.scenario.errors import ScenarioError
+from apad_bridge.scenario.loader import from_data, load, resolve
+from apad_bridge.scenario.schema import Scenario
+from apad_bridge.scenario.starts import starts_of
+from apad_bridge.sea_building import fleet_of
+from apad_bridge.simulated_apad.apad import SimulatedAPad
+from apad_bridge.vehicle_link import InProcessVehicle
+from firmware_model.codec import load_codec
+from firmware_model.packets import AcousticStatus
+
+SCENARIOS = Path(__file__).parents[2] / "launch_scripts" / "scenarios"
+APAD_M = (14.0, 10.5)
+
+
+def in_water(duration_s: float, water: dict[str, Any], **hearing: Any) -> Scenario:
+    data = resolve(load(SCENARIOS / "whole-board-12.yaml"))
+    data.update(duration_s=duration_s, water=water)
+    data["hearing"]["mode"] = "physical"
+    data["hearing"].update(hearing)
+    data["fleet"]["hosting"] = "one_process"
+    return from_data(data, "in water")
+
+
+def packets(recorder: MemoryRecorder) -> list[dict[str, Any]]:
+    return [data for _, kind, data in recorder.events if kind == "packet"]
+
+
+def test_every_packet_is_told_with_its_slot_its_way_and_its_end() -> None:
+    """Two hours at theta 30 are 240 s. The aPad waits where it began, its modem 0.5 m deep; the bottom is at 3 m."""
+    scenario = in_water(250, {})
+    _, recorder = fly_in_memory(scenario)
+    told = packets(recorder)
+    assert len(told) == 12 * 1
+    places = {it.agent_id: (it.north_m, it.east_m, 3.0) for it in starts_of(scenario)}
+    for packet in told:
+        agent_id, ((node, outcome, snr_db, ended_ms, way_ms),) = packet["from"], packet["heard"]
+        # An hour, 70 s of sampling and processing, and then the next frame of 300 s: slot n opens 5 n s later.
+        assert packet["began_ms"] == 3_900_000 + 5000 * (agent_id - 1)
+        assert (packet["slot"], packet["what"], packet["bytes"], packet["lasted_ms"]) == (
+            agent_id - 1,
+            "unicast",
+            45,
+            868,
+        )
+        metres = dist(places[agent_id], (*APAD_M, 0.5))
+        assert way_ms == pytest.approx(metres / 1.5, abs=0.001)
+        assert ended_ms == packet["began_ms"] + 868 + -(-metres // 1.5)
+        assert (node, outcome) == (0, "received") and snr_db > 50
+        status = load_codec("musselbed-1").decode(bytes.fromhex(packet["data"]))
+        assert isinstance(status, AcousticStatus) and status.basic.agent_id == agent_id
+    assert json.loads(json.dumps(told)) == told
+
+
+def test_the_mission_is_flown_by_sound_alone() -> None:
+    """Hours of sleep, permissions that wake, Wi-Fi only from the surface: four aMussels are charged and brought back."""
+    figures, recorder = fly_in_memory(in_water(3600, {"wifi": {}}))
+    assert figures["services"] >= 4 and figures["amussels_lost"] == 0
+    outcomes = {row[1] for packet in packets(recorder) for row in packet["heard"]}
+    assert "received" in outcomes
+    assert any(packet["from"] == 0 for packet in packets(recorder))
+
+
+def test_the_same_seed_gives_the_same_packets_and_another_seed_others() -> None:
+    noisy = {"sound": {"noise_db_per_hz": 110.0, "fading_db": 4.0}}
+    first, second = (fly_in_memory(in_water(370, noisy))[1].events for _ in range(2))
+    assert first == second
+    lost = [row[1] for packet in packets(fly_in_memory(in_water(370, noisy))[1]) for row in packet["heard"]]
+    assert {"noise", "received"} <= set(lost)
+
+
+def test_links_are_cut_by_a_file(tmp_path: Path) -> None:
+    links = tmp_path / "links.csv"
+    links.write_text("from, to, loss, since_s, until_s\n3, apad, 1, ,\n*, apad, 1, 200, 300\n")
+    _, recorder = fly_in_memory(in_water(370, {"links_file": str(links)}))
+    # One packet each in hours 1, 2 and 3, at 130 s, 250 s and 370 s of mission time: the second falls in the blackout.
+    outcomes = {
+        (packet["from"], packet["began_ms"] // 3_600_000): packet["heard"][0][1]
+        for packet in packets(recorder)
+    }
+    assert {outcomes[agent_id, 2] for agent_id in range(1, 13)} == {"cut"}
+    assert [agent_id for agent_id in range(1, 13) if outcomes[agent_id, 1] == "cut"] == [3]
+
+
+def test_a_scenario_without_water_is_what_it_was() -> None:
+    data = resolve(load(SCENARIOS / "pool-12.yaml"))
+    assert data["water"] is None
+    assert building.fleet_config(from_data(data, "again")) == building.fleet_config(
+        load(SCENARIOS / "pool-12.yaml")
+    )
+
+
+@pytest.mark.parametrize(
+    ("water", "error"),
+    [
+        ({"sound": {"sound_speed_m_s": 300}}, "water.sound.sound_speed_m_s"),
+        ({"sound": {"loudness_db": 3}}, "water.sound.loudness_db"),
+        ({"links_file": "/nowhere/links.csv"}, "water.links_file: No such file or directory"),
+    ],
+)
+def test_water_that_cannot_be_is_refused(water: dict[str, Any], error: str) -> None:
+    with pytest.raises(ScenarioError, match=error):
+        in_water(10, water)
+
+
+def test_the_paper_s_hearing_and_a_model_of_the_air_contradict_each_other() -> None:
+    with pytest.raises(ScenarioError, match=r"water.wifi: .*hearing.mode"):
+        in_water(10, {"wifi": {}}, mode="paper")
+
+
+def test_a_file_of_links_that_is_none_is_refused_with_its_line(tmp_path: Path) -> None:
+    (tmp_path / "links.csv").write_text("from,to,loss\nboat,1,1\n")
+    with pytest.raises(ScenarioError, match=r"water\.links_file: .*line 2: 'boat'"):
+        in_water(10, {"links_file": str(tmp_path / "links.csv")})
+
+
+def test_links_may_change_while_a_run_flies(tmp_path: Path) -> None:
+    """Cut for all from the second hour on; then a file that is none leaves the links as they were."""
+    path = tmp_path / "links.csv"
+    path.write_text("from,to,loss\n")
+    scenario = in_water(500, {"links_file": str(path)})
+    births = building.births(scenario, starts_of(scenario))
+    fleet = fleet_of(scenario, OneProcess(building.fleet_config(scenario), births), dict.fromkeys(births, 0))
+    recorder = MemoryRecorder(scenario)
+    vehicle = InProcessVehicle(SimulatedAPad(scenario.apad))
+    flight = Flight(building.supervisor(scenario), vehicle, AsFastAsPossible(), recorder, fleet)
+    for now_ms in range(0, 500_000, 1000):
+        if now_ms == 200_000:
+            path.write_text("from,to,loss\n*,apad,1\n")
+        if now_ms == 300_000:
+            path.write_text("nonsense\n")
+        flight.tick(now_ms)
+    by_hour: dict[int, set[str]] = {}
+    for packet in packets(recorder):
+        by_hour.setdefault(packet["began_ms"] // 3_600_000, set()).add(packet["heard"][0][1])
+    assert by_hour == {1: {"received"}, 2: {"cut"}, 3: {"cut"}, 4: {"cut"}}
+    told = [(at_ms, data) for at_ms, kind, data in recorder.events if kind == "links"]
+    assert told[0] == (200_000, {"rules": [[None, 0, 1.0, 0, None]], "problem": None})
+    assert told[1][0] == 300_000 and "line 1: the columns" in told[1][1]["problem"]
+    assert len(told) == 2
