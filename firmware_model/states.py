@@ -139,6 +139,7 @@ TABLE: dict[tuple[State, Trigger], State] = {
     # Held at a depth.
     (_S.ACTIVE, _T.HOVER_TOLD): _S.HOVERING,
     (_S.SLEEPING, _T.HOVER_TOLD): _S.HOVERING,
+    (_S.HOVERING, _T.HOVER_TOLD): _S.HOVERING,
     (_S.HOVERING, _T.HOVER_DUE): _S.HOVERING,
     (_S.HOVERING, _T.CLEAR_TO_SINK): _S.SINKING,
     # Emergency. At the low level a sleeper wakes out of its turn; its wake then goes on as any other. Under way it goes on

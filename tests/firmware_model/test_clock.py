@@ -45,7 +45,7 @@ def test_one_that_was_right_and_drifts_within_its_bound_is_never_off_by_more_tha
 
 
 def rings(alarms: AlarmClock, period_ms: int, facts: list[tuple[int, int]], until_ms: int) -> tuple[int, int]:
-    """How often it rang, and the latest reading that there was; `facts` are (when, how far it is set ahead of the truth)."""
+    """How often it rang, and the latest reading there was; `facts` are (when, how far it is set ahead of the truth)."""
     rang = latest_ms = set_ms = 0
     for at_ms, ahead_ms in [*facts, (until_ms, 0)]:
         while (due_ms := alarms.alarm_ms(period_ms, set_ms)) <= at_ms:
