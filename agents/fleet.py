@@ -9,8 +9,8 @@ from agents.agent import AgentConfig
 from agents.body import WaterConfig
 from agents.physical import Physical
 from agents.reporter import Modem
-from agents.water.current import STILL_WATER, CurrentField
 from agents.water.fields import Constant, Fields
+from agents.water.stream import STILL, Stream, Tide, parse_stream
 from firmware_model.actions import Buoyancy
 from firmware_model.charge import Battery, ChargeModel, Flow, grains
 from firmware_model.clock import drift_of
@@ -48,6 +48,12 @@ class FleetConfig:
     """From a contact until the charger starts."""
     clock_drift_ppb: int = 0
     """The clocks of whole boards drift by up to so many parts of 10^9, either way, each by its own."""
+    tides: tuple[tuple[int, int, int, int, int], ...] = ()
+    """Of each constituent what a `Tide` has, in its order."""
+    current_profile: tuple[tuple[int, int], ...] = ()
+    """(depth in um, millionths of the current that are left there)."""
+    pin_chatter_ms: int = 2000
+    pin_check_ms: int = 60_000
     oxygen_mg_l: float = 8.0
     temperature_c: float = 18.0
     turbidity_ntu: float = 5.0
@@ -69,6 +75,8 @@ class FleetConfig:
                 "charge": _charge_of(wire["charge"]),
                 "modem": Modem(wire["modem"]),
                 "whole": None if whole is None else _whole_of(whole),
+                "tides": tuple([tuple(it) for it in wire["tides"]]),
+                "current_profile": tuple([tuple(it) for it in wire["current_profile"]]),
             }
         )
 
@@ -110,6 +118,12 @@ def _cycle_of(wire: dict[str, Any]) -> Cycle:
     return Cycle(**{**wire, "slots": None if slots is None else Slots(**slots)})
 
 
+def _stream(fleet: FleetConfig) -> Stream:
+    told = STILL if fleet.current_csv is None else parse_stream(fleet.current_csv)
+    tides = tuple([Tide(*it) for it in fleet.tides])
+    return Stream(told.seconds, told.depths_um, told.fields, tides, fleet.current_profile)
+
+
 class AgentConfigs:
     """Makes agents' configurations that share what they can: a forked agent then shares the memory too."""
 
@@ -125,7 +139,7 @@ class AgentConfigs:
             sinking_ms=fleet.sinking_ms,
             drifts_always=fleet.drifts_always,
             amplitude_um=fleet.drift_amplitude_um,
-            current=STILL_WATER if fleet.current_csv is None else CurrentField.parse(fleet.current_csv),
+            current=_stream(fleet),
             coil_alignment_ms=fleet.coil_alignment_ms,
             fields=Fields(
                 Constant(fleet.oxygen_mg_l), Constant(fleet.temperature_c), Constant(fleet.turbidity_ntu)
@@ -143,6 +157,8 @@ class AgentConfigs:
             fleet.release_wait_ms,
             fleet.whole,
             agent_id - fleet.first_id if self._has_slots else 0,
+            fleet.pin_chatter_ms,
+            fleet.pin_check_ms,
             drift_ppb=drift_of(fleet.seed, agent_id, fleet.clock_drift_ppb),
         )
         return AgentConfig(board, self._water, fleet.report_period_ms, fleet.heard_always, fleet.modem)

@@ -295,6 +295,8 @@ class Sea:
 
     def _place(self, physical: Physical) -> Place:
         config = self.config
+        if physical.docked:
+            return Place(physical.north_um, physical.east_um, 0)
         place = (physical.north_um, physical.east_um, physical.depth_um, physical.depth_anchor_ms)
         match physical.buoyancy:
             case Buoyancy.FLOAT:

@@ -7,6 +7,7 @@ from enum import StrEnum
 
 from apad_bridge.mission.orders import Note
 from apad_bridge.vehicle import VehicleCommand, VehicleFact
+from firmware_model.sample_record import SampleRecord
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,4 +56,12 @@ class Send:
     data: bytes
 
 
-SupervisorAction = VehicleCommand | Send | Note
+@dataclass(frozen=True, slots=True)
+class KeepSamples:
+    """Put an aMussel's samples on disk, before anything else goes out: they are acknowledged next."""
+
+    agent_id: int
+    records: tuple[SampleRecord, ...]
+
+
+SupervisorAction = VehicleCommand | Send | Note | KeepSamples

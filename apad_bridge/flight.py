@@ -22,7 +22,7 @@ from agents.water.medium import PacketEnded
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.contacts import Contacts
 from apad_bridge.ether import Ether
-from apad_bridge.facts import Medium, OperatorAsked, RangeHeard, Send, SoundHeard, WifiHeard
+from apad_bridge.facts import KeepSamples, Medium, OperatorAsked, RangeHeard, Send, SoundHeard, WifiHeard
 from apad_bridge.links_file import LinksFile
 from apad_bridge.mission.orders import Note
 from apad_bridge.pace import Pace
@@ -31,6 +31,7 @@ from apad_bridge.supervisor import TICK_MS, Supervisor
 from apad_bridge.vehicle import BatteryReported, CloseDock, OpenDock, PoseReported
 from apad_bridge.vehicle_link import Carried, LetGo, VehicleLink
 from firmware_model.plan import Slots
+from firmware_model.sample_record import SampleRecord
 from firmware_model.wire import EVERYONE
 
 _ROUNDS = 8
@@ -43,6 +44,10 @@ class Recorder(Protocol):
     def event(self, at_ms: int, kind: str, **data: Any) -> None: ...
 
     def truths(self, truths: list[Truth]) -> None: ...
+
+    def samples(self, agent_id: int, records: Sequence[SampleRecord]) -> None:
+        """On disk when it returns: an acknowledgement follows."""
+        ...
 
     def tick(
         self,
@@ -159,11 +164,15 @@ class Flight:
             match action:
                 case Note(kind, data):
                     self._recorder.event(now_ms, kind, **data)
+                case KeepSamples(agent_id, records):
+                    self._recorder.samples(agent_id, records)
                 case Send(medium, agent_id, data) as send:
                     if self._fleet is None and self._ether is not None:
                         self._ether.transmit(medium, agent_id, data, now_ms)
                     else:
                         self._send(send, now_ms)
+                        if self._ether is not None:
+                            self._ether.said(send, now_ms)
                 case _:
                     mechanism |= isinstance(action, CloseDock | OpenDock)
                     self._vehicle.command(action, now_ms)

@@ -8,6 +8,7 @@ from apad_bridge.beliefs.fleet import FleetBeliefs
 from apad_bridge.beliefs.measurement import Docked, Permitted, Released
 from apad_bridge.facts import (
     Fact,
+    KeepSamples,
     Medium,
     OperatorAsked,
     RangeHeard,
@@ -16,8 +17,8 @@ from apad_bridge.facts import (
     SupervisorAction,
     WifiHeard,
 )
-from apad_bridge.mission.energy_exchange import EnergyExchange
 from apad_bridge.mission.orders import Note, Order, PermitSurfacing, TellClear
+from apad_bridge.mission.role import Mission
 from apad_bridge.mission.state import Phase
 from apad_bridge.port.docking_port import DockingPort
 from apad_bridge.port.primitives import (
@@ -31,6 +32,7 @@ from apad_bridge.port.primitives import (
     PrimitiveSucceeded,
     UndockMussel,
 )
+from apad_bridge.sample_collection import SampleCollection
 from apad_bridge.vehicle import (
     Arrived,
     BatteryReported,
@@ -41,7 +43,7 @@ from apad_bridge.vehicle import (
     VehicleCommand,
 )
 from firmware_model.codec import Codec
-from firmware_model.packets import CommandPacket, Kind, ShortStatus, Status, basic_of
+from firmware_model.packets import CommandPacket, Kind, LogRecords, Packet, ShortStatus, Status, basic_of
 
 TICK_MS = 1000
 """The mission acts once a second, the paper's 1 Hz."""
@@ -75,10 +77,11 @@ class Supervisor:
     def __init__(
         self,
         beliefs: FleetBeliefs,
-        mission: EnergyExchange,
+        mission: Mission,
         port: DockingPort,
         codec: Codec,
         theta: int,
+        samples: SampleCollection | None,
         duration_ms: int,
         end_at_apad_fraction: float,
     ) -> None:
@@ -91,6 +94,8 @@ class Supervisor:
         self.dropped: Counter[str] = Counter()
         self._codec = codec
         self._theta = theta
+        self.samples = samples
+        """None where the samples are somebody else's to keep, and to acknowledge."""
         self._duration_ms = duration_ms
         self._end_at_apad_fraction = end_at_apad_fraction
         self._facts: list[tuple[int, int, int, Fact]] = []
@@ -124,6 +129,7 @@ class Supervisor:
         actions: list[SupervisorAction] = []
         for _, _, _, fact in due:
             actions += self._handle(fact, now_ms)
+        actions += self._acknowledge()
         actions += self._pass_on(self.port.advance(now_ms), now_ms)
         if (reason := self._reason_to_end(now_ms)) is not None:
             actions += self._obey(self.mission.end(reason, now_ms), now_ms)
@@ -133,7 +139,10 @@ class Supervisor:
     def _handle(self, fact: Fact, now_ms: int) -> list[SupervisorAction]:
         match fact:
             case WifiHeard(at_ms, data) | SoundHeard(at_ms, data):
-                if (reason := self._hear(data, at_ms)) is not None:
+                packet = self._codec.decode(data)
+                if isinstance(packet, LogRecords):
+                    return self._collect(packet)
+                if (reason := self._hear(packet, at_ms)) is not None:
                     self.dropped[reason] += 1
                 return []
             case RangeHeard():
@@ -149,9 +158,27 @@ class Supervisor:
                     self.battery_at_start = fact
         return self._pass_on(self.port.receive(fact, now_ms), now_ms)
 
-    def _hear(self, data: bytes, at_ms: int) -> str | None:
-        """Believes what the bytes say; or says why not."""
-        packet = self._codec.decode(data)
+    def _collect(self, packet: LogRecords) -> list[SupervisorAction]:
+        if self.samples is None:
+            return []
+        taken = self.samples.take(packet)
+        if isinstance(taken, str):
+            self.dropped[taken] += 1
+            return []
+        actions: list[SupervisorAction] = []
+        if taken.records:
+            actions.append(KeepSamples(packet.agent_id, taken.records))
+        if taken.gone:
+            span = {"count": len(taken.gone), "first": min(taken.gone), "last": max(taken.gone)}
+            actions.append(Note("samples_gone", {"id": packet.agent_id, **span}))
+        return actions
+
+    def _acknowledge(self) -> list[SupervisorAction]:
+        acks = [] if self.samples is None else self.samples.acknowledgements()
+        return [Send(Medium.WIFI, ack.agent_id, self._codec.encode(ack)) for ack in acks]
+
+    def _hear(self, packet: Packet | None, at_ms: int) -> str | None:
+        """Believes what the packet says; or says why not."""
         if isinstance(packet, ShortStatus):
             return self.beliefs.hear_short(packet, at_ms, self._theta * at_ms)
         if not isinstance(packet, Status):

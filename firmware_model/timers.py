@@ -52,7 +52,7 @@ def whole_deadline(state: State, whole: Whole, keeper: Keeper, now_ms: int) -> D
         case State.SAMPLING:
             return now_ms + settings.sample_ms, _after_sampling(whole.cycle, settings)
         case State.REPORTING:
-            return now_ms + settings.sample_ms, Trigger.WAKE_OVER
+            return now_ms + whole.cycle.report_ms, Trigger.WAKE_OVER
         case State.PROCESSING:
             after = Trigger.PROCESSED if settings.has_slot else Trigger.WAKE_OVER
             return now_ms + whole.cycle.processing_ms, after

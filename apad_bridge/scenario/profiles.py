@@ -16,6 +16,8 @@ from firmware_model.rails import Rail
 
 _CAPACITY_WH = table_one.REFERENCE_MWH / 1000
 _MS_PER_HOUR = 3_600_000
+_REPORT_S = 60.0
+"""Of every profile: the paper's time scale of 30 leaves the aPad 30 s for an answer."""
 
 
 def _milliwatts(load: int) -> float:
@@ -39,6 +41,19 @@ def _power() -> dict[str, Any]:
     }
 
 
+def _metering() -> dict[str, Any]:
+    metering = table_one.METERING
+    known = {it.name: it.value for it in table_one.METERED}
+    return {
+        "period_s": metering.period_ms / 1000,
+        "settle_s": metering.settle_ms / 1000,
+        "internal_resistance_ohm": known["internal_resistance"],
+        "idle_mw": _milliwatts(metering.sag_from),
+        "lift_mv": known["lift"],
+        "noise_mv": known["noise"],
+    }
+
+
 def _cycle(cycle: Cycle) -> dict[str, Any]:
     slots = cycle.slots
     return {
@@ -46,6 +61,7 @@ def _cycle(cycle: Cycle) -> dict[str, Any]:
         "sample_s": cycle.sample_ms / 1000,
         "processing_s": cycle.processing_ms / 1000,
         "listen_s": cycle.listen_ms / 1000,
+        "report_s": _REPORT_S,
         "slots": None
         if slots is None
         else {"frame_s": slots.frame_ms / 1000, "slot_s": slots.slot_ms / 1000},
@@ -54,6 +70,7 @@ def _cycle(cycle: Cycle) -> dict[str, Any]:
 
 _PROFILES: dict[tuple[str, ...], dict[str, dict[str, Any]]] = {
     ("board", "whole", "power"): {"table-one": _power()},
+    ("board", "whole", "power", "metering"): {"table-one": _metering()},
     ("board", "whole", "cycle"): {"hourly": _cycle(table_one.HOURLY), "field": _cycle(table_one.FIELD)},
 }
 """By the block's path and the profile's name."""

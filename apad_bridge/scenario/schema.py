@@ -12,21 +12,19 @@ from typing import Annotated
 
 from annotated_types import Ge, Le
 
+from apad_bridge.scenario.board import Board
 from apad_bridge.scenario.polygon import area_m2, is_simple
 from apad_bridge.scenario.quantities import (
-    ChargeSegments,
     FileName,
     Fraction,
     NotNegative,
     NotNegativeSeconds,
     Positive,
     PositiveSeconds,
-    RatePerMinute,
     RosName,
     frozen,
 )
 from apad_bridge.scenario.water import Water
-from apad_bridge.scenario.whole_board import WholeBoard
 
 
 @frozen
@@ -95,34 +93,6 @@ class Fleet:
     `first_id` on are taken."""
     hosting: Hosting = Hosting.PROCESSES
     drift: Drift
-
-
-@frozen
-class Board:
-    """Numbers of the MU board and its body; agent time. Either the paper's worst case, by its two equations, or `whole`."""
-
-    discharge_per_min: RatePerMinute | None = None
-    charge_segments: ChargeSegments | None = None
-    pin_debounce_ms: Annotated[int, Ge(0)]
-    boot_ms: Annotated[int, Ge(0)]
-    surfacing_s: PositiveSeconds
-    sinking_s: PositiveSeconds
-    float_timeout_s: PositiveSeconds
-    """Floating unserved for so long, an aMussel sinks again."""
-    release_wait_s: NotNegativeSeconds
-    """After the falling edge, how long to wait for the release packet before sinking without it."""
-    whole: WholeBoard | None = None
-
-    def __post_init__(self) -> None:
-        equations = {"discharge_per_min": self.discharge_per_min, "charge_segments": self.charge_segments}
-        missing = [name for name, value in equations.items() if value is None]
-        given = [name for name in equations if name not in missing]
-        if self.whole is None and missing:
-            raise ValueError(f"{' and '.join(missing)} must be there, or `whole` for the whole firmware")
-        if self.whole is not None and given:
-            raise ValueError(
-                f"{' and '.join(given)} must be left out where `whole` is: its numbers are in whole.power"
-            )
 
 
 class HearingMode(StrEnum):
@@ -268,6 +238,8 @@ class APad:
 
     name: RosName = "apad1"
     generation: Generation = Generation.AUTO
+    interface: str | None = None
+    """A YAML file with the laboratory's own topics, relative to the scenario file; those of musselbed if there is none."""
     start_m: tuple[float, float]
     max_speed_m_s: Positive
     max_acceleration_m_s2: Positive

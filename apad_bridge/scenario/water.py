@@ -6,7 +6,9 @@ from typing import Annotated
 
 from annotated_types import Ge, Gt, Le
 
-from apad_bridge.scenario.quantities import NotNegative, NotNegativeSeconds, Positive, frozen
+from apad_bridge.scenario.quantities import Fraction, NotNegative, NotNegativeSeconds, Positive, frozen
+
+Speed = Annotated[float, Ge(-20), Le(20)]
 
 
 @frozen
@@ -48,10 +50,36 @@ class Wifi:
 
 
 @frozen
+class Tide:
+    """One constituent: north is north_m_s sin(2 pi t / period + north_phase), and east likewise; t is mission time."""
+
+    period_h: Annotated[float, Gt(0), Le(10_000)]
+    north_m_s: Speed
+    east_m_s: Speed
+    north_phase_deg: Annotated[float, Ge(-360), Le(360)] = 0.0
+    east_phase_deg: Annotated[float, Ge(-360), Le(360)] = 0.0
+
+
+@frozen
+class Current:
+    file: str | None = None
+    """CSV or NetCDF; relative to the scenario file."""
+    tides: tuple[Tide, ...] = ()
+    profile: tuple[tuple[NotNegative, Fraction], ...] = ()
+    """(depth in m, what is left of the current there), by rising depth; linear between. Empty: all of it, everywhere."""
+
+    def __post_init__(self) -> None:
+        depths = [depth for depth, _ in self.profile]
+        if depths != sorted(set(depths)):
+            raise ValueError("profile must go down")
+
+
+@frozen
 class Water:
     """Without `wifi` whatever is said by Wi-Fi is heard, except from under water."""
 
     sound: Sound = Sound()
     wifi: Wifi | None = None
+    current: Current | None = None
     links_file: str | None = None
     """CSV: from, to, loss and perhaps since_s, until_s; relative to the scenario file. Read again when it changes."""
