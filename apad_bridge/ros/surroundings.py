@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 
 from apad_bridge import building
-from apad_bridge.flight import Fleet
+from apad_bridge.fleet import Fleet
 from apad_bridge.pace import Pace, WallClock
 from apad_bridge.records.samples import TruthSample
 from apad_bridge.ros.agent_topics import Shown

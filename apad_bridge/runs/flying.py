@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+from collections import Counter
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
@@ -13,8 +14,10 @@ from agents.one_process import OneProcess
 from agents.processes import ProcessHost
 from apad_bridge import building
 from apad_bridge.ether import Ether
-from apad_bridge.flight import Fleet, Flight, Watcher
+from apad_bridge.fleet import Fleet
+from apad_bridge.flight import Flight, Watcher
 from apad_bridge.mission.state import MissionState
+from apad_bridge.modems.rims import Rims
 from apad_bridge.pace import AsFastAsPossible, Pace
 from apad_bridge.records.recorder import Recorder
 from apad_bridge.records.summary import Ending
@@ -47,6 +50,7 @@ class Surroundings:
     ether: Ether | None = None
     held: tuple[int, ...] = ()
     """aMussels that docks hold already."""
+    rims: Rims | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,6 +114,7 @@ def fly(
         start_ms=0 if go_on is None else go_on.now_ms + TICK_MS,
         held=surroundings.held,
         ether=surroundings.ether,
+        rims=surroundings.rims,
     )
     with ExitStack() as stack:
         for number in (signal.SIGINT, signal.SIGTERM):
@@ -124,9 +129,14 @@ def fly(
             cost_m=supervisor.mission.state.cost_m,
             services=supervisor.mission.state.services,
             apad_energy_fraction=_fraction_used(supervisor, go_on),
-            dropped=flight.dropped + supervisor.dropped + supervisor.port.dropped,
+            dropped=_dropped(flight, surroundings.fleet),
         )
         return recorder.finish(flight.now_ms, ending)
+
+
+def _dropped(flight: Flight, fleet: Fleet | None) -> Counter[str]:
+    in_water = Counter[str]() if fleet is None else fleet.dropped
+    return flight.dropped + flight.supervisor.dropped + flight.supervisor.port.dropped + in_water
 
 
 class _Announced:
