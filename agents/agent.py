@@ -5,8 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from agents.body import Body, WaterConfig
+from agents.logbook import Logbook
 from agents.outputs import Dropped, Output, PingAnswered, SoundSent, Truth, WifiSent
 from agents.physical import Physical
+from agents.reporter import Modem, Reporter
 from agents.stimuli import (
     CoilSlipped,
     ContactClosed,
@@ -20,9 +22,9 @@ from agents.stimuli import (
 from firmware_model import actions as board_actions
 from firmware_model import stimuli as board_stimuli
 from firmware_model.board import Board
-from firmware_model.charge import fraction
 from firmware_model.codec import Codec
-from firmware_model.packets import StatusPacket
+from firmware_model.flash_log import Flash, MemoryFlash
+from firmware_model.packets import LogRecords
 from firmware_model.plan import BoardConfig
 from firmware_model.rails import Rail
 from firmware_model.states import State
@@ -38,6 +40,7 @@ class AgentConfig:
     report_period_ms: int
     heard_always: bool
     """The paper's hearing: Wi-Fi works wherever the aMussel is. Otherwise only at the surface."""
+    modem: Modem = Modem.V3
 
 
 class Agent:
@@ -48,12 +51,18 @@ class Agent:
     """
 
     def __init__(
-        self, config: AgentConfig, codec: Codec, physical: Physical, now_ms: int, cause: ResetCause
+        self,
+        config: AgentConfig,
+        codec: Codec,
+        physical: Physical,
+        now_ms: int,
+        cause: ResetCause,
+        flash: Flash | None = None,
     ) -> None:
+        """`flash` outlives the agent; without one a whole board's log is as long-lived as the agent."""
         self.config = config
         self._codec = codec
         self._now_ms = now_ms
-        self._sequence = 0
         self._truths: list[Truth] = []
         self._last: tuple[State, Physical] | None = None
         self.body = Body(
@@ -69,6 +78,8 @@ class Agent:
             physical.pin_due_ms,
         )
         self.board = Board(config.board, codec, physical.primary, physical.secondary, now_ms)
+        self._logbook = None if config.board.whole is None else _logbook(config, physical, flash)
+        self._reporter = Reporter(self.board, self.body, self._logbook, config.modem)
         # A reset agent may have reported at this very time before it died: its next report is a later one.
         later = 0 if cause is ResetCause.POWER_ON else 1
         self._report_due_ms = self._report_after(now_ms + later)
@@ -79,6 +90,7 @@ class Agent:
     @property
     def physical(self) -> Physical:
         body, board = self.body, self.board
+        log = None if self._logbook is None else self._logbook.log
         return Physical(
             board.primary,
             board.secondary,
@@ -89,6 +101,8 @@ class Agent:
             body.buoyancy,
             body.docked,
             body.pin_due_ms,
+            0 if log is None else log.next_sequence,
+            0 if log is None else log.acknowledged,
         )
 
     @property
@@ -149,7 +163,7 @@ class Agent:
         self._report_due_ms += self.config.report_period_ms
         if self.board.state is State.BOOTING:
             return []
-        return [WifiSent(now_ms, self._codec.encode(self._status(now_ms)))]
+        return [WifiSent(now_ms, self._codec.encode(self._reporter.by_wifi(now_ms)))]
 
     def _take(self, stimulus: Stimulus, now_ms: int) -> list[Output]:
         match stimulus:
@@ -209,30 +223,45 @@ class Agent:
                 case board_actions.Dropped(at_ms, reason):
                     outputs.append(Dropped(at_ms, reason))
                 case board_actions.SendStatus(at_ms, by):
-                    data = self._codec.encode(self._status(at_ms))
-                    outputs.append(WifiSent(at_ms, data) if by is Rail.WIFI else SoundSent(at_ms, data))
+                    outputs.append(self._status(at_ms, by))
+                case board_actions.LogSample() | board_actions.SendLog() | board_actions.DropLog():
+                    outputs += self._log(action)
                 case _:
                     pass  # the truth that follows the event says the new state and what flows
         return outputs
 
-    def _status(self, now_ms: int) -> StatusPacket:
-        body, board = self.body, self.board
-        primary, secondary = board.readings(now_ms)
-        self._sequence += 1
-        return StatusPacket(
-            self.config.board.agent_id,
-            self._sequence - 1,
-            board.state,
-            fraction(primary),
-            fraction(secondary),
-            body.north_um / 1e6,
-            body.east_um / 1e6,
-            body.depth_at_um(now_ms) / 1e6,
-            now_ms,
-        )
+    def _log(
+        self, action: board_actions.LogSample | board_actions.SendLog | board_actions.DropLog
+    ) -> list[Output]:
+        logbook, body, now_ms = self._logbook, self.body, action.at_ms
+        assert logbook is not None  # the worst case has no such actions
+        packets: list[LogRecords] | None = []
+        match action:
+            case board_actions.LogSample():
+                logbook.take_sample(body.north_um, body.east_um, body.depth_at_um(now_ms), now_ms)
+            case board_actions.SendLog():
+                packets = logbook.begin_upload()
+            case board_actions.DropLog(_, next_sequence):
+                packets = logbook.acknowledge(next_sequence)
+        if packets is None:
+            return [Dropped(now_ms, "an acknowledgement of records that were never taken")]
+        return [WifiSent(now_ms, self._codec.encode(packet)) for packet in packets]
+
+    def _status(self, now_ms: int, by: Rail) -> Output:
+        if by is Rail.WIFI:
+            return WifiSent(now_ms, self._codec.encode(self._reporter.by_wifi(now_ms)))
+        return SoundSent(now_ms, self._codec.encode(self._reporter.by_sound(now_ms)))
 
     def _note_truth(self, now_ms: int) -> None:
         now = (self.board.state, self.physical)
         if now != self._last:
             self._last = now
             self._truths.append(Truth(now_ms, self.config.board.agent_id, *now))
+
+
+def _logbook(config: AgentConfig, physical: Physical, flash: Flash | None) -> Logbook:
+    kept = MemoryFlash() if flash is None else flash
+    water = config.water
+    return Logbook(
+        config.board.agent_id, water.seed, water.fields, kept, physical.samples, physical.acknowledged
+    )

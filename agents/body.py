@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from agents.water.current import CurrentField
 from agents.water.drift import drift_step_um
+from agents.water.fields import Fields
 from firmware_model.actions import Buoyancy
 
 
@@ -22,6 +23,8 @@ class WaterConfig:
     """The paper's mode: every undocked body takes a random step and follows the current each mission second."""
     amplitude_um: int
     current: CurrentField
+    fields: Fields
+    """What the sensors are in."""
     coil_alignment_ms: int = 0
     """From the contact, or from the coils' last slip, until the charger starts and its pin rises."""
 

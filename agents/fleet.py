@@ -8,9 +8,12 @@ from typing import Any
 from agents.agent import AgentConfig
 from agents.body import WaterConfig
 from agents.physical import Physical
+from agents.reporter import Modem
 from agents.water.current import STILL_WATER, CurrentField
+from agents.water.fields import Constant, Fields
 from firmware_model.actions import Buoyancy
 from firmware_model.charge import Battery, ChargeModel, Flow, grains
+from firmware_model.flash_log import PAGES
 from firmware_model.plan import BoardConfig, Cycle, LastResort, Metering, Power, Slots, Whole
 from firmware_model.rails import Loads
 
@@ -42,6 +45,15 @@ class FleetConfig:
     """Who has the first acoustic timeslot; the others follow by their ids."""
     coil_alignment_ms: int = 0
     """From a contact until the charger starts."""
+    pin_chatter_ms: int = 2000
+    pin_check_ms: int = 60_000
+    oxygen_mg_l: float = 8.0
+    temperature_c: float = 18.0
+    turbidity_ntu: float = 5.0
+    """What is true of the water everywhere."""
+    modem: Modem = Modem.V3
+    flash_pages: int = PAGES
+    """Of `firmware_model.flash_log.PAGE_BYTES` each, for the log of one aMussel."""
 
     def to_wire(self) -> dict[str, Any]:
         return asdict(self)
@@ -54,6 +66,7 @@ class FleetConfig:
             **{
                 **wire,
                 "charge": _charge_of(wire["charge"]),
+                "modem": Modem(wire["modem"]),
                 "whole": None if whole is None else _whole_of(whole),
             }
         )
@@ -112,6 +125,9 @@ class AgentConfigs:
             amplitude_um=fleet.drift_amplitude_um,
             current=STILL_WATER if fleet.current_csv is None else CurrentField.parse(fleet.current_csv),
             coil_alignment_ms=fleet.coil_alignment_ms,
+            fields=Fields(
+                Constant(fleet.oxygen_mg_l), Constant(fleet.temperature_c), Constant(fleet.turbidity_ntu)
+            ),
         )
 
     def config(self, agent_id: int) -> AgentConfig:
@@ -125,8 +141,10 @@ class AgentConfigs:
             fleet.release_wait_ms,
             fleet.whole,
             agent_id - fleet.first_id if self._has_slots else 0,
+            fleet.pin_chatter_ms,
+            fleet.pin_check_ms,
         )
-        return AgentConfig(board, self._water, fleet.report_period_ms, fleet.heard_always)
+        return AgentConfig(board, self._water, fleet.report_period_ms, fleet.heard_always, fleet.modem)
 
 
 def resting_on_bottom(

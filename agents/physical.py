@@ -17,7 +17,7 @@ from firmware_model.charge import Battery, Flow
 class Physical:
     """Anchors in agent milliseconds and micrometres; `depth_um` is the depth at `depth_anchor_ms`, positive down."""
 
-    FORMAT: ClassVar[struct.Struct] = struct.Struct("<QQBQBQQBQBqqQqB?Q")
+    FORMAT: ClassVar[struct.Struct] = struct.Struct("<QQBQBQQBQBqqQqB?QII")
 
     primary: Battery
     secondary: Battery
@@ -29,6 +29,10 @@ class Physical:
     docked: bool
     pin_due_ms: int = 0
     """When the coils of its dock will be aligned; 0 when they are, or when no dock holds it."""
+    samples: int = 0
+    """How many samples its log has ever taken; with `acknowledged`, in registers that outlive a reset."""
+    acknowledged: int = 0
+    """Its log's records below this sequence were acknowledged."""
 
     def pack(self) -> bytes:
         return self.FORMAT.pack(
@@ -49,6 +53,8 @@ class Physical:
             self.buoyancy,
             self.docked,
             self.pin_due_ms,
+            self.samples,
+            self.acknowledged,
         )
 
     @classmethod
@@ -56,7 +62,7 @@ class Physical:
         """The inverse of `pack`; struct.error or ValueError for other bytes."""
         fields = cls.FORMAT.unpack(data)
         a_ms, a, a_flow, a_load, a_coils, b_ms, b, b_flow, b_load, b_coils, *body = fields
-        north, east, depth_ms, depth, buoyancy, docked, pin_due_ms = body
+        north, east, depth_ms, depth, buoyancy, docked, pin_due_ms, samples, acknowledged = body
         return cls(
             Battery(a_ms, a, Flow(a_flow), a_load, a_coils),
             Battery(b_ms, b, Flow(b_flow), b_load, b_coils),
@@ -67,4 +73,6 @@ class Physical:
             Buoyancy(buoyancy),
             docked,
             pin_due_ms,
+            samples,
+            acknowledged,
         )

@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator
 from typing import Any, TypeVar
 
 from agents.agent import Agent, AgentConfig
+from agents.flash_file import FlashRegion
 from agents.fleet import AgentConfigs, resting_on_bottom
 from agents.host import Grant
 from agents.link import NEVER, Repeat, Window
@@ -28,7 +29,7 @@ from agents.stimuli import (
     WifiArrived,
 )
 from firmware_model.codec import Codec
-from firmware_model.packets import CommandPacket, Kind
+from firmware_model.packets import CommandPacket, Kind, LogAck
 from firmware_model.plan import BoardConfig, Whole
 from firmware_model.stimuli import ResetCause
 
@@ -40,7 +41,7 @@ _ALARM_MS = 10_000
 
 def rehearse(configs: AgentConfigs, codec: Codec, agent_id: int) -> None:
     """Plays all of an agent's paths, among them the refusals."""
-    slots = os.memfd_create("rehearsal")
+    slots, flash = os.memfd_create("rehearsal"), os.memfd_create("rehearsal")
     hearer, teller = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     asker, link = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     with hearer, teller, asker, link, message_room() as room:
@@ -56,8 +57,9 @@ def rehearse(configs: AgentConfigs, codec: Codec, agent_id: int) -> None:
         if config.board.whole is not None:
             config = _with(config, board=_in_haste(config.board, config.board.whole))
         for life in range(_LIVES):
-            _live(config, codec, 0.5 if life % 3 else 0.0, slots, teller, ask)
+            _live(config, codec, 0.5 if life % 3 else 0.0, slots, FlashRegion(flash, 0, 3), teller, ask)
     os.close(slots)
+    os.close(flash)
 
 
 def _in_haste(board: BoardConfig, whole: Whole) -> BoardConfig:
@@ -91,6 +93,7 @@ def _live(
     codec: Codec,
     primary: float,
     slots: int,
+    flash: FlashRegion,
     teller: socket.socket,
     ask: Callable[[Servant, bytes], None],
 ) -> None:
@@ -103,22 +106,44 @@ def _live(
         slot = pair.newest((epoch, 0))
         if slot is None:
             raise AssertionError("a slot just written was not found")
-        agent = Agent(config, codec, slot.physical, slot.granted_ms, cause)
+        flash.roll_back(slot.physical.samples)
+        agent = Agent(config, codec, slot.physical, slot.granted_ms, cause, flash)
         servant = Servant(agent, pair, teller, slot.key, slot.granted_ms)
         until_ms = slot.granted_ms
         ask(servant, Repeat((epoch, 0)).encode())
-        for sequence, (duration_ms, stimuli) in enumerate(_days(agent, codec, agent_id), start=1):
-            facts = tuple((until_ms, stimulus) for stimulus in stimuli)
-            until_ms += duration_ms
-            window = Window((epoch, sequence), Grant(until_ms, facts)).encode()
-            ask(servant, window)
-            ask(servant, window)
+        sequence = 0
+        for part in (_days, _wakes):
+            for duration_ms, stimuli in part(agent, codec, agent_id, until_ms):
+                facts = tuple((until_ms, stimulus) for stimulus in stimuli)
+                until_ms += duration_ms
+                sequence += 1
+                window = Window((epoch, sequence), Grant(until_ms, facts)).encode()
+                ask(servant, window)
+                ask(servant, window)
         for wrong in (b"wrong", Window(NEVER, Grant(0)).encode(), Repeat((epoch, 1)).encode()):
             ask(servant, wrong)
         cause = ResetCause.BROWN_OUT
 
 
-def _days(agent: Agent, codec: Codec, agent_id: int) -> Iterator[tuple[int, list[Stimulus]]]:
+def _wakes(agent: Agent, codec: Codec, agent_id: int, now_ms: int) -> Iterator[tuple[int, list[Stimulus]]]:
+    """As `_days`, for a board that sleeps: a wake on the bottom, and one in a dock, where it sends its log."""
+    config = agent.config
+    cycle = None if config.board.whole is None else config.board.whole.cycle
+    if cycle is None:
+        return
+    words = (LogAck(agent_id, 1), LogAck(agent_id, 2**31), CommandPacket(Kind.BACK_UP_LOG, agent_id))
+    permission, *told = (codec.encode(word) for word in (CommandPacket(Kind.PERMISSION, agent_id), *words))
+    up_ms, in_dock_ms = config.water.surfacing_ms, config.board.pin_debounce_ms + config.water.step_ms
+    yield 2 * cycle.alarm_ms, []
+    yield up_ms, [SoundArrived(permission)]
+    yield in_dock_ms, [ContactClosed(0, 0)]
+    docked_ms = now_ms + 2 * cycle.alarm_ms + up_ms + in_dock_ms
+    yield cycle.alarm_after_ms(docked_ms) - docked_ms, []
+    yield cycle.sample_ms, [WifiArrived(data) for data in told]
+    yield config.board.release_wait_ms + config.water.sinking_ms, [ContactOpened()]
+
+
+def _days(agent: Agent, codec: Codec, agent_id: int, now_ms: int) -> Iterator[tuple[int, list[Stimulus]]]:
     """(duration in agent ms, stimuli at its start), window by window, from the bottom to the bottom."""
     config = agent.config
     permission = codec.encode(CommandPacket(Kind.PERMISSION, agent_id))

@@ -4,40 +4,58 @@ from __future__ import annotations
 
 from decimal import ROUND_HALF_EVEN, Decimal
 
-from apad_bridge.scenario.schema import Board
-from apad_bridge.scenario.whole_board import BoardPower, LastResort, SleepCycle
+from apad_bridge.scenario.board import Board
+from apad_bridge.scenario.whole_board import BoardPower, LastResort, Metering, SleepCycle, WholeBoard
 from firmware_model import plan
-from firmware_model.charge import FULL, Battery, ChargeModel, Flow, grains, grains_per_ms
+from firmware_model.ageing import aged, capacity_left
+from firmware_model.charge import EMPTY_MV, FULL, FULL_MV, Battery, ChargeModel, Flow, grains, grains_per_ms
 from firmware_model.rails import Loads, Rail, bits, rails_of
 from firmware_model.states import State
 
 _MS_PER_HOUR = 3_600_000
 _COIL_UNIT = 10_000
+_CELL_MV = 3700
+_RANGE_MV = FULL_MV - EMPTY_MV
 
 
 def charge_model(board: Board) -> ChargeModel:
-    """How the batteries of such a board charge and discharge."""
+    """How the batteries of such a board charge and discharge, at their age."""
     if board.whole is None:
         assert board.discharge_per_min is not None and board.charge_segments is not None  # a Board sees to it
         return ChargeModel.from_minutes(board.discharge_per_min, board.charge_segments)
-    power = board.whole.power
-    one_coil = tuple((grains(end), grains_per_ms(rate)) for end, rate in power.charge_segments)
-    factor = round(power.two_coils * _COIL_UNIT)
-    return ChargeModel(0, one_coil, tuple((end, rate * factor // _COIL_UNIT) for end, rate in one_coil))
+    return _at_its_age(board.whole, _charge_as_new(board.whole.power), None)[0]
 
 
-def whole_firmware(board: Board) -> plan.Whole | None:
-    """The whole firmware's numbers; None for the paper's worst case."""
+def whole_firmware(board: Board, seed: int = 0) -> plan.Whole | None:
+    """The whole firmware's numbers, and `seed` for the noise of its readings; None for the paper's worst case."""
     whole = board.whole
     if whole is None:
         return None
-    return plan.Whole(
-        _power(whole.power, whole.last_resort),
+    as_new = plan.Whole(
+        _power(whole.power, whole.last_resort, seed),
         None if whole.cycle is None else _cycle(whole.cycle),
         whole.transmit_ms,
         _ms(whole.last_resort.call_period_s),
         _ms(whole.hover_period_s),
     )
+    return _at_its_age(whole, _charge_as_new(whole.power), as_new)[1]
+
+
+def _at_its_age(
+    whole: WholeBoard, charge: ChargeModel, firmware: plan.Whole | None
+) -> tuple[ChargeModel, plan.Whole | None]:
+    ageing = whole.power.ageing
+    if ageing is None:
+        return charge, firmware
+    as_new = plan.BoardConfig(0, charge, 0, 0, 0, 0, firmware)
+    old = aged(as_new, capacity_left(ageing.cycles, ageing.years))
+    return old.charge, old.whole
+
+
+def _charge_as_new(power: BoardPower) -> ChargeModel:
+    one_coil = tuple((grains(end), grains_per_ms(rate)) for end, rate in power.charge_segments)
+    factor = round(power.two_coils * _COIL_UNIT)
+    return ChargeModel(0, one_coil, tuple((end, rate * factor // _COIL_UNIT) for end, rate in one_coil))
 
 
 def can_fill(board: Board, start: float, level: float) -> bool:
@@ -51,7 +69,7 @@ def can_fill(board: Board, start: float, level: float) -> bool:
     return charge_model(board).reaches_at_ms(docked, min(FULL, grains(level) + 1)) is not None
 
 
-def _power(power: BoardPower, last_resort: LastResort) -> plan.Power:
+def _power(power: BoardPower, last_resort: LastResort, seed: int) -> plan.Power:
     return plan.Power(
         loads=Loads(
             tuple(
@@ -66,6 +84,23 @@ def _power(power: BoardPower, last_resort: LastResort) -> plan.Power:
         safe_level=grains(last_resort.safe_level),
         last_resort=plan.LastResort[last_resort.action.name],
         kept_on=bits(*{Rail[name.upper()] for name in power.kept_on}),
+        metering=None if power.metering is None else _metering(power.metering, power.capacity_wh, seed),
+        low_level=grains(power.low_level),
+    )
+
+
+def _metering(metering: Metering, capacity_wh: float, seed: int) -> plan.Metering:
+    """A milliwatt is 1 / 3700 A through the resistance, and so many grains a millisecond of this battery."""
+    mv_per_mw = metering.internal_resistance_ohm * 1000 / _CELL_MV
+    grains_per_ms_of_mw = FULL / (capacity_wh * 1000) / _MS_PER_HOUR
+    return plan.Metering(
+        period_ms=_ms(metering.period_s),
+        settle_ms=_ms(metering.settle_s),
+        sag_ms=round(mv_per_mw * FULL / _RANGE_MV / grains_per_ms_of_mw),
+        sag_from=grains_of_milliwatts(metering.idle_mw, capacity_wh),
+        lift=round(metering.lift_mv * FULL / _RANGE_MV),
+        noise=round(metering.noise_mv * FULL / _RANGE_MV),
+        seed=seed,
     )
 
 

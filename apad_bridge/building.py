@@ -10,11 +10,13 @@ from agents.physical import Physical
 from apad_bridge.beliefs.hold_last import HoldLast
 from apad_bridge.boards import charge_model, whole_firmware
 from apad_bridge.mission.energy_exchange import EnergyExchange
+from apad_bridge.mission.role import Mission
 from apad_bridge.mission.state import MissionState
 from apad_bridge.planning import registry
 from apad_bridge.port.docking_port import DockingPort
 from apad_bridge.scenario.schema import DriftMode, HearingMode, Scenario
 from apad_bridge.scenario.starts import Start
+from apad_bridge.scripting.commanded import CommandedMission, Front
 from apad_bridge.simulated_apad.apad import SimulatedAPad
 from apad_bridge.simulated_apad.misses import Misses
 from apad_bridge.supervisor import Supervisor
@@ -33,6 +35,9 @@ def fleet_config(scenario: Scenario) -> FleetConfig:
         codec=scenario.hearing.codec,
         charge=charge_model(board),
         pin_debounce_ms=board.pin_debounce_ms,
+        pin_chatter_ms=board.pin_chatter_ms,
+        pin_check_ms=round(board.pin_check_s * 1000),
+        coil_alignment_ms=round(board.coil_alignment_s * 1000),
         boot_ms=board.boot_ms,
         float_timeout_ms=round(board.float_timeout_s * 1000),
         release_wait_ms=round(board.release_wait_s * 1000),
@@ -44,7 +49,7 @@ def fleet_config(scenario: Scenario) -> FleetConfig:
         drifts_always=drift.mode is DriftMode.PAPER,
         drift_amplitude_um=round(drift.amplitude_m * 1e6),
         current_csv=None if drift.current_file is None else Path(drift.current_file).read_text(),
-        whole=whole_firmware(board),
+        whole=whole_firmware(board, scenario.seed),
         first_id=scenario.fleet.first_id,
     )
 
@@ -70,16 +75,26 @@ def simulated_apad(scenario: Scenario) -> SimulatedAPad:
 
 
 def supervisor(
-    scenario: Scenario, state: MissionState | None = None, first_command_id: int = 1
+    scenario: Scenario,
+    state: MissionState | None = None,
+    first_command_id: int = 1,
+    fronts: Sequence[Front] = (),
 ) -> Supervisor:
-    """A supervisor that knows nothing yet, or one that goes on with a mission's journaled `state`."""
+    """A supervisor that knows nothing yet, or one that goes on with a mission's journaled `state`.
+
+    Its mission is the paper's; or, where there are `fronts`, one that does what these order.
+    """
     beliefs = HoldLast(agent_ids(scenario))
-    mission = EnergyExchange(
-        scenario.mission,
-        beliefs,
-        registry.collection(scenario.mission.collection),
-        registry.redeployment(scenario.mission.redeployment),
-        state,
+    mission: Mission = (
+        CommandedMission(scenario.mission, beliefs, fronts, state)
+        if fronts
+        else EnergyExchange(
+            scenario.mission,
+            beliefs,
+            registry.collection(scenario.mission.collection),
+            registry.redeployment(scenario.mission.redeployment),
+            state,
+        )
     )
     port = DockingPort(scenario.mission.docking, first_command_id=first_command_id)
     return Supervisor(

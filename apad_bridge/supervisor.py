@@ -16,8 +16,8 @@ from apad_bridge.facts import (
     SupervisorAction,
     WifiHeard,
 )
-from apad_bridge.mission.energy_exchange import EnergyExchange
 from apad_bridge.mission.orders import Note, Order, PermitSurfacing, TellClear
+from apad_bridge.mission.role import Mission
 from apad_bridge.mission.state import Phase
 from apad_bridge.port.docking_port import DockingPort
 from apad_bridge.port.primitives import (
@@ -75,7 +75,7 @@ class Supervisor:
     def __init__(
         self,
         beliefs: FleetBeliefs,
-        mission: EnergyExchange,
+        mission: Mission,
         port: DockingPort,
         codec: Codec,
         theta: int,

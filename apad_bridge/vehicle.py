@@ -49,7 +49,16 @@ class OpenDock:
     agent_id: int
 
 
-VehicleCommand = GoTo | Hold | CloseDock | OpenDock
+@dataclass(frozen=True, slots=True)
+class MoveArm:
+    """Open or close the arm of dock `slot` for people to see: nothing is caught by it, and nothing is answered."""
+
+    command_id: int
+    slot: int
+    is_open: bool
+
+
+VehicleCommand = GoTo | Hold | CloseDock | OpenDock | MoveArm
 
 
 @dataclass(frozen=True, slots=True)

@@ -55,6 +55,21 @@ class LogSample:
 
 
 @dataclass(frozen=True, slots=True)
+class DropLog:
+    """All records of the log below this sequence are kept elsewhere."""
+
+    at_ms: int
+    next_sequence: int
+
+
+@dataclass(frozen=True, slots=True)
+class SendLog:
+    """Send what waits in the log, by Wi-Fi."""
+
+    at_ms: int
+
+
+@dataclass(frozen=True, slots=True)
 class SendStatus:
     """Send a status by the modem or by Wi-Fi; who hosts the board knows its place and makes the packet."""
 
@@ -70,7 +85,9 @@ class Dropped:
     reason: str
 
 
-Action = StateChanged | RunBuoyancy | SetRail | FeedFrom | LogSample | SendStatus | Dropped
+Action = (
+    StateChanged | RunBuoyancy | SetRail | FeedFrom | LogSample | DropLog | SendLog | SendStatus | Dropped
+)
 
 MOTORS = {
     State.SURFACING: Buoyancy.FLOAT,

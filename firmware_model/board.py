@@ -6,10 +6,12 @@ from firmware_model.actions import (
     MOTORS,
     REPORTS,
     Action,
+    DropLog,
     Dropped,
     FeedFrom,
     LogSample,
     RunBuoyancy,
+    SendLog,
     SendStatus,
     SetRail,
     StateChanged,
@@ -17,7 +19,7 @@ from firmware_model.actions import (
 from firmware_model.charge import Battery
 from firmware_model.charge_pin import ChargePin, Edge, Fault
 from firmware_model.codec import Codec
-from firmware_model.packets import EVERYONE, CommandPacket, Kind
+from firmware_model.packets import EVERYONE, Command, Kind, LogAck
 from firmware_model.plan import BoardConfig
 from firmware_model.power_path import Feed, Level, PowerPath, WorstCase
 from firmware_model.rails import RAILS, Rail, bits, rails_of
@@ -92,6 +94,11 @@ class Board:
         return self._whole is None or bool(
             self.rails & (1 << Rail.MODEM_LISTENING | 1 << Rail.MODEM_RECEIVING)
         )
+
+    @property
+    def feed(self) -> Feed:
+        """The battery that the board lives on."""
+        return self._batteries.feed
 
     @property
     def next_due_ms(self) -> int | None:
@@ -184,10 +191,14 @@ class Board:
 
     def _command(self, data: bytes) -> list[Action]:
         packet = self._codec.decode(data)
-        if not isinstance(packet, CommandPacket):
+        if not isinstance(packet, Command):
             return [Dropped(self._now_ms, "not a command")]
         if packet.agent_id not in (self.config.agent_id, EVERYONE):
             return [Dropped(self._now_ms, "for another aMussel")]
+        if isinstance(packet, LogAck):
+            return self._keep_uploading(DropLog(self._now_ms, packet.next_sequence))
+        if packet.kind is Kind.BACK_UP_LOG:
+            return self._keep_uploading(SendLog(self._now_ms))
         if packet.kind is Kind.RELEASE and self.state in _DOCKED:
             # The packet and the contact travel apart: it may come before the falling edge is certain.
             self._clear_to_sink = True
@@ -200,6 +211,16 @@ class Board:
             if trigger is None
             else self._pull(trigger)
         )
+
+    def _keep_uploading(self, action: Action) -> list[Action]:
+        """A docked board stays awake for as long as somebody takes its log."""
+        if self._whole is None:
+            return [Dropped(self._now_ms, "the worst case has no log")]
+        if not self.rails >> Rail.WIFI & 1:
+            return [Dropped(self._now_ms, "Wi-Fi is off")]
+        if self.state is State.REPORTING:
+            self._set_deadline()
+        return [action]
 
     def _edge(self, edge: Edge) -> list[Action]:
         if self.state in (State.OFF, State.BOOTING):
@@ -260,6 +281,8 @@ class Board:
         self._set_deadline()
         if state in REPORTS:
             actions.append(SendStatus(now_ms, REPORTS[state]))
+            if state is State.REPORTING:
+                actions.append(SendLog(now_ms))
         if not RAILS[state] >> Rail.MU_ASLEEP & 1 and self._pin.look(now_ms):
             actions.append(Dropped(now_ms, Fault.MISSED.value))
         return actions

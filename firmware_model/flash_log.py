@@ -57,6 +57,19 @@ class Ring:
         begun = next_sequence // self.records_a_page
         return max(0, (begun - self.pages + 2) * self.records_a_page)
 
+    def first_in(self, flash: Flash, page: int) -> int | None:
+        """The sequence of a page's first record; None when nothing of it can be read."""
+        for n, slot in enumerate(self.written(flash, page)):
+            if (record := SampleRecord.decode(slot)) is not None:
+                return record.sequence - n
+        return None
+
+    def written(self, flash: Flash, page: int) -> list[bytes]:
+        """The page's records as bytes, without those behind the last that is not blank."""
+        data = flash.read(page * self.page_bytes, self.records_a_page * RECORD_BYTES)
+        used = -(-len(data.rstrip(b"\0")) // RECORD_BYTES)
+        return [data[n * RECORD_BYTES : (n + 1) * RECORD_BYTES] for n in range(used)]
+
 
 class FlashLog:
     """The board's log. `torn` counts records of the newest page that a reset found begun and unreadable."""
@@ -125,9 +138,13 @@ class FlashLog:
 
     def _recover(self, next_sequence: int) -> None:
         """Goes on behind the newest record that can be read, and behind what was torn after it."""
-        firsts = [first for page in range(self.ring.pages) if (first := self._first(page)) is not None]
+        firsts = [
+            first
+            for page in range(self.ring.pages)
+            if (first := self.ring.first_in(self._flash, page)) is not None
+        ]
         newest = max(firsts, default=0)
-        slots = self._slots(self.ring.page(newest)) if firsts else []
+        slots = self.ring.written(self._flash, self.ring.page(newest)) if firsts else []
         end = newest + len(slots)
         known = max(end, next_sequence)
         begun = self._begun(known)
@@ -139,23 +156,10 @@ class FlashLog:
     def _begun(self, sequence: int) -> int:
         """How many records from `sequence` on cannot be written now, because something was begun there."""
         page, before = self.ring.page(sequence), sequence % self.ring.records_a_page
-        first = self._first(page)
+        first = self.ring.first_in(self._flash, page)
         if first is not None and first != sequence - before:
             return -before % self.ring.records_a_page  # the page was never erased for them
-        return max(0, len(self._slots(page)) - before)
-
-    def _first(self, page: int) -> int | None:
-        """The sequence of a page's first record; None when nothing of it can be read."""
-        for n, slot in enumerate(self._slots(page)):
-            if (record := SampleRecord.decode(slot)) is not None:
-                return record.sequence - n
-        return None
-
-    def _slots(self, page: int) -> list[bytes]:
-        """The page's records as bytes, without those behind the last that is not blank."""
-        data = self._flash.read(page * self.ring.page_bytes, self.ring.records_a_page * RECORD_BYTES)
-        used = -(-len(data.rstrip(b"\0")) // RECORD_BYTES)
-        return [data[n * RECORD_BYTES : (n + 1) * RECORD_BYTES] for n in range(used)]
+        return max(0, len(self.ring.written(self._flash, page)) - before)
 
 
 class MemoryFlash:

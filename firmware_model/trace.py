@@ -6,10 +6,12 @@ from collections.abc import Iterable, Sequence
 
 from firmware_model.actions import (
     Action,
+    DropLog,
     Dropped,
     FeedFrom,
     LogSample,
     RunBuoyancy,
+    SendLog,
     SendStatus,
     SetRail,
     StateChanged,
@@ -39,6 +41,10 @@ def line(action: Action) -> str:
             return f"{clock(at_ms)}      fed by {feed.name}"
         case LogSample(at_ms):
             return f"{clock(at_ms)}      sample logged"
+        case DropLog(at_ms, next_sequence):
+            return f"{clock(at_ms)}      log acknowledged up to {next_sequence}"
+        case SendLog(at_ms):
+            return f"{clock(at_ms)}      log sent"
         case SendStatus(at_ms, by):
             return f"{clock(at_ms)}      status sent by {by.name}"
         case Dropped(at_ms, reason):

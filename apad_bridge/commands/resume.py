@@ -46,6 +46,8 @@ def run(arguments: argparse.Namespace) -> int:
         raise UserError(
             f"an asap run is the same whenever it is flown: musselbed run {directory.scenario} --time asap"
         )
+    if options.script:
+        raise UserError(f"a script cannot go on in the middle: musselbed script {options.script} begins anew")
     if (pid := supervisor_of(path)) is not None:
         raise UserError(f"the run's supervisor lives (pid {pid}): there is nothing to resume")
     if directory.summary.exists():

@@ -32,6 +32,7 @@ from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.loader import load, with_overrides
 from apad_bridge.scenario.schema import Generation, Hosting, Scenario
 from apad_bridge.scenario.starts import Start, starts_of
+from apad_bridge.scripting.commanded import Front
 
 _TIMES = """asap: virtual time, as fast as the machine goes, the simulated aPad in the same process, no ROS;
 wall: real time (times --speed with the simulated aPad); ros: the /clock of somebody else's master"""
@@ -47,13 +48,7 @@ def add_parser(commands: Any) -> None:
         epilog=f"exit codes: {EXITS}",
     )
     add_scenario_arguments(parser)
-    parser.add_argument(
-        "--apad",
-        choices=[kind.value for kind in APadKind],
-        default=APadKind.SIM.value,
-        help="sim: the simulated aPad (over a ROS master of its own, or in-process with --time asap); "
-        "ros: the one on the master at ROS_MASTER_URI (default: sim)",
-    )
+    add_apad_argument(parser)
     parser.add_argument("--strategy", metavar="NAME", help="another collection strategy than the scenario's")
     parser.add_argument("--dry-run", action="store_true", help="plan once and print it; command nothing")
     parser.add_argument(
@@ -65,9 +60,24 @@ def add_parser(commands: Any) -> None:
     parser.set_defaults(run=run, part=Part.WHOLE)
 
 
+def add_apad_argument(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--apad",
+        choices=[kind.value for kind in APadKind],
+        default=APadKind.SIM.value,
+        help="sim: the simulated aPad (over a ROS master of its own, or in-process with --time asap); "
+        "ros: the one on the master at ROS_MASTER_URI (default: sim)",
+    )
+
+
 def add_scenario_arguments(parser: argparse.ArgumentParser) -> None:
     """What `run`, `fleet` and `mission` share."""
     parser.add_argument("scenario", type=Path, metavar="SCENARIO.yaml")
+    add_flight_arguments(parser)
+
+
+def add_flight_arguments(parser: argparse.ArgumentParser) -> None:
+    """How a scenario is flown, and what of it is changed."""
     parser.add_argument(
         "--time", choices=[source.value for source in TimeSource], default="wall", help=_TIMES
     )
@@ -169,7 +179,7 @@ def run(arguments: argparse.Namespace) -> int:
     duration_ms = round(scenario.duration_s * 1000)
     with peers_may_fail(), FlightProgress(scenario.name, duration_ms, quiet=arguments.json) as progress:
         if options.time is TimeSource.ASAP:
-            summary = _fly_here(scenario, starts, directory, progress)
+            summary = fly_here(scenario, starts, directory, progress)
         else:
             summary = parent.fly(scenario, starts, options, directory, progress)
     if options.dry_run:
@@ -187,14 +197,21 @@ def peers_may_fail() -> Iterator[None]:
         raise SystemExit(Exit.PEER_FAILED) from error
 
 
-def _fly_here(
-    scenario: Scenario, starts: Sequence[Start], directory: RunDirectory, progress: FlightProgress
+def fly_here(
+    scenario: Scenario,
+    starts: Sequence[Start],
+    directory: RunDirectory,
+    progress: FlightProgress,
+    fronts: Sequence[Front] = (),
 ) -> dict[str, Any]:
+    """In virtual time, with the supervisor and the simulated aPad in this process."""
     recorder = Recorder(directory, scenario, building.agent_ids(scenario))
     flying.journal_start(recorder, scenario, starts)
     fleet = flying.open_fleet(scenario, starts, directory.path / FOLDER)
     try:
-        return flying.fly(scenario, flying.in_process(scenario, fleet), recorder, progress.show)
+        return flying.fly(
+            scenario, flying.in_process(scenario, fleet), recorder, progress.show, fronts=fronts
+        )
     finally:
         recorder.close()
         fleet.host.close()

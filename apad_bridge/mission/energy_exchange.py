@@ -11,6 +11,7 @@ from dataclasses import replace
 
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.mission.charging_watch import ChargingWatch
+from apad_bridge.mission.homes import with_new_homes
 from apad_bridge.mission.orders import Note, Order, PermitSurfacing, TellClear
 from apad_bridge.mission.plans import asked, plan_note
 from apad_bridge.mission.pool import SLOTS, ChargingPool, situation_of, unheard
@@ -31,7 +32,6 @@ from apad_bridge.port.primitives import (
     UndockMussel,
 )
 from apad_bridge.scenario.schema import Mission
-from firmware_model.state_groups import DOCKED
 from firmware_model.states import State
 
 
@@ -299,11 +299,9 @@ class EnergyExchange:
         return {agent_id: (north_m, east_m) for agent_id, north_m, east_m in self.state.homes}
 
     def _learn_homes(self) -> None:
-        known = {agent_id for agent_id, _, _ in self.state.homes}
-        new = [b for b in self._beliefs.all() if b.agent_id not in known and b.state not in DOCKED]
-        if new:
-            homes = (*self.state.homes, *((b.agent_id, b.north_m, b.east_m) for b in new))
-            self._set(homes=tuple(sorted(homes)))
+        homes = with_new_homes(self.state.homes, self._beliefs.all())
+        if homes is not self.state.homes:
+            self._set(homes=homes)
 
     def _tell_strays(self, now_ms: int) -> None:
         expected = {step.agent_id for step in self.state.plan.steps} | set(dict(self.state.docked).values())

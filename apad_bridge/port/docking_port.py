@@ -23,7 +23,7 @@ from apad_bridge.port.primitives import (
     UndockMussel,
 )
 from apad_bridge.port.progress import Progress
-from apad_bridge.scenario.schema import Docking, DockingProfile
+from apad_bridge.scenario.schema import ArmUse, Docking, DockingProfile
 from apad_bridge.vehicle import (
     Arrived,
     BatteryReported,
@@ -33,6 +33,7 @@ from apad_bridge.vehicle import (
     DockOpened,
     GoTo,
     Hold,
+    MoveArm,
     OpenDock,
     PoseReported,
     VehicleCommand,
@@ -70,6 +71,8 @@ class DockingPort:
         """Of the running primitive's mechanism."""
         self._first_reason = ""
         """Why the first of them failed."""
+        self._arm_slot: int | None = None
+        """Of the arm that was opened for people to see."""
         self._act_ms: int | None = None
         self._deadline_ms: int | None = None
         self._progress: Progress | None = None
@@ -156,6 +159,7 @@ class DockingPort:
             # Asking again would make the public simulator hold it twice.
             self._apply(Event.MECHANISM_DONE, now_ms, actions)
             return
+        self._open_arm(primitive, actions)
         wait_s = self._docking.dock_s if isinstance(primitive, DockMussel) else self._docking.undock_s
         if self._docking.profile_of(primitive.agent_id) is not DockingProfile.VIRTUAL:
             wait_s = 0.0
@@ -163,6 +167,12 @@ class DockingPort:
         self._deadline_ms = now_ms + round(self._docking.timeout_s * 1000)
         if self._act_ms == now_ms:
             self._apply(Event.WAIT_OVER, now_ms, actions)
+
+    def _open_arm(self, primitive: DockMussel | UndockMussel, actions: list[Action]) -> None:
+        is_virtual = self._docking.profile_of(primitive.agent_id) is DockingProfile.VIRTUAL
+        if is_virtual and self._docking.arm is ArmUse.MOVED and self._arm_slot is None:
+            self._arm_slot = primitive.slot
+            actions.append(MoveArm(self._take_command_id(), primitive.slot, True))
 
     def _act(self, actions: list[Action]) -> None:
         primitive = self._running
@@ -243,6 +253,9 @@ class DockingPort:
                 self.first_failure = failure
         if was_going and event is Event.TIMED_OUT:
             self._hold_here(actions)
+        if self._arm_slot is not None:
+            actions.append(MoveArm(self._take_command_id(), self._arm_slot, False))
+            self._arm_slot = None
         if self._queued is not None:
             queued, self._queued = self._queued, None
             self._start(queued, at_ms, actions)

@@ -29,7 +29,7 @@ from apad_bridge.ros.legacy_words import UNSTAMPED
 from apad_bridge.ros.live_types import differing_types
 from apad_bridge.ros.messages import use_generated_messages
 from apad_bridge.ros.vehicle_not_ready import VehicleNotReady
-from apad_bridge.vehicle import CloseDock, OpenDock, VehicleCommand
+from apad_bridge.vehicle import CloseDock, MoveArm, OpenDock, VehicleCommand
 from apad_bridge.vehicle_link import LinkFact
 
 use_generated_messages()
@@ -121,6 +121,8 @@ class GenerationALink:
         return self._core.advance(now_ms)
 
     def command(self, command: VehicleCommand, now_ms: int) -> None:
+        if isinstance(command, MoveArm):
+            return  # generation A moves its arms with a perch, and by no other word
         if isinstance(command, CloseDock | OpenDock):
             self._mechanism_ms = now_ms
         self._goals.publish(_goal_message(self._core.command(command, now_ms)))

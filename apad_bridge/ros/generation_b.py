@@ -16,6 +16,8 @@ from dataclasses import replace
 from typing import Any
 
 import rosgraph
+import rospy
+from std_msgs.msg import Float32MultiArray
 
 from apad_bridge.diagnosis.graph import Graph
 from apad_bridge.diagnosis.network import Unreachable
@@ -38,9 +40,10 @@ from apad_bridge.ros.live_types import differing_services, differing_types
 from apad_bridge.ros.messages import use_generated_messages
 from apad_bridge.ros.service_calls import ServiceCalls
 from apad_bridge.ros.vehicle_not_ready import VehicleNotReady
+from apad_bridge.ros.virtual_camera import VirtualCamera
 from apad_bridge.scenario.schema import Docking
 from apad_bridge.simulated_apad.misses import Misses
-from apad_bridge.vehicle import VehicleCommand
+from apad_bridge.vehicle import MoveArm, VehicleCommand
 from apad_bridge.vehicle_link import LinkFact
 
 use_generated_messages()
@@ -75,7 +78,8 @@ class GenerationBLink:
         misses: Misses,
         *,
         our_clock: bool,
-        sight: Sight = lambda agent_id: None,
+        sight: Sight = lambda now_ms: {},
+        camera: VirtualCamera | None = None,
         docked: Mapping[int, int] | None = None,
         now_ms: int = 0,
     ) -> None:
@@ -86,6 +90,8 @@ class GenerationBLink:
         self._inbox: Inbox[Heard] = Inbox()
         self._ears = Ears(name, self._inbox, stamped=our_clock)
         self._calls = ServiceCalls()
+        self._camera = camera
+        self._arms = rospy.Publisher(f"/{name}/dock_out", Float32MultiArray, queue_size=4)
 
     @property
     def dropped(self) -> Counter[str]:
@@ -137,11 +143,17 @@ class GenerationBLink:
         return facts
 
     def command(self, command: VehicleCommand, now_ms: int) -> None:
+        if isinstance(command, MoveArm):
+            is_open = [float(command.is_open and slot == command.slot) for slot in range(4)]
+            self._arms.publish(Float32MultiArray(data=is_open))
         self._core.command(command, now_ms)
         self._send()
 
     def close(self) -> None:
         self._ears.close()
+        self._arms.unregister()
+        if self._camera is not None:
+            self._camera.close()
 
     # In step with our own clock: what `OwnMasterClock` asks for.
 
@@ -161,6 +173,8 @@ class GenerationBLink:
         until_s = time.monotonic() + timeout_s
         while self._core.state_ms < now_ms and (left_s := until_s - time.monotonic()) > 0:
             self._drain(left_s)
+        if self._camera is not None and self._core.state_ms >= now_ms:
+            self._camera.wait_until_looked(now_ms, max(0.0, until_s - time.monotonic()))
         return self._core.state_ms >= now_ms
 
     def wait_until_heard(self, now_ms: int, timeout_s: float) -> list[str]:

@@ -37,6 +37,7 @@ from apad_bridge.vehicle import (
     CommandFailed,
     GoTo,
     Hold,
+    MoveArm,
     OpenDock,
     PoseReported,
     VehicleCommand,
@@ -51,6 +52,7 @@ ASTRAY_M = 3.0
 """A vehicle that shall hold and is this far away does not."""
 ASTRAY_MS = 10_000
 """So often, at most, it is told again."""
+NOTHING_THERE = "the aPad says it docked, but the aMussel is not there"
 PILOT = "a pilot steers the aPad"
 
 
@@ -67,7 +69,7 @@ class GenerationBCore:
         battery_v: tuple[float, float],
         docking: Docking,
         misses: Misses,
-        sight: Sight = lambda agent_id: None,
+        sight: Sight = lambda now_ms: {},
         docked: Mapping[int, int] | None = None,
         now_ms: int = 0,
     ) -> None:
@@ -121,6 +123,8 @@ class GenerationBCore:
             case Hold(_, north_m, east_m, heading_rad):
                 self._begin(hold=command)
                 self._position((north_m, east_m), now_ms, heading_rad)
+            case MoveArm():
+                pass  # the link's: nothing is answered
             case CloseDock(_, _, agent_id) | OpenDock(_, _, agent_id):
                 profile = self._docking.profile_of(agent_id)
                 if profile is DockingProfile.VIRTUAL:
@@ -148,8 +152,10 @@ class GenerationBCore:
                 self._hear_status(docking, status, at_ms)
             case PilotHeard(at_ms, steers):
                 self._hear_pilot(steers, at_ms)
-            case ArmHeard(_, slot):
-                self._hand_slot = slot if slot is not None else self._hand_slot
+            case ArmHeard(at_ms, slot) if slot is not None:
+                self._hear_arm(slot, at_ms)
+            case ArmHeard():
+                pass  # closed: the statuses tell what came of it
             case FinishedHeard():
                 pass  # says neither which primitive nor how: the statuses do
 
@@ -290,11 +296,20 @@ class GenerationBCore:
 
     def _servo_done(self, servo: ServoDocking, at_ms: int) -> None:
         if isinstance(servo.command, CloseDock):
+            if self.docks.is_out_of_reach(servo.command, self._pose, at_ms):
+                self._fail(NOTHING_THERE, at_ms)
+                return
             self._facts += self.docks.close(servo.command, self._pose, at_ms)
         else:
             self._facts += self.docks.open(servo.command, at_ms)
         self._begin()
         self._hold_here(at_ms)
+
+    def _hear_arm(self, slot: int, at_ms: int) -> None:
+        self._hand_slot = slot
+        servo = self._servo
+        if servo is not None and isinstance(servo.command, OpenDock) and servo.command.slot == slot:
+            self._facts += self.docks.open_arm(slot, at_ms)
 
     def _hear_hand(self, status: Status, at_ms: int) -> None:
         """A docking that nobody here ordered: by a person, or another's planner. It names no aMussel."""
@@ -309,7 +324,7 @@ class GenerationBCore:
             self._dropped["docking by hand: no arm was seen to open"] += 1
         elif (held := self.docks.held.get(slot)) is not None:
             self._facts += self.docks.open(OpenDock(0, slot, held), at_ms)
-        elif (agent_id := self.docks.caught_by_hand(slot, self._pose)) is not None:
+        elif (agent_id := self.docks.caught_by_hand(slot, self._pose, at_ms)) is not None:
             self._facts += self.docks.close(CloseDock(0, slot, agent_id), self._pose, at_ms)
         else:
             self._dropped["docking by hand: no simulated aMussel was near"] += 1

@@ -19,8 +19,8 @@ DOCK_M = 0.4
 REACH_M = 1.5
 """An aMussel farther from the aPad than this was not caught by a docking that nobody named it for."""
 
-Sight = Callable[[int], tuple[float, float] | None]
-"""Where a simulated aMussel floats, (north, east) in metres; None if it does not, or is not simulated here."""
+Sight = Callable[[int], Mapping[int, tuple[float, float]]]
+"""At a mission time: where simulated aMussels float, (north, east) in metres by id; empty where nobody knows."""
 
 
 class DocksByBench:
@@ -31,6 +31,8 @@ class DocksByBench:
     ) -> None:
         self._simulated = sorted(simulated_ids)
         self._docks = Docks()
+        self._let_go: set[int] = set()
+        """Agents whose arm stands open already, though the vehicle has not come to the end of its undocking."""
         self._misses = misses
         self._sight = sight
         for slot, agent_id in docked.items():
@@ -47,6 +49,15 @@ class DocksByBench:
     def refusal(self, command: CloseDock) -> str | None:
         return self._docks.refusal(command)
 
+    def is_out_of_reach(self, command: CloseDock, pose: PoseReported | None, now_ms: int) -> bool:
+        """Whether a simulated aMussel is known to float elsewhere than where the slot closed."""
+        there_m = self._sight(now_ms).get(command.agent_id)
+        return (
+            there_m is not None
+            and pose is not None
+            and math.dist(slot_place_m(command.slot, pose), there_m) > REACH_M
+        )
+
     def close(self, command: CloseDock, pose: PoseReported | None, now_ms: int) -> list[LinkFact]:
         """The contact is made, or missed."""
         refused = self._docks.refusal(command)
@@ -62,17 +73,27 @@ class DocksByBench:
 
     def open(self, command: OpenDock, now_ms: int) -> list[LinkFact]:
         fact = self._docks.open(command, now_ms)
-        if isinstance(fact, DockOpened) and command.agent_id in self._simulated:
+        was_free = command.agent_id in self._let_go
+        self._let_go.discard(command.agent_id)
+        if isinstance(fact, DockOpened) and command.agent_id in self._simulated and not was_free:
             return [fact, LetGo(now_ms, command.agent_id)]
         return [fact]
 
-    def caught_by_hand(self, slot: int, pose: PoseReported) -> int | None:
+    def open_arm(self, slot: int, now_ms: int) -> list[LinkFact]:
+        """The arm around a simulated aMussel stands open: it is free, whatever the vehicle does until its end."""
+        agent_id = self.held.get(slot)
+        if agent_id is None or agent_id not in self._simulated or agent_id in self._let_go:
+            return []
+        self._let_go.add(agent_id)
+        return [LetGo(now_ms, agent_id)]
+
+    def caught_by_hand(self, slot: int, pose: PoseReported, now_ms: int) -> int | None:
         """The simulated aMussel nearest to where `slot` closed, if one is within reach and in no dock."""
         place_m = slot_place_m(slot, pose)
         near = [
             (math.dist(place_m, there_m), agent_id)
-            for agent_id in self._simulated
-            if not self.holds(agent_id) and (there_m := self._sight(agent_id)) is not None
+            for agent_id, there_m in self._sight(now_ms).items()
+            if agent_id in self._simulated and not self.holds(agent_id)
         ]
         distance_m, agent_id = min(near, default=(math.inf, 0))
         return agent_id if distance_m <= REACH_M else None
@@ -84,7 +105,7 @@ class DocksByBench:
         return [
             self._carried(slot, agent_id, pose, now_ms)
             for slot, agent_id in held
-            if agent_id in self._simulated
+            if agent_id in self._simulated and agent_id not in self._let_go
         ]
 
     def _carried(self, slot: int, agent_id: int, pose: PoseReported, now_ms: int) -> Carried:

@@ -45,12 +45,20 @@ class OwnMasterClock:
     """Publishes /clock `speed` times as fast as the wall clock (None: as fast as the aPad's node follows).
 
     A tick has come when the aPad's node has said that it is done with it: TimeoutError, naming it, after `patience_s`.
+    With `in_fine_steps` that holds of every tenth of a second: for a vehicle that is shown what it sees, and acts on it.
+
     Latched, so that a tool that comes later has the time at once. A hundred may wait for a slow reader; it then loses the
     oldest, and nobody waits for it.
     """
 
     def __init__(
-        self, speed: float | None, link: InStep, start_ms: int = 0, patience_s: float = PATIENCE_S
+        self,
+        speed: float | None,
+        link: InStep,
+        start_ms: int = 0,
+        patience_s: float = PATIENCE_S,
+        *,
+        in_fine_steps: bool = False,
     ) -> None:
         self._link = link
         self._patience_s = patience_s
@@ -60,6 +68,9 @@ class OwnMasterClock:
         self._step_ms = 1000
         if speed is not None:
             self._step_ms = next((it for it in _STEPS_MS if it / 1000 / speed >= _STEP_WALL_S), 1000)
+        self._in_fine_steps = in_fine_steps
+        if in_fine_steps:
+            self._step_ms = _STEPS_MS[0]
         self._clock = rospy.Publisher("/clock", Clock, queue_size=100, latch=True)
 
     @property
@@ -73,14 +84,19 @@ class OwnMasterClock:
             self._pace.reach(step_ms, stopped, between)
             self._clock.publish(Clock(to_ros(step_ms)))
             self._told_ms, self._has_told = step_ms, True
+            if self._in_fine_steps and step_ms < now_ms:
+                self._wait_until_done(step_ms)
             if between is not None and step_ms < now_ms:
                 between(step_ms)
+        self._wait_until_done(now_ms)
+        self._link.wait_until_heard(now_ms, SETTLE_S)
+
+    def _wait_until_done(self, now_ms: int) -> None:
         if not self._link.wait_until_done(now_ms, self._patience_s):
             raise TimeoutError(
                 f"the node of /{self._link.name} did not say within {self._patience_s:g} s, by its stateRef, "
                 f"that it has come to {now_ms / 1000:g} s of mission time"
             )
-        self._link.wait_until_heard(now_ms, SETTLE_S)
 
 
 class FollowedClock:

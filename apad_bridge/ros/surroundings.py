@@ -2,35 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 
 from apad_bridge import building
 from apad_bridge.fleet import Fleet
+from apad_bridge.flight import Watcher
 from apad_bridge.pace import Pace, WallClock
-from apad_bridge.records.samples import TruthSample
 from apad_bridge.ros.agent_topics import Shown
 from apad_bridge.ros.contacts_link import ContactsLink
 from apad_bridge.ros.fleet_guard import SecondFleet
 from apad_bridge.ros.gateway import GatewayFailed, TruthSource, open_gateway
-from apad_bridge.ros.generation_a import GenerationALink
-from apad_bridge.ros.generation_b import GenerationBLink
-from apad_bridge.ros.generations import live_generation
 from apad_bridge.ros.radio import FleetRadio, MissionRadio
 from apad_bridge.ros.ros_pace import FollowedClock, OwnMasterClock
 from apad_bridge.ros.vehicle_not_ready import VehicleNotReady
+from apad_bridge.ros.vehicles import READY_S, APadLink, TruthsAt, open_apad
 from apad_bridge.runs.failures import PeerFailed
 from apad_bridge.runs.flying import Surroundings
 from apad_bridge.runs.options import APadKind, Part, RunOptions, TimeSource
-from apad_bridge.scenario.schema import Generation, Scenario
+from apad_bridge.scenario.schema import Scenario
 from firmware_model.codec import load_codec
 
-_READY_S = 15.0
 _NODES = {Part.WHOLE: "musselbed", Part.FLEET: "musselbed_fleet", Part.MISSION: "musselbed_mission"}
-
-
-TruthsAt = Callable[[int], list[TruthSample]]
-APadLink = GenerationALink | GenerationBLink
 
 
 @contextmanager
@@ -64,26 +57,30 @@ def open_surroundings(
             )
             stack.callback(gateway.close)
             vehicle: APadLink | ContactsLink
+            watches: tuple[Watcher, ...] = ()
             ether: FleetRadio | MissionRadio | None = None
             if options.part is Part.FLEET:
                 vehicle = ContactsLink(scenario.apad.name, ids, docked, now_ms)
                 ether = FleetRadio(ids, codec)
             else:
-                vehicle = _apad_link(scenario, options, docked, now_ms)
+                opened = open_apad(scenario, options, docked, now_ms, truths_at)
+                vehicle = opened.link
+                if opened.watch is not None:
+                    watches = (opened.watch,)
                 if options.part is Part.MISSION:
                     ether = MissionRadio(ids, codec, scenario.theta, vehicle.holds)
             stack.callback(vehicle.close)
             if ether is not None:
                 stack.callback(ether.close)
             if not isinstance(vehicle, ContactsLink):
-                vehicle.wait_until_ready(_READY_S)
+                vehicle.wait_until_ready(READY_S)
         except (SecondFleet, GatewayFailed, VehicleNotReady) as error:
             raise PeerFailed(str(error)) from error
         yield Surroundings(
             vehicle,
-            _pace(options, vehicle, now_ms),
+            _pace(options, vehicle, now_ms, in_fine_steps=bool(watches)),
             fleet,
-            lambda supervisor: (gateway.watcher(supervisor),),
+            lambda supervisor: (gateway.watcher(supervisor), *watches),
             gateway.event,
             ether,
             held,
@@ -96,33 +93,9 @@ def _shown_truth(truths_at: TruthsAt) -> TruthSource:
     }
 
 
-def _apad_link(scenario: Scenario, options: RunOptions, docked: Mapping[int, int], now_ms: int) -> APadLink:
-    """A link of the scenario's generation, or of the one that is on the graph."""
-    ours = options.apad is APadKind.SIM
-    generation = scenario.apad.generation
-    if generation is Generation.AUTO:
-        generation = Generation.A if ours else live_generation(scenario.apad.name, _READY_S)
-    battery = scenario.apad.battery
-    battery_v, ids = (battery.empty_v, battery.full_v), building.agent_ids(scenario)
-    if generation is Generation.A:
-        return GenerationALink(
-            scenario.apad.name, ids, battery_v, our_clock=ours, docked=docked, now_ms=now_ms
-        )
-    return GenerationBLink(
-        scenario.apad.name,
-        ids,
-        battery_v,
-        scenario.mission.docking,
-        building.misses(scenario),
-        our_clock=ours,
-        docked=docked,
-        now_ms=now_ms,
-    )
-
-
-def _pace(options: RunOptions, vehicle: APadLink | ContactsLink, now_ms: int) -> Pace:
+def _pace(options: RunOptions, vehicle: APadLink | ContactsLink, now_ms: int, *, in_fine_steps: bool) -> Pace:
     if options.apad is APadKind.SIM and not isinstance(vehicle, ContactsLink):
-        return OwnMasterClock(options.speed, vehicle, now_ms)
+        return OwnMasterClock(options.speed, vehicle, now_ms, in_fine_steps=in_fine_steps)
     if options.time is TimeSource.ROS:
         return FollowedClock(now_ms)
     return WallClock(1.0)

@@ -24,6 +24,7 @@ from apad_bridge.records.summary import Ending
 from apad_bridge.runs.status import Status
 from apad_bridge.scenario.schema import Hosting, Scenario
 from apad_bridge.scenario.starts import Start
+from apad_bridge.scripting.commanded import Front
 from apad_bridge.sea_building import fleet_of
 from apad_bridge.supervisor import TICK_MS, Supervisor
 from apad_bridge.vehicle import DockClosed
@@ -87,12 +88,17 @@ def fly(
     go_on: GoOn | None = None,
     *,
     until_first_plan: bool = False,
+    fronts: Sequence[Front] = (),
 ) -> dict[str, Any]:
-    """Flies to the mission's end, or to its first plan, and gives the summary. SIGINT and SIGTERM end it in order."""
+    """Flies to the mission's end, or to its first plan, and gives the summary. SIGINT and SIGTERM end it in order.
+
+    With `fronts` there is no mission of our own: the aPad does what these order.
+    """
     supervisor = building.supervisor(
         scenario,
         None if go_on is None else go_on.state,
         first_command_id=1 + (0 if go_on is None else go_on.epoch * _COMMAND_IDS_PER_EPOCH),
+        fronts=fronts,
     )
     if go_on is not None:
         for slot, agent_id in go_on.state.docked:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 from agents.one_process import OneProcess
@@ -15,6 +16,7 @@ from apad_bridge.records.summary import uptime_figures
 from apad_bridge.records.uptime import UptimeMeter
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
+from apad_bridge.scripting.commanded import Front
 from apad_bridge.sea_building import fleet_of
 from apad_bridge.vehicle import BatteryReported, PoseReported
 from apad_bridge.vehicle_link import InProcessVehicle
@@ -46,15 +48,20 @@ class MemoryRecorder:
         pass
 
 
-def fly_in_memory(scenario: Scenario) -> tuple[dict[str, Any], MemoryRecorder]:
-    """The summary's figures (those of `uptime_figures`, `cost_m` and `services`), and what was recorded."""
+def open_flight(scenario: Scenario, fronts: Sequence[Front] = ()) -> tuple[Flight, MemoryRecorder]:
+    """A flight that is ready to `run`, and its records. With `fronts` the aPad does what these order."""
     births = building.births(scenario, starts_of(scenario))
     host = OneProcess(building.fleet_config(scenario), births)
     fleet = fleet_of(scenario, host, dict.fromkeys(births, 0))
-    supervisor, recorder = building.supervisor(scenario), MemoryRecorder(scenario)
     vehicle = InProcessVehicle(building.simulated_apad(scenario))
-    flight = Flight(supervisor, vehicle, AsFastAsPossible(), recorder, fleet)
+    supervisor, recorder = building.supervisor(scenario, fronts=fronts), MemoryRecorder(scenario)
+    return Flight(supervisor, vehicle, AsFastAsPossible(), recorder, fleet), recorder
+
+
+def fly_in_memory(scenario: Scenario) -> tuple[dict[str, Any], MemoryRecorder]:
+    """The summary's figures (those of `uptime_figures`, `cost_m` and `services`), and what was recorded."""
+    flight, recorder = open_flight(scenario)
     flight.run()
-    state = supervisor.mission.state
+    state = flight.supervisor.mission.state
     figures = uptime_figures(recorder.meter, flight.now_ms)
     return {**figures, "cost_m": state.cost_m, "services": state.services}, recorder

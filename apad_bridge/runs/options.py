@@ -53,6 +53,8 @@ class RunOptions:
     speed: float
     on_death: OnDeath
     dry_run: bool = False
+    script: str = ""
+    """The file that flies it instead of the paper's mission, absolute; empty without one."""
     master_uri: str = ""
     owns_master: bool = False
     xmlrpc_port: int = 0

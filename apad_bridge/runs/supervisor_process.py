@@ -28,13 +28,29 @@ from apad_bridge.runs.nurseries import adopt
 from apad_bridge.runs.options import Part, RunOptions
 from apad_bridge.runs.pid_file import supervising
 from apad_bridge.scenario.loader import load
+from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
+from apad_bridge.scripting.commanded import Front
+from apad_bridge.scripting.handover import REAL_TIME
+from apad_bridge.scripting.program import ScriptFront, as_program
 
 
 def say(line: str) -> None:
     """To the parent, if there still is one."""
     with contextlib.suppress(BrokenPipeError):
         print(line, flush=True)
+
+
+def fronts_of(scenario: Scenario, options: RunOptions) -> tuple[Front, ...]:
+    """Who gives the orders, where it is not the paper's mission."""
+    if not options.script:
+        return ()
+    path = Path(options.script)
+    return (
+        ScriptFront(
+            scenario, as_program(path), path.name, lambda line: say(json.dumps({"said": line})), REAL_TIME
+        ),
+    )
 
 
 def fly(run_dir: Path, resume: bool) -> int:
@@ -75,6 +91,7 @@ def fly(run_dir: Path, resume: bool) -> int:
                 lambda status: say(status.to_line()),
                 go_on,
                 until_first_plan=options.dry_run,
+                fronts=fronts_of(scenario, options),
             )
     except (PeerFailed, TimeoutError) as error:
         # A node falls silent with its master: the master is then the cause to name.

@@ -39,6 +39,19 @@ def _power() -> dict[str, Any]:
     }
 
 
+def _metering() -> dict[str, Any]:
+    metering = table_one.METERING
+    known = {it.name: it.value for it in table_one.METERED}
+    return {
+        "period_s": metering.period_ms / 1000,
+        "settle_s": metering.settle_ms / 1000,
+        "internal_resistance_ohm": known["internal_resistance"],
+        "idle_mw": _milliwatts(metering.sag_from),
+        "lift_mv": known["lift"],
+        "noise_mv": known["noise"],
+    }
+
+
 def _cycle(cycle: Cycle) -> dict[str, Any]:
     slots = cycle.slots
     return {
@@ -54,6 +67,7 @@ def _cycle(cycle: Cycle) -> dict[str, Any]:
 
 _PROFILES: dict[tuple[str, ...], dict[str, dict[str, Any]]] = {
     ("board", "whole", "power"): {"table-one": _power()},
+    ("board", "whole", "power", "metering"): {"table-one": _metering()},
     ("board", "whole", "cycle"): {"hourly": _cycle(table_one.HOURLY), "field": _cycle(table_one.FIELD)},
 }
 """By the block's path and the profile's name."""

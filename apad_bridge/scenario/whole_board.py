@@ -21,6 +21,7 @@ from apad_bridge.scenario.quantities import (
     PositiveSeconds,
     frozen,
 )
+from firmware_model.ageing import capacity_left
 from firmware_model.rails import Rail
 
 
@@ -54,6 +55,35 @@ class ModuleLoads:
 
 
 @frozen
+class Metering:
+    """How the board reads its batteries: a load pulls the voltage down, a charger lifts it, readings have noise."""
+
+    profile: Literal["table-one"] | None = None
+    period_s: PositiveSeconds
+    """The monitor samples at whole multiples of this."""
+    settle_s: NotNegativeSeconds
+    """A level counts once every sample over so long was beyond it."""
+    internal_resistance_ohm: NotNegative
+    idle_mw: NotNegative
+    """The load at which a voltage was called a charge: sag is counted from here."""
+    lift_mv: NotNegative
+    """While the charger gives."""
+    noise_mv: NotNegative
+    """Readings are up to so much off."""
+
+
+@frozen
+class Ageing:
+    """What the batteries have behind them; both alike."""
+
+    cycles: Annotated[int, Ge(0)]
+    years: NotNegative
+
+    def __post_init__(self) -> None:
+        capacity_left(self.cycles, self.years)
+
+
+@frozen
 class BoardPower:
     profile: Literal["table-one"] | None = None
     capacity_wh: Positive
@@ -72,6 +102,12 @@ class BoardPower:
     """The board returns to a charging primary battery that holds so much."""
     kept_on: tuple[ModuleName, ...] = ()
     """Modules that nothing switches off."""
+    low_level: Fraction = 0.0
+    """Of the primary battery: a sleeping board wakes and reports when it is down to this; 0 for no such level."""
+    metering: Metering | None = None
+    """None: the board knows the charges exactly."""
+    ageing: Ageing | None = None
+    """None: the batteries are new."""
 
 
 @frozen

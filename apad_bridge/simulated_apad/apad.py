@@ -21,6 +21,7 @@ from apad_bridge.vehicle import (
     CommandFailed,
     GoTo,
     Hold,
+    MoveArm,
     OpenDock,
     PoseReported,
     VehicleCommand,
@@ -83,6 +84,8 @@ class SimulatedAPad:
         if isinstance(command, Coast | Steer):
             if not self._battery.is_empty:
                 self._accept(command)
+        elif isinstance(command, MoveArm):
+            pass  # arms cost nothing here
         elif self._battery.is_empty:
             facts.append(CommandFailed(now_ms, command.command_id, BATTERY_EMPTY))
         elif isinstance(command, CloseDock):

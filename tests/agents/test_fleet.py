@@ -8,9 +8,10 @@ import msgpack
 import pytest
 
 from agents.fleet import FleetConfig
+from firmware_model.charge import FULL
 from firmware_model.plan import LastResort, Whole
 from firmware_model.rails import Rail, bits
-from firmware_model.table_one import FIELD, HOURLY, MODEL, WORST_CASE, power
+from firmware_model.table_one import FIELD, HOURLY, METERING, MODEL, WORST_CASE, power
 
 WORST = FleetConfig(
     theta=30,
@@ -35,6 +36,12 @@ FLEETS = {
     "worst case": WORST,
     "field": replace(WORST, charge=MODEL, whole=Whole(POWER, FIELD, 1000, 60_000, 600_000), first_id=5),
     "hourly": replace(WORST, charge=MODEL, whole=Whole(POWER, HOURLY, 1000, 60_000, 600_000)),
+    "metered": replace(
+        WORST,
+        charge=MODEL,
+        whole=Whole(power(LastResort.CALL, 0, METERING, FULL // 3), FIELD, 1000, 60_000, 600_000),
+        pin_check_ms=1000,
+    ),
     "never asleep": replace(WORST, charge=MODEL, whole=Whole(POWER, None, 1000, 60_000, 600_000)),
 }
 

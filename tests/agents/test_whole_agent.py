@@ -14,8 +14,10 @@ from agents.physical import Physical
 from agents.stimuli import CoilSlipped, ContactClosed, ContactOpened, SoundArrived, Stimulus, WifiArrived
 from firmware_model.charge import Flow
 from firmware_model.codec import MusselbedCodec
-from firmware_model.packets import PLAIN_KINDS, CommandPacket, Kind, StatusPacket
+from firmware_model.flash_log import MemoryFlash
+from firmware_model.packets import PLAIN_KINDS, AcousticStatus, CommandPacket, Kind
 from firmware_model.plan import LastResort
+from firmware_model.sample_record import RECORD_BYTES
 from firmware_model.states import State
 from firmware_model.stimuli import ResetCause
 from firmware_model.table_one import FIELD, WORST_CASE, board, power
@@ -58,16 +60,17 @@ STIMULI: tuple[Stimulus, ...] = (
 END_MS = 2_000_000
 
 
-def agent(primary: float = 0.9, secondary: float = 1.0) -> Agent:
+def agent(primary: float = 0.9, secondary: float = 1.0, flash: MemoryFlash | None = None) -> Agent:
     physical = resting_on_bottom(1.0, 2.0, 3.0, primary, secondary)
-    return Agent(CONFIG, CODEC, physical, 0, ResetCause.POWER_ON)
+    return Agent(CONFIG, CODEC, physical, 0, ResetCause.POWER_ON, flash)
 
 
 def live(
     story: list[tuple[int, Stimulus | None]], cuts: list[int], charges: tuple[float, float], packed: bool
 ) -> tuple[list[Output], list[Truth]]:
     """Outputs and truths up to END_MS; None is a reset, over the wire when `packed`."""
-    mussel = agent(*charges)
+    flash = MemoryFlash(3, 2 * RECORD_BYTES)
+    mussel = agent(*charges, flash)
     outputs: list[Output] = []
     truths: list[Truth] = []
     moments = [(at_ms, 1, stimulus) for at_ms, stimulus in story] + [(at_ms, 0, None) for at_ms in cuts]
@@ -78,7 +81,7 @@ def live(
             physical = mussel.physical
             if packed:
                 physical = Physical.unpack(physical.pack())
-            mussel = Agent(CONFIG, CODEC, physical, at_ms, ResetCause.BROWN_OUT)
+            mussel = Agent(CONFIG, CODEC, physical, at_ms, ResetCause.BROWN_OUT, flash)
         elif stimulus is not None:
             outputs += mussel.receive(stimulus, at_ms)
     outputs += mussel.advance(END_MS)
@@ -107,8 +110,10 @@ def test_its_status_goes_out_by_sound_in_its_slot() -> None:
     # Awake at 200 s, sampled and processed by 270 s; slot 0 of the next five-minute frame opens at 300 s.
     assert [sound.at_ms for sound in sounds] == [300_000]
     packet = CODEC.decode(sounds[0].data)
-    assert isinstance(packet, StatusPacket)
-    assert (packet.state, packet.depth_m, packet.agent_ms) == (State.TRANSMITTING, 3.0, 300_000)
+    assert isinstance(packet, AcousticStatus)
+    status = packet.basic
+    assert (status.state, status.depth_m, status.agent_ms) == (State.TRANSMITTING, 3.0, 300_000)
+    assert (packet.samples, packet.waiting) == (1, 1)
 
 
 def test_docked_both_batteries_charge_and_it_reports_by_wifi() -> None:

@@ -22,7 +22,7 @@ from apad_bridge.sea_building import fleet_of
 from apad_bridge.simulated_apad.apad import SimulatedAPad
 from apad_bridge.vehicle_link import InProcessVehicle
 from firmware_model.codec import load_codec
-from firmware_model.packets import StatusPacket
+from firmware_model.packets import AcousticStatus
 
 SCENARIOS = Path(__file__).parents[2] / "launch_scripts" / "scenarios"
 APAD_M = (14.0, 10.5)
@@ -55,15 +55,15 @@ def test_every_packet_is_told_with_its_slot_its_way_and_its_end() -> None:
         assert (packet["slot"], packet["what"], packet["bytes"], packet["lasted_ms"]) == (
             agent_id - 1,
             "unicast",
-            31,
-            693,
+            45,
+            868,
         )
         metres = dist(places[agent_id], (*APAD_M, 0.5))
         assert way_ms == pytest.approx(metres / 1.5, abs=0.001)
-        assert ended_ms == packet["began_ms"] + 693 + -(-metres // 1.5)
+        assert ended_ms == packet["began_ms"] + 868 + -(-metres // 1.5)
         assert (node, outcome) == (0, "received") and snr_db > 50
         status = load_codec("musselbed-1").decode(bytes.fromhex(packet["data"]))
-        assert isinstance(status, StatusPacket) and status.agent_id == agent_id
+        assert isinstance(status, AcousticStatus) and status.basic.agent_id == agent_id
     assert json.loads(json.dumps(told)) == told
 
 

@@ -17,7 +17,7 @@ from apad_bridge.port.primitives import (
     PrimitiveSucceeded,
     UndockMussel,
 )
-from apad_bridge.scenario.schema import Docking, DockingProfile
+from apad_bridge.scenario.schema import ArmUse, Docking, DockingProfile
 from apad_bridge.vehicle import (
     Arrived,
     BatteryReported,
@@ -27,6 +27,7 @@ from apad_bridge.vehicle import (
     DockOpened,
     GoTo,
     Hold,
+    MoveArm,
     OpenDock,
     PoseReported,
 )
@@ -321,3 +322,19 @@ def test_what_waits_behind_a_mechanism_is_not_kept_waiting_by_another_try() -> N
     port.receive(HoldPosition(2, 0.0, 0.0), 16_000)
     told = port.receive(CommandFailed(17_000, 1, "missed"), 17_000)
     assert PrimitiveFailed(17_000, 1, "missed") in told and port.running == HoldPosition(2, 0.0, 0.0)
+
+
+def test_a_virtual_docking_may_open_the_arm_meanwhile() -> None:
+    port = DockingPort(replace(VIRTUAL, arm=ArmUse.MOVED))
+    assert port.receive(DockMussel(1, 2, 9), 0) == [MoveArm(1, 2, True)]
+    assert port.advance(15_000) == [CloseDock(2, 2, 9)]
+    told = port.receive(DockClosed(15_000, 2, 9), 15_000)
+    assert told[1:] == [PrimitiveSucceeded(15_000, 1), MoveArm(3, 2, False)]
+
+
+def test_an_amussel_by_itself_may_be_docked_by_eye() -> None:
+    port = DockingPort(replace(VIRTUAL, camera_ids=(9,), visual_ids=(8,)))
+    for agent_id in (8, 9):
+        assert isinstance(port.receive(DockMussel(agent_id, 2, agent_id), 0)[-1], CloseDock)
+        port.receive(CommandFailed(0, agent_id - 7, "?"), 0)
+    assert port.receive(DockMussel(7, 2, 7), 0) == []

@@ -59,7 +59,9 @@ class Apad:
         self, floating: Mapping[int, tuple[float, float]] | None = None, probability: float = 0.0
     ) -> None:
         places = floating or {}
-        self.core = GenerationBCore(range(1, 10), (10.5, 16.0), DOCKING, Misses(1, probability), places.get)
+        self.core = GenerationBCore(
+            range(1, 10), (10.5, 16.0), DOCKING, Misses(1, probability), lambda _: places
+        )
         self.is_at(0, 2.0, 3.0)
 
     def is_at(self, at_ms: int, north_m: float, east_m: float, heading_rad: float = 0.0) -> None:
@@ -243,6 +245,30 @@ def test_docking_by_eye_stands_off_orders_and_ends_by_its_status() -> None:
     apad.docks(60_000, Status.DONE)
     assert apad.tells(60_000) == [DockClosed(60_000, 2, 8)]
     assert apad.answers(60_000) == [PositionOrder(2.0, 2.1)]
+
+
+def test_an_undocking_lets_go_when_the_arm_opens_and_is_done_when_the_vehicle_says_so() -> None:
+    apad = Apad()
+    apad.core.command(CloseDock(1, 2, 7), 0)
+    apad.tells(0)
+    apad.core.hear(ArmHeard(1_000, 2), 1_000)  # moved for people to see: 7 is docked virtually
+    assert apad.tells(1_000) == []
+    core = Apad().core
+    core.command(CloseDock(1, 2, 8), 0)
+    (call,) = core.take_calls()
+    core.hear(Answered(0, call.number, None), 0)
+    for at_ms, status in ((0, Status.RUNNING), (40_000, Status.DONE)):
+        core.hear(StatusHeard(at_ms, True, status), at_ms)
+    core.advance(40_000)
+    core.take_calls()
+    core.command(OpenDock(2, 2, 8), 50_000)
+    (call,) = core.take_calls()
+    core.hear(ArmHeard(50_000, 2), 50_000)
+    core.hear(Answered(50_000, call.number, None), 50_000)
+    core.hear(StatusHeard(50_000, True, Status.RUNNING), 50_000)
+    assert [it for it in core.advance(60_000) if not isinstance(it, PoseReported)] == [LetGo(50_000, 8)]
+    core.hear(StatusHeard(85_000, True, Status.DONE), 85_000)
+    assert core.advance(85_000) == [DockOpened(85_000, 2, 8)]
 
 
 def test_a_search_that_finds_nothing_is_given_up() -> None:

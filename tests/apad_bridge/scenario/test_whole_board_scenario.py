@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 
 import pytest
@@ -35,6 +35,10 @@ def changed(*changes: tuple[str, str]) -> Scenario:
     data = yaml.safe_load(text)
     data["fleet"]["start"] = str(SCENARIOS / "pool-12.csv")
     return from_data(data, "it")
+
+
+def power_with(keys: str) -> tuple[str, str]:
+    return "power: table-one", f"power: {{profile: table-one, {keys}}}"
 
 
 def test_the_profiles_are_table_one_to_the_grain() -> None:
@@ -76,6 +80,34 @@ def test_twice_the_capacity_lasts_twice_as_long() -> None:
         abs(2 * ours - theirs) <= 1
         for ours, theirs in zip(whole.power.loads.of, table_one.LOADS.of, strict=True)
     )
+
+
+def test_metering_is_table_one_s_to_the_grain_with_the_scenario_s_seed() -> None:
+    fleet = building.fleet_config(changed(power_with("metering: table-one, low_level: 0.3")))
+    assert fleet.whole is not None
+    assert fleet.whole.power.metering == replace(table_one.METERING, seed=1)
+    assert fleet.whole.power.low_level == FULL * 3 // 10
+
+
+def test_batteries_of_an_age_fill_and_empty_sooner() -> None:
+    board = changed(power_with("ageing: {cycles: 250, years: 2}")).board
+    whole = whole_firmware(board)
+    assert whole is not None
+    # 250 cycles take 10 % of the capacity, two years 6 %.
+    assert whole.power.loads.of[Rail.PI] == table_one.LOADS.of[Rail.PI] * 10_000 // 8400
+    assert charge_model(board).segments[0][1] == table_one.MODEL.segments[0][1] * 10_000 // 8400
+
+
+def test_what_lies_between_a_dock_and_a_charger() -> None:
+    scenario = changed(
+        (
+            "  pin_debounce_ms: 50 # assumed, as all up to `whole`",
+            "  pin_debounce_ms: 50\n  pin_chatter_ms: 900\n  pin_check_s: 30\n  coil_alignment_s: 1.5",
+        )
+    )
+    fleet = building.fleet_config(scenario)
+    board = fleet.maker().config(1).board
+    assert (board.pin_chatter_ms, board.pin_check_ms, fleet.coil_alignment_ms) == (900, 30_000, 1500)
 
 
 def test_one_number_of_a_cycle_is_overridden() -> None:
@@ -120,6 +152,15 @@ def test_a_fleet_too_large_for_its_frame_is_refused_on_the_command_line_too() ->
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
+        (
+            *power_with("ageing: {cycles: 3000, years: 1}"),
+            "board.whole.power.ageing: nothing is left of a battery after 3000 cycles and 1 years",
+        ),
+        (
+            "  pin_debounce_ms: 50 ",
+            "  pin_debounce_ms: 2500 ",
+            "board: pin_chatter_ms must be longer than pin_debounce_ms",
+        ),
         (
             "power: table-one",
             "power: table-1",
