@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from agents.water.current import CurrentField
 from agents.water.drift import drift_step_um
 from agents.water.fields import Fields
+from agents.water.stream import Stream
 from firmware_model.actions import Buoyancy
 
 
@@ -22,7 +22,7 @@ class WaterConfig:
     drifts_always: bool
     """The paper's mode: every undocked body takes a random step and follows the current each mission second."""
     amplitude_um: int
-    current: CurrentField
+    current: Stream
     fields: Fields
     """What the sensors are in."""
     coil_alignment_ms: int = 0
@@ -121,7 +121,8 @@ class Body:
             north_um, east_um = drift_step_um(water.seed, self.agent_id, self._step, water.amplitude_um)
         else:
             north_um = east_um = 0
-        north_um_s, east_um_s = water.current.velocity_um_s(self.north_um, self.east_um)
+        depth_um = self.depth_at_um(now_ms)
+        north_um_s, east_um_s = water.current.velocity_um_s(self.north_um, self.east_um, depth_um, self._step)
         self.north_um += north_um + north_um_s
         self.east_um += east_um + east_um_s
 

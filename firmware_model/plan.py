@@ -109,6 +109,8 @@ class Cycle:
     """Where the board awaits its timeslot and transmits; None when it goes back to sleep instead."""
     listen_ms: int
     """How long it stays awake after a ping, and after it has come to rest on the bottom."""
+    report_ms: int
+    """How long it stays awake in a dock after it has reported, and after each word that its log came across."""
 
     def __post_init__(self) -> None:
         if self.alarm_ms <= 0:

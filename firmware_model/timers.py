@@ -54,8 +54,10 @@ def _deadline_of_whole(state: State, whole: Whole, slot: int, now_ms: int) -> in
             return now_ms + cycle.listen_ms
         case State.SLEEPING | State.CHARGING:
             return cycle.alarm_after_ms(now_ms)
-        case State.SAMPLING | State.REPORTING:
+        case State.SAMPLING:
             return now_ms + cycle.sample_ms
+        case State.REPORTING:
+            return now_ms + cycle.report_ms
         case State.PROCESSING:
             return now_ms + cycle.processing_ms
         case State.AWAITING_SLOT:

@@ -32,6 +32,8 @@ class AgentUptime:
     lost: bool = False
     """Both batteries stood at 0 at some time: it can no longer surface."""
     charge: int = 0
+    samples: int = 0
+    """Which its sensors have ever taken."""
 
 
 @dataclass(slots=True)
@@ -116,6 +118,7 @@ class UptimeMeter:
             counted.emptied or empty_ms[0] < empty_ms[1],
             counted.lost or both_ms[0] < both_ms[1],
             self.charge.charge_at(primary, max(start_ms, end_ms - 1)),
+            truth.physical.samples,
         )
 
     def _ticks_between(self, start_ms: int, end_ms: int) -> int:

@@ -33,7 +33,7 @@ from firmware_model.stimuli import ResetCause
 def whole_board() -> dict[str, Any]:
     """A cycle so short that a window cuts every part of it, on batteries that a day at the bottom empties."""
     data = resolve(load(Path(__file__).parents[2] / "launch_scripts/scenarios/whole-board-12.yaml"))["board"]
-    data["whole"]["cycle"].update(alarm_s=2000)
+    data["whole"]["cycle"].update(alarm_s=2500, report_s=601)
     data["whole"]["power"].update(kept_on=["gsm"])
     return dict(data)
 

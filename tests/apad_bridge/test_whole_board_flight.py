@@ -109,6 +109,9 @@ def test_the_story_of_a_docking() -> None:
     # The release packet that goes with the opened dock finds its Wi-Fi asleep; the aMussels are told again when heard.
     assert flight.dropped == {"Wi-Fi is off": 4}
     assert {note["full"] for note in witness.said("released")} == {True}
+    # At every alarm until it surfaced, and at none in the dock.
+    (fourth,) = (uptime for uptime in witness.meter.at(2_161_000) if uptime.agent_id == 4)
+    assert fourth.samples == 13
 
 
 def test_in_the_dock_the_primary_charges_by_two_coils_less_what_the_load_takes_on_the_way() -> None:

@@ -274,7 +274,9 @@ def test_never_asleep_it_stays_active_on_the_idle_load() -> None:
 
 # The laws.
 
-QUICK = Cycle(alarm_ms=20_000, sample_ms=3000, processing_ms=2000, slots=FIELD.slots, listen_ms=5000)
+QUICK = Cycle(
+    alarm_ms=20_000, sample_ms=3000, processing_ms=2000, slots=FIELD.slots, listen_ms=5000, report_ms=3000
+)
 COMMANDS = [CommandPacket(kind, 1).encode() for kind in sorted(PLAIN_KINDS)]
 STIMULI: st.SearchStrategy[Stimulus] = st.one_of(
     st.sampled_from(
