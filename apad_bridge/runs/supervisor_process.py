@@ -88,6 +88,7 @@ def fly(run_dir: Path, resume: bool) -> int:
             open_rims(run_dir, options.open_modems, options.modem, start_ms, say) as rims,
         ):
             surroundings = replace(surroundings, rims=rims)
+            fronts = fronts_of(scenario, options, called)
             summary = flying.fly(
                 scenario,
                 dry(surroundings) if options.dry_run else surroundings,
@@ -95,8 +96,12 @@ def fly(run_dir: Path, resume: bool) -> int:
                 lambda status: say(status.to_line()),
                 go_on,
                 until_first_plan=options.dry_run,
-                fronts=fronts_of(scenario, options, called),
+                fronts=fronts,
             )
+            for front in fronts:
+                if isinstance(front, ScriptFront):
+                    front.join()
+                    front.print_error()
     except (PeerFailed, TimeoutError) as error:
         # A node falls silent with its master: the master is then the cause to name.
         why = why_silent(options.master_uri)
