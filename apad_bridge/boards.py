@@ -58,6 +58,11 @@ def _charge_as_new(power: BoardPower) -> ChargeModel:
     return ChargeModel(0, one_coil, tuple((end, rate * factor // _COIL_UNIT) for end, rate in one_coil))
 
 
+def takes_samples(board: Board) -> bool:
+    """Whether such boards wake to read their sensors; the paper's worst case, and one that never sleeps, do not."""
+    return board.whole is not None and board.whole.cycle is not None
+
+
 def can_fill(board: Board, start: float, level: float) -> bool:
     """Whether the primary battery of a board in a dock gets from `start` above `level` under what is on there, ever."""
     whole = whole_firmware(board)
@@ -112,6 +117,7 @@ def _cycle(cycle: SleepCycle) -> plan.Cycle:
         processing_ms=_ms(cycle.processing_s),
         slots=None if slots is None else plan.Slots(_ms(slots.frame_s), _ms(slots.slot_s)),
         listen_ms=_ms(cycle.listen_s),
+        report_ms=_ms(cycle.report_s),
     )
 
 

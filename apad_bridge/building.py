@@ -3,23 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 
 from agents.fleet import FleetConfig, resting_on_bottom
 from agents.physical import Physical
 from apad_bridge.beliefs.hold_last import HoldLast
 from apad_bridge.boards import charge_model, whole_firmware
+from apad_bridge.ears_building import ears_of
 from apad_bridge.mission.energy_exchange import EnergyExchange
 from apad_bridge.mission.role import Mission
 from apad_bridge.mission.state import MissionState
 from apad_bridge.planning import registry
 from apad_bridge.port.docking_port import DockingPort
+from apad_bridge.sample_collection import SampleCollection
 from apad_bridge.scenario.schema import DriftMode, HearingMode, Scenario
 from apad_bridge.scenario.starts import Start
 from apad_bridge.scripting.commanded import CommandedMission, Front
 from apad_bridge.simulated_apad.apad import SimulatedAPad
 from apad_bridge.simulated_apad.misses import Misses
 from apad_bridge.supervisor import Supervisor
+from apad_bridge.water_building import agents_water
 from firmware_model.codec import load_codec
 
 
@@ -29,6 +31,7 @@ def agent_ids(scenario: Scenario) -> range:
 
 def fleet_config(scenario: Scenario) -> FleetConfig:
     board, drift, theta = scenario.board, scenario.fleet.drift, scenario.theta
+    water = agents_water(scenario)
     return FleetConfig(
         theta=theta,
         seed=scenario.seed,
@@ -48,7 +51,12 @@ def fleet_config(scenario: Scenario) -> FleetConfig:
         sinking_ms=round(board.sinking_s * 1000),
         drifts_always=drift.mode is DriftMode.PAPER,
         drift_amplitude_um=round(drift.amplitude_m * 1e6),
-        current_csv=None if drift.current_file is None else Path(drift.current_file).read_text(),
+        current_csv=water.current_csv,
+        tides=water.tides,
+        current_profile=water.current_profile,
+        oxygen_mg_l=water.oxygen_mg_l,
+        temperature_c=water.temperature_c,
+        turbidity_ntu=water.turbidity_ntu,
         whole=whole_firmware(board, scenario.seed),
         first_id=scenario.fleet.first_id,
     )
@@ -79,10 +87,12 @@ def supervisor(
     state: MissionState | None = None,
     first_command_id: int = 1,
     fronts: Sequence[Front] = (),
+    samples: SampleCollection | None = None,
 ) -> Supervisor:
     """A supervisor that knows nothing yet, or one that goes on with a mission's journaled `state`.
 
-    Its mission is the paper's; or, where there are `fronts`, one that does what these order.
+    Its mission is the paper's; or, where there are `fronts`, one that does what these order. Without `samples` it leaves
+    the aMussels' logs to others.
     """
     beliefs = HoldLast(agent_ids(scenario))
     mission: Mission = (
@@ -103,6 +113,8 @@ def supervisor(
         port,
         load_codec(scenario.hearing.codec),
         scenario.theta,
+        samples,
         round(scenario.duration_s * 1000),
         scenario.mission.end_at_apad_fraction,
+        ears_of(scenario, agent_ids(scenario)),
     )

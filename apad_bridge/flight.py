@@ -22,7 +22,16 @@ from agents.water.medium import PacketEnded
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.contacts import Contacts
 from apad_bridge.ether import Ether
-from apad_bridge.facts import Medium, OperatorAsked, RangeHeard, Send, SoundHeard, WifiHeard
+from apad_bridge.facts import (
+    KeepSamples,
+    Medium,
+    OperatorAsked,
+    Ping,
+    RangeHeard,
+    Send,
+    SoundHeard,
+    WifiHeard,
+)
 from apad_bridge.links_file import LinksFile
 from apad_bridge.mission.orders import Note
 from apad_bridge.pace import Pace
@@ -31,6 +40,7 @@ from apad_bridge.supervisor import TICK_MS, Supervisor
 from apad_bridge.vehicle import BatteryReported, CloseDock, OpenDock, PoseReported
 from apad_bridge.vehicle_link import Carried, LetGo, VehicleLink
 from firmware_model.plan import Slots
+from firmware_model.sample_record import SampleRecord
 from firmware_model.wire import EVERYONE
 
 _ROUNDS = 8
@@ -43,6 +53,10 @@ class Recorder(Protocol):
     def event(self, at_ms: int, kind: str, **data: Any) -> None: ...
 
     def truths(self, truths: list[Truth]) -> None: ...
+
+    def samples(self, agent_id: int, records: Sequence[SampleRecord]) -> None:
+        """On disk when it returns: an acknowledgement follows."""
+        ...
 
     def tick(
         self,
@@ -112,6 +126,15 @@ class Flight:
         self._stopped = threading.Event()
         self._stop_reason = "the operator"
 
+    @property
+    def all_dropped(self) -> Counter[str]:
+        """What came to nothing anywhere in the flight, by reason."""
+        supervisor = self.supervisor
+        dropped = self.dropped + supervisor.dropped + supervisor.port.dropped + supervisor.ears_dropped
+        return (
+            dropped if self._fleet is None or self._fleet.sea is None else dropped + self._fleet.sea.dropped
+        )
+
     def stop(self, reason: str) -> None:
         self._stop_reason = reason
         self._stopped.set()
@@ -159,11 +182,20 @@ class Flight:
             match action:
                 case Note(kind, data):
                     self._recorder.event(now_ms, kind, **data)
+                case KeepSamples(agent_id, records):
+                    self._recorder.samples(agent_id, records)
                 case Send(medium, agent_id, data) as send:
                     if self._fleet is None and self._ether is not None:
                         self._ether.transmit(medium, agent_id, data, now_ms)
                     else:
                         self._send(send, now_ms)
+                        if self._ether is not None:
+                            self._ether.said(send, now_ms)
+                case Ping(agent_id, not_before_ms):
+                    if self._fleet is not None and self._fleet.sea is not None:
+                        self._fleet.sea.ping(agent_id, not_before_ms)
+                    else:
+                        self.dropped["a ping without water to send it through"] += 1
                 case _:
                     mechanism |= isinstance(action, CloseDock | OpenDock)
                     self._vehicle.command(action, now_ms)
@@ -233,7 +265,7 @@ class Flight:
     def _send(self, send: Send, now_ms: int) -> None:
         sea = None if self._fleet is None else self._fleet.sea
         if sea is not None and send.medium is Medium.SOUND:
-            sea.say(None if send.agent_id == EVERYONE else send.agent_id, send.data)
+            sea.say(None if send.agent_id == EVERYONE else send.agent_id, send.data, send.not_before_ms)
             return
         if sea is not None and not sea.wifi_reaches(send.agent_id, now_ms):
             return

@@ -8,6 +8,7 @@ from apad_bridge.beliefs.fleet import FleetBeliefs
 from apad_bridge.beliefs.measurement import Docked, Permitted, Released
 from apad_bridge.facts import (
     Fact,
+    KeepSamples,
     Medium,
     OperatorAsked,
     RangeHeard,
@@ -31,6 +32,8 @@ from apad_bridge.port.primitives import (
     PrimitiveSucceeded,
     UndockMussel,
 )
+from apad_bridge.sample_collection import SampleCollection
+from apad_bridge.talking.ears import Ears
 from apad_bridge.vehicle import (
     Arrived,
     BatteryReported,
@@ -41,7 +44,7 @@ from apad_bridge.vehicle import (
     VehicleCommand,
 )
 from firmware_model.codec import Codec
-from firmware_model.packets import CommandPacket, Kind, ShortStatus, Status, basic_of
+from firmware_model.packets import CommandPacket, Kind, LogRecords, Packet, ShortStatus, Status, basic_of
 
 TICK_MS = 1000
 """The mission acts once a second, the paper's 1 Hz."""
@@ -79,9 +82,12 @@ class Supervisor:
         port: DockingPort,
         codec: Codec,
         theta: int,
+        samples: SampleCollection | None,
         duration_ms: int,
         end_at_apad_fraction: float,
+        ears: Ears | None = None,
     ) -> None:
+        """Without `ears` words by sound are sent at once, and nothing is pinged."""
         self.beliefs = beliefs
         self.mission = mission
         self.port = port
@@ -91,12 +97,19 @@ class Supervisor:
         self.dropped: Counter[str] = Counter()
         self._codec = codec
         self._theta = theta
+        self.samples = samples
+        """None where the samples are somebody else's to keep, and to acknowledge."""
         self._duration_ms = duration_ms
         self._end_at_apad_fraction = end_at_apad_fraction
+        self._ears = ears
         self._facts: list[tuple[int, int, int, Fact]] = []
         self._counter = 0
         self._now_ms = 0
         self._named: dict[int, Primitive] = {}
+
+    @property
+    def ears_dropped(self) -> Counter[str]:
+        return Counter() if self._ears is None else self._ears.dropped
 
     @property
     def primitive(self) -> str:
@@ -124,20 +137,26 @@ class Supervisor:
         actions: list[SupervisorAction] = []
         for _, _, _, fact in due:
             actions += self._handle(fact, now_ms)
+        actions += self._acknowledge()
         actions += self._pass_on(self.port.advance(now_ms), now_ms)
         if (reason := self._reason_to_end(now_ms)) is not None:
             actions += self._obey(self.mission.end(reason, now_ms), now_ms)
         actions += self._obey(self.mission.advance(now_ms), now_ms)
-        return actions
+        if self._ears is None:
+            return actions
+        return [*self._ears.timed(actions, now_ms), *self._ears.advance(self.beliefs.all(), now_ms)]
 
     def _handle(self, fact: Fact, now_ms: int) -> list[SupervisorAction]:
         match fact:
             case WifiHeard(at_ms, data) | SoundHeard(at_ms, data):
-                if (reason := self._hear(data, at_ms)) is not None:
+                packet = self._codec.decode(data)
+                if isinstance(packet, LogRecords):
+                    return self._collect(packet)
+                if (reason := self._hear(packet, at_ms)) is not None:
                     self.dropped[reason] += 1
                 return []
             case RangeHeard():
-                return []
+                return [] if self._ears is None else self._ears.hear(fact, self.pose, self.beliefs, now_ms)
             case OperatorAsked(_, reason):
                 return self._obey(self.mission.end(reason, now_ms), now_ms)
             case PoseReported():
@@ -149,9 +168,27 @@ class Supervisor:
                     self.battery_at_start = fact
         return self._pass_on(self.port.receive(fact, now_ms), now_ms)
 
-    def _hear(self, data: bytes, at_ms: int) -> str | None:
-        """Believes what the bytes say; or says why not."""
-        packet = self._codec.decode(data)
+    def _collect(self, packet: LogRecords) -> list[SupervisorAction]:
+        if self.samples is None:
+            return []
+        taken = self.samples.take(packet)
+        if isinstance(taken, str):
+            self.dropped[taken] += 1
+            return []
+        actions: list[SupervisorAction] = []
+        if taken.records:
+            actions.append(KeepSamples(packet.agent_id, taken.records))
+        if taken.gone:
+            span = {"count": len(taken.gone), "first": min(taken.gone), "last": max(taken.gone)}
+            actions.append(Note("samples_gone", {"id": packet.agent_id, **span}))
+        return actions
+
+    def _acknowledge(self) -> list[SupervisorAction]:
+        acks = [] if self.samples is None else self.samples.acknowledgements()
+        return [Send(Medium.WIFI, ack.agent_id, self._codec.encode(ack)) for ack in acks]
+
+    def _hear(self, packet: Packet | None, at_ms: int) -> str | None:
+        """Believes what the packet says; or says why not."""
         if isinstance(packet, ShortStatus):
             return self.beliefs.hear_short(packet, at_ms, self._theta * at_ms)
         if not isinstance(packet, Status):
@@ -202,6 +239,8 @@ class Supervisor:
         """What a dock did is known of the aMussel in it, heard or not."""
         if not isinstance(outcome, DockChanged) or self.pose is None:
             return
+        if self._ears is not None:
+            self._ears.moved(outcome.agent_id, outcome.at_ms)
         if outcome.closed:
             self.beliefs.learn(outcome.agent_id, Docked(outcome.at_ms))
         else:

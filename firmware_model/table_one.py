@@ -149,7 +149,9 @@ MODEL = ChargeModel(
         (end, rate * round(_FITTED["two_coils"] * 10_000) // 10_000) for end, rate in _ONE_COIL
     ),
 )
-HOURLY = Cycle(alarm_ms=_HOUR_MS, sample_ms=10_000, processing_ms=0, slots=None, listen_ms=60_000)
+HOURLY = Cycle(
+    alarm_ms=_HOUR_MS, sample_ms=10_000, processing_ms=0, slots=None, listen_ms=60_000, report_ms=10_000
+)
 """Table I's short wakes: the sensors for 10 s every hour."""
 FIELD = Cycle(
     alarm_ms=_HOUR_MS,
@@ -157,6 +159,7 @@ FIELD = Cycle(
     processing_ms=60_000,
     slots=Slots(frame_ms=300_000, slot_ms=5000),
     listen_ms=60_000,
+    report_ms=60_000,
 )
 """Wakes of several minutes, as in Fig. 4 a: sample, process a little, await the timeslot, transmit."""
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence, Set
+from dataclasses import dataclass, field
 from typing import Any
 
 from apad_bridge.records.uptime import AgentUptime, UptimeMeter
@@ -24,6 +24,8 @@ class Ending:
     """Counts of what was dropped, by reason."""
     first_cause: str | None = None
     """Of a run in which something failed: what failed first."""
+    samples_gone: Mapping[int, Set[int]] = field(default_factory=dict)
+    """By aMussel, the sequences of samples that never will come."""
 
 
 def uptime_figures(meter: UptimeMeter, now_ms: int, tick_ms: int = 1000) -> dict[str, Any]:

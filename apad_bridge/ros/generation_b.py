@@ -21,6 +21,7 @@ from std_msgs.msg import Float32MultiArray
 
 from apad_bridge.diagnosis.graph import Graph
 from apad_bridge.diagnosis.network import Unreachable
+from apad_bridge.laboratory.words import DockSaid
 from apad_bridge.ros.generation_b_core import GenerationBCore
 from apad_bridge.ros.generation_b_docks import Sight
 from apad_bridge.ros.generation_b_ears import Ears
@@ -148,6 +149,10 @@ class GenerationBLink:
             self._arms.publish(Float32MultiArray(data=is_open))
         self._core.command(command, now_ms)
         self._send()
+
+    def said(self, word: DockSaid) -> None:
+        """Somebody else says what a dock did."""
+        self._core.hear_dock(word)
 
     def close(self) -> None:
         self._ears.close()

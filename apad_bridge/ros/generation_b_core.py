@@ -11,16 +11,16 @@ import math
 from collections import Counter
 from collections.abc import Iterable, Mapping
 
+from apad_bridge.laboratory.words import DockSaid
 from apad_bridge.ros.generation_b_calls import Calls
 from apad_bridge.ros.generation_b_docking import ServoDocking
 from apad_bridge.ros.generation_b_docks import DocksByBench, Sight
-from apad_bridge.ros.generation_b_status import StatusWatch
+from apad_bridge.ros.generation_b_going import Going
 from apad_bridge.ros.generation_b_words import (
     Answered,
     ArmHeard,
     Call,
     FinishedHeard,
-    GoToOrder,
     Heard,
     PilotHeard,
     PositionOrder,
@@ -44,10 +44,6 @@ from apad_bridge.vehicle import (
 )
 from apad_bridge.vehicle_link import LinkFact
 
-NEAR_M = 1.0
-"""Beyond the victory radius: a go-to that is said to be done farther away than that is not believed."""
-SILENT_MS = 3_000
-"""In the victory radius for so long, without a word on `goto_status`, is arrival."""
 ASTRAY_M = 3.0
 """A vehicle that shall hold and is this far away does not."""
 ASTRAY_MS = 10_000
@@ -84,9 +80,7 @@ class GenerationBCore:
         self._later: list[Heard] = []
         self._facts: list[LinkFact] = []
         self._pose: PoseReported | None = None
-        self._going: GoTo | None = None
-        self._watch = StatusWatch()
-        self._near_since_ms: int | None = None
+        self._going: Going | None = None
         self._servo: ServoDocking | None = None
         self._hold_m: tuple[float, float] | None = None
         """Where the vehicle was told to hold, when nothing else is under way."""
@@ -101,7 +95,7 @@ class GenerationBCore:
     @property
     def dropped(self) -> Counter[str]:
         """Words of the vehicle that were of no use, by reason."""
-        return self.readings.dropped + self._dropped
+        return self.readings.dropped + self.docks.dropped + self._dropped
 
     @property
     def unanswered(self) -> list[str]:
@@ -117,9 +111,10 @@ class GenerationBCore:
 
     def command(self, command: VehicleCommand, now_ms: int) -> None:
         match command:
-            case GoTo():
-                self._begin(going=command)
-                self._go(command, now_ms)
+            case GoTo(_, north_m, east_m):
+                self._begin(going=Going(command))
+                self._goal_m = (north_m, east_m)
+                self._go(now_ms)
             case Hold(_, north_m, east_m, heading_rad):
                 self._begin(hold=command)
                 self._position((north_m, east_m), now_ms, heading_rad)
@@ -174,19 +169,16 @@ class GenerationBCore:
 
     # Going and holding.
 
-    def _begin(self, *, going: GoTo | None = None, hold: Hold | None = None) -> None:
+    def _begin(self, *, going: Going | None = None, hold: Hold | None = None) -> None:
         self._going, self._hold, self._servo, self._hold_m = going, hold, None, None
-        self._near_since_ms = None
-        self._watch = StatusWatch()
 
-    def _go(self, command: GoTo, now_ms: int) -> None:
-        self._goal_m = (command.north_m, command.east_m)
-        numbers = (command.north_m, command.east_m, command.speed_m_s, command.victory_radius_m)
-        if not all(map(math.isfinite, numbers)) or command.speed_m_s <= 0 or command.victory_radius_m <= 0:
-            self._fail("the aPad aborts a go-to without a speed, a victory radius or a finite goal", now_ms)
+    def _go(self, now_ms: int) -> None:
+        if self._going is None:
             return
-        if not self._pilot_steers:
-            self.calls.order(GoToOrder(*numbers), now_ms)
+        if (order := self._going.order) is None:
+            self._fail("the aPad aborts a go-to without a speed, a victory radius or a finite goal", now_ms)
+        elif not self._pilot_steers:
+            self.calls.order(order, now_ms)
 
     def _position(self, place_m: tuple[float, float], now_ms: int, heading_rad: float | None = None) -> None:
         self._hold_m, self._astray_ms = place_m, now_ms
@@ -206,13 +198,12 @@ class GenerationBCore:
                 self._hear_hand(status, at_ms)
             elif self._servo.hear(status, at_ms, answered=answered):
                 self._servo_done(self._servo, at_ms)
-        elif self._going is not None:
-            near = self._distance_m() <= self._going.victory_radius_m + NEAR_M
-            if self._watch.hear(status, at_ms, answered=answered, plausible=near):
-                if near:
-                    self._arrive(self._going, at_ms)
-                else:
-                    self._fail(f"the aPad says it arrived, {self._distance_m():.1f} m from the goal", at_ms)
+        elif self._going is not None and self._going.hear(status, at_ms, self._pose, answered=answered):
+            if self._going.is_near(self._pose):
+                self._arrive(self._going.command, at_ms)
+            else:
+                distance_m = self._going.distance_m(self._pose)
+                self._fail(f"the aPad says it arrived, {distance_m:.1f} m from the goal", at_ms)
 
     def _arrive(self, command: GoTo, at_ms: int) -> None:
         self._facts.append(Arrived(at_ms, command.command_id))
@@ -239,27 +230,22 @@ class GenerationBCore:
             return False
         return math.dist(hold_m, (self._pose.north_m, self._pose.east_m)) > ASTRAY_M
 
-    def _watch_going(self, command: GoTo, now_ms: int) -> None:
-        if (why := self._watch.why_lost(now_ms)) is not None:
-            self._fail(f"the aPad ended the go-to by itself: {why}", now_ms)
-            return
-        near = self._distance_m() <= command.victory_radius_m
-        if not near or self._watch.was_heard:
-            self._near_since_ms = None
-        elif self._near_since_ms is None:
-            self._near_since_ms = now_ms
-        elif now_ms - self._near_since_ms >= SILENT_MS:
+    def _watch_going(self, going: Going, now_ms: int) -> None:
+        if (why := going.why_lost(now_ms)) is not None:
+            self._fail(why, now_ms)
+        elif going.has_arrived_unsaid(self._pose, now_ms):
             self._dropped["goto_status was silent: arrival by position"] += 1
-            self._arrive(command, now_ms)
+            self._arrive(going.command, now_ms)
 
-    def _distance_m(self) -> float:
-        if self._going is None or self._pose is None:
-            return math.inf
-        return math.hypot(self._going.north_m - self._pose.north_m, self._going.east_m - self._pose.east_m)
+    @property
+    def _under_way(self) -> GoTo | CloseDock | OpenDock | None:
+        if self._going is not None:
+            return self._going.command
+        return None if self._servo is None else self._servo.command
 
     def _fail(self, reason: str, at_ms: int) -> None:
         """The command under way has failed; the vehicle is held where it is."""
-        command = self._going or self._hold or (self._servo.command if self._servo else None)
+        command = self._under_way or self._hold
         if command is not None:
             self._facts.append(CommandFailed(at_ms, command.command_id, reason))
         self._begin()
@@ -299,7 +285,8 @@ class GenerationBCore:
             if self.docks.is_out_of_reach(servo.command, self._pose, at_ms):
                 self._fail(NOTHING_THERE, at_ms)
                 return
-            self._facts += self.docks.close(servo.command, self._pose, at_ms)
+            if not self.docks.holds(servo.command.agent_id):
+                self._facts += self.docks.close(servo.command, self._pose, at_ms)
         else:
             self._facts += self.docks.open(servo.command, at_ms)
         self._begin()
@@ -320,14 +307,16 @@ class GenerationBCore:
         if not ended or status is not Status.DONE:
             return
         slot = self._hand_slot
-        if slot is None or self._pose is None:
+        if slot is None:
             self._dropped["docking by hand: no arm was seen to open"] += 1
-        elif (held := self.docks.held.get(slot)) is not None:
-            self._facts += self.docks.open(OpenDock(0, slot, held), at_ms)
-        elif (agent_id := self.docks.caught_by_hand(slot, self._pose, at_ms)) is not None:
-            self._facts += self.docks.close(CloseDock(0, slot, agent_id), self._pose, at_ms)
-        else:
-            self._dropped["docking by hand: no simulated aMussel was near"] += 1
+            return
+        self._facts += self.docks.take_word(
+            DockSaid(at_ms, None, slot, slot not in self.docks.held), self._pose
+        )
+
+    def hear_dock(self, word: DockSaid) -> None:
+        """Somebody says what a dock did. By id; of none, by slot and place. What is known already is no news."""
+        self._facts += self.docks.take_word(word, self._pose)
 
     def _hear_pilot(self, steers: bool, at_ms: int) -> None:
         """A pilot is never fought: what was under way has failed, and nothing is ordered until the sticks are let go."""
@@ -336,12 +325,11 @@ class GenerationBCore:
         self._pilot_steers = steers
         if steers:
             self.calls.forget()
-            command = self._going or (self._servo.command if self._servo else None)
-            if command is not None:
+            if (command := self._under_way) is not None:
                 self._facts.append(CommandFailed(at_ms, command.command_id, PILOT))
                 self._begin()
         elif self._going is not None:
-            self._go(self._going, at_ms)
+            self._go(at_ms)
         elif self._servo is not None:
             self.calls.order(self._servo.first_order, at_ms)
         elif self._hold is not None:

@@ -6,8 +6,11 @@ A simulated aMussel is held where the slot is, at the aPad's side, and is carrie
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 
+from apad_bridge.laboratory.words import DockSaid
+from apad_bridge.port.dock_table import SLOTS
 from apad_bridge.ros.generation_b_words import slot_direction_rad
 from apad_bridge.simulated_apad.docks import Docks
 from apad_bridge.simulated_apad.misses import MISSED, Misses
@@ -33,6 +36,7 @@ class DocksByBench:
         self._docks = Docks()
         self._let_go: set[int] = set()
         """Agents whose arm stands open already, though the vehicle has not come to the end of its undocking."""
+        self.dropped: Counter[str] = Counter()
         self._misses = misses
         self._sight = sight
         for slot, agent_id in docked.items():
@@ -87,9 +91,37 @@ class DocksByBench:
         self._let_go.add(agent_id)
         return [LetGo(now_ms, agent_id)]
 
-    def caught_by_hand(self, slot: int, pose: PoseReported, now_ms: int) -> int | None:
+    def take_word(self, word: DockSaid, pose: PoseReported | None) -> list[LinkFact]:
+        """A dock that closed or opened by others' hands: whose it was is made out by id, else by place and slot."""
+        agent_id, slot = word.agent_id, word.slot
+        if not word.closed:
+            if agent_id is None and slot is not None:
+                agent_id = self.held.get(slot)
+            found = next((it for it, holder in self.held.items() if holder == agent_id), None)
+            if agent_id is None or found is None:
+                self.dropped["a release by others: of nothing that is held"] += 1
+                return []
+            return self.open(OpenDock(0, found, agent_id), word.at_ms)
+        if agent_id is None and pose is not None:
+            agent_id = self._caught(slot, pose, word.at_ms)
+        if agent_id is None:
+            self.dropped["a docking by others: no simulated aMussel was near"] += 1
+            return []
+        if self.holds(agent_id):
+            return []
+        if slot is None or slot in self.held:
+            slot = next((it for it in SLOTS if it not in self.held), None)
+        if slot is None:
+            self.dropped["a docking by others: all docks are taken"] += 1
+            return []
+        closed: list[LinkFact] = [self._docks.close(CloseDock(0, slot, agent_id), word.at_ms)]
+        if agent_id in self._simulated and pose is not None:
+            closed.append(self._carried(slot, agent_id, pose, word.at_ms))
+        return closed
+
+    def _caught(self, slot: int | None, pose: PoseReported, now_ms: int) -> int | None:
         """The simulated aMussel nearest to where `slot` closed, if one is within reach and in no dock."""
-        place_m = slot_place_m(slot, pose)
+        place_m = (pose.north_m, pose.east_m) if slot is None else slot_place_m(slot, pose)
         near = [
             (math.dist(place_m, there_m), agent_id)
             for agent_id, there_m in self._sight(now_ms).items()

@@ -2,20 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
+from pathlib import Path
 
 from apad_bridge import building
 from apad_bridge.flight import Fleet, Watcher
+from apad_bridge.geography import LocalFrame
+from apad_bridge.laboratory.names import DEFAULT, load_names
 from apad_bridge.pace import Pace, WallClock
 from apad_bridge.ros.agent_topics import Shown
 from apad_bridge.ros.contacts_link import ContactsLink
+from apad_bridge.ros.fleet_diagnostics import Limits
 from apad_bridge.ros.fleet_guard import SecondFleet
 from apad_bridge.ros.gateway import GatewayFailed, TruthSource, open_gateway
+from apad_bridge.ros.generation_b import GenerationBLink
+from apad_bridge.ros.laboratory import Laboratory
+from apad_bridge.ros.listening_link import ListeningLink
 from apad_bridge.ros.radio import FleetRadio, MissionRadio
 from apad_bridge.ros.ros_pace import FollowedClock, OwnMasterClock
+from apad_bridge.ros.standard_topics import StandardTopics
 from apad_bridge.ros.vehicle_not_ready import VehicleNotReady
-from apad_bridge.ros.vehicles import READY_S, APadLink, TruthsAt, open_apad
+from apad_bridge.ros.vehicles import READY_S, APadLink, TruthsAt, is_of_generation_b, open_apad
 from apad_bridge.runs.failures import PeerFailed
 from apad_bridge.runs.flying import Surroundings
 from apad_bridge.runs.options import APadKind, Part, RunOptions, TimeSource
@@ -55,35 +63,50 @@ def open_surroundings(
                 truth=_shown_truth(truths_at) if scenario.records.truth_on_agent_topics else None,
             )
             stack.callback(gateway.close)
+            names = load_names(Path(scenario.apad.interface) if scenario.apad.interface else DEFAULT)
+            laboratory = Laboratory(names, scenario.apad.name, ids, codec)
+            stack.callback(laboratory.close)
+            standard = _standard_topics(shown, scenario)
             vehicle: APadLink | ContactsLink
             watches: tuple[Watcher, ...] = ()
-            ether: FleetRadio | MissionRadio | None = None
-            if options.part is Part.FLEET:
+            radio: FleetRadio | MissionRadio | None = None
+            is_fleet = options.part is Part.FLEET
+            if is_fleet and not is_of_generation_b(scenario):
                 vehicle = ContactsLink(scenario.apad.name, ids, docked, now_ms)
-                ether = FleetRadio(ids, codec)
             else:
                 opened = open_apad(scenario, options, docked, now_ms, truths_at)
                 vehicle = opened.link
                 if opened.watch is not None:
                     watches = (opened.watch,)
-                if options.part is Part.MISSION:
-                    ether = MissionRadio(ids, codec, scenario.theta, vehicle.holds)
+            if is_fleet:
+                radio = FleetRadio(ids, codec)
+            elif options.part is Part.MISSION and not isinstance(vehicle, ContactsLink):
+                radio = MissionRadio(ids, codec, scenario.theta, vehicle.holds)
             stack.callback(vehicle.close)
-            if ether is not None:
-                stack.callback(ether.close)
+            if radio is not None:
+                stack.callback(radio.close)
             if not isinstance(vehicle, ContactsLink):
                 vehicle.wait_until_ready(READY_S)
         except (SecondFleet, GatewayFailed, VehicleNotReady) as error:
             raise PeerFailed(str(error)) from error
+        hears = vehicle if isinstance(vehicle, GenerationBLink) else None
+        link = laboratory.beside(vehicle, hears)
         yield Surroundings(
-            vehicle,
+            ListeningLink(link) if is_fleet else link,
             _pace(options, vehicle, now_ms, in_fine_steps=bool(watches)),
             fleet,
-            lambda supervisor: (gateway.watcher(supervisor), *watches),
+            lambda supervisor: (gateway.watcher(supervisor), standard.watcher(supervisor), *watches),
             gateway.event,
-            ether,
+            laboratory.around(radio, link, is_mission=options.part is Part.MISSION),
             held,
+            lambda: vehicle.dropped + laboratory.dropped,
         )
+
+
+def _standard_topics(shown: Iterable[int], scenario: Scenario) -> StandardTopics:
+    mission = scenario.mission
+    limits = Limits(mission.silence_timeout_s, mission.pool_threshold)
+    return StandardTopics(shown, scenario.apad.name, LocalFrame.about(scenario.area.origin), limits)
 
 
 def _shown_truth(truths_at: TruthsAt) -> TruthSource:

@@ -5,11 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
+import rosgraph
+
 from apad_bridge import building
+from apad_bridge.diagnosis.graph import Graph
+from apad_bridge.diagnosis.network import Unreachable
 from apad_bridge.records.samples import TruthSample
 from apad_bridge.ros.generation_a import GenerationALink
 from apad_bridge.ros.generation_b import GenerationBLink
-from apad_bridge.ros.generations import live_generation
+from apad_bridge.ros.generations import live_generation, offered_generations
 from apad_bridge.ros.virtual_camera import VirtualCamera
 from apad_bridge.runs.options import APadKind, RunOptions
 from apad_bridge.scenario.schema import DockingProfile, Generation, Scenario
@@ -19,6 +23,18 @@ _AFLOAT_M = 0.1
 """A body less deep than this floats."""
 APadLink = GenerationALink | GenerationBLink
 TruthsAt = Callable[[int], list[TruthSample]]
+
+
+def is_of_generation_b(scenario: Scenario) -> bool:
+    """Whether the aPad is met as one of generation B: by the scenario, else by what is on the graph at this moment."""
+    generation = scenario.apad.generation
+    if generation is not Generation.AUTO:
+        return generation is Generation.B
+    try:
+        offered = offered_generations(Graph.read(rosgraph.get_master_uri()), scenario.apad.name)
+    except Unreachable:
+        return False
+    return offered == {Generation.B}
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,7 +11,7 @@ from agents.one_process import OneProcess
 from agents.outputs import WifiSent
 from apad_bridge import building
 from apad_bridge.ether import Ether
-from apad_bridge.facts import Medium, WifiHeard
+from apad_bridge.facts import Medium, Send, WifiHeard
 from apad_bridge.mission.orders import Note
 from apad_bridge.runs.flying import Surroundings
 from apad_bridge.scenario.schema import Scenario
@@ -39,6 +39,9 @@ class _Unsaid:
         self.advance = ether.advance
 
     def transmit(self, medium: Medium, agent_id: int, data: bytes, now_ms: int) -> None:
+        pass
+
+    def said(self, send: Send, now_ms: int) -> None:
         pass
 
 

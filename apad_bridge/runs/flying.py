@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+from collections import Counter
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
@@ -19,6 +20,7 @@ from apad_bridge.pace import AsFastAsPossible, Pace
 from apad_bridge.records.recorder import Recorder
 from apad_bridge.records.summary import Ending
 from apad_bridge.runs.status import Status
+from apad_bridge.sample_collection import SampleCollection
 from apad_bridge.scenario.schema import Hosting, Scenario
 from apad_bridge.scenario.starts import Start
 from apad_bridge.scripting.commanded import Front
@@ -48,6 +50,8 @@ class Surroundings:
     ether: Ether | None = None
     held: tuple[int, ...] = ()
     """aMussels that docks hold already."""
+    dropped: Callable[[], Counter[str]] = Counter
+    """What was heard around here and came to nothing, by reason."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,6 +98,7 @@ def fly(
         scenario,
         None if go_on is None else go_on.state,
         first_command_id=1 + (0 if go_on is None else go_on.epoch * _COMMAND_IDS_PER_EPOCH),
+        samples=_collection(scenario, surroundings, recorder),
         fronts=fronts,
     )
     if go_on is not None:
@@ -130,7 +135,8 @@ def fly(
             cost_m=supervisor.mission.state.cost_m,
             services=supervisor.mission.state.services,
             apad_energy_fraction=_fraction_used(supervisor, go_on),
-            dropped=flight.dropped + supervisor.dropped + supervisor.port.dropped,
+            dropped=flight.all_dropped + surroundings.dropped(),
+            samples_gone={} if supervisor.samples is None else supervisor.samples.gone,
         )
         return recorder.finish(flight.now_ms, ending)
 
@@ -140,6 +146,7 @@ class _Announced:
 
     def __init__(self, recorder: Recorder, announce: Announce) -> None:
         self.truths = recorder.truths
+        self.samples = recorder.samples
         self.tick = recorder.tick
         self._recorder = recorder
         self._announce = announce
@@ -172,6 +179,15 @@ def journal_start(recorder: Recorder, scenario: Scenario, starts: Sequence[Start
             for start in starts
         ],
     )
+
+
+def _collection(
+    scenario: Scenario, surroundings: Surroundings, recorder: Recorder
+) -> SampleCollection | None:
+    """A fleet whose mission is at the other end of an ether uploads its samples there."""
+    if surroundings.fleet is not None and surroundings.ether is not None:
+        return None
+    return SampleCollection(building.agent_ids(scenario), recorder.samples_kept)
 
 
 def _fraction_used(supervisor: Supervisor, go_on: GoOn | None) -> float | None:

@@ -14,12 +14,14 @@ from apad_bridge.flight import Flight
 from apad_bridge.pace import AsFastAsPossible
 from apad_bridge.records.summary import uptime_figures
 from apad_bridge.records.uptime import UptimeMeter
+from apad_bridge.sample_collection import SampleCollection
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
 from apad_bridge.scripting.commanded import Front
 from apad_bridge.sea_building import fleet_of
 from apad_bridge.vehicle import BatteryReported, PoseReported
 from apad_bridge.vehicle_link import InProcessVehicle
+from firmware_model.sample_record import SampleRecord
 
 
 class MemoryRecorder:
@@ -28,6 +30,10 @@ class MemoryRecorder:
     def __init__(self, scenario: Scenario) -> None:
         self.meter = UptimeMeter(scenario.theta, charge_model(scenario.board))
         self.events: list[tuple[int, str, dict[str, Any]]] = []
+        self.taken: dict[int, int] = {}
+        """By aMussel, how many samples it has ever taken."""
+        self.uploaded: dict[int, list[SampleRecord]] = {}
+        """By aMussel, the samples that were uploaded, as they came."""
 
     def event(self, at_ms: int, kind: str, **data: Any) -> None:
         self.events.append((at_ms, kind, data))
@@ -35,6 +41,10 @@ class MemoryRecorder:
     def truths(self, truths: list[Truth]) -> None:
         for truth in truths:
             self.meter.take(truth)
+            self.taken[truth.agent_id] = truth.physical.samples
+
+    def samples(self, agent_id: int, records: Sequence[SampleRecord]) -> None:
+        self.uploaded.setdefault(agent_id, []).extend(records)
 
     def tick(
         self,
@@ -54,7 +64,9 @@ def open_flight(scenario: Scenario, fronts: Sequence[Front] = ()) -> tuple[Fligh
     host = OneProcess(building.fleet_config(scenario), births)
     fleet = fleet_of(scenario, host, dict.fromkeys(births, 0))
     vehicle = InProcessVehicle(building.simulated_apad(scenario))
-    supervisor, recorder = building.supervisor(scenario, fronts=fronts), MemoryRecorder(scenario)
+    samples = SampleCollection(building.agent_ids(scenario))
+    supervisor = building.supervisor(scenario, fronts=fronts, samples=samples)
+    recorder = MemoryRecorder(scenario)
     return Flight(supervisor, vehicle, AsFastAsPossible(), recorder, fleet), recorder
 
 

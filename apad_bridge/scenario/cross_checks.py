@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from agents.water.current import CurrentField
 from apad_bridge.boards import can_fill
+from apad_bridge.geography import LocalFrame
+from apad_bridge.laboratory.names import load_names
 from apad_bridge.planning.registry import collection, redeployment
+from apad_bridge.scenario.currents import problem_with_current
 from apad_bridge.scenario.links import problem_with_links
 from apad_bridge.scenario.schema import DriftMode, FullWhen, HearingMode, Scenario
 from apad_bridge.scenario.whole_board import SleepCycle
@@ -25,7 +27,21 @@ def contradictions(scenario: Scenario) -> list[Contradiction]:
         *_of_the_board(scenario),
         *_of_the_mission(scenario),
         *_of_the_water(scenario),
+        *_of_the_apad(scenario),
     ]
+
+
+def _of_the_apad(scenario: Scenario) -> list[Contradiction]:
+    if scenario.apad.interface is None:
+        return []
+    path = Path(scenario.apad.interface)
+    try:
+        load_names(path)
+    except OSError as error:
+        return [("apad.interface", f"{error.strerror}: {path}")]
+    except ValueError as error:
+        return [("apad.interface", f"{path}: {error}")]
+    return []
 
 
 def _of_the_fleet(scenario: Scenario) -> list[Contradiction]:
@@ -35,7 +51,7 @@ def _of_the_fleet(scenario: Scenario) -> list[Contradiction]:
         found.append(("fleet.start", f"no such file or directory: {fleet.start}"))
     drift = fleet.drift
     if drift.current_file is not None:
-        problem = _problem_with_current(Path(drift.current_file))
+        problem = problem_with_current(Path(drift.current_file), LocalFrame.about(scenario.area.origin))
         if problem:
             found.append(("fleet.drift.current_file", problem))
     if drift.mode is DriftMode.PHYSICAL and drift.amplitude_m:
@@ -46,16 +62,6 @@ def _of_the_fleet(scenario: Scenario) -> list[Contradiction]:
             )
         )
     return found
-
-
-def _problem_with_current(path: Path) -> str:
-    try:
-        CurrentField.parse(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        return f"{error.strerror}: {path}"
-    except ValueError as error:  # not UTF-8, or not a field
-        return f"{path}: {error}"
-    return ""
 
 
 def _of_the_board(scenario: Scenario) -> Iterator[Contradiction]:
@@ -73,10 +79,11 @@ def _of_the_board(scenario: Scenario) -> Iterator[Contradiction]:
             f"must be longer than a call takes, which is transmit_ms ({whole.transmit_ms} ms)",
         )
     if whole.cycle is not None:
-        yield from _of_the_cycle(scenario.fleet.count, whole.cycle, whole.transmit_ms / 1000)
+        yield from _of_the_cycle(scenario, whole.cycle, whole.transmit_ms / 1000)
 
 
-def _of_the_cycle(agents: int, cycle: SleepCycle, transmit_s: float) -> Iterator[Contradiction]:
+def _of_the_cycle(scenario: Scenario, cycle: SleepCycle, transmit_s: float) -> Iterator[Contradiction]:
+    agents = scenario.fleet.count
     awake_s, slots = cycle.sample_s + cycle.processing_s, cycle.slots
     if slots is not None:
         awake_s += slots.frame_s + transmit_s
@@ -92,6 +99,12 @@ def _of_the_cycle(agents: int, cycle: SleepCycle, transmit_s: float) -> Iterator
                 "board.whole.cycle.slots.slot_s",
                 f"must be no shorter than a status, which is transmit_ms ({transmit_s:g} s), or two would overlap",
             )
+    if cycle.report_s <= scenario.theta:
+        yield (
+            "board.whole.cycle.report_s",
+            f"must be longer than {scenario.theta} s, which pass for a docked aMussel before the aPad's next second: "
+            "or no log is ever acknowledged",
+        )
     if awake_s >= cycle.alarm_s:
         parts = "sample_s, processing_s" + (", a whole frame and transmit_ms" if slots is not None else "")
         yield (
@@ -155,3 +168,12 @@ def _of_the_water(scenario: Scenario) -> Iterator[Contradiction]:
         )
     if water.links_file is not None and (problem := problem_with_links(Path(water.links_file))):
         yield "water.links_file", problem
+    current = water.current
+    if current is None:
+        return
+    if scenario.fleet.drift.current_file is not None:
+        yield "water.current", "with fleet.drift.current_file there are two currents: leave one out"
+    if current.file is not None:
+        problem = problem_with_current(Path(current.file), LocalFrame.about(scenario.area.origin))
+        if problem:
+            yield "water.current.file", problem

@@ -26,7 +26,13 @@ from apad_bridge.scenario.yaml_text import parse_yaml
 _SCENARIO = TypeAdapter(Scenario)
 
 # Keys that hold the name of a file or directory, relative to the scenario's own.
-_FILE_KEYS = (("fleet", "start"), ("fleet", "drift", "current_file"), ("water", "links_file"))
+_FILE_KEYS = (
+    ("fleet", "start"),
+    ("fleet", "drift", "current_file"),
+    ("water", "links_file"),
+    ("water", "current", "file"),
+    ("apad", "interface"),
+)
 # pydantic says which member of a union it tried as part of the path; the writer of the file knows no unions.
 _UNION_MEMBERS = {RandomStart.__name__, "str"}
 

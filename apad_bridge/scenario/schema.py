@@ -238,6 +238,8 @@ class APad:
 
     name: RosName = "apad1"
     generation: Generation = Generation.AUTO
+    interface: str | None = None
+    """A YAML file with the laboratory's own topics, relative to the scenario file; those of musselbed if there is none."""
     start_m: tuple[float, float]
     max_speed_m_s: Positive
     max_acceleration_m_s2: Positive

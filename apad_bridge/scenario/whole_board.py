@@ -130,6 +130,8 @@ class SleepCycle:
     """How long the Pi works on the samples."""
     listen_s: NotNegativeSeconds
     """Awake after a ping, and after it has come to rest on the bottom."""
+    report_s: PositiveSeconds
+    """Awake in a dock after it has reported, and after each acknowledgement of its log."""
     slots: Timeslots | None
     """Where its status goes out by sound; none: it goes back to sleep without."""
 

@@ -13,7 +13,7 @@ from apad_bridge.scripting.handover import Do, Handover, Wait
 from apad_bridge.scripting.values import Agent, Location, Refused, dock_of
 
 FOR_EVER_S = 1e9
-CALLS_PER_TICK = 20_000
+CALLS_PER_TICK = 5_000
 T = TypeVar("T")
 
 
@@ -106,6 +106,11 @@ class Known:
 
     def free_docks(self) -> list[int]:
         return [dock for dock, agent in self.docks().items() if agent is None]
+
+    def is_full(self, id: int) -> bool:
+        """Whether an aMussel is believed charged above the scenario's threshold."""
+        self._hear(id)
+        return self._do(lambda mission: mission.is_full(id))
 
     def pool(self) -> list[int]:
         """Ids of the charging candidates: heard of late, in the water, at or below the scenario's threshold."""

@@ -32,7 +32,7 @@ from firmware_model.stimuli import ResetCause
 def whole_board() -> dict[str, Any]:
     """A cycle so short that a window cuts every part of it, on batteries that a day at the bottom empties."""
     data = resolve(load(Path(__file__).parents[2] / "launch_scripts/scenarios/whole-board-12.yaml"))["board"]
-    data["whole"]["cycle"].update(alarm_s=2000)
+    data["whole"]["cycle"].update(alarm_s=2500, report_s=601)
     data["whole"]["power"].update(kept_on=["gsm"])
     return dict(data)
 
@@ -109,6 +109,7 @@ def test_what_was_recorded_of_whole_boards_has_all_that_there_is_to_cut() -> Non
         State.HOVERING,
         State.CALLING,
         State.LOST,
+        State.AWAITING_BEACON,
     }
 
 

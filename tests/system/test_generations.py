@@ -295,3 +295,29 @@ def test_a_node_that_cannot_come_up_leaves_nothing_and_says_why(tmp_path: Path, 
         start_apad_node(wrong, master.uri, tmp_path / "apad.log")
     with pytest.raises(APadNodeFailed, match="no ROS master answers"):
         start_apad_node(wrong, "http://127.0.0.1:1/", tmp_path / "apad.log")
+
+
+def test_a_laboratorys_words_are_heard_and_told_by_its_own_names(
+    tmp_path: Path, master: Master, start: Callable[..., subprocess.Popen[str]]
+) -> None:
+    """With ROS's own tools at the other ends; one alert is of a type that nobody here chose."""
+    names = tmp_path / "lab.yaml"
+    shipped = (ROOT / "launch_scripts" / "interfaces" / "strings.yaml").read_text()
+    names.write_text(shipped.replace("hear:", "hear:\n  - {what: clear, topic: /stamped, id: point.x}"))
+    program = start("hear_a_laboratory", str(names))
+    assert program.stdout is not None and line_of(program.stdout) == "ready\n"
+    environment = loopback_environment(tmp_path / "ros", master.uri)
+
+    def tool(*words: str) -> str:
+        command = [f"/usr/bin/{words[0]}", *words[1:]]
+        done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=PATIENCE_S)
+        assert done.returncode == 0, done.stderr
+        return done.stdout
+
+    assert "data: True" in tool("rostopic", "echo", "-n", "1", "/amussel3/wifi_status")
+    tool("rostopic", "pub", "-1", "/base/docked_alert", "std_msgs/String", "data: 'amussel17, dock 3'")
+    assert json.loads(line_of(program.stdout)) == ["DockSaid", "17", "2", "True"]
+    tool("rostopic", "pub", "-1", "/stamped", "geometry_msgs/PointStamped", "{point: {x: 4.0}}")
+    assert json.loads(line_of(program.stdout)) == ["WordSaid", "clear", "4"]
+    said, _ = program.communicate("", timeout=PATIENCE_S)
+    assert json.loads(said.splitlines()[-1]) == {}

@@ -314,7 +314,7 @@ def test_a_docking_by_hand_far_from_all_is_counted() -> None:
     apad.docks(0, Status.RUNNING)
     apad.docks(40_000, Status.DONE)
     assert apad.tells(40_000) == []
-    assert apad.core.dropped == {"docking by hand: no simulated aMussel was near": 1}
+    assert apad.core.dropped == {"a docking by others: no simulated aMussel was near": 1}
 
 
 def test_a_pilot_is_not_fought() -> None:

@@ -43,6 +43,7 @@ LEGACY_MD5 = {
     "uuv_sensor_msgs/msg/AcousticModemRange": "d41ea0b9d0d8580cb0eceda00eab751e",
 }
 OWN_MESSAGES = [
+    "DockAlert",
     "AgentBelief",
     "AgentTruth",
     "APadStatus",
