@@ -136,6 +136,15 @@ class GenerationAVehicle:
             raise ValueError(f"slot {slot} is open")
         return [*self.advance(now_ms), self._let_go(slot)]
 
+    def change_battery(self, percent_points: float, now_ms: int) -> list[Shown]:
+        """`charging`, or with a minus `draining`; what is no number changes nothing."""
+        shown = self.advance(now_ms)
+        if math.isfinite(percent_points):
+            self._apad.change_battery(percent_points / 100, now_ms - self._start_ms)
+        else:
+            self.dropped["charging or draining: not finite"] += 1
+        return shown
+
     def _go_to(self, goal: Goal) -> list[Shown]:
         pose = self._apad.pose
         self._goal_from_m = math.hypot(goal.north_m - pose.north_m, goal.east_m - pose.east_m)

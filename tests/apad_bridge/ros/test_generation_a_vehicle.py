@@ -196,3 +196,15 @@ def test_how_time_is_cut_never_shows(cuts: list[int]) -> None:
         return shown + apad.advance(20_000)
 
     assert flown(set(cuts)) == flown(set())
+
+
+def test_its_battery_can_be_charged_and_drained_by_percent_points() -> None:
+    apad = vehicle()
+    apad.change_battery(-30.0, 0)
+    assert apad.battery_percent == pytest.approx(70.0)
+    apad.change_battery(10.0, 0)
+    assert apad.battery_percent == pytest.approx(80.0)
+    apad.change_battery(50.0, 0)
+    assert apad.battery_percent == 100.0
+    apad.change_battery(float("nan"), 0)
+    assert apad.battery_percent == 100.0 and apad.dropped.total() == 1
