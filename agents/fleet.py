@@ -9,7 +9,8 @@ from agents.agent import AgentConfig
 from agents.body import WaterConfig
 from agents.physical import Physical
 from agents.reporter import Modem
-from agents.water.fields import Constant, Fields
+from agents.water.fields import Fields
+from agents.water.patches import OXYGEN, TEMPERATURE, TURBIDITY, Waters
 from agents.water.stream import STILL, Stream, Tide, parse_stream
 from firmware_model.actions import Buoyancy
 from firmware_model.charge import Battery, ChargeModel, Flow, grains
@@ -51,10 +52,10 @@ class FleetConfig:
     """(depth in um, millionths of the current that are left there)."""
     pin_chatter_ms: int = 2000
     pin_check_ms: int = 60_000
-    oxygen_mg_l: float = 8.0
-    temperature_c: float = 18.0
-    turbidity_ntu: float = 5.0
-    """What is true of the water everywhere."""
+    oxygen_mg_l: Waters = OXYGEN
+    temperature_c: Waters = TEMPERATURE
+    turbidity_ntu: Waters = TURBIDITY
+    """What is true of the water."""
     modem: Modem = Modem.V3
     flash_pages: int = PAGES
     """Of `firmware_model.flash_log.PAGE_BYTES` each, for the log of one aMussel."""
@@ -72,6 +73,9 @@ class FleetConfig:
                 "charge": _charge_of(wire["charge"]),
                 "modem": Modem(wire["modem"]),
                 "whole": None if whole is None else _whole_of(whole),
+                **{
+                    name: _waters_of(wire[name]) for name in ("oxygen_mg_l", "temperature_c", "turbidity_ntu")
+                },
                 "tides": tuple([tuple(it) for it in wire["tides"]]),
                 "current_profile": tuple([tuple(it) for it in wire["current_profile"]]),
             }
@@ -114,6 +118,11 @@ def _cycle_of(wire: dict[str, Any]) -> Cycle:
     return Cycle(**{**wire, "slots": None if slots is None else Slots(**slots)})
 
 
+def _waters_of(wire: dict[str, Any]) -> Waters:
+    layers, patches = (tuple([tuple(it) for it in wire[key]]) for key in ("layers", "patches"))
+    return Waters(layers, patches)
+
+
 def _stream(fleet: FleetConfig) -> Stream:
     told = STILL if fleet.current_csv is None else parse_stream(fleet.current_csv)
     tides = tuple([Tide(*it) for it in fleet.tides])
@@ -138,7 +147,7 @@ class AgentConfigs:
             current=_stream(fleet),
             coil_alignment_ms=fleet.coil_alignment_ms,
             fields=Fields(
-                Constant(fleet.oxygen_mg_l), Constant(fleet.temperature_c), Constant(fleet.turbidity_ntu)
+                fleet.oxygen_mg_l.field(), fleet.temperature_c.field(), fleet.turbidity_ntu.field()
             ),
         )
 

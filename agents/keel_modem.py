@@ -32,7 +32,8 @@ class KeelModem:
     """Three verbs. What it is asked to send goes out in the order of asking."""
 
     def __init__(self, now_ms: int = 0) -> None:
-        self._waiting: deque[tuple[int | None, Frame]] = deque()
+        self._waiting: deque[tuple[int, int | None, Frame]] = deque()
+        """(not before, whom for, what)."""
         self._now_ms = now_ms
         self._free_ms = now_ms
         self._asked: int | None = None
@@ -40,7 +41,9 @@ class KeelModem:
 
     @property
     def next_due_ms(self) -> int | None:
-        return self._free_ms if self._waiting or self._asked is not None else None
+        if self._asked is not None:
+            return self._free_ms
+        return max(self._free_ms, self._waiting[0][0]) if self._waiting else None
 
     def advance(self, now_ms: int) -> list[Send | Unanswered]:
         """What it sends up to `now_ms` (ValueError if time went back)."""
@@ -54,7 +57,7 @@ class KeelModem:
                 done.append(Unanswered(at_ms, self._asked))
                 self._asked = None
                 continue
-            node, frame = self._waiting.popleft()
+            _, node, frame = self._waiting.popleft()
             self._free_ms = at_ms + frame.duration_ms
             if frame.kind is FrameKind.PING:
                 self._asked = node
@@ -63,11 +66,11 @@ class KeelModem:
         self._now_ms = now_ms
         return done
 
-    def ask(self, node: int | None, frame: Frame) -> bool:
-        """Queues a frame; False if there is no room, and it is dropped."""
+    def ask(self, node: int | None, frame: Frame, not_before_ms: int = 0) -> bool:
+        """Queues a frame, to be sent then or later; False if there is no room, and it is dropped."""
         if len(self._waiting) >= _ROOM:
             return False
-        self._waiting.append((node, frame))
+        self._waiting.append((not_before_ms, node, frame))
         return True
 
     def answered(self, node: int, now_ms: int) -> bool:

@@ -132,19 +132,20 @@ class Sea:
         self._apad_at_ms = at_ms
         self._told += self._medium.receive(Moved(APAD, place), self.now_ms)
 
-    def say(self, agent_id: int | None, data: bytes) -> None:
-        """Sends bytes by the aPad's modem, to one aMussel or to all, as soon as it is free."""
+    def say(self, agent_id: int | None, data: bytes, not_before_ms: int = 0) -> None:
+        """Sends bytes by the aPad's modem, to one aMussel or to all: at that agent time, or as soon as it is free."""
         fewest, most = PAYLOAD_BYTES[Generation.V3]
         if not fewest <= len(data) <= most:
             self.dropped[f"sound: {len(data)} bytes are no packet of a modem's"] += 1
         elif agent_id is None:
-            self._ask(None, Frame(FrameKind.BROADCAST, APAD_ADDRESS, None, data))
+            self._ask(None, Frame(FrameKind.BROADCAST, APAD_ADDRESS, None, data), not_before_ms)
         else:
-            self._ask(agent_id, Frame(FrameKind.UNICAST, APAD_ADDRESS, address_of(agent_id), data))
+            frame = Frame(FrameKind.UNICAST, APAD_ADDRESS, address_of(agent_id), data)
+            self._ask(agent_id, frame, not_before_ms)
 
-    def ping(self, agent_id: int) -> None:
+    def ping(self, agent_id: int, not_before_ms: int = 0) -> None:
         """Measures the range to an aMussel: Ranged or NotRanged comes of it."""
-        self._ask(agent_id, Frame(FrameKind.PING, APAD_ADDRESS, address_of(agent_id)))
+        self._ask(agent_id, Frame(FrameKind.PING, APAD_ADDRESS, address_of(agent_id)), not_before_ms)
 
     def lay_links(self, topology: Topology) -> None:
         """Links are as the topology says from now on."""
@@ -160,8 +161,8 @@ class Sea:
             raise ValueError(f"the modem of aMussel {agent_id} has not been opened")
         self._modems.write(agent_id, data)
 
-    def _ask(self, node: int | None, frame: Frame) -> None:
-        if not self._keel.ask(node, frame):
+    def _ask(self, node: int | None, frame: Frame, not_before_ms: int) -> None:
+        if not self._keel.ask(node, frame, not_before_ms):
             self.dropped["sound: the aPad's modem has too much to send"] += 1
 
     # Rounds.

@@ -3,26 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 
 from agents.fleet import FleetConfig, resting_on_bottom
 from agents.physical import Physical
 from apad_bridge.beliefs.hold_last import HoldLast
 from apad_bridge.boards import charge_model, whole_firmware
-from apad_bridge.geography import LocalFrame
+from apad_bridge.ears_building import ears_of
 from apad_bridge.mission.energy_exchange import EnergyExchange
 from apad_bridge.mission.role import Mission
 from apad_bridge.mission.state import MissionState
 from apad_bridge.planning import registry
 from apad_bridge.port.docking_port import DockingPort
 from apad_bridge.sample_collection import SampleCollection
-from apad_bridge.scenario.currents import current_text
 from apad_bridge.scenario.schema import DriftMode, HearingMode, Scenario
 from apad_bridge.scenario.starts import Start
 from apad_bridge.scripting.commanded import CommandedMission, Front
 from apad_bridge.simulated_apad.apad import SimulatedAPad
 from apad_bridge.simulated_apad.misses import Misses
 from apad_bridge.supervisor import Supervisor
+from apad_bridge.water_building import agents_water
 from firmware_model.codec import load_codec
 
 
@@ -32,6 +31,7 @@ def agent_ids(scenario: Scenario) -> range:
 
 def fleet_config(scenario: Scenario) -> FleetConfig:
     board, drift, theta = scenario.board, scenario.fleet.drift, scenario.theta
+    water = agents_water(scenario)
     return FleetConfig(
         theta=theta,
         seed=scenario.seed,
@@ -51,40 +51,15 @@ def fleet_config(scenario: Scenario) -> FleetConfig:
         sinking_ms=round(board.sinking_s * 1000),
         drifts_always=drift.mode is DriftMode.PAPER,
         drift_amplitude_um=round(drift.amplitude_m * 1e6),
-        current_csv=_current(scenario),
-        tides=_tides(scenario),
-        current_profile=_profile(scenario),
+        current_csv=water.current_csv,
+        tides=water.tides,
+        current_profile=water.current_profile,
+        oxygen_mg_l=water.oxygen_mg_l,
+        temperature_c=water.temperature_c,
+        turbidity_ntu=water.turbidity_ntu,
         whole=whole_firmware(board, scenario.seed),
         first_id=scenario.fleet.first_id,
     )
-
-
-def _current(scenario: Scenario) -> str | None:
-    name = scenario.fleet.drift.current_file
-    if name is None and scenario.water is not None and scenario.water.current is not None:
-        name = scenario.water.current.file
-    return None if name is None else current_text(Path(name), LocalFrame.about(scenario.area.origin))
-
-
-def _tides(scenario: Scenario) -> tuple[tuple[int, int, int, int, int], ...]:
-    if scenario.water is None or scenario.water.current is None:
-        return ()
-    return tuple(
-        (
-            round(tide.period_h * 3600),
-            round(tide.north_m_s * 1e6),
-            round(tide.east_m_s * 1e6),
-            round(tide.north_phase_deg / 360 * 1e6),
-            round(tide.east_phase_deg / 360 * 1e6),
-        )
-        for tide in scenario.water.current.tides
-    )
-
-
-def _profile(scenario: Scenario) -> tuple[tuple[int, int], ...]:
-    if scenario.water is None or scenario.water.current is None:
-        return ()
-    return tuple((round(depth * 1e6), round(share * 1e6)) for depth, share in scenario.water.current.profile)
 
 
 def births(scenario: Scenario, starts: Sequence[Start]) -> dict[int, Physical]:
@@ -141,4 +116,5 @@ def supervisor(
         samples,
         round(scenario.duration_s * 1000),
         scenario.mission.end_at_apad_fraction,
+        ears_of(scenario, agent_ids(scenario)),
     )

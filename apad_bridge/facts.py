@@ -49,11 +49,23 @@ class Medium(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Send:
-    """Transmit to one aMussel."""
+    """Transmit to one aMussel, or by sound to all (EVERYONE).
+
+    By sound it goes out at agent time `not_before_ms`, or as soon as the modem is free.
+    """
 
     medium: Medium
     agent_id: int
     data: bytes
+    not_before_ms: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Ping:
+    """Measure the range to an aMussel by sound: a RangeHeard comes of it."""
+
+    agent_id: int
+    not_before_ms: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,4 +76,4 @@ class KeepSamples:
     records: tuple[SampleRecord, ...]
 
 
-SupervisorAction = VehicleCommand | Send | Note | KeepSamples
+SupervisorAction = VehicleCommand | Send | Ping | Note | KeepSamples

@@ -22,7 +22,16 @@ from agents.water.medium import PacketEnded
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.contacts import Contacts
 from apad_bridge.ether import Ether
-from apad_bridge.facts import KeepSamples, Medium, OperatorAsked, RangeHeard, Send, SoundHeard, WifiHeard
+from apad_bridge.facts import (
+    KeepSamples,
+    Medium,
+    OperatorAsked,
+    Ping,
+    RangeHeard,
+    Send,
+    SoundHeard,
+    WifiHeard,
+)
 from apad_bridge.links_file import LinksFile
 from apad_bridge.mission.orders import Note
 from apad_bridge.pace import Pace
@@ -117,6 +126,15 @@ class Flight:
         self._stopped = threading.Event()
         self._stop_reason = "the operator"
 
+    @property
+    def all_dropped(self) -> Counter[str]:
+        """What came to nothing anywhere in the flight, by reason."""
+        supervisor = self.supervisor
+        dropped = self.dropped + supervisor.dropped + supervisor.port.dropped + supervisor.ears_dropped
+        return (
+            dropped if self._fleet is None or self._fleet.sea is None else dropped + self._fleet.sea.dropped
+        )
+
     def stop(self, reason: str) -> None:
         self._stop_reason = reason
         self._stopped.set()
@@ -173,6 +191,11 @@ class Flight:
                         self._send(send, now_ms)
                         if self._ether is not None:
                             self._ether.said(send, now_ms)
+                case Ping(agent_id, not_before_ms):
+                    if self._fleet is not None and self._fleet.sea is not None:
+                        self._fleet.sea.ping(agent_id, not_before_ms)
+                    else:
+                        self.dropped["a ping without water to send it through"] += 1
                 case _:
                     mechanism |= isinstance(action, CloseDock | OpenDock)
                     self._vehicle.command(action, now_ms)
@@ -242,7 +265,7 @@ class Flight:
     def _send(self, send: Send, now_ms: int) -> None:
         sea = None if self._fleet is None else self._fleet.sea
         if sea is not None and send.medium is Medium.SOUND:
-            sea.say(None if send.agent_id == EVERYONE else send.agent_id, send.data)
+            sea.say(None if send.agent_id == EVERYONE else send.agent_id, send.data, send.not_before_ms)
             return
         if sea is not None and not sea.wifi_reaches(send.agent_id, now_ms):
             return

@@ -33,6 +33,7 @@ from apad_bridge.port.primitives import (
     UndockMussel,
 )
 from apad_bridge.sample_collection import SampleCollection
+from apad_bridge.talking.ears import Ears
 from apad_bridge.vehicle import (
     Arrived,
     BatteryReported,
@@ -84,7 +85,9 @@ class Supervisor:
         samples: SampleCollection | None,
         duration_ms: int,
         end_at_apad_fraction: float,
+        ears: Ears | None = None,
     ) -> None:
+        """Without `ears` words by sound are sent at once, and nothing is pinged."""
         self.beliefs = beliefs
         self.mission = mission
         self.port = port
@@ -98,10 +101,15 @@ class Supervisor:
         """None where the samples are somebody else's to keep, and to acknowledge."""
         self._duration_ms = duration_ms
         self._end_at_apad_fraction = end_at_apad_fraction
+        self._ears = ears
         self._facts: list[tuple[int, int, int, Fact]] = []
         self._counter = 0
         self._now_ms = 0
         self._named: dict[int, Primitive] = {}
+
+    @property
+    def ears_dropped(self) -> Counter[str]:
+        return Counter() if self._ears is None else self._ears.dropped
 
     @property
     def primitive(self) -> str:
@@ -134,7 +142,9 @@ class Supervisor:
         if (reason := self._reason_to_end(now_ms)) is not None:
             actions += self._obey(self.mission.end(reason, now_ms), now_ms)
         actions += self._obey(self.mission.advance(now_ms), now_ms)
-        return actions
+        if self._ears is None:
+            return actions
+        return [*self._ears.timed(actions, now_ms), *self._ears.advance(self.beliefs.all(), now_ms)]
 
     def _handle(self, fact: Fact, now_ms: int) -> list[SupervisorAction]:
         match fact:
@@ -146,7 +156,7 @@ class Supervisor:
                     self.dropped[reason] += 1
                 return []
             case RangeHeard():
-                return []
+                return [] if self._ears is None else self._ears.hear(fact, self.pose, self.beliefs, now_ms)
             case OperatorAsked(_, reason):
                 return self._obey(self.mission.end(reason, now_ms), now_ms)
             case PoseReported():
@@ -229,6 +239,8 @@ class Supervisor:
         """What a dock did is known of the aMussel in it, heard or not."""
         if not isinstance(outcome, DockChanged) or self.pose is None:
             return
+        if self._ears is not None:
+            self._ears.moved(outcome.agent_id, outcome.at_ms)
         if outcome.closed:
             self.beliefs.learn(outcome.agent_id, Docked(outcome.at_ms))
         else:

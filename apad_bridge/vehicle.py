@@ -32,12 +32,27 @@ class Hold:
 
 
 @dataclass(frozen=True, slots=True)
+class Manoeuvre:
+    """How fast a vehicle that docks by its own eyes may turn and approach; None is what the scenario says.
+
+    Other ways of docking have no use for it.
+    """
+
+    yaw_rate_rad_s: float | None = None
+    surge_m_s: float | None = None
+
+
+AS_THE_SCENARIO_SAYS = Manoeuvre()
+
+
+@dataclass(frozen=True, slots=True)
 class CloseDock:
     """Close docking mechanism `slot` (0-3) around aMussel `agent_id`."""
 
     command_id: int
     slot: int
     agent_id: int
+    manoeuvre: Manoeuvre = AS_THE_SCENARIO_SAYS
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,6 +62,7 @@ class OpenDock:
     command_id: int
     slot: int
     agent_id: int
+    manoeuvre: Manoeuvre = AS_THE_SCENARIO_SAYS
 
 
 @dataclass(frozen=True, slots=True)

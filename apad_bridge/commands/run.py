@@ -49,6 +49,7 @@ def add_parser(commands: Any) -> None:
     add_scenario_arguments(parser)
     add_apad_argument(parser)
     parser.add_argument("--strategy", metavar="NAME", help="another collection strategy than the scenario's")
+    add_manual_argument(parser)
     parser.add_argument("--dry-run", action="store_true", help="plan once and print it; command nothing")
     parser.add_argument(
         "--on-supervisor-death",
@@ -57,6 +58,14 @@ def add_parser(commands: Any) -> None:
         help="wait for `musselbed resume`, or resume at once (default: wait)",
     )
     parser.set_defaults(run=run, part=Part.WHOLE)
+
+
+def add_manual_argument(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--manual",
+        action="store_true",
+        help="plan nothing: the aPad does what is called, by rosservice call /musselbed/go_to_point, dock and others",
+    )
 
 
 def add_apad_argument(parser: argparse.ArgumentParser) -> None:
@@ -137,13 +146,19 @@ def options_of(arguments: argparse.Namespace) -> RunOptions:
         raise UserError("--time ros follows somebody else's /clock: it needs --apad ros")
     if arguments.speed != 1 and (apad is APadKind.ROS or time is not TimeSource.WALL):
         raise UserError("--speed needs --time wall and the simulated aPad: a real vehicle moves in real time")
+    manual, dry_run = getattr(arguments, "manual", False), getattr(arguments, "dry_run", False)
+    if manual and time is TimeSource.ASAP:
+        raise UserError("--manual needs ROS, by which the aPad is called: use --time wall, or a script")
+    if manual and dry_run:
+        raise UserError("--manual plans nothing: there is no first plan to print")
     return RunOptions(
         part=arguments.part,
         apad=apad,
         time=time,
         speed=arguments.speed,
         on_death=OnDeath(getattr(arguments, "on_supervisor_death", OnDeath.WAIT)),
-        dry_run=getattr(arguments, "dry_run", False),
+        dry_run=dry_run,
+        manual=manual,
     )
 
 

@@ -181,11 +181,13 @@ class DockingPort:
         self._act_ms = None
         self._command_id = self._take_command_id()
         if isinstance(primitive, DockMussel):
-            actions.append(CloseDock(self._command_id, primitive.slot, primitive.agent_id))
+            actions.append(
+                CloseDock(self._command_id, primitive.slot, primitive.agent_id, primitive.manoeuvre)
+            )
             return
         known_slot = self.docks.slot_of(primitive.agent_id)
         slot = primitive.slot if known_slot is None else known_slot
-        actions.append(OpenDock(self._command_id, slot, primitive.agent_id))
+        actions.append(OpenDock(self._command_id, slot, primitive.agent_id, primitive.manoeuvre))
 
     def _answer(
         self, event: Event, command_id: int, now_ms: int, actions: list[Action], reason: str = ""

@@ -75,13 +75,13 @@ class ServoDocking:
         return None
 
     def _docking_order(self) -> DockingOrder:
-        config = self._config
+        config, told = self._config, self.command.manoeuvre
         return DockingOrder(
             isinstance(self.command, CloseDock),
             self.command.slot,
             config.search_yaw_rate_rad_s,
-            config.max_yaw_rate_rad_s,
-            config.max_surge_m_s,
+            config.max_yaw_rate_rad_s if told.yaw_rate_rad_s is None else told.yaw_rate_rad_s,
+            config.max_surge_m_s if told.surge_m_s is None else told.surge_m_s,
             config.surge_stdev,
         )
 

@@ -135,7 +135,7 @@ def fly(
             cost_m=supervisor.mission.state.cost_m,
             services=supervisor.mission.state.services,
             apad_energy_fraction=_fraction_used(supervisor, go_on),
-            dropped=flight.dropped + supervisor.dropped + supervisor.port.dropped + surroundings.dropped(),
+            dropped=flight.all_dropped + surroundings.dropped(),
             samples_gone={} if supervisor.samples is None else supervisor.samples.gone,
         )
         return recorder.finish(flight.now_ms, ending)

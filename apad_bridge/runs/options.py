@@ -53,6 +53,8 @@ class RunOptions:
     speed: float
     on_death: OnDeath
     dry_run: bool = False
+    manual: bool = False
+    """No mission of ours: the aPad does what is called."""
     script: str = ""
     """The file that flies it instead of the paper's mission, absolute; empty without one."""
     master_uri: str = ""

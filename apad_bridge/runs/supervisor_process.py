@@ -17,6 +17,7 @@ from apad_bridge import building
 from apad_bridge.commands.exits import Exit
 from apad_bridge.records.recorder import Recorder
 from apad_bridge.records.run_directory import RunDirectory
+from apad_bridge.ros.primitive_services import primitives_offered
 from apad_bridge.ros.route import why_silent
 from apad_bridge.ros.surroundings import open_surroundings
 from apad_bridge.runs import flying, resuming
@@ -28,6 +29,7 @@ from apad_bridge.runs.pid_file import supervising
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
+from apad_bridge.scripting.called import CalledFront
 from apad_bridge.scripting.commanded import Front
 from apad_bridge.scripting.handover import REAL_TIME
 from apad_bridge.scripting.program import ScriptFront, as_program
@@ -39,16 +41,17 @@ def say(line: str) -> None:
         print(line, flush=True)
 
 
-def fronts_of(scenario: Scenario, options: RunOptions) -> tuple[Front, ...]:
-    """Who gives the orders, where it is not the paper's mission."""
-    if not options.script:
-        return ()
-    path = Path(options.script)
-    return (
-        ScriptFront(
-            scenario, as_program(path), path.name, lambda line: say(json.dumps({"said": line})), REAL_TIME
-        ),
-    )
+def fronts_of(scenario: Scenario, options: RunOptions, called: CalledFront | None) -> tuple[Front, ...]:
+    """Who gives the orders, where it is not the paper's mission: a script, a person's calls, or both."""
+    fronts: tuple[Front, ...] = () if called is None else (called,)
+    if options.script:
+        path = Path(options.script)
+
+        def tell(line: str) -> None:
+            say(json.dumps({"said": line}))
+
+        fronts = (*fronts, ScriptFront(scenario, as_program(path), path.name, tell, REAL_TIME))
+    return fronts
 
 
 def fly(run_dir: Path, resume: bool) -> int:
@@ -73,9 +76,12 @@ def fly(run_dir: Path, resume: bool) -> int:
         # What the bodies felt, not what the mission knows: a contact that was on its way when a supervisor died is told
         # again, and one that was felt is not.
         held = tuple(it.agent_id for it in recorder.truths_at(start_ms) if it.docked)
-        with open_surroundings(
-            scenario, options, fleet, docked, held, start_ms, recorder.truths_at
-        ) as surroundings:
+        with (
+            open_surroundings(
+                scenario, options, fleet, docked, held, start_ms, recorder.truths_at
+            ) as surroundings,
+            primitives_offered(scenario, options) as called,
+        ):
             summary = flying.fly(
                 scenario,
                 dry(surroundings) if options.dry_run else surroundings,
@@ -83,7 +89,7 @@ def fly(run_dir: Path, resume: bool) -> int:
                 lambda status: say(status.to_line()),
                 go_on,
                 until_first_plan=options.dry_run,
-                fronts=fronts_of(scenario, options),
+                fronts=fronts_of(scenario, options, called),
             )
     except (PeerFailed, TimeoutError) as error:
         # A node falls silent with its master: the master is then the cause to name.

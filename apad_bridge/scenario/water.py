@@ -6,7 +6,14 @@ from typing import Annotated
 
 from annotated_types import Ge, Gt, Le
 
-from apad_bridge.scenario.quantities import Fraction, NotNegative, NotNegativeSeconds, Positive, frozen
+from apad_bridge.scenario.quantities import (
+    Fraction,
+    NotNegative,
+    NotNegativeSeconds,
+    Positive,
+    PositiveSeconds,
+    frozen,
+)
 
 Speed = Annotated[float, Ge(-20), Le(20)]
 
@@ -75,11 +82,77 @@ class Current:
 
 
 @frozen
+class Patch:
+    """Something that happens to the water: a patch that grows and wanders. Agent time."""
+
+    begins_s: NotNegativeSeconds
+    growing_s: PositiveSeconds
+    place_m: tuple[float, float]
+    """(north, east) of its centre when it begins."""
+    drift_m_s: tuple[Speed, Speed] = (0.0, 0.0)
+    radius_m: Positive
+    from_depth_m: NotNegative = 0.0
+    """Upwards from there is nothing of it."""
+    oxygen_mg_l: NotNegative | None = None
+    """In its middle; None: as before."""
+    temperature_c: float | None = None
+    turbidity_ntu: NotNegative | None = None
+
+
+Depths = tuple[tuple[NotNegative, float], ...]
+
+
+@frozen
+class Fields:
+    """What the sensors are in: (depth in m, value) going down, linear between."""
+
+    oxygen_mg_l: Depths = ((0.0, 8.0),)
+    temperature_c: Depths = ((0.0, 18.0),)
+    turbidity_ntu: Depths = ((0.0, 5.0),)
+    patches: tuple[Patch, ...] = ()
+
+    def __post_init__(self) -> None:
+        for name in ("oxygen_mg_l", "temperature_c", "turbidity_ntu"):
+            depths = [depth for depth, _ in getattr(self, name)]
+            if not depths or depths != sorted(set(depths)):
+                raise ValueError(f"{name} must go down")
+
+
+@frozen
+class Talk:
+    """What the aPad says by sound of its own accord."""
+
+    waits: bool = True
+    """Its words keep out of the aMussels' timeslots."""
+    assigns: bool = False
+    """It learns by pings how long sound takes, and gives each aMussel its slot."""
+    beacon_period_s: NotNegativeSeconds = 0.0
+    """Agent time; 0: it never says what time it is."""
+    ping_period_s: NotNegativeSeconds = 0.0
+    """Mission time: one aMussel after another is pinged so often, to know where it is; 0 for never."""
+
+
+@frozen
+class Localisation:
+    """Places from the ranges that `talk.ping_period_s` brings."""
+
+    deviation_m: Positive = 0.5
+    """Of a range: the modem's noise, and how well the aPad knows its own place."""
+    memory_s: PositiveSeconds = 3600.0
+    apart_m: Positive = 5.0
+    """Ranges taken nearer to each other than this count as one."""
+    worst_hdop: Positive = 5.0
+
+
+@frozen
 class Water:
     """Without `wifi` whatever is said by Wi-Fi is heard, except from under water."""
 
     sound: Sound = Sound()
     wifi: Wifi | None = None
+    talk: Talk = Talk()
+    localisation: Localisation | None = None
     current: Current | None = None
+    fields: Fields = Fields()
     links_file: str | None = None
     """CSV: from, to, loss and perhaps since_s, until_s; relative to the scenario file. Read again when it changes."""

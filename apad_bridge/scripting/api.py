@@ -18,7 +18,8 @@ from apad_bridge.scripting.commanded import CommandedMission
 from apad_bridge.scripting.handover import Wait
 from apad_bridge.scripting.known import FOR_EVER_S, Known
 from apad_bridge.scripting.planned import Plan
-from apad_bridge.scripting.values import Event, Refused, Status, dock_of, slot_of
+from apad_bridge.scripting.values import Event, Refused, Status, dock_of, manoeuvre_of, slot_of
+from apad_bridge.vehicle import Manoeuvre
 
 FARTHEST_M = 50_000.0
 
@@ -55,16 +56,26 @@ class Api(Known):
         place = (None, None) if point is None else self._frame.to_local(*point)
         self._do(lambda mission: mission.hold(*place))
 
-    def docking(self, dock: bool, number: int, id: int | None = None) -> None:
-        """True: let aMussel `id` surface if it is not up, and take it into dock `number`. False: let go who is in it."""
-        slot = slot_of(number)
+    def docking(
+        self,
+        dock: bool,
+        number: int,
+        id: int | None = None,
+        yaw_rate: float | None = None,
+        surge_speed: float | None = None,
+    ) -> None:
+        """True: let aMussel `id` surface if it is not up, and take it into dock `number`. False: let go who is in it.
+
+        Yaw rate (rad/s) and surge speed (m/s) are for an aPad that docks by its own eyes, instead of the scenario's.
+        """
+        slot, manoeuvre = slot_of(number), manoeuvre_of(yaw_rate, surge_speed)
         if not dock:
-            self._do(lambda mission: self._undock(mission, slot, id))
+            self._do(lambda mission: self._undock(mission, slot, id, manoeuvre))
             return
         if id is None:
             raise Refused("docking(True, ...) needs the aMussel's id")
         self._hear(id)
-        self._do(lambda mission: mission.dock(slot, id))
+        self._do(lambda mission: mission.dock(slot, id, manoeuvre))
 
     def docking_status(self, id: str | None = None) -> Status:
         """As `goto_status`, of the last docking or undocking."""
@@ -196,11 +207,11 @@ class Api(Known):
         """Metres of all go-tos so far, as the paper counts the way: straight from point to point."""
         return self._do(lambda mission: mission.state.cost_m)
 
-    def _undock(self, mission: CommandedMission, slot: int, id: int | None) -> None:
+    def _undock(self, mission: CommandedMission, slot: int, id: int | None, manoeuvre: Manoeuvre) -> None:
         holder = mission.slots[slot]
         if id is not None and holder is not None and holder != id:
             raise Refused(f"dock {dock_of(slot)} holds aMussel {holder}, not {id}")
-        mission.undock(slot)
+        mission.undock(slot, manoeuvre)
 
     def _place_of(self, id: int) -> tuple[float, float]:
         location = self.get_location(id)

@@ -12,9 +12,9 @@ from dataclasses import replace
 from typing import Protocol
 
 from apad_bridge.beliefs.belief import Belief
+from apad_bridge.mission.charging_watch import ChargingWatch
 from apad_bridge.mission.homes import with_new_homes
-from apad_bridge.mission.orders import Note, Order, PermitSurfacing, TellClear
-from apad_bridge.mission.pool import SLOTS
+from apad_bridge.mission.orders import Order, PermitSurfacing, TellClear
 from apad_bridge.mission.sources import BeliefSource
 from apad_bridge.mission.state import MissionState, Phase
 from apad_bridge.port.docking_port import PRE_EMPTED
@@ -31,9 +31,10 @@ from apad_bridge.port.primitives import (
 from apad_bridge.scenario.schema import Mission
 from apad_bridge.scripting.docking_routine import AwaitSurfacing, GivenUp, Next
 from apad_bridge.scripting.event_log import EventLog
+from apad_bridge.scripting.order_book import OrderBook
 from apad_bridge.scripting.values import Refused, Status, dock_of
+from apad_bridge.vehicle import AS_THE_SCENARIO_SAYS, Manoeuvre
 from firmware_model.state_groups import BEYOND_HELP
-from firmware_model.states import State
 
 REACH_M = 3.0
 """An aMussel believed farther away than this (or twice the victory radius) is not within a mechanism's reach."""
@@ -51,7 +52,7 @@ class Front(Protocol):
         ...
 
 
-class CommandedMission:
+class CommandedMission(OrderBook):
     """Orders raise Refused, with one line, and then nothing has changed. Slots count from 0 here; NED metres."""
 
     def __init__(
@@ -63,7 +64,7 @@ class CommandedMission:
     ) -> None:
         self.config = config
         self.beliefs = beliefs
-        self.state = replace(state or MissionState(), phase=Phase.COMMANDED)
+        super().__init__(state)
         self.now_ms = 0
         self.pose: tuple[float, float] | None = None
         self.goto = Status.IDLE
@@ -71,21 +72,19 @@ class CommandedMission:
         self.failure: str | None = None
         """Why a primitive failed last."""
         self.paused = False
+        self.goto_orders = self.docking_orders = 0
+        """How many of each were given."""
         self.events = EventLog(config.pool_threshold)
+        self._full = ChargingWatch(config.full_threshold, config.full_when, 0)
         self._fronts = fronts
-        self._orders: list[Order] = []
         self._target: GoToPoint | None = None
         """Of the go-to that is running or paused."""
         self._surfacing: AwaitSurfacing | None = None
         self._mechanism: DockMussel | UndockMussel | None = None
+        self._manoeuvre = AS_THE_SCENARIO_SAYS
         self._begun = False
 
     # What the supervisor asks of a mission.
-
-    @property
-    def slots(self) -> tuple[int | None, ...]:
-        held = dict(self.state.docked)
-        return tuple(held.get(slot) for slot in range(SLOTS))
 
     def moved(self, north_m: float, east_m: float) -> None:
         self.pose = (north_m, east_m)
@@ -97,43 +96,43 @@ class CommandedMission:
                 held = {at: agent for at, agent in self.state.docked if at != slot}
                 if closed:
                     held[slot] = agent_id
-                self.state = replace(self.state, docked=tuple(sorted(held.items())))
-                self._note("dock", slot=slot, agent=agent_id, closed=closed)
+                self.set(docked=tuple(sorted(held.items())))
+                self.note("dock", slot=slot, agent=agent_id, closed=closed)
                 self.events.tell(now_ms, "docked" if closed else "undocked", agent_id, dock_of(slot))
             case PrimitiveSucceeded(_, primitive_id):
                 self._ended(primitive_id, Status.DONE, None)
             case PrimitiveFailed(_, primitive_id, reason):
                 self._ended(primitive_id, Status.PREEMPTED if reason == PRE_EMPTED else Status.FAILED, reason)
-        return self._take_orders()
+        return self.take_orders()
 
     def advance(self, now_ms: int) -> list[Order]:
         self.now_ms = now_ms
-        self.state = replace(self.state, homes=with_new_homes(self.state.homes, self.beliefs.all()))
+        self.set(homes=with_new_homes(self.state.homes, self.beliefs.all()))
         if self.pose is None or self.state.phase is Phase.ENDED:
-            return self._take_orders()
+            return self.take_orders()
         if not self._begun:
             self._begun = True
-            self._order(HoldPosition(self._next_id(), *self.pose))
-            self._snapshot()
+            self.order(HoldPosition(self.next_id(), *self.pose))
+            self.snapshot()
         self.events.look(self.beliefs.all(), now_ms)
         self._watch_surfacing()
         for front in self._fronts:
             front.act(self, now_ms)
-        return self._take_orders()
+        return self.take_orders()
 
     def end(self, reason: str, now_ms: int) -> list[Order]:
         self.now_ms = now_ms
         self.finish(reason)
-        return self._take_orders()
+        return self.take_orders()
 
     def finish(self, reason: str) -> None:
         """As `end`, from within a front: the orders go out with those of this tick."""
         if self.state.phase is Phase.ENDED:
             return
         if self.pose is not None:
-            self._order(HoldPosition(self._next_id(), *self.pose))
-        self.state = replace(self.state, phase=Phase.ENDED, since_ms=self.now_ms, ended_by=reason)
-        self._snapshot()
+            self.order(HoldPosition(self.next_id(), *self.pose))
+        self.set(phase=Phase.ENDED, since_ms=self.now_ms, ended_by=reason)
+        self.snapshot()
         for front in self._fronts:
             front.close(reason)
 
@@ -143,6 +142,17 @@ class CommandedMission:
     def is_busy(self) -> bool:
         """Whether a primitive that ends by itself is under way."""
         return not self.paused and Status.RUNNING in (self.goto, self.docking)
+
+    @property
+    def metres_to_go(self) -> float | None:
+        """Of the go-to under way, as the crow flies."""
+        if self._target is None or self.pose is None:
+            return None
+        return math.dist(self.pose, (self._target.north_m, self._target.east_m))
+
+    def is_full(self, agent_id: int) -> bool:
+        """Whether it is believed full, as the scenario means it."""
+        return self._full.is_full(self.beliefs.get(agent_id))
 
     def go_to(
         self, north_m: float, east_m: float, speed_m_s: float | None = None, radius_m: float | None = None
@@ -158,6 +168,7 @@ class CommandedMission:
                 "speed and victory radius must be above 0: an aPad of the field gives up on anything else"
             )
         self._surfacing_ends(Status.PREEMPTED, PRE_EMPTED)
+        self.goto_orders += 1
         self._start_going(
             GoToPoint(0, north_m, east_m, speed_m_s, radius_m), math.dist(here, (north_m, east_m))
         )
@@ -169,9 +180,9 @@ class CommandedMission:
         if not all(map(math.isfinite, point)):
             raise Refused("a hold needs finite numbers")
         self._surfacing_ends(Status.PREEMPTED, PRE_EMPTED)
-        self._order(HoldPosition(self._next_id(), *point))
+        self.order(HoldPosition(self.next_id(), *point))
 
-    def dock(self, slot: int, agent_id: int) -> None:
+    def dock(self, slot: int, agent_id: int, manoeuvre: Manoeuvre = AS_THE_SCENARIO_SAYS) -> None:
         """Lets the aMussel surface, waits until it floats, and closes the mechanism around it."""
         here = self._place()
         belief = self._believed(agent_id)
@@ -185,13 +196,15 @@ class CommandedMission:
         self._refuse_beyond_reach(belief, here)
         self._surfacing_ends(Status.PREEMPTED, PRE_EMPTED)
         if self.goto is Status.RUNNING:
-            self._order(HoldPosition(self._next_id(), *here))
+            self.order(HoldPosition(self.next_id(), *here))
         self.docking = Status.RUNNING
+        self.docking_orders += 1
+        self._manoeuvre = manoeuvre
         self._surfacing = AwaitSurfacing(slot, agent_id, self.now_ms)
         self._watch_surfacing()
-        self._snapshot()
+        self.snapshot()
 
-    def undock(self, slot: int) -> None:
+    def undock(self, slot: int, manoeuvre: Manoeuvre = AS_THE_SCENARIO_SAYS) -> None:
         """Opens a mechanism, and tells whom it held that it is clear to sink."""
         self._place()
         agent_id = self.slots[slot]
@@ -199,18 +212,19 @@ class CommandedMission:
             raise Refused(f"dock {dock_of(slot)} is empty")
         self._surfacing_ends(Status.PREEMPTED, PRE_EMPTED)
         self.docking = Status.RUNNING
-        self._mechanism = UndockMussel(self._next_id(), slot, agent_id)
-        self._order(self._mechanism)
-        self._snapshot()
+        self.docking_orders += 1
+        self._mechanism = UndockMussel(self.next_id(), slot, agent_id, manoeuvre)
+        self.order(self._mechanism)
+        self.snapshot()
 
     def permit_surfacing(self, agent_id: int) -> None:
         self._place()
         self._believed(agent_id)
-        self._order(PermitSurfacing(agent_id))
+        self.order(PermitSurfacing(agent_id))
 
     def tell_clear(self, agent_id: int) -> None:
         self._place()
-        self._order(TellClear(agent_id))
+        self.order(TellClear(agent_id))
 
     def pause(self) -> None:
         """Holds position. A go-to goes on later; a mechanism that was commanded is not stopped half-way."""
@@ -221,8 +235,8 @@ class CommandedMission:
             self._target = replace(
                 self._target, primitive_id=0
             )  # what is heard of the pre-empted one is nobody's
-            self._order(HoldPosition(self._next_id(), *here))
-        self._snapshot()
+            self.order(HoldPosition(self.next_id(), *here))
+        self.snapshot()
 
     def resume(self) -> None:
         """Goes on where `pause` stopped; without one nothing happens."""
@@ -231,10 +245,6 @@ class CommandedMission:
         self.paused = False
         if self.goto is Status.RUNNING and self._target is not None:
             self._start_going(self._target, 0.0)
-
-    def note(self, kind: str, **data: object) -> None:
-        """An event for the journal."""
-        self._note(kind, **data)
 
     # Smaller acts.
 
@@ -259,12 +269,12 @@ class CommandedMission:
             raise Refused(f"aMussel {belief.agent_id} is believed {away_m:.1f} m away: go there first")
 
     def _start_going(self, target: GoToPoint, metres: float) -> None:
-        self._target = replace(target, primitive_id=self._next_id())
+        self._target = replace(target, primitive_id=self.next_id())
         self.goto = Status.RUNNING
-        self.state = replace(self.state, cost_m=self.state.cost_m + metres)
-        self._note("leg", metres=round(metres, 4))
-        self._order(self._target)
-        self._snapshot()
+        self.set(cost_m=self.state.cost_m + metres)
+        self.note("leg", metres=round(metres, 4))
+        self.order(self._target)
+        self.snapshot()
 
     def _watch_surfacing(self) -> None:
         waiting = self._surfacing
@@ -276,15 +286,15 @@ class CommandedMission:
             if todo is Next.CLOSE and belief is not None:
                 self._refuse_beyond_reach(belief, self.pose)
         except (GivenUp, Refused) as given_up:
-            self._note("given_up", agent=waiting.agent_id, what="dock", reason=str(given_up))
+            self.note("given_up", agent=waiting.agent_id, what="dock", reason=str(given_up))
             self._surfacing_ends(Status.FAILED, str(given_up))
             return
         if todo is Next.PERMIT:
-            self._order(PermitSurfacing(waiting.agent_id))
+            self.order(PermitSurfacing(waiting.agent_id))
         elif todo is Next.CLOSE:
             self._surfacing = None
-            self._mechanism = DockMussel(self._next_id(), waiting.slot, waiting.agent_id)
-            self._order(self._mechanism)
+            self._mechanism = DockMussel(self.next_id(), waiting.slot, waiting.agent_id, self._manoeuvre)
+            self.order(self._mechanism)
 
     def _surfacing_ends(self, status: Status, reason: str) -> None:
         if self._surfacing is not None:
@@ -310,29 +320,7 @@ class CommandedMission:
         self.events.tell(self.now_ms, "docking", agent_id, dock_of(slot), status, reason)
 
     def _released(self, agent_id: int) -> None:
-        self._order(TellClear(agent_id))
-        belief = self.beliefs.get(agent_id)
-        full = (
-            belief is not None
-            and belief.state is not State.LOST
-            and belief.primary > self.config.full_threshold
-        )
-        self._note("released", agent=agent_id, full=full)
-        self.state = replace(self.state, services=self.state.services + full)
-
-    def _snapshot(self) -> None:
-        self._note("mission", phase=self.state.phase.value, snapshot=self.state.to_json())
-
-    def _next_id(self) -> int:
-        self.state = replace(self.state, primitive_id=self.state.primitive_id + 1)
-        return self.state.primitive_id
-
-    def _note(self, kind: str, **data: object) -> None:
-        self._orders.append(Note(kind, data))
-
-    def _order(self, order: Order) -> None:
-        self._orders.append(order)
-
-    def _take_orders(self) -> list[Order]:
-        orders, self._orders = self._orders, []
-        return orders
+        self.order(TellClear(agent_id))
+        full = self.is_full(agent_id)
+        self.note("released", agent=agent_id, full=full)
+        self.set(services=self.state.services + full)

@@ -107,6 +107,11 @@ class Known:
     def free_docks(self) -> list[int]:
         return [dock for dock, agent in self.docks().items() if agent is None]
 
+    def is_full(self, id: int) -> bool:
+        """Whether an aMussel is believed charged above the scenario's threshold."""
+        self._hear(id)
+        return self._do(lambda mission: mission.is_full(id))
+
     def pool(self) -> list[int]:
         """Ids of the charging candidates: heard of late, in the water, at or below the scenario's threshold."""
         return self._do(lambda mission: [it.agent_id for it in self._pool.candidates(mission.now_ms)])

@@ -5,10 +5,12 @@ The one place where a dock's number becomes the wire's slot, and back, is in thi
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from enum import IntEnum
 
 from apad_bridge.mission.pool import SLOTS
+from apad_bridge.vehicle import Manoeuvre
 
 DOCKS = tuple(range(1, SLOTS + 1))
 """As people count them, and the paper's API."""
@@ -67,6 +69,14 @@ class Event:
     dock: int | None = None
     status: Status | None = None
     reason: str | None = None
+
+
+def manoeuvre_of(yaw_rate_rad_s: float | None, surge_m_s: float | None) -> Manoeuvre:
+    """Refused for what is not above 0; None is what the scenario says."""
+    for what, value in (("yaw rate", yaw_rate_rad_s), ("surge speed", surge_m_s)):
+        if value is not None and not 0 < value < math.inf:
+            raise Refused(f"a {what} of {value}: it must be above 0, or left out")
+    return Manoeuvre(yaw_rate_rad_s, surge_m_s)
 
 
 def slot_of(dock: int) -> int:

@@ -7,6 +7,6 @@ while True:
             print(f"aMussel {agent} was not collected: {api.failure}")
     docked = [agent for agent in api.docks().values() if agent is not None]
     print(f"charging {docked} after {api.cost():.1f} m")
-    api.wait_until(lambda: all(api.battery(agent) > 0.99 for agent in docked), timeout=3600)
+    api.wait_until(lambda: all(api.is_full(agent) for agent in docked), timeout=3600)
     for agent, _ in api.plan_redeployment().steps:
         api.deploy(agent)

@@ -153,3 +153,43 @@ def test_links_may_change_while_a_run_flies(tmp_path: Path) -> None:
     assert told[0] == (200_000, {"rules": [[None, 0, 1.0, 0, None]], "problem": None})
     assert told[1][0] == 300_000 and "line 1: the columns" in told[1][1]["problem"]
     assert len(told) == 2
+
+
+def test_an_aPad_learns_ways_assigns_slots_and_finds_its_aMussels() -> None:
+    """What it says keeps out of the 12 slots of 5 s; one that was never moved is found where it began."""
+    talk = {"assigns": True, "ping_period_s": 5}
+    scenario = in_water(1800, {"talk": talk, "localisation": {"apart_m": 2.0, "deviation_m": 0.2}})
+    figures, recorder = fly_in_memory(scenario)
+    assert figures["amussels_lost"] == 0
+    words = [packet for packet in packets(recorder) if packet["from"] == 0]
+    taken_ms = 12 * 5000
+    assert all(packet["began_ms"] % 300_000 >= taken_ms for packet in words)
+    assert {packet["what"] for packet in words} == {"ping", "unicast"}
+    ranges = [data for _, kind, data in recorder.events if kind == "range" and data["range_m"] is not None]
+    places = {it.agent_id: (it.north_m, it.east_m, 3.0) for it in starts_of(scenario)}
+    early = ranges[:12]
+    for data in early:
+        assert data["range_m"] == pytest.approx(dist(places[data["id"]], (*APAD_M, 0.5)), abs=0.6)
+    fixes = [data for _, kind, data in recorder.events if kind == "fix"]
+    assert fixes, "an aPad on its ways finds somebody"
+    assert all(fix["hdop"] <= 5 and fix["ranges"] >= 3 for fix in fixes)
+    for fix in fixes:
+        if fix["id"] not in {data["agent"] for _, kind, data in recorder.events if kind == "dock"}:
+            error_m = dist(places[fix["id"]][:2], (fix["north_m"], fix["east_m"]))
+            assert error_m < 6 * (fix["covariance"][0] + fix["covariance"][2]) ** 0.5
+
+
+def test_sensors_meet_an_anoxic_patch() -> None:
+    patch = {
+        "begins_s": 0, "growing_s": 3600, "place_m": [14, 10], "radius_m": 10,
+        "from_depth_m": 1, "oxygen_mg_l": 0.5,
+    }  # fmt: skip
+    scenario = in_water(10, {"fields": {"oxygen_mg_l": [[0, 9], [3, 6]], "patches": [patch]}})
+    fields = building.fleet_config(scenario).maker().config(1).water.fields
+    hour_ms, bottom_um = 3_600_000, 3_000_000
+    values = [
+        fields.values_at(north_m * 1_000_000, 10_000_000, bottom_um, hour_ms)[0] for north_m in (14, 22, 28)
+    ]
+    # In the middle it is all there, 8 m out of 10 two fifths of it, and farther none.
+    assert values == pytest.approx([0.5, 6 - 5.5 * 0.4, 6.0])
+    assert fields.values_at(14_000_000, 10_000_000, 500_000, hour_ms)[0] == pytest.approx(8.5)
