@@ -76,8 +76,9 @@ class Agent:
             physical.docked,
             now_ms,
             physical.pin_due_ms,
+            physical.hover_um,
         )
-        self.board = Board(config.board, codec, physical.primary, physical.secondary, now_ms)
+        self.board = Board(config.board, codec, physical.primary, physical.secondary, now_ms, physical.kept)
         self._logbook = None if config.board.whole is None else _logbook(config, physical, flash)
         self._reporter = Reporter(self.board, self.body, self._logbook, config.modem)
         # A reset agent may have reported at this very time before it died: its next report is a later one.
@@ -101,8 +102,10 @@ class Agent:
             body.buoyancy,
             body.docked,
             body.pin_due_ms,
+            body.hover_um,
             0 if log is None else log.next_sequence,
             0 if log is None else log.acknowledged,
+            board.kept,
         )
 
     @property
@@ -218,8 +221,8 @@ class Agent:
         outputs: list[Output] = []
         for action in actions:
             match action:
-                case board_actions.RunBuoyancy(at_ms, to):
-                    self.body.run_buoyancy(to, at_ms)
+                case board_actions.RunBuoyancy(at_ms, to, depth_mm):
+                    self.body.run_buoyancy(to, at_ms, depth_mm)
                 case board_actions.Dropped(at_ms, reason):
                     outputs.append(Dropped(at_ms, reason))
                 case board_actions.SendStatus(at_ms, by):

@@ -14,8 +14,9 @@ from agents.water.patches import OXYGEN, TEMPERATURE, TURBIDITY, Waters
 from agents.water.stream import STILL, Stream, Tide, parse_stream
 from firmware_model.actions import Buoyancy
 from firmware_model.charge import Battery, ChargeModel, Flow, grains
+from firmware_model.clock import drift_of
 from firmware_model.flash_log import PAGES
-from firmware_model.plan import BoardConfig, Cycle, LastResort, Metering, Power, Slots, Whole
+from firmware_model.plan import BoardConfig, Cycle, LastResort, Metering, Power, Slots, Timekeeping, Whole
 from firmware_model.rails import Loads
 
 
@@ -46,6 +47,8 @@ class FleetConfig:
     """Who has the first acoustic timeslot; the others follow by their ids."""
     coil_alignment_ms: int = 0
     """From a contact until the charger starts."""
+    clock_drift_ppb: int = 0
+    """The clocks of whole boards drift by up to so many parts of 10^9, either way, each by its own."""
     tides: tuple[tuple[int, int, int, int, int], ...] = ()
     """Of each constituent what a `Tide` has, in its order."""
     current_profile: tuple[tuple[int, int], ...] = ()
@@ -91,12 +94,13 @@ def _charge_of(wire: dict[str, Any]) -> ChargeModel:
 
 
 def _whole_of(wire: dict[str, Any]) -> Whole:
-    cycle = wire["cycle"]
+    cycle, timekeeping = wire["cycle"], wire["timekeeping"]
     return Whole(
         **{
             **wire,
             "power": _power_of(wire["power"]),
             "cycle": None if cycle is None else _cycle_of(cycle),
+            "timekeeping": None if timekeeping is None else Timekeeping(**timekeeping),
         }
     )
 
@@ -164,6 +168,7 @@ class AgentConfigs:
             agent_id - fleet.first_id if self._has_slots else 0,
             fleet.pin_chatter_ms,
             fleet.pin_check_ms,
+            drift_ppb=drift_of(fleet.seed, agent_id, fleet.clock_drift_ppb),
         )
         return AgentConfig(board, self._water, fleet.report_period_ms, fleet.heard_always, fleet.modem)
 

@@ -28,8 +28,20 @@ from agents.stimuli import (
     Stimulus,
     WifiArrived,
 )
+from firmware_model.clock import LATEST_MS
 from firmware_model.codec import Codec
-from firmware_model.packets import CommandPacket, Kind, LogAck
+from firmware_model.packets import (
+    Beacon,
+    Command,
+    CommandPacket,
+    HoverAt,
+    Kind,
+    LogAck,
+    SetThreshold,
+    SleepSchedule,
+    SlotAssignment,
+    Threshold,
+)
 from firmware_model.plan import BoardConfig, Whole
 from firmware_model.stimuli import ResetCause
 
@@ -66,7 +78,7 @@ def _in_haste(board: BoardConfig, whole: Whole) -> BoardConfig:
     """The same board with everything that it does in an hour within ten seconds."""
     cycle = whole.cycle
     if cycle is not None:
-        slots = None if cycle.slots is None else _with(cycle.slots, frame_ms=1000, slot_ms=1000)
+        slots = None if cycle.slots is None else _with(cycle.slots, frame_ms=1000, slot_ms=1000, guard_ms=100)
         processing_ms = min(cycle.processing_ms, 1000)
         cycle = _with(
             cycle,
@@ -76,8 +88,21 @@ def _in_haste(board: BoardConfig, whole: Whole) -> BoardConfig:
             slots=slots,
             listen_ms=1000,
         )
+    timekeeping = whole.timekeeping
+    if timekeeping is not None:
+        # In doubt 5 s after a beacon.
+        timekeeping = _with(timekeeping, bound_ppb=20_000_000, beacon_wait_ms=1000)
     power = _with(whole.power, motor_run_ms=1000)
-    hasty = _with(whole, power=power, cycle=cycle, transmit_ms=100, call_ms=1000, hover_ms=2000)
+    hasty = _with(
+        whole,
+        power=power,
+        cycle=cycle,
+        transmit_ms=100,
+        call_ms=1000,
+        hover_ms=2000,
+        stay_down_ms=1000,
+        timekeeping=timekeeping,
+    )
     return _with(board, whole=hasty, slot=0)
 
 
@@ -138,7 +163,7 @@ def _wakes(agent: Agent, codec: Codec, agent_id: int, now_ms: int) -> Iterator[t
     yield up_ms, [SoundArrived(permission)]
     yield in_dock_ms, [ContactClosed(0, 0)]
     docked_ms = now_ms + 2 * cycle.alarm_ms + up_ms + in_dock_ms
-    yield cycle.alarm_after_ms(docked_ms) - docked_ms, []
+    yield cycle.alarm_ms - docked_ms % cycle.alarm_ms, []
     yield cycle.sample_ms, [WifiArrived(data) for data in told]
     yield config.board.release_wait_ms + config.water.sinking_ms, [ContactOpened()]
 
@@ -154,6 +179,8 @@ def _days(agent: Agent, codec: Codec, agent_id: int, now_ms: int) -> Iterator[tu
     if config.board.whole is not None:
         ping, hover = (codec.encode(CommandPacket(kind, agent_id)) for kind in (Kind.PING, Kind.HOVER))
         yield 2 * _ALARM_MS, [SoundArrived(ping)]
+        for word in _words(config.board, agent_id, now_ms):
+            yield 3000, [SoundArrived(codec.encode(word))]
         yield _ALARM_MS, [SoundArrived(hover)]
         yield _ALARM_MS, [SoundArrived(release), SoundArrived(hover)]
     yield (
@@ -166,6 +193,25 @@ def _days(agent: Agent, codec: Codec, agent_id: int, now_ms: int) -> Iterator[tu
     yield config.board.pin_debounce_ms, [WifiArrived(release), ContactOpened()]
     yield config.water.sinking_ms, [WifiArrived(permission)]
     yield config.report_period_ms + second_ms, [WifiArrived(release)]
+
+
+def _words(board: BoardConfig, agent_id: int, now_ms: int) -> Iterator[Command]:
+    """What changes a whole board's clock, settings and depth; each also as it cannot be obeyed."""
+    cycle = None if board.whole is None else board.whole.cycle
+    if cycle is not None:
+        yield SleepSchedule(agent_id, cycle.alarm_ms, cycle.sample_ms)
+        if cycle.slots is not None:
+            yield SlotAssignment(agent_id, cycle.slots.frame_ms, cycle.slots.slot_ms, 100, 0, -10)
+    yield SleepSchedule(agent_id, 0, 0)
+    yield SlotAssignment(agent_id, 0, 1, 0, 0, 0)
+    yield SetThreshold(agent_id, Threshold.SAFE_LEVEL, 0.2)
+    # Whatever the time in this life is, one of many beacons a second apart finds a board that waits for it.
+    for _ in range(12):
+        yield Beacon(agent_id, now_ms)
+    yield Beacon(agent_id, LATEST_MS + 1)
+    yield HoverAt(agent_id, 0.0)
+    yield HoverAt(agent_id, 1.0)
+    yield CommandPacket(Kind.SINK, agent_id)
 
 
 def _drained(hearer: socket.socket) -> bool:

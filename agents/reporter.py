@@ -46,7 +46,7 @@ class Reporter:
             board.reset_cause,
             board.feed,
             board.rails,
-            0,
+            board.clock_offset_ms,
         )
 
     def by_sound(self, now_ms: int) -> Packet:
@@ -71,5 +71,5 @@ class Reporter:
             body.north_um / 1e6,
             body.east_um / 1e6,
             body.depth_at_um(now_ms) / 1e6,
-            now_ms,
+            board.clock_ms(now_ms),
         )

@@ -28,8 +28,11 @@ class StateChanged:
 
 @dataclass(frozen=True, slots=True)
 class RunBuoyancy:
+    """`depth_mm` is where to hover; None: at the depth where it is."""
+
     at_ms: int
     to: Buoyancy
+    depth_mm: int | None = None
 
 
 @dataclass(frozen=True, slots=True)

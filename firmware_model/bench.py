@@ -9,7 +9,7 @@ from firmware_model.board import Board
 from firmware_model.charge import Battery, Flow, fraction, grains
 from firmware_model.codec import MusselbedCodec
 from firmware_model.energy_ledger import EnergyLedger
-from firmware_model.packets import CommandPacket, Kind
+from firmware_model.packets import CommandPacket, Kind, Packet
 from firmware_model.plan import BoardConfig
 from firmware_model.states import State
 from firmware_model.stimuli import (
@@ -122,6 +122,10 @@ class Bench:
         data = CommandPacket(kind, self.config.agent_id).encode()
         return self.tell(WifiReceived(data) if kind is Kind.RELEASE else PacketHeard(data))
 
+    def hear(self, packet: Packet) -> list[Action]:
+        """Any packet, by sound."""
+        return self.tell(PacketHeard(packet.encode()))
+
     def charge_pin_rises(self, *, noticed: bool = True) -> list[Action]:
         """In a dock, now; `noticed` False: the edge's interrupt is lost."""
         self._docked = self._at_surface = True
@@ -144,9 +148,8 @@ class Bench:
 
     def reset(self, cause: ResetCause) -> list[Action]:
         """Starts the firmware anew; batteries and body are as they were."""
-        self.board = Board(
-            self.config, MusselbedCodec(), self.board.primary, self.board.secondary, self.now_ms
-        )
+        old = self.board
+        self.board = Board(self.config, MusselbedCodec(), old.primary, old.secondary, self.now_ms, old.kept)
         if self.ledger is not None:
             self.ledger.power_off(self.now_ms)
         return self.tell(PowerCameOn(cause, self._at_surface, self._docked))

@@ -13,16 +13,18 @@ from firmware_model.actions import (
     RunBuoyancy,
     SendLog,
     SendStatus,
-    SetRail,
     StateChanged,
 )
 from firmware_model.charge import Battery
-from firmware_model.charge_pin import ChargePin, Edge, Fault
+from firmware_model.charge_pin import Edge, Fault
 from firmware_model.codec import Codec
-from firmware_model.packets import EVERYONE, Command, Kind, LogAck
+from firmware_model.commands import TRIGGERS, understood
+from firmware_model.keeper import Kept
+from firmware_model.packets import Beacon, HoverAt, Kind, LogAck, SetThreshold, SleepSchedule, SlotAssignment
+from firmware_model.parts import Parts
 from firmware_model.plan import BoardConfig
 from firmware_model.power_path import Feed, Level, PowerPath, WorstCase
-from firmware_model.rails import RAILS, Rail, bits, rails_of
+from firmware_model.rails import RAILS, Rail
 from firmware_model.states import TABLE, Refused, State, Trigger, next_state
 from firmware_model.stimuli import (
     BottomReached,
@@ -30,75 +32,40 @@ from firmware_model.stimuli import (
     ChargePinRose,
     PacketHeard,
     PowerCameOn,
-    ResetCause,
     Stimulus,
     SurfaceReached,
     WifiReceived,
 )
-from firmware_model.timers import deadline_ms, deadline_trigger
+from firmware_model.timers import Deadline, basic_deadline, last_resort, whole_deadline
 
-_COMMANDS = {
-    Kind.PERMISSION: Trigger.PERMISSION_HEARD,
-    Kind.RELEASE: Trigger.CLEAR_TO_SINK,
-    Kind.PING: Trigger.PING_HEARD,
-    Kind.HOVER: Trigger.HOVER_TOLD,
-    Kind.SINK: Trigger.CLEAR_TO_SINK,
-}
 _EMPTIED = {Feed.SECONDARY: Trigger.BATTERY_EMPTIED, Feed.NEITHER: Trigger.BOTH_EMPTIED}
+_BY_THE_CLOCK = (State.SLEEPING, State.CHARGING, State.AWAITING_SLOT)
+NOT_SENT = "a status: no beacon came, and the clock may be off by more than the guard"
 _DOCKED = (State.CHARGING, State.REPORTING)
 
 
-class Board:
+class Board(Parts):
     """One MU board. It is OFF until it receives `PowerCameOn`; its batteries live on whether it runs or not."""
 
     def __init__(
-        self, config: BoardConfig, codec: Codec, primary: Battery, secondary: Battery, now_ms: int
+        self,
+        config: BoardConfig,
+        codec: Codec,
+        primary: Battery,
+        secondary: Battery,
+        now_ms: int,
+        kept: Kept | None = None,
     ) -> None:
-        self.config = config
-        self.state = State.OFF
-        self.reset_cause: ResetCause | None = None
-        self.rails = 0
-        """What is on, as bits; always 0 in the worst case, which knows one load only."""
-        self._whole = config.whole
-        self._batteries: WorstCase | PowerPath = (
-            WorstCase(config.charge, primary, secondary)
-            if config.whole is None
-            else PowerPath(config.charge, config.whole.power, primary, secondary, now_ms, config.agent_id)
-        )
+        """`kept` is what a reset leaves of a whole board's clock and settings; without it they are as delivered."""
+        super().__init__(config, primary, secondary, now_ms, kept)
         self._codec = codec
         self._now_ms = now_ms
-        self._pin = _pin(config, high=False)
         self._at_surface = False
         self._clear_to_sink = False
         self._last_resort_ms: int | None = None
-        self._pulses: dict[Rail, int] = {}
-        """Rails that are on for a time of their own, and until when."""
-        self._pulse_due_ms: int | None = None
-        self._deadline_ms: int | None = None
-
-    @property
-    def primary(self) -> Battery:
-        return self._batteries.primary
-
-    @property
-    def secondary(self) -> Battery:
-        return self._batteries.secondary
-
-    def readings(self, now_ms: int) -> tuple[int, int]:
-        """Primary and secondary as the board knows them, in grains: the monitor's last samples."""
-        return self._batteries.readings(now_ms)
-
-    @property
-    def hears(self) -> bool:
-        """Whether the modem listens. The worst case's always does."""
-        return self._whole is None or bool(
-            self.rails & (1 << Rail.MODEM_LISTENING | 1 << Rail.MODEM_RECEIVING)
-        )
-
-    @property
-    def feed(self) -> Feed:
-        """The battery that the board lives on."""
-        return self._batteries.feed
+        self._stays_down_until_ms = 0
+        self._hover_mm: int | None = None
+        self._deadline: Deadline | None = None
 
     @property
     def next_due_ms(self) -> int | None:
@@ -108,7 +75,9 @@ class Board:
     def _next(self) -> tuple[int | None, int]:
         """When something is due next, and which: 0 the pin, 1 the batteries, 2 a pulse, 3 the deadline."""
         due_ms, which = self._pin.next_due_ms, 0
-        for n, other_ms in enumerate((self._batteries.due_ms, self._pulse_due_ms, self._deadline_ms), 1):
+        pulse_ms = None if self._switches is None else self._switches.due_ms
+        deadline_ms = None if self._deadline is None else self._deadline[0]
+        for n, other_ms in enumerate((self._batteries.due_ms, pulse_ms, deadline_ms), 1):
             if other_ms is not None and (due_ms is None or other_ms < due_ms):
                 due_ms, which = other_ms, n
         return due_ms, which
@@ -135,16 +104,30 @@ class Board:
         if which == 1:
             return self._level_reached(now_ms)
         if which == 2:
-            self._pulses = {rail: off_ms for rail, off_ms in self._pulses.items() if off_ms > now_ms}
+            assert self._switches is not None
+            self._switches.due(now_ms)
             return self._set_rails()
-        self._deadline_ms = None
-        if self.state is State.BOOTING:
-            return self._pull(self._boot_trigger())
-        sampled: list[Action] = [LogSample(now_ms)] if self.state is State.SAMPLING else []
-        trigger = deadline_trigger(self.state, self._whole, self._batteries.feed)
-        if trigger in (Trigger.LAST_RESORT_CALL, Trigger.LAST_RESORT_SURFACE):
-            self._last_resort_ms = now_ms
-        return sampled + self._pull(trigger)
+        return self._time_is_up(now_ms)
+
+    def _time_is_up(self, now_ms: int) -> list[Action]:
+        """The state ends by itself."""
+        assert self._deadline is not None
+        (_, trigger), self._deadline = self._deadline, None
+        actions: list[Action] = []
+        match self.state:
+            case State.BOOTING:
+                trigger = self._boot_trigger()
+            case State.SAMPLING:
+                actions.append(LogSample(now_ms))
+            case State.AWAITING_BEACON:
+                actions.append(Dropped(now_ms, NOT_SENT))
+        match trigger:
+            case Trigger.LAST_RESORT_CALL | Trigger.LAST_RESORT_SURFACE:
+                self._last_resort_ms = now_ms
+            case Trigger.ALARM_RANG:
+                assert self._keeper is not None
+                self._keeper.clock.rang(self._keeper.settings.alarm_ms)
+        return actions + self._pull(trigger)
 
     def receive(self, stimulus: Stimulus, now_ms: int) -> list[Action]:
         """Takes a fact from outside at `now_ms`, after everything that was due by then."""
@@ -157,7 +140,7 @@ class Board:
             case PacketHeard(data):
                 actions += self._hear(data)
             case WifiReceived(data):
-                if self._whole is not None and not self.rails >> Rail.WIFI & 1:
+                if self._switches is not None and not self._switches.is_on(Rail.WIFI):
                     return [*actions, Dropped(now_ms, "Wi-Fi is off")]
                 actions += self._command(data)
             case SurfaceReached():
@@ -169,7 +152,7 @@ class Board:
             case PowerCameOn(cause, at_surface, pin_high):
                 self.reset_cause = cause
                 self._at_surface = at_surface
-                self._pin = _pin(self.config, pin_high)
+                self._pin.restart(pin_high)
                 actions += self._pull(Trigger.POWER_CAME_ON)
         return actions
 
@@ -179,43 +162,63 @@ class Board:
         else:
             self._pin.level_unseen(high, self._now_ms)
         # The chargers need no firmware: they run for as long as the pin is high.
-        return self._set_rails() if self._whole is not None else []
+        return self._set_rails() if self._switches is not None else []
 
     def _hear(self, data: bytes) -> list[Action]:
-        if self._whole is None:
+        switches, whole = self._switches, self.config.whole
+        if switches is None or whole is None:
             return self._command(data)
         if not self.hears:
             return [Dropped(self._now_ms, "the modem is not listening")]
-        self._pulses[Rail.MODEM_RECEIVING] = self._now_ms + self._whole.power.receive_ms
+        switches.pulse(Rail.MODEM_RECEIVING, self._now_ms + whole.power.receive_ms)
         return self._set_rails() + self._command(data)
 
     def _command(self, data: bytes) -> list[Action]:
-        packet = self._codec.decode(data)
-        if not isinstance(packet, Command):
-            return [Dropped(self._now_ms, "not a command")]
-        if packet.agent_id not in (self.config.agent_id, EVERYONE):
-            return [Dropped(self._now_ms, "for another aMussel")]
-        if isinstance(packet, LogAck):
-            return self._keep_uploading(DropLog(self._now_ms, packet.next_sequence))
-        if packet.kind is Kind.BACK_UP_LOG:
-            return self._keep_uploading(SendLog(self._now_ms))
-        if packet.kind is Kind.RELEASE and self.state in _DOCKED:
+        command, now_ms = understood(data, self._codec, self.config), self._now_ms
+        match command:
+            case str():
+                return [Dropped(now_ms, command)]
+            case Beacon(_, agent_ms):
+                return self._set_clock(agent_ms)
+            case SleepSchedule() | SlotAssignment() | SetThreshold():
+                return self._set(command)
+            case LogAck(_, next_sequence):
+                return self._keep_uploading(DropLog(now_ms, next_sequence))
+        if command.kind is Kind.BACK_UP_LOG:
+            return self._keep_uploading(SendLog(now_ms))
+        if command.kind is Kind.RELEASE and self.state in _DOCKED:
             # The packet and the contact travel apart: it may come before the falling edge is certain.
             self._clear_to_sink = True
             return []
-        if packet.kind is Kind.HOVER and self._whole is None:
-            return [Dropped(self._now_ms, "the worst case knows no hovering")]
-        trigger = _COMMANDS.get(packet.kind)
-        return (
-            [Dropped(self._now_ms, "a command that is not obeyed here")]
-            if trigger is None
-            else self._pull(trigger)
-        )
+        trigger = TRIGGERS[command.kind]
+        if (self.state, trigger) in TABLE:
+            if isinstance(command, HoverAt):
+                self._hover_mm = round(command.depth_m * 1000)
+            elif command.kind is Kind.HOVER:
+                self._hover_mm = None
+            elif command.kind is Kind.SINK and self.config.whole is not None:
+                self._stays_down_until_ms = now_ms + self.config.whole.stay_down_ms
+        return self._pull(trigger)
+
+    def _set_clock(self, agent_ms: int) -> list[Action]:
+        assert self._keeper is not None  # the worst case knows no beacon
+        self._keeper.set_clock(agent_ms, self._now_ms)
+        if self.state in _BY_THE_CLOCK:
+            self._set_deadline()
+        return self._pull_if_taken(Trigger.BEACON_HEARD)
+
+    def _set(self, command: SleepSchedule | SlotAssignment | SetThreshold) -> list[Action]:
+        assert self._keeper is not None and isinstance(self._batteries, PowerPath)
+        if not self._keeper.told(command, self._now_ms):
+            return [Dropped(self._now_ms, f"a {command.kind.name} that cannot be")]
+        if isinstance(command, SetThreshold):
+            self._batteries.set_levels(self._keeper.settings.levels, self._now_ms)
+        if self.state in _BY_THE_CLOCK:
+            self._set_deadline()
+        return []
 
     def _keep_uploading(self, action: Action) -> list[Action]:
         """A docked board stays awake for as long as somebody takes its log."""
-        if self._whole is None:
-            return [Dropped(self._now_ms, "the worst case has no log")]
         if not self.rails >> Rail.WIFI & 1:
             return [Dropped(self._now_ms, "Wi-Fi is off")]
         if self.state is State.REPORTING:
@@ -271,12 +274,14 @@ class Board:
         actions: list[Action] = []
         motors = MOTORS.get(state)
         if motors is not None:
-            actions.append(RunBuoyancy(now_ms, motors))
-            if self._whole is not None:
-                self._pulses[Rail.MOTORS] = now_ms + self._whole.power.motor_run_ms
-        if isinstance(self._batteries, PowerPath):
+            depth_mm = self._hover_mm if state is State.HOVERING else None
+            actions.append(RunBuoyancy(now_ms, motors, depth_mm))
+            if self._switches is not None and self.config.whole is not None:
+                self._switches.pulse(Rail.MOTORS, now_ms + self.config.whole.power.motor_run_ms)
+        if self._keeper is not None:
+            self._keeper.clock.pass_over(now_ms)
             actions += self._set_rails()
-        elif state is not State.BOOTING:
+        elif isinstance(self._batteries, WorstCase) and state is not State.BOOTING:
             self._batteries.charge(state is State.CHARGING, now_ms)
         self._set_deadline()
         if state in REPORTS:
@@ -288,26 +293,24 @@ class Board:
         return actions
 
     def _set_deadline(self) -> None:
-        self._deadline_ms = deadline_ms(
-            self.state, self.config, self._batteries, self._last_resort_ms, self._now_ms
-        )
+        state, whole, batteries, now_ms = self.state, self.config.whole, self._batteries, self._now_ms
+        if state is State.BOOTING:
+            self._deadline = (now_ms + self.config.boot_ms, Trigger.BOOTED_ON_BOTTOM)
+            return
+        stays_up = self._last_resort_ms is not None
+        self._deadline = basic_deadline(state, self.config, batteries, stays_up, now_ms)
+        if self._deadline is not None or whole is None:
+            return
+        assert isinstance(batteries, PowerPath) and self._keeper is not None
+        if state is State.EMPTY:
+            last_ms, until_ms = self._last_resort_ms, self._stays_down_until_ms
+            self._deadline = last_resort(whole, batteries, last_ms, until_ms, now_ms)
+        else:
+            self._deadline = whole_deadline(state, whole, self._keeper, now_ms)
 
     def _set_rails(self) -> list[Action]:
-        """Switches what the state and the pulses want, and tells the batteries."""
-        whole, batteries, now_ms, state = self._whole, self._batteries, self._now_ms, self.state
-        assert whole is not None and isinstance(batteries, PowerPath)
-        if state is State.LOST:
-            self._pulses.clear()
-        pulsed = bits(*self._pulses)
-        self._pulse_due_ms = min(self._pulses.values(), default=None)
-        on = rails_of(state, whole.power.kept_on, whole.cycle is None, pulsed)
-        changed = on ^ self.rails
-        self.rails = on
-        batteries.set(self._pin.wire_high, whole.power.loads.total(on), now_ms)
-        if state is State.EMPTY:
+        assert self._switches is not None
+        switched = self._switches.switch(self.state, self._pin.wire_high, self._now_ms)
+        if self.state is State.EMPTY:
             self._set_deadline()  # a charger that touched it lifts it off its safe level
-        return [SetRail(now_ms, rail, bool(on >> rail & 1)) for rail in Rail if changed >> rail & 1]
-
-
-def _pin(config: BoardConfig, high: bool) -> ChargePin:
-    return ChargePin(config.pin_debounce_ms, high, config.pin_chatter_ms, config.pin_check_ms)
+        return [*switched]

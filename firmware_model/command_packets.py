@@ -55,6 +55,8 @@ class Threshold(IntEnum):
     """Of the backup battery: the last resort is taken here."""
     SWITCH_BACK = 1
     """The board returns to the primary battery once that holds so much."""
+    LOW_LEVEL = 2
+    """Of the primary battery: a sleeper wakes there; 0 for nowhere."""
 
 
 _THRESHOLDS = {int(which): which for which in Threshold}

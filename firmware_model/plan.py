@@ -84,16 +84,17 @@ class Slots:
 
     frame_ms: int
     slot_ms: int
+    guard_ms: int = 0
+    """A board speaks so long after its slot opens; clocks that are off by no more do not collide."""
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.guard_ms < self.slot_ms <= self.frame_ms:
+            raise ValueError("a guard must be shorter than its slot, and a slot not longer than the frame")
 
     @property
     def count(self) -> int:
         """How many whole slots a frame has."""
         return self.frame_ms // self.slot_ms
-
-    def next_ms(self, index: int, now_ms: int) -> int:
-        """The first time from `now_ms` on at which slot `index` opens."""
-        first_ms = index * self.slot_ms
-        return first_ms - (first_ms - now_ms) // self.frame_ms * self.frame_ms
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,9 +117,19 @@ class Cycle:
         if self.alarm_ms <= 0:
             raise ValueError("alarm_ms must be positive")
 
-    def alarm_after_ms(self, now_ms: int) -> int:
-        """The first alarm after `now_ms`."""
-        return (now_ms // self.alarm_ms + 1) * self.alarm_ms
+
+@dataclass(frozen=True, slots=True)
+class Timekeeping:
+    """What the firmware may expect of its clock, and what it does about it."""
+
+    bound_ppb: int
+    """The crystal drifts by no more, in parts of 10^9, says its data sheet."""
+    beacon_wait_ms: int
+    """Where it may be off by more than the guard, it does not speak, and listens for a beacon for so long."""
+
+    def __post_init__(self) -> None:
+        if self.bound_ppb < 0 or self.beacon_wait_ms <= 0:
+            raise ValueError("bound_ppb must not be negative, and beacon_wait_ms positive")
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,6 +144,10 @@ class Whole:
     """Between the calls of a last resort."""
     hover_ms: int
     """Between the motor runs that hold a depth."""
+    stay_down_ms: int = 21_600_000
+    """One that was told to sink takes no last resort that brings it up for so long: 6 h."""
+    timekeeping: Timekeeping | None = None
+    """None: it trusts its clock."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,6 +168,8 @@ class BoardConfig:
     """A charger's pin that bounces for so long is decided by the level that it had for the greater part of it."""
     pin_check_ms: int = 60_000
     """The pin's level is sampled at whole multiples of it, and at every wake: that finds an edge that was missed."""
+    drift_ppb: int = 0
+    """What the board's clock gains on agent time, in parts of 10^9."""
 
     def __post_init__(self) -> None:
         cycle = None if self.whole is None else self.whole.cycle

@@ -68,14 +68,17 @@ class PowerPath:
         secondary: Battery,
         now_ms: int,
         agent_id: int,
+        levels: tuple[int, int, int] | None = None,
     ) -> None:
+        """`levels` are to switch back at, the safe one and the low one, in grains; None: the configuration's."""
         self._model = model
         self._power = power
         self.primary = primary
         self.secondary = secondary
         self.charging = primary.flow is Flow.CHARGING
         self.load = 0
-        self.low_level = power.low_level
+        self._levels = (0, *(levels or (power.switch_back, power.safe_level, power.low_level)))
+        """In the order of `Level`."""
         self.feed = self._fed_by(now_ms)
         self.safe_ms: int | None = None
         """Since when the backup battery, feeding the board, is known to stand at its safe level or below."""
@@ -110,11 +113,12 @@ class PowerPath:
         self.charging, self.load = charging, load
         self._settle(now_ms)
 
-    def watch_low_level(self, level: int, now_ms: int) -> None:
-        """Another `Power.low_level` from `now_ms` on."""
+    def set_levels(self, levels: tuple[int, int, int], now_ms: int) -> None:
+        """Other levels from `now_ms` on, as at birth."""
         self._close(now_ms)
-        self.low_level, self._is_low = level, False
-        self._watches.pop(Level.LOW_LEVEL, None)
+        self._levels = (0, *levels)
+        self.safe_ms, self._is_low = None, False
+        self._watches.clear()
         self._settle(now_ms)
 
     def due(self, now_ms: int) -> Level | None:
@@ -197,30 +201,23 @@ class PowerPath:
             return (Level.SWITCH_BACK,) if self.feed is Feed.SECONDARY else ()
         if self.feed is Feed.SECONDARY:
             return (Level.EMPTIED, Level.SAFE_LEVEL) if self.safe_ms is None else (Level.EMPTIED,)
-        return (Level.EMPTIED, Level.LOW_LEVEL) if self.low_level and not self._is_low else (Level.EMPTIED,)
+        return (
+            (Level.EMPTIED, Level.LOW_LEVEL)
+            if self._levels[Level.LOW_LEVEL] and not self._is_low
+            else (Level.EMPTIED,)
+        )
 
     def _watched(self, level: Level) -> Battery:
         if level is Level.SAFE_LEVEL or (level is Level.EMPTIED and self.feed is Feed.SECONDARY):
             return self.secondary
         return self.primary
 
-    def _grains(self, level: Level) -> int:
-        match level:
-            case Level.EMPTIED:
-                return 0
-            case Level.SWITCH_BACK:
-                return self._power.switch_back
-            case Level.SAFE_LEVEL:
-                return self._power.safe_level
-            case Level.LOW_LEVEL:
-                return self.low_level
-
     def _watch(self, meter: Meter, level: Level, now_ms: int) -> Watch:
         which = 1 if self._watched(level) is self.secondary else 0
-        return Watch(meter, which, self._grains(level), level is Level.SWITCH_BACK, now_ms)
+        return Watch(meter, which, self._levels[level], level is Level.SWITCH_BACK, now_ms)
 
     def _exact_ms(self, level: Level) -> int | None:
-        battery, target = self._watched(level), self._grains(level)
+        battery, target = self._watched(level), self._levels[level]
         if level is Level.SWITCH_BACK:
             return self._model.reaches_at_ms(battery, target)
         return self._model.falls_to_at_ms(battery, target)

@@ -33,8 +33,9 @@ def line(action: Action) -> str:
     match action:
         case StateChanged(at_ms, old, trigger, new):
             return f"{clock(at_ms)}  {old.name} -{trigger.name}-> {new.name}"
-        case RunBuoyancy(at_ms, to):
-            return f"{clock(at_ms)}      motors: {to.name}"
+        case RunBuoyancy(at_ms, to, depth_mm):
+            depth = "" if depth_mm is None else f" at {depth_mm / 1000:g} m"
+            return f"{clock(at_ms)}      motors: {to.name}{depth}"
         case SetRail(at_ms, rail, on):
             return f"{clock(at_ms)}      {rail.name} {'on' if on else 'off'}"
         case FeedFrom(at_ms, feed):

@@ -181,7 +181,8 @@ def run(arguments: argparse.Namespace) -> int:
             summary = parent.fly(scenario, starts, options, directory, progress)
     if options.dry_run:
         return _print_plan(read_journal(directory.journal).first("plan"), arguments.json)
-    return report(scenario, directory, summary, arguments.json)
+    flown_by = "by hand" if options.manual else scenario.mission.collection
+    return report(scenario.name, flown_by, directory, summary, arguments.json)
 
 
 @contextmanager
@@ -214,13 +215,13 @@ def fly_here(
         fleet.host.close()
 
 
-def report(scenario: Scenario, directory: RunDirectory, summary: dict[str, Any], as_json: bool) -> int:
-    """Prints what came of a run; the exit code."""
+def report(name: str, flown_by: str, directory: RunDirectory, summary: dict[str, Any], as_json: bool) -> int:
+    """Prints what came of a run; the exit code. `flown_by` is a strategy's name, or who else gave the orders."""
     if as_json:
         print(json.dumps({**summary, "run": str(directory.path)}))
     else:
         console = Console()
-        print_table(console, scenario.name, scenario.mission.collection, summary)
+        print_table(console, name, flown_by, summary)
         console.print(f"the run's files: {directory.path}", highlight=False, soft_wrap=True)
     sys.stdout.flush()
     if summary["ended_by"].startswith(STRATEGY_FAILED):

@@ -13,10 +13,13 @@ from firmware_model.states import State
 def truth_data(truth: Truth) -> Line:
     """Batteries are [anchor ms, grains, flow, load, coils], `depth` is [anchor ms, micrometres]; agent time.
 
-    Where there are any: `pin_due` is when the coils will be aligned, `log` is [samples taken, acknowledged below].
+    Where there are any: `hover_um` is the depth that one that hovers moves to, `pin_due` is when the coils will be aligned,
+    `log` is [samples taken, acknowledged below].
     """
     physical = truth.physical
     more: Line = {}
+    if physical.buoyancy is Buoyancy.HOVER:
+        more["hover_um"] = physical.hover_um
     if physical.pin_due_ms:
         more["pin_due"] = physical.pin_due_ms
     if physical.samples:
@@ -50,6 +53,7 @@ def truth_of(line: Line) -> Truth:
         Buoyancy[line["buoyancy"]],
         line["docked"],
         line.get("pin_due", 0),
+        line.get("hover_um", 0),
         samples,
         acknowledged,
     )

@@ -82,6 +82,7 @@ def fly(run_dir: Path, resume: bool) -> int:
             ) as surroundings,
             primitives_offered(scenario, options) as called,
         ):
+            fronts = fronts_of(scenario, options, called)
             summary = flying.fly(
                 scenario,
                 dry(surroundings) if options.dry_run else surroundings,
@@ -89,8 +90,12 @@ def fly(run_dir: Path, resume: bool) -> int:
                 lambda status: say(status.to_line()),
                 go_on,
                 until_first_plan=options.dry_run,
-                fronts=fronts_of(scenario, options, called),
+                fronts=fronts,
             )
+            for front in fronts:
+                if isinstance(front, ScriptFront):
+                    front.join()
+                    front.print_error()
     except (PeerFailed, TimeoutError) as error:
         # A node falls silent with its master: the master is then the cause to name.
         why = why_silent(options.master_uri)

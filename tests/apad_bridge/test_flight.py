@@ -109,6 +109,7 @@ def test_what_was_recorded_of_whole_boards_has_all_that_there_is_to_cut() -> Non
         State.HOVERING,
         State.CALLING,
         State.LOST,
+        State.AWAITING_BEACON,
     }
 
 

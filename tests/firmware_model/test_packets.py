@@ -294,7 +294,7 @@ def test_a_later_version_of_a_kind_is_nothing_to_this_one(name: str) -> None:
         ("WIFI_STATUS", 55, 3),  # a reset cause
         ("WIFI_STATUS", 56, 3),  # a battery to live on
         ("SHORT_STATUS", 0, 0b101_11111),
-        ("SET_THRESHOLD", 4, 2),
+        ("SET_THRESHOLD", 4, 3),
     ],
 )
 def test_a_value_that_there_is_not_with_a_right_checksum_is_nothing(name: str, at: int, value: int) -> None:

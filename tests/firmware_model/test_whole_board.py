@@ -12,8 +12,18 @@ from firmware_model.bench import Bench
 from firmware_model.board import Board
 from firmware_model.charge import FULL, Battery, Flow, grains
 from firmware_model.codec import MusselbedCodec
-from firmware_model.packets import PLAIN_KINDS, CommandPacket, Kind
-from firmware_model.plan import BoardConfig, Cycle, LastResort, Metering
+from firmware_model.packets import (
+    PLAIN_KINDS,
+    Beacon,
+    CommandPacket,
+    HoverAt,
+    Kind,
+    SetThreshold,
+    SleepSchedule,
+    SlotAssignment,
+    Threshold,
+)
+from firmware_model.plan import BoardConfig, Cycle, LastResort, Metering, Timekeeping
 from firmware_model.rails import Rail
 from firmware_model.states import State
 from firmware_model.stimuli import (
@@ -278,6 +288,13 @@ QUICK = Cycle(
     alarm_ms=20_000, sample_ms=3000, processing_ms=2000, slots=FIELD.slots, listen_ms=5000, report_ms=3000
 )
 COMMANDS = [CommandPacket(kind, 1).encode() for kind in sorted(PLAIN_KINDS)]
+WORDS = [
+    *(Beacon(1, agent_ms).encode() for agent_ms in (0, 290_000, 310_000, 700_000)),
+    SleepSchedule(1, 45_000, 5000).encode(),
+    SlotAssignment(1, 30_000, 2000, 200, 3, -90).encode(),
+    *(SetThreshold(1, which, 0.02).encode() for which in Threshold),
+    HoverAt(1, 1.5).encode(),
+]
 STIMULI: st.SearchStrategy[Stimulus] = st.one_of(
     st.sampled_from(
         [
@@ -288,16 +305,26 @@ STIMULI: st.SearchStrategy[Stimulus] = st.one_of(
         ]
     ),
     st.sampled_from([PacketHeard(data) for data in COMMANDS] + [WifiReceived(data) for data in COMMANDS]),
+    st.sampled_from([PacketHeard(data) for data in WORDS]),
 )
 FACTS = st.lists(st.tuples(st.integers(0, 900_000), STIMULI), max_size=12)
+
+
+def drifting(config: BoardConfig, drift_ppb: int, timekeeping: Timekeeping | None) -> BoardConfig:
+    assert config.whole is not None
+    return replace(config, drift_ppb=drift_ppb, whole=replace(config.whole, timekeeping=timekeeping))
+
+
 CONFIGS = st.builds(
-    lambda cycle, last_resort, kept_on, metering: board(
-        cycle, power(last_resort, kept_on, metering, FULL // 100)
+    lambda cycle, last_resort, kept_on, metering, drift_ppb, timekeeping: drifting(
+        board(cycle, power(last_resort, kept_on, metering, FULL // 100)), drift_ppb, timekeeping
     ),
     st.sampled_from([None, HOURLY, FIELD, QUICK, replace(QUICK, slots=None)]),
     st.sampled_from(LastResort),
     st.sampled_from([0, 1 << Rail.PI]),
     st.sampled_from([None, METERING, replace(METERING, settle_ms=0, noise=FULL // 50)]),
+    st.sampled_from([0, 500_000, -20_000_000]),
+    st.sampled_from([None, Timekeeping(20_000, 30_000)]),
 )
 
 
