@@ -264,8 +264,13 @@ class Flight:
                 case Told(_, agent_id, agent_ms, stimulus):
                     self._note_stimulus(now_ms, agent_id, agent_ms, stimulus)
                 case PacketEnded() as packet:
-                    self._recorder.event(now_ms, "packet", **packet_data(packet, self._fleet.slots))
+                    self._note_packet(self._fleet, packet, now_ms)
         self._recorder.truths(self._fleet.take_truths())
+
+    def _note_packet(self, fleet: Fleet, packet: PacketEnded, now_ms: int) -> None:
+        assert fleet.sea is not None  # where else would it come from
+        data = packet_data(packet, fleet.slots, fleet.sea.config.sound.speed_m_s)
+        self._recorder.event(now_ms, "packet", **data)
 
     def _look_at_links(self, fleet: Fleet, now_ms: int) -> None:
         changed = None if fleet.links is None else fleet.links.look()
