@@ -110,6 +110,20 @@ def test_one_that_comes_up_is_docked_and_one_that_does_not_is_given_up(pool: Sce
     assert (late.docking, late.failure) == (Status.FAILED, "it does not come up")
 
 
+def test_a_pause_is_no_part_of_the_time_that_an_amussel_has_to_come_up(pool: Scenario) -> None:
+    mission, _ = commanded(pool)
+    mission.dock(2, 7)
+    mission.advance(1000)
+    mission.advance(5000)
+    mission.pause()
+    mission.advance(5000)
+    assert mission.advance(500_000) == []
+    mission.resume()
+    # Of the ten seconds until the next permission four were over.
+    assert PermitSurfacing(7) not in mission.advance(505_999)
+    assert PermitSurfacing(7) in mission.advance(506_000)
+
+
 def test_what_is_heard_of_an_older_go_to_changes_nothing(pool: Scenario) -> None:
     mission, _ = commanded(pool)
     mission.go_to(5.0, 0.0)
