@@ -1,9 +1,9 @@
 """Mission primitives as services and actions of ours, over whichever aPad: for a person's command line, and for programs.
 
 They stand below /musselbed/NAME, the aPad's name, and order where nobody plans: in a flight by hand (`--manual`), beside a
-script, or when a person has taken the mission over (`take_over`, and `give_back`). A service answers when the order is taken, which
-is at the next mission tick; the end is told by `goto_status` and `docking_status`, or by the actions. Zeros, which is what
-`rosservice call` sends for what is left out, mean the scenario's own numbers.
+script, or when a person has taken the mission over (`take_over`, and `give_back`). A service answers when the order is
+taken, which is at the next mission tick; the end is told by `goto_status` and `docking_status`, or by the actions. Zeros,
+which is what `rosservice call` sends for what is left out, mean the scenario's own numbers.
 """
 
 from __future__ import annotations
