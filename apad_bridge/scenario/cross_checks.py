@@ -101,13 +101,6 @@ def _of_the_cycle(scenario: Scenario, whole: WholeBoard, cycle: SleepCycle) -> I
                 f"must be no shorter than a status and the guard on either side of it ({needed_s:g} s), "
                 "or two would overlap",
             )
-    unheard_s = (cycle.alarm_s + awake_s) / scenario.theta
-    if scenario.hearing.mode is HearingMode.PHYSICAL and scenario.mission.silence_timeout_s <= unheard_s:
-        yield (
-            "mission.silence_timeout_s",
-            f"must be longer than {unheard_s:g} s: an aMussel that wakes every {cycle.alarm_s:g} s of its own time "
-            f"may be unheard for so long",
-        )
     if cycle.report_s <= scenario.theta:
         yield (
             "board.whole.cycle.report_s",

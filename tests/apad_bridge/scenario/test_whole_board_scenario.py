@@ -237,12 +237,6 @@ def test_a_fleet_too_large_for_its_frame_is_refused_on_the_command_line_too() ->
             "a whole frame, transmit_ms, a beacon's wait), or alarms pass unheard",
         ),
         (
-            "hearing: {mode: paper, ",
-            "hearing: {mode: physical, ",
-            "mission.silence_timeout_s: must be longer than 132.367 s: an aMussel that wakes every 3600 s of its own time "
-            "may be unheard for so long",
-        ),
-        (
             "hover_period_s: 600",
             "hover_period_s: 60",
             "board.whole.hover_period_s: must be longer than a motor run (60 s), or hovering never ends one",
