@@ -98,6 +98,11 @@ class GenerationBLink:
         """Words of the vehicle that came to nothing, by reason."""
         return self._inbox.dropped + self._core.dropped
 
+    @property
+    def heard_ms(self) -> int:
+        """When a position was last heard; -1 before the first."""
+        return self._core.readings.position_ms
+
     def holds(self, agent_id: int) -> bool:
         """Whether a dock is known to hold this aMussel."""
         return self._core.docks.holds(agent_id)
