@@ -164,7 +164,8 @@ class Agent:
             self.body.align()
             return self._tell_board(board_stimuli.ChargePinRose(), now_ms)
         self._report_due_ms += self.config.report_period_ms
-        if self.board.state is State.BOOTING:
+        wifi_is_on = self.config.heard_always or self.board.has_wifi
+        if self.board.state is State.BOOTING or not wifi_is_on:
             return []
         return [WifiSent(now_ms, self._codec.encode(self._reporter.by_wifi(now_ms)))]
 
