@@ -24,7 +24,6 @@ from firmware_model.plan import Slots
 
 _ASK_AGAIN_MS = 600_000
 """Of agent time: before one that did not answer, or was put elsewhere, is asked again."""
-_PING_MS = SHORT_MS[Generation.V3] + ANSWER_TIMEOUT_MS
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,6 +39,7 @@ class TalkConfig:
     guard_ms: int
     beacon_period_ms: int
     ping_period_ms: int
+    modems: Generation = Generation.V3
 
 
 class Talk:
@@ -131,13 +131,13 @@ class Talk:
         return Send(Medium.SOUND, EVERYONE, data, at_ms)
 
     def _ping(self, agent_id: int, now_ms: int) -> Ping:
-        return Ping(agent_id, self._claim(now_ms, _PING_MS))
+        return Ping(agent_id, self._claim(now_ms, SHORT_MS[self._config.modems] + ANSWER_TIMEOUT_MS))
 
     def _timed(self, word: Send, now_ms: int) -> Send:
         return replace(word, not_before_ms=self._claim(now_ms, self._lasting_ms(word.data)))
 
     def _lasting_ms(self, data: bytes) -> int:
-        return duration_ms(Generation.V3, len(data))
+        return duration_ms(self._config.modems, len(data))
 
     def _claim(self, now_ms: int, lasting_ms: int) -> int:
         """The next time at which the air is free for so long, which from now on it is not."""
