@@ -146,6 +146,13 @@ class Supervisor:
             return actions
         return [*self._ears.timed(actions, now_ms), *self._ears.advance(self.beliefs.all(), now_ms)]
 
+    def timed(self, word: Send, now_ms: int) -> Send:
+        """Somebody else's word to an aMussel, with the time at which the aPad's modem may say it."""
+        if self._ears is None:
+            return word
+        (timed,) = self._ears.timed([word], now_ms)
+        return timed if isinstance(timed, Send) else word
+
     def _handle(self, fact: Fact, now_ms: int) -> list[SupervisorAction]:
         match fact:
             case WifiHeard(at_ms, data) | SoundHeard(at_ms, data):

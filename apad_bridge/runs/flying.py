@@ -105,6 +105,8 @@ def fly(
         first_command_id=1 + (0 if go_on is None else go_on.epoch * _COMMAND_IDS_PER_EPOCH),
         samples=_collection(scenario, surroundings, recorder),
         fronts=fronts,
+        # The aPad's modem is where its water is: with the fleet, and not with a mission alone.
+        has_modem=surroundings.fleet is not None,
     )
     if go_on is not None:
         for slot, agent_id in go_on.state.docked:
