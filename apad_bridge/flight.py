@@ -290,7 +290,9 @@ class Flight:
             return
         for came in self._ether.advance(now_ms):
             if isinstance(came, Send):
-                self._send(self.supervisor.timed(came, now_ms), now_ms)
+                word = self.supervisor.timed(came, now_ms)
+                if word is not None:
+                    self._send(word, now_ms)
             else:
                 self.supervisor.receive(came)
 
