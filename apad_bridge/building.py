@@ -92,11 +92,12 @@ def supervisor(
     first_command_id: int = 1,
     fronts: Sequence[Front] = (),
     samples: SampleCollection | None = None,
+    has_modem: bool = True,
 ) -> Supervisor:
     """A supervisor that knows nothing yet, or one that goes on with a mission's journaled `state`.
 
     Its mission is the paper's; or, where there are `fronts`, one that does what these order. Without `samples` it leaves
-    the aMussels' logs to others.
+    the aMussels' logs to others; without a modem, whatever is said by sound of its own accord.
     """
     beliefs = HoldLast(agent_ids(scenario))
     mission: Mission = (
@@ -120,5 +121,5 @@ def supervisor(
         samples,
         round(scenario.duration_s * 1000),
         scenario.mission.end_at_apad_fraction,
-        ears_of(scenario, agent_ids(scenario)),
+        ears_of(scenario, agent_ids(scenario)) if has_modem else None,
     )

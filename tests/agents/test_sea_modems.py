@@ -160,6 +160,27 @@ def test_machines_send_the_same_packets_as_no_machines(theta: int) -> None:
     assert asked == [2, 0]
 
 
+def test_a_status_over_the_serial_line_is_the_same_packet_as_in_memory() -> None:
+    in_memory = Bench()
+    in_memory.run(HOUR_MS + 600_000, step_ms=1000)
+    sent = next(it for it in in_memory.came if isinstance(it, PacketEnded) and it.sender == 1)
+    reached = next(it for it in in_memory.came if isinstance(it, SoundReached) and it.agent_id == 1)
+    serial = Bench(1)
+    serial.run(5000)
+    serial.ask(1, b"$U255%02d" % len(sent.frame.data) + sent.frame.data)
+    again = next(it for it in serial.came if isinstance(it, PacketEnded) and it.sender == 1)
+    heard = next(it for it in serial.came if isinstance(it, SoundReached) and it.agent_id == 1)
+    assert again.frame == sent.frame
+    assert heard.data == reached.data == sent.frame.data
+    (there,), (here,) = sent.receptions, again.receptions
+    assert (here.receiver, here.outcome, here.travelled_us) == (
+        there.receiver,
+        there.outcome,
+        there.travelled_us,
+    )
+    assert here.at_ms - again.began_ms == there.at_ms - sent.began_ms
+
+
 def test_v2_modems_carry_short_statuses_at_40_bit_a_second() -> None:
     fleet = replace(FLEET, modem=Modem.V2)
     bench = Bench(1, fleet=fleet, sea=replace(SEA, modems=Generation.V2))
