@@ -96,7 +96,9 @@ class Sea:
         self.now_ms = start_ms
         self._keel = KeelModem(start_ms)
         self._modems = (
-            SeaModems({node: address_of(node) for node in nodes}, opened, start_ms) if opened else None
+            SeaModems({node: address_of(node) for node in nodes}, opened, start_ms, self.dropped)
+            if opened
+            else None
         )
         self._places: dict[int, Place] = {}
         self._apad_at_ms: int | None = None

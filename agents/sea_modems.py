@@ -38,8 +38,10 @@ class Emission:
 class SeaModems:
     """Agent time. What is to happen in a round is noted first; `round` then lets it happen in the order of time."""
 
-    def __init__(self, addresses: Mapping[int, int], opened: Collection[int], now_ms: int) -> None:
-        self.dropped: Counter[str] = Counter()
+    def __init__(
+        self, addresses: Mapping[int, int], opened: Collection[int], now_ms: int, dropped: Counter[str]
+    ) -> None:
+        self.dropped = dropped
         self.opened = frozenset(opened)
         self._rack = Rack(ModemConfig(), addresses, self.opened, now_ms)
         self._now_ms = now_ms

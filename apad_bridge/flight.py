@@ -9,14 +9,12 @@ from __future__ import annotations
 import threading
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import astuple, dataclass
+from dataclasses import astuple
 from typing import Any, Protocol
 
-from agents.coordinator import Coordinator, Died, Heard
-from agents.host import Host
+from agents.coordinator import Died, Heard
 from agents.outputs import Dropped, SoundSent, Truth, WifiSent
-from agents.sea import Sea
-from agents.sea_facts import NotRanged, Ranged, SeaResult, SoundReached, Told
+from agents.sea_facts import NotRanged, Printed, Ranged, SeaResult, SoundReached, Told
 from agents.stimuli import SoundArrived, Stimulus, WifiArrived, to_wire
 from agents.water.medium import PacketEnded
 from apad_bridge.beliefs.belief import Belief
@@ -32,14 +30,14 @@ from apad_bridge.facts import (
     SoundHeard,
     WifiHeard,
 )
-from apad_bridge.links_file import LinksFile
+from apad_bridge.fleet import Fleet
 from apad_bridge.mission.orders import Note
+from apad_bridge.modems.rims import Rims
 from apad_bridge.pace import Pace
 from apad_bridge.records.packet_lines import packet_data
 from apad_bridge.supervisor import TICK_MS, Supervisor
 from apad_bridge.vehicle import BatteryReported, CloseDock, OpenDock, PoseReported
 from apad_bridge.vehicle_link import Carried, LetGo, VehicleLink
-from firmware_model.plan import Slots
 from firmware_model.sample_record import SampleRecord
 from firmware_model.wire import EVERYONE
 
@@ -69,27 +67,6 @@ class Recorder(Protocol):
     ) -> None: ...
 
 
-@dataclass(frozen=True, slots=True)
-class Fleet:
-    """The agents of a flight, where they live, the clock authority over them, and the water that carries their sound.
-
-    Without a `sea` whatever is said is heard. `slots` are the timeslots that packets are counted in, `links`
-    is looked at at each tick.
-    """
-
-    coordinator: Coordinator
-    host: Host
-    sea: Sea | None = None
-    slots: Slots | None = None
-    links: LinksFile | None = None
-
-    def advance(self, now_ms: int) -> Sequence[SeaResult]:
-        return self.coordinator.advance(now_ms) if self.sea is None else self.sea.advance(now_ms)
-
-    def take_truths(self) -> list[Truth]:
-        return self.host.take_truths() if self.sea is None else self.sea.take_truths()
-
-
 Watcher = Callable[[int], None]
 """Called after each tick with the mission time: progress, publishing."""
 
@@ -97,7 +74,8 @@ Watcher = Callable[[int], None]
 class Flight:
     """Flies from `start_ms` to the mission's end; `held` are the aMussels that docks already hold.
 
-    With an `ether`, the other half of the bench is another process: a fleet's packets go there, or a supervisor's.
+    With an `ether`, the other half of the bench is another process: a fleet's packets go there, or a supervisor's. With
+    `rims` there are serial lines, which are looked at between ticks too.
     `stop` may be called from a signal handler or another thread.
     """
 
@@ -112,6 +90,7 @@ class Flight:
         start_ms: int = 0,
         held: Iterable[int] = (),
         ether: Ether | None = None,
+        rims: Rims | None = None,
     ) -> None:
         self.supervisor = supervisor
         self.dropped: Counter[str] = Counter()
@@ -121,6 +100,10 @@ class Flight:
         self._recorder = recorder
         self._fleet = fleet
         self._ether = ether
+        self._rims = rims
+        self._came: list[SeaResult] = []
+        """Of the fleet, between two ticks."""
+        self._come_ms = start_ms - 1
         self._watchers = watchers
         self._contacts = Contacts(held)
         self._stopped = threading.Event()
@@ -131,9 +114,7 @@ class Flight:
         """What came to nothing anywhere in the flight, by reason."""
         supervisor = self.supervisor
         dropped = self.dropped + supervisor.dropped + supervisor.port.dropped + supervisor.ears_dropped
-        return (
-            dropped if self._fleet is None or self._fleet.sea is None else dropped + self._fleet.sea.dropped
-        )
+        return dropped if self._fleet is None else dropped + self._fleet.dropped
 
     def stop(self, reason: str) -> None:
         self._stop_reason = reason
@@ -142,7 +123,7 @@ class Flight:
     def run(self) -> str:
         """Flies until the mission has ended; gives the reason."""
         while True:
-            self._pace.reach(self.now_ms, self._stopped)
+            self._pace.reach(self.now_ms, self._stopped, None if self._rims is None else self._between)
             self.tick(self.now_ms)
             if self.supervisor.has_ended:
                 return self.supervisor.mission.state.ended_by or ""
@@ -151,6 +132,7 @@ class Flight:
     def tick(self, now_ms: int) -> None:
         """One tick of mission time: everything stamped up to `now_ms` is handled."""
         self._hear_fleet(now_ms)
+        self._hear_modem(now_ms)
         self._hear_vehicle(now_ms)
         self._hear_ether(now_ms)
         if self._stopped.is_set():
@@ -182,6 +164,10 @@ class Flight:
             match action:
                 case Note(kind, data):
                     self._recorder.event(now_ms, kind, **data)
+                case Send(Medium.SOUND, agent_id, data) if self._rims is not None and self._rims.command(
+                    agent_id, data, now_ms
+                ):
+                    pass
                 case KeepSamples(agent_id, records):
                     self._recorder.samples(agent_id, records)
                 case Send(medium, agent_id, data) as send:
@@ -201,11 +187,48 @@ class Flight:
                     self._vehicle.command(action, now_ms)
         return mechanism
 
+    def _between(self, now_ms: int) -> None:
+        """A time before the next tick has come: only who talks to a serial line notices."""
+        if now_ms > self._come_ms:
+            self._came += self._live(now_ms)
+
+    def _live(self, now_ms: int) -> list[SeaResult]:
+        """Lets the fleet's time pass, and reads and writes the serial lines."""
+        self._come_ms = now_ms
+        written = [] if self._rims is None else self._rims.poll(now_ms)
+        if self._fleet is None:
+            return []
+        for burst in written:
+            if self._fleet.sea is not None:
+                self._fleet.sea.write(burst.agent_id, burst.data)
+        came = self._fleet.advance(now_ms)
+        for result in came:
+            if isinstance(result, Printed) and self._rims is not None:
+                self._rims.printed(result.agent_id, result.data)
+        return list(came)
+
+    def _hear_modem(self, now_ms: int) -> None:
+        """What a physical modem has brought, or has sent."""
+        for came in [] if self._rims is None else self._rims.take():
+            match came:
+                case SoundHeard():
+                    self.supervisor.receive(came)
+                case Send(_, agent_id, data) if self._fleet is not None:
+                    ids = self._fleet.coordinator.agent_ids if agent_id == EVERYONE else [agent_id]
+                    for each in ids:
+                        self._tell_agent(each, SoundArrived(data), now_ms)
+                case Note(kind, told):
+                    self._recorder.event(now_ms, kind, **told)
+                    if "dropped" in told:
+                        self.dropped[told["dropped"]] += 1
+
     def _hear_fleet(self, now_ms: int) -> None:
         if self._fleet is None:
+            self._live(now_ms)
             return
         self._look_at_links(self._fleet, now_ms)
-        for came in self._fleet.advance(now_ms):
+        rims, came_before, self._came = self._rims, self._came, []
+        for came in [*came_before, *self._live(now_ms)]:
             match came:
                 case Died(_, agent_id, agent_ms, cause, reason, gave_up):
                     self._recorder.event(
@@ -220,6 +243,10 @@ class Flight:
                 case Heard(at_ms, agent_id, WifiSent(_, data)):
                     self.supervisor.receive(WifiHeard(at_ms, data))
                     self._share(Medium.WIFI, agent_id, data, at_ms)
+                case Heard(_, agent_id, SoundSent(_, data)) if rims is not None and rims.report(
+                    agent_id, data, now_ms
+                ):
+                    pass
                 case Heard(at_ms, agent_id, SoundSent(_, data)):
                     self.supervisor.receive(SoundHeard(at_ms, data))
                     self._share(Medium.SOUND, agent_id, data, at_ms)
@@ -237,8 +264,13 @@ class Flight:
                 case Told(_, agent_id, agent_ms, stimulus):
                     self._note_stimulus(now_ms, agent_id, agent_ms, stimulus)
                 case PacketEnded() as packet:
-                    self._recorder.event(now_ms, "packet", **packet_data(packet, self._fleet.slots))
+                    self._note_packet(self._fleet, packet, now_ms)
         self._recorder.truths(self._fleet.take_truths())
+
+    def _note_packet(self, fleet: Fleet, packet: PacketEnded, now_ms: int) -> None:
+        assert fleet.sea is not None  # where else would it come from
+        data = packet_data(packet, fleet.slots, fleet.sea.config.sound.speed_m_s)
+        self._recorder.event(now_ms, "packet", **data)
 
     def _look_at_links(self, fleet: Fleet, now_ms: int) -> None:
         changed = None if fleet.links is None else fleet.links.look()

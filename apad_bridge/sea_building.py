@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 
 from agents.coordinator import Coordinator
@@ -10,21 +10,30 @@ from agents.host import Host
 from agents.sea import Sea, SeaConfig
 from agents.water import sound, wifi
 from apad_bridge.boards import whole_firmware
-from apad_bridge.flight import Fleet
+from apad_bridge.fleet import Fleet
 from apad_bridge.links_file import LinksFile
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.water import Sound, Water
 
 
-def fleet_of(scenario: Scenario, host: Host, granted_ms: Mapping[int, int], now_ms: int = 0) -> Fleet:
-    """The fleet that lives in `host`, each aMussel having lived to its `granted_ms`, at mission time `now_ms`."""
+def fleet_of(
+    scenario: Scenario,
+    host: Host,
+    granted_ms: Mapping[int, int],
+    now_ms: int = 0,
+    opened: Collection[int] = (),
+) -> Fleet:
+    """The fleet that lives in `host`, each aMussel having lived to its `granted_ms`, at mission time `now_ms`.
+
+    `opened` are the aMussels whose modems somebody else may talk to, in a scenario with water.
+    """
     coordinator = Coordinator(host, granted_ms, scenario.theta, now_ms)
     whole = whole_firmware(scenario.board)
     slots = None if whole is None or whole.cycle is None else whole.cycle.slots
     water = scenario.water
     if water is None:
         return Fleet(coordinator, host, slots=slots)
-    sea = Sea(sea_config(scenario, water), coordinator, host, now_ms)
+    sea = Sea(sea_config(scenario, water), coordinator, host, now_ms, opened)
     if water.links_file is None:
         return Fleet(coordinator, host, sea, slots)
     links = LinksFile(Path(water.links_file), scenario.theta)

@@ -28,11 +28,16 @@ from agents.modem.frames import (
 )
 from agents.modem.modem import Modem
 from firmware_model import packets
-from firmware_model.packets import CommandPacket, Kind, StatusPacket
+from firmware_model.packets import AcousticStatus, CommandPacket, Kind, StatusPacket, WifiStatus
 from firmware_model.states import State
+from firmware_model.wire import sealed
 
 INPUTS = 1_000_000
 SEED = 20260101
+_KINDS = [*(int(kind) for kind in Kind), 0, 255]
+_STATES = [int(state) for state in State]
+_SIZES = (2, 4, 5, 6, 7, 8, 12, 13, 20, 29, 41, 43, AcousticStatus.SIZE, WifiStatus.SIZE, 130)
+"""Of bodies: most of them some packet's, the others nobody's."""
 _SETTLED_MS = 10_000
 """Longer than any transmission, its putting off and the wait for an answer."""
 
@@ -189,13 +194,22 @@ def _packet(rng: random.Random, came: Counter[str]) -> None:
             rng.uniform(0, 650),
             rng.randrange(1 << 63),
         ).encode()
-    data = _spoiled(rng, whole)
+    data = _sealed_noise(rng) if rng.random() < 0.5 else _spoiled(rng, whole)
     packet = packets.decode(data)
-    came["packet: none" if packet is None else "packet: whole"] += 1
+    came["packet: none" if packet is None else f"packet: {type(packet).__name__}"] += 1
     if data == whole and packet is None:
         raise Broken(f"a whole packet does not decode: {data.hex()}")
     if packet is not None and packet.encode() != data:
         raise Broken(f"{data.hex()} decodes to {packet}, which is {packet.encode().hex()}")
+
+
+def _sealed_noise(rng: random.Random) -> bytes:
+    """Any bytes of any kind under a right check: what stands in a packet then decides."""
+    body = bytes([rng.choice((1, 2, rng.randrange(256))), rng.choice(_KINDS)])
+    body += rng.randbytes(max(0, rng.choice(_SIZES) - len(body)))
+    if rng.random() < 0.5 and len(body) > 6:
+        body = body[:6] + bytes([rng.choice(_STATES)]) + body[7:]
+    return sealed(body)
 
 
 def show(result: dict[str, Any], console: Console) -> None:

@@ -15,6 +15,7 @@ from rich.console import Console
 
 from apad_bridge import building
 from apad_bridge.commands.exits import EXITS, Exit, UserError
+from apad_bridge.commands.modem_checks import check_modems
 from apad_bridge.mission.plans import STRATEGY_FAILED
 from apad_bridge.planning import registry
 from apad_bridge.records.journal import read_journal
@@ -109,6 +110,20 @@ def add_flight_arguments(parser: argparse.ArgumentParser) -> None:
         "--out", type=Path, metavar="DIR", help="the run directory (default: a new one in runs/)"
     )
     parser.add_argument(
+        "--open-modem",
+        type=int,
+        metavar="ID",
+        action="append",
+        default=[],
+        help="open this aMussel's modem as a serial device, RUN/modems/amusselID; may be said again",
+    )
+    parser.add_argument(
+        "--modem",
+        type=Path,
+        metavar="PORT",
+        help="a physical nanomodem on this serial port carries the sound; theta must be 1",
+    )
+    parser.add_argument(
         "--json", action="store_true", help="print the summary as JSON on stdout, nothing else"
     )
 
@@ -152,6 +167,8 @@ def options_of(arguments: argparse.Namespace) -> RunOptions:
     if manual and dry_run:
         raise UserError("--manual plans nothing: there is no first plan to print")
     return RunOptions(
+        open_modems=tuple(sorted(set(arguments.open_modem))),
+        modem="" if arguments.modem is None else str(arguments.modem.absolute()),
         part=arguments.part,
         apad=apad,
         time=time,
@@ -165,6 +182,7 @@ def options_of(arguments: argparse.Namespace) -> RunOptions:
 def run(arguments: argparse.Namespace) -> int:
     options = options_of(arguments)
     scenario, starts = read_scenario(arguments)
+    check_modems(options, scenario)
     if options.dry_run and options.apad is APadKind.SIM:
         return _print_plan(first_plan(scenario, starts), arguments.json)
     try:
@@ -181,7 +199,8 @@ def run(arguments: argparse.Namespace) -> int:
             summary = parent.fly(scenario, starts, options, directory, progress)
     if options.dry_run:
         return _print_plan(read_journal(directory.journal).first("plan"), arguments.json)
-    return report(scenario, directory, summary, arguments.json)
+    flown_by = "by hand" if options.manual else scenario.mission.collection
+    return report(scenario.name, flown_by, directory, summary, arguments.json)
 
 
 @contextmanager
@@ -214,13 +233,13 @@ def fly_here(
         fleet.host.close()
 
 
-def report(scenario: Scenario, directory: RunDirectory, summary: dict[str, Any], as_json: bool) -> int:
-    """Prints what came of a run; the exit code."""
+def report(name: str, flown_by: str, directory: RunDirectory, summary: dict[str, Any], as_json: bool) -> int:
+    """Prints what came of a run; the exit code. `flown_by` is a strategy's name, or who else gave the orders."""
     if as_json:
         print(json.dumps({**summary, "run": str(directory.path)}))
     else:
         console = Console()
-        print_table(console, scenario.name, scenario.mission.collection, summary)
+        print_table(console, name, flown_by, summary)
         console.print(f"the run's files: {directory.path}", highlight=False, soft_wrap=True)
     sys.stdout.flush()
     if summary["ended_by"].startswith(STRATEGY_FAILED):

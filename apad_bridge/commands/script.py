@@ -3,24 +3,19 @@
 from __future__ import annotations
 
 import argparse
-import json
 import re
 import sys
-import traceback
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from rich.console import Console
-
 from apad_bridge.commands import run as run_command
 from apad_bridge.commands.exits import EXITS, Exit, UserError
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
 from apad_bridge.runs import parent
-from apad_bridge.runs.options import OnDeath, Part, TimeSource
+from apad_bridge.runs.options import APadKind, OnDeath, Part, TimeSource
 from apad_bridge.runs.progress import FlightProgress
-from apad_bridge.runs.table import print_table
 from apad_bridge.scripting.program import SCRIPT_FAILED, ScriptError, ScriptFront, as_program
 
 _SCENARIO = re.compile(r"^# scenario:\s*(\S+)\s*$", re.MULTILINE)
@@ -43,7 +38,15 @@ def add_parser(commands: Any) -> None:
     )
     run_command.add_flight_arguments(parser)
     run_command.add_apad_argument(parser)
-    parser.set_defaults(run=run, part=Part.WHOLE)
+    parser.add_argument(
+        "--no-fleet",
+        dest="part",
+        action="store_const",
+        const=Part.MISSION,
+        default=Part.WHOLE,
+        help="with --apad ros: for aMussels that are real, or another's, as `musselbed mission` hears them",
+    )
+    parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -54,6 +57,8 @@ def run(arguments: argparse.Namespace) -> int:
         raise UserError(str(error)) from None
     if arguments.scenario is None:
         arguments.scenario = _scenario_of(file)
+    if arguments.part is Part.MISSION and arguments.apad != APadKind.ROS:
+        raise UserError("--no-fleet is for the aMussels on somebody's master: it needs --apad ros")
     options = replace(run_command.options_of(arguments), script=str(file.absolute()), on_death=OnDeath.WAIT)
     scenario, starts = run_command.read_scenario(arguments)
     try:
@@ -70,10 +75,14 @@ def run(arguments: argparse.Namespace) -> int:
             front = ScriptFront(scenario, program, file.name, progress.say)
             summary = run_command.fly_here(scenario, starts, directory, progress, (front,))
             front.join()
-            _show_error(front.error)
+            front.print_error()
         else:
             summary = parent.fly(scenario, starts, options, directory, progress)
-    return _report(scenario.name, file.name, directory, summary, arguments.json)
+    code = run_command.report(scenario.name, file.name, directory, summary, arguments.json)
+    if not summary["ended_by"].startswith(SCRIPT_FAILED):
+        return code
+    print(f"musselbed script: {summary['ended_by']}", file=sys.stderr)
+    return Exit.PEER_FAILED
 
 
 def _scenario_of(file: Path) -> Path:
@@ -83,22 +92,3 @@ def _scenario_of(file: Path) -> Path:
             f"{file}: in which scenario? Give --scenario SCENARIO.yaml, or write a line `# scenario: NAME` into the script"
         )
     return file.parent / found[1]
-
-
-def _show_error(error: BaseException | None) -> None:
-    if error is not None:
-        traceback.print_exception(error, file=sys.stderr)
-
-
-def _report(name: str, script: str, directory: RunDirectory, summary: dict[str, Any], as_json: bool) -> int:
-    if as_json:
-        print(json.dumps({**summary, "run": str(directory.path)}))
-    else:
-        console = Console()
-        print_table(console, name, script, summary)
-        console.print(f"the run's files: {directory.path}", highlight=False, soft_wrap=True)
-    sys.stdout.flush()
-    if summary["ended_by"].startswith(SCRIPT_FAILED):
-        print(f"musselbed script: {summary['ended_by']}", file=sys.stderr)
-        return Exit.PEER_FAILED
-    return Exit.INTERRUPTED if summary["ended_by"] == "the operator" else Exit.DONE

@@ -14,6 +14,7 @@ from apad_bridge.boards import takes_samples
 from apad_bridge.records.bag import BagWriter, repair_bag
 from apad_bridge.records.changes import APadChanges, BeliefChanges, differs_in_kind, has_moved
 from apad_bridge.records.journal import Journal, JournalContents, Line, read_journal
+from apad_bridge.records.packet_lines import sound_rows
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.records.sample_figures import SAMPLE_KEYS, sample_figures
 from apad_bridge.records.sample_file import SampleFile
@@ -102,6 +103,9 @@ class Recorder:
         self._journal.append(at_ms, kind, data)
         if kind == "died" and data.get("gave_up") is not None:
             self._give_up(data)
+        if kind == "packet":
+            for row in sound_rows(data):
+                self._bag.sound(at_ms, row)
         if kind not in _JOURNAL_ONLY:
             self._bag.event(at_ms, kind, json.dumps(data, separators=(",", ":")))
 

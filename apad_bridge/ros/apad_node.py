@@ -1,6 +1,6 @@
 """The simulated aPad as a ROS 1 node of the scenario's generation, A if it names none, in a process of its own.
 
-    python -m apad_bridge.ros.apad_node --scenario RESOLVED.yaml [--time clock|wall] [--release works|silent|crashes]
+    python -m apad_bridge.ros.apad_node --scenario RESOLVED.yaml [--time clock|wall]
 
 A thin shell around `GenerationAVehicle` or `GenerationBVehicle`. It follows /clock and has no time of its own; or, to
 stand in for a real vehicle on somebody's master, it follows the wall clock. When it has handled all that is due by a
@@ -23,7 +23,6 @@ from typing import TYPE_CHECKING
 import rospy
 
 from apad_bridge import building
-from apad_bridge.ros.generation_a_shown import ReleaseFault
 from apad_bridge.ros.messages import MessagesUnusable, use_generated_messages
 from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.loader import load
@@ -38,7 +37,7 @@ _WALL_STEP_S = 0.05
 """On the wall clock: the period of its fastest topic."""
 
 
-def _make_node(scenario: Scenario, fault: ReleaseFault) -> GenerationAServer | GenerationBServer:
+def _make_node(scenario: Scenario) -> GenerationAServer | GenerationBServer:
     """The node's server; the ROS node is initialised before. ImportError when our messages are unusable."""
     apad, mission = scenario.apad, scenario.mission
     if apad.generation is Generation.B:
@@ -46,7 +45,7 @@ def _make_node(scenario: Scenario, fault: ReleaseFault) -> GenerationAServer | G
         from apad_bridge.ros.generation_b_vehicle import GenerationBVehicle
 
         return GenerationBServer(
-            f"/{apad.name}", lambda start_ms: GenerationBVehicle(SimulatedAPad(apad), start_ms)
+            f"/{apad.name}", lambda start_ms: GenerationBVehicle(SimulatedAPad(apad), start_ms, apad.fault)
         )
     from apad_bridge.ros.generation_a_server import GenerationAServer
     from apad_bridge.ros.generation_a_vehicle import GenerationAVehicle
@@ -55,7 +54,7 @@ def _make_node(scenario: Scenario, fault: ReleaseFault) -> GenerationAServer | G
     return GenerationAServer(
         f"/{apad.name}",
         lambda start_ms: GenerationAVehicle(
-            SimulatedAPad(apad), mission.speed_m_s, mission.victory_radius_m, start_ms, fault, misses
+            SimulatedAPad(apad), mission.speed_m_s, mission.victory_radius_m, start_ms, apad.fault, misses
         ),
     )
 
@@ -63,9 +62,6 @@ def _make_node(scenario: Scenario, fault: ReleaseFault) -> GenerationAServer | G
 def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m apad_bridge.ros.apad_node", description=__doc__)
     parser.add_argument("--scenario", type=Path, required=True)
-    parser.add_argument(
-        "--release", type=ReleaseFault, choices=list(ReleaseFault), default=ReleaseFault.WORKS
-    )
     parser.add_argument("--time", choices=["clock", "wall"], default="clock")
     parser.add_argument("--xmlrpc-port", type=int, default=0)
     parser.add_argument("--orphan-s", type=float, default=600.0)
@@ -86,7 +82,7 @@ def main() -> int:
     name = scenario.apad.name
     follows_clock = arguments.time == "clock"
     rospy.init_node(f"{name}_simulated", argv=[], disable_signals=True, xmlrpc_port=arguments.xmlrpc_port)
-    node = _make_node(scenario, arguments.release)
+    node = _make_node(scenario)
     if follows_clock:
         node.follow_clock()
     print("ready", flush=True)

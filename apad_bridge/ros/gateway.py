@@ -25,6 +25,7 @@ import rospy
 
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.flight import Watcher
+from apad_bridge.records.packet_lines import SoundRow, sound_rows
 from apad_bridge.ros.agent_topics import AgentTopics, Shown
 from apad_bridge.ros.fleet_guard import refuse_second_fleet
 from apad_bridge.ros.messages import use_generated_messages
@@ -35,6 +36,7 @@ use_generated_messages()
 
 from misc_msgs.srv import GetChargeInfo, GetChargeInfoResponse  # noqa: E402
 from musselbed_msgs.msg import AgentBelief, APadStatus, FleetBeliefs, MissionEvent  # noqa: E402
+from underwater_msgs.msg import MediumTransmission  # noqa: E402
 
 _FLEET_QUEUE = 10
 _EVENT_QUEUE = 1000
@@ -93,6 +95,7 @@ class Gateway:
         self._beliefs = _publisher("/musselbed/beliefs", FleetBeliefs, _FLEET_QUEUE)
         self._apad = _publisher("/musselbed/apad", APadStatus, _FLEET_QUEUE)
         self._events = _publisher("/musselbed/mission", MissionEvent, _EVENT_QUEUE)
+        self._sound = _publisher("/musselbed/sound", MediumTransmission, _EVENT_QUEUE)
         self._services = [
             rospy.Service(f"/amussel{agent_id}/{name}", GetChargeInfo, self._answers(agent_id))
             for agent_id in ids
@@ -116,7 +119,10 @@ class Gateway:
         return watch
 
     def event(self, at_ms: int, kind: str, **data: Any) -> None:
-        """One event of the mission, on /musselbed/mission."""
+        """One event of the mission, on /musselbed/mission; a packet of sound on /musselbed/sound as well."""
+        if kind == "packet" and self._sound.get_num_connections() > 0:
+            for row in sound_rows(data):
+                self._sound.publish(_transmission(row, at_ms))
         if self._events.get_num_connections() == 0:
             return
         message = MissionEvent(mission_time_ms=at_ms, kind=kind, data=json.dumps(data))
@@ -179,3 +185,19 @@ class Gateway:
 
 def _publisher(topic: str, kind: Any, queue_size: int) -> rospy.Publisher:
     return rospy.Publisher(topic, kind, queue_size=queue_size)
+
+
+def _transmission(row: SoundRow, now_ms: int) -> MediumTransmission:
+    """As the bag holds it: see `SoundRow`."""
+    message = MediumTransmission(
+        message=row.message,
+        duration=row.duration_s,
+        sender=row.sender,
+        receiver=row.receiver,
+        snr=row.snr_db,
+        range=row.range_m,
+        listener_id=row.listener,
+        conflict=row.conflict,
+    )
+    message.header.stamp = to_ros(now_ms)
+    return message

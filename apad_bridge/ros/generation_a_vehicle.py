@@ -18,11 +18,11 @@ from apad_bridge.ros.generation_a_shown import (
     Held,
     Outcome,
     PoseShown,
-    ReleaseFault,
     Shown,
     SlowShown,
 )
 from apad_bridge.ros.generation_a_words import GO_TO, PERCH, RELEASE
+from apad_bridge.scenario.faults import Fault
 from apad_bridge.simulated_apad.apad import SimulatedAPad
 from apad_bridge.simulated_apad.docks import OFFSETS_M
 from apad_bridge.simulated_apad.kinematics import Pose
@@ -45,7 +45,7 @@ class GenerationAVehicle:
         speed_m_s: float,
         victory_radius_m: float,
         start_ms: int = 0,
-        release_fault: ReleaseFault = ReleaseFault.WORKS,
+        fault: Fault = Fault.NONE,
         misses: Misses | None = None,
     ) -> None:
         self.dropped: Counter[str] = Counter()
@@ -54,7 +54,7 @@ class GenerationAVehicle:
         self._speed_m_s = speed_m_s
         self._victory_radius_m = victory_radius_m
         self._start_ms = start_ms
-        self._release_fault = release_fault
+        self._fault = fault
         self._misses = misses
         self._now_ms = start_ms
         self._grid_ms = start_ms - HELD_PERIOD_MS
@@ -136,9 +136,20 @@ class GenerationAVehicle:
             raise ValueError(f"slot {slot} is open")
         return [*self.advance(now_ms), self._let_go(slot)]
 
+    def change_battery(self, percent_points: float, now_ms: int) -> list[Shown]:
+        """`charging`, or with a minus `draining`; what is no number changes nothing."""
+        shown = self.advance(now_ms)
+        if math.isfinite(percent_points):
+            self._apad.change_battery(percent_points / 100, now_ms - self._start_ms)
+        else:
+            self.dropped["charging or draining: not finite"] += 1
+        return shown
+
     def _go_to(self, goal: Goal) -> list[Shown]:
         pose = self._apad.pose
         self._goal_from_m = math.hypot(goal.north_m - pose.north_m, goal.east_m - pose.east_m)
+        if self._fault is Fault.STUCK:
+            return []
         command = GoTo(
             self._next_serial(), goal.north_m, goal.east_m, self._speed_m_s, self._victory_radius_m
         )
@@ -146,7 +157,7 @@ class GenerationAVehicle:
 
     def _perch(self, goal: Goal) -> list[Shown]:
         free = self.free_slots
-        if not free:
+        if not free or self._fault is Fault.PERCHES_NOTHING:
             return self._end(Outcome.SUCCEEDED)
         number = _AGENT_NUMBER.search(goal.name)
         if self._misses is not None and number is not None and self._misses.misses(int(number[0])):
@@ -166,10 +177,10 @@ class GenerationAVehicle:
             last = self._let_go(slot)
         except ValueError as refused:
             return self._end(Outcome.ABORTED, str(refused))
-        if self._release_fault is ReleaseFault.WORKS:
+        if self._fault not in (Fault.RELEASE_SILENT, Fault.RELEASE_CRASHES):
             return [last, *self._end(Outcome.SUCCEEDED)]
         self._goal = None
-        if self._release_fault is ReleaseFault.CRASHES:
+        if self._fault is Fault.RELEASE_CRASHES:
             self.has_crashed = True
             for held in sorted(self._slots):
                 self._let_go(held)

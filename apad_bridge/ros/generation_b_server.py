@@ -56,6 +56,8 @@ class GenerationBServer:
         self._make_vehicle = make_vehicle
         self._vehicle: GenerationBVehicle | None = None
         self._lock = threading.RLock()
+        self._ended = threading.Event()
+        """Never set before the process ends: what a service that hangs waits for."""
         kinds: dict[str, Any] = {
             "position": NavSts,
             "stateRef": NavSts,
@@ -130,9 +132,12 @@ class GenerationBServer:
             with self._lock:
                 if self._vehicle is None:
                     raise rospy.ServiceException("no /clock was heard yet")
+                taken = self._vehicle.takes
                 self._show(self._vehicle.receive(convert(request), self._vehicle.now_ms))
+            if taken is None:
+                self._ended.wait()
             # At once, and whatever comes of it.
-            return response(status=True)
+            return response(status=bool(taken))
 
         return take
 

@@ -37,6 +37,7 @@ from apad_bridge.ros.generation_b_words import (
     Status,
     slot_direction_rad,
 )
+from apad_bridge.scenario.faults import Fault
 from apad_bridge.simulated_apad.apad import SimulatedAPad
 from apad_bridge.simulated_apad.kinematics import STEP_MS, Pose
 from apad_bridge.simulated_apad.steering import Coast, Steer
@@ -45,6 +46,9 @@ from apad_bridge.vehicle import Arrived, CommandFailed, GoTo, Hold
 SLOW_PERIOD_MS = 1000
 """Of battery and statuses, which are told whenever they change, too."""
 CLOSE_ENOUGH = (0.8, 0.9)
+_AT_ONCE = {Fault.DROPS: Status.PREEMPTED, Fault.LIES: Status.DONE}
+"""How a go-to ends as soon as it is begun."""
+_WANDERS_MS = 5_000
 _CLOSED = Arm((False, False, False, False))
 
 
@@ -72,11 +76,11 @@ class Detection:
 class GenerationBVehicle:
     """Three verbs in mission time, from `start_ms` on. The simulated aPad inside is told times from 0."""
 
-    def __init__(self, apad: SimulatedAPad, start_ms: int = 0, servo_ms: int = SERVO_MS) -> None:
+    def __init__(self, apad: SimulatedAPad, start_ms: int = 0, fault: Fault = Fault.NONE) -> None:
         self.dropped: Counter[str] = Counter()
         self._apad = apad
         self._start_ms = start_ms
-        self._servo_ms = servo_ms
+        self._fault = fault
         self._now_ms = start_ms
         self._grid_ms = start_ms - STEP_MS
         self._stage = Stage.OFF
@@ -120,8 +124,15 @@ class GenerationBVehicle:
         self._now_ms = now_ms
         return shown
 
+    @property
+    def takes(self) -> bool | None:
+        """What its services answer; None when they never do."""
+        return {Fault.REFUSES: False, Fault.HANGS: None}.get(self._fault, True)
+
     def receive(self, order: Order, now_ms: int) -> list[Shown]:
         """Takes an order, whatever is under way. One that names what cannot be is taken too, and aborted."""
+        if not self.takes:
+            return self.advance(now_ms)
         shown = self.advance(now_ms)
         self._end(Status.PREEMPTED, shown, finished=self._stage is not Stage.OFF)
         self._order = order
@@ -129,10 +140,12 @@ class GenerationBVehicle:
             case GoToOrder(north_m, east_m, speed_m_s, victory_radius_m):
                 self._enter(Stage.GOING)
                 self._tell_status(False, Status.RUNNING, shown)
-                if not (speed_m_s > 0 and victory_radius_m > 0):
+                if self._fault in _AT_ONCE:
+                    self._end(_AT_ONCE[self._fault], shown, finished=True)
+                elif not (speed_m_s > 0 and victory_radius_m > 0):
                     self.dropped["go2point: speed or victory radius is not above 0"] += 1
                     self._end(Status.IDLE, shown, finished=True)
-                else:
+                elif self._fault is not Fault.STUCK:
                     self._command(
                         GoTo(self._next_serial(), north_m, east_m, speed_m_s, victory_radius_m), shown
                     )
@@ -186,21 +199,25 @@ class GenerationBVehicle:
                 self._end(Status.DONE, shown, finished=True)
             elif isinstance(fact, CommandFailed):
                 self._end(Status.IDLE, shown, finished=True)
+        wanders = self._fault is Fault.WANDERS and self._stage is Stage.POSITIONING
+        if wanders and at_ms - self._stage_ms >= _WANDERS_MS:
+            self._end(Status.IDLE, shown, finished=True)
         if isinstance(self._order, DockingOrder):
             self._servo(self._order, at_ms, shown)
         shown.append(PoseShown(at_ms, self.pose))
         if (at_ms - self._start_ms) % SLOW_PERIOD_MS == 0:
             shown.append(BatteryShown(at_ms, self.battery_percent))
-            shown += [StatusShown(at_ms, docking, self._statuses[docking]) for docking in (False, True)]
+            for docking in (False, True):
+                self._tell_status(docking, self._statuses[docking], shown)
 
     def _servo(self, order: DockingOrder, at_ms: int, shown: list[Shown]) -> None:
         since_ms = at_ms - self._stage_ms
         towards_rad = slot_direction_rad(order.slot)
         match self._stage:
-            case Stage.SERVO if since_ms >= self._servo_ms and order.docks:
+            case Stage.SERVO if since_ms >= SERVO_MS and order.docks:
                 self._enter(Stage.SERVOING)
                 self._approach(order, towards_rad, shown)
-            case Stage.SERVO if since_ms >= self._servo_ms:
+            case Stage.SERVO if since_ms >= SERVO_MS:
                 self._enter(Stage.PULLING)
                 self._command(Steer(PULL_BACK_M_S, towards_rad + math.pi, 0.0), shown)
             case Stage.SERVOING:
@@ -232,7 +249,8 @@ class GenerationBVehicle:
             shown.append(ArmShown(self._now_ms, _CLOSED))
             self._tell_status(True, status, shown)
         if finished:
-            shown.append(Finished(self._now_ms))
+            if self._fault is not Fault.SILENT:
+                shown.append(Finished(self._now_ms))
             self._apad.receive(Coast(), self._now_ms - self._start_ms)
 
     def _command(self, command: GoTo | Hold | Coast | Steer, shown: list[Shown]) -> None:
@@ -249,7 +267,8 @@ class GenerationBVehicle:
 
     def _tell_status(self, docking: bool, status: Status, shown: list[Shown]) -> None:
         self._statuses[docking] = status
-        shown.append(StatusShown(self._now_ms, docking, status))
+        if self._fault is not Fault.SILENT:
+            shown.append(StatusShown(self._now_ms, docking, status))
 
     def _next_serial(self) -> int:
         self._serial += 1

@@ -7,7 +7,8 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 from apad_bridge import building
-from apad_bridge.flight import Fleet, Watcher
+from apad_bridge.fleet import Fleet
+from apad_bridge.flight import Watcher
 from apad_bridge.geography import LocalFrame
 from apad_bridge.laboratory.names import DEFAULT, load_names
 from apad_bridge.pace import Pace, WallClock

@@ -14,8 +14,10 @@ from agents.one_process import OneProcess
 from agents.processes import ProcessHost
 from apad_bridge import building
 from apad_bridge.ether import Ether
-from apad_bridge.flight import Fleet, Flight, Watcher
+from apad_bridge.fleet import Fleet
+from apad_bridge.flight import Flight, Watcher
 from apad_bridge.mission.state import MissionState
+from apad_bridge.modems.rims import Rims
 from apad_bridge.pace import AsFastAsPossible, Pace
 from apad_bridge.records.recorder import Recorder
 from apad_bridge.records.summary import Ending
@@ -52,6 +54,7 @@ class Surroundings:
     """aMussels that docks hold already."""
     dropped: Callable[[], Counter[str]] = Counter
     """What was heard around here and came to nothing, by reason."""
+    rims: Rims | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,6 +124,7 @@ def fly(
         start_ms=0 if go_on is None else go_on.now_ms + TICK_MS,
         held=surroundings.held,
         ether=surroundings.ether,
+        rims=surroundings.rims,
     )
     with ExitStack() as stack:
         for number in (signal.SIGINT, signal.SIGTERM):

@@ -61,6 +61,10 @@ class RunOptions:
     owns_master: bool = False
     xmlrpc_port: int = 0
     epoch: int = 1
+    open_modems: tuple[int, ...] = ()
+    """aMussels whose modems are opened as serial devices."""
+    modem: str = ""
+    """The serial port of a physical modem."""
 
     def save(self, directory: Path) -> None:
         write_atomically(directory / OPTIONS_NAME, json.dumps(asdict(self), indent=2) + "\n")
@@ -77,6 +81,7 @@ class RunOptions:
                     "apad": APadKind(data["apad"]),
                     "time": TimeSource(data["time"]),
                     "on_death": OnDeath(data["on_death"]),
+                    "open_modems": tuple(data["open_modems"]),
                 }
             )
         except (KeyError, TypeError) as error:

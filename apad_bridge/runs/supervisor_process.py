@@ -11,10 +11,12 @@ import contextlib
 import json
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 from apad_bridge import building
 from apad_bridge.commands.exits import Exit
+from apad_bridge.modems.rims import open_rims
 from apad_bridge.records.recorder import Recorder
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.ros.primitive_services import primitives_offered
@@ -69,7 +71,9 @@ def fly(run_dir: Path, resume: bool) -> int:
         flying.journal_start(recorder, scenario, starts_of(scenario))
     start_ms = 0 if go_on is None else go_on.now_ms
     try:
-        fleet = None if options.part is Part.MISSION else adopt(scenario, run_dir, options.epoch, start_ms)
+        fleet = None
+        if options.part is not Part.MISSION:
+            fleet = adopt(scenario, run_dir, options.epoch, start_ms, options.open_modems)
         docked = {} if go_on is None else dict(go_on.state.docked)
         if fleet is not None:
             recorder.truths(fleet.take_truths())
@@ -81,7 +85,10 @@ def fly(run_dir: Path, resume: bool) -> int:
                 scenario, options, fleet, docked, held, start_ms, recorder.truths_at
             ) as surroundings,
             primitives_offered(scenario, options) as called,
+            open_rims(run_dir, options.open_modems, options.modem, start_ms, say) as rims,
         ):
+            surroundings = replace(surroundings, rims=rims)
+            fronts = fronts_of(scenario, options, called)
             summary = flying.fly(
                 scenario,
                 dry(surroundings) if options.dry_run else surroundings,
@@ -89,8 +96,12 @@ def fly(run_dir: Path, resume: bool) -> int:
                 lambda status: say(status.to_line()),
                 go_on,
                 until_first_plan=options.dry_run,
-                fronts=fronts_of(scenario, options, called),
+                fronts=fronts,
             )
+            for front in fronts:
+                if isinstance(front, ScriptFront):
+                    front.join()
+                    front.print_error()
     except (PeerFailed, TimeoutError) as error:
         # A node falls silent with its master: the master is then the cause to name.
         why = why_silent(options.master_uri)

@@ -13,6 +13,7 @@ from typing import Annotated
 from annotated_types import Ge, Le
 
 from apad_bridge.scenario.board import Board
+from apad_bridge.scenario.faults import OF_A, OF_B, Fault
 from apad_bridge.scenario.polygon import area_m2, is_simple
 from apad_bridge.scenario.quantities import (
     FileName,
@@ -251,9 +252,18 @@ class APad:
     thruster_w_per_n: NotNegative
     drift_m_s: tuple[float, float] = (0.0, 0.0)
     """What the water carries it with, north and east, while its controllers are off; they make good for it otherwise."""
+    fault: Fault = Fault.NONE
+    """What the simulated aPad's ROS node does wrong."""
     dock_miss_probability: Fraction = 0.0
     """That a docking misses; which ones do follows from the scenario's seed."""
     battery: APadBattery
+
+    def __post_init__(self) -> None:
+        possible = OF_B if self.generation is Generation.B else OF_A
+        if self.fault not in possible:
+            raise ValueError(
+                f"fault: {self.fault} is of the other generation; possible are: {', '.join(sorted(possible))}"
+            )
 
 
 @frozen

@@ -13,7 +13,7 @@ from apad_bridge.scripting.handover import Do, Handover, Wait
 from apad_bridge.scripting.values import Agent, Location, Refused, dock_of
 
 FOR_EVER_S = 1e9
-CALLS_PER_TICK = 20_000
+CALLS_PER_TICK = 5_000
 T = TypeVar("T")
 
 

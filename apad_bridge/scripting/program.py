@@ -97,6 +97,11 @@ class ScriptFront:
                         return
                     self._handover.answer(holds if isinstance(holds, BaseException) else bool(holds))
 
+    def print_error(self) -> None:
+        """What the script raised, with its traceback, on stderr; nothing when it raised nothing."""
+        if self.error is not None:
+            traceback.print_exception(self.error)
+
     def close(self, reason: str) -> None:
         self._handover.close(reason)
 

@@ -100,6 +100,13 @@ class SimulatedAPad:
             self._accept(command)
         return facts
 
+    def change_battery(self, fraction: float, now_ms: int) -> list[VehicleFact]:
+        """Somebody charges the battery by so much of a full one, or with a minus drains it."""
+        facts = self.advance(now_ms)
+        self._battery.settle(now_ms)
+        self._battery.add(fraction)
+        return facts
+
     def _close(self, command: CloseDock, now_ms: int) -> VehicleFact:
         refused = self._docks.refusal(command)
         if refused is None and self._misses is not None and self._misses.misses(command.agent_id):

@@ -16,7 +16,8 @@ from agents.outputs import Truth
 from agents.stimuli import from_wire
 from apad_bridge import building
 from apad_bridge.facts import Medium, Send, SoundHeard, WifiHeard
-from apad_bridge.flight import Fleet, Flight
+from apad_bridge.fleet import Fleet
+from apad_bridge.flight import Flight
 from apad_bridge.pace import AsFastAsPossible
 from apad_bridge.runs.in_memory import MemoryRecorder
 from apad_bridge.scenario.loader import from_data as scenario_from

@@ -49,7 +49,7 @@ def test_every_packet_is_told_with_its_slot_its_way_and_its_end() -> None:
     assert len(told) == 12 * 1
     places = {it.agent_id: (it.north_m, it.east_m, 3.0) for it in starts_of(scenario)}
     for packet in told:
-        agent_id, ((node, outcome, snr_db, ended_ms, way_ms),) = packet["from"], packet["heard"]
+        agent_id, ((node, outcome, snr_db, ended_ms, way_ms, range_m),) = packet["from"], packet["heard"]
         # An hour, 70 s of sampling and processing, and then the next frame of 300 s: slot n opens 5 n s later.
         assert packet["began_ms"] == 3_900_000 + 5000 * (agent_id - 1)
         assert (packet["slot"], packet["what"], packet["bytes"], packet["lasted_ms"]) == (
@@ -60,6 +60,7 @@ def test_every_packet_is_told_with_its_slot_its_way_and_its_end() -> None:
         )
         metres = dist(places[agent_id], (*APAD_M, 0.5))
         assert way_ms == pytest.approx(metres / 1.5, abs=0.001)
+        assert range_m == pytest.approx(metres, abs=0.01)
         assert ended_ms == packet["began_ms"] + 868 + -(-metres // 1.5)
         assert (node, outcome) == (0, "received") and snr_db > 50
         status = load_codec("musselbed-1").decode(bytes.fromhex(packet["data"]))

@@ -11,7 +11,8 @@ from agents.coordinator import Coordinator
 from agents.one_process import OneProcess
 from agents.outputs import Truth
 from apad_bridge import building
-from apad_bridge.flight import Fleet, Flight
+from apad_bridge.fleet import Fleet
+from apad_bridge.flight import Flight
 from apad_bridge.pace import AsFastAsPossible
 from apad_bridge.records.samples import Water
 from apad_bridge.records.summary import uptime_figures

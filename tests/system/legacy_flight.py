@@ -17,7 +17,8 @@ from typing import Any
 from agents.coordinator import Coordinator
 from agents.one_process import OneProcess
 from apad_bridge import building
-from apad_bridge.flight import Fleet, Flight
+from apad_bridge.fleet import Fleet
+from apad_bridge.flight import Flight
 from apad_bridge.pace import AsFastAsPossible
 from apad_bridge.ros.gateway import open_gateway
 from apad_bridge.ros.generation_a import GenerationALink

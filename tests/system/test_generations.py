@@ -17,7 +17,6 @@ import pytest
 
 from apad_bridge.records.journal import read_journal
 from apad_bridge.ros.apad_process import APadNodeFailed, start_apad_node, stop_apad_node
-from apad_bridge.ros.generation_a_shown import ReleaseFault
 from apad_bridge.ros.master import Master, loopback_environment, start_master
 from apad_bridge.scenario import loader
 
@@ -64,7 +63,7 @@ def start(tmp_path: Path, master: Master, stack: ExitStack) -> Callable[..., sub
     return started
 
 
-def four(tmp_path: Path, duration_s: float, generation: str = "a") -> Path:
+def four(tmp_path: Path, duration_s: float, generation: str = "a", fault: str = "none") -> Path:
     """Four aMussels that are candidates from the start and charged within a minute."""
     (tmp_path / "four.csv").write_text(
         "id,north,east,battery\n1,2,3,0.75\n2,4,8,0.74\n3,9,5,0.70\n4,8,9,0.72\n"
@@ -72,7 +71,7 @@ def four(tmp_path: Path, duration_s: float, generation: str = "a") -> Path:
     data = loader.resolve(loader.load(ROOT / "launch_scripts" / "scenarios" / "pool-12.yaml"))
     data |= {"theta": 600, "duration_s": duration_s}
     data["fleet"] |= {"count": 4, "start": str(tmp_path / "four.csv")}
-    data["apad"] |= {"start_m": [6, 6], "generation": generation}
+    data["apad"] |= {"start_m": [6, 6], "generation": generation, "fault": fault}
     path = tmp_path / "scenario.yaml"
     loader.write_resolved(path, loader.from_data(data, "four"))
     return path
@@ -186,8 +185,8 @@ def test_the_vehicles_own_eyes_dock_simulated_amussels_that_a_camera_shows_them(
 def test_a_release_without_an_answer_is_heard_by_its_silence(
     tmp_path: Path, master: Master, stack: ExitStack, start: Callable[..., subprocess.Popen[str]]
 ) -> None:
-    scenario = four(tmp_path, 160)
-    node(scenario, master, stack, release=ReleaseFault.SILENT)
+    scenario = four(tmp_path, 160, fault="release_silent")
+    node(scenario, master, stack)
     over_ros = told(start("legacy_flight", str(scenario), "ros", "max"))
     virtual = told(start("legacy_flight", str(scenario), "asap"))
     first = [

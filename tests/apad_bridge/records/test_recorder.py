@@ -15,7 +15,8 @@ from agents.outputs import Truth
 from agents.physical import Physical
 from apad_bridge import building
 from apad_bridge.beliefs.belief import Belief
-from apad_bridge.flight import Fleet, Flight
+from apad_bridge.fleet import Fleet
+from apad_bridge.flight import Flight
 from apad_bridge.pace import AsFastAsPossible
 from apad_bridge.records.journal import read_journal
 from apad_bridge.records.recorder import DAY_MS, Recorder

@@ -54,6 +54,7 @@ def test_a_script_that_fails_says_where(tmp_path: Path, capsys: pytest.CaptureFi
         ("# scenario: no.yaml\n", [], "no.yaml: No such file"),
         (None, ["--scenario", POOL], "No such file"),
         ("pass\n", ["--scenario", POOL, "--apad", "ros"], "--time asap flies the simulated aPad"),
+        ("pass\n", ["--scenario", POOL, "--no-fleet"], "it needs --apad ros"),
     ],
 )
 def test_a_mistake_is_one_line_before_anything_starts(
