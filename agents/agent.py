@@ -241,7 +241,8 @@ class Agent:
         packets: list[LogRecords] | None = []
         match action:
             case board_actions.LogSample():
-                logbook.take_sample(body.north_um, body.east_um, body.depth_at_um(now_ms), now_ms)
+                place = body.north_um, body.east_um, body.depth_at_um(now_ms)
+                logbook.take_sample(*place, now_ms, self.board.clock_ms(now_ms))
             case board_actions.SendLog():
                 packets = logbook.begin_upload()
             case board_actions.DropLog(_, next_sequence):

@@ -5,7 +5,14 @@ from __future__ import annotations
 from decimal import ROUND_HALF_EVEN, Decimal
 
 from apad_bridge.scenario.board import Board
-from apad_bridge.scenario.whole_board import BoardPower, LastResort, Metering, SleepCycle, WholeBoard
+from apad_bridge.scenario.whole_board import (
+    BoardPower,
+    LastResort,
+    Metering,
+    SleepCycle,
+    Timekeeping,
+    WholeBoard,
+)
 from firmware_model import plan
 from firmware_model.ageing import aged, capacity_left
 from firmware_model.charge import EMPTY_MV, FULL, FULL_MV, Battery, ChargeModel, Flow, grains, grains_per_ms
@@ -14,6 +21,7 @@ from firmware_model.states import State
 
 _MS_PER_HOUR = 3_600_000
 _COIL_UNIT = 10_000
+_PPB_OF_PPM = 1000
 _CELL_MV = 3700
 _RANGE_MV = FULL_MV - EMPTY_MV
 
@@ -37,6 +45,8 @@ def whole_firmware(board: Board, seed: int = 0) -> plan.Whole | None:
         whole.transmit_ms,
         _ms(whole.last_resort.call_period_s),
         _ms(whole.hover_period_s),
+        _ms(whole.last_resort.stay_down_s),
+        None if whole.timekeeping is None else _timekeeping(whole.timekeeping),
     )
     return _at_its_age(whole, _charge_as_new(whole.power), as_new)[1]
 
@@ -61,6 +71,11 @@ def _charge_as_new(power: BoardPower) -> ChargeModel:
 def takes_samples(board: Board) -> bool:
     """Whether such boards wake to read their sensors; the paper's worst case, and one that never sleeps, do not."""
     return board.whole is not None and board.whole.cycle is not None
+
+
+def clock_drift_ppb(board: Board) -> int:
+    """By how much boards' clocks drift at most, in parts of 10^9."""
+    return 0 if board.whole is None else round(board.whole.clock_drift_ppm * _PPB_OF_PPM)
 
 
 def can_fill(board: Board, start: float, level: float) -> bool:
@@ -109,13 +124,19 @@ def _metering(metering: Metering, capacity_wh: float, seed: int) -> plan.Meterin
     )
 
 
+def _timekeeping(timekeeping: Timekeeping) -> plan.Timekeeping:
+    return plan.Timekeeping(round(timekeeping.bound_ppm * _PPB_OF_PPM), _ms(timekeeping.beacon_wait_s))
+
+
 def _cycle(cycle: SleepCycle) -> plan.Cycle:
     slots = cycle.slots
     return plan.Cycle(
         alarm_ms=_ms(cycle.alarm_s),
         sample_ms=_ms(cycle.sample_s),
         processing_ms=_ms(cycle.processing_s),
-        slots=None if slots is None else plan.Slots(_ms(slots.frame_s), _ms(slots.slot_s)),
+        slots=None
+        if slots is None
+        else plan.Slots(_ms(slots.frame_s), _ms(slots.slot_s), _ms(slots.guard_s)),
         listen_ms=_ms(cycle.listen_s),
         report_ms=_ms(cycle.report_s),
     )

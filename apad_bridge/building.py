@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from agents.fleet import FleetConfig, resting_on_bottom
 from agents.physical import Physical
 from apad_bridge.beliefs.hold_last import HoldLast
-from apad_bridge.boards import charge_model, whole_firmware
+from apad_bridge.boards import charge_model, clock_drift_ppb, whole_firmware
 from apad_bridge.ears_building import ears_of
 from apad_bridge.mission.energy_exchange import EnergyExchange
 from apad_bridge.mission.role import Mission
@@ -58,6 +58,7 @@ def fleet_config(scenario: Scenario) -> FleetConfig:
         temperature_c=water.temperature_c,
         turbidity_ntu=water.turbidity_ntu,
         whole=whole_firmware(board, scenario.seed),
+        clock_drift_ppb=clock_drift_ppb(board),
         first_id=scenario.fleet.first_id,
     )
 

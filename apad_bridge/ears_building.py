@@ -28,7 +28,7 @@ def ears_of(scenario: Scenario, agent_ids: Iterable[int]) -> Ears | None:
         way_ms=ceil(1000 * min(across_m, water.sound.range_limit_m) / speed_m_s),
         waits=water.talk.waits,
         assigns=water.talk.assigns,
-        guard_ms=0,
+        guard_ms=0 if slots is None else slots.guard_ms,
         beacon_period_ms=round(water.talk.beacon_period_s * 1000),
         ping_period_ms=round(water.talk.ping_period_s * 1000),
     )

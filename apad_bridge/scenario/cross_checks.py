@@ -12,7 +12,7 @@ from apad_bridge.planning.registry import collection, redeployment
 from apad_bridge.scenario.currents import problem_with_current
 from apad_bridge.scenario.links import problem_with_links
 from apad_bridge.scenario.schema import DriftMode, FullWhen, HearingMode, Scenario
-from apad_bridge.scenario.whole_board import SleepCycle
+from apad_bridge.scenario.whole_board import SleepCycle, WholeBoard
 
 Contradiction = tuple[str, str]
 
@@ -79,14 +79,14 @@ def _of_the_board(scenario: Scenario) -> Iterator[Contradiction]:
             f"must be longer than a call takes, which is transmit_ms ({whole.transmit_ms} ms)",
         )
     if whole.cycle is not None:
-        yield from _of_the_cycle(scenario, whole.cycle, whole.transmit_ms / 1000)
+        yield from _of_the_cycle(scenario, whole, whole.cycle)
 
 
-def _of_the_cycle(scenario: Scenario, cycle: SleepCycle, transmit_s: float) -> Iterator[Contradiction]:
-    agents = scenario.fleet.count
+def _of_the_cycle(scenario: Scenario, whole: WholeBoard, cycle: SleepCycle) -> Iterator[Contradiction]:
+    agents, transmit_s, beacon = scenario.fleet.count, whole.transmit_ms / 1000, whole.timekeeping
     awake_s, slots = cycle.sample_s + cycle.processing_s, cycle.slots
     if slots is not None:
-        awake_s += slots.frame_s + transmit_s
+        awake_s += slots.frame_s + transmit_s + (0 if beacon is None else beacon.beacon_wait_s)
         held = round(slots.frame_s * 1000) // round(slots.slot_s * 1000)
         if agents > held:
             yield (
@@ -94,10 +94,12 @@ def _of_the_cycle(scenario: Scenario, cycle: SleepCycle, transmit_s: float) -> I
                 f"holds {held} slots of {slots.slot_s:g} s, and {agents} aMussels need one each: "
                 f"make it {agents * slots.slot_s:g} s or more, or slot_s shorter",
             )
-        if slots.slot_s < transmit_s:
+        needed_s = transmit_s + 2 * slots.guard_s
+        if slots.slot_s < needed_s:
             yield (
                 "board.whole.cycle.slots.slot_s",
-                f"must be no shorter than a status, which is transmit_ms ({transmit_s:g} s), or two would overlap",
+                f"must be no shorter than a status and the guard on either side of it ({needed_s:g} s), "
+                "or two would overlap",
             )
     if cycle.report_s <= scenario.theta:
         yield (
@@ -106,7 +108,9 @@ def _of_the_cycle(scenario: Scenario, cycle: SleepCycle, transmit_s: float) -> I
             "or no log is ever acknowledged",
         )
     if awake_s >= cycle.alarm_s:
-        parts = "sample_s, processing_s" + (", a whole frame and transmit_ms" if slots is not None else "")
+        parts = "sample_s, processing_s" + (
+            ", a whole frame, transmit_ms, a beacon's wait" if slots is not None else ""
+        )
         yield (
             "board.whole.cycle.alarm_s",
             f"must be longer than a wake, which takes up to {awake_s:g} s ({parts}), or alarms pass unheard",

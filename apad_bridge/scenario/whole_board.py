@@ -114,10 +114,12 @@ class BoardPower:
 class Timeslots:
     frame_s: PositiveSeconds
     slot_s: PositiveSeconds
+    guard_s: NotNegativeSeconds = 0.0
+    """A board speaks so long after its slot opens: clocks that are off by no more do not collide."""
 
     def __post_init__(self) -> None:
-        if self.slot_s > self.frame_s:
-            raise ValueError("slot_s must not be longer than frame_s")
+        if not self.guard_s < self.slot_s <= self.frame_s:
+            raise ValueError("guard_s must be shorter than slot_s, and slot_s not longer than frame_s")
 
 
 @frozen
@@ -152,6 +154,18 @@ class LastResort:
     safe_level: Fraction
     call_period_s: PositiveSeconds
     """Before the last resort is taken again."""
+    stay_down_s: NotNegativeSeconds = 21_600.0
+    """One that was told to sink does not come up by itself for so long."""
+
+
+@frozen
+class Timekeeping:
+    """What the firmware expects of its clock, and what it does about it."""
+
+    bound_ppm: NotNegative
+    """The crystal drifts by no more."""
+    beacon_wait_s: PositiveSeconds
+    """Where its clock may be off by more than the guard it listens for a beacon so long, and does not speak without."""
 
 
 @frozen
@@ -164,3 +178,7 @@ class WholeBoard:
     """How long the modem takes to send a status."""
     hover_period_s: PositiveSeconds
     """Between the motor runs that hold a depth."""
+    timekeeping: Timekeeping | None = None
+    """None: the firmware trusts its clock."""
+    clock_drift_ppm: NotNegative = 0.0
+    """Each board's clock really drifts by up to so much, either way, by its own and the scenario's seed."""

@@ -72,6 +72,7 @@ class CommandedMission(OrderBook):
         self.failure: str | None = None
         """Why a primitive failed last."""
         self.paused = False
+        self._paused_ms = 0
         self.goto_orders = self.docking_orders = 0
         """How many of each were given."""
         self.events = EventLog(config.pool_threshold)
@@ -229,7 +230,7 @@ class CommandedMission(OrderBook):
     def pause(self) -> None:
         """Holds position. A go-to goes on later; a mechanism that was commanded is not stopped half-way."""
         here = self._place()
-        self.paused = True
+        self.paused, self._paused_ms = True, self.now_ms
         if self.goto is Status.RUNNING:
             assert self._target is not None
             self._target = replace(
@@ -243,6 +244,8 @@ class CommandedMission(OrderBook):
         if not self.paused:
             return
         self.paused = False
+        if self._surfacing is not None:
+            self._surfacing.since_ms += self.now_ms - self._paused_ms  # nobody answers while nobody asks
         if self.goto is Status.RUNNING and self._target is not None:
             self._start_going(self._target, 0.0)
 

@@ -142,6 +142,8 @@ class Talk:
     def _claim(self, now_ms: int, lasting_ms: int) -> int:
         """The next time at which the air is free for so long, which from now on it is not."""
         from_ms = max(self._config.theta * now_ms, self._free_ms)
-        at_ms = self._quiet.first_ms(from_ms, lasting_ms + self._config.way_ms)
+        # By then it must have come everywhere, and who has the first slot may be early by its guard.
+        needed_ms = lasting_ms + self._config.way_ms + self._config.guard_ms
+        at_ms = self._quiet.first_ms(from_ms, needed_ms)
         self._free_ms = at_ms + lasting_ms
         return at_ms

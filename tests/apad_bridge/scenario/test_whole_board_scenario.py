@@ -17,7 +17,7 @@ from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.whole_board import ModuleLoads
 from firmware_model import table_one
 from firmware_model.charge import FULL
-from firmware_model.plan import LastResort
+from firmware_model.plan import LastResort, Slots, Timekeeping
 from firmware_model.rails import Rail, bits
 
 SCENARIOS = Path(__file__).parents[3] / "launch_scripts" / "scenarios"
@@ -117,6 +117,23 @@ def test_one_number_of_a_cycle_is_overridden() -> None:
     assert (whole.cycle.alarm_ms, whole.cycle.processing_ms, whole.cycle.slots) == (1_800_000, 60_000, None)
 
 
+def test_a_clock_that_drifts_and_a_firmware_that_knows_it() -> None:
+    fleet = building.fleet_config(
+        changed(
+            (
+                "    transmit_ms: 1000",
+                "    timekeeping: {bound_ppm: 20, beacon_wait_s: 90}\n    clock_drift_ppm: 12.5\n    transmit_ms: 1000",
+            ),
+            (CYCLE_LINE, "cycle: {profile: field, slots: {frame_s: 300, slot_s: 5, guard_s: 1.5}}"),
+        )
+    )
+    assert fleet.whole is not None and fleet.whole.cycle is not None
+    assert fleet.whole.timekeeping == Timekeeping(20_000, 90_000)
+    assert fleet.whole.cycle.slots == Slots(300_000, 5000, 1500)
+    drifts = {fleet.maker().config(agent_id).board.drift_ppb for agent_id in range(1, 13)}
+    assert len(drifts) == 12 and max(map(abs, drifts)) <= 12_500
+
+
 def test_never_asleep_is_no_cycle() -> None:
     assert building.fleet_config(changed((CYCLE_LINE, "cycle: never"))).whole.cycle is None  # type: ignore[union-attr]
 
@@ -129,7 +146,7 @@ def test_a_resolved_scenario_holds_its_profile_s_numbers_and_is_the_same_again(t
     write_resolved(tmp_path / "scenario.yaml", SHIPPED)
     written = yaml.safe_load((tmp_path / "scenario.yaml").read_text())["board"]["whole"]
     assert written["power"]["loads_mw"]["wifi"] == 500.0
-    assert written["cycle"]["slots"] == {"frame_s": 300.0, "slot_s": 5.0}
+    assert written["cycle"]["slots"] == {"frame_s": 300.0, "slot_s": 5.0, "guard_s": 0.0}
     assert load(tmp_path / "scenario.yaml") == SHIPPED
     assert from_data(resolve(changed((CYCLE_LINE, "cycle: never"))), "again").board.whole.cycle is None  # type: ignore[union-attr]
 
@@ -210,14 +227,14 @@ def test_a_fleet_too_large_for_its_frame_is_refused_on_the_command_line_too() ->
         (
             "transmit_ms: 1000",
             "transmit_ms: 6000",
-            "board.whole.cycle.slots.slot_s: must be no shorter than a status, which is transmit_ms (6 s), "
+            "board.whole.cycle.slots.slot_s: must be no shorter than a status and the guard on either side of it (6 s), "
             "or two would overlap",
         ),
         (
             CYCLE_LINE,
             "cycle: {profile: field, alarm_s: 300}",
             "board.whole.cycle.alarm_s: must be longer than a wake, which takes up to 371 s (sample_s, processing_s, "
-            "a whole frame and transmit_ms), or alarms pass unheard",
+            "a whole frame, transmit_ms, a beacon's wait), or alarms pass unheard",
         ),
         (
             "hover_period_s: 600",
