@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from firmware_model.actions import Action, FeedFrom, LogSample, RunBuoyancy, SendStatus, StateChanged
 from firmware_model.bench import Bench
-from firmware_model.board import Board
+from firmware_model.board import Board, board_of
 from firmware_model.charge import FULL, Battery, Flow, grains
 from firmware_model.codec import MusselbedCodec
 from firmware_model.packets import (
@@ -330,7 +330,7 @@ CONFIGS = st.builds(
 
 def made(config: BoardConfig, primary: float, secondary: float) -> Board:
     batteries = (Battery(0, grains(round(charge, 10)), Flow.RESTING) for charge in (primary, secondary))
-    return Board(config, MusselbedCodec(), *batteries, 0)
+    return board_of(config, MusselbedCodec(), *batteries, 0)
 
 
 @settings(deadline=None)
