@@ -169,7 +169,9 @@ class Agent:
             self.body.align()
             return self._tell_board(board_stimuli.ChargePinRose(), now_ms)
         self._report_due_ms += self.config.report_period_ms
-        if self.board.state is State.BOOTING:
+        # In the paper's hearing the report is the experiment's; else it needs the board's Wi-Fi, which the worst case has.
+        is_off = not self.config.heard_always and not self.board.has_wifi
+        if self.board.state is State.BOOTING or is_off:
             return []
         return [WifiSent(now_ms, self._codec.encode(self._reporter.by_wifi(now_ms)))]
 
