@@ -12,7 +12,7 @@ RADIO = Wifi()
 
 
 def test_near_by_it_is_friis_and_far_off_two_rays() -> None:
-    """A wavelength is 0.12287 m: 20 log10(4 pi 2 / 0.12287) = 46.22 dB at 2 m. At 100 m 80 - 20 log10(0.05 x 1.5) = 102.50."""
+    """The wave is 0.12287 m long: 20 log10(4 pi 2 / 0.12287) = 46.22 dB at 2 m. At 100 m 80 - 20 log10(0.075) = 102.50."""
     assert RADIO.path_loss_db(2) == pytest.approx(46.22, abs=0.01)
     assert RADIO.path_loss_db(100) == pytest.approx(102.50, abs=0.01)
     assert RADIO.path_loss_db(0) == RADIO.path_loss_db(1)
