@@ -102,6 +102,7 @@ def open_surroundings(
             gateway.event,
             laboratory.around(radio, link, is_mission=options.part is Part.MISSION),
             held,
+            hears is not None,
             lambda: vehicle.dropped + laboratory.dropped,
             _watched(stack, options, scenario, vehicle),
         )
