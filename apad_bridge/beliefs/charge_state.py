@@ -1,0 +1,134 @@
+"""What a twin's filter estimates of one aMussel's power, and how it moves: seven numbers, learned together.
+
+Both charges at the anchor; the drain, relative to the nominal kind's; and four voltage biases, for a sensor reads low
+under a load and high on a charger. Drain and biases differ between aMussels and are learned while one is heard.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from filterpy.kalman import predict, update
+from numpy.typing import NDArray
+
+from apad_bridge.beliefs.knowledge import Knowledge, Sensor
+from apad_bridge.beliefs.load import Spent
+from apad_bridge.beliefs.mixture import held, truncated
+from apad_bridge.beliefs.modes import Mode
+
+Array = NDArray[np.float64]
+PRIMARY, SECONDARY, DRAIN, ASLEEP, AWAKE, HIGH, CHARGING = range(7)
+SIZE = 7
+_UNKNOWN_SD = 0.6
+"""Of a charge of which nothing is known: wider than [0, 1], so that the first packet alone decides."""
+_SATURATED = 1 - 1e-4
+_UNREAD = 1e4
+"""The variance of a reading that stands at the end of its scale and says only that the charge does too."""
+_BIAS_OF = {
+    Mode.ASLEEP: ASLEEP,
+    Mode.IDLE: AWAKE,
+    Mode.HIGH_LOAD: HIGH,
+    Mode.SURFACING: AWAKE,
+    Mode.FLOATING: HIGH,
+    Mode.CHARGING_PRIMARY: CHARGING,
+    Mode.CHARGING_SECONDARY: CHARGING,
+    Mode.FULL: CHARGING,
+    Mode.LOST: ASLEEP,
+}
+
+
+def _reading(mode: Mode) -> Array:
+    """How the two measured charges come from the state: a load pulls at the primary, a charger lifts both."""
+    bias = _BIAS_OF[mode]
+    reading = np.zeros((2, SIZE))
+    reading[0, PRIMARY] = reading[1, SECONDARY] = reading[0, bias] = 1.0
+    reading[1, CHARGING if bias == CHARGING else ASLEEP] = 1.0
+    return reading
+
+
+_READINGS = {mode: _reading(mode) for mode in Mode}
+_IDENTITY = np.eye(SIZE)
+
+
+def unmeasured(knowledge: Knowledge) -> tuple[Array, Array]:
+    sensor = knowledge.sensor
+    mean = np.array([0.5, 0.5, 1.0, *sensor.bias])
+    sds = (_UNKNOWN_SD, _UNKNOWN_SD, knowledge.drain_deviation, *sensor.bias_deviation)
+    return mean, np.diag(np.square(sds))
+
+
+def wandering(knowledge: Knowledge, elapsed_ms: int) -> Array:
+    """Process noise: the drain of an ageing battery wanders."""
+    noise = np.zeros((SIZE, SIZE))
+    noise[DRAIN, DRAIN] = knowledge.ageing_per_day**2 * elapsed_ms / 86_400_000
+    return noise
+
+
+def discharged(
+    mean: Array, cov: Array, spent: Spent, from_secondary: tuple[float, float], noise: Array
+) -> tuple[Array, Array]:
+    """The state after the primary gave `spent`, times its drain; (mean, variance) went out of the secondary.
+
+    Not yet held at 0. Raises nothing: a charge below 0 is one that would have run out.
+    """
+    transition = _IDENTITY.copy()
+    transition[PRIMARY, DRAIN] = -spent[1]
+    new_mean, new_cov = predict(mean, cov, transition, noise)
+    new_mean[SECONDARY] -= from_secondary[0]
+    new_cov[PRIMARY, PRIMARY] += (mean[DRAIN] ** 2 + cov[DRAIN, DRAIN]) * spent[2]
+    new_cov[SECONDARY, SECONDARY] += from_secondary[1]
+    return new_mean, new_cov
+
+
+def moved(mean: Array, cov: Array, row: int, to: tuple[float, float], slope: float) -> tuple[Array, Array]:
+    """One number of the state goes to mean and variance `to`; its covariances scale with `slope`."""
+    mean, cov = mean.copy(), cov.copy()
+    cov[row, :] *= slope
+    cov[:, row] *= slope
+    mean[row], cov[row, row] = to
+    return mean, cov
+
+
+def within(mean: Array, cov: Array, after_measuring: bool) -> tuple[Array, Array]:
+    """Both charges held at, or after a measurement cut to, [0, 1]."""
+    moments = truncated if after_measuring else held
+    for row in (PRIMARY, SECONDARY):
+        before = float(mean[row]), float(cov[row, row])
+        after = moments(*before)
+        if after != before:
+            slope = math.sqrt(after[1] / before[1]) if before[1] > 0 else 0.0
+            mean, cov = moved(mean, cov, row, after, slope)
+    return mean, cov
+
+
+def measured(
+    mean: Array, cov: Array, sensor: Sensor, mode: Mode, charges: tuple[float, float]
+) -> tuple[Array, Array, float, float]:
+    """The state that knows a packet's two charges; with them how probable the packet was (a log density), and by how many
+    deviations the primary's reading surprised."""
+    reading = _READINGS[mode]
+    expected = reading @ mean
+    z = np.array(charges)
+    noise = np.diag([sensor.noise**2] * 2)
+    for row in (0, 1):
+        if (z[row] >= _SATURATED and expected[row] >= z[row]) or (z[row] <= 0 and expected[row] <= 0):
+            z[row], noise[row, row] = expected[row], _UNREAD
+    # Not filterpy's own log likelihood: that of its function is the posterior's, which no packet ever contradicts.
+    bias = _BIAS_OF[mode]
+    variance = cov[PRIMARY, PRIMARY] + 2 * cov[PRIMARY, bias] + cov[bias, bias] + noise[0, 0]
+    surprise = abs(z[0] - expected[0]) / math.sqrt(variance)
+    new_mean, new_cov = update(mean, cov, z, noise, reading)
+    return new_mean, new_cov, float(-0.5 * (surprise**2 + math.log(variance))), float(surprise)
+
+
+def matched(rows: list[tuple[float, Array, Array]]) -> tuple[Array, Array]:
+    """One Gaussian of the same first two moments as the weighted ones."""
+    if len(rows) == 1:
+        return rows[0][1], rows[0][2]
+    mean = sum((weight * one for weight, one, _ in rows), start=np.zeros(SIZE))
+    cov = np.zeros((SIZE, SIZE))
+    for weight, one, its_cov in rows:
+        away = one - mean
+        cov += weight * (its_cov + np.outer(away, away))
+    return mean, cov

@@ -1,0 +1,177 @@
+"""All that a twin keeps of one aMussel, how time passes for it, and what of it others are told.
+
+The charges stand at an anchor, the last time at which they were measured or a dock took or gave the aMussel. What was
+spent since is kept apart (`Load`), so that time passes in closed form and nothing is rounded by asking often.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+from apad_bridge.beliefs import charge_state as charge
+from apad_bridge.beliefs import charging, load
+from apad_bridge.beliefs.belief import Clock
+from apad_bridge.beliefs.charge_state import DRAIN, PRIMARY, SECONDARY, Array
+from apad_bridge.beliefs.knowledge import Knowledge, Schedule
+from apad_bridge.beliefs.load import MS_PER_MIN, Load, Spent
+from apad_bridge.beliefs.mixture import Part, below
+from apad_bridge.beliefs.modes import SUBMERGED, Mode
+from apad_bridge.beliefs.place import Place
+
+_UNLIKELY = 1e-3
+"""A hypothesis below this is left out."""
+_FAR_FROM_EMPTY = 0.4
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Memory:
+    """Agent time, but for the place's. `situation` is None while it is submerged and does as it will."""
+
+    at_ms: int
+    mean: Array
+    cov: Array
+    anchor_ms: int
+    load: Load
+    situation: Mode | None
+    since_ms: int
+    place: Place
+    place_ms: int
+    """Mission time."""
+    clock: Clock
+    clock_ms: int
+    packet: tuple[int, int]
+    """(sequence, agent time stated) of the newest."""
+    from_secondary: tuple[float, float] = (0.0, 0.0)
+    """Mean and deviation of what the secondary gave since the anchor."""
+    unobeyed: tuple[Load, int] | None = None
+    """The load and its time, were the permission not heard."""
+    seen: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """How often each of `SUBMERGED` was heard."""
+    measured_ms: int = -1
+    measured_mode: Mode | None = None
+    suspect: float | None = None
+    """The last reading that was too far away to be believed."""
+    gated: int = 0
+
+
+def shares_of(memory: Memory, knowledge: Knowledge) -> tuple[float, float, float]:
+    """Which modes this one takes up, from what is usual and what was heard of it."""
+    prior, habits = knowledge.habits.seen_before, knowledge.habits.shares
+    total = prior + sum(memory.seen)
+    a, b, c = ((prior * usual + n) / total for usual, n in zip(habits, memory.seen, strict=True))
+    return a, b, c
+
+
+def advanced(memory: Memory, knowledge: Knowledge, schedule: Schedule, to_ms: int) -> Memory:
+    """The memory at agent time `to_ms`, nothing more having been learned."""
+    elapsed_ms = to_ms - memory.at_ms
+    if elapsed_ms <= 0:
+        return memory
+    if memory.situation is Mode.CHARGING_PRIMARY:
+        return replace(memory, at_ms=to_ms)
+    if memory.situation is not None:
+        return _afloat(memory, knowledge, schedule, to_ms)
+    spent = load.carried(
+        memory.load,
+        memory.at_ms,
+        to_ms,
+        knowledge.drain.per_min,
+        knowledge.habits,
+        schedule,
+        shares_of(memory, knowledge),
+    )
+    later = replace(memory, at_ms=to_ms, load=spent)
+    return _on_the_backup(later, knowledge, elapsed_ms)
+
+
+def _afloat(memory: Memory, knowledge: Knowledge, schedule: Schedule, to_ms: int) -> Memory:
+    """Surfacing, then floating, until it is taken or sinks again by itself."""
+    per_min, surfaced_ms = knowledge.drain.per_min, memory.since_ms + knowledge.surfacing_ms
+    sinks_ms = surfaced_ms + knowledge.float_timeout_ms
+    at_ms, spent, situation = memory.at_ms, memory.load, memory.situation
+    if situation is Mode.SURFACING:
+        end_ms = min(to_ms, max(at_ms, surfaced_ms))
+        spent = spent.add(per_min[Mode.SURFACING] * (end_ms - at_ms) / MS_PER_MIN)
+        at_ms = end_ms
+        if to_ms >= surfaced_ms:
+            situation = Mode.FLOATING
+    if situation is Mode.FLOATING:
+        end_ms = min(to_ms, max(at_ms, sinks_ms))
+        spent = spent.add(per_min[Mode.FLOATING] * (end_ms - at_ms) / MS_PER_MIN)
+        at_ms = end_ms
+    later = replace(memory, at_ms=at_ms, load=spent, situation=situation)
+    if to_ms > at_ms:
+        later = submerged(later, knowledge, schedule, spent.total(), knowledge.drain.motor_run)
+        return advanced(later, knowledge, schedule, to_ms)
+    return later
+
+
+def submerged(memory: Memory, knowledge: Knowledge, schedule: Schedule, spent: Spent, more: float) -> Memory:
+    """On its way down at `at_ms`, having spent `spent` and `more` since the anchor: it takes up what it was told to."""
+    scheduled = schedule.at(memory.at_ms)
+    rows = load.rows_of(knowledge.habits, scheduled, shares_of(memory, knowledge))
+    shares = rows[0] if scheduled is not None else shares_of(memory, knowledge)
+    guess = Load.guessed(shares, spent[1] + more, spent[2])
+    return replace(memory, load=guess, situation=None, since_ms=memory.at_ms, unobeyed=None)
+
+
+def _on_the_backup(memory: Memory, knowledge: Knowledge, elapsed_ms: int) -> Memory:
+    """With its primary empty an aMussel sleeps on the secondary, whatever was planned."""
+    total = memory.load.total()
+    drain = float(memory.mean[DRAIN])
+    if memory.mean[PRIMARY] - drain * total[1] > _FAR_FROM_EMPTY:
+        return memory  # the common case costs nothing
+    empty = below(primary_parts(memory), 0.0)
+    if empty < _UNLIKELY:
+        return memory
+    amount = drain * knowledge.drain.per_min[Mode.ASLEEP] * elapsed_ms / MS_PER_MIN
+    mean, sd = memory.from_secondary
+    spread = math.sqrt(empty * (1 - empty)) * amount
+    return replace(memory, from_secondary=(mean + empty * amount, sd + spread))
+
+
+def primary_parts(memory: Memory) -> tuple[Part, ...]:
+    """The primary charge at `at_ms` as a mixture, not held at its ends: the expected path, and the rest by mode."""
+    rows = [memory.load.expected, *(memory.load.unexpected(mode) for mode in SUBMERGED)]
+    rows = [row for row in rows if row[0] > _UNLIKELY]
+    total = math.fsum(row[0] for row in rows)
+    mean, cov = memory.mean, memory.cov
+    at, drain = float(mean[PRIMARY]), float(mean[DRAIN])
+    at_var, drain_var, both = (
+        float(cov[PRIMARY, PRIMARY]),
+        float(cov[DRAIN, DRAIN]),
+        float(cov[PRIMARY, DRAIN]),
+    )
+    parts = []
+    for probability, spent, variance in rows:
+        spread = (
+            at_var - 2 * spent * both + spent * spent * drain_var + (drain * drain + drain_var) * variance
+        )
+        parts.append(Part(probability / total, at - drain * spent, math.sqrt(max(0.0, spread))))
+    return tuple(parts)
+
+
+def charge_now(memory: Memory, knowledge: Knowledge, spent: Spent) -> tuple[Array, Array]:
+    """Mean and covariance of the state at `at_ms`, had the primary given `spent`; docked, that is not asked."""
+    noise = charge.wandering(knowledge, memory.at_ms - memory.anchor_ms)
+    if memory.situation is not Mode.CHARGING_PRIMARY:
+        from_mean, from_sd = memory.from_secondary
+        return charge.discharged(memory.mean, memory.cov, spent, (from_mean, from_sd**2), noise)
+    mean, cov = memory.mean, memory.cov + noise
+    for row, moments in zip((PRIMARY, SECONDARY), in_dock(memory, knowledge), strict=True):
+        mean, cov = charge.moved(mean, cov, row, moments[:2], moments[2])
+    return mean, cov
+
+
+def in_dock(memory: Memory, knowledge: Knowledge) -> tuple[tuple[float, float, float], ...]:
+    """(mean, variance, slope) of both batteries at `at_ms`; the primary feeds the board."""
+    minutes = (memory.at_ms - memory.anchor_ms) / MS_PER_MIN
+    drain, coils = knowledge.drain, knowledge.charger.primary
+    against = drain.in_dock * drain.per_min[Mode.CHARGING_PRIMARY] * float(memory.mean[DRAIN])
+    return tuple(
+        charging.carried(
+            knowledge.charger, count, lost, float(memory.mean[row]), float(memory.cov[row, row]), minutes
+        )
+        for row, count, lost in ((PRIMARY, coils, against), (SECONDARY, 1.0, 0.0))
+    )

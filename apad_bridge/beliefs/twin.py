@@ -1,0 +1,339 @@
+"""The twin: what an aMussel is thought to be, by the firmware's own rules run forward and corrected by what is heard.
+
+Prediction follows what was commanded and what the aPad did (permission, docking, release); only where an aMussel may
+have chosen for itself is there more than one hypothesis. A packet states its mode, so that hearing one in time corrects
+a single Kalman filter. The mixture is weighed only after silence, or when a packet contradicts what was expected.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from apad_bridge.beliefs import charge_state as charge
+from apad_bridge.beliefs import clock as clocks
+from apad_bridge.beliefs.belief import Belief, Source
+from apad_bridge.beliefs.charge_state import PRIMARY, Array
+from apad_bridge.beliefs.knowledge import UNKNOWN, Knowledge, Schedule
+from apad_bridge.beliefs.load import Load, Spent, carried, merged
+from apad_bridge.beliefs.measurement import (
+    Docked,
+    Fixed,
+    Heard,
+    Measurement,
+    Permitted,
+    Ranged,
+    Rejected,
+    Released,
+    SlotSilent,
+)
+from apad_bridge.beliefs.memory import Memory, advanced, charge_now, shares_of, submerged
+from apad_bridge.beliefs.modes import DOCKED, SUBMERGED, Mode, mode_of
+from apad_bridge.beliefs.place import Place
+from apad_bridge.beliefs.told import told
+from firmware_model.packets import StatusPacket
+from firmware_model.states import State
+
+_NEGLIGIBLE = 0.01
+"""A hypothesis less probable than this is not weighed, unless the likely one is contradicted."""
+_CONTRADICTION = 3.0
+_GATE = 5.0
+"""In deviations of the reading; beyond the gate it is not believed until another agrees with it."""
+_AGREES = 4.0
+_UNTOLD_SD = 0.3
+"""Of a charge after something that nobody told of: docked by hand, or let go."""
+_DOCK_VARIANCE_M2 = 1.0
+
+
+class Twin:
+    """An `Estimator`. `schedules` are those that were commanded, by agent id; an aMussel without one does as is usual."""
+
+    def __init__(self, knowledge: Knowledge, schedules: Mapping[int, Schedule]) -> None:
+        self.knowledge = knowledge
+        self._schedules = schedules
+
+    def predict(self, belief: Belief, to_ms: int) -> Belief:
+        if to_ms < belief.at_ms:
+            raise ValueError(f"time went back: {to_ms} before {belief.at_ms}")
+        memory = self._carried(belief, to_ms)
+        return self._tell(belief, memory, to_ms, belief.learned_from)
+
+    def update(self, belief: Belief | None, measurement: Measurement) -> Belief | None:
+        if isinstance(measurement, Heard):
+            return self._hear(belief, measurement.packet, measurement.at_ms)
+        if belief is None:
+            return None
+        at_ms = max(measurement.at_ms, belief.at_ms)
+        memory = self._carried(belief, at_ms)
+        match measurement:
+            case SlotSilent():
+                silent = replace(belief, silent_slots=belief.silent_slots + 1)
+                return self._tell(silent, memory, at_ms, belief.learned_from | Source.SILENCE)
+            case Permitted():
+                memory = self._permitted(memory, belief.agent_id)
+                return self._tell(belief, memory, at_ms, belief.learned_from)
+            case Docked():
+                return self._tell(belief, self._docked(memory), at_ms, belief.learned_from | Source.DOCKING)
+            case Released(_, north_m, east_m):
+                memory = self._released(memory, belief.agent_id)
+                place = Place.at(north_m, east_m, _DOCK_VARIANCE_M2, self.knowledge.water)
+                memory = replace(memory, place=place, place_ms=at_ms)
+                return self._tell(belief, memory, at_ms, belief.learned_from | Source.RELEASE)
+            case Fixed(_, north_m, east_m, variance_m2):
+                place = self._place(memory, at_ms).fixed(north_m, east_m, variance_m2, self.knowledge.water)
+            case Ranged(_, range_m, north_m, east_m, variance_m2):
+                place = self._place(memory, at_ms).ranged(range_m, north_m, east_m, variance_m2)
+        memory = replace(memory, place=place, place_ms=at_ms)
+        return self._tell(belief, memory, at_ms, belief.learned_from | Source.RANGE)
+
+    # Time.
+
+    def _schedule(self, agent_id: int) -> Schedule:
+        return self._schedules.get(agent_id, UNKNOWN)
+
+    def _agent_ms(self, memory: Memory, at_ms: int) -> int:
+        """What its own clock shows at mission time `at_ms`, as far as that is known."""
+        return self.knowledge.theta * at_ms + round(memory.clock.offset_ms)
+
+    def _carried(self, belief: Belief, to_ms: int) -> Memory:
+        memory = belief.memory
+        assert isinstance(memory, Memory), "a belief of another estimator"
+        schedule = self._schedule(belief.agent_id)
+        return advanced(memory, self.knowledge, schedule, self._agent_ms(memory, to_ms))
+
+    def _place(self, memory: Memory, at_ms: int) -> Place:
+        afloat = memory.situation in (Mode.SURFACING, Mode.FLOATING)
+        return memory.place.carried(self.knowledge.water, (at_ms - memory.place_ms) / 1000, afloat)
+
+    def _tell(self, belief: Belief, memory: Memory, at_ms: int, learned_from: Source) -> Belief:
+        return told(
+            memory,
+            self.knowledge,
+            belief.agent_id,
+            belief.heard_ms,
+            belief.state,
+            at_ms,
+            self._place(memory, at_ms),
+            learned_from,
+            belief.silent_slots,
+        )
+
+    # What the aPad did.
+
+    def _permitted(self, memory: Memory, agent_id: int) -> Memory:
+        """It surfaces, most probably; the permission may be repeated."""
+        if memory.situation is not None:
+            return memory
+        return replace(
+            memory,
+            load=memory.load.add(self.knowledge.drain.motor_run),
+            situation=Mode.SURFACING,
+            since_ms=memory.at_ms,
+            unobeyed=(memory.load, memory.at_ms),
+        )
+
+    def _docked(self, memory: Memory) -> Memory:
+        if memory.situation is Mode.CHARGING_PRIMARY:
+            return memory
+        mean, cov = charge_now(memory, self.knowledge, memory.load.total())
+        return _anchored(memory, *charge.within(mean, cov, after_measuring=False), Mode.CHARGING_PRIMARY)
+
+    def _released(self, memory: Memory, agent_id: int) -> Memory:
+        mean, cov = charge_now(memory, self.knowledge, memory.load.total())
+        memory = _anchored(memory, *charge.within(mean, cov, after_measuring=False), None)
+        more = self.knowledge.drain.motor_run
+        return submerged(memory, self.knowledge, self._schedule(agent_id), Spent(1.0, 0.0, 0.0), more)
+
+    # What was heard.
+
+    def _hear(self, belief: Belief | None, packet: StatusPacket, at_ms: int) -> Belief:
+        mode = mode_of(packet.state, packet.primary, packet.secondary)
+        if belief is None:
+            return self._first(packet, mode, at_ms)
+        memory = belief.memory
+        assert isinstance(memory, Memory), "a belief of another estimator"
+        if (packet.sequence, packet.agent_ms) == memory.packet:
+            raise Rejected("a status that was heard already")
+        if packet.agent_ms < memory.packet[1]:
+            raise Rejected("a status that a newer one overtook")
+        at_ms = max(at_ms, belief.at_ms)
+        memory = self._carried(belief, at_ms)
+        near = memory.at_ms - memory.measured_ms < self.knowledge.sensor.apart_ms
+        if not (near and mode is memory.measured_mode):
+            memory = self._read_clock(memory, packet, at_ms)
+            memory = self._fixed(memory, packet, at_ms)
+            memory = self._weigh(memory, belief.agent_id, packet, mode)
+        memory = replace(memory, packet=(packet.sequence, packet.agent_ms))
+        heard = replace(belief, heard_ms=at_ms, carried_ms=0, state=packet.state, silent_slots=0)
+        return self._tell(heard, memory, at_ms, Source.PACKET)
+
+    def _first(self, packet: StatusPacket, mode: Mode, at_ms: int) -> Belief:
+        knowledge = self.knowledge
+        mean, cov = charge.unmeasured(knowledge)
+        nominal_ms = knowledge.theta * at_ms
+        clock = clocks.read(
+            clocks.unread(knowledge.clock.offset_ms, knowledge.clock.drift_ppm),
+            packet.agent_ms - nominal_ms,
+            knowledge.clock.reading_ms,
+        )
+        place = Place.at(packet.north_m, packet.east_m, knowledge.water.fix_deviation_m**2, knowledge.water)
+        memory = Memory(
+            nominal_ms + round(clock.offset_ms),
+            mean,
+            cov,
+            nominal_ms,
+            Load.known(mode if mode in SUBMERGED else Mode.IDLE),
+            None,
+            nominal_ms,
+            place,
+            at_ms,
+            clock,
+            nominal_ms,
+            (packet.sequence, packet.agent_ms),
+        )
+        memory = self._corrected(memory, [(1.0, mean, cov)], packet, mode)
+        return told(memory, knowledge, packet.agent_id, at_ms, packet.state, at_ms, place, Source.PACKET, 0)
+
+    def _read_clock(self, memory: Memory, packet: StatusPacket, at_ms: int) -> Memory:
+        nominal_ms = self.knowledge.theta * at_ms
+        clock = clocks.carried(memory.clock, nominal_ms - memory.clock_ms)
+        clock = clocks.read(clock, packet.agent_ms - nominal_ms, self.knowledge.clock.reading_ms)
+        return replace(memory, clock=clock, clock_ms=nominal_ms)
+
+    def _fixed(self, memory: Memory, packet: StatusPacket, at_ms: int) -> Memory:
+        water = self.knowledge.water
+        variance_m2 = water.fix_deviation_m**2
+        place = self._place(memory, at_ms).fixed(packet.north_m, packet.east_m, variance_m2, water)
+        return replace(memory, place=place, place_ms=at_ms)
+
+    def _weigh(self, memory: Memory, agent_id: int, packet: StatusPacket, mode: Mode) -> Memory:
+        """Corrects the charges by a packet that states `mode`: by one filter, or by several weighed against each other."""
+        if mode in DOCKED or memory.situation is Mode.CHARGING_PRIMARY:
+            hypotheses = self._about_the_dock(memory, mode)
+        else:
+            hypotheses = [
+                (spent[0], *charge_now(memory, self.knowledge, spent))
+                for spent in self._paths(memory, agent_id, mode)
+            ]
+        return self._corrected(memory, hypotheses, packet, mode)
+
+    def _about_the_dock(self, memory: Memory, mode: Mode) -> list[tuple[float, Array, Array]]:
+        """Docked as was known; or docked, or let go, by somebody else: then the charge may be anything."""
+        mean, cov = charge_now(memory, self.knowledge, memory.load.total())
+        if not (mode in DOCKED and memory.situation is Mode.CHARGING_PRIMARY):
+            cov[PRIMARY, PRIMARY] += _UNTOLD_SD**2
+        return [(1.0, mean, cov)]
+
+    def _paths(self, memory: Memory, agent_id: int, mode: Mode) -> list[Spent]:
+        """The ways in which it can have come to the stated mode, each with what it spent on it."""
+        load = memory.load
+        if mode in SUBMERGED:
+            if memory.unobeyed is not None:
+                load = self._without_permission(memory, agent_id)
+            rest = load.unexpected(mode)
+            rows = [load.expected, rest] if mode is load.expected_mode else [rest]
+        elif memory.situation is None:
+            # It comes up unasked, or was told by somebody else.
+            _, mean, variance = load.total()
+            run = self.knowledge.drain.motor_run
+            rows = [Spent(1.0, mean + run, variance + run**2)]
+        else:
+            rows = [load.expected, merged([load.unexpected(one) for one in SUBMERGED])]
+        total = math.fsum(row[0] for row in rows)
+        if total < _NEGLIGIBLE**2:  # what cannot be has been heard: all that is known is the total
+            _, mean, variance = load.total()
+            return [Spent(1.0, mean, variance + self.knowledge.drain_deviation**2)]
+        return [Spent(row[0] / total, row[1], row[2]) for row in rows if row[0] > 0]
+
+    def _without_permission(self, memory: Memory, agent_id: int) -> Load:
+        """What it spent if it never heard the permission."""
+        assert memory.unobeyed is not None
+        before, at_ms = memory.unobeyed
+        knowledge = self.knowledge
+        shares = shares_of(memory, knowledge)
+        per_min, schedule = knowledge.drain.per_min, self._schedule(agent_id)
+        return carried(before, at_ms, memory.at_ms, per_min, knowledge.habits, schedule, shares)
+
+    def _corrected(
+        self, memory: Memory, hypotheses: list[tuple[float, Array, Array]], packet: StatusPacket, mode: Mode
+    ) -> Memory:
+        charges = (packet.primary, packet.secondary)
+        sensor = self.knowledge.sensor
+        hypotheses.sort(key=lambda row: -row[0])
+        weight, mean, cov = hypotheses[0]
+        new_mean, new_cov, density, surprise = charge.measured(mean, cov, sensor, mode, charges)
+        rows = [(math.log(weight) + density, new_mean, new_cov)]
+        if len(hypotheses) > 1 and (1 - weight > _NEGLIGIBLE or surprise > _CONTRADICTION):
+            for weight, mean, cov in hypotheses[1:]:
+                new_mean, new_cov, density, other = charge.measured(mean, cov, sensor, mode, charges)
+                rows.append((math.log(max(weight, 1e-12)) + density, new_mean, new_cov))
+                surprise = min(surprise, other)
+        if surprise > _GATE:
+            return self._doubted(memory, hypotheses, packet, mode)
+        best = max(row[0] for row in rows)
+        weights = [math.exp(row[0] - best) for row in rows]
+        total = sum(weights)
+        mean, cov = charge.matched(
+            [(w / total, row[1], row[2]) for w, row in zip(weights, rows, strict=True) if w > 1e-6 * total]
+        )
+        return self._settled(memory, *charge.within(mean, cov, after_measuring=True), packet, mode, None)
+
+    def _doubted(
+        self, memory: Memory, hypotheses: list[tuple[float, Array, Array]], packet: StatusPacket, mode: Mode
+    ) -> Memory:
+        """A reading beyond the gate: its mode is believed and its charge is not, until the next one agrees with it."""
+        mean, cov = charge.matched(hypotheses)
+        away = packet.primary - float(mean[PRIMARY])
+        memory = replace(memory, gated=memory.gated + 1)
+        agrees = (
+            memory.suspect is not None and abs(away - memory.suspect) < _AGREES * self.knowledge.sensor.noise
+        )
+        if not agrees:
+            return self._settled(
+                memory, *charge.within(mean, cov, after_measuring=False), packet, mode, suspect=away
+            )
+        cov = cov.copy()
+        cov[PRIMARY, PRIMARY] += away**2
+        mean, cov, _, _ = charge.measured(
+            mean, cov, self.knowledge.sensor, mode, (packet.primary, packet.secondary)
+        )
+        return self._settled(memory, *charge.within(mean, cov, after_measuring=True), packet, mode, None)
+
+    def _settled(
+        self, memory: Memory, mean: Array, cov: Array, packet: StatusPacket, mode: Mode, suspect: float | None
+    ) -> Memory:
+        """The anchor moves to the packet, which says what it is doing."""
+        situation = None if mode in SUBMERGED else Mode.CHARGING_PRIMARY if mode in DOCKED else mode
+        if packet.state is State.LOST:
+            situation = None
+        since_ms = memory.since_ms if situation is memory.situation else memory.at_ms
+        memory = _anchored(memory, mean, cov, situation)
+        known = mode if mode in SUBMERGED else Mode.ASLEEP
+        seen = tuple(n + (one is mode) for n, one in zip(memory.seen, SUBMERGED, strict=True))
+        return replace(
+            memory,
+            load=Load.known(known),
+            since_ms=since_ms,
+            seen=(seen[0], seen[1], seen[2]),
+            measured_ms=memory.at_ms,
+            measured_mode=mode,
+            suspect=suspect,
+        )
+
+
+def _anchored(memory: Memory, mean: Array, cov: Array, situation: Mode | None) -> Memory:
+    """The charges stand at `at_ms`; nothing was spent since."""
+    return replace(
+        memory,
+        mean=np.asarray(mean),
+        cov=np.asarray(cov),
+        anchor_ms=memory.at_ms,
+        load=Load.known(Mode.ASLEEP),
+        situation=situation,
+        since_ms=memory.at_ms,
+        from_secondary=(0.0, 0.0),
+        unobeyed=None,
+    )
