@@ -22,9 +22,8 @@ PRIMARY, SECONDARY, DRAIN, ASLEEP, AWAKE, HIGH, CHARGING = range(7)
 SIZE = 7
 _UNKNOWN_SD = 0.6
 """Of a charge of which nothing is known: wider than [0, 1], so that the first packet alone decides."""
-_SATURATED = 1 - 1e-4
 _UNREAD = 1e4
-"""The variance of a reading that stands at the end of its scale and says only that the charge does too."""
+"""The variance of a reading near the end of its scale, which is cut there: it says only that the charge is there too."""
 _BIAS_OF = {
     Mode.ASLEEP: ASLEEP,
     Mode.IDLE: AWAKE,
@@ -112,7 +111,7 @@ def measured(
     z = np.array(charges)
     noise = np.diag([sensor.noise**2] * 2)
     for row in (0, 1):
-        if (z[row] >= _SATURATED and expected[row] >= z[row]) or (z[row] <= 0 and expected[row] <= 0):
+        if _is_cut(float(expected[row]), float(z[row]), sensor.noise):
             z[row], noise[row, row] = expected[row], _UNREAD
     # Not filterpy's own log likelihood: that of its function is the posterior's, which no packet ever contradicts.
     bias = _BIAS_OF[mode]
@@ -120,6 +119,13 @@ def measured(
     surprise = abs(z[0] - expected[0]) / math.sqrt(variance)
     new_mean, new_cov = update(mean, cov, z, noise, reading)
     return new_mean, new_cov, float(-0.5 * (surprise**2 + math.log(variance))), float(surprise)
+
+
+def _is_cut(expected: float, reading: float, noise: float) -> bool:
+    """Both within what noise can do of one end of the scale: the mean of such readings is not the charge."""
+    if expected > 0.5:
+        return expected > 1 - 2 * noise and reading > 1 - 4 * noise
+    return expected < 2 * noise and reading < 4 * noise
 
 
 def matched(rows: list[tuple[float, Array, Array]]) -> tuple[Array, Array]:

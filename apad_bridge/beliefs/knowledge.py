@@ -22,6 +22,8 @@ class Drain:
     """By `Mode`, of the battery that feeds the board."""
     motor_run: float
     """One run of the buoyancy motors, to surface or to sink."""
+    motor_deviation: float
+    """Of a way up or down, the run and all that goes with it."""
     in_dock: float
     """Of the load, the share that reaches a battery which is being charged."""
 

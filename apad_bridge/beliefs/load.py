@@ -49,11 +49,11 @@ class Load:
     def total(self) -> Spent:
         return merged(self.by_mode)
 
-    def add(self, amount: float) -> Load:
+    def add(self, amount: float, its_variance: float = 0.0) -> Load:
         """The same whatever it does."""
-        a, b, c = (Spent(p, mean + amount, variance) for p, mean, variance in self.by_mode)
+        a, b, c = (Spent(p, mean + amount, variance + its_variance) for p, mean, variance in self.by_mode)
         p, mean, variance = self.expected
-        return Load((a, b, c), Spent(p, mean + amount, variance), self.expected_mode)
+        return Load((a, b, c), Spent(p, mean + amount, variance + its_variance), self.expected_mode)
 
     def unexpected(self, mode: Mode) -> Spent:
         """What remains of `mode` without the path on which nothing unexpected happened."""

@@ -102,17 +102,24 @@ def _afloat(memory: Memory, knowledge: Knowledge, schedule: Schedule, to_ms: int
         at_ms = end_ms
     later = replace(memory, at_ms=at_ms, load=spent, situation=situation)
     if to_ms > at_ms:
-        later = submerged(later, knowledge, schedule, spent.total(), knowledge.drain.motor_run)
+        later = submerged(later, knowledge, schedule, sinking(spent.total(), knowledge))
         return advanced(later, knowledge, schedule, to_ms)
     return later
 
 
-def submerged(memory: Memory, knowledge: Knowledge, schedule: Schedule, spent: Spent, more: float) -> Memory:
-    """On its way down at `at_ms`, having spent `spent` and `more` since the anchor: it takes up what it was told to."""
+def sinking(spent: Spent, knowledge: Knowledge) -> Spent:
+    """`spent`, and one way down."""
+    drain = knowledge.drain
+    return Spent(spent[0], spent[1] + drain.motor_run, spent[2] + drain.motor_deviation**2)
+
+
+def submerged(memory: Memory, knowledge: Knowledge, schedule: Schedule, spent: Spent) -> Memory:
+    """Down again at `at_ms`, having spent `spent` since the anchor: it takes up what it was told to, or what is usual."""
+    shares = shares_of(memory, knowledge)
     scheduled = schedule.at(memory.at_ms)
-    rows = load.rows_of(knowledge.habits, scheduled, shares_of(memory, knowledge))
-    shares = rows[0] if scheduled is not None else shares_of(memory, knowledge)
-    guess = Load.guessed(shares, spent[1] + more, spent[2])
+    if scheduled is not None:
+        shares = load.rows_of(knowledge.habits, scheduled, shares)[0]
+    guess = Load.guessed(shares, spent[1], spent[2])
     return replace(memory, load=guess, situation=None, since_ms=memory.at_ms, unobeyed=None)
 
 

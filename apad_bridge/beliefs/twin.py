@@ -30,7 +30,7 @@ from apad_bridge.beliefs.measurement import (
     Released,
     SlotSilent,
 )
-from apad_bridge.beliefs.memory import Memory, advanced, charge_now, shares_of, submerged
+from apad_bridge.beliefs.memory import Memory, advanced, charge_now, shares_of, sinking, submerged
 from apad_bridge.beliefs.modes import DOCKED, SUBMERGED, Mode, mode_of
 from apad_bridge.beliefs.place import Place
 from apad_bridge.beliefs.told import told
@@ -46,6 +46,9 @@ _AGREES = 4.0
 _UNTOLD_SD = 0.3
 """Of a charge after something that nobody told of: docked by hand, or let go."""
 _DOCK_VARIANCE_M2 = 1.0
+_NOTHING = Spent(1.0, 0.0, 0.0)
+_ON_THE_WAY = (State.RELEASED, State.SINKING, State.BOOTING)
+"""They do not last, and say nothing of what it will do on the bottom."""
 
 
 class Twin:
@@ -127,9 +130,10 @@ class Twin:
         """It surfaces, most probably; the permission may be repeated."""
         if memory.situation is not None:
             return memory
+        drain = self.knowledge.drain
         return replace(
             memory,
-            load=memory.load.add(self.knowledge.drain.motor_run),
+            load=memory.load.add(drain.motor_run, drain.motor_deviation**2),
             situation=Mode.SURFACING,
             since_ms=memory.at_ms,
             unobeyed=(memory.load, memory.at_ms),
@@ -144,8 +148,8 @@ class Twin:
     def _released(self, memory: Memory, agent_id: int) -> Memory:
         mean, cov = charge_now(memory, self.knowledge, memory.load.total())
         memory = _anchored(memory, *charge.within(mean, cov, after_measuring=False), None)
-        more = self.knowledge.drain.motor_run
-        return submerged(memory, self.knowledge, self._schedule(agent_id), Spent(1.0, 0.0, 0.0), more)
+        spent = sinking(_NOTHING, self.knowledge)
+        return submerged(memory, self.knowledge, self._schedule(agent_id), spent)
 
     # What was heard.
 
@@ -306,22 +310,24 @@ class Twin:
         self, memory: Memory, mean: Array, cov: Array, packet: StatusPacket, mode: Mode, suspect: float | None
     ) -> Memory:
         """The anchor moves to the packet, which says what it is doing."""
-        situation = None if mode in SUBMERGED else Mode.CHARGING_PRIMARY if mode in DOCKED else mode
-        if packet.state is State.LOST:
+        situation: Mode | None = Mode.CHARGING_PRIMARY if mode in DOCKED else mode
+        if mode in SUBMERGED or mode is Mode.LOST or packet.state in _ON_THE_WAY:
             situation = None
         since_ms = memory.since_ms if situation is memory.situation else memory.at_ms
-        memory = _anchored(memory, mean, cov, situation)
-        known = mode if mode in SUBMERGED else Mode.ASLEEP
-        seen = tuple(n + (one is mode) for n, one in zip(memory.seen, SUBMERGED, strict=True))
-        return replace(
-            memory,
-            load=Load.known(known),
+        memory = replace(
+            _anchored(memory, mean, cov, situation),
             since_ms=since_ms,
-            seen=(seen[0], seen[1], seen[2]),
             measured_ms=memory.at_ms,
             measured_mode=mode,
             suspect=suspect,
         )
+        if packet.state in _ON_THE_WAY:
+            spent = sinking(_NOTHING, self.knowledge) if packet.state is State.RELEASED else _NOTHING
+            return submerged(memory, self.knowledge, self._schedule(packet.agent_id), spent)
+        if mode not in SUBMERGED:
+            return memory
+        a, b, c = (n + (one is mode) for n, one in zip(memory.seen, SUBMERGED, strict=True))
+        return replace(memory, load=Load.known(mode), seen=(a, b, c))
 
 
 def _anchored(memory: Memory, mean: Array, cov: Array, situation: Mode | None) -> Memory:

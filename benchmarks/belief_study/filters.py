@@ -43,9 +43,12 @@ NOMINAL = Knowledge(
         # Asleep, idle, high load, surfacing, floating, docked three times, lost: what the nominal kind draws.
         (0.0000674, 0.0010427, 0.0018, 0.0010427, 0.0031824, 0.0000674, 0.0000674, 0.0000674, 0.0),
         motor_run=0.0268,
+        motor_deviation=0.003,
         in_dock=0.6037,
     ),
-    charger=Charger(((0.16197, 0.001045), (0.5634, 0.00223), (1.0, 0.002911)), primary=1.2435, deviation=0.04),
+    charger=Charger(
+        ((0.16197, 0.001045), (0.5634, 0.00223), (1.0, 0.002911)), primary=1.2435, deviation=0.04
+    ),
     sensor=Sensor(0.015, (0.0, -0.01, -0.03, 0.03), (0.004, 0.006, 0.011, 0.011), apart_ms=MINUTE),
     habits=Habits(
         every_ms=60 * MINUTE, unscheduled=0.03, stays=0.78, shares=(0.8, 0.17, 0.03), seen_before=40

@@ -6,7 +6,14 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-AGES = (("now", 0, 0), ("1-6", 1, 6), ("7-12", 7, 12), ("13-24", 13, 24), ("25-48", 25, 48), ("49-", 49, 1 << 30))
+AGES = (
+    ("now", 0, 0),
+    ("1-6", 1, 6),
+    ("7-12", 7, 12),
+    ("13-24", 13, 24),
+    ("25-48", 25, 48),
+    ("49-", 49, 1 << 30),
+)
 
 
 @dataclass
@@ -28,7 +35,9 @@ class Samples:
             "nees": float(np.mean(error[free] ** 2 / variance[free])) if free.any() else None,
             "coverage_by_age": {n: float(covered[b].mean()) if b.any() else None for n, b in bins.items()},
             "samples_by_age": {n: int(b.sum()) for n, b in bins.items()},
-            "rmse_by_age": {n: float(np.sqrt(np.mean(error[b] ** 2))) if b.any() else None for n, b in bins.items()},
+            "rmse_by_age": {
+                n: float(np.sqrt(np.mean(error[b] ** 2))) if b.any() else None for n, b in bins.items()
+            },
             "nees_by_age": {
                 n: float(np.mean(error[b & free] ** 2 / variance[b & free])) if (b & free).any() else None
                 for n, b in bins.items()

@@ -34,7 +34,9 @@ class Doing(IntEnum):
     EMPTY = 7
 
 
-PER_MIN = np.array([0.0000674300, 0.0010427134, 0.0018000000, 0.0010427134, 0.0031823530, 0.0000674300, 0.0010427134, 0.0])
+PER_MIN = np.array(
+    [0.0000674300, 0.0010427134, 0.0018000000, 0.0010427134, 0.0031823530, 0.0000674300, 0.0010427134, 0.0]
+)
 """Asleep: MU and modem, hourly wakes aside. High load: the Pi besides, a third of the time. Floating: Wi-Fi, GSM and Bluetooth besides."""
 ASLEEP_IN_DOCK = 0.6037
 """Of the load, what reaches a battery that is being charged."""
@@ -101,7 +103,22 @@ def live(seed: int, agents: int = AGENTS, hours: int = HOURS) -> Life:
         if minute % 60 == 0:
             doing = np.where(self_moved, by_itself[:, hour], doing)
         for i in np.flatnonzero((called == minute) | (until == minute)):
-            _turn(rng, i, minute, doing, until, floats, coils, called, low, wait, primary, drain, events, by_itself[i, hour])
+            _turn(
+                rng,
+                i,
+                minute,
+                doing,
+                until,
+                floats,
+                coils,
+                called,
+                low,
+                wait,
+                primary,
+                drain,
+                events,
+                by_itself[i, hour],
+            )
         k = drain * (1 + ageing * minute)
         doing = np.where(self_moved & (primary <= 0), Doing.EMPTY, doing)
         primary, secondary, full = _step(doing, primary, secondary, k, coils, 1 + ageing * minute)
@@ -118,8 +135,18 @@ def live(seed: int, agents: int = AGENTS, hours: int = HOURS) -> Life:
     lift = np.where(at_slot[2] == Doing.DOCKED, bias, 0.0)
     measured = np.stack([at_slot[0] + bias, at_slot[1] + lift], axis=2) + noise
     return Life(
-        slot, scheduled, unscheduled, at_slot[2], at_slot[0], at_slot[1], np.clip(measured, 0, 1),
-        rng.random((agents, hours)), _blackouts(rng, agents, hours), events, drain, sag,
+        slot,
+        scheduled,
+        unscheduled,
+        at_slot[2],
+        at_slot[0],
+        at_slot[1],
+        np.clip(measured, 0, 1),
+        rng.random((agents, hours)),
+        _blackouts(rng, agents, hours),
+        events,
+        drain,
+        sag,
     )
 
 
@@ -140,7 +167,9 @@ def _service(rng: np.random.Generator, agents: int) -> tuple[np.ndarray, np.ndar
     return rng.uniform(0.3, 0.7, agents), rng.integers(30, 600, agents)
 
 
-def _turn(rng, i, minute, doing, until, floats, coils, called, low, wait, primary, drain, events, by_itself) -> None:
+def _turn(
+    rng, i, minute, doing, until, floats, coils, called, low, wait, primary, drain, events, by_itself
+) -> None:
     """The next step of a collection: permission, up, floating, docked, released, down."""
     if doing[i] <= Doing.HIGH or doing[i] == Doing.EMPTY:
         events[i].append((minute, Event.PERMITTED))
