@@ -7,6 +7,8 @@ under a load and high on a charger. Drain and biases differ between aMussels and
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from filterpy.kalman import predict, update
@@ -24,6 +26,8 @@ _UNKNOWN_SD = 0.6
 """Of a charge of which nothing is known: wider than [0, 1], so that the first packet alone decides."""
 _UNREAD = 1e4
 """The variance of a reading near the end of its scale, which is cut there: it says only that the charge is there too."""
+_KEPT = 4
+_ALIKE = 0.01
 _BIAS_OF = {
     Mode.ASLEEP: ASLEEP,
     Mode.IDLE: AWAKE,
@@ -35,6 +39,14 @@ _BIAS_OF = {
     Mode.FULL: CHARGING,
     Mode.LOST: ASLEEP,
 }
+
+
+class Anchor(NamedTuple):
+    """The state at a time when something was learned, as one of several Gaussians."""
+
+    weight: float
+    mean: Array
+    cov: Array
 
 
 def _reading(mode: Mode) -> Array:
@@ -106,19 +118,18 @@ def measured(
 ) -> tuple[Array, Array, float, float]:
     """The state that knows a packet's two charges; with them how probable the packet was (a log density), and by how many
     deviations the primary's reading surprised."""
-    reading = _READINGS[mode]
+    reading, bias = _READINGS[mode], _BIAS_OF[mode]
     expected = reading @ mean
     z = np.array(charges)
     noise = np.diag([sensor.noise**2] * 2)
+    # Not filterpy's own log likelihood: that of its function is the posterior's, which no packet ever contradicts.
+    variance = float(cov[PRIMARY, PRIMARY] + 2 * cov[PRIMARY, bias] + cov[bias, bias] + noise[0, 0])
+    surprise = abs(float(z[0] - expected[0])) / math.sqrt(variance)
     for row in (0, 1):
         if _is_cut(float(expected[row]), float(z[row]), sensor.noise):
             z[row], noise[row, row] = expected[row], _UNREAD
-    # Not filterpy's own log likelihood: that of its function is the posterior's, which no packet ever contradicts.
-    bias = _BIAS_OF[mode]
-    variance = cov[PRIMARY, PRIMARY] + 2 * cov[PRIMARY, bias] + cov[bias, bias] + noise[0, 0]
-    surprise = abs(z[0] - expected[0]) / math.sqrt(variance)
     new_mean, new_cov = update(mean, cov, z, noise, reading)
-    return new_mean, new_cov, float(-0.5 * (surprise**2 + math.log(variance))), float(surprise)
+    return new_mean, new_cov, -0.5 * (surprise**2 + math.log(variance)), surprise
 
 
 def _is_cut(expected: float, reading: float, noise: float) -> bool:
@@ -128,13 +139,34 @@ def _is_cut(expected: float, reading: float, noise: float) -> bool:
     return expected < 2 * noise and reading < 4 * noise
 
 
-def matched(rows: list[tuple[float, Array, Array]]) -> tuple[Array, Array]:
-    """One Gaussian of the same first two moments as the weighted ones."""
+def matched(rows: Sequence[Anchor]) -> Anchor:
+    """One Gaussian of the same weight and first two moments as all of them."""
     if len(rows) == 1:
-        return rows[0][1], rows[0][2]
-    mean = sum((weight * one for weight, one, _ in rows), start=np.zeros(SIZE))
+        return rows[0]
+    total = math.fsum(row.weight for row in rows)
+    mean = sum((row.weight / total * row.mean for row in rows), start=np.zeros(SIZE))
     cov = np.zeros((SIZE, SIZE))
-    for weight, one, its_cov in rows:
-        away = one - mean
-        cov += weight * (its_cov + np.outer(away, away))
-    return mean, cov
+    for row in rows:
+        away = row.mean - mean
+        cov += row.weight / total * (row.cov + np.outer(away, away))
+    return Anchor(total, mean, cov)
+
+
+def condensed(rows: Sequence[Anchor]) -> tuple[Anchor, ...]:
+    """The same in few: what is nearly alike becomes one, and so do the least of more than `_KEPT`. Weights add up to 1."""
+    kept: list[Anchor] = []
+    for row in sorted(rows, key=lambda row: -row.weight):
+        like = next((n for n, one in enumerate(kept) if _alike(one, row)), None)
+        if like is None:
+            kept.append(row)
+        else:
+            kept[like] = matched((kept[like], row))
+    if len(kept) > _KEPT:
+        kept[_KEPT - 1 :] = [matched(kept[_KEPT - 1 :])]
+    total = math.fsum(row.weight for row in kept)
+    return tuple(Anchor(weight / total, mean, cov) for weight, mean, cov in kept)
+
+
+def _alike(one: Anchor, other: Anchor) -> bool:
+    sds = math.sqrt(one.cov[PRIMARY, PRIMARY]), math.sqrt(other.cov[PRIMARY, PRIMARY])
+    return abs(float(one.mean[PRIMARY] - other.mean[PRIMARY])) < _ALIKE and abs(sds[0] - sds[1]) < _ALIKE

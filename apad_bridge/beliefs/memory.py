@@ -7,12 +7,13 @@ spent since is kept apart (`Load`), so that time passes in closed form and nothi
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from apad_bridge.beliefs import charge_state as charge
 from apad_bridge.beliefs import charging, load
 from apad_bridge.beliefs.belief import Clock
-from apad_bridge.beliefs.charge_state import DRAIN, PRIMARY, SECONDARY, Array
+from apad_bridge.beliefs.charge_state import DRAIN, PRIMARY, SECONDARY, Anchor, Array
 from apad_bridge.beliefs.knowledge import Knowledge, Schedule
 from apad_bridge.beliefs.load import MS_PER_MIN, Load, Spent
 from apad_bridge.beliefs.mixture import Part, below
@@ -29,8 +30,8 @@ class Memory:
     """Agent time, but for the place's. `situation` is None while it is submerged and does as it will."""
 
     at_ms: int
-    mean: Array
-    cov: Array
+    anchors: tuple[Anchor, ...]
+    """The most probable first."""
     anchor_ms: int
     load: Load
     situation: Mode | None
@@ -53,6 +54,15 @@ class Memory:
     suspect: float | None = None
     """The last reading that was too far away to be believed."""
     gated: int = 0
+
+    @property
+    def mean(self) -> Array:
+        """Of the most probable anchor."""
+        return self.anchors[0].mean
+
+    @property
+    def cov(self) -> Array:
+        return self.anchors[0].cov
 
 
 def shares_of(memory: Memory, knowledge: Knowledge) -> tuple[float, float, float]:
@@ -140,45 +150,59 @@ def _on_the_backup(memory: Memory, knowledge: Knowledge, elapsed_ms: int) -> Mem
 
 def primary_parts(memory: Memory) -> tuple[Part, ...]:
     """The primary charge at `at_ms` as a mixture, not held at its ends: the expected path, and the rest by mode."""
-    rows = [memory.load.expected, *(memory.load.unexpected(mode) for mode in SUBMERGED)]
-    rows = [row for row in rows if row[0] > _UNLIKELY]
-    total = math.fsum(row[0] for row in rows)
-    mean, cov = memory.mean, memory.cov
-    at, drain = float(mean[PRIMARY]), float(mean[DRAIN])
-    at_var, drain_var, both = (
-        float(cov[PRIMARY, PRIMARY]),
-        float(cov[DRAIN, DRAIN]),
-        float(cov[PRIMARY, DRAIN]),
-    )
     parts = []
-    for probability, spent, variance in rows:
-        spread = (
-            at_var - 2 * spent * both + spent * spent * drain_var + (drain * drain + drain_var) * variance
-        )
-        parts.append(Part(probability / total, at - drain * spent, math.sqrt(max(0.0, spread))))
-    return tuple(parts)
+    for weight, mean, cov in memory.anchors:
+        at, drain = float(mean[PRIMARY]), float(mean[DRAIN])
+        at_var, drain_var = float(cov[PRIMARY, PRIMARY]), float(cov[DRAIN, DRAIN])
+        both = float(cov[PRIMARY, DRAIN])
+        for probability, spent, variance in paths(memory.load):
+            if weight * probability < _UNLIKELY:
+                continue
+            spread = (
+                at_var - 2 * spent * both + spent * spent * drain_var + (drain * drain + drain_var) * variance
+            )
+            parts.append(Part(weight * probability, at - drain * spent, math.sqrt(max(0.0, spread))))
+    total = math.fsum(part.weight for part in parts)
+    return tuple(Part(weight / total, mean, sd) for weight, mean, sd in parts)
 
 
-def charge_now(memory: Memory, knowledge: Knowledge, spent: Spent) -> tuple[Array, Array]:
-    """Mean and covariance of the state at `at_ms`, had the primary given `spent`; docked, that is not asked."""
+def paths(load: Load) -> list[Spent]:
+    """The ways in which it may have spent: as expected, and otherwise by the mode that it is in now."""
+    if load.expected[0] > 1 - _UNLIKELY:
+        return [load.expected]
+    rows = [load.expected, *(load.unexpected(mode) for mode in SUBMERGED)]
+    return [row for row in rows if row[0] > _UNLIKELY]
+
+
+def charge_now(memory: Memory, knowledge: Knowledge, spent: Sequence[Spent]) -> list[Anchor]:
+    """The state at `at_ms`, from each anchor by each way of spending; docked, nothing is spent. Not held at its ends."""
     noise = charge.wandering(knowledge, memory.at_ms - memory.anchor_ms)
-    if memory.situation is not Mode.CHARGING_PRIMARY:
-        from_mean, from_sd = memory.from_secondary
-        return charge.discharged(memory.mean, memory.cov, spent, (from_mean, from_sd**2), noise)
-    mean, cov = memory.mean, memory.cov + noise
-    for row, moments in zip((PRIMARY, SECONDARY), in_dock(memory, knowledge), strict=True):
-        mean, cov = charge.moved(mean, cov, row, moments[:2], moments[2])
-    return mean, cov
+    found = []
+    if memory.situation is Mode.CHARGING_PRIMARY:
+        for anchor, rows in zip(memory.anchors, in_dock(memory, knowledge), strict=True):
+            mean, cov = anchor.mean, anchor.cov + noise
+            for row, moments in zip((PRIMARY, SECONDARY), rows, strict=True):
+                mean, cov = charge.moved(mean, cov, row, moments[:2], moments[2])
+            found.append(Anchor(anchor.weight, mean, cov))
+        return found
+    from_mean, from_sd = memory.from_secondary
+    for weight, mean, cov in memory.anchors:
+        for one in spent:
+            if weight * one[0] > _UNLIKELY**2:
+                new = charge.discharged(mean, cov, one, (from_mean, from_sd**2), noise)
+                found.append(Anchor(weight * one[0], *new))
+    return found
 
 
-def in_dock(memory: Memory, knowledge: Knowledge) -> tuple[tuple[float, float, float], ...]:
-    """(mean, variance, slope) of both batteries at `at_ms`; the primary feeds the board."""
+def in_dock(memory: Memory, knowledge: Knowledge) -> list[tuple[tuple[float, float, float], ...]]:
+    """(mean, variance, slope) of both batteries at `at_ms`, by anchor; the primary feeds the board."""
     minutes = (memory.at_ms - memory.anchor_ms) / MS_PER_MIN
     drain, coils = knowledge.drain, knowledge.charger.primary
-    against = drain.in_dock * drain.per_min[Mode.CHARGING_PRIMARY] * float(memory.mean[DRAIN])
-    return tuple(
-        charging.carried(
-            knowledge.charger, count, lost, float(memory.mean[row]), float(memory.cov[row, row]), minutes
+    against = drain.in_dock * drain.per_min[Mode.CHARGING_PRIMARY]
+    return [
+        tuple(
+            charging.carried(knowledge.charger, count, lost, float(mean[row]), float(cov[row, row]), minutes)
+            for row, count, lost in ((PRIMARY, coils, against * float(mean[DRAIN])), (SECONDARY, 1.0, 0.0))
         )
-        for row, count, lost in ((PRIMARY, coils, against), (SECONDARY, 1.0, 0.0))
-    )
+        for _, mean, cov in memory.anchors
+    ]

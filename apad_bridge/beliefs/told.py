@@ -32,10 +32,13 @@ def told(
     """The belief for mission time `at_ms`, with the memory in it from which the next one is made."""
     if memory.situation is Mode.CHARGING_PRIMARY:
         rows = in_dock(memory, knowledge)
-        parts: tuple[Part, ...] = (Part(1.0, rows[0][0], math.sqrt(rows[0][1])),)
-        second = Part(1.0, rows[1][0], math.sqrt(rows[1][1]))
+        parts = tuple(
+            Part(anchor.weight, mean, math.sqrt(variance))
+            for anchor, ((mean, variance, _), _) in zip(memory.anchors, rows, strict=True)
+        )
+        second = Part(1.0, rows[0][1][0], math.sqrt(rows[0][1][1]))
         both = 0.0
-        modes = _docked(parts[0], second)
+        modes = _docked(parts, second)
     else:
         parts = primary_parts(memory)
         gave, gave_sd = memory.from_secondary
@@ -81,8 +84,8 @@ def _moments(parts: tuple[Part, ...]) -> tuple[float, float]:
     return mean, max(0.0, square - mean * mean)
 
 
-def _docked(primary: Part, secondary: Part) -> tuple[float, ...]:
-    charging = below((primary,), FULL_CHARGE)
+def _docked(primary: tuple[Part, ...], secondary: Part) -> tuple[float, ...]:
+    charging = below(primary, FULL_CHARGE)
     second = (1 - charging) * below((secondary,), FULL_CHARGE)
     probabilities = [0.0] * len(Mode)
     probabilities[Mode.CHARGING_PRIMARY] = charging

@@ -11,12 +11,10 @@ import math
 from collections.abc import Mapping
 from dataclasses import replace
 
-import numpy as np
-
 from apad_bridge.beliefs import charge_state as charge
 from apad_bridge.beliefs import clock as clocks
 from apad_bridge.beliefs.belief import Belief, Source
-from apad_bridge.beliefs.charge_state import PRIMARY, Array
+from apad_bridge.beliefs.charge_state import PRIMARY, Anchor, Array
 from apad_bridge.beliefs.knowledge import UNKNOWN, Knowledge, Schedule
 from apad_bridge.beliefs.load import Load, Spent, carried, merged
 from apad_bridge.beliefs.measurement import (
@@ -30,7 +28,7 @@ from apad_bridge.beliefs.measurement import (
     Released,
     SlotSilent,
 )
-from apad_bridge.beliefs.memory import Memory, advanced, charge_now, shares_of, sinking, submerged
+from apad_bridge.beliefs.memory import Memory, advanced, charge_now, paths, shares_of, sinking, submerged
 from apad_bridge.beliefs.modes import DOCKED, SUBMERGED, Mode, mode_of
 from apad_bridge.beliefs.place import Place
 from apad_bridge.beliefs.told import told
@@ -40,6 +38,7 @@ from firmware_model.states import State
 _NEGLIGIBLE = 0.01
 """A hypothesis less probable than this is not weighed, unless the likely one is contradicted."""
 _CONTRADICTION = 3.0
+_FORGOTTEN = 1e-6
 _GATE = 5.0
 """In deviations of the reading; beyond the gate it is not believed until another agrees with it."""
 _AGREES = 4.0
@@ -142,14 +141,17 @@ class Twin:
     def _docked(self, memory: Memory) -> Memory:
         if memory.situation is Mode.CHARGING_PRIMARY:
             return memory
-        mean, cov = charge_now(memory, self.knowledge, memory.load.total())
-        return _anchored(memory, *charge.within(mean, cov, after_measuring=False), Mode.CHARGING_PRIMARY)
+        return _anchored(memory, self._held_now(memory), Mode.CHARGING_PRIMARY)
 
     def _released(self, memory: Memory, agent_id: int) -> Memory:
-        mean, cov = charge_now(memory, self.knowledge, memory.load.total())
-        memory = _anchored(memory, *charge.within(mean, cov, after_measuring=False), None)
+        memory = _anchored(memory, self._held_now(memory), None)
         spent = sinking(_NOTHING, self.knowledge)
         return submerged(memory, self.knowledge, self._schedule(agent_id), spent)
+
+    def _held_now(self, memory: Memory) -> tuple[Anchor, ...]:
+        """What may be, held at the ends: a few hypotheses, for a low charge stays far behind in a dock."""
+        rows = charge_now(memory, self.knowledge, paths(memory.load))
+        return charge.condensed([_within(row, after_measuring=False) for row in rows])
 
     # What was heard.
 
@@ -186,8 +188,7 @@ class Twin:
         place = Place.at(packet.north_m, packet.east_m, knowledge.water.fix_deviation_m**2, knowledge.water)
         memory = Memory(
             nominal_ms + round(clock.offset_ms),
-            mean,
-            cov,
+            (Anchor(1.0, mean, cov),),
             nominal_ms,
             Load.known(mode if mode in SUBMERGED else Mode.IDLE),
             None,
@@ -198,7 +199,7 @@ class Twin:
             nominal_ms,
             (packet.sequence, packet.agent_ms),
         )
-        memory = self._corrected(memory, [(1.0, mean, cov)], packet, mode)
+        memory = self._corrected(memory, [Anchor(1.0, mean, cov)], packet, mode)
         return told(memory, knowledge, packet.agent_id, at_ms, packet.state, at_ms, place, Source.PACKET, 0)
 
     def _read_clock(self, memory: Memory, packet: StatusPacket, at_ms: int) -> Memory:
@@ -218,18 +219,16 @@ class Twin:
         if mode in DOCKED or memory.situation is Mode.CHARGING_PRIMARY:
             hypotheses = self._about_the_dock(memory, mode)
         else:
-            hypotheses = [
-                (spent[0], *charge_now(memory, self.knowledge, spent))
-                for spent in self._paths(memory, agent_id, mode)
-            ]
+            hypotheses = charge_now(memory, self.knowledge, self._paths(memory, agent_id, mode))
         return self._corrected(memory, hypotheses, packet, mode)
 
-    def _about_the_dock(self, memory: Memory, mode: Mode) -> list[tuple[float, Array, Array]]:
+    def _about_the_dock(self, memory: Memory, mode: Mode) -> list[Anchor]:
         """Docked as was known; or docked, or let go, by somebody else: then the charge may be anything."""
-        mean, cov = charge_now(memory, self.knowledge, memory.load.total())
-        if not (mode in DOCKED and memory.situation is Mode.CHARGING_PRIMARY):
-            cov[PRIMARY, PRIMARY] += _UNTOLD_SD**2
-        return [(1.0, mean, cov)]
+        if mode in DOCKED and memory.situation is Mode.CHARGING_PRIMARY:
+            return charge_now(memory, self.knowledge, ())
+        weight, mean, cov = charge.matched(charge_now(memory, self.knowledge, paths(memory.load)))
+        cov[PRIMARY, PRIMARY] += _UNTOLD_SD**2
+        return [Anchor(weight, mean, cov)]
 
     def _paths(self, memory: Memory, agent_id: int, mode: Mode) -> list[Spent]:
         """The ways in which it can have come to the stated mode, each with what it spent on it."""
@@ -262,52 +261,47 @@ class Twin:
         return carried(before, at_ms, memory.at_ms, per_min, knowledge.habits, schedule, shares)
 
     def _corrected(
-        self, memory: Memory, hypotheses: list[tuple[float, Array, Array]], packet: StatusPacket, mode: Mode
+        self, memory: Memory, hypotheses: list[Anchor], packet: StatusPacket, mode: Mode
     ) -> Memory:
         charges = (packet.primary, packet.secondary)
         sensor = self.knowledge.sensor
-        hypotheses.sort(key=lambda row: -row[0])
-        weight, mean, cov = hypotheses[0]
-        new_mean, new_cov, density, surprise = charge.measured(mean, cov, sensor, mode, charges)
-        rows = [(math.log(weight) + density, new_mean, new_cov)]
-        if len(hypotheses) > 1 and (1 - weight > _NEGLIGIBLE or surprise > _CONTRADICTION):
-            for weight, mean, cov in hypotheses[1:]:
-                new_mean, new_cov, density, other = charge.measured(mean, cov, sensor, mode, charges)
-                rows.append((math.log(max(weight, 1e-12)) + density, new_mean, new_cov))
-                surprise = min(surprise, other)
+        total = math.fsum(row.weight for row in hypotheses)
+        hypotheses.sort(key=lambda row: -row.weight)
+        rows: list[tuple[float, Array, Array]] = []
+        surprise = math.inf
+        for weight, mean, cov in hypotheses:
+            if rows and weight < _NEGLIGIBLE * total and surprise < _CONTRADICTION:
+                break
+            new_mean, new_cov, density, its_surprise = charge.measured(mean, cov, sensor, mode, charges)
+            rows.append((math.log(weight) + density, new_mean, new_cov))
+            surprise = min(surprise, its_surprise)
         if surprise > _GATE:
             return self._doubted(memory, hypotheses, packet, mode)
         best = max(row[0] for row in rows)
-        weights = [math.exp(row[0] - best) for row in rows]
-        total = sum(weights)
-        mean, cov = charge.matched(
-            [(w / total, row[1], row[2]) for w, row in zip(weights, rows, strict=True) if w > 1e-6 * total]
+        after = [Anchor(math.exp(density - best), mean, cov) for density, mean, cov in rows]
+        likely = [row for row in after if row.weight > _FORGOTTEN]
+        return self._settled(
+            memory, _within(charge.matched(likely), after_measuring=True), packet, mode, None
         )
-        return self._settled(memory, *charge.within(mean, cov, after_measuring=True), packet, mode, None)
 
-    def _doubted(
-        self, memory: Memory, hypotheses: list[tuple[float, Array, Array]], packet: StatusPacket, mode: Mode
-    ) -> Memory:
+    def _doubted(self, memory: Memory, hypotheses: list[Anchor], packet: StatusPacket, mode: Mode) -> Memory:
         """A reading beyond the gate: its mode is believed and its charge is not, until the next one agrees with it."""
-        mean, cov = charge.matched(hypotheses)
-        away = packet.primary - float(mean[PRIMARY])
+        before = charge.matched(hypotheses)
+        away = packet.primary - float(before.mean[PRIMARY])
         memory = replace(memory, gated=memory.gated + 1)
-        agrees = (
-            memory.suspect is not None and abs(away - memory.suspect) < _AGREES * self.knowledge.sensor.noise
-        )
-        if not agrees:
-            return self._settled(
-                memory, *charge.within(mean, cov, after_measuring=False), packet, mode, suspect=away
-            )
-        cov = cov.copy()
+        near = _AGREES * self.knowledge.sensor.noise
+        if memory.suspect is None or abs(away - memory.suspect) > near:
+            return self._settled(memory, _within(before, after_measuring=False), packet, mode, suspect=away)
+        cov = before.cov.copy()
         cov[PRIMARY, PRIMARY] += away**2
-        mean, cov, _, _ = charge.measured(
-            mean, cov, self.knowledge.sensor, mode, (packet.primary, packet.secondary)
+        charges = (packet.primary, packet.secondary)
+        mean, cov, _, _ = charge.measured(before.mean, cov, self.knowledge.sensor, mode, charges)
+        return self._settled(
+            memory, _within(Anchor(1.0, mean, cov), after_measuring=True), packet, mode, None
         )
-        return self._settled(memory, *charge.within(mean, cov, after_measuring=True), packet, mode, None)
 
     def _settled(
-        self, memory: Memory, mean: Array, cov: Array, packet: StatusPacket, mode: Mode, suspect: float | None
+        self, memory: Memory, anchor: Anchor, packet: StatusPacket, mode: Mode, suspect: float | None
     ) -> Memory:
         """The anchor moves to the packet, which says what it is doing."""
         situation: Mode | None = Mode.CHARGING_PRIMARY if mode in DOCKED else mode
@@ -315,7 +309,7 @@ class Twin:
             situation = None
         since_ms = memory.since_ms if situation is memory.situation else memory.at_ms
         memory = replace(
-            _anchored(memory, mean, cov, situation),
+            _anchored(memory, (anchor._replace(weight=1.0),), situation),
             since_ms=since_ms,
             measured_ms=memory.at_ms,
             measured_mode=mode,
@@ -330,12 +324,15 @@ class Twin:
         return replace(memory, load=Load.known(mode), seen=(a, b, c))
 
 
-def _anchored(memory: Memory, mean: Array, cov: Array, situation: Mode | None) -> Memory:
+def _within(row: Anchor, after_measuring: bool) -> Anchor:
+    return Anchor(row.weight, *charge.within(row.mean, row.cov, after_measuring))
+
+
+def _anchored(memory: Memory, anchors: tuple[Anchor, ...], situation: Mode | None) -> Memory:
     """The charges stand at `at_ms`; nothing was spent since."""
     return replace(
         memory,
-        mean=np.asarray(mean),
-        cov=np.asarray(cov),
+        anchors=anchors,
         anchor_ms=memory.at_ms,
         load=Load.known(Mode.ASLEEP),
         situation=situation,
