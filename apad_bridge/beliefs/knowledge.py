@@ -64,6 +64,10 @@ class Habits:
     """Without a schedule: the probability of staying in the mode."""
     shares: tuple[float, float, float]
     """Without a schedule: which mode is changed to."""
+    daily: float
+    """Without a schedule: the probability that it does what it was last heard to do at this time of the day."""
+    plan_deviation: float
+    """Without a schedule: of the mean drain, a minute, between one plan of days and another."""
     seen_before: float
     """How many decisions `shares` is worth beside those that are heard of one aMussel."""
 

@@ -7,14 +7,31 @@ on which nothing unexpected happened is kept apart, because it alone has a sharp
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from apad_bridge.beliefs.knowledge import Habits, Schedule
+from apad_bridge.beliefs.knowledge import Habits
 from apad_bridge.beliefs.modes import SUBMERGED, Mode
 
 MS_PER_MIN = 60_000
 _NEVER = 1e-12
+
+
+Rows = tuple[tuple[float, float, float], ...]
+"""Probabilities [from][to] of a decision, in the order of `SUBMERGED`; filterpy's estimators index theirs alike."""
+
+
+class Choice(NamedTuple):
+    """What may be decided: `expected` None is to stay; `deviation` is of what a plan that nobody knows draws until the next."""
+
+    rows: Rows
+    expected: Mode | None
+    deviation: float
+
+
+Choices = Callable[[int], Choice]
+"""By the agent time of a decision."""
 
 
 class Spent(NamedTuple):
@@ -32,6 +49,8 @@ class Load:
     by_mode: tuple[Spent, Spent, Spent]
     expected: Spent
     expected_mode: Mode
+    guesses: int = 0
+    """Decisions so far of which no schedule told."""
 
     @classmethod
     def known(cls, mode: Mode, spent: float = 0.0) -> Load:
@@ -53,7 +72,9 @@ class Load:
         """The same whatever it does."""
         a, b, c = (Spent(p, mean + amount, variance + its_variance) for p, mean, variance in self.by_mode)
         p, mean, variance = self.expected
-        return Load((a, b, c), Spent(p, mean + amount, variance + its_variance), self.expected_mode)
+        return Load(
+            (a, b, c), Spent(p, mean + amount, variance + its_variance), self.expected_mode, self.guesses
+        )
 
     def unexpected(self, mode: Mode) -> Spent:
         """What remains of `mode` without the path on which nothing unexpected happened."""
@@ -73,15 +94,25 @@ class Load:
             ),
             Spent(p, mean + per_min[self.expected_mode] * minutes, variance),
             self.expected_mode,
+            self.guesses,
         )
 
-    def choose(self, rows: tuple[tuple[float, float, float], ...], expected: Mode) -> Load:
-        """A time at which it may change its mode: `rows[from][to]`; on the path without surprise it takes `expected`."""
+    def choose(self, choice: Choice) -> Load:
+        """A time at which it may change its mode."""
+        rows, expected, deviation = choice
         a, b, c = (self._entering(to, rows) for to in range(3))
+        guesses = self.guesses
+        if deviation:
+            # One plan of days draws more than another, hour after hour: that deviation grows with the time, not its root.
+            guesses += 1
+            more = (2 * guesses - 1) * deviation**2
+            a, b, c = (Spent(p, mean, variance + more) for p, mean, variance in (a, b, c))
+        new_mode = self.expected_mode if expected is None else expected
         p, mean, variance = self.expected
-        return Load((a, b, c), Spent(p * rows[self.expected_mode][expected], mean, variance), expected)
+        path = Spent(p * rows[self.expected_mode][new_mode], mean, variance)
+        return Load((a, b, c), path, new_mode, guesses)
 
-    def _entering(self, to: int, rows: tuple[tuple[float, float, float], ...]) -> Spent:
+    def _entering(self, to: int, rows: Rows) -> Spent:
         return merged([Spent(one[0] * rows[n][to], one[1], one[2]) for n, one in enumerate(self.by_mode)])
 
 
@@ -107,19 +138,23 @@ def _without(whole: Spent, part: Spent) -> Spent:
     return Spent(probability, mean, max(0.0, square / probability - mean * mean))
 
 
-def rows_of(
-    habits: Habits, scheduled: Mode | None, shares: tuple[float, float, float]
-) -> tuple[tuple[float, float, float], ...]:
-    """Probabilities [from][to] of the next decision: by schedule where there is one, else by habit."""
-    if scheduled is not None:
-        aside = habits.unscheduled / 2
-        row = [aside, aside, aside]
-        row[scheduled] = 1 - habits.unscheduled
-        return ((row[0], row[1], row[2]),) * 3
+def scheduled_rows(habits: Habits, mode: Mode) -> Rows:
+    """As commanded, but for the unscheduled share."""
+    aside = habits.unscheduled / 2
+    row = [aside, aside, aside]
+    row[mode] = 1 - habits.unscheduled
+    return ((row[0], row[1], row[2]),) * 3
+
+
+def usual_rows(habits: Habits, shares: tuple[float, float, float], remembered: Mode | None) -> Rows:
+    """Without a schedule: it stays, or changes to what is usual; or it does what it did a day ago."""
+    daily = 0.0 if remembered is None else habits.daily
     rows = []
     for stays in range(3):
-        row = [(1 - habits.stays) * share for share in shares]
-        row[stays] += habits.stays
+        row = [(1 - daily) * (1 - habits.stays) * share for share in shares]
+        row[stays] += (1 - daily) * habits.stays
+        if remembered is not None:
+            row[remembered] += daily
         rows.append((row[0], row[1], row[2]))
     return tuple(rows)
 
@@ -129,19 +164,16 @@ def carried(
     from_ms: int,
     to_ms: int,
     per_min: tuple[float, ...],
-    habits: Habits,
-    schedule: Schedule,
-    shares: tuple[float, float, float],
+    every_ms: int,
+    choices: Choices,
 ) -> Load:
     """The load of `from_ms` at `to_ms`: from decision to decision, each span in closed form."""
     at_ms = from_ms
     while True:
-        decision_ms = (at_ms // habits.every_ms + 1) * habits.every_ms
+        decision_ms = (at_ms // every_ms + 1) * every_ms
         end_ms = min(decision_ms, to_ms)
         load = load.spend(per_min, end_ms - at_ms)
         if decision_ms > to_ms:
             return load
-        scheduled = schedule.at(decision_ms)
-        rows = rows_of(habits, scheduled, shares)
-        load = load.choose(rows, load.expected_mode if scheduled is None else scheduled)
+        load = load.choose(choices(decision_ms))
         at_ms = decision_ms

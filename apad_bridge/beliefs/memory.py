@@ -23,6 +23,7 @@ from apad_bridge.beliefs.place import Place
 _UNLIKELY = 1e-3
 """A hypothesis below this is left out."""
 _FAR_FROM_EMPTY = 0.4
+DAY_MS = 86_400_000
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -49,6 +50,8 @@ class Memory:
     """The load and its time, were the permission not heard."""
     seen: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """How often each of `SUBMERGED` was heard."""
+    day: tuple[Mode | None, ...] = ()
+    """By decision of the day, what it was heard to do last; empty when nobody asks."""
     measured_ms: int = -1
     measured_mode: Mode | None = None
     suspect: float | None = None
@@ -73,6 +76,34 @@ def shares_of(memory: Memory, knowledge: Knowledge) -> tuple[float, float, float
     return a, b, c
 
 
+def choices(memory: Memory, knowledge: Knowledge, schedule: Schedule) -> load.Choices:
+    """For the time of a decision: by schedule where there is one, else by what is usual and what was heard of this one."""
+    habits, shares = knowledge.habits, shares_of(memory, knowledge)
+
+    deviation = habits.plan_deviation * habits.every_ms / MS_PER_MIN
+
+    def at(decision_ms: int) -> load.Choice:
+        scheduled = schedule.at(decision_ms)
+        if scheduled is not None:
+            return load.Choice(load.scheduled_rows(habits, scheduled), scheduled, 0.0)
+        remembered = memory.day[decision_ms // habits.every_ms % len(memory.day)] if memory.day else None
+        return load.Choice(load.usual_rows(habits, shares, remembered), remembered, deviation)
+
+    return at
+
+
+def with_heard(memory: Memory, knowledge: Knowledge, mode: Mode) -> Memory:
+    """It was heard to be in `mode`: that says something of what it usually does, and of what it does at this hour."""
+    a, b, c = (n + (one is mode) for n, one in zip(memory.seen, SUBMERGED, strict=True))
+    habits = knowledge.habits
+    if not habits.daily:
+        return replace(memory, seen=(a, b, c))
+    decisions = DAY_MS // habits.every_ms
+    day = list(memory.day or (None,) * decisions)
+    day[memory.at_ms // habits.every_ms % decisions] = mode
+    return replace(memory, seen=(a, b, c), day=tuple(day))
+
+
 def advanced(memory: Memory, knowledge: Knowledge, schedule: Schedule, to_ms: int) -> Memory:
     """The memory at agent time `to_ms`, nothing more having been learned."""
     elapsed_ms = to_ms - memory.at_ms
@@ -87,9 +118,8 @@ def advanced(memory: Memory, knowledge: Knowledge, schedule: Schedule, to_ms: in
         memory.at_ms,
         to_ms,
         knowledge.drain.per_min,
-        knowledge.habits,
-        schedule,
-        shares_of(memory, knowledge),
+        knowledge.habits.every_ms,
+        choices(memory, knowledge, schedule),
     )
     later = replace(memory, at_ms=to_ms, load=spent)
     return _on_the_backup(later, knowledge, elapsed_ms)
@@ -126,9 +156,8 @@ def sinking(spent: Spent, knowledge: Knowledge) -> Spent:
 def submerged(memory: Memory, knowledge: Knowledge, schedule: Schedule, spent: Spent) -> Memory:
     """Down again at `at_ms`, having spent `spent` since the anchor: it takes up what it was told to, or what is usual."""
     shares = shares_of(memory, knowledge)
-    scheduled = schedule.at(memory.at_ms)
-    if scheduled is not None:
-        shares = load.rows_of(knowledge.habits, scheduled, shares)[0]
+    if schedule.at(memory.at_ms) is not None:
+        shares = choices(memory, knowledge, schedule)(memory.at_ms).rows[0]
     guess = Load.guessed(shares, spent[1], spent[2])
     return replace(memory, load=guess, situation=None, since_ms=memory.at_ms, unobeyed=None)
 
@@ -139,7 +168,7 @@ def _on_the_backup(memory: Memory, knowledge: Knowledge, elapsed_ms: int) -> Mem
     drain = float(memory.mean[DRAIN])
     if memory.mean[PRIMARY] - drain * total[1] > _FAR_FROM_EMPTY:
         return memory  # the common case costs nothing
-    empty = below(primary_parts(memory), 0.0)
+    empty = below(primary_parts(memory, knowledge), 0.0)
     if empty < _UNLIKELY:
         return memory
     amount = drain * knowledge.drain.per_min[Mode.ASLEEP] * elapsed_ms / MS_PER_MIN
@@ -148,7 +177,7 @@ def _on_the_backup(memory: Memory, knowledge: Knowledge, elapsed_ms: int) -> Mem
     return replace(memory, from_secondary=(mean + empty * amount, sd + spread))
 
 
-def primary_parts(memory: Memory) -> tuple[Part, ...]:
+def primary_parts(memory: Memory, knowledge: Knowledge) -> tuple[Part, ...]:
     """The primary charge at `at_ms` as a mixture, not held at its ends: the expected path, and the rest by mode."""
     parts = []
     for weight, mean, cov in memory.anchors:

@@ -40,7 +40,7 @@ def told(
         both = 0.0
         modes = _docked(parts, second)
     else:
-        parts = primary_parts(memory)
+        parts = primary_parts(memory, knowledge)
         gave, gave_sd = memory.from_secondary
         cov = memory.cov
         second = Part(

@@ -14,7 +14,7 @@ from dataclasses import replace
 from apad_bridge.beliefs import charge_state as charge
 from apad_bridge.beliefs import clock as clocks
 from apad_bridge.beliefs.belief import Belief, Source
-from apad_bridge.beliefs.charge_state import PRIMARY, Anchor, Array
+from apad_bridge.beliefs.charge_state import PRIMARY, SECONDARY, Anchor, Array
 from apad_bridge.beliefs.knowledge import UNKNOWN, Knowledge, Schedule
 from apad_bridge.beliefs.load import Load, Spent, carried, merged
 from apad_bridge.beliefs.measurement import (
@@ -28,16 +28,25 @@ from apad_bridge.beliefs.measurement import (
     Released,
     SlotSilent,
 )
-from apad_bridge.beliefs.memory import Memory, advanced, charge_now, paths, shares_of, sinking, submerged
+from apad_bridge.beliefs.memory import (
+    Memory,
+    advanced,
+    charge_now,
+    choices,
+    paths,
+    sinking,
+    submerged,
+    with_heard,
+)
 from apad_bridge.beliefs.modes import DOCKED, SUBMERGED, Mode, mode_of
 from apad_bridge.beliefs.place import Place
 from apad_bridge.beliefs.told import told
 from firmware_model.packets import StatusPacket
 from firmware_model.states import State
 
-_NEGLIGIBLE = 0.01
+_NEGLIGIBLE = 0.001
 """A hypothesis less probable than this is not weighed, unless the likely one is contradicted."""
-_CONTRADICTION = 3.0
+_CONTRADICTION = 2.0
 _FORGOTTEN = 1e-6
 _GATE = 5.0
 """In deviations of the reading; beyond the gate it is not believed until another agrees with it."""
@@ -255,10 +264,9 @@ class Twin:
         """What it spent if it never heard the permission."""
         assert memory.unobeyed is not None
         before, at_ms = memory.unobeyed
-        knowledge = self.knowledge
-        shares = shares_of(memory, knowledge)
-        per_min, schedule = knowledge.drain.per_min, self._schedule(agent_id)
-        return carried(before, at_ms, memory.at_ms, per_min, knowledge.habits, schedule, shares)
+        chosen = choices(memory, self.knowledge, self._schedule(agent_id))
+        drain, habits = self.knowledge.drain, self.knowledge.habits
+        return carried(before, at_ms, memory.at_ms, drain.per_min, habits.every_ms, chosen)
 
     def _corrected(
         self, memory: Memory, hypotheses: list[Anchor], packet: StatusPacket, mode: Mode
@@ -266,7 +274,7 @@ class Twin:
         charges = (packet.primary, packet.secondary)
         sensor = self.knowledge.sensor
         total = math.fsum(row.weight for row in hypotheses)
-        hypotheses.sort(key=lambda row: -row.weight)
+        hypotheses = sorted(map(_possible, hypotheses), key=lambda row: -row.weight)
         rows: list[tuple[float, Array, Array]] = []
         surprise = math.inf
         for weight, mean, cov in hypotheses:
@@ -320,8 +328,14 @@ class Twin:
             return submerged(memory, self.knowledge, self._schedule(packet.agent_id), spent)
         if mode not in SUBMERGED:
             return memory
-        a, b, c = (n + (one is mode) for n, one in zip(memory.seen, SUBMERGED, strict=True))
-        return replace(memory, load=Load.known(mode), seen=(a, b, c))
+        return with_heard(replace(memory, load=Load.known(mode)), self.knowledge, mode)
+
+
+def _possible(row: Anchor) -> Anchor:
+    """What would have run empty, or be more than full, is at that end: only then can a reading confirm it."""
+    if 0 <= row.mean[PRIMARY] <= 1 and 0 <= row.mean[SECONDARY] <= 1:
+        return row
+    return _within(row, after_measuring=False)
 
 
 def _within(row: Anchor, after_measuring: bool) -> Anchor:

@@ -51,7 +51,13 @@ NOMINAL = Knowledge(
     ),
     sensor=Sensor(0.015, (0.0, -0.01, -0.03, 0.03), (0.004, 0.006, 0.011, 0.011), apart_ms=MINUTE),
     habits=Habits(
-        every_ms=60 * MINUTE, unscheduled=0.03, stays=0.78, shares=(0.8, 0.17, 0.03), seen_before=40
+        every_ms=60 * MINUTE,
+        unscheduled=0.03,
+        stays=0.63,
+        shares=(0.78, 0.175, 0.045),
+        daily=0.75,
+        plan_deviation=0.006 / 60,
+        seen_before=40,
     ),
     water=Water(step_variance_m2=0.0, current_deviation_m_s=0.0, current_lasts_s=3600.0, fix_deviation_m=1.0),
     drain_deviation=0.06,
