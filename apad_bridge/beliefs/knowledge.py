@@ -65,7 +65,8 @@ class Habits:
     shares: tuple[float, float, float]
     """Without a schedule: which mode is changed to."""
     daily: float
-    """Without a schedule: the probability that it does what it was last heard to do at this time of the day."""
+    """Without a schedule, but one and the same plan: the probability that it does as at this time of another day."""
+    plan_lasts_ms: int
     plan_deviation: float
     """Without a schedule: of the mean drain, a minute, between one plan of days and another."""
     seen_before: float

@@ -23,7 +23,7 @@ Rows = tuple[tuple[float, float, float], ...]
 
 
 class Choice(NamedTuple):
-    """What may be decided: `expected` None is to stay; `deviation` is of what a plan that nobody knows draws until the next."""
+    """What may be decided: `expected` None is to stay. `deviation` is of what an unknown plan draws until the next."""
 
     rows: Rows
     expected: Mode | None
@@ -146,15 +146,16 @@ def scheduled_rows(habits: Habits, mode: Mode) -> Rows:
     return ((row[0], row[1], row[2]),) * 3
 
 
-def usual_rows(habits: Habits, shares: tuple[float, float, float], remembered: Mode | None) -> Rows:
-    """Without a schedule: it stays, or changes to what is usual; or it does what it did a day ago."""
-    daily = 0.0 if remembered is None else habits.daily
+def usual_rows(
+    habits: Habits, shares: tuple[float, float, float], remembered: Mode | None, trust: float
+) -> Rows:
+    """Without a schedule: it stays, or changes to what is usual; or, with probability `trust`, does as `remembered`."""
     rows = []
     for stays in range(3):
-        row = [(1 - daily) * (1 - habits.stays) * share for share in shares]
-        row[stays] += (1 - daily) * habits.stays
+        row = [(1 - trust) * (1 - habits.stays) * share for share in shares]
+        row[stays] += (1 - trust) * habits.stays
         if remembered is not None:
-            row[remembered] += daily
+            row[remembered] += trust
         rows.append((row[0], row[1], row[2]))
     return tuple(rows)
 

@@ -14,7 +14,7 @@ from apad_bridge.beliefs import charge_state as charge
 from apad_bridge.beliefs import charging, load
 from apad_bridge.beliefs.belief import Clock
 from apad_bridge.beliefs.charge_state import DRAIN, PRIMARY, SECONDARY, Anchor, Array
-from apad_bridge.beliefs.knowledge import Knowledge, Schedule
+from apad_bridge.beliefs.knowledge import Habits, Knowledge, Schedule
 from apad_bridge.beliefs.load import MS_PER_MIN, Load, Spent
 from apad_bridge.beliefs.mixture import Part, below
 from apad_bridge.beliefs.modes import SUBMERGED, Mode
@@ -50,8 +50,8 @@ class Memory:
     """The load and its time, were the permission not heard."""
     seen: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """How often each of `SUBMERGED` was heard."""
-    day: tuple[Mode | None, ...] = ()
-    """By decision of the day, what it was heard to do last; empty when nobody asks."""
+    day: tuple[tuple[Mode, int] | None, ...] = ()
+    """By decision of the day, what it was heard to do last and at which decision; empty when nobody asks."""
     measured_ms: int = -1
     measured_mode: Mode | None = None
     suspect: float | None = None
@@ -86,10 +86,20 @@ def choices(memory: Memory, knowledge: Knowledge, schedule: Schedule) -> load.Ch
         scheduled = schedule.at(decision_ms)
         if scheduled is not None:
             return load.Choice(load.scheduled_rows(habits, scheduled), scheduled, 0.0)
-        remembered = memory.day[decision_ms // habits.every_ms % len(memory.day)] if memory.day else None
-        return load.Choice(load.usual_rows(habits, shares, remembered), remembered, deviation)
+        number = decision_ms // habits.every_ms
+        heard = memory.day[number % len(memory.day)] if memory.day else None
+        trust = 0.0 if heard is None else _trust(habits, (number - heard[1]) * habits.every_ms)
+        if heard is None or trust <= 0:
+            return load.Choice(load.usual_rows(habits, shares, None, 0.0), None, deviation)
+        expected = heard[0] if trust > 0.5 else None
+        return load.Choice(load.usual_rows(habits, shares, heard[0], trust), expected, deviation)
 
     return at
+
+
+def _trust(habits: Habits, age_ms: int) -> float:
+    """How far it still does what it was heard to do so long ago at the same hour: a new plan may have come since."""
+    return habits.daily * max(0.0, 1 - age_ms / habits.plan_lasts_ms)
 
 
 def with_heard(memory: Memory, knowledge: Knowledge, mode: Mode) -> Memory:
@@ -98,9 +108,9 @@ def with_heard(memory: Memory, knowledge: Knowledge, mode: Mode) -> Memory:
     habits = knowledge.habits
     if not habits.daily:
         return replace(memory, seen=(a, b, c))
-    decisions = DAY_MS // habits.every_ms
+    decisions, number = DAY_MS // habits.every_ms, memory.at_ms // habits.every_ms
     day = list(memory.day or (None,) * decisions)
-    day[memory.at_ms // habits.every_ms % decisions] = mode
+    day[number % decisions] = (mode, number)
     return replace(memory, seen=(a, b, c), day=tuple(day))
 
 
