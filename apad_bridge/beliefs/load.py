@@ -7,6 +7,7 @@ on which nothing unexpected happened is kept apart, because it alone has a sharp
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -80,6 +81,20 @@ class Load:
         """What remains of `mode` without the path on which nothing unexpected happened."""
         whole = self.by_mode[mode]
         return whole if mode is not self.expected_mode else _without(whole, self.expected)
+
+    def as_it_lies(self, rest: Spent) -> list[Spent]:
+        """A part of this load in its shape: where nobody knows the plan, little is usual and much is rare.
+
+        Two Gaussians of the same first two moments, the wider one on the side of much.
+        """
+        if not self.guesses:
+            return [rest]
+        p, mean, variance = rest
+        sd = math.sqrt(variance)
+        return [
+            Spent(0.75 * p, mean - 0.3 * sd, 0.4525 * variance),
+            Spent(0.25 * p, mean + 0.9 * sd, 1.5625 * variance),
+        ]
 
     def spend(self, per_min: tuple[float, ...], elapsed_ms: int) -> Load:
         """Every mode goes on for `elapsed_ms`."""

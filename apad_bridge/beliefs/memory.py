@@ -15,7 +15,7 @@ from apad_bridge.beliefs import charging, load
 from apad_bridge.beliefs.belief import Clock
 from apad_bridge.beliefs.charge_state import DRAIN, PRIMARY, SECONDARY, Anchor, Array
 from apad_bridge.beliefs.knowledge import Habits, Knowledge, Schedule
-from apad_bridge.beliefs.load import MS_PER_MIN, Load, Spent
+from apad_bridge.beliefs.load import MS_PER_MIN, Load, Spent, merged
 from apad_bridge.beliefs.mixture import Part, below
 from apad_bridge.beliefs.modes import SUBMERGED, Mode
 from apad_bridge.beliefs.place import Place
@@ -188,7 +188,7 @@ def _on_the_backup(memory: Memory, knowledge: Knowledge, elapsed_ms: int) -> Mem
 
 
 def primary_parts(memory: Memory, knowledge: Knowledge) -> tuple[Part, ...]:
-    """The primary charge at `at_ms` as a mixture, not held at its ends: the expected path, and the rest by mode."""
+    """The primary charge at `at_ms` as a mixture, not held at its ends."""
     parts = []
     for weight, mean, cov in memory.anchors:
         at, drain = float(mean[PRIMARY]), float(mean[DRAIN])
@@ -206,11 +206,11 @@ def primary_parts(memory: Memory, knowledge: Knowledge) -> tuple[Part, ...]:
 
 
 def paths(load: Load) -> list[Spent]:
-    """The ways in which it may have spent: as expected, and otherwise by the mode that it is in now."""
+    """The ways in which it may have spent: as expected, and otherwise."""
     if load.expected[0] > 1 - _UNLIKELY:
         return [load.expected]
-    rows = [load.expected, *(load.unexpected(mode) for mode in SUBMERGED)]
-    return [row for row in rows if row[0] > _UNLIKELY]
+    rest = merged([load.unexpected(mode) for mode in SUBMERGED])
+    return [load.expected, *load.as_it_lies(rest)]
 
 
 def charge_now(memory: Memory, knowledge: Knowledge, spent: Sequence[Spent]) -> list[Anchor]:

@@ -16,7 +16,7 @@ from apad_bridge.beliefs import clock as clocks
 from apad_bridge.beliefs.belief import Belief, Source
 from apad_bridge.beliefs.charge_state import PRIMARY, SECONDARY, Anchor, Array
 from apad_bridge.beliefs.knowledge import UNKNOWN, Knowledge, Schedule
-from apad_bridge.beliefs.load import Load, Spent, carried, merged
+from apad_bridge.beliefs.load import Load, Spent, carried
 from apad_bridge.beliefs.measurement import (
     Docked,
     Fixed,
@@ -245,15 +245,15 @@ class Twin:
         if mode in SUBMERGED:
             if memory.unobeyed is not None:
                 load = self._without_permission(memory, agent_id)
-            rest = load.unexpected(mode)
-            rows = [load.expected, rest] if mode is load.expected_mode else [rest]
+            rest = load.as_it_lies(load.unexpected(mode))
+            rows = [load.expected, *rest] if mode is load.expected_mode else rest
         elif memory.situation is None:
             # It comes up unasked, or was told by somebody else.
             _, mean, variance = load.total()
             run = self.knowledge.drain.motor_run
             rows = [Spent(1.0, mean + run, variance + run**2)]
         else:
-            rows = [load.expected, merged([load.unexpected(one) for one in SUBMERGED])]
+            rows = paths(load)
         total = math.fsum(row[0] for row in rows)
         if total < _NEGLIGIBLE**2:  # what cannot be has been heard: all that is known is the total
             _, mean, variance = load.total()
