@@ -115,6 +115,7 @@ class Knowledge:
     """Deviation by which the relative drain wanders in a day."""
     clock: ClockKnowledge
     surfacing_ms: int
+    sinking_ms: int
     float_timeout_ms: int
     """Floating unserved for so long, it sinks again."""
 

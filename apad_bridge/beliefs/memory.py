@@ -158,9 +158,10 @@ def _afloat(memory: Memory, knowledge: Knowledge, schedule: Schedule, to_ms: int
 
 
 def sinking(spent: Spent, knowledge: Knowledge) -> Spent:
-    """`spent`, and one way down."""
+    """`spent`, and one way down, awake."""
     drain = knowledge.drain
-    return Spent(spent[0], spent[1] + drain.motor_run, spent[2] + drain.motor_deviation**2)
+    awake = drain.per_min[Mode.IDLE] * knowledge.sinking_ms / MS_PER_MIN
+    return Spent(spent[0], spent[1] + drain.motor_run + awake, spent[2] + drain.motor_deviation**2)
 
 
 def submerged(memory: Memory, knowledge: Knowledge, schedule: Schedule, spent: Spent) -> Memory:

@@ -65,6 +65,7 @@ NOMINAL = Knowledge(
     ageing_per_day=0.002,
     clock=ClockKnowledge(1000.0, 20.0, 1000.0),
     surfacing_ms=4 * MINUTE,
+    sinking_ms=4 * MINUTE,
     float_timeout_ms=12 * 60 * MINUTE,
 )
 """What is told to a filter of the study's aMussels: the kind, not the one."""

@@ -119,6 +119,10 @@ def live(seed: int, agents: int = AGENTS, hours: int = HOURS) -> Life:
                 events,
                 by_itself[i, hour],
             )
+        here = slot == minute % 60
+        if here.any():
+            for kept, now in zip(at_slot, (primary, secondary, doing), strict=True):
+                kept[here, hour] = now[here]
         k = drain * (1 + ageing * minute)
         doing = np.where(self_moved & (primary <= 0), Doing.EMPTY, doing)
         primary, secondary, full = _step(doing, primary, secondary, k, coils, 1 + ageing * minute)
@@ -126,10 +130,6 @@ def live(seed: int, agents: int = AGENTS, hours: int = HOURS) -> Life:
         until[done] = minute + 1 + rng.integers(5, 90, done.sum())
         calls = (primary < low) & (called > 1 << 39) & ((doing <= Doing.HIGH) | (doing == Doing.EMPTY))
         called[calls] = minute + 1 + wait[calls]
-        here = slot == minute % 60
-        if here.any():
-            for kept, now in zip(at_slot, (primary, secondary, doing), strict=True):
-                kept[here, hour] = now[here]
     noise = rng.normal(0, NOISE, (agents, hours, 2))
     bias = np.take_along_axis(sag, at_slot[2], axis=1)
     lift = np.where(at_slot[2] == Doing.DOCKED, bias, 0.0)
