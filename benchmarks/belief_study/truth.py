@@ -46,10 +46,35 @@ SAG = np.array([0.0, -0.010, -0.030, -0.010, -0.028, +0.030, -0.010, 0.0])
 """Mean voltage bias by what it does."""
 
 
+ALONE = (Doing.ASLEEP, Doing.IDLE, Doing.HIGH)
+_NOT_CALLED = 1 << 40
+
+
 class Event(IntEnum):
     PERMITTED = 0
     DOCKED = 1
     RELEASED = 2
+
+
+Events = list[tuple[int, Event]]
+"""(minute, event), in order."""
+
+
+@dataclass
+class Now:
+    """All aMussels at one minute; `until`, `called` are minutes, `planned` what an aPad takes the charges for."""
+
+    doing: np.ndarray
+    primary: np.ndarray
+    secondary: np.ndarray
+    planned: np.ndarray
+    planned_secondary: np.ndarray
+    drain: np.ndarray
+    coils: np.ndarray
+    until: np.ndarray
+    called: np.ndarray
+    low: np.ndarray
+    wait: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -71,8 +96,8 @@ class Life:
     """(agents, hours) in [0, 1): a packet is lost when this is above the share that is heard."""
     dark: np.ndarray
     """(agents, hours): within a blackout."""
-    events: list[list[tuple[int, Event]]]
-    """By agent: (minute, event), in order."""
+    events: list[Events]
+    """By agent."""
     drain: np.ndarray
     sag: np.ndarray
     """(agents, modes): the true voltage bias."""
@@ -89,47 +114,32 @@ def live(seed: int, agents: int = AGENTS, hours: int = HOURS) -> Life:
     other = (scheduled + rng.integers(1, 3, (agents, hours))) % 3
     by_itself = np.where(unscheduled, other, scheduled)
 
-    primary, secondary = rng.uniform(0.3, 1.0, agents), rng.uniform(0.9, 1.0, agents)
-    doing = by_itself[:, 0].copy()
-    until = np.full(agents, -1)
-    floats, coils = np.zeros(agents, int), np.ones(agents)
-    low, wait = _service(rng, agents)
-    called = np.full(agents, 1 << 40)
-    events: list[list[tuple[int, Event]]] = [[] for _ in range(agents)]
+    now = Now(
+        doing=by_itself[:, 0].copy(),
+        primary=rng.uniform(0.3, 1.0, agents),
+        secondary=rng.uniform(0.9, 1.0, agents),
+        planned=np.full(agents, 0.65),
+        planned_secondary=np.ones(agents),
+        drain=drain,
+        coils=np.ones(agents),
+        until=np.full(agents, -1),
+        called=np.full(agents, _NOT_CALLED),
+        low=rng.uniform(0.4, 0.75, agents),
+        wait=rng.integers(30, 600, agents),
+    )
+    events: list[Events] = [[] for _ in range(agents)]
     at_slot = (np.zeros((agents, hours)), np.zeros((agents, hours)), np.zeros((agents, hours), int))
     for minute in range(60 * hours):
         hour = minute // 60
-        self_moved = doing <= Doing.HIGH
         if minute % 60 == 0:
-            doing = np.where(self_moved, by_itself[:, hour], doing)
-        for i in np.flatnonzero((called == minute) | (until == minute)):
-            _turn(
-                rng,
-                i,
-                minute,
-                doing,
-                until,
-                floats,
-                coils,
-                called,
-                low,
-                wait,
-                primary,
-                drain,
-                events,
-                by_itself[i, hour],
-            )
+            now.doing = np.where(now.doing <= Doing.HIGH, by_itself[:, hour], now.doing)
+        for i in np.flatnonzero((now.called == minute) | (now.until == minute)):
+            _turn(rng, i, minute, by_itself[i, hour], now, events[i])
         here = slot == minute % 60
         if here.any():
-            for kept, now in zip(at_slot, (primary, secondary, doing), strict=True):
-                kept[here, hour] = now[here]
-        k = drain * (1 + ageing * minute)
-        doing = np.where(self_moved & (primary <= 0), Doing.EMPTY, doing)
-        primary, secondary, full = _step(doing, primary, secondary, k, coils, 1 + ageing * minute)
-        done = full & (until < 0)
-        until[done] = minute + 1 + rng.integers(5, 90, done.sum())
-        calls = (primary < low) & (called > 1 << 39) & ((doing <= Doing.HIGH) | (doing == Doing.EMPTY))
-        called[calls] = minute + 1 + wait[calls]
+            for kept, of_now in zip(at_slot, (now.primary, now.secondary, now.doing), strict=True):
+                kept[here, hour] = of_now[here]
+        _pass_a_minute(rng, minute, scheduled[:, hour], 1 + ageing * minute, now)
     noise = rng.normal(0, NOISE, (agents, hours, 2))
     bias = np.take_along_axis(sag, at_slot[2], axis=1)
     lift = np.where(at_slot[2] == Doing.DOCKED, bias, 0.0)
@@ -150,6 +160,27 @@ def live(seed: int, agents: int = AGENTS, hours: int = HOURS) -> Life:
     )
 
 
+def _pass_a_minute(
+    rng: np.random.Generator, minute: int, scheduled: np.ndarray, age: np.ndarray, now: Now
+) -> None:
+    now.doing = np.where((now.doing <= Doing.HIGH) & (now.primary <= 0), Doing.EMPTY, now.doing)
+    now.primary, now.secondary = _step(
+        now.doing, now.primary, now.secondary, now.drain * age, now.coils * age
+    )
+    # An aPad comes when one of the nominal kind that keeps to its schedule would be low, and lets it go some hours after
+    # that one would be full: it cannot see the truth.
+    alone = (now.doing <= Doing.HIGH) | (now.doing == Doing.EMPTY)
+    nominally, nominal = np.where(alone, scheduled, now.doing), np.ones(len(alone))
+    now.planned, now.planned_secondary = _step(
+        nominally, now.planned, now.planned_secondary, nominal, nominal
+    )
+    full = (now.planned >= 1) & (now.planned_secondary >= 1)
+    done = (now.doing == Doing.DOCKED) & (now.until < 0) & full
+    now.until[done] = minute + 1 + rng.integers(60, 300, done.sum())
+    calls = (now.planned < now.low) & (now.called == _NOT_CALLED) & alone
+    now.called[calls] = minute + 1 + now.wait[calls]
+
+
 def _schedules(rng: np.random.Generator, agents: int, hours: int) -> np.ndarray:
     """A day's plan for each, commanded anew every five days: blocks of 2 to 6 hours, mostly asleep."""
     plan = np.zeros((agents, hours), int)
@@ -162,49 +193,52 @@ def _schedules(rng: np.random.Generator, agents: int, hours: int) -> np.ndarray:
     return plan
 
 
-def _service(rng: np.random.Generator, agents: int) -> tuple[np.ndarray, np.ndarray]:
-    """Below which charge an aPad is called, and how many minutes later it comes."""
-    return rng.uniform(0.3, 0.7, agents), rng.integers(30, 600, agents)
-
-
-def _turn(
-    rng, i, minute, doing, until, floats, coils, called, low, wait, primary, drain, events, by_itself
-) -> None:
+def _turn(rng: np.random.Generator, i: int, minute: int, by_itself: int, now: Now, events: Events) -> None:
     """The next step of a collection: permission, up, floating, docked, released, down."""
-    if doing[i] <= Doing.HIGH or doing[i] == Doing.EMPTY:
-        events[i].append((minute, Event.PERMITTED))
-        primary[i] = max(0.0, primary[i] - drain[i] * MOTOR_RUN)
-        doing[i], until[i] = Doing.SURFACING, minute + 4
-    elif doing[i] == Doing.SURFACING:
-        doing[i], until[i] = Doing.FLOATING, minute + int(rng.integers(5, 40))
-    elif doing[i] == Doing.FLOATING:
-        events[i].append((minute, Event.DOCKED))
-        doing[i], coils[i] = Doing.DOCKED, rng.normal(1.0, 0.03)
-        until[i] = minute + int(rng.integers(60, 300)) if rng.random() < 0.2 else -1  # some are let go early
-    elif doing[i] == Doing.DOCKED:
-        events[i].append((minute, Event.RELEASED))
-        primary[i] = max(0.0, primary[i] - drain[i] * MOTOR_RUN)
-        doing[i], until[i] = Doing.SINKING, minute + 4
+    doing = now.doing[i]
+    if doing in (*ALONE, Doing.EMPTY):
+        events.append((minute, Event.PERMITTED))
+        _run_motors(i, now)
+        now.doing[i], now.until[i] = Doing.SURFACING, minute + 4
+    elif doing == Doing.SURFACING:
+        now.doing[i], now.until[i] = Doing.FLOATING, minute + int(rng.integers(5, 40))
+    elif doing == Doing.FLOATING:
+        events.append((minute, Event.DOCKED))
+        now.doing[i], now.coils[i] = Doing.DOCKED, rng.normal(1.0, 0.03)
+        # Some are let go early.
+        now.until[i] = minute + int(rng.integers(60, 300)) if rng.random() < 0.2 else -1
+    elif doing == Doing.DOCKED:
+        events.append((minute, Event.RELEASED))
+        _run_motors(i, now)
+        now.doing[i], now.until[i] = Doing.SINKING, minute + 4
     else:
-        doing[i], until[i], called[i] = by_itself, -1, 1 << 40
-        low[i], wait[i] = rng.uniform(0.3, 0.7), rng.integers(30, 600)
+        now.doing[i], now.until[i], now.called[i] = by_itself, -1, _NOT_CALLED
+        now.low[i], now.wait[i] = rng.uniform(0.4, 0.75), rng.integers(30, 600)
 
 
-def _step(doing, primary, secondary, k, coils, age):
-    """One minute; an empty primary leaves the board asleep on the secondary."""
+def _run_motors(i: int, now: Now) -> None:
+    now.primary[i] = max(0.0, now.primary[i] - now.drain[i] * MOTOR_RUN)
+    now.planned[i] = max(0.0, now.planned[i] - MOTOR_RUN)
+
+
+def _step(
+    doing: np.ndarray, primary: np.ndarray, secondary: np.ndarray, drain: np.ndarray, coils: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Both charges a minute later; an empty primary leaves the board asleep on the secondary."""
     docked = doing == Doing.DOCKED
-    load = k * PER_MIN[doing]
-    rate = np.full(len(primary), CURVE[-1][1])
-    rate2 = rate.copy()
-    for end, value in reversed(CURVE[:-1]):
-        rate[primary <= end], rate2[secondary <= end] = value, value
-    charged = np.minimum(1.0, primary + coils * age * TWO_COILS * rate - ASLEEP_IN_DOCK * load)
-    charged2 = np.minimum(1.0, secondary + coils * age * rate2)
-    empty = doing == Doing.EMPTY
-    drained2 = np.where(empty, np.maximum(0.0, secondary - k * PER_MIN[Doing.ASLEEP]), secondary)
-    new = np.where(docked, charged, np.maximum(0.0, primary - load))
-    new2 = np.where(docked, charged2, drained2)
-    return new, new2, docked & (new >= 1.0) & (new2 >= 1.0)
+    load = drain * PER_MIN[doing]
+    rates = []
+    for battery in (primary, secondary):
+        rate = np.full(len(battery), CURVE[-1][1])
+        for end, value in reversed(CURVE[:-1]):
+            rate[battery <= end] = value
+        rates.append(rate)
+    charged = np.minimum(1.0, primary + coils * TWO_COILS * rates[0] - ASLEEP_IN_DOCK * load)
+    backup = np.where(doing == Doing.EMPTY, drain * PER_MIN[Doing.ASLEEP], 0.0)
+    return (
+        np.where(docked, charged, np.maximum(0.0, primary - load)),
+        np.where(docked, np.minimum(1.0, secondary + coils * rates[1]), np.maximum(0.0, secondary - backup)),
+    )
 
 
 def _blackouts(rng: np.random.Generator, agents: int, hours: int) -> np.ndarray:
