@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from apad_bridge.beliefs.knowledge import Knowledge, Sensor
 from apad_bridge.beliefs.load import Spent
-from apad_bridge.beliefs.mixture import held, truncated
+from apad_bridge.beliefs.mixture import held, normal_cdf, normal_pdf, truncated
 from apad_bridge.beliefs.modes import Mode
 
 Array = NDArray[np.float64]
@@ -25,7 +25,7 @@ SIZE = 7
 _UNKNOWN_SD = 0.6
 """Of a charge of which nothing is known: wider than [0, 1], so that the first packet alone decides."""
 _UNREAD = 1e4
-"""The variance of a reading near the end of its scale, which is cut there: it says only that the charge is there too."""
+"""The variance of a reading at the end of its scale that says nothing: what is expected lies far beyond."""
 _KEPT = 4
 _ALIKE = 0.01
 _BIAS_OF = {
@@ -126,17 +126,32 @@ def measured(
     variance = float(cov[PRIMARY, PRIMARY] + 2 * cov[PRIMARY, bias] + cov[bias, bias] + noise[0, 0])
     surprise = abs(float(z[0] - expected[0])) / math.sqrt(variance)
     for row in (0, 1):
-        if _is_cut(float(expected[row]), float(z[row]), sensor.noise):
-            z[row], noise[row, row] = expected[row], _UNREAD
+        if z[row] <= 0 or z[row] >= 1:
+            spread = float(reading[row] @ cov @ reading[row])
+            z[row], noise[row, row] = _cut(float(expected[row]), spread, float(z[row]), sensor.noise**2)
     new_mean, new_cov = update(mean, cov, z, noise, reading)
     return new_mean, new_cov, -0.5 * (surprise**2 + math.log(variance)), surprise
 
 
-def _is_cut(expected: float, reading: float, noise: float) -> bool:
-    """Both within what noise can do of one end of the scale: the mean of such readings is not the charge."""
-    if expected > 0.5:
-        return expected > 1 - 2 * noise and reading > 1 - 4 * noise
-    return expected < 2 * noise and reading < 4 * noise
+def _cut(expected: float, spread: float, end: float, noise: float) -> tuple[float, float]:
+    """A reading at an `end` of the scale, where readings are cut: (reading, variance) that do to a Kalman filter what
+    knowing does that the uncut reading lay beyond.
+
+    Ignoring such readings would leave only the low ones of a full battery, and its bias would be learned from them. The
+    moments are those of a Gaussian beyond a bound (Tobin's censored regression).
+    """
+    side = 1.0 if end > 0.5 else -1.0
+    total = spread + noise
+    sd = math.sqrt(total)
+    bound = side * (end - expected) / sd
+    beyond = normal_cdf(-bound)
+    if beyond < 1e-9:
+        return end, noise  # against all expectation; a plain reading says it well enough
+    rise = normal_pdf(bound) / beyond
+    narrowing = rise * (rise - bound)
+    if narrowing < total / _UNREAD:
+        return expected, _UNREAD
+    return expected + side * sd * rise / narrowing, total / narrowing - spread
 
 
 def matched(rows: Sequence[Anchor]) -> Anchor:

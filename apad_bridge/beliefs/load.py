@@ -92,8 +92,8 @@ class Load:
         p, mean, variance = rest
         sd = math.sqrt(variance)
         return [
-            Spent(0.75 * p, mean - 0.3 * sd, 0.4525 * variance),
-            Spent(0.25 * p, mean + 0.9 * sd, 1.5625 * variance),
+            Spent(0.7 * p, mean - 0.45 * sd, 0.2025 * variance),
+            Spent(0.3 * p, mean + 1.05 * sd, 1.28583 * variance),
         ]
 
     def spend(self, per_min: tuple[float, ...], elapsed_ms: int) -> Load:

@@ -293,13 +293,19 @@ class Twin:
         )
 
     def _doubted(self, memory: Memory, hypotheses: list[Anchor], packet: StatusPacket, mode: Mode) -> Memory:
-        """A reading beyond the gate: its mode is believed and its charge is not, until the next one agrees with it."""
+        """A reading beyond the gate: its mode is believed and its charge is not, until the next one agrees with it.
+
+        Until then either may be wrong, and the belief says so.
+        """
         before = charge.matched(hypotheses)
         away = packet.primary - float(before.mean[PRIMARY])
         memory = replace(memory, gated=memory.gated + 1)
         near = _AGREES * self.knowledge.sensor.noise
         if memory.suspect is None or abs(away - memory.suspect) > near:
-            return self._settled(memory, _within(before, after_measuring=False), packet, mode, suspect=away)
+            doubted = before.cov.copy()
+            doubted[PRIMARY, PRIMARY] += (away / 2) ** 2
+            anchor = Anchor(1.0, before.mean, doubted)
+            return self._settled(memory, _within(anchor, after_measuring=False), packet, mode, suspect=away)
         cov = before.cov.copy()
         cov[PRIMARY, PRIMARY] += away**2
         charges = (packet.primary, packet.secondary)
