@@ -50,7 +50,7 @@ class Sensor:
     """Expected asleep, awake, under high load, charging: voltage sags under a load and is lifted by a charger."""
     bias_deviation: tuple[float, float, float, float]
     apart_ms: int
-    """Measurements nearer to each other than this, in one mode, share their error: the later one tells nothing new."""
+    """Of the readings within this time, in one mode, one is used: they share their error."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -53,6 +53,11 @@ _GATE = 5.0
 _AGREES = 4.0
 _UNTOLD_SD = 0.3
 """Of a charge after something that nobody told of: docked by hand, or let go."""
+_CLOCK_APART_MS = 600_000
+"""Agent time between two readings of a clock."""
+_FIX_APART_MS = 10_000
+"""Mission time between two fixes that a packet brings along."""
+_TURN_MS = 7_919
 _DOCK_VARIANCE_M2 = 1.0
 _NOTHING = Spent(1.0, 0.0, 0.0)
 _ON_THE_WAY = (State.RELEASED, State.SINKING, State.BOOTING)
@@ -176,14 +181,23 @@ class Twin:
             raise Rejected("a status that a newer one overtook")
         at_ms = max(at_ms, belief.at_ms)
         memory = self._carried(belief, at_ms)
-        near = memory.at_ms - memory.measured_ms < self.knowledge.sensor.apart_ms
-        if not (near and mode is memory.measured_mode):
-            memory = self._read_clock(memory, packet, at_ms)
-            memory = self._fixed(memory, packet, at_ms)
+        if self._tells_news(memory, belief.agent_id, mode):
+            if memory.at_ms - memory.clock_ms >= _CLOCK_APART_MS:
+                memory = self._read_clock(memory, packet, at_ms)
+            if at_ms - memory.place_ms >= _FIX_APART_MS:
+                memory = self._fixed(memory, packet, at_ms)
             memory = self._weigh(memory, belief.agent_id, packet, mode)
         memory = replace(memory, packet=(packet.sequence, packet.agent_ms))
         heard = replace(belief, heard_ms=at_ms, carried_ms=0, state=packet.state, silent_slots=0)
         return self._tell(heard, memory, at_ms, Source.PACKET)
+
+    def _tells_news(self, memory: Memory, agent_id: int, mode: Mode) -> bool:
+        """Of readings near to each other in one mode only the first is used; fleets take turns, so that ticks are alike."""
+        if mode is not memory.measured_mode:
+            return True
+        apart_ms = self.knowledge.sensor.apart_ms
+        turn_ms = agent_id * _TURN_MS % apart_ms
+        return (memory.at_ms + turn_ms) // apart_ms > (memory.measured_ms + turn_ms) // apart_ms
 
     def _first(self, packet: StatusPacket, mode: Mode, at_ms: int) -> Belief:
         knowledge = self.knowledge

@@ -49,15 +49,15 @@ NOMINAL = Knowledge(
     charger=Charger(
         ((0.16197, 0.001045), (0.5634, 0.00223), (1.0, 0.002911)), primary=1.2435, deviation=0.04
     ),
-    sensor=Sensor(0.015, (0.0, -0.01, -0.03, 0.03), (0.004, 0.006, 0.011, 0.011), apart_ms=MINUTE),
+    sensor=Sensor(0.015, (0.0, -0.01, -0.03, 0.03), (0.004, 0.006, 0.011, 0.011), apart_ms=5 * MINUTE),
     habits=Habits(
         every_ms=60 * MINUTE,
         unscheduled=0.033,
-        stays=0.63,
+        stays=0.55,
         shares=(0.80, 0.16, 0.04),
         daily=0.92,
         plan_lasts_ms=5 * 24 * 60 * MINUTE,
-        plan_deviation=0.0065 / 60,
+        plan_deviation=0.007 / 60,
         seen_before=40,
     ),
     water=Water(step_variance_m2=0.0, current_deviation_m_s=0.0, current_lasts_s=3600.0, fix_deviation_m=1.0),

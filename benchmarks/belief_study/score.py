@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -14,34 +14,46 @@ AGES = (
     ("25-48", 25, 48),
     ("49-", 49, 1 << 30),
 )
+COLUMNS = ("age_h", "truth", "mean", "variance", "low", "high", "right", "ends")
+"""Of a row: age of the last packet, true and believed charge, variance, the probability of so little and of less, whether
+the mode is right, and how much of the belief rests at 0 or 1."""
 
 
-@dataclass
-class Samples:
-    """Rows (age in hours, true charge, believed charge, variance, lower and upper tail at the truth, right mode)."""
+def score(rows: np.ndarray, certain: bool = False) -> dict[str, Any]:
+    """Of rows as in `COLUMNS`. A filter that claims to be `certain` has neither coverage nor consistency."""
+    age, truth, mean, variance, low, high, right, ends = rows.T
+    error = mean - truth
+    bins = {name: (age >= first) & (age <= last) for name, first, last in AGES}
+    found: dict[str, Any] = {
+        "rmse": _root(error),
+        "coverage": None,
+        "nees": None,
+        "coverage_by_age": None,
+        "samples_by_age": {name: int(here.sum()) for name, here in bins.items()},
+        "rmse_by_age": {name: _root(error[here]) for name, here in bins.items()},
+        "mode_share": float(right.mean()),
+        "samples": len(rows),
+    }
+    if certain:
+        return found
+    covered = (low >= 0.025) & (high <= 0.975)
+    # Clamped: the truth rests at an end, or more than half of the belief does.
+    clamped = (truth <= 0) | (truth >= 1) | (ends > 0.5) | (variance <= 0)
+    square = np.where(clamped, 0.0, error**2 / np.maximum(variance, 1e-12))
+    found |= {
+        "coverage": _share(covered),
+        "coverage_clamped": _share(covered[clamped]),
+        "clamped": float(clamped.mean()),
+        "nees": _share(square[~clamped]),
+        "coverage_by_age": {name: _share(covered[here]) for name, here in bins.items()},
+        "nees_by_age": {name: _share(square[here & ~clamped]) for name, here in bins.items()},
+    }
+    return found
 
-    rows: list[tuple[float, ...]] = field(default_factory=list)
 
-    def score(self) -> dict[str, object]:
-        age, truth, mean, variance, low, high, right = np.array(self.rows).T
-        error = mean - truth
-        covered = (low >= 0.025) & (high <= 0.975)
-        free = (truth > 0) & (truth < 1) & (mean > 1e-3) & (mean < 1 - 1e-3) & (variance > 0)
-        bins = {name: (age >= first) & (age <= last) for name, first, last in AGES}
-        return {
-            "rmse": float(np.sqrt(np.mean(error**2))),
-            "coverage": float(covered.mean()),
-            "coverage_unclamped": float(covered[free].mean()) if free.any() else None,
-            "nees": float(np.mean(error[free] ** 2 / variance[free])) if free.any() else None,
-            "coverage_by_age": {n: float(covered[b].mean()) if b.any() else None for n, b in bins.items()},
-            "samples_by_age": {n: int(b.sum()) for n, b in bins.items()},
-            "rmse_by_age": {
-                n: float(np.sqrt(np.mean(error[b] ** 2))) if b.any() else None for n, b in bins.items()
-            },
-            "nees_by_age": {
-                n: float(np.mean(error[b & free] ** 2 / variance[b & free])) if (b & free).any() else None
-                for n, b in bins.items()
-            },
-            "mode_share": float(right.mean()),
-            "samples": len(age),
-        }
+def _share(of: np.ndarray) -> float | None:
+    return float(of.mean()) if len(of) else None
+
+
+def _root(error: np.ndarray) -> float | None:
+    return float(np.sqrt(np.mean(error**2))) if len(error) else None

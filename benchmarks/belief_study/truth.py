@@ -37,7 +37,8 @@ class Doing(IntEnum):
 PER_MIN = np.array(
     [0.0000674300, 0.0010427134, 0.0018000000, 0.0010427134, 0.0031823530, 0.0000674300, 0.0010427134, 0.0]
 )
-"""Asleep: MU and modem, hourly wakes aside. High load: the Pi besides, a third of the time. Floating: Wi-Fi, GSM and Bluetooth besides."""
+"""Asleep: MU and modem, hourly wakes aside. High load: the Pi besides, a third of the time. Floating: Wi-Fi, GSM and
+Bluetooth besides."""
 ASLEEP_IN_DOCK = 0.6037
 """Of the load, what reaches a battery that is being charged."""
 CURVE = ((0.16197, 0.001045), (0.5634, 0.00223), (1.0, 0.002911))
