@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 from apad_bridge.beliefs import charge_state as charge
 from apad_bridge.beliefs import charging, load
@@ -78,15 +79,14 @@ def shares_of(memory: Memory, knowledge: Knowledge) -> tuple[float, float, float
 
 def choices(memory: Memory, knowledge: Knowledge, schedule: Schedule) -> load.Choices:
     """For the time of a decision: by schedule where there is one, else by what is usual and what was heard of this one."""
-    habits, shares = knowledge.habits, shares_of(memory, knowledge)
-
-    deviation = habits.plan_deviation * habits.every_ms / MS_PER_MIN
+    habits = knowledge.habits
 
     def at(decision_ms: int) -> load.Choice:
         scheduled = schedule.at(decision_ms)
         if scheduled is not None:
             return load.Choice(load.scheduled_rows(habits, scheduled), scheduled, 0.0)
-        number = decision_ms // habits.every_ms
+        deviation = habits.plan_deviation * habits.every_ms / MS_PER_MIN
+        number, shares = decision_ms // habits.every_ms, shares_of(memory, knowledge)
         heard = memory.day[number % len(memory.day)] if memory.day else None
         trust = 0.0 if heard is None else _trust(habits, (number - heard[1]) * habits.every_ms)
         if heard is None or trust <= 0:
@@ -102,16 +102,19 @@ def _trust(habits: Habits, age_ms: int) -> float:
     return habits.daily * max(0.0, 1 - age_ms / habits.plan_lasts_ms)
 
 
-def with_heard(memory: Memory, knowledge: Knowledge, mode: Mode) -> Memory:
-    """It was heard to be in `mode`: that says something of what it usually does, and of what it does at this hour."""
+def heard_in(memory: Memory, knowledge: Knowledge, mode: Mode) -> dict[str, Any]:
+    """What changes when it was heard to be in `mode`: what it usually does, and what it does at this hour."""
+    if mode not in SUBMERGED:
+        return {}
     a, b, c = (n + (one is mode) for n, one in zip(memory.seen, SUBMERGED, strict=True))
+    changes: dict[str, Any] = {"load": Load.known(mode), "seen": (a, b, c)}
     habits = knowledge.habits
-    if not habits.daily:
-        return replace(memory, seen=(a, b, c))
-    decisions, number = DAY_MS // habits.every_ms, memory.at_ms // habits.every_ms
-    day = list(memory.day or (None,) * decisions)
-    day[number % decisions] = (mode, number)
-    return replace(memory, seen=(a, b, c), day=tuple(day))
+    if habits.daily:
+        decisions, number = DAY_MS // habits.every_ms, memory.at_ms // habits.every_ms
+        day = list(memory.day or (None,) * decisions)
+        day[number % decisions] = (mode, number)
+        changes["day"] = tuple(day)
+    return changes
 
 
 def advanced(memory: Memory, knowledge: Knowledge, schedule: Schedule, to_ms: int) -> Memory:

@@ -34,21 +34,10 @@ class Place:
         """After `elapsed_s` mission seconds; on the bottom no current moves it, and the current becomes unknown."""
         if elapsed_s <= 0:
             return self
-        lasts_s = max(water.current_lasts_s, 1e-3)
-        kept = math.exp(-elapsed_s / lasts_s)
-        speed = water.current_deviation_m_s**2
-        reach = lasts_s * (1 - kept) if afloat else 0.0
-        walk = water.step_variance_m2 * elapsed_s
-        if afloat:
-            # The integral of an Ornstein-Uhlenbeck process, and its covariance with the speed at the end.
-            walk += speed * lasts_s * (2 * elapsed_s - lasts_s * (3 - 4 * kept + kept * kept))
-            cross = speed * lasts_s * (1 - kept) ** 2
-        else:
-            cross = 0.0
+        kept, reach, walk, cross, left = _drift(water, elapsed_s, afloat)
         transition = np.array(
             [[1.0, 0.0, reach, 0.0], [0.0, 1.0, 0.0, reach], [0.0, 0.0, kept, 0.0], [0.0, 0.0, 0.0, kept]]
         )
-        left = speed * (1 - kept * kept)
         noise = np.array(
             [
                 [walk, 0.0, cross, 0.0],
@@ -59,6 +48,26 @@ class Place:
         )
         mean, cov = predict(self.mean, self.cov, transition, noise)
         return Place(mean, cov)
+
+    def after(
+        self, water: Water, elapsed_s: float, afloat: bool
+    ) -> tuple[float, float, tuple[float, float, float]]:
+        """North, east and their covariance after `elapsed_s`: what of `carried` others are told, for much less."""
+        north, east, speed_n, speed_e = self.mean.tolist()
+        cov = self.cov.tolist()
+        if elapsed_s <= 0:
+            return north, east, (cov[0][0], cov[0][1], cov[1][1])
+        _, reach, walk, _, _ = _drift(water, elapsed_s, afloat)
+        square = reach * reach
+        return (
+            north + reach * speed_n,
+            east + reach * speed_e,
+            (
+                cov[0][0] + 2 * reach * cov[0][2] + square * cov[2][2] + walk,
+                cov[0][1] + reach * (cov[0][3] + cov[1][2]) + square * cov[2][3],
+                cov[1][1] + 2 * reach * cov[1][3] + square * cov[3][3] + walk,
+            ),
+        )
 
     def fixed(self, north_m: float, east_m: float, variance_m2: float, water: Water) -> Place:
         """A fix; one that is five deviations away says that it was carried off, and all else is forgotten."""
@@ -84,7 +93,17 @@ class Place:
         mean, cov = update(self.mean, self.cov, innovation, np.array([[variance_m2 + blur]]), slope)
         return Place(mean, cov)
 
-    @property
-    def covariance(self) -> tuple[float, float, float]:
-        """North, between both, east; square metres."""
-        return float(self.cov[0, 0]), float(self.cov[0, 1]), float(self.cov[1, 1])
+
+def _drift(water: Water, elapsed_s: float, afloat: bool) -> tuple[float, float, float, float, float]:
+    """What of a speed is kept, how far it reaches, and the variances: of the place, with the speed, of the speed.
+
+    Afloat, the place gains the integral of an Ornstein-Uhlenbeck process.
+    """
+    lasts_s = max(water.current_lasts_s, 1e-3)
+    kept = math.exp(-elapsed_s / lasts_s)
+    speed = water.current_deviation_m_s**2
+    walk, left = water.step_variance_m2 * elapsed_s, speed * (1 - kept * kept)
+    if not afloat:
+        return kept, 0.0, walk, 0.0, left
+    walk += speed * lasts_s * (2 * elapsed_s - lasts_s * (3 - 4 * kept + kept * kept))
+    return kept, lasts_s * (1 - kept), walk, speed * lasts_s * (1 - kept) ** 2, left

@@ -10,7 +10,6 @@ from apad_bridge.beliefs.knowledge import Knowledge
 from apad_bridge.beliefs.memory import Memory, in_dock, primary_parts
 from apad_bridge.beliefs.mixture import Part, below, held
 from apad_bridge.beliefs.modes import FULL_CHARGE, SUBMERGED, Mode
-from apad_bridge.beliefs.place import Place
 from firmware_model.states import State
 
 _OBEYS = 0.9
@@ -25,7 +24,6 @@ def told(
     heard_ms: int,
     state: State,
     at_ms: int,
-    place: Place,
     learned_from: Source,
     silent_slots: int,
 ) -> Belief:
@@ -51,6 +49,8 @@ def told(
         both = float(cov[PRIMARY, SECONDARY])
         modes = _in_the_water(memory, parts, second)
     primary, variance = _moments(parts)
+    afloat = memory.situation in (Mode.SURFACING, Mode.FLOATING)
+    north_m, east_m, place_cov = memory.place.after(knowledge.water, (at_ms - memory.place_ms) / 1000, afloat)
     secondary, its_variance = held(second.mean, second.sd**2)
     return Belief(
         agent_id,
@@ -58,11 +58,11 @@ def told(
         state,
         primary,
         secondary,
-        float(place.mean[0]),
-        float(place.mean[1]),
+        north_m,
+        east_m,
         at_ms - heard_ms,
         (variance, both, its_variance),
-        place.covariance,
+        place_cov,
         modes,
         memory.clock,
         learned_from,

@@ -1,4 +1,4 @@
-"""What beliefs cost: an event of one aMussel, and a tick of a fleet that reports every second."""
+"""What beliefs cost, in time of the processor: an event of one aMussel, and a tick of a fleet that reports every second."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ def _packet(agent_id: int, number: int, agent_ms: int, charge: float) -> StatusP
 def _median_us(events: list[Callable[[], object]]) -> float:
     took_us = []
     for event in events:
-        began_s = time.perf_counter()
+        began_s = time.process_time()
         event()
-        took_us.append(1e6 * (time.perf_counter() - began_s))
+        took_us.append(1e6 * (time.process_time() - began_s))
     return statistics.median(took_us)
 
 
@@ -58,12 +58,12 @@ def tick_ms(agents: int, theta: int) -> dict[str, float]:
     for tick in range(_TICKS + 5):
         now_ms = 1000 * tick
         packets = [_packet(n, tick, theta * now_ms, 0.9) for n in range(1, agents + 1)]
-        began_s = time.perf_counter()
+        began_s = time.process_time()
         fleet.advance(now_ms)
         for packet in packets:
             fleet.hear(packet, now_ms)
         fleet.all()
-        took_ms.append(1000 * (time.perf_counter() - began_s))
+        took_ms.append(1000 * (time.process_time() - began_s))
     after_birth = took_ms[5:]
     return {
         "agents": agents,
