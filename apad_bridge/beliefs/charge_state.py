@@ -50,11 +50,12 @@ class Anchor(NamedTuple):
 
 
 def _reading(mode: Mode) -> Array:
-    """How the two measured charges come from the state: a load pulls at the primary, a charger lifts both."""
+    """How the two measured charges come from the state: a load pulls at the primary alone, a charger lifts both."""
     bias = _BIAS_OF[mode]
     reading = np.zeros((2, SIZE))
     reading[0, PRIMARY] = reading[1, SECONDARY] = reading[0, bias] = 1.0
-    reading[1, CHARGING if bias == CHARGING else ASLEEP] = 1.0
+    if bias == CHARGING:
+        reading[1, CHARGING] = 1.0
     return reading
 
 

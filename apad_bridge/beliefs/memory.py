@@ -126,16 +126,18 @@ def advanced(memory: Memory, knowledge: Knowledge, schedule: Schedule, to_ms: in
         return replace(memory, at_ms=to_ms)
     if memory.situation is not None:
         return _afloat(memory, knowledge, schedule, to_ms)
-    spent = load.carried(
-        memory.load,
-        memory.at_ms,
-        to_ms,
-        knowledge.drain.per_min,
-        knowledge.habits.every_ms,
-        choices(memory, knowledge, schedule),
-    )
+    decide = choices(memory, knowledge, schedule)
+    every_ms, per_min = knowledge.habits.every_ms, knowledge.drain.per_min
+    spent = load.carried(memory.load, memory.at_ms, to_ms, per_min, every_ms, decide)
     later = replace(memory, at_ms=to_ms, load=spent)
-    return _on_the_backup(later, knowledge, elapsed_ms)
+    if _is_far_from_empty(later):
+        return later  # the common case costs nothing
+    while memory.at_ms < to_ms:
+        next_ms = min(to_ms, (memory.at_ms // every_ms + 1) * every_ms)
+        spent = load.carried(memory.load, memory.at_ms, next_ms, per_min, every_ms, decide)
+        later = replace(memory, at_ms=next_ms, load=spent)
+        memory = _on_the_backup(later, knowledge, next_ms - memory.at_ms)
+    return memory
 
 
 def _afloat(memory: Memory, knowledge: Knowledge, schedule: Schedule, to_ms: int) -> Memory:
@@ -176,16 +178,18 @@ def submerged(memory: Memory, knowledge: Knowledge, schedule: Schedule, spent: S
     return replace(memory, load=guess, situation=None, since_ms=memory.at_ms, unobeyed=None)
 
 
+def _is_far_from_empty(memory: Memory) -> bool:
+    spent = memory.load.total()
+    mean = float(memory.mean[PRIMARY]) - float(memory.mean[DRAIN]) * spent[1]
+    return mean > _FAR_FROM_EMPTY or mean - 4 * math.sqrt(float(memory.cov[PRIMARY, PRIMARY]) + spent[2]) > 0
+
+
 def _on_the_backup(memory: Memory, knowledge: Knowledge, elapsed_ms: int) -> Memory:
-    """With its primary empty an aMussel sleeps on the secondary, whatever was planned."""
-    total = memory.load.total()
-    drain = float(memory.mean[DRAIN])
-    if memory.mean[PRIMARY] - drain * total[1] > _FAR_FROM_EMPTY:
-        return memory  # the common case costs nothing
+    """With its primary empty an aMussel sleeps on the secondary, whatever was planned: for a span within one decision."""
     empty = below(primary_parts(memory, knowledge), 0.0)
     if empty < _UNLIKELY:
         return memory
-    amount = drain * knowledge.drain.per_min[Mode.ASLEEP] * elapsed_ms / MS_PER_MIN
+    amount = float(memory.mean[DRAIN]) * knowledge.drain.per_min[Mode.ASLEEP] * elapsed_ms / MS_PER_MIN
     mean, sd = memory.from_secondary
     spread = math.sqrt(empty * (1 - empty)) * amount
     return replace(memory, from_secondary=(mean + empty * amount, sd + spread))

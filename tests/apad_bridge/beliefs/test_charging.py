@@ -32,9 +32,14 @@ def test_table_one_charges_the_secondary_in_485_minutes() -> None:
 
 
 @given(
-    mean=st.floats(0.05, 0.8), sd=st.floats(0.001, 0.1), minutes=st.floats(0, 200), deviation=st.floats(0, 0.05)
+    mean=st.floats(0.05, 0.8),
+    sd=st.floats(0.001, 0.1),
+    minutes=st.floats(0, 200),
+    deviation=st.floats(0, 0.05),
 )
-def test_moments_are_those_of_many_batteries(mean: float, sd: float, minutes: float, deviation: float) -> None:
+def test_moments_are_those_of_many_batteries(
+    mean: float, sd: float, minutes: float, deviation: float
+) -> None:
     charger = Charger(CURVE, 1.0, deviation)
     z = np.linspace(-5, 5, 401)
     weights = np.exp(-0.5 * z**2)
