@@ -3,29 +3,35 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from agents.body import Body, WaterConfig
-from agents.outputs import Dropped, Output, SoundSent, Truth, WifiSent
+from agents.outputs import Dropped, Output, PingAnswered, SoundSent, Truth, WifiSent
 from agents.physical import Physical
+from agents.reporter import Modem, Reporter
 from agents.stimuli import (
     CoilSlipped,
     ContactClosed,
     ContactOpened,
     DockMoved,
+    PingArrived,
     SoundArrived,
     Stimulus,
     WifiArrived,
 )
 from firmware_model import actions as board_actions
 from firmware_model import stimuli as board_stimuli
-from firmware_model.board import Board
-from firmware_model.charge import fraction
+from firmware_model.board import board_of
 from firmware_model.codec import Codec
-from firmware_model.packets import StatusPacket
+from firmware_model.packets import LogRecords
 from firmware_model.plan import BoardConfig
 from firmware_model.rails import Rail
 from firmware_model.states import State
 from firmware_model.stimuli import ResetCause
+
+if TYPE_CHECKING:
+    from agents.logbook import Logbook
+    from firmware_model.flash_log import Flash
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,6 +43,7 @@ class AgentConfig:
     report_period_ms: int
     heard_always: bool
     """The paper's hearing: Wi-Fi works wherever the aMussel is. Otherwise only at the surface."""
+    modem: Modem = Modem.V3
 
 
 class Agent:
@@ -47,12 +54,18 @@ class Agent:
     """
 
     def __init__(
-        self, config: AgentConfig, codec: Codec, physical: Physical, now_ms: int, cause: ResetCause
+        self,
+        config: AgentConfig,
+        codec: Codec,
+        physical: Physical,
+        now_ms: int,
+        cause: ResetCause,
+        flash: Flash | None = None,
     ) -> None:
+        """`flash` outlives the agent; without one a whole board's log is as long-lived as the agent."""
         self.config = config
         self._codec = codec
         self._now_ms = now_ms
-        self._sequence = 0
         self._truths: list[Truth] = []
         self._last: tuple[State, Physical] | None = None
         self.body = Body(
@@ -66,8 +79,13 @@ class Agent:
             physical.docked,
             now_ms,
             physical.pin_due_ms,
+            physical.hover_um,
         )
-        self.board = Board(config.board, codec, physical.primary, physical.secondary, now_ms)
+        self.board = board_of(
+            config.board, codec, physical.primary, physical.secondary, now_ms, physical.kept
+        )
+        self._logbook = None if config.board.whole is None else _logbook(config, physical, flash)
+        self._reporter = Reporter(self.board, self.body, self._logbook, config.modem)
         # A reset agent may have reported at this very time before it died: its next report is a later one.
         later = 0 if cause is ResetCause.POWER_ON else 1
         self._report_due_ms = self._report_after(now_ms + later)
@@ -78,6 +96,7 @@ class Agent:
     @property
     def physical(self) -> Physical:
         body, board = self.body, self.board
+        log = None if self._logbook is None else self._logbook.log
         return Physical(
             board.primary,
             board.secondary,
@@ -88,6 +107,10 @@ class Agent:
             body.buoyancy,
             body.docked,
             body.pin_due_ms,
+            body.hover_um,
+            0 if log is None else log.next_sequence,
+            0 if log is None else log.acknowledged,
+            board.kept,
         )
 
     @property
@@ -146,9 +169,11 @@ class Agent:
             self.body.align()
             return self._tell_board(board_stimuli.ChargePinRose(), now_ms)
         self._report_due_ms += self.config.report_period_ms
-        if self.board.state is State.BOOTING:
+        # In the paper's hearing the report is the experiment's; else it needs the board's Wi-Fi, which the worst case has.
+        is_off = not self.config.heard_always and not self.board.has_wifi
+        if self.board.state is State.BOOTING or is_off:
             return []
-        return [WifiSent(now_ms, self._codec.encode(self._status(now_ms)))]
+        return [WifiSent(now_ms, self._codec.encode(self._reporter.by_wifi(now_ms)))]
 
     def _take(self, stimulus: Stimulus, now_ms: int) -> list[Output]:
         match stimulus:
@@ -179,6 +204,12 @@ class Agent:
                 if self._at_surface(now_ms):
                     return [Dropped(now_ms, "sound does not reach a modem in air")]
                 return self._tell_board(board_stimuli.PacketHeard(data), now_ms)
+            case PingArrived(travelled_us):
+                if self._at_surface(now_ms):
+                    return [Dropped(now_ms, "sound does not reach a modem in air")]
+                if not self.board.hears:
+                    return [Dropped(now_ms, "the modem is not listening")]
+                return [PingAnswered(now_ms, travelled_us)]
             case WifiArrived(data):
                 if not self.config.heard_always and not self._at_surface(now_ms):
                     return [Dropped(now_ms, "Wi-Fi does not reach under water")]
@@ -197,34 +228,55 @@ class Agent:
         outputs: list[Output] = []
         for action in actions:
             match action:
-                case board_actions.RunBuoyancy(at_ms, to):
-                    self.body.run_buoyancy(to, at_ms)
+                case board_actions.RunBuoyancy(at_ms, to, depth_mm):
+                    self.body.run_buoyancy(to, at_ms, depth_mm)
                 case board_actions.Dropped(at_ms, reason):
                     outputs.append(Dropped(at_ms, reason))
                 case board_actions.SendStatus(at_ms, by):
-                    data = self._codec.encode(self._status(at_ms))
-                    outputs.append(WifiSent(at_ms, data) if by is Rail.WIFI else SoundSent(at_ms, data))
+                    outputs.append(self._status(at_ms, by))
+                case board_actions.LogSample() | board_actions.SendLog() | board_actions.DropLog():
+                    outputs += self._log(action)
                 case _:
                     pass  # the truth that follows the event says the new state and what flows
         return outputs
 
-    def _status(self, now_ms: int) -> StatusPacket:
-        body, board, charge = self.body, self.board, self.config.board.charge
-        self._sequence += 1
-        return StatusPacket(
-            self.config.board.agent_id,
-            self._sequence - 1,
-            board.state,
-            fraction(charge.charge_at(board.primary, now_ms)),
-            fraction(charge.charge_at(board.secondary, now_ms)),
-            body.north_um / 1e6,
-            body.east_um / 1e6,
-            body.depth_at_um(now_ms) / 1e6,
-            now_ms,
-        )
+    def _log(
+        self, action: board_actions.LogSample | board_actions.SendLog | board_actions.DropLog
+    ) -> list[Output]:
+        logbook, body, now_ms = self._logbook, self.body, action.at_ms
+        assert logbook is not None  # the worst case has no such actions
+        packets: list[LogRecords] | None = []
+        match action:
+            case board_actions.LogSample():
+                place = body.north_um, body.east_um, body.depth_at_um(now_ms)
+                logbook.take_sample(*place, now_ms, self.board.clock_ms(now_ms))
+            case board_actions.SendLog():
+                packets = logbook.begin_upload()
+            case board_actions.DropLog(_, next_sequence):
+                packets = logbook.acknowledge(next_sequence)
+        if packets is None:
+            return [Dropped(now_ms, "an acknowledgement of records that were never taken")]
+        return [WifiSent(now_ms, self._codec.encode(packet)) for packet in packets]
+
+    def _status(self, now_ms: int, by: Rail) -> Output:
+        if by is Rail.WIFI:
+            return WifiSent(now_ms, self._codec.encode(self._reporter.by_wifi(now_ms)))
+        return SoundSent(now_ms, self._codec.encode(self._reporter.by_sound(now_ms)))
 
     def _note_truth(self, now_ms: int) -> None:
         now = (self.board.state, self.physical)
         if now != self._last:
             self._last = now
             self._truths.append(Truth(now_ms, self.config.board.agent_id, *now))
+
+
+def _logbook(config: AgentConfig, physical: Physical, flash: Flash | None) -> Logbook:
+    # Imported here: the paper's worst case has no log.
+    from agents.logbook import Logbook
+    from firmware_model.flash_log import MemoryFlash
+
+    kept = MemoryFlash() if flash is None else flash
+    water = config.water
+    return Logbook(
+        config.board.agent_id, water.seed, water.fields, kept, physical.samples, physical.acknowledged
+    )

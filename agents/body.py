@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from agents.water.current import CurrentField
 from agents.water.drift import drift_step_um
+from agents.water.fields import Fields
+from agents.water.stream import Stream
 from firmware_model.actions import Buoyancy
 
 
@@ -21,9 +22,28 @@ class WaterConfig:
     drifts_always: bool
     """The paper's mode: every undocked body takes a random step and follows the current each mission second."""
     amplitude_um: int
-    current: CurrentField
+    current: Stream
+    fields: Fields
+    """What the sensors are in."""
     coil_alignment_ms: int = 0
     """From the contact, or from the coils' last slip, until the charger starts and its pin rises."""
+
+
+def depth_um(
+    from_um: int,
+    buoyancy: Buoyancy,
+    hover_um: int,
+    elapsed_ms: int,
+    *,
+    bottom_um: int,
+    surfacing_ms: int,
+    sinking_ms: int,
+) -> int:
+    """How deep a body is that began to move at `from_um`: up, down, or to where it is to hover, at constant rates."""
+    goal_um = {Buoyancy.FLOAT: 0, Buoyancy.HOVER: hover_um}.get(buoyancy, bottom_um)
+    if goal_um < from_um:
+        return max(goal_um, from_um - bottom_um * elapsed_ms // surfacing_ms)
+    return min(goal_um, from_um + bottom_um * elapsed_ms // sinking_ms)
 
 
 class Body:
@@ -41,6 +61,7 @@ class Body:
         docked: bool,
         now_ms: int,
         pin_due_ms: int = 0,
+        hover_um: int = 0,
     ) -> None:
         self.agent_id = agent_id
         self.water = water
@@ -52,31 +73,33 @@ class Body:
         self.docked = docked
         self.pin_due_ms = pin_due_ms
         """When the coils of the dock that holds it will be aligned; 0 when they are, or when no dock holds it."""
+        self.hover_um = hover_um
+        """The depth that it hovers at, or moves to, while its buoyancy says so; else 0."""
         self._step = now_ms // water.step_ms
         """The last drift step that has been taken (or missed, while docked)."""
 
     def depth_at_um(self, now_ms: int) -> int:
         if self.docked:
             return 0
-        elapsed_ms = now_ms - self.depth_anchor_ms
-        if self.buoyancy is Buoyancy.FLOAT:
-            return max(0, self.depth_um - self.water.bottom_um * elapsed_ms // self.water.surfacing_ms)
-        if self.buoyancy is Buoyancy.HOVER:
-            return self.depth_um
-        return min(
-            self.water.bottom_um, self.depth_um + self.water.bottom_um * elapsed_ms // self.water.sinking_ms
+        water = self.water
+        return depth_um(
+            self.depth_um,
+            self.buoyancy,
+            self.hover_um,
+            now_ms - self.depth_anchor_ms,
+            bottom_um=water.bottom_um,
+            surfacing_ms=water.surfacing_ms,
+            sinking_ms=water.sinking_ms,
         )
 
     @property
     def arrival_ms(self) -> int | None:
-        """When it reaches the surface or the bottom that it is moving to; None when it rests there."""
+        """When it reaches the surface or the bottom that it is moving to; None when it rests there, or is to hover."""
         water = self.water
-        if self.docked:
+        if self.docked or self.buoyancy is Buoyancy.HOVER:
             return None
         if self.buoyancy is Buoyancy.FLOAT:
             way_um, over_ms = self.depth_um, water.surfacing_ms
-        elif self.buoyancy is Buoyancy.HOVER:
-            return None
         else:
             way_um, over_ms = water.bottom_um - self.depth_um, water.sinking_ms
         return None if way_um == 0 else self.depth_anchor_ms - (-way_um * over_ms // water.bottom_um)
@@ -85,10 +108,13 @@ class Body:
         self.depth_um = self.depth_at_um(now_ms)
         self.depth_anchor_ms = now_ms
 
-    def run_buoyancy(self, to: Buoyancy, now_ms: int) -> None:
+    def run_buoyancy(self, to: Buoyancy, now_ms: int, depth_mm: int | None = None) -> None:
+        """`depth_mm` is where to hover, the bottom if it is deeper than that; None: where it is."""
         self._miss_steps(now_ms)
         self.settle_depth(now_ms)
         self.buoyancy = to
+        hover_um = self.depth_um if depth_mm is None else min(self.water.bottom_um, 1000 * depth_mm)
+        self.hover_um = hover_um if to is Buoyancy.HOVER else 0
 
     @property
     def _adrift(self) -> bool:
@@ -118,7 +144,8 @@ class Body:
             north_um, east_um = drift_step_um(water.seed, self.agent_id, self._step, water.amplitude_um)
         else:
             north_um = east_um = 0
-        north_um_s, east_um_s = water.current.velocity_um_s(self.north_um, self.east_um)
+        depth_um = self.depth_at_um(now_ms)
+        north_um_s, east_um_s = water.current.velocity_um_s(self.north_um, self.east_um, depth_um, self._step)
         self.north_um += north_um + north_um_s
         self.east_um += east_um + east_um_s
 

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 from agents.agent import Agent
 from agents.control import Died
+from agents.flash_file import FLASH_NAME, FlashRegion
 from agents.fleet_file import PHYSICAL_NAME, FleetFile
 from agents.forked import live
 from agents.link import Key, readable
@@ -69,6 +70,7 @@ class Brood:
         """ValueError when another nursery, or an agent of one, keeps the physical file for too long."""
         self._slots_fd = os.open(os.path.join(run_dir, PHYSICAL_NAME), os.O_RDWR | os.O_CREAT, 0o644)
         _lock(self._slots_fd)
+        self._flash_fd = os.open(os.path.join(run_dir, FLASH_NAME), os.O_RDWR | os.O_CREAT, 0o644)
         # Places below every sibling's descriptor, so that a child closes those in one call.
         teller_fd = os.open(os.devnull, os.O_RDONLY)
         self._link = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
@@ -83,6 +85,7 @@ class Brood:
         self._upbringing = file.upbringing
         self._codec = load_codec(file.fleet.codec)
         self._configs = file.fleet.maker()
+        self._flash_pages = file.fleet.flash_pages
         self._index = {agent_id: index for index, agent_id in enumerate(sorted(file.births))}
         self._restarted_at_s: dict[int, list[float]] = {}
         self.children: dict[int, Child] = {}
@@ -151,7 +154,10 @@ class Brood:
             self._count_restart(agent_id)
         ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         # Made here, it costs the agent's own process none of the memory that making it touches.
-        agent = Agent(self._configs.config(agent_id), self._codec, slot.physical, boot.at_ms, boot.cause)
+        flash = FlashRegion(self._flash_fd, self._index[agent_id], self._flash_pages)
+        flash.roll_back(slot.physical.samples)
+        config = self._configs.config(agent_id)
+        agent = Agent(config, self._codec, slot.physical, boot.at_ms, boot.cause, flash)
         servant = Servant(agent, pair, self._teller, slot.key, boot.at_ms)
         name = b"amussel-%d" % agent_id
         return _Unborn(place, agent_id, name, servant, ours.detach(), theirs.detach())
@@ -188,6 +194,7 @@ class Brood:
             os.waitpid(child.pid, 0)
             self._forget(agent_id)
         os.fsync(self._slots_fd)
+        os.fsync(self._flash_fd)
 
     def _count_restart(self, agent_id: int) -> None:
         limit = self._upbringing

@@ -63,15 +63,29 @@ class Coordinator:
             heapq.heappop(self._heap)
         return -(-self._heap[0][0] // self.theta) if self._heap else None
 
+    @property
+    def due_agent_ms(self) -> int | None:
+        """The agent time at which some agent next does something by itself, or has been told something."""
+        told_ms = min((facts[0][0] for facts in self._waiting.values()), default=None)
+        while self._heap and self._due_ms.get(self._heap[0][1]) != self._heap[0][0]:
+            heapq.heappop(self._heap)
+        if not self._heap:
+            return told_ms
+        return self._heap[0][0] if told_ms is None else min(told_ms, self._heap[0][0])
+
     def receive(self, agent_id: int, stimulus: Stimulus, now_ms: int) -> int | None:
         """A fact of the world at mission time `now_ms`, for one agent.
 
         Gives the agent time that it is stamped with; None, and nothing is kept, for an agent that is not of the fleet.
         """
+        return self.tell(agent_id, stimulus, self.theta * now_ms)
+
+    def tell(self, agent_id: int, stimulus: Stimulus, agent_ms: int) -> int | None:
+        """`receive` for a fact that is stamped in agent time."""
         granted_ms = self._granted_ms.get(agent_id)
         if granted_ms is None:
             return None
-        at_ms = max(self.theta * now_ms, granted_ms)
+        at_ms = max(agent_ms, granted_ms)
         self._waiting.setdefault(agent_id, []).append((at_ms, stimulus))
         return at_ms
 
@@ -80,7 +94,10 @@ class Coordinator:
         if now_ms < self._now_ms:
             raise ValueError(f"time went back: {now_ms} before {self._now_ms}")
         self._now_ms = now_ms
-        until_ms = self.theta * now_ms
+        return self.grant(self.theta * now_ms)
+
+    def grant(self, until_ms: int) -> list[Heard | Died]:
+        """Grants all that is due by agent time `until_ms`, within a tick; what came out, by (time, agent, order)."""
         waiting, self._waiting = self._waiting, {}
         chosen = set(waiting)
         while self._heap and self._heap[0][0] <= until_ms:

@@ -7,11 +7,16 @@ from typing import Any
 
 from agents.agent import AgentConfig
 from agents.body import WaterConfig
+from agents.crystal import drift_of
 from agents.physical import Physical
-from agents.water.current import STILL_WATER, CurrentField
+from agents.reporter import Modem
+from agents.water.fields import Fields
+from agents.water.patches import OXYGEN, TEMPERATURE, TURBIDITY, Waters
+from agents.water.stream import STILL, Stream, Tide, parse_stream
 from firmware_model.actions import Buoyancy
 from firmware_model.charge import Battery, ChargeModel, Flow, grains
-from firmware_model.plan import BoardConfig, Cycle, LastResort, Power, Slots, Whole
+from firmware_model.flash_log import PAGES
+from firmware_model.plan import BoardConfig, Cycle, LastResort, Metering, Power, Slots, Timekeeping, Whole
 from firmware_model.rails import Loads
 
 
@@ -42,6 +47,21 @@ class FleetConfig:
     """Who has the first acoustic timeslot; the others follow by their ids."""
     coil_alignment_ms: int = 0
     """From a contact until the charger starts."""
+    clock_drift_ppb: int = 0
+    """The clocks of whole boards drift by up to so many parts of 10^9, either way, each by its own."""
+    tides: tuple[tuple[int, int, int, int, int], ...] = ()
+    """Of each constituent what a `Tide` has, in its order."""
+    current_profile: tuple[tuple[int, int], ...] = ()
+    """(depth in um, millionths of the current that are left there)."""
+    pin_chatter_ms: int = 2000
+    pin_check_ms: int = 60_000
+    oxygen_mg_l: Waters = OXYGEN
+    temperature_c: Waters = TEMPERATURE
+    turbidity_ntu: Waters = TURBIDITY
+    """What is true of the water."""
+    modem: Modem = Modem.V3
+    flash_pages: int = PAGES
+    """Of `firmware_model.flash_log.PAGE_BYTES` each, for the log of one aMussel."""
 
     def to_wire(self) -> dict[str, Any]:
         return asdict(self)
@@ -54,7 +74,13 @@ class FleetConfig:
             **{
                 **wire,
                 "charge": _charge_of(wire["charge"]),
+                "modem": Modem(wire["modem"]),
                 "whole": None if whole is None else _whole_of(whole),
+                **{
+                    name: _waters_of(wire[name]) for name in ("oxygen_mg_l", "temperature_c", "turbidity_ntu")
+                },
+                "tides": tuple([tuple(it) for it in wire["tides"]]),
+                "current_profile": tuple([tuple(it) for it in wire["current_profile"]]),
             }
         )
 
@@ -68,13 +94,25 @@ def _charge_of(wire: dict[str, Any]) -> ChargeModel:
 
 
 def _whole_of(wire: dict[str, Any]) -> Whole:
-    power, cycle = wire["power"], wire["cycle"]
-    loads, last_resort = Loads(tuple(power["loads"]["of"])), LastResort(power["last_resort"])
+    cycle, timekeeping = wire["cycle"], wire["timekeeping"]
     return Whole(
         **{
             **wire,
-            "power": Power(**{**power, "loads": loads, "last_resort": last_resort}),
+            "power": _power_of(wire["power"]),
             "cycle": None if cycle is None else _cycle_of(cycle),
+            "timekeeping": None if timekeeping is None else Timekeeping(**timekeeping),
+        }
+    )
+
+
+def _power_of(wire: dict[str, Any]) -> Power:
+    metering = wire["metering"]
+    return Power(
+        **{
+            **wire,
+            "loads": Loads(tuple(wire["loads"]["of"])),
+            "last_resort": LastResort(wire["last_resort"]),
+            "metering": None if metering is None else Metering(**metering),
         }
     )
 
@@ -82,6 +120,17 @@ def _whole_of(wire: dict[str, Any]) -> Whole:
 def _cycle_of(wire: dict[str, Any]) -> Cycle:
     slots = wire["slots"]
     return Cycle(**{**wire, "slots": None if slots is None else Slots(**slots)})
+
+
+def _waters_of(wire: dict[str, Any]) -> Waters:
+    layers, patches = (tuple([tuple(it) for it in wire[key]]) for key in ("layers", "patches"))
+    return Waters(layers, patches)
+
+
+def _stream(fleet: FleetConfig) -> Stream:
+    told = STILL if fleet.current_csv is None else parse_stream(fleet.current_csv)
+    tides = tuple([Tide(*it) for it in fleet.tides])
+    return Stream(told.seconds, told.depths_um, told.fields, tides, fleet.current_profile)
 
 
 class AgentConfigs:
@@ -99,8 +148,11 @@ class AgentConfigs:
             sinking_ms=fleet.sinking_ms,
             drifts_always=fleet.drifts_always,
             amplitude_um=fleet.drift_amplitude_um,
-            current=STILL_WATER if fleet.current_csv is None else CurrentField.parse(fleet.current_csv),
+            current=_stream(fleet),
             coil_alignment_ms=fleet.coil_alignment_ms,
+            fields=Fields(
+                fleet.oxygen_mg_l.field(), fleet.temperature_c.field(), fleet.turbidity_ntu.field()
+            ),
         )
 
     def config(self, agent_id: int) -> AgentConfig:
@@ -114,8 +166,11 @@ class AgentConfigs:
             fleet.release_wait_ms,
             fleet.whole,
             agent_id - fleet.first_id if self._has_slots else 0,
+            fleet.pin_chatter_ms,
+            fleet.pin_check_ms,
+            drift_ppb=drift_of(fleet.seed, agent_id, fleet.clock_drift_ppb),
         )
-        return AgentConfig(board, self._water, fleet.report_period_ms, fleet.heard_always)
+        return AgentConfig(board, self._water, fleet.report_period_ms, fleet.heard_always, fleet.modem)
 
 
 def resting_on_bottom(

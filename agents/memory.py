@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import ctypes
 import gc
-from collections.abc import Callable
 
 _SMALL_BYTES = 512
 """CPython's own allocator serves up to this, from pools of one size each; malloc serves the rest."""
 _POOL_BYTES = 16384
 _FIRST_IN_POOL = 48
+_FRESH = 8
+"""So many objects in a row, from a pool's first place on, are in a pool that was empty."""
 _LARGE_BYTES = 32768
 _BYTES_HEAD = 33
 _ROUNDS = 200_000
@@ -26,22 +27,35 @@ def return_freed_memory() -> None:
 def fill_holes() -> list[object]:
     """Objects that fill every hole that freed ones left: while they live, what is made next lies in pages of its own.
 
-    For CPython 3.11's pools, where the first object of an untouched pool tells that no hole of that size is left.
+    For CPython 3.11's pools, where the first objects of an untouched pool tell that no hole of that size is left.
     """
     gc.collect()
     return_freed_memory()
     end = _LIBC.sbrk(0) or 0
     filling: list[object] = []
     for size in range(_LARGE_BYTES, _SMALL_BYTES, -16):
-        _fill(filling, size, lambda at: at >= end)
+        _fill_large(filling, size, end)
     for size in range(_SMALL_BYTES, 32, -16):
-        _fill(filling, size, lambda at: at % _POOL_BYTES == _FIRST_IN_POOL)
+        _fill_small(filling, size)
     return filling
 
 
-def _fill(filling: list[object], size: int, past_holes: Callable[[int], bool]) -> None:
+def _fill_large(filling: list[object], size: int, end: int) -> None:
     for _ in range(_ROUNDS):
         made = bytes(size - _BYTES_HEAD)
-        if past_holes(id(made)):
+        if id(made) >= end:
+            return
+        filling.append(made)
+
+
+def _fill_small(filling: list[object], size: int) -> None:
+    in_a_row = 0
+    for _ in range(_ROUNDS):
+        made = bytes(size - _BYTES_HEAD)
+        at = id(made) % _POOL_BYTES
+        # One alone may lie in the first place of a pool where only that is free.
+        in_a_row = in_a_row + 1 if at == _FIRST_IN_POOL + in_a_row * size else int(at == _FIRST_IN_POOL)
+        if in_a_row == _FRESH:
+            del filling[1 - _FRESH :]
             return
         filling.append(made)

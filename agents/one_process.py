@@ -10,6 +10,7 @@ from agents.host import Death, Grant, Reply
 from agents.outputs import Output, Truth
 from agents.physical import Physical
 from firmware_model.codec import load_codec
+from firmware_model.flash_log import MemoryFlash
 from firmware_model.stimuli import ResetCause
 
 
@@ -19,8 +20,9 @@ class OneProcess:
     def __init__(self, fleet: FleetConfig, births: Mapping[int, Physical]) -> None:
         self._codec = load_codec(fleet.codec)
         self._configs = fleet.maker()
+        self._flashes = {agent_id: MemoryFlash(fleet.flash_pages) for agent_id in births}
         self._agents = {
-            agent_id: Agent(self._configs.config(agent_id), self._codec, physical, 0, ResetCause.POWER_ON)
+            agent_id: self._boot(agent_id, physical, 0, ResetCause.POWER_ON)
             for agent_id, physical in births.items()
         }
         self._doomed: set[int] = set()
@@ -49,10 +51,12 @@ class OneProcess:
         return Reply(agent.next_due_ms, tuple(outputs))
 
     def restart(self, agent_id: int, at_ms: int, cause: ResetCause) -> str | None:
-        self._agents[agent_id] = Agent(
-            self._configs.config(agent_id), self._codec, self._kept[agent_id], at_ms, cause
-        )
+        self._agents[agent_id] = self._boot(agent_id, self._kept[agent_id], at_ms, cause)
         return None
+
+    def _boot(self, agent_id: int, physical: Physical, at_ms: int, cause: ResetCause) -> Agent:
+        config, flash = self._configs.config(agent_id), self._flashes[agent_id]
+        return Agent(config, self._codec, physical, at_ms, cause, flash)
 
     def take_truths(self) -> list[Truth]:
         truths, self._truths = self._truths, []

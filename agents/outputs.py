@@ -23,6 +23,14 @@ class SoundSent:
 
 
 @dataclass(frozen=True, slots=True)
+class PingAnswered:
+    """The modem answered a ping, and says with it how long that was under way."""
+
+    at_ms: int
+    travelled_us: int
+
+
+@dataclass(frozen=True, slots=True)
 class Dropped:
     """A stimulus that came to nothing; counted, never raised."""
 
@@ -30,24 +38,25 @@ class Dropped:
     reason: str
 
 
-Output = WifiSent | SoundSent | Dropped
+Output = WifiSent | SoundSent | Dropped | PingAnswered
 
-_KINDS: tuple[type[Any], ...] = (WifiSent, SoundSent, Dropped)
+_KINDS: tuple[type[Any], ...] = (WifiSent, SoundSent, Dropped, PingAnswered)
 _CODES: dict[type[Any], int] = {kind: code for code, kind in enumerate(_KINDS)}
-_VALUE_TYPES = (bytes, bytes, str)
+_VALUES = (("data", bytes), ("data", bytes), ("reason", str), ("travelled_us", int))
+"""The name and type of what each kind says besides its time."""
 
 
 def to_wire(output: Output) -> list[Any]:
     """[code, at_ms, value]: plain values that msgpack carries."""
-    value = output.reason if isinstance(output, Dropped) else output.data
-    return [_CODES[type(output)], output.at_ms, value]
+    code = _CODES[type(output)]
+    return [code, output.at_ms, getattr(output, _VALUES[code][0])]
 
 
 def from_wire(wire: Any) -> Output:
     """The inverse of `to_wire`; ValueError for anything else."""
     if not isinstance(wire, list) or len(wire) != 3 or type(wire[0]) is not int or type(wire[1]) is not int:
         raise ValueError("not an output")
-    if not 0 <= wire[0] < len(_KINDS) or type(wire[2]) is not _VALUE_TYPES[wire[0]]:
+    if not 0 <= wire[0] < len(_KINDS) or type(wire[2]) is not _VALUES[wire[0]][1]:
         raise ValueError("not an output")
     output: Output = _KINDS[wire[0]](wire[1], wire[2])
     return output

@@ -9,8 +9,10 @@ from __future__ import annotations
 import os
 import socket
 from collections.abc import Callable, Iterator
+from typing import Any, TypeVar
 
-from agents.agent import Agent
+from agents.agent import Agent, AgentConfig
+from agents.flash_file import FlashRegion
 from agents.fleet import AgentConfigs, resting_on_bottom
 from agents.host import Grant
 from agents.link import NEVER, Repeat, Window
@@ -21,21 +23,37 @@ from agents.stimuli import (
     ContactClosed,
     ContactOpened,
     DockMoved,
+    PingArrived,
     SoundArrived,
     Stimulus,
     WifiArrived,
 )
 from firmware_model.codec import Codec
-from firmware_model.packets import CommandPacket, Kind
+from firmware_model.commands import LATEST_MS
+from firmware_model.packets import (
+    Beacon,
+    Command,
+    CommandPacket,
+    HoverAt,
+    Kind,
+    LogAck,
+    SetThreshold,
+    SleepSchedule,
+    SlotAssignment,
+    Threshold,
+)
+from firmware_model.plan import BoardConfig, Whole
 from firmware_model.stimuli import ResetCause
 
+_Value = TypeVar("_Value")
 _LIVES = 12
 """The interpreter specialises a function after eight calls."""
+_ALARM_MS = 10_000
 
 
 def rehearse(configs: AgentConfigs, codec: Codec, agent_id: int) -> None:
     """Plays all of an agent's paths, among them the refusals."""
-    slots = os.memfd_create("rehearsal")
+    slots, flash = os.memfd_create("rehearsal"), os.memfd_create("rehearsal")
     hearer, teller = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     asker, link = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     with hearer, teller, asker, link, message_room() as room:
@@ -47,43 +65,110 @@ def rehearse(configs: AgentConfigs, codec: Codec, agent_id: int) -> None:
                 while _drained(end):
                     pass
 
-        for _ in range(_LIVES):
-            _live(configs, codec, agent_id, slots, teller, ask)
+        config = configs.config(agent_id)
+        if config.board.whole is not None:
+            config = _with(config, board=_in_haste(config.board, config.board.whole))
+        for life in range(_LIVES):
+            _live(config, codec, 0.5 if life % 3 else 0.0, slots, FlashRegion(flash, 0, 3), teller, ask)
     os.close(slots)
+    os.close(flash)
+
+
+def _in_haste(board: BoardConfig, whole: Whole) -> BoardConfig:
+    """The same board with everything that it does in an hour within ten seconds."""
+    cycle = whole.cycle
+    if cycle is not None:
+        slots = None if cycle.slots is None else _with(cycle.slots, frame_ms=1000, slot_ms=1000, guard_ms=100)
+        processing_ms = min(cycle.processing_ms, 1000)
+        cycle = _with(
+            cycle,
+            alarm_ms=_ALARM_MS,
+            sample_ms=1000,
+            processing_ms=processing_ms,
+            slots=slots,
+            listen_ms=1000,
+        )
+    timekeeping = whole.timekeeping
+    if timekeeping is not None:
+        # In doubt 5 s after a beacon.
+        timekeeping = _with(timekeeping, bound_ppb=20_000_000, beacon_wait_ms=1000)
+    power = _with(whole.power, motor_run_ms=1000)
+    hasty = _with(
+        whole,
+        power=power,
+        cycle=cycle,
+        transmit_ms=100,
+        call_ms=1000,
+        hover_ms=2000,
+        stay_down_ms=1000,
+        timekeeping=timekeeping,
+    )
+    return _with(board, whole=hasty, slot=0)
+
+
+def _with(value: _Value, **changes: Any) -> _Value:
+    """`dataclasses.replace`, which knows nothing of the nursery's lean classes."""
+    kind: Any = type(value)
+    made: _Value = kind(**{name: changes.get(name, getattr(value, name)) for name in kind.__slots__})
+    return made
 
 
 def _live(
-    configs: AgentConfigs,
+    config: AgentConfig,
     codec: Codec,
-    agent_id: int,
+    primary: float,
     slots: int,
+    flash: FlashRegion,
     teller: socket.socket,
     ask: Callable[[Servant, bytes], None],
 ) -> None:
-    config = configs.config(agent_id)
+    agent_id = config.board.agent_id
     pair = SlotPair(slots, 0, agent_id)
-    pair.birth(resting_on_bottom(0.0, 0.0, config.water.bottom_um / 1e6, 0.5, 1.0))
+    secondary = 1.0 if primary else 0.1
+    pair.birth(resting_on_bottom(0.0, 0.0, config.water.bottom_um / 1e6, primary, secondary))
     cause = ResetCause.POWER_ON
     for epoch in (1, 2):
         slot = pair.newest((epoch, 0))
         if slot is None:
             raise AssertionError("a slot just written was not found")
-        agent = Agent(config, codec, slot.physical, slot.granted_ms, cause)
+        flash.roll_back(slot.physical.samples)
+        agent = Agent(config, codec, slot.physical, slot.granted_ms, cause, flash)
         servant = Servant(agent, pair, teller, slot.key, slot.granted_ms)
         until_ms = slot.granted_ms
         ask(servant, Repeat((epoch, 0)).encode())
-        for sequence, (duration_ms, stimuli) in enumerate(_days(agent, codec, agent_id), start=1):
-            facts = tuple((until_ms, stimulus) for stimulus in stimuli)
-            until_ms += duration_ms
-            window = Window((epoch, sequence), Grant(until_ms, facts)).encode()
-            ask(servant, window)
-            ask(servant, window)
+        sequence = 0
+        for part in (_days, _wakes):
+            for duration_ms, stimuli in part(agent, codec, agent_id, until_ms):
+                facts = tuple((until_ms, stimulus) for stimulus in stimuli)
+                until_ms += duration_ms
+                sequence += 1
+                window = Window((epoch, sequence), Grant(until_ms, facts)).encode()
+                ask(servant, window)
+                ask(servant, window)
         for wrong in (b"wrong", Window(NEVER, Grant(0)).encode(), Repeat((epoch, 1)).encode()):
             ask(servant, wrong)
         cause = ResetCause.BROWN_OUT
 
 
-def _days(agent: Agent, codec: Codec, agent_id: int) -> Iterator[tuple[int, list[Stimulus]]]:
+def _wakes(agent: Agent, codec: Codec, agent_id: int, now_ms: int) -> Iterator[tuple[int, list[Stimulus]]]:
+    """As `_days`, for a board that sleeps: a wake on the bottom, and one in a dock, where it sends its log."""
+    config = agent.config
+    cycle = None if config.board.whole is None else config.board.whole.cycle
+    if cycle is None:
+        return
+    words = (LogAck(agent_id, 1), LogAck(agent_id, 2**31), CommandPacket(Kind.BACK_UP_LOG, agent_id))
+    permission, *told = (codec.encode(word) for word in (CommandPacket(Kind.PERMISSION, agent_id), *words))
+    up_ms, in_dock_ms = config.water.surfacing_ms, config.board.pin_debounce_ms + config.water.step_ms
+    yield 2 * cycle.alarm_ms, []
+    yield up_ms, [SoundArrived(permission)]
+    yield in_dock_ms, [ContactClosed(0, 0)]
+    docked_ms = now_ms + 2 * cycle.alarm_ms + up_ms + in_dock_ms
+    yield cycle.alarm_ms - docked_ms % cycle.alarm_ms, []
+    yield cycle.sample_ms, [WifiArrived(data) for data in told]
+    yield config.board.release_wait_ms + config.water.sinking_ms, [ContactOpened()]
+
+
+def _days(agent: Agent, codec: Codec, agent_id: int, now_ms: int) -> Iterator[tuple[int, list[Stimulus]]]:
     """(duration in agent ms, stimuli at its start), window by window, from the bottom to the bottom."""
     config = agent.config
     permission = codec.encode(CommandPacket(Kind.PERMISSION, agent_id))
@@ -91,13 +176,42 @@ def _days(agent: Agent, codec: Codec, agent_id: int) -> Iterator[tuple[int, list
     second_ms = config.water.step_ms
     yield config.board.boot_ms + second_ms, []
     yield config.report_period_ms, [SoundArrived(b"wrong")]
-    yield config.water.surfacing_ms, [SoundArrived(permission), ContactOpened(), DockMoved(0, 0)]
-    yield second_ms, [SoundArrived(permission)]
+    if config.board.whole is not None:
+        ping, hover = (codec.encode(CommandPacket(kind, agent_id)) for kind in (Kind.PING, Kind.HOVER))
+        yield 2 * _ALARM_MS, [SoundArrived(ping)]
+        for word in _words(config.board, agent_id, now_ms):
+            yield 3000, [SoundArrived(codec.encode(word))]
+        yield _ALARM_MS, [SoundArrived(hover)]
+        yield _ALARM_MS, [SoundArrived(release), SoundArrived(hover)]
+    yield (
+        config.water.surfacing_ms,
+        [PingArrived(1), SoundArrived(permission), ContactOpened(), DockMoved(0, 0)],
+    )
+    yield second_ms, [SoundArrived(permission), PingArrived(1)]
     yield config.board.pin_debounce_ms + second_ms, [ContactClosed(0, 0), ContactClosed(0, 0)]
-    yield config.report_period_ms, [DockMoved(1, 1), CoilSlipped()]
+    yield config.report_period_ms + _ALARM_MS, [DockMoved(1, 1), CoilSlipped()]
     yield config.board.pin_debounce_ms, [WifiArrived(release), ContactOpened()]
     yield config.water.sinking_ms, [WifiArrived(permission)]
     yield config.report_period_ms + second_ms, [WifiArrived(release)]
+
+
+def _words(board: BoardConfig, agent_id: int, now_ms: int) -> Iterator[Command]:
+    """What changes a whole board's clock, settings and depth; each also as it cannot be obeyed."""
+    cycle = None if board.whole is None else board.whole.cycle
+    if cycle is not None:
+        yield SleepSchedule(agent_id, cycle.alarm_ms, cycle.sample_ms)
+        if cycle.slots is not None:
+            yield SlotAssignment(agent_id, cycle.slots.frame_ms, cycle.slots.slot_ms, 100, 0, -10)
+    yield SleepSchedule(agent_id, 0, 0)
+    yield SlotAssignment(agent_id, 0, 1, 0, 0, 0)
+    yield SetThreshold(agent_id, Threshold.SAFE_LEVEL, 0.2)
+    # Whatever the time in this life is, one of many beacons a second apart finds a board that waits for it.
+    for _ in range(12):
+        yield Beacon(agent_id, now_ms)
+    yield Beacon(agent_id, LATEST_MS + 1)
+    yield HoverAt(agent_id, 0.0)
+    yield HoverAt(agent_id, 1.0)
+    yield CommandPacket(Kind.SINK, agent_id)
 
 
 def _drained(hearer: socket.socket) -> bool:

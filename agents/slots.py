@@ -17,7 +17,7 @@ from agents.physical import Physical
 _HEAD = struct.Struct("<HIQQ")
 _CRC = struct.Struct("<I")
 _BODY_BYTES = _HEAD.size + Physical.FORMAT.size
-SLOT_BYTES = 128
+SLOT_BYTES = 256
 """Room for a slot, so that none crosses a page of the file."""
 PAIR_BYTES = 2 * SLOT_BYTES
 """An agent's two slots lie side by side."""

@@ -42,7 +42,14 @@ class CoilSlipped:
     """The coils slipped apart in a closed dock: the charger stops, and has to be aligned again."""
 
 
-Stimulus = ContactClosed | DockMoved | ContactOpened | SoundArrived | WifiArrived | CoilSlipped
+@dataclass(frozen=True, slots=True)
+class PingArrived:
+    """A ping for this modem, whose sound was under way for `travelled_us`. The modem answers it without its board."""
+
+    travelled_us: int
+
+
+Stimulus = ContactClosed | DockMoved | ContactOpened | SoundArrived | WifiArrived | CoilSlipped | PingArrived
 
 _KINDS: tuple[type[Any], ...] = (
     ContactClosed,
@@ -51,6 +58,7 @@ _KINDS: tuple[type[Any], ...] = (
     SoundArrived,
     WifiArrived,
     CoilSlipped,
+    PingArrived,
 )
 _CODES: dict[type[Any], int] = {kind: code for code, kind in enumerate(_KINDS)}
 _FIELDS: tuple[tuple[tuple[str, type], ...], ...] = (
@@ -60,6 +68,7 @@ _FIELDS: tuple[tuple[tuple[str, type], ...], ...] = (
     (("data", bytes),),
     (("data", bytes),),
     (),
+    (("travelled_us", int),),
 )
 
 

@@ -3,19 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 
 from agents.fleet import FleetConfig, resting_on_bottom
 from agents.physical import Physical
+from agents.reporter import Modem
+from apad_bridge.beliefs.fleet import FleetBeliefs
 from apad_bridge.beliefs.hold_last import HoldLast
-from apad_bridge.boards import charge_model
+from apad_bridge.boards import charge_model, clock_drift_ppb, whole_firmware
+from apad_bridge.ears_building import ears_of
 from apad_bridge.mission.energy_exchange import EnergyExchange
+from apad_bridge.mission.role import Mission
 from apad_bridge.mission.state import MissionState
 from apad_bridge.planning import registry
 from apad_bridge.port.docking_port import DockingPort
+from apad_bridge.sample_collection import SampleCollection
 from apad_bridge.scenario.schema import DriftMode, HearingMode, Scenario
 from apad_bridge.scenario.starts import Start
+from apad_bridge.scenario.water import ModemGeneration
+from apad_bridge.scripting.called import CalledFront
+from apad_bridge.scripting.commanded import CommandedMission, Front
+from apad_bridge.scripting.override import Override
+from apad_bridge.simulated_apad.apad import SimulatedAPad
+from apad_bridge.simulated_apad.misses import Misses
 from apad_bridge.supervisor import Supervisor
+from apad_bridge.water_building import agents_water
 from firmware_model.codec import load_codec
 
 
@@ -25,12 +36,16 @@ def agent_ids(scenario: Scenario) -> range:
 
 def fleet_config(scenario: Scenario) -> FleetConfig:
     board, drift, theta = scenario.board, scenario.fleet.drift, scenario.theta
+    water, told = agents_water(scenario), scenario.water
     return FleetConfig(
         theta=theta,
         seed=scenario.seed,
         codec=scenario.hearing.codec,
         charge=charge_model(board),
         pin_debounce_ms=board.pin_debounce_ms,
+        pin_chatter_ms=board.pin_chatter_ms,
+        pin_check_ms=round(board.pin_check_s * 1000),
+        coil_alignment_ms=round(board.coil_alignment_s * 1000),
         boot_ms=board.boot_ms,
         float_timeout_ms=round(board.float_timeout_s * 1000),
         release_wait_ms=round(board.release_wait_s * 1000),
@@ -41,8 +56,16 @@ def fleet_config(scenario: Scenario) -> FleetConfig:
         sinking_ms=round(board.sinking_s * 1000),
         drifts_always=drift.mode is DriftMode.PAPER,
         drift_amplitude_um=round(drift.amplitude_m * 1e6),
-        current_csv=None if drift.current_file is None else Path(drift.current_file).read_text(),
+        current_csv=water.current_csv,
+        tides=water.tides,
+        current_profile=water.current_profile,
+        oxygen_mg_l=water.oxygen_mg_l,
+        temperature_c=water.temperature_c,
+        turbidity_ntu=water.turbidity_ntu,
+        whole=whole_firmware(board, scenario.seed),
+        clock_drift_ppb=clock_drift_ppb(board),
         first_id=scenario.fleet.first_id,
+        modem=Modem.V2 if told is not None and told.modems is ModemGeneration.V2 else Modem.V3,
     )
 
 
@@ -57,24 +80,62 @@ def births(scenario: Scenario, starts: Sequence[Start]) -> dict[int, Physical]:
     }
 
 
+def misses(scenario: Scenario) -> Misses:
+    """Which dockings fail, alike for every vehicle."""
+    return Misses(scenario.seed, scenario.apad.dock_miss_probability)
+
+
+def simulated_apad(scenario: Scenario) -> SimulatedAPad:
+    return SimulatedAPad(scenario.apad, misses(scenario))
+
+
 def supervisor(
-    scenario: Scenario, state: MissionState | None = None, first_command_id: int = 1
+    scenario: Scenario,
+    state: MissionState | None = None,
+    first_command_id: int = 1,
+    fronts: Sequence[Front] = (),
+    samples: SampleCollection | None = None,
+    override: CalledFront | None = None,
+    has_modem: bool = True,
 ) -> Supervisor:
-    """A supervisor that knows nothing yet, or one that goes on with a mission's journaled `state`."""
+    """A supervisor that knows nothing yet, or one that goes on with a mission's journaled `state`.
+
+    Its mission is the paper's, which can be taken over by `override`; or, where there are `fronts`, one that does what they
+    say. Without `samples` it leaves the aMussels' logs to others; without a modem, whatever is said by sound of its own
+    accord.
+    """
     beliefs = HoldLast(agent_ids(scenario))
-    mission = EnergyExchange(
-        scenario.mission,
-        beliefs,
-        registry.collection(scenario.mission.collection),
-        registry.redeployment(scenario.mission.redeployment),
-        state,
-    )
+    mission: Mission
+    if fronts:
+        mission = CommandedMission(scenario.mission, beliefs, fronts, state)
+    elif override is not None:
+        mission = Override(
+            lambda begun: _planned(scenario, beliefs, begun),
+            lambda begun: CommandedMission(scenario.mission, beliefs, (), begun),
+            override,
+            state,
+        )
+    else:
+        mission = _planned(scenario, beliefs, state)
     port = DockingPort(scenario.mission.docking, first_command_id=first_command_id)
     return Supervisor(
         beliefs,
         mission,
         port,
         load_codec(scenario.hearing.codec),
+        scenario.theta,
+        samples,
         round(scenario.duration_s * 1000),
         scenario.mission.end_at_apad_fraction,
+        ears_of(scenario, agent_ids(scenario)) if has_modem else None,
+    )
+
+
+def _planned(scenario: Scenario, beliefs: FleetBeliefs, state: MissionState | None) -> EnergyExchange:
+    return EnergyExchange(
+        scenario.mission,
+        beliefs,
+        registry.collection(scenario.mission.collection),
+        registry.redeployment(scenario.mission.redeployment),
+        state,
     )

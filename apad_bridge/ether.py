@@ -15,3 +15,7 @@ class Ether(Protocol):
     def transmit(self, medium: Medium, agent_id: int, data: bytes, now_ms: int) -> None:
         """Sends a packet to the other side: of this aMussel, or for it."""
         ...
+
+    def said(self, send: Send, now_ms: int) -> None:
+        """The supervisor of this process said this to an aMussel of this process: for whoever else wants to know."""
+        ...

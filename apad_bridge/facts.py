@@ -7,6 +7,7 @@ from enum import StrEnum
 
 from apad_bridge.mission.orders import Note
 from apad_bridge.vehicle import VehicleCommand, VehicleFact
+from firmware_model.sample_record import SampleRecord
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,6 +23,15 @@ class SoundHeard:
 
 
 @dataclass(frozen=True, slots=True)
+class RangeHeard:
+    """A ping for an aMussel was answered from `range_m`, or by None in time."""
+
+    at_ms: int
+    agent_id: int
+    range_m: float | None
+
+
+@dataclass(frozen=True, slots=True)
 class OperatorAsked:
     """A person wants the mission to end."""
 
@@ -29,7 +39,7 @@ class OperatorAsked:
     reason: str
 
 
-Fact = WifiHeard | SoundHeard | OperatorAsked | VehicleFact
+Fact = WifiHeard | SoundHeard | RangeHeard | OperatorAsked | VehicleFact
 
 
 class Medium(StrEnum):
@@ -39,11 +49,31 @@ class Medium(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Send:
-    """Transmit to one aMussel."""
+    """Transmit to one aMussel, or by sound to all (EVERYONE).
+
+    By sound it goes out at agent time `not_before_ms`, or as soon as the modem is free.
+    """
 
     medium: Medium
     agent_id: int
     data: bytes
+    not_before_ms: int = 0
 
 
-SupervisorAction = VehicleCommand | Send | Note
+@dataclass(frozen=True, slots=True)
+class Ping:
+    """Measure the range to an aMussel by sound: a RangeHeard comes of it."""
+
+    agent_id: int
+    not_before_ms: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class KeepSamples:
+    """Put an aMussel's samples on disk, before anything else goes out: they are acknowledged next."""
+
+    agent_id: int
+    records: tuple[SampleRecord, ...]
+
+
+SupervisorAction = VehicleCommand | Send | Ping | Note | KeepSamples

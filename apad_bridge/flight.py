@@ -9,51 +9,38 @@ from __future__ import annotations
 import threading
 from collections import Counter
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
-from typing import Any, Protocol
+from dataclasses import astuple
 
-from agents.coordinator import Coordinator, Died, Heard
-from agents.host import Host
-from agents.outputs import Dropped, SoundSent, Truth, WifiSent
+from agents.coordinator import Died, Heard
+from agents.outputs import Dropped, SoundSent, WifiSent
+from agents.sea_facts import NotRanged, Printed, Ranged, SeaResult, SoundReached, Told
 from agents.stimuli import SoundArrived, Stimulus, WifiArrived, to_wire
-from apad_bridge.beliefs.belief import Belief
+from agents.water.medium import PacketEnded
 from apad_bridge.contacts import Contacts
 from apad_bridge.ether import Ether
-from apad_bridge.facts import Medium, OperatorAsked, Send, SoundHeard, WifiHeard
+from apad_bridge.facts import (
+    KeepSamples,
+    Medium,
+    OperatorAsked,
+    Ping,
+    RangeHeard,
+    Send,
+    SoundHeard,
+    WifiHeard,
+)
+from apad_bridge.fleet import Fleet
 from apad_bridge.mission.orders import Note
+from apad_bridge.modems.rims import Rims
 from apad_bridge.pace import Pace
+from apad_bridge.recording import Recorder
+from apad_bridge.records.packet_lines import packet_data
 from apad_bridge.supervisor import TICK_MS, Supervisor
-from apad_bridge.vehicle import BatteryReported, CloseDock, OpenDock, PoseReported
-from apad_bridge.vehicle_link import Carried, LetGo, VehicleLink
+from apad_bridge.vehicle import CloseDock, OpenDock, PoseReported
+from apad_bridge.vehicle_link import APadSeen, Carried, LetGo, VehicleLink
+from firmware_model.wire import EVERYONE
 
 _ROUNDS = 8
 """More answers than this within one tick wait for the next."""
-
-
-class Recorder(Protocol):
-    """What a flight needs of the records."""
-
-    def event(self, at_ms: int, kind: str, **data: Any) -> None: ...
-
-    def truths(self, truths: list[Truth]) -> None: ...
-
-    def tick(
-        self,
-        now_ms: int,
-        beliefs: list[Belief],
-        pose: PoseReported | None,
-        battery: BatteryReported | None,
-        primitive: str,
-        slots: tuple[int | None, ...],
-    ) -> None: ...
-
-
-@dataclass(frozen=True, slots=True)
-class Fleet:
-    """The agents of a flight, where they live, and the clock authority over them."""
-
-    coordinator: Coordinator
-    host: Host
 
 
 Watcher = Callable[[int], None]
@@ -63,7 +50,8 @@ Watcher = Callable[[int], None]
 class Flight:
     """Flies from `start_ms` to the mission's end; `held` are the aMussels that docks already hold.
 
-    With an `ether`, the other half of the bench is another process: a fleet's packets go there, or a supervisor's.
+    With an `ether`, the other half of the bench is another process: a fleet's packets go there, or a supervisor's. With
+    `rims` there are serial lines, which are looked at between ticks too.
     `stop` may be called from a signal handler or another thread.
     """
 
@@ -78,6 +66,7 @@ class Flight:
         start_ms: int = 0,
         held: Iterable[int] = (),
         ether: Ether | None = None,
+        rims: Rims | None = None,
     ) -> None:
         self.supervisor = supervisor
         self.dropped: Counter[str] = Counter()
@@ -87,10 +76,21 @@ class Flight:
         self._recorder = recorder
         self._fleet = fleet
         self._ether = ether
+        self._rims = rims
+        self._came: list[SeaResult] = []
+        """Of the fleet, between two ticks."""
+        self._come_ms = start_ms - 1
         self._watchers = watchers
         self._contacts = Contacts(held)
         self._stopped = threading.Event()
         self._stop_reason = "the operator"
+
+    @property
+    def all_dropped(self) -> Counter[str]:
+        """What came to nothing anywhere in the flight, by reason."""
+        supervisor = self.supervisor
+        dropped = self.dropped + supervisor.dropped + supervisor.port.dropped + supervisor.ears_dropped
+        return dropped if self._fleet is None else dropped + self._fleet.dropped
 
     def stop(self, reason: str) -> None:
         self._stop_reason = reason
@@ -99,7 +99,7 @@ class Flight:
     def run(self) -> str:
         """Flies until the mission has ended; gives the reason."""
         while True:
-            self._pace.reach(self.now_ms, self._stopped)
+            self._pace.reach(self.now_ms, self._stopped, None if self._rims is None else self._between)
             self.tick(self.now_ms)
             if self.supervisor.has_ended:
                 return self.supervisor.mission.state.ended_by or ""
@@ -108,6 +108,7 @@ class Flight:
     def tick(self, now_ms: int) -> None:
         """One tick of mission time: everything stamped up to `now_ms` is handled."""
         self._hear_fleet(now_ms)
+        self._hear_modem(now_ms)
         self._hear_vehicle(now_ms)
         self._hear_ether(now_ms)
         if self._stopped.is_set():
@@ -139,20 +140,68 @@ class Flight:
             match action:
                 case Note(kind, data):
                     self._recorder.event(now_ms, kind, **data)
+                case Send(Medium.SOUND, agent_id, data) if self._rims is not None and self._rims.command(
+                    agent_id, data, now_ms
+                ):
+                    pass
+                case KeepSamples(agent_id, records):
+                    self._recorder.samples(agent_id, records)
                 case Send(medium, agent_id, data) as send:
                     if self._fleet is None and self._ether is not None:
                         self._ether.transmit(medium, agent_id, data, now_ms)
                     else:
                         self._send(send, now_ms)
+                        if self._ether is not None:
+                            self._ether.said(send, now_ms)
+                case Ping(agent_id, not_before_ms):
+                    if self._fleet is not None and self._fleet.sea is not None:
+                        self._fleet.sea.ping(agent_id, not_before_ms)
+                    else:
+                        self.dropped["a ping without water to send it through"] += 1
                 case _:
                     mechanism |= isinstance(action, CloseDock | OpenDock)
                     self._vehicle.command(action, now_ms)
         return mechanism
 
+    def _between(self, now_ms: int) -> None:
+        """A time before the next tick has come: only who talks to a serial line notices."""
+        if now_ms > self._come_ms:
+            self._came += self._live(now_ms)
+
+    def _live(self, now_ms: int) -> list[SeaResult]:
+        """Lets the fleet's time pass, and reads and writes the serial lines."""
+        self._come_ms = now_ms
+        written = [] if self._rims is None else self._rims.poll(now_ms)
+        if self._fleet is None:
+            return []
+        for burst in written:
+            if self._fleet.sea is not None:
+                self._fleet.sea.write(burst.agent_id, burst.data)
+        came, rims = self._fleet.advance(now_ms), self._rims
+        return list(came) if rims is None else [it for it in came if not _went(rims, it, now_ms)]
+
+    def _hear_modem(self, now_ms: int) -> None:
+        """What a physical modem has brought, or has sent."""
+        for came in [] if self._rims is None else self._rims.take():
+            match came:
+                case SoundHeard():
+                    self.supervisor.receive(came)
+                case Send(_, agent_id, data) if self._fleet is not None:
+                    ids = self._fleet.coordinator.agent_ids if agent_id == EVERYONE else [agent_id]
+                    for each in ids:
+                        self._tell_agent(each, SoundArrived(data), now_ms)
+                case Note(kind, told):
+                    self._recorder.event(now_ms, kind, **told)
+                    if "dropped" in told:
+                        self.dropped[told["dropped"]] += 1
+
     def _hear_fleet(self, now_ms: int) -> None:
         if self._fleet is None:
+            self._live(now_ms)
             return
-        for came in self._fleet.coordinator.advance(now_ms):
+        self._look_at_links(self._fleet, now_ms)
+        came_before, self._came = self._came, []
+        for came in [*came_before, *self._live(now_ms)]:
             match came:
                 case Died(_, agent_id, agent_ms, cause, reason, gave_up):
                     self._recorder.event(
@@ -172,7 +221,34 @@ class Flight:
                     self._share(Medium.SOUND, agent_id, data, at_ms)
                 case Heard(_, _, Dropped(_, reason)):
                     self.dropped[reason] += 1
-        self._recorder.truths(self._fleet.host.take_truths())
+                case SoundReached(at_ms, agent_id, data):
+                    self.supervisor.receive(SoundHeard(at_ms, data))
+                    self._share(Medium.SOUND, agent_id, data, at_ms)
+                case Ranged(at_ms, agent_id, range_m):
+                    self.supervisor.receive(RangeHeard(at_ms, agent_id, range_m))
+                    self._recorder.event(now_ms, "range", id=agent_id, range_m=round(range_m, 3))
+                case NotRanged(at_ms, agent_id):
+                    self.supervisor.receive(RangeHeard(at_ms, agent_id, None))
+                    self._recorder.event(now_ms, "range", id=agent_id, range_m=None)
+                case Told(_, agent_id, agent_ms, stimulus):
+                    self._note_stimulus(now_ms, agent_id, agent_ms, stimulus)
+                case PacketEnded() as packet:
+                    self._note_packet(self._fleet, packet, now_ms)
+        self._recorder.truths(self._fleet.take_truths())
+
+    def _note_packet(self, fleet: Fleet, packet: PacketEnded, now_ms: int) -> None:
+        assert fleet.sea is not None  # where else would it come from
+        data = packet_data(packet, fleet.slots, fleet.sea.config.sound.speed_m_s)
+        self._recorder.event(now_ms, "packet", **data)
+
+    def _look_at_links(self, fleet: Fleet, now_ms: int) -> None:
+        changed = None if fleet.links is None else fleet.links.look()
+        if changed is None or fleet.sea is None:
+            return
+        if changed.topology is not None:
+            fleet.sea.lay_links(changed.topology)
+        rules = None if changed.topology is None else [list(astuple(it)) for it in changed.topology.rules]
+        self._recorder.event(now_ms, "links", rules=rules, problem=changed.problem)
 
     def _share(self, medium: Medium, agent_id: int, data: bytes, at_ms: int) -> None:
         if self._ether is not None:
@@ -183,16 +259,29 @@ class Flight:
             return
         for came in self._ether.advance(now_ms):
             if isinstance(came, Send):
-                self._send(came, now_ms)
+                word = self.supervisor.timed(came, now_ms)
+                if word is not None:
+                    self._send(word, now_ms)
             else:
                 self.supervisor.receive(came)
 
     def _send(self, send: Send, now_ms: int) -> None:
+        sea = None if self._fleet is None else self._fleet.sea
+        if sea is not None and send.medium is Medium.SOUND:
+            sea.say(None if send.agent_id == EVERYONE else send.agent_id, send.data, send.not_before_ms)
+            return
+        if sea is not None and not sea.wifi_reaches(send.agent_id, now_ms):
+            return
         arrived = SoundArrived(send.data) if send.medium is Medium.SOUND else WifiArrived(send.data)
         self._tell_agent(send.agent_id, arrived, now_ms)
 
     def _hear_vehicle(self, now_ms: int) -> None:
+        sea = None if self._fleet is None else self._fleet.sea
         for fact in self._vehicle.advance(now_ms):
+            if sea is not None and isinstance(fact, PoseReported | APadSeen):
+                sea.carry_apad(fact.north_m, fact.east_m, fact.at_ms)
+            if isinstance(fact, APadSeen):
+                continue
             if isinstance(fact, (Carried, LetGo)):
                 stimulus = self._contacts.take(fact)
                 if stimulus is not None:
@@ -207,5 +296,19 @@ class Flight:
         if agent_ms is None:
             self.dropped["for an aMussel that is not of this fleet"] += 1
             return
+        self._note_stimulus(now_ms, agent_id, agent_ms, stimulus)
+
+    def _note_stimulus(self, now_ms: int, agent_id: int, agent_ms: int, stimulus: Stimulus) -> None:
         wire = [field.hex() if isinstance(field, bytes) else field for field in to_wire(stimulus)]
         self._recorder.event(now_ms, "stimulus", id=agent_id, agent_ms=agent_ms, wire=wire)
+
+
+def _went(rims: Rims, came: SeaResult, now_ms: int) -> bool:
+    """Whether it was for a serial line, and went there."""
+    match came:
+        case Printed(_, agent_id, data):
+            rims.printed(agent_id, data)
+            return True
+        case Heard(_, agent_id, SoundSent(_, data)):
+            return rims.report(agent_id, data, now_ms)
+    return False

@@ -7,10 +7,19 @@ import time
 from collections.abc import Callable
 from typing import Protocol
 
+Between = Callable[[int], None]
+"""Told a mission time that has come, on the way to the next tick."""
+
+BEAT_S = 0.03
+"""Wall seconds between two such words: what talks to a serial line is not kept waiting for a tick."""
+
 
 class Pace(Protocol):
-    def reach(self, now_ms: int, stopped: threading.Event) -> None:
+    def reach(self, now_ms: int, stopped: threading.Event, between: Between | None = None) -> None:
         """Returns when mission time `now_ms` has come for everybody, or at once when `stopped` is set.
+
+        Calls `between` on the way, about every `BEAT_S`, with times before `now_ms` that have come; one that has no wall
+        clock does not.
 
         TimeoutError, saying who, when somebody whose word is waited for does not give it in the stated time.
         """
@@ -25,7 +34,7 @@ class Pace(Protocol):
 class AsFastAsPossible:
     behind_s = 0.0
 
-    def reach(self, now_ms: int, stopped: threading.Event) -> None:
+    def reach(self, now_ms: int, stopped: threading.Event, between: Between | None = None) -> None:
         pass
 
 
@@ -46,7 +55,7 @@ class WallClock:
         self.behind_s = 0.0
         self.slipped_s = 0.0
 
-    def reach(self, now_ms: int, stopped: threading.Event) -> None:
+    def reach(self, now_ms: int, stopped: threading.Event, between: Between | None = None) -> None:
         now_s = self._clock()
         if self._origin is None:
             self._origin = (now_ms, now_s)
@@ -54,7 +63,14 @@ class WallClock:
         due_s = start_s + (now_ms - start_ms) / 1000 / self._speed
         if due_s > now_s:
             self.behind_s = 0.0
-            stopped.wait(due_s - now_s)
+            while due_s > now_s and not stopped.wait(
+                min(due_s - now_s, BEAT_S) if between else due_s - now_s
+            ):
+                now_s = self._clock()
+                come_ms = start_ms + int((now_s - start_s) * 1000 * self._speed)
+                if between is not None and come_ms < now_ms:
+                    between(come_ms)
+                    now_s = self._clock()
             return
         self.behind_s = now_s - due_s
         if self.behind_s > self._bound_s:

@@ -6,9 +6,19 @@ from collections import Counter, deque
 
 from apad_bridge.beliefs.fleet import FleetBeliefs
 from apad_bridge.beliefs.measurement import Docked, Permitted, Released
-from apad_bridge.facts import Fact, Medium, OperatorAsked, Send, SoundHeard, SupervisorAction, WifiHeard
-from apad_bridge.mission.energy_exchange import EnergyExchange
+from apad_bridge.facts import (
+    Fact,
+    KeepSamples,
+    Medium,
+    OperatorAsked,
+    RangeHeard,
+    Send,
+    SoundHeard,
+    SupervisorAction,
+    WifiHeard,
+)
 from apad_bridge.mission.orders import Note, Order, PermitSurfacing, TellClear
+from apad_bridge.mission.role import Mission
 from apad_bridge.mission.state import Phase
 from apad_bridge.port.docking_port import DockingPort
 from apad_bridge.port.primitives import (
@@ -22,6 +32,8 @@ from apad_bridge.port.primitives import (
     PrimitiveSucceeded,
     UndockMussel,
 )
+from apad_bridge.sample_collection import SampleCollection
+from apad_bridge.talking.ears import Ears
 from apad_bridge.vehicle import (
     Arrived,
     BatteryReported,
@@ -32,7 +44,7 @@ from apad_bridge.vehicle import (
     VehicleCommand,
 )
 from firmware_model.codec import Codec
-from firmware_model.packets import CommandPacket, Kind, StatusPacket
+from firmware_model.packets import CommandPacket, Kind, LogRecords, Packet, ShortStatus, Status, basic_of
 
 TICK_MS = 1000
 """The mission acts once a second, the paper's 1 Hz."""
@@ -45,6 +57,7 @@ _PRIORITY: dict[type, int] = {
     Arrived: 2,
     CommandFailed: 2,
     SoundHeard: 3,
+    RangeHeard: 3,
     WifiHeard: 3,
     OperatorAsked: 4,
 }
@@ -65,12 +78,16 @@ class Supervisor:
     def __init__(
         self,
         beliefs: FleetBeliefs,
-        mission: EnergyExchange,
+        mission: Mission,
         port: DockingPort,
         codec: Codec,
+        theta: int,
+        samples: SampleCollection | None,
         duration_ms: int,
         end_at_apad_fraction: float,
+        ears: Ears | None = None,
     ) -> None:
+        """Without `ears` words by sound are sent at once, and nothing is pinged."""
         self.beliefs = beliefs
         self.mission = mission
         self.port = port
@@ -79,12 +96,20 @@ class Supervisor:
         self.battery_at_start: BatteryReported | None = None
         self.dropped: Counter[str] = Counter()
         self._codec = codec
+        self._theta = theta
+        self.samples = samples
+        """None where the samples are somebody else's to keep, and to acknowledge."""
         self._duration_ms = duration_ms
         self._end_at_apad_fraction = end_at_apad_fraction
+        self._ears = ears
         self._facts: list[tuple[int, int, int, Fact]] = []
         self._counter = 0
         self._now_ms = 0
         self._named: dict[int, Primitive] = {}
+
+    @property
+    def ears_dropped(self) -> Counter[str]:
+        return Counter() if self._ears is None else self._ears.dropped
 
     @property
     def primitive(self) -> str:
@@ -112,21 +137,31 @@ class Supervisor:
         actions: list[SupervisorAction] = []
         for _, _, _, fact in due:
             actions += self._handle(fact, now_ms)
+        actions += self._acknowledge()
         actions += self._pass_on(self.port.advance(now_ms), now_ms)
         if (reason := self._reason_to_end(now_ms)) is not None:
             actions += self._obey(self.mission.end(reason, now_ms), now_ms)
         actions += self._obey(self.mission.advance(now_ms), now_ms)
-        return actions
+        if self._ears is None:
+            return actions
+        return [*self._ears.timed(actions, now_ms), *self._ears.advance(self.beliefs.all(), now_ms)]
+
+    def timed(self, word: Send, now_ms: int) -> Send | None:
+        """Somebody else's word to an aMussel, with the time at which the modem may say it; None if it waits already."""
+        told = [word] if self._ears is None else self._ears.timed([word], now_ms)
+        return next((it for it in told if isinstance(it, Send)), None)
 
     def _handle(self, fact: Fact, now_ms: int) -> list[SupervisorAction]:
         match fact:
             case WifiHeard(at_ms, data) | SoundHeard(at_ms, data):
                 packet = self._codec.decode(data)
-                if not isinstance(packet, StatusPacket):
-                    self.dropped["bytes that are no status packet"] += 1
-                elif (reason := self.beliefs.hear(packet, at_ms)) is not None:
+                if isinstance(packet, LogRecords):
+                    return self._collect(packet)
+                if (reason := self._hear(packet, at_ms)) is not None:
                     self.dropped[reason] += 1
                 return []
+            case RangeHeard():
+                return [] if self._ears is None else self._ears.hear(fact, self.pose, self.beliefs, now_ms)
             case OperatorAsked(_, reason):
                 return self._obey(self.mission.end(reason, now_ms), now_ms)
             case PoseReported():
@@ -137,6 +172,33 @@ class Supervisor:
                 if self.battery_at_start is None:
                     self.battery_at_start = fact
         return self._pass_on(self.port.receive(fact, now_ms), now_ms)
+
+    def _collect(self, packet: LogRecords) -> list[SupervisorAction]:
+        if self.samples is None:
+            return []
+        taken = self.samples.take(packet)
+        if isinstance(taken, str):
+            self.dropped[taken] += 1
+            return []
+        actions: list[SupervisorAction] = []
+        if taken.records:
+            actions.append(KeepSamples(packet.agent_id, taken.records))
+        if taken.gone:
+            span = {"count": len(taken.gone), "first": min(taken.gone), "last": max(taken.gone)}
+            actions.append(Note("samples_gone", {"id": packet.agent_id, **span}))
+        return actions
+
+    def _acknowledge(self) -> list[SupervisorAction]:
+        acks = [] if self.samples is None else self.samples.acknowledgements()
+        return [Send(Medium.WIFI, ack.agent_id, self._codec.encode(ack)) for ack in acks]
+
+    def _hear(self, packet: Packet | None, at_ms: int) -> str | None:
+        """Believes what the packet says; or says why not."""
+        if isinstance(packet, ShortStatus):
+            return self.beliefs.hear_short(packet, at_ms, self._theta * at_ms)
+        if not isinstance(packet, Status):
+            return "bytes that are no status packet"
+        return self.beliefs.hear(basic_of(packet), at_ms)
 
     def _reason_to_end(self, now_ms: int) -> str | None:
         if now_ms >= self._duration_ms:
@@ -182,6 +244,8 @@ class Supervisor:
         """What a dock did is known of the aMussel in it, heard or not."""
         if not isinstance(outcome, DockChanged) or self.pose is None:
             return
+        if self._ears is not None:
+            self._ears.moved(outcome.agent_id, outcome.at_ms)
         if outcome.closed:
             self.beliefs.learn(outcome.agent_id, Docked(outcome.at_ms))
         else:

@@ -23,11 +23,26 @@ class GoTo:
 
 @dataclass(frozen=True, slots=True)
 class Hold:
-    """Hold position dynamically at a point until the next command; it never completes."""
+    """Hold position dynamically at a point until the next command; it never completes. Without a heading, any will do."""
 
     command_id: int
     north_m: float
     east_m: float
+    heading_rad: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Manoeuvre:
+    """How fast a vehicle that docks by its own eyes may turn and approach; None is what the scenario says.
+
+    Other ways of docking have no use for it.
+    """
+
+    yaw_rate_rad_s: float | None = None
+    surge_m_s: float | None = None
+
+
+AS_THE_SCENARIO_SAYS = Manoeuvre()
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,6 +52,7 @@ class CloseDock:
     command_id: int
     slot: int
     agent_id: int
+    manoeuvre: Manoeuvre = AS_THE_SCENARIO_SAYS
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,9 +62,19 @@ class OpenDock:
     command_id: int
     slot: int
     agent_id: int
+    manoeuvre: Manoeuvre = AS_THE_SCENARIO_SAYS
 
 
-VehicleCommand = GoTo | Hold | CloseDock | OpenDock
+@dataclass(frozen=True, slots=True)
+class MoveArm:
+    """Open or close the arm of dock `slot` for people to see: nothing is caught by it, and nothing is answered."""
+
+    command_id: int
+    slot: int
+    is_open: bool
+
+
+VehicleCommand = GoTo | Hold | CloseDock | OpenDock | MoveArm
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,6 +19,7 @@ import tempfile
 import time
 from collections.abc import Iterable, Iterator
 from contextlib import ExitStack, contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -32,10 +33,16 @@ from agents.processes import ProcessHost
 from agents.stimuli import ContactClosed, ContactOpened, DockMoved, SoundArrived, WifiArrived
 from firmware_model.codec import MusselbedCodec
 from firmware_model.packets import CommandPacket, Kind
-from firmware_model.table_one import WORST_CASE
+from firmware_model.plan import LastResort, Slots, Whole
+from firmware_model.table_one import FIELD, MODEL, WORST_CASE, power
 
-MUSSELBED_AGENTS = ((24, 1), (100, 1), (1000, 10))
-"""(agents, seconds of mission time granted at once)"""
+MUSSELBED_FLEETS = (
+    ("worst case", 24, 1),
+    ("worst case", 100, 1),
+    ("worst case", 1000, 10),
+    ("whole board", 1000, 10),
+)
+"""(board, agents, seconds of mission time granted at once)"""
 ROSPY_NODES = (24, 100)
 THETA = 30
 MISSION_S = 20 * 3600 // THETA
@@ -61,13 +68,17 @@ FLEET = FleetConfig(
     drift_amplitude_um=5000,
     current_csv=None,
 )
+WAKES = replace(FIELD, slots=Slots(frame_ms=300_000, slot_ms=300))
+"""Every hour: sample, process, await the timeslot and transmit; with a slot for each of a thousand."""
+WHOLE = Whole(power(LastResort.CALL), WAKES, transmit_ms=300, call_ms=600_000, hover_ms=600_000)
+FLEETS = {"worst case": FLEET, "whole board": replace(FLEET, charge=MODEL, whole=WHOLE)}
 
 
 def measure() -> dict[str, Any]:
     rows: list[dict[str, Any]] = []
-    for agents, window_s in MUSSELBED_AGENTS:
+    for board, agents, window_s in MUSSELBED_FLEETS:
         with tempfile.TemporaryDirectory(prefix="musselbed-") as run_dir:
-            rows += musselbed_rows(run_dir, agents, window_s)
+            rows += musselbed_rows(run_dir, board, agents, window_s)
     for nodes in ROSPY_NODES:
         with tempfile.TemporaryDirectory(prefix="musselbed-") as ros_home:
             rows += rospy_rows(ros_home, nodes)
@@ -90,9 +101,9 @@ def show(result: dict[str, Any], console: Console) -> None:
     console.print(table)
 
 
-def musselbed_rows(run_dir: str, agents: int, window_s: int) -> Iterator[dict[str, Any]]:
+def musselbed_rows(run_dir: str, board: str, agents: int, window_s: int) -> Iterator[dict[str, Any]]:
     births = {agent_id: resting_on_bottom(agent_id, 0.0, 3.0, 0.9, 1.0) for agent_id in range(1, agents + 1)}
-    prepare(run_dir, FLEET, births)
+    prepare(run_dir, FLEETS[board], births)
     kernel_before_kb = kernel_kb()
     began_s = time.monotonic()
     nursery = launch_nursery(run_dir)
@@ -104,7 +115,7 @@ def musselbed_rows(run_dir: str, agents: int, window_s: int) -> Iterator[dict[st
 
         def row(at: str) -> dict[str, Any]:
             pids = [host.nursery_pid, *host.pids.values()]
-            return cost_row("musselbed", agents, at, pids, kernel_before_kb, ready_s)
+            return cost_row(f"musselbed, {board}", agents, at, pids, kernel_before_kb, ready_s)
 
         heard = {it.agent_id for it in clock.advance(1000) if isinstance(it, Heard)}
         if len(heard) != agents:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import IntEnum
 
-from firmware_model.power_path import Feed
+from firmware_model.feed import Feed
 from firmware_model.rails import Rail
 from firmware_model.states import State, Trigger
 
@@ -28,8 +28,11 @@ class StateChanged:
 
 @dataclass(frozen=True, slots=True)
 class RunBuoyancy:
+    """`depth_mm` is where to hover; None: at the depth where it is."""
+
     at_ms: int
     to: Buoyancy
+    depth_mm: int | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,6 +58,21 @@ class LogSample:
 
 
 @dataclass(frozen=True, slots=True)
+class DropLog:
+    """All records of the log below this sequence are kept elsewhere."""
+
+    at_ms: int
+    next_sequence: int
+
+
+@dataclass(frozen=True, slots=True)
+class SendLog:
+    """Send what waits in the log, by Wi-Fi."""
+
+    at_ms: int
+
+
+@dataclass(frozen=True, slots=True)
 class SendStatus:
     """Send a status by the modem or by Wi-Fi; who hosts the board knows its place and makes the packet."""
 
@@ -70,7 +88,9 @@ class Dropped:
     reason: str
 
 
-Action = StateChanged | RunBuoyancy | SetRail | FeedFrom | LogSample | SendStatus | Dropped
+Action = (
+    StateChanged | RunBuoyancy | SetRail | FeedFrom | LogSample | DropLog | SendLog | SendStatus | Dropped
+)
 
 MOTORS = {
     State.SURFACING: Buoyancy.FLOAT,

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from typing import TypeVar
+
 from firmware_model.actions import Action, Buoyancy, RunBuoyancy
-from firmware_model.board import Board
+from firmware_model.board import board_of
 from firmware_model.charge import Battery, Flow, fraction, grains
 from firmware_model.codec import MusselbedCodec
 from firmware_model.energy_ledger import EnergyLedger
-from firmware_model.packets import CommandPacket, Kind
+from firmware_model.packets import CommandPacket, Kind, Packet
 from firmware_model.plan import BoardConfig
 from firmware_model.states import State
 from firmware_model.stimuli import (
@@ -22,6 +24,7 @@ from firmware_model.stimuli import (
     WifiReceived,
 )
 
+A = TypeVar("A", bound=Action)
 MS_PER_MIN = 60_000
 MS_PER_HOUR = 60 * MS_PER_MIN
 
@@ -46,7 +49,7 @@ class Bench:
         self._docked = docked
         self._at_surface = docked
         flow = Flow.CHARGING if docked else Flow.RESTING
-        self.board = Board(
+        self.board = board_of(
             config,
             MusselbedCodec(),
             Battery(0, grains(primary), flow, 0, 2),
@@ -82,6 +85,10 @@ class Bench:
         """In [0, 1], now."""
         return fraction(self.secondary)
 
+    def did(self, kind: type[A], since_ms: int = 0) -> list[A]:
+        """Of all that it did from `since_ms` on, the actions of one kind."""
+        return [action for action in self.trace if isinstance(action, kind) and action.at_ms >= since_ms]
+
     def run(self, *, hours: float = 0, minutes: float = 0, ms: int = 0) -> list[Action]:
         """Lets time pass; what the board did meanwhile."""
         return self.run_until(self.now_ms + round(hours * MS_PER_HOUR + minutes * MS_PER_MIN) + ms)
@@ -115,6 +122,10 @@ class Bench:
         data = CommandPacket(kind, self.config.agent_id).encode()
         return self.tell(WifiReceived(data) if kind is Kind.RELEASE else PacketHeard(data))
 
+    def hear(self, packet: Packet) -> list[Action]:
+        """Any packet, by sound."""
+        return self.tell(PacketHeard(packet.encode()))
+
     def charge_pin_rises(self, *, noticed: bool = True) -> list[Action]:
         """In a dock, now; `noticed` False: the edge's interrupt is lost."""
         self._docked = self._at_surface = True
@@ -137,8 +148,9 @@ class Bench:
 
     def reset(self, cause: ResetCause) -> list[Action]:
         """Starts the firmware anew; batteries and body are as they were."""
-        self.board = Board(
-            self.config, MusselbedCodec(), self.board.primary, self.board.secondary, self.now_ms
+        old = self.board
+        self.board = board_of(
+            self.config, MusselbedCodec(), old.primary, old.secondary, self.now_ms, old.kept
         )
         if self.ledger is not None:
             self.ledger.power_off(self.now_ms)

@@ -1,26 +1,22 @@
-"""The MU board: its state machine, its batteries and its timers, moved by the three verbs in agent time."""
+"""The MU board: its state machine, its batteries and its timers, moved by the three verbs in agent time.
+
+`Board` is what every board has, and with it the paper's worst case: one battery in use, one load, never asleep.
+`firmware_model.whole_board` adds the rest.
+"""
 
 from __future__ import annotations
 
-from firmware_model.actions import (
-    MOTORS,
-    REPORTS,
-    Action,
-    Dropped,
-    FeedFrom,
-    LogSample,
-    RunBuoyancy,
-    SendStatus,
-    SetRail,
-    StateChanged,
-)
+from typing import TYPE_CHECKING
+
+from firmware_model.actions import MOTORS, REPORTS, Action, Dropped, RunBuoyancy, SendStatus, StateChanged
 from firmware_model.charge import Battery
 from firmware_model.charge_pin import ChargePin, Edge, Fault
 from firmware_model.codec import Codec
-from firmware_model.packets import CommandPacket, Kind
+from firmware_model.commands import TRIGGERS, understood
+from firmware_model.feed import Feed, WorstCase
+from firmware_model.packets import Command, Kind
 from firmware_model.plan import BoardConfig
-from firmware_model.power_path import Feed, PowerPath, WorstCase
-from firmware_model.rails import RAILS, Rail, bits, rails_of
+from firmware_model.rails import RAILS, Rail
 from firmware_model.states import TABLE, Refused, State, Trigger, next_state
 from firmware_model.stimuli import (
     BottomReached,
@@ -33,19 +29,37 @@ from firmware_model.stimuli import (
     SurfaceReached,
     WifiReceived,
 )
-from firmware_model.timers import deadline_ms, deadline_trigger
 
-_COMMANDS = {
-    Kind.PERMISSION: Trigger.PERMISSION_HEARD,
-    Kind.RELEASE: Trigger.CLEAR_TO_SINK,
-    Kind.PING: Trigger.PING_HEARD,
-    Kind.HOVER: Trigger.HOVER_TOLD,
-}
+if TYPE_CHECKING:
+    from firmware_model.keeper import Kept
+    from firmware_model.power_path import PowerPath
+
 _DOCKED = (State.CHARGING, State.REPORTING)
+Deadline = tuple[int, Trigger]
+"""When a state ends by itself, and what that means."""
+
+
+def board_of(
+    config: BoardConfig,
+    codec: Codec,
+    primary: Battery,
+    secondary: Battery,
+    now_ms: int,
+    kept: Kept | None = None,
+) -> Board:
+    """The board that `config` is of. `kept` is what a reset left of a whole board's clock and settings."""
+    if config.whole is None:
+        return Board(config, codec, primary, secondary, now_ms)
+    # Imported here: a fleet in the worst case needs none of it, and every page that an agent shares counts.
+    from firmware_model.whole_board import WholeBoard
+
+    return WholeBoard(config, codec, primary, secondary, now_ms, kept)
 
 
 class Board:
     """One MU board. It is OFF until it receives `PowerCameOn`; its batteries live on whether it runs or not."""
+
+    _batteries: WorstCase | PowerPath
 
     def __init__(
         self, config: BoardConfig, codec: Codec, primary: Battery, secondary: Battery, now_ms: int
@@ -53,24 +67,14 @@ class Board:
         self.config = config
         self.state = State.OFF
         self.reset_cause: ResetCause | None = None
-        self.rails = 0
-        """What is on, as bits; always 0 in the worst case, which knows one load only."""
-        self._whole = config.whole
-        self._batteries: WorstCase | PowerPath = (
-            WorstCase(config.charge, primary, secondary)
-            if config.whole is None
-            else PowerPath(config.charge, config.whole.power, primary, secondary, now_ms)
-        )
         self._codec = codec
         self._now_ms = now_ms
-        self._pin = _pin(config, high=False)
+        self._pin = ChargePin(config.pin_debounce_ms, False, config.pin_chatter_ms, config.pin_check_ms)
         self._at_surface = False
         self._clear_to_sink = False
-        self._last_resort_ms: int | None = None
-        self._pulses: dict[Rail, int] = {}
-        """Rails that are on for a time of their own, and until when."""
-        self._pulse_due_ms: int | None = None
-        self._deadline_ms: int | None = None
+        self._deadline: Deadline | None = None
+        if config.whole is None:
+            self._batteries = WorstCase(config.charge, primary, secondary)
 
     @property
     def primary(self) -> Battery:
@@ -81,17 +85,54 @@ class Board:
         return self._batteries.secondary
 
     @property
+    def feed(self) -> Feed:
+        """The battery that the board lives on."""
+        return self._batteries.feed
+
+    @property
+    def rails(self) -> int:
+        """What is on, as bits; always 0 in the worst case, which knows one load only."""
+        return 0
+
+    @property
+    def hears(self) -> bool:
+        """Whether the modem listens. The worst case's always does."""
+        return True
+
+    @property
+    def has_wifi(self) -> bool:
+        """Whether Wi-Fi is on. The worst case's always is."""
+        return True
+
+    @property
+    def kept(self) -> Kept | None:
+        """What a reset has to leave; None for a board that nobody has told anything yet."""
+        return None
+
+    @property
+    def clock_offset_ms(self) -> int:
+        """By how much the clock was ahead of the last beacon; within 32 bits."""
+        return 0
+
+    def clock_ms(self, now_ms: int) -> int:
+        """What the board's own clock reads; the paper's worst case has one that is never off."""
+        return now_ms
+
+    def readings(self, now_ms: int) -> tuple[int, int]:
+        """Primary and secondary as the board knows them, in grains: the monitor's last samples."""
+        return self._batteries.readings(now_ms)
+
+    @property
     def next_due_ms(self) -> int | None:
         """When something of the board is due next; of several at once pin, batteries, pulses, deadline in this order."""
         return self._next()[0]
 
     def _next(self) -> tuple[int | None, int]:
-        """When something is due next, and which: 0 the pin, 1 the batteries, 2 a pulse, 3 the deadline."""
-        due_ms, which = self._pin.next_due_ms, 0
-        for n, other_ms in enumerate((self._batteries.due_ms, self._pulse_due_ms, self._deadline_ms), 1):
-            if other_ms is not None and (due_ms is None or other_ms < due_ms):
-                due_ms, which = other_ms, n
-        return due_ms, which
+        """When something is due next, and which: 0 the pin, 3 the deadline."""
+        due_ms = self._pin.next_due_ms
+        if self._deadline is not None and (due_ms is None or self._deadline[0] < due_ms):
+            return self._deadline[0], 3
+        return due_ms, 0
 
     def advance(self, now_ms: int) -> list[Action]:
         """Fires every timer that is due by `now_ms`, in order, each at its own time (ValueError if time went back)."""
@@ -112,19 +153,13 @@ class Board:
             edge, fault = self._pin.due(now_ms)
             faults: list[Action] = [] if fault is None else [Dropped(now_ms, fault.value)]
             return faults if edge is None else faults + self._edge(edge)
-        if which == 1:
-            return self._switch_over(now_ms)
-        if which == 2:
-            self._pulses = {rail: off_ms for rail, off_ms in self._pulses.items() if off_ms > now_ms}
-            return self._set_rails()
-        self._deadline_ms = None
-        if self.state is State.BOOTING:
-            return self._pull(self._boot_trigger())
-        sampled: list[Action] = [LogSample(now_ms)] if self.state is State.SAMPLING else []
-        trigger = deadline_trigger(self.state, self._whole, self._batteries.feed)
-        if trigger in (Trigger.LAST_RESORT_CALL, Trigger.LAST_RESORT_SURFACE):
-            self._last_resort_ms = now_ms
-        return sampled + self._pull(trigger)
+        assert self._deadline is not None
+        (_, trigger), self._deadline = self._deadline, None
+        return self._time_is_up(self._boot_trigger() if self.state is State.BOOTING else trigger)
+
+    def _time_is_up(self, trigger: Trigger) -> list[Action]:
+        """The state ends by itself."""
+        return self._pull(trigger)
 
     def receive(self, stimulus: Stimulus, now_ms: int) -> list[Action]:
         """Takes a fact from outside at `now_ms`, after everything that was due by then."""
@@ -137,9 +172,7 @@ class Board:
             case PacketHeard(data):
                 actions += self._hear(data)
             case WifiReceived(data):
-                if self._whole is not None and not self.rails >> Rail.WIFI & 1:
-                    return [*actions, Dropped(now_ms, "Wi-Fi is off")]
-                actions += self._command(data)
+                actions += self._command(data) if self.has_wifi else [Dropped(now_ms, "Wi-Fi is off")]
             case SurfaceReached():
                 self._at_surface = True
                 actions += self._pull(Trigger.SURFACE_REACHED)
@@ -149,59 +182,41 @@ class Board:
             case PowerCameOn(cause, at_surface, pin_high):
                 self.reset_cause = cause
                 self._at_surface = at_surface
-                self._pin = _pin(self.config, pin_high)
+                self._pin.restart(pin_high)
                 actions += self._pull(Trigger.POWER_CAME_ON)
         return actions
 
     def _wire(self, high: bool, noticed: bool) -> list[Action]:
+        """The charger's pin has another level, whether the firmware noticed or not."""
         if noticed:
             self._pin.level(high, self._now_ms)
         else:
             self._pin.level_unseen(high, self._now_ms)
-        # The chargers need no firmware: they run for as long as the pin is high.
-        return self._set_rails() if self._whole is not None else []
+        return []
 
     def _hear(self, data: bytes) -> list[Action]:
-        if self._whole is None:
-            return self._command(data)
-        if not self.rails & (1 << Rail.MODEM_LISTENING | 1 << Rail.MODEM_RECEIVING):
-            return [Dropped(self._now_ms, "the modem is not listening")]
-        self._pulses[Rail.MODEM_RECEIVING] = self._now_ms + self._whole.power.receive_ms
-        return self._set_rails() + self._command(data)
+        return self._command(data)
 
     def _command(self, data: bytes) -> list[Action]:
-        packet = self._codec.decode(data)
-        if not isinstance(packet, CommandPacket):
-            return [Dropped(self._now_ms, "not a command")]
-        if packet.agent_id != self.config.agent_id:
-            return [Dropped(self._now_ms, "for another aMussel")]
-        if packet.kind is Kind.RELEASE and self.state in _DOCKED:
+        command = understood(data, self._codec, self.config)
+        return [Dropped(self._now_ms, command)] if isinstance(command, str) else self._obey(command)
+
+    def _obey(self, command: Command) -> list[Action]:
+        if command.kind is Kind.RELEASE and self.state in _DOCKED:
             # The packet and the contact travel apart: it may come before the falling edge is certain.
             self._clear_to_sink = True
             return []
-        if packet.kind is Kind.HOVER and self._whole is None:
-            return [Dropped(self._now_ms, "the worst case knows no hovering")]
-        return self._pull(_COMMANDS[packet.kind])
+        return self._pull(TRIGGERS[command.kind])
 
     def _edge(self, edge: Edge) -> list[Action]:
         if self.state in (State.OFF, State.BOOTING):
             return []  # the level is read again when the board has booted
         if edge is Edge.ROSE:
             self._clear_to_sink = False
-            self._last_resort_ms = None
             return self._pull(Trigger.CHARGE_EDGE_ROSE)
         actions = self._pull(Trigger.CHARGE_EDGE_FELL)
         if self._clear_to_sink and self.state is State.RELEASED:
             actions += self._pull(Trigger.CLEAR_TO_SINK)
-        return actions
-
-    def _switch_over(self, now_ms: int) -> list[Action]:
-        assert isinstance(self._batteries, PowerPath)
-        feed = self._batteries.due(now_ms)
-        actions: list[Action] = [FeedFrom(now_ms, feed)]
-        trigger = Trigger.BOTH_EMPTIED if feed is Feed.NEITHER else Trigger.BATTERY_EMPTIED
-        if feed is not Feed.PRIMARY and (self.state, trigger) in TABLE:
-            actions += self._pull(trigger)
         return actions
 
     def _boot_trigger(self) -> Trigger:
@@ -217,47 +232,46 @@ class Board:
             return [Dropped(self._now_ms, str(refusal))]
         return [StateChanged(self._now_ms, old, trigger, self.state), *self._enter()]
 
+    def _pull_if_taken(self, trigger: Trigger) -> list[Action]:
+        return self._pull(trigger) if (self.state, trigger) in TABLE else []
+
     def _enter(self) -> list[Action]:
-        """Sets the motors, the power path and the deadline for the state just entered."""
+        """Sets the motors, the power and the deadline for the state just entered."""
         state, now_ms = self.state, self._now_ms
         actions: list[Action] = []
-        motors = MOTORS.get(state)
-        if motors is not None:
-            actions.append(RunBuoyancy(now_ms, motors))
-            if self._whole is not None:
-                self._pulses[Rail.MOTORS] = now_ms + self._whole.power.motor_run_ms
-        if isinstance(self._batteries, PowerPath):
-            actions += self._set_rails()
-        elif state is not State.BOOTING:
-            self._batteries.charge(state is State.CHARGING, now_ms)
-        self._set_deadline()
+        if state in MOTORS:
+            actions.append(self._motors())
+        actions += self._power()
+        self._deadline = self._deadline_of(state, now_ms)
         if state in REPORTS:
-            actions.append(SendStatus(now_ms, REPORTS[state]))
+            actions += self._report(REPORTS[state])
         if not RAILS[state] >> Rail.MU_ASLEEP & 1 and self._pin.look(now_ms):
             actions.append(Dropped(now_ms, Fault.MISSED.value))
         return actions
 
-    def _set_deadline(self) -> None:
-        self._deadline_ms = deadline_ms(
-            self.state, self.config, self._batteries, self._last_resort_ms, self._now_ms
-        )
+    def _motors(self) -> RunBuoyancy:
+        return RunBuoyancy(self._now_ms, MOTORS[self.state])
 
-    def _set_rails(self) -> list[Action]:
-        """Switches what the state and the pulses want, and tells the batteries."""
-        whole, batteries, now_ms, state = self._whole, self._batteries, self._now_ms, self.state
-        assert whole is not None and isinstance(batteries, PowerPath)
-        if state is State.LOST:
-            self._pulses.clear()
-        pulsed = bits(*self._pulses)
-        self._pulse_due_ms = min(self._pulses.values(), default=None)
-        on = rails_of(state, whole.power.kept_on, whole.cycle is None, pulsed)
-        changed = on ^ self.rails
-        self.rails = on
-        batteries.set(self._pin.wire_high, whole.power.loads.total(on), now_ms)
-        if state is State.EMPTY:
-            self._set_deadline()  # the safe level comes sooner or later under another load
-        return [SetRail(now_ms, rail, bool(on >> rail & 1)) for rail in Rail if changed >> rail & 1]
+    def _power(self) -> list[Action]:
+        """Makes the batteries feel the state just entered."""
+        if isinstance(self._batteries, WorstCase) and self.state is not State.BOOTING:
+            self._batteries.charge(self.state is State.CHARGING, self._now_ms)
+        return []
 
+    def _report(self, by: Rail) -> list[Action]:
+        return [SendStatus(self._now_ms, by)]
 
-def _pin(config: BoardConfig, high: bool) -> ChargePin:
-    return ChargePin(config.pin_debounce_ms, high, config.pin_chatter_ms, config.pin_check_ms)
+    def _deadline_of(self, state: State, now_ms: int) -> Deadline | None:
+        """When `state`, entered at `now_ms`, ends by itself; None when only a fact from outside ends it."""
+        config = self.config
+        match state:
+            case State.BOOTING:
+                return now_ms + config.boot_ms, Trigger.BOOTED_ON_BOTTOM
+            case State.FLOATING:
+                return now_ms + config.float_timeout_ms, Trigger.FLOAT_TIMED_OUT
+            case State.RELEASED:
+                return now_ms + config.release_wait_ms, Trigger.CLEAR_TO_SINK
+            case State.ACTIVE:
+                empty_at_ms = config.charge.empty_at_ms(self.primary)
+                return None if empty_at_ms is None else (max(now_ms, empty_at_ms), Trigger.BATTERY_EMPTIED)
+        return None

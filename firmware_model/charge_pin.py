@@ -30,6 +30,10 @@ class ChargePin:
         self._debounce_ms = debounce_ms
         self._chatter_ms = chatter_ms
         self._check_ms = check_ms
+        self.restart(high)
+
+    def restart(self, high: bool) -> None:
+        """The firmware begins, and reads this level."""
         self.wire_high = high
         """What the pin carries, whether the firmware saw it or not: the chargers run on it."""
         self.high = high
@@ -37,10 +41,8 @@ class ChargePin:
         self._seen_high = high
         self._flipped_ms: int | None = None
         """The last flip that was seen since the level was certain."""
-        self._unsettled_ms = 0
-        self._counted_ms = 0
-        self._high_ms = 0
-        """For how long of the unsettled time up to `_counted_ms` the level was high."""
+        self._unsettled_ms = self._counted_ms = self._high_ms = 0
+        """Since when it is not certain, up to when that was counted, and for how much of it the level was high."""
         self.next_due_ms: int | None = None
 
     def level(self, high: bool, now_ms: int) -> None:

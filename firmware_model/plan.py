@@ -23,6 +23,32 @@ class LastResort(IntEnum):
 
 
 @dataclass(frozen=True, slots=True)
+class Metering:
+    """How a board reads its batteries: voltage = charge - sag + lift + noise, all in grains of the scaled voltage.
+
+    Table I's and the equations' curves are voltages of an idle board, so sag is counted from the load that those had.
+    """
+
+    period_ms: int
+    """The monitor samples at whole multiples of it."""
+    settle_ms: int
+    """A level counts once every sample over so long was beyond it. Longer than a motor run, or that makes an emergency."""
+    sag_ms: int = 0
+    """Internal resistance: grains of voltage for each grain a millisecond of load above `sag_from`."""
+    sag_from: int = 0
+    lift: int = 0
+    """While its charger gives."""
+    noise: int = 0
+    """Readings are up to so much off, either way, all alike."""
+    seed: int = 0
+    """Of the noise, which is a keyed hash of (seed, agent id, number of the sample)."""
+
+    def __post_init__(self) -> None:
+        if self.period_ms <= 0 or min(self.settle_ms, self.sag_ms, self.sag_from, self.lift, self.noise) < 0:
+            raise ValueError("period_ms must be positive, and nothing else of a Metering negative")
+
+
+@dataclass(frozen=True, slots=True)
 class Power:
     """Loads by module, two batteries, and the path between charger, batteries and board.
 
@@ -42,6 +68,10 @@ class Power:
     last_resort: LastResort
     kept_on: int = 0
     """Rails that nothing switches off, as bits."""
+    metering: Metering | None = None
+    """None: the board knows the charges exactly, and every level counts at once."""
+    low_level: int = 0
+    """Of the primary battery: a sleeping board wakes when it falls to it; 0 for no such level."""
 
     def __post_init__(self) -> None:
         if not 0 <= self.path <= PATH_UNIT:
@@ -54,16 +84,17 @@ class Slots:
 
     frame_ms: int
     slot_ms: int
+    guard_ms: int = 0
+    """A board speaks so long after its slot opens; clocks that are off by no more do not collide."""
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.guard_ms < self.slot_ms <= self.frame_ms:
+            raise ValueError("a guard must be shorter than its slot, and a slot not longer than the frame")
 
     @property
     def count(self) -> int:
         """How many whole slots a frame has."""
         return self.frame_ms // self.slot_ms
-
-    def next_ms(self, index: int, now_ms: int) -> int:
-        """The first time from `now_ms` on at which slot `index` opens."""
-        first_ms = index * self.slot_ms
-        return first_ms - (first_ms - now_ms) // self.frame_ms * self.frame_ms
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,14 +110,26 @@ class Cycle:
     """Where the board awaits its timeslot and transmits; None when it goes back to sleep instead."""
     listen_ms: int
     """How long it stays awake after a ping, and after it has come to rest on the bottom."""
+    report_ms: int
+    """How long it stays awake in a dock after it has reported, and after each word that its log came across."""
 
     def __post_init__(self) -> None:
         if self.alarm_ms <= 0:
             raise ValueError("alarm_ms must be positive")
 
-    def alarm_after_ms(self, now_ms: int) -> int:
-        """The first alarm after `now_ms`."""
-        return (now_ms // self.alarm_ms + 1) * self.alarm_ms
+
+@dataclass(frozen=True, slots=True)
+class Timekeeping:
+    """What the firmware may expect of its clock, and what it does about it."""
+
+    bound_ppb: int
+    """The crystal drifts by no more, in parts of 10^9, says its data sheet."""
+    beacon_wait_ms: int
+    """Where it may be off by more than the guard, it does not speak, and listens for a beacon for so long."""
+
+    def __post_init__(self) -> None:
+        if self.bound_ppb < 0 or self.beacon_wait_ms <= 0:
+            raise ValueError("bound_ppb must not be negative, and beacon_wait_ms positive")
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,6 +144,10 @@ class Whole:
     """Between the calls of a last resort."""
     hover_ms: int
     """Between the motor runs that hold a depth."""
+    stay_down_ms: int = 21_600_000
+    """One that was told to sink takes no last resort that brings it up for so long: 6 h."""
+    timekeeping: Timekeeping | None = None
+    """None: it trusts its clock."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,6 +168,8 @@ class BoardConfig:
     """A charger's pin that bounces for so long is decided by the level that it had for the greater part of it."""
     pin_check_ms: int = 60_000
     """The pin's level is sampled at whole multiples of it, and at every wake: that finds an edge that was missed."""
+    drift_ppb: int = 0
+    """What the board's clock gains on agent time, in parts of 10^9."""
 
     def __post_init__(self) -> None:
         cycle = None if self.whole is None else self.whole.cycle

@@ -2,7 +2,8 @@
 
 The fixture `mu` is a `Bench`: a board with Table I's loads that wakes every hour for 10 s. `@pytest.mark.mu(...)` makes
 another: sleep "never", "hourly" or "field"; primary, secondary in [0, 1]; docked; kept_on, names of rails; last_resort
-"wait", "call" or "surface". Of a test that fails, the last of what the board did is shown beside the reason.
+"wait", "call" or "surface"; metered, for batteries whose voltage sags and lifts; low_level in [0, 1]. Of a test that fails,
+the last of what the board did is shown beside the reason.
 """
 
 from __future__ import annotations
@@ -13,9 +14,10 @@ from typing import Any
 import pytest
 
 from firmware_model.bench import Bench
+from firmware_model.charge import grains
 from firmware_model.plan import LastResort
 from firmware_model.rails import Rail, bits
-from firmware_model.table_one import CYCLES, board, power
+from firmware_model.table_one import CYCLES, METERING, board, power
 from firmware_model.trace import clock, line
 
 _SHOWN = 60
@@ -23,7 +25,8 @@ _SHOWN = 60
 
 def pytest_configure(config: pytest.Config) -> None:
     config.addinivalue_line(
-        "markers", "mu(sleep, primary, secondary, docked, kept_on, last_resort): the board of `mu`"
+        "markers",
+        "mu(sleep, primary, secondary, docked, kept_on, last_resort, metered, low_level): the board of `mu`",
     )
 
 
@@ -35,6 +38,8 @@ def make_bench(
     docked: bool = False,
     kept_on: tuple[str, ...] = (),
     last_resort: str = "wait",
+    metered: bool = False,
+    low_level: float = 0.0,
 ) -> Bench:
     """The board that a mark asks for. ValueError names what there is when a name is unknown."""
     if sleep not in CYCLES:
@@ -47,7 +52,8 @@ def make_bench(
             f"last_resort: {last_resort!r} is none of {', '.join(LastResort.__members__).lower()}"
         )
     rails = bits(*{Rail[name.upper()] for name in kept_on})
-    config = board(CYCLES[sleep], power(LastResort[last_resort.upper()], rails))
+    metering = METERING if metered else None
+    config = board(CYCLES[sleep], power(LastResort[last_resort.upper()], rails, metering, grains(low_level)))
     return Bench(config, primary=primary, secondary=secondary, docked=docked)
 
 

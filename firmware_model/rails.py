@@ -57,6 +57,7 @@ RAILS: dict[State, int] = {
     State.REPORTING: IDLE | SENSORS | bits(Rail.WIFI),
     State.CALLING: SENDING,
     State.LOST: 0,
+    State.AWAITING_BEACON: IDLE,
 }
 """The motors are not in it: they run for their own time in whatever state follows."""
 

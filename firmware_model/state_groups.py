@@ -14,6 +14,7 @@ AT_WORK = frozenset(
         State.SAMPLING,
         State.PROCESSING,
         State.AWAITING_SLOT,
+        State.AWAITING_BEACON,
         State.TRANSMITTING,
         State.HOVERING,
     }

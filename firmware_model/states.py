@@ -41,6 +41,8 @@ class State(IntEnum):
     """On the bottom at the backup battery's safe level, sending its status; between its calls it is EMPTY and listens."""
     LOST = 17
     """Both batteries are at 0: it can no longer surface."""
+    AWAITING_BEACON = 18
+    """Its clock may be off by more than the guard: it does not speak, and listens for an aPad's time."""
 
 
 class Trigger(IntEnum):
@@ -72,6 +74,13 @@ class Trigger(IntEnum):
     LAST_RESORT_CALL = 21
     LAST_RESORT_SURFACE = 22
     BOTH_EMPTIED = 23
+    LOW_LEVEL_REACHED = 24
+    """The primary battery is down to the level at which a sleeper wakes."""
+    CLOCK_DOUBTED = 25
+    """It may be off by more than the guard of the timeslot."""
+    BEACON_HEARD = 26
+    SINK_TOLD = 27
+    """By an aPad, which wants it to go down and stay there."""
 
 
 _S, _T = State, Trigger
@@ -87,6 +96,7 @@ _BOTTOM = (
     _S.AWAITING_SLOT,
     _S.TRANSMITTING,
     _S.CALLING,
+    _S.AWAITING_BEACON,
 )
 _LISTENING = tuple(state for state in _BOTTOM if state not in (_S.TRANSMITTING, _S.CALLING))
 _UNDOCKED = (*_BOTTOM, _S.SURFACING, _S.FLOATING, _S.RELEASED, _S.SINKING, _S.HOVERING)
@@ -107,6 +117,9 @@ TABLE: dict[tuple[State, Trigger], State] = {
     (_S.PROCESSING, _T.PROCESSED): _S.AWAITING_SLOT,
     (_S.PROCESSING, _T.WAKE_OVER): _S.SLEEPING,
     (_S.AWAITING_SLOT, _T.SLOT_OPENED): _S.TRANSMITTING,
+    (_S.AWAITING_SLOT, _T.CLOCK_DOUBTED): _S.AWAITING_BEACON,
+    (_S.AWAITING_BEACON, _T.BEACON_HEARD): _S.AWAITING_SLOT,
+    (_S.AWAITING_BEACON, _T.WAKE_OVER): _S.SLEEPING,
     (_S.TRANSMITTING, _T.WAKE_OVER): _S.SLEEPING,
     # Up, docked, released and down.
     **{(state, _T.PERMISSION_HEARD): _S.SURFACING for state in (*_LISTENING, _S.SINKING, _S.HOVERING)},
@@ -122,14 +135,18 @@ TABLE: dict[tuple[State, Trigger], State] = {
     # The motors had run to sink while the dock held it: it sank as soon as it was let go.
     (_S.RELEASED, _T.BOTTOM_REACHED): _S.ACTIVE,
     (_S.SINKING, _T.BOTTOM_REACHED): _S.ACTIVE,
+    **{(state, _T.SINK_TOLD): _S.SINKING for state in (_S.SURFACING, _S.FLOATING, _S.RELEASED, _S.HOVERING)},
     # Held at a depth.
     (_S.ACTIVE, _T.HOVER_TOLD): _S.HOVERING,
     (_S.SLEEPING, _T.HOVER_TOLD): _S.HOVERING,
+    (_S.HOVERING, _T.HOVER_TOLD): _S.HOVERING,
     (_S.HOVERING, _T.HOVER_DUE): _S.HOVERING,
     (_S.HOVERING, _T.CLEAR_TO_SINK): _S.SINKING,
-    # Emergency. Under way it goes on with what it was doing, on the other battery.
+    # Emergency. At the low level a sleeper wakes out of its turn; its wake then goes on as any other. Under way it goes on
+    # with what it was doing, on the other battery.
     **{(state, _T.BATTERY_EMPTIED): _S.EMPTY for state in _BOTTOM if state not in (_S.EMPTY, _S.CALLING)},
     (_S.HOVERING, _T.BATTERY_EMPTIED): _S.SINKING,
+    (_S.SLEEPING, _T.LOW_LEVEL_REACHED): _S.SAMPLING,
     (_S.EMPTY, _T.LAST_RESORT_CALL): _S.CALLING,
     (_S.EMPTY, _T.LAST_RESORT_SURFACE): _S.SURFACING,
     (_S.CALLING, _T.WAKE_OVER): _S.EMPTY,

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from firmware_model.charge import FULL, ChargeModel, grains, grains_per_ms
-from firmware_model.plan import PATH_UNIT, BoardConfig, Cycle, LastResort, Power, Slots, Whole
+from firmware_model.charge import EMPTY_MV, FULL, FULL_MV, ChargeModel, grains, grains_per_ms
+from firmware_model.plan import PATH_UNIT, BoardConfig, Cycle, LastResort, Metering, Power, Slots, Whole
 from firmware_model.rails import Loads, Rail
 
 EQUATION_1 = 0.0010427134
@@ -91,8 +91,17 @@ ASSUMED = (
     Parameter("bluetooth", 50, "mW", "a module of this class"),
     Parameter("motor_run_time", 60, "s", "the energy of a run is what was fitted, not its time"),
 )
+METERED = (
+    Parameter("internal_resistance", 0.1, "ohm", "a lithium polymer cell of 2 Ah"),
+    Parameter("lift", 24, "mV", "0.24 A of the primary's charger through that resistance"),
+    Parameter("noise", 3, "mV", "a converter of 12 bits, and what is on its wires"),
+    Parameter("monitor_period", 10, "s", "cheap enough for deep sleep"),
+    Parameter("monitor_settle", 120, "s", "twice a motor run, which pulls the voltage down most"),
+)
+"""Of the battery monitor, where one is asked for (`METERING`)."""
 _FITTED = {parameter.name: parameter.value for parameter in FITTED}
 _ASSUMED = {parameter.name: parameter.value for parameter in ASSUMED}
+_METERED = {parameter.name: parameter.value for parameter in METERED}
 _LISTENING = _milliwatts(_ASSUMED["modem_listening"])
 _HOUR_MS = 3_600_000
 _MOTOR_RUN_MS = round(_ASSUMED["motor_run_time"] * 1000)
@@ -117,6 +126,21 @@ LOADS = Loads.from_minutes(
 )
 WORST_CASE = ChargeModel.from_minutes(EQUATION_1, EQUATION_2)
 """The paper's experiments (section IV-A): one battery, one load, the secondary's charging curve."""
+_CELL_MV = 3700
+_RANGE_MV = FULL_MV - EMPTY_MV
+# A milliwatt is 1 / 3700 A: so many millivolts across the resistance, beside so many grains a millisecond.
+_SAG_MS = round(
+    _METERED["internal_resistance"] * 1000 / _CELL_MV * FULL / _RANGE_MV / (FULL / REFERENCE_MWH / _HOUR_MS)
+)
+METERING = Metering(
+    period_ms=round(_METERED["monitor_period"] * 1000),
+    settle_ms=round(_METERED["monitor_settle"] * 1000),
+    sag_ms=_SAG_MS,
+    sag_from=grains_per_ms(EQUATION_1),
+    lift=round(_METERED["lift"] * FULL / _RANGE_MV),
+    noise=round(_METERED["noise"] * FULL / _RANGE_MV),
+)
+"""A monitor that has to tell charge from voltage. Table I holds with it too."""
 _ONE_COIL = tuple((grains(end), grains_per_ms(rate)) for end, rate in EQUATION_2)
 MODEL = ChargeModel(
     discharge=0,
@@ -125,7 +149,9 @@ MODEL = ChargeModel(
         (end, rate * round(_FITTED["two_coils"] * 10_000) // 10_000) for end, rate in _ONE_COIL
     ),
 )
-HOURLY = Cycle(alarm_ms=_HOUR_MS, sample_ms=10_000, processing_ms=0, slots=None, listen_ms=60_000)
+HOURLY = Cycle(
+    alarm_ms=_HOUR_MS, sample_ms=10_000, processing_ms=0, slots=None, listen_ms=60_000, report_ms=10_000
+)
 """Table I's short wakes: the sensors for 10 s every hour."""
 FIELD = Cycle(
     alarm_ms=_HOUR_MS,
@@ -133,6 +159,7 @@ FIELD = Cycle(
     processing_ms=60_000,
     slots=Slots(frame_ms=300_000, slot_ms=5000),
     listen_ms=60_000,
+    report_ms=60_000,
 )
 """Wakes of several minutes, as in Fig. 4 a: sample, process a little, await the timeslot, transmit."""
 
@@ -140,7 +167,12 @@ CYCLES = {"never": None, "hourly": HOURLY, "field": FIELD}
 """By the names that scripts and tests use."""
 
 
-def power(last_resort: LastResort = LastResort.WAIT, kept_on: int = 0) -> Power:
+def power(
+    last_resort: LastResort = LastResort.WAIT,
+    kept_on: int = 0,
+    metering: Metering | None = None,
+    low_level: int = 0,
+) -> Power:
     return Power(
         loads=LOADS,
         path=round(_FITTED["path"] * PATH_UNIT),
@@ -150,6 +182,8 @@ def power(last_resort: LastResort = LastResort.WAIT, kept_on: int = 0) -> Power:
         safe_level=FULL // 5,
         last_resort=last_resort,
         kept_on=kept_on,
+        metering=metering,
+        low_level=low_level,
     )
 
 

@@ -1,105 +1,69 @@
-"""How long the board stays in a state by itself, and what ends it."""
+"""How long a whole board stays in a state by itself, and what ends it."""
 
 from __future__ import annotations
 
-from firmware_model.plan import BoardConfig, LastResort, Whole
-from firmware_model.power_path import Feed, PowerPath, WorstCase
-from firmware_model.states import TABLE, State, Trigger
+from firmware_model.board import Deadline
+from firmware_model.clock import AlarmClock
+from firmware_model.keeper import Keeper
+from firmware_model.plan import Cycle, LastResort, Whole
+from firmware_model.power_path import PowerPath
+from firmware_model.settings import Settings
+from firmware_model.states import State, Trigger
 
 
-def deadline_ms(
-    state: State,
-    config: BoardConfig,
-    batteries: WorstCase | PowerPath,
-    last_resort_ms: int | None,
-    now_ms: int,
-) -> int | None:
-    """When the state, entered at `now_ms`, ends by itself; None when only a fact from outside ends it.
-
-    `last_resort_ms` is when the last resort was last taken since the charger was last seen.
-    """
-    if batteries.feed is Feed.NEITHER and (state, Trigger.BOTH_EMPTIED) in TABLE:
-        return now_ms
-    match state:
-        case State.BOOTING:
-            return now_ms + config.boot_ms
-        case State.FLOATING:
-            # One that came up for its life does not go down again by itself.
-            return None if last_resort_ms is not None else now_ms + config.float_timeout_ms
-        case State.RELEASED:
-            return now_ms + config.release_wait_ms
-    if isinstance(batteries, WorstCase):
-        if state is not State.ACTIVE:
-            return None
-        empty_at_ms = config.charge.empty_at_ms(batteries.primary)
-        return None if empty_at_ms is None else max(now_ms, empty_at_ms)
-    assert config.whole is not None
-    if state is State.ACTIVE and batteries.feed is not Feed.PRIMARY:
-        return now_ms
-    if state is State.EMPTY:
-        return _last_resort_due_ms(config.whole, batteries, last_resort_ms, now_ms)
-    return _deadline_of_whole(state, config.whole, config.slot, now_ms)
-
-
-def _deadline_of_whole(state: State, whole: Whole, slot: int, now_ms: int) -> int | None:
+def whole_deadline(state: State, whole: Whole, keeper: Keeper, now_ms: int) -> Deadline | None:
+    """For what only the whole firmware has, the last resort apart; the state was entered at `now_ms`."""
+    settings, clock = keeper.settings, keeper.clock
     if state is State.HOVERING:
-        return now_ms + whole.hover_ms
+        return now_ms + whole.hover_ms, Trigger.HOVER_DUE
     if state in (State.TRANSMITTING, State.CALLING):
-        return now_ms + whole.transmit_ms
-    cycle = whole.cycle
-    if cycle is None:
+        return now_ms + whole.transmit_ms, Trigger.WAKE_OVER
+    if whole.cycle is None:
         return None
     match state:
         case State.ACTIVE:
-            return now_ms + cycle.listen_ms
+            return now_ms + whole.cycle.listen_ms, Trigger.WAKE_OVER
         case State.SLEEPING | State.CHARGING:
-            return cycle.alarm_after_ms(now_ms)
-        case State.SAMPLING | State.REPORTING:
-            return now_ms + cycle.sample_ms
+            return clock.alarm_ms(settings.alarm_ms, now_ms), Trigger.ALARM_RANG
+        case State.SAMPLING:
+            return now_ms + settings.sample_ms, _after_sampling(whole.cycle, settings)
+        case State.REPORTING:
+            return now_ms + whole.cycle.report_ms, Trigger.WAKE_OVER
         case State.PROCESSING:
-            return now_ms + cycle.processing_ms
+            after = Trigger.PROCESSED if settings.has_slot else Trigger.WAKE_OVER
+            return now_ms + whole.cycle.processing_ms, after
         case State.AWAITING_SLOT:
-            assert cycle.slots is not None
-            return cycle.slots.next_ms(slot, now_ms)
+            return _slot(whole, settings, clock, now_ms)
+        case State.AWAITING_BEACON:
+            assert whole.timekeeping is not None
+            return now_ms + whole.timekeeping.beacon_wait_ms, Trigger.WAKE_OVER
     return None
 
 
-def _last_resort_due_ms(
-    whole: Whole, batteries: PowerPath, last_resort_ms: int | None, now_ms: int
-) -> int | None:
-    if whole.power.last_resort is LastResort.WAIT:
+def _after_sampling(cycle: Cycle, settings: Settings) -> Trigger:
+    if cycle.processing_ms:
+        return Trigger.SAMPLES_TO_PROCESS
+    return Trigger.SAMPLES_TO_SEND if settings.has_slot else Trigger.WAKE_OVER
+
+
+def _slot(whole: Whole, settings: Settings, clock: AlarmClock, now_ms: int) -> Deadline:
+    """The slot's opening by the board's clock; or now, if the clock may then be off by more than the guard."""
+    speaks_at_ms = settings.speaks_at_ms(clock.reading_at(now_ms))
+    at_ms = max(now_ms, clock.clock.when(speaks_at_ms))
+    timekeeping = whole.timekeeping
+    if timekeeping is not None and clock.clock.doubt_ms(at_ms, timekeeping.bound_ppb) > settings.guard_ms:
+        return now_ms, Trigger.CLOCK_DOUBTED
+    return at_ms, Trigger.SLOT_OPENED
+
+
+def last_resort(
+    whole: Whole, batteries: PowerPath, last_ms: int | None, stays_down_until_ms: int, now_ms: int
+) -> Deadline | None:
+    """For the state EMPTY; `last_ms` is when the last resort was last taken since the charger was last seen."""
+    action = whole.power.last_resort
+    if action is LastResort.WAIT or batteries.safe_ms is None:
         return None
-    safe_ms = batteries.safe_level_ms(now_ms)
-    if safe_ms is None or last_resort_ms is None:
-        return safe_ms
-    return max(safe_ms, last_resort_ms + whole.call_ms)
-
-
-def deadline_trigger(state: State, whole: Whole | None, feed: Feed) -> Trigger:
-    """What the end of the state's time means."""
-    if feed is Feed.NEITHER and state is not State.BOOTING:
-        return Trigger.BOTH_EMPTIED
-    match state:
-        case State.ACTIVE:
-            idle = whole is not None and feed is Feed.PRIMARY
-            return Trigger.WAKE_OVER if idle else Trigger.BATTERY_EMPTIED
-        case State.FLOATING:
-            return Trigger.FLOAT_TIMED_OUT
-        case State.RELEASED:
-            return Trigger.CLEAR_TO_SINK
-        case State.SLEEPING | State.CHARGING:
-            return Trigger.ALARM_RANG
-        case State.AWAITING_SLOT:
-            return Trigger.SLOT_OPENED
-        case State.HOVERING:
-            return Trigger.HOVER_DUE
-        case State.EMPTY:
-            surfaces = whole is not None and whole.power.last_resort is LastResort.SURFACE
-            return Trigger.LAST_RESORT_SURFACE if surfaces else Trigger.LAST_RESORT_CALL
-        case State.SAMPLING if whole is not None and whole.cycle is not None:
-            if whole.cycle.processing_ms:
-                return Trigger.SAMPLES_TO_PROCESS
-            return Trigger.WAKE_OVER if whole.cycle.slots is None else Trigger.SAMPLES_TO_SEND
-        case State.PROCESSING if whole is not None and whole.cycle is not None:
-            return Trigger.WAKE_OVER if whole.cycle.slots is None else Trigger.PROCESSED
-    return Trigger.WAKE_OVER
+    at_ms = now_ms if last_ms is None else max(now_ms, last_ms + whole.call_ms)
+    if action is LastResort.CALL:
+        return at_ms, Trigger.LAST_RESORT_CALL
+    return max(at_ms, stays_down_until_ms), Trigger.LAST_RESORT_SURFACE

@@ -6,16 +6,18 @@ from collections.abc import Iterable, Sequence
 
 from firmware_model.actions import (
     Action,
+    DropLog,
     Dropped,
     FeedFrom,
     LogSample,
     RunBuoyancy,
+    SendLog,
     SendStatus,
     SetRail,
     StateChanged,
 )
 from firmware_model.charge import Battery, ChargeModel, fraction
-from firmware_model.power_path import Feed
+from firmware_model.feed import Feed
 from firmware_model.rails import Rail
 from firmware_model.states import State
 
@@ -31,14 +33,19 @@ def line(action: Action) -> str:
     match action:
         case StateChanged(at_ms, old, trigger, new):
             return f"{clock(at_ms)}  {old.name} -{trigger.name}-> {new.name}"
-        case RunBuoyancy(at_ms, to):
-            return f"{clock(at_ms)}      motors: {to.name}"
+        case RunBuoyancy(at_ms, to, depth_mm):
+            depth = "" if depth_mm is None else f" at {depth_mm / 1000:g} m"
+            return f"{clock(at_ms)}      motors: {to.name}{depth}"
         case SetRail(at_ms, rail, on):
             return f"{clock(at_ms)}      {rail.name} {'on' if on else 'off'}"
         case FeedFrom(at_ms, feed):
             return f"{clock(at_ms)}      fed by {feed.name}"
         case LogSample(at_ms):
             return f"{clock(at_ms)}      sample logged"
+        case DropLog(at_ms, next_sequence):
+            return f"{clock(at_ms)}      log acknowledged up to {next_sequence}"
+        case SendLog(at_ms):
+            return f"{clock(at_ms)}      log sent"
         case SendStatus(at_ms, by):
             return f"{clock(at_ms)}      status sent by {by.name}"
         case Dropped(at_ms, reason):

@@ -1,4 +1,4 @@
-"""The water's current: a vector field from a file, steady in time, in integer micrometres and micrometres a second.
+"""A field of the water's current from a file, at one time and depth, in integer micrometres and micrometres a second.
 
 Integers, so that the same place gives the same velocity on every machine, whatever was asked before.
 """

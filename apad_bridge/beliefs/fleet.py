@@ -8,7 +8,7 @@ from typing import Protocol
 
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.measurement import Heard, Measurement, Rejected
-from firmware_model.packets import StatusPacket
+from firmware_model.packets import ShortStatus, StatusPacket
 
 
 class Estimator(Protocol):
@@ -70,6 +70,16 @@ class FleetBeliefs:
         if reason is None:
             self._newest_ms[packet.agent_id] = packet.agent_ms
         return reason
+
+    def hear_short(self, packet: ShortStatus, at_ms: int, agent_ms: int) -> str | None:
+        """As `hear`, of a status that says neither place nor time: it is sent at `agent_ms`, from where it is believed."""
+        before = self.get(packet.agent_id)
+        if before is None:
+            return "a short status of an aMussel whose place is not known"
+        charges, place = (packet.primary, packet.secondary), (before.north_m, before.east_m)
+        return self.hear(
+            StatusPacket(packet.agent_id, 0, packet.state, *charges, *place, 0.0, agent_ms), at_ms
+        )
 
     def learn(self, agent_id: int, measurement: Measurement) -> str | None:
         """Takes anything that is known of one aMussel; or says why it is not believed, and nothing has changed."""

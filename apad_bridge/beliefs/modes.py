@@ -46,6 +46,7 @@ _OF_STATE: dict[State, Mode] = {
     State.SAMPLING: Mode.ASLEEP,
     State.PROCESSING: Mode.HIGH_LOAD,
     State.AWAITING_SLOT: Mode.ASLEEP,
+    State.AWAITING_BEACON: Mode.ASLEEP,
     State.TRANSMITTING: Mode.ASLEEP,
     State.HOVERING: Mode.HIGH_LOAD,
     State.REPORTING: Mode.CHARGING_PRIMARY,

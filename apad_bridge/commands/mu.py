@@ -16,7 +16,7 @@ from apad_bridge.runs.mu_script import Budget, ScriptError, budget_of, play, rea
 from firmware_model.state_diagram import blocks
 from firmware_model.table_one import ASSUMED, FITTED, TAKEN
 from firmware_model.table_one_runs import ROWS
-from firmware_model.trace import vcd
+from firmware_model.trace import line, vcd
 
 
 def add_parser(commands: Any) -> None:
@@ -45,6 +45,9 @@ def add_parser(commands: Any) -> None:
     budget.add_argument("--json", action="store_true", help="the budget as JSON on stdout")
     budget.add_argument(
         "--vcd", type=Path, metavar="FILE", help="write states, rails and batteries for GTKWave"
+    )
+    budget.add_argument(
+        "--trace", action="store_true", help="print all that the board did, before the budget"
     )
     budget.set_defaults(run=run_script)
     states = parts.add_parser(
@@ -118,10 +121,13 @@ def run_script(arguments: argparse.Namespace) -> int:
         except OSError as error:
             raise UserError(f"{arguments.vcd} cannot be written: {error.strerror}") from None
     budget = budget_of(script, bench)
+    trace = [line(action) for action in bench.trace] if arguments.trace else None
     if arguments.json:
-        print(json.dumps(budget.to_json(), indent=1))
-    else:
-        _show_budget(budget, Console())
+        print(json.dumps(budget.to_json() | ({} if trace is None else {"trace": trace}), indent=1))
+        return Exit.DONE
+    for told in trace or ():
+        print(told)
+    _show_budget(budget, Console())
     return Exit.DONE
 
 
@@ -138,16 +144,22 @@ def _show_budget(budget: Budget, console: Console) -> None:
     ):
         by_state.add_row(name, f"{budget.by_state.get(name, 0.0) * scale:.3f}", f"{hours:.3f}")
     console.print(by_rail, by_state)
+    # A terminal may fold these lines, a pipe gets them whole.
     console.print(
         f"after {budget.hours:g} h: {budget.state}, primary {budget.primary:.4f}, secondary {budget.secondary:.4f}, "
-        f"{budget.samples} samples, {budget.dropped} stimuli dropped"
+        f"{budget.samples} samples, {budget.dropped} stimuli dropped",
+        soft_wrap=True,
     )
+    console.print(_life(budget), soft_wrap=True)
+
+
+def _life(budget: Budget) -> str:
     if budget.life_hours is None:
-        console.print("predicted life: not limited by this, for nothing was drawn")
-    else:
-        console.print(
-            f"predicted life of a full primary at this rate: {budget.life_hours:.1f} h; with the secondary twice that"
-        )
+        return "predicted life: not limited by this, for nothing was drawn"
+    return (
+        f"predicted life of a full primary at this rate: {budget.life_hours:.1f} h ({budget.life_hours / 24:.1f} days), "
+        f"{budget.life_samples} samples; with the secondary twice that"
+    )
 
 
 def _table(title: str, first: str, *others: str) -> Table:

@@ -46,6 +46,8 @@ def run(arguments: argparse.Namespace) -> int:
         raise UserError(
             f"an asap run is the same whenever it is flown: musselbed run {directory.scenario} --time asap"
         )
+    if options.script:
+        raise UserError(f"a script cannot go on in the middle: musselbed script {options.script} begins anew")
     if (pid := supervisor_of(path)) is not None:
         raise UserError(f"the run's supervisor lives (pid {pid}): there is nothing to resume")
     if directory.summary.exists():
@@ -60,7 +62,8 @@ def run(arguments: argparse.Namespace) -> int:
         code, summary = watch_supervisor(start_supervisor(path, options, resume=True), progress)
         if summary is None:
             raise PeerFailed(f"the supervisor ended with status {code}; see {path}/supervisor.log")
-    return report(scenario, directory, summary, arguments.json)
+    flown_by = "by hand" if options.manual else scenario.mission.collection
+    return report(scenario.name, flown_by, directory, summary, arguments.json)
 
 
 def _ask_whether_it_may_move() -> None:

@@ -15,6 +15,7 @@ from rich.console import Console
 
 from apad_bridge import building
 from apad_bridge.commands.exits import EXITS, Exit, UserError
+from apad_bridge.commands.modem_checks import check_modems
 from apad_bridge.mission.plans import STRATEGY_FAILED
 from apad_bridge.planning import registry
 from apad_bridge.records.journal import read_journal
@@ -29,8 +30,9 @@ from apad_bridge.runs.progress import FlightProgress
 from apad_bridge.runs.table import print_table
 from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.loader import load, with_overrides
-from apad_bridge.scenario.schema import Hosting, Scenario
+from apad_bridge.scenario.schema import Generation, Hosting, Scenario
 from apad_bridge.scenario.starts import Start, starts_of
+from apad_bridge.scripting.commanded import Front
 
 _TIMES = """asap: virtual time, as fast as the machine goes, the simulated aPad in the same process, no ROS;
 wall: real time (times --speed with the simulated aPad); ros: the /clock of somebody else's master"""
@@ -46,14 +48,9 @@ def add_parser(commands: Any) -> None:
         epilog=f"exit codes: {EXITS}",
     )
     add_scenario_arguments(parser)
-    parser.add_argument(
-        "--apad",
-        choices=[kind.value for kind in APadKind],
-        default=APadKind.SIM.value,
-        help="sim: the simulated aPad (over a ROS master of its own, or in-process with --time asap); "
-        "ros: the one on the master at ROS_MASTER_URI (default: sim)",
-    )
+    add_apad_argument(parser)
     parser.add_argument("--strategy", metavar="NAME", help="another collection strategy than the scenario's")
+    add_manual_argument(parser)
     parser.add_argument("--dry-run", action="store_true", help="plan once and print it; command nothing")
     parser.add_argument(
         "--on-supervisor-death",
@@ -64,14 +61,42 @@ def add_parser(commands: Any) -> None:
     parser.set_defaults(run=run, part=Part.WHOLE)
 
 
+def add_manual_argument(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--manual",
+        action="store_true",
+        help="plan nothing: the aPad does what is called, by rosservice call /musselbed/NAME/go_to_point, dock and others",
+    )
+
+
+def add_apad_argument(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--apad",
+        choices=[kind.value for kind in APadKind],
+        default=APadKind.SIM.value,
+        help="sim: the simulated aPad (over a ROS master of its own, or in-process with --time asap); "
+        "ros: the one on the master at ROS_MASTER_URI (default: sim)",
+    )
+
+
 def add_scenario_arguments(parser: argparse.ArgumentParser) -> None:
     """What `run`, `fleet` and `mission` share."""
     parser.add_argument("scenario", type=Path, metavar="SCENARIO.yaml")
+    add_flight_arguments(parser)
+
+
+def add_flight_arguments(parser: argparse.ArgumentParser) -> None:
+    """How a scenario is flown, and what of it is changed."""
     parser.add_argument(
         "--time", choices=[source.value for source in TimeSource], default="wall", help=_TIMES
     )
     parser.add_argument(
         "--speed", type=float, default=1.0, metavar="X", help="wall time X times faster; simulated aPad only"
+    )
+    parser.add_argument(
+        "--generation",
+        choices=[it.value for it in Generation],
+        help="of the aPad's software: a (action_server), b (commander/primitive), or auto: what is on the graph",
     )
     parser.add_argument("--theta", type=int, metavar="N", help="the aMussels' time runs N times the aPad's")
     parser.add_argument("--agents", type=int, metavar="N", help="another number of aMussels")
@@ -83,6 +108,20 @@ def add_scenario_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--out", type=Path, metavar="DIR", help="the run directory (default: a new one in runs/)"
+    )
+    parser.add_argument(
+        "--open-modem",
+        type=int,
+        metavar="ID",
+        action="append",
+        default=[],
+        help="open this aMussel's modem as a serial device, RUN/modems/amusselID; may be said again",
+    )
+    parser.add_argument(
+        "--modem",
+        type=Path,
+        metavar="PORT",
+        help="a physical nanomodem on this serial port carries the sound; theta must be 1",
     )
     parser.add_argument(
         "--json", action="store_true", help="print the summary as JSON on stdout, nothing else"
@@ -99,6 +138,7 @@ def read_scenario(arguments: argparse.Namespace) -> tuple[Scenario, Sequence[Sta
             strategy=getattr(arguments, "strategy", None),
             seed=arguments.seed,
             hosting=arguments.hosting,
+            generation=arguments.generation,
         )
         registry.collection(scenario.mission.collection)
         registry.redeployment(scenario.mission.redeployment)
@@ -121,19 +161,28 @@ def options_of(arguments: argparse.Namespace) -> RunOptions:
         raise UserError("--time ros follows somebody else's /clock: it needs --apad ros")
     if arguments.speed != 1 and (apad is APadKind.ROS or time is not TimeSource.WALL):
         raise UserError("--speed needs --time wall and the simulated aPad: a real vehicle moves in real time")
+    manual, dry_run = getattr(arguments, "manual", False), getattr(arguments, "dry_run", False)
+    if manual and time is TimeSource.ASAP:
+        raise UserError("--manual needs ROS, by which the aPad is called: use --time wall, or a script")
+    if manual and dry_run:
+        raise UserError("--manual plans nothing: there is no first plan to print")
     return RunOptions(
+        open_modems=tuple(sorted(set(arguments.open_modem))),
+        modem="" if arguments.modem is None else str(arguments.modem.absolute()),
         part=arguments.part,
         apad=apad,
         time=time,
         speed=arguments.speed,
         on_death=OnDeath(getattr(arguments, "on_supervisor_death", OnDeath.WAIT)),
-        dry_run=getattr(arguments, "dry_run", False),
+        dry_run=dry_run,
+        manual=manual,
     )
 
 
 def run(arguments: argparse.Namespace) -> int:
     options = options_of(arguments)
     scenario, starts = read_scenario(arguments)
+    check_modems(options, scenario)
     if options.dry_run and options.apad is APadKind.SIM:
         return _print_plan(first_plan(scenario, starts), arguments.json)
     try:
@@ -145,12 +194,13 @@ def run(arguments: argparse.Namespace) -> int:
     duration_ms = round(scenario.duration_s * 1000)
     with peers_may_fail(), FlightProgress(scenario.name, duration_ms, quiet=arguments.json) as progress:
         if options.time is TimeSource.ASAP:
-            summary = _fly_here(scenario, starts, directory, progress)
+            summary = fly_here(scenario, starts, directory, progress)
         else:
             summary = parent.fly(scenario, starts, options, directory, progress)
     if options.dry_run:
         return _print_plan(read_journal(directory.journal).first("plan"), arguments.json)
-    return report(scenario, directory, summary, arguments.json)
+    flown_by = "by hand" if options.manual else scenario.mission.collection
+    return report(scenario.name, flown_by, directory, summary, arguments.json)
 
 
 @contextmanager
@@ -163,26 +213,33 @@ def peers_may_fail() -> Iterator[None]:
         raise SystemExit(Exit.PEER_FAILED) from error
 
 
-def _fly_here(
-    scenario: Scenario, starts: Sequence[Start], directory: RunDirectory, progress: FlightProgress
+def fly_here(
+    scenario: Scenario,
+    starts: Sequence[Start],
+    directory: RunDirectory,
+    progress: FlightProgress,
+    fronts: Sequence[Front] = (),
 ) -> dict[str, Any]:
+    """In virtual time, with the supervisor and the simulated aPad in this process."""
     recorder = Recorder(directory, scenario, building.agent_ids(scenario))
     flying.journal_start(recorder, scenario, starts)
     fleet = flying.open_fleet(scenario, starts, directory.path / FOLDER)
     try:
-        return flying.fly(scenario, flying.in_process(scenario, fleet), recorder, progress.show)
+        return flying.fly(
+            scenario, flying.in_process(scenario, fleet), recorder, progress.show, fronts=fronts
+        )
     finally:
         recorder.close()
         fleet.host.close()
 
 
-def report(scenario: Scenario, directory: RunDirectory, summary: dict[str, Any], as_json: bool) -> int:
-    """Prints what came of a run; the exit code."""
+def report(name: str, flown_by: str, directory: RunDirectory, summary: dict[str, Any], as_json: bool) -> int:
+    """Prints what came of a run; the exit code. `flown_by` is a strategy's name, or who else gave the orders."""
     if as_json:
         print(json.dumps({**summary, "run": str(directory.path)}))
     else:
         console = Console()
-        print_table(console, scenario.name, scenario.mission.collection, summary)
+        print_table(console, name, flown_by, summary)
         console.print(f"the run's files: {directory.path}", highlight=False, soft_wrap=True)
     sys.stdout.flush()
     if summary["ended_by"].startswith(STRATEGY_FAILED):

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.mission.sources import BeliefSource
 from apad_bridge.mission.state import MissionState
 from apad_bridge.planning.candidates import Candidate, Situation
 from apad_bridge.scenario.schema import Mission
-from firmware_model.state_groups import TO_BE_FETCHED
+from firmware_model.state_groups import BEYOND_HELP, TO_BE_FETCHED
 from firmware_model.states import State
 
 SLOTS = 4
@@ -26,6 +26,19 @@ class ChargingPool:
     def candidates(self, now_ms: int) -> list[Belief]:
         """Those heard of late, in the water, at or below the pool's threshold and not lost, by id."""
         return [belief for belief in self._beliefs.all() if self._is_candidate(belief, now_ms)]
+
+    def batch_of(self, candidates: Sequence[Belief]) -> int:
+        """How many of them to collect now; 0: wait for more.
+
+        Never waited for are more than there are aMussels that can still come up, nor anybody while one that came up for its
+        life lies at the surface with its primary battery empty.
+        """
+        left = sum(belief.state not in BEYOND_HELP for belief in self._beliefs.all())
+        batch = min(self._config.batch, max(1, left))
+        if len(candidates) >= batch:
+            return batch
+        urgent = any(it.state is State.FLOATING and it.primary <= 0 for it in candidates)
+        return len(candidates) if urgent else 0
 
     def shun(self, agent_id: int, now_ms: int) -> None:
         self._shunned_until_ms[agent_id] = now_ms + self._silence_ms

@@ -19,6 +19,8 @@ class Phase(StrEnum):
     CHARGE = "charging wait"
     GO_DEPLOY = "go to deployment"
     UNDOCK = "undock"
+    COMMANDED = "as it is told"
+    """No box of the figure: a script or a person orders what is done."""
     ENDED = "ended"
 
 

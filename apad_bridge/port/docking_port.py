@@ -1,7 +1,7 @@
 """The docking port: mission primitives in, vehicle commands out; vehicle facts in, outcomes out. Before ANY vehicle.
 
 The docking profiles live here, so that every stack behind the port behaves alike: `virtual` waits out the docking time
-before it commands the mechanism, `visual` commands it at once and leaves the time to the vehicle.
+before it commands the mechanism, `camera` and `visual` command it at once and leave the time to the vehicle.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from apad_bridge.port.primitives import (
     UndockMussel,
 )
 from apad_bridge.port.progress import Progress
-from apad_bridge.scenario.schema import Docking, DockingProfile
+from apad_bridge.scenario.schema import ArmUse, Docking, DockingProfile
 from apad_bridge.vehicle import (
     Arrived,
     BatteryReported,
@@ -33,6 +33,7 @@ from apad_bridge.vehicle import (
     DockOpened,
     GoTo,
     Hold,
+    MoveArm,
     OpenDock,
     PoseReported,
     VehicleCommand,
@@ -47,9 +48,11 @@ PRE_EMPTED = "pre-empted"
 class DockingPort:
     """One primitive at a time; a new one pre-empts the running one, but a mechanism that was commanded is waited for.
 
-    Every wait ends: a dock or undock `docking.timeout_s` after it began, a go-to `stall_s` after it last got 0.5 m nearer
-    (the vehicle is then told to hold where it was last heard). `first_command_id` lets a port that follows another one on
-    the same vehicle number its commands beyond the other's, so that late words to that one match nothing here.
+    A mechanism that fails is tried `docking.attempts` times; the first cause is told.
+
+    Every wait ends: each try of a dock or undock `docking.timeout_s` after it began, a go-to `stall_s` after it last got
+    0.5 m nearer (the vehicle is then told to hold where it was last heard). `first_command_id` lets a port that follows
+    another one on the same vehicle number its commands beyond the other's, so that late words to that one match nothing.
     """
 
     def __init__(self, docking: Docking, *, stall_s: float = STALL_S, first_command_id: int = 1) -> None:
@@ -64,6 +67,12 @@ class DockingPort:
         self._queued: Primitive | None = None
         self._command_id: int | None = None
         """Of the running primitive's command; facts that name another one are late."""
+        self._tries = 0
+        """Of the running primitive's mechanism."""
+        self._first_reason = ""
+        """Why the first of them failed."""
+        self._arm_slot: int | None = None
+        """Of the arm that was opened for people to see."""
         self._act_ms: int | None = None
         self._deadline_ms: int | None = None
         self._progress: Progress | None = None
@@ -127,6 +136,7 @@ class DockingPort:
 
     def _start(self, primitive: Primitive, now_ms: int, actions: list[Action]) -> None:
         self._running = primitive
+        self._tries, self._first_reason = 0, ""
         match primitive:
             case GoToPoint(_, north_m, east_m, speed_m_s, victory_radius_m):
                 self._phase = Phase.GOING
@@ -144,17 +154,25 @@ class DockingPort:
         self, primitive: DockMussel | UndockMussel, now_ms: int, actions: list[Action]
     ) -> None:
         self._phase = Phase.WAITING
+        self._tries += 1
         if isinstance(primitive, DockMussel) and self.docks.slot_of(primitive.agent_id) is not None:
             # Asking again would make the public simulator hold it twice.
             self._apply(Event.MECHANISM_DONE, now_ms, actions)
             return
+        self._open_arm(primitive, actions)
         wait_s = self._docking.dock_s if isinstance(primitive, DockMussel) else self._docking.undock_s
-        if self._docking.profile is DockingProfile.VISUAL:
+        if self._docking.profile_of(primitive.agent_id) is not DockingProfile.VIRTUAL:
             wait_s = 0.0
         self._act_ms = now_ms + round(wait_s * 1000)
         self._deadline_ms = now_ms + round(self._docking.timeout_s * 1000)
         if self._act_ms == now_ms:
             self._apply(Event.WAIT_OVER, now_ms, actions)
+
+    def _open_arm(self, primitive: DockMussel | UndockMussel, actions: list[Action]) -> None:
+        is_virtual = self._docking.profile_of(primitive.agent_id) is DockingProfile.VIRTUAL
+        if is_virtual and self._docking.arm is ArmUse.MOVED and self._arm_slot is None:
+            self._arm_slot = primitive.slot
+            actions.append(MoveArm(self._take_command_id(), primitive.slot, True))
 
     def _act(self, actions: list[Action]) -> None:
         primitive = self._running
@@ -163,11 +181,13 @@ class DockingPort:
         self._act_ms = None
         self._command_id = self._take_command_id()
         if isinstance(primitive, DockMussel):
-            actions.append(CloseDock(self._command_id, primitive.slot, primitive.agent_id))
+            actions.append(
+                CloseDock(self._command_id, primitive.slot, primitive.agent_id, primitive.manoeuvre)
+            )
             return
         known_slot = self.docks.slot_of(primitive.agent_id)
         slot = primitive.slot if known_slot is None else known_slot
-        actions.append(OpenDock(self._command_id, slot, primitive.agent_id))
+        actions.append(OpenDock(self._command_id, slot, primitive.agent_id, primitive.manoeuvre))
 
     def _answer(
         self, event: Event, command_id: int, now_ms: int, actions: list[Action], reason: str = ""
@@ -204,8 +224,20 @@ class DockingPort:
             self.dropped[f"{event.name.lower()}: while {self._phase.name.lower()}"] += 1
         elif effect is Effect.ACT:
             self._act(actions)
+        elif effect is Effect.AGAIN:
+            self._try_again(event, at_ms, actions, reason)
         elif effect in (Effect.SUCCEED, Effect.FAIL):
             self._end(effect, event, at_ms, actions, reason)
+
+    def _try_again(self, event: Event, at_ms: int, actions: list[Action], reason: str) -> None:
+        primitive = self._running
+        assert isinstance(primitive, DockMussel | UndockMussel)
+        self._first_reason = self._first_reason or reason
+        if self._queued is not None or self._tries >= self._docking.attempts:
+            self._end(Effect.FAIL, event, at_ms, actions, self._first_reason)
+        else:
+            self._command_id = None
+            self._start_mechanism(primitive, at_ms, actions)
 
     def _end(self, effect: Effect, event: Event, at_ms: int, actions: list[Action], reason: str) -> None:
         ended, was_going = self._running, self._phase is Phase.GOING
@@ -223,6 +255,9 @@ class DockingPort:
                 self.first_failure = failure
         if was_going and event is Event.TIMED_OUT:
             self._hold_here(actions)
+        if self._arm_slot is not None:
+            actions.append(MoveArm(self._take_command_id(), self._arm_slot, False))
+            self._arm_slot = None
         if self._queued is not None:
             queued, self._queued = self._queued, None
             self._start(queued, at_ms, actions)

@@ -37,6 +37,8 @@ class Effect(Enum):
     """Command the mechanism."""
     QUEUE = auto()
     """Keep the new primitive until the running one ends."""
+    AGAIN = auto()
+    """Try the mechanism once more, or fail when it was tried often enough."""
     START = auto()
 
 
@@ -52,7 +54,7 @@ TABLE: dict[tuple[Phase, Event], Effect] = {
     (Phase.WAITING, Event.WAIT_OVER): Effect.ACT,
     (Phase.WAITING, Event.REPLACED): Effect.FAIL,
     (Phase.ACTING, Event.MECHANISM_DONE): Effect.SUCCEED,
-    (Phase.ACTING, Event.COMMAND_FAILED): Effect.FAIL,
+    (Phase.ACTING, Event.COMMAND_FAILED): Effect.AGAIN,
     (Phase.ACTING, Event.TIMED_OUT): Effect.FAIL,
     (Phase.ACTING, Event.REPLACED): Effect.QUEUE,
 }

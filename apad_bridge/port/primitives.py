@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from apad_bridge.vehicle import AS_THE_SCENARIO_SAYS, Manoeuvre
+
 
 @dataclass(frozen=True, slots=True)
 class GoToPoint:
@@ -34,6 +36,7 @@ class DockMussel:
     primitive_id: int
     slot: int
     agent_id: int
+    manoeuvre: Manoeuvre = AS_THE_SCENARIO_SAYS
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,6 +46,7 @@ class UndockMussel:
     primitive_id: int
     slot: int
     agent_id: int
+    manoeuvre: Manoeuvre = AS_THE_SCENARIO_SAYS
 
 
 Primitive = GoToPoint | HoldPosition | DockMussel | UndockMussel

@@ -17,7 +17,8 @@ from rosbags.interfaces import Connection
 from rosbags.rosbag1.reader import Header, ReaderError, RecordType, read_bytes, read_uint32
 from rosbags.rosbag1.writer import WriteChunk, Writer
 
-from apad_bridge.records.bag_messages import APAD, BELIEFS, EVENT, TRUTH, Messages, typestore
+from apad_bridge.records.bag_messages import APAD, BELIEFS, EVENT, SOUND, TRUTH, Messages, typestore
+from apad_bridge.records.packet_lines import SoundRow
 from apad_bridge.records.samples import APadSample, BeliefSample, TruthSample
 
 CHUNK_BYTES = 256 * 1024
@@ -28,6 +29,7 @@ _TOPICS = {
     BELIEFS: "/musselbed/beliefs",
     APAD: "/musselbed/apad",
     EVENT: "/musselbed/mission",
+    SOUND: "/musselbed/sound",
 }
 
 
@@ -75,6 +77,10 @@ class BagWriter:
 
     def event(self, now_ms: int, kind: str, data: str) -> None:
         self._write(EVENT, now_ms, self._messages.event(now_ms, kind, data))
+
+    def sound(self, now_ms: int, row: SoundRow) -> None:
+        """A packet at one listener."""
+        self._write(SOUND, now_ms, self._messages.sound(now_ms, row))
 
     def close(self) -> None:
         """Ends the bag with its index; a second call does nothing."""

@@ -10,23 +10,28 @@ import numpy as np
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
+from apad_bridge.records.packet_lines import SoundRow
 from apad_bridge.records.samples import APadSample, BeliefSample, TruthSample
 
-_DEFINITIONS = Path(__file__).parent.parent / "ros" / "definitions" / "musselbed_msgs" / "msg"
+_DEFINITIONS = Path(__file__).parent.parent / "ros" / "definitions"
+_PACKAGES = ("auv_msgs", "musselbed_msgs", "underwater_msgs")
 
 TRUTH = "musselbed_msgs/msg/FleetTruth"
 BELIEFS = "musselbed_msgs/msg/FleetBeliefs"
 APAD = "musselbed_msgs/msg/APadStatus"
 EVENT = "musselbed_msgs/msg/MissionEvent"
+SOUND = "underwater_msgs/msg/MediumTransmission"
 
 
 @cache
 def typestore() -> Typestore:
-    """ROS 1's standard messages and ours."""
+    """ROS 1's standard messages, ours, and those of the laboratory that a bag holds."""
     store = get_typestore(Stores.ROS1_NOETIC)
     ours: dict[str, Any] = {}
-    for path in sorted(_DEFINITIONS.glob("*.msg")):
-        ours.update(get_types_from_msg(path.read_text(encoding="utf-8"), f"musselbed_msgs/msg/{path.stem}"))
+    for package in _PACKAGES:
+        for path in sorted((_DEFINITIONS / package / "msg").glob("*.msg")):
+            name = f"{package}/msg/{path.stem}"
+            ours.update(get_types_from_msg(path.read_text(encoding="utf-8"), name))
     store.register(ours)
     return store
 
@@ -46,6 +51,7 @@ class Messages:
         self._fleet_beliefs: Any = types[BELIEFS]
         self._apad_status: Any = types[APAD]
         self._mission_event: Any = types[EVENT]
+        self._transmission: Any = types[SOUND]
 
     def truth(self, now_ms: int, agents: list[TruthSample]) -> bytes:
         rows = [self._agent_truth(*agent) for agent in agents]
@@ -68,6 +74,34 @@ class Messages:
 
     def event(self, now_ms: int, kind: str, data: str) -> bytes:
         return self._serialize(self._mission_event(self._head(now_ms), now_ms, kind, data), EVENT)
+
+    def sound(self, now_ms: int, row: SoundRow) -> bytes:
+        """Places are left out: the truth has them."""
+        message = self._transmission(
+            self._head(now_ms),
+            row.message,
+            row.duration_s,
+            0.0,
+            row.sender,
+            row.receiver,
+            row.snr_db,
+            self._nowhere(now_ms),
+            row.range_m,
+            0.0,
+            0.0,
+            row.listener,
+            row.conflict,
+        )
+        return self._serialize(message, SOUND)
+
+    def _nowhere(self, now_ms: int) -> Any:
+        types: Any = self._store.types
+        ned, rpy = types["auv_msgs/msg/NED"](0.0, 0.0, 0.0), types["auv_msgs/msg/RPY"](0.0, 0.0, 0.0)
+        degrees = types["auv_msgs/msg/DecimalLatLon"](0.0, 0.0)
+        point = types["geometry_msgs/msg/Point"](0.0, 0.0, 0.0)
+        return types["auv_msgs/msg/NavSts"](
+            self._head(now_ms), degrees, degrees, ned, 0.0, point, point, rpy, rpy, ned, rpy, 0
+        )
 
     def _head(self, now_ms: int) -> object:
         return self._header(0, self._time(now_ms // 1000, now_ms % 1000 * 1_000_000), "ned")

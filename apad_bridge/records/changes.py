@@ -18,11 +18,12 @@ BELIEVED_CHARGE = 0.01
 
 
 def differs_in_kind(now: Truth, before: Truth) -> bool:
-    """Something that counts changed: the state, a battery's anchor, or whether a dock holds it."""
+    """Something that counts changed: the state, a battery's anchor, its log, or whether a dock holds it."""
     one, other = now.physical, before.physical
     return (
         now.state is not before.state
         or one.docked is not other.docked
+        or (one.samples, one.acknowledged) != (other.samples, other.acknowledged)
         or one.primary != other.primary
         or one.secondary != other.secondary
     )

@@ -6,17 +6,14 @@ ticks is known at the second one.
 
 from __future__ import annotations
 
-import json
-import os
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+
+from apad_bridge.records.line_file import Line, LineFile, read_lines
+
+__all__ = ["FORMAT_VERSION", "Journal", "JournalContents", "Line", "read_journal"]
 
 FORMAT_VERSION = 1
-
-Line = dict[str, Any]
-
-_encode = json.JSONEncoder(separators=(",", ":"), allow_nan=False).encode
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,69 +36,35 @@ class Journal:
 
     def __init__(self, path: Path) -> None:
         """Opens the file at its end, making it if there is none; a torn last line is cut off."""
-        self._descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC, 0o644)
-        self._waiting: list[str] = []
+        self._file = LineFile(path)
         self.last_ms = -1
         """The newest mission time that was appended; -1 for none."""
-        self.torn_bytes = _cut_torn_line(self._descriptor)
+
+    @property
+    def torn_bytes(self) -> int:
+        """How long the torn last line was that was found."""
+        return self._file.torn_bytes
 
     def append(self, at_ms: int, kind: str, data: Line) -> None:
         """ValueError for a value that JSON does not have (NaN); TypeError for one that is not plain data."""
-        self._waiting.append(_encode({"t": at_ms, "kind": kind, **data}))
+        self._file.append({"t": at_ms, "kind": kind, **data})
         self.last_ms = max(self.last_ms, at_ms)
 
     def flush(self) -> None:
-        if not self._waiting:
-            return
-        data = memoryview(("\n".join(self._waiting) + "\n").encode())
-        self._waiting.clear()
-        while data:
-            data = data[os.write(self._descriptor, data) :]
+        self._file.flush()
 
     def close(self) -> None:
         """Flushes; a second call does nothing."""
-        if self._descriptor >= 0:
-            self.flush()
-            os.close(self._descriptor)
-            self._descriptor = -1
+        self._file.close()
 
 
 def read_journal(path: Path) -> JournalContents:
     """All lines that can be read, and how many could not. OSError when there is no such file."""
     lines: list[Line] = []
     dropped = 0
-    with path.open("rb") as file:
-        for raw in file:
-            line = _decode(raw)
-            if line is None:
-                dropped += 1
-            else:
-                lines.append(line)
+    for line in read_lines(path):
+        if line is None or type(line.get("t")) is not int or type(line.get("kind")) is not str:
+            dropped += 1
+        else:
+            lines.append(line)
     return JournalContents(lines, dropped)
-
-
-def _decode(raw: bytes) -> Line | None:
-    if not raw.endswith(b"\n"):
-        return None
-    try:
-        line = json.loads(raw)
-    except ValueError:
-        return None
-    if not isinstance(line, dict) or type(line.get("t")) is not int or type(line.get("kind")) is not str:
-        return None
-    return line
-
-
-def _cut_torn_line(descriptor: int) -> int:
-    """Cuts what follows the last line's end; how many bytes that were. The next line would else be glued to it."""
-    end = size = os.fstat(descriptor).st_size
-    while end > 0:
-        start = max(0, end - 65536)
-        newline = os.pread(descriptor, end - start, start).rfind(b"\n")
-        if newline >= 0:
-            end = start + newline + 1
-            break
-        end = start
-    if end < size:
-        os.ftruncate(descriptor, end)
-    return size - end

@@ -4,16 +4,20 @@ from __future__ import annotations
 
 import json
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence, Set
 from dataclasses import asdict, dataclass
 from typing import Any
 
 from agents.outputs import Truth
 from apad_bridge.beliefs.belief import Belief
+from apad_bridge.boards import takes_samples
 from apad_bridge.records.bag import BagWriter, repair_bag
 from apad_bridge.records.changes import APadChanges, BeliefChanges, differs_in_kind, has_moved
 from apad_bridge.records.journal import Journal, JournalContents, Line, read_journal
+from apad_bridge.records.packet_lines import sound_rows
 from apad_bridge.records.run_directory import RunDirectory
+from apad_bridge.records.sample_figures import SAMPLE_KEYS, sample_figures
+from apad_bridge.records.sample_file import SampleFile
 from apad_bridge.records.samples import TruthSample, Water, apad_sample, belief_sample
 from apad_bridge.records.summary import Ending, uptime_figures
 from apad_bridge.records.truth_lines import truth_data, truth_of
@@ -21,6 +25,7 @@ from apad_bridge.records.uptime import UptimeMeter
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import Start, save_starts
 from apad_bridge.vehicle import BatteryReported, PoseReported
+from firmware_model.sample_record import SampleRecord
 
 DAY_MS = 86_400_000
 _JOURNAL_ONLY = frozenset({"stimulus"})
@@ -63,6 +68,9 @@ class Recorder:
         self._record_period_ms = round(scenario.records.record_period_s * 1000)
         self._journal = Journal(directory.journal)
         self._bag = BagWriter(directory.next_bag, scenario.theta)
+        self._samples = SampleFile(directory.samples)
+        if self._samples.unreadable:
+            self.dropped["a line of samples.jsonl that cannot be read"] += self._samples.unreadable
 
     @classmethod
     def resume(
@@ -95,6 +103,9 @@ class Recorder:
         self._journal.append(at_ms, kind, data)
         if kind == "died" and data.get("gave_up") is not None:
             self._give_up(data)
+        if kind == "packet":
+            for row in sound_rows(data):
+                self._bag.sound(at_ms, row)
         if kind not in _JOURNAL_ONLY:
             self._bag.event(at_ms, kind, json.dumps(data, separators=(",", ":")))
 
@@ -117,6 +128,15 @@ class Recorder:
                 continue
             self._journaled[agent_id] = truth
             self._journal.append(-(-truth.at_ms // self._scenario.theta), "truth", truth_data(truth))
+
+    @property
+    def samples_kept(self) -> Mapping[int, Set[int]]:
+        """By aMussel, the sequences of the samples that are on disk."""
+        return self._samples.kept
+
+    def samples(self, agent_id: int, records: Sequence[SampleRecord]) -> None:
+        """Samples that an aMussel uploaded: on disk when it returns, so that they can be acknowledged."""
+        self._samples.append(agent_id, records)
 
     def tick(
         self,
@@ -168,6 +188,7 @@ class Recorder:
             "cost_m": ending.cost_m,
             "services": ending.services,
             "apad_energy_fraction": ending.apad_energy_fraction,
+            **self._sample_figures(ending),
             "gave_up": len(self._gave_up),
             "dropped": dict(sorted((Counter(ending.dropped) + self.dropped).items())),
         }
@@ -182,6 +203,13 @@ class Recorder:
         """Closes the journal and the bag; a second call does nothing."""
         self._journal.close()
         self._bag.close()
+        self._samples.close()
+
+    def _sample_figures(self, ending: Ending) -> Line:
+        if not takes_samples(self._scenario.board):
+            return dict.fromkeys(SAMPLE_KEYS)
+        taken = {agent_id: truth.physical.samples for agent_id, truth in self._newest.items()}
+        return sample_figures(taken, self._samples.kept, ending.samples_gone)
 
     def _is_sampled(self, now_ms: int) -> bool:
         """Per tick through the first day of mission time, then at the scenario's period."""

@@ -76,6 +76,10 @@ class RunDirectory:
         return self.path / "journal.jsonl"
 
     @property
+    def samples(self) -> Path:
+        return self.path / "samples.jsonl"
+
+    @property
     def summary(self) -> Path:
         return self.path / "summary.json"
 

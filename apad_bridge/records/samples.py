@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from agents.body import depth_um
 from agents.outputs import Truth
 from agents.physical import Physical
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.boards import charge_model
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.vehicle import BatteryReported, PoseReported
-from firmware_model.actions import Buoyancy
 from firmware_model.charge import fraction
 
 
@@ -73,12 +73,17 @@ class Water:
         )
 
     def depth_um(self, physical: Physical, agent_ms: int) -> int:
-        elapsed_ms = agent_ms - physical.depth_anchor_ms
-        if physical.buoyancy is Buoyancy.HOVER:
-            return physical.depth_um
-        if physical.buoyancy is Buoyancy.FLOAT:
-            return max(0, physical.depth_um - self._bottom_um * elapsed_ms // self._surfacing_ms)
-        return min(self._bottom_um, physical.depth_um + self._bottom_um * elapsed_ms // self._sinking_ms)
+        if physical.docked:
+            return 0
+        return depth_um(
+            physical.depth_um,
+            physical.buoyancy,
+            physical.hover_um,
+            agent_ms - physical.depth_anchor_ms,
+            bottom_um=self._bottom_um,
+            surfacing_ms=self._surfacing_ms,
+            sinking_ms=self._sinking_ms,
+        )
 
 
 def belief_sample(belief: Belief, now_ms: int) -> BeliefSample:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence, Set
+from dataclasses import dataclass, field
 from typing import Any
 
 from apad_bridge.records.uptime import AgentUptime, UptimeMeter
@@ -24,6 +24,8 @@ class Ending:
     """Counts of what was dropped, by reason."""
     first_cause: str | None = None
     """Of a run in which something failed: what failed first."""
+    samples_gone: Mapping[int, Set[int]] = field(default_factory=dict)
+    """By aMussel, the sequences of samples that never will come."""
 
 
 def uptime_figures(meter: UptimeMeter, now_ms: int, tick_ms: int = 1000) -> dict[str, Any]:
@@ -31,14 +33,23 @@ def uptime_figures(meter: UptimeMeter, now_ms: int, tick_ms: int = 1000) -> dict
     uptimes, ticks = meter.at(now_ms), meter.ticks(now_ms)
     if not uptimes or ticks == 0:
         reason = NO_TRUTH if not uptimes else "the run ended before its first tick"
-        names = ("uptime_paper", "uptime_submerged", "active_mean", "lost", "emptied", "dead_time_s")
+        names = (
+            "uptime_paper",
+            "uptime_submerged",
+            "active_mean",
+            "amussels_lost",
+            "emptied",
+            "samples_taken",
+            "dead_time_s",
+        )
         return {**dict.fromkeys((*names, "final_charge_mean")), "uptime_missing": reason}
     return {
         "uptime_paper": _spread([uptime.paper for uptime in uptimes], ticks),
         "uptime_submerged": _spread([uptime.submerged for uptime in uptimes], ticks),
         "active_mean": sum(uptime.paper for uptime in uptimes) / ticks,
-        "lost": sum(uptime.lost for uptime in uptimes),
+        "amussels_lost": sum(uptime.lost for uptime in uptimes),
         "emptied": sum(uptime.emptied for uptime in uptimes),
+        "samples_taken": sum(uptime.samples for uptime in uptimes),
         "dead_time_s": sum(uptime.dead for uptime in uptimes) * tick_ms / 1000,
         "final_charge_mean": _mean_charge(uptimes),
     }

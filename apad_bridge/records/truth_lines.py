@@ -11,8 +11,19 @@ from firmware_model.states import State
 
 
 def truth_data(truth: Truth) -> Line:
-    """Batteries are [anchor ms, grains, flow, load, coils], `depth` is [anchor ms, micrometres]; agent time."""
+    """Batteries are [anchor ms, grains, flow, load, coils], `depth` is [anchor ms, micrometres]; agent time.
+
+    Where there are any: `hover_um` is the depth that one that hovers moves to, `pin_due` is when the coils will be aligned,
+    `log` is [samples taken, acknowledged below].
+    """
     physical = truth.physical
+    more: Line = {}
+    if physical.buoyancy is Buoyancy.HOVER:
+        more["hover_um"] = physical.hover_um
+    if physical.pin_due_ms:
+        more["pin_due"] = physical.pin_due_ms
+    if physical.samples:
+        more["log"] = [physical.samples, physical.acknowledged]
     return {
         "id": truth.agent_id,
         "agent_ms": truth.at_ms,
@@ -24,12 +35,14 @@ def truth_data(truth: Truth) -> Line:
         "depth": [physical.depth_anchor_ms, physical.depth_um],
         "buoyancy": physical.buoyancy.name,
         "docked": physical.docked,
+        **more,
     }
 
 
 def truth_of(line: Line) -> Truth:
     """The inverse of `truth_data`; KeyError, TypeError or ValueError for any other line."""
     depth_anchor_ms, depth_um = line["depth"]
+    samples, acknowledged = line.get("log", (0, 0))
     physical = Physical(
         _battery_of(line["primary"]),
         _battery_of(line["secondary"]),
@@ -39,6 +52,10 @@ def truth_of(line: Line) -> Truth:
         depth_um,
         Buoyancy[line["buoyancy"]],
         line["docked"],
+        line.get("pin_due", 0),
+        line.get("hover_um", 0),
+        samples,
+        acknowledged,
     )
     return Truth(line["agent_ms"], line["id"], State[line["state"]], physical)
 

@@ -14,7 +14,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from agents.outputs import Truth
-from firmware_model.charge import Battery, ChargeModel, Flow
+from firmware_model.charge import Battery, ChargeModel
 from firmware_model.state_groups import AT_WORK
 
 
@@ -32,6 +32,8 @@ class AgentUptime:
     lost: bool = False
     """Both batteries stood at 0 at some time: it can no longer surface."""
     charge: int = 0
+    samples: int = 0
+    """Which its sensors have ever taken."""
 
 
 @dataclass(slots=True)
@@ -116,6 +118,7 @@ class UptimeMeter:
             counted.emptied or empty_ms[0] < empty_ms[1],
             counted.lost or both_ms[0] < both_ms[1],
             self.charge.charge_at(primary, max(start_ms, end_ms - 1)),
+            truth.physical.samples,
         )
 
     def _ticks_between(self, start_ms: int, end_ms: int) -> int:
@@ -124,14 +127,14 @@ class UptimeMeter:
 
     def _span_at_zero(self, battery: Battery, start_ms: int, end_ms: int) -> tuple[int, int]:
         """The part of [start, end) in which the battery stands at 0; it is always one piece."""
-        if battery.flow is Flow.DISCHARGING:
-            empty_at_ms = self.charge.empty_at_ms(battery)
-            assert empty_at_ms is not None
-            return min(end_ms, max(start_ms, empty_at_ms)), end_ms
-        if battery.charge > 0:
+        empty_at_ms = self.charge.falls_to_at_ms(battery, 0)
+        if empty_at_ms is None:
             return end_ms, end_ms
-        # A charging battery leaves 0 in the first millisecond after its anchor.
-        return start_ms, end_ms if battery.flow is Flow.RESTING else min(end_ms, battery.anchor_ms + 1)
+        # One that falls to 0 stays there; one that begins there leaves it once more comes in than goes out.
+        leaves_at_ms = self.charge.reaches_at_ms(battery, 1) if battery.charge == 0 else None
+        until_ms = end_ms if leaves_at_ms is None else min(end_ms, leaves_at_ms)
+        from_ms = max(start_ms, empty_at_ms)
+        return (from_ms, until_ms) if from_ms < until_ms else (end_ms, end_ms)
 
 
 def _is_past(gone_ms: int | None, agent_ms: int) -> bool:

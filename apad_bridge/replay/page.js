@@ -127,7 +127,8 @@ function setUp() {
     ["uptime", known.uptime_paper && known.uptime_paper.mean.toFixed(2) + " %"],
     ["active", known.active_mean !== undefined && known.active_mean !== null && known.active_mean.toFixed(2)],
     ["cost", known.cost_m !== undefined && known.cost_m.toFixed(0) + " m"],
-    ["services", known.services], ["emptied", known.emptied], ["lost", known.lost],
+    ["services", known.services], ["emptied", known.emptied], ["lost", known.amussels_lost],
+    ["samples", known.samples_taken || undefined],
   ].filter(([, value]) => value !== undefined && value !== null && value !== false);
   for (const [name, value] of figures) {
     const pair = document.createElement("div");

@@ -1,11 +1,11 @@
-"""The simulated aPad as a ROS 1 node of generation A, in a process of its own.
+"""The simulated aPad as a ROS 1 node of the scenario's generation, A if it names none, in a process of its own.
 
-    python -m apad_bridge.ros.apad_node --scenario RESOLVED.yaml [--time clock|wall] [--release works|silent|crashes]
+    python -m apad_bridge.ros.apad_node --scenario RESOLVED.yaml [--time clock|wall]
 
-A thin shell around `GenerationAVehicle`. It follows /clock and has no time of its own; or, to stand in for a real vehicle
-on somebody's master, it follows the wall clock. When it has handled all that is due by a /clock of T it publishes
-`stateRef` stamped T, last: its word that T was handled. It prints `ready` when it is on the graph, ends on SIGTERM or
-SIGINT, and ends by itself when /clock was silent for `--orphan-s` wall seconds.
+A thin shell around `GenerationAVehicle` or `GenerationBVehicle`. It follows /clock and has no time of its own; or, to
+stand in for a real vehicle on somebody's master, it follows the wall clock. When it has handled all that is due by a
+/clock of T it publishes `stateRef` stamped T, last: its word that T was handled. It prints `ready` when it is on the
+graph, ends on SIGTERM or SIGINT, and ends by itself when /clock was silent for `--orphan-s` wall seconds.
 
 A goal of generation A has no field for speed or victory radius; both are the node's own, from the scenario's mission.
 """
@@ -17,39 +17,51 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import rospy
 
-from apad_bridge.ros.generation_a_shown import ReleaseFault
-from apad_bridge.ros.generation_a_vehicle import GenerationAVehicle
-from apad_bridge.ros.messages import MessagesUnusable
+from apad_bridge import building
+from apad_bridge.ros.messages import MessagesUnusable, use_generated_messages
 from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.loader import load
-from apad_bridge.scenario.schema import Scenario
+from apad_bridge.scenario.schema import Generation, Scenario
 from apad_bridge.simulated_apad.apad import SimulatedAPad
+
+if TYPE_CHECKING:
+    from apad_bridge.ros.generation_a_server import GenerationAServer
+    from apad_bridge.ros.generation_b_server import GenerationBServer
 
 _WALL_STEP_S = 0.05
 """On the wall clock: the period of its fastest topic."""
 
 
-def _vehicle_maker(scenario: Scenario, fault: ReleaseFault) -> Callable[[int], GenerationAVehicle]:
-    def make(start_ms: int) -> GenerationAVehicle:
-        mission = scenario.mission
-        return GenerationAVehicle(
-            SimulatedAPad(scenario.apad), mission.speed_m_s, mission.victory_radius_m, start_ms, fault
-        )
+def _make_node(scenario: Scenario) -> GenerationAServer | GenerationBServer:
+    """The node's server; the ROS node is initialised before. ImportError when our messages are unusable."""
+    apad, mission = scenario.apad, scenario.mission
+    if apad.generation is Generation.B:
+        from apad_bridge.ros.generation_b_server import GenerationBServer
+        from apad_bridge.ros.generation_b_vehicle import GenerationBVehicle
 
-    return make
+        return GenerationBServer(
+            f"/{apad.name}", lambda start_ms: GenerationBVehicle(SimulatedAPad(apad), start_ms, apad.fault)
+        )
+    from apad_bridge.ros.generation_a_server import GenerationAServer
+    from apad_bridge.ros.generation_a_vehicle import GenerationAVehicle
+
+    misses = building.misses(scenario)
+    return GenerationAServer(
+        f"/{apad.name}",
+        lambda start_ms: GenerationAVehicle(
+            SimulatedAPad(apad), mission.speed_m_s, mission.victory_radius_m, start_ms, apad.fault, misses
+        ),
+    )
 
 
 def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m apad_bridge.ros.apad_node", description=__doc__)
     parser.add_argument("--scenario", type=Path, required=True)
-    parser.add_argument(
-        "--release", type=ReleaseFault, choices=list(ReleaseFault), default=ReleaseFault.WORKS
-    )
     parser.add_argument("--time", choices=["clock", "wall"], default="clock")
     parser.add_argument("--xmlrpc-port", type=int, default=0)
     parser.add_argument("--orphan-s", type=float, default=600.0)
@@ -63,14 +75,14 @@ def main() -> int:
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: stop.set())
     try:
-        from apad_bridge.ros.generation_a_server import GenerationAServer
+        use_generated_messages()
     except MessagesUnusable as wrong:
         print(f"musselbed: {wrong}", file=sys.stderr)
         return 1
     name = scenario.apad.name
     follows_clock = arguments.time == "clock"
     rospy.init_node(f"{name}_simulated", argv=[], disable_signals=True, xmlrpc_port=arguments.xmlrpc_port)
-    node = GenerationAServer(f"/{name}", _vehicle_maker(scenario, arguments.release))
+    node = _make_node(scenario)
     if follows_clock:
         node.follow_clock()
     print("ready", flush=True)

@@ -13,7 +13,6 @@ import xmlrpc.client
 from http.client import HTTPException
 from pathlib import Path
 
-from apad_bridge.ros.generation_a_shown import ReleaseFault
 from apad_bridge.ros.master import loopback_environment
 
 
@@ -26,7 +25,6 @@ def start_apad_node(
     master_uri: str,
     log: Path,
     *,
-    release: ReleaseFault = ReleaseFault.WORKS,
     xmlrpc_port: int = 0,
     ready_s: float = 20.0,
 ) -> subprocess.Popen[bytes]:
@@ -42,7 +40,7 @@ def start_apad_node(
         raise APadNodeFailed(f"no ROS master answers at {master_uri} ({error})") from None
     command = [
         *(sys.executable, "-m", "apad_bridge.ros.apad_node", "--scenario", str(scenario)),
-        *("--release", release.value, "--xmlrpc-port", str(xmlrpc_port)),
+        *("--xmlrpc-port", str(xmlrpc_port)),
     ]
     with log.open("ab") as said:
         child = subprocess.Popen(

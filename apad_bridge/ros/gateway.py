@@ -8,8 +8,8 @@
 `open_gateway` raises SecondFleet or GatewayFailed (one line each) before anything is on the graph. ROS_MASTER_URI and
 ROS_IP are those of the process's environment. One process has one node: it can be opened once.
 
-rospy's threads answer services from the last tick's snapshot, which is replaced and never changed. Every publisher has a
-bounded queue: a reader that stalls loses the oldest, and time goes on.
+rospy's threads answer services from the last tick's snapshot, which is replaced and never changed. No publisher waits: a
+reader that stalls loses the oldest of the fleet's topics; of an aMussel's (`agent_topics`) the newest, then its connection.
 """
 
 from __future__ import annotations
@@ -17,16 +17,16 @@ from __future__ import annotations
 import json
 import resource
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any
 
 import rosgraph
 import rospy
-from std_msgs.msg import Float64
 
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.flight import Watcher
+from apad_bridge.records.packet_lines import SoundRow, sound_rows
+from apad_bridge.ros.agent_topics import AgentTopics, Shown
 from apad_bridge.ros.fleet_guard import refuse_second_fleet
 from apad_bridge.ros.messages import use_generated_messages
 from apad_bridge.ros.ros_time import to_ros
@@ -34,37 +34,20 @@ from apad_bridge.supervisor import Supervisor
 
 use_generated_messages()
 
-from auv_msgs.msg import NavSts  # noqa: E402
 from misc_msgs.srv import GetChargeInfo, GetChargeInfoResponse  # noqa: E402
 from musselbed_msgs.msg import AgentBelief, APadStatus, FleetBeliefs, MissionEvent  # noqa: E402
+from underwater_msgs.msg import MediumTransmission  # noqa: E402
 
-_AGENT_QUEUE = 2
-"""Of an aMussel's own topics: newest counts, and a thousand queues are kept small."""
 _FLEET_QUEUE = 10
 _EVENT_QUEUE = 1000
 """Events are not repeated: a slow reader should still get a whole mission's."""
 
-TruthSource = Callable[[int], Mapping[int, "Shown"]]
+TruthSource = Callable[[int], Mapping[int, Shown]]
 """Of each aMussel at a mission time: what `records.truth_on_agent_topics` shows instead of the beliefs."""
 
 
 class GatewayFailed(Exception):
     """One line: why the node could not come up, and what to do."""
-
-
-@dataclass(frozen=True, slots=True)
-class Shown:
-    """What an aMussel's own topics and services say: local NED metres and the active battery's charge in [0, 1]."""
-
-    north_m: float
-    east_m: float
-    depth_m: float
-    charge: float
-
-    @classmethod
-    def of_belief(cls, belief: Belief) -> Shown:
-        """A report has no depth: it is shown as 0."""
-        return cls(belief.north_m, belief.east_m, 0.0, belief.primary)
 
 
 def open_gateway(
@@ -108,11 +91,11 @@ class Gateway:
         self._truth = truth
         self._shown: Mapping[int, Shown] = MappingProxyType({})
         ids = list(agent_ids)
-        self._positions = {it: _publisher(f"/amussel{it}/position", NavSts, _AGENT_QUEUE) for it in ids}
-        self._batteries = {it: _publisher(f"/amussel{it}/battery_level", Float64, _AGENT_QUEUE) for it in ids}
+        self.agent_topics = AgentTopics(ids)
         self._beliefs = _publisher("/musselbed/beliefs", FleetBeliefs, _FLEET_QUEUE)
         self._apad = _publisher("/musselbed/apad", APadStatus, _FLEET_QUEUE)
         self._events = _publisher("/musselbed/mission", MissionEvent, _EVENT_QUEUE)
+        self._sound = _publisher("/musselbed/sound", MediumTransmission, _EVENT_QUEUE)
         self._services = [
             rospy.Service(f"/amussel{agent_id}/{name}", GetChargeInfo, self._answers(agent_id))
             for agent_id in ids
@@ -129,14 +112,17 @@ class Gateway:
             else:
                 shown = self._truth(now_ms)
             self._shown = MappingProxyType(dict(shown))
-            self._show_agents(now_ms)
+            self.agent_topics.show(now_ms, self._shown)
             self._show_beliefs(beliefs, now_ms)
             self._show_apad(supervisor, now_ms)
 
         return watch
 
     def event(self, at_ms: int, kind: str, **data: Any) -> None:
-        """One event of the mission, on /musselbed/mission."""
+        """One event of the mission, on /musselbed/mission; a packet of sound on /musselbed/sound as well."""
+        if kind == "packet" and self._sound.get_num_connections() > 0:
+            for row in sound_rows(data):
+                self._sound.publish(_transmission(row, at_ms))
         if self._events.get_num_connections() == 0:
             return
         message = MissionEvent(mission_time_ms=at_ms, kind=kind, data=json.dumps(data))
@@ -145,16 +131,8 @@ class Gateway:
 
     def close(self) -> None:
         """Leaves the graph. The process cannot open another gateway."""
+        self.agent_topics.close()
         rospy.signal_shutdown("the flight is over")
-
-    def _show_agents(self, now_ms: int) -> None:
-        for agent_id, shown in self._shown.items():
-            position, battery = self._positions.get(agent_id), self._batteries.get(agent_id)
-            # A message that nobody hears is not made: a thousand aMussels cost nothing then.
-            if position is not None and position.get_num_connections() > 0:
-                position.publish(_position(shown, now_ms))
-            if battery is not None and battery.get_num_connections() > 0:
-                battery.publish(Float64(100 * shown.charge))
 
     def _show_beliefs(self, beliefs: list[Belief], now_ms: int) -> None:
         if self._beliefs.get_num_connections() == 0:
@@ -209,11 +187,17 @@ def _publisher(topic: str, kind: Any, queue_size: int) -> rospy.Publisher:
     return rospy.Publisher(topic, kind, queue_size=queue_size)
 
 
-def _position(shown: Shown, now_ms: int) -> Any:
-    message = NavSts()
+def _transmission(row: SoundRow, now_ms: int) -> MediumTransmission:
+    """As the bag holds it: see `SoundRow`."""
+    message = MediumTransmission(
+        message=row.message,
+        duration=row.duration_s,
+        sender=row.sender,
+        receiver=row.receiver,
+        snr=row.snr_db,
+        range=row.range_m,
+        listener_id=row.listener,
+        conflict=row.conflict,
+    )
     message.header.stamp = to_ros(now_ms)
-    message.header.frame_id = "local"
-    message.position.north, message.position.east = shown.north_m, shown.east_m
-    message.position.depth = shown.depth_m
-    message.status = NavSts.STATUS_ALL_OK
     return message

@@ -22,12 +22,14 @@ from typing import Any
 import rospy
 
 from apad_bridge.ros.generation_a_core import GenerationACore
-from apad_bridge.ros.generation_a_ears import UNSTAMPED, Ears
+from apad_bridge.ros.generation_a_ears import Ears
 from apad_bridge.ros.generation_a_words import GoalOrder, Heard
 from apad_bridge.ros.inbox import Inbox
-from apad_bridge.ros.live_types import differing_types
+from apad_bridge.ros.legacy_words import UNSTAMPED
+from apad_bridge.ros.live_types import differing_listeners, unreadable_topics
 from apad_bridge.ros.messages import use_generated_messages
-from apad_bridge.vehicle import CloseDock, OpenDock, VehicleCommand
+from apad_bridge.ros.vehicle_not_ready import VehicleNotReady
+from apad_bridge.vehicle import CloseDock, MoveArm, OpenDock, VehicleCommand
 from apad_bridge.vehicle_link import LinkFact
 
 use_generated_messages()
@@ -38,10 +40,6 @@ ANSWER_S = 0.25
 """Wall seconds that `advance` waits for the answer of a docking mechanism commanded at the same tick."""
 ANSWER_ON_OUR_CLOCK_S = 1.0
 """On our own clock: longer, since nothing is lost by waiting and a busy machine shall decide as an idle one."""
-
-
-class VehicleNotReady(Exception):
-    """One line: which part of the aPad is missing, and what to do."""
 
 
 class GenerationALink:
@@ -78,6 +76,11 @@ class GenerationALink:
         """Words of the vehicle that came to nothing, by reason."""
         return self._inbox.dropped + self._core.dropped
 
+    @property
+    def heard_ms(self) -> int:
+        """When a position was last heard; -1 before the first."""
+        return self._core.readings.position_ms
+
     def holds(self, agent_id: int) -> bool:
         """Whether a dock is known to hold this aMussel."""
         return self._core.docks.holds(agent_id)
@@ -105,7 +108,7 @@ class GenerationALink:
 
     def _refuse_other_definitions(self) -> None:
         goal_types = {self._goals.resolved_name: self._goals.data_class}
-        if lines := differing_types(self._ears.types, goal_types):
+        if lines := [*unreadable_topics(self._ears.needed), *differing_listeners(goal_types)]:
             raise VehicleNotReady(
                 f"/{self.name} speaks other definitions than we do: {'; '.join(lines)}; "
                 f"put its own into apad_bridge/ros/definitions and run launch_scripts/install"
@@ -123,6 +126,8 @@ class GenerationALink:
         return self._core.advance(now_ms)
 
     def command(self, command: VehicleCommand, now_ms: int) -> None:
+        if isinstance(command, MoveArm):
+            return  # generation A moves its arms with a perch, and by no other word
         if isinstance(command, CloseDock | OpenDock):
             self._mechanism_ms = now_ms
         self._goals.publish(_goal_message(self._core.command(command, now_ms)))

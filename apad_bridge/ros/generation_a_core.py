@@ -12,22 +12,20 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from apad_bridge.ros.generation_a_docks import DocksByHearsay
-from apad_bridge.ros.generation_a_readings import Readings
 from apad_bridge.ros.generation_a_words import (
     ENDS,
     GO_TO,
     PERCH,
     RELEASE,
-    BatteryHeard,
     GoalCode,
     GoalOrder,
     GoalsHeard,
     GoalWord,
     Heard,
-    PoseHeard,
-    StateHeard,
     StaticHeard,
 )
+from apad_bridge.ros.legacy_words import BatteryHeard, PoseHeard, StateHeard
+from apad_bridge.ros.readings import Readings
 from apad_bridge.vehicle import (
     Arrived,
     CloseDock,
@@ -37,10 +35,10 @@ from apad_bridge.vehicle import (
     GoTo,
     Hold,
     OpenDock,
-    VehicleCommand,
 )
 from apad_bridge.vehicle_link import LinkFact
 
+Command = GoTo | Hold | CloseDock | OpenDock
 TAKEN_MS = 5_000
 """A goal that the action server has not acknowledged for so long has failed: nobody serves it."""
 PERCHED_MS = 1_000
@@ -51,7 +49,7 @@ PERCHED_MS = 1_000
 class _Sent:
     """A goal that is not over."""
 
-    command: VehicleCommand
+    command: Command
     sent_ms: int
     is_taken: bool = False
     ended_ms: int | None = None
@@ -111,7 +109,7 @@ class GenerationACore:
         """Whether a docking mechanism was commanded and has not answered."""
         return any(isinstance(sent.command, CloseDock | OpenDock) for sent in self._goals.values())
 
-    def command(self, command: VehicleCommand, now_ms: int) -> GoalOrder:
+    def command(self, command: Command, now_ms: int) -> GoalOrder:
         key = f"{self._nonce}-{command.command_id}"
         self._goals[key] = _Sent(command, now_ms)
         self._latest_key = key
@@ -202,7 +200,7 @@ class GenerationACore:
             reason = f"the aPad's action server says {word.code.name}"
             self._fail(sent.command, at_ms, f"{reason}: {word.text}" if word.text else reason)
 
-    def _tell_success(self, command: VehicleCommand, at_ms: int) -> None:
+    def _tell_success(self, command: Command, at_ms: int) -> None:
         """Of a go-to; or of a mechanism that already was as commanded, so that who commanded hears of it."""
         match command:
             case GoTo(command_id):
@@ -227,13 +225,13 @@ class GenerationACore:
                 del self._goals[key]
                 self._fail(sent.command, now_ms, reason)
 
-    def _fail(self, command: VehicleCommand, at_ms: int, reason: str) -> None:
+    def _fail(self, command: Command, at_ms: int, reason: str) -> None:
         if isinstance(command, OpenDock):
             self.docks.withdraw_release(command.agent_id)
         self._facts.append(CommandFailed(at_ms, command.command_id, reason))
 
 
-def _is_wanted(fact: LinkFact, command: VehicleCommand) -> bool:
+def _is_wanted(fact: LinkFact, command: Command) -> bool:
     match fact, command:
         case (DockClosed(_, _, agent_id), CloseDock(_, _, wanted)) | (
             DockOpened(_, _, agent_id),

@@ -28,6 +28,8 @@ from misc_msgs.srv import (  # noqa: E402
     GetChargeInfoResponse,
     GetDockingInfo,
     GetDockingInfoResponse,
+    SendEnergy,
+    SendEnergyResponse,
 )
 from navcon_msgs.srv import (  # noqa: E402
     ConfigureVelocityController,
@@ -81,6 +83,8 @@ class GenerationAServer:
             ("charge_info", GetChargeInfo, self._tell_battery),
             ("anchor", Trigger, lambda _: TriggerResponse(True, "it holds its position by itself")),
             ("FADP_enable", EnableControl, lambda _: EnableControlResponse()),
+            ("DEPTH_enable", EnableControl, lambda _: EnableControlResponse()),
+            ("send_energy", SendEnergy, self._send_energy),
             ("VelCon_enable", EnableControl, lambda _: EnableControlResponse()),
             (
                 "ConfigureVelocityController",
@@ -90,6 +94,8 @@ class GenerationAServer:
         ]
         for name, kind, answer in services:
             rospy.Service(f"{namespace}/{name}", kind, answer)
+        for name, sign in (("charging", 1), ("draining", -1)):
+            rospy.Subscriber(f"{namespace}/{name}", Float64, self._change_battery, sign)
 
     def _take_clock(self, message: Any) -> None:
         self.heard_clock_s = time.monotonic()
@@ -212,6 +218,19 @@ class GenerationAServer:
             except ValueError as refused:
                 raise rospy.ServiceException(str(refused)) from refused
             return ChangeDockingStatusResponse(False)
+
+    def _change_battery(self, message: Any, sign: int) -> None:
+        """Percent points a message."""
+        with self._lock:
+            if self._vehicle is not None:
+                self._show(self._vehicle.change_battery(sign * message.data, self._vehicle.now_ms))
+
+    def _send_energy(self, request: Any) -> Any:
+        """Whether coil `coil`, which is a slot's, has something to send its energy to. The docks charge by themselves."""
+        with self._lock:
+            return SendEnergyResponse(
+                request.coil in range(4) and request.coil not in self._running().free_slots
+            )
 
     def _tell_battery(self, _: Any) -> Any:
         with self._lock:

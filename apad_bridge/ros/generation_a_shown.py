@@ -3,21 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import Enum, StrEnum
+from enum import Enum
 
 from apad_bridge.simulated_apad.kinematics import Pose
-
-
-class ReleaseFault(StrEnum):
-    """What a release does.
-
-    works: what it should. silent: the aMussel is let go, but neither the last word on position_static nor a result comes.
-    crashes: as published: the action server is gone, with all that it held; position and battery are another node's.
-    """
-
-    WORKS = "works"
-    SILENT = "silent"
-    CRASHES = "crashes"
 
 
 class Outcome(Enum):

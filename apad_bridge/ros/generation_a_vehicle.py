@@ -3,12 +3,13 @@
 What the published stack does was observed on a running graph; where it surprises, so does this: a perch asks for no
 nearness and takes the first free slot, a fifth one succeeds and does nothing, a cancelled go-to keeps moving, a goal of
 an unknown kind stays active for ever. A goal of generation A carries neither speed nor victory radius: both are this
-vehicle's own.
+vehicle's own. One thing is ours: with `misses`, a perch may abort because the mechanism missed.
 """
 
 from __future__ import annotations
 
 import math
+import re
 from collections import Counter
 
 from apad_bridge.ros.generation_a_shown import (
@@ -17,20 +18,22 @@ from apad_bridge.ros.generation_a_shown import (
     Held,
     Outcome,
     PoseShown,
-    ReleaseFault,
     Shown,
     SlowShown,
 )
 from apad_bridge.ros.generation_a_words import GO_TO, PERCH, RELEASE
+from apad_bridge.scenario.faults import Fault
 from apad_bridge.simulated_apad.apad import SimulatedAPad
 from apad_bridge.simulated_apad.docks import OFFSETS_M
 from apad_bridge.simulated_apad.kinematics import Pose
+from apad_bridge.simulated_apad.misses import MISSED, Misses
 from apad_bridge.vehicle import Arrived, CloseDock, CommandFailed, GoTo, OpenDock, VehicleFact
 
 HELD_PERIOD_MS = 50
 POSE_PERIOD_MS = 100
 SLOW_PERIOD_MS = 1000
 """Of battery, feedback and goal status."""
+_AGENT_NUMBER = re.compile(r"\d+$", re.ASCII)
 
 
 class GenerationAVehicle:
@@ -42,7 +45,8 @@ class GenerationAVehicle:
         speed_m_s: float,
         victory_radius_m: float,
         start_ms: int = 0,
-        release_fault: ReleaseFault = ReleaseFault.WORKS,
+        fault: Fault = Fault.NONE,
+        misses: Misses | None = None,
     ) -> None:
         self.dropped: Counter[str] = Counter()
         self.has_crashed = False
@@ -50,7 +54,8 @@ class GenerationAVehicle:
         self._speed_m_s = speed_m_s
         self._victory_radius_m = victory_radius_m
         self._start_ms = start_ms
-        self._release_fault = release_fault
+        self._fault = fault
+        self._misses = misses
         self._now_ms = start_ms
         self._grid_ms = start_ms - HELD_PERIOD_MS
         self._goal: Goal | None = None
@@ -131,9 +136,20 @@ class GenerationAVehicle:
             raise ValueError(f"slot {slot} is open")
         return [*self.advance(now_ms), self._let_go(slot)]
 
+    def change_battery(self, percent_points: float, now_ms: int) -> list[Shown]:
+        """`charging`, or with a minus `draining`; what is no number changes nothing."""
+        shown = self.advance(now_ms)
+        if math.isfinite(percent_points):
+            self._apad.change_battery(percent_points / 100, now_ms - self._start_ms)
+        else:
+            self.dropped["charging or draining: not finite"] += 1
+        return shown
+
     def _go_to(self, goal: Goal) -> list[Shown]:
         pose = self._apad.pose
         self._goal_from_m = math.hypot(goal.north_m - pose.north_m, goal.east_m - pose.east_m)
+        if self._fault is Fault.STUCK:
+            return []
         command = GoTo(
             self._next_serial(), goal.north_m, goal.east_m, self._speed_m_s, self._victory_radius_m
         )
@@ -141,8 +157,11 @@ class GenerationAVehicle:
 
     def _perch(self, goal: Goal) -> list[Shown]:
         free = self.free_slots
-        if not free:
+        if not free or self._fault is Fault.PERCHES_NOTHING:
             return self._end(Outcome.SUCCEEDED)
+        number = _AGENT_NUMBER.search(goal.name)
+        if self._misses is not None and number is not None and self._misses.misses(int(number[0])):
+            return self._end(Outcome.ABORTED, MISSED)
         slot, serial = free[0], self._next_serial()
         facts = self._apad.receive(CloseDock(serial, slot, serial), self._now_ms - self._start_ms)
         if failed := self._ended_by(facts):
@@ -158,10 +177,10 @@ class GenerationAVehicle:
             last = self._let_go(slot)
         except ValueError as refused:
             return self._end(Outcome.ABORTED, str(refused))
-        if self._release_fault is ReleaseFault.WORKS:
+        if self._fault not in (Fault.RELEASE_SILENT, Fault.RELEASE_CRASHES):
             return [last, *self._end(Outcome.SUCCEEDED)]
         self._goal = None
-        if self._release_fault is ReleaseFault.CRASHES:
+        if self._fault is Fault.RELEASE_CRASHES:
             self.has_crashed = True
             for held in sorted(self._slots):
                 self._let_go(held)

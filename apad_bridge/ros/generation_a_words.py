@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import IntEnum
 
+from apad_bridge.ros.legacy_words import BatteryHeard, PoseHeard, StateHeard
+
 GO_TO, PERCH, RELEASE = 0, 1, 2
 """Kinds of goals, by their id."""
 
@@ -45,29 +47,6 @@ class GoalOrder:
     north_m: float = 0.0
     east_m: float = 0.0
     name: str = ""
-
-
-@dataclass(frozen=True, slots=True)
-class PoseHeard:
-    at_ms: int
-    north_m: float
-    east_m: float
-    heading_rad: float
-
-
-@dataclass(frozen=True, slots=True)
-class StateHeard:
-    """`stateRef`: of ours, the word that everything due by its stamp was handled."""
-
-    at_ms: int
-
-
-@dataclass(frozen=True, slots=True)
-class BatteryHeard:
-    """Generation A stamps it not: `at_ms` is the time of arrival."""
-
-    at_ms: int
-    percent: float
 
 
 @dataclass(frozen=True, slots=True)

@@ -103,6 +103,9 @@ class FleetRadio:
     def transmit(self, medium: Medium, agent_id: int, data: bytes, now_ms: int) -> None:
         self._topics.transmit(medium, agent_id, data, now_ms)
 
+    def said(self, send: Send, now_ms: int) -> None:
+        """A fleet alone has no supervisor that says anything."""
+
     def close(self) -> None:
         self._topics.close()
         for service in self._services:
@@ -159,6 +162,9 @@ class MissionRadio:
 
     def transmit(self, medium: Medium, agent_id: int, data: bytes, now_ms: int) -> None:
         self._topics.transmit(medium, agent_id, data, now_ms)
+
+    def said(self, send: Send, now_ms: int) -> None:
+        """A mission alone has no aMussels to say anything to."""
 
     def close(self) -> None:
         self._topics.close()

@@ -15,7 +15,7 @@ from typing import Any, Protocol
 import rospy
 from rosgraph_msgs.msg import Clock
 
-from apad_bridge.pace import AsFastAsPossible, Pace, WallClock
+from apad_bridge.pace import BEAT_S, AsFastAsPossible, Between, Pace, WallClock
 from apad_bridge.ros.ros_time import to_ms, to_ros
 
 PATIENCE_S = 5.0
@@ -45,12 +45,20 @@ class OwnMasterClock:
     """Publishes /clock `speed` times as fast as the wall clock (None: as fast as the aPad's node follows).
 
     A tick has come when the aPad's node has said that it is done with it: TimeoutError, naming it, after `patience_s`.
+    With `in_fine_steps` that holds of every tenth of a second: for a vehicle that is shown what it sees, and acts on it.
+
     Latched, so that a tool that comes later has the time at once. A hundred may wait for a slow reader; it then loses the
     oldest, and nobody waits for it.
     """
 
     def __init__(
-        self, speed: float | None, link: InStep, start_ms: int = 0, patience_s: float = PATIENCE_S
+        self,
+        speed: float | None,
+        link: InStep,
+        start_ms: int = 0,
+        patience_s: float = PATIENCE_S,
+        *,
+        in_fine_steps: bool = False,
     ) -> None:
         self._link = link
         self._patience_s = patience_s
@@ -60,25 +68,35 @@ class OwnMasterClock:
         self._step_ms = 1000
         if speed is not None:
             self._step_ms = next((it for it in _STEPS_MS if it / 1000 / speed >= _STEP_WALL_S), 1000)
+        self._in_fine_steps = in_fine_steps
+        if in_fine_steps:
+            self._step_ms = _STEPS_MS[0]
         self._clock = rospy.Publisher("/clock", Clock, queue_size=100, latch=True)
 
     @property
     def behind_s(self) -> float:
         return self._pace.behind_s
 
-    def reach(self, now_ms: int, stopped: threading.Event) -> None:
+    def reach(self, now_ms: int, stopped: threading.Event, between: Between | None = None) -> None:
         self._link.wait_until_taken(SETTLE_S)
         while self._told_ms < now_ms or not self._has_told:
             step_ms = now_ms if stopped.is_set() else min(now_ms, self._told_ms + self._step_ms)
-            self._pace.reach(step_ms, stopped)
+            self._pace.reach(step_ms, stopped, between)
             self._clock.publish(Clock(to_ros(step_ms)))
             self._told_ms, self._has_told = step_ms, True
+            if self._in_fine_steps and step_ms < now_ms:
+                self._wait_until_done(step_ms)
+            if between is not None and step_ms < now_ms:
+                between(step_ms)
+        self._wait_until_done(now_ms)
+        self._link.wait_until_heard(now_ms, SETTLE_S)
+
+    def _wait_until_done(self, now_ms: int) -> None:
         if not self._link.wait_until_done(now_ms, self._patience_s):
             raise TimeoutError(
                 f"the node of /{self._link.name} did not say within {self._patience_s:g} s, by its stateRef, "
                 f"that it has come to {now_ms / 1000:g} s of mission time"
             )
-        self._link.wait_until_heard(now_ms, SETTLE_S)
 
 
 class FollowedClock:
@@ -93,16 +111,21 @@ class FollowedClock:
         self._came = threading.Condition()
         self._subscriber = rospy.Subscriber("/clock", Clock, self._take, tcp_nodelay=True)
 
-    def reach(self, now_ms: int, stopped: threading.Event) -> None:
+    def reach(self, now_ms: int, stopped: threading.Event, between: Between | None = None) -> None:
+        moved_s, last_ms = time.monotonic(), self._now_ms
+        while (self._origin_ms is None or self._now_ms < now_ms) and not stopped.is_set():
+            with self._came:
+                # Woken now and then to see `stopped`, which nothing here announces, and for who is told in between.
+                if self._origin_ms is None or self._now_ms < now_ms:
+                    self._came.wait(0.1 if between is None else BEAT_S)
+                come_ms, why = self._now_ms, self._why(now_ms)
+            if come_ms > last_ms:
+                moved_s, last_ms = time.monotonic(), come_ms
+            elif time.monotonic() - moved_s > self._standstill_s:
+                raise TimeoutError(why)
+            if between is not None and self._start_ms < come_ms < now_ms:
+                between(come_ms)
         with self._came:
-            moved_s, last_ms = time.monotonic(), self._now_ms
-            while (self._origin_ms is None or self._now_ms < now_ms) and not stopped.is_set():
-                # Woken now and then to see `stopped`, which nothing here announces.
-                self._came.wait(0.1)
-                if self._now_ms > last_ms:
-                    moved_s, last_ms = time.monotonic(), self._now_ms
-                elif time.monotonic() - moved_s > self._standstill_s:
-                    raise TimeoutError(self._why(now_ms))
             self.behind_s = max(0.0, (self._now_ms - now_ms) / 1000)
 
     def close(self) -> None:

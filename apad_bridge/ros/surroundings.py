@@ -2,30 +2,38 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
+from pathlib import Path
 
 from apad_bridge import building
-from apad_bridge.flight import Fleet
+from apad_bridge.fleet import Fleet
+from apad_bridge.flight import Watcher
+from apad_bridge.geography import LocalFrame
+from apad_bridge.laboratory.names import DEFAULT, load_names
 from apad_bridge.pace import Pace, WallClock
-from apad_bridge.records.samples import TruthSample
+from apad_bridge.ros.agent_topics import Shown
 from apad_bridge.ros.contacts_link import ContactsLink
+from apad_bridge.ros.fleet_diagnostics import Limits
 from apad_bridge.ros.fleet_guard import SecondFleet
-from apad_bridge.ros.gateway import GatewayFailed, Shown, TruthSource, open_gateway
-from apad_bridge.ros.generation_a import GenerationALink, VehicleNotReady
+from apad_bridge.ros.gateway import GatewayFailed, TruthSource, open_gateway
+from apad_bridge.ros.generation_b import GenerationBLink
+from apad_bridge.ros.laboratory import Laboratory
+from apad_bridge.ros.listening_link import ListeningLink
+from apad_bridge.ros.master_watch import MasterWatch, Noticed
 from apad_bridge.ros.radio import FleetRadio, MissionRadio
 from apad_bridge.ros.ros_pace import FollowedClock, OwnMasterClock
+from apad_bridge.ros.silence_watch import SilenceWatch
+from apad_bridge.ros.standard_topics import StandardTopics
+from apad_bridge.ros.vehicle_not_ready import VehicleNotReady
+from apad_bridge.ros.vehicles import READY_S, APadLink, TruthsAt, is_of_generation_b, open_apad
 from apad_bridge.runs.failures import PeerFailed
 from apad_bridge.runs.flying import Surroundings
 from apad_bridge.runs.options import APadKind, Part, RunOptions, TimeSource
 from apad_bridge.scenario.schema import Scenario
 from firmware_model.codec import load_codec
 
-_READY_S = 15.0
 _NODES = {Part.WHOLE: "musselbed", Part.FLEET: "musselbed_fleet", Part.MISSION: "musselbed_mission"}
-
-
-TruthsAt = Callable[[int], list[TruthSample]]
 
 
 @contextmanager
@@ -58,31 +66,72 @@ def open_surroundings(
                 truth=_shown_truth(truths_at) if scenario.records.truth_on_agent_topics else None,
             )
             stack.callback(gateway.close)
-            vehicle: GenerationALink | ContactsLink
-            ether: FleetRadio | MissionRadio | None = None
-            if options.part is Part.FLEET:
+            names = load_names(Path(scenario.apad.interface) if scenario.apad.interface else DEFAULT)
+            laboratory = Laboratory(names, scenario.apad.name, ids, codec)
+            stack.callback(laboratory.close)
+            standard = _standard_topics(shown, scenario)
+            vehicle: APadLink | ContactsLink
+            watches: tuple[Watcher, ...] = ()
+            radio: FleetRadio | MissionRadio | None = None
+            is_fleet = options.part is Part.FLEET
+            if is_fleet and not is_of_generation_b(scenario):
                 vehicle = ContactsLink(scenario.apad.name, ids, docked, now_ms)
-                ether = FleetRadio(ids, codec)
             else:
-                vehicle = _apad_link(scenario, options, docked, now_ms)
-                if options.part is Part.MISSION:
-                    ether = MissionRadio(ids, codec, scenario.theta, vehicle.holds)
+                opened = open_apad(scenario, options, docked, now_ms, truths_at)
+                vehicle = opened.link
+                if opened.watch is not None:
+                    watches = (opened.watch,)
+            if is_fleet:
+                radio = FleetRadio(ids, codec)
+            elif options.part is Part.MISSION and not isinstance(vehicle, ContactsLink):
+                radio = MissionRadio(ids, codec, scenario.theta, vehicle.holds)
             stack.callback(vehicle.close)
-            if ether is not None:
-                stack.callback(ether.close)
-            if isinstance(vehicle, GenerationALink):
-                vehicle.wait_until_ready(_READY_S)
+            if radio is not None:
+                stack.callback(radio.close)
+            if not isinstance(vehicle, ContactsLink):
+                vehicle.wait_until_ready(READY_S)
         except (SecondFleet, GatewayFailed, VehicleNotReady) as error:
             raise PeerFailed(str(error)) from error
+        hears = vehicle if isinstance(vehicle, GenerationBLink) else None
+        link = laboratory.beside(vehicle, hears)
         yield Surroundings(
-            vehicle,
-            _pace(options, vehicle, now_ms),
+            ListeningLink(link) if is_fleet else link,
+            _pace(options, vehicle, now_ms, in_fine_steps=bool(watches)),
             fleet,
-            lambda supervisor: (gateway.watcher(supervisor),),
+            lambda supervisor: (gateway.watcher(supervisor), standard.watcher(supervisor), *watches),
             gateway.event,
-            ether,
+            laboratory.around(radio, link, is_mission=options.part is Part.MISSION),
             held,
+            lambda: vehicle.dropped + laboratory.dropped,
+            _watched(stack, options, scenario, vehicle),
         )
+
+
+def _standard_topics(shown: Iterable[int], scenario: Scenario) -> StandardTopics:
+    mission = scenario.mission
+    limits = Limits(mission.silence_timeout_s, mission.pool_threshold)
+    return StandardTopics(shown, scenario.apad.name, LocalFrame.about(scenario.area.origin), limits)
+
+
+def _watched(
+    stack: ExitStack, options: RunOptions, scenario: Scenario, vehicle: APadLink | ContactsLink
+) -> Callable[[int], list[Noticed]]:
+    """Somebody else's master and vehicle may go and come back; with ours a run ends."""
+    if options.apad is APadKind.SIM:
+        return lambda now_ms: []
+    master = MasterWatch(options.master_uri)
+    stack.callback(master.close)
+    silence, name = SilenceWatch(), scenario.apad.name
+
+    def noticed(now_ms: int) -> list[Noticed]:
+        events = master.take()
+        if not isinstance(vehicle, ContactsLink) and (changed := silence.look(vehicle.heard_ms, now_ms)):
+            kind = "vehicle_silent" if changed.is_silent else "vehicle_heard"
+            events.append((kind, {"name": name, "since_ms": changed.since_ms}))
+            master.ask_again()
+        return events
+
+    return noticed
 
 
 def _shown_truth(truths_at: TruthsAt) -> TruthSource:
@@ -91,23 +140,9 @@ def _shown_truth(truths_at: TruthsAt) -> TruthSource:
     }
 
 
-def _apad_link(
-    scenario: Scenario, options: RunOptions, docked: Mapping[int, int], now_ms: int
-) -> GenerationALink:
-    battery = scenario.apad.battery
-    return GenerationALink(
-        scenario.apad.name,
-        building.agent_ids(scenario),
-        (battery.empty_v, battery.full_v),
-        our_clock=options.apad is APadKind.SIM,
-        docked=docked,
-        now_ms=now_ms,
-    )
-
-
-def _pace(options: RunOptions, vehicle: GenerationALink | ContactsLink, now_ms: int) -> Pace:
-    if options.apad is APadKind.SIM and isinstance(vehicle, GenerationALink):
-        return OwnMasterClock(options.speed, vehicle, now_ms)
+def _pace(options: RunOptions, vehicle: APadLink | ContactsLink, now_ms: int, *, in_fine_steps: bool) -> Pace:
+    if options.apad is APadKind.SIM and not isinstance(vehicle, ContactsLink):
+        return OwnMasterClock(options.speed, vehicle, now_ms, in_fine_steps=in_fine_steps)
     if options.time is TimeSource.ROS:
         return FollowedClock(now_ms)
     return WallClock(1.0)

@@ -3,26 +3,31 @@
 from __future__ import annotations
 
 import signal
+from collections import Counter
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
-from agents.coordinator import Coordinator
 from agents.one_process import OneProcess
 from agents.processes import ProcessHost
 from apad_bridge import building
 from apad_bridge.ether import Ether
-from apad_bridge.flight import Fleet, Flight, Watcher
+from apad_bridge.fleet import Fleet
+from apad_bridge.flight import Flight, Watcher
 from apad_bridge.mission.state import MissionState
+from apad_bridge.modems.rims import Rims
 from apad_bridge.pace import AsFastAsPossible, Pace
 from apad_bridge.records.recorder import Recorder
 from apad_bridge.records.summary import Ending
 from apad_bridge.runs.status import Status
+from apad_bridge.sample_collection import SampleCollection
 from apad_bridge.scenario.schema import Hosting, Scenario
 from apad_bridge.scenario.starts import Start
-from apad_bridge.simulated_apad.apad import SimulatedAPad
+from apad_bridge.scripting.called import CalledFront
+from apad_bridge.scripting.commanded import Front
+from apad_bridge.sea_building import fleet_of
 from apad_bridge.supervisor import TICK_MS, Supervisor
 from apad_bridge.vehicle import DockClosed
 from apad_bridge.vehicle_link import InProcessVehicle, VehicleLink
@@ -48,6 +53,11 @@ class Surroundings:
     ether: Ether | None = None
     held: tuple[int, ...] = ()
     """aMussels that docks hold already."""
+    dropped: Callable[[], Counter[str]] = Counter
+    """What was heard around here and came to nothing, by reason."""
+    noticed: Callable[[int], list[tuple[str, dict[str, Any]]]] = lambda now_ms: []
+    """Events of the surroundings (kind, data) that were not told yet: a master that is gone, a vehicle that is silent."""
+    rims: Rims | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,12 +78,12 @@ def open_fleet(scenario: Scenario, starts: Sequence[Start], folder: Path) -> Fle
     else:
         folder.mkdir()
         host = ProcessHost.start(str(folder), config, births)
-    return Fleet(Coordinator(host, dict.fromkeys(births, 0), scenario.theta), host)
+    return fleet_of(scenario, host, dict.fromkeys(births, 0))
 
 
 def in_process(scenario: Scenario, fleet: Fleet) -> Surroundings:
     """Virtual time with the simulated aPad in this process."""
-    return Surroundings(InProcessVehicle(SimulatedAPad(scenario.apad)), AsFastAsPossible(), fleet)
+    return Surroundings(InProcessVehicle(building.simulated_apad(scenario)), AsFastAsPossible(), fleet)
 
 
 def fly(
@@ -84,12 +94,22 @@ def fly(
     go_on: GoOn | None = None,
     *,
     until_first_plan: bool = False,
+    fronts: Sequence[Front] = (),
+    override: CalledFront | None = None,
 ) -> dict[str, Any]:
-    """Flies to the mission's end, or to its first plan, and gives the summary. SIGINT and SIGTERM end it in order."""
+    """Flies to the mission's end, or to its first plan, and gives the summary. SIGINT and SIGTERM end it in order.
+
+    With `fronts` there is no mission of our own: the aPad does what these order. By `override` it can be taken over.
+    """
     supervisor = building.supervisor(
         scenario,
         None if go_on is None else go_on.state,
         first_command_id=1 + (0 if go_on is None else go_on.epoch * _COMMAND_IDS_PER_EPOCH),
+        samples=_collection(scenario, surroundings, recorder),
+        fronts=fronts,
+        override=override,
+        # The aPad's modem is where its water is: with the fleet, and not with a mission alone.
+        has_modem=surroundings.fleet is not None,
     )
     if go_on is not None:
         for slot, agent_id in go_on.state.docked:
@@ -101,16 +121,23 @@ def fly(
         if until_first_plan and supervisor.mission.state.plan.steps:
             flight.stop("the dry run's plan")
 
+    told = recorder if surroundings.announce is None else _Announced(recorder, surroundings.announce)
+
+    def tell_noticed(now_ms: int) -> None:
+        for kind, data in surroundings.noticed(now_ms):
+            told.event(now_ms, kind, **data)
+
     flight = Flight(
         supervisor,
         surroundings.vehicle,
         pace,
-        recorder if surroundings.announce is None else _Announced(recorder, surroundings.announce),
+        told,
         surroundings.fleet,
-        (*surroundings.watchers(supervisor), show_tick),
+        (*surroundings.watchers(supervisor), tell_noticed, show_tick),
         start_ms=0 if go_on is None else go_on.now_ms + TICK_MS,
         held=surroundings.held,
         ether=surroundings.ether,
+        rims=surroundings.rims,
     )
     with ExitStack() as stack:
         for number in (signal.SIGINT, signal.SIGTERM):
@@ -125,7 +152,8 @@ def fly(
             cost_m=supervisor.mission.state.cost_m,
             services=supervisor.mission.state.services,
             apad_energy_fraction=_fraction_used(supervisor, go_on),
-            dropped=flight.dropped + supervisor.dropped + supervisor.port.dropped,
+            dropped=flight.all_dropped + surroundings.dropped(),
+            samples_gone={} if supervisor.samples is None else supervisor.samples.gone,
         )
         return recorder.finish(flight.now_ms, ending)
 
@@ -135,6 +163,7 @@ class _Announced:
 
     def __init__(self, recorder: Recorder, announce: Announce) -> None:
         self.truths = recorder.truths
+        self.samples = recorder.samples
         self.tick = recorder.tick
         self._recorder = recorder
         self._announce = announce
@@ -167,6 +196,15 @@ def journal_start(recorder: Recorder, scenario: Scenario, starts: Sequence[Start
             for start in starts
         ],
     )
+
+
+def _collection(
+    scenario: Scenario, surroundings: Surroundings, recorder: Recorder
+) -> SampleCollection | None:
+    """A fleet whose mission is at the other end of an ether uploads its samples there."""
+    if surroundings.fleet is not None and surroundings.ether is not None:
+        return None
+    return SampleCollection(building.agent_ids(scenario), recorder.samples_kept)
 
 
 def _fraction_used(supervisor: Supervisor, go_on: GoOn | None) -> float | None:

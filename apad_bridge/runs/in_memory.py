@@ -2,23 +2,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
-from agents.coordinator import Coordinator
 from agents.one_process import OneProcess
 from agents.outputs import Truth
 from apad_bridge import building
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.boards import charge_model
-from apad_bridge.flight import Fleet, Flight
+from apad_bridge.flight import Flight
 from apad_bridge.pace import AsFastAsPossible
 from apad_bridge.records.summary import uptime_figures
 from apad_bridge.records.uptime import UptimeMeter
+from apad_bridge.sample_collection import SampleCollection
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
-from apad_bridge.simulated_apad.apad import SimulatedAPad
+from apad_bridge.scripting.called import CalledFront
+from apad_bridge.scripting.commanded import Front
+from apad_bridge.sea_building import fleet_of
 from apad_bridge.vehicle import BatteryReported, PoseReported
 from apad_bridge.vehicle_link import InProcessVehicle
+from firmware_model.sample_record import SampleRecord
 
 
 class MemoryRecorder:
@@ -27,6 +31,10 @@ class MemoryRecorder:
     def __init__(self, scenario: Scenario) -> None:
         self.meter = UptimeMeter(scenario.theta, charge_model(scenario.board))
         self.events: list[tuple[int, str, dict[str, Any]]] = []
+        self.taken: dict[int, int] = {}
+        """By aMussel, how many samples it has ever taken."""
+        self.uploaded: dict[int, list[SampleRecord]] = {}
+        """By aMussel, the samples that were uploaded, as they came."""
 
     def event(self, at_ms: int, kind: str, **data: Any) -> None:
         self.events.append((at_ms, kind, data))
@@ -34,6 +42,10 @@ class MemoryRecorder:
     def truths(self, truths: list[Truth]) -> None:
         for truth in truths:
             self.meter.take(truth)
+            self.taken[truth.agent_id] = truth.physical.samples
+
+    def samples(self, agent_id: int, records: Sequence[SampleRecord]) -> None:
+        self.uploaded.setdefault(agent_id, []).extend(records)
 
     def tick(
         self,
@@ -47,15 +59,27 @@ class MemoryRecorder:
         pass
 
 
-def fly_in_memory(scenario: Scenario) -> tuple[dict[str, Any], MemoryRecorder]:
-    """The summary's figures (those of `uptime_figures`, `cost_m` and `services`), and what was recorded."""
+def open_flight(
+    scenario: Scenario, fronts: Sequence[Front] = (), override: CalledFront | None = None
+) -> tuple[Flight, MemoryRecorder]:
+    """A flight that is ready to `run`, and its records.
+
+    With `fronts` the aPad does what these order; by `override` the mission can be taken over.
+    """
     births = building.births(scenario, starts_of(scenario))
     host = OneProcess(building.fleet_config(scenario), births)
-    fleet = Fleet(Coordinator(host, dict.fromkeys(births, 0), scenario.theta), host)
-    supervisor, recorder = building.supervisor(scenario), MemoryRecorder(scenario)
-    vehicle = InProcessVehicle(SimulatedAPad(scenario.apad))
-    flight = Flight(supervisor, vehicle, AsFastAsPossible(), recorder, fleet)
+    fleet = fleet_of(scenario, host, dict.fromkeys(births, 0))
+    vehicle = InProcessVehicle(building.simulated_apad(scenario))
+    samples = SampleCollection(building.agent_ids(scenario))
+    supervisor = building.supervisor(scenario, fronts=fronts, samples=samples, override=override)
+    recorder = MemoryRecorder(scenario)
+    return Flight(supervisor, vehicle, AsFastAsPossible(), recorder, fleet), recorder
+
+
+def fly_in_memory(scenario: Scenario) -> tuple[dict[str, Any], MemoryRecorder]:
+    """The summary's figures (those of `uptime_figures`, `cost_m` and `services`), and what was recorded."""
+    flight, recorder = open_flight(scenario)
     flight.run()
-    state = supervisor.mission.state
+    state = flight.supervisor.mission.state
     figures = uptime_figures(recorder.meter, flight.now_ms)
     return {**figures, "cost_m": state.cost_m, "services": state.services}, recorder

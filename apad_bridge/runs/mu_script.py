@@ -13,13 +13,14 @@ from pydantic import ConfigDict, TypeAdapter, ValidationError
 from pydantic.dataclasses import dataclass
 
 from firmware_model.actions import Dropped, LogSample
+from firmware_model.ageing import aged, capacity_left
 from firmware_model.bench import Bench
-from firmware_model.charge import fraction
+from firmware_model.charge import fraction, grains
 from firmware_model.packets import Kind
 from firmware_model.plan import BoardConfig, LastResort
 from firmware_model.rails import Rail, bits
 from firmware_model.stimuli import ResetCause
-from firmware_model.table_one import CYCLES, board, power
+from firmware_model.table_one import CYCLES, METERING, board, power
 
 Fraction = Annotated[float, Ge(0), Le(1)]
 Fact = Literal[
@@ -46,10 +47,19 @@ class MuScript:
     """Names of rails that nothing switches off."""
     capacity_mwh: Annotated[float, Gt(0)] | None = None
     """Of each battery; without it energy is printed as a share of one."""
+    metered: bool = False
+    """Levels are concluded from readings that sag under load and are lifted by a charger, instead of from the charge."""
+    low_level: Fraction = 0.0
+    """Where a sleeping board wakes; 0 for no such level."""
+    cycles: Annotated[int, Ge(0)] = 0
+    """Full charge cycles that the batteries have behind them."""
+    years: Annotated[float, Ge(0)] = 0.0
+    """How old the batteries are."""
     tell: tuple[tuple[Annotated[float, Ge(0)], Fact], ...] = field(default=())
     """(hours, what happens), in any order."""
 
     def __post_init__(self) -> None:
+        capacity_left(self.cycles, self.years)
         unknown = [name for name in self.kept_on if name.upper() not in Rail.__members__]
         if unknown:
             raise ValueError(
@@ -73,6 +83,8 @@ class Budget:
     dropped: int
     life_hours: float | None
     """How long a full primary lasts at the mean rate of this run; None when nothing was drawn."""
+    life_samples: int | None
+    """How many samples that makes; None likewise."""
 
     def to_json(self) -> dict[str, Any]:
         return asdict(self)
@@ -95,7 +107,9 @@ def read_script(path: Path) -> MuScript:
 
 def config_of(script: MuScript) -> BoardConfig:
     kept_on = bits(*(Rail[name.upper()] for name in set(script.kept_on)))
-    return board(CYCLES[script.sleep], power(LastResort[script.last_resort.upper()], kept_on))
+    metering = METERING if script.metered else None
+    a_power = power(LastResort[script.last_resort.upper()], kept_on, metering, grains(script.low_level))
+    return aged(board(CYCLES[script.sleep], a_power), capacity_left(script.cycles, script.years))
 
 
 def play(script: MuScript) -> Bench:
@@ -117,6 +131,7 @@ def budget_of(script: MuScript, bench: Bench) -> Budget:
     bench.ledger.settle(bench.now_ms)
     by_rail = {rail.name: fraction(drawn) for rail, drawn in bench.ledger.by_rail().items()}
     drawn = sum(by_rail.values())
+    samples = len(bench.did(LogSample))
     return Budget(
         hours=script.hours,
         capacity_mwh=script.capacity_mwh,
@@ -126,9 +141,10 @@ def budget_of(script: MuScript, bench: Bench) -> Budget:
         state=bench.state.name,
         primary=bench.primary_fraction,
         secondary=bench.secondary_fraction,
-        samples=sum(isinstance(action, LogSample) for action in bench.trace),
-        dropped=sum(isinstance(action, Dropped) for action in bench.trace),
+        samples=samples,
+        dropped=len(bench.did(Dropped)),
         life_hours=script.hours / drawn if drawn else None,
+        life_samples=int(samples / drawn) if drawn else None,
     )
 
 

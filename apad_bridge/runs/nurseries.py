@@ -7,15 +7,15 @@ import subprocess
 from collections.abc import Sequence
 from pathlib import Path
 
-from agents.coordinator import Coordinator
 from agents.launch import NoNursery, launch_nursery, prepare
 from agents.nursery_link import Fenced, NurseryDied, NurseryLink
 from agents.processes import ProcessHost
 from apad_bridge import building
-from apad_bridge.flight import Fleet
+from apad_bridge.fleet import Fleet
 from apad_bridge.runs.failures import PeerFailed
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import Start
+from apad_bridge.sea_building import fleet_of
 
 FOLDER = "fleet"
 _LAST_EPOCH = 2**31
@@ -48,10 +48,12 @@ def end_fleet(run_dir: Path, nursery: subprocess.Popen[bytes]) -> None:
     nursery.wait(_END_S)
 
 
-def adopt(scenario: Scenario, run_dir: Path, epoch: int, now_ms: int) -> Fleet:
-    """The run's fleet under supervisor number `epoch`, at mission time `now_ms`."""
+def adopt(
+    scenario: Scenario, run_dir: Path, epoch: int, now_ms: int, opened_modems: tuple[int, ...] = ()
+) -> Fleet:
+    """The run's fleet under supervisor number `epoch`, at mission time `now_ms`, with these aMussels' modems opened."""
     try:
         host = ProcessHost.adopt(str(run_dir / FOLDER), epoch)
     except (NoNursery, Fenced) as error:
         raise PeerFailed(f"the fleet cannot be taken over: {error}") from error
-    return Fleet(Coordinator(host, host.granted_ms, scenario.theta, now_ms), host)
+    return fleet_of(scenario, host, host.granted_ms, now_ms, opened_modems)

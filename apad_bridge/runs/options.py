@@ -53,10 +53,23 @@ class RunOptions:
     speed: float
     on_death: OnDeath
     dry_run: bool = False
+    manual: bool = False
+    """No mission of ours: the aPad does what is called."""
+    script: str = ""
+    """The file that flies it instead of the paper's mission, absolute; empty without one."""
     master_uri: str = ""
     owns_master: bool = False
     xmlrpc_port: int = 0
     epoch: int = 1
+    open_modems: tuple[int, ...] = ()
+    """aMussels whose modems are opened as serial devices."""
+    modem: str = ""
+    """The serial port of a physical modem."""
+
+    @property
+    def without_mission(self) -> bool:
+        """Whether a script or a person gives the orders from the start."""
+        return self.manual or bool(self.script)
 
     def save(self, directory: Path) -> None:
         write_atomically(directory / OPTIONS_NAME, json.dumps(asdict(self), indent=2) + "\n")
@@ -73,6 +86,7 @@ class RunOptions:
                     "apad": APadKind(data["apad"]),
                     "time": TimeSource(data["time"]),
                     "on_death": OnDeath(data["on_death"]),
+                    "open_modems": tuple(data["open_modems"]),
                 }
             )
         except (KeyError, TypeError) as error:

@@ -59,6 +59,11 @@ def fly(
                 raise PeerFailed(
                     f"the supervisor ended with status {code}; see {directory.path}/supervisor.log"
                 )
+            if options.script:
+                raise PeerFailed(
+                    f"the supervisor died ({signal.Signals(-code).name}), and the script with it: a script cannot go on in "
+                    f"the middle; see {directory.path}"
+                )
             progress.say(
                 f"the supervisor died ({signal.Signals(-code).name}); the fleet is suspended and whole. "
                 f"To go on: musselbed resume {directory.path}"
@@ -110,6 +115,8 @@ def watch_supervisor(child: Child, progress: FlightProgress) -> tuple[int, dict[
                 said = json.loads(line)
                 result = said.get("summary", result)
                 failed = said.get("failed", failed)
+                if "said" in said:
+                    progress.say(said["said"])
             else:
                 progress.say(line.rstrip())
     code = child.wait(_END_S)

@@ -11,12 +11,15 @@ import contextlib
 import json
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 from apad_bridge import building
 from apad_bridge.commands.exits import Exit
+from apad_bridge.modems.rims import open_rims
 from apad_bridge.records.recorder import Recorder
 from apad_bridge.records.run_directory import RunDirectory
+from apad_bridge.ros.primitive_services import primitives_offered
 from apad_bridge.ros.route import why_silent
 from apad_bridge.ros.surroundings import open_surroundings
 from apad_bridge.runs import flying, resuming
@@ -26,13 +29,33 @@ from apad_bridge.runs.nurseries import adopt
 from apad_bridge.runs.options import Part, RunOptions
 from apad_bridge.runs.pid_file import supervising
 from apad_bridge.scenario.loader import load
+from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
+from apad_bridge.scripting.called import CalledFront
+from apad_bridge.scripting.commanded import Front
+from apad_bridge.scripting.handover import REAL_TIME
+from apad_bridge.scripting.program import ScriptFront, as_program
 
 
 def say(line: str) -> None:
     """To the parent, if there still is one."""
     with contextlib.suppress(BrokenPipeError):
         print(line, flush=True)
+
+
+def fronts_of(scenario: Scenario, options: RunOptions, called: CalledFront | None) -> tuple[Front, ...]:
+    """Who gives the orders, where it is not the paper's mission: a script, a person's calls, or both."""
+    if called is None or not options.without_mission:
+        return ()
+    fronts: tuple[Front, ...] = (called,)
+    if options.script:
+        path = Path(options.script)
+
+        def tell(line: str) -> None:
+            say(json.dumps({"said": line}))
+
+        fronts = (*fronts, ScriptFront(scenario, as_program(path), path.name, tell, REAL_TIME))
+    return fronts
 
 
 def fly(run_dir: Path, resume: bool) -> int:
@@ -50,16 +73,24 @@ def fly(run_dir: Path, resume: bool) -> int:
         flying.journal_start(recorder, scenario, starts_of(scenario))
     start_ms = 0 if go_on is None else go_on.now_ms
     try:
-        fleet = None if options.part is Part.MISSION else adopt(scenario, run_dir, options.epoch, start_ms)
+        fleet = None
+        if options.part is not Part.MISSION:
+            fleet = adopt(scenario, run_dir, options.epoch, start_ms, options.open_modems)
         docked = {} if go_on is None else dict(go_on.state.docked)
         if fleet is not None:
-            recorder.truths(fleet.host.take_truths())
+            recorder.truths(fleet.take_truths())
         # What the bodies felt, not what the mission knows: a contact that was on its way when a supervisor died is told
         # again, and one that was felt is not.
         held = tuple(it.agent_id for it in recorder.truths_at(start_ms) if it.docked)
-        with open_surroundings(
-            scenario, options, fleet, docked, held, start_ms, recorder.truths_at
-        ) as surroundings:
+        with (
+            open_surroundings(
+                scenario, options, fleet, docked, held, start_ms, recorder.truths_at
+            ) as surroundings,
+            primitives_offered(scenario, options) as called,
+            open_rims(run_dir, options.open_modems, options.modem, start_ms, say) as rims,
+        ):
+            surroundings = replace(surroundings, rims=rims)
+            fronts = fronts_of(scenario, options, called)
             summary = flying.fly(
                 scenario,
                 dry(surroundings) if options.dry_run else surroundings,
@@ -67,7 +98,13 @@ def fly(run_dir: Path, resume: bool) -> int:
                 lambda status: say(status.to_line()),
                 go_on,
                 until_first_plan=options.dry_run,
+                fronts=fronts,
+                override=None if fronts else called,
             )
+            for front in fronts:
+                if isinstance(front, ScriptFront):
+                    front.join()
+                    front.print_error()
     except (PeerFailed, TimeoutError) as error:
         # A node falls silent with its master: the master is then the cause to name.
         why = why_silent(options.master_uri)

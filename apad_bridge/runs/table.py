@@ -34,9 +34,17 @@ def print_table(console: Console, name: str, collection: str, summary: dict[str,
     if (paper := _PAPER.get((name, collection))) is not None:
         table.add_row(f"{collection} (paper)", *paper, style="dim")
     console.print(table)
+    if summary["samples_uploaded"] is not None:
+        console.print(
+            f"{_word(summary['samples_taken'])} samples taken, {summary['samples_uploaded']} uploaded, "
+            f"{_word(summary['samples_waiting'])} still aboard, {summary['samples_lost']} lost",
+            highlight=False,
+            soft_wrap=True,
+        )
     console.print(
-        f"lost {_word(summary['lost'])}, emptied {_word(summary['emptied'])}, "
-        f"{summary['services']} served, aPad used {_percent(summary['apad_energy_fraction'])} of its battery; "
+        f"lost {_word(summary['amussels_lost'])}, emptied {_word(summary['emptied'])}, "
+        f"{summary['services']} served, "
+        f"aPad used {_percent(summary['apad_energy_fraction'])} of its battery; "
         f"ended by {summary['ended_by']}",
         highlight=False,
         soft_wrap=True,

@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from agents.water.current import CurrentField
+from agents.modem.frames import PAYLOAD_BYTES, Generation, duration_ms
+from apad_bridge.boards import can_fill
+from apad_bridge.geography import LocalFrame
+from apad_bridge.laboratory.names import load_names
 from apad_bridge.planning.registry import collection, redeployment
-from apad_bridge.scenario.schema import DriftMode, Scenario
+from apad_bridge.scenario.currents import problem_with_current
+from apad_bridge.scenario.links import problem_with_links
+from apad_bridge.scenario.schema import DriftMode, FullWhen, HearingMode, Scenario
+from apad_bridge.scenario.water import ModemGeneration, Water
+from apad_bridge.scenario.whole_board import SleepCycle, WholeBoard
 
 Contradiction = tuple[str, str]
 
@@ -17,7 +24,26 @@ def contradictions(scenario: Scenario) -> list[Contradiction]:
 
     Looks whether the files that the scenario names are there, reads the current's, and looks its strategies up.
     """
-    return [*_of_the_fleet(scenario), *_of_the_mission(scenario)]
+    return [
+        *_of_the_fleet(scenario),
+        *_of_the_board(scenario),
+        *_of_the_mission(scenario),
+        *_of_the_water(scenario),
+        *_of_the_apad(scenario),
+    ]
+
+
+def _of_the_apad(scenario: Scenario) -> list[Contradiction]:
+    if scenario.apad.interface is None:
+        return []
+    path = Path(scenario.apad.interface)
+    try:
+        load_names(path)
+    except OSError as error:
+        return [("apad.interface", f"{error.strerror}: {path}")]
+    except ValueError as error:
+        return [("apad.interface", f"{path}: {error}")]
+    return []
 
 
 def _of_the_fleet(scenario: Scenario) -> list[Contradiction]:
@@ -27,7 +53,7 @@ def _of_the_fleet(scenario: Scenario) -> list[Contradiction]:
         found.append(("fleet.start", f"no such file or directory: {fleet.start}"))
     drift = fleet.drift
     if drift.current_file is not None:
-        problem = _problem_with_current(Path(drift.current_file))
+        problem = problem_with_current(Path(drift.current_file), LocalFrame.about(scenario.area.origin))
         if problem:
             found.append(("fleet.drift.current_file", problem))
     if drift.mode is DriftMode.PHYSICAL and drift.amplitude_m:
@@ -40,14 +66,57 @@ def _of_the_fleet(scenario: Scenario) -> list[Contradiction]:
     return found
 
 
-def _problem_with_current(path: Path) -> str:
-    try:
-        CurrentField.parse(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        return f"{error.strerror}: {path}"
-    except ValueError as error:  # not UTF-8, or not a field
-        return f"{path}: {error}"
-    return ""
+def _of_the_board(scenario: Scenario) -> Iterator[Contradiction]:
+    whole = scenario.board.whole
+    if whole is None:
+        return
+    if whole.power.motor_run_s >= whole.hover_period_s:
+        yield (
+            "board.whole.hover_period_s",
+            f"must be longer than a motor run ({whole.power.motor_run_s:g} s), or hovering never ends one",
+        )
+    if whole.transmit_ms >= whole.last_resort.call_period_s * 1000:
+        yield (
+            "board.whole.last_resort.call_period_s",
+            f"must be longer than a call takes, which is transmit_ms ({whole.transmit_ms} ms)",
+        )
+    if whole.cycle is not None:
+        yield from _of_the_cycle(scenario, whole, whole.cycle)
+
+
+def _of_the_cycle(scenario: Scenario, whole: WholeBoard, cycle: SleepCycle) -> Iterator[Contradiction]:
+    agents, transmit_s, beacon = scenario.fleet.count, whole.transmit_ms / 1000, whole.timekeeping
+    awake_s, slots = cycle.sample_s + cycle.processing_s, cycle.slots
+    if slots is not None:
+        awake_s += slots.frame_s + transmit_s + (0 if beacon is None else beacon.beacon_wait_s)
+        held = round(slots.frame_s * 1000) // round(slots.slot_s * 1000)
+        if agents > held:
+            yield (
+                "board.whole.cycle.slots.frame_s",
+                f"holds {held} slots of {slots.slot_s:g} s, and {agents} aMussels need one each: "
+                f"make it {agents * slots.slot_s:g} s or more, or slot_s shorter",
+            )
+        needed_s = transmit_s + 2 * slots.guard_s
+        if slots.slot_s < needed_s:
+            yield (
+                "board.whole.cycle.slots.slot_s",
+                f"must be no shorter than a status and the guard on either side of it ({needed_s:g} s), "
+                "or two would overlap",
+            )
+    if cycle.report_s <= scenario.theta:
+        yield (
+            "board.whole.cycle.report_s",
+            f"must be longer than {scenario.theta} s, which pass for a docked aMussel before the aPad's next second: "
+            "or no log is ever acknowledged",
+        )
+    if awake_s >= cycle.alarm_s:
+        parts = "sample_s, processing_s" + (
+            ", a whole frame, transmit_ms, a beacon's wait" if slots is not None else ""
+        )
+        yield (
+            "board.whole.cycle.alarm_s",
+            f"must be longer than a wake, which takes up to {awake_s:g} s ({parts}), or alarms pass unheard",
+        )
 
 
 def _of_the_mission(scenario: Scenario) -> list[Contradiction]:
@@ -70,6 +139,20 @@ def _of_the_mission(scenario: Scenario) -> list[Contradiction]:
                 "or one that was charged would be a candidate again at once",
             )
         )
+    if mission.full_when is FullWhen.BOTH and scenario.board.whole is None:
+        found.append(
+            (
+                "mission.full_when",
+                "a board without `whole` charges its primary battery only: leave this key out, or say primary",
+            )
+        )
+    if not can_fill(scenario.board, mission.pool_threshold, mission.full_threshold):
+        found.append(
+            (
+                "mission.full_threshold",
+                "is never reached in a dock: what is on there draws more than the charger gives. Lower it, or keep less on",
+            )
+        )
     if mission.speed_m_s > scenario.apad.max_speed_m_s:
         found.append(
             (
@@ -78,3 +161,43 @@ def _of_the_mission(scenario: Scenario) -> list[Contradiction]:
             )
         )
     return found
+
+
+def _of_the_water(scenario: Scenario) -> Iterator[Contradiction]:
+    water = scenario.water
+    if water is None:
+        return
+    if water.wifi is not None and scenario.hearing.mode is HearingMode.PAPER:
+        yield (
+            "water.wifi",
+            "with hearing.mode: paper Wi-Fi always gets through: leave this block out, or use mode: physical",
+        )
+    if water.links_file is not None and (problem := problem_with_links(Path(water.links_file))):
+        yield "water.links_file", problem
+    if water.modems is ModemGeneration.V2:
+        yield from _of_v2_modems(scenario, water)
+    current = water.current
+    if current is None:
+        return
+    if scenario.fleet.drift.current_file is not None:
+        yield "water.current", "with fleet.drift.current_file there are two currents: leave one out"
+    if current.file is not None:
+        problem = problem_with_current(Path(current.file), LocalFrame.about(scenario.area.origin))
+        if problem:
+            yield "water.current.file", problem
+
+
+def _of_v2_modems(scenario: Scenario, water: Water) -> Iterator[Contradiction]:
+    most = PAYLOAD_BYTES[Generation.V2][1]
+    for key, spoken in (("assigns", water.talk.assigns), ("beacon_period_s", water.talk.beacon_period_s)):
+        if spoken:
+            yield (
+                f"water.talk.{key}",
+                f"a v2 modem carries {most} bytes, and this takes more: leave it out, or use v3",
+            )
+    whole, lasts_ms = scenario.board.whole, duration_ms(Generation.V2, most)
+    if whole is not None and whole.transmit_ms < lasts_ms:
+        yield (
+            "board.whole.transmit_ms",
+            f"must be no shorter than a v2 modem's status, which lasts {lasts_ms} ms",
+        )

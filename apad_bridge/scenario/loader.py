@@ -18,6 +18,7 @@ from pydantic_core import ErrorDetails
 
 from apad_bridge.scenario.cross_checks import contradictions
 from apad_bridge.scenario.errors import ScenarioError
+from apad_bridge.scenario.profiles import filled_in
 from apad_bridge.scenario.schema import RandomStart, Scenario
 from apad_bridge.scenario.unknown_keys import explain_unknown_key
 from apad_bridge.scenario.yaml_text import parse_yaml
@@ -25,7 +26,13 @@ from apad_bridge.scenario.yaml_text import parse_yaml
 _SCENARIO = TypeAdapter(Scenario)
 
 # Keys that hold the name of a file or directory, relative to the scenario's own.
-_FILE_KEYS = (("fleet", "start"), ("fleet", "drift", "current_file"))
+_FILE_KEYS = (
+    ("fleet", "start"),
+    ("fleet", "drift", "current_file"),
+    ("water", "links_file"),
+    ("water", "current", "file"),
+    ("apad", "interface"),
+)
 # pydantic says which member of a union it tried as part of the path; the writer of the file knows no unions.
 _UNION_MEMBERS = {RandomStart.__name__, "str"}
 
@@ -57,9 +64,9 @@ def from_data(data: Any, source: str) -> Scenario:
         raise ScenarioError([f"{source}: a scenario is a mapping of keys to values, not {_shown(data)}"])
     try:
         # By way of JSON, since only there does strictness leave lists for tuples and texts for enumerations.
-        scenario = _SCENARIO.validate_json(json.dumps(data), strict=True)
+        scenario = _SCENARIO.validate_json(json.dumps(filled_in(data)), strict=True)
     except ValidationError as error:
-        lines = [_line(source, data, details) for details in _wanted(error.errors(), data)]
+        lines = [_line(source, data, details) for details in _meant(_wanted(error.errors(), data))]
         raise ScenarioError(dict.fromkeys(lines)) from error
     except ValueError as error:  # json: a list or mapping that holds itself by an alias
         raise ScenarioError([f"{source}: {error}"]) from error
@@ -98,10 +105,11 @@ def with_overrides(
     strategy: str | None = None,
     seed: int | None = None,
     hosting: str | None = None,
+    generation: str | None = None,
 ) -> Scenario:
     """The scenario with what the command line says instead: checked again as a whole; None leaves a value as it is.
 
-    `agents` is the fleet's count and `strategy` the collection strategy's name. Raises ScenarioError.
+    `agents` is the fleet's count, `strategy` the collection strategy's name, `generation` the aPad's. Raises ScenarioError.
     """
     data = resolve(scenario)
     if theta is not None:
@@ -114,6 +122,8 @@ def with_overrides(
         data["seed"] = seed
     if hosting is not None:
         data["fleet"]["hosting"] = hosting
+    if generation is not None:
+        data["apad"]["generation"] = generation
     return from_data(data, "command line")
 
 
@@ -162,6 +172,17 @@ def _wanted(errors: list[ErrorDetails], data: Any) -> list[ErrorDetails]:
         if not (mapping and member == "str") and not (member == RandomStart.__name__ and not mapping):
             chosen.append(details)
     return chosen
+
+
+def _meant(errors: list[ErrorDetails]) -> list[ErrorDetails]:
+    """Errors without the keys that a profile would have given, had its name been right."""
+    misnamed = [details["loc"][:-1] for details in errors if details["loc"][-1:] == ("profile",)]
+    return [
+        details
+        for details in errors
+        if details["type"] != "missing"
+        or not any(details["loc"][: len(block)] == block for block in misnamed)
+    ]
 
 
 def _line(source: str, data: Any, details: ErrorDetails) -> str:

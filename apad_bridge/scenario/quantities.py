@@ -16,11 +16,28 @@ def _whole_milliseconds(seconds: float) -> float:
     return seconds
 
 
+def _ten_decimals(rate: float) -> float:
+    if round(rate, 10) != rate:
+        raise ValueError("must have at most ten decimals")
+    return rate
+
+
+def _rising_to_one(segments: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
+    ends = [end for end, _ in segments]
+    if not ends or ends != sorted(set(ends)) or ends[-1] != 1.0:
+        raise ValueError("must rise and end at 1.0")
+    return segments
+
+
 Positive = Annotated[float, Gt(0)]
 NotNegative = Annotated[float, Ge(0)]
 PositiveSeconds = Annotated[float, Ge(0.001), Le(1e9), AfterValidator(_whole_milliseconds)]
 NotNegativeSeconds = Annotated[float, Ge(0), Le(1e9), AfterValidator(_whole_milliseconds)]
 Fraction = Annotated[float, Ge(0), Le(1)]
+RatePerMinute = Annotated[float, Gt(0), AfterValidator(_ten_decimals)]
+"""Of a battery's charge; a grain, in which charge is counted, is what ten decimals a minute come to in a millisecond."""
+ChargeSegments = Annotated[tuple[tuple[Fraction, RatePerMinute], ...], AfterValidator(_rising_to_one)]
+"""(upper end of the segment on [0, 1], rate a minute), rising; the last ends at 1."""
 FileName = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$")]
 RosName = Annotated[str, StringConstraints(pattern=r"^[A-Za-z][A-Za-z0-9_]*$")]
 

@@ -12,6 +12,8 @@ from typing import Annotated
 
 from annotated_types import Ge, Le
 
+from apad_bridge.scenario.board import Board
+from apad_bridge.scenario.faults import OF_A, OF_B, Fault
 from apad_bridge.scenario.polygon import area_m2, is_simple
 from apad_bridge.scenario.quantities import (
     FileName,
@@ -23,6 +25,7 @@ from apad_bridge.scenario.quantities import (
     RosName,
     frozen,
 )
+from apad_bridge.scenario.water import Water
 
 
 @frozen
@@ -93,28 +96,6 @@ class Fleet:
     drift: Drift
 
 
-@frozen
-class Board:
-    """Numbers of the MU board and its body; agent time."""
-
-    discharge_per_min: Positive
-    charge_segments: tuple[tuple[Fraction, Positive], ...]
-    """(upper end of the segment on [0, 1], rate a minute), rising; the last ends at 1."""
-    pin_debounce_ms: Annotated[int, Ge(0)]
-    boot_ms: Annotated[int, Ge(0)]
-    surfacing_s: PositiveSeconds
-    sinking_s: PositiveSeconds
-    float_timeout_s: PositiveSeconds
-    """Floating unserved for so long, an aMussel sinks again."""
-    release_wait_s: NotNegativeSeconds
-    """After the falling edge, how long to wait for the release packet before sinking without it."""
-
-    def __post_init__(self) -> None:
-        ends = [end for end, _ in self.charge_segments]
-        if not ends or ends != sorted(set(ends)) or ends[-1] != 1.0:
-            raise ValueError("charge_segments must rise and end at 1.0")
-
-
 class HearingMode(StrEnum):
     """`paper`: every agent reports over Wi-Fi at a fixed rate, always. `physical`: Wi-Fi only floating or docked."""
 
@@ -131,20 +112,64 @@ class Hearing:
 
 
 class DockingProfile(StrEnum):
+    """`virtual`: the bench waits, then makes the contact. `camera`: the vehicle's own visual servoing, which is shown the
+    simulated aMussel. `visual`: the same servoing with its own eyes, for real aMussels."""
+
     VIRTUAL = "virtual"
+    CAMERA = "camera"
     VISUAL = "visual"
+
+
+class ArmUse(StrEnum):
+    """What a virtual docking does with the vehicle's arm: it is left alone, or opened for the time of the docking."""
+
+    ALONE = "alone"
+    MOVED = "moved"
+
+
+@frozen
+class Servo:
+    """What the vehicle's own docking is told, and how long it may take."""
+
+    search_yaw_rate_rad_s: Positive
+    max_yaw_rate_rad_s: Positive
+    max_surge_m_s: Positive
+    surge_stdev: Positive
+    """Of the target's place across the image (half its width is 1): the farther off, the slower the approach."""
+    search_s: PositiveSeconds
+    """A docking that has not come to its end so long after the vehicle took the order is given up."""
 
 
 @frozen
 class Docking:
     profile: DockingProfile
+    virtual_ids: tuple[int, ...] = ()
+    camera_ids: tuple[int, ...] = ()
+    visual_ids: tuple[int, ...] = ()
+    """aMussels that are docked otherwise than by `profile`."""
     dock_s: NotNegativeSeconds
     undock_s: NotNegativeSeconds
     timeout_s: PositiveSeconds
+    attempts: Annotated[int, Ge(1), Le(10)] = 1
+    """So often a docking is tried before the aMussel is given up for this time."""
+    arm: ArmUse = ArmUse.ALONE
+    servo: Servo | None = None
 
     def __post_init__(self) -> None:
         if self.timeout_s <= max(self.dock_s, self.undock_s):
             raise ValueError("timeout_s must be longer than dock_s and undock_s")
+        named = (*self.virtual_ids, *self.camera_ids, *self.visual_ids)
+        if len(set(named)) < len(named):
+            raise ValueError("virtual_ids, camera_ids and visual_ids must not name an aMussel twice")
+        if self.servo is not None and self.timeout_s <= self.servo.search_s:
+            raise ValueError("timeout_s must be longer than servo.search_s")
+
+    def profile_of(self, agent_id: int) -> DockingProfile:
+        if agent_id in self.virtual_ids:
+            return DockingProfile.VIRTUAL
+        if agent_id in self.camera_ids:
+            return DockingProfile.CAMERA
+        return DockingProfile.VISUAL if agent_id in self.visual_ids else self.profile
 
 
 @frozen
@@ -155,6 +180,13 @@ class Costs:
     energy_per_charge: NotNegative = 1.0
 
 
+class FullWhen(StrEnum):
+    """Which of its batteries have to be above the threshold for a docked aMussel to be full."""
+
+    PRIMARY = "primary"
+    BOTH = "both"
+
+
 @frozen
 class Mission:
     collection: str
@@ -163,6 +195,7 @@ class Mission:
     pool_threshold: Fraction
     batch: Annotated[int, Ge(1), Le(4)]
     full_threshold: Fraction
+    full_when: FullWhen = FullWhen.PRIMARY
     speed_m_s: Positive
     victory_radius_m: Positive
     docking: Docking
@@ -190,11 +223,24 @@ class APadBattery:
             raise ValueError("full_v must be above empty_v")
 
 
+class Generation(StrEnum):
+    """Of the aPad's software. `auto`: what the live graph offers; the simulated aPad is then of generation `a`."""
+
+    AUTO = "auto"
+    A = "a"
+    """The action `action_server`."""
+    B = "b"
+    """Mission primitives: services below `commander/primitive`."""
+
+
 @frozen
 class APad:
-    """The simulated aPad. A real one needs its name only."""
+    """The simulated aPad. A real one needs its name, and its generation where it offers both."""
 
     name: RosName = "apad1"
+    generation: Generation = Generation.AUTO
+    interface: str | None = None
+    """A YAML file with the laboratory's own topics, relative to the scenario file; those of musselbed if there is none."""
     start_m: tuple[float, float]
     max_speed_m_s: Positive
     max_acceleration_m_s2: Positive
@@ -204,7 +250,20 @@ class APad:
     """Quadratic drag: newtons at 1 m/s."""
     thruster_max_n: Positive
     thruster_w_per_n: NotNegative
+    drift_m_s: tuple[float, float] = (0.0, 0.0)
+    """What the water carries it with, north and east, while its controllers are off; they make good for it otherwise."""
+    fault: Fault = Fault.NONE
+    """What the simulated aPad's ROS node does wrong."""
+    dock_miss_probability: Fraction = 0.0
+    """That a docking misses; which ones do follows from the scenario's seed."""
     battery: APadBattery
+
+    def __post_init__(self) -> None:
+        possible = OF_B if self.generation is Generation.B else OF_A
+        if self.fault not in possible:
+            raise ValueError(
+                f"fault: {self.fault} is of the other generation; possible are: {', '.join(sorted(possible))}"
+            )
 
 
 @frozen
@@ -230,3 +289,5 @@ class Scenario:
     mission: Mission
     apad: APad
     records: Records = Records()
+    water: Water | None = None
+    """None: everything that is said gets through, at once and whole, as in the paper's experiments."""

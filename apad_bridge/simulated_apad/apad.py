@@ -9,8 +9,10 @@ from apad_bridge.scenario.schema import APad
 from apad_bridge.simulated_apad.arrival import ArrivalWatch
 from apad_bridge.simulated_apad.docks import OFFSETS_M, Docks
 from apad_bridge.simulated_apad.kinematics import STEP_MS, Pose
+from apad_bridge.simulated_apad.misses import MISSED, Misses
 from apad_bridge.simulated_apad.motion import Motion
 from apad_bridge.simulated_apad.power import Battery
+from apad_bridge.simulated_apad.steering import Coast, Steer
 from apad_bridge.simulated_apad.thrusters import Forces
 from apad_bridge.vehicle import (
     Arrived,
@@ -19,12 +21,15 @@ from apad_bridge.vehicle import (
     CommandFailed,
     GoTo,
     Hold,
+    MoveArm,
     OpenDock,
     PoseReported,
     VehicleCommand,
     VehicleFact,
 )
 
+Motive = GoTo | Hold | Coast | Steer
+"""What says how the vehicle is to move; one at a time."""
 REPORT_MS = 1000
 BATTERY_EMPTY = "the aPad's battery is empty"
 
@@ -38,17 +43,20 @@ class SimulatedAPad:
 
     With an empty battery the thrusters and the mechanisms stop: the running go-to or hold fails, closed docks stay closed,
     drag brings the vehicle to rest, every further command fails, and it goes on reporting.
+
+    `misses` decides which dockings fail; without it, none does.
     """
 
-    def __init__(self, config: APad) -> None:
+    def __init__(self, config: APad, misses: Misses | None = None) -> None:
         self._motion = Motion(config)
         self._battery = Battery(config.battery)
         self._docks = Docks()
+        self._misses = misses
         self._now_ms = 0
         self._instant_ms = -STEP_MS
         """The last grid instant that was worked; at rest those without anything to do are passed over."""
-        self._running: GoTo | Hold | None = None
-        self._accepted: GoTo | Hold | None = None
+        self._running: Motive | None = None
+        self._accepted: Motive | None = None
         """Given between two grid instants, and not yet acted upon."""
         self._arrival: ArrivalWatch | None = None
         self._has_power = True
@@ -69,14 +77,19 @@ class SimulatedAPad:
         self._now_ms = now_ms
         return facts
 
-    def receive(self, command: VehicleCommand, now_ms: int) -> list[VehicleFact]:
-        """Take a command at `now_ms`, after what was due until then. A new go-to or hold replaces the old one silently."""
+    def receive(self, command: VehicleCommand | Coast | Steer, now_ms: int) -> list[VehicleFact]:
+        """Take a command at `now_ms`, after what was due until then. A new one that moves replaces the old one silently."""
         facts = self.advance(now_ms)
         self._battery.settle(now_ms)
-        if self._battery.is_empty:
+        if isinstance(command, Coast | Steer):
+            if not self._battery.is_empty:
+                self._accept(command)
+        elif isinstance(command, MoveArm):
+            pass  # arms cost nothing here
+        elif self._battery.is_empty:
             facts.append(CommandFailed(now_ms, command.command_id, BATTERY_EMPTY))
         elif isinstance(command, CloseDock):
-            facts.append(self._docks.close(command, now_ms))
+            facts.append(self._close(command, now_ms))
             self._set_load()
         elif isinstance(command, OpenDock):
             facts.append(self._docks.open(command, now_ms))
@@ -87,7 +100,22 @@ class SimulatedAPad:
             self._accept(command)
         return facts
 
-    def _accept(self, command: GoTo | Hold) -> None:
+    def change_battery(self, fraction: float, now_ms: int) -> list[VehicleFact]:
+        """Somebody charges the battery by so much of a full one, or with a minus drains it."""
+        facts = self.advance(now_ms)
+        self._battery.settle(now_ms)
+        self._battery.add(fraction)
+        return facts
+
+    def _close(self, command: CloseDock, now_ms: int) -> VehicleFact:
+        refused = self._docks.refusal(command)
+        if refused is None and self._misses is not None and self._misses.misses(command.agent_id):
+            refused = MISSED
+        if refused is not None:
+            return CommandFailed(now_ms, command.command_id, refused)
+        return self._docks.close(command, now_ms)
+
+    def _accept(self, command: Motive) -> None:
         self._arrival = None
         self._accepted = command
         self._instant_ms = max(self._instant_ms, self._now_ms // STEP_MS * STEP_MS)
@@ -100,9 +128,18 @@ class SimulatedAPad:
         if command is None:
             return
         self._running = command
-        speed_m_s = command.speed_m_s if isinstance(command, GoTo) else math.inf
-        self._motion.set_goal(command.north_m, command.east_m, speed_m_s)
-        self._arrival = ArrivalWatch(command) if isinstance(command, GoTo) else None
+        match command:
+            case GoTo(_, north_m, east_m, speed_m_s):
+                self._motion.set_goal(north_m, east_m, speed_m_s)
+                self._arrival = ArrivalWatch(command)
+            case Hold(_, north_m, east_m):
+                self._motion.set_goal(north_m, east_m, math.inf)
+                if command.heading_rad is not None:
+                    self._motion.turn_to(command.heading_rad)
+            case Steer():
+                self._motion.steer(command)
+            case Coast():
+                self._motion.cut_power()
 
     def _work(self, at_ms: int, facts: list[VehicleFact]) -> None:
         """One grid instant: the step before it ends, facts come out, the step after it is planned."""
@@ -126,7 +163,7 @@ class SimulatedAPad:
     def _lose_power(self, at_ms: int, facts: list[VehicleFact]) -> None:
         self._has_power = False
         if self._arrival is not None or isinstance(self._running, Hold):
-            assert self._running is not None
+            assert isinstance(self._running, GoTo | Hold)
             facts.append(CommandFailed(at_ms, self._running.command_id, BATTERY_EMPTY))
         self._running = self._arrival = None
         self._motion.cut_power()

@@ -23,19 +23,23 @@ class Docks:
         """Agent ids by slot, of the closed docks only; a live view."""
         return MappingProxyType(self._agent_by_slot)
 
-    def close(self, command: CloseDock, now_ms: int) -> DockClosed | CommandFailed:
+    def refusal(self, command: CloseDock) -> str | None:
+        """Why this dock cannot close around this aMussel; None if it can."""
         slot, agent_id = command.slot, command.agent_id
         holder = self._agent_by_slot.get(slot)
         if slot not in range(len(OFFSETS_M)):
-            reason = f"there is no dock {slot}"
-        elif holder is not None:
-            reason = f"dock {slot} holds aMussel {holder}"
-        elif agent_id in self._agent_by_slot.values():
-            reason = f"aMussel {agent_id} is held in another dock"
-        else:
-            self._agent_by_slot[slot] = agent_id
-            return DockClosed(now_ms, slot, agent_id)
-        return CommandFailed(now_ms, command.command_id, reason)
+            return f"there is no dock {slot}"
+        if holder is not None:
+            return f"dock {slot} holds aMussel {holder}"
+        if agent_id in self._agent_by_slot.values():
+            return f"aMussel {agent_id} is held in another dock"
+        return None
+
+    def close(self, command: CloseDock, now_ms: int) -> DockClosed | CommandFailed:
+        if (reason := self.refusal(command)) is not None:
+            return CommandFailed(now_ms, command.command_id, reason)
+        self._agent_by_slot[command.slot] = command.agent_id
+        return DockClosed(now_ms, command.slot, command.agent_id)
 
     def open(self, command: OpenDock, now_ms: int) -> DockOpened | CommandFailed:
         slot, agent_id = command.slot, command.agent_id

@@ -34,6 +34,10 @@ class Battery:
         """What is drawn from the settled time on, beside the hotel load."""
         self._power_uw = self._hotel_uw + closed_docks * self._dock_uw + microwatts(thrusters_w)
 
+    def add(self, fraction: float) -> None:
+        """What somebody put in at the settled time, or with a minus took out; it is never fuller than full."""
+        self._energy_nj = min(self._full_nj, max(0, self._energy_nj + round(fraction * self._full_nj)))
+
     @property
     def is_empty(self) -> bool:
         return self._energy_nj == 0

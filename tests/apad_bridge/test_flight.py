@@ -5,6 +5,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -15,7 +16,8 @@ from agents.outputs import Truth
 from agents.stimuli import from_wire
 from apad_bridge import building
 from apad_bridge.facts import Medium, Send, SoundHeard, WifiHeard
-from apad_bridge.flight import Fleet, Flight
+from apad_bridge.fleet import Fleet
+from apad_bridge.flight import Flight
 from apad_bridge.pace import AsFastAsPossible
 from apad_bridge.runs.in_memory import MemoryRecorder
 from apad_bridge.scenario.loader import from_data as scenario_from
@@ -24,16 +26,26 @@ from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
 from apad_bridge.simulated_apad.apad import SimulatedAPad
 from apad_bridge.vehicle_link import InProcessVehicle
+from firmware_model.states import State
 from firmware_model.stimuli import ResetCause
 
 
-def short_scenario(**changes: Any) -> Scenario:
+def whole_board() -> dict[str, Any]:
+    """A cycle so short that a window cuts every part of it, on batteries that a day at the bottom empties."""
+    data = resolve(load(Path(__file__).parents[2] / "launch_scripts/scenarios/whole-board-12.yaml"))["board"]
+    data["whole"]["cycle"].update(alarm_s=2500, report_s=601)
+    data["whole"]["power"].update(kept_on=["gsm"])
+    return dict(data)
+
+
+def short_scenario(board: dict[str, Any] | None = None, **changes: Any) -> Scenario:
     data = resolve(load(Path(__file__).parents[2] / "launch_scripts/scenarios/pool-12.yaml"))
     data.update(name="short", duration_s=120, theta=600)
     data["fleet"].update(count=6, start={"charge": [0.5, 0.75]})
     data["area"]["polygon_m"] = [[0, 0], [6, 0], [6, 4], [0, 4]]
     data["apad"]["start_m"] = [3, 2]
     data["mission"]["docking"].update(dock_s=3, undock_s=1)
+    data["board"] = board or data["board"]
     data["board"]["float_timeout_s"] = 432000
     data["mission"].update(changes)
     return scenario_from(data, "short")
@@ -88,22 +100,36 @@ def by_agent(truths: Iterable[Truth]) -> dict[int, list[Truth]]:
     return found
 
 
-RECORDED = flown(short_scenario(), kill_at_ms={2: 20_000, 5: 60_000})[0]
+SCENARIOS = {"worst case": short_scenario(), "whole": short_scenario(whole_board(), full_when="both")}
+RECORDED = {name: flown(it, kill_at_ms={2: 20_000, 5: 60_000})[0] for name, it in SCENARIOS.items()}
 
 
+def test_what_was_recorded_of_whole_boards_has_all_that_there_is_to_cut() -> None:
+    assert {truth.state for truth in RECORDED["whole"].kept} >= set(State) - {
+        State.OFF,
+        State.HOVERING,
+        State.CALLING,
+        State.LOST,
+        State.AWAITING_BEACON,
+    }
+
+
+@pytest.mark.parametrize("board", SCENARIOS)
 @settings(max_examples=10, deadline=None)
-@given(st.lists(st.integers(0, 120_000), max_size=20))
-def test_recorded_stimuli_played_again_in_any_windows_give_the_same_truths(cuts_ms: list[int]) -> None:
+@given(cuts_ms=st.lists(st.integers(0, 120_000), max_size=20))
+def test_recorded_stimuli_played_again_in_any_windows_give_the_same_truths(
+    board: str, cuts_ms: list[int]
+) -> None:
     """Only the journal's `stimulus` and `died` lines go in; no mission, no vehicle and no coordinator take part."""
-    scenario = short_scenario()
+    scenario, recorded = SCENARIOS[board], RECORDED[board]
     births = building.births(scenario, starts_of(scenario))
     host = OneProcess(building.fleet_config(scenario), births)
-    assert any(kind == "died" for _, kind, _ in RECORDED.events)
+    assert any(kind == "died" for _, kind, _ in recorded.events)
     end_ms = 120_000 * scenario.theta
     for agent_id in births:
         moments = [
             (data["agent_ms"], data["wire"] if kind == "stimulus" else None)
-            for _, kind, data in json.loads(json.dumps(RECORDED.events))
+            for _, kind, data in json.loads(json.dumps(recorded.events))
             # What is told at the last tick is for a window that is never granted.
             if kind in ("stimulus", "died") and data["id"] == agent_id and data["agent_ms"] < end_ms
         ]
@@ -125,7 +151,7 @@ def test_recorded_stimuli_played_again_in_any_windows_give_the_same_truths(cuts_
                     fields = [bytes.fromhex(it) if isinstance(it, str) else it for it in wire]
                     pending.append((at_ms, from_wire(fields)))
             host.grant({agent_id: Grant(until_ms, tuple(pending))})
-    assert by_agent(host.take_truths()) == by_agent(RECORDED.kept)
+    assert by_agent(host.take_truths()) == by_agent(recorded.kept)
 
 
 class Wire:

@@ -56,8 +56,8 @@ def test_the_script_on_the_page_runs(tmp_path: Path, capsys: pytest.CaptureFixtu
     assert "mWh" in capsys.readouterr().out
     assert main(["mu", "run", str(path), "--json"]) == Exit.DONE
     told = json.loads(capsys.readouterr().out)
-    # From 6.1 h to 9 h in the dock, less the debounce times and the reports at 7, 8 and 9 h.
-    assert told["state_hours"]["CHARGING"] == pytest.approx(2.9, abs=0.01)
+    # From 6.1 h to 9 h in the dock, less the debounce times and a minute for the reports at 7 and 8 h each.
+    assert told["state_hours"]["CHARGING"] == pytest.approx(2.9 - 2 / 60, abs=0.001)
     assert sum(told["state_hours"].values()) == pytest.approx(20)
     assert (told["secondary"], told["dropped"]) == (1.0, 0)
 
@@ -98,6 +98,27 @@ def test_a_script_with_a_mistake_is_one_line_that_names_it(
         read_script(path)
     assert main(["mu", "run", str(path)]) == Exit.USER_MISTAKE
     assert fault in capsys.readouterr().err
+
+
+def test_the_trace_is_printed_when_it_is_asked_for(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = str(script(tmp_path, "{hours: 1.5, sleep: hourly, primary: 1, secondary: 1, tell: [[0.5, ping]]}"))
+    assert main(["mu", "run", path]) == Exit.DONE
+    assert "PING_HEARD" not in capsys.readouterr().out
+    assert main(["mu", "run", path, "--trace", "--json"]) == Exit.DONE
+    trace = json.loads(capsys.readouterr().out)["trace"]
+    assert "  0:30:00.000  SLEEPING -PING_HEARD-> ACTIVE" in trace
+    assert trace[0] == "  0:00:00.000  OFF -POWER_CAME_ON-> BOOTING"
+
+
+def test_the_predicted_life_counts_its_samples(tmp_path: Path) -> None:
+    budget = played(script(tmp_path, "{hours: 10.5, sleep: hourly, primary: 1, secondary: 1}"))
+    assert budget.life_hours is not None
+    drawn = 1 - budget.primary
+    assert budget.life_hours == pytest.approx(10.5 / drawn, rel=1e-6)
+    # Ten wakes in 10.5 hours.
+    assert budget.life_samples == int(10 / drawn)
 
 
 def test_a_vcd_file_is_written_or_refused_in_one_line(

@@ -1,8 +1,9 @@
 import threading
+from itertools import pairwise
 
 import pytest
 
-from apad_bridge.pace import WallClock
+from apad_bridge.pace import BEAT_S, WallClock
 
 
 class Hand:
@@ -56,3 +57,17 @@ def test_far_behind_it_moves_its_schedule_and_says_by_how_much() -> None:
     assert pace.slipped_s == pytest.approx(10.0)
     pace.reach(2000, hand.stopped)
     assert hand.now_s == pytest.approx(112.0)
+
+
+@pytest.mark.parametrize("speed", [1.0, 10.0])
+def test_on_the_way_to_a_tick_it_tells_the_time_that_has_come(speed: float) -> None:
+    hand, told = Hand(), list[int]()
+    pace = WallClock(speed, clock=hand)
+    pace.reach(0, hand.stopped, told.append)
+    pace.reach(1000, hand.stopped, told.append)
+    pace.reach(2000, hand.stopped, told.append)
+    assert hand.now_s == pytest.approx(100 + 2 / speed)
+    assert told == sorted(set(told))
+    assert all(0 < after - before <= 31 * speed for before, after in pairwise(it for it in told if it < 1000))
+    assert 2 * 0.9 / speed / BEAT_S < len(told) + 2 < 2 * 1.1 / speed / BEAT_S + 3
+    assert not {1000, 2000} & set(told)

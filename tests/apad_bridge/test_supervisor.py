@@ -6,11 +6,21 @@ from pathlib import Path
 import pytest
 
 from apad_bridge import building
-from apad_bridge.facts import Fact, Medium, OperatorAsked, Send, SupervisorAction, WifiHeard
+from apad_bridge.facts import Fact, Medium, OperatorAsked, Send, SoundHeard, SupervisorAction, WifiHeard
 from apad_bridge.scenario.loader import load
 from apad_bridge.vehicle import BatteryReported, GoTo, Hold, PoseReported
-from firmware_model.packets import CommandPacket, Kind, StatusPacket, decode
+from firmware_model.feed import Feed
+from firmware_model.packets import (
+    AcousticStatus,
+    CommandPacket,
+    Kind,
+    ShortStatus,
+    StatusPacket,
+    WifiStatus,
+    decode,
+)
 from firmware_model.states import State
+from firmware_model.stimuli import ResetCause
 
 SCENARIO = load(Path(__file__).parents[2] / "launch_scripts/scenarios/pool-12.yaml")
 
@@ -101,3 +111,28 @@ def test_time_going_back_is_refused() -> None:
     supervisor.advance(2000)
     with pytest.raises(ValueError, match="time went back"):
         supervisor.advance(1000)
+
+
+@pytest.mark.parametrize("by", ["wifi", "sound", "short"])
+def test_every_kind_of_status_is_believed(by: str) -> None:
+    basic = StatusPacket(1, 8, State.EMPTY, 0.0, 0.8, 1.0, 2.0, 3.0, 60_000)
+    said: dict[str, Fact] = {
+        "wifi": WifiHeard(
+            2000,
+            WifiStatus(
+                basic, (1, 2, 3, 4), 9, 0, 0, 0, 0, ResetCause.POWER_ON, Feed.SECONDARY, 0, 0
+            ).encode(),
+        ),
+        "sound": SoundHeard(2000, AcousticStatus(basic, (1, 2, 3, 4), 9, 9).encode()),
+        "short": SoundHeard(2000, ShortStatus(1, State.EMPTY, 0.0, 0.8).encode()),
+    }
+    supervisor = building.supervisor(SCENARIO)
+    supervisor.receive(WifiHeard(1000, status(1, 0.5)))
+    supervisor.receive(said[by])
+    supervisor.advance(2000)
+    belief = supervisor.beliefs.get(1)
+    assert belief is not None
+    assert (belief.heard_ms, belief.state, belief.primary) == (2000, State.EMPTY, 0.0)
+    assert belief.secondary == pytest.approx(0.8, abs=1e-5)
+    assert (belief.north_m, belief.east_m) == (1.0, 2.0)
+    assert supervisor.dropped == {}

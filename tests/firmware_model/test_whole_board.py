@@ -4,16 +4,27 @@ from dataclasses import replace
 from itertools import pairwise
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from firmware_model.actions import Action, FeedFrom, LogSample, RunBuoyancy, SendStatus, StateChanged
 from firmware_model.bench import Bench
-from firmware_model.board import Board
+from firmware_model.board import Board, board_of
 from firmware_model.charge import FULL, Battery, Flow, grains
 from firmware_model.codec import MusselbedCodec
-from firmware_model.packets import CommandPacket, Kind
-from firmware_model.plan import BoardConfig, Cycle, LastResort
+from firmware_model.feed import Feed
+from firmware_model.packets import (
+    PLAIN_KINDS,
+    Beacon,
+    CommandPacket,
+    HoverAt,
+    Kind,
+    SetThreshold,
+    SleepSchedule,
+    SlotAssignment,
+    Threshold,
+)
+from firmware_model.plan import BoardConfig, Cycle, LastResort, Metering, Timekeeping
 from firmware_model.rails import Rail
 from firmware_model.states import State
 from firmware_model.stimuli import (
@@ -27,7 +38,7 @@ from firmware_model.stimuli import (
     SurfaceReached,
     WifiReceived,
 )
-from firmware_model.table_one import FIELD, HOURLY, LOADS, MODEL, board, power
+from firmware_model.table_one import FIELD, HOURLY, LOADS, METERING, MODEL, board, power
 
 HOUR = 3_600_000
 
@@ -193,6 +204,30 @@ def test_calls_repeat_and_between_them_it_can_be_permitted_to_surface() -> None:
     assert bench.state is State.SURFACING
 
 
+@pytest.mark.parametrize("metering", [None, replace(METERING, noise=0)])
+def test_the_low_level_wakes_a_sleeper_once_and_it_reports_in_its_slot(metering: Metering | None) -> None:
+    bench = Bench(board(FIELD, power(metering=metering, low_level=grains(0.5))), primary=0.5035)
+    bench.run(minutes=50)
+    lines = told(bench.trace)
+    wake = next(n for n, line in enumerate(lines) if "LOW_LEVEL_REACHED" in line)
+    at_ms = int(lines[wake].split()[0])
+    # Asleep since 62 s at 0.0000674288 a minute; metered, two minutes of samples more.
+    crossed_ms = 62_000 + (0.5035 - 0.0010427134 * 62 / 60 - 0.5) / 0.0000674288 * 60_000
+    later_ms = 0 if metering is None else 125_000
+    assert at_ms == pytest.approx(crossed_ms + later_ms, abs=5000)
+    assert [line.split(" ", 1)[1] for line in lines[wake : wake + 7]] == [
+        "SLEEPING -LOW_LEVEL_REACHED-> SAMPLING",
+        "sample",
+        "SAMPLING -SAMPLES_TO_PROCESS-> PROCESSING",
+        "PROCESSING -PROCESSED-> AWAITING_SLOT",
+        "AWAITING_SLOT -SLOT_OPENED-> TRANSMITTING",
+        "send by MODEM_TRANSMITTING",
+        "TRANSMITTING -WAKE_OVER-> SLEEPING",
+    ]
+    bench.run(hours=20)
+    assert sum("LOW_LEVEL_REACHED" in line for line in told(bench.trace)) == 1
+
+
 def test_one_that_boots_with_both_batteries_empty_is_lost() -> None:
     bench = Bench(board(HOURLY, power()), primary=0.0, secondary=0.0)
     bench.run(minutes=1)
@@ -250,8 +285,17 @@ def test_never_asleep_it_stays_active_on_the_idle_load() -> None:
 
 # The laws.
 
-QUICK = Cycle(alarm_ms=20_000, sample_ms=3000, processing_ms=2000, slots=FIELD.slots, listen_ms=5000)
-COMMANDS = [CommandPacket(kind, 1).encode() for kind in Kind if kind is not Kind.STATUS]
+QUICK = Cycle(
+    alarm_ms=20_000, sample_ms=3000, processing_ms=2000, slots=FIELD.slots, listen_ms=5000, report_ms=3000
+)
+COMMANDS = [CommandPacket(kind, 1).encode() for kind in sorted(PLAIN_KINDS)]
+WORDS = [
+    *(Beacon(1, agent_ms).encode() for agent_ms in (0, 290_000, 310_000, 700_000)),
+    SleepSchedule(1, 45_000, 5000).encode(),
+    SlotAssignment(1, 30_000, 2000, 200, 3, -90).encode(),
+    *(SetThreshold(1, which, 0.02).encode() for which in Threshold),
+    HoverAt(1, 1.5).encode(),
+]
 STIMULI: st.SearchStrategy[Stimulus] = st.one_of(
     st.sampled_from(
         [
@@ -262,21 +306,35 @@ STIMULI: st.SearchStrategy[Stimulus] = st.one_of(
         ]
     ),
     st.sampled_from([PacketHeard(data) for data in COMMANDS] + [WifiReceived(data) for data in COMMANDS]),
+    st.sampled_from([PacketHeard(data) for data in WORDS]),
 )
 FACTS = st.lists(st.tuples(st.integers(0, 900_000), STIMULI), max_size=12)
+
+
+def drifting(config: BoardConfig, drift_ppb: int, timekeeping: Timekeeping | None) -> BoardConfig:
+    assert config.whole is not None
+    return replace(config, drift_ppb=drift_ppb, whole=replace(config.whole, timekeeping=timekeeping))
+
+
 CONFIGS = st.builds(
-    lambda cycle, last_resort, kept_on: board(cycle, power(last_resort, kept_on)),
+    lambda cycle, last_resort, kept_on, metering, drift_ppb, timekeeping: drifting(
+        board(cycle, power(last_resort, kept_on, metering, FULL // 100)), drift_ppb, timekeeping
+    ),
     st.sampled_from([None, HOURLY, FIELD, QUICK, replace(QUICK, slots=None)]),
     st.sampled_from(LastResort),
     st.sampled_from([0, 1 << Rail.PI]),
+    st.sampled_from([None, METERING, replace(METERING, settle_ms=0, noise=FULL // 50)]),
+    st.sampled_from([0, 500_000, -20_000_000]),
+    st.sampled_from([None, Timekeeping(20_000, 30_000)]),
 )
 
 
 def made(config: BoardConfig, primary: float, secondary: float) -> Board:
     batteries = (Battery(0, grains(round(charge, 10)), Flow.RESTING) for charge in (primary, secondary))
-    return Board(config, MusselbedCodec(), *batteries, 0)
+    return board_of(config, MusselbedCodec(), *batteries, 0)
 
 
+@settings(deadline=None)
 @given(
     CONFIGS, st.floats(0, 0.02), st.floats(0, 0.25), FACTS, st.lists(st.integers(0, 1_500_000), max_size=12)
 )
@@ -305,6 +363,7 @@ def test_cutting_time_does_not_change_the_trace(
     )
 
 
+@settings(deadline=None)
 @given(CONFIGS, FACTS, st.lists(st.integers(0, 900_000), max_size=2))
 def test_what_the_modules_drew_is_what_the_batteries_lost(
     config: BoardConfig, raw: list[tuple[int, Stimulus]], resets: list[int]
@@ -326,6 +385,7 @@ def test_what_the_modules_drew_is_what_the_batteries_lost(
     assert sum(bench.ledger.by_rail().values()) == sum(bench.ledger.by_state().values()) == lost > 0
 
 
+@settings(deadline=None)
 @given(CONFIGS, st.floats(0, 1), st.floats(0, 1), FACTS)
 def test_charges_stay_on_the_scale_and_what_is_on_is_what_the_batteries_feel(
     config: BoardConfig, primary: float, secondary: float, raw: list[tuple[int, Stimulus]]
@@ -339,5 +399,5 @@ def test_charges_stay_on_the_scale_and_what_is_on_is_what_the_batteries_feel(
         drawn = mu.primary.load + mu.secondary.load
         if Flow.CHARGING in (mu.primary.flow, mu.secondary.flow):
             assert drawn == LOADS.total(mu.rails) * 6037 // 10_000
-        elif MODEL.charge_at(mu.primary, at_ms) or MODEL.charge_at(mu.secondary, at_ms):
+        elif mu.feed is not Feed.NEITHER:
             assert drawn == LOADS.total(mu.rails)

@@ -412,4 +412,4 @@ def test_agents_are_named_and_hold_few_descriptors(host: ProcessHost) -> None:
         held = {int(entry.name): os.readlink(entry) for entry in Path(f"/proc/{pid}/fd").iterdir()}
         sockets = [path for path in held.values() if path.startswith("socket:")]
         assert len(sockets) == 2  # its link, and the truth socket that all share
-        assert len(held) == 6  # with the physical file and the three standard ones
+        assert len(held) == 7  # with the physical file, the flash file and the three standard ones

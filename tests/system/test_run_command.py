@@ -167,7 +167,7 @@ def test_kill_9_of_the_supervisor_and_resume_goes_on_with_the_docks_as_they_were
     assert json.loads((run / "run.json").read_text())["xmlrpc_port"] == port > 0
     summary = json.loads(resumed.stdout)
     assert json.loads(stdout)["services"] == summary["services"] >= 4
-    assert summary["lost"] == 0
+    assert summary["amussels_lost"] == 0
 
     lines = read_journal(run / "journal.jsonl").lines
     at = next(n for n, line in enumerate(lines) if line["kind"] == "resumed")

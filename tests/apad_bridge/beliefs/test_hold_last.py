@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from apad_bridge.beliefs.hold_last import HoldLast
 from apad_bridge.beliefs.measurement import Docked, Permitted, Released, SlotSilent
-from firmware_model.packets import StatusPacket
+from firmware_model.packets import ShortStatus, StatusPacket
 from firmware_model.states import State
 
 PACKET = StatusPacket(5, 0, State.ACTIVE, 0.7, 1.0, 3.0, 4.0, 3.0, 60_000)
@@ -66,3 +66,17 @@ def test_it_learns_from_packets_alone_and_stays_as_it_was() -> None:
     assert beliefs.get(5) is before
     with pytest.raises(ValueError):
         beliefs.advance(89_999)
+
+
+def test_a_short_status_says_the_state_and_the_charges_of_one_whose_place_is_known() -> None:
+    beliefs = HoldLast([5, 6])
+    short = ShortStatus(5, State.EMPTY, 0.0, 0.8)
+    reason = "a short status of an aMussel whose place is not known"
+    assert beliefs.hear_short(short, 1000, 30_000) == reason
+    assert beliefs.all() == []
+    beliefs.hear(PACKET, 2000)
+    assert beliefs.hear_short(short, 3000, 90_000) is None
+    found = beliefs.get(5)
+    assert found is not None
+    assert (found.state, found.primary, found.secondary, found.heard_ms) == (State.EMPTY, 0.0, 0.8, 3000)
+    assert (found.north_m, found.east_m) == (3.0, 4.0)

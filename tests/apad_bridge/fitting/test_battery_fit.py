@@ -47,7 +47,7 @@ def test_the_paper_s_discharging_rate_is_found_in_a_noisy_log_of_it() -> None:
     assert fitted.rmse == pytest.approx(0.01, rel=0.1)
 
 
-@settings(deadline=None, max_examples=40)
+@settings(deadline=None, max_examples=25)
 @given(
     st.lists(st.floats(0.15, 0.4), min_size=1, max_size=4),
     st.floats(0.001, 0.002),

@@ -32,7 +32,7 @@ def curves(draw: st.DrawFn) -> tuple[list[float], list[float]]:
     return knots, slopes
 
 
-@settings(deadline=None, max_examples=60)
+@settings(deadline=None, max_examples=30)
 @given(curves())
 def test_a_curve_without_noise_is_found(curve: tuple[list[float], list[float]]) -> None:
     knots, slopes = curve
@@ -42,7 +42,7 @@ def test_a_curve_without_noise_is_found(curve: tuple[list[float], list[float]]) 
     assert found.slopes == pytest.approx(slopes, abs=0.01)
 
 
-@settings(deadline=None, max_examples=60)
+@settings(deadline=None, max_examples=30)
 @given(curves(), st.integers(0, 2**32 - 1), st.floats(0.01, 3))
 def test_no_curve_of_as_many_pieces_fits_better_than_the_fit(
     curve: tuple[list[float], list[float]], seed: int, noise: float

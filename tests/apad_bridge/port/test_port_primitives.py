@@ -17,7 +17,7 @@ from apad_bridge.port.primitives import (
     PrimitiveSucceeded,
     UndockMussel,
 )
-from apad_bridge.scenario.schema import Docking, DockingProfile
+from apad_bridge.scenario.schema import ArmUse, Docking, DockingProfile
 from apad_bridge.vehicle import (
     Arrived,
     BatteryReported,
@@ -27,6 +27,7 @@ from apad_bridge.vehicle import (
     DockOpened,
     GoTo,
     Hold,
+    MoveArm,
     OpenDock,
     PoseReported,
 )
@@ -291,3 +292,49 @@ def test_time_going_back_and_a_stall_time_of_nothing_are_refused():
         port.advance(9)
     with pytest.raises(ValueError, match="stall_s"):
         DockingPort(VIRTUAL, stall_s=0)
+
+
+def test_a_mechanism_that_misses_is_tried_again_and_its_first_cause_told() -> None:
+    port = DockingPort(replace(VIRTUAL, attempts=3))
+    port.receive(DockMussel(1, 2, 9), 0)
+    for attempt in (1, 2, 3):
+        assert port.advance(attempt * 15_000 - 1) == []
+        assert port.advance(attempt * 15_000) == [CloseDock(attempt, 2, 9)]
+        told = port.receive(CommandFailed(attempt * 15_000, attempt, f"miss {attempt}"), attempt * 15_000)
+        assert told == ([] if attempt < 3 else [PrimitiveFailed(45_000, 1, "miss 1")])
+    assert port.first_failure == PrimitiveFailed(45_000, 1, "miss 1")
+
+
+def test_one_that_holds_at_the_second_try_has_succeeded() -> None:
+    port = DockingPort(replace(VIRTUAL, attempts=2))
+    port.receive(DockMussel(1, 2, 9), 0)
+    port.advance(15_000)
+    port.receive(CommandFailed(15_000, 1, "missed"), 15_000)
+    port.advance(30_000)
+    assert PrimitiveSucceeded(30_000, 1) in port.receive(DockClosed(30_000, 2, 9), 30_000)
+    assert port.first_failure is None
+
+
+def test_what_waits_behind_a_mechanism_is_not_kept_waiting_by_another_try() -> None:
+    port = DockingPort(replace(VIRTUAL, attempts=3))
+    port.receive(DockMussel(1, 2, 9), 0)
+    port.advance(15_000)
+    port.receive(HoldPosition(2, 0.0, 0.0), 16_000)
+    told = port.receive(CommandFailed(17_000, 1, "missed"), 17_000)
+    assert PrimitiveFailed(17_000, 1, "missed") in told and port.running == HoldPosition(2, 0.0, 0.0)
+
+
+def test_a_virtual_docking_may_open_the_arm_meanwhile() -> None:
+    port = DockingPort(replace(VIRTUAL, arm=ArmUse.MOVED))
+    assert port.receive(DockMussel(1, 2, 9), 0) == [MoveArm(1, 2, True)]
+    assert port.advance(15_000) == [CloseDock(2, 2, 9)]
+    told = port.receive(DockClosed(15_000, 2, 9), 15_000)
+    assert told[1:] == [PrimitiveSucceeded(15_000, 1), MoveArm(3, 2, False)]
+
+
+def test_an_amussel_by_itself_may_be_docked_by_eye() -> None:
+    port = DockingPort(replace(VIRTUAL, camera_ids=(9,), visual_ids=(8,)))
+    for agent_id in (8, 9):
+        assert isinstance(port.receive(DockMussel(agent_id, 2, agent_id), 0)[-1], CloseDock)
+        port.receive(CommandFailed(0, agent_id - 7, "?"), 0)
+    assert port.receive(DockMussel(7, 2, 7), 0) == []

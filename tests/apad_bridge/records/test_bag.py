@@ -12,6 +12,7 @@ from rosbags.rosbag1.reader import ReaderError
 
 from apad_bridge.records.bag import CHUNK_MS, BagWriter, repair_bag
 from apad_bridge.records.bag_messages import typestore
+from apad_bridge.records.packet_lines import sound_rows
 from apad_bridge.records.samples import APadSample, BeliefSample, TruthSample
 
 TRUTH = TruthSample(7, 5, 0.25, 1.0, 1.5, -2.5, 3.0, True, 60_000)
@@ -62,6 +63,21 @@ def test_a_sample_comes_back_with_both_clocks(tmp_path):
     assert (event.kind, event.data) == ("dock", '{"slot":0}')
 
 
+def test_a_packet_is_told_for_each_listener(tmp_path):
+    heard = [[0, "received", 51.5, 3_900_893, 200.0, 300.0], [4, "collided", 12.0, 3_900_793, 100.0, 150.0]]
+    packet = {"from": 3, "what": "broadcast", "lasted_ms": 693, "data": "0102ff", "heard": heard}
+    bag = BagWriter(tmp_path / "run.bag", theta=1)
+    for row in sound_rows(packet) + sound_rows({**packet, "what": "unicast", "heard": heard[:1]}):
+        bag.sound(3_901_000, row)
+    bag.close()
+    first, second, third = [message for _, _, message in read(bag.path)]
+    assert (first.message, first.duration, first.snr, first.range) == ("received 0102ff", 0.693, 51.5, 300.0)
+    assert (first.sender, first.receiver, first.listener_id, first.conflict) == (3, -1, 0, False)
+    assert (second.message, second.listener_id, second.conflict) == ("collided 0102ff", 4, True)
+    assert (third.receiver, third.listener_id) == (0, 0)
+    assert {topic for topic, _, _ in read(bag.path)} == {"/musselbed/sound"}
+
+
 def test_the_bag_names_the_definitions_that_genpy_generates(tmp_path):
     genmsg = pytest.importorskip("genmsg")
     from apad_bridge.ros.messages import DEFINITIONS
@@ -71,17 +87,23 @@ def test_the_bag_names_the_definitions_that_genpy_generates(tmp_path):
     bag.event(0, "end", "{}")
     bag.close()
     context = genmsg.MsgContext.create_default()
-    std_msgs = next(
-        path
-        for root in ("/usr/share/std_msgs", "/opt/ros/noetic/share/std_msgs")
-        if os.path.isdir(path := root + "/msg")
-    )
-    folders = {"musselbed_msgs": [str(DEFINITIONS / "musselbed_msgs" / "msg")], "std_msgs": [std_msgs]}
+    folders = {
+        package: [
+            next(
+                path
+                for root in ("/usr/share", "/opt/ros/noetic/share")
+                if os.path.isdir(path := f"{root}/{package}/msg")
+            )
+        ]
+        for package in ("std_msgs", "geometry_msgs")
+    }
+    for package in ("musselbed_msgs", "auv_msgs", "underwater_msgs"):
+        folders[package] = [str(DEFINITIONS / package / "msg")]
     with Reader(bag.path) as reader:
         found = {
             connection.msgtype.replace("/msg/", "/"): connection.digest for connection in reader.connections
         }
-    assert len(found) == 4
+    assert len(found) == 5
     for name, digest in found.items():
         spec = genmsg.msg_loader.load_msg_by_type(context, name, folders)
         genmsg.msg_loader.load_depends(context, spec, folders)

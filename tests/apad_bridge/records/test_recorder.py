@@ -15,7 +15,8 @@ from agents.outputs import Truth
 from agents.physical import Physical
 from apad_bridge import building
 from apad_bridge.beliefs.belief import Belief
-from apad_bridge.flight import Fleet, Flight
+from apad_bridge.fleet import Fleet
+from apad_bridge.flight import Flight
 from apad_bridge.pace import AsFastAsPossible
 from apad_bridge.records.journal import read_journal
 from apad_bridge.records.recorder import DAY_MS, Recorder
@@ -201,7 +202,7 @@ def test_without_truth_the_summary_says_why(recorder, scenario, tmp_path):
     belief = Belief(3, 1000, State.ACTIVE, 0.5, 0.75, 4.0, 6.0)
     recorder.tick(1000, [belief], PoseReported(1000, 0.0, 0.0, 0.0), None, "none", FREE)
     summary = recorder.finish(2000, ENDING)
-    assert summary["uptime_paper"] is None and summary["lost"] is None
+    assert summary["uptime_paper"] is None and summary["amussels_lost"] is None
     assert summary["uptime_missing"].startswith("no truth was recorded")
     (end,) = read_starts(tmp_path / "run", scenario.area, 1, 1)
     assert (end.agent_id, end.north_m, end.primary, end.secondary) == (3, 4.0, 0.5, 0.75)

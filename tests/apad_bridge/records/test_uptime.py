@@ -17,9 +17,11 @@ MODEL = ChargeModel(FULL // 40, ((FULL // 3, FULL // 90 + 7), (FULL, FULL // 30)
 PAPER = ChargeModel.from_minutes(0.0010427134, ((0.16197, 0.001045), (0.5634, 0.00223), (1.0, 0.002911)))
 
 
-def truth(
-    at_ms: int, state: State, docked: bool, primary: tuple[int, Flow], secondary: tuple[int, Flow]
-) -> Truth:
+BatteryIs = tuple[int, Flow] | tuple[int, Flow, int]
+"""Grains, flow, and what is drawn by modules."""
+
+
+def truth(at_ms: int, state: State, docked: bool, primary: BatteryIs, secondary: BatteryIs) -> Truth:
     physical = Physical(
         Battery(at_ms, *primary), Battery(at_ms, *secondary), 0, 0, 0, 0, Buoyancy.SINK, docked
     )
@@ -35,8 +37,8 @@ def literal(truths: list[Truth], ticks: int) -> AgentUptime:
     waiting = list(truths)
     for ms in range(ticks * TICK_MS * THETA + 1):
         if standing is not None:
-            primary = _step(primary, standing.physical.primary.flow)
-            secondary = _step(secondary, standing.physical.secondary.flow)
+            primary = _step(primary, standing.physical.primary)
+            secondary = _step(secondary, standing.physical.secondary)
         while waiting and waiting[0].at_ms == ms:
             standing = waiting.pop(0)
             primary, secondary = standing.physical.primary.charge, standing.physical.secondary.charge
@@ -46,25 +48,28 @@ def literal(truths: list[Truth], ticks: int) -> AgentUptime:
         lost |= primary == 0 and secondary == 0
         if ms > 0 and ms % (TICK_MS * THETA) == 0:
             paper += primary > 0 and not standing.physical.docked
-            submerged += primary > 0 and standing.state is State.ACTIVE
+            submerged += primary > 0 and standing.state in (State.ACTIVE, State.SLEEPING)
             dead += primary == 0
     return AgentUptime(7, paper, submerged, dead, emptied, lost, primary)
 
 
-def _step(charge: int, flow: Flow) -> int:
-    if flow is Flow.DISCHARGING:
-        return max(0, charge - FULL // 40)
-    if flow is Flow.CHARGING:
-        return min(FULL, charge + (FULL // 90 + 7 if charge <= FULL // 3 else FULL // 30))
-    return charge
+def _step(charge: int, battery: Battery) -> int:
+    gained = 0
+    if battery.flow is Flow.DISCHARGING:
+        gained = -FULL // 40 - battery.load
+    elif battery.flow is Flow.CHARGING:
+        gained = (FULL // 90 + 7 if charge <= FULL // 3 else FULL // 30) - battery.load
+    return min(FULL, max(0, charge + gained))
 
 
 charges = st.one_of(st.just(0), st.just(FULL), st.integers(0, FULL))
-batteries = st.tuples(charges, st.sampled_from(Flow))
+# Either less than every charger's rate or more: between the two a charge would rest at a segment's end.
+loads = st.sampled_from([0, FULL // 100, FULL // 20])
+batteries = st.tuples(charges, st.sampled_from(Flow), loads)
 events = st.lists(
     st.tuples(
         st.integers(1, 60),
-        st.sampled_from([State.ACTIVE, State.CHARGING]),
+        st.sampled_from([State.ACTIVE, State.SLEEPING, State.CALLING, State.REPORTING]),
         st.booleans(),
         batteries,
         batteries,

@@ -58,6 +58,8 @@ def data_of(*lines, summary=None, dropped=0):
 def test_a_truth_line_is_exact():
     it = truth(123_457, 3, 0.123456789, Flow.CHARGING, docked=True)
     assert truth_of({"t": 0, "kind": "truth", **truth_data(it)}) == it
+    sampled = replace(it, physical=replace(it.physical, pin_due_ms=5, samples=7, acknowledged=3))
+    assert truth_of({"t": 0, "kind": "truth", **truth_data(sampled)}) == sampled
 
 
 def test_colours_say_what_a_threshold_a_dock_and_two_batteries_say():

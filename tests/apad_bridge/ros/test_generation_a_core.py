@@ -11,15 +11,13 @@ from apad_bridge.ros.generation_a_words import (
     GO_TO,
     PERCH,
     RELEASE,
-    BatteryHeard,
     GoalCode,
     GoalOrder,
     GoalsHeard,
     GoalWord,
-    PoseHeard,
-    StateHeard,
     StaticHeard,
 )
+from apad_bridge.ros.legacy_words import BatteryHeard, PoseHeard, StateHeard
 from apad_bridge.vehicle import (
     Arrived,
     BatteryReported,

@@ -14,12 +14,12 @@ from apad_bridge.ros.generation_a_shown import (
     Held,
     Outcome,
     PoseShown,
-    ReleaseFault,
     Shown,
     SlowShown,
 )
 from apad_bridge.ros.generation_a_vehicle import GenerationAVehicle
 from apad_bridge.ros.generation_a_words import GO_TO, PERCH, RELEASE
+from apad_bridge.scenario.faults import Fault
 from apad_bridge.scenario.loader import load
 from apad_bridge.simulated_apad.apad import SimulatedAPad
 
@@ -27,7 +27,7 @@ POOL = load(Path(__file__).parents[3] / "launch_scripts" / "scenarios" / "pool-1
 NORTH_M, EAST_M = POOL.apad.start_m
 
 
-def vehicle(start_ms: int = 0, fault: ReleaseFault = ReleaseFault.WORKS) -> GenerationAVehicle:
+def vehicle(start_ms: int = 0, fault: Fault = Fault.NONE) -> GenerationAVehicle:
     made = GenerationAVehicle(SimulatedAPad(POOL.apad), 0.5, 0.5, start_ms, fault)
     made.advance(start_ms)
     return made
@@ -139,7 +139,7 @@ def test_a_release_of_what_is_not_held_is_aborted(name: str) -> None:
 
 
 def test_a_silent_release_lets_go_without_a_word() -> None:
-    apad = vehicle(fault=ReleaseFault.SILENT)
+    apad = vehicle(fault=Fault.RELEASE_SILENT)
     apad.receive(perch("amussel1"), 0)
     assert apad.receive(release("amussel1"), 0) == []
     assert held(apad.advance(3_000)) == []
@@ -147,7 +147,7 @@ def test_a_silent_release_lets_go_without_a_word() -> None:
 
 
 def test_a_crash_in_release_silences_all_that_is_held_but_not_the_position() -> None:
-    apad = vehicle(fault=ReleaseFault.CRASHES)
+    apad = vehicle(fault=Fault.RELEASE_CRASHES)
     for number in (1, 2):
         apad.receive(perch(f"amussel{number}"), 0)
     apad.receive(release("amussel1"), 0)
@@ -196,3 +196,15 @@ def test_how_time_is_cut_never_shows(cuts: list[int]) -> None:
         return shown + apad.advance(20_000)
 
     assert flown(set(cuts)) == flown(set())
+
+
+def test_its_battery_can_be_charged_and_drained_by_percent_points() -> None:
+    apad = vehicle()
+    apad.change_battery(-30.0, 0)
+    assert apad.battery_percent == pytest.approx(70.0)
+    apad.change_battery(10.0, 0)
+    assert apad.battery_percent == pytest.approx(80.0)
+    apad.change_battery(50.0, 0)
+    assert apad.battery_percent == 100.0
+    apad.change_battery(float("nan"), 0)
+    assert apad.battery_percent == 100.0 and apad.dropped.total() == 1

@@ -30,6 +30,9 @@ LEGACY_MD5 = {
     "misc_msgs/srv/GetDockingInfo": "139c8b6b67bdb35759761ea3d907700d",
     "misc_msgs/srv/ChangeDockingStatus": "b67c9291ad6ab468689325dc98ab7a98",
     "misc_msgs/srv/GetChargeInfo": "9b253f7540e802f303614046b9243df1",
+    "misc_msgs/srv/Go2pointPrimitiveService": "4a0312be411e8ffc59f768d30e967664",
+    "misc_msgs/srv/DynamicPositioningPrimitiveService": "b012ae796923d5321c7c678ac0cc7797",
+    "misc_msgs/srv/DockingPrimitiveService": "2f37c62380c61eaf8bf8692a9128c0fd",
     "misc_msgs/srv/SendEnergy": "1776bdc327ac593f29492e9bad1e15d2",
     "navcon_msgs/srv/EnableControl": "8c1211af706069c994c06e00eb59ac9e",
     "navcon_msgs/srv/ConfigureVelocityController": "0d3d3fedfba2222a7ab225c0011694f3",
@@ -40,6 +43,7 @@ LEGACY_MD5 = {
     "uuv_sensor_msgs/msg/AcousticModemRange": "d41ea0b9d0d8580cb0eceda00eab751e",
 }
 OWN_MESSAGES = [
+    "DockAlert",
     "AgentBelief",
     "AgentTruth",
     "APadStatus",

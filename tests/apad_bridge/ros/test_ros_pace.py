@@ -139,3 +139,25 @@ def test_a_stopped_flight_does_not_wait_for_somebody_elses_clock(topics: list[To
     stopped = threading.Event()
     stopped.set()
     ros_pace.FollowedClock(standstill_s=20.0).reach(1_000, stopped)
+
+
+def test_on_the_way_it_tells_the_time_that_has_come(topics: list[Topic]) -> None:
+    told: list[int] = []
+    clock = ros_pace.OwnMasterClock(20.0, Vehicle())
+    clock.reach(0, threading.Event(), told.append)
+    clock.reach(4_000, threading.Event(), told.append)
+    assert told and told == sorted(told) and all(0 < it < 4_000 for it in told)
+
+
+def test_a_followed_clock_tells_what_has_come_between(topics: list[Topic]) -> None:
+    told: list[int] = []
+
+    def between(now_ms: int) -> None:
+        told.append(now_ms)
+        topics[0].take(ros_pace.Clock(ros_pace.to_ros(now_ms + 400)))
+
+    clock = ros_pace.FollowedClock(standstill_s=20.0)
+    topics[0].take(ros_pace.Clock(ros_pace.to_ros(0)))
+    topics[0].take(ros_pace.Clock(ros_pace.to_ros(100)))
+    clock.reach(1_000, threading.Event(), between)
+    assert told == [100, 500, 900]

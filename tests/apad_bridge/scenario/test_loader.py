@@ -84,7 +84,7 @@ def test_the_shipped_variants_of_the_pool_differ_in_nothing_else() -> None:
         (
             "profile: virtual",
             "profile: magic",
-            "mission.docking.profile: must be 'virtual' or 'visual', not 'magic'",
+            "mission.docking.profile: must be 'virtual', 'camera' or 'visual', not 'magic'",
         ),
         ("[28, 21]", "[28, x]", "area.polygon_m[2][1]: must be a valid number, not 'x'"),
         ("[28, 0], [28, 21]", "[28, 21], [28, 0]", "area: polygon_m crosses or touches itself"),

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 import yaml
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from apad_bridge.scenario.loader import from_data, load, resolve, write_resolved
@@ -35,11 +35,13 @@ def scenarios(draw: st.DrawFn) -> Scenario:
     return from_data(data, "drawn")
 
 
+@settings(deadline=None)
 @given(scenarios())
 def test_a_resolved_scenario_is_the_same_scenario(scenario: Scenario) -> None:
     assert from_data(yaml.safe_load(yaml.safe_dump(resolve(scenario))), "again") == scenario
 
 
+@settings(deadline=None)
 @given(scenarios())
 def test_a_written_scenario_is_the_same_scenario(
     tmp_path_factory: pytest.TempPathFactory, scenario: Scenario

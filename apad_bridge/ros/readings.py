@@ -1,23 +1,25 @@
-"""Where an aPad of generation A says that it is, and what its battery holds: the newest of each, and only what can be."""
+"""Where an aPad says that it is, and what its battery holds: the newest of each, and only what can be."""
 
 from __future__ import annotations
 
 import math
 from collections import Counter
 
-from apad_bridge.ros.generation_a_words import BatteryHeard, PoseHeard
+from apad_bridge.ros.legacy_words import BatteryHeard, PoseHeard
 from apad_bridge.vehicle import BatteryReported, PoseReported
 from apad_bridge.vehicle_link import LinkFact
 
 
 class Readings:
-    """`battery_v` is (empty, full): generation A says percent only, and the voltage follows from it linearly."""
+    """`battery_v` is (empty, full): aPads say percent only, and the voltage follows from it linearly."""
 
     def __init__(self, battery_v: tuple[float, float]) -> None:
         self.dropped: Counter[str] = Counter()
         self.position_ms = -1
         """The newest stamp of a position that was taken."""
         self._empty_v, self._full_v = battery_v
+        self.pose: PoseReported | None = None
+        """The newest, told or not."""
         self._pose: PoseReported | None = None
         self._battery: BatteryReported | None = None
 
@@ -28,7 +30,7 @@ class Readings:
             self.dropped["position: a newer one overtook it"] += 1
         else:
             self.position_ms = heard.at_ms
-            self._pose = PoseReported(heard.at_ms, heard.north_m, heard.east_m, heard.heading_rad)
+            self.pose = self._pose = PoseReported(heard.at_ms, heard.north_m, heard.east_m, heard.heading_rad)
 
     def hear_battery(self, heard: BatteryHeard) -> None:
         if not math.isfinite(heard.percent):

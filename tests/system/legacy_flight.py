@@ -1,6 +1,6 @@
 """Flies a scenario and prints what was decided, as JSON.
 
-Use: generation_a_flight.py SCENARIO asap|ros [SPEED|max] [PATIENCE_S]
+Use: legacy_flight.py SCENARIO asap|ros [SPEED|max] [PATIENCE_S]
 
 With `ros`, ROS_MASTER_URI names a master on which the simulated aPad's node runs.
 """
@@ -17,15 +17,17 @@ from typing import Any
 from agents.coordinator import Coordinator
 from agents.one_process import OneProcess
 from apad_bridge import building
-from apad_bridge.flight import Fleet, Flight
+from apad_bridge.fleet import Fleet
+from apad_bridge.flight import Flight
 from apad_bridge.pace import AsFastAsPossible
 from apad_bridge.ros.gateway import open_gateway
-from apad_bridge.ros.generation_a import GenerationALink, VehicleNotReady
+from apad_bridge.ros.generation_a import GenerationALink
+from apad_bridge.ros.generation_b import GenerationBLink
 from apad_bridge.ros.ros_pace import OwnMasterClock
+from apad_bridge.ros.vehicle_not_ready import VehicleNotReady
 from apad_bridge.scenario import loader
-from apad_bridge.scenario.schema import Scenario
+from apad_bridge.scenario.schema import Generation, Scenario
 from apad_bridge.scenario.starts import starts_of
-from apad_bridge.simulated_apad.apad import SimulatedAPad
 from apad_bridge.vehicle_link import InProcessVehicle, VehicleLink
 
 
@@ -72,15 +74,26 @@ def fly(scenario: Scenario, over_ros: bool, speed: float | None, patience_s: flo
             battery = scenario.apad.battery
             gateway = open_gateway(births, scenario.theta, node_name="musselbed")
             stack.callback(gateway.close)
-            vehicle = link = GenerationALink(
-                scenario.apad.name, births, (battery.empty_v, battery.full_v), our_clock=True
-            )
+            battery_v = (battery.empty_v, battery.full_v)
+            link: GenerationALink | GenerationBLink
+            if scenario.apad.generation is Generation.B:
+                link = GenerationBLink(
+                    scenario.apad.name,
+                    births,
+                    battery_v,
+                    scenario.mission.docking,
+                    building.misses(scenario),
+                    our_clock=True,
+                )
+            else:
+                link = GenerationALink(scenario.apad.name, births, battery_v, our_clock=True)
+            vehicle = link
             stack.callback(link.close)
             link.wait_until_ready(5 * patience_s)
             pace = OwnMasterClock(speed, link, patience_s=patience_s)
             flight = Flight(supervisor, link, pace, decisions, fleet, (gateway.watcher(supervisor), ticked))
         else:
-            vehicle = InProcessVehicle(SimulatedAPad(scenario.apad))
+            vehicle = InProcessVehicle(building.simulated_apad(scenario))
             flight = Flight(supervisor, vehicle, AsFastAsPossible(), decisions, fleet)
         begun_s = time.monotonic()
         ended_by = flight.run()

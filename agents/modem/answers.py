@@ -1,0 +1,98 @@
+"""What a modem prints, byte for byte. Every answer ends in CR LF; a result may hold any byte before that."""
+
+from __future__ import annotations
+
+import struct
+from binascii import crc32, crc_hqx
+
+from agents.modem.firmware import BUILT, RELEASE, Firmware, voltage_steps
+from agents.modem.frames import Generation
+
+ERROR = b"E\r\n"
+NOTHING_CAME = b"#TO\r\n"
+TEST_TEXT = b"musselbed nanomodem: 64 bytes, sent because $Txxx asked for them"
+HELP = (
+    b"musselbed nanomodem, NM3 serial commands:\r\n"
+    b"$? $Axxx $Bnn<data> $Uxxxnn<data> $Mxxxnn<data> $Pxxx $Vxxx $Txxx $Exxxnn<data> $F\r\n"
+    b"$CMxxx $CCxxx $D $H $R $Q $N $S $XQE $XQD $XTE $XTD $XTC $XTG $XFE $XFD $Z $W\r\n"
+)
+SPECTRUM_BINS = 257
+IMPULSE_STEPS = 128
+"""Samples of a channel impulse response, one each 62.5 us; a figure of ours."""
+_IMPULSE_STEP_US = 62.5
+_FULL_SCALE = 65535
+
+
+def line(text: str) -> bytes:
+    return text.encode("ascii") + b"\r\n"
+
+
+def told(generation: Generation, command: str) -> bytes:
+    """The local acknowledgement of a command that goes out as sound: V2 says it with `#`."""
+    return line(("#" if generation is Generation.V2 else "$") + command)
+
+
+def status(firmware: Firmware, address: int, supply_mv: int) -> bytes:
+    own = f"#A{address:03}V{voltage_steps(firmware, supply_mv):05}"
+    return line(f"{own}R{RELEASE}B{BUILT}" if firmware is Firmware.V3 else own)
+
+
+def length(generation: Generation, data: bytes) -> str:
+    return f"{len(data):01}" if generation is Generation.V2 else f"{len(data):02}"
+
+
+def broadcast(generation: Generation, source: int, data: bytes, appended: str) -> bytes:
+    return f"#B{source:03}{length(generation, data)}".encode() + data + line(appended)
+
+
+def unicast(generation: Generation, data: bytes, appended: str) -> bytes:
+    return f"#U{length(generation, data)}".encode() + data + line(appended)
+
+
+def quality(snr_db: float, doppler: int) -> str:
+    """`QzzD+-ddd`. The manual's scale of zz is not public: here it is the SNR in whole dB, 0 to 99."""
+    return f"Q{min(99, max(0, round(snr_db))):02}D{min(999, max(-999, doppler)):+04}"
+
+
+def timestamp(timer_us: int) -> str:
+    return f"T{timer_us % 10**14:014}"
+
+
+def found(address: int, steps: int) -> bytes:
+    """The result of `$P` and `$M`."""
+    return line(f"#R{address:03}T{steps:05}")
+
+
+def noise(rms: int, peak: int, mean: int) -> str:
+    return f"R{rms:06}P{peak:06}M{mean:06}"
+
+
+def remote_report(firmware: Firmware, supply_mv: int, rms: int, peak: int, mean: int) -> bytes:
+    """The data of the broadcast that answers `$Vxxx`: voltage, and with firmware 1.6 the noise."""
+    volts = f"V{voltage_steps(firmware, supply_mv):05}"
+    return (volts + noise(rms, peak, mean) if firmware is Firmware.V3 else volts).encode()
+
+
+def spectrum(mean: int) -> bytes:
+    """Flat at the mean: the water's noise has no colour here. Values are little-endian, which the facts leave open."""
+    bins = struct.pack(f"<{SPECTRUM_BINS}H", *[min(_FULL_SCALE, mean)] * SPECTRUM_BINS)
+    return f"#S{SPECTRUM_BINS:05}".encode() + bins + b"\r\n"
+
+
+def impulse_response(name: str, address: int, steps: int, echoes: tuple[tuple[int, float], ...]) -> bytes:
+    """`#CMxxxTtttttLzzzzz<uint16...>`: the direct sound first, at full scale, and each echo at its place."""
+    taps = [_FULL_SCALE] + [0] * (IMPULSE_STEPS - 1)
+    for after_us, relative in echoes:
+        at = round(after_us / _IMPULSE_STEP_US)
+        if 0 <= at < IMPULSE_STEPS:
+            taps[at] = max(taps[at], min(_FULL_SCALE, round(abs(relative) * _FULL_SCALE)))
+    head = f"#{name}{address:03}T{steps:05}L{IMPULSE_STEPS:05}"
+    return head.encode() + struct.pack(f"<{IMPULSE_STEPS}H", *taps) + b"\r\n"
+
+
+def identity(unique_id: int) -> bytes:
+    """The chip's number, and addresses of 8 to 32 bits made of it; how a real one makes them is not public."""
+    born = unique_id.to_bytes(12, "big")
+    whole, short = crc32(born), crc_hqx(born, 0xFFFF)
+    a8, a24 = short & 0xFF, whole & 0xFF_FFFF
+    return line(f"#DID:0x{born.hex().upper()}-A8{a8:03}-A16{short:05}-A24{a24:08}-A32{whole:010}")

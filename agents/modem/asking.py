@@ -1,0 +1,71 @@
+"""Commands that go out as sound, at once or at a time of the modem's timer; some are questions that wait for an answer."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from agents.modem import answers
+from agents.modem.commands import Command
+from agents.modem.facts import Action, Dropped
+from agents.modem.frames import TO_ALL, Frame, FrameKind
+from agents.modem.serial_line import TICKS_PER_MS
+
+if TYPE_CHECKING:
+    from agents.modem.modem import Modem
+
+_KINDS = {
+    "B": FrameKind.BROADCAST,
+    "U": FrameKind.UNICAST,
+    "M": FrameKind.UNICAST_ACKED,
+    "P": FrameKind.PING,
+    "V": FrameKind.STATUS_REQUEST,
+    "T": FrameKind.TEST_REQUEST,
+    "E": FrameKind.ECHO_REQUEST,
+    "F": FrameKind.BEACON,
+    "CM": FrameKind.PROBE,
+    "CC": FrameKind.PROBE,
+}
+AWAITED = {
+    FrameKind.UNICAST_ACKED: FrameKind.ACK,
+    FrameKind.PING: FrameKind.PING_REPLY,
+    FrameKind.PROBE: FrameKind.PROBE_REPLY,
+}
+"""What answers a question."""
+
+
+def goes_out(name: str) -> bool:
+    return name in _KINDS
+
+
+def send(modem: Modem, command: Command, number: int, tick: int, now_ms: int) -> list[Action]:
+    """Acknowledges the command to its line and sends its frame; `E` if it cannot."""
+    wait_us: int | None = 0
+    now_us = tick * 1000 // TICKS_PER_MS
+    if command.timer_us is not None:
+        wait_us = modem.timer.wait_us(command.timer_us, now_us)
+    kind = _KINDS[command.name]
+    reason = why_not(modem, kind)
+    if wait_us is None:
+        reason = "a transmission can be put off by 2 s at most, and not into the past"
+    if reason is not None or wait_us is None:
+        modem.answer(number, answers.ERROR, tick)
+        return [Dropped(now_ms, f"serial: {reason}")]
+    generation = modem.config.firmware.generation
+    to = None if kind in TO_ALL else command.address
+    frame = Frame(kind, modem.address, to, command.data, generation)
+    address = "" if to is None else f"{to:03}"
+    size = answers.length(generation, command.data) if command.data else ""
+    modem.answer(number, answers.told(generation, command.name + address + size), tick)
+    if kind in AWAITED:
+        modem.ask(command.name, frame, AWAITED[kind], number)
+    modem.send(frame, max(now_ms, -(-(now_us + wait_us) // 1000)))
+    return []
+
+
+def why_not(modem: Modem, kind: FrameKind) -> str | None:
+    """Why a frame of this kind cannot be sent now."""
+    if modem.waiting:
+        return "a frame waits to be sent already"
+    if kind in AWAITED and modem.question is not None:
+        return "an answer is waited for already"
+    return None

@@ -1,0 +1,222 @@
+"""Commands out of bytes. They have no terminator and their data may be any byte, so the reader counts and never splits.
+
+`GRAMMAR` has a row for each command: its letters, and the fields that follow. An error is told once; then all is skipped
+until the next `$`, or until the line has been silent.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+from agents.modem.frames import PAYLOAD_BYTES, Generation
+
+_DOLLAR = ord("$")
+_TIMED = ord("T")
+_TIME_DIGITS = 14
+
+
+class Field(Enum):
+    ADDRESS = "xxx"
+    DATA = "nn<data>"
+    TIME = "[T<14>]"
+    """May follow only while the modem's timer is on: otherwise the command is over before it."""
+
+
+GRAMMAR: dict[Generation, dict[str, tuple[Field, ...]]] = {
+    Generation.V3: {
+        "?": (),
+        "A": (Field.ADDRESS,),
+        "B": (Field.DATA, Field.TIME),
+        "U": (Field.ADDRESS, Field.DATA, Field.TIME),
+        "M": (Field.ADDRESS, Field.DATA, Field.TIME),
+        "P": (Field.ADDRESS,),
+        "V": (Field.ADDRESS,),
+        "T": (Field.ADDRESS,),
+        "E": (Field.ADDRESS, Field.DATA),
+        "F": (Field.TIME,),
+        "CM": (Field.ADDRESS,),
+        "CC": (Field.ADDRESS,),
+        "D": (),
+        "H": (),
+        "R": (),
+        "Q": (),
+        "N": (),
+        "S": (),
+        "XQE": (),
+        "XQD": (),
+        "XTE": (),
+        "XTD": (),
+        "XTC": (),
+        "XTG": (),
+        "XFE": (),
+        "XFD": (),
+        "Z": (),
+        "W": (),
+    },
+    Generation.V2: {
+        "?": (),
+        "A": (Field.ADDRESS,),
+        "B": (Field.DATA,),
+        "U": (Field.ADDRESS, Field.DATA),
+        "P": (Field.ADDRESS,),
+        "V": (Field.ADDRESS,),
+    },
+}
+_BEGINNINGS = {
+    generation: frozenset(name[:n] for name in rows for n in range(1, len(name) + 1))
+    for generation, rows in GRAMMAR.items()
+}
+LENGTH_DIGITS = {Generation.V2: 1, Generation.V3: 2}
+
+
+@dataclass(frozen=True, slots=True)
+class Command:
+    """`address` may be up to 999 here: what a modem makes of one beyond 255 is its answer."""
+
+    name: str
+    address: int = 0
+    data: bytes = b""
+    timer_us: int | None = None
+    """When to send, by the modem's own timer; None for at once."""
+
+
+@dataclass(frozen=True, slots=True)
+class Malformed:
+    """Answered with `E`."""
+
+    reason: str
+
+
+class CommandReader:
+    """Takes one byte at a time. `timed` says whether a time may follow where the grammar allows one."""
+
+    def __init__(self, generation: Generation) -> None:
+        self.timed = False
+        self._generation = generation
+        self._rows = GRAMMAR[generation]
+        self._skipping = False
+        self._begin()
+
+    def _begin(self) -> None:
+        self._inside = False
+        self._name = ""
+        self._fields: tuple[Field, ...] = ()
+        self._wanted = 0
+        """Bytes until the present number or the data are whole."""
+        self._taken = bytearray()
+        self._counting = False
+        self._address = 0
+        self._data = b""
+        self._timer_us: int | None = None
+
+    @property
+    def waiting(self) -> bool:
+        """Whether silence now would mean something: a command has begun, or bytes are being skipped."""
+        return self._inside or self._skipping
+
+    @property
+    def least(self) -> int:
+        """So many bytes at least are wanted until something is complete or wrong."""
+        return self._wanted if self._in_data else 1
+
+    @property
+    def _in_data(self) -> bool:
+        return bool(self._wanted) and self._fields[0] is Field.DATA and not self._counting
+
+    def fell_silent(self) -> Command | Malformed | None:
+        """The line was silent for too long: whatever was begun is over. A command that could have had a time has none."""
+        complete = self._inside and self._fields == (Field.TIME,) and not self._wanted
+        command = self._whole() if complete else None
+        slow = self._inside and not complete
+        self._skipping = False
+        self._begin()
+        return command if complete else Malformed("a command's bytes stopped coming") if slow else None
+
+    def take(self, byte: int) -> list[Command | Malformed]:
+        """What the byte completes: nothing, a command, an error; or a command that it does not belong to and its own."""
+        if not self._inside:
+            return self._outside(byte)
+        if not self._fields and not self._wanted:
+            return self._letter(byte)
+        if self._wanted:
+            return self._count(byte)
+        if self._fields[0] is Field.TIME and byte != _TIMED:
+            command = self._whole()
+            self._begin()
+            return [command, *self._outside(byte)]
+        return self._start(byte)
+
+    def _outside(self, byte: int) -> list[Command | Malformed]:
+        if byte == _DOLLAR:
+            self._begin()
+            self._inside, self._skipping = True, False
+            return []
+        if self._skipping:
+            return []
+        self._skipping = True
+        return [Malformed("a command begins with $")]
+
+    def _wrong(self, byte: int, reason: str) -> list[Command | Malformed]:
+        self._begin()
+        self._skipping = True
+        wrong: list[Command | Malformed] = [Malformed(reason)]
+        return wrong + self._outside(byte) if byte == _DOLLAR else wrong
+
+    def _letter(self, byte: int) -> list[Command | Malformed]:
+        self._name += chr(byte)
+        if self._name not in _BEGINNINGS[self._generation]:
+            return self._wrong(byte, "there is no such command")
+        fields = self._rows.get(self._name)
+        if fields is None:
+            return []
+        self._fields = fields if self.timed else tuple(it for it in fields if it is not Field.TIME)
+        return self._done_or_on()
+
+    def _start(self, byte: int) -> list[Command | Malformed]:
+        """The first byte of a field."""
+        match self._fields[0]:
+            case Field.ADDRESS:
+                self._wanted = 3
+            case Field.DATA:
+                self._wanted, self._counting = LENGTH_DIGITS[self._generation], True
+            case Field.TIME:
+                self._wanted = _TIME_DIGITS
+                return []  # the byte was its T
+        return self._count(byte)
+
+    def _count(self, byte: int) -> list[Command | Malformed]:
+        if not self._in_data and not 48 <= byte <= 57:
+            return self._wrong(byte, "a digit is wanted")
+        self._taken.append(byte)
+        self._wanted -= 1
+        if self._wanted:
+            return []
+        taken = bytes(self._taken)
+        self._taken.clear()
+        match self._fields[0]:
+            case Field.ADDRESS:
+                self._address = int(taken)
+            case Field.TIME:
+                self._timer_us = int(taken)
+            case Field.DATA if self._counting:
+                self._counting = False
+                fewest, most = PAYLOAD_BYTES[self._generation]
+                if not fewest <= int(taken) <= most:
+                    return self._wrong(0, f"{fewest} to {most} bytes can be sent")
+                self._wanted = int(taken)
+                return []
+            case Field.DATA:
+                self._data = taken
+        self._fields = self._fields[1:]
+        return self._done_or_on()
+
+    def _done_or_on(self) -> list[Command | Malformed]:
+        if self._fields:
+            return []
+        command = self._whole()
+        self._begin()
+        return [command]
+
+    def _whole(self) -> Command:
+        return Command(self._name, self._address, self._data, self._timer_us)

@@ -1,0 +1,64 @@
+"""A modem's states: half duplex, so it does one thing at a time. What is not in `TABLE` cannot happen, and raises."""
+
+from __future__ import annotations
+
+from enum import IntEnum
+
+
+class ModemState(IntEnum):
+    OFF = 0
+    LISTENING = 1
+    RECEIVING = 2
+    TRANSMITTING = 3
+    SLEEPING = 4
+    """Told so by `$Z`: the receiver is off, and no sound wakes it."""
+
+
+class Trigger(IntEnum):
+    POWER_CAME = 0
+    POWER_WENT = 1
+    SOUND_BEGAN = 2
+    SOUND_ENDED = 3
+    SENDING_BEGAN = 4
+    SENDING_ENDED = 5
+    SLEEP_TOLD = 6
+    WAKE_TOLD = 7
+    RESET_TOLD = 8
+
+
+TABLE: dict[tuple[ModemState, Trigger], ModemState] = {
+    (ModemState.OFF, Trigger.POWER_CAME): ModemState.LISTENING,
+    (ModemState.LISTENING, Trigger.SOUND_BEGAN): ModemState.RECEIVING,
+    (ModemState.LISTENING, Trigger.SENDING_BEGAN): ModemState.TRANSMITTING,
+    (ModemState.LISTENING, Trigger.SLEEP_TOLD): ModemState.SLEEPING,
+    (ModemState.LISTENING, Trigger.RESET_TOLD): ModemState.LISTENING,
+    (ModemState.LISTENING, Trigger.POWER_WENT): ModemState.OFF,
+    (ModemState.RECEIVING, Trigger.SOUND_ENDED): ModemState.LISTENING,
+    (ModemState.RECEIVING, Trigger.SENDING_BEGAN): ModemState.TRANSMITTING,
+    (ModemState.RECEIVING, Trigger.SLEEP_TOLD): ModemState.SLEEPING,
+    (ModemState.RECEIVING, Trigger.RESET_TOLD): ModemState.LISTENING,
+    (ModemState.RECEIVING, Trigger.POWER_WENT): ModemState.OFF,
+    (ModemState.TRANSMITTING, Trigger.SENDING_ENDED): ModemState.LISTENING,
+    (ModemState.TRANSMITTING, Trigger.POWER_WENT): ModemState.OFF,
+    (ModemState.SLEEPING, Trigger.WAKE_TOLD): ModemState.LISTENING,
+    (ModemState.SLEEPING, Trigger.POWER_WENT): ModemState.OFF,
+}
+
+HEARING = frozenset({ModemState.LISTENING, ModemState.RECEIVING})
+
+SUPPLY_UA: dict[ModemState, int] = {
+    ModemState.OFF: 0,
+    ModemState.LISTENING: 2_500,
+    ModemState.RECEIVING: 5_000,
+    ModemState.TRANSMITTING: 300_000,
+    ModemState.SLEEPING: 0,
+}
+"""Microamperes from 5 V, by the data sheet; up to 300 mA when transmitting, and nothing is published for sleep."""
+
+
+def next_state(state: ModemState, trigger: Trigger) -> ModemState:
+    """ValueError for a transition that there is not."""
+    try:
+        return TABLE[state, trigger]
+    except KeyError:
+        raise ValueError(f"{trigger.name} in {state.name}") from None

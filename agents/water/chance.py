@@ -1,0 +1,23 @@
+"""Chance in the water: what befalls a packet is a keyed hash of (seed, sender, time it began, receiver).
+
+So it does not matter who asks, when, in what order, or how often, and a run that goes on after a crash draws no number
+twice: a sender begins no two packets at the same time.
+"""
+
+from __future__ import annotations
+
+from _blake2 import blake2b
+from math import cos, log, pi, sqrt
+from struct import Struct
+
+_KEY = Struct("<QqQq").pack
+_WORDS = Struct("<QQQQ").unpack
+_UNIT = 2.0**-64
+
+
+def fates(seed: int, sender: int, began_ms: int, receiver: int, lane: bytes) -> tuple[float, float, float]:
+    """(uniform, uniform, standard normal), independent; uniforms lie in [0, 1). `lane` tells kinds of packets apart."""
+    digest = blake2b(_KEY(seed, sender, began_ms, receiver), digest_size=32, person=lane).digest()
+    first, second, third, fourth = _WORDS(digest)
+    normal = sqrt(-2 * log((third + 1) * _UNIT)) * cos(2 * pi * fourth * _UNIT)
+    return min(first * _UNIT, 1 - 2.0**-53), min(second * _UNIT, 1 - 2.0**-53), normal

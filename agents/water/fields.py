@@ -1,0 +1,69 @@
+"""What is true of the water where a sensor is: oxygen, temperature, turbidity, and the pressure of its depth."""
+
+from __future__ import annotations
+
+from _blake2 import blake2b
+from dataclasses import dataclass
+from struct import Struct
+from typing import Protocol
+
+from firmware_model.sensors import Values
+
+SURFACE_MBAR = 1013.25
+"""The standard atmosphere."""
+MBAR_PER_M = 1025 * 9.80665 / 100
+"""Sea water of 1025 kg/m3."""
+
+_KEY = Struct("<QQQ").pack
+_WORDS = Struct("<32H").unpack
+_SUMMED = 8
+_MEAN = _SUMMED * 65535 / 2
+_DEVIATION = (_SUMMED * (65536**2 - 1) / 12) ** 0.5
+
+
+class Field(Protocol):
+    def value_at(self, north_um: int, east_um: int, depth_um: int, now_ms: int) -> float:
+        """In the unit of its quantity; `now_ms` is agent time. The same question has the same answer whenever asked."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Constant:
+    """The same everywhere and always."""
+
+    value: float
+
+    def value_at(self, north_um: int, east_um: int, depth_um: int, now_ms: int) -> float:
+        return self.value
+
+
+@dataclass(frozen=True, slots=True)
+class Fields:
+    """mg/l, degrees Celsius, NTU."""
+
+    oxygen: Field
+    temperature: Field
+    turbidity: Field
+
+    def values_at(self, north_um: int, east_um: int, depth_um: int, now_ms: int) -> Values:
+        """By `firmware_model.sensors.Quantity`."""
+        where = (north_um, east_um, depth_um, now_ms)
+        return (
+            self.oxygen.value_at(*where),
+            SURFACE_MBAR + MBAR_PER_M * depth_um / 1e6,
+            self.temperature.value_at(*where),
+            self.turbidity.value_at(*where),
+        )
+
+
+def unit_noises(seed: int, agent_id: int, sequence: int) -> Values:
+    """The noise of an agent's sample number `sequence`: four independent numbers of mean 0 and variance 1.
+
+    Each is the scaled sum of eight 16-bit words of a keyed hash: bell-shaped, within 4.9, and exact on every machine.
+    """
+    digest = blake2b(_KEY(seed, agent_id, sequence), digest_size=64, person=b"sensors").digest()
+    words = _WORDS(digest)
+    one, two, three, four = (
+        (sum(words[at : at + _SUMMED]) - _MEAN) / _DEVIATION for at in range(0, len(words), _SUMMED)
+    )
+    return one, two, three, four

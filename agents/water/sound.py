@@ -1,0 +1,166 @@
+"""What the water does to a modem's sound: how long it travels, how loud it arrives, and how often a packet is lost.
+
+Levels are dB re 1 uPa, distances metres, times milliseconds unless a name says microseconds. Defaults are the published
+figures of the Newcastle nanomodem V3 at 28 kHz; a pool or a harbour has its own.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from dataclasses import dataclass
+from math import exp, inf, log, log10
+
+_CERTAIN = 700
+"""Log odds beyond which a float's exponential ends."""
+SPHERICAL_DB = 20.0
+"""Loss by spreading per tenfold distance in open water; 15 is the practical mean of shallow water, 10 cylindrical."""
+
+
+def thorp_db_per_km(frequency_khz: float) -> float:
+    """Absorption of sea water by Thorp's formula (Thorp 1967, in the form of Fisher and Simmons for kHz and km)."""
+    squared = frequency_khz**2
+    return 0.11 * squared / (1 + squared) + 44 * squared / (4100 + squared) + 2.75e-4 * squared + 0.003
+
+
+@dataclass(frozen=True, slots=True)
+class ErrorCurve:
+    """Packet error rate against SNR, for some sizes of payload.
+
+    `rates[i][j]` is that of `sizes[i]` bytes at `snrs_db[j]`, all within (0, 1), sizes and SNRs rising. Between the points
+    the log odds are linear in the SNR, and between two sizes in the logarithm of the size. Beyond the first and the last
+    SNR they go on by the mean slope of all sizes there, so that a longer packet is never the safer. A payload outside of
+    the sizes is taken as the nearest.
+    """
+
+    snrs_db: tuple[float, ...]
+    sizes: tuple[int, ...]
+    rates: tuple[tuple[float, ...], ...]
+
+    def __post_init__(self) -> None:
+        if len(self.snrs_db) < 2 or list(self.snrs_db) != sorted(set(self.snrs_db)):
+            raise ValueError("snrs_db must be two or more, and rise")
+        if not self.sizes or self.sizes[0] < 1 or list(self.sizes) != sorted(set(self.sizes)):
+            raise ValueError("sizes must be positive, and rise")
+        if len(self.rates) != len(self.sizes) or any(len(row) != len(self.snrs_db) for row in self.rates):
+            raise ValueError("rates must have a row for each size, with a rate for each SNR")
+        if not all(0 < rate < 1 for row in self.rates for rate in row):
+            raise ValueError("rates must lie between 0 and 1, both excluded")
+
+    def probability(self, snr_db: float, payload_bytes: int) -> float:
+        """That a packet with so much data is lost at this SNR. A frame without data counts as the smallest size."""
+        if snr_db == inf:
+            return 0.0
+        size = min(max(payload_bytes, self.sizes[0]), self.sizes[-1])
+        above = min(bisect_right(self.sizes, size), len(self.sizes) - 1)
+        below = max(0, above - 1)
+        odds = self._log_odds(snr_db, above)
+        if above != below:
+            share = log(size / self.sizes[below]) / log(self.sizes[above] / self.sizes[below])
+            odds = share * odds + (1 - share) * self._log_odds(snr_db, below)
+        return 1 / (1 + exp(-odds)) if odds > -_CERTAIN else 0.0
+
+    def _log_odds(self, snr_db: float, which: int) -> float:
+        snrs = self.snrs_db
+        if snr_db < snrs[0]:
+            return _odds(self.rates[which][0]) + self._slope(0) * (snr_db - snrs[0])
+        if snr_db > snrs[-1]:
+            return _odds(self.rates[which][-1]) + self._slope(len(snrs) - 2) * (snr_db - snrs[-1])
+        low = min(bisect_right(snrs, snr_db), len(snrs) - 1) - 1
+        first, second = _odds(self.rates[which][low]), _odds(self.rates[which][low + 1])
+        return first + (second - first) * (snr_db - snrs[low]) / (snrs[low + 1] - snrs[low])
+
+    def _slope(self, low: int) -> float:
+        """Of the log odds a dB, from point `low` to the next, as a mean of all sizes."""
+        rises = sum(_odds(row[low + 1]) - _odds(row[low]) for row in self.rates)
+        return rises / len(self.rates) / (self.snrs_db[low + 1] - self.snrs_db[low])
+
+
+def _odds(rate: float) -> float:
+    return log(rate / (1 - rate))
+
+
+NANOMODEM_ERRORS = ErrorCurve(
+    snrs_db=(-1, 0, 1, 2, 3, 4, 5, 6),
+    sizes=(16, 32, 64),
+    rates=(
+        (0.412, 0.161, 0.047, 0.015, 0.006, 0.003, 0.001, 0.001),
+        (0.804, 0.553, 0.245, 0.089, 0.020, 0.010, 0.003, 0.001),
+        (0.984, 0.932, 0.793, 0.483, 0.217, 0.068, 0.020, 0.007),
+    ),
+)
+"""In harsh multipath, from the simulator of the modem's makers."""
+
+
+@dataclass(frozen=True, slots=True)
+class Sound:
+    """The water and the modem as sound meets them."""
+
+    speed_m_s: float = 1500.0
+    source_level_db: float = 168.0
+    """At 1 m."""
+    spreading_db: float = SPHERICAL_DB
+    """Loss per tenfold distance."""
+    absorption_db_per_km: float = 6.0
+    noise_db_per_hz: float = 50.0
+    """Ambient noise, re 1 uPa^2/Hz."""
+    bandwidth_hz: float = 8000.0
+    fading_db: float = 0.0
+    """Multipath: standard deviation of each packet's own gain at each receiver."""
+    reverberation_ms: int = 0
+    """For so long after its end a packet's echoes still disturb others."""
+    reverberation_db: float = 10.0
+    """So much weaker than the packet are its echoes."""
+    capture_db: float = 6.0
+    """A packet outlives others that overlap it if it is louder by so much than all of them together."""
+    thruster_noise_db: float = 20.0
+    """Running thrusters raise the noise at their own vehicle's modem by so much."""
+    range_limit_m: float = 5000.0
+    """Sound is followed no further: neither as a packet nor as what disturbs one."""
+    turnaround_ms: int = 0
+    """From a modem's own sound's end until it hears again."""
+    errors: ErrorCurve = NANOMODEM_ERRORS
+
+    def __post_init__(self) -> None:
+        positive = ("speed_m_s", "bandwidth_hz", "range_limit_m")
+        not_negative = (
+            "spreading_db",
+            "absorption_db_per_km",
+            "fading_db",
+            "reverberation_ms",
+            "turnaround_ms",
+        )
+        for name in positive:
+            if not 0 < getattr(self, name) < inf:
+                raise ValueError(f"{name} must be positive")
+        for name in (*not_negative, "reverberation_db", "thruster_noise_db"):
+            if not 0 <= getattr(self, name) < inf:
+                raise ValueError(f"{name} must not be negative")
+
+    @property
+    def noise_db(self) -> float:
+        """Over the modem's band."""
+        return self.noise_db_per_hz + 10 * log10(self.bandwidth_hz)
+
+    def level_db(self, distance_m: float) -> float:
+        """At so many metres from a sender; nearer than 1 m it is the source level."""
+        metres = max(1.0, distance_m)
+        return (
+            self.source_level_db
+            - self.spreading_db * log10(metres)
+            - self.absorption_db_per_km * metres / 1000
+        )
+
+    def snr_db(self, distance_m: float) -> float:
+        """Without fading and thrusters."""
+        return self.level_db(distance_m) - self.noise_db
+
+    def delay_us(self, distance_m: float) -> int:
+        return round(1e6 * distance_m / self.speed_m_s)
+
+    @property
+    def ignored_db(self) -> float:
+        """The bound of what `range_limit_m` leaves out: a sound from beyond it lies below the noise by so much, at least.
+
+        k such sounds at once would raise the noise by 10 log10(1 + k 10^(-ignored_db / 10)) dB at most.
+        """
+        return -self.snr_db(self.range_limit_m)

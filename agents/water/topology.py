@@ -1,0 +1,120 @@
+"""Links that are cut, black out for a while or lose packets: rules laid over what the water itself does.
+
+A rule is directed, so that a link may be worse one way than the other. Times are agent milliseconds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+COLUMNS = ("from", "to", "loss", "since_s", "until_s")
+ANY = "*"
+
+
+@dataclass(frozen=True, slots=True)
+class LinkRule:
+    """From `sender` to `receiver` (None is any) a packet is lost with probability `loss`; 1 cuts the link.
+
+    It holds for packets that begin from `since_ms` on and before `until_ms`, None being for ever.
+    """
+
+    sender: int | None
+    receiver: int | None
+    loss: float
+    since_ms: int = 0
+    until_ms: int | None = None
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.loss <= 1:
+            raise ValueError(f"loss must lie in 0 to 1, not {self.loss:g}")
+        if self.until_ms is not None and self.until_ms <= self.since_ms:
+            raise ValueError("until_s must be after since_s")
+
+    def holds(self, sender: int, receiver: int, at_ms: int) -> bool:
+        return (
+            self.sender in (None, sender)
+            and self.receiver in (None, receiver)
+            and self.since_ms <= at_ms
+            and (self.until_ms is None or at_ms < self.until_ms)
+        )
+
+
+class Topology:
+    """Rules, of which all that hold count: a packet gets through if it survives each of them."""
+
+    def __init__(self, rules: Sequence[LinkRule] = ()) -> None:
+        self.rules = tuple(rules)
+
+    def loss(self, sender: int, receiver: int, at_ms: int) -> float:
+        """Probability that a packet that begins then is lost on this link; 1 if there is no link."""
+        passes = 1.0
+        for rule in self.rules:
+            if rule.holds(sender, receiver, at_ms):
+                passes *= 1 - rule.loss
+        return 1 - passes
+
+
+def parse_topology(text: str, nodes: dict[str, int], agent_ms_per_s: int) -> Topology:
+    """The rules of a CSV: a header naming `COLUMNS`, or some of them with `from`, `to` and `loss` among them.
+
+    `from` and `to` are an aMussel's id, a name in `nodes` or `*`; seconds are mission time, of `agent_ms_per_s` each.
+    Raises ValueError, `line N: ...`.
+    """
+    columns: list[str] = []
+    rules: list[LinkRule] = []
+    for number, line in enumerate(text.removeprefix("\ufeff").splitlines(), start=1):
+        content = line.partition("#")[0].strip()
+        if not content:
+            continue
+        cells = [cell.strip() for cell in content.split(",")]
+        try:
+            if not columns:
+                columns = _header(cells)
+            else:
+                rules.append(_rule(columns, cells, nodes, agent_ms_per_s))
+        except ValueError as error:
+            raise ValueError(f"line {number}: {error}") from None
+    if not columns:
+        raise ValueError(f"no header: {','.join(COLUMNS)} is wanted")
+    return Topology(rules)
+
+
+def _header(cells: list[str]) -> list[str]:
+    if len(set(cells)) != len(cells) or not {"from", "to", "loss"} <= set(cells) <= set(COLUMNS):
+        raise ValueError(f"the columns must be {', '.join(COLUMNS)} (the last two may be left out)")
+    return cells
+
+
+def _rule(columns: list[str], cells: list[str], nodes: dict[str, int], agent_ms_per_s: int) -> LinkRule:
+    if len(cells) != len(columns):
+        raise ValueError(f"{len(cells)} values for {len(columns)} columns")
+    texts = dict(zip(columns, cells, strict=True))
+    until = texts.get("until_s", "")
+    return LinkRule(
+        _node(texts["from"], nodes),
+        _node(texts["to"], nodes),
+        _number("loss", texts["loss"]),
+        round(_number("since_s", texts.get("since_s") or "0") * agent_ms_per_s),
+        round(_number("until_s", until) * agent_ms_per_s) if until else None,
+    )
+
+
+def _node(text: str, nodes: dict[str, int]) -> int | None:
+    if text == ANY:
+        return None
+    if text in nodes:
+        return nodes[text]
+    if not text.isdecimal() or int(text) < 1:
+        raise ValueError(f"{text!r} is no aMussel's id, {', '.join(sorted(nodes))} or {ANY}")
+    return int(text)
+
+
+def _number(name: str, text: str) -> float:
+    try:
+        number = float(text)
+    except ValueError:
+        raise ValueError(f"{name}: a number is wanted, not {text!r}") from None
+    if not 0 <= number < 1e9:
+        raise ValueError(f"{name}: a number from 0 on is wanted, not {text}")
+    return number

@@ -1,0 +1,51 @@
+"""Wi-Fi a hand's breadth above the waves: how far it reaches, and how often a packet is lost. Metres and dB.
+
+The path loss is free space (Friis) near by and that of two rays over a flat sea far off, where both antennas' heights
+count: 40 log10(d) - 20 log10(h1 h2), whichever is the greater. A packet gets through with the logistic function of its
+margin above the receiver's sensitivity.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import exp, inf, log10
+
+from agents.water.chance import fates
+
+_LANE = b"wifi"
+_LIGHT_M_S = 299_792_458.0
+
+
+@dataclass(frozen=True, slots=True)
+class Wifi:
+    """One kind of radio on both sides."""
+
+    frequency_mhz: float = 2440.0
+    transmit_dbm: float = 20.0
+    sensitivity_dbm: float = -85.0
+    """At which half of all packets get through."""
+    mussel_antenna_m: float = 0.05
+    """Height above the water, of a floating aMussel's and of an aPad's antenna."""
+    apad_antenna_m: float = 1.5
+    slope_db: float = 1.5
+    """So many dB of margin change the odds of a packet e-fold."""
+
+    def __post_init__(self) -> None:
+        for name in ("frequency_mhz", "mussel_antenna_m", "apad_antenna_m", "slope_db"):
+            if not 0 < getattr(self, name) < inf:
+                raise ValueError(f"{name} must be positive")
+
+    def path_loss_db(self, distance_m: float) -> float:
+        metres = max(1.0, distance_m)
+        friis = 20 * log10(metres) + 20 * log10(4e6 * 3.141592653589793 * self.frequency_mhz / _LIGHT_M_S)
+        two_rays = 40 * log10(metres) - 20 * log10(self.mussel_antenna_m * self.apad_antenna_m)
+        return max(friis, two_rays)
+
+    def delivery(self, distance_m: float) -> float:
+        """Probability that a packet gets through."""
+        margin_db = self.transmit_dbm - self.path_loss_db(distance_m) - self.sensitivity_dbm
+        return 1 / (1 + exp(min(700.0, -margin_db / self.slope_db)))
+
+    def gets_through(self, distance_m: float, seed: int, sender: int, at_ms: int, receiver: int) -> bool:
+        """The fate of the packet that `sender` begins at agent time `at_ms`."""
+        return fates(seed, sender, at_ms, receiver, _LANE)[0] < self.delivery(distance_m)

@@ -1,0 +1,51 @@
+"""Fields of messages of whatever type, by their paths: `header.frame_id`, `msg[0]`."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+_STEP = re.compile(r"([A-Za-z_]\w*)|\[(\d+)\]", re.ASCII)
+_PATH = re.compile(r"[A-Za-z_]\w*(?:\[\d+\]|\.[A-Za-z_]\w*)*", re.ASCII)
+
+
+def steps(path: str) -> tuple[str | int, ...]:
+    """ValueError for what is no path."""
+    if not _PATH.fullmatch(path):
+        raise ValueError(f"{path!r} is no path to a field: names with dots between, and [n] for elements")
+    return tuple(name or int(number) for name, number in _STEP.findall(path))
+
+
+def read(message: Any, path: str) -> Any:
+    """AttributeError, IndexError or TypeError where the message has no such field."""
+    value = message
+    for step in steps(path):
+        value = getattr(value, step) if isinstance(step, str) else value[step]
+    return value
+
+
+def has(message: Any, path: str) -> bool:
+    try:
+        read(message, path)
+    except (AttributeError, IndexError, TypeError):
+        return False
+    return True
+
+
+def write(message: Any, path: str, value: Any) -> None:
+    """In the field's own kind: text, truth value, number, or bytes. AttributeError or TypeError if that cannot be."""
+    *way, last = steps(path)
+    if not isinstance(last, str):
+        raise TypeError(f"{path!r}: elements of a list cannot be told, name the list")
+    for step in way:
+        message = getattr(message, step) if isinstance(step, str) else message[step]
+    present = getattr(message, last)
+    setattr(message, last, _as_kind(value, present))
+
+
+def _as_kind(value: Any, present: Any) -> Any:
+    if isinstance(value, bytes) or isinstance(present, bytes | list | tuple):
+        return value
+    if isinstance(present, str):
+        return str(value)
+    return type(present)(value)

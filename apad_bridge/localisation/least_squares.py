@@ -1,0 +1,110 @@
+"""A place from ranges: weighted least squares in the plane, iterated (Gauss-Newton), with what the geometry makes of it.
+
+An aMussel's depth is known, from its pressure sensor or because it lies on the bottom, so only north and east are sought.
+With anchors a_i (metres, depth positive down), ranges r_i of variance s_i^2 and a place x at the known depth,
+
+    minimise sum_i ((r_i - |x - a_i|) / s_i)^2,   J_i = (x - a_i)_horizontal / |x - a_i|,   cov(x) = (J^T W J)^-1
+
+and the horizontal dilution of precision is sqrt(trace((J^T J)^-1)): what a range's error is multiplied by.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+ITERATIONS = 50
+_STILL_M = 1e-5
+_FLAT = 1e-9
+"""A determinant of J^T J below this is a geometry that fixes nothing."""
+
+
+@dataclass(frozen=True, slots=True)
+class Solution:
+    """`covariance` is (north, north-east, east) in square metres, `residuals_m` in the order of the ranges.
+
+    `chi2` is the weighted sum of squared residuals: with n ranges about n - 2 if their variances are true.
+    """
+
+    north_m: float
+    east_m: float
+    covariance: tuple[float, float, float]
+    hdop: float
+    residuals_m: tuple[float, ...]
+    chi2: float
+    iterations: int
+
+
+class NoFix(ValueError):
+    """The ranges do not give a place; the text says why."""
+
+
+def solve(
+    anchors_m: Floats, ranges_m: Floats, deviations_m: Floats, depth_m: float, start_m: tuple[float, float]
+) -> Solution:
+    """From anchors (n, 3: north, east, depth), ranges (n) and their standard deviations (n), beginning at `start_m`.
+
+    Raises NoFix when the geometry fixes nothing or the iteration does not come to rest.
+    """
+    weights = 1 / deviations_m**2
+    place = np.array(start_m, dtype=np.float64)
+    damping = 0.0
+    residuals, jacobian = _linear(place, anchors_m, ranges_m, depth_m)
+    cost = float(weights @ residuals**2)
+    for iteration in range(1, ITERATIONS + 1):
+        normal = jacobian.T @ (weights[:, None] * jacobian)
+        if abs(np.linalg.det(jacobian.T @ jacobian)) < _FLAT:
+            raise NoFix("the anchors and the aMussel lie on a line")
+        step = np.linalg.solve(
+            normal + damping * np.diag(np.diag(normal)), jacobian.T @ (weights * residuals)
+        )
+        tried, slopes = _linear(place + step, anchors_m, ranges_m, depth_m)
+        tried_cost = float(weights @ tried**2)
+        if tried_cost > cost * (1 + 1e-9) and float(np.hypot(*step)) > _STILL_M:
+            # A step that goes too far is shortened (Levenberg and Marquardt).
+            damping = max(2 * damping, 0.1)
+            continue
+        damping /= 4
+        place, residuals, jacobian, cost = place + step, tried, slopes, tried_cost
+        if float(np.hypot(*step)) <= _STILL_M:
+            return _solution(place, residuals, jacobian, weights, iteration)
+    raise NoFix("the iteration does not come to rest")
+
+
+def mirrored(anchors_m: Floats, place_m: tuple[float, float]) -> tuple[float, float]:
+    """The place on the other side of the line that goes best through the anchors, which ranges tell badly from this one."""
+    centre = anchors_m[:, :2].mean(axis=0)
+    _, _, axes = np.linalg.svd(anchors_m[:, :2] - centre)
+    across = axes[1]
+    offset = np.array(place_m) - centre
+    north, east = centre + offset - 2 * (offset @ across) * across
+    return float(north), float(east)
+
+
+def _linear(place: Floats, anchors_m: Floats, ranges_m: Floats, depth_m: float) -> tuple[Floats, Floats]:
+    """Residuals (n) and the horizontal part of the unit vectors from the anchors (n, 2)."""
+    ways = np.column_stack(
+        (place[0] - anchors_m[:, 0], place[1] - anchors_m[:, 1], depth_m - anchors_m[:, 2])
+    )
+    lengths = np.maximum(np.linalg.norm(ways, axis=1), 1e-9)
+    return ranges_m - lengths, ways[:, :2] / lengths[:, None]
+
+
+def _solution(
+    place: Floats, residuals: Floats, jacobian: Floats, weights: Floats, iterations: int
+) -> Solution:
+    covariance = np.linalg.inv(jacobian.T @ (weights[:, None] * jacobian))
+    hdop = float(np.sqrt(np.trace(np.linalg.inv(jacobian.T @ jacobian))))
+    return Solution(
+        float(place[0]),
+        float(place[1]),
+        (float(covariance[0, 0]), float(covariance[0, 1]), float(covariance[1, 1])),
+        hdop,
+        tuple(float(it) for it in residuals),
+        float(weights @ residuals**2),
+        iterations,
+    )

@@ -1,0 +1,53 @@
+"""What every mission keeps and hands over: its state, and the orders and notes of this tick."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from apad_bridge.mission.orders import Note, Order
+from apad_bridge.mission.pool import SLOTS
+from apad_bridge.mission.state import MissionState
+
+
+class OrderBook:
+    """`state` is one frozen value; it is in the journal whenever `snapshot` says so."""
+
+    def __init__(self, state: MissionState) -> None:
+        self.state = state
+        self._orders: list[Order] = []
+
+    @property
+    def slots(self) -> tuple[int | None, ...]:
+        """The agent in each dock, None for a free one."""
+        held = dict(self.state.docked)
+        return tuple(held.get(slot) for slot in range(SLOTS))
+
+    def dock_changed(self, slot: int, agent_id: int, closed: bool) -> None:
+        """A dock closed around an aMussel, or let it go."""
+        held = {at: agent for at, agent in self.state.docked if at != slot}
+        if closed:
+            held[slot] = agent_id
+        self.set(docked=tuple(sorted(held.items())))
+        self.note("dock", slot=slot, agent=agent_id, closed=closed)
+
+    def note(self, kind: str, **data: object) -> None:
+        """An event for the journal."""
+        self._orders.append(Note(kind, data))
+
+    def snapshot(self) -> None:
+        self.note("mission", phase=self.state.phase.value, snapshot=self.state.to_json())
+
+    def order(self, order: Order) -> None:
+        self._orders.append(order)
+
+    def set(self, **changes: object) -> None:
+        self.state = replace(self.state, **changes)  # type: ignore[arg-type]
+
+    def next_id(self) -> int:
+        """Of a new primitive."""
+        self.set(primitive_id=self.state.primitive_id + 1)
+        return self.state.primitive_id
+
+    def take_orders(self) -> list[Order]:
+        orders, self._orders = self._orders, []
+        return orders

@@ -1,0 +1,100 @@
+"""A serial port that comes and goes: read and written without waiting, and opened again, ever later, when it is lost."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import serial
+
+BAUD = 9600
+_FIRST_RETRY_S = 0.25
+_LAST_RETRY_S = 8.0
+
+
+@dataclass(frozen=True, slots=True)
+class Opened:
+    pass
+
+
+@dataclass(frozen=True, slots=True)
+class Lost:
+    why: str
+
+
+@dataclass(frozen=True, slots=True)
+class Came:
+    data: bytes
+
+
+Event = Opened | Lost | Came
+
+
+class SerialPort:
+    """Owned by one thread, which calls `poll` as often as it likes. `clock` gives wall seconds, for the back-off alone."""
+
+    def __init__(self, path: str, clock: Callable[[], float] = time.monotonic) -> None:
+        self.path = path
+        self.why_closed = "it has not been opened yet"
+        self._clock = clock
+        self._port: Any = None
+        self._retry_s = _FIRST_RETRY_S
+        self._next_try_s = clock()
+        self._told: list[Event] = []
+
+    @property
+    def is_open(self) -> bool:
+        return self._port is not None
+
+    def poll(self) -> list[Event]:
+        """What happened since the last call; opens the port if it is time to."""
+        if self._port is None and self._clock() >= self._next_try_s:
+            self._open()
+        if self._port is not None:
+            try:
+                if data := self._port.read(4096):
+                    self._told.append(Came(data))
+            except (
+                OSError,
+                TypeError,
+            ) as error:  # TypeError: pyserial's, for a port that goes while it is read
+                self._lose(str(error))
+        told, self._told = self._told, []
+        return told
+
+    def write(self, data: bytes) -> None:
+        """Bytes for a port that is closed, or is lost now, are nobody's: `poll` says Lost, once."""
+        if self._port is None:
+            return
+        try:
+            self._port.write(data)
+        except OSError as error:
+            self._lose(str(error))
+
+    def close(self) -> None:
+        if self._port is not None:
+            self._port.close()
+            self._port = None
+
+    def _open(self) -> None:
+        try:
+            # Exclusive: two programs that command one modem would read each other's answers.
+            self._port = serial.Serial(self.path, BAUD, timeout=0, write_timeout=1.0, exclusive=True)
+        except (OSError, ValueError) as error:
+            self.why_closed = str(error)
+            self._later()
+            return
+        self._retry_s = _FIRST_RETRY_S
+        self._told.append(Opened())
+
+    def _lose(self, why: str) -> None:
+        self.why_closed = why
+        self.close()
+        self._told.append(Lost(why))
+        self._later()
+
+    def _later(self) -> None:
+        self._next_try_s = self._clock() + self._retry_s
+        self._retry_s = min(2 * self._retry_s, _LAST_RETRY_S)

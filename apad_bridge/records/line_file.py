@@ -1,0 +1,74 @@
+"""A file of JSON objects, one a line, that only grows: lines reach it whole, and a kill tears the last one at most."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+Line = dict[str, Any]
+
+_encode = json.JSONEncoder(separators=(",", ":"), allow_nan=False).encode
+
+
+class LineFile:
+    """Lines reach the file at `flush`."""
+
+    def __init__(self, path: Path) -> None:
+        """Opens the file at its end, making it if there is none; a torn last line is cut off."""
+        self._descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC, 0o644)
+        self._waiting: list[str] = []
+        self.torn_bytes = _cut_torn_line(self._descriptor)
+
+    def append(self, line: Line) -> None:
+        """ValueError for a value that JSON does not have (NaN); TypeError for one that is not plain data."""
+        self._waiting.append(_encode(line))
+
+    def flush(self) -> None:
+        if not self._waiting:
+            return
+        data = memoryview(("\n".join(self._waiting) + "\n").encode())
+        self._waiting.clear()
+        while data:
+            data = data[os.write(self._descriptor, data) :]
+
+    def close(self) -> None:
+        """Flushes; a second call does nothing."""
+        if self._descriptor >= 0:
+            self.flush()
+            os.close(self._descriptor)
+            self._descriptor = -1
+
+
+def read_lines(path: Path) -> Iterator[Line | None]:
+    """Each line in order; None for one that is no whole JSON object. OSError when there is no such file."""
+    with path.open("rb") as file:
+        for raw in file:
+            yield _decode(raw)
+
+
+def _decode(raw: bytes) -> Line | None:
+    if not raw.endswith(b"\n"):
+        return None
+    try:
+        line = json.loads(raw)
+    except ValueError:
+        return None
+    return line if isinstance(line, dict) else None
+
+
+def _cut_torn_line(descriptor: int) -> int:
+    """Cuts what follows the last line's end; how many bytes that were. The next line would else be glued to it."""
+    end = size = os.fstat(descriptor).st_size
+    while end > 0:
+        start = max(0, end - 65536)
+        newline = os.pread(descriptor, end - start, start).rfind(b"\n")
+        if newline >= 0:
+            end = start + newline + 1
+            break
+        end = start
+    if end < size:
+        os.ftruncate(descriptor, end)
+    return size - end

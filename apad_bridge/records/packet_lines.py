@@ -1,0 +1,83 @@
+"""A packet of sound as the journal and the bag keep it: who sent what in which slot, and what became of it where."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+from agents.modem.frames import TO_ALL
+from agents.water.medium import Outcome, PacketEnded, Reception
+from firmware_model.plan import Slots
+
+_TO_ALL = frozenset(kind.name.lower() for kind in TO_ALL)
+
+
+EVERYBODY = -1
+"""The receiver of a broadcast, in a `SoundRow`."""
+_CONFLICTS = frozenset(it.name.lower() for it in (Outcome.COLLIDED, Outcome.TRANSMITTING))
+
+
+class SoundRow(NamedTuple):
+    """One packet at one listener, as underwater_msgs/MediumTransmission tells it; nodes are ids, 0 is the aPad.
+
+    `message` is the outcome and then the bytes in hexadecimal; `conflict`, that others were in its way.
+    """
+
+    message: str
+    duration_s: float
+    sender: int
+    receiver: int
+    snr_db: float
+    range_m: float
+    listener: int
+    conflict: bool
+
+
+def sound_rows(packet: Mapping[str, Any]) -> list[SoundRow]:
+    """Of what `packet_data` made: a row for each listener; none of a packet that was never sent."""
+    everybody = packet["what"] in _TO_ALL
+    return [
+        SoundRow(
+            f"{outcome} {packet['data']}".rstrip(),
+            packet["lasted_ms"] / 1000,
+            packet["from"],
+            EVERYBODY if everybody else listener,
+            snr_db,
+            range_m,
+            listener,
+            outcome in _CONFLICTS,
+        )
+        for listener, outcome, snr_db, _, _, range_m in packet["heard"]
+    ]
+
+
+def packet_data(packet: PacketEnded, slots: Slots | None, speed_m_s: float) -> dict[str, Any]:
+    """Plain data. `began_ms` and the receptions' ends are agent time; `slot` is the one whose time it began in.
+
+    `heard` has a row for each receiver: id (0 is the aPad), outcome, SNR in dB, end, and how long and how far it travelled,
+    in ms and m.
+    """
+    frame = packet.frame
+    return {
+        "from": packet.sender,
+        "address": frame.destination,
+        "what": frame.kind.name.lower(),
+        "bytes": len(frame.data),
+        "began_ms": packet.began_ms,
+        "lasted_ms": frame.duration_ms,
+        "slot": None if slots is None else packet.began_ms % slots.frame_ms // slots.slot_ms,
+        "unsent": packet.unsent,
+        "heard": [_row(reception, speed_m_s) for reception in packet.receptions],
+        "data": frame.data.hex(),
+    }
+
+
+def _row(reception: Reception, speed_m_s: float) -> list[Any]:
+    return [
+        reception.receiver,
+        reception.outcome.name.lower(),
+        round(reception.snr_db, 1),
+        reception.at_ms,
+        round(reception.travelled_us / 1000, 3),
+        round(reception.travelled_us * speed_m_s / 1e6, 2),
+    ]

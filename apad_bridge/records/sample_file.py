@@ -1,0 +1,67 @@
+"""samples.jsonl: what the aMussels measured, as it was uploaded; a line a sample, appended, never written over.
+
+A line is in the file before its record is acknowledged, so that whatever kills the supervisor, an aMussel forgets nothing
+that is not here. Times are agent time; counts are raw, and the values are what the built-in calibrations make of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+
+from apad_bridge.records.line_file import Line, LineFile, read_lines
+from firmware_model.sample_record import SampleRecord
+from firmware_model.sensors import SENSORS, Quantity, values
+
+_UNITS = ("oxygen_mg_l", "pressure_mbar", "temperature_c", "turbidity_ntu")
+"""By `Quantity`."""
+
+
+class SampleFile:
+    """The samples of a run. The file is made with the first sample; a torn last line, of a kill, is cut off."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._file: LineFile | None = None
+        self.kept: dict[int, set[int]] = {}
+        """By aMussel, the sequences that are in the file."""
+        self.unreadable = 0
+        """Lines that somebody has damaged: their samples are taken again, if the aMussels still have them."""
+        if path.exists():
+            self._file = LineFile(path)
+            for line in read_lines(path):
+                if line is None or type(line.get("id")) is not int or type(line.get("sequence")) is not int:
+                    self.unreadable += 1
+                else:
+                    self.kept.setdefault(line["id"], set()).add(line["sequence"])
+
+    def append(self, agent_id: int, records: Iterable[SampleRecord]) -> None:
+        """On disk when it returns. A record that is there already is left out."""
+        kept = self.kept.setdefault(agent_id, set())
+        new = [record for record in records if record.sequence not in kept]
+        if not new:
+            return
+        if self._file is None:
+            self._file = LineFile(self._path)
+        for record in new:
+            self._file.append(sample_line(agent_id, record))
+            kept.add(record.sequence)
+        self._file.flush()
+
+    def close(self) -> None:
+        """A second call does nothing."""
+        if self._file is not None:
+            self._file.close()
+
+
+def sample_line(agent_id: int, record: SampleRecord) -> Line:
+    """One sample as its line: raw counts, values in their units, and which readings lay outside their sensor's range."""
+    readings = zip(_UNITS, values(SENSORS, record.counts), strict=True)
+    return {
+        "id": agent_id,
+        "sequence": record.sequence,
+        "agent_ms": record.agent_ms,
+        **{unit: round(value, 4) for unit, value in readings},
+        "counts": list(record.counts),
+        "saturated": [it.name.lower() for it in Quantity if record.saturated >> it & 1],
+    }

@@ -1,0 +1,64 @@
+"""Messages of any type, by the definition that their publisher sends along: nothing has to be installed for them here."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import genmsg
+import genpy
+import genpy.dynamic
+import roslib.message
+from genmsg.gentools import compute_full_text
+from genmsg.msg_loader import load_depends, load_msg_by_type
+
+
+class UnknownType(Exception):
+    """One line: which type is known neither here nor to the user's workspace."""
+
+
+class AnyMessages:
+    """Makes classes from definitions, and keeps them by md5."""
+
+    def __init__(self) -> None:
+        self._classes: dict[str, Any] = {}
+
+    def decode(self, message: Any) -> Any:
+        """A rospy.AnyMsg as its publisher meant it. ValueError when its definition or its bytes are wrong."""
+        header = message._connection_header
+        made = self.class_of(header["type"], header["md5sum"], header.get("message_definition", ""))
+        try:
+            return made().deserialize(message._buff)
+        except genpy.DeserializationError as error:
+            raise ValueError(f"{header['type']}: {error}") from error
+
+    def class_of(self, kind: str, md5: str, text: str) -> Any:
+        """The class of a publisher's own text. ValueError when that is not of this md5, or no definition."""
+        if md5 in self._classes:
+            return self._classes[md5]
+        try:
+            made = genpy.dynamic.generate_dynamic(kind, text)[kind]
+        except (genmsg.MsgGenerationException, genmsg.InvalidMsgSpec, KeyError) as error:
+            raise ValueError(f"{kind}: {error}") from error
+        if made._md5sum != md5:
+            raise ValueError(f"{kind}: its publisher sends md5 {md5} and a text of md5 {made._md5sum}")
+        return self._classes.setdefault(md5, made)
+
+
+def class_of(kind: str, search_path: dict[str, list[str]]) -> Any:
+    """Our class of a type, an installed one, or one made from the text in `search_path` (folders by package).
+
+    UnknownType when it is nowhere.
+    """
+    found = roslib.message.get_message_class(kind)
+    if found is not None:
+        return found
+    context = genmsg.MsgContext.create_default()
+    try:
+        specification = load_msg_by_type(context, kind, search_path)
+        load_depends(context, specification, search_path)
+        text = compute_full_text(context, specification)
+        return genpy.dynamic.generate_dynamic(kind, text)[kind]
+    except (genmsg.MsgNotFound, genmsg.InvalidMsgSpec, genmsg.MsgGenerationException, OSError) as error:
+        raise UnknownType(
+            f"{kind} is neither installed nor among the texts on ROS_PACKAGE_PATH: {error}"
+        ) from error

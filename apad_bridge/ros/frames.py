@@ -1,0 +1,41 @@
+"""Frames as ROS's tools expect them (REP 103, REP 105), and the one place where NED becomes ENU.
+
+Ours are local NED about the scenario's origin: north, east, depth positive down, headings clockwise from north.
+ROS's tools draw a world with z up: x east, y north, angles counter-clockwise from east, bodies with x forward and y left.
+"""
+
+from __future__ import annotations
+
+import math
+
+ENU = "musselbed/enu"
+"""The fixed frame of RViz and Foxglove."""
+NED = "musselbed/ned"
+"""The same origin, x north, y east, z down: for whoever has points in the aPad's own convention."""
+
+Vector = tuple[float, float, float]
+Quaternion = tuple[float, float, float, float]
+"""(x, y, z, w)"""
+
+UPRIGHT: Quaternion = (0.0, 0.0, 0.0, 1.0)
+NED_IN_ENU: Quaternion = (math.sqrt(0.5), math.sqrt(0.5), 0.0, 0.0)
+"""Half a turn about the axis between x and y exchanges them and turns z over."""
+
+
+def apad_frame(name: str) -> str:
+    return f"{name}/base_link"
+
+
+def agent_frame(agent_id: int) -> str:
+    return f"amussel{agent_id}/base_link"
+
+
+def enu(north_m: float, east_m: float, depth_m: float = 0.0) -> Vector:
+    """Metres (x east, y north, z up)."""
+    return east_m, north_m, -depth_m
+
+
+def yaw(heading_rad: float) -> Quaternion:
+    """The attitude, in ENU, of a level body that heads so, clockwise from north."""
+    half = (math.pi / 2 - heading_rad) / 2
+    return 0.0, 0.0, math.sin(half), math.cos(half)

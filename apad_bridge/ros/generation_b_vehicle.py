@@ -1,0 +1,275 @@
+"""The simulated aPad behind generation B's manners, without ROS: orders and detections in, what is to be published out.
+
+Where the published stack surprises, so does this. An order is taken at once and its end told by topics. Nothing has a
+time-out. Whatever ends leaves the controllers off, and the water takes the boat. Dynamic positioning holds until something
+else is asked. Docking and undocking first stand still for 27 s; docking then searches, for ever if need be, and approaches
+what it sees: yaw rate = max * tanh(horizontal), surge = max * exp(-horizontal^2 / (2 * 0.2^2)) towards the slot, until
+`docking_vertical` lies in (0.8, 0.9). It holds no aMussel by itself: whether one was caught, the stack never says.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from dataclasses import dataclass
+from enum import Enum, auto
+
+from apad_bridge.ros.generation_b_shown import (
+    ArmShown,
+    BatteryShown,
+    CameraTurned,
+    Finished,
+    PoseShown,
+    Shown,
+    StatusShown,
+)
+from apad_bridge.ros.generation_b_words import (
+    CAMERA_SERVO,
+    DETECTION_MS,
+    PULL_BACK_M_S,
+    PULL_BACK_MS,
+    SERVO_MS,
+    Arm,
+    DockingOrder,
+    GoToOrder,
+    Order,
+    PositionOrder,
+    Status,
+    slot_direction_rad,
+)
+from apad_bridge.scenario.faults import Fault
+from apad_bridge.simulated_apad.apad import SimulatedAPad
+from apad_bridge.simulated_apad.kinematics import STEP_MS, Pose
+from apad_bridge.simulated_apad.steering import Coast, Steer
+from apad_bridge.vehicle import Arrived, CommandFailed, GoTo, Hold
+
+SLOW_PERIOD_MS = 1000
+"""Of battery and statuses, which are told whenever they change, too."""
+CLOSE_ENOUGH = (0.8, 0.9)
+_AT_ONCE = {Fault.DROPS: Status.PREEMPTED, Fault.LIES: Status.DONE}
+"""How a go-to ends as soon as it is begun."""
+_WANDERS_MS = 5_000
+_CLOSED = Arm((False, False, False, False))
+
+
+class Stage(Enum):
+    OFF = auto()
+    """No primitive: controllers off."""
+    GOING = auto()
+    POSITIONING = auto()
+    SERVO = auto()
+    """Docking or undocking, standing still in its own callback."""
+    SERVOING = auto()
+    """Docking: searching, or approaching what is seen."""
+    PULLING = auto()
+
+
+@dataclass(frozen=True, slots=True)
+class Detection:
+    """What the camera says of an aMussel: in image coordinates, 0 the middle and 1 an edge."""
+
+    at_ms: int
+    horizontal: float
+    vertical: float
+
+
+class GenerationBVehicle:
+    """Three verbs in mission time, from `start_ms` on. The simulated aPad inside is told times from 0."""
+
+    def __init__(self, apad: SimulatedAPad, start_ms: int = 0, fault: Fault = Fault.NONE) -> None:
+        self.dropped: Counter[str] = Counter()
+        self._apad = apad
+        self._start_ms = start_ms
+        self._fault = fault
+        self._now_ms = start_ms
+        self._grid_ms = start_ms - STEP_MS
+        self._stage = Stage.OFF
+        self._stage_ms = start_ms
+        self._order: Order | None = None
+        self._serial = 0
+        self._statuses = {False: Status.IDLE, True: Status.IDLE}
+        """By whether it is the docking's."""
+        self._horizontal = 0.0
+        self._seen: Detection | None = None
+        self._is_manual = False
+
+    @property
+    def now_ms(self) -> int:
+        return self._now_ms
+
+    @property
+    def next_due_ms(self) -> int:
+        return self._grid_ms + STEP_MS
+
+    @property
+    def pose(self) -> Pose:
+        return self._apad.pose
+
+    @property
+    def stage(self) -> Stage:
+        return self._stage
+
+    @property
+    def battery_percent(self) -> float:
+        return 100 * self._apad.battery_fraction
+
+    def advance(self, now_ms: int) -> list[Shown]:
+        """What is to be published up to and with `now_ms`, in order. ValueError when time went back."""
+        if now_ms < self._now_ms:
+            raise ValueError(f"time went back from {self._now_ms} to {now_ms} ms")
+        shown: list[Shown] = []
+        while (due_ms := self.next_due_ms) <= now_ms:
+            self._grid_ms = self._now_ms = due_ms
+            self._step(due_ms, shown)
+        self._now_ms = now_ms
+        return shown
+
+    @property
+    def takes(self) -> bool | None:
+        """What its services answer; None when they never do."""
+        return {Fault.REFUSES: False, Fault.HANGS: None}.get(self._fault, True)
+
+    def receive(self, order: Order, now_ms: int) -> list[Shown]:
+        """Takes an order, whatever is under way. One that names what cannot be is taken too, and aborted."""
+        if not self.takes:
+            return self.advance(now_ms)
+        shown = self.advance(now_ms)
+        self._end(Status.PREEMPTED, shown, finished=self._stage is not Stage.OFF)
+        self._order = order
+        match order:
+            case GoToOrder(north_m, east_m, speed_m_s, victory_radius_m):
+                self._enter(Stage.GOING)
+                self._tell_status(False, Status.RUNNING, shown)
+                if self._fault in _AT_ONCE:
+                    self._end(_AT_ONCE[self._fault], shown, finished=True)
+                elif not (speed_m_s > 0 and victory_radius_m > 0):
+                    self.dropped["go2point: speed or victory radius is not above 0"] += 1
+                    self._end(Status.IDLE, shown, finished=True)
+                elif self._fault is not Fault.STUCK:
+                    self._command(
+                        GoTo(self._next_serial(), north_m, east_m, speed_m_s, victory_radius_m), shown
+                    )
+            case PositionOrder(north_m, east_m, heading_rad):
+                self._enter(Stage.POSITIONING)
+                self._command(Hold(self._next_serial(), north_m, east_m, heading_rad), shown)
+            case DockingOrder():
+                self._begin_docking(order, shown)
+        return shown
+
+    def stop(self, now_ms: int) -> list[Shown]:
+        """`stop_mission`: the primitive ends, and with it the controllers."""
+        shown = self.advance(now_ms)
+        self._end(Status.PREEMPTED, shown, finished=self._stage is not Stage.OFF)
+        return shown
+
+    def detect(self, horizontal: float | None, vertical: float | None, now_ms: int) -> list[Shown]:
+        """A word of the camera: each of the two comes on a topic of its own. A detection is whole with the second."""
+        shown = self.advance(now_ms)
+        if horizontal is not None:
+            self._horizontal = horizontal
+        if vertical is not None:
+            self._seen = Detection(now_ms, self._horizontal, vertical)
+        return shown
+
+    def set_manual(self, steers: bool, now_ms: int) -> list[Shown]:
+        """A pilot's joystick: while it is in use, primitives are pre-empted and none is begun."""
+        shown = self.advance(now_ms)
+        if steers and not self._is_manual:
+            self._end(Status.PREEMPTED, shown, finished=self._stage is not Stage.OFF)
+        self._is_manual = steers
+        return shown
+
+    def _begin_docking(self, order: DockingOrder, shown: list[Shown]) -> None:
+        if order.slot not in range(len(CAMERA_SERVO)):
+            self.dropped["docking: no such slot"] += 1
+            self._order = None
+            return
+        self._enter(Stage.SERVO)
+        self._seen = None
+        self._tell_status(True, Status.RUNNING, shown)
+        shown.append(CameraTurned(self._now_ms, CAMERA_SERVO[order.slot]))
+        is_open = tuple(slot == order.slot for slot in range(4))
+        shown.append(ArmShown(self._now_ms, Arm((is_open[0], is_open[1], is_open[2], is_open[3]))))
+        self._command(Coast(), shown)
+
+    def _step(self, at_ms: int, shown: list[Shown]) -> None:
+        """One instant of the grid: what the boat did, what the primitive makes of it, what is told by the clock."""
+        for fact in self._apad.advance(at_ms - self._start_ms):
+            if isinstance(fact, Arrived) and self._stage is Stage.GOING:
+                self._end(Status.DONE, shown, finished=True)
+            elif isinstance(fact, CommandFailed):
+                self._end(Status.IDLE, shown, finished=True)
+        wanders = self._fault is Fault.WANDERS and self._stage is Stage.POSITIONING
+        if wanders and at_ms - self._stage_ms >= _WANDERS_MS:
+            self._end(Status.IDLE, shown, finished=True)
+        if isinstance(self._order, DockingOrder):
+            self._servo(self._order, at_ms, shown)
+        shown.append(PoseShown(at_ms, self.pose))
+        if (at_ms - self._start_ms) % SLOW_PERIOD_MS == 0:
+            shown.append(BatteryShown(at_ms, self.battery_percent))
+            for docking in (False, True):
+                self._tell_status(docking, self._statuses[docking], shown)
+
+    def _servo(self, order: DockingOrder, at_ms: int, shown: list[Shown]) -> None:
+        since_ms = at_ms - self._stage_ms
+        towards_rad = slot_direction_rad(order.slot)
+        match self._stage:
+            case Stage.SERVO if since_ms >= SERVO_MS and order.docks:
+                self._enter(Stage.SERVOING)
+                self._approach(order, towards_rad, shown)
+            case Stage.SERVO if since_ms >= SERVO_MS:
+                self._enter(Stage.PULLING)
+                self._command(Steer(PULL_BACK_M_S, towards_rad + math.pi, 0.0), shown)
+            case Stage.SERVOING:
+                self._approach(order, towards_rad, shown)
+            case Stage.PULLING if since_ms >= PULL_BACK_MS:
+                self._end(Status.DONE, shown, finished=True)
+            case _:
+                pass
+
+    def _approach(self, order: DockingOrder, towards_rad: float, shown: list[Shown]) -> None:
+        seen = self._seen
+        if seen is None or self._now_ms - seen.at_ms > DETECTION_MS:
+            self._command(Steer(0.0, towards_rad, order.search_yaw_rate_rad_s), shown)
+        elif CLOSE_ENOUGH[0] < seen.vertical < CLOSE_ENOUGH[1]:
+            self._end(Status.DONE, shown, finished=True)
+        else:
+            stdev = max(order.surge_stdev, 1e-6)
+            surge = order.max_surge_m_s * math.exp(-(seen.horizontal**2) / (2 * stdev**2))
+            yaw_rate = order.max_yaw_rate_rad_s * math.tanh(seen.horizontal)
+            self._command(Steer(surge, towards_rad, yaw_rate), shown)
+
+    def _end(self, status: Status, shown: list[Shown], *, finished: bool) -> None:
+        """Whatever is under way is over: its status, its event, its arm, and the controllers off."""
+        stage, self._order = self._stage, None
+        self._enter(Stage.OFF)
+        if stage is Stage.GOING:
+            self._tell_status(False, status, shown)
+        elif stage in (Stage.SERVO, Stage.SERVOING, Stage.PULLING):
+            shown.append(ArmShown(self._now_ms, _CLOSED))
+            self._tell_status(True, status, shown)
+        if finished:
+            if self._fault is not Fault.SILENT:
+                shown.append(Finished(self._now_ms))
+            self._apad.receive(Coast(), self._now_ms - self._start_ms)
+
+    def _command(self, command: GoTo | Hold | Coast | Steer, shown: list[Shown]) -> None:
+        if self._is_manual and not isinstance(command, Coast):
+            self.dropped["order: a pilot steers"] += 1
+            self._end(Status.PREEMPTED, shown, finished=True)
+            return
+        for fact in self._apad.receive(command, self._now_ms - self._start_ms):
+            if isinstance(fact, CommandFailed):
+                self._end(Status.IDLE, shown, finished=True)
+
+    def _enter(self, stage: Stage) -> None:
+        self._stage, self._stage_ms = stage, self._now_ms
+
+    def _tell_status(self, docking: bool, status: Status, shown: list[Shown]) -> None:
+        self._statuses[docking] = status
+        if self._fault is not Fault.SILENT:
+            shown.append(StatusShown(self._now_ms, docking, status))
+
+    def _next_serial(self) -> int:
+        self._serial += 1
+        return self._serial

@@ -1,0 +1,169 @@
+"""Beliefs and the aPad's state in ROS's standard messages. Positions come in as local NED metres, times as mission ms."""
+
+from __future__ import annotations
+
+import math
+
+from geometry_msgs.msg import Point, Pose, PoseStamped, Transform, TransformStamped, Vector3
+from geometry_msgs.msg import Quaternion as RosQuaternion
+from nav_msgs.msg import Path
+from sensor_msgs.msg import BatteryState, NavSatFix, NavSatStatus
+from std_msgs.msg import ColorRGBA, Header
+from visualization_msgs.msg import Marker
+
+from apad_bridge.beliefs.belief import Belief
+from apad_bridge.geography import LocalFrame
+from apad_bridge.ros.frames import ENU, UPRIGHT, Quaternion, Vector, agent_frame, enu
+from apad_bridge.ros.ros_time import to_ros
+from apad_bridge.vehicle import BatteryReported
+from firmware_model.charge import EMPTY_MV, FULL_MV
+from firmware_model.state_groups import BEYOND_HELP, DOCKED
+
+_UNKNOWN = math.nan
+"""What BatteryState asks for where nothing is measured."""
+_MARKER_M = 0.5
+_LABEL_M = 0.6
+
+
+def header(now_ms: int, frame: str = ENU) -> Header:
+    return Header(stamp=to_ros(now_ms), frame_id=frame)
+
+
+def agent_battery(belief: Belief) -> BatteryState:
+    """The primary battery, with the voltage that the paper's scale stands for; `cell_voltage` holds both batteries'."""
+    docked = belief.state in DOCKED
+    full = docked and belief.primary >= 1.0
+    message = BatteryState(
+        header=header(belief.heard_ms, agent_frame(belief.agent_id)),
+        voltage=_volts(belief.primary),
+        temperature=_UNKNOWN,
+        current=_UNKNOWN,
+        charge=_UNKNOWN,
+        capacity=_UNKNOWN,
+        design_capacity=_UNKNOWN,
+        percentage=belief.primary,
+        cell_voltage=[_volts(belief.primary), _volts(belief.secondary)],
+        power_supply_technology=BatteryState.POWER_SUPPLY_TECHNOLOGY_LIPO,
+        present=True,
+        location=f"amussel{belief.agent_id}",
+    )
+    if full:
+        message.power_supply_status = BatteryState.POWER_SUPPLY_STATUS_FULL
+    elif docked:
+        message.power_supply_status = BatteryState.POWER_SUPPLY_STATUS_CHARGING
+    else:
+        message.power_supply_status = BatteryState.POWER_SUPPLY_STATUS_DISCHARGING
+    if belief.state in BEYOND_HELP or belief.primary <= 0.0:
+        message.power_supply_health = BatteryState.POWER_SUPPLY_HEALTH_DEAD
+    else:
+        message.power_supply_health = BatteryState.POWER_SUPPLY_HEALTH_GOOD
+    return message
+
+
+def apad_battery(battery: BatteryReported, name: str) -> BatteryState:
+    return BatteryState(
+        header=header(battery.at_ms),
+        voltage=battery.voltage_v,
+        temperature=_UNKNOWN,
+        current=_UNKNOWN,
+        charge=_UNKNOWN,
+        capacity=_UNKNOWN,
+        design_capacity=_UNKNOWN,
+        percentage=battery.fraction,
+        power_supply_status=BatteryState.POWER_SUPPLY_STATUS_DISCHARGING,
+        present=True,
+        location=name,
+    )
+
+
+def fix(
+    frame: LocalFrame, at_ms: int, body: str, north_m: float, east_m: float, variance_m2: Vector
+) -> NavSatFix:
+    """Degrees on WGS-84, at height 0. `variance_m2` is (north, covariance, east); all 0 says that nothing is known."""
+    latitude_deg, longitude_deg = frame.to_geographic(north_m, east_m)
+    north, between, east = variance_m2
+    known = north > 0 or east > 0
+    return NavSatFix(
+        header=header(at_ms, body),
+        status=NavSatStatus(status=NavSatStatus.STATUS_FIX, service=NavSatStatus.SERVICE_GPS),
+        latitude=latitude_deg,
+        longitude=longitude_deg,
+        altitude=0.0,
+        position_covariance=[east, between, 0.0, between, north, 0.0, 0.0, 0.0, 0.0],
+        position_covariance_type=NavSatFix.COVARIANCE_TYPE_KNOWN
+        if known
+        else NavSatFix.COVARIANCE_TYPE_UNKNOWN,
+    )
+
+
+def path(now_ms: int, points_m: list[tuple[float, float]]) -> Path:
+    """Through (north, east) points at the surface."""
+    stamped = header(now_ms)
+    poses = [PoseStamped(header=stamped, pose=pose(enu(*point_m), UPRIGHT)) for point_m in points_m]
+    return Path(header=stamped, poses=poses)
+
+
+def pose(at: Vector, attitude: Quaternion) -> Pose:
+    return Pose(position=Point(*at), orientation=RosQuaternion(*attitude))
+
+
+def transform(now_ms: int, parent: str, child: str, at: Vector, attitude: Quaternion) -> TransformStamped:
+    return TransformStamped(
+        header=header(now_ms, parent),
+        child_frame_id=child,
+        transform=Transform(translation=Vector3(*at), rotation=RosQuaternion(*attitude)),
+    )
+
+
+def agent_markers(belief: Belief, now_ms: int) -> list[Marker]:
+    """A ball from red (empty) to green (full), cyan when docked, grey when lost; and its id and charge above it."""
+    at = enu(belief.north_m, belief.east_m)
+    ball = _marker("amussels", belief.agent_id, Marker.SPHERE, now_ms, at, _colour(belief), _MARKER_M)
+    # North of the ball, so that it is read from above too.
+    above = (at[0], at[1] + _LABEL_M, at[2] + _LABEL_M)
+    label = _marker(
+        "labels",
+        belief.agent_id,
+        Marker.TEXT_VIEW_FACING,
+        now_ms,
+        above,
+        ColorRGBA(1.0, 1.0, 1.0, 1.0),
+        _LABEL_M,
+    )
+    label.text = f"{belief.agent_id}: {100 * belief.primary:.0f} %"
+    return [ball, label]
+
+
+def apad_marker(now_ms: int, at: Vector, attitude: Quaternion) -> Marker:
+    """An arrow along its heading."""
+    arrow = _marker("apad", 0, Marker.ARROW, now_ms, at, ColorRGBA(1.0, 0.8, 0.0, 1.0), 0.3)
+    arrow.pose.orientation = RosQuaternion(*attitude)
+    arrow.scale = Vector3(1.5, 0.3, 0.3)
+    return arrow
+
+
+def _marker(
+    group: str, number: int, kind: int, now_ms: int, at: Vector, colour: ColorRGBA, size_m: float
+) -> Marker:
+    return Marker(
+        header=header(now_ms),
+        ns=group,
+        id=number,
+        type=kind,
+        action=Marker.ADD,
+        pose=pose(at, UPRIGHT),
+        scale=Vector3(size_m, size_m, size_m),
+        color=colour,
+    )
+
+
+def _colour(belief: Belief) -> ColorRGBA:
+    if belief.state in BEYOND_HELP:
+        return ColorRGBA(0.4, 0.4, 0.4, 1.0)
+    if belief.state in DOCKED:
+        return ColorRGBA(0.0, 0.8, 0.9, 1.0)
+    return ColorRGBA(1.0 - belief.primary, belief.primary, 0.1, 1.0)
+
+
+def _volts(charge: float) -> float:
+    return (EMPTY_MV + (FULL_MV - EMPTY_MV) * charge) / 1000

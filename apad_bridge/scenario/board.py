@@ -1,0 +1,52 @@
+"""The MU board of a scenario, and the hull around it."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from annotated_types import Ge
+
+from apad_bridge.scenario.quantities import (
+    ChargeSegments,
+    NotNegativeSeconds,
+    PositiveSeconds,
+    RatePerMinute,
+    frozen,
+)
+from apad_bridge.scenario.whole_board import WholeBoard
+
+
+@frozen
+class Board:
+    """Numbers of the MU board and its body; agent time. Either the paper's worst case, by its two equations, or `whole`."""
+
+    discharge_per_min: RatePerMinute | None = None
+    charge_segments: ChargeSegments | None = None
+    pin_debounce_ms: Annotated[int, Ge(0)]
+    pin_chatter_ms: Annotated[int, Ge(1)] = 2000
+    """A charger's pin that bounces for so long is decided by the level that it had for the greater part of it."""
+    pin_check_s: PositiveSeconds = 60.0
+    """The pin's level is looked at at whole multiples of this, which finds an edge that was missed."""
+    coil_alignment_s: NotNegativeSeconds = 0.0
+    """From a dock's closing until the charger starts."""
+    boot_ms: Annotated[int, Ge(0)]
+    surfacing_s: PositiveSeconds
+    sinking_s: PositiveSeconds
+    float_timeout_s: PositiveSeconds
+    """Floating unserved for so long, an aMussel sinks again."""
+    release_wait_s: NotNegativeSeconds
+    """After the falling edge, how long to wait for the release packet before sinking without it."""
+    whole: WholeBoard | None = None
+
+    def __post_init__(self) -> None:
+        equations = {"discharge_per_min": self.discharge_per_min, "charge_segments": self.charge_segments}
+        missing = [name for name, value in equations.items() if value is None]
+        given = [name for name in equations if name not in missing]
+        if self.pin_chatter_ms <= self.pin_debounce_ms:
+            raise ValueError("pin_chatter_ms must be longer than pin_debounce_ms")
+        if self.whole is None and missing:
+            raise ValueError(f"{' and '.join(missing)} must be there, or `whole` for the whole firmware")
+        if self.whole is not None and given:
+            raise ValueError(
+                f"{' and '.join(given)} must be left out where `whole` is: its numbers are in whole.power"
+            )

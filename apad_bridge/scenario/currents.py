@@ -1,0 +1,138 @@
+"""A scenario's currents as the text that agents are handed: a CSV as it stands, or a NetCDF file cut to the area.
+
+NetCDF is what ocean models give. It is read here and not by agents, which stay small. netCDF4 reads the classic format and
+the newer one that is HDF5 inside, of which scipy reads only the former.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agents.water.stream import Stream, parse_stream
+from apad_bridge.geography import LocalFrame
+
+NORTH_NAMES = ("north_m_s", "vo", "v", "northward_sea_water_velocity", "sea_water_y_velocity")
+EAST_NAMES = ("east_m_s", "uo", "u", "eastward_sea_water_velocity", "sea_water_x_velocity")
+_AXES = {
+    "time": ("time", "t", "ocean_time"),
+    "depth": ("depth", "deptht", "lev", "z"),
+    "row": ("latitude", "lat", "north_m"),
+    "column": ("longitude", "lon", "east_m"),
+}
+_UNITS_S = {"seconds": 1, "minutes": 60, "hours": 3600, "days": 86_400}
+_SUFFIXES = (".nc", ".nc4", ".cdf")
+_MOST_POINTS = 200_000
+BEYOND_M = 20_000.0
+"""Points farther than this from the area's origin, to north or to east, are left out."""
+
+
+def current_text(path: Path, frame: LocalFrame) -> str:
+    """CSV with the columns north_m, east_m, north_m_s, east_m_s and, of a NetCDF file, time_s and depth_m.
+
+    Time begins with the file's first; land is still. Raises OSError, or ValueError that says what is wrong.
+    """
+    if path.suffix not in _SUFFIXES:
+        return path.read_text(encoding="utf-8")
+    try:
+        import netCDF4
+    except ImportError:
+        raise ValueError("to read NetCDF the package netCDF4 is wanted: pip install netCDF4") from None
+    with netCDF4.Dataset(str(path)) as data:
+        return _csv(data.variables, frame)
+
+
+def read_current(path: Path, frame: LocalFrame) -> Stream:
+    """Raises OSError, or ValueError."""
+    return parse_stream(current_text(path, frame))
+
+
+def problem_with_current(path: Path, frame: LocalFrame) -> str:
+    try:
+        read_current(path, frame)
+    except OSError as error:
+        return f"{error.strerror}: {path}"
+    except ValueError as error:  # not UTF-8, or not a field
+        return f"{path}: {error}"
+    return ""
+
+
+def _csv(variables: Any, frame: LocalFrame) -> str:
+    north, east = _named(variables, NORTH_NAMES), _named(variables, EAST_NAMES)
+    if north.dimensions != east.dimensions:
+        raise ValueError(f"{north.name} and {east.name} have other dimensions")
+    axes = {_axis_of(name): name for name in north.dimensions}
+    if not {"row", "column"} <= axes.keys():
+        raise ValueError("the velocities need an axis of latitude or north_m, and one of longitude or east_m")
+    seconds = _seconds(variables[axes["time"]]) if "time" in axes else [0]
+    depths = [0.0] if "depth" not in axes else [abs(float(it)) for it in variables[axes["depth"]][:]]
+    norths, easts = _metres(variables[axes["row"]], variables[axes["column"]], frame)
+    rows, columns = (np.flatnonzero(np.abs(it) <= BEYOND_M) for it in (norths, easts))
+    points = len(rows) * len(columns) * len(seconds) * len(depths)
+    if points == 0:
+        raise ValueError(f"no point lies within {BEYOND_M / 1000:g} km of the area's origin")
+    if points > _MOST_POINTS:
+        raise ValueError(f"{points} points lie near the area, at most {_MOST_POINTS} are taken: cut the file")
+    speeds = [_ordered(it, rows, columns) for it in (north, east)]
+    lines = ["time_s,depth_m,north_m,east_m,north_m_s,east_m_s"]
+    for (t, z, row, column), north_m_s in np.ndenumerate(speeds[0]):
+        where = f"{seconds[t]},{depths[z]:.6g},{norths[rows[row]]:.3f},{easts[columns[column]]:.3f}"
+        lines.append(f"{where},{north_m_s:.6g},{speeds[1][t, z, row, column]:.6g}")
+    return "\n".join(lines)
+
+
+def _named(variables: Any, names: tuple[str, ...]) -> Any:
+    for name in names:
+        if name in variables:
+            return variables[name]
+    for variable in variables.values():
+        if getattr(variable, "standard_name", None) in names:
+            return variable
+    raise ValueError(f"no variable is called {', '.join(names)}")
+
+
+def _axis_of(dimension: str) -> str:
+    for axis, names in _AXES.items():
+        if dimension in names:
+            return axis
+    raise ValueError(
+        f"an axis {dimension!r} is not known: {', '.join(n for names in _AXES.values() for n in names)}"
+    )
+
+
+def _seconds(time: Any) -> list[int]:
+    unit = str(getattr(time, "units", "seconds")).split()[0]
+    if unit not in _UNITS_S:
+        raise ValueError(f"time is in {unit!r}, not in {', '.join(_UNITS_S)}")
+    values = np.asarray(time[:], dtype=np.float64) * _UNITS_S[unit]
+    return [round(float(it)) for it in values - values[0]]
+
+
+def _metres(row: Any, column: Any, frame: LocalFrame) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Local NED of the axes' points; of degrees, by the meridian and the parallel through the origin."""
+    rows, columns = (np.asarray(it[:], dtype=np.float64) for it in (row, column))
+    if rows.ndim != 1 or columns.ndim != 1:
+        raise ValueError("the axes of a grid are wanted, not a curved one")
+    if row.name == "north_m":
+        return rows, columns
+    norths = np.array([frame.to_local(it, frame.longitude_deg)[0] for it in rows])
+    easts = np.array([frame.to_local(frame.latitude_deg, it)[1] for it in columns])
+    return norths, easts
+
+
+def _ordered(variable: Any, rows: NDArray[np.intp], columns: NDArray[np.intp]) -> NDArray[np.float64]:
+    """(time, depth, row, column), 0 where there is no water."""
+    read: Any = variable[:]
+    values = np.asarray(read.filled(0.0) if hasattr(read, "filled") else read, dtype=np.float64)
+    values = np.where(np.isfinite(values), values, 0.0)
+    present = [_axis_of(name) for name in variable.dimensions]
+    wanted = [axis for axis in _AXES if axis in present]
+    values = np.transpose(values, [present.index(axis) for axis in wanted])
+    for n, axis in enumerate(_AXES):
+        if axis not in present:
+            values = np.expand_dims(values, n)
+    cut: NDArray[np.float64] = values[:, :, rows][:, :, :, columns]
+    return cut

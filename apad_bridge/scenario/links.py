@@ -1,0 +1,26 @@
+"""A scenario's file of links: which are cut, when, and how lossy they are."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from agents.sea_facts import APAD
+from agents.water.topology import Topology, parse_topology
+
+APAD_NAME = "apad"
+"""The aPad in a file of links."""
+
+
+def read_links(path: Path, theta: int) -> Topology:
+    """Seconds in the file are mission time. Raises OSError, or ValueError, `line N: ...`."""
+    return parse_topology(path.read_text(encoding="utf-8"), {APAD_NAME: APAD}, 1000 * theta)
+
+
+def problem_with_links(path: Path) -> str:
+    try:
+        read_links(path, 1)
+    except OSError as error:
+        return f"{error.strerror}: {path}"
+    except ValueError as error:  # not UTF-8, or not links
+        return f"{path}: {error}"
+    return ""

@@ -1,0 +1,111 @@
+"""Named profiles: blocks of numbers that somebody has measured or fitted, for a scenario to start from.
+
+A block that names a profile gets each key from it that the block itself does not give. A resolved scenario has them all
+written out, so a run that was flown stays what it was when a later version fits a profile anew.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from apad_bridge.boards import grains_of_milliwatts
+from firmware_model import table_one
+from firmware_model.charge import FULL
+from firmware_model.plan import PATH_UNIT, Cycle
+from firmware_model.rails import Rail
+
+_CAPACITY_WH = table_one.REFERENCE_MWH / 1000
+_MS_PER_HOUR = 3_600_000
+_REPORT_S = 60.0
+"""Of every profile: the paper's time scale of 30 leaves the aPad 30 s for an answer."""
+
+
+def _milliwatts(load: int) -> float:
+    """The roundest number that comes to just these grains a millisecond."""
+    exact = load * _MS_PER_HOUR * table_one.REFERENCE_MWH / FULL
+    candidates = (round(exact, digits) for digits in range(12))
+    return next(it for it in candidates if grains_of_milliwatts(it, _CAPACITY_WH) == load)
+
+
+def _power() -> dict[str, Any]:
+    power = table_one.power()
+    return {
+        "capacity_wh": _CAPACITY_WH,
+        "loads_mw": {rail.name.lower(): _milliwatts(power.loads.of[rail]) for rail in Rail},
+        "charge_segments": [list(segment) for segment in table_one.EQUATION_2],
+        "two_coils": next(it.value for it in table_one.FITTED if it.name == "two_coils"),
+        "path": power.path / PATH_UNIT,
+        "motor_run_s": power.motor_run_ms / 1000,
+        "receive_ms": power.receive_ms,
+        "switch_back": power.switch_back / FULL,
+    }
+
+
+def _metering() -> dict[str, Any]:
+    metering = table_one.METERING
+    known = {it.name: it.value for it in table_one.METERED}
+    return {
+        "period_s": metering.period_ms / 1000,
+        "settle_s": metering.settle_ms / 1000,
+        "internal_resistance_ohm": known["internal_resistance"],
+        "idle_mw": _milliwatts(metering.sag_from),
+        "lift_mv": known["lift"],
+        "noise_mv": known["noise"],
+    }
+
+
+def _cycle(cycle: Cycle) -> dict[str, Any]:
+    slots = cycle.slots
+    return {
+        "alarm_s": cycle.alarm_ms / 1000,
+        "sample_s": cycle.sample_ms / 1000,
+        "processing_s": cycle.processing_ms / 1000,
+        "listen_s": cycle.listen_ms / 1000,
+        "report_s": _REPORT_S,
+        "slots": None
+        if slots is None
+        else {"frame_s": slots.frame_ms / 1000, "slot_s": slots.slot_ms / 1000},
+    }
+
+
+_PROFILES: dict[tuple[str, ...], dict[str, dict[str, Any]]] = {
+    ("board", "whole", "power"): {"table-one": _power()},
+    ("board", "whole", "power", "metering"): {"table-one": _metering()},
+    ("board", "whole", "cycle"): {"hourly": _cycle(table_one.HOURLY), "field": _cycle(table_one.FIELD)},
+}
+"""By the block's path and the profile's name."""
+
+
+def filled_in(data: dict[str, Any]) -> dict[str, Any]:
+    """The same data with profiles written out; what cannot be read as one is left for the schema to refuse.
+
+    A text in the place of a block is a profile's name; `cycle: never` is no cycle at all.
+    """
+    for path, profiles in _PROFILES.items():
+        data = _at(data, path, profiles)
+    return data
+
+
+def _at(data: dict[str, Any], path: tuple[str, ...], profiles: dict[str, dict[str, Any]]) -> dict[str, Any]:
+    key, *rest = path
+    if key not in data:
+        return data
+    inner = data[key]
+    if rest:
+        return {**data, key: _at(inner, tuple(rest), profiles)} if isinstance(inner, dict) else data
+    if (key, inner) == ("cycle", "never"):
+        return {**data, key: None}
+    given = {"profile": inner} if isinstance(inner, str) else inner
+    if not isinstance(given, dict):
+        return data
+    name = given.get("profile")
+    profile = profiles.get(name, {}) if isinstance(name, str) else {}
+    return {**data, key: _over(profile, given)}
+
+
+def _over(profile: dict[str, Any], given: dict[str, Any]) -> dict[str, Any]:
+    merged = {**profile, **given}
+    for key, inner in profile.items():
+        if isinstance(inner, dict) and isinstance(given.get(key), dict):
+            merged[key] = {**inner, **given[key]}
+    return merged

@@ -1,0 +1,185 @@
+"""The block `water` of a scenario: sound, Wi-Fi and links as they are in the real water, not in the paper's experiments."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from typing import Annotated
+
+from annotated_types import Ge, Gt, Le, Lt
+
+from agents.water import sound
+from apad_bridge.scenario.quantities import (
+    Fraction,
+    NotNegative,
+    NotNegativeSeconds,
+    Positive,
+    PositiveSeconds,
+    frozen,
+)
+
+Speed = Annotated[float, Ge(-20), Le(20)]
+
+
+class ModemGeneration(StrEnum):
+    """`v3`: today's nanomodem, 64 bytes. `v2`: that of the early swarm, 7 bytes at 40 bit/s."""
+
+    V2 = "v2"
+    V3 = "v3"
+
+
+OpenFraction = Annotated[float, Gt(0), Lt(1)]
+
+
+@frozen
+class ErrorCurve:
+    """Packet error rates: `rates[i][j]` of `sizes[i]` bytes at `snrs_db[j]`."""
+
+    snrs_db: tuple[float, ...]
+    sizes: tuple[Annotated[int, Ge(1)], ...]
+    rates: tuple[tuple[OpenFraction, ...], ...]
+
+    def __post_init__(self) -> None:
+        sound.ErrorCurve(self.snrs_db, self.sizes, self.rates)  # ValueError for what is none
+
+
+@frozen
+class Sound:
+    """The modems and the water between them. Left out, a key is the nanomodem's own figure, or open sea."""
+
+    sound_speed_m_s: Annotated[float, Ge(1000), Le(2000)] = 1500.0
+    source_level_db: Annotated[float, Gt(0), Le(300)] = 168.0
+    spreading_db: Annotated[float, Ge(0), Le(60)] = 20.0
+    absorption_db_per_km: NotNegative | None = None
+    """None: by Thorp's formula at `frequency_khz`."""
+    frequency_khz: Annotated[float, Gt(0), Le(1000)] = 28.0
+    noise_db_per_hz: Annotated[float, Ge(-200), Le(200)] = 50.0
+    bandwidth_hz: Positive = 8000.0
+    fading_db: NotNegative = 0.0
+    reverberation_s: NotNegativeSeconds = 0.0
+    reverberation_db: NotNegative = 10.0
+    capture_db: Annotated[float, Ge(0), Le(300)] = 6.0
+    thruster_noise_db: NotNegative = 20.0
+    thrusting_m_s: NotNegative = 0.1
+    """An aPad that moves faster has its thrusters running."""
+    range_limit_m: Positive = 5000.0
+    turnaround_s: NotNegativeSeconds = 0.0
+    keel_m: Positive = 0.5
+    """The depth of the aPad's modem."""
+    range_noise_m: NotNegative = 0.1
+    error_curve: ErrorCurve | None = None
+    """None: the nanomodem's own, in harsh multipath."""
+
+
+@frozen
+class Wifi:
+    """Radios near the waves: half of all packets get through where the path leaves `sensitivity_dbm`."""
+
+    frequency_mhz: Positive = 2440.0
+    transmit_dbm: float = 20.0
+    sensitivity_dbm: float = -85.0
+    mussel_antenna_m: Positive = 0.05
+    apad_antenna_m: Positive = 1.5
+    slope_db: Positive = 1.5
+
+
+@frozen
+class Tide:
+    """One constituent: north is north_m_s sin(2 pi t / period + north_phase), and east likewise; t is mission time."""
+
+    period_h: Annotated[float, Gt(0), Le(10_000)]
+    north_m_s: Speed
+    east_m_s: Speed
+    north_phase_deg: Annotated[float, Ge(-360), Le(360)] = 0.0
+    east_phase_deg: Annotated[float, Ge(-360), Le(360)] = 0.0
+
+
+@frozen
+class Current:
+    file: str | None = None
+    """CSV or NetCDF; relative to the scenario file."""
+    tides: tuple[Tide, ...] = ()
+    profile: tuple[tuple[NotNegative, Fraction], ...] = ()
+    """(depth in m, what is left of the current there), by rising depth; linear between. Empty: all of it, everywhere."""
+
+    def __post_init__(self) -> None:
+        depths = [depth for depth, _ in self.profile]
+        if depths != sorted(set(depths)):
+            raise ValueError("profile must go down")
+
+
+@frozen
+class Patch:
+    """Something that happens to the water: a patch that grows and wanders. Agent time."""
+
+    begins_s: NotNegativeSeconds
+    growing_s: PositiveSeconds
+    place_m: tuple[float, float]
+    """(north, east) of its centre when it begins."""
+    drift_m_s: tuple[Speed, Speed] = (0.0, 0.0)
+    radius_m: Positive
+    from_depth_m: NotNegative = 0.0
+    """Upwards from there is nothing of it."""
+    oxygen_mg_l: NotNegative | None = None
+    """In its middle; None: as before."""
+    temperature_c: float | None = None
+    turbidity_ntu: NotNegative | None = None
+
+
+Depths = tuple[tuple[NotNegative, float], ...]
+
+
+@frozen
+class Fields:
+    """What the sensors are in: (depth in m, value) going down, linear between."""
+
+    oxygen_mg_l: Depths = ((0.0, 8.0),)
+    temperature_c: Depths = ((0.0, 18.0),)
+    turbidity_ntu: Depths = ((0.0, 5.0),)
+    patches: tuple[Patch, ...] = ()
+
+    def __post_init__(self) -> None:
+        for name in ("oxygen_mg_l", "temperature_c", "turbidity_ntu"):
+            depths = [depth for depth, _ in getattr(self, name)]
+            if not depths or depths != sorted(set(depths)):
+                raise ValueError(f"{name} must go down")
+
+
+@frozen
+class Talk:
+    """What the aPad says by sound of its own accord."""
+
+    waits: bool = True
+    """Its words keep out of the aMussels' timeslots."""
+    assigns: bool = False
+    """It learns by pings how long sound takes, and gives each aMussel its slot."""
+    beacon_period_s: NotNegativeSeconds = 0.0
+    """Agent time; 0: it never says what time it is."""
+    ping_period_s: NotNegativeSeconds = 0.0
+    """Mission time: one aMussel after another is pinged so often, to know where it is; 0 for never."""
+
+
+@frozen
+class Localisation:
+    """Places from the ranges that `talk.ping_period_s` brings."""
+
+    deviation_m: Positive = 0.5
+    """Of a range: the modem's noise, and how well the aPad knows its own place."""
+    memory_s: PositiveSeconds = 3600.0
+    apart_m: Positive = 5.0
+    """Ranges taken nearer to each other than this count as one."""
+    worst_hdop: Positive = 5.0
+
+
+@frozen
+class Water:
+    """Without `wifi` whatever is said by Wi-Fi is heard, except from under water."""
+
+    modems: ModemGeneration = ModemGeneration.V3
+    sound: Sound = Sound()
+    wifi: Wifi | None = None
+    talk: Talk = Talk()
+    localisation: Localisation | None = None
+    current: Current | None = None
+    fields: Fields = Fields()
+    links_file: str | None = None
+    """CSV: from, to, loss and perhaps since_s, until_s; relative to the scenario file. Read again when it changes."""

@@ -1,0 +1,85 @@
+"""The planner for scripts: the same strategies, checks and costs that the paper's mission uses."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TypeVar
+
+from apad_bridge.mission.plans import asked, plan_note
+from apad_bridge.mission.pool import ChargingPool, situation_of, unheard
+from apad_bridge.planning import registry
+from apad_bridge.planning.candidates import Situation
+from apad_bridge.planning.costs import CostBreakdown, cost_of
+from apad_bridge.planning.solution import Solution, StepKind
+from apad_bridge.scripting.commanded import CommandedMission
+from apad_bridge.scripting.values import Refused, dock_of
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """(aMussel, dock's number) in the order in which they are to be served. The situation is what it was made for."""
+
+    steps: tuple[tuple[int, int], ...]
+    solution: Solution
+    situation: Situation
+
+
+def collection(
+    mission: CommandedMission, pool: ChargingPool, batch: int | None, strategy: str | None
+) -> Plan:
+    name = strategy or mission.config.collection
+    found = _strategy(registry.collection, name)
+    situation = situation_of(mission.state, _pose(mission), pool.candidates(mission.now_ms), {})
+    wanted = mission.config.batch if batch is None else batch
+    if wanted < 1:
+        raise Refused(f"a batch of {wanted}: 1 or more")
+    return _planned(
+        mission, "collect", name, lambda: found.plan(situation, wanted), situation, StepKind.COLLECT
+    )
+
+
+def redeployment(mission: CommandedMission, strategy: str | None) -> Plan:
+    name = strategy or mission.config.redeployment
+    found = _strategy(registry.redeployment, name)
+    here = _pose(mission)
+    slots = {agent: slot for slot, agent in mission.state.docked}
+    beliefs = [mission.beliefs.get(agent) or unheard(agent, here) for agent in slots]
+    situation = situation_of(mission.state, here, beliefs, slots)
+    return _planned(mission, "redeploy", name, lambda: found.plan(situation), situation, StepKind.DEPLOY)
+
+
+def cost(mission: CommandedMission, plan: Plan) -> CostBreakdown:
+    return cost_of(plan.solution, plan.situation, mission.config.costs)
+
+
+def _planned(
+    mission: CommandedMission,
+    what: str,
+    name: str,
+    plan: Callable[[], Solution],
+    situation: Situation,
+    kind: StepKind,
+) -> Plan:
+    solution = asked(name, plan, situation, kind)
+    if isinstance(solution, str):
+        raise Refused(solution)
+    if solution.steps:
+        note = plan_note(what, name, solution, situation, mission.config.costs)
+        mission.note(note.kind, **note.data)
+    return Plan(tuple((step.agent_id, dock_of(step.slot)) for step in solution.steps), solution, situation)
+
+
+def _strategy(make: Callable[[str], T], name: str) -> T:
+    try:
+        return make(name)
+    except ValueError as error:
+        raise Refused(str(error)) from None
+
+
+def _pose(mission: CommandedMission) -> tuple[float, float]:
+    if mission.pose is None:
+        raise Refused("the aPad's place is not known yet")
+    return mission.pose

@@ -1,0 +1,179 @@
+"""A script's file: read and compiled before anything starts, run in a thread of its own, its failure as one line."""
+
+from __future__ import annotations
+
+import builtins
+import io
+import sys
+import threading
+import traceback
+from collections.abc import Callable
+from pathlib import Path
+from types import CodeType
+from typing import Any
+
+from apad_bridge.geography import LocalFrame
+from apad_bridge.scenario.schema import Scenario
+from apad_bridge.scripting.api import Api
+from apad_bridge.scripting.commanded import CommandedMission
+from apad_bridge.scripting.handover import AS_FAST_AS_POSSIBLE, Aborted, Do, Finished, Handover, Turns, Wait
+from apad_bridge.scripting.mission_time import MissionTime
+
+SCRIPT_FAILED = "failure of the script"
+"""How a reason begins when the script raised, or was stuck."""
+SCRIPT_ENDED = "the script's end"
+Program = Callable[[Api], object]
+"""What runs in the script's thread."""
+_JOIN_S = 2.0
+
+
+class ScriptError(ValueError):
+    """The file cannot be a script: one line."""
+
+
+def read_script(path: Path) -> CodeType:
+    """Compiles the file. Raises ScriptError with the line at fault."""
+    try:
+        return compile(path.read_text(encoding="utf-8"), str(path), "exec")
+    except OSError as error:
+        raise ScriptError(f"{path}: {error.strerror}") from None
+    except UnicodeDecodeError:
+        raise ScriptError(f"{path}: is not UTF-8 text") from None
+    except (SyntaxError, ValueError) as error:
+        line = f", line {error.lineno}" if isinstance(error, SyntaxError) and error.lineno else ""
+        what = error.msg if isinstance(error, SyntaxError) else str(error)
+        raise ScriptError(f"{path}{line}: {what}") from None
+
+
+class ScriptFront:
+    """Gives a commanded mission the orders of a script, and lets the script stand still while time passes."""
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        program: Program,
+        name: str,
+        tell: Callable[[str], None],
+        turns: Turns = AS_FAST_AS_POSSIBLE,
+    ) -> None:
+        self._handover = Handover(turns)
+        ids = range(scenario.fleet.first_id, scenario.fleet.first_id + scenario.fleet.count)
+        frame = LocalFrame.about(scenario.area.origin)
+        self._api = Api(self._handover, frame, scenario.apad.name, ids, tell)
+        self._program = program
+        self._name = name
+        self._thread: threading.Thread | None = None
+        self.error: BaseException | None = None
+        """What the script raised, for whoever shows its traceback."""
+
+    def act(self, mission: CommandedMission, now_ms: int) -> None:
+        if self._thread is None:
+            self._api.attach(mission)
+            self._thread = threading.Thread(target=self._run, name=f"script {self._name}", daemon=True)
+            self._handover.begin()
+            self._thread.start()
+        self._handover.tick()
+        while not self._is_over(mission):
+            ask = self._handover.next()
+            match ask:
+                case None:
+                    if self._handover.is_stuck:
+                        mission.finish(
+                            f"{SCRIPT_FAILED}: it neither called the API nor slept for {self._handover.busy_s:g} s"
+                        )
+                    return
+                case Finished(failure):
+                    if failure is not None:
+                        mission.finish(f"{SCRIPT_FAILED}: {failure}")
+                    elif not mission.is_busy:
+                        # What it ordered last is finished first: a script may end with a docking.
+                        mission.finish(SCRIPT_ENDED)
+                    return
+                case Do():
+                    self._handover.answer(_outcome(ask.act))
+                case Wait(condition, until_ms):
+                    holds = _outcome(condition) if condition is not None else False
+                    if not holds and now_ms < until_ms:
+                        return
+                    self._handover.answer(holds if isinstance(holds, BaseException) else bool(holds))
+
+    def print_error(self) -> None:
+        """What the script raised, with its traceback, on stderr; nothing when it raised nothing."""
+        if self.error is not None:
+            traceback.print_exception(self.error)
+
+    def close(self, reason: str) -> None:
+        self._handover.close(reason)
+
+    def join(self) -> bool:
+        """After the flight: whether the script's thread has ended; one that still computes is left to the process's end."""
+        if self._thread is not None:
+            self._thread.join(_JOIN_S)
+        return self._thread is None or not self._thread.is_alive()
+
+    def _is_over(self, mission: CommandedMission) -> bool:
+        return mission.state.ended_by is not None
+
+    def _run(self) -> None:
+        failure = None
+        try:
+            self._program(self._api)
+        except Aborted:
+            pass
+        except SystemExit as ended:
+            failure = None if ended.code in (None, 0) else f"it ended itself with {ended.code!r}"
+        except BaseException as error:
+            self.error = error
+            failure = _one_line(error, self._name)
+        self._handover.finish(failure)
+
+
+def as_program(path: Path) -> Program:
+    """The file as a program: `api`, `id_self` and `time` are given to it, and what it prints is said through the API."""
+    code = read_script(path)
+
+    def program(api: Api) -> None:
+        clock = MissionTime(api)
+
+        def import_(name: str, *rest: Any, **named: Any) -> Any:
+            return clock if name == "time" else builtins.__import__(name, *rest, **named)
+
+        def print_(*words: object, **how: Any) -> None:
+            if how.get("file") is not None:
+                builtins.print(*words, **how)
+                return
+            text = io.StringIO()
+            builtins.print(*words, **{**how, "file": text, "flush": False})
+            api.say(text.getvalue())
+
+        folder = str(path.parent.absolute())
+        if folder not in sys.path:
+            sys.path.insert(0, folder)
+        given = {
+            "api": api,
+            "id_self": api.id_self,
+            "time": clock,
+            "__name__": "__main__",
+            "__file__": str(path),
+        }
+        exec(code, {**given, "__builtins__": {**vars(builtins), "__import__": import_, "print": print_}})
+
+    return program
+
+
+def _outcome(act: Callable[[], Any]) -> Any:
+    """What it gives, or what it raises: the script shall hear of that, not the supervisor."""
+    try:
+        return act()
+    except Exception as error:
+        return error
+
+
+def _one_line(error: BaseException, name: str) -> str:
+    """The error with the script's line that led to it."""
+    lines = [
+        frame for frame in traceback.extract_tb(error.__traceback__) if Path(frame.filename).name == name
+    ]
+    where = f"{name}, line {lines[-1].lineno}: " if lines else ""
+    told = " ".join(str(error).split())
+    return f"{where}{type(error).__name__}: {told}"

@@ -1,0 +1,194 @@
+"""A thousand aMussels on ROS: what a gateway publishes, what readers lose, and how late a report comes.
+
+Each aMussel's position goes out ten times a second and its battery once, over TCPROS on a master of our own; all of it is
+read off the wire by one process, and some of it by an ordinary rospy node, whose callbacks say the latencies. `lost` is
+what was published and did not come to the reader of everything. In the row with a stalled reader another reader of
+everything is stopped with SIGSTOP once it is connected; `stalled_disconnected_s` is from the first message that found a
+socket full to that connection's end.
+
+`ticks` is another thing: a flight at real time with 100 aMussels, a process each, at theta 30, beside the simulated aPad's
+node at wall time and a control process that works for 20 ms ten times a second. A tick's lateness is when a rospy node
+hears its beliefs, against a grid of seconds through the earliest of them; the control process's is its own.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import select
+import signal
+import statistics
+import subprocess
+import sys
+import tempfile
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+import yaml
+from rich.console import Console
+from rich.table import Table
+
+from apad_bridge.ros.master import loopback_environment, start_master
+
+AGENTS = 1000
+TICKS = 15
+STALLED_TICKS = 45
+STALLED_BUFFER_BYTES = 4096
+LISTENED = tuple(str(agent_id) for agent_id in range(1, AGENTS + 1, AGENTS // 20))
+NODES = Path(__file__).parent / "nodes"
+TIMEOUT_S = 120.0
+FLOWN_AGENTS = 100
+FLOWN_S = 40
+SCENARIO = Path(__file__).parents[1] / "launch_scripts" / "scenarios" / "pool-12.yaml"
+KEYS = ("agents", "readers", "messages_per_s", "lost", "latency_p50_ms", "latency_p99_ms", "cpu_of_a_core")
+
+
+def measure() -> dict[str, Any]:
+    return {"rows": [row(stalled=False), row(stalled=True)], "ticks": ticks()}
+
+
+def show(result: dict[str, Any], console: Console) -> None:
+    table = Table(title="The aMussels' topics, at 10 and 1 messages a second")
+    for key in KEYS:
+        table.add_column(key.replace("_", " "), justify="left" if key == "readers" else "right")
+    for it in result["rows"]:
+        table.add_row(*(f"{it[key]:.4g}" if isinstance(it[key], float) else str(it[key]) for key in KEYS))
+    console.print(table)
+    ticks = result["ticks"]
+    console.print(
+        f"a flight's ticks with {ticks['agents']} aMussels: {ticks['late_p50_ms']:.1f} ms late (p50), "
+        f"{ticks['late_p99_ms']:.1f} ms (p99); the control process {ticks['control_late_p50_ms']:.2f} and "
+        f"{ticks['control_late_p99_ms']:.1f} ms"
+    )
+    stalled = result["rows"][-1]
+    console.print(
+        f"the stalled reader was left out {stalled['stalled_left_out']} times and lost "
+        f"{stalled['stalled_disconnected']} of {2 * AGENTS} connections, each within "
+        f"{stalled['stalled_disconnected_s']:.2f} s of the first message that found its socket full"
+    )
+
+
+def row(*, stalled: bool) -> dict[str, Any]:
+    with ExitStack() as stack:
+        home = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="musselbed-")))
+        master = start_master(home, timeout_s=20, orphan_s=0)
+        stack.callback(master.stop)
+        environment = loopback_environment(home, master.uri)
+        environment["PYTHONPATH"] = str(NODES.parents[1])
+        gateway = Node(stack, environment, str(NODES / "gateway.py"), str(AGENTS))
+        _, open_s, uri = gateway.line().split()
+        reader = Node(stack, environment, str(NODES / "tcpros_reader.py"), uri, "everything", str(AGENTS))
+        ears = Node(stack, environment, str(NODES / "rospy_reader.py"), *LISTENED)
+        assert reader.line() == ears.line() == "reading"
+        if stalled:
+            stopped = Node(
+                stack,
+                environment,
+                str(NODES / "tcpros_reader.py"),
+                uri,
+                "stalled",
+                str(AGENTS),
+                str(STALLED_BUFFER_BYTES),
+            )
+            assert stopped.line() == "reading"
+            os.kill(stopped.process.pid, signal.SIGSTOP)
+        gateway.say(f"tick {STALLED_TICKS if stalled else TICKS}")
+        assert gateway.line() == "ticked"
+        published = json.loads(gateway.end())
+        received = json.loads(reader.end())
+        latencies_ms = sorted(json.loads(ears.end()))
+        return {
+            "agents": AGENTS,
+            "readers": "one is stalled" if stalled else "healthy",
+            "open_s": float(open_s),
+            "messages_per_s": published["published"] / published["took_s"],
+            "lost": published["published"] - received["messages"],
+            "latency_p50_ms": statistics.median(latencies_ms),
+            "latency_p99_ms": latencies_ms[int(0.99 * len(latencies_ms))],
+            "cpu_of_a_core": published["cpu_s"] / published["took_s"],
+            "stalled_left_out": sum(published["left_out"].values()),
+            "stalled_disconnected_s": published["longest_stall_s"],
+            "stalled_disconnected": sum(published["disconnected"].values()),
+        }
+
+
+def ticks() -> dict[str, Any]:
+    with ExitStack() as stack:
+        home = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="musselbed-")))
+        scenario = home / "flown.yaml"
+        scenario.write_text(yaml.safe_dump(flown()))
+        master = start_master(home, timeout_s=20, orphan_s=0)
+        stack.callback(master.stop)
+        environment = loopback_environment(home, master.uri)
+        environment["PYTHONPATH"] = str(NODES.parents[1])
+        apad = ["-m", "apad_bridge.ros.apad_node", "--scenario", str(scenario), "--time", "wall"]
+        Node(stack, environment, *apad)
+        reader = Node(stack, environment, str(NODES / "tick_reader.py"))
+        assert reader.line() == "reading"
+        control = Node(stack, environment, str(NODES / "control.py"))
+        command = [sys.executable, "-m", "apad_bridge.commands.main", "run", str(scenario), "--apad", "ros"]
+        subprocess.run(
+            [*command, "--time", "wall", "--json", "--out", str(home / "run")],
+            env=environment,
+            check=True,
+            stdout=subprocess.DEVNULL,
+            timeout=FLOWN_S + TIMEOUT_S,
+        )
+        late_ms = lateness_ms(json.loads(reader.end()))
+        return {
+            "agents": FLOWN_AGENTS,
+            "theta": 30,
+            "ticks": len(late_ms),
+            "late_p50_ms": statistics.median(late_ms),
+            "late_p99_ms": late_ms[int(0.99 * len(late_ms))],
+            "control_late_p50_ms": statistics.median(control_ms := sorted(json.loads(control.end()))),
+            "control_late_p99_ms": control_ms[int(0.99 * len(control_ms))],
+        }
+
+
+def flown() -> dict[str, Any]:
+    """The pool scenario with more aMussels, for less time."""
+    scenario: dict[str, Any] = yaml.safe_load(SCENARIO.read_text())
+    scenario["duration_s"] = FLOWN_S
+    scenario["fleet"] |= {"count": FLOWN_AGENTS, "start": {"charge": [0.5, 0.9]}}
+    return scenario
+
+
+def lateness_ms(heard: list[tuple[float, float]]) -> list[float]:
+    """Sorted; the first tick is left out: it waits for the fleet to be ready."""
+    offsets_s = [at_s - mission_s for mission_s, at_s in heard[1:]]
+    return sorted(1000 * (offset_s - min(offsets_s)) for offset_s in offsets_s)
+
+
+class Node:
+    """One Python program as a process; its lines are awaited with a time-out."""
+
+    def __init__(self, stack: ExitStack, environment: dict[str, str], *arguments: str) -> None:
+        self.process = subprocess.Popen(
+            [sys.executable, *arguments],
+            env=environment,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+        stack.callback(self._kill)
+
+    def line(self) -> str:
+        assert self.process.stdout is not None
+        if not select.select([self.process.stdout], [], [], TIMEOUT_S)[0]:
+            raise RuntimeError(f"{self.process.args!r} said nothing for {TIMEOUT_S:g} s")
+        return self.process.stdout.readline().strip()
+
+    def say(self, line: str) -> None:
+        assert self.process.stdin is not None
+        print(line, file=self.process.stdin, flush=True)
+
+    def end(self) -> str:
+        assert self.process.stdin is not None
+        self.process.stdin.close()
+        return self.line()
+
+    def _kill(self) -> None:
+        self.process.kill()
+        self.process.wait()

@@ -1,0 +1,47 @@
+"""An ordinary rospy node that hears some aMussels' positions, and how long after their tick each report first came.
+
+Use: rospy_reader.py AGENT_ID...; prints `reading`; at the end of stdin a line of JSON with the latencies in milliseconds.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+from typing import Any
+
+import rospy
+
+from apad_bridge.ros.messages import use_generated_messages
+
+use_generated_messages()
+
+from auv_msgs.msg import NavSts  # noqa: E402
+
+
+class Ear:
+    def __init__(self, agent_id: int) -> None:
+        self.latencies_ms: list[float] = []
+        self._stamp: Any = None
+        self._subscriber = rospy.Subscriber(
+            f"/amussel{agent_id}/position", NavSts, self._hear, tcp_nodelay=True
+        )
+
+    def _hear(self, message: Any) -> None:
+        now_s = time.monotonic()
+        if message.header.stamp != self._stamp:
+            self._stamp = message.header.stamp
+            self.latencies_ms.append(1000 * (now_s - message.position.north))
+
+
+def main() -> None:
+    rospy.init_node("reader", disable_signals=True)
+    ears = [Ear(int(agent_id)) for agent_id in sys.argv[1:]]
+    print("reading", flush=True)
+    sys.stdin.read()
+    print(json.dumps([latency for ear in ears for latency in ear.latencies_ms]), flush=True)
+    rospy.signal_shutdown("told to end")
+
+
+if __name__ == "__main__":
+    main()

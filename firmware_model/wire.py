@@ -1,0 +1,49 @@
+"""What all packets of the built-in layout share: little-endian, version and kind first, CRC-16/CCITT last.
+
+A version is of one kind's layout: a kind that gets another layout keeps its number under a higher version, and a receiver
+that does not know the pair drops the packet. The CRC (polynomial 0x1021, start 0xFFFF) detects every single and double bit
+error and every burst of up to 16 bits in packets of up to 4095 bytes.
+"""
+
+from __future__ import annotations
+
+import struct
+from binascii import crc_hqx
+from enum import IntEnum
+
+CHARGE_STEPS = 65535
+EVERYONE = 0
+"""The id of a command that is for all who hear it; aMussels' own ids begin at 1."""
+
+HEAD = struct.Struct("<BBH")
+"""Version, kind, and the id of the aMussel that speaks or is spoken to."""
+_CRC = struct.Struct("<H")
+
+
+class Kind(IntEnum):
+    STATUS = 1
+    PERMISSION = 2
+    RELEASE = 3
+    PING = 4
+    HOVER = 5
+    SINK = 6
+    SLEEP_SCHEDULE = 7
+    SLOT_ASSIGNMENT = 8
+    SET_THRESHOLD = 9
+    BACK_UP_LOG = 10
+    BEACON = 11
+    LOG_ACK = 12
+    ACOUSTIC_STATUS = 13
+    WIFI_STATUS = 14
+    LOG_RECORDS = 15
+
+
+def sealed(body: bytes) -> bytes:
+    """`body` with its check."""
+    return body + _CRC.pack(crc_hqx(body, 0xFFFF))
+
+
+def unsealed(data: bytes) -> bytes | None:
+    """What stands before a right check; None for a wrong one."""
+    body = data[:-2]
+    return body if len(data) > 2 and crc_hqx(body, 0xFFFF) == _CRC.unpack(data[-2:])[0] else None

@@ -1,0 +1,93 @@
+"""Modems in water where every frame reaches every other modem, after a propagation that the test sets."""
+
+from __future__ import annotations
+
+import heapq
+from collections.abc import Callable
+
+import pytest
+
+from agents.modem.facts import Action, EmitFrame, FrameArrived, SerialBytes, SerialOut, SoundBegan, Stimulus
+from agents.modem.firmware import Firmware, ModemConfig
+from agents.modem.modem import Modem
+
+
+class Water:
+    """`air` takes away frames; `seen` is everything that every modem did, in order of time."""
+
+    def __init__(self, modems: dict[str, Modem], propagation_us: int) -> None:
+        self.modems = modems
+        self.propagation_us = propagation_us
+        self.air = False
+        self.seen: list[tuple[str, Action]] = []
+        self.now_ms = 0
+        self._coming: list[tuple[int, int, str, Stimulus]] = []
+        self._count = 0
+
+    def write(self, name: str, data: bytes, line: int = 0) -> None:
+        self._note(name, self.modems[name].receive(SerialBytes(data, line), self.now_ms))
+
+    def tell(self, name: str, stimulus: Stimulus) -> None:
+        self._note(name, self.modems[name].receive(stimulus, self.now_ms))
+
+    def run(self, until_ms: int) -> None:
+        while True:
+            dues = [(modem.next_due_ms, name) for name, modem in self.modems.items()]
+            own = min(((due, name) for due, name in dues if due is not None), default=(until_ms + 1, ""))
+            if self._coming and self._coming[0][0] <= min(own[0], until_ms):
+                self.now_ms, _, name, stimulus = heapq.heappop(self._coming)
+                self._note(name, self.modems[name].receive(stimulus, self.now_ms))
+            elif own[0] <= until_ms:
+                self.now_ms = own[0]
+                self._note(own[1], self.modems[own[1]].advance(self.now_ms))
+            else:
+                break
+        self.now_ms = until_ms
+        for name, modem in self.modems.items():
+            self._note(name, modem.advance(until_ms))
+
+    def printed(self, name: str, line: int = 0) -> bytes:
+        """All that the modem has printed since the last call."""
+        outs = [
+            it.data for who, it in self.seen if who == name and isinstance(it, SerialOut) and it.line == line
+        ]
+        self.seen = [
+            (who, it)
+            for who, it in self.seen
+            if who != name or not isinstance(it, SerialOut) or it.line != line
+        ]
+        return b"".join(outs)
+
+    def of(self, name: str, kind: type[Action]) -> list[Action]:
+        return [it for who, it in self.seen if who == name and isinstance(it, kind)]
+
+    def _note(self, name: str, actions: list[Action]) -> None:
+        for action in actions:
+            self.seen.append((name, action))
+            if isinstance(action, EmitFrame) and not self.air:
+                began_ms = action.at_ms - (-self.propagation_us // 1000)
+                for other in self.modems:
+                    if other != name:
+                        frame = action.frame
+                        self._put(began_ms, other, SoundBegan(frame.duration_ms))
+                        self._put(
+                            began_ms + frame.duration_ms, other, FrameArrived(frame, self.propagation_us)
+                        )
+
+    def _put(self, at_ms: int, name: str, stimulus: Stimulus) -> None:
+        self._count += 1
+        heapq.heappush(self._coming, (at_ms, self._count, name, stimulus))
+
+
+Pair = Callable[..., Water]
+
+
+@pytest.fixture
+def pair() -> Pair:
+    """Two modems, `near` with address 1 and `far` with address 2, 150 m apart if nothing else is said."""
+
+    def make(firmware: Firmware = Firmware.V3, propagation_us: int = 100_000, **config: int) -> Water:
+        of = ModemConfig(firmware, **config)
+        return Water({"near": Modem(of, 1), "far": Modem(of, 2)}, propagation_us)
+
+    return make

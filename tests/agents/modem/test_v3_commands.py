@@ -1,0 +1,215 @@
+"""Every row of the V3 manual's table, byte for byte: what is printed at once, what later, and what the far modem prints."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from agents.modem.facts import EmitFrame, NoiseChanged, SupplyChanged
+from agents.modem.firmware import Firmware
+from agents.modem.frames import FrameKind
+
+Pair = Callable[..., Any]
+"""Makes the water of `conftest.py`."""
+DATA = b"\r\n$#" + bytes(range(12))
+LONG = bytes(range(64))
+
+# 150 m: 100 ms one way are 3200 steps of 31.25 us; 3200 x 1500 x 3.125e-5 = 150 m.
+ROWS = [
+    ("status", b"$?", b"#A001V21845R001.006.000B2024-02-15T00:00:00\r\n", b"", b""),
+    ("set address", b"$A200", b"#A200\r\n", b"", b""),
+    ("set address beyond 255", b"$A256", b"E\r\n", b"", b""),
+    ("broadcast", b"$B16" + DATA, b"$B16\r\n", b"", b"#B00116" + DATA + b"\r\n"),
+    ("broadcast of 2", b"$B02hi", b"$B02\r\n", b"", b"#B00102hi\r\n"),
+    ("broadcast of 64", b"$B64" + LONG, b"$B64\r\n", b"", b"#B00164" + LONG + b"\r\n"),
+    ("unicast", b"$U00216" + DATA, b"$U00216\r\n", b"", b"#U16" + DATA + b"\r\n"),
+    ("unicast to another", b"$U00316" + DATA, b"$U00316\r\n", b"", b""),
+    ("unicast with ack", b"$M00216" + DATA, b"$M00216\r\n", b"#R002T03200\r\n", b"#U16" + DATA + b"\r\n"),
+    ("unacknowledged", b"$M00316" + DATA, b"$M00316\r\n", b"#TO\r\n", b""),
+    ("ping", b"$P002", b"$P002\r\n", b"#R002T03200\r\n", b""),
+    ("unanswered ping", b"$P255", b"$P255\r\n", b"#TO\r\n", b""),
+    ("voltage", b"$V002", b"$V002\r\n", b"#B00227V21845R000000P000000M000000\r\n", b""),
+    ("echo", b"$E00216" + DATA, b"$E00216\r\n", b"#B00216" + DATA + b"\r\n", b""),
+    ("beacon", b"$F", b"$F\r\n", b"", b"#F001\r\n"),
+    ("impulse response, none", b"$CM003", b"$CM003\r\n", b"#TO\r\n", b""),
+    ("impulse response, none", b"$CC003", b"$CC003\r\n", b"#TO\r\n", b""),
+    ("reset", b"$R", b"$R\r\n", b"", b""),
+    ("quality of nothing", b"$Q", b"$C-\r\n", b"", b""),
+    ("noise", b"$N", b"$N\r\n", b"#NR000000P000000M000000\r\n", b""),
+    ("quality on", b"$XQE", b"#XQE\r\n", b"", b""),
+    ("quality off", b"$XQD", b"#XQD\r\n", b"", b""),
+    ("timer cleared", b"$XTC", b"#XTC00000000000000\r\n", b"", b""),
+    ("timer read", b"$XTG", b"#XTG00000000000000\r\n", b"", b""),
+    ("timer on", b"$XTE", b"#XTE00000000000000\r\n", b"", b""),
+    ("timer off", b"$XTD", b"#XTD00000000000000\r\n", b"", b""),
+    ("RxS on", b"$XFE", b"#XFE\r\n", b"", b""),
+    ("RxS off", b"$XFD", b"#XFD\r\n", b"", b""),
+    ("sleep", b"$Z", b"$Z\r\n", b"", b""),
+    ("wake when awake", b"$W", b"$W\r\n", b"", b""),
+    ("unknown", b"$Y", b"E\r\n", b"", b""),
+    ("no digit", b"$P0x2", b"E\r\n", b"", b""),
+    ("too short to send", b"$B01a", b"E\r\n", b"", b""),
+    ("too long to send", b"$U00265", b"E\r\n", b"", b""),
+    ("no command at all", b"hello", b"E\r\n", b"", b""),
+]
+
+
+@pytest.mark.parametrize(
+    ("command", "at_once", "later", "remote"), [it[1:] for it in ROWS], ids=[it[0] for it in ROWS]
+)
+def test_a_row_of_the_table(pair: Pair, command: bytes, at_once: bytes, later: bytes, remote: bytes) -> None:
+    water = pair()
+    water.write("near", command)
+    water.run(300)
+    assert water.printed("near")[: len(at_once)] == at_once
+    water = pair()
+    water.write("near", command)
+    water.run(6000)
+    assert water.printed("near") == at_once + later
+    assert water.printed("far") == remote
+
+
+def test_test_is_64_bytes_from_the_far_modem(pair: Pair) -> None:
+    water = pair()
+    water.write("near", b"$T002")
+    water.run(3000)
+    answer = water.printed("near")
+    head = b"$T002\r\n#B00264"
+    assert answer.startswith(head) and answer.endswith(b"\r\n")
+    assert len(answer) == len(head) + 64 + 2
+
+
+def test_help_is_whole_lines(pair: Pair) -> None:
+    water = pair()
+    water.write("near", b"$H")
+    water.run(1000)
+    text = water.printed("near")
+    assert text.endswith(b"\r\n") and len(text) > 100
+    assert all(len(line) <= 100 and line.isascii() for line in text.split(b"\r\n"))
+
+
+def test_identity_names_the_chip_and_addresses_of_four_lengths(pair: Pair) -> None:
+    water = pair(unique_id=0x0123456789AB_CDEF01234567)
+    water.write("near", b"$D")
+    water.run(1000)
+    head, *addresses = water.printed("near").removesuffix(b"\r\n").split(b"-A")
+    assert head == b"#DID:0x0123456789ABCDEF01234567"
+    assert [len(address) for address in addresses] == [1 + 3, 2 + 5, 2 + 8, 2 + 10]
+
+
+def test_spectrum_is_257_words(pair: Pair) -> None:
+    water = pair()
+    water.tell("near", NoiseChanged(40, 900, 31))
+    water.write("near", b"$S")
+    water.run(2000)
+    answer = water.printed("near")
+    assert answer.startswith(b"$S\r\n#S00257")
+    assert len(answer) == 4 + 7 + 2 * 257 + 2
+    assert set(struct.unpack("<257H", answer[11:-2])) == {31}
+
+
+def test_noise_is_what_was_measured(pair: Pair) -> None:
+    water = pair()
+    water.tell("far", NoiseChanged(40, 900, 31))
+    water.tell("far", SupplyChanged(4900))
+    water.write("far", b"$N")
+    water.write("near", b"$V002")
+    water.run(3000)
+    assert water.printed("far") == b"$N\r\n#NR000040P000900M000031\r\n"
+    # 4.9 V x 65536 / 15 = 21408.4
+    assert water.printed("near") == b"$V002\r\n#B00227V21408R000040P000900M000031\r\n"
+
+
+@pytest.mark.parametrize("name", [b"CM", b"CC"])
+def test_impulse_response_has_the_range_and_the_words(pair: Pair, name: bytes) -> None:
+    water = pair()
+    water.write("near", b"$" + name + b"002")
+    water.run(3000)
+    answer = water.printed("near").removeprefix(b"$" + name + b"002\r\n")
+    assert answer[:18] == b"#" + name + b"002T03200L00128"
+    words = struct.unpack("<128H", answer[18:-2])
+    assert words[0] == 65535 and set(words[1:]) == {0}
+    assert answer[-2:] == b"\r\n"
+
+
+def test_early_v3_tells_less(pair: Pair) -> None:
+    water = pair(Firmware.V3_EARLY)
+    water.write("near", b"$?")
+    water.run(100)
+    water.write("near", b"$V002")
+    water.run(3000)
+    assert water.printed("near") == b"#A001V21845\r\n$V002\r\n#B00206V21845\r\n"
+
+
+def test_quality_is_appended_when_it_is_on(pair: Pair) -> None:
+    water = pair()
+    water.write("far", b"$XQE")
+    water.run(50)
+    water.write("near", b"$B02ab")
+    water.run(1000)
+    water.write("near", b"$U00202cd")
+    water.run(2000)
+    water.write("far", b"$Q")
+    water.run(2100)
+    assert water.printed("far") == b"#XQE\r\n#B00102abQ20D+000\r\n#U02cdQ20D+000\r\n$C0\r\n"
+
+
+def test_times_are_appended_when_the_timer_is_on(pair: Pair) -> None:
+    water = pair()
+    water.write("far", b"$XTE")
+    water.run(50)
+    water.write("near", b"$F")
+    water.run(1000)
+    water.write("near", b"$XQE$XTE")
+    water.run(1100)
+    # 4 bytes of 25/24 ms: the far timer starts at 4.166 ms; the beacon leaves at 50 + 3 ms and travels 100 ms.
+    assert water.printed("far") == b"#XTE00000000000000\r\n#F001T%014d\r\n" % (153_000 - 4_166)
+
+
+def test_sending_is_put_off_by_the_timer(pair: Pair) -> None:
+    water = pair()
+    water.write("near", b"$XTE")
+    water.run(100)
+    water.write("near", b"$U00202ab" + b"T%014d" % 1_500_000)
+    water.run(3000)
+    (sent,) = water.of("near", EmitFrame)
+    # The timer was 0 at 4.166 ms.
+    assert isinstance(sent, EmitFrame)
+    assert (sent.at_ms, sent.frame.kind) == (1505, FrameKind.UNICAST)
+    assert water.printed("near") == b"#XTE00000000000000\r\n$U00202\r\n"
+    assert water.printed("far") == b"#U02ab\r\n"
+
+
+@pytest.mark.parametrize("timer_us", [0, 2_300_000])
+def test_sending_into_the_past_or_beyond_2_s_is_an_error(pair: Pair, timer_us: int) -> None:
+    water = pair()
+    water.write("near", b"$XTE")
+    water.run(100)
+    water.write("near", b"$B02abT%014d" % timer_us)
+    water.run(5000)
+    assert water.printed("near").endswith(b"\r\nE\r\n")
+    assert water.of("near", EmitFrame) == []
+
+
+def test_without_a_time_the_command_is_over_at_the_next_byte_or_after_silence(pair: Pair) -> None:
+    water = pair()
+    water.write("near", b"$XTE")
+    water.run(100)
+    water.write("near", b"$F")
+    water.run(500)
+    water.write("near", b"$B02ab$?")
+    water.run(3000)
+    printed = water.printed("near")
+    assert printed.count(b"$F\r\n$B02\r\n#A001V") == 1
+    assert water.printed("far") == b"#F001\r\n#B00102ab\r\n"
+
+
+def test_a_frame_of_another_generation_is_noise(pair: Pair) -> None:
+    water = pair()
+    water.modems["far"] = pair(Firmware.V2).modems["far"]
+    water.write("near", b"$B02ab")
+    water.run(3000)
+    assert water.printed("far") == b""

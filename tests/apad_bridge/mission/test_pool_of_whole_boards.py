@@ -1,0 +1,114 @@
+"""Who may be collected, who is waited for and who is told to sink, in every state that a whole board knows."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from apad_bridge.beliefs.belief import Belief
+from apad_bridge.mission.charging_watch import ChargingWatch
+from apad_bridge.mission.energy_exchange import EnergyExchange
+from apad_bridge.mission.pool import ChargingPool
+from apad_bridge.mission.strays import Strays
+from apad_bridge.planning import registry
+from apad_bridge.scenario.loader import load
+from apad_bridge.scenario.schema import FullWhen
+from firmware_model.states import TABLE, State, Trigger
+
+MISSION = load(Path(__file__).parents[3] / "launch_scripts/scenarios/whole-board-12.yaml").mission
+DEAF = {State.TRANSMITTING, State.CALLING}
+"""They hear no permission now, but will in a moment."""
+
+
+class Told(dict[int, Belief]):
+    def all(self) -> list[Belief]:
+        return list(self.values())
+
+
+def told(*states: State, primary: float = 0.5, secondary: float = 1.0) -> Told:
+    return Told(
+        {
+            agent_id: Belief(agent_id, 0, state, primary, secondary, 1.0 * agent_id, 0.0)
+            for agent_id, state in enumerate(states, 1)
+        }
+    )
+
+
+@pytest.mark.parametrize("state", State)
+def test_who_can_be_made_to_come_up_is_a_candidate(state: State) -> None:
+    beliefs = told(state)
+    candidates = ChargingPool(MISSION, beliefs).candidates(0)
+    # By the firmware's own table; one that is on its way down or is being let go is not sent for.
+    comes_up = (state, Trigger.PERMISSION_HEARD) in TABLE and state is not State.SINKING
+    is_up = state in (State.SURFACING, State.FLOATING)
+    assert [it.agent_id for it in candidates] == ([1] if comes_up or is_up or state in DEAF else [])
+
+
+def test_the_lost_are_not_waited_for() -> None:
+    lost = [State.LOST] * 3
+    pool = ChargingPool(MISSION, told(State.SLEEPING, State.SAMPLING, *lost))
+    assert MISSION.batch == 4
+    assert pool.batch_of(pool.candidates(0)) == 2
+    pool = ChargingPool(MISSION, told(*[State.SLEEPING] * 3, State.REPORTING))
+    assert pool.batch_of(pool.candidates(0)) == 0
+    assert ChargingPool(MISSION, told(*lost)).batch_of([]) == 0
+
+
+def test_one_that_came_up_for_its_life_is_fetched_without_a_batch() -> None:
+    beliefs = told(*[State.SLEEPING] * 5)
+    beliefs[1] = replace(beliefs[1], state=State.FLOATING, primary=0.0, secondary=0.2)
+    for agent_id in (3, 4, 5):
+        beliefs[agent_id] = replace(beliefs[agent_id], primary=0.9)
+    pool = ChargingPool(MISSION, beliefs)
+    assert pool.batch_of(pool.candidates(0)) == 2
+    beliefs[1] = replace(beliefs[1], state=State.EMPTY)
+    assert pool.batch_of(pool.candidates(0)) == 0
+
+
+def test_it_is_not_told_to_sink_and_others_are() -> None:
+    beliefs = told(State.FLOATING, State.RELEASED, State.FLOATING, State.REPORTING, State.SLEEPING)
+    beliefs[3] = replace(beliefs[3], primary=0.0)
+    strays = Strays(repeat_ms=10_000)
+    assert strays.to_tell(beliefs.all(), set(), 0) == [1, 2]
+    assert strays.to_tell(beliefs.all(), set(), 0) == []
+
+
+@pytest.mark.parametrize(("state", "is_home"), [(State.SLEEPING, True), (State.REPORTING, False)])
+def test_a_dock_is_nobody_s_home(state: State, is_home: bool) -> None:
+    mission = EnergyExchange(
+        MISSION, told(state), registry.collection("cautious"), registry.redeployment("greedy-redeploy")
+    )
+    mission.advance(0)
+    assert mission.state.homes == (((1, 1.0, 0.0),) if is_home else ())
+
+
+@pytest.mark.parametrize(
+    ("full_when", "primary", "secondary", "full"),
+    [
+        (FullWhen.PRIMARY, 0.995, 0.2, True),
+        (FullWhen.PRIMARY, 0.99, 1.0, False),
+        (FullWhen.BOTH, 0.995, 0.2, False),
+        (FullWhen.BOTH, 0.995, 0.99, False),
+        (FullWhen.BOTH, 0.995, 0.995, True),
+    ],
+)
+def test_full_is_what_the_scenario_says(
+    full_when: FullWhen, primary: float, secondary: float, full: bool
+) -> None:
+    watch = ChargingWatch(0.99, full_when, patience_ms=1000)
+    docked = told(State.REPORTING, primary=primary, secondary=secondary)
+    watch.start(0)
+    assert watch.look(docked, 0) == []
+    assert watch.done(docked) is full
+
+
+def test_who_gains_in_the_battery_that_is_waited_for_is_not_given_up() -> None:
+    watch = ChargingWatch(0.99, FullWhen.BOTH, patience_ms=1000)
+    watch.start(0)
+    for now_ms in range(0, 5001, 1000):
+        docked = told(State.CHARGING, primary=1.0, secondary=0.5 + now_ms / 20_000)
+        assert watch.look(docked, now_ms) == []
+    assert watch.look(docked, 6500) == [(1, "its believed charge does not rise")]
+    assert watch.done(docked)

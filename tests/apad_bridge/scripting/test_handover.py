@@ -1,0 +1,115 @@
+"""Taking turns: a tick waits for the script; one that does not come back does not stop the world; ends are heard."""
+
+import threading
+
+import pytest
+
+from apad_bridge.scenario.schema import Scenario
+from apad_bridge.scripting.api import Api
+from apad_bridge.scripting.handover import Aborted, Do, Finished, Handover, Turns, Wait
+from apad_bridge.scripting.in_memory import fly_script
+from apad_bridge.scripting.program import SCRIPT_FAILED
+
+PATIENT = Turns(tick_s=20.0, busy_s=20.0)
+
+
+def test_what_is_asked_is_done_by_the_supervisor_s_thread() -> None:
+    handover, threads, answers = Handover(PATIENT), [], []
+
+    def script() -> None:
+        answers.append(handover.ask(Do(lambda: threads.append(threading.current_thread()) or 7)))
+        try:
+            handover.ask(Do(lambda: None))
+        except KeyError as error:
+            answers.append(str(error))
+        handover.finish(None)
+
+    thread = threading.Thread(target=script)
+    handover.begin()
+    thread.start()
+    asked = handover.next()
+    assert isinstance(asked, Do)
+    handover.answer(asked.act())
+    assert isinstance(handover.next(), Do)
+    handover.answer(KeyError("raised there"))
+    assert handover.next() == Finished(None)
+    thread.join(10)
+    assert (threads, answers) == ([threading.current_thread()], [7, "'raised there'"])
+
+
+def test_a_script_that_waits_when_the_mission_ends_is_aborted() -> None:
+    handover, ends = Handover(PATIENT), []
+
+    def script() -> None:
+        try:
+            handover.ask(Wait(None, 1000))
+        except Aborted as aborted:
+            ends.append(str(aborted))
+        try:
+            handover.ask(Do(lambda: None))
+        except Aborted as aborted:
+            ends.append(str(aborted))
+
+    thread = threading.Thread(target=script)
+    handover.begin()
+    thread.start()
+    assert handover.next() == Wait(None, 1000)
+    handover.close("enough")
+    thread.join(10)
+    assert ends == ["enough", "enough"]
+
+
+def test_a_condition_may_look_but_not_wait() -> None:
+    handover = Handover(PATIENT)
+    handover.begin()
+    assert handover.ask(Do(lambda: 5)) == 5
+    with pytest.raises(RuntimeError, match="neither sleep nor wait"):
+        handover.ask(Wait(None, 5))
+
+
+def test_a_condition_that_waits_fails_the_script_and_not_the_flight(pool: Scenario) -> None:
+    flight = fly_script(pool, lambda api: api.wait_until(lambda: api.sleep(1) is None, 5))
+    assert "neither sleep nor wait" in flight.ended_by
+
+
+def test_a_script_that_never_comes_back_ends_the_mission_not_the_machine(
+    pool: Scenario, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("apad_bridge.scripting.program._JOIN_S", 0.1)
+    released = threading.Event()
+
+    def script(api: Api) -> None:
+        api.sleep(3)
+        released.wait(60)
+
+    flight = fly_script(pool, script, Turns(tick_s=0.05, busy_s=0.05))
+    released.set()
+    assert flight.ended_by == f"{SCRIPT_FAILED}: it neither called the API nor slept for 0.05 s"
+    # Virtual time ran on for no longer than it took to be sure.
+    assert flight.mission_s == pytest.approx(3, abs=2)
+
+
+def test_in_real_time_ticks_go_on_while_a_script_computes(pool: Scenario) -> None:
+    ticks = threading.Semaphore(0)
+    seen: list[float] = []
+
+    def script(api: Api) -> None:
+        before = api.now()
+        # It computes until three ticks have gone by without it.
+        for _ in range(3):
+            assert ticks.acquire(timeout=30)
+        seen.append(api.now() - before)
+
+    asked = Handover.next
+
+    def counted(handover: Handover) -> object:
+        found = asked(handover)
+        if found is None:
+            ticks.release()
+        return found
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Handover, "next", counted)
+        flight = fly_script(pool, script, Turns(tick_s=0.01, busy_s=60.0))
+    assert flight.error is None
+    assert seen[0] >= 2

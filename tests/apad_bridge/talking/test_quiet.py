@@ -1,0 +1,34 @@
+"""When it is quiet: by hand, and against trying every millisecond."""
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from apad_bridge.talking.quiet import ALWAYS, Quiet
+
+FRAME = Quiet(300_000, 60_000)
+
+
+def test_by_hand() -> None:
+    assert FRAME.first_ms(0, 500) == 60_000
+    assert FRAME.first_ms(59_999, 500) == 60_000
+    assert FRAME.first_ms(60_001, 500) == 60_001
+    assert FRAME.first_ms(299_500, 500) == 299_500
+    assert FRAME.first_ms(299_501, 500) == 360_000
+    assert FRAME.first_ms(310_000, 500) == 360_000
+
+
+def test_where_there_is_no_choice_it_is_now() -> None:
+    assert Quiet(300_000, 300_000).first_ms(7, 500) == 7
+    assert ALWAYS.first_ms(7, 500) == 7
+    assert FRAME.first_ms(7, 999_999) == 60_000
+
+
+@given(st.integers(2, 60), st.integers(1, 59), st.integers(0, 500), st.integers(1, 60))
+def test_it_is_the_first_such_time(frame_ms: int, taken_ms: int, now_ms: int, lasting_ms: int) -> None:
+    if taken_ms >= frame_ms or lasting_ms > frame_ms - taken_ms:
+        return
+    found = Quiet(frame_ms, taken_ms).first_ms(now_ms, lasting_ms)
+    tries = range(now_ms, now_ms + 2 * frame_ms + 1)
+    assert found == next(
+        at for at in tries if all((at + n) % frame_ms >= taken_ms for n in range(lasting_ms))
+    )

@@ -1,0 +1,102 @@
+"""What an aPad says of its own accord: in quiet times, one word after another, and true when it is said."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from apad_bridge.facts import Medium, Ping, Send
+from apad_bridge.talking.talk import Talk, TalkConfig
+from firmware_model.codec import MusselbedCodec
+from firmware_model.packets import EVERYONE, Beacon, SlotAssignment
+from firmware_model.plan import Slots
+
+CODEC = MusselbedCodec()
+SLOTS = Slots(frame_ms=300_000, slot_ms=5000)
+CONFIG = TalkConfig(
+    theta=1,
+    sound_speed_m_s=1500.0,
+    way_ms=100,
+    waits=True,
+    assigns=True,
+    guard_ms=40,
+    beacon_period_ms=3_600_000,
+    ping_period_ms=0,
+)
+NOBODY: frozenset[int] = frozenset()
+
+
+def decoded(action: object) -> object:
+    assert isinstance(action, Send)
+    return CODEC.decode(action.data)
+
+
+def test_it_learns_ways_and_then_says_what_time_it_is() -> None:
+    """Three slots of 5 s are taken. A ping may take 105 ms and 4 s of waiting; a beacon of 14 bytes lasts 480 ms."""
+    talk = Talk(CONFIG, CODEC, SLOTS, [3, 1, 2])
+    first, second, third, beacon = talk.advance(0, NOBODY)
+    assert [first, second, third] == [Ping(1, 15_000), Ping(2, 19_105), Ping(3, 23_210)]
+    assert isinstance(beacon, Send) and beacon.not_before_ms == 27_315
+    assert decoded(beacon) == Beacon(EVERYONE, 27_315 + 105 + -(-(len(beacon.data) + 16) * 25 // 2))
+    assert talk.advance(10_000, NOBODY) == []
+
+
+def test_an_answer_brings_a_slot_with_an_offset_for_both_ways() -> None:
+    """150 m are 100 ms: the beacon sets its clock 100 ms late, and its own words take 100 ms."""
+    talk = Talk(CONFIG, CODEC, SLOTS, [1, 2, 3])
+    talk.advance(0, NOBODY)
+    (word,) = talk.hear(2, 150.0, 20_000)
+    assert decoded(word) == SlotAssignment(2, 300_000, 5000, 40, 1, -200)
+    assert talk.hear(2, 150.0, 21_000) == []
+    alone = Talk(replace(CONFIG, beacon_period_ms=0), CODEC, SLOTS, [1, 2, 3])
+    assert decoded(alone.hear(2, 150.0, 20_000)[0]) == SlotAssignment(2, 300_000, 5000, 40, 1, -100)
+
+
+def test_slots_are_said_again_with_every_beacon() -> None:
+    talk = Talk(CONFIG, CODEC, SLOTS, [1, 2])
+    talk.advance(0, NOBODY)
+    talk.hear(1, 150.0, 20_000)
+    said = [decoded(it) for it in talk.advance(3_600_000, NOBODY) if isinstance(it, Send)]
+    assert isinstance(said[0], Beacon) and said[1] == SlotAssignment(1, 300_000, 5000, 40, 0, -200)
+
+
+def test_who_does_not_answer_is_asked_again_and_who_is_away_is_not() -> None:
+    talk = Talk(replace(CONFIG, beacon_period_ms=0), CODEC, SLOTS, [1, 2])
+    talk.advance(0, NOBODY)
+    assert talk.advance(500_000, NOBODY) == []
+    assert [it.agent_id for it in talk.advance(600_000, frozenset({2})) if isinstance(it, Ping)] == [1]
+    talk.hear(1, 10.0, 610_000)
+    assert [it.agent_id for it in talk.advance(1_300_000, NOBODY) if isinstance(it, Ping)] == [2]
+
+
+def test_one_that_was_put_elsewhere_is_measured_again() -> None:
+    talk = Talk(replace(CONFIG, beacon_period_ms=0), CODEC, SLOTS, [1])
+    talk.advance(0, NOBODY)
+    talk.hear(1, 10.0, 20_000)
+    talk.moved(1, 1_000_000)
+    assert talk.advance(1_599_000, NOBODY) == []
+    assert [type(it) for it in talk.advance(1_600_000, NOBODY)] == [Ping]
+
+
+def test_the_mission_s_words_wait_for_quiet_and_wifi_does_not() -> None:
+    talk = Talk(replace(CONFIG, assigns=False, beacon_period_ms=0), CODEC, SLOTS, [1, 2])
+    sound = Send(Medium.SOUND, 1, bytes(6))  # 105 + 22 x 12.5 = 380 ms
+    other = replace(sound, agent_id=2)
+    radio = Send(Medium.WIFI, 1, bytes(6))
+    assert talk.timed([sound, radio, other], 301_000) == [
+        replace(sound, not_before_ms=310_000),
+        radio,
+        replace(other, not_before_ms=310_380),
+    ]
+    # What waits already is not said twice; once it has been said, it may be said again.
+    assert talk.timed([sound, radio], 305_000) == [radio]
+    assert talk.timed([sound], 311_000) == [replace(sound, not_before_ms=311_000)]
+
+
+def test_pings_go_round_those_who_hear() -> None:
+    talk = Talk(
+        replace(CONFIG, assigns=False, beacon_period_ms=0, ping_period_ms=10_000), CODEC, None, [1, 2, 3]
+    )
+    asked = [talk.advance(now_ms, frozenset({2})) for now_ms in range(0, 40_000, 5000)]
+    assert [[it.agent_id for it in said if isinstance(it, Ping)] for said in asked] == [
+        [1], [], [3], [], [1], [], [3], [],
+    ]  # fmt: skip

@@ -1,0 +1,40 @@
+"""Tells some words by a laboratory's names, and prints what it hears by them, as JSON lines, until its stdin ends.
+
+Use: hear_a_laboratory.py NAMES.yaml, on the master at ROS_MASTER_URI
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import threading
+from dataclasses import astuple
+from pathlib import Path
+
+import rospy
+
+from apad_bridge.laboratory.names import load_names
+from apad_bridge.laboratory.words import What
+from apad_bridge.ros.laboratory import Laboratory
+from firmware_model.codec import load_codec
+
+
+def main() -> None:
+    rospy.init_node("laboratory", disable_signals=True)
+    laboratory = Laboratory(load_names(Path(sys.argv[1])), "apad1", range(1, 20), load_codec("musselbed-1"))
+    print("ready", flush=True)
+    ended = threading.Event()
+    threading.Thread(target=lambda: (sys.stdin.read(), ended.set()), daemon=True).start()
+    now_ms = 0
+    while not ended.wait(0.05):
+        now_ms += 50
+        laboratory.mouths.tell(What.WIFI, 3, now_ms, on=True)
+        for word in laboratory.ears.take(now_ms):
+            print(json.dumps([type(word).__name__, *map(str, astuple(word)[-3:])]), flush=True)
+    print(json.dumps(dict(laboratory.dropped)), flush=True)
+    laboratory.close()
+    rospy.signal_shutdown("asked to end")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,195 @@
+"""Mission primitives over ROS, by whoever calls: a person's command line, a program's actions, a script of ours."""
+
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+from apad_bridge.records.journal import read_journal
+from apad_bridge.ros.master import loopback_environment
+
+pytestmark = pytest.mark.system
+
+ROOT = Path(__file__).parents[2]
+MUSSELBED = [sys.executable, "-m", "apad_bridge.commands.main"]
+PATIENCE_S = 90.0
+
+CLIENT = """
+import json, sys
+from apad_bridge.ros.messages import use_generated_messages
+use_generated_messages()
+import actionlib, rospy
+from musselbed_msgs.msg import DockingAction, DockingGoal, GoToAction, GoToGoal
+from musselbed_msgs.srv import Dock, GoToPosition, Undock
+from std_srvs.srv import Trigger
+
+agent, north_m, east_m = int(sys.argv[1]), float(sys.argv[2]), float(sys.argv[3])
+rospy.init_node("somebody", disable_signals=True)
+told = {"feedback_m": []}
+go_to = actionlib.SimpleActionClient("/musselbed/apad1/go_to", GoToAction)
+docking = actionlib.SimpleActionClient("/musselbed/apad1/docking", DockingAction)
+assert go_to.wait_for_server(rospy.Duration(600)) and docking.wait_for_server(rospy.Duration(600))
+
+
+def asked(name, kind, **request):
+    answer = rospy.ServiceProxy(name, kind)(**request)
+    return [answer.accepted, answer.message]
+
+
+def done(client, goal, feedback=None):
+    client.send_goal(goal, feedback_cb=feedback)
+    assert client.wait_for_result(rospy.Duration(2000))
+    result = client.get_result()
+    return [client.get_state(), result.status, result.message]
+
+
+told["too_far"] = asked("/musselbed/apad1/dock", Dock, number=2, id=agent)
+told["nowhere"] = asked("/musselbed/apad1/go_to_position", GoToPosition, latitude=91.0, longitude=0.0)
+told["went"] = done(
+    go_to,
+    GoToGoal(north_m=north_m, east_m=east_m, victory_radius_m=0.3),
+    lambda feedback: told["feedback_m"].append(feedback.distance_m),
+)
+told["docked"] = done(docking, DockingGoal(dock=True, number=2, id=agent))
+told["let_go"] = done(docking, DockingGoal(dock=False, number=2))
+told["empty"] = asked("/musselbed/apad1/undock", Undock, number=2)
+cancelled = []
+go_to.send_goal(GoToGoal(north_m=north_m + 300), feedback_cb=lambda _: cancelled or cancelled.append(go_to.cancel_goal()))
+assert go_to.wait_for_result(rospy.Duration(2000))
+told["cancelled"] = [go_to.get_state(), go_to.get_result().status, go_to.get_result().message]
+told["ended"] = rospy.ServiceProxy("/musselbed/apad1/end", Trigger)().success
+print(json.dumps(told))
+"""
+SUCCEEDED, PREEMPTED = 3, 2
+"""Of actionlib_msgs/GoalStatus."""
+
+
+@pytest.fixture
+def scenario(tmp_path: Path) -> Path:
+    data = yaml.safe_load((ROOT / "launch_scripts/scenarios/pool-12.yaml").read_text())
+    data.update(name="called", duration_s=3000, theta=600)
+    data["fleet"].update(count=3, start={"charge": [0.5, 0.75]}, hosting="one_process")
+    data["area"]["polygon_m"] = [[0, 0], [6, 0], [6, 4], [0, 4]]
+    data["apad"]["start_m"] = [12, 2]
+    data["mission"]["docking"].update(dock_s=3, undock_s=1)
+    data["board"]["float_timeout_s"] = 432000
+    path = tmp_path / "called.yaml"
+    path.write_text(yaml.safe_dump(data))
+    return path
+
+
+@pytest.fixture
+def flights(tmp_path: Path) -> Iterator[list[subprocess.Popen[str]]]:
+    started: list[subprocess.Popen[str]] = []
+    yield started
+    for process in started:
+        if process.poll() is None:
+            process.send_signal(signal.SIGINT)
+        process.communicate(timeout=PATIENCE_S)
+
+
+def start(flights: list[subprocess.Popen[str]], *words: object) -> subprocess.Popen[str]:
+    process = subprocess.Popen(
+        [*MUSSELBED, *map(str, words)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=ROOT
+    )
+    flights.append(process)
+    return process
+
+
+def graph_of(run: Path, tmp_path: Path) -> dict[str, str]:
+    """The environment in which the run's own master is found, once it flies."""
+    until_s, poller = time.monotonic() + PATIENCE_S, threading.Event()
+    while not ((run / "journal.jsonl").exists() and '"mission"' in (run / "journal.jsonl").read_text()):
+        assert time.monotonic() < until_s, "the flight does not begin"
+        poller.wait(0.05)
+    uri = json.loads((run / "run.json").read_text())["master_uri"]
+    return {**os.environ, **loopback_environment(tmp_path / "ros", uri)}
+
+
+def finished(process: subprocess.Popen[str]) -> dict[str, Any]:
+    out, error = process.communicate(timeout=PATIENCE_S)
+    assert process.returncode == 0, error
+    summary: dict[str, Any] = json.loads(out)
+    return summary
+
+
+def test_an_apad_is_flown_by_calls(
+    scenario: Path, tmp_path: Path, flights: list[subprocess.Popen[str]]
+) -> None:
+    run = tmp_path / "run"
+    flight = start(
+        flights, "run", scenario, "--manual", "--generation", "b", "--speed", 30, "--out", run, "--json"
+    )
+    environment = graph_of(run, tmp_path)
+    # Debian's own rosservice, in a shell that sourced setup.bash, with every line of the page.
+    calls = re.findall(r"^    (rosservice call .*)$", (ROOT / "docs/apads.md").read_text(), re.MULTILINE)
+    script = "; ".join([f"source '{ROOT}/launch_scripts/setup.bash'", *calls])
+    called = subprocess.run(
+        ["bash", "-c", script], env=environment, capture_output=True, text=True, timeout=PATIENCE_S
+    )
+    assert called.stdout.count("accepted: True") == 3, called.stdout + called.stderr
+    assert called.stdout.count("success: True") == 3
+    assert len(calls) == 9 and "aMussel 7 was never heard" in called.stdout
+    assert "no mission to give the aPad back to" in called.stdout
+    first = read_journal(run / "journal.jsonl").first("run")
+    assert first is not None
+    agent = first["agents"][0]
+    where = [agent["id"], agent["north_m"], agent["east_m"]]
+    client = subprocess.run(
+        [sys.executable, "-c", CLIENT, *map(str, where)],
+        env=environment, capture_output=True, text=True, timeout=PATIENCE_S, cwd=ROOT,
+    )  # fmt: skip
+    assert client.returncode == 0, client.stderr
+    told = json.loads(client.stdout.splitlines()[-1])
+    assert told["too_far"][0] is False and "go there first" in told["too_far"][1]
+    assert told["nowhere"][0] is False and "latitude" in told["nowhere"][1]
+    assert told["went"] == [SUCCEEDED, 3, ""]
+    assert told["feedback_m"][0] > 3 > told["feedback_m"][-1]
+    assert told["docked"] == [SUCCEEDED, 3, ""]
+    assert told["let_go"] == [SUCCEEDED, 3, ""]
+    assert told["empty"] == [False, "dock 2 is empty"]
+    assert told["cancelled"] == [PREEMPTED, 2, "cancelled"]
+    assert told["ended"] is True
+    assert finished(flight)["ended_by"] == "a call"
+    docks = [
+        (it["slot"], it["agent"], it["closed"])
+        for it in read_journal(run / "journal.jsonl").lines
+        if it["kind"] == "dock"
+    ]
+    assert docks == [(1, agent["id"], True), (1, agent["id"], False)]
+
+
+def test_a_script_flies_over_ros_as_in_virtual_time(
+    scenario: Path, tmp_path: Path, flights: list[subprocess.Popen[str]]
+) -> None:
+    script = tmp_path / "serve.py"
+    script.write_text(
+        "worst = min(api.agents() or [1, 2, 3], key=api.battery)\n"
+        "if api.collect(worst, 1):\n"
+        "    api.wait_until(lambda: api.is_full(worst), timeout=300)\n"
+        "    api.deploy(worst)\n"
+        "print('served', worst, api.docks()[1])\n"
+    )
+    flown = []
+    for n, how in enumerate((("--time", "asap"), ("--speed", "30"))):
+        run = tmp_path / f"run-{n}"
+        flight = start(flights, "script", script, "--scenario", scenario, *how, "--out", run, "--json")
+        summary = finished(flight)
+        assert (summary["ended_by"], summary["services"]) == ("the script's end", 1)
+        lines = read_journal(run / "journal.jsonl").lines
+        flown.append(
+            [(it["agent"], it["closed"]) for it in lines if it["kind"] == "dock"]
+            + [it["said"] for it in lines if it["kind"] == "script"]
+        )
+    assert flown[0] == flown[1]
+    assert len(flown[0]) == 3

@@ -1,0 +1,130 @@
+"""ROS's own tools read the fleet from standard messages; the shipped layouts name topics that are there."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+from apad_bridge.ros.master import loopback_environment, start_master
+
+pytestmark = pytest.mark.system
+HERE = Path(__file__).parent
+LAYOUTS = HERE.parents[1] / "launch_scripts" / "layouts"
+PATIENCE_S = 30.0
+
+
+@pytest.fixture(scope="module")
+def environment(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, str]]:
+    """Of a tool beside a node that shows a fleet of two."""
+    home = tmp_path_factory.mktemp("ros")
+    master = start_master(home, timeout_s=20, orphan_s=0)
+    environment = loopback_environment(home, master.uri)
+    command = [sys.executable, str(HERE / "show_standard_topics.py")]
+    inside = environment | {"PYTHONPATH": str(HERE.parents[1])}
+    with subprocess.Popen(
+        command, env=inside, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    ) as node:
+        try:
+            assert node.stdout is not None and node.stdout.readline() == "showing\n"
+            yield environment
+        finally:
+            node.communicate(timeout=PATIENCE_S)
+            master.stop()
+
+
+def one(environment: dict[str, str], topic: str) -> dict[str, Any]:
+    """The next message on `topic`, as rostopic prints it."""
+    command = ["/usr/bin/rostopic", "echo", "-n", "1", topic]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=PATIENCE_S)
+    message: dict[str, Any] = next(yaml.safe_load_all(done.stdout))
+    return message
+
+
+def test_a_battery(environment: dict[str, str]) -> None:
+    battery = one(environment, "/amussel1/battery_state")
+    # 75 % of the way from 3600 to 4200 mV
+    assert (battery["voltage"], battery["percentage"]) == pytest.approx((4.05, 0.75))
+    assert (battery["power_supply_status"], battery["location"]) == (2, "amussel1")
+    apad = one(environment, "/musselbed/apad/battery_state")
+    assert (apad["voltage"], apad["percentage"]) == (15.0, 0.5)
+
+
+def test_a_fix(environment: dict[str, str]) -> None:
+    fix = one(environment, "/amussel1/fix")
+    # A degree of latitude is 111 111 m within 0.5 % there; one of longitude that times cos 43.93 degrees, 0.7202.
+    assert fix["latitude"] - 43.9330937 == pytest.approx(10 / 111_111, rel=0.005)
+    assert fix["longitude"] - 15.4443468 == pytest.approx(20 / (111_111 * 0.7202), rel=0.005)
+    assert fix["position_covariance_type"] == 0
+
+
+def test_frames_have_z_up(environment: dict[str, str]) -> None:
+    transforms = {it["child_frame_id"]: it for it in one(environment, "/tf")["transforms"]}
+    assert transforms.keys() == {"amussel1/base_link", "apad1/base_link"}
+    apad = transforms["apad1/base_link"]
+    assert apad["header"]["frame_id"] == "musselbed/enu"
+    # North 1, east 2 is x 2, y 1; heading east is along x: no turn.
+    assert apad["transform"]["translation"] == {"x": 2.0, "y": 1.0, "z": 0.0}
+    assert apad["transform"]["rotation"] == pytest.approx({"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0})
+    (ned,) = one(environment, "/tf_static")["transforms"]
+    assert ned["child_frame_id"] == "musselbed/ned"
+
+
+def test_the_plan_leads_from_the_aPad_to_its_aMussel(environment: dict[str, str]) -> None:
+    points = [it["pose"]["position"] for it in one(environment, "/musselbed/plan")["poses"]]
+    assert points == [{"x": 2.0, "y": 1.0, "z": 0.0}, {"x": 20.0, "y": 10.0, "z": 0.0}]
+    assert one(environment, "/musselbed/apad/path")["poses"]
+
+
+def test_diagnostics_name_who_is_silent_and_who_wants_charging(environment: dict[str, str]) -> None:
+    lines = {it["name"]: it for it in one(environment, "/diagnostics")["status"]}
+    assert (lines["musselbed: aMussel 1"]["level"], lines["musselbed: aMussel 1"]["message"]) == (
+        1,
+        "wants charging: 75 %",
+    )
+    assert (lines["musselbed: aMussel 2"]["level"], lines["musselbed: aMussel 2"]["message"]) == (
+        3,
+        "never heard",
+    )
+    assert lines["musselbed: mission"]["message"] == "idle wait"
+    assert lines["musselbed: aPad"]["level"] == 0
+
+
+def published(environment: dict[str, str]) -> dict[str, str]:
+    """Type by topic."""
+    command = ["/usr/bin/rostopic", "list", "-p", "-v"]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=PATIENCE_S)
+    rows = [line.split() for line in done.stdout.splitlines() if line.startswith(" * ")]
+    return {row[1]: row[2].strip("[]") for row in rows}
+
+
+def test_rviz_is_shown_topics_that_are_there(environment: dict[str, str]) -> None:
+    layout = yaml.safe_load((LAYOUTS / "musselbed.rviz").read_text())["Visualization Manager"]
+    assert layout["Global Options"]["Fixed Frame"] == "musselbed/enu"
+    types = {"rviz/MarkerArray": "visualization_msgs/MarkerArray", "rviz/Path": "nav_msgs/Path"}
+    topics = published(environment)
+    shown = {
+        it.get("Marker Topic", it.get("Topic")): it["Class"]
+        for it in layout["Displays"]
+        if it["Class"] in types
+    }
+    assert len(shown) == 3
+    for topic, kind in shown.items():
+        assert topics[topic] == types[kind]
+
+
+def test_foxglove_is_shown_topics_that_are_there(environment: dict[str, str]) -> None:
+    layout = json.loads((LAYOUTS / "musselbed.foxglove.json").read_text())
+    topics = set(published(environment))
+    scene = layout["configById"]["3D!scene"]
+    plot = layout["configById"]["Plot!batteries"]
+    named = {*scene["topics"], *(path["value"].partition(".")[0] for path in plot["paths"])}
+    named |= {layout["configById"]["DiagnosticSummary!fleet"]["topicToRender"]}
+    assert named <= topics | {f"/amussel{agent_id}/battery_state" for agent_id in range(1, 13)}
+    assert scene["followTf"] == "musselbed/enu"
