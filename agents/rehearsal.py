@@ -28,8 +28,8 @@ from agents.stimuli import (
     Stimulus,
     WifiArrived,
 )
-from firmware_model.clock import LATEST_MS
 from firmware_model.codec import Codec
+from firmware_model.commands import LATEST_MS
 from firmware_model.packets import (
     Beacon,
     Command,

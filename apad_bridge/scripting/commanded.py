@@ -141,6 +141,10 @@ class CommandedMission(OrderBook):
         return not self.paused and Status.RUNNING in (self.goto, self.docking)
 
     @property
+    def is_docking(self) -> bool:
+        return self.docking is Status.RUNNING
+
+    @property
     def metres_to_go(self) -> float | None:
         """Of the go-to under way, as the crow flies."""
         if self._target is None or self.pose is None:
