@@ -18,7 +18,7 @@ from agents.flash_file import FLASH_NAME, FlashRegion
 from agents.fleet_file import PHYSICAL_NAME, FleetFile
 from agents.forked import live
 from agents.link import Key, readable
-from agents.memory import return_freed_memory
+from agents.memory import fill_holes, return_freed_memory
 from agents.process import Servant, message_room
 from agents.rehearsal import rehearse
 from agents.slots import PAIR_BYTES, Slot, SlotPair
@@ -123,6 +123,8 @@ class Brood:
             except NotStarted as refusal:
                 outcomes[place] = refusal
         # What this process writes to between two forks, every agent after it pays for: so the forks come last, alone.
+        # What an agent makes goes into pages of its own, and not into the holes of pages that it would have to copy.
+        filling = fill_holes()
         # An agent's garbage collector writes to every young object: freezing leaves it none of these.
         gc.freeze()
         nursery_pid = os.getpid()
@@ -133,6 +135,7 @@ class Brood:
             if pid == 0:
                 live(nursery_pid, agent.name, agent.theirs, link_fd, descriptors, link, room, agent.servant)
             pids.append(pid)
+        del filling
         for pid, agent in zip(pids, unborn, strict=True):
             os.close(agent.theirs)
             outcomes[agent.place] = self.children[agent.agent_id] = Child(pid, agent.ours)
