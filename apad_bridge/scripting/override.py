@@ -16,7 +16,7 @@ from apad_bridge.planning.solution import Solution
 from apad_bridge.port.primitives import Outcome
 from apad_bridge.scripting.called import CalledFront, Flown
 from apad_bridge.scripting.commanded import CommandedMission
-from apad_bridge.scripting.values import Refused
+from apad_bridge.scripting.values import Refused, Status
 
 
 class Override:
@@ -87,7 +87,7 @@ class Override:
         hand = self.by_hand
         if hand is None:
             return
-        if hand.is_docking:
+        if hand.docking is Status.RUNNING:
             raise Refused("a docking is under way: wait for its end, or order a hold")
         self._change(
             self._planned(replace(self.state, phase=Phase.IDLE, plan=Solution(()), attempts=0)), taken=False
