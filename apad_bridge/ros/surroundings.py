@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
@@ -12,15 +13,18 @@ from apad_bridge.flight import Watcher
 from apad_bridge.geography import LocalFrame
 from apad_bridge.laboratory.names import DEFAULT, load_names
 from apad_bridge.pace import Pace, WallClock
+from apad_bridge.presence import Presences, Roll
 from apad_bridge.ros.agent_topics import Shown
+from apad_bridge.ros.claims import ClaimBoard
 from apad_bridge.ros.contacts_link import ContactsLink
 from apad_bridge.ros.fleet_diagnostics import Limits
 from apad_bridge.ros.fleet_guard import SecondFleet
+from apad_bridge.ros.fleet_services import FleetServices
 from apad_bridge.ros.gateway import GatewayFailed, TruthSource, open_gateway
 from apad_bridge.ros.generation_b import GenerationBLink
 from apad_bridge.ros.laboratory import Laboratory
 from apad_bridge.ros.listening_link import ListeningLink
-from apad_bridge.ros.radio import FleetRadio, MissionRadio
+from apad_bridge.ros.radio import FleetRadio, MissionRadio, RealRadio
 from apad_bridge.ros.ros_pace import FollowedClock, OwnMasterClock
 from apad_bridge.ros.standard_topics import StandardTopics
 from apad_bridge.ros.vehicle_not_ready import VehicleNotReady
@@ -54,23 +58,33 @@ def open_surroundings(
     codec = load_codec(scenario.hearing.codec)
     # A mission alone shows nothing as its aMussels': they, or their fleet, do so themselves.
     shown = () if options.part is Part.MISSION else ids
+    node_name = f"{_NODES[options.part]}_{scenario.fleet.first_id}"
+    presences = Presences(ids, scenario.area.depth_m)
     with ExitStack() as stack:
         try:
             gateway = open_gateway(
                 shown,
                 scenario.theta,
-                node_name=f"{_NODES[options.part]}_{scenario.fleet.first_id}",
+                node_name=node_name,
                 xmlrpc_port=options.xmlrpc_port,
+                simulated=lambda: presences.simulated,
                 truth=_shown_truth(truths_at) if scenario.records.truth_on_agent_topics else None,
             )
             stack.callback(gateway.close)
+            roll = None
+            if fleet is not None:
+                claims = ClaimBoard(f"/{node_name}", lambda: presences.simulated)
+                claims.refuse_overlap(ids)
+                desk = FleetServices(presences, claims)
+                stack.callback(desk.close)
+                roll = Roll(presences, desk)
             names = load_names(Path(scenario.apad.interface) if scenario.apad.interface else DEFAULT)
             laboratory = Laboratory(names, scenario.apad.name, ids, codec)
             stack.callback(laboratory.close)
             standard = _standard_topics(shown, scenario)
             vehicle: APadLink | ContactsLink
             watches: tuple[Watcher, ...] = ()
-            radio: FleetRadio | MissionRadio | None = None
+            radio: FleetRadio | MissionRadio | RealRadio | None = None
             is_fleet = options.part is Part.FLEET
             if is_fleet and not is_of_generation_b(scenario):
                 vehicle = ContactsLink(scenario.apad.name, ids, docked, now_ms)
@@ -83,6 +97,8 @@ def open_surroundings(
                 radio = FleetRadio(ids, codec)
             elif options.part is Part.MISSION and not isinstance(vehicle, ContactsLink):
                 radio = MissionRadio(ids, codec, scenario.theta, vehicle.holds)
+            else:
+                radio = RealRadio(ids, lambda: presences.simulated)
             stack.callback(vehicle.close)
             if radio is not None:
                 stack.callback(radio.close)
@@ -100,7 +116,8 @@ def open_surroundings(
             gateway.event,
             laboratory.around(radio, link, is_mission=options.part is Part.MISSION),
             held,
-            lambda: vehicle.dropped + laboratory.dropped,
+            lambda: vehicle.dropped + laboratory.dropped + (Counter() if radio is None else radio.dropped),
+            roll=roll,
         )
 
 
