@@ -176,7 +176,9 @@ class Agent:
             self.body.align()
             return self._tell_board(board_stimuli.ChargePinRose(), now_ms)
         self._report_due_ms += self.config.report_period_ms
-        if self.board.state is State.BOOTING:
+        # In the paper's hearing the report is the experiment's; else it needs the board's Wi-Fi, which the worst case has.
+        is_off = not self.config.heard_always and not self.board.has_wifi
+        if self.board.state is State.BOOTING or is_off:
             return []
         return [WifiSent(now_ms, self._codec.encode(self._reporter.by_wifi(now_ms)))]
 
@@ -273,7 +275,8 @@ class Agent:
         packets: list[LogRecords] | None = []
         match action:
             case board_actions.LogSample():
-                logbook.take_sample(body.north_um, body.east_um, body.depth_at_um(now_ms), now_ms)
+                place = body.north_um, body.east_um, body.depth_at_um(now_ms)
+                logbook.take_sample(*place, now_ms, self.board.clock_ms(now_ms))
             case board_actions.SendLog():
                 packets = logbook.begin_upload()
             case board_actions.DropLog(_, next_sequence):

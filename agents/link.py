@@ -23,7 +23,10 @@ from agents.host import Grant, Reply
 LIMIT_BYTES = 65536
 """The largest message, either way, on any of the fleet's sockets."""
 OUTPUTS_AT_ONCE = 256
-"""An answer with more outputs than this travels in parts."""
+"""An answer with more outputs than this, or with more bytes than a message holds, travels in parts."""
+_PART_BYTES = LIMIT_BYTES - 1024
+_OUTPUT_BYTES = 32
+"""Of an output, besides what it says."""
 
 _pack = msgpack.Packer().pack
 """One for all: each `msgpack.packb` takes a buffer of a megabyte."""
@@ -101,8 +104,7 @@ class Refusal:
 
 def encode_answer(key: Key, window: Key, granted_ms: int, truths: int, reply: Reply) -> list[bytes]:
     """The Answers that carry `reply`, in order."""
-    wire = [outputs.to_wire(output) for output in reply.outputs]
-    starts = range(0, len(wire) or 1, OUTPUTS_AT_ONCE)
+    parts = _parts([outputs.to_wire(output) for output in reply.outputs])
     return [
         _pack(
             [
@@ -112,13 +114,30 @@ def encode_answer(key: Key, window: Key, granted_ms: int, truths: int, reply: Re
                 granted_ms,
                 truths,
                 index,
-                len(starts),
+                len(parts),
                 reply.next_due_ms,
-                wire[start : start + OUTPUTS_AT_ONCE],
+                part,
             ]
         )
-        for index, start in enumerate(starts)
+        for index, part in enumerate(parts)
     ]
+
+
+def _parts(wire: list[list[Any]]) -> list[list[list[Any]]]:
+    """The outputs in order, in parts that a message holds; one empty part for none."""
+    parts: list[list[list[Any]]] = [[]]
+    room = _PART_BYTES
+    for output in wire:
+        value = output[2]
+        size = _OUTPUT_BYTES
+        if type(value) is not int:
+            size += len(value) if type(value) is bytes else 4 * len(value)
+        if (size > room or len(parts[-1]) == OUTPUTS_AT_ONCE) and parts[-1]:
+            parts.append([])
+            room = _PART_BYTES
+        parts[-1].append(output)
+        room -= size
+    return parts
 
 
 def decode_to_agent(data: bytes | memoryview) -> Window | Repeat:

@@ -26,7 +26,8 @@ class Logbook:
         self._sent = 0
         """Up to which sequence the log was sent in this upload."""
 
-    def take_sample(self, north_um: int, east_um: int, depth_um: int, now_ms: int) -> None:
+    def take_sample(self, north_um: int, east_um: int, depth_um: int, now_ms: int, clock_ms: int) -> None:
+        """Of what is so at agent time `now_ms`, which the board takes for `clock_ms`."""
         log = self.log
         sequence = log.next_sequence
         counts, saturated = sample(
@@ -34,7 +35,7 @@ class Logbook:
             self._fields.values_at(north_um, east_um, depth_um, now_ms),
             unit_noises(self._seed, self._agent_id, sequence),
         )
-        log.append(SampleRecord(sequence, now_ms, counts, saturated))
+        log.append(SampleRecord(sequence, clock_ms, counts, saturated))
 
     def newest_counts(self) -> Counts:
         """Of the newest sample; zeros before there is one, or where it cannot be read."""

@@ -18,6 +18,7 @@ from agents.coordinator import Coordinator, Died, Heard
 from agents.host import Host
 from agents.keel_modem import KeelModem, Send
 from agents.modem.facts import FrameArrived
+from agents.modem.firmware import Firmware
 from agents.modem.frames import PAYLOAD_BYTES, SHORT_MS, Frame, FrameKind, Generation
 from agents.outputs import PingAnswered, SoundSent, Truth, WifiSent
 from agents.physical import Physical
@@ -44,7 +45,7 @@ from agents.water.wifi import Wifi
 from firmware_model.actions import Buoyancy
 from firmware_model.rails import RAILS
 
-_SHORTEST_MS = SHORT_MS[Generation.V3]
+_FIRMWARE = {Generation.V2: Firmware.V2, Generation.V3: Firmware.V3}
 _STEP_US = 62.5
 """The modem times a round trip in these."""
 
@@ -65,6 +66,7 @@ class SeaConfig:
     """Standard deviation of a measured range."""
     thrusting_m_s: float
     """An aPad that moves faster than this has its thrusters running."""
+    modems: Generation = Generation.V3
 
 
 Happened = tuple[int, int, int, medium.Stimulus]
@@ -96,7 +98,13 @@ class Sea:
         self.now_ms = start_ms
         self._keel = KeelModem(start_ms)
         self._modems = (
-            SeaModems({node: address_of(node) for node in nodes}, opened, start_ms, self.dropped)
+            SeaModems(
+                _FIRMWARE[config.modems],
+                {node: address_of(node) for node in nodes},
+                opened,
+                start_ms,
+                self.dropped,
+            )
             if opened
             else None
         )
@@ -136,18 +144,14 @@ class Sea:
 
     def say(self, agent_id: int | None, data: bytes, not_before_ms: int = 0) -> None:
         """Sends bytes by the aPad's modem, to one aMussel or to all: at that agent time, or as soon as it is free."""
-        fewest, most = PAYLOAD_BYTES[Generation.V3]
-        if not fewest <= len(data) <= most:
-            self.dropped[f"sound: {len(data)} bytes are no packet of a modem's"] += 1
-        elif agent_id is None:
-            self._ask(None, Frame(FrameKind.BROADCAST, APAD_ADDRESS, None, data), not_before_ms)
-        else:
-            frame = Frame(FrameKind.UNICAST, APAD_ADDRESS, address_of(agent_id), data)
+        frame = self._carrying(data, APAD_ADDRESS, None if agent_id is None else address_of(agent_id))
+        if frame is not None:
             self._ask(agent_id, frame, not_before_ms)
 
     def ping(self, agent_id: int, not_before_ms: int = 0) -> None:
         """Measures the range to an aMussel: Ranged or NotRanged comes of it."""
-        self._ask(agent_id, Frame(FrameKind.PING, APAD_ADDRESS, address_of(agent_id)), not_before_ms)
+        ping = Frame(FrameKind.PING, APAD_ADDRESS, address_of(agent_id), generation=self.config.modems)
+        self._ask(agent_id, ping, not_before_ms)
 
     def lay_links(self, topology: Topology) -> None:
         """Links are as the topology says from now on."""
@@ -194,7 +198,7 @@ class Sea:
         modems_ms = None if self._modems is None else self._modems.next_due_ms
         for does_ms in (self._coordinator.due_agent_ms, self._keel.next_due_ms, modems_ms):
             if does_ms is not None:
-                horizon_ms = min(horizon_ms, max(does_ms, self.now_ms) + _SHORTEST_MS)
+                horizon_ms = min(horizon_ms, max(does_ms, self.now_ms) + SHORT_MS[self.config.modems])
         return max(horizon_ms, self.now_ms)
 
     def _round(self, came: list[Heard | Died], horizon_ms: int, results: list[SeaResult]) -> None:
@@ -277,12 +281,20 @@ class Sea:
     def _frame(self, agent_id: int, output: SoundSent | PingAnswered) -> Frame | None:
         source = address_of(agent_id)
         if isinstance(output, PingAnswered):
-            return Frame(FrameKind.PING_REPLY, source, APAD_ADDRESS, flight_us=output.travelled_us)
-        fewest, most = PAYLOAD_BYTES[Generation.V3]
-        if not fewest <= len(output.data) <= most:
-            self.dropped[f"sound: {len(output.data)} bytes are no packet of a modem's"] += 1
+            modems, us = self.config.modems, output.travelled_us
+            return Frame(FrameKind.PING_REPLY, source, APAD_ADDRESS, b"", modems, us)
+        return self._carrying(output.data, source, APAD_ADDRESS)
+
+    def _carrying(self, data: bytes, source: int, to: int | None) -> Frame | None:
+        """A frame with these bytes, to one address or to all; None, counted, for more than a modem carries."""
+        modems = self.config.modems
+        fewest, most = PAYLOAD_BYTES[modems]
+        if not fewest <= len(data) <= most:
+            self.dropped[
+                f"sound: {len(data)} bytes, and a {modems.name} modem carries {fewest} to {most}"
+            ] += 1
             return None
-        return Frame(FrameKind.UNICAST, source, APAD_ADDRESS, output.data)
+        return Frame(FrameKind.BROADCAST if to is None else FrameKind.UNICAST, source, to, data, modems)
 
     def _through_the_air(self, sender: int, receiver: int, at_ms: int) -> bool:
         one, other = self._places.get(sender), self._places.get(receiver)

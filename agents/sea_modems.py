@@ -23,7 +23,7 @@ from agents.modem.facts import (
     SerialOut,
     Stimulus,
 )
-from agents.modem.firmware import ModemConfig
+from agents.modem.firmware import Firmware, ModemConfig
 from agents.modem.frames import Frame
 from agents.modem.rack import Did, Rack
 
@@ -39,11 +39,16 @@ class SeaModems:
     """Agent time. What is to happen in a round is noted first; `round` then lets it happen in the order of time."""
 
     def __init__(
-        self, addresses: Mapping[int, int], opened: Collection[int], now_ms: int, dropped: Counter[str]
+        self,
+        firmware: Firmware,
+        addresses: Mapping[int, int],
+        opened: Collection[int],
+        now_ms: int,
+        dropped: Counter[str],
     ) -> None:
         self.dropped = dropped
         self.opened = frozenset(opened)
-        self._rack = Rack(ModemConfig(), addresses, self.opened, now_ms)
+        self._rack = Rack(ModemConfig(firmware), addresses, self.opened, now_ms)
         self._now_ms = now_ms
         self._off: set[int] = set()
         self._noted: list[tuple[int, int, int, Stimulus]] = []

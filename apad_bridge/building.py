@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 from agents.fleet import FleetConfig, resting_on_bottom
 from agents.physical import Physical
+from agents.reporter import Modem
 from apad_bridge.beliefs.hold_last import HoldLast
 from apad_bridge.boards import charge_model, clock_drift_ppb, whole_firmware
 from apad_bridge.ears_building import ears_of
@@ -17,6 +18,7 @@ from apad_bridge.port.docking_port import DockingPort
 from apad_bridge.sample_collection import SampleCollection
 from apad_bridge.scenario.schema import DriftMode, HearingMode, Scenario
 from apad_bridge.scenario.starts import Start
+from apad_bridge.scenario.water import ModemGeneration
 from apad_bridge.scripting.commanded import CommandedMission, Front
 from apad_bridge.simulated_apad.apad import SimulatedAPad
 from apad_bridge.simulated_apad.misses import Misses
@@ -31,7 +33,7 @@ def agent_ids(scenario: Scenario) -> range:
 
 def fleet_config(scenario: Scenario) -> FleetConfig:
     board, drift, theta = scenario.board, scenario.fleet.drift, scenario.theta
-    water = agents_water(scenario)
+    water, told = agents_water(scenario), scenario.water
     return FleetConfig(
         theta=theta,
         seed=scenario.seed,
@@ -60,6 +62,7 @@ def fleet_config(scenario: Scenario) -> FleetConfig:
         whole=whole_firmware(board, scenario.seed),
         clock_drift_ppb=clock_drift_ppb(board),
         first_id=scenario.fleet.first_id,
+        modem=Modem.V2 if told is not None and told.modems is ModemGeneration.V2 else Modem.V3,
     )
 
 
@@ -89,11 +92,12 @@ def supervisor(
     first_command_id: int = 1,
     fronts: Sequence[Front] = (),
     samples: SampleCollection | None = None,
+    has_modem: bool = True,
 ) -> Supervisor:
     """A supervisor that knows nothing yet, or one that goes on with a mission's journaled `state`.
 
     Its mission is the paper's; or, where there are `fronts`, one that does what these order. Without `samples` it leaves
-    the aMussels' logs to others.
+    the aMussels' logs to others; without a modem, whatever is said by sound of its own accord.
     """
     beliefs = HoldLast(agent_ids(scenario))
     mission: Mission = (
@@ -117,5 +121,5 @@ def supervisor(
         samples,
         round(scenario.duration_s * 1000),
         scenario.mission.end_at_apad_fraction,
-        ears_of(scenario, agent_ids(scenario)),
+        ears_of(scenario, agent_ids(scenario)) if has_modem else None,
     )

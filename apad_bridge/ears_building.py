@@ -8,6 +8,7 @@ from math import ceil, dist
 from apad_bridge.boards import whole_firmware
 from apad_bridge.localisation.locator import Locator, LocatorConfig
 from apad_bridge.scenario.schema import Scenario
+from apad_bridge.sea_building import generation_of
 from apad_bridge.talking.ears import Ears
 from apad_bridge.talking.talk import Talk, TalkConfig
 from firmware_model.codec import load_codec
@@ -28,9 +29,10 @@ def ears_of(scenario: Scenario, agent_ids: Iterable[int]) -> Ears | None:
         way_ms=ceil(1000 * min(across_m, water.sound.range_limit_m) / speed_m_s),
         waits=water.talk.waits,
         assigns=water.talk.assigns,
-        guard_ms=0,
+        guard_ms=0 if slots is None else slots.guard_ms,
         beacon_period_ms=round(water.talk.beacon_period_s * 1000),
         ping_period_ms=round(water.talk.ping_period_s * 1000),
+        modems=generation_of(water.modems),
     )
     told = water.localisation
     locator = None

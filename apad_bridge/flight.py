@@ -38,7 +38,7 @@ from apad_bridge.presence import Roll
 from apad_bridge.records.packet_lines import packet_data
 from apad_bridge.supervisor import TICK_MS, Supervisor
 from apad_bridge.vehicle import BatteryReported, CloseDock, OpenDock, PoseReported
-from apad_bridge.vehicle_link import Carried, LetGo, VehicleLink
+from apad_bridge.vehicle_link import APadSeen, Carried, LetGo, VehicleLink
 from firmware_model.sample_record import SampleRecord
 from firmware_model.wire import EVERYONE
 
@@ -296,7 +296,9 @@ class Flight:
             return
         for came in self._ether.advance(now_ms):
             if isinstance(came, Send):
-                self._send(came, now_ms)
+                word = self.supervisor.timed(came, now_ms)
+                if word is not None:
+                    self._send(word, now_ms)
             else:
                 self.supervisor.receive(came)
 
@@ -323,8 +325,10 @@ class Flight:
     def _hear_vehicle(self, now_ms: int) -> None:
         sea = None if self._fleet is None else self._fleet.sea
         for fact in self._vehicle.advance(now_ms):
-            if sea is not None and isinstance(fact, PoseReported):
+            if sea is not None and isinstance(fact, PoseReported | APadSeen):
                 sea.carry_apad(fact.north_m, fact.east_m, fact.at_ms)
+            if isinstance(fact, APadSeen):
+                continue
             if isinstance(fact, (Carried, LetGo)):
                 stimulus = self._contacts.take(fact)
                 if stimulus is not None:

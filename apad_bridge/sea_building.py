@@ -7,13 +7,14 @@ from pathlib import Path
 
 from agents.coordinator import Coordinator
 from agents.host import Host
+from agents.modem.frames import Generation
 from agents.sea import Sea, SeaConfig
 from agents.water import sound, wifi
 from apad_bridge.boards import whole_firmware
 from apad_bridge.fleet import Fleet
 from apad_bridge.links_file import LinksFile
 from apad_bridge.scenario.schema import Scenario
-from apad_bridge.scenario.water import Sound, Water
+from apad_bridge.scenario.water import ModemGeneration, Sound, Water
 
 
 def fleet_of(
@@ -62,7 +63,12 @@ def sea_config(scenario: Scenario, water: Water) -> SeaConfig:
         keel_um=round(told.keel_m * 1e6),
         range_noise_m=told.range_noise_m,
         thrusting_m_s=told.thrusting_m_s,
+        modems=generation_of(water.modems),
     )
+
+
+def generation_of(modems: ModemGeneration) -> Generation:
+    return Generation.V2 if modems is ModemGeneration.V2 else Generation.V3
 
 
 def sound_of(told: Sound) -> sound.Sound:

@@ -25,7 +25,16 @@ class LetGo:
     agent_id: int
 
 
-LinkFact = VehicleFact | Carried | LetGo
+@dataclass(frozen=True, slots=True)
+class APadSeen:
+    """Where an aPad is that is somebody else's: the world's word to the water, in which its modem hangs."""
+
+    at_ms: int
+    north_m: float
+    east_m: float
+
+
+LinkFact = VehicleFact | Carried | LetGo | APadSeen
 
 
 class VehicleLink(Protocol):

@@ -67,6 +67,11 @@ class Parts:
         return self._switches is None or self._switches.is_on(Rail.MODEM_LISTENING, Rail.MODEM_RECEIVING)
 
     @property
+    def has_wifi(self) -> bool:
+        """Whether Wi-Fi is on. The worst case's always is."""
+        return self._switches is None or self._switches.is_on(Rail.WIFI)
+
+    @property
     def kept(self) -> Kept | None:
         """What a reset has to leave: None for a board that nobody has told anything yet."""
         return None if self._keeper is None else self._keeper.kept

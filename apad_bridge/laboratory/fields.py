@@ -24,6 +24,14 @@ def read(message: Any, path: str) -> Any:
     return value
 
 
+def has(message: Any, path: str) -> bool:
+    try:
+        read(message, path)
+    except (AttributeError, IndexError, TypeError):
+        return False
+    return True
+
+
 def write(message: Any, path: str, value: Any) -> None:
     """In the field's own kind: text, truth value, number, or bytes. AttributeError or TypeError if that cannot be."""
     *way, last = steps(path)

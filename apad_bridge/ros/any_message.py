@@ -25,18 +25,23 @@ class AnyMessages:
     def decode(self, message: Any) -> Any:
         """A rospy.AnyMsg as its publisher meant it. ValueError when its definition or its bytes are wrong."""
         header = message._connection_header
-        kind, md5, text = header["type"], header["md5sum"], header.get("message_definition", "")
+        made = self.class_of(header["type"], header["md5sum"], header.get("message_definition", ""))
         try:
-            if md5 not in self._classes:
-                made = genpy.dynamic.generate_dynamic(kind, text)[kind]
-                if made._md5sum != md5:
-                    raise ValueError(
-                        f"{kind}: its publisher sends md5 {md5} and a text of md5 {made._md5sum}"
-                    )
-                self._classes[md5] = made
-            return self._classes[md5]().deserialize(message._buff)
-        except (genmsg.MsgGenerationException, genmsg.InvalidMsgSpec, genpy.DeserializationError) as error:
+            return made().deserialize(message._buff)
+        except genpy.DeserializationError as error:
+            raise ValueError(f"{header['type']}: {error}") from error
+
+    def class_of(self, kind: str, md5: str, text: str) -> Any:
+        """The class of a publisher's own text. ValueError when that is not of this md5, or no definition."""
+        if md5 in self._classes:
+            return self._classes[md5]
+        try:
+            made = genpy.dynamic.generate_dynamic(kind, text)[kind]
+        except (genmsg.MsgGenerationException, genmsg.InvalidMsgSpec, KeyError) as error:
             raise ValueError(f"{kind}: {error}") from error
+        if made._md5sum != md5:
+            raise ValueError(f"{kind}: its publisher sends md5 {md5} and a text of md5 {made._md5sum}")
+        return self._classes.setdefault(md5, made)
 
 
 def class_of(kind: str, search_path: dict[str, list[str]]) -> Any:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import threading
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from typing import Any
@@ -15,7 +14,7 @@ from apad_bridge.ros.generation_a_words import StaticHeard
 from apad_bridge.ros.inbox import Inbox
 from apad_bridge.ros.messages import use_generated_messages
 from apad_bridge.vehicle import VehicleCommand
-from apad_bridge.vehicle_link import Carried, LetGo, LinkFact
+from apad_bridge.vehicle_link import APadSeen, Carried, LetGo, LinkFact
 
 use_generated_messages()
 
@@ -25,7 +24,8 @@ from auv_msgs.msg import NavSts  # noqa: E402
 class ContactsLink:
     """For a fleet alone. Somebody else's planner docks its aMussels; here it is felt.
 
-    The aPad `apad` (its namespace) is listened to only so that a gap in the Wi-Fi is not taken for a release.
+    The aPad `apad` (its namespace) is listened to so that a gap in the Wi-Fi is not taken for a release, and for where its
+    modem is.
     """
 
     def __init__(
@@ -40,7 +40,7 @@ class ContactsLink:
         self.dropped: Counter[str] = Counter()
         self._docks = DocksByHearsay(ids, docked, now_ms)
         self._inbox: Inbox[tuple[int, float, float, bool]] = Inbox()
-        self._apad_spoke = threading.Event()
+        self._apad_at: Inbox[tuple[float, float]] = Inbox()
         self._apad_heard_ms = now_ms
         self._subscribers = [
             rospy.Subscriber(
@@ -51,18 +51,20 @@ class ContactsLink:
         self._subscribers.append(rospy.Subscriber(f"/{apad}/position", NavSts, self._note_apad))
 
     def advance(self, now_ms: int) -> list[LinkFact]:
-        """Contacts only, stamped `now_ms`: the clocks of a vehicle at sea are not ours."""
+        """Contacts and the aPad's place, stamped `now_ms`: the clocks of a vehicle at sea are not ours."""
         facts: list[LinkFact] = []
         for agent_id, north_m, east_m, released in self._inbox.take():
             if not (math.isfinite(north_m) and math.isfinite(east_m)):
                 self.dropped["position_static: not finite"] += 1
                 continue
             facts += self._docks.hear(StaticHeard(now_ms, agent_id, north_m, east_m, released))
-        if self._apad_spoke.is_set():
-            self._apad_spoke.clear()
+        seen: list[LinkFact] = []
+        for north_m, east_m in self._apad_at.take():
             self._apad_heard_ms = now_ms
+            if math.isfinite(north_m) and math.isfinite(east_m):
+                seen = [APadSeen(now_ms, north_m, east_m)]
         facts += [*self._docks.silent(self._apad_heard_ms), *self._docks.places()]
-        return [fact for fact in facts if isinstance(fact, Carried | LetGo)]
+        return [*seen, *(fact for fact in facts if isinstance(fact, Carried | LetGo))]
 
     def command(self, command: VehicleCommand, now_ms: int) -> None:
         raise RuntimeError("a fleet alone commands no vehicle")
@@ -71,8 +73,8 @@ class ContactsLink:
         for subscriber in self._subscribers:
             subscriber.unregister()
 
-    def _note_apad(self, _: Any) -> None:
-        self._apad_spoke.set()
+    def _note_apad(self, message: Any) -> None:
+        self._apad_at.put((message.position.north, message.position.east))
 
     def _take(self, message: Any, agent_id: int) -> None:
         position, released = message.position, message.status == 1

@@ -7,6 +7,7 @@ import importlib.metadata
 import os
 import sys
 from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
 
 import genmsg
@@ -20,6 +21,7 @@ from apad_bridge.diagnosis.finding import Finding, fail, ok, warn
 from apad_bridge.diagnosis.graph import Graph
 from apad_bridge.ros.generate import SYSTEM_DEFINITIONS
 from apad_bridge.ros.messages import DEFINITIONS, MessagesUnusable, generated_folder, use_generated_messages
+from apad_bridge.ros.their_services import service_by_text
 from apad_bridge.ros.wire_probe import NotTold, service_md5, stamp_offset_s, topic_md5
 
 _PACKAGES = {
@@ -37,16 +39,40 @@ _PACKAGES = {
 """What is imported, and the Debian package that brings it."""
 
 _ACTION = "action_server"
-_PROBED = {
-    f"{_ACTION}/result": "apad/aPadActionResult",
-    f"{_ACTION}/feedback": "apad/aPadActionFeedback",
-    "position": "auv_msgs/NavSts",
-}
-_SERVICES = {
-    "check_docking_availability": "misc_msgs/GetDockingInfo",
-    "change_docking_status": "misc_msgs/ChangeDockingStatus",
-    "get_battery_level": "misc_msgs/GetChargeInfo",
-}
+_PRIMITIVE = "commander/primitive"
+
+
+@dataclass(frozen=True, slots=True)
+class _Speech:
+    """What an aPad of a generation is known by, and whose md5s it is asked for: types by topic and by service."""
+
+    known_by: str
+    topics: dict[str, str]
+    services: dict[str, str]
+
+
+_A = _Speech(
+    _ACTION,
+    {
+        f"{_ACTION}/result": "apad/aPadActionResult",
+        f"{_ACTION}/feedback": "apad/aPadActionFeedback",
+        "position": "auv_msgs/NavSts",
+    },
+    {
+        "check_docking_availability": "misc_msgs/GetDockingInfo",
+        "change_docking_status": "misc_msgs/ChangeDockingStatus",
+        "get_battery_level": "misc_msgs/GetChargeInfo",
+    },
+)
+_B = _Speech(
+    _PRIMITIVE,
+    {"position": "auv_msgs/NavSts"},
+    {
+        f"{_PRIMITIVE}/go2point": "misc_msgs/Go2pointPrimitiveService",
+        f"{_PRIMITIVE}/dynamic_positioning": "misc_msgs/DynamicPositioningPrimitiveService",
+        f"{_PRIMITIVE}/docking": "misc_msgs/DockingPrimitiveService",
+    },
+)
 _LATE_S = 0.5
 """An offset of clocks beyond this is worth a line: it is far above what a network takes."""
 
@@ -147,36 +173,31 @@ def bind_address() -> str:
 
 
 def check_apads(graph: Graph) -> Iterator[Finding]:
-    """Generation A's aPads on the graph, and whether they speak our definitions: their own md5s, asked of them."""
-    suffix = f"/{_ACTION}/goal"
-    names = sorted(
-        topic.removesuffix(suffix)
+    """The aPads on the graph, of either generation, and whether they speak our definitions: asked of themselves."""
+    goal, service = f"/{_ACTION}/goal", f"/{_PRIMITIVE}/go2point"
+    found = [
+        (topic.removesuffix(goal), _A)
         for topic, nodes in graph.subscribers.items()
-        if topic.endswith(suffix) and nodes and graph.types.get(topic) in ("apad/aPadActionGoal", "*", None)
-    )
-    later = sorted(name for name in graph.services if name.endswith("/commander/primitive/go2point"))
-    for name in later:
-        robot = name.removesuffix("/commander/primitive/go2point")
-        yield warn(
-            robot,
-            "an aPad of the mission primitives' generation",
-            "this version speaks the action_server one only",
+        if topic.endswith(goal) and nodes and graph.types.get(topic) in ("apad/aPadActionGoal", "*", None)
+    ]
+    found += [(name.removesuffix(service), _B) for name in graph.services if name.endswith(service)]
+    if not found:
+        mend = (
+            f"start it, or fly the simulated one: musselbed run --apad sim; a real one has the action NAME/{_ACTION} "
+            f"or services below NAME/{_PRIMITIVE}"
         )
-    if not names:
-        if not later:
-            mend = "start it, or fly the simulated one: musselbed run --apad sim; its action is NAME/action_server"
-            yield warn("aPad", "none with an action_server on this master", mend)
+        yield warn("aPad", "none on this master", mend)
         return
     ours = python_md5s(generated_folder(), ("apad", "auv_msgs", "misc_msgs"))
-    for name in names:
-        yield _check_md5s(graph, name, ours)
+    for name, speech in sorted(found, key=lambda it: (it[0], it[1].known_by)):
+        yield _check_md5s(graph, name, speech, ours)
         yield _check_offset(graph, f"{name}/position", name)
 
 
-def _check_md5s(graph: Graph, name: str, ours: Md5s) -> Finding:
+def _check_md5s(graph: Graph, name: str, speech: _Speech, ours: Md5s) -> Finding:
     differing, silent, same = [], [], []
-    for part, type_name in {**_PROBED, **_SERVICES}.items():
-        probe = service_md5 if part in _SERVICES else topic_md5
+    for part, type_name in {**speech.topics, **speech.services}.items():
+        probe = service_md5 if part in speech.services else topic_md5
         try:
             md5 = probe(graph, f"{name}/{part}")
         except NotTold as error:
@@ -184,10 +205,15 @@ def _check_md5s(graph: Graph, name: str, ours: Md5s) -> Finding:
             continue
         if md5 == ours[type_name]:
             same.append(f"{part} {md5}")
+        elif part in speech.services and service_by_text(type_name, md5) is not None:
+            same.append(f"{part} {md5} (by the text on ROS_PACKAGE_PATH, ours is {ours[type_name]})")
         else:
             differing.append(f"{part}: {type_name} is {md5}, ours {ours[type_name]}")
     if differing:
-        mend = "put the aPad's texts of these types into apad_bridge/ros/definitions and run launch_scripts/install"
+        mend = (
+            "source its workspace, or put the aPad's texts of these types into apad_bridge/ros/definitions and run "
+            "launch_scripts/install"
+        )
         return fail(name, "; ".join(differing), mend)
     if silent:
         return warn(
@@ -195,7 +221,7 @@ def _check_md5s(graph: Graph, name: str, ours: Md5s) -> Finding:
             f"did not tell the md5 of {'; '.join(silent)}",
             "start its nodes; see the lines of its nodes above",
         )
-    return ok(name, f"an aPad with {_ACTION}; speaks our definitions: {', '.join(same)}")
+    return ok(name, f"an aPad with {speech.known_by}; speaks our definitions: {', '.join(same)}")
 
 
 def _check_offset(graph: Graph, topic: str, name: str) -> Finding:

@@ -26,7 +26,7 @@ from apad_bridge.ros.generation_a_ears import Ears
 from apad_bridge.ros.generation_a_words import GoalOrder, Heard
 from apad_bridge.ros.inbox import Inbox
 from apad_bridge.ros.legacy_words import UNSTAMPED
-from apad_bridge.ros.live_types import differing_types
+from apad_bridge.ros.live_types import differing_listeners, unreadable_topics
 from apad_bridge.ros.messages import use_generated_messages
 from apad_bridge.ros.vehicle_not_ready import VehicleNotReady
 from apad_bridge.vehicle import CloseDock, MoveArm, OpenDock, VehicleCommand
@@ -76,6 +76,11 @@ class GenerationALink:
         """Words of the vehicle that came to nothing, by reason."""
         return self._inbox.dropped + self._core.dropped
 
+    @property
+    def heard_ms(self) -> int:
+        """When a position was last heard; -1 before the first."""
+        return self._core.readings.position_ms
+
     def holds(self, agent_id: int) -> bool:
         """Whether a dock is known to hold this aMussel."""
         return self._core.docks.holds(agent_id)
@@ -103,7 +108,7 @@ class GenerationALink:
 
     def _refuse_other_definitions(self) -> None:
         goal_types = {self._goals.resolved_name: self._goals.data_class}
-        if lines := differing_types(self._ears.types, goal_types):
+        if lines := [*unreadable_topics(self._ears.needed), *differing_listeners(goal_types)]:
             raise VehicleNotReady(
                 f"/{self.name} speaks other definitions than we do: {'; '.join(lines)}; "
                 f"put its own into apad_bridge/ros/definitions and run launch_scripts/install"

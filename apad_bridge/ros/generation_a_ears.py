@@ -13,6 +13,7 @@ import rospy
 from actionlib_msgs.msg import GoalStatusArray
 from std_msgs.msg import Float64
 
+from apad_bridge.ros.any_listener import AnyListener
 from apad_bridge.ros.generation_a_words import (
     GoalCode,
     GoalsHeard,
@@ -30,6 +31,13 @@ use_generated_messages()
 from apad.msg import aPadActionResult  # noqa: E402
 from auv_msgs.msg import NavSts  # noqa: E402
 
+_FIELDS: dict[Any, tuple[str, ...]] = {
+    NavSts: ("header.stamp", "position.north", "position.east", "orientation.yaw", "status"),
+    GoalStatusArray: ("header.stamp", "status_list"),
+    aPadActionResult: ("header.stamp", "status.goal_id.id", "status.status", "status.text"),
+    Float64: ("data",),
+}
+
 
 class Ears:
     """Subscribes to the aPad called `name` and to `position_static` of each aMussel.
@@ -43,6 +51,9 @@ class Ears:
         self.has_heard_server = False
         self._inbox = inbox
         self._stamped = stamped
+        self._listener = AnyListener(inbox.drop)
+        self.needed: dict[str, tuple[Any, tuple[str, ...]]] = {}
+        """By topic of the aPad: our message class, and the fields that are read."""
         server = f"/{name}/action_server"
         self._vital = [
             self._listen(f"/{name}/position", NavSts, self._take_pose),
@@ -64,11 +75,6 @@ class Ears:
         ]
 
     @property
-    def types(self) -> dict[str, Any]:
-        """Our message class of each topic of the aPad."""
-        return {it.resolved_name: it.data_class for it in [*self._vital, self._battery]}
-
-    @property
     def missing(self) -> list[str]:
         """What is not connected of that which a flight cannot do without, for a person."""
         lines = [f"nobody publishes {it.resolved_name}" for it in self._vital if not it.get_num_connections()]
@@ -79,8 +85,9 @@ class Ears:
             subscriber.unregister()
 
     def _listen(self, topic: str, kind: Any, take: Any, *arguments: Any) -> rospy.Subscriber:
-        # No delay: otherwise a small message may wait on a network for the acknowledgement of the one before.
-        return rospy.Subscriber(topic, kind, take, *arguments, tcp_nodelay=True)
+        if not arguments:
+            self.needed[topic] = (kind, _FIELDS[kind])
+        return self._listener.listen(topic, kind, take, *arguments)
 
     def _stamp(self, message: Any) -> int:
         return to_ms(message.header.stamp) if self._stamped else UNSTAMPED

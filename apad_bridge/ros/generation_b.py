@@ -21,6 +21,7 @@ from std_msgs.msg import Float32MultiArray
 
 from apad_bridge.diagnosis.graph import Graph
 from apad_bridge.diagnosis.network import Unreachable
+from apad_bridge.laboratory.fields import has, write
 from apad_bridge.laboratory.words import DockSaid
 from apad_bridge.ros.generation_b_core import GenerationBCore
 from apad_bridge.ros.generation_b_docks import Sight
@@ -37,7 +38,7 @@ from apad_bridge.ros.generation_b_words import (
 )
 from apad_bridge.ros.inbox import Inbox
 from apad_bridge.ros.legacy_words import UNSTAMPED
-from apad_bridge.ros.live_types import differing_services, differing_types
+from apad_bridge.ros.live_types import live_services, unreadable_topics
 from apad_bridge.ros.messages import use_generated_messages
 from apad_bridge.ros.service_calls import ServiceCalls
 from apad_bridge.ros.vehicle_not_ready import VehicleNotReady
@@ -51,11 +52,8 @@ use_generated_messages()
 
 from misc_msgs.srv import (  # noqa: E402
     DockingPrimitiveService,
-    DockingPrimitiveServiceRequest,
     DynamicPositioningPrimitiveService,
-    DynamicPositioningPrimitiveServiceRequest,
     Go2pointPrimitiveService,
-    Go2pointPrimitiveServiceRequest,
 )
 
 SERVICES: dict[Primitive, Any] = {
@@ -90,6 +88,7 @@ class GenerationBLink:
         self._excused: set[str] = set()
         self._inbox: Inbox[Heard] = Inbox()
         self._ears = Ears(name, self._inbox, stamped=our_clock)
+        self._services = dict(SERVICES)
         self._calls = ServiceCalls()
         self._camera = camera
         self._arms = rospy.Publisher(f"/{name}/dock_out", Float32MultiArray, queue_size=4)
@@ -98,6 +97,11 @@ class GenerationBLink:
     def dropped(self) -> Counter[str]:
         """Words of the vehicle that came to nothing, by reason."""
         return self._inbox.dropped + self._core.dropped
+
+    @property
+    def heard_ms(self) -> int:
+        """When a position was last heard; -1 before the first."""
+        return self._core.readings.position_ms
 
     def holds(self, agent_id: int) -> bool:
         """Whether a dock is known to hold this aMussel."""
@@ -128,11 +132,21 @@ class GenerationBLink:
         return [f"nobody offers {name}" for name in map(self._service_name, SERVICES) if name not in offered]
 
     def _refuse_other_definitions(self) -> None:
-        services = {self._service_name(primitive): kind for primitive, kind in SERVICES.items()}
-        if lines := [*differing_types(self._ears.types, {}), *differing_services(services)]:
+        by_name = {self._service_name(primitive): primitive for primitive in SERVICES}
+        chosen, lines = live_services({name: SERVICES[primitive] for name, primitive in by_name.items()})
+        self._services = {primitive: chosen[name] for name, primitive in by_name.items()}
+        lines += unreadable_topics(self._ears.needed)
+        for primitive, kind in self._services.items():
+            request = kind._request_class()
+            lines += [
+                f"{self._service_name(primitive)} has no field {it} there"
+                for it in _FIELDS[primitive]
+                if not has(request, it)
+            ]
+        if lines:
             raise VehicleNotReady(
                 f"/{self.name} speaks other definitions than we do: {'; '.join(lines)}; "
-                f"put its own into apad_bridge/ros/definitions and run launch_scripts/install"
+                "source its workspace, or put its texts into apad_bridge/ros/definitions and run launch_scripts/install"
             )
 
     def advance(self, now_ms: int) -> list[LinkFact]:
@@ -198,10 +212,12 @@ class GenerationBLink:
 
     def _send(self) -> None:
         for call in self._core.take_calls():
-            primitive, request = _request(call.order)
-            self._calls.send(
-                self._service_name(primitive), SERVICES[primitive], request, self._answer_to(call)
-            )
+            primitive, fields = _fields(call.order)
+            kind = self._services[primitive]
+            request = kind._request_class()
+            for path, value in fields.items():
+                write(request, path, value)
+            self._calls.send(self._service_name(primitive), kind, request, self._answer_to(call))
 
     def _answer_to(self, call: Call) -> Any:
         def answered(response: Any, refused: str | None) -> None:
@@ -215,28 +231,37 @@ class GenerationBLink:
         return f"/{self.name}/commander/primitive/{primitive.value}"
 
 
-def _request(order: Order) -> tuple[Primitive, Any]:
+def _fields(order: Order) -> tuple[Primitive, dict[str, Any]]:
     match order:
         case GoToOrder(north_m, east_m, speed_m_s, victory_radius_m):
-            go_to = Go2pointPrimitiveServiceRequest(
-                speed=speed_m_s, victory_radius=victory_radius_m, north_enable=True, east_enable=True
-            )
-            go_to.point.x, go_to.point.y = north_m, east_m
-            return Primitive.GO_TO, go_to
+            return Primitive.GO_TO, {
+                "point.x": north_m,
+                "point.y": east_m,
+                "speed": speed_m_s,
+                "victory_radius": victory_radius_m,
+                "north_enable": True,
+                "east_enable": True,
+            }
         case PositionOrder(north_m, east_m, heading_rad):
-            hold = DynamicPositioningPrimitiveServiceRequest(
-                north=north_m, east=east_m, north_enable=True, east_enable=True
-            )
+            hold = {"north": north_m, "east": east_m, "north_enable": True, "east_enable": True}
             if heading_rad is not None:
-                hold.heading, hold.heading_enable = heading_rad, True
+                hold |= {"heading": heading_rad, "heading_enable": True}
             return Primitive.POSITION, hold
         case DockingOrder():
-            docking = DockingPrimitiveServiceRequest(
-                docking_action=order.docks,
-                docking_slot=order.slot,
-                search_yaw_rate=order.search_yaw_rate_rad_s,
-                max_yaw_rate=order.max_yaw_rate_rad_s,
-                max_surge_speed=order.max_surge_m_s,
-                surge_stdev=order.surge_stdev,
-            )
-            return Primitive.DOCKING, docking
+            return Primitive.DOCKING, {
+                "docking_action": order.docks,
+                "docking_slot": order.slot,
+                "search_yaw_rate": order.search_yaw_rate_rad_s,
+                "max_yaw_rate": order.max_yaw_rate_rad_s,
+                "max_surge_speed": order.max_surge_m_s,
+                "surge_stdev": order.surge_stdev,
+            }
+
+
+_ALL_ORDERS: tuple[Order, ...] = (
+    GoToOrder(0.0, 0.0, 1.0, 1.0),
+    PositionOrder(0.0, 0.0, 0.0),
+    DockingOrder(True, 0, 0.0, 0.0, 0.0, 0.0),
+)
+_FIELDS = {primitive: tuple(fields) for primitive, fields in map(_fields, _ALL_ORDERS)}
+"""What a service's request must have: all that is ever written into it."""

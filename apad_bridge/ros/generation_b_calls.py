@@ -42,16 +42,15 @@ class Calls:
         calls, self._to_send = self._to_send, []
         return calls
 
-    def hear(self, answer: Answered) -> bool:
-        """Whether the answer was to the order that counts."""
+    def hear(self, answer: Answered) -> None:
+        """Answers to orders that were replaced meanwhile change nothing."""
         pending = self.pending
         if pending is None or answer.number != pending.number or pending.answered_ms is not None:
-            return False
+            return
         if answer.refused is None:
             pending.answered_ms = answer.at_ms
         else:
             self._refuse(pending, answer.refused, answer.at_ms)
-        return True
 
     def failed(self, now_ms: int) -> str | None:
         """Sends again what is due; the first cause, when the order was tried often enough."""

@@ -7,6 +7,7 @@ from typing import Any
 import rospy
 from std_msgs.msg import Bool, Float32MultiArray, Float64, Int32, String
 
+from apad_bridge.ros.any_listener import AnyListener
 from apad_bridge.ros.generation_b_words import (
     PRIMITIVE_FINISHED,
     ArmHeard,
@@ -35,6 +36,9 @@ class Ears:
     def __init__(self, name: str, inbox: Inbox[Heard], *, stamped: bool) -> None:
         self._inbox = inbox
         self._stamped = stamped
+        self._listener = AnyListener(inbox.drop)
+        self.needed: dict[str, tuple[Any, tuple[str, ...]]] = {}
+        """By topic of the aPad: our message class, and the fields that are read."""
         self._vital = [self._listen(f"/{name}/position", NavSts, self._take_pose)]
         state = self._listen(f"/{name}/stateRef", NavSts, self._take_state)
         if stamped:
@@ -50,11 +54,6 @@ class Ears:
         ]
 
     @property
-    def types(self) -> dict[str, Any]:
-        """Our message class of each topic of the aPad."""
-        return {it.resolved_name: it.data_class for it in [*self._vital, *self._others]}
-
-    @property
     def missing(self) -> list[str]:
         """What is not connected of that which a flight cannot do without, for a person."""
         return [f"nobody publishes {it.resolved_name}" for it in self._vital if not it.get_num_connections()]
@@ -64,7 +63,9 @@ class Ears:
             subscriber.unregister()
 
     def _listen(self, topic: str, kind: Any, take: Any, *arguments: Any) -> rospy.Subscriber:
-        return rospy.Subscriber(topic, kind, take, *arguments, tcp_nodelay=True)
+        nav_sts = ("header.stamp", "position.north", "position.east", "orientation.yaw")
+        self.needed[topic] = (kind, nav_sts if kind is NavSts else ("data",))
+        return self._listener.listen(topic, kind, take, *arguments)
 
     def _stamp(self, message: Any) -> int:
         return to_ms(message.header.stamp) if self._stamped else UNSTAMPED

@@ -1,9 +1,9 @@
-"""A VehicleLink of a fleet alone: of what the vehicle's link tells only the docks' contacts are passed on."""
+"""A VehicleLink of a fleet alone: what the vehicle's link tells is passed on as the world's, not as a mission's."""
 
 from __future__ import annotations
 
-from apad_bridge.vehicle import VehicleCommand
-from apad_bridge.vehicle_link import Carried, LetGo, LinkFact, VehicleLink
+from apad_bridge.vehicle import PoseReported, VehicleCommand
+from apad_bridge.vehicle_link import APadSeen, Carried, LetGo, LinkFact, VehicleLink
 
 
 class ListeningLink:
@@ -13,8 +13,14 @@ class ListeningLink:
         self._link = link
 
     def advance(self, now_ms: int) -> list[LinkFact]:
-        facts = self._link.advance(now_ms)
-        return [fact for fact in facts if isinstance(fact, Carried | LetGo)]
+        """The docks' contacts, and where the aPad is."""
+        told: list[LinkFact] = []
+        for fact in self._link.advance(now_ms):
+            if isinstance(fact, PoseReported):
+                told.append(APadSeen(fact.at_ms, fact.north_m, fact.east_m))
+            elif isinstance(fact, Carried | LetGo | APadSeen):
+                told.append(fact)
+        return told
 
     def command(self, command: VehicleCommand, now_ms: int) -> None:
         raise RuntimeError("a fleet alone commands no vehicle")

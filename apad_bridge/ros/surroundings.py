@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from collections import Counter
+<<<<<<< HEAD
 from collections.abc import Iterable, Iterator, Mapping
+=======
+from collections.abc import Callable, Iterable, Iterator, Mapping
+>>>>>>> main
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
@@ -24,8 +27,14 @@ from apad_bridge.ros.gateway import GatewayFailed, TruthSource, open_gateway
 from apad_bridge.ros.generation_b import GenerationBLink
 from apad_bridge.ros.laboratory import Laboratory
 from apad_bridge.ros.listening_link import ListeningLink
+<<<<<<< HEAD
 from apad_bridge.ros.radio import FleetRadio, MissionRadio, RealRadio
+=======
+from apad_bridge.ros.master_watch import MasterWatch, Noticed
+from apad_bridge.ros.radio import FleetRadio, MissionRadio
+>>>>>>> main
 from apad_bridge.ros.ros_pace import FollowedClock, OwnMasterClock
+from apad_bridge.ros.silence_watch import SilenceWatch
 from apad_bridge.ros.standard_topics import StandardTopics
 from apad_bridge.ros.vehicle_not_ready import VehicleNotReady
 from apad_bridge.ros.vehicles import READY_S, APadLink, TruthsAt, is_of_generation_b, open_apad
@@ -33,7 +42,7 @@ from apad_bridge.runs.failures import PeerFailed
 from apad_bridge.runs.flying import Surroundings
 from apad_bridge.runs.options import APadKind, Part, RunOptions, TimeSource
 from apad_bridge.scenario.schema import Scenario
-from firmware_model.codec import load_codec
+from firmware_model.codec import Codec, load_codec
 
 _NODES = {Part.WHOLE: "musselbed", Part.FLEET: "musselbed_fleet", Part.MISSION: "musselbed_mission"}
 
@@ -71,20 +80,13 @@ def open_surroundings(
                 truth=_shown_truth(truths_at) if scenario.records.truth_on_agent_topics else None,
             )
             stack.callback(gateway.close)
-            roll = None
-            if fleet is not None:
-                claims = ClaimBoard(f"/{node_name}", lambda: presences.simulated)
-                claims.refuse_overlap(ids)
-                desk = FleetServices(presences, claims)
-                stack.callback(desk.close)
-                roll = Roll(presences, desk)
+            roll = None if fleet is None else _called_roll(stack, node_name, ids, presences)
             names = load_names(Path(scenario.apad.interface) if scenario.apad.interface else DEFAULT)
             laboratory = Laboratory(names, scenario.apad.name, ids, codec)
             stack.callback(laboratory.close)
             standard = _standard_topics(shown, scenario)
             vehicle: APadLink | ContactsLink
             watches: tuple[Watcher, ...] = ()
-            radio: FleetRadio | MissionRadio | RealRadio | None = None
             is_fleet = options.part is Part.FLEET
             if is_fleet and not is_of_generation_b(scenario):
                 vehicle = ContactsLink(scenario.apad.name, ids, docked, now_ms)
@@ -93,15 +95,9 @@ def open_surroundings(
                 vehicle = opened.link
                 if opened.watch is not None:
                     watches = (opened.watch,)
-            if is_fleet:
-                radio = FleetRadio(ids, codec)
-            elif options.part is Part.MISSION and not isinstance(vehicle, ContactsLink):
-                radio = MissionRadio(ids, codec, scenario.theta, vehicle.holds)
-            else:
-                radio = RealRadio(ids, lambda: presences.simulated)
             stack.callback(vehicle.close)
-            if radio is not None:
-                stack.callback(radio.close)
+            radio = _radio(options, ids, codec, scenario.theta, vehicle, presences)
+            stack.callback(radio.close)
             if not isinstance(vehicle, ContactsLink):
                 vehicle.wait_until_ready(READY_S)
         except (SecondFleet, GatewayFailed, VehicleNotReady) as error:
@@ -116,15 +112,61 @@ def open_surroundings(
             gateway.event,
             laboratory.around(radio, link, is_mission=options.part is Part.MISSION),
             held,
-            lambda: vehicle.dropped + laboratory.dropped + (Counter() if radio is None else radio.dropped),
+            lambda: vehicle.dropped + laboratory.dropped + radio.dropped,
+            _watched(stack, options, scenario, vehicle),
             roll=roll,
         )
+
+
+def _called_roll(stack: ExitStack, node_name: str, ids: list[int], presences: Presences) -> Roll:
+    claims = ClaimBoard(f"/{node_name}", lambda: presences.simulated)
+    claims.refuse_overlap(ids)
+    desk = FleetServices(presences, claims)
+    stack.callback(desk.close)
+    return Roll(presences, desk)
+
+
+def _radio(
+    options: RunOptions,
+    ids: list[int],
+    codec: Codec,
+    theta: int,
+    vehicle: APadLink | ContactsLink,
+    presences: Presences,
+) -> FleetRadio | MissionRadio | RealRadio:
+    """What joins this process to aMussels, or to a mission, that are elsewhere."""
+    if options.part is Part.FLEET:
+        return FleetRadio(ids, codec)
+    if options.part is Part.MISSION and not isinstance(vehicle, ContactsLink):
+        return MissionRadio(ids, codec, theta, vehicle.holds)
+    return RealRadio(ids, lambda: presences.simulated)
 
 
 def _standard_topics(shown: Iterable[int], scenario: Scenario) -> StandardTopics:
     mission = scenario.mission
     limits = Limits(mission.silence_timeout_s, mission.pool_threshold)
     return StandardTopics(shown, scenario.apad.name, LocalFrame.about(scenario.area.origin), limits)
+
+
+def _watched(
+    stack: ExitStack, options: RunOptions, scenario: Scenario, vehicle: APadLink | ContactsLink
+) -> Callable[[int], list[Noticed]]:
+    """Somebody else's master and vehicle may go and come back; with ours a run ends."""
+    if options.apad is APadKind.SIM:
+        return lambda now_ms: []
+    master = MasterWatch(options.master_uri)
+    stack.callback(master.close)
+    silence, name = SilenceWatch(), scenario.apad.name
+
+    def noticed(now_ms: int) -> list[Noticed]:
+        events = master.take()
+        if not isinstance(vehicle, ContactsLink) and (changed := silence.look(vehicle.heard_ms, now_ms)):
+            kind = "vehicle_silent" if changed.is_silent else "vehicle_heard"
+            events.append((kind, {"name": name, "since_ms": changed.since_ms}))
+            master.ask_again()
+        return events
+
+    return noticed
 
 
 def _shown_truth(truths_at: TruthsAt) -> TruthSource:

@@ -19,6 +19,7 @@ from typing import Any
 import rospy
 from std_msgs.msg import Float32
 
+from apad_bridge.ros.any_listener import AnyListener
 from apad_bridge.ros.generation_b_words import CAMERA_SERVO, slot_direction_rad
 from apad_bridge.ros.messages import use_generated_messages
 from apad_bridge.ros.ros_time import to_ms
@@ -32,7 +33,7 @@ Places = Mapping[int, tuple[float, float]]
 
 
 class VirtualCamera:
-    """The node is initialised before. Written at once, without a queue: a detection that waits is an old one."""
+    """The node is initialised before. A detection that is not sent yet is replaced by the next one."""
 
     def __init__(self, name: str) -> None:
         self._places: Places = MappingProxyType({})
@@ -40,12 +41,15 @@ class VirtualCamera:
         self._looked_ms = -1
         self._looked = threading.Condition()
         self._out = {
-            topic: rospy.Publisher(f"/{name}/{topic}", Float32, queue_size=None)
+            topic: rospy.Publisher(f"/{name}/{topic}", Float32, queue_size=1)
             for topic in ("docking_horizontal", "size", "docking_vertical")
         }
+        listener = AnyListener(
+            lambda _: None
+        )  # what cannot be read is counted where the vehicle is listened to
         self._subscribers = [
-            rospy.Subscriber(f"/{name}/kinect_out", Float32, self._turn, tcp_nodelay=True),
-            rospy.Subscriber(f"/{name}/position", NavSts, self._look, tcp_nodelay=True),
+            listener.listen(f"/{name}/kinect_out", Float32, self._turn),
+            listener.listen(f"/{name}/position", NavSts, self._look),
         ]
 
     def show(self, places: Places) -> None:

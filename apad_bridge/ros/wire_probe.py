@@ -8,6 +8,7 @@ import socket
 import struct
 import time
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 from rosgraph.network import ROSHandshakeException, encode_ros_handshake_header, read_ros_handshake_header
 
@@ -26,6 +27,21 @@ def topic_md5(graph: Graph, topic: str) -> str:
     """The md5 that the first publisher of `topic` announces. NotTold after a time-out."""
     with _told(), _subscribed(graph, topic) as (_, _, header):
         return _md5_in(header)
+
+
+@dataclass(frozen=True, slots=True)
+class Spoken:
+    """What a publisher says that it publishes: its type, the md5, and the text with those of all types in it."""
+
+    kind: str
+    md5: str
+    text: str
+
+
+def topic_definition(graph: Graph, topic: str) -> Spoken:
+    """What the first publisher of `topic` announces. NotTold after a time-out."""
+    with _told(), _subscribed(graph, topic) as (_, _, header):
+        return Spoken(header.get("type", "*"), _md5_in(header), header.get("message_definition", ""))
 
 
 def service_md5(graph: Graph, service: str) -> str:

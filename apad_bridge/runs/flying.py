@@ -55,6 +55,8 @@ class Surroundings:
     """aMussels that docks hold already."""
     dropped: Callable[[], Counter[str]] = Counter
     """What was heard around here and came to nothing, by reason."""
+    noticed: Callable[[int], list[tuple[str, dict[str, Any]]]] = lambda now_ms: []
+    """Events of the surroundings (kind, data) that were not told yet: a master that is gone, a vehicle that is silent."""
     rims: Rims | None = None
     roll: Roll | None = None
 
@@ -105,6 +107,8 @@ def fly(
         first_command_id=1 + (0 if go_on is None else go_on.epoch * _COMMAND_IDS_PER_EPOCH),
         samples=_collection(scenario, surroundings, recorder),
         fronts=fronts,
+        # The aPad's modem is where its water is: with the fleet, and not with a mission alone.
+        has_modem=surroundings.fleet is not None,
     )
     if go_on is not None:
         for slot, agent_id in go_on.state.docked:
@@ -116,13 +120,19 @@ def fly(
         if until_first_plan and supervisor.mission.state.plan.steps:
             flight.stop("the dry run's plan")
 
+    told = recorder if surroundings.announce is None else _Announced(recorder, surroundings.announce)
+
+    def tell_noticed(now_ms: int) -> None:
+        for kind, data in surroundings.noticed(now_ms):
+            told.event(now_ms, kind, **data)
+
     flight = Flight(
         supervisor,
         surroundings.vehicle,
         pace,
-        recorder if surroundings.announce is None else _Announced(recorder, surroundings.announce),
+        told,
         surroundings.fleet,
-        (*surroundings.watchers(supervisor), show_tick),
+        (*surroundings.watchers(supervisor), tell_noticed, show_tick),
         start_ms=0 if go_on is None else go_on.now_ms + TICK_MS,
         held=surroundings.held,
         ether=surroundings.ether,

@@ -43,7 +43,7 @@ def print_table(console: Console, name: str, collection: str, summary: dict[str,
         )
     console.print(
         f"lost {_word(summary['amussels_lost'])}, emptied {_word(summary['emptied'])}, "
-        f"{summary['services']} served, {_word(summary['samples_taken'])} samples taken, "
+        f"{summary['services']} served, "
         f"aPad used {_percent(summary['apad_energy_fraction'])} of its battery; "
         f"ended by {summary['ended_by']}",
         highlight=False,

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+from agents.modem.frames import PAYLOAD_BYTES, Generation, duration_ms
 from apad_bridge.boards import can_fill
 from apad_bridge.geography import LocalFrame
 from apad_bridge.laboratory.names import load_names
@@ -12,6 +13,7 @@ from apad_bridge.planning.registry import collection, redeployment
 from apad_bridge.scenario.currents import problem_with_current
 from apad_bridge.scenario.links import problem_with_links
 from apad_bridge.scenario.schema import DriftMode, FullWhen, HearingMode, Scenario
+from apad_bridge.scenario.water import ModemGeneration, Water
 from apad_bridge.scenario.whole_board import SleepCycle, WholeBoard
 
 Contradiction = tuple[str, str]
@@ -172,6 +174,8 @@ def _of_the_water(scenario: Scenario) -> Iterator[Contradiction]:
         )
     if water.links_file is not None and (problem := problem_with_links(Path(water.links_file))):
         yield "water.links_file", problem
+    if water.modems is ModemGeneration.V2:
+        yield from _of_v2_modems(scenario, water)
     current = water.current
     if current is None:
         return
@@ -181,3 +185,19 @@ def _of_the_water(scenario: Scenario) -> Iterator[Contradiction]:
         problem = problem_with_current(Path(current.file), LocalFrame.about(scenario.area.origin))
         if problem:
             yield "water.current.file", problem
+
+
+def _of_v2_modems(scenario: Scenario, water: Water) -> Iterator[Contradiction]:
+    most = PAYLOAD_BYTES[Generation.V2][1]
+    for key, spoken in (("assigns", water.talk.assigns), ("beacon_period_s", water.talk.beacon_period_s)):
+        if spoken:
+            yield (
+                f"water.talk.{key}",
+                f"a v2 modem carries {most} bytes, and this takes more: leave it out, or use v3",
+            )
+    whole, lasts_ms = scenario.board.whole, duration_ms(Generation.V2, most)
+    if whole is not None and whole.transmit_ms < lasts_ms:
+        yield (
+            "board.whole.transmit_ms",
+            f"must be no shorter than a v2 modem's status, which lasts {lasts_ms} ms",
+        )

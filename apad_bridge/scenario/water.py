@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from enum import StrEnum
 from typing import Annotated
 
 from annotated_types import Ge, Gt, Le
@@ -16,6 +17,13 @@ from apad_bridge.scenario.quantities import (
 )
 
 Speed = Annotated[float, Ge(-20), Le(20)]
+
+
+class ModemGeneration(StrEnum):
+    """`v3`: today's nanomodem, 64 bytes. `v2`: that of the early swarm, 7 bytes at 40 bit/s."""
+
+    V2 = "v2"
+    V3 = "v3"
 
 
 @frozen
@@ -148,6 +156,7 @@ class Localisation:
 class Water:
     """Without `wifi` whatever is said by Wi-Fi is heard, except from under water."""
 
+    modems: ModemGeneration = ModemGeneration.V3
     sound: Sound = Sound()
     wifi: Wifi | None = None
     talk: Talk = Talk()

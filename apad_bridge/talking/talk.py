@@ -24,7 +24,6 @@ from firmware_model.plan import Slots
 
 _ASK_AGAIN_MS = 600_000
 """Of agent time: before one that did not answer, or was put elsewhere, is asked again."""
-_PING_MS = SHORT_MS[Generation.V3] + ANSWER_TIMEOUT_MS
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,6 +39,7 @@ class TalkConfig:
     guard_ms: int
     beacon_period_ms: int
     ping_period_ms: int
+    modems: Generation = Generation.V3
 
 
 class Talk:
@@ -63,18 +63,28 @@ class Talk:
         """When whose way is to be learned (again)."""
         self.ways_ms: dict[int, int] = {}
         """How long sound takes, of each whose slot was made for it."""
+        self._waiting: dict[tuple[int, bytes], int] = {}
+        """Words of others, by whom for and what, and when they will be said."""
         self._beacon_due_ms = agent_ms
         self._ping_due_ms = now_ms
         self._turns = deque(self._agent_ids)
 
     def timed(self, actions: Sequence[SupervisorAction], now_ms: int) -> list[SupervisorAction]:
-        """The same actions; words by sound with the time at which they may be said."""
-        return [
-            self._timed(it, now_ms)
-            if isinstance(it, Send) and it.medium is Medium.SOUND and it.not_before_ms == 0
-            else it
-            for it in actions
-        ]
+        """The same actions; words by sound with the time at which they may be said.
+
+        A word that waits already is not said twice.
+        """
+        agent_ms = self._config.theta * now_ms
+        self._waiting = {word: at_ms for word, at_ms in self._waiting.items() if at_ms >= agent_ms}
+        told: list[SupervisorAction] = []
+        for it in actions:
+            if not isinstance(it, Send) or it.medium is not Medium.SOUND or it.not_before_ms:
+                told.append(it)
+            elif (it.agent_id, it.data) not in self._waiting:
+                word = self._timed(it, now_ms)
+                self._waiting[it.agent_id, it.data] = word.not_before_ms
+                told.append(word)
+        return told
 
     def advance(self, now_ms: int, away: frozenset[int]) -> list[SupervisorAction]:
         """What is due at mission time `now_ms`; those who are `away` are believed not to hear: afloat, or in a dock."""
@@ -131,17 +141,19 @@ class Talk:
         return Send(Medium.SOUND, EVERYONE, data, at_ms)
 
     def _ping(self, agent_id: int, now_ms: int) -> Ping:
-        return Ping(agent_id, self._claim(now_ms, _PING_MS))
+        return Ping(agent_id, self._claim(now_ms, SHORT_MS[self._config.modems] + ANSWER_TIMEOUT_MS))
 
     def _timed(self, word: Send, now_ms: int) -> Send:
         return replace(word, not_before_ms=self._claim(now_ms, self._lasting_ms(word.data)))
 
     def _lasting_ms(self, data: bytes) -> int:
-        return duration_ms(Generation.V3, len(data))
+        return duration_ms(self._config.modems, len(data))
 
     def _claim(self, now_ms: int, lasting_ms: int) -> int:
         """The next time at which the air is free for so long, which from now on it is not."""
         from_ms = max(self._config.theta * now_ms, self._free_ms)
-        at_ms = self._quiet.first_ms(from_ms, lasting_ms + self._config.way_ms)
+        # By then it must have come everywhere, and who has the first slot may be early by its guard.
+        needed_ms = lasting_ms + self._config.way_ms + self._config.guard_ms
+        at_ms = self._quiet.first_ms(from_ms, needed_ms)
         self._free_ms = at_ms + lasting_ms
         return at_ms

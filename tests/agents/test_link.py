@@ -93,6 +93,17 @@ def test_an_answer_crosses_the_link_in_parts(
     assert came == outputs
 
 
+@given(sizes=st.lists(st.integers(0, 1024), min_size=60, max_size=300))
+def test_an_answer_of_large_packets_is_parted_by_their_bytes(sizes: list[int]) -> None:
+    outputs = tuple(WifiSent(n, bytes(size)) for n, size in enumerate(sizes))
+    frames = encode_answer((1, 3), (1, 2), 30, 4, Reply(None, outputs))
+    assert all(len(frame) <= LIMIT_BYTES for frame in frames)
+    answers = [decode_from_agent(frame) for frame in frames]
+    came = [it for answer in answers if isinstance(answer, Answer) for it in answer.reply.outputs]
+    assert tuple(came) == outputs
+    assert len(frames) <= 1 + (sum(sizes) + 32 * len(sizes)) // 62_000 + len(sizes) // 256
+
+
 @given(data=st.binary(max_size=60))
 def test_garbage_is_a_link_error_either_way(data: bytes) -> None:
     for decode in (decode_to_agent, decode_from_agent):

@@ -8,14 +8,16 @@ import pytest
 
 from agents.coordinator import Coordinator
 from agents.fleet import FleetConfig, resting_on_bottom
+from agents.modem.frames import Generation
 from agents.one_process import OneProcess
+from agents.reporter import Modem
 from agents.sea import Sea, SeaConfig
 from agents.sea_facts import NotRanged, Printed, Ranged, SeaResult, SoundReached, Told
 from agents.stimuli import PingArrived, SoundArrived
 from agents.water.medium import PacketEnded
 from agents.water.sound import Sound
 from firmware_model.codec import MusselbedCodec
-from firmware_model.packets import CommandPacket, Kind
+from firmware_model.packets import CommandPacket, Kind, ShortStatus
 from firmware_model.plan import Whole
 from firmware_model.table_one import FIELD, MODEL, power
 
@@ -55,10 +57,10 @@ HOUR_MS = 3_600_000
 class Bench:
     """aMussels 1, 2 and 3 at 150, 300 and 450 m north of the aPad, all as deep."""
 
-    def __init__(self, *opened: int, fleet: FleetConfig = FLEET) -> None:
+    def __init__(self, *opened: int, fleet: FleetConfig = FLEET, sea: SeaConfig = SEA) -> None:
         births = {n: resting_on_bottom(150.0 * n, 0, 3.0, 0.9, 1.0) for n in (1, 2, 3)}
         host = OneProcess(fleet, births)
-        self.sea = Sea(SEA, Coordinator(host, dict.fromkeys(births, 0), fleet.theta), host, opened=opened)
+        self.sea = Sea(sea, Coordinator(host, dict.fromkeys(births, 0), fleet.theta), host, opened=opened)
         self.sea.carry_apad(0.0, 0.0, 0)
         self.now_ms = 0
         self.came: list[SeaResult] = []
@@ -156,6 +158,44 @@ def test_machines_send_the_same_packets_as_no_machines(theta: int) -> None:
         for bench in (plain, opened)
     ]
     assert asked == [2, 0]
+
+
+def test_a_status_over_the_serial_line_is_the_same_packet_as_in_memory() -> None:
+    in_memory = Bench()
+    in_memory.run(HOUR_MS + 600_000, step_ms=1000)
+    sent = next(it for it in in_memory.came if isinstance(it, PacketEnded) and it.sender == 1)
+    reached = next(it for it in in_memory.came if isinstance(it, SoundReached) and it.agent_id == 1)
+    serial = Bench(1)
+    serial.run(5000)
+    serial.ask(1, b"$U255%02d" % len(sent.frame.data) + sent.frame.data)
+    again = next(it for it in serial.came if isinstance(it, PacketEnded) and it.sender == 1)
+    heard = next(it for it in serial.came if isinstance(it, SoundReached) and it.agent_id == 1)
+    assert again.frame == sent.frame
+    assert heard.data == reached.data == sent.frame.data
+    (there,), (here,) = sent.receptions, again.receptions
+    assert (here.receiver, here.outcome, here.travelled_us) == (
+        there.receiver,
+        there.outcome,
+        there.travelled_us,
+    )
+    assert here.at_ms - again.began_ms == there.at_ms - sent.began_ms
+
+
+def test_v2_modems_carry_short_statuses_at_40_bit_a_second() -> None:
+    fleet = replace(FLEET, modem=Modem.V2)
+    bench = Bench(1, fleet=fleet, sea=replace(SEA, modems=Generation.V2))
+    bench.run(5000)
+    assert bench.ask(1, b"$P002") == b"#P002\r\n#R002T03200\r\n"
+    permission = MusselbedCodec().encode(CommandPacket(Kind.PERMISSION, 3))
+    bench.sea.say(3, permission)
+    bench.sea.say(3, bytes(8))
+    bench.run(HOUR_MS + 600_000, step_ms=1000)
+    carried = [it.frame for it in bench.came if isinstance(it, PacketEnded) and it.frame.data]
+    assert (carried[0].data, carried[0].duration_ms) == (permission, 430 + 6 * 200)
+    assert bench.sea.dropped["sound: 8 bytes, and a V2 modem carries 1 to 7"] == 1
+    reached = [MusselbedCodec().decode(it.data) for it in bench.came if isinstance(it, SoundReached)]
+    assert {it.agent_id for it in reached if isinstance(it, ShortStatus)} >= {1, 2}
+    assert {frame.duration_ms for frame in carried[1:]} == {1830}
 
 
 def test_only_opened_ones_can_be_written_to() -> None:

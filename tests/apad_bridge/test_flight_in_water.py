@@ -11,6 +11,7 @@ import pytest
 
 from agents.one_process import OneProcess
 from apad_bridge import building
+from apad_bridge.facts import Medium, Send
 from apad_bridge.flight import Flight
 from apad_bridge.pace import AsFastAsPossible
 from apad_bridge.runs.in_memory import MemoryRecorder, fly_in_memory
@@ -20,9 +21,10 @@ from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
 from apad_bridge.sea_building import fleet_of
 from apad_bridge.simulated_apad.apad import SimulatedAPad
-from apad_bridge.vehicle_link import InProcessVehicle
+from apad_bridge.vehicle_link import APadSeen, InProcessVehicle
 from firmware_model.codec import load_codec
-from firmware_model.packets import AcousticStatus
+from firmware_model.packets import AcousticStatus, CommandPacket, Kind
+from firmware_model.sensors import SENSORS, values
 
 SCENARIOS = Path(__file__).parents[2] / "launch_scripts" / "scenarios"
 APAD_M = (14.0, 10.5)
@@ -180,17 +182,82 @@ def test_an_aPad_learns_ways_assigns_slots_and_finds_its_aMussels() -> None:
             assert error_m < 6 * (fix["covariance"][0] + fix["covariance"][2]) ** 0.5
 
 
-def test_sensors_meet_an_anoxic_patch() -> None:
+def test_sensors_meet_an_anoxic_patch_that_grows_and_say_so_by_sound() -> None:
+    """From hour 1 to hour 6 it grows to 20 m around (14, 10): at the hour h its core reaches 2 (h - 1) m, and all of it
+    twice as far. Oxygen is 6 mg/l on the bottom otherwise; the sensor's noise is 0.05."""
     patch = {
-        "begins_s": 0, "growing_s": 3600, "place_m": [14, 10], "radius_m": 10,
+        "begins_s": 3600, "growing_s": 18_000, "place_m": [14, 10], "radius_m": 20,
         "from_depth_m": 1, "oxygen_mg_l": 0.5,
     }  # fmt: skip
-    scenario = in_water(10, {"fields": {"oxygen_mg_l": [[0, 9], [3, 6]], "patches": [patch]}})
-    fields = building.fleet_config(scenario).maker().config(1).water.fields
-    hour_ms, bottom_um = 3_600_000, 3_000_000
-    values = [
-        fields.values_at(north_m * 1_000_000, 10_000_000, bottom_um, hour_ms)[0] for north_m in (14, 22, 28)
-    ]
-    # In the middle it is all there, 8 m out of 10 two fifths of it, and farther none.
-    assert values == pytest.approx([0.5, 6 - 5.5 * 0.4, 6.0])
-    assert fields.values_at(14_000_000, 10_000_000, 500_000, hour_ms)[0] == pytest.approx(8.5)
+    scenario = in_water(790, {"fields": {"oxygen_mg_l": [[0, 9], [3, 6]], "patches": [patch]}})
+    _, recorder = fly_in_memory(scenario)
+    places = {it.agent_id: (it.north_m, it.east_m) for it in starts_of(scenario)}
+    seen = set()
+    for packet in packets(recorder):
+        status = load_codec("musselbed-1").decode(bytes.fromhex(packet["data"]))
+        if packet["from"] == 0 or not isinstance(status, AcousticStatus):
+            continue
+        # Sampled 10 s after the alarm at the hour.
+        hour = packet["began_ms"] // 3_600_000
+        reach_m = 4 * (hour - 1) + 4 * 10 / 3600
+        metres = dist(places[packet["from"]], (14, 10))
+        share = 0.0 if reach_m <= 0 else min(1.0, max(0.0, 2 - 2 * metres / reach_m))
+        assert values(SENSORS, status.counts)[0] == pytest.approx(6 - 5.5 * share, abs=0.3)
+        seen.add("core" if share == 1 else "edge" if share else "outside")
+    assert seen == {"core", "edge", "outside"}
+
+
+class Elsewhere:
+    """The other half of the bench, and somebody else's aPad, which stands still."""
+
+    def __init__(self, said: list[Send]) -> None:
+        self.heard: list[tuple[Medium, int]] = []
+        self._said = said
+
+    def advance(self, now_ms: int) -> list[Any]:
+        said, self._said = self._said, []
+        return [*said]
+
+    def transmit(self, medium: Medium, agent_id: int, data: bytes, now_ms: int) -> None:
+        self.heard.append((medium, agent_id))
+
+    def said(self, send: Send, now_ms: int) -> None:
+        pass
+
+
+class SeenFromAfar:
+    def advance(self, now_ms: int) -> list[Any]:
+        return [APadSeen(now_ms, *APAD_M)]
+
+    def command(self, command: object, now_ms: int) -> None:
+        raise AssertionError("a fleet alone commands no vehicle")
+
+    def close(self) -> None:
+        pass
+
+
+def test_a_fleet_alone_shares_what_reached_the_aPad_and_hears_what_its_planner_says(tmp_path: Path) -> None:
+    links = tmp_path / "links.csv"
+    links.write_text("from,to,loss\n3,apad,1\n")
+    scenario = in_water(200, {"links_file": str(links)})
+    births = building.births(scenario, starts_of(scenario))
+    fleet = fleet_of(scenario, OneProcess(building.fleet_config(scenario), births), dict.fromkeys(births, 0))
+    recorder = MemoryRecorder(scenario)
+    permission = load_codec("musselbed-1").encode(CommandPacket(Kind.PERMISSION, 7))
+    elsewhere = Elsewhere([Send(Medium.SOUND, 7, permission)])
+    flight = Flight(
+        building.supervisor(scenario),
+        SeenFromAfar(),
+        AsFastAsPossible(),
+        recorder,
+        fleet,
+        ether=elsewhere,
+    )
+    for now_ms in range(0, 200_000, 1000):
+        flight.tick(now_ms)
+    by_sound = {agent_id for medium, agent_id in elsewhere.heard if medium is Medium.SOUND}
+    # 7 was permitted to surface before its first slot, and speaks by Wi-Fi since.
+    assert by_sound == set(range(1, 13)) - {3, 7}
+    assert (Medium.WIFI, 7) in elsewhere.heard
+    (word,) = [packet for packet in packets(recorder) if packet["from"] == 0]
+    assert word["began_ms"] == 60_000, "it waited for the end of the timeslots"

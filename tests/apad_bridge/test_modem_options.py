@@ -10,6 +10,8 @@ import yaml
 
 from apad_bridge.commands.main import main
 from apad_bridge.runs.options import OPTIONS_NAME, APadKind, OnDeath, Part, RunOptions, TimeSource
+from apad_bridge.scenario.errors import ScenarioError
+from apad_bridge.scenario.loader import load
 
 SCENARIOS = Path(__file__).parents[2] / "launch_scripts" / "scenarios"
 
@@ -81,3 +83,13 @@ def test_a_resumed_run_opens_the_same_modems(tmp_path: Path) -> None:
     options.save(tmp_path)
     assert (tmp_path / OPTIONS_NAME).exists()
     assert RunOptions.load(tmp_path) == options
+
+
+def test_v2_modems_carry_no_timeslots_and_need_their_time(tmp_path: Path) -> None:
+    water = {"modems": "v2", "talk": {"assigns": True, "beacon_period_s": 600}}
+    with pytest.raises(ScenarioError) as refused_as:
+        load(changed(tmp_path, "v2", water=water))
+    told = str(refused_as.value)
+    assert "water.talk.assigns: a v2 modem carries 7 bytes" in told
+    assert "water.talk.beacon_period_s: a v2 modem carries 7 bytes" in told
+    assert "board.whole.transmit_ms: must be no shorter than a v2 modem's status, which lasts 1830 ms" in told

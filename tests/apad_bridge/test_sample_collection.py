@@ -147,7 +147,8 @@ class Story:
 
     def sample(self, count: int) -> None:
         for _ in range(count):
-            self.book.take_sample(1, 2, 3_000_000, 1000 * len(self.truth))
+            now_ms = 1000 * len(self.truth)
+            self.book.take_sample(1, 2, 3_000_000, now_ms, now_ms)
             newest = self.book.log.newest()
             assert newest is not None
             self.truth.append(newest)

@@ -16,7 +16,7 @@ from apad_bridge.flight import Flight
 from apad_bridge.pace import AsFastAsPossible
 from apad_bridge.records.samples import Water
 from apad_bridge.records.summary import uptime_figures
-from apad_bridge.runs.in_memory import MemoryRecorder
+from apad_bridge.runs.in_memory import MemoryRecorder, open_flight
 from apad_bridge.scenario.loader import from_data, load, resolve
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import Start, starts_of
@@ -163,3 +163,17 @@ def test_one_that_came_up_for_its_life_is_left_up_there_and_fetched_alone() -> N
     assert docked.physical.primary.charge == 0
     (released,) = (note for note in witness.said("released") if note["agent"] == 1)
     assert released["full"]
+
+
+def test_by_sound_alone_the_same_are_served_a_little_later() -> None:
+    data = resolve(load(SHIPPED.with_name("sound-12.yaml")))
+    data["duration_s"] = 2400
+    flight, witness = open_flight(from_data(data, "sound"))
+    flight.run()
+    released = [(at_ms, told["agent"]) for at_ms, kind, told in witness.events if kind == "released"]
+    # With the paper's hearing they are all released by 2072 s; here a charge is known when its bearer speaks, every 120 s.
+    assert {agent for _, agent in released} == {4, 6, 7, 10}
+    assert 2_072_000 < max(released)[0] < 2_072_000 + 4 * 120_000
+    assert all(flight.now_ms - it.heard_ms <= 133_000 for it in flight.supervisor.beliefs.all())
+    by_sound = [told for _, kind, told in witness.events if kind == "packet" and told["from"] != "apad"]
+    assert len(by_sound) > 200

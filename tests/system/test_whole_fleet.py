@@ -42,6 +42,9 @@ def test_one_process_and_many_fly_alike_to_the_byte(tmp_path: Path) -> None:
     assert alone["services"] == 4
     journals = [(tmp_path / run / "journal.jsonl").read_bytes() for run in ("one", "many")]
     assert journals[0] == journals[1]
+    samples = [(tmp_path / run / "samples.jsonl").read_text() for run in ("one", "many")]
+    assert samples[0] == samples[1]
+    assert len(samples[0].splitlines()) == alone["samples_uploaded"] > 0
     lines = read_journal(tmp_path / "many" / "journal.jsonl").lines
     states = {line["state"] for line in lines if line["kind"] == "truth"}
     assert {"SLEEPING", "SAMPLING", "PROCESSING", "AWAITING_SLOT", "TRANSMITTING", "REPORTING"} <= states

@@ -5,13 +5,14 @@ import threading
 import pytest
 
 from apad_bridge.beliefs.belief import Belief
-from apad_bridge.mission.orders import PermitSurfacing
+from apad_bridge.mission.orders import Note, PermitSurfacing, TellClear
 from apad_bridge.port.primitives import (
     DockChanged,
     DockMussel,
     GoToPoint,
     PrimitiveFailed,
     PrimitiveSucceeded,
+    UndockMussel,
 )
 from apad_bridge.runs.in_memory import open_flight
 from apad_bridge.scenario.schema import Scenario
@@ -27,12 +28,13 @@ class Believed:
 
     def __init__(self, state: State) -> None:
         self.state = state
+        self.primary = 0.5
 
     def get(self, agent_id: int) -> Belief | None:
-        return Belief(7, 0, self.state, 0.5, 1.0, 1.0, 0.0) if agent_id == 7 else None
+        return Belief(7, 0, self.state, self.primary, 1.0, 1.0, 0.0) if agent_id == 7 else None
 
     def all(self) -> list[Belief]:
-        return [Belief(7, 0, self.state, 0.5, 1.0, 1.0, 0.0)]
+        return [Belief(7, 0, self.state, self.primary, 1.0, 1.0, 0.0)]
 
 
 def commanded(pool: Scenario, state: State = State.ACTIVE) -> tuple[CommandedMission, Believed]:
@@ -65,10 +67,12 @@ def test_a_call_is_done_at_the_next_tick_by_the_flight_s_thread(pool: Scenario) 
         front.call(lambda mission: None)
 
 
-def test_a_call_that_no_tick_answers_is_taken_back() -> None:
+def test_a_call_that_no_tick_answers_is_taken_back(pool: Scenario) -> None:
     front, done = CalledFront(), []
     with pytest.raises(Refused, match="nothing was ordered"):
         front.call(lambda mission: done.append(1), timeout_s=0.01)
+    # Nor is it done when a tick comes after all.
+    front.act(commanded(pool)[0], 5000)
     assert done == []
 
 
@@ -134,6 +138,41 @@ def test_what_is_heard_of_an_older_go_to_changes_nothing(pool: Scenario) -> None
     assert (mission.goto, mission.goto_orders, mission.state.cost_m) == (Status.RUNNING, 2, 14.0)
     mission.receive(PrimitiveFailed(2000, second.primitive_id, "stalled"), 2000)
     assert (mission.goto, mission.failure) == (Status.FAILED, "stalled")
+
+
+def test_one_that_was_let_go_is_told_that_it_may_sink(pool: Scenario) -> None:
+    mission, believed = commanded(pool)
+    mission.receive(DockChanged(2000, 1, 7, True), 2000)
+    believed.state, believed.primary = State.CHARGING, 0.995
+    mission.undock(1)
+    order = next(it for it in mission.advance(3000) if isinstance(it, UndockMussel))
+    mission.receive(DockChanged(8000, 1, 7, False), 8000)
+    told = mission.receive(PrimitiveSucceeded(8000, order.primitive_id), 8000)
+    assert told[0] == TellClear(7)
+    assert [(it.kind, it.data) for it in told if isinstance(it, Note) and it.kind == "released"] == [
+        ("released", {"agent": 7, "full": True})
+    ]
+    assert (mission.state.services, mission.docking) == (1, Status.DONE)
+
+
+def test_events_are_told_once(pool: Scenario) -> None:
+    mission, believed = commanded(pool)
+    for second in range(2, 5):
+        mission.advance(second * 1000)
+    assert [(it.kind, it.agent) for it in mission.events.take()] == [("heard", 7), ("low", 7)]
+    believed.primary = 0.9
+    mission.advance(5000)
+    assert mission.events.take() == []
+    believed.primary, believed.state = 0.8, State.FLOATING
+    mission.advance(6000)
+    mission.advance(7000)
+    assert [(it.at_s, it.kind, it.reason) for it in mission.events.take()] == [
+        (6.0, "state", "FLOATING"),
+        (6.0, "low", None),
+    ]
+    believed.state = State.SINKING
+    mission.advance(8000)
+    assert [it.kind for it in mission.events.take()] == ["state"]
 
 
 def test_a_lost_one_is_not_docked(pool: Scenario) -> None:

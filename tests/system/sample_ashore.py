@@ -1,0 +1,96 @@
+"""A supervisor that does nothing but bring samples ashore: python sample_ashore.py RUN_DIR EPOCH UNTIL_S
+
+The fleet in RUN_DIR dives, surfaces and is docked in turns of two minutes. A line of standard output is a tick: its time
+and the processes. The last says how many samples each aMussel has ever taken.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+from agents.coordinator import Coordinator, Heard
+from agents.fleet import FleetConfig, resting_on_bottom
+from agents.outputs import WifiSent
+from agents.processes import ProcessHost
+from agents.stimuli import ContactClosed, ContactOpened, SoundArrived, WifiArrived
+from apad_bridge.records.sample_file import SampleFile
+from apad_bridge.sample_collection import SampleCollection, Taken
+from firmware_model.codec import MusselbedCodec
+from firmware_model.packets import CommandPacket, Kind, LogRecords
+from firmware_model.plan import LastResort, Whole
+from firmware_model.table_one import HOURLY, MODEL, power
+
+IDS = (1, 2, 3)
+TURN_S = 120
+CODEC = MusselbedCodec()
+CYCLE = replace(HOURLY, alarm_ms=10_000, sample_ms=2000, listen_ms=2000, report_ms=3000)
+FLEET = FleetConfig(
+    theta=1,
+    seed=3,
+    codec="musselbed-1",
+    charge=MODEL,
+    pin_debounce_ms=50,
+    boot_ms=2000,
+    float_timeout_ms=600_000,
+    release_wait_ms=10_000,
+    report_period_ms=10_000,
+    heard_always=False,
+    bottom_um=3_000_000,
+    surfacing_ms=5000,
+    sinking_ms=5000,
+    drifts_always=False,
+    drift_amplitude_um=0,
+    current_csv=None,
+    whole=Whole(power(LastResort.WAIT), CYCLE, transmit_ms=500, call_ms=60_000, hover_ms=120_000),
+)
+
+
+def story(clock: Coordinator, now_s: int) -> None:
+    """In every turn: the permission, again because an aMussel may be just booting; a dock; and down again."""
+    for agent_id in IDS:
+        match (now_s + 7 * agent_id) % TURN_S:
+            case 60 | 64 | 68:
+                data = CODEC.encode(CommandPacket(Kind.PERMISSION, agent_id))
+                clock.receive(agent_id, SoundArrived(data), 1000 * now_s)
+            case 80 | 84:
+                clock.receive(agent_id, ContactClosed(0, 0), 1000 * now_s)
+            case 105:
+                clock.receive(agent_id, ContactOpened(), 1000 * now_s)
+
+
+def main(run_dir: Path, epoch: int, until_s: int) -> None:
+    births = {agent_id: resting_on_bottom(agent_id, 0.0, 3.0, 0.9, 1.0) for agent_id in IDS}
+    host = (
+        ProcessHost.start(str(run_dir / "fleet"), FLEET, births)
+        if epoch == 1
+        else ProcessHost.adopt(str(run_dir / "fleet"), epoch)
+    )
+    granted_ms = host.granted_ms or dict.fromkeys(IDS, 0)
+    now_s = max(granted_ms.values()) // 1000
+    clock = Coordinator(host, granted_ms, 1, 1000 * now_s)
+    file = SampleFile(run_dir / "samples.jsonl")
+    collection = SampleCollection(IDS, file.kept)
+    taken = dict.fromkeys(IDS, 0)
+    while now_s < until_s:
+        now_s += 1
+        story(clock, now_s)
+        for came in clock.advance(1000 * now_s):
+            if isinstance(came, Heard) and isinstance(came.output, WifiSent):
+                packet = CODEC.decode(came.output.data)
+                if isinstance(packet, LogRecords):
+                    found = collection.take(packet)
+                    assert isinstance(found, Taken)
+                    file.append(packet.agent_id, found.records)
+        for ack in collection.acknowledgements():
+            clock.receive(ack.agent_id, WifiArrived(CODEC.encode(ack)), 1000 * now_s)
+        taken |= {truth.agent_id: truth.physical.samples for truth in host.take_truths()}
+        print(json.dumps([now_s, host.nursery_pid, host.pids]), flush=True)
+    print(json.dumps(taken), flush=True)
+    host.close()
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]), int(sys.argv[2]), int(sys.argv[3]))
