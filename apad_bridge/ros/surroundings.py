@@ -2,11 +2,7 @@
 
 from __future__ import annotations
 
-<<<<<<< HEAD
-from collections.abc import Iterable, Iterator, Mapping
-=======
 from collections.abc import Callable, Iterable, Iterator, Mapping
->>>>>>> main
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
@@ -27,12 +23,8 @@ from apad_bridge.ros.gateway import GatewayFailed, TruthSource, open_gateway
 from apad_bridge.ros.generation_b import GenerationBLink
 from apad_bridge.ros.laboratory import Laboratory
 from apad_bridge.ros.listening_link import ListeningLink
-<<<<<<< HEAD
-from apad_bridge.ros.radio import FleetRadio, MissionRadio, RealRadio
-=======
 from apad_bridge.ros.master_watch import MasterWatch, Noticed
-from apad_bridge.ros.radio import FleetRadio, MissionRadio
->>>>>>> main
+from apad_bridge.ros.radio import FleetRadio, MissionRadio, RealRadio
 from apad_bridge.ros.ros_pace import FollowedClock, OwnMasterClock
 from apad_bridge.ros.silence_watch import SilenceWatch
 from apad_bridge.ros.standard_topics import StandardTopics
