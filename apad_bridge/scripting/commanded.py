@@ -14,6 +14,7 @@ from typing import Protocol
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.mission.charging_watch import ChargingWatch
 from apad_bridge.mission.homes import with_new_homes
+from apad_bridge.mission.order_book import OrderBook
 from apad_bridge.mission.orders import Order, PermitSurfacing, TellClear
 from apad_bridge.mission.sources import BeliefSource
 from apad_bridge.mission.state import MissionState, Phase
@@ -31,7 +32,6 @@ from apad_bridge.port.primitives import (
 from apad_bridge.scenario.schema import Mission
 from apad_bridge.scripting.docking_routine import AwaitSurfacing, GivenUp, Next
 from apad_bridge.scripting.event_log import EventLog
-from apad_bridge.scripting.order_book import OrderBook
 from apad_bridge.scripting.values import Refused, Status, dock_of
 from apad_bridge.vehicle import AS_THE_SCENARIO_SAYS, Manoeuvre
 from firmware_model.state_groups import BEYOND_HELP
@@ -64,7 +64,7 @@ class CommandedMission(OrderBook):
     ) -> None:
         self.config = config
         self.beliefs = beliefs
-        super().__init__(state)
+        super().__init__(replace(state or MissionState(), phase=Phase.COMMANDED))
         self.now_ms = 0
         self.pose: tuple[float, float] | None = None
         self.goto = Status.IDLE
@@ -94,11 +94,7 @@ class CommandedMission(OrderBook):
         self.now_ms = now_ms
         match outcome:
             case DockChanged(_, slot, agent_id, closed):
-                held = {at: agent for at, agent in self.state.docked if at != slot}
-                if closed:
-                    held[slot] = agent_id
-                self.set(docked=tuple(sorted(held.items())))
-                self.note("dock", slot=slot, agent=agent_id, closed=closed)
+                self.dock_changed(slot, agent_id, closed)
                 self.events.tell(now_ms, "docked" if closed else "undocked", agent_id, dock_of(slot))
             case PrimitiveSucceeded(_, primitive_id):
                 self._ended(primitive_id, Status.DONE, None)
