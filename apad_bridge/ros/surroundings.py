@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
@@ -110,7 +110,7 @@ def open_surroundings(
         )
 
 
-def _called_roll(stack: ExitStack, node_name: str, ids: list[int], presences: Presences) -> Roll:
+def _called_roll(stack: ExitStack, node_name: str, ids: Sequence[int], presences: Presences) -> Roll:
     claims = ClaimBoard(f"/{node_name}", lambda: presences.simulated)
     claims.refuse_overlap(ids)
     desk = FleetServices(presences, claims)
@@ -120,7 +120,7 @@ def _called_roll(stack: ExitStack, node_name: str, ids: list[int], presences: Pr
 
 def _radio(
     options: RunOptions,
-    ids: list[int],
+    ids: Sequence[int],
     codec: Codec,
     theta: int,
     vehicle: APadLink | ContactsLink,
