@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from agents.body import Body, WaterConfig
-from agents.logbook import Logbook
 from agents.outputs import Dropped, Output, PingAnswered, SoundSent, Truth, WifiSent
 from agents.physical import Physical
 from agents.reporter import Modem, Reporter
@@ -24,15 +24,18 @@ from agents.stimuli import (
 from firmware_model import actions as board_actions
 from firmware_model import stimuli as board_stimuli
 from firmware_model.actions import Buoyancy
-from firmware_model.board import Board
+from firmware_model.board import board_of
 from firmware_model.charge import Battery, Flow
 from firmware_model.codec import Codec
-from firmware_model.flash_log import Flash, MemoryFlash
 from firmware_model.packets import LogRecords
 from firmware_model.plan import BoardConfig
 from firmware_model.rails import Rail
 from firmware_model.states import State
 from firmware_model.stimuli import ResetCause
+
+if TYPE_CHECKING:
+    from agents.logbook import Logbook
+    from firmware_model.flash_log import Flash
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,7 +69,7 @@ class Agent:
         """`flash` outlives the agent; without one a whole board's log is as long-lived as the agent."""
         self.config = config
         self._codec = codec
-        self._flash = MemoryFlash() if flash is None else flash
+        self._flash = flash
         self._truths: list[Truth] = []
         self._last: tuple[State, Physical] | None = None
         self._boot_outputs = self._power_on(physical, now_ms, cause)
@@ -89,16 +92,33 @@ class Agent:
             physical.pin_due_ms,
             physical.hover_um,
         )
-        self.board = Board(
+        self.board = board_of(
             config.board, self._codec, physical.primary, physical.secondary, now_ms, physical.kept
         )
-        self._logbook = None if config.board.whole is None else _logbook(config, physical, self._flash)
+        self._logbook = None if config.board.whole is None else self._open_logbook(physical)
         self._reporter = Reporter(self.board, self.body, self._logbook, config.modem)
         # A reset agent may have reported at this very time before it died: its next report is a later one.
         later = 0 if cause is ResetCause.POWER_ON else 1
         self._report_due_ms = self._report_after(now_ms + later)
         power = board_stimuli.PowerCameOn(cause, self.body.depth_at_um(now_ms) == 0, self.body.pin_high)
         return self._tell_board(power, now_ms)
+
+    def _open_logbook(self, physical: Physical) -> Logbook:
+        # Imported here: the paper's worst case has no log.
+        from agents.logbook import Logbook
+        from firmware_model.flash_log import MemoryFlash
+
+        if self._flash is None:
+            self._flash = MemoryFlash()
+        water = self.config.water
+        return Logbook(
+            self.config.board.agent_id,
+            water.seed,
+            water.fields,
+            self._flash,
+            physical.samples,
+            physical.acknowledged,
+        )
 
     @property
     def physical(self) -> Physical:
@@ -295,10 +315,3 @@ class Agent:
         if now != self._last:
             self._last = now
             self._truths.append(Truth(now_ms, self.config.board.agent_id, *now))
-
-
-def _logbook(config: AgentConfig, physical: Physical, kept: Flash) -> Logbook:
-    water = config.water
-    return Logbook(
-        config.board.agent_id, water.seed, water.fields, kept, physical.samples, physical.acknowledged
-    )

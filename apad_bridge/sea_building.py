@@ -87,4 +87,7 @@ def sound_of(told: Sound) -> sound.Sound:
         thruster_noise_db=told.thruster_noise_db,
         range_limit_m=told.range_limit_m,
         turnaround_ms=round(told.turnaround_s * 1000),
+        errors=sound.NANOMODEM_ERRORS
+        if told.error_curve is None
+        else sound.ErrorCurve(told.error_curve.snrs_db, told.error_curve.sizes, told.error_curve.rates),
     )

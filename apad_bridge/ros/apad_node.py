@@ -15,7 +15,6 @@ from __future__ import annotations
 import argparse
 import signal
 import sys
-import threading
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -25,9 +24,10 @@ import rospy
 from apad_bridge import building
 from apad_bridge.ros.messages import MessagesUnusable, use_generated_messages
 from apad_bridge.scenario.errors import ScenarioError
-from apad_bridge.scenario.loader import load
+from apad_bridge.scenario.loader import load, with_overrides
 from apad_bridge.scenario.schema import Generation, Scenario
 from apad_bridge.simulated_apad.apad import SimulatedAPad
+from apad_bridge.stop_sign import StopSign
 
 if TYPE_CHECKING:
     from apad_bridge.ros.generation_a_server import GenerationAServer
@@ -62,16 +62,19 @@ def _make_node(scenario: Scenario) -> GenerationAServer | GenerationBServer:
 def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m apad_bridge.ros.apad_node", description=__doc__)
     parser.add_argument("--scenario", type=Path, required=True)
+    parser.add_argument(
+        "--generation", choices=[it.value for it in Generation], help="instead of the scenario's"
+    )
     parser.add_argument("--time", choices=["clock", "wall"], default="clock")
     parser.add_argument("--xmlrpc-port", type=int, default=0)
     parser.add_argument("--orphan-s", type=float, default=600.0)
     arguments = parser.parse_args()
     try:
-        scenario = load(arguments.scenario)
+        scenario = with_overrides(load(arguments.scenario), generation=arguments.generation)
     except ScenarioError as wrong:
         print(f"musselbed: {wrong}", file=sys.stderr)
         return 2
-    stop = threading.Event()
+    stop = StopSign()
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: stop.set())
     try:

@@ -14,7 +14,7 @@ from collections.abc import Iterable, Mapping
 from apad_bridge.laboratory.words import DockSaid
 from apad_bridge.ros.generation_b_calls import Calls
 from apad_bridge.ros.generation_b_docking import ServoDocking
-from apad_bridge.ros.generation_b_docks import DocksByBench, Sight
+from apad_bridge.ros.generation_b_docks import DocksByBench
 from apad_bridge.ros.generation_b_going import Going
 from apad_bridge.ros.generation_b_words import (
     Answered,
@@ -28,6 +28,7 @@ from apad_bridge.ros.generation_b_words import (
     StatusHeard,
 )
 from apad_bridge.ros.legacy_words import BatteryHeard, PoseHeard, StateHeard
+from apad_bridge.ros.reach import Sight
 from apad_bridge.ros.readings import Readings
 from apad_bridge.ros.silence_watch import SilenceWatch
 from apad_bridge.scenario.schema import Docking, DockingProfile

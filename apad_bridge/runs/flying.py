@@ -26,6 +26,7 @@ from apad_bridge.runs.status import Status
 from apad_bridge.sample_collection import SampleCollection
 from apad_bridge.scenario.schema import Hosting, Scenario
 from apad_bridge.scenario.starts import Start
+from apad_bridge.scripting.called import CalledFront
 from apad_bridge.scripting.commanded import Front
 from apad_bridge.sea_building import fleet_of
 from apad_bridge.supervisor import TICK_MS, Supervisor
@@ -96,10 +97,11 @@ def fly(
     *,
     until_first_plan: bool = False,
     fronts: Sequence[Front] = (),
+    override: CalledFront | None = None,
 ) -> dict[str, Any]:
     """Flies to the mission's end, or to its first plan, and gives the summary. SIGINT and SIGTERM end it in order.
 
-    With `fronts` there is no mission of our own: the aPad does what these order.
+    With `fronts` there is no mission of our own: the aPad does what these order. By `override` it can be taken over.
     """
     supervisor = building.supervisor(
         scenario,
@@ -107,6 +109,7 @@ def fly(
         first_command_id=1 + (0 if go_on is None else go_on.epoch * _COMMAND_IDS_PER_EPOCH),
         samples=_collection(scenario, surroundings, recorder),
         fronts=fronts,
+        override=override,
         # The aPad's modem is where its water is: with the fleet, and not with a mission alone.
         has_modem=surroundings.fleet is not None,
     )

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from agents.coordinator import Coordinator, Heard
+from agents.coordinator import Coordinator, Died, Heard
 from agents.fleet import FleetConfig, resting_on_bottom
 from agents.one_process import OneProcess
 from agents.outputs import Truth
@@ -211,6 +211,16 @@ def test_wifi_reaches_as_far_as_its_model_says() -> None:
     assert heard == {1}
     assert docks.sea.wifi_reaches(1, 2 * HOUR_MS) and not docks.sea.wifi_reaches(2, 2 * HOUR_MS)
     assert docks.sea.dropped["Wi-Fi: lost in the air"] > 0
+
+
+def test_one_that_died_boots_again_and_is_heard_in_its_next_slot() -> None:
+    bench = Bench(300, 150)
+    bench.run(3_600_000)
+    bench.host.kill(1)
+    results = bench.run(2 * HOUR_MS + 400_000)
+    assert [(it.agent_id, it.gave_up) for it in results if isinstance(it, Died)] == [(1, None)]
+    heard = [(it.agent_id, it.mission_ms // HOUR_MS) for it in results if isinstance(it, SoundReached)]
+    assert (1, 2) in heard and (2, 1) in heard and (2, 2) in heard
 
 
 def test_addresses_have_eight_bits() -> None:

@@ -113,6 +113,10 @@ def test_a_scenario_without_water_is_what_it_was() -> None:
     [
         ({"sound": {"sound_speed_m_s": 300}}, "water.sound.sound_speed_m_s"),
         ({"sound": {"loudness_db": 3}}, "water.sound.loudness_db"),
+        (
+            {"sound": {"error_curve": {"snrs_db": [0, 5], "sizes": [16], "rates": [[0.5]]}}},
+            "error_curve: rates must have a row for each size",
+        ),
         ({"links_file": "/nowhere/links.csv"}, "water.links_file: No such file or directory"),
     ],
 )
@@ -261,3 +265,11 @@ def test_a_fleet_alone_shares_what_reached_the_aPad_and_hears_what_its_planner_s
     assert (Medium.WIFI, 7) in elsewhere.heard
     (word,) = [packet for packet in packets(recorder) if packet["from"] == 0]
     assert word["began_ms"] == 60_000, "it waited for the end of the timeslots"
+
+
+def test_the_error_curve_is_the_scenario_s() -> None:
+    """At any SNR half of all packets are lost: 36 of three hours, within 4 standard deviations of 18."""
+    curve = {"snrs_db": [-1000, 1000], "sizes": [1], "rates": [[0.5, 0.5]]}
+    told = packets(fly_in_memory(in_water(380, {"sound": {"error_curve": curve}}))[1])
+    lost = sum(packet["heard"][0][1] == "noise" for packet in told)
+    assert len(told) == 36 and abs(lost - 18) <= 12

@@ -12,6 +12,7 @@ from typing import Any
 
 import pytest
 
+from agents.crystal import drift_of
 from agents.one_process import OneProcess
 from apad_bridge import building
 from apad_bridge.flight import Flight
@@ -23,7 +24,6 @@ from apad_bridge.scenario.starts import starts_of
 from apad_bridge.sea_building import fleet_of
 from apad_bridge.simulated_apad.apad import SimulatedAPad
 from apad_bridge.vehicle_link import InProcessVehicle
-from firmware_model.clock import drift_of
 
 WHOLE_BOARDS = Path(__file__).parents[2] / "launch_scripts" / "scenarios" / "whole-board-12.yaml"
 AGENTS, HOURS = 24, 20

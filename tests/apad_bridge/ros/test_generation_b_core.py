@@ -362,3 +362,11 @@ def test_a_vehicle_that_is_heard_again_after_a_silence_is_told_again() -> None:
     apad.is_at(9_000, 2.0, 3.0)
     apad.tells(9_000)
     assert apad.answers(9_000) == []
+
+
+def test_a_virtual_docking_from_afar_fails() -> None:
+    apad = Apad({7: (2.0, 13.0)})
+    apad.core.command(CloseDock(1, 0, 7), 0)
+    assert apad.tells(0) == [
+        CommandFailed(0, 1, "aMussel 7 floats 10.0 m away: go nearer than 5 m before docking it")
+    ]
