@@ -10,6 +10,7 @@ from agents.host import Host
 from agents.modem.frames import Generation
 from agents.sea import Sea, SeaConfig
 from agents.water import sound, wifi
+from agents.water.places import Sinking
 from apad_bridge.boards import whole_firmware
 from apad_bridge.fleet import Fleet
 from apad_bridge.links_file import LinksFile
@@ -57,9 +58,11 @@ def sea_config(scenario: Scenario, water: Water) -> SeaConfig:
             radio.apad_antenna_m,
             radio.slope_db,
         ),
-        bottom_um=round(scenario.area.depth_m * 1e6),
-        surfacing_ms=round(board.surfacing_s * 1000),
-        sinking_ms=round(board.sinking_s * 1000),
+        sinking=Sinking(
+            round(scenario.area.depth_m * 1e6),
+            round(board.surfacing_s * 1000),
+            round(board.sinking_s * 1000),
+        ),
         keel_um=round(told.keel_m * 1e6),
         range_noise_m=told.range_noise_m,
         thrusting_m_s=told.thrusting_m_s,

@@ -16,6 +16,7 @@ from agents.sea import Sea, SeaConfig
 from agents.sea_facts import NotRanged, Ranged, SeaResult, SoundReached, Told, address_of
 from agents.stimuli import ContactClosed, SoundArrived
 from agents.water.medium import Outcome, PacketEnded
+from agents.water.places import Sinking
 from agents.water.sound import Sound
 from agents.water.topology import LinkRule, Topology
 from agents.water.wifi import Wifi
@@ -30,9 +31,7 @@ SEA = SeaConfig(
     seed=3,
     sound=Sound(noise_db_per_hz=-100),
     wifi=None,
-    bottom_um=3_000_000,
-    surfacing_ms=60_000,
-    sinking_ms=45_000,
+    sinking=Sinking(3_000_000, 60_000, 45_000),
     keel_um=3_000_000,
     range_noise_m=0.0,
     thrusting_m_s=0.1,
