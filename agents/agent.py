@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 from agents.body import Body, WaterConfig
@@ -240,7 +241,7 @@ class Agent:
     ) -> list[Output]:
         logbook, body, now_ms = self._logbook, self.body, action.at_ms
         assert logbook is not None  # the worst case has no such actions
-        packets: list[LogRecords] | None = []
+        packets: Iterable[LogRecords] | None = ()
         match action:
             case board_actions.LogSample():
                 place = body.north_um, body.east_um, body.depth_at_um(now_ms)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 from agents.water.fields import Fields, unit_noises
 from firmware_model.flash_log import Flash, FlashLog
 from firmware_model.log_packets import RECORDS_AT_ONCE, LogRecords
@@ -42,12 +44,12 @@ class Logbook:
         newest = self.log.newest()
         return (0, 0, 0, 0) if newest is None else newest.counts
 
-    def begin_upload(self) -> list[LogRecords]:
-        """The first packets of all that waits."""
+    def begin_upload(self) -> Iterator[LogRecords]:
+        """The first packets of all that waits; made one by one, so that an agent never holds them all."""
         self._sent = self.log.waiting_from
         return self._next_packets()
 
-    def acknowledge(self, next_sequence: int) -> list[LogRecords] | None:
+    def acknowledge(self, next_sequence: int) -> Iterator[LogRecords] | None:
         """The packets that follow; None for an acknowledgement of records that were never taken.
 
         One that acknowledges nothing new asks for what is missing: all is sent again from there.
@@ -60,13 +62,12 @@ class Logbook:
         self._sent = max(self._sent, log.waiting_from)
         return self._next_packets()
 
-    def _next_packets(self) -> list[LogRecords]:
+    def _next_packets(self) -> Iterator[LogRecords]:
         log = self.log
-        oldest, packets = log.waiting_from, []
+        oldest = log.waiting_from
         until = min(log.next_sequence, oldest + _PACKETS_AT_ONCE * RECORDS_AT_ONCE)
         while self._sent < until:
             first = self._sent
             self._sent = min(first + RECORDS_AT_ONCE, until)
             records = log.read(first, self._sent)
-            packets.append(LogRecords(self._agent_id, oldest, first, self._sent - first, records))
-        return packets
+            yield LogRecords(self._agent_id, oldest, first, self._sent - first, records)
