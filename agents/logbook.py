@@ -7,9 +7,8 @@ from collections.abc import Iterator
 from agents.water.fields import Fields, unit_noises
 from firmware_model.flash_log import Flash, FlashLog
 from firmware_model.log_packets import RECORDS_AT_ONCE, LogRecords
-from firmware_model.sample_record import SampleRecord
+from firmware_model.sample_record import NO_COUNTS, SampleRecord
 from firmware_model.sensors import SENSORS, sample
-from firmware_model.status_packets import Counts
 
 _PACKETS_AT_ONCE = 8
 """So many are under way before an acknowledgement is waited for."""
@@ -25,6 +24,9 @@ class Logbook:
         self._agent_id = agent_id
         self._seed = seed
         self._fields = fields
+        newest = self.log.newest()
+        self.counts = NO_COUNTS if newest is None else newest.counts
+        """Of the newest sample; zeros before there is one, or where it cannot be read."""
         self._sent = 0
         """Up to which sequence the log was sent in this upload."""
 
@@ -38,11 +40,7 @@ class Logbook:
             unit_noises(self._seed, self._agent_id, sequence),
         )
         log.append(SampleRecord(sequence, clock_ms, counts, saturated))
-
-    def newest_counts(self) -> Counts:
-        """Of the newest sample; zeros before there is one, or where it cannot be read."""
-        newest = self.log.newest()
-        return (0, 0, 0, 0) if newest is None else newest.counts
+        self.counts = counts
 
     def begin_upload(self) -> Iterator[LogRecords]:
         """The first packets of all that waits; made one by one, so that an agent never holds them all."""
@@ -69,5 +67,4 @@ class Logbook:
         while self._sent < until:
             first = self._sent
             self._sent = min(first + RECORDS_AT_ONCE, until)
-            records = log.read(first, self._sent)
-            yield LogRecords(self._agent_id, oldest, first, self._sent - first, records)
+            yield LogRecords(self._agent_id, oldest, first, self._sent - first, log.raw(first, self._sent))

@@ -50,12 +50,13 @@ class Ring:
         return sequence // self.records_a_page % self.pages
 
     def address(self, sequence: int) -> int:
-        return self.page(sequence) * self.page_bytes + sequence % self.records_a_page * RECORD_BYTES
+        page, place = divmod(sequence, self.page_bytes // RECORD_BYTES)
+        return page % self.pages * self.page_bytes + place * RECORD_BYTES
 
     def oldest(self, next_sequence: int) -> int:
         """The first record that still counts when `next_sequence` is the next to be written."""
-        begun = next_sequence // self.records_a_page
-        return max(0, (begun - self.pages + 2) * self.records_a_page)
+        a_page = self.page_bytes // RECORD_BYTES
+        return max(0, (next_sequence // a_page - self.pages + 2) * a_page)
 
     def first_in(self, flash: Flash, page: int) -> int | None:
         """The sequence of a page's first record; None when nothing of it can be read."""
@@ -83,12 +84,10 @@ class FlashLog:
         self._flash = flash
         self.ring = Ring(flash.pages, flash.page_bytes)
         self.acknowledged = acknowledged
+        self.next_sequence = self.torn = 0
         self._recover(next_sequence)
-
-    @property
-    def oldest(self) -> int:
+        self.oldest = min(self.next_sequence, self.ring.oldest(self.next_sequence))
         """The sequence of the first record that the log still holds."""
-        return min(self.next_sequence, self.ring.oldest(self.next_sequence))
 
     @property
     def overwritten(self) -> int:
@@ -107,22 +106,30 @@ class FlashLog:
 
     def append(self, record: SampleRecord) -> None:
         """Writes the record `next_sequence`; ValueError for another."""
-        sequence = self.next_sequence
+        sequence, ring = self.next_sequence, self.ring
         if record.sequence != sequence:
             raise ValueError(f"record {sequence} comes next, not {record.sequence}")
-        if sequence % self.ring.records_a_page == 0:
-            self._flash.erase(self.ring.page(sequence))
-        self._flash.program(self.ring.address(sequence), record.encode())
-        self.next_sequence += 1
+        address = ring.address(sequence)
+        if address % ring.page_bytes == 0:
+            self._flash.erase(address // ring.page_bytes)
+        self._flash.program(address, record.encode())
+        self.next_sequence = sequence + 1
+        self.oldest = ring.oldest(sequence + 1)
+
+    def raw(self, first: int, until: int) -> bytes:
+        """The records from `first` up to and without `until` that can be read, in order, as they stand in flash."""
+        flash, address, found = self._flash, self.ring.address, []
+        for sequence in range(max(first, self.oldest), min(until, self.next_sequence)):
+            slot = flash.read(address(sequence), RECORD_BYTES)
+            if SampleRecord.is_whole(slot, sequence):
+                found.append(slot)
+        return b"".join(found)
 
     def read(self, first: int, until: int) -> tuple[SampleRecord, ...]:
-        """The records from `first` up to and without `until` that can be read, in order."""
-        found = []
-        for sequence in range(max(first, self.oldest), min(until, self.next_sequence)):
-            record = SampleRecord.decode(self._flash.read(self.ring.address(sequence), RECORD_BYTES))
-            if record is not None and record.sequence == sequence:
-                found.append(record)
-        return tuple(found)
+        """As `raw`, read."""
+        data = self.raw(first, until)
+        read = (SampleRecord.decode(data[at : at + RECORD_BYTES]) for at in range(0, len(data), RECORD_BYTES))
+        return tuple([record for record in read if record is not None])
 
     def newest(self) -> SampleRecord | None:
         """The newest record, if it can be read."""

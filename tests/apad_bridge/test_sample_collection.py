@@ -27,7 +27,7 @@ def record(sequence: int) -> SampleRecord:
 
 
 def packet(first: int, covered: int, *sequences: int, oldest: int = 0) -> LogRecords:
-    return LogRecords(AGENT, oldest, first, covered, tuple(map(record, sequences)))
+    return LogRecords.of(AGENT, oldest, first, covered, tuple(map(record, sequences)))
 
 
 def taken(collection: SampleCollection, said: LogRecords) -> tuple[list[int], list[int]]:
