@@ -24,7 +24,7 @@ from firmware_model import actions as board_actions
 from firmware_model import stimuli as board_stimuli
 from firmware_model.board import Board
 from firmware_model.codec import Codec
-from firmware_model.flash_log import Flash, MemoryFlash
+from firmware_model.flash import Flash, MemoryFlash
 from firmware_model.packets import LogRecords
 from firmware_model.plan import BoardConfig
 from firmware_model.rails import Rail

@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from agents.water.fields import Fields, unit_noises
-from firmware_model.flash_log import Flash, FlashLog
+from firmware_model.flash import Flash
+from firmware_model.flash_log import FlashLog
 from firmware_model.log_packets import RECORDS_AT_ONCE, LogRecords
 from firmware_model.sample_record import NO_COUNTS, SampleRecord
 from firmware_model.sensors import SENSORS, sample
 
-_PACKETS_AT_ONCE = 8
+_PACKETS_AT_ONCE = 4
 """So many are under way before an acknowledgement is waited for."""
 
 

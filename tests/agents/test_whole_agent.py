@@ -14,7 +14,7 @@ from agents.physical import Physical
 from agents.stimuli import CoilSlipped, ContactClosed, ContactOpened, SoundArrived, Stimulus, WifiArrived
 from firmware_model.charge import FULL, Flow
 from firmware_model.codec import MusselbedCodec
-from firmware_model.flash_log import MemoryFlash
+from firmware_model.flash import MemoryFlash
 from firmware_model.packets import (
     PLAIN_KINDS,
     AcousticStatus,

@@ -14,7 +14,7 @@ from agents.logbook import Logbook
 from agents.water.fields import Constant, Fields
 from apad_bridge.records.sample_file import SampleFile, sample_line
 from apad_bridge.sample_collection import SampleCollection, Taken
-from firmware_model.flash_log import MemoryFlash
+from firmware_model.flash import MemoryFlash
 from firmware_model.packets import LogAck, LogRecords, decode
 from firmware_model.sample_record import RECORD_BYTES, SampleRecord
 
