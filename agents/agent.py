@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from agents.body import Body, WaterConfig
-from agents.logbook import Logbook
 from agents.outputs import Dropped, Output, PingAnswered, SoundSent, Truth, WifiSent
 from agents.physical import Physical
 from agents.reporter import Modem, Reporter
@@ -22,14 +22,17 @@ from agents.stimuli import (
 )
 from firmware_model import actions as board_actions
 from firmware_model import stimuli as board_stimuli
-from firmware_model.board import Board
+from firmware_model.board import board_of
 from firmware_model.codec import Codec
-from firmware_model.flash import Flash, MemoryFlash
 from firmware_model.packets import LogRecords
 from firmware_model.plan import BoardConfig
 from firmware_model.rails import Rail
 from firmware_model.states import State
 from firmware_model.stimuli import ResetCause
+
+if TYPE_CHECKING:
+    from agents.logbook import Logbook
+    from firmware_model.flash import Flash
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +82,9 @@ class Agent:
             physical.pin_due_ms,
             physical.hover_um,
         )
-        self.board = Board(config.board, codec, physical.primary, physical.secondary, now_ms, physical.kept)
+        self.board = board_of(
+            config.board, codec, physical.primary, physical.secondary, now_ms, physical.kept
+        )
         self._logbook = None if config.board.whole is None else _logbook(config, physical, flash)
         self._reporter = Reporter(self.board, self.body, self._logbook, config.modem)
         # A reset agent may have reported at this very time before it died: its next report is a later one.
@@ -267,6 +272,10 @@ class Agent:
 
 
 def _logbook(config: AgentConfig, physical: Physical, flash: Flash | None) -> Logbook:
+    # Imported here: the paper's worst case has no log.
+    from agents.logbook import Logbook
+    from firmware_model.flash import MemoryFlash
+
     kept = MemoryFlash() if flash is None else flash
     water = config.water
     return Logbook(

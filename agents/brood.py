@@ -18,9 +18,9 @@ from agents.flash_file import FLASH_NAME, FlashRegion
 from agents.fleet_file import PHYSICAL_NAME, FleetFile
 from agents.forked import live
 from agents.link import Key, readable
-from agents.memory import return_freed_memory
+from agents.memory import fill_holes, gather_code, return_freed_memory
 from agents.process import Servant, message_room
-from agents.rehearsal import rehearse
+from agents.rehearsal import ROUND, rehearse
 from agents.slots import PAIR_BYTES, Slot, SlotPair
 from firmware_model.codec import load_codec
 from firmware_model.stimuli import ResetCause
@@ -97,7 +97,9 @@ class Brood:
 
     def warm(self) -> None:
         """Runs and touches all that an agent uses, then sets it apart from the garbage collector, to be shared."""
-        rehearse(self._configs, self._codec, next(iter(self._index), 0))
+        agent_id = next(iter(self._index), 0)
+        gather_code(lambda: rehearse(self._configs, self._codec, agent_id, ROUND))
+        rehearse(self._configs, self._codec, agent_id)
         gc.collect()
         gc.freeze()
         return_freed_memory()
@@ -123,6 +125,8 @@ class Brood:
             except NotStarted as refusal:
                 outcomes[place] = refusal
         # What this process writes to between two forks, every agent after it pays for: so the forks come last, alone.
+        # What an agent makes goes into pages of its own, and not into the holes of pages that it would have to copy.
+        filling = fill_holes()
         # An agent's garbage collector writes to every young object: freezing leaves it none of these.
         gc.freeze()
         nursery_pid = os.getpid()
@@ -133,6 +137,7 @@ class Brood:
             if pid == 0:
                 live(nursery_pid, agent.name, agent.theirs, link_fd, descriptors, link, room, agent.servant)
             pids.append(pid)
+        del filling
         for pid, agent in zip(pids, unborn, strict=True):
             os.close(agent.theirs)
             outcomes[agent.place] = self.children[agent.agent_id] = Child(pid, agent.ours)

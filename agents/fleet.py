@@ -7,6 +7,7 @@ from typing import Any
 
 from agents.agent import AgentConfig
 from agents.body import WaterConfig
+from agents.crystal import drift_of
 from agents.physical import Physical
 from agents.reporter import Modem
 from agents.water.fields import Fields
@@ -14,7 +15,6 @@ from agents.water.patches import OXYGEN, TEMPERATURE, TURBIDITY, Waters
 from agents.water.stream import STILL, Stream, Tide, parse_stream
 from firmware_model.actions import Buoyancy
 from firmware_model.charge import Battery, ChargeModel, Flow, grains
-from firmware_model.clock import drift_of
 from firmware_model.flash import PAGES
 from firmware_model.plan import BoardConfig, Cycle, LastResort, Metering, Power, Slots, Timekeeping, Whole
 from firmware_model.rails import Loads

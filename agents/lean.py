@@ -42,11 +42,12 @@ def _lean(cls: type) -> type:
     gc.collect()  # the class that the last call replaced makes room, so that none lies between
     names = tuple(name for name, kind in get_annotations(cls).items() if not kind.startswith("ClassVar"))
     body = {name: value for name, value in cls.__dict__.items() if name not in _DROPPED and name not in names}
-    defaults = {f"_{name}": cls.__dict__[name] for name in names if name in cls.__dict__}
-    parameters = ", ".join(f"{name}=_{name}" if f"_{name}" in defaults else name for name in names)
+    given = tuple(cls.__dict__[name] for name in names if name in cls.__dict__)
     made: dict[str, Any] = {}
     sets = "; ".join(f"self.{name} = {name}" for name in names) or "pass"
-    exec(f"def __init__(self{', ' * bool(names)}{parameters}): {sets}", defaults, made)
+    exec(f"def __init__({', '.join(('self', *names))}): {sets}", _NO_GLOBALS, made)
+    if given:
+        made["__init__"].__defaults__ = given
     body |= made
     body["__slots__"] = body["__match_args__"] = names
     body["__eq__"], body["__hash__"] = _equal, _hash
@@ -54,6 +55,8 @@ def _lean(cls: type) -> type:
     return type(cls.__name__, cls.__bases__, body)
 
 
+_NO_GLOBALS: dict[str, Any] = {}
+"""Of all that is built here: each would have a dictionary of its own."""
 _DROPPED = ("__dict__", "__weakref__", "__doc__", "__annotations__")
 
 

@@ -60,13 +60,18 @@ def main(arguments: list[str]) -> int:
 def _prepare(run_dir: str) -> Caretaker:
     with lean_dataclasses():
         import agents.process  # noqa: F401 - what agents use, before what only the nursery does
+    from agents.fleet_file import FleetFile
+
+    file = FleetFile.read(run_dir)
+    if file.fleet.whole is not None:
+        with lean_dataclasses():
+            from agents.logbook import Logbook  # noqa: F401
+            from firmware_model.whole_board import WholeBoard  # noqa: F401
     from agents.brood import Brood
     from agents.caretaker import Caretaker
-    from agents.fleet_file import FleetFile
 
     _, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     resource.setrlimit(resource.RLIMIT_NOFILE, (hard, hard))
-    file = FleetFile.read(run_dir)
     brood = Brood(run_dir, file)
     wakeup, waker = socket.socketpair()
     wakeup.setblocking(False)

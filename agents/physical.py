@@ -7,12 +7,13 @@ from __future__ import annotations
 
 import struct
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 from firmware_model.actions import Buoyancy
 from firmware_model.charge import Battery, Flow
-from firmware_model.keeper import Kept
-from firmware_model.settings import Settings
+
+if TYPE_CHECKING:
+    from firmware_model.keeper import Kept
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,4 +113,10 @@ def _packed(kept: Kept | None) -> tuple[int, ...]:
 
 
 def _unpacked(is_kept: bool, anchor_ms: int, reading_ms: int, *settings: int) -> Kept | None:
-    return Kept(anchor_ms, reading_ms, Settings(*settings)) if is_kept else None
+    if not is_kept:
+        return None
+    # Imported here: the paper's worst case keeps nothing, and its agents carry nothing that they do not use.
+    from firmware_model.keeper import Kept
+    from firmware_model.settings import Settings
+
+    return Kept(anchor_ms, reading_ms, Settings(*settings))

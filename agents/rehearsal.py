@@ -28,8 +28,8 @@ from agents.stimuli import (
     Stimulus,
     WifiArrived,
 )
-from firmware_model.clock import LATEST_MS
 from firmware_model.codec import Codec
+from firmware_model.commands import LATEST_MS
 from firmware_model.packets import (
     Beacon,
     Command,
@@ -48,10 +48,12 @@ from firmware_model.stimuli import ResetCause
 _Value = TypeVar("_Value")
 _LIVES = 12
 """The interpreter specialises a function after eight calls."""
+ROUND = 3
+"""Lives that play every path."""
 _ALARM_MS = 10_000
 
 
-def rehearse(configs: AgentConfigs, codec: Codec, agent_id: int) -> None:
+def rehearse(configs: AgentConfigs, codec: Codec, agent_id: int, lives: int = _LIVES) -> None:
     """Plays all of an agent's paths, among them the refusals."""
     slots, flash = os.memfd_create("rehearsal"), os.memfd_create("rehearsal")
     hearer, teller = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
@@ -68,8 +70,8 @@ def rehearse(configs: AgentConfigs, codec: Codec, agent_id: int) -> None:
         config = configs.config(agent_id)
         if config.board.whole is not None:
             config = _with(config, board=_in_haste(config.board, config.board.whole))
-        for life in range(_LIVES):
-            _live(config, codec, 0.5 if life % 3 else 0.0, slots, FlashRegion(flash, 0, 3), teller, ask)
+        for life in range(lives):
+            _live(config, codec, 0.5 if life % ROUND else 0.0, slots, FlashRegion(flash, 0, 3), teller, ask)
     os.close(slots)
     os.close(flash)
 

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from enum import IntEnum
+from typing import TYPE_CHECKING
 
 from agents.body import Body
-from agents.logbook import Logbook
 from firmware_model.board import Board
 from firmware_model.charge import fraction
 from firmware_model.packets import AcousticStatus, Packet, ShortStatus, StatusPacket, WifiStatus
+
+if TYPE_CHECKING:
+    from agents.logbook import Logbook
 
 
 class Modem(IntEnum):

@@ -12,7 +12,6 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Collection
 from dataclasses import dataclass
-from math import hypot
 
 from agents.coordinator import Coordinator, Died, Heard
 from agents.host import Host
@@ -21,7 +20,6 @@ from agents.modem.facts import FrameArrived
 from agents.modem.firmware import Firmware
 from agents.modem.frames import PAYLOAD_BYTES, SHORT_MS, Frame, FrameKind, Generation
 from agents.outputs import PingAnswered, SoundSent, Truth, WifiSent
-from agents.physical import Physical
 from agents.sea_facts import (
     APAD,
     APAD_ADDRESS,
@@ -38,16 +36,13 @@ from agents.stimuli import PingArrived, SoundArrived
 from agents.water import medium
 from agents.water.chance import fates
 from agents.water.medium import Began, LinksChanged, Medium, Moved, PacketEnded, ThrustersRan
-from agents.water.places import Place
+from agents.water.places import Place, Sinking, along_m
 from agents.water.sound import Sound
 from agents.water.topology import Topology
 from agents.water.wifi import Wifi
-from firmware_model.actions import Buoyancy
 from firmware_model.rails import RAILS
 
 _FIRMWARE = {Generation.V2: Firmware.V2, Generation.V3: Firmware.V3}
-_STEP_US = 62.5
-"""The modem times a round trip in these."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,9 +52,7 @@ class SeaConfig:
     seed: int
     sound: Sound
     wifi: Wifi | None
-    bottom_um: int
-    surfacing_ms: int
-    sinking_ms: int
+    sinking: Sinking
     keel_um: int
     """The depth of the aPad's modem."""
     range_noise_m: float
@@ -69,8 +62,8 @@ class SeaConfig:
     modems: Generation = Generation.V3
 
 
-Happened = tuple[int, int, int, medium.Stimulus]
-"""(agent time, order within it, node, what)."""
+Happened = tuple[int, int, int, medium.Stimulus | Heard]
+"""(agent time, order within it, node, what); a Heard is a Wi-Fi packet on its way to the aPad."""
 
 
 class Sea:
@@ -116,31 +109,31 @@ class Sea:
 
     def take_truths(self) -> list[Truth]:
         """The fleet's truths since the last call, of whose places the sea has taken note."""
-        for truth in self._note_truths():
-            place = self._places[truth.agent_id]
-            self._told += self._medium.receive(Moved(truth.agent_id, place), self.now_ms)
+        for truth in self._new_truths():
+            self._told += self._move(truth.agent_id, self.config.sinking.place(truth.physical), self.now_ms)
         truths, self._truths = self._truths, []
         return truths
 
-    def _note_truths(self) -> list[Truth]:
+    def _new_truths(self) -> list[Truth]:
         new = self._host.take_truths()
-        for truth in new:
-            self._places[truth.agent_id] = self._place(truth.physical)
         self._truths += new
         return new
+
+    def _move(self, node: int, place: Place, at_ms: int) -> list[medium.Result]:
+        self._places[node] = place
+        return self._medium.receive(Moved(node, place), at_ms)
 
     # What the aPad does, at ticks.
 
     def carry_apad(self, north_m: float, east_m: float, at_ms: int) -> None:
         """The aPad is here at mission time `at_ms`, now or since the last tick."""
         place = Place(round(north_m * 1e6), round(east_m * 1e6), self.config.keel_um, in_water=True)
-        before, self._places[APAD] = self._places.get(APAD), place
+        before = self._places.get(APAD)
         if before is not None and self._apad_at_ms is not None and at_ms > self._apad_at_ms:
-            metres = hypot(place.north_um - before.north_um, place.east_um - before.east_um) / 1e6
-            fast = 1000 * metres > self.config.thrusting_m_s * (at_ms - self._apad_at_ms)
+            fast = 1000 * along_m(before, place) > self.config.thrusting_m_s * (at_ms - self._apad_at_ms)
             self._told += self._medium.receive(ThrustersRan(APAD, fast), self.now_ms)
         self._apad_at_ms = at_ms
-        self._told += self._medium.receive(Moved(APAD, place), self.now_ms)
+        self._told += self._move(APAD, place, self.now_ms)
 
     def say(self, agent_id: int | None, data: bytes, not_before_ms: int = 0) -> None:
         """Sends bytes by the aPad's modem, to one aMussel or to all: at that agent time, or as soon as it is free."""
@@ -204,8 +197,8 @@ class Sea:
     def _round(self, came: list[Heard | Died], horizon_ms: int, results: list[SeaResult]) -> None:
         """Brings what agents did in the round to the medium, in the order of time, and what that decided to agents."""
         happened: list[Happened] = []
-        for truth in self._note_truths():
-            moved = Moved(truth.agent_id, self._place(truth.physical))
+        for truth in self._new_truths():
+            moved = Moved(truth.agent_id, self.config.sinking.place(truth.physical))
             happened.append((truth.at_ms, 0, truth.agent_id, moved))
             if self._modems is not None:
                 self._modems.power(truth.agent_id, RAILS[truth.state] != 0, truth.at_ms)
@@ -215,13 +208,13 @@ class Sea:
                     frame = self._frame(agent_id, output)
                     if frame is not None:
                         self._send(happened, output.at_ms, agent_id, frame)
-                    continue
                 case Heard(_, agent_id, WifiSent(at_ms)):
-                    if not self._through_the_air(agent_id, APAD, at_ms):
-                        continue
+                    happened.append((at_ms, 2, agent_id, it))
                 case Died(_, agent_id, gave_up=reason) if reason is not None:
                     happened.append((horizon_ms, 0, agent_id, Moved(agent_id, None)))
-            results.append(it)
+                    results.append(it)
+                case _:
+                    results.append(it)
         for spoke in self._keel.advance(horizon_ms):
             if isinstance(spoke, Send):
                 self._send(happened, spoke.at_ms, APAD, spoke.frame)
@@ -230,12 +223,26 @@ class Sea:
         if self._modems is not None:
             for sent in self._modems.round(horizon_ms):
                 happened.append((sent.at_ms, 1, sent.node, Began(sent.node, sent.frame)))
-        decided: list[medium.Result] = []
-        for at_ms, _, _, stimulus in sorted(happened, key=lambda it: it[:3]):
-            decided += self._medium.receive(stimulus, min(max(at_ms, self._medium.now_ms), horizon_ms))
-        self._deliver(decided + self._medium.advance(horizon_ms), results)
+        self._deliver(self._happen(happened, horizon_ms, results), results)
         if self._modems is not None:
             results += [Printed(self._mission_ms(horizon_ms), *it) for it in self._modems.take_printed()]
+
+    def _happen(
+        self, happened: list[Happened], horizon_ms: int, results: list[SeaResult]
+    ) -> list[medium.Result]:
+        """Lets it happen in the order of time, up to the horizon; what the medium decided by then."""
+        decided: list[medium.Result] = []
+        for at_ms, _, node, what in sorted(happened, key=lambda it: it[:3]):
+            if isinstance(what, Heard):
+                if self._through_the_air(node, APAD, at_ms):
+                    results.append(what)
+                continue
+            now_ms = min(max(at_ms, self._medium.now_ms), horizon_ms)
+            if isinstance(what, Moved) and what.place is not None:
+                decided += self._move(node, what.place, now_ms)
+            else:
+                decided += self._medium.receive(what, now_ms)
+        return decided + self._medium.advance(horizon_ms)
 
     def _send(self, happened: list[Happened], at_ms: int, node: int, frame: Frame) -> None:
         """By the node's modem, if there are modems; otherwise straight into the water."""
@@ -271,10 +278,12 @@ class Sea:
             results.append(SoundReached(mission_ms, heard.sender, frame.data))
         elif self._keel.answered(heard.sender, at_ms):
             *_, normal = fates(self.config.seed, heard.sender, at_ms, APAD, b"range")
-            metres = self.config.range_noise_m * normal
-            metres += (frame.flight_us + heard.reception.travelled_us) * self.config.sound.speed_m_s / 2e6
-            step_m = _STEP_US * self.config.sound.speed_m_s / 2e6
-            results.append(Ranged(mission_ms, heard.sender, max(0, round(metres / step_m)) * step_m))
+            round_trip_us, off_m = (
+                frame.flight_us + heard.reception.travelled_us,
+                self.config.range_noise_m * normal,
+            )
+            range_m = self.config.sound.range_m(round_trip_us, off_m)
+            results.append(Ranged(mission_ms, heard.sender, range_m))
         else:
             self.dropped["sound: an answer to a ping that was given up"] += 1
 
@@ -302,23 +311,12 @@ class Sea:
             return True
         if one is None or other is None:
             return False
-        metres = hypot(one.north_um - other.north_um, one.east_um - other.east_um) / 1e6
-        reached = self.config.wifi.gets_through(metres, self.config.seed, sender, at_ms, receiver)
+        reached = self.config.wifi.gets_through(
+            along_m(one, other), self.config.seed, sender, at_ms, receiver
+        )
         if not reached:
             self.dropped["Wi-Fi: lost in the air"] += 1
         return reached
-
-    def _place(self, physical: Physical) -> Place:
-        config = self.config
-        if physical.docked:
-            return Place(physical.north_um, physical.east_um, 0)
-        place = (physical.north_um, physical.east_um, physical.depth_um, physical.depth_anchor_ms)
-        match physical.buoyancy:
-            case Buoyancy.FLOAT:
-                return Place(*place, -config.bottom_um, config.surfacing_ms, config.bottom_um)
-            case Buoyancy.SINK:
-                return Place(*place, config.bottom_um, config.sinking_ms, config.bottom_um)
-        return Place(*place)
 
     def _mission_ms(self, agent_ms: int) -> int:
         return -(-agent_ms // self._theta)

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from agents.fleet import FleetConfig, resting_on_bottom
 from agents.physical import Physical
 from agents.reporter import Modem
+from apad_bridge.beliefs.fleet import FleetBeliefs
 from apad_bridge.beliefs.hold_last import HoldLast
 from apad_bridge.boards import charge_model, clock_drift_ppb, whole_firmware
 from apad_bridge.ears_building import ears_of
@@ -19,7 +20,9 @@ from apad_bridge.sample_collection import SampleCollection
 from apad_bridge.scenario.schema import DriftMode, HearingMode, Scenario
 from apad_bridge.scenario.starts import Start
 from apad_bridge.scenario.water import ModemGeneration
+from apad_bridge.scripting.called import CalledFront
 from apad_bridge.scripting.commanded import CommandedMission, Front
+from apad_bridge.scripting.override import Override
 from apad_bridge.simulated_apad.apad import SimulatedAPad
 from apad_bridge.simulated_apad.misses import Misses
 from apad_bridge.supervisor import Supervisor
@@ -92,25 +95,28 @@ def supervisor(
     first_command_id: int = 1,
     fronts: Sequence[Front] = (),
     samples: SampleCollection | None = None,
+    override: CalledFront | None = None,
     has_modem: bool = True,
 ) -> Supervisor:
     """A supervisor that knows nothing yet, or one that goes on with a mission's journaled `state`.
 
-    Its mission is the paper's; or, where there are `fronts`, one that does what these order. Without `samples` it leaves
-    the aMussels' logs to others; without a modem, whatever is said by sound of its own accord.
+    Its mission is the paper's, which can be taken over by `override`; or, where there are `fronts`, one that does what they
+    say. Without `samples` it leaves the aMussels' logs to others; without a modem, whatever is said by sound of its own
+    accord.
     """
     beliefs = HoldLast(agent_ids(scenario))
-    mission: Mission = (
-        CommandedMission(scenario.mission, beliefs, fronts, state)
-        if fronts
-        else EnergyExchange(
-            scenario.mission,
-            beliefs,
-            registry.collection(scenario.mission.collection),
-            registry.redeployment(scenario.mission.redeployment),
+    mission: Mission
+    if fronts:
+        mission = CommandedMission(scenario.mission, beliefs, fronts, state)
+    elif override is not None:
+        mission = Override(
+            lambda begun: _planned(scenario, beliefs, begun),
+            lambda begun: CommandedMission(scenario.mission, beliefs, (), begun),
+            override,
             state,
         )
-    )
+    else:
+        mission = _planned(scenario, beliefs, state)
     port = DockingPort(scenario.mission.docking, first_command_id=first_command_id)
     return Supervisor(
         beliefs,
@@ -122,4 +128,14 @@ def supervisor(
         round(scenario.duration_s * 1000),
         scenario.mission.end_at_apad_fraction,
         ears_of(scenario, agent_ids(scenario)) if has_modem else None,
+    )
+
+
+def _planned(scenario: Scenario, beliefs: FleetBeliefs, state: MissionState | None) -> EnergyExchange:
+    return EnergyExchange(
+        scenario.mission,
+        beliefs,
+        registry.collection(scenario.mission.collection),
+        registry.redeployment(scenario.mission.redeployment),
+        state,
     )

@@ -8,16 +8,14 @@ from __future__ import annotations
 
 import threading
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import astuple
-from typing import Any, Protocol
 
 from agents.coordinator import Died, Heard
-from agents.outputs import Dropped, SoundSent, Truth, WifiSent
+from agents.outputs import Dropped, SoundSent, WifiSent
 from agents.sea_facts import NotRanged, Printed, Ranged, SeaResult, SoundReached, Told
 from agents.stimuli import SoundArrived, Stimulus, WifiArrived, to_wire
 from agents.water.medium import PacketEnded
-from apad_bridge.beliefs.belief import Belief
 from apad_bridge.contacts import Contacts
 from apad_bridge.ether import Ether
 from apad_bridge.facts import (
@@ -34,37 +32,15 @@ from apad_bridge.fleet import Fleet
 from apad_bridge.mission.orders import Note
 from apad_bridge.modems.rims import Rims
 from apad_bridge.pace import Pace
+from apad_bridge.recording import Recorder
 from apad_bridge.records.packet_lines import packet_data
 from apad_bridge.supervisor import TICK_MS, Supervisor
-from apad_bridge.vehicle import BatteryReported, CloseDock, OpenDock, PoseReported
+from apad_bridge.vehicle import CloseDock, OpenDock, PoseReported
 from apad_bridge.vehicle_link import APadSeen, Carried, LetGo, VehicleLink
-from firmware_model.sample_record import SampleRecord
 from firmware_model.wire import EVERYONE
 
 _ROUNDS = 8
 """More answers than this within one tick wait for the next."""
-
-
-class Recorder(Protocol):
-    """What a flight needs of the records."""
-
-    def event(self, at_ms: int, kind: str, **data: Any) -> None: ...
-
-    def truths(self, truths: list[Truth]) -> None: ...
-
-    def samples(self, agent_id: int, records: Sequence[SampleRecord]) -> None:
-        """On disk when it returns: an acknowledgement follows."""
-        ...
-
-    def tick(
-        self,
-        now_ms: int,
-        beliefs: list[Belief],
-        pose: PoseReported | None,
-        battery: BatteryReported | None,
-        primitive: str,
-        slots: tuple[int | None, ...],
-    ) -> None: ...
 
 
 Watcher = Callable[[int], None]
@@ -201,11 +177,8 @@ class Flight:
         for burst in written:
             if self._fleet.sea is not None:
                 self._fleet.sea.write(burst.agent_id, burst.data)
-        came = self._fleet.advance(now_ms)
-        for result in came:
-            if isinstance(result, Printed) and self._rims is not None:
-                self._rims.printed(result.agent_id, result.data)
-        return list(came)
+        came, rims = self._fleet.advance(now_ms), self._rims
+        return list(came) if rims is None else [it for it in came if not _went(rims, it, now_ms)]
 
     def _hear_modem(self, now_ms: int) -> None:
         """What a physical modem has brought, or has sent."""
@@ -227,7 +200,7 @@ class Flight:
             self._live(now_ms)
             return
         self._look_at_links(self._fleet, now_ms)
-        rims, came_before, self._came = self._rims, self._came, []
+        came_before, self._came = self._came, []
         for came in [*came_before, *self._live(now_ms)]:
             match came:
                 case Died(_, agent_id, agent_ms, cause, reason, gave_up):
@@ -243,10 +216,6 @@ class Flight:
                 case Heard(at_ms, agent_id, WifiSent(_, data)):
                     self.supervisor.receive(WifiHeard(at_ms, data))
                     self._share(Medium.WIFI, agent_id, data, at_ms)
-                case Heard(_, agent_id, SoundSent(_, data)) if rims is not None and rims.report(
-                    agent_id, data, now_ms
-                ):
-                    pass
                 case Heard(at_ms, agent_id, SoundSent(_, data)):
                     self.supervisor.receive(SoundHeard(at_ms, data))
                     self._share(Medium.SOUND, agent_id, data, at_ms)
@@ -290,7 +259,9 @@ class Flight:
             return
         for came in self._ether.advance(now_ms):
             if isinstance(came, Send):
-                self._send(self.supervisor.timed(came, now_ms), now_ms)
+                word = self.supervisor.timed(came, now_ms)
+                if word is not None:
+                    self._send(word, now_ms)
             else:
                 self.supervisor.receive(came)
 
@@ -330,3 +301,14 @@ class Flight:
     def _note_stimulus(self, now_ms: int, agent_id: int, agent_ms: int, stimulus: Stimulus) -> None:
         wire = [field.hex() if isinstance(field, bytes) else field for field in to_wire(stimulus)]
         self._recorder.event(now_ms, "stimulus", id=agent_id, agent_ms=agent_ms, wire=wire)
+
+
+def _went(rims: Rims, came: SeaResult, now_ms: int) -> bool:
+    """Whether it was for a serial line, and went there."""
+    match came:
+        case Printed(_, agent_id, data):
+            rims.printed(agent_id, data)
+            return True
+        case Heard(_, agent_id, SoundSent(_, data)):
+            return rims.report(agent_id, data, now_ms)
+    return False

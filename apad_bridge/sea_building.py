@@ -10,6 +10,7 @@ from agents.host import Host
 from agents.modem.frames import Generation
 from agents.sea import Sea, SeaConfig
 from agents.water import sound, wifi
+from agents.water.places import Sinking
 from apad_bridge.boards import whole_firmware
 from apad_bridge.fleet import Fleet
 from apad_bridge.links_file import LinksFile
@@ -57,9 +58,11 @@ def sea_config(scenario: Scenario, water: Water) -> SeaConfig:
             radio.apad_antenna_m,
             radio.slope_db,
         ),
-        bottom_um=round(scenario.area.depth_m * 1e6),
-        surfacing_ms=round(board.surfacing_s * 1000),
-        sinking_ms=round(board.sinking_s * 1000),
+        sinking=Sinking(
+            round(scenario.area.depth_m * 1e6),
+            round(board.surfacing_s * 1000),
+            round(board.sinking_s * 1000),
+        ),
         keel_um=round(told.keel_m * 1e6),
         range_noise_m=told.range_noise_m,
         thrusting_m_s=told.thrusting_m_s,
@@ -87,4 +90,7 @@ def sound_of(told: Sound) -> sound.Sound:
         thruster_noise_db=told.thruster_noise_db,
         range_limit_m=told.range_limit_m,
         turnaround_ms=round(told.turnaround_s * 1000),
+        errors=sound.NANOMODEM_ERRORS
+        if told.error_curve is None
+        else sound.ErrorCurve(told.error_curve.snrs_db, told.error_curve.sizes, told.error_curve.rates),
     )

@@ -146,12 +146,10 @@ class Supervisor:
             return actions
         return [*self._ears.timed(actions, now_ms), *self._ears.advance(self.beliefs.all(), now_ms)]
 
-    def timed(self, word: Send, now_ms: int) -> Send:
-        """Somebody else's word to an aMussel, with the time at which the aPad's modem may say it."""
-        if self._ears is None:
-            return word
-        (timed,) = self._ears.timed([word], now_ms)
-        return timed if isinstance(timed, Send) else word
+    def timed(self, word: Send, now_ms: int) -> Send | None:
+        """Somebody else's word to an aMussel, with the time at which the modem may say it; None if it waits already."""
+        told = [word] if self._ears is None else self._ears.timed([word], now_ms)
+        return next((it for it in told if isinstance(it, Send)), None)
 
     def _handle(self, fact: Fact, now_ms: int) -> list[SupervisorAction]:
         match fact:

@@ -7,6 +7,7 @@ import random
 import statistics
 import time
 from _blake2 import blake2b
+from pathlib import Path
 from typing import Any
 
 from rich.console import Console
@@ -15,7 +16,11 @@ from agents.modem.frames import Frame, FrameKind
 from agents.water.medium import Began, Heard, Medium, Moved
 from agents.water.places import Place
 from agents.water.sound import Sound
+from apad_bridge.runs.in_memory import fly_in_memory
+from apad_bridge.scenario.loader import from_data, load, resolve
 
+SCENARIO = Path(__file__).parents[1] / "launch_scripts" / "scenarios" / "sound-12.yaml"
+HOURS = 20
 FLEETS = (24, 100, 1000)
 PACKETS = 3000
 BROADCASTS = 30
@@ -78,6 +83,24 @@ def _floor() -> float:
     return PACKETS / (time.perf_counter() - began_s)
 
 
+def _flight_s(agents: int, *, by_sound: bool) -> float:
+    """Wall seconds of `HOURS` of agent time, hourly reports in timeslots, all in one process; nobody is collected."""
+    data = resolve(load(SCENARIO))
+    side_m, frame_s = 60 * agents**0.5, 60 * (agents * 1.7 // 60 + 2)
+    data.update(duration_s=HOURS * 3600 / data["theta"])
+    data["area"]["polygon_m"] = [[0, 0], [side_m, 0], [side_m, side_m], [0, side_m]]
+    data["apad"]["start_m"] = [side_m / 2, side_m / 2]
+    data["fleet"].update(count=agents, hosting="one_process", start={"charge": [0.9, 1.0]})
+    data["board"]["whole"]["cycle"]["slots"].update(frame_s=frame_s, slot_s=1.7)
+    data["mission"]["collection"] = "none"
+    if not by_sound:
+        data["water"] = None
+    scenario = from_data(data, "benchmark")
+    began_s = time.perf_counter()
+    fly_in_memory(scenario)
+    return time.perf_counter() - began_s
+
+
 def measure() -> dict[str, Any]:
     """Medians of fresh media; `of_floor` is the share of what drawing and queueing alone would reach."""
     floor = statistics.median(_floor() for _ in range(REPEATS))
@@ -94,6 +117,8 @@ def measure() -> dict[str, Any]:
             "packets_per_s": per_s,
             "of_floor": per_s / floor,
             "heard": runs[0]["heard"],
+            "flight_s": _flight_s(agents, by_sound=True),
+            "flight_without_sound_s": _flight_s(agents, by_sound=False),
             "broadcast_receptions_per_s": statistics.median(_broadcasts(agents) for _ in range(REPEATS)),
         }
     return result
@@ -103,5 +128,6 @@ def show(result: dict[str, Any], console: Console) -> None:
     for agents, row in result["agents"].items():
         console.print(
             f"{agents:>5} aMussels: {row['packets_per_s']:8.0f} packets/s ({row['of_floor']:.0%} of the floor, "
-            f"{row['heard']:.0%} heard), {row['broadcast_receptions_per_s']:8.0f} receptions/s of broadcasts"
+            f"{row['heard']:.0%} heard), {row['broadcast_receptions_per_s']:8.0f} receptions/s of broadcasts; "
+            f"{HOURS} h in {row['flight_s']:.1f} s, without sound {row['flight_without_sound_s']:.1f} s"
         )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TypeVar
 
 from firmware_model.actions import Action, Buoyancy, RunBuoyancy
-from firmware_model.board import Board
+from firmware_model.board import board_of
 from firmware_model.charge import Battery, Flow, fraction, grains
 from firmware_model.codec import MusselbedCodec
 from firmware_model.energy_ledger import EnergyLedger
@@ -49,7 +49,7 @@ class Bench:
         self._docked = docked
         self._at_surface = docked
         flow = Flow.CHARGING if docked else Flow.RESTING
-        self.board = Board(
+        self.board = board_of(
             config,
             MusselbedCodec(),
             Battery(0, grains(primary), flow, 0, 2),
@@ -149,7 +149,9 @@ class Bench:
     def reset(self, cause: ResetCause) -> list[Action]:
         """Starts the firmware anew; batteries and body are as they were."""
         old = self.board
-        self.board = Board(self.config, MusselbedCodec(), old.primary, old.secondary, self.now_ms, old.kept)
+        self.board = board_of(
+            self.config, MusselbedCodec(), old.primary, old.secondary, self.now_ms, old.kept
+        )
         if self.ledger is not None:
             self.ledger.power_off(self.now_ms)
         return self.tell(PowerCameOn(cause, self._at_surface, self._docked))

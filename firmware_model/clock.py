@@ -6,14 +6,9 @@ The clock is fed by a cell of its own: a reset of the MU leaves it.
 
 from __future__ import annotations
 
-from _blake2 import blake2b
 from dataclasses import dataclass
-from struct import Struct
 
 BILLION = 10**9
-LATEST_MS = 1 << 53
-"""A beacon that names a later time (285 000 years) is nonsense."""
-_KEY = Struct("<QQ").pack
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,9 +76,3 @@ class AlarmClock:
         """A beacon said what time it is."""
         self.corrected_ms = self.clock.reading_at(now_ms) - reading_ms
         self.clock = self.clock.set(reading_ms, now_ms)
-
-
-def drift_of(seed: int, agent_id: int, bound_ppb: int) -> int:
-    """One crystal's drift: uniform on the integers of [-bound_ppb, +bound_ppb], by a keyed hash of (seed, agent id)."""
-    word = int.from_bytes(blake2b(_KEY(seed, agent_id), digest_size=8, person=b"crystal").digest(), "little")
-    return (word * (2 * bound_ppb + 1) >> 64) - bound_ppb

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from firmware_model.clock import LATEST_MS
 from firmware_model.codec import Codec
 from firmware_model.packets import EVERYONE, Beacon, Command, HoverAt, Kind
 from firmware_model.plan import BoardConfig
@@ -15,6 +14,8 @@ TRIGGERS = {
     Kind.HOVER: Trigger.HOVER_TOLD,
     Kind.SINK: Trigger.SINK_TOLD,
 }
+LATEST_MS = 1 << 53
+"""A beacon that names a later time (285 000 years) is nonsense."""
 _OF_THE_WORST_CASE = frozenset({Kind.PERMISSION, Kind.RELEASE, Kind.PING, Kind.SINK})
 
 

@@ -9,7 +9,7 @@ import struct
 from dataclasses import dataclass
 from typing import ClassVar
 
-from firmware_model.power_path import Feed
+from firmware_model.feed import Feed
 from firmware_model.states import State
 from firmware_model.stimuli import ResetCause
 from firmware_model.wire import CHARGE_STEPS, Kind, sealed

@@ -1,38 +1,14 @@
-"""How long the board stays in a state by itself, and what ends it."""
+"""How long a whole board stays in a state by itself, and what ends it."""
 
 from __future__ import annotations
 
+from firmware_model.board import Deadline
 from firmware_model.clock import AlarmClock
 from firmware_model.keeper import Keeper
-from firmware_model.plan import BoardConfig, Cycle, LastResort, Whole
-from firmware_model.power_path import Feed, PowerPath, WorstCase
+from firmware_model.plan import Cycle, LastResort, Whole
+from firmware_model.power_path import PowerPath
 from firmware_model.settings import Settings
-from firmware_model.states import TABLE, State, Trigger
-
-Deadline = tuple[int, Trigger]
-"""When a state ends by itself, and what that means."""
-
-
-def basic_deadline(
-    state: State, config: BoardConfig, batteries: WorstCase | PowerPath, stays_up: bool, now_ms: int
-) -> Deadline | None:
-    """For what a board with the whole firmware and the paper's worst case have in common, the state entered at `now_ms`.
-
-    `stays_up`: it came up for its life, and does not go down again by itself.
-    """
-    if batteries.feed is Feed.NEITHER and (state, Trigger.BOTH_EMPTIED) in TABLE:
-        return now_ms, Trigger.BOTH_EMPTIED
-    match state:
-        case State.FLOATING if not stays_up:
-            return now_ms + config.float_timeout_ms, Trigger.FLOAT_TIMED_OUT
-        case State.RELEASED:
-            return now_ms + config.release_wait_ms, Trigger.CLEAR_TO_SINK
-        case State.ACTIVE if isinstance(batteries, WorstCase):
-            empty_at_ms = config.charge.empty_at_ms(batteries.primary)
-            return None if empty_at_ms is None else (max(now_ms, empty_at_ms), Trigger.BATTERY_EMPTIED)
-        case State.ACTIVE if batteries.feed is not Feed.PRIMARY:
-            return now_ms, Trigger.BATTERY_EMPTIED
-    return None
+from firmware_model.states import State, Trigger
 
 
 def whole_deadline(state: State, whole: Whole, keeper: Keeper, now_ms: int) -> Deadline | None:

@@ -17,7 +17,7 @@ from firmware_model.actions import (
     StateChanged,
 )
 from firmware_model.charge import Battery, ChargeModel, fraction
-from firmware_model.power_path import Feed
+from firmware_model.feed import Feed
 from firmware_model.rails import Rail
 from firmware_model.states import State
 

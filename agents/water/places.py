@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from math import sqrt
+from math import hypot, sqrt
+
+from agents.physical import Physical
+from firmware_model.actions import Buoyancy
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,10 +41,35 @@ class Place:
         return self.in_water or self.depth_at_um(at_ms) > 0
 
 
+def along_m(one: Place, other: Place) -> float:
+    """Their distance in the plane."""
+    return hypot(one.north_um - other.north_um, one.east_um - other.east_um) / 1e6
+
+
 def distance_m(one: Place, other: Place, at_ms: int) -> float:
     north, east = one.north_um - other.north_um, one.east_um - other.east_um
     down = one.depth_at_um(at_ms) - other.depth_at_um(at_ms)
     return sqrt(north * north + east * east + down * down) / 1e6
+
+
+@dataclass(frozen=True, slots=True)
+class Sinking:
+    """How bodies go up and down, in agent milliseconds: what makes a place of what is physical."""
+
+    bottom_um: int
+    surfacing_ms: int
+    sinking_ms: int
+
+    def place(self, physical: Physical) -> Place:
+        if physical.docked:
+            return Place(physical.north_um, physical.east_um, 0)
+        here = (physical.north_um, physical.east_um, physical.depth_um, physical.depth_anchor_ms)
+        match physical.buoyancy:
+            case Buoyancy.FLOAT:
+                return Place(*here, -self.bottom_um, self.surfacing_ms, self.bottom_um)
+            case Buoyancy.SINK:
+                return Place(*here, self.bottom_um, self.sinking_ms, self.bottom_um)
+        return Place(*here)
 
 
 class Grid:

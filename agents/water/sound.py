@@ -12,6 +12,8 @@ from math import exp, inf, log, log10
 
 _CERTAIN = 700
 """Log odds beyond which a float's exponential ends."""
+_STEP_US = 62.5
+"""The modem times a round trip in these."""
 SPHERICAL_DB = 20.0
 """Loss by spreading per tenfold distance in open water; 15 is the practical mean of shallow water, 10 cylindrical."""
 
@@ -156,6 +158,11 @@ class Sound:
 
     def delay_us(self, distance_m: float) -> int:
         return round(1e6 * distance_m / self.speed_m_s)
+
+    def range_m(self, round_trip_us: int, off_m: float) -> float:
+        """What a modem measures of a round trip, `off_m` being its error of this time: whole steps of its timer."""
+        step_m = _STEP_US * self.speed_m_s / 2e6
+        return max(0, round((round_trip_us * self.speed_m_s / 2e6 + off_m) / step_m)) * step_m
 
     @property
     def ignored_db(self) -> float:

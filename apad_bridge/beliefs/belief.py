@@ -26,11 +26,12 @@ class Source(IntFlag):
 
 @dataclass(frozen=True, slots=True)
 class Clock:
-    """The aMussel's clock against its nominal agent time: ahead by `offset_ms`, gaining `drift_ppm`; variances of both."""
+    """The aMussel's clock against its nominal agent time: ahead by `offset_ms`, gaining `drift_ppm`; their covariance."""
 
     offset_ms: float = 0.0
     drift_ppm: float = 0.0
     offset_var: float = 0.0
+    covariance: float = 0.0
     drift_var: float = 0.0
 
 

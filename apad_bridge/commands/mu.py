@@ -14,8 +14,8 @@ from rich.table import Table
 from apad_bridge.commands.exits import EXITS, Exit, UserError
 from apad_bridge.runs.mu_script import Budget, ScriptError, budget_of, play, read_script
 from firmware_model.state_diagram import blocks
-from firmware_model.table_one import ASSUMED, FITTED, TAKEN
-from firmware_model.table_one_runs import ROWS
+from firmware_model.table_one import ASSUMED, FITTED, METERED, METERING, TAKEN
+from firmware_model.table_one_runs import ROWS, rows
 from firmware_model.trace import line, vcd
 
 
@@ -66,34 +66,40 @@ def run_table1(arguments: argparse.Namespace) -> int:
 
 
 def table_one() -> dict[str, Any]:
-    """`rows` as the paper has them and as the board runs them, and the model's numbers with their sources."""
-    rows = []
-    for row in ROWS:
-        run_min = row.run()
-        rows.append(
+    """`rows` as the paper has them and as the board runs them, and the model's numbers with their sources.
+
+    `metered_min` is of a board that reads its batteries' voltage instead of knowing their charge.
+    """
+    table = []
+    for row, metered in zip(ROWS, rows(METERING), strict=True):
+        run_min, metered_min = row.run(), metered.run()
+        table.append(
             {
                 "mode": row.mode,
                 "paper_min": row.paper_min,
                 "run_min": round(run_min, 2),
+                "metered_min": round(metered_min, 2),
                 "low_min": round(row.low_min, 2),
                 "high_min": round(row.high_min, 2),
-                "within": row.low_min <= run_min <= row.high_min,
+                "within": all(row.low_min <= found <= row.high_min for found in (run_min, metered_min)),
             }
         )
     return {
-        "rows": rows,
+        "rows": table,
         "fitted": [asdict(parameter) for parameter in FITTED],
         "taken": [asdict(parameter) for parameter in TAKEN],
         "assumed": [asdict(parameter) for parameter in ASSUMED],
+        "metered": [asdict(parameter) for parameter in METERED],
     }
 
 
 def _show_table_one(result: dict[str, Any], console: Console) -> None:
-    rows = _table("Table I", "mode", "paper (min)", "run (min)", "bounds (min)")
+    table = _table("Table I", "mode", "paper (min)", "run (min)", "metered (min)", "bounds (min)")
     for row in result["rows"]:
         bounds = f"{row['low_min']:.0f} - {row['high_min']:.0f}"
-        rows.add_row(row["mode"], f"{row['paper_min']:.0f}", f"{row['run_min']:.1f}", bounds)
-    console.print(rows)
+        minutes = (f"{row['paper_min']:.0f}", f"{row['run_min']:.1f}", f"{row['metered_min']:.1f}")
+        table.add_row(row["mode"], *minutes, bounds)
+    console.print(table)
     fitted = Table(title="fitted here")
     for name in ("parameter", "value", "what it is", "fitted to"):
         fitted.add_column(name)
@@ -101,7 +107,11 @@ def _show_table_one(result: dict[str, Any], console: Console) -> None:
         value = f"{parameter['value']:.10g} {parameter['unit']}"
         fitted.add_row(parameter["name"], value, parameter["source"], parameter["fitted_to"])
     console.print(fitted)
-    for what, key in (("the paper's own fits", "taken"), ("assumed, for Table I does not tell", "assumed")):
+    for what, key in (
+        ("the paper's own fits", "taken"),
+        ("assumed, for Table I does not tell", "assumed"),
+        ("of the battery monitor, in the column metered", "metered"),
+    ):
         console.print(f"{what}:", style="bold")
         for parameter in result[key]:
             console.print(

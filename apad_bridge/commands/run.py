@@ -65,7 +65,7 @@ def add_manual_argument(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--manual",
         action="store_true",
-        help="plan nothing: the aPad does what is called, by rosservice call /musselbed/go_to_point, dock and others",
+        help="plan nothing: the aPad does what is called, by rosservice call /musselbed/NAME/go_to_point, dock and others",
     )
 
 

@@ -97,7 +97,7 @@ def call(uri: str, method: str, *arguments: Any) -> Any:
 
 def call_whole(uri: str, method: str, *arguments: Any) -> tuple[int, str, Any]:
     connect(uri).close()
-    transport = _Timed(TIMEOUT_S)
+    transport = Timed(TIMEOUT_S)
 
     def ask() -> Any:
         with xmlrpc.client.ServerProxy(uri, transport=transport) as server:
@@ -112,7 +112,7 @@ def call_whole(uri: str, method: str, *arguments: Any) -> tuple[int, str, Any]:
     return answer[0], str(answer[1]), answer[2]
 
 
-class _Timed(xmlrpc.client.Transport):
+class Timed(xmlrpc.client.Transport):
     def __init__(self, timeout_s: float) -> None:
         super().__init__()
         self._timeout_s = timeout_s

@@ -7,14 +7,16 @@ tick. Every wait ends: see `Mission` in the scenario for the times, and the note
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from collections.abc import Callable
+from dataclasses import dataclass
 
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.mission.charging_watch import ChargingWatch
 from apad_bridge.mission.homes import with_new_homes
-from apad_bridge.mission.orders import Note, Order, PermitSurfacing, TellClear
+from apad_bridge.mission.order_book import OrderBook
+from apad_bridge.mission.orders import Order, PermitSurfacing, TellClear
 from apad_bridge.mission.plans import asked, plan_note
-from apad_bridge.mission.pool import SLOTS, ChargingPool, situation_of, unheard
+from apad_bridge.mission.pool import ChargingPool, situation_of, unheard
 from apad_bridge.mission.sources import BeliefSource
 from apad_bridge.mission.state import MissionState, Phase
 from apad_bridge.mission.strays import Strays
@@ -35,7 +37,18 @@ from apad_bridge.scenario.schema import Mission
 from firmware_model.states import State
 
 
-class EnergyExchange:
+@dataclass(frozen=True, slots=True)
+class _Part:
+    """What the mission does in a phase, as its methods."""
+
+    begin: _Act
+    """When it takes the phase up at birth, which may be in the middle of a resumed run."""
+    tick: _Act | None = None
+    success: _Act | None = None
+    """When the phase's primitive has succeeded. One that fails costs the step."""
+
+
+class EnergyExchange(OrderBook):
     """Three verbs in mission time; facts are the port's outcomes. `state` is all that a resumed mission needs."""
 
     def __init__(
@@ -46,12 +59,11 @@ class EnergyExchange:
         redeployment: RedeploymentStrategy,
         state: MissionState | None = None,
     ) -> None:
-        self.state = state or MissionState()
+        super().__init__(state or MissionState())
         self._config = config
         self._beliefs = beliefs
         self._collection = collection
         self._redeployment = redeployment
-        self._orders: list[Order] = []
         self._pose: tuple[float, float] | None = None
         self._charging = ChargingWatch(
             config.full_threshold, config.full_when, round(config.silence_timeout_s * 1000)
@@ -62,12 +74,6 @@ class EnergyExchange:
         """The primitive of the state is to be ordered: at birth, and after a resume."""
         self._began_ms: int | None = None
 
-    @property
-    def slots(self) -> tuple[int | None, ...]:
-        """The agent in each dock, None for a free one."""
-        held = dict(self.state.docked)
-        return tuple(held.get(slot) for slot in range(SLOTS))
-
     def moved(self, north_m: float, east_m: float) -> None:
         """The aPad is here."""
         self._pose = (north_m, east_m)
@@ -76,47 +82,36 @@ class EnergyExchange:
         """Takes an outcome of the port; one of a primitive that is not under way changes nothing."""
         match outcome:
             case DockChanged(_, slot, agent_id, closed):
-                held = dict(self.state.docked)
-                if closed:
-                    held[slot] = agent_id
-                else:
-                    held.pop(slot, None)
-                self._set(docked=tuple(sorted(held.items())))
-                self._note("dock", slot=slot, agent=agent_id, closed=closed)
+                self.dock_changed(slot, agent_id, closed)
             case PrimitiveSucceeded(_, primitive_id) if primitive_id == self.state.primitive_id:
-                self._succeeded(now_ms)
+                if self._part.success is not None:
+                    self._part.success(self, now_ms)
             case PrimitiveFailed(_, primitive_id, reason) if primitive_id == self.state.primitive_id:
-                self._failed(reason, now_ms)
-        return self._take_orders()
+                if self.state.plan.steps:
+                    self._give_up(reason, now_ms)
+        return self.take_orders()
 
     def advance(self, now_ms: int) -> list[Order]:
         """Acts on what is believed at `now_ms`."""
         self._learn_homes()
         if self._pose is None or self.state.phase is Phase.ENDED:
-            return self._take_orders()
+            return self.take_orders()
         if self._must_begin:
             if not self._can_begin(now_ms):
-                return self._take_orders()
+                return self.take_orders()
             self._must_begin = False
-            self._begin_again(now_ms)
-        match self.state.phase:
-            case Phase.IDLE:
-                self._consider_collecting(now_ms)
-            case Phase.AWAIT_SURFACING:
-                self._watch_surfacing(now_ms)
-            case Phase.GO_COLLECT:
-                self._repeat_permission(now_ms)
-            case Phase.CHARGE:
-                self._consider_deploying(now_ms)
+            self._part.begin(self, now_ms)
+        if self._part.tick is not None:
+            self._part.tick(self, now_ms)
         self._tell_strays(now_ms)
-        return self._take_orders()
+        return self.take_orders()
 
     def end(self, reason: str, now_ms: int) -> list[Order]:
         """Ends the mission where it stands: the aPad holds its position. A second call changes nothing."""
         if self.state.phase is not Phase.ENDED:
             self._hold(now_ms)
             self._enter(Phase.ENDED, now_ms, ended_by=reason)
-        return self._take_orders()
+        return self.take_orders()
 
     # What the aPad is doing, phase by phase.
 
@@ -128,23 +123,21 @@ class EnergyExchange:
             return True
         return now_ms - self._began_ms > self._config.silence_timeout_s * 1000
 
-    def _begin_again(self, now_ms: int) -> None:
-        match self.state.phase:
-            case Phase.IDLE:
-                self._hold(now_ms)
-            case Phase.CHARGE:
-                self._hold(now_ms)
-                self._charging.start(now_ms)
-            case Phase.GO_COLLECT | Phase.AWAIT_SURFACING | Phase.DOCK:
-                if self._step.agent_id in dict(self.state.docked).values():
-                    self._finish_step(now_ms)
-                else:
-                    self._go_collect(now_ms)
-            case Phase.GO_DEPLOY | Phase.UNDOCK:
-                if self._step.agent_id in dict(self.state.docked).values():
-                    self._go_deploy(now_ms)
-                else:
-                    self._finish_step(now_ms)
+    def _charge_on(self, now_ms: int) -> None:
+        self._hold(now_ms)
+        self._charging.start(now_ms)
+
+    def _collect_on(self, now_ms: int) -> None:
+        if self._is_held(self._step.agent_id):
+            self._finish_step(now_ms)
+        else:
+            self._go_collect(now_ms)
+
+    def _deploy_on(self, now_ms: int) -> None:
+        if self._is_held(self._step.agent_id):
+            self._go_deploy(now_ms)
+        else:
+            self._finish_step(now_ms)
 
     def _consider_collecting(self, now_ms: int) -> None:
         if self.state.docked:
@@ -162,7 +155,7 @@ class EnergyExchange:
             self._orders += self.end(solution, now_ms)
         elif solution.steps:
             self._orders.append(plan_note("collect", name, solution, situation, self._config.costs))
-            self._set(plan=solution)
+            self.set(plan=solution)
             self._go_collect(now_ms)
 
     def _go_collect(self, now_ms: int) -> None:
@@ -171,7 +164,7 @@ class EnergyExchange:
             self._give_up("it was never heard", now_ms)
             return
         self._go_to(belief.north_m, belief.east_m)
-        self._order(PermitSurfacing(belief.agent_id))
+        self.order(PermitSurfacing(belief.agent_id))
         self._enter(Phase.GO_COLLECT, now_ms, attempts=0)
 
     def _watch_surfacing(self, now_ms: int) -> None:
@@ -181,8 +174,7 @@ class EnergyExchange:
                 self._go_to(belief.north_m, belief.east_m)
                 self._enter(Phase.GO_COLLECT, now_ms, attempts=self.state.attempts + 1)
             else:
-                primitive_id = self._next_id()
-                self._order(DockMussel(primitive_id, self._step.slot, belief.agent_id))
+                self.order(DockMussel(self.next_id(), self._step.slot, belief.agent_id))
                 self._enter(Phase.DOCK, now_ms)
             return
         self._repeat_permission(now_ms)
@@ -201,21 +193,20 @@ class EnergyExchange:
         if waited_ms < self._config.permission_repeat_s * 1000 * (self.state.attempts + 1):
             return
         if self.state.attempts + 1 < self._config.surfacing_attempts:
-            self._set(attempts=self.state.attempts + 1)
-            self._order(PermitSurfacing(self._step.agent_id))
+            self.set(attempts=self.state.attempts + 1)
+            self.order(PermitSurfacing(self._step.agent_id))
         elif self.state.phase is Phase.AWAIT_SURFACING:
             self._give_up("it does not answer the permission to surface", now_ms)
 
     def _start_charging(self, now_ms: int) -> None:
-        self._hold(now_ms)
-        self._charging.start(now_ms)
+        self._charge_on(now_ms)
         self._enter(Phase.CHARGE, now_ms, plan=Solution(()))
 
     def _consider_deploying(self, now_ms: int) -> None:
         docked = {agent_id: slot for slot, agent_id in self.state.docked}
         beliefs = {agent_id: self._beliefs.get(agent_id) for agent_id in docked}
         for agent_id, reason in self._charging.look(beliefs, now_ms):
-            self._note("given_up", agent=agent_id, what="charge", reason=reason)
+            self.note("given_up", agent=agent_id, what="charge", reason=reason)
         if not self._charging.done(beliefs):
             return
         if not docked:
@@ -230,7 +221,7 @@ class EnergyExchange:
             self._orders += self.end(solution, now_ms)
             return
         self._orders.append(plan_note("redeploy", name, solution, situation, self._config.costs))
-        self._set(plan=solution)
+        self.set(plan=solution)
         self._next_step(now_ms)
 
     def _go_deploy(self, now_ms: int) -> None:
@@ -242,35 +233,29 @@ class EnergyExchange:
         self._hold(now_ms)
         self._enter(Phase.IDLE, now_ms, plan=Solution(()))
 
-    def _succeeded(self, now_ms: int) -> None:
-        match self.state.phase:
-            case Phase.GO_COLLECT:
-                self._enter(Phase.AWAIT_SURFACING, now_ms, attempts=0)
-            case Phase.DOCK:
-                self._finish_step(now_ms)
-            case Phase.GO_DEPLOY:
-                primitive_id = self._next_id()
-                self._order(UndockMussel(primitive_id, self._step.slot, self._step.agent_id))
-                self._enter(Phase.UNDOCK, now_ms)
-            case Phase.UNDOCK:
-                self._order(TellClear(self._step.agent_id))
-                full = self._charging.is_full(self._beliefs.get(self._step.agent_id))
-                self._note("released", agent=self._step.agent_id, full=full)
-                self._finish_step(now_ms, services=self.state.services + full)
+    def _await_surfacing(self, now_ms: int) -> None:
+        self._enter(Phase.AWAIT_SURFACING, now_ms, attempts=0)
 
-    def _failed(self, reason: str, now_ms: int) -> None:
-        if self.state.plan.steps:
-            self._give_up(reason, now_ms)
+    def _undock(self, now_ms: int) -> None:
+        self.order(UndockMussel(self.next_id(), self._step.slot, self._step.agent_id))
+        self._enter(Phase.UNDOCK, now_ms)
+
+    def _released(self, now_ms: int) -> None:
+        agent_id = self._step.agent_id
+        self.order(TellClear(agent_id))
+        full = self._charging.is_full(self._beliefs.get(agent_id))
+        self.note("released", agent=agent_id, full=full)
+        self.set(services=self.state.services + full)
+        self._finish_step(now_ms)
 
     def _give_up(self, reason: str, now_ms: int) -> None:
         step = self._step
-        self._note("given_up", agent=step.agent_id, what=step.kind.value, reason=reason)
+        self.note("given_up", agent=step.agent_id, what=step.kind.value, reason=reason)
         self._pool.shun(step.agent_id, now_ms)
         self._finish_step(now_ms)
 
-    def _finish_step(self, now_ms: int, *, services: int | None = None) -> None:
-        services = self.state.services if services is None else services
-        self._set(plan=Solution(self.state.plan.steps[1:]), services=services)
+    def _finish_step(self, now_ms: int) -> None:
+        self.set(plan=Solution(self.state.plan.steps[1:]))
         self._next_step(now_ms)
 
     def _next_step(self, now_ms: int) -> None:
@@ -288,6 +273,13 @@ class EnergyExchange:
     # Smaller questions and acts.
 
     @property
+    def _part(self) -> _Part:
+        return _PARTS[self.state.phase]
+
+    def _is_held(self, agent_id: int) -> bool:
+        return agent_id in dict(self.state.docked).values()
+
+    @property
     def _step(self) -> Step:
         return self.state.plan.steps[0]
 
@@ -301,46 +293,49 @@ class EnergyExchange:
     def _learn_homes(self) -> None:
         homes = with_new_homes(self.state.homes, self._beliefs.all())
         if homes is not self.state.homes:
-            self._set(homes=homes)
+            self.set(homes=homes)
 
     def _tell_strays(self, now_ms: int) -> None:
         expected = {step.agent_id for step in self.state.plan.steps} | set(dict(self.state.docked).values())
         for agent_id in self._strays.to_tell(self._beliefs.all(), expected, now_ms):
-            self._order(TellClear(agent_id))
+            self.order(TellClear(agent_id))
 
     def _go_to(self, north_m: float, east_m: float) -> None:
         assert self._pose is not None
         metres = math.dist(self._pose, (north_m, east_m))
-        self._set(cost_m=self.state.cost_m + metres)
-        self._note("leg", metres=round(metres, 4))
+        self.set(cost_m=self.state.cost_m + metres)
+        self.note("leg", metres=round(metres, 4))
         config = self._config
-        self._order(GoToPoint(self._next_id(), north_m, east_m, config.speed_m_s, config.victory_radius_m))
+        self.order(GoToPoint(self.next_id(), north_m, east_m, config.speed_m_s, config.victory_radius_m))
 
     def _hold(self, now_ms: int) -> None:
         if self._pose is not None:
-            self._order(HoldPosition(self._next_id(), *self._pose))
+            self.order(HoldPosition(self.next_id(), *self._pose))
 
     def _distance(self, belief: Belief) -> float:
         assert self._pose is not None
         return math.dist(self._pose, (belief.north_m, belief.east_m))
 
-    def _next_id(self) -> int:
-        self._set(primitive_id=self.state.primitive_id + 1)
-        return self.state.primitive_id
-
     def _enter(self, phase: Phase, now_ms: int, **changes: object) -> None:
-        self._set(phase=phase, since_ms=now_ms, **changes)
-        self._note("mission", phase=phase.value, snapshot=self.state.to_json())
+        self.set(phase=phase, since_ms=now_ms, **changes)
+        self.snapshot()
 
-    def _set(self, **changes: object) -> None:
-        self.state = replace(self.state, **changes)  # type: ignore[arg-type]
 
-    def _note(self, kind: str, **data: object) -> None:
-        self._orders.append(Note(kind, data))
+def _nothing(mission: EnergyExchange, now_ms: int) -> None:
+    pass
 
-    def _order(self, order: Order) -> None:
-        self._orders.append(order)
 
-    def _take_orders(self) -> list[Order]:
-        orders, self._orders = self._orders, []
-        return orders
+_Act = Callable[[EnergyExchange, int], None]
+_M = EnergyExchange
+_PARTS = {
+    Phase.IDLE: _Part(_M._hold, tick=_M._consider_collecting),
+    Phase.GO_COLLECT: _Part(_M._collect_on, tick=_M._repeat_permission, success=_M._await_surfacing),
+    Phase.AWAIT_SURFACING: _Part(_M._collect_on, tick=_M._watch_surfacing),
+    Phase.DOCK: _Part(_M._collect_on, success=_M._finish_step),
+    Phase.CHARGE: _Part(_M._charge_on, tick=_M._consider_deploying),
+    Phase.GO_DEPLOY: _Part(_M._deploy_on, success=_M._undock),
+    Phase.UNDOCK: _Part(_M._deploy_on, success=_M._released),
+    Phase.ENDED: _Part(_nothing),
+    Phase.COMMANDED: _Part(_nothing),
+}
+"""The paper's Fig. 7."""

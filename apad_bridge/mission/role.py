@@ -12,7 +12,8 @@ from apad_bridge.port.primitives import Outcome
 class Mission(Protocol):
     """Moved at mission ticks. `state` is one frozen value, journaled in every note of kind `mission`."""
 
-    state: MissionState
+    @property
+    def state(self) -> MissionState: ...
 
     @property
     def slots(self) -> tuple[int | None, ...]:

@@ -38,13 +38,15 @@ class AttachedModem:
                 case Opened():
                     actions += self.queue.port_came(now_ms)
                 case Lost(why):
+                    self._told_closed = True
                     actions += self.queue.port_went(why, now_ms)
                 case Came(data):
                     actions += self.queue.read(data, now_ms)
         actions += self.queue.advance(now_ms)
         if not self.port.is_open and not self._told_closed:
-            actions.append(Reported(now_ms, f"{self.port.path} cannot be opened: {self.port.why_closed}"))
-        self._told_closed = not self.port.is_open
+            self._told_closed = True
+            what = f"{self.port.path} cannot be opened, and is tried again: {self.port.why_closed}"
+            actions.append(Reported(now_ms, what))
         return self._written(actions)
 
     def report(self, agent_id: int, data: bytes, now_ms: int) -> list[Result]:

@@ -159,9 +159,7 @@ class ModemQueue:
 
     def port_came(self, now_ms: int) -> list[Action]:
         """The port is open, perhaps again: who is there?"""
-        actions = self.advance(now_ms)
-        self._reader.forget()
-        return actions + self._ask_who()
+        return self.advance(now_ms) + self._ask_who()
 
     def port_went(self, why: str, now_ms: int) -> list[Action]:
         """The port is gone. What was being sent is tried again when it is back; what waits goes on waiting."""
@@ -169,7 +167,7 @@ class ModemQueue:
         if self.stage is Stage.GONE:
             return actions
         self._enter(Stage.GONE)
-        actions.append(Reported(now_ms, f"the modem is gone: {why}"))
+        actions.append(Reported(now_ms, f"the modem is gone, and its port is tried again: {why}"))
         return actions + self._try_again()
 
     def read(self, data: bytes, now_ms: int) -> list[Action]:
@@ -221,7 +219,8 @@ class ModemQueue:
         return [*self._try_again(), *self._ask_who()]
 
     def _ask_who(self) -> list[Action]:
-        """A modem that was put to sleep wakes by `$W`, repeated."""
+        """A modem that was put to sleep wakes by `$W`, repeated. What it began to print has had its time."""
+        self._reader.forget()
         self._enter(Stage.ASKED_WHO, ANSWER_MS)
         return [Write(b"$W"), Write(b"$?")]
 

@@ -25,7 +25,7 @@ import rospy
 from apad_bridge import building
 from apad_bridge.ros.messages import MessagesUnusable, use_generated_messages
 from apad_bridge.scenario.errors import ScenarioError
-from apad_bridge.scenario.loader import load
+from apad_bridge.scenario.loader import load, with_overrides
 from apad_bridge.scenario.schema import Generation, Scenario
 from apad_bridge.simulated_apad.apad import SimulatedAPad
 
@@ -62,12 +62,15 @@ def _make_node(scenario: Scenario) -> GenerationAServer | GenerationBServer:
 def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m apad_bridge.ros.apad_node", description=__doc__)
     parser.add_argument("--scenario", type=Path, required=True)
+    parser.add_argument(
+        "--generation", choices=[it.value for it in Generation], help="instead of the scenario's"
+    )
     parser.add_argument("--time", choices=["clock", "wall"], default="clock")
     parser.add_argument("--xmlrpc-port", type=int, default=0)
     parser.add_argument("--orphan-s", type=float, default=600.0)
     arguments = parser.parse_args()
     try:
-        scenario = load(arguments.scenario)
+        scenario = with_overrides(load(arguments.scenario), generation=arguments.generation)
     except ScenarioError as wrong:
         print(f"musselbed: {wrong}", file=sys.stderr)
         return 2

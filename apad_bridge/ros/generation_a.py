@@ -28,6 +28,7 @@ from apad_bridge.ros.inbox import Inbox
 from apad_bridge.ros.legacy_words import UNSTAMPED
 from apad_bridge.ros.live_types import differing_listeners, unreadable_topics
 from apad_bridge.ros.messages import use_generated_messages
+from apad_bridge.ros.reach import Sight
 from apad_bridge.ros.vehicle_not_ready import VehicleNotReady
 from apad_bridge.vehicle import CloseDock, MoveArm, OpenDock, VehicleCommand
 from apad_bridge.vehicle_link import LinkFact
@@ -55,13 +56,14 @@ class GenerationALink:
         docked: Mapping[int, int] | None = None,
         now_ms: int = 0,
         object_prefix: str = "amussel",
+        sight: Sight = lambda now_ms: {},
     ) -> None:
         ids = list(agent_ids)
         self.name = name
         self._our_clock = our_clock
         self._answer_s = ANSWER_ON_OUR_CLOCK_S if our_clock else ANSWER_S
         self._core = GenerationACore(
-            ids, battery_v, f"musselbed-{secrets.token_hex(4)}", docked, now_ms, object_prefix
+            ids, battery_v, f"musselbed-{secrets.token_hex(4)}", docked, now_ms, object_prefix, sight
         )
         self._now_ms = now_ms
         self._mechanism_ms: int | None = None
@@ -75,6 +77,11 @@ class GenerationALink:
     def dropped(self) -> Counter[str]:
         """Words of the vehicle that came to nothing, by reason."""
         return self._inbox.dropped + self._core.dropped
+
+    @property
+    def heard_ms(self) -> int:
+        """When a position was last heard; -1 before the first."""
+        return self._core.readings.position_ms
 
     def holds(self, agent_id: int) -> bool:
         """Whether a dock is known to hold this aMussel."""
@@ -125,7 +132,8 @@ class GenerationALink:
             return  # generation A moves its arms with a perch, and by no other word
         if isinstance(command, CloseDock | OpenDock):
             self._mechanism_ms = now_ms
-        self._goals.publish(_goal_message(self._core.command(command, now_ms)))
+        if (order := self._core.command(command, now_ms)) is not None:
+            self._goals.publish(_goal_message(order))
 
     def close(self) -> None:
         self._ears.close()

@@ -25,6 +25,7 @@ from apad_bridge.ros.generation_a_words import (
     StaticHeard,
 )
 from apad_bridge.ros.legacy_words import BatteryHeard, PoseHeard, StateHeard
+from apad_bridge.ros.reach import Sight, why_out_of_reach
 from apad_bridge.ros.readings import Readings
 from apad_bridge.vehicle import (
     Arrived,
@@ -71,9 +72,11 @@ class GenerationACore:
         docked: Mapping[int, int] | None = None,
         now_ms: int = 0,
         object_prefix: str = "amussel",
+        sight: Sight = lambda now_ms: {},
     ) -> None:
         self.readings = Readings(battery_v)
         self.docks = DocksByHearsay(agent_ids, docked or {}, now_ms)
+        self._sight = sight
         self._nonce = nonce
         self._object_prefix = object_prefix
         self._now_ms = now_ms
@@ -109,7 +112,13 @@ class GenerationACore:
         """Whether a docking mechanism was commanded and has not answered."""
         return any(isinstance(sent.command, CloseDock | OpenDock) for sent in self._goals.values())
 
-    def command(self, command: Command, now_ms: int) -> GoalOrder:
+    def command(self, command: Command, now_ms: int) -> GoalOrder | None:
+        """The goal to send; None for a perch from afar, which the vehicle would take for done."""
+        if isinstance(command, CloseDock):
+            why = why_out_of_reach(command.agent_id, self.readings.pose, self._sight, now_ms)
+            if why is not None:
+                self._facts.append(CommandFailed(now_ms, command.command_id, why))
+                return None
         key = f"{self._nonce}-{command.command_id}"
         self._goals[key] = _Sent(command, now_ms)
         self._latest_key = key

@@ -24,7 +24,6 @@ from apad_bridge.diagnosis.network import Unreachable
 from apad_bridge.laboratory.fields import has, write
 from apad_bridge.laboratory.words import DockSaid
 from apad_bridge.ros.generation_b_core import GenerationBCore
-from apad_bridge.ros.generation_b_docks import Sight
 from apad_bridge.ros.generation_b_ears import Ears
 from apad_bridge.ros.generation_b_words import (
     Answered,
@@ -40,6 +39,7 @@ from apad_bridge.ros.inbox import Inbox
 from apad_bridge.ros.legacy_words import UNSTAMPED
 from apad_bridge.ros.live_types import live_services, unreadable_topics
 from apad_bridge.ros.messages import use_generated_messages
+from apad_bridge.ros.reach import Sight
 from apad_bridge.ros.service_calls import ServiceCalls
 from apad_bridge.ros.vehicle_not_ready import VehicleNotReady
 from apad_bridge.ros.virtual_camera import VirtualCamera
@@ -97,6 +97,11 @@ class GenerationBLink:
     def dropped(self) -> Counter[str]:
         """Words of the vehicle that came to nothing, by reason."""
         return self._inbox.dropped + self._core.dropped
+
+    @property
+    def heard_ms(self) -> int:
+        """When a position was last heard; -1 before the first."""
+        return self._core.readings.position_ms
 
     def holds(self, agent_id: int) -> bool:
         """Whether a dock is known to hold this aMussel."""

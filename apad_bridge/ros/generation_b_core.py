@@ -14,7 +14,7 @@ from collections.abc import Iterable, Mapping
 from apad_bridge.laboratory.words import DockSaid
 from apad_bridge.ros.generation_b_calls import Calls
 from apad_bridge.ros.generation_b_docking import ServoDocking
-from apad_bridge.ros.generation_b_docks import DocksByBench, Sight
+from apad_bridge.ros.generation_b_docks import DocksByBench
 from apad_bridge.ros.generation_b_going import Going
 from apad_bridge.ros.generation_b_words import (
     Answered,
@@ -28,7 +28,9 @@ from apad_bridge.ros.generation_b_words import (
     StatusHeard,
 )
 from apad_bridge.ros.legacy_words import BatteryHeard, PoseHeard, StateHeard
+from apad_bridge.ros.reach import Sight
 from apad_bridge.ros.readings import Readings
+from apad_bridge.ros.silence_watch import SilenceWatch
 from apad_bridge.scenario.schema import Docking, DockingProfile
 from apad_bridge.simulated_apad.misses import Misses
 from apad_bridge.vehicle import (
@@ -89,6 +91,7 @@ class GenerationBCore:
         self._goal_m: tuple[float, float] | None = None
         """Where the last go-to led: there the aMussel was believed to be."""
         self._pilot_steers = False
+        self._silence = SilenceWatch()
         self._hand_slot: int | None = None
         self._hand_runs = False
 
@@ -148,10 +151,8 @@ class GenerationBCore:
                 self._hear_pilot(steers, at_ms)
             case ArmHeard(at_ms, slot) if slot is not None:
                 self._hear_arm(slot, at_ms)
-            case ArmHeard():
-                pass  # closed: the statuses tell what came of it
-            case FinishedHeard():
-                pass  # says neither which primitive nor how: the statuses do
+            case ArmHeard() | FinishedHeard():
+                pass  # a closed arm, or some primitive's end: the statuses tell what came of it
 
     def advance(self, now_ms: int) -> list[LinkFact]:
         """Facts not told before, each stamped at or before `now_ms`; poses and places are the newest only."""
@@ -162,9 +163,21 @@ class GenerationBCore:
         for heard in later:
             self.hear(heard, now_ms)
         if not self._pilot_steers:
+            self._watch_silence(now_ms)
             self._watch_all(now_ms)
         facts, self._facts = self._facts, []
         return [*facts, *self.docks.places(self._pose, now_ms), *self.readings.take()]
+
+    def _watch_silence(self, now_ms: int) -> None:
+        """A vehicle that is heard again after a silence may have been rebooted: it is told again what it was doing."""
+        changed = self._silence.look(self.readings.position_ms, now_ms)
+        if changed is None or changed.is_silent:
+            return
+        if self._going is not None:
+            self._begin(going=Going(self._going.command))
+            self._go(now_ms)
+        elif self._servo is None and self._hold_m is not None:
+            self._position(self._hold_m, now_ms)
 
     # Going and holding.
 

@@ -7,11 +7,12 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 
 from apad_bridge.laboratory.words import DockSaid
 from apad_bridge.port.dock_table import SLOTS
 from apad_bridge.ros.generation_b_words import slot_direction_rad
+from apad_bridge.ros.reach import Sight, why_out_of_reach
 from apad_bridge.simulated_apad.docks import Docks
 from apad_bridge.simulated_apad.misses import MISSED, Misses
 from apad_bridge.vehicle import CloseDock, CommandFailed, DockOpened, OpenDock, PoseReported
@@ -21,9 +22,6 @@ DOCK_M = 0.4
 """From the aPad's middle to an aMussel in a slot: assumed, a little more than half the hull."""
 REACH_M = 1.5
 """An aMussel farther from the aPad than this was not caught by a docking that nobody named it for."""
-
-Sight = Callable[[int], Mapping[int, tuple[float, float]]]
-"""At a mission time: where simulated aMussels float, (north, east) in metres by id; empty where nobody knows."""
 
 
 class DocksByBench:
@@ -66,6 +64,8 @@ class DocksByBench:
         """The contact is made, or missed."""
         refused = self._docks.refusal(command)
         is_simulated = command.agent_id in self._simulated
+        if refused is None and is_simulated:
+            refused = why_out_of_reach(command.agent_id, pose, self._sight, now_ms)
         if refused is None and is_simulated and self._misses.misses(command.agent_id):
             refused = MISSED
         if refused is not None:

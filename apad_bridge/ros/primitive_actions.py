@@ -1,4 +1,4 @@
-"""The two primitives that take their time, as actions: /musselbed/go_to and /musselbed/docking, to their end."""
+"""The two primitives that take their time, as actions, to their end: `go_to` and `docking` below /musselbed/NAME."""
 
 from __future__ import annotations
 
@@ -45,13 +45,13 @@ def docking_act(request: Any, *, dock: bool) -> Callable[[CommandedMission], Non
 class PrimitiveActions:
     """Each has a thread of actionlib's own, which orders through the front and then looks at every tick how it stands."""
 
-    def __init__(self, front: CalledFront) -> None:
+    def __init__(self, front: CalledFront, below: str) -> None:
         self._front = front
         self._go_to = actionlib.SimpleActionServer(
-            "/musselbed/go_to", GoToAction, self._run_go_to, auto_start=False
+            f"{below}/go_to", GoToAction, self._run_go_to, auto_start=False
         )
         self._docking = actionlib.SimpleActionServer(
-            "/musselbed/docking", DockingAction, self._run_docking, auto_start=False
+            f"{below}/docking", DockingAction, self._run_docking, auto_start=False
         )
         self._go_to.start()
         self._docking.start()

@@ -1,9 +1,9 @@
 """Mission primitives as services and actions of ours, over whichever aPad: for a person's command line, and for programs.
 
-They are there while nobody else plans: in a flight that is flown by hand (`--manual`) or by a script. A service answers
-when the order is taken, which is at the next mission tick; the end is told by /musselbed/goto_status and
-/musselbed/docking_status, or by the actions. Zeros, which is what `rosservice call` sends for what is left out, mean the
-scenario's own numbers.
+They stand below /musselbed/NAME, the aPad's name, and order where nobody plans: in a flight by hand (`--manual`), beside a
+script, or when a person has taken the mission over (`take_over`, and `give_back`). A service answers when the order is
+taken, which is at the next mission tick; the end is told by `goto_status` and `docking_status`, or by the actions. Zeros,
+which is what `rosservice call` sends for what is left out, mean the scenario's own numbers.
 """
 
 from __future__ import annotations
@@ -17,10 +17,11 @@ import rospy
 from apad_bridge.geography import LocalFrame
 from apad_bridge.ros.messages import use_generated_messages
 from apad_bridge.ros.primitive_actions import PrimitiveActions, docking_act
-from apad_bridge.runs.options import RunOptions
+from apad_bridge.runs.options import Part, RunOptions
 from apad_bridge.scenario.schema import Scenario
-from apad_bridge.scripting.called import CalledFront, Snapshot
+from apad_bridge.scripting.called import CalledFront, Flown, Snapshot
 from apad_bridge.scripting.commanded import CommandedMission
+from apad_bridge.scripting.override import give_back, take_over
 from apad_bridge.scripting.values import Refused
 
 use_generated_messages()
@@ -45,38 +46,44 @@ Act = Callable[[CommandedMission], None]
 
 @contextmanager
 def primitives_offered(scenario: Scenario, options: RunOptions) -> Iterator[CalledFront | None]:
-    """The services on the graph, and the front that they order through; None where a mission of ours flies the aPad."""
-    if not (options.manual or options.script):
+    """The services on the graph, and the front that they order through; None where no aPad is flown, or none may move."""
+    if options.part is Part.FLEET or options.dry_run:
         yield None
         return
     front = CalledFront()
-    services = PrimitiveServices(front, LocalFrame.about(scenario.area.origin))
+    services = PrimitiveServices(front, LocalFrame.about(scenario.area.origin), scenario.apad.name)
     try:
         yield front
     finally:
+        front.close("the flight is over")
         services.close()
 
 
 class PrimitiveServices:
     """On the graph until `close`. Its handlers run in rospy's threads and hand every order to the front."""
 
-    def __init__(self, front: CalledFront, frame: LocalFrame) -> None:
+    def __init__(self, front: CalledFront, frame: LocalFrame, apad: str) -> None:
+        below = f"/musselbed/{apad}"
         self._front = front
         self._frame = frame
         self._told = (-1, -1)
-        self._goto_status = rospy.Publisher("/musselbed/goto_status", Int32, queue_size=10, latch=True)
-        self._docking_status = rospy.Publisher("/musselbed/docking_status", Int32, queue_size=10, latch=True)
+        self._goto_status = rospy.Publisher(f"{below}/goto_status", Int32, queue_size=10, latch=True)
+        self._docking_status = rospy.Publisher(f"{below}/docking_status", Int32, queue_size=10, latch=True)
         self._services = [
-            rospy.Service("/musselbed/go_to_point", GoToPoint, self._go_to_point),
-            rospy.Service("/musselbed/go_to_position", GoToPosition, self._go_to_position),
-            rospy.Service("/musselbed/hold_position", HoldPosition, self._hold_position),
-            rospy.Service("/musselbed/dock", Dock, self._dock),
-            rospy.Service("/musselbed/undock", Undock, self._undock),
-            rospy.Service("/musselbed/pause", Trigger, self._trigger(lambda mission: mission.pause())),
-            rospy.Service("/musselbed/resume", Trigger, self._trigger(lambda mission: mission.resume())),
-            rospy.Service("/musselbed/end", Trigger, self._trigger(lambda mission: mission.finish("a call"))),
+            rospy.Service(f"{below}/go_to_point", GoToPoint, self._go_to_point),
+            rospy.Service(f"{below}/go_to_position", GoToPosition, self._go_to_position),
+            rospy.Service(f"{below}/hold_position", HoldPosition, self._hold_position),
+            rospy.Service(f"{below}/dock", Dock, self._dock),
+            rospy.Service(f"{below}/undock", Undock, self._undock),
+            rospy.Service(f"{below}/pause", Trigger, self._trigger(lambda mission: mission.pause())),
+            rospy.Service(f"{below}/resume", Trigger, self._trigger(lambda mission: mission.resume())),
+            rospy.Service(
+                f"{below}/end", Trigger, self._mission_trigger(lambda flown: flown.finish("a call"))
+            ),
+            rospy.Service(f"{below}/take_over", Trigger, self._mission_trigger(take_over)),
+            rospy.Service(f"{below}/give_back", Trigger, self._mission_trigger(give_back)),
         ]
-        self._actions = PrimitiveActions(front)
+        self._actions = PrimitiveActions(front, below)
         front.listen(self._show)
 
     def close(self) -> None:
@@ -121,14 +128,10 @@ class PrimitiveServices:
         return response(accepted=True, message="")
 
     def _trigger(self, act: Act) -> Callable[[Any], Any]:
-        def answer(_: Any) -> Any:
-            try:
-                self._front.call(act)
-            except Refused as refused:
-                return TriggerResponse(success=False, message=str(refused))
-            return TriggerResponse(success=True, message="")
+        return lambda _: _triggered(lambda: self._front.call(act))
 
-        return answer
+    def _mission_trigger(self, act: Callable[[Flown], None]) -> Callable[[Any], Any]:
+        return lambda _: _triggered(lambda: self._front.call_mission(act))
 
     def _show(self, snapshot: Snapshot) -> None:
         now = (int(snapshot.goto), int(snapshot.docking))
@@ -136,3 +139,11 @@ class PrimitiveServices:
             self._told = now
             self._goto_status.publish(Int32(now[0]))
             self._docking_status.publish(Int32(now[1]))
+
+
+def _triggered(call: Callable[[], None]) -> Any:
+    try:
+        call()
+    except Refused as refused:
+        return TriggerResponse(success=False, message=str(refused))
+    return TriggerResponse(success=True, message="")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
@@ -20,8 +20,10 @@ from apad_bridge.ros.gateway import GatewayFailed, TruthSource, open_gateway
 from apad_bridge.ros.generation_b import GenerationBLink
 from apad_bridge.ros.laboratory import Laboratory
 from apad_bridge.ros.listening_link import ListeningLink
+from apad_bridge.ros.master_watch import MasterWatch, Noticed
 from apad_bridge.ros.radio import FleetRadio, MissionRadio
 from apad_bridge.ros.ros_pace import FollowedClock, OwnMasterClock
+from apad_bridge.ros.silence_watch import SilenceWatch
 from apad_bridge.ros.standard_topics import StandardTopics
 from apad_bridge.ros.vehicle_not_ready import VehicleNotReady
 from apad_bridge.ros.vehicles import READY_S, APadLink, TruthsAt, is_of_generation_b, open_apad
@@ -101,6 +103,7 @@ def open_surroundings(
             laboratory.around(radio, link, is_mission=options.part is Part.MISSION),
             held,
             lambda: vehicle.dropped + laboratory.dropped,
+            _watched(stack, options, scenario, vehicle),
         )
 
 
@@ -108,6 +111,27 @@ def _standard_topics(shown: Iterable[int], scenario: Scenario) -> StandardTopics
     mission = scenario.mission
     limits = Limits(mission.silence_timeout_s, mission.pool_threshold)
     return StandardTopics(shown, scenario.apad.name, LocalFrame.about(scenario.area.origin), limits)
+
+
+def _watched(
+    stack: ExitStack, options: RunOptions, scenario: Scenario, vehicle: APadLink | ContactsLink
+) -> Callable[[int], list[Noticed]]:
+    """Somebody else's master and vehicle may go and come back; with ours a run ends."""
+    if options.apad is APadKind.SIM:
+        return lambda now_ms: []
+    master = MasterWatch(options.master_uri)
+    stack.callback(master.close)
+    silence, name = SilenceWatch(), scenario.apad.name
+
+    def noticed(now_ms: int) -> list[Noticed]:
+        events = master.take()
+        if not isinstance(vehicle, ContactsLink) and (changed := silence.look(vehicle.heard_ms, now_ms)):
+            kind = "vehicle_silent" if changed.is_silent else "vehicle_heard"
+            events.append((kind, {"name": name, "since_ms": changed.since_ms}))
+            master.ask_again()
+        return events
+
+    return noticed
 
 
 def _shown_truth(truths_at: TruthsAt) -> TruthSource:

@@ -57,8 +57,6 @@ def open_apad(
         generation = Generation.A if ours else live_generation(name, READY_S)
     battery = scenario.apad.battery
     battery_v, ids = (battery.empty_v, battery.full_v), building.agent_ids(scenario)
-    if generation is Generation.A:
-        return OpenedAPad(GenerationALink(name, ids, battery_v, our_clock=ours, docked=docked, now_ms=now_ms))
 
     def sight(at_ms: int) -> Mapping[int, tuple[float, float]]:
         return {
@@ -66,6 +64,11 @@ def open_apad(
             for it in truths_at(at_ms)
             if it.depth_m < _AFLOAT_M and not it.docked
         }
+
+    if generation is Generation.A:
+        return OpenedAPad(
+            GenerationALink(name, ids, battery_v, our_clock=ours, docked=docked, now_ms=now_ms, sight=sight)
+        )
 
     docking = scenario.mission.docking
     seen_ids = [it for it in ids if docking.profile_of(it) is DockingProfile.CAMERA]

@@ -6,19 +6,20 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
-from agents.coordinator import Coordinator, Heard
 from agents.one_process import OneProcess
-from agents.outputs import WifiSent
 from apad_bridge import building
 from apad_bridge.ether import Ether
-from apad_bridge.facts import Medium, Send, WifiHeard
-from apad_bridge.mission.orders import Note
+from apad_bridge.facts import Medium, Send
+from apad_bridge.flight import Flight
+from apad_bridge.pace import AsFastAsPossible
 from apad_bridge.runs.flying import Surroundings
+from apad_bridge.runs.in_memory import MemoryRecorder
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import Start
+from apad_bridge.sea_building import fleet_of
 from apad_bridge.supervisor import TICK_MS
 from apad_bridge.vehicle import VehicleCommand
-from apad_bridge.vehicle_link import VehicleLink
+from apad_bridge.vehicle_link import InProcessVehicle, VehicleLink
 
 
 class _Unmoved:
@@ -58,17 +59,21 @@ def dry(surroundings: Surroundings) -> Surroundings:
 def first_plan(scenario: Scenario, starts: Sequence[Start]) -> dict[str, Any] | None:
     """The journal's `plan` event of the first plan, with its time `t` in mission milliseconds; None if none is made."""
     births = building.births(scenario, starts)
-    host = OneProcess(building.fleet_config(scenario), births)
-    coordinator = Coordinator(host, dict.fromkeys(births, 0), scenario.theta)
-    supervisor, apad = building.supervisor(scenario), building.simulated_apad(scenario)
-    for now_ms in range(0, round(scenario.duration_s * 1000) + 1, TICK_MS):
-        for came in coordinator.advance(now_ms):
-            if isinstance(came, Heard) and isinstance(came.output, WifiSent):
-                supervisor.receive(WifiHeard(came.mission_ms, came.output.data))
-        for fact in apad.advance(now_ms):
-            supervisor.receive(fact)
-        host.take_truths()
-        for action in supervisor.advance(now_ms):
-            if isinstance(action, Note) and action.kind == "plan":
-                return {"t": now_ms, **action.data}
-    return None
+    fleet = fleet_of(scenario, OneProcess(building.fleet_config(scenario), births), dict.fromkeys(births, 0))
+    vehicle = _Unmoved(InProcessVehicle(building.simulated_apad(scenario)))
+    recorder = _FirstPlan(scenario)
+    flight = Flight(building.supervisor(scenario), vehicle, AsFastAsPossible(), recorder, fleet)
+    while recorder.plan is None and not flight.supervisor.has_ended:
+        flight.tick(flight.now_ms)
+        flight.now_ms += TICK_MS
+    return recorder.plan
+
+
+class _FirstPlan(MemoryRecorder):
+    def __init__(self, scenario: Scenario) -> None:
+        super().__init__(scenario)
+        self.plan: dict[str, Any] | None = None
+
+    def event(self, at_ms: int, kind: str, **data: Any) -> None:
+        if kind == "plan" and self.plan is None:
+            self.plan = {"t": at_ms, **data}

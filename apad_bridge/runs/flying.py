@@ -25,6 +25,7 @@ from apad_bridge.runs.status import Status
 from apad_bridge.sample_collection import SampleCollection
 from apad_bridge.scenario.schema import Hosting, Scenario
 from apad_bridge.scenario.starts import Start
+from apad_bridge.scripting.called import CalledFront
 from apad_bridge.scripting.commanded import Front
 from apad_bridge.sea_building import fleet_of
 from apad_bridge.supervisor import TICK_MS, Supervisor
@@ -54,6 +55,8 @@ class Surroundings:
     """aMussels that docks hold already."""
     dropped: Callable[[], Counter[str]] = Counter
     """What was heard around here and came to nothing, by reason."""
+    noticed: Callable[[int], list[tuple[str, dict[str, Any]]]] = lambda now_ms: []
+    """Events of the surroundings (kind, data) that were not told yet: a master that is gone, a vehicle that is silent."""
     rims: Rims | None = None
 
 
@@ -92,10 +95,11 @@ def fly(
     *,
     until_first_plan: bool = False,
     fronts: Sequence[Front] = (),
+    override: CalledFront | None = None,
 ) -> dict[str, Any]:
     """Flies to the mission's end, or to its first plan, and gives the summary. SIGINT and SIGTERM end it in order.
 
-    With `fronts` there is no mission of our own: the aPad does what these order.
+    With `fronts` there is no mission of our own: the aPad does what these order. By `override` it can be taken over.
     """
     supervisor = building.supervisor(
         scenario,
@@ -103,6 +107,7 @@ def fly(
         first_command_id=1 + (0 if go_on is None else go_on.epoch * _COMMAND_IDS_PER_EPOCH),
         samples=_collection(scenario, surroundings, recorder),
         fronts=fronts,
+        override=override,
         # The aPad's modem is where its water is: with the fleet, and not with a mission alone.
         has_modem=surroundings.fleet is not None,
     )
@@ -116,13 +121,19 @@ def fly(
         if until_first_plan and supervisor.mission.state.plan.steps:
             flight.stop("the dry run's plan")
 
+    told = recorder if surroundings.announce is None else _Announced(recorder, surroundings.announce)
+
+    def tell_noticed(now_ms: int) -> None:
+        for kind, data in surroundings.noticed(now_ms):
+            told.event(now_ms, kind, **data)
+
     flight = Flight(
         supervisor,
         surroundings.vehicle,
         pace,
-        recorder if surroundings.announce is None else _Announced(recorder, surroundings.announce),
+        told,
         surroundings.fleet,
-        (*surroundings.watchers(supervisor), show_tick),
+        (*surroundings.watchers(supervisor), tell_noticed, show_tick),
         start_ms=0 if go_on is None else go_on.now_ms + TICK_MS,
         held=surroundings.held,
         ether=surroundings.ether,

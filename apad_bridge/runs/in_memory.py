@@ -17,6 +17,7 @@ from apad_bridge.records.uptime import UptimeMeter
 from apad_bridge.sample_collection import SampleCollection
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
+from apad_bridge.scripting.called import CalledFront
 from apad_bridge.scripting.commanded import Front
 from apad_bridge.sea_building import fleet_of
 from apad_bridge.vehicle import BatteryReported, PoseReported
@@ -58,14 +59,19 @@ class MemoryRecorder:
         pass
 
 
-def open_flight(scenario: Scenario, fronts: Sequence[Front] = ()) -> tuple[Flight, MemoryRecorder]:
-    """A flight that is ready to `run`, and its records. With `fronts` the aPad does what these order."""
+def open_flight(
+    scenario: Scenario, fronts: Sequence[Front] = (), override: CalledFront | None = None
+) -> tuple[Flight, MemoryRecorder]:
+    """A flight that is ready to `run`, and its records.
+
+    With `fronts` the aPad does what these order; by `override` the mission can be taken over.
+    """
     births = building.births(scenario, starts_of(scenario))
     host = OneProcess(building.fleet_config(scenario), births)
     fleet = fleet_of(scenario, host, dict.fromkeys(births, 0))
     vehicle = InProcessVehicle(building.simulated_apad(scenario))
     samples = SampleCollection(building.agent_ids(scenario))
-    supervisor = building.supervisor(scenario, fronts=fronts, samples=samples)
+    supervisor = building.supervisor(scenario, fronts=fronts, samples=samples, override=override)
     recorder = MemoryRecorder(scenario)
     return Flight(supervisor, vehicle, AsFastAsPossible(), recorder, fleet), recorder
 

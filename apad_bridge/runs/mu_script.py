@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import asdict, field
+from dataclasses import asdict, field, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -16,7 +16,7 @@ from firmware_model.actions import Dropped, LogSample
 from firmware_model.ageing import aged, capacity_left
 from firmware_model.bench import Bench
 from firmware_model.charge import fraction, grains
-from firmware_model.packets import Kind
+from firmware_model.packets import Beacon, Kind
 from firmware_model.plan import BoardConfig, LastResort
 from firmware_model.rails import Rail, bits
 from firmware_model.stimuli import ResetCause
@@ -24,7 +24,16 @@ from firmware_model.table_one import CYCLES, METERING, board, power
 
 Fraction = Annotated[float, Ge(0), Le(1)]
 Fact = Literal[
-    "permission", "release", "ping", "hover", "charge_pin_rises", "charge_pin_falls", "brown_out", "watchdog"
+    "permission",
+    "release",
+    "sink",
+    "ping",
+    "hover",
+    "beacon",
+    "charge_pin_rises",
+    "charge_pin_falls",
+    "brown_out",
+    "watchdog",
 ]
 _STRICT = ConfigDict(extra="forbid", allow_inf_nan=False)
 
@@ -55,6 +64,8 @@ class MuScript:
     """Full charge cycles that the batteries have behind them."""
     years: Annotated[float, Ge(0)] = 0.0
     """How old the batteries are."""
+    clock_drift_ppm: Annotated[float, Ge(-1000), Le(1000)] = 0.0
+    """What the board's clock gains; a beacon sets it."""
     tell: tuple[tuple[Annotated[float, Ge(0)], Fact], ...] = field(default=())
     """(hours, what happens), in any order."""
 
@@ -109,7 +120,8 @@ def config_of(script: MuScript) -> BoardConfig:
     kept_on = bits(*(Rail[name.upper()] for name in set(script.kept_on)))
     metering = METERING if script.metered else None
     a_power = power(LastResort[script.last_resort.upper()], kept_on, metering, grains(script.low_level))
-    return aged(board(CYCLES[script.sleep], a_power), capacity_left(script.cycles, script.years))
+    made = replace(board(CYCLES[script.sleep], a_power), drift_ppb=round(script.clock_drift_ppm * 1000))
+    return aged(made, capacity_left(script.cycles, script.years))
 
 
 def play(script: MuScript) -> Bench:
@@ -154,6 +166,8 @@ def _tell(bench: Bench, fact: Fact) -> None:
         "release": lambda: bench.command(Kind.RELEASE),
         "ping": lambda: bench.command(Kind.PING),
         "hover": lambda: bench.command(Kind.HOVER),
+        "sink": lambda: bench.command(Kind.SINK),
+        "beacon": lambda: bench.hear(Beacon(bench.config.agent_id, bench.now_ms)),
         "charge_pin_rises": bench.charge_pin_rises,
         "charge_pin_falls": bench.charge_pin_falls,
         "brown_out": lambda: bench.reset(ResetCause.BROWN_OUT),

@@ -66,6 +66,11 @@ class RunOptions:
     modem: str = ""
     """The serial port of a physical modem."""
 
+    @property
+    def without_mission(self) -> bool:
+        """Whether a script or a person gives the orders from the start."""
+        return self.manual or bool(self.script)
+
     def save(self, directory: Path) -> None:
         write_atomically(directory / OPTIONS_NAME, json.dumps(asdict(self), indent=2) + "\n")
 

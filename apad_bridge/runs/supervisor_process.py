@@ -45,7 +45,9 @@ def say(line: str) -> None:
 
 def fronts_of(scenario: Scenario, options: RunOptions, called: CalledFront | None) -> tuple[Front, ...]:
     """Who gives the orders, where it is not the paper's mission: a script, a person's calls, or both."""
-    fronts: tuple[Front, ...] = () if called is None else (called,)
+    if called is None or not options.without_mission:
+        return ()
+    fronts: tuple[Front, ...] = (called,)
     if options.script:
         path = Path(options.script)
 
@@ -97,6 +99,7 @@ def fly(run_dir: Path, resume: bool) -> int:
                 go_on,
                 until_first_plan=options.dry_run,
                 fronts=fronts,
+                override=None if fronts else called,
             )
             for front in fronts:
                 if isinstance(front, ScriptFront):

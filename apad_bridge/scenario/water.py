@@ -5,8 +5,9 @@ from __future__ import annotations
 from enum import StrEnum
 from typing import Annotated
 
-from annotated_types import Ge, Gt, Le
+from annotated_types import Ge, Gt, Le, Lt
 
+from agents.water import sound
 from apad_bridge.scenario.quantities import (
     Fraction,
     NotNegative,
@@ -24,6 +25,21 @@ class ModemGeneration(StrEnum):
 
     V2 = "v2"
     V3 = "v3"
+
+
+OpenFraction = Annotated[float, Gt(0), Lt(1)]
+
+
+@frozen
+class ErrorCurve:
+    """Packet error rates: `rates[i][j]` of `sizes[i]` bytes at `snrs_db[j]`."""
+
+    snrs_db: tuple[float, ...]
+    sizes: tuple[Annotated[int, Ge(1)], ...]
+    rates: tuple[tuple[OpenFraction, ...], ...]
+
+    def __post_init__(self) -> None:
+        sound.ErrorCurve(self.snrs_db, self.sizes, self.rates)  # ValueError for what is none
 
 
 @frozen
@@ -50,6 +66,8 @@ class Sound:
     keel_m: Positive = 0.5
     """The depth of the aPad's modem."""
     range_noise_m: NotNegative = 0.1
+    error_curve: ErrorCurve | None = None
+    """None: the nanomodem's own, in harsh multipath."""
 
 
 @frozen

@@ -8,7 +8,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, TypeVar
+from typing import Any, Protocol, TypeVar
 
 from apad_bridge.scripting.commanded import CommandedMission
 from apad_bridge.scripting.values import Refused, Status
@@ -32,8 +32,26 @@ class Snapshot:
     paused: bool = False
 
 
+def _snapshot_of(mission: CommandedMission) -> Snapshot:
+    return Snapshot(
+        mission.goto,
+        mission.docking,
+        mission.goto_orders,
+        mission.docking_orders,
+        mission.metres_to_go,
+        mission.failure,
+        mission.paused,
+    )
+
+
+class Flown(Protocol):
+    """The mission that a flight has: by hand all the time, or one that can be taken over."""
+
+    def finish(self, reason: str) -> None: ...
+
+
 class _Call:
-    def __init__(self, act: Callable[[CommandedMission], Any]) -> None:
+    def __init__(self, act: Callable[[Flown, CommandedMission | None], Any]) -> None:
         self.act = act
         self.done = threading.Event()
         self.answer: Any = None
@@ -51,7 +69,23 @@ class CalledFront:
         self._listeners: list[Callable[[Snapshot], None]] = []
 
     def call(self, act: Callable[[CommandedMission], T], timeout_s: float = ANSWER_S) -> T:
-        """What `act` gives, or raises; Refused when the mission is over or does not tick within `timeout_s`."""
+        """What `act` gives, or raises.
+
+        Refused when a plan flies the aPad, when the mission is over, or when it does not tick within `timeout_s`.
+        """
+
+        def by_hand(_: Flown, hand: CommandedMission | None) -> T:
+            if hand is None:
+                raise Refused("the mission flies the aPad: call take_over first")
+            return act(hand)
+
+        return self._call(by_hand, timeout_s)
+
+    def call_mission(self, act: Callable[[Flown], T], timeout_s: float = ANSWER_S) -> T:
+        """As `call`, whoever flies."""
+        return self._call(lambda flown, _: act(flown), timeout_s)
+
+    def _call(self, act: Callable[[Flown, CommandedMission | None], T], timeout_s: float) -> T:
         call = _Call(act)
         with self._lock:
             if self._closed is not None:
@@ -83,6 +117,11 @@ class CalledFront:
         self._listeners.append(listener)
 
     def act(self, mission: CommandedMission, now_ms: int) -> None:
+        self.serve(mission, lambda: mission)
+        self.show(mission)
+
+    def serve(self, flown: Flown, hand: Callable[[], CommandedMission | None]) -> None:
+        """Does what was called since the last tick; each call may change in whose hands the aPad is."""
         with self._lock:
             calls, self._calls = self._calls, []
         for call in calls:
@@ -90,19 +129,14 @@ class CalledFront:
                 if call.taken_back:
                     continue
                 try:
-                    call.answer = call.act(mission)
+                    call.answer = call.act(flown, hand())
                 except Refused as refused:
                     call.answer = refused
                 call.done.set()
-        snapshot = Snapshot(
-            mission.goto,
-            mission.docking,
-            mission.goto_orders,
-            mission.docking_orders,
-            mission.metres_to_go,
-            mission.failure,
-            mission.paused,
-        )
+
+    def show(self, hand: CommandedMission | None) -> None:
+        """The tick is over: whoever waits is told how things stand."""
+        snapshot = Snapshot() if hand is None else _snapshot_of(hand)
         with self._lock:
             self._snapshot = snapshot
             self._lock.notify_all()

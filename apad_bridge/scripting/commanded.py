@@ -11,33 +11,25 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Protocol
 
-from apad_bridge.beliefs.belief import Belief
-from apad_bridge.mission.charging_watch import ChargingWatch
 from apad_bridge.mission.homes import with_new_homes
+from apad_bridge.mission.order_book import OrderBook
 from apad_bridge.mission.orders import Order, PermitSurfacing, TellClear
 from apad_bridge.mission.sources import BeliefSource
 from apad_bridge.mission.state import MissionState, Phase
 from apad_bridge.port.docking_port import PRE_EMPTED
 from apad_bridge.port.primitives import (
     DockChanged,
-    DockMussel,
     GoToPoint,
     HoldPosition,
     Outcome,
     PrimitiveFailed,
     PrimitiveSucceeded,
-    UndockMussel,
 )
 from apad_bridge.scenario.schema import Mission
-from apad_bridge.scripting.docking_routine import AwaitSurfacing, GivenUp, Next
+from apad_bridge.scripting.docking_desk import DockingDesk
 from apad_bridge.scripting.event_log import EventLog
-from apad_bridge.scripting.order_book import OrderBook
 from apad_bridge.scripting.values import Refused, Status, dock_of
 from apad_bridge.vehicle import AS_THE_SCENARIO_SAYS, Manoeuvre
-from firmware_model.state_groups import BEYOND_HELP
-
-REACH_M = 3.0
-"""An aMussel believed farther away than this (or twice the victory radius) is not within a mechanism's reach."""
 
 
 class Front(Protocol):
@@ -64,25 +56,19 @@ class CommandedMission(OrderBook):
     ) -> None:
         self.config = config
         self.beliefs = beliefs
-        super().__init__(state)
+        super().__init__(replace(state or MissionState(), phase=Phase.COMMANDED))
         self.now_ms = 0
         self.pose: tuple[float, float] | None = None
         self.goto = Status.IDLE
-        self.docking = Status.IDLE
-        self.failure: str | None = None
-        """Why a primitive failed last."""
         self.paused = False
         self._paused_ms = 0
-        self.goto_orders = self.docking_orders = 0
-        """How many of each were given."""
+        self.goto_orders = 0
+        """How many were given."""
         self.events = EventLog(config.pool_threshold)
-        self._full = ChargingWatch(config.full_threshold, config.full_when, 0)
+        self._desk = DockingDesk(config, beliefs, self, self.events)
         self._fronts = fronts
         self._target: GoToPoint | None = None
         """Of the go-to that is running or paused."""
-        self._surfacing: AwaitSurfacing | None = None
-        self._mechanism: DockMussel | UndockMussel | None = None
-        self._manoeuvre = AS_THE_SCENARIO_SAYS
         self._begun = False
 
     # What the supervisor asks of a mission.
@@ -94,11 +80,7 @@ class CommandedMission(OrderBook):
         self.now_ms = now_ms
         match outcome:
             case DockChanged(_, slot, agent_id, closed):
-                held = {at: agent for at, agent in self.state.docked if at != slot}
-                if closed:
-                    held[slot] = agent_id
-                self.set(docked=tuple(sorted(held.items())))
-                self.note("dock", slot=slot, agent=agent_id, closed=closed)
+                self.dock_changed(slot, agent_id, closed)
                 self.events.tell(now_ms, "docked" if closed else "undocked", agent_id, dock_of(slot))
             case PrimitiveSucceeded(_, primitive_id):
                 self._ended(primitive_id, Status.DONE, None)
@@ -116,7 +98,8 @@ class CommandedMission(OrderBook):
             self.order(HoldPosition(self.next_id(), *self.pose))
             self.snapshot()
         self.events.look(self.beliefs.all(), now_ms)
-        self._watch_surfacing()
+        if not self.paused:
+            self._desk.advance(self.pose, now_ms)
         for front in self._fronts:
             front.act(self, now_ms)
         return self.take_orders()
@@ -145,6 +128,21 @@ class CommandedMission(OrderBook):
         return not self.paused and Status.RUNNING in (self.goto, self.docking)
 
     @property
+    def docking(self) -> Status:
+        """Of the last docking or undocking."""
+        return self._desk.status
+
+    @property
+    def docking_orders(self) -> int:
+        """How many were given."""
+        return self._desk.given
+
+    @property
+    def failure(self) -> str | None:
+        """Why a primitive failed last."""
+        return self.events.failure
+
+    @property
     def metres_to_go(self) -> float | None:
         """Of the go-to under way, as the crow flies."""
         if self._target is None or self.pose is None:
@@ -153,7 +151,7 @@ class CommandedMission(OrderBook):
 
     def is_full(self, agent_id: int) -> bool:
         """Whether it is believed full, as the scenario means it."""
-        return self._full.is_full(self.beliefs.get(agent_id))
+        return self._desk.is_full(agent_id)
 
     def go_to(
         self, north_m: float, east_m: float, speed_m_s: float | None = None, radius_m: float | None = None
@@ -168,7 +166,7 @@ class CommandedMission(OrderBook):
             raise Refused(
                 "speed and victory radius must be above 0: an aPad of the field gives up on anything else"
             )
-        self._surfacing_ends(Status.PREEMPTED, PRE_EMPTED)
+        self._desk.pre_empt(self.now_ms)
         self.goto_orders += 1
         self._start_going(
             GoToPoint(0, north_m, east_m, speed_m_s, radius_m), math.dist(here, (north_m, east_m))
@@ -180,47 +178,28 @@ class CommandedMission(OrderBook):
         point = (here[0] if north_m is None else north_m, here[1] if east_m is None else east_m)
         if not all(map(math.isfinite, point)):
             raise Refused("a hold needs finite numbers")
-        self._surfacing_ends(Status.PREEMPTED, PRE_EMPTED)
+        self._desk.pre_empt(self.now_ms)
         self.order(HoldPosition(self.next_id(), *point))
 
     def dock(self, slot: int, agent_id: int, manoeuvre: Manoeuvre = AS_THE_SCENARIO_SAYS) -> None:
         """Lets the aMussel surface, waits until it floats, and closes the mechanism around it."""
         here = self._place()
-        belief = self._believed(agent_id)
-        holder = self.slots[slot]
-        if holder is not None:
-            raise Refused(f"dock {dock_of(slot)} holds aMussel {holder}")
-        if agent_id in self.slots:
-            raise Refused(f"aMussel {agent_id} is in dock {dock_of(self.slots.index(agent_id))} already")
-        if belief.state in BEYOND_HELP:
-            raise Refused(f"aMussel {agent_id} is lost: it can no longer surface")
-        self._refuse_beyond_reach(belief, here)
-        self._surfacing_ends(Status.PREEMPTED, PRE_EMPTED)
+        self._desk.refuse_dock(slot, agent_id, here)
+        self._desk.pre_empt(self.now_ms)
         if self.goto is Status.RUNNING:
             self.order(HoldPosition(self.next_id(), *here))
-        self.docking = Status.RUNNING
-        self.docking_orders += 1
-        self._manoeuvre = manoeuvre
-        self._surfacing = AwaitSurfacing(slot, agent_id, self.now_ms)
-        self._watch_surfacing()
+        self._desk.dock(slot, agent_id, manoeuvre, here, self.now_ms)
         self.snapshot()
 
     def undock(self, slot: int, manoeuvre: Manoeuvre = AS_THE_SCENARIO_SAYS) -> None:
         """Opens a mechanism, and tells whom it held that it is clear to sink."""
         self._place()
-        agent_id = self.slots[slot]
-        if agent_id is None:
-            raise Refused(f"dock {dock_of(slot)} is empty")
-        self._surfacing_ends(Status.PREEMPTED, PRE_EMPTED)
-        self.docking = Status.RUNNING
-        self.docking_orders += 1
-        self._mechanism = UndockMussel(self.next_id(), slot, agent_id, manoeuvre)
-        self.order(self._mechanism)
+        self._desk.undock(slot, manoeuvre, self.now_ms)
         self.snapshot()
 
     def permit_surfacing(self, agent_id: int) -> None:
         self._place()
-        self._believed(agent_id)
+        self._desk.believed(agent_id)
         self.order(PermitSurfacing(agent_id))
 
     def tell_clear(self, agent_id: int) -> None:
@@ -233,9 +212,8 @@ class CommandedMission(OrderBook):
         self.paused, self._paused_ms = True, self.now_ms
         if self.goto is Status.RUNNING:
             assert self._target is not None
-            self._target = replace(
-                self._target, primitive_id=0
-            )  # what is heard of the pre-empted one is nobody's
+            # What is heard of the pre-empted one is nobody's.
+            self._target = replace(self._target, primitive_id=0)
             self.order(HoldPosition(self.next_id(), *here))
         self.snapshot()
 
@@ -244,8 +222,7 @@ class CommandedMission(OrderBook):
         if not self.paused:
             return
         self.paused = False
-        if self._surfacing is not None:
-            self._surfacing.since_ms += self.now_ms - self._paused_ms  # nobody answers while nobody asks
+        self._desk.paused_for(self.now_ms - self._paused_ms)
         if self.goto is Status.RUNNING and self._target is not None:
             self._start_going(self._target, 0.0)
 
@@ -260,17 +237,6 @@ class CommandedMission(OrderBook):
             raise Refused("the aPad's place is not known yet")
         return self.pose
 
-    def _believed(self, agent_id: int) -> Belief:
-        belief = self.beliefs.get(agent_id)
-        if belief is None:
-            raise Refused(f"aMussel {agent_id} was never heard")
-        return belief
-
-    def _refuse_beyond_reach(self, belief: Belief, here: tuple[float, float]) -> None:
-        away_m = math.dist(here, (belief.north_m, belief.east_m))
-        if away_m > max(REACH_M, 2 * self.config.victory_radius_m):
-            raise Refused(f"aMussel {belief.agent_id} is believed {away_m:.1f} m away: go there first")
-
     def _start_going(self, target: GoToPoint, metres: float) -> None:
         self._target = replace(target, primitive_id=self.next_id())
         self.goto = Status.RUNNING
@@ -279,51 +245,10 @@ class CommandedMission(OrderBook):
         self.order(self._target)
         self.snapshot()
 
-    def _watch_surfacing(self) -> None:
-        waiting = self._surfacing
-        if waiting is None or self.paused or self.pose is None:
-            return
-        belief = self.beliefs.get(waiting.agent_id)
-        try:
-            todo = waiting.look(belief, self.config, self.now_ms)
-            if todo is Next.CLOSE and belief is not None:
-                self._refuse_beyond_reach(belief, self.pose)
-        except (GivenUp, Refused) as given_up:
-            self.note("given_up", agent=waiting.agent_id, what="dock", reason=str(given_up))
-            self._surfacing_ends(Status.FAILED, str(given_up))
-            return
-        if todo is Next.PERMIT:
-            self.order(PermitSurfacing(waiting.agent_id))
-        elif todo is Next.CLOSE:
-            self._surfacing = None
-            self._mechanism = DockMussel(self.next_id(), waiting.slot, waiting.agent_id, self._manoeuvre)
-            self.order(self._mechanism)
-
-    def _surfacing_ends(self, status: Status, reason: str) -> None:
-        if self._surfacing is not None:
-            slot, agent_id = self._surfacing.slot, self._surfacing.agent_id
-            self._surfacing = None
-            self._docking_ended(status, agent_id, slot, reason)
-
     def _ended(self, primitive_id: int, status: Status, reason: str | None) -> None:
         if self._target is not None and primitive_id == self._target.primitive_id:
             self._target = None
             self.goto = status
-            self.failure = reason if status is Status.FAILED else self.failure
             self.events.tell(self.now_ms, "goto", status=status, reason=reason)
-        elif self._mechanism is not None and primitive_id == self._mechanism.primitive_id:
-            ended, self._mechanism = self._mechanism, None
-            if isinstance(ended, UndockMussel) and status is Status.DONE:
-                self._released(ended.agent_id)
-            self._docking_ended(status, ended.agent_id, ended.slot, reason)
-
-    def _docking_ended(self, status: Status, agent_id: int, slot: int, reason: str | None) -> None:
-        self.docking = status
-        self.failure = reason if status is Status.FAILED else self.failure
-        self.events.tell(self.now_ms, "docking", agent_id, dock_of(slot), status, reason)
-
-    def _released(self, agent_id: int) -> None:
-        self.order(TellClear(agent_id))
-        full = self.is_full(agent_id)
-        self.note("released", agent=agent_id, full=full)
-        self.set(services=self.state.services + full)
+        else:
+            self._desk.ended(primitive_id, status, reason, self.now_ms)

@@ -17,6 +17,8 @@ class EventLog:
     def __init__(self, low: float) -> None:
         self._low = low
         self._events: deque[Event] = deque(maxlen=KEPT)
+        self.failure: str | None = None
+        """Why a primitive failed last."""
         self._seen: dict[int, tuple[State, bool]] = {}
 
     def tell(
@@ -28,6 +30,8 @@ class EventLog:
         status: Status | None = None,
         reason: str | None = None,
     ) -> None:
+        if status is Status.FAILED:
+            self.failure = reason
         self._events.append(Event(now_ms / 1000, kind, agent, dock, status, reason))
 
     def look(self, beliefs: Iterable[Belief], now_ms: int) -> None:

@@ -72,6 +72,7 @@ class Handover:
         self._closed: str | None = None
         self._tick_s = self._answered_s = time.monotonic()
         self._supervisor = threading.current_thread()
+        self._script: threading.Thread | None = None
 
     # The script's side.
 
@@ -82,6 +83,12 @@ class Handover:
                 raise RuntimeError("a condition may look and order, but neither sleep nor wait")
             return ask.act()
         with self._lock:
+            if self._script is None:
+                self._script = threading.current_thread()
+            if self._script is not threading.current_thread():
+                raise RuntimeError(
+                    "the API is for the script's own thread: let the others hand it what they found"
+                )
             self._ask = ask
             self._lock.notify_all()
             while self._ask is ask and self._closed is None:

@@ -63,18 +63,28 @@ class Talk:
         """When whose way is to be learned (again)."""
         self.ways_ms: dict[int, int] = {}
         """How long sound takes, of each whose slot was made for it."""
+        self._waiting: dict[tuple[int, bytes], int] = {}
+        """Words of others, by whom for and what, and when they will be said."""
         self._beacon_due_ms = agent_ms
         self._ping_due_ms = now_ms
         self._turns = deque(self._agent_ids)
 
     def timed(self, actions: Sequence[SupervisorAction], now_ms: int) -> list[SupervisorAction]:
-        """The same actions; words by sound with the time at which they may be said."""
-        return [
-            self._timed(it, now_ms)
-            if isinstance(it, Send) and it.medium is Medium.SOUND and it.not_before_ms == 0
-            else it
-            for it in actions
-        ]
+        """The same actions; words by sound with the time at which they may be said.
+
+        A word that waits already is not said twice.
+        """
+        agent_ms = self._config.theta * now_ms
+        self._waiting = {word: at_ms for word, at_ms in self._waiting.items() if at_ms >= agent_ms}
+        told: list[SupervisorAction] = []
+        for it in actions:
+            if not isinstance(it, Send) or it.medium is not Medium.SOUND or it.not_before_ms:
+                told.append(it)
+            elif (it.agent_id, it.data) not in self._waiting:
+                word = self._timed(it, now_ms)
+                self._waiting[it.agent_id, it.data] = word.not_before_ms
+                told.append(word)
+        return told
 
     def advance(self, now_ms: int, away: frozenset[int]) -> list[SupervisorAction]:
         """What is due at mission time `now_ms`; those who are `away` are believed not to hear: afloat, or in a dock."""

@@ -8,6 +8,7 @@ import msgpack
 import pytest
 
 from agents.fleet import FleetConfig
+from agents.water.patches import Waters
 from firmware_model.charge import FULL
 from firmware_model.plan import LastResort, Whole
 from firmware_model.rails import Rail, bits
@@ -41,6 +42,13 @@ FLEETS = {
         charge=MODEL,
         whole=Whole(power(LastResort.CALL, 0, METERING, FULL // 3), FIELD, 1000, 60_000, 600_000),
         pin_check_ms=1000,
+    ),
+    "in the sea": replace(
+        WORST,
+        current_csv="north_m,east_m,north_m_s,east_m_s,time_s\n0,0,0.1,0,0\n0,0,0.2,0,60\n",
+        tides=((44_714, 300_000, -10_000, 250_000, 0), (86_400, 1, 2, 3, 4)),
+        current_profile=((0, 1_000_000), (3_000_000, 200_000)),
+        oxygen_mg_l=Waters(((0, 8.5), (3_000_000, 6.0)), ((0.2, 1, 2, 3, 4, 5, 6, 7, 8),)),
     ),
     "never asleep": replace(WORST, charge=MODEL, whole=Whole(POWER, None, 1000, 60_000, 600_000)),
 }

@@ -9,6 +9,7 @@ import sys
 import pytest
 
 from agents.lean import lean_dataclasses
+from agents.memory import gather_code
 
 with lean_dataclasses():
 
@@ -59,3 +60,24 @@ def test_holes_are_filled_once() -> None:
         "assert len(second) < len(first) / 2, (len(first), len(second))\n"
     )
     subprocess.run([sys.executable, "-c", code], check=True, timeout=60)
+
+
+def counted(names: list[str]) -> dict[str, int]:
+    def length(name: str) -> int:
+        return len(name) + extra
+
+    extra = 1
+    return {name: sum(length(it) for it in names if it == name) for name in names}
+
+
+def idle() -> None:
+    raise AssertionError("it never runs")
+
+
+def test_code_that_runs_is_moved_and_does_the_same() -> None:
+    before, idle_before = counted.__code__, idle.__code__
+    expected = counted(["a", "bb", "a"])
+    gather_code(lambda: counted(["a"]) and None)
+    assert counted.__code__ == before and counted.__code__ is not before
+    assert idle.__code__ is idle_before
+    assert counted(["a", "bb", "a"]) == expected == {"a": 4, "bb": 3}

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from agents.coordinator import Coordinator, Heard
+from agents.coordinator import Coordinator, Died, Heard
 from agents.fleet import FleetConfig, resting_on_bottom
 from agents.one_process import OneProcess
 from agents.outputs import Truth
@@ -16,6 +16,7 @@ from agents.sea import Sea, SeaConfig
 from agents.sea_facts import NotRanged, Ranged, SeaResult, SoundReached, Told, address_of
 from agents.stimuli import ContactClosed, SoundArrived
 from agents.water.medium import Outcome, PacketEnded
+from agents.water.places import Sinking
 from agents.water.sound import Sound
 from agents.water.topology import LinkRule, Topology
 from agents.water.wifi import Wifi
@@ -30,9 +31,7 @@ SEA = SeaConfig(
     seed=3,
     sound=Sound(noise_db_per_hz=-100),
     wifi=None,
-    bottom_um=3_000_000,
-    surfacing_ms=60_000,
-    sinking_ms=45_000,
+    sinking=Sinking(3_000_000, 60_000, 45_000),
     keel_um=3_000_000,
     range_noise_m=0.0,
     thrusting_m_s=0.1,
@@ -211,6 +210,16 @@ def test_wifi_reaches_as_far_as_its_model_says() -> None:
     assert heard == {1}
     assert docks.sea.wifi_reaches(1, 2 * HOUR_MS) and not docks.sea.wifi_reaches(2, 2 * HOUR_MS)
     assert docks.sea.dropped["Wi-Fi: lost in the air"] > 0
+
+
+def test_one_that_died_boots_again_and_is_heard_in_its_next_slot() -> None:
+    bench = Bench(300, 150)
+    bench.run(3_600_000)
+    bench.host.kill(1)
+    results = bench.run(2 * HOUR_MS + 400_000)
+    assert [(it.agent_id, it.gave_up) for it in results if isinstance(it, Died)] == [(1, None)]
+    heard = [(it.agent_id, it.mission_ms // HOUR_MS) for it in results if isinstance(it, SoundReached)]
+    assert (1, 2) in heard and (2, 1) in heard and (2, 2) in heard
 
 
 def test_addresses_have_eight_bits() -> None:

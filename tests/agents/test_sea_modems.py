@@ -15,6 +15,7 @@ from agents.sea import Sea, SeaConfig
 from agents.sea_facts import NotRanged, Printed, Ranged, SeaResult, SoundReached, Told
 from agents.stimuli import PingArrived, SoundArrived
 from agents.water.medium import PacketEnded
+from agents.water.places import Sinking
 from agents.water.sound import Sound
 from firmware_model.codec import MusselbedCodec
 from firmware_model.packets import CommandPacket, Kind, ShortStatus
@@ -25,9 +26,7 @@ SEA = SeaConfig(
     seed=3,
     sound=Sound(noise_db_per_hz=-100),
     wifi=None,
-    bottom_um=3_000_000,
-    surfacing_ms=60_000,
-    sinking_ms=45_000,
+    sinking=Sinking(3_000_000, 60_000, 45_000),
     keel_um=3_000_000,
     range_noise_m=0.0,
     thrusting_m_s=0.1,
@@ -158,6 +157,27 @@ def test_machines_send_the_same_packets_as_no_machines(theta: int) -> None:
         for bench in (plain, opened)
     ]
     assert asked == [2, 0]
+
+
+def test_a_status_over_the_serial_line_is_the_same_packet_as_in_memory() -> None:
+    in_memory = Bench()
+    in_memory.run(HOUR_MS + 600_000, step_ms=1000)
+    sent = next(it for it in in_memory.came if isinstance(it, PacketEnded) and it.sender == 1)
+    reached = next(it for it in in_memory.came if isinstance(it, SoundReached) and it.agent_id == 1)
+    serial = Bench(1)
+    serial.run(5000)
+    serial.ask(1, b"$U255%02d" % len(sent.frame.data) + sent.frame.data)
+    again = next(it for it in serial.came if isinstance(it, PacketEnded) and it.sender == 1)
+    heard = next(it for it in serial.came if isinstance(it, SoundReached) and it.agent_id == 1)
+    assert again.frame == sent.frame
+    assert heard.data == reached.data == sent.frame.data
+    (there,), (here,) = sent.receptions, again.receptions
+    assert (here.receiver, here.outcome, here.travelled_us) == (
+        there.receiver,
+        there.outcome,
+        there.travelled_us,
+    )
+    assert here.at_ms - again.began_ms == there.at_ms - sent.began_ms
 
 
 def test_v2_modems_carry_short_statuses_at_40_bit_a_second() -> None:

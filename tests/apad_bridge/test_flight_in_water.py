@@ -24,6 +24,7 @@ from apad_bridge.simulated_apad.apad import SimulatedAPad
 from apad_bridge.vehicle_link import APadSeen, InProcessVehicle
 from firmware_model.codec import load_codec
 from firmware_model.packets import AcousticStatus, CommandPacket, Kind
+from firmware_model.sensors import SENSORS, values
 
 SCENARIOS = Path(__file__).parents[2] / "launch_scripts" / "scenarios"
 APAD_M = (14.0, 10.5)
@@ -112,6 +113,10 @@ def test_a_scenario_without_water_is_what_it_was() -> None:
     [
         ({"sound": {"sound_speed_m_s": 300}}, "water.sound.sound_speed_m_s"),
         ({"sound": {"loudness_db": 3}}, "water.sound.loudness_db"),
+        (
+            {"sound": {"error_curve": {"snrs_db": [0, 5], "sizes": [16], "rates": [[0.5]]}}},
+            "error_curve: rates must have a row for each size",
+        ),
         ({"links_file": "/nowhere/links.csv"}, "water.links_file: No such file or directory"),
     ],
 )
@@ -181,20 +186,29 @@ def test_an_aPad_learns_ways_assigns_slots_and_finds_its_aMussels() -> None:
             assert error_m < 6 * (fix["covariance"][0] + fix["covariance"][2]) ** 0.5
 
 
-def test_sensors_meet_an_anoxic_patch() -> None:
+def test_sensors_meet_an_anoxic_patch_that_grows_and_say_so_by_sound() -> None:
+    """From hour 1 to hour 6 it grows to 20 m around (14, 10): at the hour h its core reaches 2 (h - 1) m, and all of it
+    twice as far. Oxygen is 6 mg/l on the bottom otherwise; the sensor's noise is 0.05."""
     patch = {
-        "begins_s": 0, "growing_s": 3600, "place_m": [14, 10], "radius_m": 10,
+        "begins_s": 3600, "growing_s": 18_000, "place_m": [14, 10], "radius_m": 20,
         "from_depth_m": 1, "oxygen_mg_l": 0.5,
     }  # fmt: skip
-    scenario = in_water(10, {"fields": {"oxygen_mg_l": [[0, 9], [3, 6]], "patches": [patch]}})
-    fields = building.fleet_config(scenario).maker().config(1).water.fields
-    hour_ms, bottom_um = 3_600_000, 3_000_000
-    values = [
-        fields.values_at(north_m * 1_000_000, 10_000_000, bottom_um, hour_ms)[0] for north_m in (14, 22, 28)
-    ]
-    # In the middle it is all there, 8 m out of 10 two fifths of it, and farther none.
-    assert values == pytest.approx([0.5, 6 - 5.5 * 0.4, 6.0])
-    assert fields.values_at(14_000_000, 10_000_000, 500_000, hour_ms)[0] == pytest.approx(8.5)
+    scenario = in_water(790, {"fields": {"oxygen_mg_l": [[0, 9], [3, 6]], "patches": [patch]}})
+    _, recorder = fly_in_memory(scenario)
+    places = {it.agent_id: (it.north_m, it.east_m) for it in starts_of(scenario)}
+    seen = set()
+    for packet in packets(recorder):
+        status = load_codec("musselbed-1").decode(bytes.fromhex(packet["data"]))
+        if packet["from"] == 0 or not isinstance(status, AcousticStatus):
+            continue
+        # Sampled 10 s after the alarm at the hour.
+        hour = packet["began_ms"] // 3_600_000
+        reach_m = 4 * (hour - 1) + 4 * 10 / 3600
+        metres = dist(places[packet["from"]], (14, 10))
+        share = 0.0 if reach_m <= 0 else min(1.0, max(0.0, 2 - 2 * metres / reach_m))
+        assert values(SENSORS, status.counts)[0] == pytest.approx(6 - 5.5 * share, abs=0.3)
+        seen.add("core" if share == 1 else "edge" if share else "outside")
+    assert seen == {"core", "edge", "outside"}
 
 
 class Elsewhere:
@@ -251,3 +265,11 @@ def test_a_fleet_alone_shares_what_reached_the_aPad_and_hears_what_its_planner_s
     assert (Medium.WIFI, 7) in elsewhere.heard
     (word,) = [packet for packet in packets(recorder) if packet["from"] == 0]
     assert word["began_ms"] == 60_000, "it waited for the end of the timeslots"
+
+
+def test_the_error_curve_is_the_scenario_s() -> None:
+    """At any SNR half of all packets are lost: 36 of three hours, within 4 standard deviations of 18."""
+    curve = {"snrs_db": [-1000, 1000], "sizes": [1], "rates": [[0.5, 0.5]]}
+    told = packets(fly_in_memory(in_water(380, {"sound": {"error_curve": curve}}))[1])
+    lost = sum(packet["heard"][0][1] == "noise" for packet in told)
+    assert len(told) == 36 and abs(lost - 18) <= 12

@@ -34,6 +34,7 @@ def test_table1_as_json_has_the_paper_s_rows_and_says_what_was_fitted(
     assert list(paper.values()) == [962, 14057, 575, 398, 485, 180]
     for row in told["rows"][:5]:
         assert row["run_min"] == pytest.approx(row["paper_min"], rel=0.01)
+        assert row["metered_min"] == pytest.approx(row["paper_min"], rel=0.01)
     assert 150 <= told["rows"][5]["run_min"] <= 180
     assert len(told["fitted"]) < len(told["rows"])
     assert all(parameter["fitted_to"] and parameter["source"] for parameter in told["fitted"])
@@ -134,3 +135,25 @@ def test_a_vcd_file_is_written_or_refused_in_one_line(
 def test_states_prints_what_the_page_shows(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["mu", "states"]) == Exit.DONE
     assert capsys.readouterr().out == blocks()
+
+
+def test_a_script_s_clock_drifts_until_a_beacon_sets_it_and_sink_is_obeyed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = """
+hours: 2.2
+sleep: hourly
+primary: 1.0
+secondary: 1.0
+clock_drift_ppm: 1000
+tell:
+  - [1.5, beacon]
+  - [2.1, permission]
+  - [2.12, sink]
+"""
+    assert main(["mu", "run", str(script(tmp_path, text)), "--trace"]) == Exit.DONE
+    told = capsys.readouterr().out
+    # An hour of a clock that gains a thousandth is 3596.404 s; half an hour after the beacon it has gained 1.8 s.
+    assert "0:59:56.404  SLEEPING -ALARM_RANG-> SAMPLING" in told
+    assert "1:59:58.202  SLEEPING -ALARM_RANG-> SAMPLING" in told
+    assert "2:07:12.000  FLOATING -SINK_TOLD-> SINKING" in told

@@ -9,6 +9,7 @@ from apad_bridge import building
 from apad_bridge.facts import Fact, Medium, OperatorAsked, Send, SoundHeard, SupervisorAction, WifiHeard
 from apad_bridge.scenario.loader import load
 from apad_bridge.vehicle import BatteryReported, GoTo, Hold, PoseReported
+from firmware_model.feed import Feed
 from firmware_model.packets import (
     AcousticStatus,
     CommandPacket,
@@ -18,7 +19,6 @@ from firmware_model.packets import (
     WifiStatus,
     decode,
 )
-from firmware_model.power_path import Feed
 from firmware_model.states import State
 from firmware_model.stimuli import ResetCause
 

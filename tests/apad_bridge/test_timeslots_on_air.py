@@ -12,6 +12,7 @@ from typing import Any
 
 import pytest
 
+from agents.crystal import drift_of
 from agents.one_process import OneProcess
 from apad_bridge import building
 from apad_bridge.flight import Flight
@@ -23,7 +24,6 @@ from apad_bridge.scenario.starts import starts_of
 from apad_bridge.sea_building import fleet_of
 from apad_bridge.simulated_apad.apad import SimulatedAPad
 from apad_bridge.vehicle_link import InProcessVehicle
-from firmware_model.clock import drift_of
 
 WHOLE_BOARDS = Path(__file__).parents[2] / "launch_scripts" / "scenarios" / "whole-board-12.yaml"
 AGENTS, HOURS = 24, 20
@@ -153,3 +153,18 @@ def test_with_50_ppm_and_a_beacon_an_hour_nothing_collides() -> None:
         # Its way is made up for: what it says arrives where its slot opens, but for an hour's drift.
         late_ms = (it["heard"][0][3] - PACKET_MS - (it["from"] - 1) * SLOT_MS) % FRAME_MS
         assert min(late_ms, FRAME_MS - late_ms) <= 190
+
+
+@pytest.mark.parametrize(("beacon_period_s", "expected"), [(3600.0, AGENTS * HOURS), (0.0, AGENTS)])
+def test_boards_that_doubt_their_clocks_speak_while_beacons_come(
+    beacon_period_s: float, expected: int
+) -> None:
+    """50 ppm for 65 minutes are 195 ms, within a guard of 250; for 125 minutes they are 375. Without a beacon they so fall
+    silent after the first hour, and with one an hour they never do."""
+    data = resolve(scenario(talk={"assigns": True, "beacon_period_s": beacon_period_s}))
+    whole = data["board"]["whole"]
+    whole.update(clock_drift_ppm=50.0, timekeeping={"bound_ppm": 50.0, "beacon_wait_s": 60.0})
+    whole["cycle"]["slots"]["guard_s"] = 0.25
+    heard = statuses(from_data(data, "doubting"), PPM_50)
+    assert len(heard) == expected
+    assert {outcome(it) for it in heard} == {"received"}

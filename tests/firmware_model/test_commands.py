@@ -8,6 +8,7 @@ from firmware_model.actions import Action, Buoyancy, Dropped, RunBuoyancy, SendS
 from firmware_model.bench import Bench
 from firmware_model.codec import MusselbedCodec
 from firmware_model.commands import TRIGGERS, understood
+from firmware_model.feed import Feed
 from firmware_model.packets import (
     PLAIN_KINDS,
     Beacon,
@@ -22,7 +23,6 @@ from firmware_model.packets import (
     Threshold,
 )
 from firmware_model.plan import BoardConfig, Cycle, LastResort
-from firmware_model.power_path import Feed
 from firmware_model.states import State, Trigger
 from firmware_model.table_one import FIELD, HOURLY, WORST_CASE, board, power
 

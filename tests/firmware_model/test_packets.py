@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from firmware_model.feed import Feed
 from firmware_model.packets import (
     EVERYONE,
     PLAIN_KINDS,
@@ -29,7 +30,6 @@ from firmware_model.packets import (
     WifiStatus,
     decode,
 )
-from firmware_model.power_path import Feed
 from firmware_model.sample_record import RECORD_BYTES, SampleRecord
 from firmware_model.states import State
 from firmware_model.stimuli import ResetCause

@@ -10,9 +10,10 @@ from hypothesis import strategies as st
 from firmware_model.actions import Action, FeedFrom
 from firmware_model.bench import Bench
 from firmware_model.charge import FULL, Battery, ChargeModel, Flow, grains
+from firmware_model.feed import Feed
 from firmware_model.packets import Kind
 from firmware_model.plan import LastResort, Metering, Power
-from firmware_model.power_path import Feed, Level, PowerPath
+from firmware_model.power_path import Level, PowerPath
 from firmware_model.rails import Loads, Rail
 from firmware_model.states import State
 from firmware_model.table_one import FIELD, METERING, board, power

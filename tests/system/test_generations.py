@@ -6,15 +6,21 @@ import json
 import os
 import select
 import signal
+import socket
 import subprocess
 import sys
+import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 from typing import IO, Any
 
 import pytest
 
+from apad_bridge.diagnosis.graph import Graph
+from apad_bridge.diagnosis.network import Unreachable
 from apad_bridge.records.journal import read_journal
 from apad_bridge.ros.apad_process import APadNodeFailed, start_apad_node, stop_apad_node
 from apad_bridge.ros.master import Master, loopback_environment, start_master
@@ -39,16 +45,24 @@ def stack() -> Iterator[ExitStack]:
 
 
 @pytest.fixture
-def start(tmp_path: Path, master: Master, stack: ExitStack) -> Callable[..., subprocess.Popen[str]]:
-    """Starts a program of this folder as a node on the master; it is killed by its pid at the end."""
+def start(
+    master: Master, start_on: Callable[..., subprocess.Popen[str]]
+) -> Callable[..., subprocess.Popen[str]]:
+    """Starts a program of this folder as a node on the master."""
+    return partial(start_on, master.uri)
 
-    def started(program: str, *arguments: str) -> subprocess.Popen[str]:
+
+@pytest.fixture
+def start_on(tmp_path: Path, stack: ExitStack) -> Callable[..., subprocess.Popen[str]]:
+    """Starts a program of this folder as a node on some master; it is killed by its pid at the end."""
+
+    def started(uri: str, program: str, *arguments: str) -> subprocess.Popen[str]:
         child = subprocess.Popen(
             [sys.executable, "-m", f"tests.system.{program}", *arguments],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
-            env=loopback_environment(tmp_path / "ros", master.uri),
+            env=loopback_environment(tmp_path / "ros", uri),
             cwd=ROOT,
             text=True,
         )
@@ -320,3 +334,51 @@ def test_a_laboratorys_words_are_heard_and_told_by_its_own_names(
     assert json.loads(line_of(program.stdout)) == ["WordSaid", "clear", "4"]
     said, _ = program.communicate("", timeout=PATIENCE_S)
     assert json.loads(said.splitlines()[-1]) == {}
+
+
+def test_after_a_masters_restart_everything_is_registered_again(
+    tmp_path: Path, stack: ExitStack, start_on: Callable[..., subprocess.Popen[str]]
+) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        port = free.getsockname()[1]
+    uri = f"http://127.0.0.1:{port}/"
+    environment = loopback_environment(tmp_path / "ros", uri)
+
+    def restart() -> subprocess.Popen[bytes]:
+        """Debian's own rosmaster, which nothing of ours can mend; it is up when it answers."""
+        running = subprocess.Popen(
+            ["/usr/bin/rosmaster", "--core", "-p", str(port)], env=environment, stdout=subprocess.DEVNULL
+        )
+        stack.callback(running.wait)
+        stack.callback(running.kill)
+        until_s = time.monotonic() + PATIENCE_S
+        while True:
+            try:
+                Graph.read(uri)
+                return running
+            except Unreachable:
+                assert time.monotonic() < until_s and running.poll() is None
+                running_pause.wait(0.05)
+
+    running_pause = threading.Event()
+    master = restart()
+    watcher = start_on(uri, "watch_a_master")
+    assert watcher.stdout is not None and line_of(watcher.stdout) == "ready\n"
+    before = Graph.read(uri)
+    master.kill()
+    assert json.loads(line_of(watcher.stdout))[0] == "master_gone"
+    restart()
+    kind, data = json.loads(line_of(watcher.stdout))
+    after = Graph.read(uri)
+    assert kind == "master_back" and data["registered"] > 10
+    for part in ("publishers", "subscribers", "services"):
+        ours = {name for name, nodes in getattr(before, part).items() if "/watcher" in nodes}
+        assert ours and ours <= set(getattr(after, part))
+    subprocess.run(
+        ["/usr/bin/rostopic", "pub", "-1", "/words", "std_msgs/String", "data: again"],
+        env=environment,
+        capture_output=True,
+        timeout=PATIENCE_S,
+        check=True,
+    )
+    assert json.loads(line_of(watcher.stdout)) == ["heard", "again"]

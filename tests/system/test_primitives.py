@@ -36,8 +36,8 @@ from std_srvs.srv import Trigger
 agent, north_m, east_m = int(sys.argv[1]), float(sys.argv[2]), float(sys.argv[3])
 rospy.init_node("somebody", disable_signals=True)
 told = {"feedback_m": []}
-go_to = actionlib.SimpleActionClient("/musselbed/go_to", GoToAction)
-docking = actionlib.SimpleActionClient("/musselbed/docking", DockingAction)
+go_to = actionlib.SimpleActionClient("/musselbed/apad1/go_to", GoToAction)
+docking = actionlib.SimpleActionClient("/musselbed/apad1/docking", DockingAction)
 assert go_to.wait_for_server(rospy.Duration(600)) and docking.wait_for_server(rospy.Duration(600))
 
 
@@ -53,8 +53,8 @@ def done(client, goal, feedback=None):
     return [client.get_state(), result.status, result.message]
 
 
-told["too_far"] = asked("/musselbed/dock", Dock, number=2, id=agent)
-told["nowhere"] = asked("/musselbed/go_to_position", GoToPosition, latitude=91.0, longitude=0.0)
+told["too_far"] = asked("/musselbed/apad1/dock", Dock, number=2, id=agent)
+told["nowhere"] = asked("/musselbed/apad1/go_to_position", GoToPosition, latitude=91.0, longitude=0.0)
 told["went"] = done(
     go_to,
     GoToGoal(north_m=north_m, east_m=east_m, victory_radius_m=0.3),
@@ -62,12 +62,12 @@ told["went"] = done(
 )
 told["docked"] = done(docking, DockingGoal(dock=True, number=2, id=agent))
 told["let_go"] = done(docking, DockingGoal(dock=False, number=2))
-told["empty"] = asked("/musselbed/undock", Undock, number=2)
+told["empty"] = asked("/musselbed/apad1/undock", Undock, number=2)
 cancelled = []
 go_to.send_goal(GoToGoal(north_m=north_m + 300), feedback_cb=lambda _: cancelled or cancelled.append(go_to.cancel_goal()))
 assert go_to.wait_for_result(rospy.Duration(2000))
 told["cancelled"] = [go_to.get_state(), go_to.get_result().status, go_to.get_result().message]
-told["ended"] = rospy.ServiceProxy("/musselbed/end", Trigger)().success
+told["ended"] = rospy.ServiceProxy("/musselbed/apad1/end", Trigger)().success
 print(json.dumps(told))
 """
 SUCCEEDED, PREEMPTED = 3, 2
@@ -133,15 +133,14 @@ def test_an_apad_is_flown_by_calls(
     environment = graph_of(run, tmp_path)
     # Debian's own rosservice, in a shell that sourced setup.bash, with every line of the page.
     calls = re.findall(r"^    (rosservice call .*)$", (ROOT / "docs/apads.md").read_text(), re.MULTILINE)
-    script = "; ".join(
-        [f"source '{ROOT}/launch_scripts/setup.bash'", *calls, "rosservice call /musselbed/resume"]
-    )
+    script = "; ".join([f"source '{ROOT}/launch_scripts/setup.bash'", *calls])
     called = subprocess.run(
         ["bash", "-c", script], env=environment, capture_output=True, text=True, timeout=PATIENCE_S
     )
     assert called.stdout.count("accepted: True") == 3, called.stdout + called.stderr
-    assert called.stdout.count("success: True") == 2
-    assert len(calls) == 6 and "aMussel 7 was never heard" in called.stdout
+    assert called.stdout.count("success: True") == 3
+    assert len(calls) == 9 and "aMussel 7 was never heard" in called.stdout
+    assert "no mission to give the aPad back to" in called.stdout
     first = read_journal(run / "journal.jsonl").first("run")
     assert first is not None
     agent = first["agents"][0]

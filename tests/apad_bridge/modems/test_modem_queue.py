@@ -135,6 +135,26 @@ def test_a_lost_port_is_told_and_what_was_being_sent_is_sent_again() -> None:
     assert b"status" in written(queue.read(WHO, 5050))
 
 
+@given(
+    st.lists(st.binary(max_size=90) | st.sampled_from([b"#U64", b"#B00164$", b"$B09", b"E\r\n"]), max_size=8)
+)
+def test_after_any_noise_a_modem_is_found_again(noise: list[bytes]) -> None:
+    queue = ready()
+    queue.ask(report(7), Priority.REPORT, 100)
+    now_ms = 100
+    for data in noise:
+        now_ms += 10
+        queue.read(data, now_ms)
+    for _ in range(4):
+        now_ms += 2 * ANSWER_MS
+        asked = written(queue.advance(now_ms))
+        if asked.endswith(b"$?"):
+            queue.read(WHO, now_ms)
+    assert queue.stage is not Stage.ASKED_WHO and queue.address == 1
+    queue.port_went("unplugged", now_ms)
+    assert queue.stage is Stage.GONE
+
+
 def test_packets_from_the_water_carry_their_ids_and_the_rest_is_dropped() -> None:
     queue = ready()
     assert queue.read(b"#B00909\xb1\x09\x00status\r\n", 300) == [Heard(300, report(9))]

@@ -61,7 +61,7 @@ class WithA:
 
     def command(self, command: VehicleCommand, now_ms: int) -> None:
         order = self.core.command(command, now_ms)
-        if self.vehicle.has_crashed:
+        if order is None or self.vehicle.has_crashed:
             return
         goal = shown_a.Goal(order.key, order.kind, order.north_m, order.east_m, order.name)
         self._active.append(order.key)

@@ -299,3 +299,14 @@ def test_time_never_goes_back(core: GenerationACore) -> None:
     core.advance(1_000)
     with pytest.raises(ValueError, match="time went back"):
         core.advance(999)
+
+
+def test_a_perch_from_afar_is_not_ordered() -> None:
+    """The vehicle would take it, and the aMussel would be held where it is not."""
+    core = GenerationACore(range(1, 10), (10.5, 16.0), "run", sight=lambda _: {7: (2.1, 13.1), 8: (2.1, 4.1)})
+    is_at(core, 0)
+    assert core.command(CloseDock(1, 0, 7), 0) is None
+    assert tells(core, 0) == [
+        CommandFailed(0, 1, "aMussel 7 floats 10.0 m away: go nearer than 5 m before docking it")
+    ]
+    assert core.command(CloseDock(2, 0, 8), 0) == GoalOrder("run-2", PERCH, name="amussel8")

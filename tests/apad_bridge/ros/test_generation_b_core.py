@@ -346,3 +346,27 @@ def test_time_never_goes_back() -> None:
     apad.tells(1_000)
     with pytest.raises(ValueError, match="time went back"):
         apad.tells(999)
+
+
+def test_a_vehicle_that_is_heard_again_after_a_silence_is_told_again() -> None:
+    """It may have been rebooted, and a go-to that nobody runs would stall."""
+    apad = Apad()
+    apad.core.command(THERE, 0)
+    apad.answers(0)
+    apad.goes(0, Status.RUNNING)
+    for now_ms in range(1_000, 8_000, 1_000):
+        assert apad.tells(now_ms) == []
+    apad.is_at(8_000, 2.0, 3.0)
+    assert apad.tells(8_000) == []
+    assert apad.answers(8_000) == [GoToOrder(5.0, 6.0, 0.5, 0.5)]
+    apad.is_at(9_000, 2.0, 3.0)
+    apad.tells(9_000)
+    assert apad.answers(9_000) == []
+
+
+def test_a_virtual_docking_from_afar_fails() -> None:
+    apad = Apad({7: (2.0, 13.0)})
+    apad.core.command(CloseDock(1, 0, 7), 0)
+    assert apad.tells(0) == [
+        CommandFailed(0, 1, "aMussel 7 floats 10.0 m away: go nearer than 5 m before docking it")
+    ]

@@ -59,6 +59,26 @@ def test_a_script_that_waits_when_the_mission_ends_is_aborted() -> None:
     assert ends == ["enough", "enough"]
 
 
+def test_a_thread_that_a_script_starts_cannot_take_its_turn(pool: Scenario) -> None:
+    errors: list[str] = []
+
+    def helper(api: Api) -> None:
+        try:
+            api.now()
+        except RuntimeError as error:
+            errors.append(str(error))
+
+    def script(api: Api) -> None:
+        api.sleep(1)
+        thread = threading.Thread(target=helper, args=(api,))
+        thread.start()
+        thread.join(10)
+        api.sleep(1)
+
+    assert fly_script(pool, script).error is None
+    assert errors == ["the API is for the script's own thread: let the others hand it what they found"]
+
+
 def test_a_condition_may_look_but_not_wait() -> None:
     handover = Handover(PATIENT)
     handover.begin()

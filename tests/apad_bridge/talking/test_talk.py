@@ -80,12 +80,16 @@ def test_one_that_was_put_elsewhere_is_measured_again() -> None:
 def test_the_mission_s_words_wait_for_quiet_and_wifi_does_not() -> None:
     talk = Talk(replace(CONFIG, assigns=False, beacon_period_ms=0), CODEC, SLOTS, [1, 2])
     sound = Send(Medium.SOUND, 1, bytes(6))  # 105 + 22 x 12.5 = 380 ms
+    other = replace(sound, agent_id=2)
     radio = Send(Medium.WIFI, 1, bytes(6))
-    assert talk.timed([sound, radio, sound], 301_000) == [
+    assert talk.timed([sound, radio, other], 301_000) == [
         replace(sound, not_before_ms=310_000),
         radio,
-        replace(sound, not_before_ms=310_380),
+        replace(other, not_before_ms=310_380),
     ]
+    # What waits already is not said twice; once it has been said, it may be said again.
+    assert talk.timed([sound, radio], 305_000) == [radio]
+    assert talk.timed([sound], 311_000) == [replace(sound, not_before_ms=311_000)]
 
 
 def test_pings_go_round_those_who_hear() -> None:

@@ -1,4 +1,4 @@
-"""What a commanded mission keeps and hands over: its state, and the orders and notes of this tick."""
+"""What every mission keeps and hands over: its state, and the orders and notes of this tick."""
 
 from __future__ import annotations
 
@@ -6,14 +6,14 @@ from dataclasses import replace
 
 from apad_bridge.mission.orders import Note, Order
 from apad_bridge.mission.pool import SLOTS
-from apad_bridge.mission.state import MissionState, Phase
+from apad_bridge.mission.state import MissionState
 
 
 class OrderBook:
-    """`state` is one frozen value, as of every mission; it is in the journal whenever `snapshot` says so."""
+    """`state` is one frozen value; it is in the journal whenever `snapshot` says so."""
 
-    def __init__(self, state: MissionState | None) -> None:
-        self.state = replace(state or MissionState(), phase=Phase.COMMANDED)
+    def __init__(self, state: MissionState) -> None:
+        self.state = state
         self._orders: list[Order] = []
 
     @property
@@ -21,6 +21,14 @@ class OrderBook:
         """The agent in each dock, None for a free one."""
         held = dict(self.state.docked)
         return tuple(held.get(slot) for slot in range(SLOTS))
+
+    def dock_changed(self, slot: int, agent_id: int, closed: bool) -> None:
+        """A dock closed around an aMussel, or let it go."""
+        held = {at: agent for at, agent in self.state.docked if at != slot}
+        if closed:
+            held[slot] = agent_id
+        self.set(docked=tuple(sorted(held.items())))
+        self.note("dock", slot=slot, agent=agent_id, closed=closed)
 
     def note(self, kind: str, **data: object) -> None:
         """An event for the journal."""

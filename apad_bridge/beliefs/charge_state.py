@@ -1,0 +1,188 @@
+"""What a twin's filter estimates of one aMussel's power, and how it moves: seven numbers, learned together.
+
+Both charges at the anchor; the drain, relative to the nominal kind's; and four voltage biases, for a sensor reads low
+under a load and high on a charger. Drain and biases differ between aMussels and are learned while one is heard.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from filterpy.kalman import predict, update
+from numpy.typing import NDArray
+
+from apad_bridge.beliefs.knowledge import Knowledge, Sensor
+from apad_bridge.beliefs.load import Spent
+from apad_bridge.beliefs.mixture import held, normal_cdf, normal_pdf, truncated
+from apad_bridge.beliefs.modes import Mode
+
+Array = NDArray[np.float64]
+PRIMARY, SECONDARY, DRAIN, ASLEEP, AWAKE, HIGH, CHARGING = range(7)
+SIZE = 7
+_UNKNOWN_SD = 0.6
+"""Of a charge of which nothing is known: wider than [0, 1], so that the first packet alone decides."""
+_UNREAD = 1e4
+"""The variance of a reading at the end of its scale that says nothing: what is expected lies far beyond."""
+_KEPT = 4
+_ALIKE = 0.01
+_BIAS_OF = {
+    Mode.ASLEEP: ASLEEP,
+    Mode.IDLE: AWAKE,
+    Mode.HIGH_LOAD: HIGH,
+    Mode.SURFACING: AWAKE,
+    Mode.FLOATING: HIGH,
+    Mode.CHARGING_PRIMARY: CHARGING,
+    Mode.CHARGING_SECONDARY: CHARGING,
+    Mode.FULL: CHARGING,
+    Mode.LOST: ASLEEP,
+}
+
+
+class Anchor(NamedTuple):
+    """The state at a time when something was learned, as one of several Gaussians."""
+
+    weight: float
+    mean: Array
+    cov: Array
+
+
+def _reading(mode: Mode) -> Array:
+    """How the two measured charges come from the state: a load pulls at the primary alone, a charger lifts both."""
+    bias = _BIAS_OF[mode]
+    reading = np.zeros((2, SIZE))
+    reading[0, PRIMARY] = reading[1, SECONDARY] = reading[0, bias] = 1.0
+    if bias == CHARGING:
+        reading[1, CHARGING] = 1.0
+    return reading
+
+
+_READINGS = {mode: _reading(mode) for mode in Mode}
+_IDENTITY = np.eye(SIZE)
+
+
+def unmeasured(knowledge: Knowledge) -> tuple[Array, Array]:
+    sensor = knowledge.sensor
+    mean = np.array([0.5, 0.5, 1.0, *sensor.bias])
+    sds = (_UNKNOWN_SD, _UNKNOWN_SD, knowledge.drain_deviation, *sensor.bias_deviation)
+    return mean, np.diag(np.square(sds))
+
+
+def wandering(knowledge: Knowledge, elapsed_ms: int) -> Array:
+    """Process noise: the drain of an ageing battery wanders."""
+    noise = np.zeros((SIZE, SIZE))
+    noise[DRAIN, DRAIN] = knowledge.ageing_per_day**2 * elapsed_ms / 86_400_000
+    return noise
+
+
+def discharged(
+    mean: Array, cov: Array, spent: Spent, from_secondary: tuple[float, float], noise: Array
+) -> tuple[Array, Array]:
+    """The state after the primary gave `spent`, times its drain; (mean, variance) went out of the secondary.
+
+    Not yet held at 0. Raises nothing: a charge below 0 is one that would have run out.
+    """
+    transition = _IDENTITY.copy()
+    transition[PRIMARY, DRAIN] = -spent[1]
+    new_mean, new_cov = predict(mean, cov, transition, noise)
+    new_mean[SECONDARY] -= from_secondary[0]
+    new_cov[PRIMARY, PRIMARY] += (mean[DRAIN] ** 2 + cov[DRAIN, DRAIN]) * spent[2]
+    new_cov[SECONDARY, SECONDARY] += from_secondary[1]
+    return new_mean, new_cov
+
+
+def moved(mean: Array, cov: Array, row: int, to: tuple[float, float], slope: float) -> tuple[Array, Array]:
+    """One number of the state goes to mean and variance `to`; its covariances scale with `slope`."""
+    mean, cov = mean.copy(), cov.copy()
+    cov[row, :] *= slope
+    cov[:, row] *= slope
+    mean[row], cov[row, row] = to
+    return mean, cov
+
+
+def within(mean: Array, cov: Array, after_measuring: bool) -> tuple[Array, Array]:
+    """Both charges held at, or after a measurement cut to, [0, 1]."""
+    moments = truncated if after_measuring else held
+    for row in (PRIMARY, SECONDARY):
+        before = float(mean[row]), float(cov[row, row])
+        after = moments(*before)
+        if after != before:
+            slope = math.sqrt(after[1] / before[1]) if before[1] > 0 else 0.0
+            mean, cov = moved(mean, cov, row, after, slope)
+    return mean, cov
+
+
+def measured(
+    mean: Array, cov: Array, sensor: Sensor, mode: Mode, charges: tuple[float, float]
+) -> tuple[Array, Array, float, float]:
+    """The state that knows a packet's two charges; with them how probable the packet was (a log density), and by how many
+    deviations the primary's reading surprised."""
+    reading, bias = _READINGS[mode], _BIAS_OF[mode]
+    expected = reading @ mean
+    z = np.array(charges)
+    noise = np.diag([sensor.noise**2] * 2)
+    # Not filterpy's own log likelihood: that of its function is the posterior's, which no packet ever contradicts.
+    variance = float(cov[PRIMARY, PRIMARY] + 2 * cov[PRIMARY, bias] + cov[bias, bias] + noise[0, 0])
+    surprise = abs(float(z[0] - expected[0])) / math.sqrt(variance)
+    for row in (0, 1):
+        if z[row] <= 0 or z[row] >= 1:
+            spread = float(reading[row] @ cov @ reading[row])
+            z[row], noise[row, row] = _cut(float(expected[row]), spread, float(z[row]), sensor.noise**2)
+    new_mean, new_cov = update(mean, cov, z, noise, reading)
+    return new_mean, new_cov, -0.5 * (surprise**2 + math.log(variance)), surprise
+
+
+def _cut(expected: float, spread: float, end: float, noise: float) -> tuple[float, float]:
+    """A reading at an `end` of the scale, where readings are cut: (reading, variance) that do to a Kalman filter what
+    knowing does that the uncut reading lay beyond.
+
+    Ignoring such readings would leave only the low ones of a full battery, and its bias would be learned from them. The
+    moments are those of a Gaussian beyond a bound (Tobin's censored regression).
+    """
+    side = 1.0 if end > 0.5 else -1.0
+    total = spread + noise
+    sd = math.sqrt(total)
+    bound = side * (end - expected) / sd
+    beyond = normal_cdf(-bound)
+    if beyond < 1e-9:
+        return end, noise  # against all expectation; a plain reading says it well enough
+    rise = normal_pdf(bound) / beyond
+    narrowing = rise * (rise - bound)
+    if narrowing < total / _UNREAD:
+        return expected, _UNREAD
+    return expected + side * sd * rise / narrowing, total / narrowing - spread
+
+
+def matched(rows: Sequence[Anchor]) -> Anchor:
+    """One Gaussian of the same weight and first two moments as all of them."""
+    if len(rows) == 1:
+        return rows[0]
+    total = math.fsum(row.weight for row in rows)
+    mean = sum((row.weight / total * row.mean for row in rows), start=np.zeros(SIZE))
+    cov = np.zeros((SIZE, SIZE))
+    for row in rows:
+        away = row.mean - mean
+        cov += row.weight / total * (row.cov + np.outer(away, away))
+    return Anchor(total, mean, cov)
+
+
+def condensed(rows: Sequence[Anchor]) -> tuple[Anchor, ...]:
+    """The same in few: what is nearly alike becomes one, and so do the least of more than `_KEPT`. Weights add up to 1."""
+    kept: list[Anchor] = []
+    for row in sorted(rows, key=lambda row: -row.weight):
+        like = next((n for n, one in enumerate(kept) if _alike(one, row)), None)
+        if like is None:
+            kept.append(row)
+        else:
+            kept[like] = matched((kept[like], row))
+    if len(kept) > _KEPT:
+        kept[_KEPT - 1 :] = [matched(kept[_KEPT - 1 :])]
+    total = math.fsum(row.weight for row in kept)
+    return tuple(Anchor(weight / total, mean, cov) for weight, mean, cov in kept)
+
+
+def _alike(one: Anchor, other: Anchor) -> bool:
+    sds = math.sqrt(one.cov[PRIMARY, PRIMARY]), math.sqrt(other.cov[PRIMARY, PRIMARY])
+    return abs(float(one.mean[PRIMARY] - other.mean[PRIMARY])) < _ALIKE and abs(sds[0] - sds[1]) < _ALIKE

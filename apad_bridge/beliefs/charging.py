@@ -1,0 +1,53 @@
+"""A docked battery of uncertain charge, carried forward along the paper's charging curve (equation (2))."""
+
+from __future__ import annotations
+
+import math
+
+from apad_bridge.beliefs.knowledge import Charger
+
+_NODES = (-2.8569700138728, -1.3556261799743, 0.0, 1.3556261799743, 2.8569700138728)
+_WEIGHTS = (0.011257411327721, 0.222075922005613, 8 / 15, 0.222075922005613, 0.011257411327721)
+"""Gauss and Hermite's five points for a standard normal variable."""
+
+
+def charged(charger: Charger, coils: float, load_per_min: float, charge: float, minutes: float) -> float:
+    """From `charge`, after `minutes` under `coils` coils and a load that counts against them.
+
+    Not held at 1: the curve goes on, as if there were room, so that what is uncertain stays so until it is held.
+    """
+    charge = max(0.0, charge)
+    for end, rate in charger.segments:
+        net = coils * rate - load_per_min
+        if charge >= end and end < 1:
+            continue
+        if net <= 0:
+            return max(0.0, charge + net * minutes)
+        needs = (end - charge) / net
+        if needs >= minutes or end >= 1:
+            return charge + net * minutes
+        charge, minutes = end, minutes - needs
+    raise AssertionError("the last segment ends at 1")
+
+
+def carried(
+    charger: Charger, coils: float, load_per_min: float, mean: float, variance: float, minutes: float
+) -> tuple[float, float, float]:
+    """Mean and variance after `minutes`, not held at 1, and the regression of the new charge on the old one.
+
+    By five points of the old charge. How well the coils came to lie adds to the variance: by as much as one deviation
+    less would have charged less.
+    """
+    sd = math.sqrt(max(variance, 0.0))
+    middle = charged(charger, coils, load_per_min, mean, minutes)
+    less = charged(charger, coils * (1 - charger.deviation), load_per_min, mean, minutes)
+    extra = (middle - less) ** 2
+    if sd < 1e-6:
+        return middle, extra, 1.0
+    first = second = cross = 0.0
+    for node, weight in zip(_NODES, _WEIGHTS, strict=True):
+        new = charged(charger, coils, load_per_min, min(1.0, mean + sd * node), minutes)
+        first += weight * new
+        second += weight * new * new
+        cross += weight * node * new
+    return first, max(0.0, second - first * first) + extra, cross / sd

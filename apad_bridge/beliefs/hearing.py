@@ -1,0 +1,189 @@
+"""What a packet does to a twin's memory: weighing how the aMussel can have come to where it says it is.
+
+Filters are filterpy's, one for each hypothesis; their likelihoods decide between them, after a gate that a gross outlier
+does not pass, for it would make all of them alike.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+from apad_bridge.beliefs import charge_state as charge
+from apad_bridge.beliefs.charge_state import PRIMARY, SECONDARY, Anchor, Array
+from apad_bridge.beliefs.knowledge import Knowledge, Schedule
+from apad_bridge.beliefs.load import Load, Spent, carried
+from apad_bridge.beliefs.memory import Memory, charge_now, choices, heard_in, paths, sinking, submerged
+from apad_bridge.beliefs.modes import DOCKED, SUBMERGED, Mode
+from firmware_model.packets import StatusPacket
+from firmware_model.states import State
+
+_NEGLIGIBLE = 0.001
+"""A hypothesis less probable than this is not weighed, unless the likely one is contradicted."""
+_CONTRADICTION = 2.0
+_FORGOTTEN = 1e-6
+_GATE = 5.0
+"""In deviations of the reading; beyond the gate it is not believed until another agrees with it."""
+_AGREES = 4.0
+_UNTOLD_SD = 0.3
+"""Of a charge after something that nobody told of: docked by hand, or let go."""
+NOTHING = Spent(1.0, 0.0, 0.0)
+_ON_THE_WAY = (State.RELEASED, State.SINKING, State.BOOTING)
+"""They do not last, and say nothing of what it will do on the bottom."""
+
+
+class Ear:
+    def __init__(self, knowledge: Knowledge) -> None:
+        self.knowledge = knowledge
+
+    def weigh(self, memory: Memory, schedule: Schedule, packet: StatusPacket, mode: Mode) -> Memory:
+        """Corrects the charges by a packet that states `mode`: by one filter, or by several weighed against each other."""
+        if mode in DOCKED or memory.situation is Mode.CHARGING_PRIMARY:
+            hypotheses = self._about_the_dock(memory, mode)
+        else:
+            hypotheses = charge_now(memory, self.knowledge, self._paths(memory, schedule, mode))
+        return self.corrected(memory, schedule, hypotheses, packet, mode)
+
+    def _about_the_dock(self, memory: Memory, mode: Mode) -> list[Anchor]:
+        """Docked as was known; or docked, or let go, by somebody else: then the charge may be anything."""
+        if mode in DOCKED and memory.situation is Mode.CHARGING_PRIMARY:
+            return charge_now(memory, self.knowledge, ())
+        weight, mean, cov = charge.matched(charge_now(memory, self.knowledge, paths(memory.load)))
+        cov[PRIMARY, PRIMARY] += _UNTOLD_SD**2
+        return [Anchor(weight, mean, cov)]
+
+    def _paths(self, memory: Memory, schedule: Schedule, mode: Mode) -> list[Spent]:
+        """The ways in which it can have come to the stated mode, each with what it spent on it."""
+        load = memory.load
+        if mode in SUBMERGED:
+            if memory.unobeyed is not None:
+                load = self._without_permission(memory, schedule)
+            rest = load.as_it_lies(load.unexpected(mode))
+            rows = [load.expected, *rest] if mode is load.expected_mode else rest
+        elif memory.situation is None:
+            # It comes up unasked, or was told by somebody else.
+            _, mean, variance = load.total()
+            run = self.knowledge.drain.motor_run
+            rows = [Spent(1.0, mean + run, variance + run**2)]
+        else:
+            rows = paths(load)
+        total = math.fsum(row[0] for row in rows)
+        if total < _NEGLIGIBLE**2:  # what cannot be has been heard: all that is known is the total
+            _, mean, variance = load.total()
+            return [Spent(1.0, mean, variance + self.knowledge.drain_deviation**2)]
+        return [Spent(row[0] / total, row[1], row[2]) for row in rows if row[0] > 0]
+
+    def _without_permission(self, memory: Memory, schedule: Schedule) -> Load:
+        """What it spent if it never heard the permission."""
+        assert memory.unobeyed is not None
+        before, at_ms = memory.unobeyed
+        chosen = choices(memory, self.knowledge, schedule)
+        drain, habits = self.knowledge.drain, self.knowledge.habits
+        return carried(before, at_ms, memory.at_ms, drain.per_min, habits.every_ms, chosen)
+
+    def corrected(
+        self, memory: Memory, schedule: Schedule, hypotheses: list[Anchor], packet: StatusPacket, mode: Mode
+    ) -> Memory:
+        """By one filter for each hypothesis; the unlikely ones are not weighed while the likely one explains the packet."""
+        charges = (packet.primary, packet.secondary)
+        sensor = self.knowledge.sensor
+        total = math.fsum(row.weight for row in hypotheses)
+        hypotheses = sorted(map(_possible, hypotheses), key=lambda row: -row.weight)
+        rows: list[tuple[float, Array, Array]] = []
+        surprise = math.inf
+        for weight, mean, cov in hypotheses:
+            if rows and weight < _NEGLIGIBLE * total and surprise < _CONTRADICTION:
+                break
+            new_mean, new_cov, density, its_surprise = charge.measured(mean, cov, sensor, mode, charges)
+            rows.append((math.log(weight) + density, new_mean, new_cov))
+            surprise = min(surprise, its_surprise)
+        if surprise > _GATE:
+            return self._doubted(memory, schedule, hypotheses, packet, mode)
+        best = max(row[0] for row in rows)
+        after = [Anchor(math.exp(density - best), mean, cov) for density, mean, cov in rows]
+        likely = [row for row in after if row.weight > _FORGOTTEN]
+        return self._settled(
+            memory, schedule, within(charge.matched(likely), after_measuring=True), packet, mode, None
+        )
+
+    def _doubted(
+        self, memory: Memory, schedule: Schedule, hypotheses: list[Anchor], packet: StatusPacket, mode: Mode
+    ) -> Memory:
+        """A reading beyond the gate: its mode is believed and its charge is not, until the next one agrees with it.
+
+        Until then either may be wrong, and the belief says so.
+        """
+        before = charge.matched(hypotheses)
+        away = packet.primary - float(before.mean[PRIMARY])
+        memory = replace(memory, gated=memory.gated + 1)
+        near = _AGREES * self.knowledge.sensor.noise
+        if memory.suspect is None or abs(away - memory.suspect) > near:
+            doubted = before.cov.copy()
+            doubted[PRIMARY, PRIMARY] += (away / 2) ** 2
+            anchor = Anchor(1.0, before.mean, doubted)
+            return self._settled(
+                memory, schedule, within(anchor, after_measuring=False), packet, mode, suspect=away
+            )
+        cov = before.cov.copy()
+        cov[PRIMARY, PRIMARY] += away**2
+        charges = (packet.primary, packet.secondary)
+        mean, cov, _, _ = charge.measured(before.mean, cov, self.knowledge.sensor, mode, charges)
+        return self._settled(
+            memory, schedule, within(Anchor(1.0, mean, cov), after_measuring=True), packet, mode, None
+        )
+
+    def _settled(
+        self,
+        memory: Memory,
+        schedule: Schedule,
+        anchor: Anchor,
+        packet: StatusPacket,
+        mode: Mode,
+        suspect: float | None,
+    ) -> Memory:
+        """The anchor moves to the packet, which says what it is doing."""
+        situation: Mode | None = Mode.CHARGING_PRIMARY if mode in DOCKED else mode
+        if mode in SUBMERGED or mode is Mode.LOST or packet.state in _ON_THE_WAY:
+            situation = None
+        since_ms = memory.since_ms if situation is memory.situation else memory.at_ms
+        memory = anchored(
+            memory,
+            (anchor._replace(weight=1.0),),
+            situation,
+            since_ms=since_ms,
+            measured_ms=memory.at_ms,
+            measured_mode=mode,
+            suspect=suspect,
+            packet=(packet.sequence, packet.agent_ms),
+            **heard_in(memory, self.knowledge, mode),
+        )
+        if packet.state in _ON_THE_WAY:
+            spent = sinking(NOTHING, self.knowledge) if packet.state is State.RELEASED else NOTHING
+            return submerged(memory, self.knowledge, schedule, spent)
+        return memory
+
+
+def _possible(row: Anchor) -> Anchor:
+    """What would have run empty, or be more than full, is at that end: only then can a reading confirm it."""
+    if 0 <= row.mean[PRIMARY] <= 1 and 0 <= row.mean[SECONDARY] <= 1:
+        return row
+    return within(row, after_measuring=False)
+
+
+def within(row: Anchor, after_measuring: bool) -> Anchor:
+    return Anchor(row.weight, *charge.within(row.mean, row.cov, after_measuring))
+
+
+def anchored(memory: Memory, anchors: tuple[Anchor, ...], situation: Mode | None, **changes: Any) -> Memory:
+    """The charges stand at `at_ms`; nothing was spent since."""
+    settled: dict[str, Any] = {
+        "anchors": anchors,
+        "anchor_ms": memory.at_ms,
+        "load": Load.known(Mode.ASLEEP),
+        "situation": situation,
+        "since_ms": memory.at_ms,
+        "from_secondary": (0.0, 0.0),
+        "unobeyed": None,
+    }
+    return replace(memory, **(settled | changes))

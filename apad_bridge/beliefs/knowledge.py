@@ -1,0 +1,141 @@
+"""What a twin is told before it hears anything: how the firmware spends, what was commanded, how far to trust both.
+
+Charges are the paper's scaled voltage; rates are a minute of agent time; milliseconds are agent time unless said
+otherwise. Nothing here is learned in flight: what differs between aMussels is in the twin's state.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from dataclasses import dataclass
+
+from apad_bridge.beliefs.modes import SUBMERGED, Mode
+
+_SHARE_TOLERANCE = 1e-9
+
+
+@dataclass(frozen=True, slots=True)
+class Drain:
+    """What an aMussel of the nominal kind draws."""
+
+    per_min: tuple[float, ...]
+    """By `Mode`, of the battery that feeds the board."""
+    motor_run: float
+    """One run of the buoyancy motors, to surface or to sink."""
+    motor_deviation: float
+    """Of a way up or down, the run and all that goes with it."""
+    in_dock: float
+    """Of the load, the share that reaches a battery which is being charged."""
+
+    def __post_init__(self) -> None:
+        if len(self.per_min) != len(Mode):
+            raise ValueError(f"a drain is given for {len(self.per_min)} of {len(Mode)} modes")
+
+
+@dataclass(frozen=True, slots=True)
+class Charger:
+    segments: tuple[tuple[float, float], ...]
+    """(upper end on [0, 1], rate a minute) of one coil, rising; the last ends at 1 (equation (2))."""
+    primary: float
+    """What the primary's coils give, in coils."""
+    deviation: float
+    """Relative deviation of a docking's rate: how well the coils came to lie."""
+
+
+@dataclass(frozen=True, slots=True)
+class Sensor:
+    noise: float
+    """Deviation of one measured charge."""
+    bias: tuple[float, float, float, float]
+    """Expected asleep, awake, under high load, charging: voltage sags under a load and is lifted by a charger."""
+    bias_deviation: tuple[float, float, float, float]
+    apart_ms: int
+    """Of the readings within this time, in one mode, one is used: they share their error."""
+
+
+@dataclass(frozen=True, slots=True)
+class Habits:
+    """Which of `SUBMERGED` an aMussel takes up by itself, decided at whole multiples of `every_ms`."""
+
+    every_ms: int
+    unscheduled: float
+    """The share of times that differ from what the schedule says."""
+    stays: float
+    """Without a schedule: the probability of staying in the mode."""
+    shares: tuple[float, float, float]
+    """Without a schedule: which mode is changed to."""
+    daily: float
+    """Without a schedule, but one and the same plan: the probability that it does as at this time of another day."""
+    plan_lasts_ms: int
+    plan_deviation: float
+    """Without a schedule: of the mean drain, a minute, between one plan of days and another."""
+    seen_before: float
+    """How many decisions `shares` is worth beside those that are heard of one aMussel."""
+
+    def __post_init__(self) -> None:
+        if abs(sum(self.shares) - 1) > _SHARE_TOLERANCE or min(self.shares) < 0:
+            raise ValueError("the shares of the modes must add up to 1")
+        if not (0 <= self.unscheduled < 1 and 0 <= self.stays <= 1):
+            raise ValueError("unscheduled and stays are probabilities")
+
+
+@dataclass(frozen=True, slots=True)
+class Water:
+    """How a place is lost; mission time, for the water knows no theta."""
+
+    step_variance_m2: float
+    """Of the random drift, along one axis, a mission second."""
+    current_deviation_m_s: float
+    """Of a steady current along one axis."""
+    current_lasts_s: float
+    fix_deviation_m: float
+    """Of a place that a packet states, along one axis."""
+
+
+@dataclass(frozen=True, slots=True)
+class ClockKnowledge:
+    """Deviations: of an unheard clock's offset, of its drift, and of one reading with the sound's way in it."""
+
+    offset_ms: float
+    drift_ppm: float
+    reading_ms: float
+
+
+@dataclass(frozen=True, slots=True)
+class Knowledge:
+    theta: int
+    drain: Drain
+    charger: Charger
+    sensor: Sensor
+    habits: Habits
+    water: Water
+    drain_deviation: float
+    """Relative, between aMussels."""
+    ageing_per_day: float
+    """Deviation by which the relative drain wanders in a day."""
+    clock: ClockKnowledge
+    surfacing_ms: int
+    sinking_ms: int
+    float_timeout_ms: int
+    """Floating unserved for so long, it sinks again."""
+
+
+@dataclass(frozen=True, slots=True)
+class Schedule:
+    """Modes as last commanded: (agent ms from which, mode), rising; nothing is known before the first."""
+
+    starts_ms: tuple[int, ...]
+    modes: tuple[Mode, ...]
+
+    def __post_init__(self) -> None:
+        if len(self.starts_ms) != len(self.modes) or list(self.starts_ms) != sorted(set(self.starts_ms)):
+            raise ValueError("a schedule's times must rise, with a mode for each")
+        if not set(self.modes) <= set(SUBMERGED):
+            raise ValueError("a schedule commands what an aMussel does by itself: asleep, idle or high load")
+
+    def at(self, agent_ms: int) -> Mode | None:
+        n = bisect_right(self.starts_ms, agent_ms)
+        return self.modes[n - 1] if n else None
+
+
+UNKNOWN = Schedule((), ())

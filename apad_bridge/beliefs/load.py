@@ -1,0 +1,195 @@
+"""How much a submerged aMussel has spent since it was last measured, when nobody heard what it was doing.
+
+The charge spent is the integral of the modes' drains over a chain that may change mode at whole hours. Its first two
+moments, given the mode it is in now, follow exactly by the mixing of an interacting-multiple-model filter; the one path
+on which nothing unexpected happened is kept apart, because it alone has a sharp answer.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from apad_bridge.beliefs.knowledge import Habits
+from apad_bridge.beliefs.modes import SUBMERGED, Mode
+
+MS_PER_MIN = 60_000
+_NEVER = 1e-12
+
+
+Rows = tuple[tuple[float, float, float], ...]
+"""Probabilities [from][to] of a decision, in the order of `SUBMERGED`; filterpy's estimators index theirs alike."""
+
+
+class Choice(NamedTuple):
+    """What may be decided: `expected` None is to stay. `deviation` is of what an unknown plan draws until the next."""
+
+    rows: Rows
+    expected: Mode | None
+    deviation: float
+
+
+Choices = Callable[[int], Choice]
+"""By the agent time of a decision."""
+
+
+class Spent(NamedTuple):
+    """With `probability`, an amount of this mean and variance, at the nominal drain."""
+
+    probability: float
+    mean: float
+    variance: float
+
+
+@dataclass(frozen=True, slots=True)
+class Load:
+    """`by_mode` in the order of `SUBMERGED`; `expected` is the path without surprise, also contained in `by_mode`."""
+
+    by_mode: tuple[Spent, Spent, Spent]
+    expected: Spent
+    expected_mode: Mode
+    guesses: int = 0
+    """Decisions so far of which no schedule told."""
+
+    @classmethod
+    def known(cls, mode: Mode, spent: float = 0.0) -> Load:
+        """It is in `mode`, surely."""
+        rows = tuple(Spent(float(mode is one), spent, 0.0) for one in SUBMERGED)
+        return cls((rows[0], rows[1], rows[2]), Spent(1.0, spent, 0.0), mode)
+
+    @classmethod
+    def guessed(cls, shares: tuple[float, float, float], spent: float, variance: float = 0.0) -> Load:
+        """It is in any of the modes, with these probabilities."""
+        a, b, c = (Spent(share, spent, variance) for share in shares)
+        likely = max(SUBMERGED, key=shares.__getitem__)
+        return cls((a, b, c), Spent(shares[likely], spent, variance), likely)
+
+    def total(self) -> Spent:
+        return merged(self.by_mode)
+
+    def add(self, amount: float, its_variance: float = 0.0) -> Load:
+        """The same whatever it does."""
+        a, b, c = (Spent(p, mean + amount, variance + its_variance) for p, mean, variance in self.by_mode)
+        p, mean, variance = self.expected
+        return Load(
+            (a, b, c), Spent(p, mean + amount, variance + its_variance), self.expected_mode, self.guesses
+        )
+
+    def unexpected(self, mode: Mode) -> Spent:
+        """What remains of `mode` without the path on which nothing unexpected happened."""
+        whole = self.by_mode[mode]
+        return whole if mode is not self.expected_mode else _without(whole, self.expected)
+
+    def as_it_lies(self, rest: Spent) -> list[Spent]:
+        """A part of this load in its shape: where nobody knows the plan, little is usual and much is rare.
+
+        Two Gaussians of the same first two moments, the wider one on the side of much.
+        """
+        if not self.guesses:
+            return [rest]
+        p, mean, variance = rest
+        sd = math.sqrt(variance)
+        return [
+            Spent(0.7 * p, mean - 0.45 * sd, 0.2025 * variance),
+            Spent(0.3 * p, mean + 1.05 * sd, 1.28583 * variance),
+        ]
+
+    def spend(self, per_min: tuple[float, ...], elapsed_ms: int) -> Load:
+        """Every mode goes on for `elapsed_ms`."""
+        minutes = elapsed_ms / MS_PER_MIN
+        a, b, c = self.by_mode
+        p, mean, variance = self.expected
+        return Load(
+            (
+                Spent(a[0], a[1] + per_min[0] * minutes, a[2]),
+                Spent(b[0], b[1] + per_min[1] * minutes, b[2]),
+                Spent(c[0], c[1] + per_min[2] * minutes, c[2]),
+            ),
+            Spent(p, mean + per_min[self.expected_mode] * minutes, variance),
+            self.expected_mode,
+            self.guesses,
+        )
+
+    def choose(self, choice: Choice) -> Load:
+        """A time at which it may change its mode."""
+        rows, expected, deviation = choice
+        a, b, c = (self._entering(to, rows) for to in range(3))
+        guesses = self.guesses
+        if deviation:
+            # One plan of days draws more than another, hour after hour: that deviation grows with the time, not its root.
+            guesses += 1
+            more = (2 * guesses - 1) * deviation**2
+            a, b, c = (Spent(p, mean, variance + more) for p, mean, variance in (a, b, c))
+        new_mode = self.expected_mode if expected is None else expected
+        p, mean, variance = self.expected
+        path = Spent(p * rows[self.expected_mode][new_mode], mean, variance)
+        return Load((a, b, c), path, new_mode, guesses)
+
+    def _entering(self, to: int, rows: Rows) -> Spent:
+        return merged([Spent(one[0] * rows[n][to], one[1], one[2]) for n, one in enumerate(self.by_mode)])
+
+
+def merged(parts: tuple[Spent, ...] | list[Spent]) -> Spent:
+    """One of the same first two moments; parts of no probability count for nothing."""
+    probability = mean = square = 0.0
+    for p, m, v in parts:
+        probability += p
+        mean += p * m
+        square += p * (v + m * m)
+    if probability < _NEVER:
+        return Spent(0.0, parts[0][1], 0.0)
+    mean /= probability
+    return Spent(probability, mean, max(0.0, square / probability - mean * mean))
+
+
+def _without(whole: Spent, part: Spent) -> Spent:
+    probability = whole[0] - part[0]
+    if probability < 1e-9:
+        return Spent(0.0, whole[1], 0.0)
+    mean = (whole[0] * whole[1] - part[0] * part[1]) / probability
+    square = whole[0] * (whole[2] + whole[1] ** 2) - part[0] * (part[2] + part[1] ** 2)
+    return Spent(probability, mean, max(0.0, square / probability - mean * mean))
+
+
+def scheduled_rows(habits: Habits, mode: Mode) -> Rows:
+    """As commanded, but for the unscheduled share."""
+    aside = habits.unscheduled / 2
+    row = [aside, aside, aside]
+    row[mode] = 1 - habits.unscheduled
+    return ((row[0], row[1], row[2]),) * 3
+
+
+def usual_rows(
+    habits: Habits, shares: tuple[float, float, float], remembered: Mode | None, trust: float
+) -> Rows:
+    """Without a schedule: it stays, or changes to what is usual; or, with probability `trust`, does as `remembered`."""
+    rows = []
+    for stays in range(3):
+        row = [(1 - trust) * (1 - habits.stays) * share for share in shares]
+        row[stays] += (1 - trust) * habits.stays
+        if remembered is not None:
+            row[remembered] += trust
+        rows.append((row[0], row[1], row[2]))
+    return tuple(rows)
+
+
+def carried(
+    load: Load,
+    from_ms: int,
+    to_ms: int,
+    per_min: tuple[float, ...],
+    every_ms: int,
+    choices: Choices,
+) -> Load:
+    """The load of `from_ms` at `to_ms`: from decision to decision, each span in closed form."""
+    at_ms = from_ms
+    while True:
+        decision_ms = (at_ms // every_ms + 1) * every_ms
+        end_ms = min(decision_ms, to_ms)
+        load = load.spend(per_min, end_ms - at_ms)
+        if decision_ms > to_ms:
+            return load
+        load = load.choose(choices(decision_ms))
+        at_ms = decision_ms

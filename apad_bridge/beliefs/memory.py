@@ -1,0 +1,255 @@
+"""All that a twin keeps of one aMussel, how time passes for it, and what of it others are told.
+
+The charges stand at an anchor, the last time at which they were measured or a dock took or gave the aMussel. What was
+spent since is kept apart (`Load`), so that time passes in closed form and nothing is rounded by asking often.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from apad_bridge.beliefs import charge_state as charge
+from apad_bridge.beliefs import charging, load
+from apad_bridge.beliefs.belief import Clock
+from apad_bridge.beliefs.charge_state import DRAIN, PRIMARY, SECONDARY, Anchor, Array
+from apad_bridge.beliefs.knowledge import Habits, Knowledge, Schedule
+from apad_bridge.beliefs.load import MS_PER_MIN, Load, Spent, merged
+from apad_bridge.beliefs.mixture import Part, below
+from apad_bridge.beliefs.modes import SUBMERGED, Mode
+from apad_bridge.beliefs.place import Place
+
+_UNLIKELY = 1e-3
+"""A hypothesis below this is left out."""
+_FAR_FROM_EMPTY = 0.4
+DAY_MS = 86_400_000
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Memory:
+    """Agent time, but for the place's. `situation` is None while it is submerged and does as it will."""
+
+    at_ms: int
+    anchors: tuple[Anchor, ...]
+    """The most probable first."""
+    anchor_ms: int
+    load: Load
+    situation: Mode | None
+    since_ms: int
+    place: Place
+    place_ms: int
+    """Mission time."""
+    clock: Clock
+    clock_ms: int
+    packet: tuple[int, int]
+    """(sequence, agent time stated) of the newest."""
+    from_secondary: tuple[float, float] = (0.0, 0.0)
+    """Mean and deviation of what the secondary gave since the anchor."""
+    unobeyed: tuple[Load, int] | None = None
+    """The load and its time, were the permission not heard."""
+    seen: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """How often each of `SUBMERGED` was heard."""
+    day: tuple[tuple[Mode, int] | None, ...] = ()
+    """By decision of the day, what it was heard to do last and at which decision; empty when nobody asks."""
+    measured_ms: int = -1
+    measured_mode: Mode | None = None
+    suspect: float | None = None
+    """The last reading that was too far away to be believed."""
+    gated: int = 0
+
+    @property
+    def mean(self) -> Array:
+        """Of the most probable anchor."""
+        return self.anchors[0].mean
+
+    @property
+    def cov(self) -> Array:
+        return self.anchors[0].cov
+
+
+def shares_of(memory: Memory, knowledge: Knowledge) -> tuple[float, float, float]:
+    """Which modes this one takes up, from what is usual and what was heard of it."""
+    prior, habits = knowledge.habits.seen_before, knowledge.habits.shares
+    total = prior + sum(memory.seen)
+    a, b, c = ((prior * usual + n) / total for usual, n in zip(habits, memory.seen, strict=True))
+    return a, b, c
+
+
+def choices(memory: Memory, knowledge: Knowledge, schedule: Schedule) -> load.Choices:
+    """For the time of a decision: by schedule where there is one, else by what is usual and what was heard of this one."""
+    habits = knowledge.habits
+
+    def at(decision_ms: int) -> load.Choice:
+        scheduled = schedule.at(decision_ms)
+        if scheduled is not None:
+            return load.Choice(load.scheduled_rows(habits, scheduled), scheduled, 0.0)
+        deviation = habits.plan_deviation * habits.every_ms / MS_PER_MIN
+        number, shares = decision_ms // habits.every_ms, shares_of(memory, knowledge)
+        heard = memory.day[number % len(memory.day)] if memory.day else None
+        trust = 0.0 if heard is None else _trust(habits, (number - heard[1]) * habits.every_ms)
+        if heard is None or trust <= 0:
+            return load.Choice(load.usual_rows(habits, shares, None, 0.0), None, deviation)
+        expected = heard[0] if trust > 0.5 else None
+        return load.Choice(load.usual_rows(habits, shares, heard[0], trust), expected, deviation)
+
+    return at
+
+
+def _trust(habits: Habits, age_ms: int) -> float:
+    """How far it still does what it was heard to do so long ago at the same hour: a new plan may have come since."""
+    return habits.daily * max(0.0, 1 - age_ms / habits.plan_lasts_ms)
+
+
+def heard_in(memory: Memory, knowledge: Knowledge, mode: Mode) -> dict[str, Any]:
+    """What changes when it was heard to be in `mode`: what it usually does, and what it does at this hour."""
+    if mode not in SUBMERGED:
+        return {}
+    a, b, c = (n + (one is mode) for n, one in zip(memory.seen, SUBMERGED, strict=True))
+    changes: dict[str, Any] = {"load": Load.known(mode), "seen": (a, b, c)}
+    habits = knowledge.habits
+    if habits.daily:
+        decisions, number = DAY_MS // habits.every_ms, memory.at_ms // habits.every_ms
+        day = list(memory.day or (None,) * decisions)
+        day[number % decisions] = (mode, number)
+        changes["day"] = tuple(day)
+    return changes
+
+
+def advanced(memory: Memory, knowledge: Knowledge, schedule: Schedule, to_ms: int) -> Memory:
+    """The memory at agent time `to_ms`, nothing more having been learned."""
+    elapsed_ms = to_ms - memory.at_ms
+    if elapsed_ms <= 0:
+        return memory
+    if memory.situation is Mode.CHARGING_PRIMARY:
+        return replace(memory, at_ms=to_ms)
+    if memory.situation is not None:
+        return _afloat(memory, knowledge, schedule, to_ms)
+    decide = choices(memory, knowledge, schedule)
+    every_ms, per_min = knowledge.habits.every_ms, knowledge.drain.per_min
+    spent = load.carried(memory.load, memory.at_ms, to_ms, per_min, every_ms, decide)
+    later = replace(memory, at_ms=to_ms, load=spent)
+    if _is_far_from_empty(later):
+        return later  # the common case costs nothing
+    while memory.at_ms < to_ms:
+        next_ms = min(to_ms, (memory.at_ms // every_ms + 1) * every_ms)
+        spent = load.carried(memory.load, memory.at_ms, next_ms, per_min, every_ms, decide)
+        later = replace(memory, at_ms=next_ms, load=spent)
+        memory = _on_the_backup(later, knowledge, next_ms - memory.at_ms)
+    return memory
+
+
+def _afloat(memory: Memory, knowledge: Knowledge, schedule: Schedule, to_ms: int) -> Memory:
+    """Surfacing, then floating, until it is taken or sinks again by itself."""
+    per_min, surfaced_ms = knowledge.drain.per_min, memory.since_ms + knowledge.surfacing_ms
+    sinks_ms = surfaced_ms + knowledge.float_timeout_ms
+    at_ms, spent, situation = memory.at_ms, memory.load, memory.situation
+    if situation is Mode.SURFACING:
+        end_ms = min(to_ms, max(at_ms, surfaced_ms))
+        spent = spent.add(per_min[Mode.SURFACING] * (end_ms - at_ms) / MS_PER_MIN)
+        at_ms = end_ms
+        if to_ms >= surfaced_ms:
+            situation = Mode.FLOATING
+    if situation is Mode.FLOATING:
+        end_ms = min(to_ms, max(at_ms, sinks_ms))
+        spent = spent.add(per_min[Mode.FLOATING] * (end_ms - at_ms) / MS_PER_MIN)
+        at_ms = end_ms
+    later = replace(memory, at_ms=at_ms, load=spent, situation=situation)
+    if to_ms > at_ms:
+        later = submerged(later, knowledge, schedule, sinking(spent.total(), knowledge))
+        return advanced(later, knowledge, schedule, to_ms)
+    return later
+
+
+def sinking(spent: Spent, knowledge: Knowledge) -> Spent:
+    """`spent`, and one way down, awake."""
+    drain = knowledge.drain
+    awake = drain.per_min[Mode.IDLE] * knowledge.sinking_ms / MS_PER_MIN
+    return Spent(spent[0], spent[1] + drain.motor_run + awake, spent[2] + drain.motor_deviation**2)
+
+
+def submerged(memory: Memory, knowledge: Knowledge, schedule: Schedule, spent: Spent) -> Memory:
+    """Down again at `at_ms`, having spent `spent` since the anchor: it takes up what it was told to, or what is usual."""
+    shares = shares_of(memory, knowledge)
+    if schedule.at(memory.at_ms) is not None:
+        shares = choices(memory, knowledge, schedule)(memory.at_ms).rows[0]
+    guess = Load.guessed(shares, spent[1], spent[2])
+    return replace(memory, load=guess, situation=None, since_ms=memory.at_ms, unobeyed=None)
+
+
+def _is_far_from_empty(memory: Memory) -> bool:
+    spent = memory.load.total()
+    mean = float(memory.mean[PRIMARY]) - float(memory.mean[DRAIN]) * spent[1]
+    return mean > _FAR_FROM_EMPTY or mean - 4 * math.sqrt(float(memory.cov[PRIMARY, PRIMARY]) + spent[2]) > 0
+
+
+def _on_the_backup(memory: Memory, knowledge: Knowledge, elapsed_ms: int) -> Memory:
+    """With its primary empty an aMussel sleeps on the secondary, whatever was planned: for a span within one decision."""
+    empty = below(primary_parts(memory, knowledge), 0.0)
+    if empty < _UNLIKELY:
+        return memory
+    amount = float(memory.mean[DRAIN]) * knowledge.drain.per_min[Mode.ASLEEP] * elapsed_ms / MS_PER_MIN
+    mean, sd = memory.from_secondary
+    spread = math.sqrt(empty * (1 - empty)) * amount
+    return replace(memory, from_secondary=(mean + empty * amount, sd + spread))
+
+
+def primary_parts(memory: Memory, knowledge: Knowledge) -> tuple[Part, ...]:
+    """The primary charge at `at_ms` as a mixture, not held at its ends."""
+    parts = []
+    for weight, mean, cov in memory.anchors:
+        at, drain = float(mean[PRIMARY]), float(mean[DRAIN])
+        at_var, drain_var = float(cov[PRIMARY, PRIMARY]), float(cov[DRAIN, DRAIN])
+        both = float(cov[PRIMARY, DRAIN])
+        for probability, spent, variance in paths(memory.load):
+            if weight * probability < _UNLIKELY:
+                continue
+            spread = (
+                at_var - 2 * spent * both + spent * spent * drain_var + (drain * drain + drain_var) * variance
+            )
+            parts.append(Part(weight * probability, at - drain * spent, math.sqrt(max(0.0, spread))))
+    total = math.fsum(part.weight for part in parts)
+    return tuple(Part(weight / total, mean, sd) for weight, mean, sd in parts)
+
+
+def paths(load: Load) -> list[Spent]:
+    """The ways in which it may have spent: as expected, and otherwise."""
+    if load.expected[0] > 1 - _UNLIKELY:
+        return [load.expected]
+    rest = merged([load.unexpected(mode) for mode in SUBMERGED])
+    return [load.expected, *load.as_it_lies(rest)]
+
+
+def charge_now(memory: Memory, knowledge: Knowledge, spent: Sequence[Spent]) -> list[Anchor]:
+    """The state at `at_ms`, from each anchor by each way of spending; docked, nothing is spent. Not held at its ends."""
+    noise = charge.wandering(knowledge, memory.at_ms - memory.anchor_ms)
+    found = []
+    if memory.situation is Mode.CHARGING_PRIMARY:
+        for anchor, rows in zip(memory.anchors, in_dock(memory, knowledge), strict=True):
+            mean, cov = anchor.mean, anchor.cov + noise
+            for row, moments in zip((PRIMARY, SECONDARY), rows, strict=True):
+                mean, cov = charge.moved(mean, cov, row, moments[:2], moments[2])
+            found.append(Anchor(anchor.weight, mean, cov))
+        return found
+    from_mean, from_sd = memory.from_secondary
+    for weight, mean, cov in memory.anchors:
+        for one in spent:
+            if weight * one[0] > _UNLIKELY**2:
+                new = charge.discharged(mean, cov, one, (from_mean, from_sd**2), noise)
+                found.append(Anchor(weight * one[0], *new))
+    return found
+
+
+def in_dock(memory: Memory, knowledge: Knowledge) -> list[tuple[tuple[float, float, float], ...]]:
+    """(mean, variance, slope) of both batteries at `at_ms`, by anchor; the primary feeds the board."""
+    minutes = (memory.at_ms - memory.anchor_ms) / MS_PER_MIN
+    drain, coils = knowledge.drain, knowledge.charger.primary
+    against = drain.in_dock * drain.per_min[Mode.CHARGING_PRIMARY]
+    return [
+        tuple(
+            charging.carried(knowledge.charger, count, lost, float(mean[row]), float(cov[row, row]), minutes)
+            for row, count, lost in ((PRIMARY, coils, against * float(mean[DRAIN])), (SECONDARY, 1.0, 0.0))
+        )
+        for _, mean, cov in memory.anchors
+    ]

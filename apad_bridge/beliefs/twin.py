@@ -1,0 +1,226 @@
+"""The twin: what an aMussel is thought to be, by the firmware's own rules run forward and corrected by what is heard.
+
+Prediction follows what was commanded and what the aPad did (permission, docking, release); only where an aMussel may
+have chosen for itself is there more than one hypothesis. A packet states its mode, so that hearing one in time corrects
+a single Kalman filter. The mixture is weighed only after silence, or when a packet contradicts what was expected.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+from apad_bridge.beliefs import charge_state as charge
+from apad_bridge.beliefs import clock as clocks
+from apad_bridge.beliefs.belief import Belief, Source
+from apad_bridge.beliefs.charge_state import Anchor
+from apad_bridge.beliefs.hearing import NOTHING, Ear, anchored, within
+from apad_bridge.beliefs.knowledge import UNKNOWN, Knowledge, Schedule
+from apad_bridge.beliefs.load import Load
+from apad_bridge.beliefs.measurement import (
+    Docked,
+    Fixed,
+    Heard,
+    Measurement,
+    Permitted,
+    Ranged,
+    Rejected,
+    Released,
+    SlotSilent,
+)
+from apad_bridge.beliefs.memory import (
+    Memory,
+    advanced,
+    charge_now,
+    paths,
+    sinking,
+    submerged,
+)
+from apad_bridge.beliefs.modes import SUBMERGED, Mode, mode_of
+from apad_bridge.beliefs.place import Place
+from apad_bridge.beliefs.told import told
+from firmware_model.packets import StatusPacket
+
+_CLOCK_APART_MS = 600_000
+"""Agent time between two readings of a clock."""
+_FIX_APART_MS = 10_000
+"""Mission time between two fixes that a packet brings along."""
+_TURN_MS = 7_919
+_DOCK_VARIANCE_M2 = 1.0
+
+
+class Twin:
+    """An `Estimator`. `schedules` are those that were commanded, by agent id; an aMussel without one does as is usual."""
+
+    def __init__(self, knowledge: Knowledge, schedules: Mapping[int, Schedule]) -> None:
+        self.knowledge = knowledge
+        self._schedules = schedules
+        self._ear = Ear(knowledge)
+
+    def predict(self, belief: Belief, to_ms: int) -> Belief:
+        if to_ms < belief.at_ms:
+            raise ValueError(f"time went back: {to_ms} before {belief.at_ms}")
+        memory = self._carried(belief, to_ms)
+        return self._tell(belief, memory, to_ms, belief.learned_from)
+
+    def update(self, belief: Belief | None, measurement: Measurement) -> Belief | None:
+        if isinstance(measurement, Heard):
+            return self._hear(belief, measurement.packet, measurement.at_ms)
+        if belief is None:
+            return None
+        at_ms = max(measurement.at_ms, belief.at_ms)
+        memory = self._carried(belief, at_ms)
+        match measurement:
+            case SlotSilent():
+                silent = replace(belief, silent_slots=belief.silent_slots + 1)
+                return self._tell(silent, memory, at_ms, belief.learned_from | Source.SILENCE)
+            case Permitted():
+                memory = self._permitted(memory, belief.agent_id)
+                return self._tell(belief, memory, at_ms, belief.learned_from)
+            case Docked():
+                return self._tell(belief, self._docked(memory), at_ms, belief.learned_from | Source.DOCKING)
+            case Released(_, north_m, east_m):
+                memory = self._released(memory, belief.agent_id)
+                place = Place.at(north_m, east_m, _DOCK_VARIANCE_M2, self.knowledge.water)
+                memory = replace(memory, place=place, place_ms=at_ms)
+                return self._tell(belief, memory, at_ms, belief.learned_from | Source.RELEASE)
+            case Fixed(_, north_m, east_m, variance_m2):
+                place = self._place(memory, at_ms).fixed(north_m, east_m, variance_m2, self.knowledge.water)
+            case Ranged(_, range_m, north_m, east_m, variance_m2):
+                place = self._place(memory, at_ms).ranged(range_m, north_m, east_m, variance_m2)
+        memory = replace(memory, place=place, place_ms=at_ms)
+        return self._tell(belief, memory, at_ms, belief.learned_from | Source.RANGE)
+
+    # Time.
+
+    def _schedule(self, agent_id: int) -> Schedule:
+        return self._schedules.get(agent_id, UNKNOWN)
+
+    def _agent_ms(self, memory: Memory, at_ms: int) -> int:
+        """What its own clock shows at mission time `at_ms`, as far as that is known."""
+        return self.knowledge.theta * at_ms + round(memory.clock.offset_ms)
+
+    def _carried(self, belief: Belief, to_ms: int) -> Memory:
+        memory = belief.memory
+        assert isinstance(memory, Memory), "a belief of another estimator"
+        schedule = self._schedule(belief.agent_id)
+        return advanced(memory, self.knowledge, schedule, self._agent_ms(memory, to_ms))
+
+    def _place(self, memory: Memory, at_ms: int) -> Place:
+        afloat = memory.situation in (Mode.SURFACING, Mode.FLOATING)
+        return memory.place.carried(self.knowledge.water, (at_ms - memory.place_ms) / 1000, afloat)
+
+    def _tell(self, belief: Belief, memory: Memory, at_ms: int, learned_from: Source) -> Belief:
+        return told(
+            memory,
+            self.knowledge,
+            belief.agent_id,
+            belief.heard_ms,
+            belief.state,
+            at_ms,
+            learned_from,
+            belief.silent_slots,
+        )
+
+    # What the aPad did.
+
+    def _permitted(self, memory: Memory, agent_id: int) -> Memory:
+        """It surfaces, most probably; the permission may be repeated."""
+        if memory.situation is not None:
+            return memory
+        drain = self.knowledge.drain
+        return replace(
+            memory,
+            load=memory.load.add(drain.motor_run, drain.motor_deviation**2),
+            situation=Mode.SURFACING,
+            since_ms=memory.at_ms,
+            unobeyed=(memory.load, memory.at_ms),
+        )
+
+    def _docked(self, memory: Memory) -> Memory:
+        if memory.situation is Mode.CHARGING_PRIMARY:
+            return memory
+        return anchored(memory, self._held_now(memory), Mode.CHARGING_PRIMARY)
+
+    def _released(self, memory: Memory, agent_id: int) -> Memory:
+        memory = anchored(memory, self._held_now(memory), None)
+        spent = sinking(NOTHING, self.knowledge)
+        return submerged(memory, self.knowledge, self._schedule(agent_id), spent)
+
+    def _held_now(self, memory: Memory) -> tuple[Anchor, ...]:
+        """What may be, held at the ends: a few hypotheses, for a low charge stays far behind in a dock."""
+        rows = charge_now(memory, self.knowledge, paths(memory.load))
+        return charge.condensed([within(row, after_measuring=False) for row in rows])
+
+    # What was heard.
+
+    def _hear(self, belief: Belief | None, packet: StatusPacket, at_ms: int) -> Belief:
+        mode = mode_of(packet.state, packet.primary, packet.secondary)
+        if belief is None:
+            return self._first(packet, mode, at_ms)
+        memory = belief.memory
+        assert isinstance(memory, Memory), "a belief of another estimator"
+        if (packet.sequence, packet.agent_ms) == memory.packet:
+            raise Rejected("a status that was heard already")
+        if packet.agent_ms < memory.packet[1]:
+            raise Rejected("a status that a newer one overtook")
+        at_ms = max(at_ms, belief.at_ms)
+        memory = self._carried(belief, at_ms)
+        if self._tells_news(memory, belief.agent_id, mode):
+            if memory.at_ms - memory.clock_ms >= _CLOCK_APART_MS:
+                memory = self._read_clock(memory, packet, at_ms)
+            if at_ms - memory.place_ms >= _FIX_APART_MS:
+                memory = self._fixed(memory, packet, at_ms)
+            memory = self._ear.weigh(memory, self._schedule(belief.agent_id), packet, mode)
+        else:
+            memory = replace(memory, packet=(packet.sequence, packet.agent_ms))
+        heard = replace(belief, heard_ms=at_ms, carried_ms=0, state=packet.state, silent_slots=0)
+        return self._tell(heard, memory, at_ms, Source.PACKET)
+
+    def _tells_news(self, memory: Memory, agent_id: int, mode: Mode) -> bool:
+        """Of readings near to each other in one mode only the first is used; fleets take turns, so that ticks are alike."""
+        if mode is not memory.measured_mode:
+            return True
+        apart_ms = self.knowledge.sensor.apart_ms
+        turn_ms = agent_id * _TURN_MS % apart_ms
+        return (memory.at_ms + turn_ms) // apart_ms > (memory.measured_ms + turn_ms) // apart_ms
+
+    def _first(self, packet: StatusPacket, mode: Mode, at_ms: int) -> Belief:
+        knowledge = self.knowledge
+        mean, cov = charge.unmeasured(knowledge)
+        nominal_ms = knowledge.theta * at_ms
+        clock = clocks.read(
+            clocks.unread(knowledge.clock.offset_ms, knowledge.clock.drift_ppm),
+            packet.agent_ms - nominal_ms,
+            knowledge.clock.reading_ms,
+        )
+        place = Place.at(packet.north_m, packet.east_m, knowledge.water.fix_deviation_m**2, knowledge.water)
+        memory = Memory(
+            nominal_ms + round(clock.offset_ms),
+            (Anchor(1.0, mean, cov),),
+            nominal_ms,
+            Load.known(mode if mode in SUBMERGED else Mode.IDLE),
+            None,
+            nominal_ms,
+            place,
+            at_ms,
+            clock,
+            nominal_ms,
+            (packet.sequence, packet.agent_ms),
+        )
+        memory = self._ear.corrected(
+            memory, self._schedule(packet.agent_id), [Anchor(1.0, mean, cov)], packet, mode
+        )
+        return told(memory, knowledge, packet.agent_id, at_ms, packet.state, at_ms, Source.PACKET, 0)
+
+    def _read_clock(self, memory: Memory, packet: StatusPacket, at_ms: int) -> Memory:
+        nominal_ms = self.knowledge.theta * at_ms
+        clock = clocks.carried(memory.clock, nominal_ms - memory.clock_ms)
+        clock = clocks.read(clock, packet.agent_ms - nominal_ms, self.knowledge.clock.reading_ms)
+        return replace(memory, clock=clock, clock_ms=nominal_ms)
+
+    def _fixed(self, memory: Memory, packet: StatusPacket, at_ms: int) -> Memory:
+        water = self.knowledge.water
+        variance_m2 = water.fix_deviation_m**2
+        place = self._place(memory, at_ms).fixed(packet.north_m, packet.east_m, variance_m2, water)
+        return replace(memory, place=place, place_ms=at_ms)

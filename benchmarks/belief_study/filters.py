@@ -1,0 +1,144 @@
+"""The study's filters, each turning one aMussel's events into a belief at every hour: ours, the oracle, and hold-last."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from apad_bridge.beliefs.belief import Belief
+from apad_bridge.beliefs.hold_last import LastPacket
+from apad_bridge.beliefs.knowledge import (
+    Charger,
+    ClockKnowledge,
+    Drain,
+    Habits,
+    Knowledge,
+    Schedule,
+    Sensor,
+    Water,
+)
+from apad_bridge.beliefs.measurement import Docked, Heard, Permitted, Released, SlotSilent
+from apad_bridge.beliefs.modes import Mode
+from apad_bridge.beliefs.twin import Twin
+from benchmarks.belief_study.truth import Doing, Event, Life
+from firmware_model.packets import StatusPacket
+from firmware_model.states import State
+
+MINUTE = 60_000
+_STATES = {
+    Doing.ASLEEP: State.SLEEPING,
+    Doing.IDLE: State.ACTIVE,
+    Doing.HIGH: State.PROCESSING,
+    Doing.SURFACING: State.SURFACING,
+    Doing.FLOATING: State.FLOATING,
+    Doing.DOCKED: State.CHARGING,
+    Doing.SINKING: State.SINKING,
+    Doing.EMPTY: State.EMPTY,
+}
+NOMINAL = Knowledge(
+    theta=1,
+    drain=Drain(
+        # Asleep, idle, high load, surfacing, floating, docked three times, lost: what the nominal kind draws.
+        (0.0000674, 0.0010427, 0.0018, 0.0010427, 0.0031824, 0.0000674, 0.0000674, 0.0000674, 0.0),
+        motor_run=0.0268,
+        motor_deviation=0.003,
+        in_dock=0.6037,
+    ),
+    charger=Charger(
+        ((0.16197, 0.001045), (0.5634, 0.00223), (1.0, 0.002911)), primary=1.2435, deviation=0.04
+    ),
+    sensor=Sensor(0.015, (0.0, -0.01, -0.03, 0.03), (0.004, 0.006, 0.011, 0.011), apart_ms=5 * MINUTE),
+    habits=Habits(
+        every_ms=60 * MINUTE,
+        unscheduled=0.033,
+        stays=0.55,
+        shares=(0.80, 0.16, 0.04),
+        daily=0.92,
+        plan_lasts_ms=5 * 24 * 60 * MINUTE,
+        plan_deviation=0.007 / 60,
+        seen_before=40,
+    ),
+    water=Water(step_variance_m2=0.0, current_deviation_m_s=0.0, current_lasts_s=3600.0, fix_deviation_m=1.0),
+    drain_deviation=0.06,
+    ageing_per_day=0.002,
+    clock=ClockKnowledge(1000.0, 20.0, 1000.0),
+    surfacing_ms=4 * MINUTE,
+    sinking_ms=4 * MINUTE,
+    float_timeout_ms=12 * 60 * MINUTE,
+)
+"""What is told to a filter of the study's aMussels: the kind, not the one."""
+
+
+def twin(life: Life, agent: int, knows_schedule: bool) -> Twin:
+    return Twin(NOMINAL, _schedules(life, agent, knows_schedule))
+
+
+def oracle(life: Life, agent: int, knows_schedule: bool) -> Twin:
+    """The same filter, told the true drain and the true biases of this aMussel."""
+    knowledge = NOMINAL
+    drain = knowledge.drain
+    factor = float(life.drain[agent])
+    sag = life.sag[agent]
+    told = replace(
+        knowledge,
+        drain=replace(
+            drain,
+            per_min=tuple(rate * factor for rate in drain.per_min),
+            motor_run=drain.motor_run * factor,
+        ),
+        sensor=replace(
+            knowledge.sensor,
+            bias=tuple(float(sag[doing]) for doing in (Doing.ASLEEP, Doing.IDLE, Doing.HIGH, Doing.DOCKED)),
+            bias_deviation=(1e-4, 1e-4, 1e-4, 1e-4),
+        ),
+        drain_deviation=1e-3,
+    )
+    return Twin(told, _schedules(life, agent, knows_schedule))
+
+
+def hold_last(life: Life, agent: int, knows_schedule: bool) -> LastPacket:
+    return LastPacket()
+
+
+def _schedules(life: Life, agent: int, knows_schedule: bool) -> dict[int, Schedule]:
+    if not knows_schedule:
+        return {}
+    modes = life.scheduled[agent]
+    changes = [0, *(np.flatnonzero(np.diff(modes)) + 1)]
+    schedule = Schedule(
+        tuple(int(hour) * 60 * MINUTE for hour in changes), tuple(Mode(int(modes[hour])) for hour in changes)
+    )
+    return {agent: schedule}
+
+
+def beliefs(life: Life, agent: int, estimator: object, heard: np.ndarray) -> Iterator[tuple[int, Belief]]:
+    """(hour, belief) at each slot, from the first packet on; `heard` says in which hours the packet came."""
+    belief: Belief | None = None
+    events = iter([*life.events[agent], (1 << 60, Event.RELEASED)])
+    at_min, event = next(events)
+    for hour in range(life.primary.shape[1]):
+        slot_min = 60 * hour + int(life.slot[agent])
+        while at_min <= slot_min:
+            belief = estimator.update(belief, _done(event, at_min * MINUTE))
+            at_min, event = next(events)
+        now_ms = slot_min * MINUTE
+        if heard[hour]:
+            belief = estimator.update(belief, Heard(now_ms, _packet(life, agent, hour, now_ms)))
+        elif belief is not None:
+            belief = estimator.update(belief, SlotSilent(now_ms))
+        if belief is not None:
+            yield hour, belief
+
+
+def _done(event: Event, at_ms: int) -> Permitted | Docked | Released:
+    if event is Event.PERMITTED:
+        return Permitted(at_ms)
+    return Docked(at_ms) if event is Event.DOCKED else Released(at_ms, 0.0, 0.0)
+
+
+def _packet(life: Life, agent: int, hour: int, now_ms: int) -> StatusPacket:
+    state = _STATES[Doing(int(life.doing[agent, hour]))]
+    primary, secondary = (float(one) for one in life.measured[agent, hour])
+    return StatusPacket(agent, hour, state, primary, secondary, 0.0, 0.0, 3.0, now_ms)

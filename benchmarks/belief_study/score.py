@@ -1,0 +1,59 @@
+"""How good beliefs were: error, coverage of the 95 % interval, consistency, by the age of the last packet."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+AGES = (
+    ("now", 0, 0),
+    ("1-6", 1, 6),
+    ("7-12", 7, 12),
+    ("13-24", 13, 24),
+    ("25-48", 25, 48),
+    ("49-", 49, 1 << 30),
+)
+COLUMNS = ("age_h", "truth", "mean", "variance", "low", "high", "right", "ends")
+"""Of a row: age of the last packet, true and believed charge, variance, the probability of so little and of less, whether
+the mode is right, and how much of the belief rests at 0 or 1."""
+
+
+def score(rows: np.ndarray, certain: bool = False) -> dict[str, Any]:
+    """Of rows as in `COLUMNS`. A filter that claims to be `certain` has neither coverage nor consistency."""
+    age, truth, mean, variance, low, high, right, ends = rows.T
+    error = mean - truth
+    bins = {name: (age >= first) & (age <= last) for name, first, last in AGES}
+    found: dict[str, Any] = {
+        "rmse": _root(error),
+        "coverage": None,
+        "nees": None,
+        "coverage_by_age": None,
+        "samples_by_age": {name: int(here.sum()) for name, here in bins.items()},
+        "rmse_by_age": {name: _root(error[here]) for name, here in bins.items()},
+        "mode_share": float(right.mean()),
+        "samples": len(rows),
+    }
+    if certain:
+        return found
+    covered = (low >= 0.025) & (high <= 0.975)
+    # Clamped: the truth rests at an end, or more than half of the belief does.
+    clamped = (truth <= 0) | (truth >= 1) | (ends > 0.5) | (variance <= 0)
+    square = np.where(clamped, 0.0, error**2 / np.maximum(variance, 1e-12))
+    found |= {
+        "coverage": _share(covered),
+        "coverage_clamped": _share(covered[clamped]),
+        "clamped": float(clamped.mean()),
+        "nees": _share(square[~clamped]),
+        "coverage_by_age": {name: _share(covered[here]) for name, here in bins.items()},
+        "nees_by_age": {name: _share(square[here & ~clamped]) for name, here in bins.items()},
+    }
+    return found
+
+
+def _share(of: np.ndarray) -> float | None:
+    return float(of.mean()) if len(of) else None
+
+
+def _root(error: np.ndarray) -> float | None:
+    return float(np.sqrt(np.mean(error**2))) if len(error) else None

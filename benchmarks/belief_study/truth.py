@@ -1,0 +1,253 @@
+"""What 100 aMussels do for 20 days, stepped minute by minute: the truth that no filter here may look at.
+
+It shares no code with the filters and departs from their model: every aMussel draws up to 10 % more or less than it
+should, and ages; its voltage sags and lifts by mode, by amounts of its own; docks charge a little faster or slower each
+time; 3 % of the hours go otherwise than scheduled; a sensor adds noise; and for 6 to 48 hours, about every three days,
+nothing is heard. Loads are those of the paper's Table I (scaled voltage a minute) as fitted in
+firmware_model/table_one.py, written down again here.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+
+DAYS = 20
+AGENTS = 100
+HOURS = 24 * DAYS
+NOISE = 0.015
+UNSCHEDULED = 0.03
+DRAIN_SPREAD = 0.10
+MOTOR_RUN = 0.0268
+
+
+class Doing(IntEnum):
+    ASLEEP = 0
+    IDLE = 1
+    HIGH = 2
+    SURFACING = 3
+    FLOATING = 4
+    DOCKED = 5
+    SINKING = 6
+    EMPTY = 7
+
+
+PER_MIN = np.array(
+    [0.0000674300, 0.0010427134, 0.0018000000, 0.0010427134, 0.0031823530, 0.0000674300, 0.0010427134, 0.0]
+)
+"""Asleep: MU and modem, hourly wakes aside. High load: the Pi besides, a third of the time. Floating: Wi-Fi, GSM and
+Bluetooth besides."""
+ASLEEP_IN_DOCK = 0.6037
+"""Of the load, what reaches a battery that is being charged."""
+CURVE = ((0.16197, 0.001045), (0.5634, 0.00223), (1.0, 0.002911))
+TWO_COILS = 1.2435
+SAG = np.array([0.0, -0.010, -0.030, -0.010, -0.028, +0.030, -0.010, 0.0])
+"""Mean voltage bias by what it does."""
+
+
+ALONE = (Doing.ASLEEP, Doing.IDLE, Doing.HIGH)
+_NOT_CALLED = 1 << 40
+
+
+class Event(IntEnum):
+    PERMITTED = 0
+    DOCKED = 1
+    RELEASED = 2
+
+
+Events = list[tuple[int, Event]]
+"""(minute, event), in order."""
+
+
+@dataclass
+class Now:
+    """All aMussels at one minute; `until`, `called` are minutes, `planned` what an aPad takes the charges for."""
+
+    doing: np.ndarray
+    primary: np.ndarray
+    secondary: np.ndarray
+    planned: np.ndarray
+    planned_secondary: np.ndarray
+    drain: np.ndarray
+    coils: np.ndarray
+    until: np.ndarray
+    called: np.ndarray
+    low: np.ndarray
+    wait: np.ndarray
+
+
+@dataclass(frozen=True)
+class Life:
+    """Of one seed; times in minutes, hours as the second index. `slot` is the minute of the hour of each agent's packet."""
+
+    slot: np.ndarray
+    scheduled: np.ndarray
+    """(agents, hours): the mode commanded for the hour, known to a filter that knows the schedule."""
+    unscheduled: np.ndarray
+    """(agents, hours): the hour went otherwise."""
+    doing: np.ndarray
+    primary: np.ndarray
+    secondary: np.ndarray
+    """(agents, hours): at the slot."""
+    measured: np.ndarray
+    """(agents, hours, 2): what a packet would say of the two charges."""
+    luck: np.ndarray
+    """(agents, hours) in [0, 1): a packet is lost when this is above the share that is heard."""
+    dark: np.ndarray
+    """(agents, hours): within a blackout."""
+    events: list[Events]
+    """By agent."""
+    drain: np.ndarray
+    sag: np.ndarray
+    """(agents, modes): the true voltage bias."""
+
+
+def live(seed: int, agents: int = AGENTS, hours: int = HOURS) -> Life:
+    rng = np.random.default_rng(seed)
+    drain = rng.uniform(1 - DRAIN_SPREAD, 1 + DRAIN_SPREAD, agents)
+    ageing = rng.uniform(0.0, 0.002, agents) / 1440  # of the capacity, a minute
+    sag = SAG * rng.uniform(0.4, 1.6, (agents, 1)) + rng.normal(0, 0.003, (agents, len(SAG)))
+    slot = 1 + np.arange(agents) % 8
+    scheduled = _schedules(rng, agents, hours)
+    unscheduled = rng.random((agents, hours)) < UNSCHEDULED
+    other = (scheduled + rng.integers(1, 3, (agents, hours))) % 3
+    by_itself = np.where(unscheduled, other, scheduled)
+
+    now = Now(
+        doing=by_itself[:, 0].copy(),
+        primary=rng.uniform(0.3, 1.0, agents),
+        secondary=rng.uniform(0.9, 1.0, agents),
+        planned=np.full(agents, 0.65),
+        planned_secondary=np.ones(agents),
+        drain=drain,
+        coils=np.ones(agents),
+        until=np.full(agents, -1),
+        called=np.full(agents, _NOT_CALLED),
+        low=rng.uniform(0.4, 0.75, agents),
+        wait=rng.integers(30, 600, agents),
+    )
+    events: list[Events] = [[] for _ in range(agents)]
+    at_slot = (np.zeros((agents, hours)), np.zeros((agents, hours)), np.zeros((agents, hours), int))
+    for minute in range(60 * hours):
+        hour = minute // 60
+        if minute % 60 == 0:
+            now.doing = np.where(now.doing <= Doing.HIGH, by_itself[:, hour], now.doing)
+        for i in np.flatnonzero((now.called == minute) | (now.until == minute)):
+            _turn(rng, i, minute, by_itself[i, hour], now, events[i])
+        here = slot == minute % 60
+        if here.any():
+            for kept, of_now in zip(at_slot, (now.primary, now.secondary, now.doing), strict=True):
+                kept[here, hour] = of_now[here]
+        _pass_a_minute(rng, minute, scheduled[:, hour], 1 + ageing * minute, now)
+    noise = rng.normal(0, NOISE, (agents, hours, 2))
+    bias = np.take_along_axis(sag, at_slot[2], axis=1)
+    lift = np.where(at_slot[2] == Doing.DOCKED, bias, 0.0)
+    measured = np.stack([at_slot[0] + bias, at_slot[1] + lift], axis=2) + noise
+    return Life(
+        slot,
+        scheduled,
+        unscheduled,
+        at_slot[2],
+        at_slot[0],
+        at_slot[1],
+        np.clip(measured, 0, 1),
+        rng.random((agents, hours)),
+        _blackouts(rng, agents, hours),
+        events,
+        drain,
+        sag,
+    )
+
+
+def _pass_a_minute(
+    rng: np.random.Generator, minute: int, scheduled: np.ndarray, age: np.ndarray, now: Now
+) -> None:
+    now.doing = np.where((now.doing <= Doing.HIGH) & (now.primary <= 0), Doing.EMPTY, now.doing)
+    now.primary, now.secondary = _step(
+        now.doing, now.primary, now.secondary, now.drain * age, now.coils * age
+    )
+    # An aPad comes when one of the nominal kind that keeps to its schedule would be low, and lets it go some hours after
+    # that one would be full: it cannot see the truth.
+    alone = (now.doing <= Doing.HIGH) | (now.doing == Doing.EMPTY)
+    nominally, nominal = np.where(alone, scheduled, now.doing), np.ones(len(alone))
+    now.planned, now.planned_secondary = _step(
+        nominally, now.planned, now.planned_secondary, nominal, nominal
+    )
+    full = (now.planned >= 1) & (now.planned_secondary >= 1)
+    done = (now.doing == Doing.DOCKED) & (now.until < 0) & full
+    now.until[done] = minute + 1 + rng.integers(60, 300, done.sum())
+    calls = (now.planned < now.low) & (now.called == _NOT_CALLED) & alone
+    now.called[calls] = minute + 1 + now.wait[calls]
+
+
+def _schedules(rng: np.random.Generator, agents: int, hours: int) -> np.ndarray:
+    """A day's plan for each, commanded anew every five days: blocks of 2 to 6 hours, mostly asleep."""
+    plan = np.zeros((agents, hours), int)
+    for i in range(agents):
+        for first in range(0, hours, 120):
+            day: list[int] = []
+            while len(day) < 24:
+                day += [int(rng.choice(3, p=[0.80, 0.17, 0.03]))] * int(rng.integers(2, 7))
+            plan[i, first : first + 120] = np.resize(day[:24], 120)[: hours - first]
+    return plan
+
+
+def _turn(rng: np.random.Generator, i: int, minute: int, by_itself: int, now: Now, events: Events) -> None:
+    """The next step of a collection: permission, up, floating, docked, released, down."""
+    doing = now.doing[i]
+    if doing in (*ALONE, Doing.EMPTY):
+        events.append((minute, Event.PERMITTED))
+        _run_motors(i, now)
+        now.doing[i], now.until[i] = Doing.SURFACING, minute + 4
+    elif doing == Doing.SURFACING:
+        now.doing[i], now.until[i] = Doing.FLOATING, minute + int(rng.integers(5, 40))
+    elif doing == Doing.FLOATING:
+        events.append((minute, Event.DOCKED))
+        now.doing[i], now.coils[i] = Doing.DOCKED, rng.normal(1.0, 0.03)
+        # Some are let go early.
+        now.until[i] = minute + int(rng.integers(60, 300)) if rng.random() < 0.2 else -1
+    elif doing == Doing.DOCKED:
+        events.append((minute, Event.RELEASED))
+        _run_motors(i, now)
+        now.doing[i], now.until[i] = Doing.SINKING, minute + 4
+    else:
+        now.doing[i], now.until[i], now.called[i] = by_itself, -1, _NOT_CALLED
+        now.low[i], now.wait[i] = rng.uniform(0.4, 0.75), rng.integers(30, 600)
+
+
+def _run_motors(i: int, now: Now) -> None:
+    now.primary[i] = max(0.0, now.primary[i] - now.drain[i] * MOTOR_RUN)
+    now.planned[i] = max(0.0, now.planned[i] - MOTOR_RUN)
+
+
+def _step(
+    doing: np.ndarray, primary: np.ndarray, secondary: np.ndarray, drain: np.ndarray, coils: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Both charges a minute later; an empty primary leaves the board asleep on the secondary."""
+    docked = doing == Doing.DOCKED
+    load = drain * PER_MIN[doing]
+    rates = []
+    for battery in (primary, secondary):
+        rate = np.full(len(battery), CURVE[-1][1])
+        for end, value in reversed(CURVE[:-1]):
+            rate[battery <= end] = value
+        rates.append(rate)
+    charged = np.minimum(1.0, primary + coils * TWO_COILS * rates[0] - ASLEEP_IN_DOCK * load)
+    backup = np.where(doing == Doing.EMPTY, drain * PER_MIN[Doing.ASLEEP], 0.0)
+    return (
+        np.where(docked, charged, np.maximum(0.0, primary - load)),
+        np.where(docked, np.minimum(1.0, secondary + coils * rates[1]), np.maximum(0.0, secondary - backup)),
+    )
+
+
+def _blackouts(rng: np.random.Generator, agents: int, hours: int) -> np.ndarray:
+    dark = np.zeros((agents, hours), bool)
+    for i in range(agents):
+        at = rng.exponential(45.0)
+        while at < hours:
+            length = rng.uniform(6.0, 48.0)
+            dark[i, int(at) : int(at + length)] = True
+            at += length + rng.exponential(45.0)
+    return dark

@@ -1,0 +1,111 @@
+"""Beliefs of aMussels that cannot be heard: error, coverage and consistency of the twin, its peers and an oracle."""
+
+from __future__ import annotations
+
+import os
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
+from typing import Any
+
+import numpy as np
+from rich.console import Console
+from rich.progress import Progress
+from rich.table import Table
+
+from benchmarks.belief_study import cost, places, study
+from benchmarks.belief_study.score import score
+from benchmarks.belief_study.truth import AGENTS, DAYS
+
+PEERS = ("kalman", "imm")
+
+
+def measure(agents: int = AGENTS, seeds: tuple[int, ...] = study.REPORTED) -> dict[str, Any]:
+    """`rows` by what is known, share heard and filter, on the same lives; `place`, `cost` and `tick_ms` besides.
+
+    Peers know neither schedule nor dockings: they stand in both blocks alike. hold_last claims to be certain, so it has no
+    coverage. `mode_delay_packets` is the median of how many packets after the first one heard since an unscheduled switch
+    the mode was right.
+    """
+    cells = [
+        (name, knows, heard)
+        for knows in (True, False)
+        for heard in study.HEARD
+        for name in (*study.OURS, *PEERS)
+    ]
+    jobs = [
+        (name, seed, agents, knows, heard)
+        for name, knows, heard in cells
+        if name in study.OURS
+        for seed in seeds
+    ]
+    # Costs first: nothing else runs yet.
+    costs = cost.event_costs()
+    ticks = [cost.tick_ms(count, theta) for count in (120, 1000) for theta in (1, 30)]
+    found: dict[tuple[str, bool, float], list[tuple[np.ndarray, list[int]]]] = {}
+    with (
+        Progress(console=Console(stderr=True), transient=True) as progress,
+        ProcessPoolExecutor(os.cpu_count(), mp_context=get_context("spawn")) as pool,
+    ):
+        task = progress.add_task("filtering", total=len(jobs))
+        for job, one in zip(jobs, pool.map(_rows, jobs), strict=True):
+            found.setdefault((job[0], job[3], job[4]), []).append(one)
+            progress.advance(task)
+    rows = []
+    for name, knows, heard in cells:
+        head = {"knows": "schedule" if knows else "dockings", "heard": heard, "filter": name}
+        if name in PEERS:
+            peer, checked = study.peer_rows(name, seeds, agents, heard)
+            rows.append({**head, **score(peer), **checked})
+            continue
+        parts = found[name, knows, heard]
+        delays = [delay for _, some in parts for delay in some]
+        scored = score(np.concatenate([part for part, _ in parts]), certain=name == "hold_last")
+        rows.append({**head, **scored, "mode_delay_packets": float(np.median(delays)) if delays else None})
+    return {
+        "agents": agents,
+        "days": DAYS,
+        "seeds": list(seeds),
+        "tuned_on": study.TUNED_ON,
+        "rows": rows,
+        "place": [places.coverage(theta, currents) for theta in (1, 30) for currents in (False, True)],
+        **costs,
+        "tick_ms": ticks,
+    }
+
+
+def _rows(job: tuple[str, int, int, bool, float]) -> tuple[np.ndarray, list[int]]:
+    name, seed, agents, knows, heard = job
+    return study.rows_of(name, seed, agents, knows, heard)
+
+
+def show(result: dict[str, Any], console: Console) -> None:
+    table = Table(title=f"{result['agents']} aMussels, {result['days']} days, seeds {result['seeds']}")
+    for name in ("knows", "heard", "filter", "rmse", "coverage", "nees", "mode"):
+        table.add_column(name, justify="left" if name in ("knows", "filter") else "right")
+    ages = list(result["rows"][0]["samples_by_age"])
+    for age in ages:
+        table.add_column(f"{age} h" if age != "now" else age, justify="right")
+    for row in result["rows"]:
+        by_age = row["coverage_by_age"] or {}
+        table.add_row(
+            row["knows"],
+            f"{row['heard']:g}",
+            row["filter"],
+            f"{row['rmse']:.4f}",
+            *(_or_dash(row[key]) for key in ("coverage", "nees", "mode_share")),
+            *(_or_dash(by_age.get(age)) for age in ages),
+        )
+    console.print(table)
+    for place in result["place"]:
+        where = "in a current" if place["currents"] else "on the bottom"
+        console.print(f"place, theta {place['theta']}, {where}: coverage {place['coverage']:.3f}")
+    console.print(
+        f"a packet in time {result['us_per_event']:.0f} us, a silent slot {result['us_per_silent_slot']:.0f} us, a packet "
+        f"after a day {result['us_per_mixture_event']:.0f} us"
+    )
+    for tick in result["tick_ms"]:
+        console.print(f"{tick['agents']} aMussels at theta {tick['theta']}: {tick['median']:.1f} ms a tick")
+
+
+def _or_dash(number: float | None) -> str:
+    return "-" if number is None else f"{number:.3f}"

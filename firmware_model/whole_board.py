@@ -1,0 +1,240 @@
+"""The whole firmware: sleep and wake, rails, two batteries, a clock of its own, settings, the log, and emergencies."""
+
+from __future__ import annotations
+
+from firmware_model.actions import (
+    Action,
+    DropLog,
+    Dropped,
+    FeedFrom,
+    LogSample,
+    RunBuoyancy,
+    SendLog,
+)
+from firmware_model.board import Board, Deadline
+from firmware_model.charge import Battery
+from firmware_model.charge_pin import Edge
+from firmware_model.codec import Codec
+from firmware_model.commands import TRIGGERS
+from firmware_model.feed import Feed
+from firmware_model.keeper import Keeper, Kept
+from firmware_model.packets import (
+    Beacon,
+    Command,
+    HoverAt,
+    Kind,
+    LogAck,
+    SetThreshold,
+    SleepSchedule,
+    SlotAssignment,
+)
+from firmware_model.plan import BoardConfig, Whole
+from firmware_model.power_path import Level, PowerPath
+from firmware_model.rails import Rail
+from firmware_model.states import TABLE, State, Trigger
+from firmware_model.switchboard import Switchboard
+from firmware_model.timers import last_resort, whole_deadline
+
+_EMPTIED = {Feed.SECONDARY: Trigger.BATTERY_EMPTIED, Feed.NEITHER: Trigger.BOTH_EMPTIED}
+_BY_THE_CLOCK = (State.SLEEPING, State.CHARGING, State.AWAITING_SLOT)
+_NOT_SENT = "a status: no beacon came, and the clock may be off by more than the guard"
+_OFFSETS_MS = (-(1 << 31), (1 << 31) - 1)
+
+
+class WholeBoard(Board):
+    """A board whose configuration has a `Whole`."""
+
+    _batteries: PowerPath
+
+    def __init__(
+        self,
+        config: BoardConfig,
+        codec: Codec,
+        primary: Battery,
+        secondary: Battery,
+        now_ms: int,
+        kept: Kept | None = None,
+    ) -> None:
+        """`kept` is what a reset left of the clock and the settings; without it they are as delivered."""
+        super().__init__(config, codec, primary, secondary, now_ms)
+        assert config.whole is not None
+        self._whole: Whole = config.whole
+        self._keeper = Keeper(config, kept, now_ms)
+        self._batteries = PowerPath(
+            config.charge,
+            config.whole.power,
+            primary,
+            secondary,
+            now_ms,
+            config.agent_id,
+            self._keeper.settings.levels,
+        )
+        self._switches = Switchboard(config.whole, self._batteries)
+        self._last_resort_ms: int | None = None
+        self._stays_down_until_ms = 0
+        self._hover_mm: int | None = None
+
+    @property
+    def rails(self) -> int:
+        return self._switches.rails
+
+    @property
+    def hears(self) -> bool:
+        return self._switches.is_on(Rail.MODEM_LISTENING, Rail.MODEM_RECEIVING)
+
+    @property
+    def has_wifi(self) -> bool:
+        return self._switches.is_on(Rail.WIFI)
+
+    @property
+    def kept(self) -> Kept | None:
+        return self._keeper.kept
+
+    @property
+    def clock_offset_ms(self) -> int:
+        low_ms, high_ms = _OFFSETS_MS
+        return max(low_ms, min(high_ms, self._keeper.clock.corrected_ms))
+
+    def clock_ms(self, now_ms: int) -> int:
+        return self._keeper.clock.reading_at(now_ms)
+
+    def _next(self) -> tuple[int | None, int]:
+        """As in `Board`; 1 the batteries, 2 a pulse."""
+        due_ms, which = self._pin.next_due_ms, 0
+        deadline_ms = None if self._deadline is None else self._deadline[0]
+        for n, other_ms in enumerate((self._batteries.due_ms, self._switches.due_ms, deadline_ms), 1):
+            if other_ms is not None and (due_ms is None or other_ms < due_ms):
+                due_ms, which = other_ms, n
+        return due_ms, which
+
+    def _fire(self, which: int, now_ms: int) -> list[Action]:
+        if which == 1:
+            return self._level_reached(now_ms)
+        if which == 2:
+            self._switches.due(now_ms)
+            return self._set_rails()
+        return super()._fire(which, now_ms)
+
+    def _time_is_up(self, trigger: Trigger) -> list[Action]:
+        actions: list[Action] = []
+        match self.state:
+            case State.SAMPLING:
+                actions.append(LogSample(self._now_ms))
+            case State.AWAITING_BEACON:
+                actions.append(Dropped(self._now_ms, _NOT_SENT))
+        match trigger:
+            case Trigger.LAST_RESORT_CALL | Trigger.LAST_RESORT_SURFACE:
+                self._last_resort_ms = self._now_ms
+            case Trigger.ALARM_RANG:
+                self._keeper.clock.rang(self._keeper.settings.alarm_ms)
+        return actions + super()._time_is_up(trigger)
+
+    def _wire(self, high: bool, noticed: bool) -> list[Action]:
+        """The chargers need no firmware: they run for as long as the pin is high."""
+        return super()._wire(high, noticed) + self._set_rails()
+
+    def _hear(self, data: bytes) -> list[Action]:
+        if not self.hears:
+            return [Dropped(self._now_ms, "the modem is not listening")]
+        self._switches.pulse(Rail.MODEM_RECEIVING, self._now_ms + self._whole.power.receive_ms)
+        return self._set_rails() + super()._hear(data)
+
+    def _obey(self, command: Command) -> list[Action]:
+        now_ms = self._now_ms
+        match command:
+            case Beacon(_, agent_ms):
+                return self._set_clock(agent_ms)
+            case SleepSchedule() | SlotAssignment() | SetThreshold():
+                return self._set(command)
+            case LogAck(_, next_sequence):
+                return self._keep_uploading(DropLog(now_ms, next_sequence))
+        if command.kind is Kind.BACK_UP_LOG:
+            return self._keep_uploading(SendLog(now_ms))
+        if (self.state, TRIGGERS[command.kind]) in TABLE:
+            if isinstance(command, HoverAt):
+                self._hover_mm = round(command.depth_m * 1000)
+            elif command.kind is Kind.HOVER:
+                self._hover_mm = None
+            elif command.kind is Kind.SINK:
+                self._stays_down_until_ms = now_ms + self._whole.stay_down_ms
+        return super()._obey(command)
+
+    def _set_clock(self, agent_ms: int) -> list[Action]:
+        self._keeper.set_clock(agent_ms, self._now_ms)
+        self._go_by_the_clock()
+        return self._pull_if_taken(Trigger.BEACON_HEARD)
+
+    def _set(self, command: SleepSchedule | SlotAssignment | SetThreshold) -> list[Action]:
+        if not self._keeper.told(command, self._now_ms):
+            return [Dropped(self._now_ms, f"a {command.kind.name} that cannot be")]
+        if isinstance(command, SetThreshold):
+            self._batteries.set_levels(self._keeper.settings.levels, self._now_ms)
+        self._go_by_the_clock()
+        return []
+
+    def _go_by_the_clock(self) -> None:
+        if self.state in _BY_THE_CLOCK:
+            self._deadline = self._deadline_of(self.state, self._now_ms)
+
+    def _keep_uploading(self, action: Action) -> list[Action]:
+        """A docked board stays awake for as long as somebody takes its log."""
+        if not self.has_wifi:
+            return [Dropped(self._now_ms, "Wi-Fi is off")]
+        if self.state is State.REPORTING:
+            self._deadline = self._deadline_of(self.state, self._now_ms)
+        return [action]
+
+    def _edge(self, edge: Edge) -> list[Action]:
+        if edge is Edge.ROSE and self.state not in (State.OFF, State.BOOTING):
+            self._last_resort_ms = None
+        return super()._edge(edge)
+
+    def _level_reached(self, now_ms: int) -> list[Action]:
+        """Whatever the batteries came to."""
+        level, feed = self._batteries.due(now_ms), self._batteries.feed
+        match level:
+            case Level.EMPTIED:
+                return [FeedFrom(now_ms, feed), *self._pull_if_taken(_EMPTIED[feed])]
+            case Level.SWITCH_BACK:
+                return [FeedFrom(now_ms, feed)]
+            case Level.SAFE_LEVEL if self.state is State.EMPTY:
+                self._deadline = self._deadline_of(self.state, now_ms)
+            case Level.LOW_LEVEL:
+                return self._pull_if_taken(Trigger.LOW_LEVEL_REACHED)
+        return []
+
+    def _motors(self) -> RunBuoyancy:
+        self._switches.pulse(Rail.MOTORS, self._now_ms + self._whole.power.motor_run_ms)
+        run = super()._motors()
+        return RunBuoyancy(run.at_ms, run.to, self._hover_mm) if self.state is State.HOVERING else run
+
+    def _power(self) -> list[Action]:
+        self._keeper.clock.pass_over(self._now_ms)
+        return self._set_rails()
+
+    def _set_rails(self) -> list[Action]:
+        switched = self._switches.switch(self.state, self._pin.wire_high, self._now_ms)
+        if self.state is State.EMPTY:
+            # A charger that touched it lifts it off its safe level.
+            self._deadline = self._deadline_of(self.state, self._now_ms)
+        return [*switched]
+
+    def _report(self, by: Rail) -> list[Action]:
+        sent = super()._report(by)
+        return [*sent, SendLog(self._now_ms)] if self.state is State.REPORTING else sent
+
+    def _deadline_of(self, state: State, now_ms: int) -> Deadline | None:
+        feed = self._batteries.feed
+        if feed is Feed.NEITHER and (state, Trigger.BOTH_EMPTIED) in TABLE:
+            return now_ms, Trigger.BOTH_EMPTIED
+        match state:
+            case State.FLOATING if self._last_resort_ms is not None:
+                return None  # one that came up for its life does not go down again by itself
+            case State.BOOTING | State.FLOATING | State.RELEASED:
+                return super()._deadline_of(state, now_ms)
+            case State.ACTIVE if feed is not Feed.PRIMARY:
+                return now_ms, Trigger.BATTERY_EMPTIED
+            case State.EMPTY:
+                last_ms, until_ms = self._last_resort_ms, self._stays_down_until_ms
+                return last_resort(self._whole, self._batteries, last_ms, until_ms, now_ms)
+        return whole_deadline(state, self._whole, self._keeper, now_ms)

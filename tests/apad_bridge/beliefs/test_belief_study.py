@@ -1,0 +1,71 @@
+"""The study's machinery on a small fleet: `benchmarks/run beliefs` is the whole of it."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parents[3]))
+
+from benchmarks.belief_study import filters, peers, study
+from benchmarks.belief_study.score import score
+from benchmarks.belief_study.truth import Doing, Life, live
+
+AGENTS, HOURS = 12, 144
+
+
+@pytest.fixture(scope="module")
+def life() -> Life:
+    return live(7, AGENTS, HOURS)
+
+
+def test_the_truth_is_possible_and_differs_from_the_plan(life: Life) -> None:
+    assert life.primary.min() >= 0 and life.primary.max() <= 1
+    alone = life.doing <= Doing.HIGH
+    assert 0.01 < (life.doing != life.scheduled)[alone].mean() < 0.08
+    docked = life.doing == Doing.DOCKED
+    rising = np.diff(life.primary, axis=1)[docked[:, 1:] & docked[:, :-1]]
+    assert (rising >= -1e-9).all()
+
+
+def test_peers_are_filterpys_own(life: Life) -> None:
+    heard = study.heard_in(life, 0.5)
+    assert peers.like_filterpy(peers.kalman(0.01, 0.5), life, heard, 3) < 1e-9
+    assert peers.like_filterpy(peers.imm(0.01, 0.7, 0.2), life, heard, 3) < 1e-9
+
+
+def test_the_twin_is_better_than_hold_last_and_honest(life: Life, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(study, "life_of", lambda seed, agents: life)
+    rows, delays = study.rows_of("twin", 7, AGENTS, True, 0.5)
+    held, _ = study.rows_of("hold_last", 7, AGENTS, True, 0.5)
+    ours = score(rows)
+    assert ours["rmse"] < 0.06 and ours["rmse"] < score(held, certain=True)["rmse"] / 3
+    assert 0.9 < ours["coverage"] < 0.99 and 0.6 < ours["nees"] < 1.6
+    assert np.median(delays) == 0 and ours["mode_share"] > 0.95
+
+
+def test_beliefs_come_at_every_slot_from_the_first_packet_on(life: Life) -> None:
+    heard = np.zeros(HOURS, bool)
+    heard[[5, 9]] = True
+    found = list(filters.beliefs(life, 2, filters.twin(life, 2, False), heard))
+    assert [hour for hour, _ in found] == list(range(5, HOURS))
+    assert found[4][1].silent_slots == 0 and found[3][1].silent_slots == 3
+
+
+def test_the_score_is_counted_by_hand() -> None:
+    # Two rows now, one right on and one two deviations too high; one of 30 hours, at the end and certain.
+    rows = np.array(
+        [
+            [0, 0.5, 0.5, 0.01, 0.5, 0.5, 1, 0.0],
+            [0, 0.5, 0.7, 0.01, 0.023, 0.023, 0, 0.0],
+            [30, 1.0, 1.0, 0.0, 1.0, 0.0, 1, 1.0],
+        ]
+    )
+    found = score(rows)
+    assert found["rmse"] == pytest.approx(0.2 / 3**0.5)
+    assert found["coverage_by_age"]["now"] == 0.5 and found["coverage"] == pytest.approx(2 / 3)
+    assert found["nees"] == pytest.approx(2.0) and found["clamped"] == pytest.approx(1 / 3)
+    assert found["samples_by_age"]["25-48"] == 1

@@ -1,0 +1,65 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from apad_bridge.beliefs.charging import carried, charged
+from apad_bridge.beliefs.knowledge import Charger
+
+CURVE = ((0.16197, 0.001045), (0.5634, 0.00223), (1.0, 0.002911))
+CHARGER = Charger(CURVE, primary=1.2435, deviation=0.0)
+
+
+def stepped(charge: float, coils: float, load: float, minutes: int, steps: int = 60) -> float:
+    """Equation (2) as the paper writes it, in small steps."""
+    for _ in range(minutes * steps):
+        rate = next((r for end, r in CURVE if charge <= end), CURVE[-1][1])
+        charge += (coils * rate - load) / steps
+    return charge
+
+
+@pytest.mark.parametrize(("charge", "minutes"), [(0.0, 100), (0.1, 300), (0.4, 90), (0.8, 20)])
+def test_it_is_the_papers_difference_equation(charge: float, minutes: int) -> None:
+    expected = stepped(charge, 1.2435, 0.00004, minutes)
+    assert charged(CHARGER, 1.2435, 0.00004, charge, minutes) == pytest.approx(expected, abs=5e-4)
+
+
+def test_table_one_charges_the_secondary_in_485_minutes() -> None:
+    assert charged(CHARGER, 1.0, 0.0, 0.0, 485) == pytest.approx(1.0, abs=0.001)
+    assert charged(CHARGER, 1.0, 0.0, 0.0, 470) < 0.96
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    mean=st.floats(0.05, 0.8),
+    sd=st.floats(0.001, 0.1),
+    minutes=st.floats(0, 200),
+    deviation=st.floats(0, 0.05),
+)
+def test_moments_are_those_of_many_batteries(
+    mean: float, sd: float, minutes: float, deviation: float
+) -> None:
+    charger = Charger(CURVE, 1.0, deviation)
+    z = np.linspace(-5, 5, 201)
+    weights = np.exp(-0.5 * z**2)
+    weights /= weights.sum()
+    ends = np.array([charged(charger, 1.0, 0.0, min(1.0, mean + sd * float(n)), minutes) for n in z])
+    expected = float(weights @ ends)
+    spread = float(weights @ (ends - expected) ** 2)
+    less = charged(charger, 1 - deviation, 0.0, mean, minutes)
+    extra = (charged(charger, 1.0, 0.0, mean, minutes) - less) ** 2
+    found, variance, slope = carried(charger, 1.0, 0.0, mean, sd**2, minutes)
+    assert found == pytest.approx(expected, abs=0.01)
+    assert variance == pytest.approx(spread + extra, rel=0.35, abs=2e-5)
+    assert slope == pytest.approx(float(weights @ (z * ends)) / sd, rel=0.2, abs=0.05)
+
+
+def test_a_charge_that_is_known_exactly_is_carried_exactly() -> None:
+    assert carried(CHARGER, 1.0, 0.0, 0.5, 0.0, 10) == (pytest.approx(0.5223), 0.0, 1.0)
+
+
+def test_a_load_above_what_the_charger_gives_empties_it() -> None:
+    assert charged(CHARGER, 1.0, 0.005, 0.1, 10) == pytest.approx(0.1 - 10 * (0.005 - 0.001045))
+    assert charged(CHARGER, 1.0, 0.005, 0.01, 1000) == 0.0

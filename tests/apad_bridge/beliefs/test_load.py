@@ -1,0 +1,120 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from apad_bridge.beliefs.knowledge import Habits, Schedule
+from apad_bridge.beliefs.load import Choice, Load, Spent, carried, merged, scheduled_rows, usual_rows
+from apad_bridge.beliefs.modes import Mode
+
+HOUR = 3_600_000
+PER_MIN = (0.0001, 0.001, 0.003, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+HABITS = Habits(
+    every_ms=HOUR,
+    unscheduled=0.06,
+    stays=0.5,
+    shares=(0.6, 0.3, 0.1),
+    daily=0.0,
+    plan_lasts_ms=1,
+    plan_deviation=0.0,
+    seen_before=1.0,
+)
+ROWS = ((0.7, 0.2, 0.1), (0.5, 0.4, 0.1), (0.3, 0.1, 0.6))
+
+
+def chain(_: int) -> Choice:
+    return Choice(ROWS, None, 0.0)
+
+
+def by_trial(hours: int, trials: int = 200_000) -> tuple[np.ndarray, np.ndarray]:
+    """Modes and amounts of a chain that begins awake at half past, tried out."""
+    rng = np.random.default_rng(3)
+    rates = 60 * np.array(PER_MIN[:3])
+    modes = np.full(trials, Mode.IDLE)
+    spent = np.full(trials, 0.5 * rates[Mode.IDLE])
+    for _ in range(hours):
+        luck = rng.random(trials)
+        modes = (luck[:, None] > np.cumsum(np.array(ROWS)[modes], axis=1)[:, :2]).sum(axis=1)
+        spent += rates[modes]
+    return modes, spent
+
+
+def test_moments_by_mode_are_those_of_the_chain() -> None:
+    load = carried(Load.known(Mode.IDLE), HOUR // 2, 9 * HOUR - 1, PER_MIN, HOUR, chain)
+    modes, spent = by_trial(8)
+    for mode in (Mode.ASLEEP, Mode.IDLE, Mode.HIGH_LOAD):
+        there = modes == mode
+        probability, mean, variance = load.by_mode[mode]
+        assert probability == pytest.approx(there.mean(), abs=0.004)
+        assert mean == pytest.approx(spent[there].mean(), rel=0.01)
+        assert variance == pytest.approx(spent[there].var(), rel=0.03)
+    assert load.expected[0] == pytest.approx(0.4**8)
+    assert load.expected[1] == pytest.approx(8.5 * 0.06, rel=1e-5)
+
+
+def test_a_mode_is_entered_from_where_the_rows_say() -> None:
+    """Rows are [from][to]: what leaves one mode and never comes back must not look like what arrives."""
+    leaves = ((0.0, 1.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+    load = Load.known(Mode.ASLEEP).choose(Choice(leaves, None, 0.0))
+    assert [row[0] for row in load.by_mode] == [0.0, 1.0, 0.0]
+
+
+def test_time_that_passes_unheard_moves_the_probabilities_of_the_modes() -> None:
+    load = Load.known(Mode.HIGH_LOAD)
+    shares = [load.by_mode[Mode.HIGH_LOAD][0]]
+    for hour in range(1, 30):
+        load = carried(load, (hour - 1) * HOUR, hour * HOUR, PER_MIN, HOUR, chain)
+        shares.append(load.by_mode[Mode.HIGH_LOAD][0])
+    assert shares == sorted(shares, reverse=True)
+    values, vectors = np.linalg.eig(np.array(ROWS).T)
+    stationary = np.real(vectors[:, np.argmax(np.real(values))])
+    assert [row[0] for row in load.by_mode] == pytest.approx(list(stationary / stationary.sum()), abs=1e-6)
+
+
+def test_cuts_do_not_show() -> None:
+    whole = carried(Load.known(Mode.ASLEEP), 0, 7 * HOUR + 5, PER_MIN, HOUR, chain)
+    cut = Load.known(Mode.ASLEEP)
+    times = [0, 1, HOUR - 1, HOUR, HOUR + 1, 3 * HOUR, 7 * HOUR + 4, 7 * HOUR + 5]
+    for n in range(1, len(times)):
+        cut = carried(cut, times[n - 1], times[n], PER_MIN, HOUR, chain)
+    for one, other in zip(cut.by_mode, whole.by_mode, strict=True):
+        assert one == pytest.approx(other, rel=1e-9, abs=1e-12)
+
+
+def test_the_schedule_is_followed_but_for_the_unscheduled_share() -> None:
+    schedule = Schedule((0, 2 * HOUR), (Mode.ASLEEP, Mode.HIGH_LOAD))
+
+    def commanded(decision_ms: int) -> Choice:
+        mode = schedule.at(decision_ms)
+        assert mode is not None
+        return Choice(scheduled_rows(HABITS, mode), mode, 0.0)
+
+    load = carried(Load.known(Mode.ASLEEP), 0, 4 * HOUR - 1, PER_MIN, HOUR, commanded)
+    assert load.expected[0] == pytest.approx(0.94**3)
+    assert load.expected[1] == pytest.approx(2 * 0.006 + 2 * 0.18, rel=1e-4)
+    assert load.by_mode[Mode.HIGH_LOAD][0] == pytest.approx(0.94)
+    assert load.by_mode[Mode.IDLE][0] == pytest.approx(0.03)
+
+
+def test_rows_without_a_schedule_add_up_and_remember() -> None:
+    for remembered, trust in ((None, 0.0), (Mode.IDLE, 0.75)):
+        for row in usual_rows(HABITS, HABITS.shares, remembered, trust):
+            assert sum(row) == pytest.approx(1.0)
+    assert usual_rows(HABITS, HABITS.shares, Mode.IDLE, 0.75)[2][1] == pytest.approx(0.75 + 0.25 * 0.5 * 0.3)
+
+
+def test_an_unknown_plan_makes_the_deviation_grow_with_the_time() -> None:
+    def unknown(_: int) -> Choice:
+        return Choice(((1.0, 0.0, 0.0),) * 3, None, 0.002)
+
+    load = carried(Load.known(Mode.ASLEEP), 0, 10 * HOUR, PER_MIN, HOUR, unknown)
+    assert load.total()[2] == pytest.approx((10 * 0.002) ** 2)
+
+
+def test_a_shape_keeps_the_first_two_moments() -> None:
+    load = Load(Load.known(Mode.ASLEEP).by_mode, Spent(0.0, 0.0, 0.0), Mode.ASLEEP, guesses=3)
+    rest = Spent(0.4, 0.2, 0.01)
+    parts = load.as_it_lies(rest)
+    assert merged(parts) == pytest.approx(rest, rel=1e-4)
+    assert parts[1][1] > parts[0][1]
+    assert Load.known(Mode.ASLEEP).as_it_lies(rest) == [rest]

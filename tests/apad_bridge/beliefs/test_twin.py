@@ -1,0 +1,302 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from apad_bridge.beliefs.belief import Belief, Source
+from apad_bridge.beliefs.knowledge import (
+    Charger,
+    ClockKnowledge,
+    Drain,
+    Habits,
+    Knowledge,
+    Schedule,
+    Sensor,
+    Water,
+)
+from apad_bridge.beliefs.measurement import (
+    Docked,
+    Fixed,
+    Heard,
+    Measurement,
+    Permitted,
+    Ranged,
+    Rejected,
+    Released,
+    SlotSilent,
+)
+from apad_bridge.beliefs.memory import Memory
+from apad_bridge.beliefs.modes import Mode
+from apad_bridge.beliefs.twin import Twin
+from firmware_model.packets import StatusPacket
+from firmware_model.states import State
+
+HOUR = 3_600_000
+ASLEEP, IDLE, HIGH = 0.00007, 0.001, 0.003
+KNOWLEDGE = Knowledge(
+    theta=1,
+    drain=Drain((ASLEEP, IDLE, HIGH, IDLE, 0.003, ASLEEP, ASLEEP, ASLEEP, 0.0), 0.027, 0.003, 0.6),
+    charger=Charger(((0.16197, 0.001045), (0.5634, 0.00223), (1.0, 0.002911)), 1.2435, 0.04),
+    sensor=Sensor(0.015, (0.0, -0.01, -0.03, 0.03), (0.004, 0.006, 0.01, 0.01), 300_000),
+    habits=Habits(HOUR, 0.03, 0.6, (0.8, 0.15, 0.05), 0.0, 5 * 24 * HOUR, 0.0, 40.0),
+    water=Water(0.001, 0.0, 3600.0, 1.0),
+    drain_deviation=0.06,
+    ageing_per_day=0.002,
+    clock=ClockKnowledge(1000.0, 20.0, 1000.0),
+    surfacing_ms=60_000,
+    sinking_ms=60_000,
+    float_timeout_ms=12 * HOUR,
+)
+ALWAYS_ASLEEP = {1: Schedule((0,), (Mode.ASLEEP,))}
+
+
+def heard(
+    at_ms: int, state: State, primary: float, sequence: int = 0, secondary: float = 1.0, agent_ms: int = -1
+) -> Heard:
+    agent_ms = at_ms if agent_ms < 0 else agent_ms
+    return Heard(at_ms, StatusPacket(1, sequence, state, primary, secondary, 3.0, 4.0, 3.0, agent_ms))
+
+
+def told(twin: Twin, *measurements: Measurement) -> Belief:
+    belief: Belief | None = None
+    for measurement in measurements:
+        belief = twin.update(belief, measurement)
+    assert belief is not None
+    return belief
+
+
+def memory_of(belief: Belief) -> Memory:
+    assert isinstance(belief.memory, Memory)
+    return belief.memory
+
+
+def hourly(state: State, start: float, drain_per_h: float, hours: int, first: int = 0) -> list[Measurement]:
+    return [
+        heard((first + n) * HOUR, state, start - drain_per_h * n, sequence=first + n) for n in range(hours)
+    ]
+
+
+def test_nothing_is_believed_of_one_that_was_never_heard() -> None:
+    twin = Twin(KNOWLEDGE, {})
+    for measurement in (SlotSilent(0), Docked(0), Released(0, 0.0, 0.0), Fixed(0, 1.0, 2.0, 1.0)):
+        assert twin.update(None, measurement) is None
+
+
+def test_it_goes_on_by_the_schedule_and_says_how_sure_it_is() -> None:
+    twin = Twin(KNOWLEDGE, {1: Schedule((0, 3 * HOUR), (Mode.ASLEEP, Mode.IDLE))})
+    belief = told(twin, heard(0, State.SLEEPING, 0.9))
+    later = twin.predict(belief, 5 * HOUR)
+    scheduled = 0.9 - 60 * (3 * ASLEEP + 2 * IDLE)
+    assert later.primary == pytest.approx(scheduled, abs=0.015)
+    assert later.mode is Mode.IDLE and later.probability_of(Mode.IDLE) == pytest.approx(0.97)
+    assert (later.heard_ms, later.at_ms, later.age_s(5 * HOUR)) == (0, 5 * HOUR, 18_000)
+    assert later.charge_cov[0] > belief.charge_cov[0]
+    # Likely a sharp answer, with a tail of what was not scheduled.
+    assert later.parts[0].weight == pytest.approx(0.97**5, abs=0.01) and len(later.parts) > 1
+    with pytest.raises(ValueError, match="time went back"):
+        twin.predict(later, HOUR)
+
+
+def test_asking_often_changes_nothing() -> None:
+    twin = Twin(KNOWLEDGE, {})
+    belief = told(twin, heard(0, State.ACTIVE, 0.9))
+    asked = belief
+    for at_ms in range(0, 30 * HOUR, 777_777):
+        asked = twin.predict(asked, at_ms)
+    once, often = twin.predict(belief, 30 * HOUR), twin.predict(asked, 30 * HOUR)
+    assert often.primary == pytest.approx(once.primary, abs=1e-3)
+    assert often.charge_cov == pytest.approx(once.charge_cov, abs=1e-3)
+    assert often.mode_probabilities == pytest.approx(once.mode_probabilities, abs=1e-3)
+
+
+def test_a_silent_slot_moves_the_modes_probabilities() -> None:
+    """filterpy's estimator leaves them where they were on a prediction, and scores silence as a perfect reading."""
+    twin = Twin(KNOWLEDGE, {})
+    belief = told(twin, heard(0, State.PROCESSING, 0.9))
+    shares = [belief.probability_of(Mode.HIGH_LOAD)]
+    for hour in range(1, 12):
+        belief = twin.update(belief, SlotSilent(hour * HOUR + 1)) or belief
+        shares.append(belief.probability_of(Mode.HIGH_LOAD))
+    assert shares[0] == 1.0 and shares == sorted(shares, reverse=True)
+    assert belief.mode is Mode.ASLEEP and sum(belief.mode_probabilities) == pytest.approx(1.0)
+    assert belief.silent_slots == 11 and Source.SILENCE in belief.learned_from
+
+
+def test_a_packet_in_time_corrects_one_filter_and_the_mode_is_known() -> None:
+    twin = Twin(KNOWLEDGE, ALWAYS_ASLEEP)
+    belief = told(twin, *hourly(State.SLEEPING, 0.9, 60 * ASLEEP, 5), heard(5 * HOUR, State.ACTIVE, 0.87, 5))
+    assert belief.mode is Mode.IDLE and belief.probability_of(Mode.IDLE) == 1.0
+    assert len(belief.parts) == 1 and len(memory_of(belief).anchors) == 1
+    assert (belief.heard_ms, belief.silent_slots, belief.learned_from) == (5 * HOUR, 0, Source.PACKET)
+
+
+def test_what_was_not_scheduled_is_found_out_by_the_next_packet() -> None:
+    twin = Twin(KNOWLEDGE, ALWAYS_ASLEEP)
+    truth = 0.9 - 60 * (5 * ASLEEP + HIGH)  # one of six hours under high load, unheard
+    belief = told(twin, *hourly(State.SLEEPING, 0.9, 60 * ASLEEP, 3))
+    belief = twin.update(belief, heard(8 * HOUR, State.SLEEPING, truth - 0.03, 8)) or belief
+    assert belief.primary == pytest.approx(truth - 0.03, abs=0.02)
+    assert memory_of(belief).gated == 0
+
+
+def test_a_gross_outlier_is_gated_until_another_agrees() -> None:
+    twin = Twin(KNOWLEDGE, ALWAYS_ASLEEP)
+    steady = told(twin, *hourly(State.SLEEPING, 0.9, 60 * ASLEEP, 6))
+    odd = twin.update(steady, heard(6 * HOUR, State.SLEEPING, 0.2, 6))
+    assert odd is not None and odd.primary > 0.7 and memory_of(odd).gated == 1
+    assert odd.charge_cov[0] > 100 * steady.charge_cov[0]
+    back = twin.update(odd, heard(7 * HOUR, State.SLEEPING, 0.9 - 7 * 60 * ASLEEP, 7))
+    assert back is not None and back.primary == pytest.approx(0.87, abs=0.02)
+    low = twin.update(odd, heard(7 * HOUR, State.SLEEPING, 0.2 - 60 * ASLEEP, 7))
+    assert low is not None and low.primary == pytest.approx(0.195, abs=0.03)
+
+
+def test_duplicates_and_late_packets_are_not_believed() -> None:
+    twin = Twin(KNOWLEDGE, {})
+    belief = told(twin, heard(HOUR, State.ACTIVE, 0.8, 5))
+    with pytest.raises(Rejected, match="already"):
+        twin.update(belief, heard(HOUR + 500, State.ACTIVE, 0.8, 5, agent_ms=HOUR))
+    with pytest.raises(Rejected, match="overtook"):
+        twin.update(belief, heard(HOUR + 500, State.ACTIVE, 0.85, 4, agent_ms=HOUR - 10_000))
+
+
+def test_charges_stay_possible() -> None:
+    twin = Twin(KNOWLEDGE, {})
+    belief = told(twin, heard(0, State.ACTIVE, 0.3))
+    for hour in range(1, 100):
+        belief = twin.predict(belief, hour * HOUR)
+        assert 0 <= belief.primary <= 1 and 0 <= belief.secondary <= 1
+        assert 0 <= belief.charge_cov[0] <= 0.26
+    assert belief.primary < 0.02
+    docked = twin.update(belief, Docked(100 * HOUR))
+    assert docked is not None
+    for hour in range(101, 130):
+        docked = twin.predict(docked, hour * HOUR)
+        assert 0 <= docked.primary <= 1
+    assert docked.primary > 0.99 and docked.mode is Mode.FULL
+
+
+def test_with_its_primary_empty_it_sleeps_on_the_secondary_until_it_is_lost() -> None:
+    twin = Twin(KNOWLEDGE, {1: Schedule((0,), (Mode.IDLE,))})
+    belief = told(twin, heard(0, State.ACTIVE, 0.2, secondary=0.3))
+    empty = twin.predict(belief, 12 * HOUR)
+    assert empty.probability_at_most(0.0) > 0.9 and empty.mode is Mode.ASLEEP
+    assert empty.probability_of(Mode.LOST) < 0.01
+    # 0.3 of a battery at the asleep rate lasts 71 h beyond the three and a half of the primary.
+    for hour in range(13, 130):
+        belief = empty = twin.predict(empty, hour * HOUR)
+        if hour == 50:
+            assert empty.secondary == pytest.approx(0.3 - 46.6 * 60 * ASLEEP, abs=0.03)
+    assert belief.probability_of(Mode.LOST) > 0.9
+
+
+def test_what_the_apad_did_is_known_without_a_packet() -> None:
+    twin = Twin(KNOWLEDGE, ALWAYS_ASLEEP)
+    belief = told(twin, heard(0, State.SLEEPING, 0.5, secondary=1.0))
+    up = twin.update(belief, Permitted(HOUR))
+    assert up is not None and up.mode is Mode.SURFACING
+    assert up.primary == pytest.approx(belief.primary - 60 * ASLEEP - 0.027, abs=0.005)
+    assert twin.update(up, Permitted(HOUR + 1000)).primary == pytest.approx(up.primary, abs=1e-3)  # type: ignore[union-attr]
+    docked = twin.update(twin.predict(up, HOUR + 600_000), Docked(HOUR + 600_000))
+    assert (
+        docked is not None and docked.mode is Mode.CHARGING_PRIMARY and Source.DOCKING in docked.learned_from
+    )
+    charged = twin.predict(docked, 8 * HOUR)
+    assert charged.primary > 0.98 and charged.heard_ms == 0
+    down = twin.update(charged, Released(8 * HOUR, 20.0, 30.0))
+    assert down is not None and down.mode is Mode.ASLEEP
+    assert (down.north_m, down.east_m) == (20.0, 30.0)
+    assert down.primary == pytest.approx(1 - 0.027 - IDLE, abs=0.01)
+
+
+def test_one_that_did_not_obey_is_known_when_it_is_heard() -> None:
+    twin = Twin(KNOWLEDGE, ALWAYS_ASLEEP)
+    belief = told(twin, heard(0, State.SLEEPING, 0.5), Permitted(HOUR))
+    stayed = twin.update(belief, heard(5 * HOUR, State.SLEEPING, 0.5 - 5 * 60 * ASLEEP, 5))
+    assert stayed is not None and stayed.mode is Mode.ASLEEP
+    assert stayed.primary == pytest.approx(0.5 - 5 * 60 * ASLEEP, abs=0.01)
+
+
+def test_docked_by_somebody_else_it_is_believed_as_heard() -> None:
+    twin = Twin(KNOWLEDGE, ALWAYS_ASLEEP)
+    belief = told(twin, heard(0, State.SLEEPING, 0.5), heard(6 * HOUR, State.CHARGING, 0.93, 6))
+    assert belief.mode is Mode.CHARGING_PRIMARY
+    assert belief.primary == pytest.approx(0.9, abs=0.02)  # the charger lifts the voltage by 0.03
+
+
+def test_drain_and_bias_of_one_are_learned_while_it_is_heard() -> None:
+    twin = Twin(KNOWLEDGE, {})
+    rng = np.random.default_rng(2)
+    drain, sag = 1.08, -0.022
+    belief: Belief | None = None
+    charge = 0.95
+    for hour in range(60):
+        awake = hour % 8 == 0
+        reading = charge + (sag if awake else 0.0) + rng.normal(0, 0.015)
+        state = State.ACTIVE if awake else State.SLEEPING
+        belief = twin.update(belief, heard(hour * HOUR, state, min(1.0, reading), hour))
+        charge -= drain * 60 * (IDLE if awake else ASLEEP)
+    assert belief is not None
+    learned, spread = memory_of(belief).mean, np.sqrt(np.diag(memory_of(belief).cov))
+    assert learned[2] == pytest.approx(drain, abs=0.03) and spread[2] < 0.03
+    assert learned[4] == pytest.approx(sag, abs=3 * spread[4]) and spread[4] < 0.005
+
+
+def test_readings_at_the_end_of_the_scale_do_not_pull_a_full_battery_down() -> None:
+    twin = Twin(KNOWLEDGE, {1: Schedule((0,), (Mode.ASLEEP,))})
+    rng = np.random.default_rng(4)
+    belief: Belief | None = None
+    for n in range(300):
+        reading = float(np.clip(1.0 + rng.normal(0, 0.015), 0, 1))
+        belief = twin.update(belief, heard(n * 600_000, State.CHARGING, min(1.0, reading + 0.03), n))
+    assert belief is not None and belief.primary > 0.999
+    assert memory_of(belief).mean[3] == pytest.approx(0.0, abs=0.004)
+
+
+def test_a_clock_that_gains_is_learned() -> None:
+    twin = Twin(KNOWLEDGE, {})
+    belief: Belief | None = None
+    for hour in range(200):
+        at_ms = hour * HOUR
+        ahead_ms = 2000 + round(at_ms * 30e-6)
+        belief = twin.update(belief, heard(at_ms, State.SLEEPING, 0.9, hour, agent_ms=at_ms + ahead_ms))
+    assert belief is not None
+    assert belief.clock.drift_ppm == pytest.approx(30, abs=3)
+    assert belief.clock.offset_ms == pytest.approx(2000 + 199 * HOUR * 30e-6, abs=500)
+
+
+def test_readings_near_to_each_other_are_one_and_change_nothing_else() -> None:
+    twin = Twin(KNOWLEDGE, {})
+    belief = told(twin, heard(0, State.ACTIVE, 0.9))
+    variance = belief.charge_cov[0]
+    for n in range(1, 200):
+        found = twin.update(belief, heard(1000 * n, State.ACTIVE, 0.9 - n * IDLE / 60, n))
+        assert found is not None
+        belief = found
+    assert belief.heard_ms == 199_000
+    assert belief.charge_cov[0] > variance / 2.5  # 200 independent readings would leave a hundredth
+    other = twin.update(belief, heard(200_000, State.PROCESSING, 0.87, 200))
+    assert other is not None and other.mode is Mode.HIGH_LOAD
+
+
+@pytest.mark.parametrize("theta", [1, 30])
+def test_the_water_moves_it_in_mission_time_whatever_theta_is(theta: int) -> None:
+    twin = Twin(replace(KNOWLEDGE, theta=theta), {})
+    belief = told(twin, heard(0, State.ACTIVE, 0.9, agent_ms=0))
+    later = twin.predict(belief, 3_600_000)
+    assert later.place_cov[0] - belief.place_cov[0] == pytest.approx(3600 * 0.001, rel=0.01)
+
+
+def test_a_range_says_how_far_and_not_where() -> None:
+    twin = Twin(replace(KNOWLEDGE, water=Water(0.01, 0.0, 3600.0, 1.0)), {})
+    belief = twin.predict(told(twin, heard(0, State.ACTIVE, 0.9)), 10 * HOUR)
+    ranged = twin.update(belief, Ranged(10 * HOUR, 110.0, 3.0, -96.0, 0.25))
+    assert ranged is not None
+    assert ranged.east_m == pytest.approx(14.0, abs=3.0) and ranged.north_m == pytest.approx(3.0, abs=0.1)
+    assert ranged.place_cov[2] < belief.place_cov[2] / 5
+    assert ranged.place_cov[0] == pytest.approx(belief.place_cov[0], rel=0.01)
+    assert Source.RANGE in ranged.learned_from
+    fixed = twin.update(ranged, Fixed(10 * HOUR, 5.0, 12.0, 1.0))
+    assert fixed is not None and fixed.place_cov[0] < 1.0

@@ -1,0 +1,35 @@
+"""Opens a gateway with a watch of its master, and prints what it notices as JSON lines, until its stdin ends.
+
+Use: watch_a_master.py, on the master at ROS_MASTER_URI
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import threading
+
+import rosgraph
+import rospy
+from std_msgs.msg import String
+
+from apad_bridge.ros.gateway import open_gateway
+from apad_bridge.ros.master_watch import MasterWatch
+
+
+def main() -> None:
+    gateway = open_gateway(range(1, 3), 1, node_name="watcher")
+    rospy.Subscriber("/words", String, lambda message: print(json.dumps(["heard", message.data]), flush=True))
+    watch = MasterWatch(rosgraph.get_master_uri(), period_s=0.2)
+    print("ready", flush=True)
+    ended = threading.Event()
+    threading.Thread(target=lambda: (sys.stdin.read(), ended.set()), daemon=True).start()
+    while not ended.wait(0.05):
+        for noticed in watch.take():
+            print(json.dumps(noticed), flush=True)
+    watch.close()
+    gateway.close()
+
+
+if __name__ == "__main__":
+    main()
