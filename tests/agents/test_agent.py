@@ -5,11 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import pytest
+from fleets import PAPER
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from agents.agent import Agent
-from agents.fleet import FleetConfig, resting_on_bottom
+from agents.fleet import resting_on_bottom
 from agents.outputs import Dropped, Output, Truth, WifiSent
 from agents.stimuli import ContactClosed, ContactOpened, DockMoved, SoundArrived, Stimulus, WifiArrived
 from firmware_model.charge import Flow
@@ -17,7 +18,6 @@ from firmware_model.codec import MusselbedCodec
 from firmware_model.packets import CommandPacket, Kind, StatusPacket
 from firmware_model.states import State
 from firmware_model.stimuli import ResetCause
-from firmware_model.table_one import WORST_CASE
 
 CODEC = MusselbedCodec()
 PERMISSION = CODEC.encode(CommandPacket(Kind.PERMISSION, 7))
@@ -30,24 +30,7 @@ STIMULI: tuple[Stimulus, ...] = (
     DockMoved(5_000_000, 2_000_000),
     ContactOpened(),
 )
-FLEET = FleetConfig(
-    theta=30,
-    seed=5,
-    codec="musselbed-1",
-    charge=WORST_CASE,
-    pin_debounce_ms=50,
-    boot_ms=2000,
-    float_timeout_ms=600_000,
-    release_wait_ms=120_000,
-    report_period_ms=30_000,
-    heard_always=True,
-    bottom_um=3_000_000,
-    surfacing_ms=60_000,
-    sinking_ms=45_000,
-    drifts_always=True,
-    drift_amplitude_um=5000,
-    current_csv=None,
-)
+FLEET = PAPER
 END_MS = 2_000_000
 
 

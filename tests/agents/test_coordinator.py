@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import pytest
+from fleets import PAPER
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from agents.coordinator import Coordinator, Died, Heard
-from agents.fleet import FleetConfig, resting_on_bottom
+from agents.fleet import resting_on_bottom
 from agents.host import Death, Grant, Reply
 from agents.one_process import OneProcess
 from agents.outputs import Truth, WifiSent
@@ -17,27 +18,9 @@ from agents.stimuli import ContactClosed, ContactOpened, SoundArrived, Stimulus
 from firmware_model.codec import MusselbedCodec
 from firmware_model.packets import CommandPacket, Kind
 from firmware_model.stimuli import ResetCause
-from firmware_model.table_one import WORST_CASE
 
 IDS = (3, 8, 21)
-FLEET = FleetConfig(
-    theta=30,
-    seed=5,
-    codec="musselbed-1",
-    charge=WORST_CASE,
-    pin_debounce_ms=50,
-    boot_ms=2000,
-    float_timeout_ms=600_000,
-    release_wait_ms=120_000,
-    report_period_ms=30_000,
-    heard_always=True,
-    bottom_um=3_000_000,
-    surfacing_ms=60_000,
-    sinking_ms=45_000,
-    drifts_always=True,
-    drift_amplitude_um=5000,
-    current_csv=None,
-)
+FLEET = PAPER
 
 
 def fly(

@@ -6,32 +6,16 @@ from dataclasses import replace
 
 import msgpack
 import pytest
+from fleets import PAPER
 
 from agents.fleet import FleetConfig
 from agents.water.patches import Waters
 from firmware_model.charge import FULL
 from firmware_model.plan import LastResort, Whole
 from firmware_model.rails import Rail, bits
-from firmware_model.table_one import FIELD, HOURLY, METERING, MODEL, WORST_CASE, power
+from firmware_model.table_one import FIELD, HOURLY, METERING, MODEL, power
 
-WORST = FleetConfig(
-    theta=30,
-    seed=5,
-    codec="musselbed-1",
-    charge=WORST_CASE,
-    pin_debounce_ms=50,
-    boot_ms=2000,
-    float_timeout_ms=600_000,
-    release_wait_ms=120_000,
-    report_period_ms=30_000,
-    heard_always=True,
-    bottom_um=3_000_000,
-    surfacing_ms=60_000,
-    sinking_ms=45_000,
-    drifts_always=True,
-    drift_amplitude_um=5000,
-    current_csv=None,
-)
+WORST = PAPER
 POWER = power(LastResort.SURFACE, bits(Rail.PI))
 FLEETS = {
     "worst case": WORST,

@@ -5,13 +5,15 @@ from __future__ import annotations
 import os
 import socket
 from collections.abc import Iterator
+from dataclasses import replace
 
 import pytest
+from fleets import PAPER
 from hypothesis import given
 from hypothesis import strategies as st
 
 from agents.agent import Agent
-from agents.fleet import FleetConfig, resting_on_bottom
+from agents.fleet import resting_on_bottom
 from agents.host import Grant, Reply
 from agents.link import (
     LIMIT_BYTES,
@@ -32,26 +34,8 @@ from agents.stimuli import ContactClosed, ContactOpened, DockMoved, SoundArrived
 from agents.truths import decode as decode_telling
 from firmware_model.codec import MusselbedCodec
 from firmware_model.stimuli import ResetCause
-from firmware_model.table_one import WORST_CASE
 
-FLEET = FleetConfig(
-    theta=30,
-    seed=5,
-    codec="musselbed-1",
-    charge=WORST_CASE,
-    pin_debounce_ms=50,
-    boot_ms=2000,
-    float_timeout_ms=600_000,
-    release_wait_ms=120_000,
-    report_period_ms=30_000,
-    heard_always=True,
-    bottom_um=3_000_000,
-    surfacing_ms=60_000,
-    sinking_ms=45_000,
-    drifts_always=False,
-    drift_amplitude_um=0,
-    current_csv=None,
-)
+FLEET = replace(PAPER, drifts_always=False, drift_amplitude_um=0)
 TIMES = st.integers(0, 2**63)
 KEYS = st.tuples(st.integers(1, 2**32 - 1), st.integers(0, 2**63))
 FACTS = st.tuples(

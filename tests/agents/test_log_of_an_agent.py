@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
+from fleets import PAPER, STILL
 
 from agents.agent import Agent
 from agents.fleet import FleetConfig, resting_on_bottom
@@ -34,28 +35,17 @@ from firmware_model.table_one import FIELD, MODEL, WORST_CASE, power
 
 CODEC = MusselbedCodec()
 CYCLE = replace(FIELD, alarm_ms=600_000, sample_ms=10_000, report_ms=20_000)
-FLEET = FleetConfig(
+FLEET = replace(
+    PAPER,
     theta=1,
-    seed=5,
-    codec="musselbed-1",
     charge=MODEL,
-    pin_debounce_ms=50,
-    boot_ms=2000,
-    float_timeout_ms=600_000,
-    release_wait_ms=120_000,
     report_period_ms=60_000,
-    heard_always=False,
-    bottom_um=3_000_000,
-    surfacing_ms=60_000,
-    sinking_ms=45_000,
-    drifts_always=False,
-    drift_amplitude_um=0,
-    current_csv=None,
     whole=Whole(power(LastResort.CALL), CYCLE, transmit_ms=1000, call_ms=600_000, hover_ms=600_000),
     first_id=7,
     oxygen_mg_l=Waters(((0, 6.0),)),
     temperature_c=Waters(((0, 25.0),)),
     turbidity_ntu=Waters(((0, 2000.0),)),
+    **STILL,
 )
 BORN = resting_on_bottom(1.0, 2.0, 3.0, 0.9, 1.0)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
+from fleets import PAPER, STILL
 
 from agents.coordinator import Coordinator
 from agents.fleet import FleetConfig, resting_on_bottom
@@ -31,24 +32,13 @@ SEA = SeaConfig(
     range_noise_m=0.0,
     thrusting_m_s=0.1,
 )
-FLEET = FleetConfig(
+FLEET = replace(
+    PAPER,
     theta=1,
-    seed=5,
-    codec="musselbed-1",
     charge=MODEL,
-    pin_debounce_ms=50,
-    boot_ms=2000,
-    float_timeout_ms=600_000,
-    release_wait_ms=120_000,
     report_period_ms=600_000,
-    heard_always=False,
-    bottom_um=3_000_000,
-    surfacing_ms=60_000,
-    sinking_ms=45_000,
-    drifts_always=False,
-    drift_amplitude_um=0,
-    current_csv=None,
     whole=Whole(power(), FIELD, 1000, 60_000, 600_000),
+    **STILL,
 )
 HOUR_MS = 3_600_000
 

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from fleets import PAPER, STILL
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from agents.agent import Agent, AgentConfig
-from agents.fleet import FleetConfig, resting_on_bottom
+from agents.fleet import resting_on_bottom
 from agents.outputs import Output, SoundSent, Truth, WifiSent
 from agents.physical import Physical
 from agents.stimuli import CoilSlipped, ContactClosed, ContactOpened, SoundArrived, Stimulus, WifiArrived
@@ -33,33 +34,11 @@ from firmware_model.plan import LastResort, Timekeeping
 from firmware_model.sample_record import RECORD_BYTES
 from firmware_model.states import State
 from firmware_model.stimuli import ResetCause
-from firmware_model.table_one import FIELD, METERING, WORST_CASE, board, power
+from firmware_model.table_one import FIELD, METERING, board, power
 
 CODEC = MusselbedCodec()
 COMMANDS = {kind: CODEC.encode(CommandPacket(kind, 7)) for kind in sorted(PLAIN_KINDS)}
-WATER = (
-    FleetConfig(
-        theta=30,
-        seed=5,
-        codec="musselbed-1",
-        charge=WORST_CASE,
-        pin_debounce_ms=50,
-        boot_ms=2000,
-        float_timeout_ms=600_000,
-        release_wait_ms=120_000,
-        report_period_ms=30_000,
-        heard_always=False,
-        bottom_um=3_000_000,
-        surfacing_ms=60_000,
-        sinking_ms=45_000,
-        drifts_always=False,
-        drift_amplitude_um=0,
-        current_csv=None,
-    )
-    .maker()
-    .config(7)
-    .water
-)
+WATER = replace(PAPER, **STILL).maker().config(7).water
 WATER = replace(WATER, coil_alignment_ms=20_000)
 CYCLE = replace(FIELD, alarm_ms=200_000)
 CONFIG = AgentConfig(board(CYCLE, power(LastResort.CALL), agent_id=7), WATER, 30_000, heard_always=False)

@@ -13,12 +13,13 @@ from contextlib import suppress
 from pathlib import Path
 
 import pytest
+from fleets import PAPER
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from agents import control
 from agents.coordinator import Coordinator, Died, Heard
-from agents.fleet import FleetConfig, resting_on_bottom
+from agents.fleet import resting_on_bottom
 from agents.fleet_file import Upbringing
 from agents.host import Grant, Host, Reply
 from agents.launch import NoNursery, launch_nursery, prepare
@@ -32,30 +33,12 @@ from firmware_model.codec import MusselbedCodec
 from firmware_model.packets import CommandPacket, Kind
 from firmware_model.states import State
 from firmware_model.stimuli import ResetCause
-from firmware_model.table_one import WORST_CASE
 
 pytestmark = pytest.mark.system
 
 IDS = (3, 8, 21)
 THETA = 30
-FLEET = FleetConfig(
-    theta=THETA,
-    seed=5,
-    codec="musselbed-1",
-    charge=WORST_CASE,
-    pin_debounce_ms=50,
-    boot_ms=2000,
-    float_timeout_ms=600_000,
-    release_wait_ms=120_000,
-    report_period_ms=30_000,
-    heard_always=True,
-    bottom_um=3_000_000,
-    surfacing_ms=60_000,
-    sinking_ms=45_000,
-    drifts_always=True,
-    drift_amplitude_um=5000,
-    current_csv=None,
-)
+FLEET = PAPER
 BIRTHS = {agent_id: resting_on_bottom(0.0, agent_id, 3.0, 0.3, 1.0) for agent_id in IDS}
 PATIENT = Upbringing(restarts=1000)
 

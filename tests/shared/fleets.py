@@ -1,0 +1,28 @@
+"""The fleet that tests start from; each says what is different in its own."""
+
+from __future__ import annotations
+
+from agents.fleet import FleetConfig
+from firmware_model.table_one import WORST_CASE
+
+PAPER = FleetConfig(
+    theta=30,
+    seed=5,
+    codec="musselbed-1",
+    charge=WORST_CASE,
+    pin_debounce_ms=50,
+    boot_ms=2000,
+    float_timeout_ms=600_000,
+    release_wait_ms=120_000,
+    report_period_ms=30_000,
+    heard_always=True,
+    bottom_um=3_000_000,
+    surfacing_ms=60_000,
+    sinking_ms=45_000,
+    drifts_always=True,
+    drift_amplitude_um=5000,
+    current_csv=None,
+)
+"""The worst case, the paper's hearing and its drift."""
+STILL = {"heard_always": False, "drifts_always": False, "drift_amplitude_um": 0}
+"""For `dataclasses.replace`: heard as it is, in still water."""

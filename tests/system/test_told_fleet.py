@@ -1,0 +1,135 @@
+"""Whole boards with all that they may have, told all that they may be told, in processes that are killed: as in one."""
+
+from __future__ import annotations
+
+import os
+import signal
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from agents.coordinator import Coordinator, Died, Heard
+from agents.fleet import FleetConfig, resting_on_bottom
+from agents.fleet_file import Upbringing
+from agents.one_process import OneProcess
+from agents.outputs import Truth
+from agents.processes import ProcessHost
+from agents.stimuli import CoilSlipped, ContactClosed, ContactOpened, SoundArrived, Stimulus
+from firmware_model.codec import MusselbedCodec
+from firmware_model.packets import (
+    Beacon,
+    Command,
+    CommandPacket,
+    HoverAt,
+    Kind,
+    SetThreshold,
+    SleepSchedule,
+    SlotAssignment,
+    Threshold,
+)
+from firmware_model.plan import LastResort, Timekeeping, Whole
+from firmware_model.states import State
+from firmware_model.table_one import FIELD, METERING, MODEL, power
+
+pytestmark = pytest.mark.system
+
+THETA = 30
+IDS = (1, 2)
+POWER = power(LastResort.SURFACE, metering=METERING, low_level=MODEL.segments[0][0])
+FLEET = FleetConfig(
+    theta=THETA,
+    seed=11,
+    codec="musselbed-1",
+    charge=MODEL,
+    pin_debounce_ms=50,
+    boot_ms=2000,
+    float_timeout_ms=600_000,
+    release_wait_ms=120_000,
+    report_period_ms=30_000,
+    heard_always=False,
+    bottom_um=3_000_000,
+    surfacing_ms=60_000,
+    sinking_ms=45_000,
+    drifts_always=False,
+    drift_amplitude_um=0,
+    current_csv=None,
+    whole=Whole(
+        POWER,
+        replace(FIELD, alarm_ms=600_000),
+        transmit_ms=1000,
+        call_ms=600_000,
+        hover_ms=300_000,
+        timekeeping=Timekeeping(400_000, 120_000),
+    ),
+    coil_alignment_ms=20_000,
+    clock_drift_ppb=400_000,
+)
+"""Clocks of up to 400 parts in a million: in doubt, by a guard of 700 ms, within half an hour."""
+BIRTHS = {agent_id: resting_on_bottom(0.0, agent_id, 3.0, 0.2, 1.0) for agent_id in IDS}
+
+
+def word(command: Command) -> SoundArrived:
+    return SoundArrived(MusselbedCodec().encode(command))
+
+
+def story(agent_id: int) -> list[tuple[int, Stimulus | None]]:
+    """(seconds of mission time, what happens); None is a kill -9 of its process."""
+    return [
+        (10, word(SlotAssignment(agent_id, 60_000, 5000, 700, agent_id, -20))),
+        (12, word(SleepSchedule(agent_id, 900_000, 15_000))),
+        (14, word(SetThreshold(agent_id, Threshold.LOW_LEVEL, 0.19))),
+        (40, word(Beacon(agent_id, 40 * 1000 * THETA))),
+        (50, None),
+        (95, word(HoverAt(agent_id, 1.25))),
+        (97, None),
+        (105, word(CommandPacket(Kind.SINK, agent_id))),
+        (190, word(CommandPacket(Kind.PERMISSION, agent_id))),
+        (194, ContactClosed(5, 5)),
+        (195, None),
+        (200, CoilSlipped()),
+        (240, ContactOpened()),
+    ]
+
+
+def fly(host: OneProcess | ProcessHost) -> tuple[list[Heard | Died], list[Truth]]:
+    clock = Coordinator(host, dict.fromkeys(IDS, 0), THETA)
+    came, told = list(clock.advance(0)), host.take_truths()
+    for now_s in range(1, 301):
+        for agent_id in IDS:
+            for at_s, happens in story(agent_id):
+                if at_s != now_s:
+                    continue
+                if happens is not None:
+                    clock.receive(agent_id, happens, now_s * 1000)
+                elif isinstance(host, OneProcess):
+                    host.kill(agent_id)
+                else:
+                    os.kill(host.pids[agent_id], signal.SIGKILL)
+        came += clock.advance(now_s * 1000)
+        told += host.take_truths()
+    return came, told
+
+
+def test_what_boards_were_told_outlives_their_processes(tmp_path: Path) -> None:
+    host = ProcessHost.start(
+        tmp_path, FLEET, BIRTHS, window_timeout_s=5.0, upbringing=Upbringing(restarts=100)
+    )
+    try:
+        came, told = fly(host)
+    finally:
+        host.close()
+    assert (came, told) == fly(OneProcess(FLEET, BIRTHS))
+    states = {truth.state for truth in told}
+    assert {
+        State.AWAITING_BEACON,
+        State.TRANSMITTING,
+        State.HOVERING,
+        State.CHARGING,
+        State.SINKING,
+    } <= states
+    for agent_id in IDS:
+        kept = [truth.physical.kept for truth in told if truth.agent_id == agent_id][-1]
+        assert kept is not None
+        assert (kept.anchor_ms, kept.reading_ms) == (40_000 * THETA, 40_000 * THETA)
+        assert (kept.settings.alarm_ms, kept.settings.slot) == (900_000, agent_id)
