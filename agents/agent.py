@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -35,7 +36,7 @@ from firmware_model.stimuli import ResetCause
 
 if TYPE_CHECKING:
     from agents.logbook import Logbook
-    from firmware_model.flash_log import Flash
+    from firmware_model.flash import Flash
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,7 +107,7 @@ class Agent:
     def _open_logbook(self, physical: Physical) -> Logbook:
         # Imported here: the paper's worst case has no log.
         from agents.logbook import Logbook
-        from firmware_model.flash_log import MemoryFlash
+        from firmware_model.flash import MemoryFlash
 
         if self._flash is None:
             self._flash = MemoryFlash()
@@ -292,7 +293,7 @@ class Agent:
     ) -> list[Output]:
         logbook, body, now_ms = self._logbook, self.body, action.at_ms
         assert logbook is not None  # the worst case has no such actions
-        packets: list[LogRecords] | None = []
+        packets: Iterable[LogRecords] | None = ()
         match action:
             case board_actions.LogSample():
                 place = body.north_um, body.east_um, body.depth_at_um(now_ms)

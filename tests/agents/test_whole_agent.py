@@ -24,7 +24,7 @@ from agents.stimuli import (
 )
 from firmware_model.charge import FULL, Flow, grains
 from firmware_model.codec import MusselbedCodec
-from firmware_model.flash_log import MemoryFlash
+from firmware_model.flash import MemoryFlash
 from firmware_model.packets import (
     PLAIN_KINDS,
     AcousticStatus,
