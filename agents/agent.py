@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -15,13 +16,17 @@ from agents.stimuli import (
     ContactOpened,
     DockMoved,
     PingArrived,
+    Placed,
     SoundArrived,
     Stimulus,
+    WasReset,
     WifiArrived,
 )
 from firmware_model import actions as board_actions
 from firmware_model import stimuli as board_stimuli
+from firmware_model.actions import Buoyancy
 from firmware_model.board import board_of
+from firmware_model.charge import Battery, Flow
 from firmware_model.codec import Codec
 from firmware_model.packets import LogRecords
 from firmware_model.plan import BoardConfig
@@ -31,7 +36,7 @@ from firmware_model.stimuli import ResetCause
 
 if TYPE_CHECKING:
     from agents.logbook import Logbook
-    from firmware_model.flash_log import Flash
+    from firmware_model.flash import Flash
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,9 +70,16 @@ class Agent:
         """`flash` outlives the agent; without one a whole board's log is as long-lived as the agent."""
         self.config = config
         self._codec = codec
-        self._now_ms = now_ms
+        self._flash = flash
         self._truths: list[Truth] = []
         self._last: tuple[State, Physical] | None = None
+        self._boot_outputs = self._power_on(physical, now_ms, cause)
+        self._note_truth(now_ms)
+
+    def _power_on(self, physical: Physical, now_ms: int, cause: ResetCause) -> list[Output]:
+        """Begins with what is physical: everything else of a former life is forgotten."""
+        config = self.config
+        self._now_ms = now_ms
         self.body = Body(
             config.board.agent_id,
             config.water,
@@ -82,16 +94,32 @@ class Agent:
             physical.hover_um,
         )
         self.board = board_of(
-            config.board, codec, physical.primary, physical.secondary, now_ms, physical.kept
+            config.board, self._codec, physical.primary, physical.secondary, now_ms, physical.kept
         )
-        self._logbook = None if config.board.whole is None else _logbook(config, physical, flash)
+        self._logbook = None if config.board.whole is None else self._open_logbook(physical)
         self._reporter = Reporter(self.board, self.body, self._logbook, config.modem)
         # A reset agent may have reported at this very time before it died: its next report is a later one.
         later = 0 if cause is ResetCause.POWER_ON else 1
         self._report_due_ms = self._report_after(now_ms + later)
         power = board_stimuli.PowerCameOn(cause, self.body.depth_at_um(now_ms) == 0, self.body.pin_high)
-        self._boot_outputs = self._tell_board(power, now_ms)
-        self._note_truth(now_ms)
+        return self._tell_board(power, now_ms)
+
+    def _open_logbook(self, physical: Physical) -> Logbook:
+        # Imported here: the paper's worst case has no log.
+        from agents.logbook import Logbook
+        from firmware_model.flash import MemoryFlash
+
+        if self._flash is None:
+            self._flash = MemoryFlash()
+        water = self.config.water
+        return Logbook(
+            self.config.board.agent_id,
+            water.seed,
+            water.fields,
+            self._flash,
+            physical.samples,
+            physical.acknowledged,
+        )
 
     @property
     def physical(self) -> Physical:
@@ -214,6 +242,26 @@ class Agent:
                 if not self.config.heard_always and not self._at_surface(now_ms):
                     return [Dropped(now_ms, "Wi-Fi does not reach under water")]
                 return self._tell_board(board_stimuli.WifiReceived(data), now_ms)
+            case Placed():
+                return self._power_on(self._placed(stimulus, now_ms), now_ms, ResetCause.POWER_ON)
+            case WasReset(cause):
+                return self._power_on(self.physical, now_ms, ResetCause(cause))
+
+    def _placed(self, at: Placed, now_ms: int) -> Physical:
+        """What is physical of one that was just put there; the log of its samples stays with it."""
+        former = self.physical
+        return Physical(
+            Battery(now_ms, at.primary, Flow.DISCHARGING),
+            Battery(now_ms, at.secondary, Flow.RESTING),
+            at.north_um,
+            at.east_um,
+            now_ms,
+            at.depth_um,
+            Buoyancy.SINK,
+            docked=False,
+            samples=former.samples,
+            acknowledged=former.acknowledged,
+        )
 
     def _report_after(self, now_ms: int) -> int:
         return -(-now_ms // self.config.report_period_ms) * self.config.report_period_ms
@@ -245,7 +293,7 @@ class Agent:
     ) -> list[Output]:
         logbook, body, now_ms = self._logbook, self.body, action.at_ms
         assert logbook is not None  # the worst case has no such actions
-        packets: list[LogRecords] | None = []
+        packets: Iterable[LogRecords] | None = ()
         match action:
             case board_actions.LogSample():
                 place = body.north_um, body.east_um, body.depth_at_um(now_ms)
@@ -268,15 +316,3 @@ class Agent:
         if now != self._last:
             self._last = now
             self._truths.append(Truth(now_ms, self.config.board.agent_id, *now))
-
-
-def _logbook(config: AgentConfig, physical: Physical, flash: Flash | None) -> Logbook:
-    # Imported here: the paper's worst case has no log.
-    from agents.logbook import Logbook
-    from firmware_model.flash_log import MemoryFlash
-
-    kept = MemoryFlash() if flash is None else flash
-    water = config.water
-    return Logbook(
-        config.board.agent_id, water.seed, water.fields, kept, physical.samples, physical.acknowledged
-    )

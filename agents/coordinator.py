@@ -11,6 +11,8 @@ from agents.outputs import Output
 from agents.stimuli import Stimulus
 from firmware_model.stimuli import ResetCause
 
+_NEVER_MS = 2**63
+
 
 @dataclass(frozen=True, slots=True)
 class Heard:
@@ -49,6 +51,15 @@ class Coordinator:
         self._heap = [(due_ms, agent_id) for agent_id, due_ms in self._due_ms.items()]
         heapq.heapify(self._heap)
         self._waiting: dict[int, list[tuple[int, Stimulus]]] = {}
+        self._muted_until_ms: dict[int, int] = {}
+
+    def mute(self, agent_id: int) -> None:
+        """From now on the agent lives unheard: what comes out of it comes to nothing."""
+        self._muted_until_ms[agent_id] = _NEVER_MS
+
+    def unmute(self, agent_id: int, now_ms: int) -> None:
+        """What it does from mission time `now_ms` on is heard again."""
+        self._muted_until_ms[agent_id] = self.theta * now_ms
 
     @property
     def agent_ids(self) -> list[int]:
@@ -136,6 +147,8 @@ class Coordinator:
             else:
                 self._due_ms[agent_id] = outcome.next_due_ms
                 heapq.heappush(self._heap, (outcome.next_due_ms, agent_id))
+            heard_from_ms = self._muted_until_ms.get(agent_id, 0)
             for output in outcome.outputs:
-                came.append(Heard(-(-output.at_ms // self.theta), agent_id, output))
+                if output.at_ms >= heard_from_ms:
+                    came.append(Heard(-(-output.at_ms // self.theta), agent_id, output))
         return again

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import os
 
-from firmware_model.flash_log import PAGE_BYTES, PAGES, Ring
+from firmware_model.flash import PAGE_BYTES, PAGES, Ring
+from firmware_model.flash_recovery import first_in
 
 FLASH_NAME = "samples.flash"
 
@@ -39,6 +40,6 @@ class FlashRegion:
         if self.read(at, len(rest)) != rest:
             self.program(at, rest)
         for page in range(self.pages):
-            first = ring.first_in(self, page)
+            first = first_in(self, ring, page)
             if first is not None and first >= next_sequence:
                 self.erase(page)

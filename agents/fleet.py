@@ -15,7 +15,7 @@ from agents.water.patches import OXYGEN, TEMPERATURE, TURBIDITY, Waters
 from agents.water.stream import STILL, Stream, Tide, parse_stream
 from firmware_model.actions import Buoyancy
 from firmware_model.charge import Battery, ChargeModel, Flow, grains
-from firmware_model.flash_log import PAGES
+from firmware_model.flash import PAGES
 from firmware_model.plan import BoardConfig, Cycle, LastResort, Metering, Power, Slots, Timekeeping, Whole
 from firmware_model.rails import Loads
 
@@ -61,7 +61,7 @@ class FleetConfig:
     """What is true of the water."""
     modem: Modem = Modem.V3
     flash_pages: int = PAGES
-    """Of `firmware_model.flash_log.PAGE_BYTES` each, for the log of one aMussel."""
+    """Of `firmware_model.flash.PAGE_BYTES` each, for the log of one aMussel."""
 
     def to_wire(self) -> dict[str, Any]:
         return asdict(self)

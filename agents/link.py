@@ -23,8 +23,9 @@ from agents.host import Grant, Reply
 LIMIT_BYTES = 65536
 """The largest message, either way, on any of the fleet's sockets."""
 OUTPUTS_AT_ONCE = 256
-"""An answer with more outputs than this, or with more bytes than a message holds, travels in parts."""
-_PART_BYTES = LIMIT_BYTES - 1024
+"""An answer with more outputs than this travels in parts, and one with more bytes than `_PART_BYTES`."""
+_PART_BYTES = 8192
+"""Less than a message holds: what packing one touches stays an agent's memory."""
 _OUTPUT_BYTES = 32
 """Of an output, besides what it says."""
 

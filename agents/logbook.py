@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from agents.water.fields import Fields, unit_noises
-from firmware_model.flash_log import Flash, FlashLog
-from firmware_model.log_packets import RECORDS_AT_ONCE, LogRecords
-from firmware_model.sample_record import SampleRecord
-from firmware_model.sensors import SENSORS, sample
-from firmware_model.status_packets import Counts
+from collections.abc import Iterator
 
-_PACKETS_AT_ONCE = 8
+from agents.water.fields import Fields, unit_noises
+from firmware_model.flash import Flash
+from firmware_model.flash_log import FlashLog
+from firmware_model.log_packets import RECORDS_AT_ONCE, LogRecords
+from firmware_model.sample_record import NO_COUNTS, SampleRecord
+from firmware_model.sensors import SENSORS, sample
+
+_PACKETS_AT_ONCE = 4
 """So many are under way before an acknowledgement is waited for."""
 
 
@@ -23,6 +25,9 @@ class Logbook:
         self._agent_id = agent_id
         self._seed = seed
         self._fields = fields
+        newest = self.log.newest()
+        self.counts = NO_COUNTS if newest is None else newest.counts
+        """Of the newest sample; zeros before there is one, or where it cannot be read."""
         self._sent = 0
         """Up to which sequence the log was sent in this upload."""
 
@@ -36,18 +41,14 @@ class Logbook:
             unit_noises(self._seed, self._agent_id, sequence),
         )
         log.append(SampleRecord(sequence, clock_ms, counts, saturated))
+        self.counts = counts
 
-    def newest_counts(self) -> Counts:
-        """Of the newest sample; zeros before there is one, or where it cannot be read."""
-        newest = self.log.newest()
-        return (0, 0, 0, 0) if newest is None else newest.counts
-
-    def begin_upload(self) -> list[LogRecords]:
-        """The first packets of all that waits."""
+    def begin_upload(self) -> Iterator[LogRecords]:
+        """The first packets of all that waits; made one by one, so that an agent never holds them all."""
         self._sent = self.log.waiting_from
         return self._next_packets()
 
-    def acknowledge(self, next_sequence: int) -> list[LogRecords] | None:
+    def acknowledge(self, next_sequence: int) -> Iterator[LogRecords] | None:
         """The packets that follow; None for an acknowledgement of records that were never taken.
 
         One that acknowledges nothing new asks for what is missing: all is sent again from there.
@@ -60,13 +61,11 @@ class Logbook:
         self._sent = max(self._sent, log.waiting_from)
         return self._next_packets()
 
-    def _next_packets(self) -> list[LogRecords]:
+    def _next_packets(self) -> Iterator[LogRecords]:
         log = self.log
-        oldest, packets = log.waiting_from, []
+        oldest = log.waiting_from
         until = min(log.next_sequence, oldest + _PACKETS_AT_ONCE * RECORDS_AT_ONCE)
         while self._sent < until:
             first = self._sent
             self._sent = min(first + RECORDS_AT_ONCE, until)
-            records = log.read(first, self._sent)
-            packets.append(LogRecords(self._agent_id, oldest, first, self._sent - first, records))
-        return packets
+            yield LogRecords(self._agent_id, oldest, first, self._sent - first, log.raw(first, self._sent))

@@ -10,7 +10,7 @@ from agents.host import Death, Grant, Reply
 from agents.outputs import Output, Truth
 from agents.physical import Physical
 from firmware_model.codec import load_codec
-from firmware_model.flash_log import MemoryFlash
+from firmware_model.flash import MemoryFlash
 from firmware_model.stimuli import ResetCause
 
 

@@ -24,8 +24,10 @@ from agents.stimuli import (
     ContactOpened,
     DockMoved,
     PingArrived,
+    Placed,
     SoundArrived,
     Stimulus,
+    WasReset,
     WifiArrived,
 )
 from firmware_model.codec import Codec
@@ -195,6 +197,9 @@ def _days(agent: Agent, codec: Codec, agent_id: int, now_ms: int) -> Iterator[tu
     yield config.board.pin_debounce_ms, [WifiArrived(release), ContactOpened()]
     yield config.water.sinking_ms, [WifiArrived(permission)]
     yield config.report_period_ms + second_ms, [WifiArrived(release)]
+    charge, secondary = agent.board.primary.charge, agent.board.secondary.charge
+    yield config.board.boot_ms + second_ms, [Placed(0, 0, config.water.bottom_um, charge, secondary)]
+    yield config.board.boot_ms + second_ms, [WasReset(ResetCause.WATCHDOG)]
 
 
 def _words(board: BoardConfig, agent_id: int, now_ms: int) -> Iterator[Command]:

@@ -40,7 +40,7 @@ class Reporter:
         log = logbook.log
         return WifiStatus(
             basic,
-            logbook.newest_counts(),
+            logbook.counts,
             log.next_sequence,
             log.acknowledged,
             log.oldest,
@@ -59,7 +59,7 @@ class Reporter:
         if logbook is None:
             return basic
         log = logbook.log
-        return AcousticStatus(basic, logbook.newest_counts(), log.next_sequence, log.waiting)
+        return AcousticStatus(basic, logbook.counts, log.next_sequence, log.waiting)
 
     def _basic(self, now_ms: int) -> StatusPacket:
         body, board = self._body, self._board

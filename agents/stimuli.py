@@ -49,7 +49,35 @@ class PingArrived:
     travelled_us: int
 
 
-Stimulus = ContactClosed | DockMoved | ContactOpened | SoundArrived | WifiArrived | CoilSlipped | PingArrived
+@dataclass(frozen=True, slots=True)
+class Placed:
+    """The aMussel was put here, undocked, with these charges (grains), and switched on: another, or one that is back."""
+
+    north_um: int
+    east_um: int
+    depth_um: int
+    primary: int
+    secondary: int
+
+
+@dataclass(frozen=True, slots=True)
+class WasReset:
+    """Its MU was reset by `cause` (a ResetCause); what is physical went on."""
+
+    cause: int
+
+
+Stimulus = (
+    ContactClosed
+    | DockMoved
+    | ContactOpened
+    | SoundArrived
+    | WifiArrived
+    | CoilSlipped
+    | PingArrived
+    | Placed
+    | WasReset
+)
 
 _KINDS: tuple[type[Any], ...] = (
     ContactClosed,
@@ -59,6 +87,8 @@ _KINDS: tuple[type[Any], ...] = (
     WifiArrived,
     CoilSlipped,
     PingArrived,
+    Placed,
+    WasReset,
 )
 _CODES: dict[type[Any], int] = {kind: code for code, kind in enumerate(_KINDS)}
 _FIELDS: tuple[tuple[tuple[str, type], ...], ...] = (
@@ -69,6 +99,8 @@ _FIELDS: tuple[tuple[tuple[str, type], ...], ...] = (
     (("data", bytes),),
     (),
     (("travelled_us", int),),
+    (("north_um", int), ("east_um", int), ("depth_um", int), ("primary", int), ("secondary", int)),
+    (("cause", int),),
 )
 
 

@@ -6,7 +6,6 @@ bodies, the supervisor acts, and what it says goes out, to be met in the next wi
 
 from __future__ import annotations
 
-import threading
 from collections import Counter
 from collections.abc import Callable, Iterable
 from dataclasses import astuple
@@ -32,8 +31,10 @@ from apad_bridge.fleet import Fleet
 from apad_bridge.mission.orders import Note
 from apad_bridge.modems.rims import Rims
 from apad_bridge.pace import Pace
+from apad_bridge.presence import Roll
 from apad_bridge.recording import Recorder
 from apad_bridge.records.packet_lines import packet_data
+from apad_bridge.stop_sign import StopSign
 from apad_bridge.supervisor import TICK_MS, Supervisor
 from apad_bridge.vehicle import CloseDock, OpenDock, PoseReported
 from apad_bridge.vehicle_link import APadSeen, Carried, LetGo, VehicleLink
@@ -51,7 +52,8 @@ class Flight:
     """Flies from `start_ms` to the mission's end; `held` are the aMussels that docks already hold.
 
     With an `ether`, the other half of the bench is another process: a fleet's packets go there, or a supervisor's. With
-    `rims` there are serial lines, which are looked at between ticks too.
+    `rims` there are serial lines, which are looked at between ticks too; with a `roll`, who of the fleet is simulated may
+    change.
     `stop` may be called from a signal handler or another thread.
     """
 
@@ -67,6 +69,7 @@ class Flight:
         held: Iterable[int] = (),
         ether: Ether | None = None,
         rims: Rims | None = None,
+        roll: Roll | None = None,
     ) -> None:
         self.supervisor = supervisor
         self.dropped: Counter[str] = Counter()
@@ -77,12 +80,13 @@ class Flight:
         self._fleet = fleet
         self._ether = ether
         self._rims = rims
+        self._roll = roll
         self._came: list[SeaResult] = []
         """Of the fleet, between two ticks."""
         self._come_ms = start_ms - 1
         self._watchers = watchers
         self._contacts = Contacts(held)
-        self._stopped = threading.Event()
+        self._stopped = StopSign()
         self._stop_reason = "the operator"
 
     @property
@@ -117,6 +121,8 @@ class Flight:
             if not self._act(now_ms):
                 break
             self._hear_vehicle(now_ms)
+        # Last: what was heard up to now is believed, whoever said it.
+        self._call_roll(now_ms)
         supervisor = self.supervisor
         self._recorder.tick(
             now_ms,
@@ -264,6 +270,16 @@ class Flight:
                     self._send(word, now_ms)
             else:
                 self.supervisor.receive(came)
+
+    def _call_roll(self, now_ms: int) -> None:
+        """Who is simulated, and who is not any more."""
+        if self._roll is None or self._fleet is None:
+            return
+        for done in self._roll.advance(self._fleet.coordinator, self.supervisor.beliefs, now_ms):
+            if isinstance(done, Note):
+                self._recorder.event(now_ms, done.kind, **done.data)
+            else:
+                self._tell_agent(*done, now_ms)
 
     def _send(self, send: Send, now_ms: int) -> None:
         sea = None if self._fleet is None else self._fleet.sea

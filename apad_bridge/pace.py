@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import threading
 import time
 from collections.abc import Callable
 from typing import Protocol
+
+from apad_bridge.stop_sign import Stopped
 
 Between = Callable[[int], None]
 """Told a mission time that has come, on the way to the next tick."""
@@ -15,7 +16,7 @@ BEAT_S = 0.03
 
 
 class Pace(Protocol):
-    def reach(self, now_ms: int, stopped: threading.Event, between: Between | None = None) -> None:
+    def reach(self, now_ms: int, stopped: Stopped, between: Between | None = None) -> None:
         """Returns when mission time `now_ms` has come for everybody, or at once when `stopped` is set.
 
         Calls `between` on the way, about every `BEAT_S`, with times before `now_ms` that have come; one that has no wall
@@ -34,7 +35,7 @@ class Pace(Protocol):
 class AsFastAsPossible:
     behind_s = 0.0
 
-    def reach(self, now_ms: int, stopped: threading.Event, between: Between | None = None) -> None:
+    def reach(self, now_ms: int, stopped: Stopped, between: Between | None = None) -> None:
         pass
 
 
@@ -55,7 +56,7 @@ class WallClock:
         self.behind_s = 0.0
         self.slipped_s = 0.0
 
-    def reach(self, now_ms: int, stopped: threading.Event, between: Between | None = None) -> None:
+    def reach(self, now_ms: int, stopped: Stopped, between: Between | None = None) -> None:
         now_s = self._clock()
         if self._origin is None:
             self._origin = (now_ms, now_s)

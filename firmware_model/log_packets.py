@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -28,11 +29,26 @@ class LogRecords:
     oldest: int
     first: int
     covered: int
-    records: tuple[SampleRecord, ...]
+    data: bytes
+    """The records as they stand in flash, one behind the other: an aMussel sends them without reading them."""
+
+    @classmethod
+    def of(
+        cls, agent_id: int, oldest: int, first: int, covered: int, records: Iterable[SampleRecord]
+    ) -> LogRecords:
+        """From records instead of their bytes."""
+        return cls(agent_id, oldest, first, covered, b"".join([record.encode() for record in records]))
+
+    @property
+    def records(self) -> tuple[SampleRecord, ...]:
+        """The records, in order; those that cannot be read are left out."""
+        data = self.data
+        read = (SampleRecord.decode(data[at : at + RECORD_BYTES]) for at in range(0, len(data), RECORD_BYTES))
+        return tuple([record for record in read if record is not None])
 
     def encode(self) -> bytes:
         head = self.HEAD.pack(self.VERSION, self.KIND, self.agent_id, self.oldest, self.first, self.covered)
-        return sealed(head + b"".join([record.encode() for record in self.records]))
+        return sealed(head + self.data)
 
     @classmethod
     def decode_body(cls, body: bytes) -> LogRecords | None:
@@ -42,12 +58,10 @@ class LogRecords:
         _, _, agent_id, oldest, first, covered = cls.HEAD.unpack_from(body)
         if oldest > first:
             return None
-        records: list[SampleRecord] = []
-        least = first
-        for at in range(cls.HEAD.size, len(body), RECORD_BYTES):
-            record = SampleRecord.decode(body[at : at + RECORD_BYTES])
-            if record is None or not least <= record.sequence < first + covered:
+        packet = cls(agent_id, oldest, first, covered, body[cls.HEAD.size :])
+        records, least = packet.records, first
+        for record in records:
+            if not least <= record.sequence < first + covered:
                 return None
-            records.append(record)
             least = record.sequence + 1
-        return cls(agent_id, oldest, first, covered, tuple(records))
+        return packet if len(records) == over // RECORD_BYTES else None

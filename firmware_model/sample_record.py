@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+from binascii import crc_hqx
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -31,6 +32,16 @@ class SampleRecord:
     def encode(self) -> bytes:
         return sealed(
             self.FORMAT.pack(self.VERSION, self.saturated, self.sequence, self.agent_ms, *self.counts)
+        )
+
+    @classmethod
+    def is_whole(cls, data: bytes, sequence: int) -> bool:
+        """Whether these bytes are an unharmed record of that sequence."""
+        return (
+            len(data) == RECORD_BYTES
+            and data[0] == cls.VERSION
+            and int.from_bytes(data[2:6], "little") == sequence
+            and crc_hqx(data[:-2], 0xFFFF) == int.from_bytes(data[-2:], "little")
         )
 
     @classmethod

@@ -94,6 +94,12 @@ class FleetBeliefs:
             StatusPacket(packet.agent_id, 0, packet.state, *charges, *place, 0.0, agent_ms), at_ms
         )
 
+    def forget(self, agent_id: int) -> None:
+        """Nothing is believed of this aMussel any more; its next packet, of whatever time, is believed."""
+        self._beliefs.pop(agent_id, None)
+        self._at_now.pop(agent_id, None)
+        self._newest_ms.pop(agent_id, None)
+
     def learn(self, agent_id: int, measurement: Measurement) -> str | None:
         """Takes anything that is known of one aMussel; or says why it is not believed, and nothing has changed."""
         try:

@@ -79,7 +79,8 @@ def held(mean: float, variance: float) -> tuple[float, float]:
     first = mean * inside + sd * (pdf_a - pdf_b) + (1 - cdf_b)
     second = (mean**2 + variance) * inside + sd * (2 * mean * (pdf_a - pdf_b) + sd * (a * pdf_a - b * pdf_b))
     second += 1 - cdf_b
-    return first, max(0.0, second - first**2)
+    # Far outside, `first` is nothing but rounding.
+    return min(1.0, max(0.0, first)), max(0.0, second - first**2)
 
 
 def truncated(mean: float, variance: float) -> tuple[float, float]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Set
 from typing import Any
 
-from firmware_model.flash_log import PAGE_BYTES, PAGES, Ring
+from firmware_model.flash import PAGE_BYTES, PAGES, Ring
 
 SAMPLE_KEYS = ("samples_taken", "samples_uploaded", "samples_lost", "samples_waiting")
 

@@ -6,7 +6,8 @@ what its newest Truth up to that time (inclusive) says. Two meanings of "active"
 - paper: not docked and the primary battery above 0. An aMussel counts as active until it is docked (section V);
 - submerged: under water with the primary battery in use, asleep between two samples or not.
 
-An aMussel that is LOST, both batteries at 0, can no longer surface.
+An aMussel that is LOST can no longer surface: both batteries at 0, or, of a board that reads its batteries, both read so
+for long enough.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from dataclasses import dataclass
 
 from agents.outputs import Truth
 from firmware_model.charge import Battery, ChargeModel
-from firmware_model.state_groups import AT_WORK
+from firmware_model.state_groups import AT_WORK, BEYOND_HELP
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +31,7 @@ class AgentUptime:
     emptied: bool = False
     """The primary battery stood at 0 at some time."""
     lost: bool = False
-    """Both batteries stood at 0 at some time: it can no longer surface."""
+    """It was LOST at some time."""
     charge: int = 0
     samples: int = 0
     """Which its sensors have ever taken."""
@@ -116,7 +117,7 @@ class UptimeMeter:
             counted.submerged + (charged if truth.state in AT_WORK else 0),
             counted.dead + dead,
             counted.emptied or empty_ms[0] < empty_ms[1],
-            counted.lost or both_ms[0] < both_ms[1],
+            counted.lost or both_ms[0] < both_ms[1] or (truth.state in BEYOND_HELP and start_ms < end_ms),
             self.charge.charge_at(primary, max(start_ms, end_ms - 1)),
             truth.physical.samples,
         )

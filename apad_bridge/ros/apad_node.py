@@ -15,7 +15,6 @@ from __future__ import annotations
 import argparse
 import signal
 import sys
-import threading
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -28,6 +27,7 @@ from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.loader import load, with_overrides
 from apad_bridge.scenario.schema import Generation, Scenario
 from apad_bridge.simulated_apad.apad import SimulatedAPad
+from apad_bridge.stop_sign import StopSign
 
 if TYPE_CHECKING:
     from apad_bridge.ros.generation_a_server import GenerationAServer
@@ -74,7 +74,7 @@ def main() -> int:
     except ScenarioError as wrong:
         print(f"musselbed: {wrong}", file=sys.stderr)
         return 2
-    stop = threading.Event()
+    stop = StopSign()
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: stop.set())
     try:

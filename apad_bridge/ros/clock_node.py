@@ -11,7 +11,6 @@ from __future__ import annotations
 import argparse
 import signal
 import sys
-import threading
 import time
 
 import rosgraph
@@ -19,6 +18,7 @@ import rospy
 from rosgraph_msgs.msg import Clock
 
 from apad_bridge.ros.ros_time import to_ros
+from apad_bridge.stop_sign import StopSign
 
 NODE = "musselbed_clock"
 _PERIOD_S = 0.02
@@ -38,7 +38,7 @@ def main() -> int:
     speed: float = parser.parse_args().speed
     if speed <= 0:
         parser.error(f"--speed must be above 0, not {speed:g}")
-    stop = threading.Event()
+    stop = StopSign()
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: stop.set())
     publishers, _, _ = rosgraph.Master(f"/{NODE}").getSystemState()

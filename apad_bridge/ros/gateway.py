@@ -57,6 +57,7 @@ def open_gateway(
     node_name: str,
     xmlrpc_port: int = 0,
     truth: TruthSource | None = None,
+    simulated: Callable[[], frozenset[int]] | None = None,
 ) -> Gateway:
     """The node, on the graph, with the aMussels' topics and services. Raises SecondFleet or GatewayFailed."""
     ids = list(agent_ids)
@@ -73,7 +74,7 @@ def open_gateway(
         ) from error
     except rospy.ROSException as error:
         raise GatewayFailed(f"the ROS node {node_name} could not start: {error}") from error
-    return Gateway(ids, theta, truth)
+    return Gateway(ids, theta, truth, simulated)
 
 
 def raise_descriptor_limit() -> int:
@@ -86,8 +87,16 @@ def raise_descriptor_limit() -> int:
 class Gateway:
     """Owned by the flight's thread; the node is initialised before (`open_gateway`)."""
 
-    def __init__(self, agent_ids: Iterable[int], theta: int, truth: TruthSource | None = None) -> None:
+    def __init__(
+        self,
+        agent_ids: Iterable[int],
+        theta: int,
+        truth: TruthSource | None = None,
+        simulated: Callable[[], frozenset[int]] | None = None,
+    ) -> None:
+        """Only `simulated` aMussels are shown on topics of their own: a real one says itself where it is."""
         self._theta = theta
+        self._simulated = simulated
         self._truth = truth
         self._shown: Mapping[int, Shown] = MappingProxyType({})
         ids = list(agent_ids)
@@ -111,6 +120,9 @@ class Gateway:
                 shown: Mapping[int, Shown] = {it.agent_id: Shown.of_belief(it) for it in beliefs}
             else:
                 shown = self._truth(now_ms)
+            if self._simulated is not None:
+                ours = self._simulated()
+                shown = {agent_id: it for agent_id, it in shown.items() if agent_id in ours}
             self._shown = MappingProxyType(dict(shown))
             self.agent_topics.show(now_ms, self._shown)
             self._show_beliefs(beliefs, now_ms)

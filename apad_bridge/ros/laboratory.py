@@ -129,6 +129,8 @@ class LaboratoryEther:
         self._on_wifi[agent_id] = now_ms
 
     def said(self, send: Send, now_ms: int) -> None:
+        if self._inner is not None:
+            self._inner.said(send, now_ms)
         self._tell_word(send.agent_id, send.data, now_ms)
 
     def _tell_word(self, agent_id: int, data: bytes, now_ms: int) -> None:

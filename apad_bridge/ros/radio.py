@@ -72,6 +72,40 @@ class _PacketTopics:
         self._inbox.put((message.agent, message.medium, bytes(message.data)))
 
 
+class RealRadio:
+    """Real aMussels beside simulated ones: their packets are heard on /musselbed/heard, and what is said to them goes out.
+
+    A packet of an aMussel that is simulated here is dropped and counted: two speak for one.
+    """
+
+    def __init__(self, agent_ids: Iterable[int], simulated: Callable[[], frozenset[int]]) -> None:
+        self._topics = _PacketTopics(SAID, HEARD, agent_ids)
+        self._simulated = simulated
+
+    @property
+    def dropped(self) -> Counter[str]:
+        return self._topics.dropped
+
+    def advance(self, now_ms: int) -> list[WifiHeard | SoundHeard | Send]:
+        simulated, heard = self._simulated(), list[WifiHeard | SoundHeard | Send]()
+        for agent_id, medium, data in self._topics.take():
+            if agent_id in simulated:
+                self._topics.dropped["a packet of a real aMussel whose id is simulated here"] += 1
+                continue
+            heard.append(WifiHeard(now_ms, data) if medium is Medium.WIFI else SoundHeard(now_ms, data))
+        return heard
+
+    def transmit(self, medium: Medium, agent_id: int, data: bytes, now_ms: int) -> None:
+        """What a simulated aMussel transmits is heard in this process already."""
+
+    def said(self, send: Send, now_ms: int) -> None:
+        if send.agent_id not in self._simulated():
+            self._topics.transmit(send.medium, send.agent_id, send.data, now_ms)
+
+    def close(self) -> None:
+        self._topics.close()
+
+
 class FleetRadio:
     """The fleet's end: tells what its aMussels transmit, hears what is said to them.
 

@@ -17,6 +17,7 @@ from rosgraph_msgs.msg import Clock
 
 from apad_bridge.pace import BEAT_S, AsFastAsPossible, Between, Pace, WallClock
 from apad_bridge.ros.ros_time import to_ms, to_ros
+from apad_bridge.stop_sign import Stopped
 
 PATIENCE_S = 5.0
 """Wall seconds that the aPad's node may take for a tick. It takes milliseconds: after this it is dead or stopped."""
@@ -77,7 +78,7 @@ class OwnMasterClock:
     def behind_s(self) -> float:
         return self._pace.behind_s
 
-    def reach(self, now_ms: int, stopped: threading.Event, between: Between | None = None) -> None:
+    def reach(self, now_ms: int, stopped: Stopped, between: Between | None = None) -> None:
         self._link.wait_until_taken(SETTLE_S)
         while self._told_ms < now_ms or not self._has_told:
             step_ms = now_ms if stopped.is_set() else min(now_ms, self._told_ms + self._step_ms)
@@ -111,7 +112,7 @@ class FollowedClock:
         self._came = threading.Condition()
         self._subscriber = rospy.Subscriber("/clock", Clock, self._take, tcp_nodelay=True)
 
-    def reach(self, now_ms: int, stopped: threading.Event, between: Between | None = None) -> None:
+    def reach(self, now_ms: int, stopped: Stopped, between: Between | None = None) -> None:
         moved_s, last_ms = time.monotonic(), self._now_ms
         while (self._origin_ms is None or self._now_ms < now_ms) and not stopped.is_set():
             with self._came:

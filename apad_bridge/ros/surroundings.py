@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
@@ -12,16 +12,19 @@ from apad_bridge.flight import Watcher
 from apad_bridge.geography import LocalFrame
 from apad_bridge.laboratory.names import DEFAULT, load_names
 from apad_bridge.pace import Pace, WallClock
+from apad_bridge.presence import Presences, Roll
 from apad_bridge.ros.agent_topics import Shown
+from apad_bridge.ros.claims import ClaimBoard
 from apad_bridge.ros.contacts_link import ContactsLink
 from apad_bridge.ros.fleet_diagnostics import Limits
 from apad_bridge.ros.fleet_guard import SecondFleet
+from apad_bridge.ros.fleet_services import FleetServices
 from apad_bridge.ros.gateway import GatewayFailed, TruthSource, open_gateway
 from apad_bridge.ros.generation_b import GenerationBLink
 from apad_bridge.ros.laboratory import Laboratory
 from apad_bridge.ros.listening_link import ListeningLink
 from apad_bridge.ros.master_watch import MasterWatch, Noticed
-from apad_bridge.ros.radio import FleetRadio, MissionRadio
+from apad_bridge.ros.radio import FleetRadio, MissionRadio, RealRadio
 from apad_bridge.ros.ros_pace import FollowedClock, OwnMasterClock
 from apad_bridge.ros.silence_watch import SilenceWatch
 from apad_bridge.ros.standard_topics import StandardTopics
@@ -31,7 +34,7 @@ from apad_bridge.runs.failures import PeerFailed
 from apad_bridge.runs.flying import Surroundings
 from apad_bridge.runs.options import APadKind, Part, RunOptions, TimeSource
 from apad_bridge.scenario.schema import Scenario
-from firmware_model.codec import load_codec
+from firmware_model.codec import Codec, load_codec
 
 _NODES = {Part.WHOLE: "musselbed", Part.FLEET: "musselbed_fleet", Part.MISSION: "musselbed_mission"}
 
@@ -56,23 +59,26 @@ def open_surroundings(
     codec = load_codec(scenario.hearing.codec)
     # A mission alone shows nothing as its aMussels': they, or their fleet, do so themselves.
     shown = () if options.part is Part.MISSION else ids
+    node_name = f"{_NODES[options.part]}_{scenario.fleet.first_id}"
+    presences = Presences(ids, scenario.area.depth_m)
     with ExitStack() as stack:
         try:
             gateway = open_gateway(
                 shown,
                 scenario.theta,
-                node_name=f"{_NODES[options.part]}_{scenario.fleet.first_id}",
+                node_name=node_name,
                 xmlrpc_port=options.xmlrpc_port,
+                simulated=lambda: presences.simulated,
                 truth=_shown_truth(truths_at) if scenario.records.truth_on_agent_topics else None,
             )
             stack.callback(gateway.close)
+            roll = None if fleet is None else _called_roll(stack, node_name, ids, presences)
             names = load_names(Path(scenario.apad.interface) if scenario.apad.interface else DEFAULT)
             laboratory = Laboratory(names, scenario.apad.name, ids, codec)
             stack.callback(laboratory.close)
             standard = _standard_topics(shown, scenario)
             vehicle: APadLink | ContactsLink
             watches: tuple[Watcher, ...] = ()
-            radio: FleetRadio | MissionRadio | None = None
             is_fleet = options.part is Part.FLEET
             if is_fleet and not is_of_generation_b(scenario):
                 vehicle = ContactsLink(scenario.apad.name, ids, docked, now_ms)
@@ -81,13 +87,9 @@ def open_surroundings(
                 vehicle = opened.link
                 if opened.watch is not None:
                     watches = (opened.watch,)
-            if is_fleet:
-                radio = FleetRadio(ids, codec)
-            elif options.part is Part.MISSION and not isinstance(vehicle, ContactsLink):
-                radio = MissionRadio(ids, codec, scenario.theta, vehicle.holds)
             stack.callback(vehicle.close)
-            if radio is not None:
-                stack.callback(radio.close)
+            radio = _radio(options, ids, codec, scenario.theta, vehicle, presences)
+            stack.callback(radio.close)
             if not isinstance(vehicle, ContactsLink):
                 vehicle.wait_until_ready(READY_S)
         except (SecondFleet, GatewayFailed, VehicleNotReady) as error:
@@ -102,9 +104,34 @@ def open_surroundings(
             gateway.event,
             laboratory.around(radio, link, is_mission=options.part is Part.MISSION),
             held,
-            lambda: vehicle.dropped + laboratory.dropped,
+            lambda: vehicle.dropped + laboratory.dropped + radio.dropped,
             _watched(stack, options, scenario, vehicle),
+            roll=roll,
         )
+
+
+def _called_roll(stack: ExitStack, node_name: str, ids: Sequence[int], presences: Presences) -> Roll:
+    claims = ClaimBoard(f"/{node_name}", lambda: presences.simulated)
+    claims.refuse_overlap(ids)
+    desk = FleetServices(presences, claims)
+    stack.callback(desk.close)
+    return Roll(presences, desk)
+
+
+def _radio(
+    options: RunOptions,
+    ids: Sequence[int],
+    codec: Codec,
+    theta: int,
+    vehicle: APadLink | ContactsLink,
+    presences: Presences,
+) -> FleetRadio | MissionRadio | RealRadio:
+    """What joins this process to aMussels, or to a mission, that are elsewhere."""
+    if options.part is Part.FLEET:
+        return FleetRadio(ids, codec)
+    if options.part is Part.MISSION and not isinstance(vehicle, ContactsLink):
+        return MissionRadio(ids, codec, theta, vehicle.holds)
+    return RealRadio(ids, lambda: presences.simulated)
 
 
 def _standard_topics(shown: Iterable[int], scenario: Scenario) -> StandardTopics:

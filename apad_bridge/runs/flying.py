@@ -19,6 +19,7 @@ from apad_bridge.flight import Flight, Watcher
 from apad_bridge.mission.state import MissionState
 from apad_bridge.modems.rims import Rims
 from apad_bridge.pace import AsFastAsPossible, Pace
+from apad_bridge.presence import Roll
 from apad_bridge.records.recorder import Recorder
 from apad_bridge.records.summary import Ending
 from apad_bridge.runs.status import Status
@@ -58,6 +59,7 @@ class Surroundings:
     noticed: Callable[[int], list[tuple[str, dict[str, Any]]]] = lambda now_ms: []
     """Events of the surroundings (kind, data) that were not told yet: a master that is gone, a vehicle that is silent."""
     rims: Rims | None = None
+    roll: Roll | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,6 +140,7 @@ def fly(
         held=surroundings.held,
         ether=surroundings.ether,
         rims=surroundings.rims,
+        roll=surroundings.roll,
     )
     with ExitStack() as stack:
         for number in (signal.SIGINT, signal.SIGTERM):

@@ -12,8 +12,17 @@ from hypothesis import strategies as st
 from agents.agent import Agent
 from agents.fleet import resting_on_bottom
 from agents.outputs import Dropped, Output, Truth, WifiSent
-from agents.stimuli import ContactClosed, ContactOpened, DockMoved, SoundArrived, Stimulus, WifiArrived
-from firmware_model.charge import Flow
+from agents.stimuli import (
+    ContactClosed,
+    ContactOpened,
+    DockMoved,
+    Placed,
+    SoundArrived,
+    Stimulus,
+    WasReset,
+    WifiArrived,
+)
+from firmware_model.charge import Flow, grains
 from firmware_model.codec import MusselbedCodec
 from firmware_model.packets import CommandPacket, Kind, StatusPacket
 from firmware_model.states import State
@@ -29,6 +38,8 @@ STIMULI: tuple[Stimulus, ...] = (
     ContactClosed(3_000_000, -1_000_000),
     DockMoved(5_000_000, 2_000_000),
     ContactOpened(),
+    Placed(1_000_000, 2_000_000, 3_000_000, grains(0.4), grains(0.9)),
+    WasReset(ResetCause.BROWN_OUT),
 )
 FLEET = PAPER
 END_MS = 2_000_000

@@ -85,7 +85,7 @@ def test_an_answer_of_large_packets_is_parted_by_their_bytes(sizes: list[int]) -
     answers = [decode_from_agent(frame) for frame in frames]
     came = [it for answer in answers if isinstance(answer, Answer) for it in answer.reply.outputs]
     assert tuple(came) == outputs
-    assert len(frames) <= 1 + (sum(sizes) + 32 * len(sizes)) // 62_000 + len(sizes) // 256
+    assert len(frames) <= 1 + (sum(sizes) + 32 * len(sizes)) // 7_000 + len(sizes) // 256
 
 
 @given(data=st.binary(max_size=60))

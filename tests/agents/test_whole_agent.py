@@ -12,10 +12,19 @@ from agents.agent import Agent, AgentConfig
 from agents.fleet import resting_on_bottom
 from agents.outputs import Output, SoundSent, Truth, WifiSent
 from agents.physical import Physical
-from agents.stimuli import CoilSlipped, ContactClosed, ContactOpened, SoundArrived, Stimulus, WifiArrived
-from firmware_model.charge import FULL, Flow
+from agents.stimuli import (
+    CoilSlipped,
+    ContactClosed,
+    ContactOpened,
+    Placed,
+    SoundArrived,
+    Stimulus,
+    WasReset,
+    WifiArrived,
+)
+from firmware_model.charge import FULL, Flow, grains
 from firmware_model.codec import MusselbedCodec
-from firmware_model.flash_log import MemoryFlash
+from firmware_model.flash import MemoryFlash
 from firmware_model.packets import (
     PLAIN_KINDS,
     AcousticStatus,
@@ -68,6 +77,8 @@ STIMULI: tuple[Stimulus, ...] = (
     ContactClosed(0, 0),
     ContactOpened(),
     CoilSlipped(),
+    Placed(1_000_000, 2_000_000, 3_000_000, grains(0.4), grains(0.9)),
+    WasReset(ResetCause.BROWN_OUT),
 )
 END_MS = 2_000_000
 

@@ -14,7 +14,7 @@ from agents.logbook import Logbook
 from agents.water.fields import Constant, Fields
 from apad_bridge.records.sample_file import SampleFile, sample_line
 from apad_bridge.sample_collection import SampleCollection, Taken
-from firmware_model.flash_log import MemoryFlash
+from firmware_model.flash import MemoryFlash
 from firmware_model.packets import LogAck, LogRecords, decode
 from firmware_model.sample_record import RECORD_BYTES, SampleRecord
 
@@ -27,7 +27,7 @@ def record(sequence: int) -> SampleRecord:
 
 
 def packet(first: int, covered: int, *sequences: int, oldest: int = 0) -> LogRecords:
-    return LogRecords(AGENT, oldest, first, covered, tuple(map(record, sequences)))
+    return LogRecords.of(AGENT, oldest, first, covered, tuple(map(record, sequences)))
 
 
 def taken(collection: SampleCollection, said: LogRecords) -> tuple[list[int], list[int]]:

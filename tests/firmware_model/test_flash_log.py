@@ -7,7 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
-from firmware_model.flash_log import PAGE_BYTES, PAGES, FlashLog, MemoryFlash, Ring
+from firmware_model.flash import PAGE_BYTES, PAGES, MemoryFlash, Ring
+from firmware_model.flash_log import FlashLog
 from firmware_model.sample_record import RECORD_BYTES, SampleRecord
 
 PAGES_HERE, A_PAGE = 4, 3

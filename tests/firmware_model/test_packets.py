@@ -73,7 +73,7 @@ GOLDEN: dict[str, tuple[Packet, str]] = {
     "BEACON": (Beacon(EVERYONE, 2**40 + 1), "020b" "0000" "0100000000010000"),
     "LOG_ACK": (LogAck(5, 70_000), "020c" "0500" "70110100"),
     "LOG_RECORDS": (
-        LogRecords(5, 3, 4, 2, (RECORD,)),
+        LogRecords.of(5, 3, 4, 2, (RECORD,)),
         "020f" "0500" "03000000" "04000000" "02" + RECORD_BODY + RECORD_CHECK,
     ),
 }  # fmt: skip
@@ -190,7 +190,7 @@ def log_records(agent_id: int, oldest: int, first: int, records: list[SampleReco
     """As an aMussel sends them: rising, and some are missing."""
     first += oldest
     kept = [replace(record, sequence=first + 2 * n) for n, record in enumerate(records)]
-    return LogRecords(agent_id, oldest, first, 2 * len(kept), tuple(kept))
+    return LogRecords.of(agent_id, oldest, first, 2 * len(kept), tuple(kept))
 
 
 PACKETS: st.SearchStrategy[Packet] = st.one_of(
@@ -318,4 +318,4 @@ def test_records_outside_what_a_packet_covers_are_nothing(
     oldest: int, first: int, covered: int, sequences: list[int]
 ) -> None:
     records = tuple(replace(RECORD, sequence=sequence) for sequence in sequences)
-    assert decode(LogRecords(5, oldest, first, covered, records).encode()) is None
+    assert decode(LogRecords.of(5, oldest, first, covered, records).encode()) is None

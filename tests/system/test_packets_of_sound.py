@@ -10,7 +10,9 @@ from typing import Any
 
 import pytest
 import yaml
+from rosbags.rosbag1 import Reader
 
+from apad_bridge.records.bag_messages import typestore
 from apad_bridge.scenario.loader import load, resolve
 
 pytestmark = pytest.mark.system
@@ -54,3 +56,10 @@ def test_in_memory_and_by_processes_over_ros_the_packets_are_the_same(tmp_path: 
     outcomes = {row[1] for packet in here for row in packet["heard"]}
     assert {"received", "noise"} <= outcomes and len(here) > 60
     assert packets(path, tmp_path / "ros", "--time", "wall", "--speed", "40") == here
+    told = []
+    with Reader(tmp_path / "ros" / "run.bag") as reader:
+        for connection, _, data in reader.messages():
+            if connection.topic == "/musselbed/sound":
+                message: Any = typestore().deserialize_ros1(data, connection.msgtype)
+                told.append((message.sender, message.listener_id, message.message.split()[0]))
+    assert told == [(packet["from"], row[0], row[1]) for packet in here for row in packet["heard"]]

@@ -45,7 +45,7 @@ def literal(truths: list[Truth], ticks: int) -> AgentUptime:
         if standing is None:
             continue
         emptied |= primary == 0
-        lost |= primary == 0 and secondary == 0
+        lost |= (primary == 0 and secondary == 0) or standing.state is State.LOST
         if ms > 0 and ms % (TICK_MS * THETA) == 0:
             paper += primary > 0 and not standing.physical.docked
             submerged += primary > 0 and standing.state in (State.ACTIVE, State.SLEEPING)
@@ -69,7 +69,7 @@ batteries = st.tuples(charges, st.sampled_from(Flow), loads)
 events = st.lists(
     st.tuples(
         st.integers(1, 60),
-        st.sampled_from([State.ACTIVE, State.SLEEPING, State.CALLING, State.REPORTING]),
+        st.sampled_from([State.ACTIVE, State.SLEEPING, State.CALLING, State.REPORTING, State.LOST]),
         st.booleans(),
         batteries,
         batteries,

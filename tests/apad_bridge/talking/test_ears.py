@@ -1,0 +1,103 @@
+"""What an aPad's ears make of answered pings: places and ranges that the beliefs learn, and notes for the journal."""
+
+from __future__ import annotations
+
+from math import dist
+
+import pytest
+
+from apad_bridge.beliefs.belief import Belief
+from apad_bridge.beliefs.fleet import FleetBeliefs
+from apad_bridge.beliefs.measurement import Fixed, Heard, Measurement, Ranged
+from apad_bridge.facts import RangeHeard
+from apad_bridge.localisation.locator import Locator, LocatorConfig
+from apad_bridge.mission.orders import Note
+from apad_bridge.talking.ears import Ears
+from apad_bridge.talking.talk import Talk, TalkConfig
+from apad_bridge.vehicle import PoseReported
+from firmware_model.codec import MusselbedCodec
+from firmware_model.packets import StatusPacket
+from firmware_model.states import State
+
+MUSSEL_M, KEEL_M = (30.0, 40.0, 10.0), 0.5
+WAY = ((0.0, 0.0), (60.0, 0.0), (60.0, 80.0), (0.0, 80.0))
+
+
+class Learner:
+    """Keeps what it is told, and believes the last packet."""
+
+    def __init__(self) -> None:
+        self.told: list[Measurement] = []
+
+    def predict(self, belief: Belief, to_ms: int) -> Belief:
+        return belief
+
+    def update(self, belief: Belief | None, measurement: Measurement) -> Belief | None:
+        if isinstance(measurement, Heard):
+            packet = measurement.packet
+            return Belief(7, measurement.at_ms, packet.state, 0.9, 1.0, packet.north_m, packet.east_m)
+        self.told.append(measurement)
+        return belief
+
+
+def ears(locator: Locator | None) -> Ears:
+    talk = Talk(TalkConfig(1, 1500.0, 100, True, False, 0, 0, 5000), MusselbedCodec(), None, [7])
+    return Ears(talk, locator, KEEL_M, MUSSEL_M[2], deviation_m=0.2)
+
+
+def believing(state: State = State.SLEEPING) -> tuple[FleetBeliefs, Learner]:
+    learner = Learner()
+    beliefs = FleetBeliefs(learner, [7])
+    beliefs.hear(StatusPacket(7, 0, state, 0.9, 1.0, 29.0, 41.0, 10.0, 0), 0)
+    return beliefs, learner
+
+
+def taken(heard: Ears, beliefs: FleetBeliefs, n: int) -> list[object]:
+    north_m, east_m = WAY[n]
+    fact = RangeHeard(1000 * n, 7, dist((north_m, east_m, KEEL_M), MUSSEL_M))
+    return [*heard.hear(fact, PoseReported(1000 * n, north_m, east_m, 0.0), beliefs, 1000 * n)]
+
+
+def test_ranges_become_a_place_that_the_beliefs_learn_and_the_journal_keeps() -> None:
+    locator = Locator(LocatorConfig(0.2, MUSSEL_M[2], 600.0, 5.0))
+    heard, (beliefs, learner) = ears(locator), believing()
+    assert taken(heard, beliefs, 0) == [] and taken(heard, beliefs, 1) == []
+    # Until there is a fix the beliefs learn the range itself, along the bottom: 50 m from each of the corners.
+    assert [type(it) for it in learner.told] == [Ranged, Ranged]
+    first = learner.told[0]
+    assert isinstance(first, Ranged)
+    assert (first.range_m, first.variance_m2) == pytest.approx((50.0, 0.04))
+    (note,) = taken(heard, beliefs, 2)
+    assert isinstance(note, Note) and note.kind == "fix"
+    assert (note.data["id"], note.data["ranges"]) == (7, 3)
+    assert (note.data["north_m"], note.data["east_m"]) == pytest.approx((30, 40), abs=1e-3)
+    fixed = learner.told[-1]
+    assert isinstance(fixed, Fixed) and (fixed.north_m, fixed.east_m) == pytest.approx((30, 40), abs=1e-3)
+    covariance = note.data["covariance"]
+    assert fixed.variance_m2 == pytest.approx((covariance[0] + covariance[2]) / 2, abs=1e-5)
+
+
+def test_a_dock_makes_what_was_measured_worthless() -> None:
+    locator = Locator(LocatorConfig(0.2, MUSSEL_M[2], 600.0, 5.0))
+    heard, (beliefs, learner) = ears(locator), believing()
+    taken(heard, beliefs, 0)
+    taken(heard, beliefs, 1)
+    heard.moved(7, 2000)
+    assert taken(heard, beliefs, 2) == []
+    assert isinstance(learner.told[-1], Ranged)
+    assert heard.dropped["no fix: too few ranges from places apart"] == 3
+
+
+def test_without_an_answer_without_a_place_or_without_localisation_nothing_is_learned() -> None:
+    beliefs, learner = believing()
+    heard = ears(Locator(LocatorConfig(0.2, MUSSEL_M[2], 600.0, 5.0)))
+    assert heard.hear(RangeHeard(0, 7, None), PoseReported(0, 0.0, 0.0, 0.0), beliefs, 0) == []
+    assert heard.hear(RangeHeard(0, 7, 50.0), None, beliefs, 0) == []
+    assert taken(ears(None), beliefs, 0) == []
+    assert learner.told == []
+
+
+@pytest.mark.parametrize(("state", "pings"), [(State.SLEEPING, 1), (State.FLOATING, 0), (State.CHARGING, 0)])
+def test_only_who_is_believed_to_hear_is_pinged(state: State, pings: int) -> None:
+    beliefs, _ = believing(state)
+    assert len(ears(None).advance(beliefs.all(), 0)) == pings

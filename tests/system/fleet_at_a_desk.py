@@ -1,0 +1,95 @@
+"""A fleet of four that answers to services and claims, its mission at twenty times real time; prints its events as JSON.
+
+Use: fleet_at_a_desk.py NODE FIRST_ID; ROS_MASTER_URI names the master. The first line is `flying`, or why it does not fly.
+"""
+
+from __future__ import annotations
+
+import json
+import signal
+import sys
+from pathlib import Path
+from typing import Any
+
+from agents.coordinator import Coordinator
+from agents.one_process import OneProcess
+from apad_bridge import building
+from apad_bridge.fleet import Fleet
+from apad_bridge.flight import Flight
+from apad_bridge.pace import WallClock
+from apad_bridge.presence import Presences, Roll
+from apad_bridge.ros.claims import ClaimBoard
+from apad_bridge.ros.fleet_guard import SecondFleet
+from apad_bridge.ros.fleet_services import FleetServices
+from apad_bridge.ros.gateway import open_gateway
+from apad_bridge.ros.radio import RealRadio
+from apad_bridge.scenario.loader import from_data, load, resolve
+from apad_bridge.scenario.schema import Scenario
+from apad_bridge.scenario.starts import starts_of
+from apad_bridge.vehicle_link import InProcessVehicle
+
+SPEED = 20.0
+SHOWN = ("presence", "fault", "end")
+
+
+class Told:
+    """A recorder that prints some events, and keeps nothing."""
+
+    def event(self, at_ms: int, kind: str, **data: Any) -> None:
+        if kind in SHOWN:
+            print(json.dumps({"kind": kind, **data}), flush=True)
+
+    def truths(self, truths: Any) -> None:
+        pass
+
+    def samples(self, *_: Any) -> None:
+        pass
+
+    def tick(self, *_: Any) -> None:
+        pass
+
+
+def scenario(first_id: int) -> Scenario:
+    data = resolve(load(Path(__file__).parents[2] / "launch_scripts/scenarios/pool-12.yaml"))
+    data.update(name="desk", duration_s=3600)
+    data["fleet"].update(count=4, first_id=first_id, start={"charge": [0.95, 0.95]})
+    return from_data(data, "desk")
+
+
+def main() -> None:
+    node, first_id = sys.argv[1], int(sys.argv[2])
+    flown = scenario(first_id)
+    births = building.births(flown, starts_of(flown))
+    presences = Presences(births, flown.area.depth_m)
+    gateway = open_gateway([], flown.theta, node_name=node)
+    claims = ClaimBoard(f"/{node}", lambda: presences.simulated)
+    try:
+        claims.refuse_overlap(births)
+    except SecondFleet as refused:
+        print(refused, flush=True)
+        gateway.close()
+        return
+    desk = FleetServices(presences, claims)
+    radio = RealRadio(births, lambda: presences.simulated)
+    host = OneProcess(building.fleet_config(flown), births)
+    supervisor = building.supervisor(flown)
+    flight = Flight(
+        supervisor,
+        InProcessVehicle(building.simulated_apad(flown)),
+        WallClock(SPEED),
+        Told(),
+        Fleet(Coordinator(host, dict.fromkeys(births, 0), flown.theta), host),
+        (gateway.watcher(supervisor),),
+        ether=radio,
+        roll=Roll(presences, desk),
+    )
+    signal.signal(signal.SIGTERM, lambda *_: flight.stop("told to end"))
+    print("flying", flush=True)
+    flight.run()
+    desk.close()
+    radio.close()
+    gateway.close()
+
+
+if __name__ == "__main__":
+    main()
