@@ -5,17 +5,15 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 
 from apad_bridge.beliefs.belief import Belief
-from apad_bridge.beliefs.modes import DOCKED, Mode
+from apad_bridge.mission.appearances import LIKELY, can_be_fetched
 from apad_bridge.mission.sources import BeliefSource
 from apad_bridge.mission.state import MissionState
 from apad_bridge.planning.candidates import Candidate, Situation
 from apad_bridge.scenario.schema import Mission
-from firmware_model.state_groups import BEYOND_HELP, TO_BE_FETCHED
+from firmware_model.state_groups import BEYOND_HELP
 from firmware_model.states import State
 
 SLOTS = 4
-LIKELY = 0.5
-"""More probable than not. A belief that claims to be certain is always one or the other."""
 
 
 class ChargingPool:
@@ -53,18 +51,11 @@ class ChargingPool:
     def _is_candidate(self, belief: Belief, now_ms: int) -> bool:
         return (
             belief.probability_at_most(self._config.pool_threshold) >= LIKELY
-            and _can_be_fetched(belief)
+            and can_be_fetched(belief)
             and (belief.primary > 0 or belief.secondary > 0)
             and self._shunned_until_ms.get(belief.agent_id, now_ms) <= now_ms
             and (belief.is_carried or now_ms - belief.heard_ms <= self._silence_ms)
         )
-
-
-def _can_be_fetched(belief: Belief) -> bool:
-    """By what is believed of one that is carried past its last packet; else by the state which that stated."""
-    if belief.is_carried:
-        return belief.probability_of(*DOCKED, Mode.LOST) < LIKELY
-    return belief.state in TO_BE_FETCHED
 
 
 def unheard(agent_id: int, place_m: tuple[float, float]) -> Belief:
