@@ -97,6 +97,7 @@ def supervisor(
     samples: SampleCollection | None = None,
     override: CalledFront | None = None,
     has_modem: bool = True,
+    docks_by_eye: bool = False,
 ) -> Supervisor:
     """A supervisor that knows nothing yet, or one that goes on with a mission's journaled `state`.
 
@@ -117,7 +118,7 @@ def supervisor(
         )
     else:
         mission = _planned(scenario, beliefs, state)
-    port = DockingPort(scenario.mission.docking, first_command_id=first_command_id)
+    port = DockingPort(scenario.mission.docking, first_command_id=first_command_id, docks_by_eye=docks_by_eye)
     return Supervisor(
         beliefs,
         mission,

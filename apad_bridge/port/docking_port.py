@@ -1,7 +1,8 @@
 """The docking port: mission primitives in, vehicle commands out; vehicle facts in, outcomes out. Before ANY vehicle.
 
 The docking profiles live here, so that every stack behind the port behaves alike: `virtual` waits out the docking time
-before it commands the mechanism, `camera` and `visual` command it at once and leave the time to the vehicle.
+before it commands the mechanism, `camera` and `visual` command it at once and leave the time to the vehicle. `camera` needs
+a vehicle that docks by its own eyes (`docks_by_eye`), and is `virtual` before any other.
 """
 
 from __future__ import annotations
@@ -55,10 +56,18 @@ class DockingPort:
     another one on the same vehicle number its commands beyond the other's, so that late words to that one match nothing.
     """
 
-    def __init__(self, docking: Docking, *, stall_s: float = STALL_S, first_command_id: int = 1) -> None:
+    def __init__(
+        self,
+        docking: Docking,
+        *,
+        stall_s: float = STALL_S,
+        first_command_id: int = 1,
+        docks_by_eye: bool = False,
+    ) -> None:
         if not stall_s > 0:
             raise ValueError("stall_s must be above 0")
         self._docking = docking
+        self._docks_by_eye = docks_by_eye
         self._stall_ms = round(stall_s * 1000)
         self._next_command_id = first_command_id
         self._now_ms = 0
@@ -161,16 +170,26 @@ class DockingPort:
             return
         self._open_arm(primitive, actions)
         wait_s = self._docking.dock_s if isinstance(primitive, DockMussel) else self._docking.undock_s
-        if self._docking.profile_of(primitive.agent_id) is not DockingProfile.VIRTUAL:
+        if not self._is_virtual(primitive.agent_id):
             wait_s = 0.0
         self._act_ms = now_ms + round(wait_s * 1000)
         self._deadline_ms = now_ms + round(self._docking.timeout_s * 1000)
         if self._act_ms == now_ms:
             self._apply(Event.WAIT_OVER, now_ms, actions)
 
+    def _is_virtual(self, agent_id: int) -> bool:
+        """Of a vehicle without eyes, what a camera would show is docked virtually, in the scenario's time."""
+        profile = self._docking.profile_of(agent_id)
+        return profile is DockingProfile.VIRTUAL or (
+            profile is DockingProfile.CAMERA and not self._docks_by_eye
+        )
+
     def _open_arm(self, primitive: DockMussel | UndockMussel, actions: list[Action]) -> None:
-        is_virtual = self._docking.profile_of(primitive.agent_id) is DockingProfile.VIRTUAL
-        if is_virtual and self._docking.arm is ArmUse.MOVED and self._arm_slot is None:
+        if (
+            self._is_virtual(primitive.agent_id)
+            and self._docking.arm is ArmUse.MOVED
+            and self._arm_slot is None
+        ):
             self._arm_slot = primitive.slot
             actions.append(MoveArm(self._take_command_id(), primitive.slot, True))
 

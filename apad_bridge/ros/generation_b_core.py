@@ -16,6 +16,7 @@ from apad_bridge.ros.generation_b_calls import Calls
 from apad_bridge.ros.generation_b_docking import ServoDocking
 from apad_bridge.ros.generation_b_docks import DocksByBench
 from apad_bridge.ros.generation_b_going import Going
+from apad_bridge.ros.generation_b_hand import HandDocking
 from apad_bridge.ros.generation_b_words import (
     Answered,
     ArmHeard,
@@ -92,13 +93,12 @@ class GenerationBCore:
         """Where the last go-to led: there the aMussel was believed to be."""
         self._pilot_steers = False
         self._silence = SilenceWatch()
-        self._hand_slot: int | None = None
-        self._hand_runs = False
+        self._hand = HandDocking()
 
     @property
     def dropped(self) -> Counter[str]:
         """Words of the vehicle that were of no use, by reason."""
-        return self.readings.dropped + self.docks.dropped + self._dropped
+        return self.readings.dropped + self.docks.dropped + self._hand.dropped + self._dropped
 
     @property
     def unanswered(self) -> list[str]:
@@ -113,6 +113,9 @@ class GenerationBCore:
         return self.calls.take()
 
     def command(self, command: VehicleCommand, now_ms: int) -> None:
+        if self._servo is not None and self._servo.has_let_go and not isinstance(command, MoveArm):
+            self._servo.waits = command
+            return
         match command:
             case GoTo(_, north_m, east_m):
                 self._begin(going=Going(command))
@@ -207,7 +210,8 @@ class GenerationBCore:
         answered = pending is not None and pending.answered_ms is not None
         if docking:
             if self._servo is None:
-                self._hear_hand(status, at_ms)
+                word = self._hand.hear(status, at_ms, self.docks.held)
+                self._facts += [] if word is None else self.docks.take_word(word, self._pose)
             elif self._servo.hear(status, at_ms, answered=answered):
                 self._servo_done(self._servo, at_ms)
         elif self._going is not None and self._going.hear(status, at_ms, self._pose, answered=answered):
@@ -289,7 +293,9 @@ class GenerationBCore:
         order = servo.next_order(self._pose, answered_ms, now_ms)
         if order is not None:
             self.calls.order(order, now_ms)
-        elif (why := servo.why_over(answered_ms, now_ms)) is not None:
+        elif (why := servo.why_over(answered_ms, now_ms)) is not None and servo.has_let_go:
+            self._servo_done(servo, now_ms)
+        elif why is not None:
             self._fail(why, now_ms)
 
     def _servo_done(self, servo: ServoDocking, at_ms: int) -> None:
@@ -299,32 +305,25 @@ class GenerationBCore:
                 return
             if not self.docks.holds(servo.command.agent_id):
                 self._facts += self.docks.close(servo.command, self._pose, at_ms)
-        else:
+        elif not servo.has_let_go:
             self._facts += self.docks.open(servo.command, at_ms)
         self._begin()
-        self._hold_here(at_ms)
+        self._go_on(servo, at_ms)
+
+    def _go_on(self, servo: ServoDocking, at_ms: int) -> None:
+        if servo.waits is None:
+            self._hold_here(at_ms)
+        else:
+            self.command(servo.waits, at_ms)
 
     def _hear_arm(self, slot: int, at_ms: int) -> None:
-        self._hand_slot = slot
+        self._hand.see_arm(slot)
         servo = self._servo
-        if servo is not None and isinstance(servo.command, OpenDock) and servo.command.slot == slot:
-            self._facts += self.docks.open_arm(slot, at_ms)
-
-    def _hear_hand(self, status: Status, at_ms: int) -> None:
-        """A docking that nobody here ordered: by a person, or another's planner. It names no aMussel."""
-        if status is Status.RUNNING:
-            self._hand_runs = True
+        if servo is None or servo.has_let_go or not isinstance(servo.command, OpenDock):
             return
-        ended, self._hand_runs = self._hand_runs, False
-        if not ended or status is not Status.DONE:
-            return
-        slot = self._hand_slot
-        if slot is None:
-            self._dropped["docking by hand: no arm was seen to open"] += 1
-            return
-        self._facts += self.docks.take_word(
-            DockSaid(at_ms, None, slot, slot not in self.docks.held), self._pose
-        )
+        if servo.command.slot == slot:
+            servo.has_let_go = True
+            self._facts += self.docks.open(servo.command, at_ms)
 
     def hear_dock(self, word: DockSaid) -> None:
         """Somebody says what a dock did. By id; of none, by slot and place. What is known already is no news."""

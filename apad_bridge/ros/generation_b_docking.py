@@ -13,7 +13,7 @@ from apad_bridge.ros.generation_b_words import (
     slot_direction_rad,
 )
 from apad_bridge.scenario.schema import Servo
-from apad_bridge.vehicle import CloseDock, OpenDock, PoseReported
+from apad_bridge.vehicle import CloseDock, OpenDock, PoseReported, VehicleCommand
 
 STAND_OFF_M = 2.0
 """From here the camera can see an aMussel; one that lies against the hull it cannot."""
@@ -36,6 +36,10 @@ class ServoDocking:
         now_ms: int,
     ) -> None:
         self.command = command
+        self.has_let_go = False
+        """Of an undocking: its arm stands open, and the vehicle still pulls back."""
+        self.waits: VehicleCommand | None = None
+        """What was commanded meanwhile: it would cut the pulling back short."""
         self._config = config
         self._watch = StatusWatch()
         self._stand: PositionOrder | None = None

@@ -32,8 +32,6 @@ class DocksByBench:
     ) -> None:
         self._simulated = sorted(simulated_ids)
         self._docks = Docks()
-        self._let_go: set[int] = set()
-        """Agents whose arm stands open already, though the vehicle has not come to the end of its undocking."""
         self.dropped: Counter[str] = Counter()
         self._misses = misses
         self._sight = sight
@@ -77,19 +75,9 @@ class DocksByBench:
 
     def open(self, command: OpenDock, now_ms: int) -> list[LinkFact]:
         fact = self._docks.open(command, now_ms)
-        was_free = command.agent_id in self._let_go
-        self._let_go.discard(command.agent_id)
-        if isinstance(fact, DockOpened) and command.agent_id in self._simulated and not was_free:
+        if isinstance(fact, DockOpened) and command.agent_id in self._simulated:
             return [fact, LetGo(now_ms, command.agent_id)]
         return [fact]
-
-    def open_arm(self, slot: int, now_ms: int) -> list[LinkFact]:
-        """The arm around a simulated aMussel stands open: it is free, whatever the vehicle does until its end."""
-        agent_id = self.held.get(slot)
-        if agent_id is None or agent_id not in self._simulated or agent_id in self._let_go:
-            return []
-        self._let_go.add(agent_id)
-        return [LetGo(now_ms, agent_id)]
 
     def take_word(self, word: DockSaid, pose: PoseReported | None) -> list[LinkFact]:
         """A dock that closed or opened by others' hands: whose it was is made out by id, else by place and slot."""
@@ -137,7 +125,7 @@ class DocksByBench:
         return [
             self._carried(slot, agent_id, pose, now_ms)
             for slot, agent_id in held
-            if agent_id in self._simulated and agent_id not in self._let_go
+            if agent_id in self._simulated
         ]
 
     def _carried(self, slot: int, agent_id: int, pose: PoseReported, now_ms: int) -> Carried:

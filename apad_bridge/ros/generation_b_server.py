@@ -92,7 +92,12 @@ class GenerationBServer:
         ]
         for name, kind, response, convert in primitives:
             rospy.Service(f"{commander}/primitive/{name}", kind, self._takes(convert, response))
-        rospy.Service(f"{commander}/stop_mission", Trigger, self._stop)
+        for name, act in (
+            ("stop_mission", GenerationBVehicle.stop),
+            ("pause_mission", GenerationBVehicle.pause),
+            ("continue_mission", GenerationBVehicle.go_on),
+        ):
+            rospy.Service(f"{commander}/{name}", Trigger, self._commands(act))
 
     def _listen(self, namespace: str) -> None:
         def act(take: Callable[[GenerationBVehicle, Any], list[Shown]]) -> Callable[[Any], None]:
@@ -141,11 +146,14 @@ class GenerationBServer:
 
         return take
 
-    def _stop(self, _: Any) -> Any:
-        with self._lock:
-            if self._vehicle is not None:
-                self._show(self._vehicle.stop(self._vehicle.now_ms))
-        return TriggerResponse(True, "the mission is stopped")
+    def _commands(self, act: Callable[[GenerationBVehicle, int], list[Shown]]) -> Callable[[Any], Any]:
+        def answer(_: Any) -> Any:
+            with self._lock:
+                if self._vehicle is not None:
+                    self._show(act(self._vehicle, self._vehicle.now_ms))
+            return TriggerResponse(True, "")
+
+        return answer
 
     def _show(self, shown: list[Shown]) -> None:
         out = self._out

@@ -86,6 +86,7 @@ class GenerationBVehicle:
         self._stage = Stage.OFF
         self._stage_ms = start_ms
         self._order: Order | None = None
+        self._paused: Order | None = None
         self._serial = 0
         self._statuses = {False: Status.IDLE, True: Status.IDLE}
         """By whether it is the docking's."""
@@ -162,6 +163,16 @@ class GenerationBVehicle:
         self._end(Status.PREEMPTED, shown, finished=self._stage is not Stage.OFF)
         return shown
 
+    def pause(self, now_ms: int) -> list[Shown]:
+        """`pause_mission`: as a stop, but `go_on` begins the same primitive again."""
+        self._paused = self._order
+        return self.stop(now_ms)
+
+    def go_on(self, now_ms: int) -> list[Shown]:
+        """`continue_mission`: of nothing that was paused it makes nothing."""
+        order, self._paused = self._paused, None
+        return self.advance(now_ms) if order is None else self.receive(order, now_ms)
+
     def detect(self, horizontal: float | None, vertical: float | None, now_ms: int) -> list[Shown]:
         """A word of the camera: each of the two comes on a topic of its own. A detection is whole with the second."""
         shown = self.advance(now_ms)
@@ -188,9 +199,13 @@ class GenerationBVehicle:
         self._seen = None
         self._tell_status(True, Status.RUNNING, shown)
         shown.append(CameraTurned(self._now_ms, CAMERA_SERVO[order.slot]))
-        is_open = tuple(slot == order.slot for slot in range(4))
-        shown.append(ArmShown(self._now_ms, Arm((is_open[0], is_open[1], is_open[2], is_open[3]))))
+        if order.docks:
+            self._open_arm(order.slot, shown)
         self._command(Coast(), shown)
+
+    def _open_arm(self, slot: int, shown: list[Shown]) -> None:
+        is_open = [it == slot for it in range(4)]
+        shown.append(ArmShown(self._now_ms, Arm((is_open[0], is_open[1], is_open[2], is_open[3]))))
 
     def _step(self, at_ms: int, shown: list[Shown]) -> None:
         """One instant of the grid: what the boat did, what the primitive makes of it, what is told by the clock."""
@@ -219,6 +234,7 @@ class GenerationBVehicle:
                 self._approach(order, towards_rad, shown)
             case Stage.SERVO if since_ms >= SERVO_MS:
                 self._enter(Stage.PULLING)
+                self._open_arm(order.slot, shown)
                 self._command(Steer(PULL_BACK_M_S, towards_rad + math.pi, 0.0), shown)
             case Stage.SERVOING:
                 self._approach(order, towards_rad, shown)

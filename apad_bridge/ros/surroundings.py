@@ -104,6 +104,7 @@ def open_surroundings(
             gateway.event,
             laboratory.around(radio, link, is_mission=options.part is Part.MISSION),
             held,
+            hears is not None,
             lambda: vehicle.dropped + laboratory.dropped + radio.dropped,
             _watched(stack, options, scenario, vehicle),
             roll=roll,

@@ -71,11 +71,12 @@ def open_apad(
         )
 
     docking = scenario.mission.docking
+    simulated_ids = [it for it in ids if docking.profile_of(it) is not DockingProfile.VISUAL]
     seen_ids = [it for it in ids if docking.profile_of(it) is DockingProfile.CAMERA]
     camera = VirtualCamera(name) if seen_ids else None
     link = GenerationBLink(
         name,
-        ids,
+        simulated_ids,
         battery_v,
         docking,
         building.misses(scenario),

@@ -54,6 +54,8 @@ class Surroundings:
     ether: Ether | None = None
     held: tuple[int, ...] = ()
     """aMussels that docks hold already."""
+    docks_by_eye: bool = False
+    """Whether the vehicle has a visual servoing that a camera can show something to."""
     dropped: Callable[[], Counter[str]] = Counter
     """What was heard around here and came to nothing, by reason."""
     noticed: Callable[[int], list[tuple[str, dict[str, Any]]]] = lambda now_ms: []
@@ -112,6 +114,7 @@ def fly(
         override=override,
         # The aPad's modem is where its water is: with the fleet, and not with a mission alone.
         has_modem=surroundings.fleet is not None,
+        docks_by_eye=surroundings.docks_by_eye,
     )
     if go_on is not None:
         for slot, agent_id in go_on.state.docked:

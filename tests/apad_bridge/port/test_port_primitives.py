@@ -333,8 +333,14 @@ def test_a_virtual_docking_may_open_the_arm_meanwhile() -> None:
 
 
 def test_an_amussel_by_itself_may_be_docked_by_eye() -> None:
-    port = DockingPort(replace(VIRTUAL, camera_ids=(9,), visual_ids=(8,)))
+    port = DockingPort(replace(VIRTUAL, camera_ids=(9,), visual_ids=(8,)), docks_by_eye=True)
     for agent_id in (8, 9):
         assert isinstance(port.receive(DockMussel(agent_id, 2, agent_id), 0)[-1], CloseDock)
         port.receive(CommandFailed(0, agent_id - 7, "?"), 0)
     assert port.receive(DockMussel(7, 2, 7), 0) == []
+
+
+def test_before_a_vehicle_without_eyes_a_camera_is_virtual() -> None:
+    port = DockingPort(replace(VIRTUAL, camera_ids=(9,)))
+    assert port.receive(DockMussel(1, 2, 9), 0) == []
+    assert port.advance(15_000) == [CloseDock(1, 2, 9)]

@@ -247,7 +247,9 @@ def test_docking_by_eye_stands_off_orders_and_ends_by_its_status() -> None:
     assert apad.answers(60_000) == [PositionOrder(2.0, 2.1)]
 
 
-def test_an_undocking_lets_go_when_the_arm_opens_and_is_done_when_the_vehicle_says_so() -> None:
+def test_an_undocking_lets_go_when_the_arm_opens_and_the_next_order_waits_until_the_vehicle_has_pulled_back() -> (
+    None
+):
     apad = Apad()
     apad.core.command(CloseDock(1, 2, 7), 0)
     apad.tells(0)
@@ -266,9 +268,12 @@ def test_an_undocking_lets_go_when_the_arm_opens_and_is_done_when_the_vehicle_sa
     core.hear(ArmHeard(50_000, 2), 50_000)
     core.hear(Answered(50_000, call.number, None), 50_000)
     core.hear(StatusHeard(50_000, True, Status.RUNNING), 50_000)
-    assert [it for it in core.advance(60_000) if not isinstance(it, PoseReported)] == [LetGo(50_000, 8)]
+    assert core.advance(60_000) == [DockOpened(50_000, 2, 8), LetGo(50_000, 8)]
+    core.command(GoTo(3, 5.0, 6.0, 0.5, 0.5), 60_000)
+    assert core.take_calls() == []  # it still pulls back
     core.hear(StatusHeard(85_000, True, Status.DONE), 85_000)
-    assert core.advance(85_000) == [DockOpened(85_000, 2, 8)]
+    assert core.advance(85_000) == []
+    assert [call.order for call in core.take_calls()] == [GoToOrder(5.0, 6.0, 0.5, 0.5)]
 
 
 def test_a_search_that_finds_nothing_is_given_up() -> None:

@@ -137,7 +137,10 @@ def test_a_detection_older_than_a_second_is_none() -> None:
 def test_undocking_pulls_back_for_8_s() -> None:
     apad = vehicle()
     apad.receive(UNDOCK, 0)
-    assert words(apad.advance(35_000), docking=True)[-1] == (35_000, Status.DONE)
+    shown = apad.advance(35_000)
+    assert words(shown, docking=True)[-1] == (35_000, Status.DONE)
+    arms = [(it.at_ms, it.arm.is_open[0]) for it in shown if isinstance(it, ArmShown)]
+    assert arms == [(27_000, True), (35_000, False)]
     # 0.3 m/s for 8 s, less the start from rest.
     assert -2.4 < apad.pose.north_m - NORTH_M < -2.1
 
@@ -156,6 +159,18 @@ def test_stop_mission_ends_what_is_under_way() -> None:
     apad.receive(DOCK, 0)
     shown = apad.stop(5_000)
     assert words(shown, docking=True)[-1] == (5_000, Status.PREEMPTED)
+    assert apad.stage is Stage.OFF
+
+
+def test_a_paused_mission_goes_on_where_it_was() -> None:
+    apad = vehicle()
+    apad.receive(GoToOrder(NORTH_M + 9, EAST_M, 0.5, 0.5), 0)
+    assert words(apad.pause(4_000))[-1][1] is Status.PREEMPTED
+    apad.advance(60_000)
+    assert apad.pose.north_m < NORTH_M + 6  # coasting only
+    assert words(apad.go_on(60_000))[-1][1] is Status.RUNNING
+    assert words(apad.advance(90_000))[-1][1] is Status.DONE
+    apad.go_on(91_000)  # nothing is paused any more
     assert apad.stage is Stage.OFF
 
 

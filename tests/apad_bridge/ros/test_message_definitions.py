@@ -48,6 +48,7 @@ OWN_MESSAGES = [
     "AgentTruth",
     "APadStatus",
     "FleetBeliefs",
+    "FleetClaim",
     "FleetTruth",
     "MissionEvent",
     "Packet",

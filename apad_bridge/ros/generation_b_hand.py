@@ -1,0 +1,34 @@
+"""Dockings of generation B that nobody here ordered: by a person's hand, or another's planner. They name no aMussel."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+
+from apad_bridge.laboratory.words import DockSaid
+from apad_bridge.ros.generation_b_words import Status
+
+
+class HandDocking:
+    """Its slot is the one whose arm was last seen to open; whether it docks or undocks follows from what the slot holds."""
+
+    def __init__(self) -> None:
+        self.dropped: Counter[str] = Counter()
+        self._slot: int | None = None
+        self._runs = False
+
+    def see_arm(self, slot: int) -> None:
+        self._slot = slot
+
+    def hear(self, status: Status, at_ms: int, held: Mapping[int, int]) -> DockSaid | None:
+        """What a word on `docking_status` tells of a dock, when it ends a docking that was seen to run."""
+        if status is Status.RUNNING:
+            self._runs = True
+            return None
+        ended, self._runs = self._runs, False
+        if not ended or status is not Status.DONE:
+            return None
+        if self._slot is None:
+            self.dropped["docking by hand: no arm was seen to open"] += 1
+            return None
+        return DockSaid(at_ms, None, self._slot, self._slot not in held)

@@ -1,0 +1,36 @@
+"""The pieces of scenarios and files that the page on the water shows are what they say they are."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from textwrap import dedent
+
+import yaml
+
+from agents.water.topology import LinkRule, parse_topology
+from apad_bridge.scenario.loader import from_data, load, resolve
+
+ROOT = Path(__file__).parents[3]
+PAGE = (ROOT / "docs" / "water.md").read_text()
+PIECES = [dedent(it) for it in re.findall(r"(?:^    .*\n)+", PAGE, re.MULTILINE)]
+
+
+def test_its_scenario_s_blocks_can_be_flown() -> None:
+    blocks = [yaml.safe_load(piece) for piece in PIECES if piece.startswith("water:")]
+    assert len(blocks) >= 2
+    for block in blocks:
+        if "current" in block["water"]:
+            block["water"]["current"].pop("file")
+        data = resolve(load(ROOT / "launch_scripts" / "scenarios" / "sound-12.yaml"))
+        data["water"].update(block["water"])
+        assert from_data(data, "page").water is not None
+
+
+def test_its_links_are_links() -> None:
+    (piece,) = (it for it in PIECES if it.startswith("from, to"))
+    assert parse_topology(piece, {"apad": 0}, 1000).rules == (
+        LinkRule(3, 0, 1.0),
+        LinkRule(0, 3, 0.2),
+        LinkRule(None, 0, 1.0, 600_000, 1_200_000),
+    )
