@@ -12,6 +12,7 @@ from typing import Annotated
 
 from annotated_types import Ge, Le
 
+from apad_bridge.scenario.believing import Beliefs
 from apad_bridge.scenario.board import Board
 from apad_bridge.scenario.faults import OF_A, OF_B, Fault
 from apad_bridge.scenario.polygon import area_m2, is_simple
@@ -289,5 +290,6 @@ class Scenario:
     mission: Mission
     apad: APad
     records: Records = Records()
+    beliefs: Beliefs = Beliefs()
     water: Water | None = None
     """None: everything that is said gets through, at once and whole, as in the paper's experiments."""
