@@ -130,7 +130,7 @@ def _waters_of(wire: dict[str, Any]) -> Waters:
 def _stream(fleet: FleetConfig) -> Stream:
     told = STILL if fleet.current_csv is None else parse_stream(fleet.current_csv)
     tides = tuple([Tide(*it) for it in fleet.tides])
-    return Stream(told.seconds, told.depths_um, told.fields, tides, fleet.current_profile)
+    return Stream.of(told.seconds, told.depths_um, told.fields, tides, fleet.current_profile)
 
 
 class AgentConfigs:

@@ -8,7 +8,7 @@ from agents.fleet import FleetConfig, resting_on_bottom
 from agents.physical import Physical
 from agents.reporter import Modem
 from apad_bridge.beliefs.fleet import FleetBeliefs
-from apad_bridge.beliefs.hold_last import HoldLast
+from apad_bridge.beliefs_building import fleet_beliefs
 from apad_bridge.boards import charge_model, clock_drift_ppb, whole_firmware
 from apad_bridge.ears_building import ears_of
 from apad_bridge.mission.energy_exchange import EnergyExchange
@@ -105,7 +105,7 @@ def supervisor(
     say. Without `samples` it leaves the aMussels' logs to others; without a modem, whatever is said by sound of its own
     accord.
     """
-    beliefs = HoldLast(agent_ids(scenario))
+    beliefs = fleet_beliefs(scenario, agent_ids(scenario))
     mission: Mission
     if fronts:
         mission = CommandedMission(scenario.mission, beliefs, fronts, state)

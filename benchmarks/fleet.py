@@ -4,7 +4,8 @@
 `kernel_mb_per_agent` is by how much the machine's kernel memory (slab, page tables, stacks) rose since before the first of
 them, divided likewise, so that a busy machine blurs it; `ready_s` is from the exec of the nursery to the last agent's first
 reply. Flown are 20 hours of agent time at theta 30 with the paper's reports, one a mission second, and its drift; each
-aMussel is charged once. A thousand of them are granted ten reports at once, because one at a time takes minutes.
+aMussel is charged once. A thousand of them are granted ten reports at once, because one at a time takes minutes. A full
+log is uploaded in the dock, to nobody: it stays full.
 A bare rospy node publishes as many statuses, with nobody listening, in one go; the master is not counted.
 """
 
@@ -27,18 +28,23 @@ from rich.console import Console
 from rich.table import Table
 
 from agents.coordinator import Coordinator, Heard
+from agents.flash_file import FLASH_NAME, FlashRegion
 from agents.fleet import FleetConfig, resting_on_bottom
 from agents.launch import launch_nursery, prepare
 from agents.processes import ProcessHost
 from agents.stimuli import ContactClosed, ContactOpened, DockMoved, SoundArrived, WifiArrived
 from firmware_model.codec import MusselbedCodec
+from firmware_model.flash_log import FlashLog
 from firmware_model.packets import CommandPacket, Kind
 from firmware_model.plan import LastResort, Slots, Whole
+from firmware_model.sample_record import SampleRecord
 from firmware_model.table_one import FIELD, MODEL, WORST_CASE, power
 
 MUSSELBED_FLEETS = (
     ("worst case", 24, 1),
     ("worst case", 100, 1),
+    ("whole board", 100, 1),
+    ("whole board, full log", 100, 1),
     ("worst case", 1000, 10),
     ("whole board", 1000, 10),
 )
@@ -71,7 +77,11 @@ FLEET = FleetConfig(
 WAKES = replace(FIELD, slots=Slots(frame_ms=300_000, slot_ms=300))
 """Every hour: sample, process, await the timeslot and transmit; with a slot for each of a thousand."""
 WHOLE = Whole(power(LastResort.CALL), WAKES, transmit_ms=300, call_ms=600_000, hover_ms=600_000)
-FLEETS = {"worst case": FLEET, "whole board": replace(FLEET, charge=MODEL, whole=WHOLE)}
+_WHOLE_FLEET = replace(FLEET, charge=MODEL, whole=WHOLE)
+FULL_LOG = "whole board, full log"
+FLEETS = {"worst case": FLEET, "whole board": _WHOLE_FLEET, FULL_LOG: _WHOLE_FLEET}
+LOGGED = 2500
+"""Samples in a full log, as after 104 days of one an hour, when the ring has come round."""
 
 
 def measure() -> dict[str, Any]:
@@ -103,6 +113,9 @@ def show(result: dict[str, Any], console: Console) -> None:
 
 def musselbed_rows(run_dir: str, board: str, agents: int, window_s: int) -> Iterator[dict[str, Any]]:
     births = {agent_id: resting_on_bottom(agent_id, 0.0, 3.0, 0.9, 1.0) for agent_id in range(1, agents + 1)}
+    if board == FULL_LOG:
+        births = {agent_id: replace(birth, samples=LOGGED) for agent_id, birth in births.items()}
+        fill_logs(run_dir, agents)
     prepare(run_dir, FLEETS[board], births)
     kernel_before_kb = kernel_kb()
     began_s = time.monotonic()
@@ -129,6 +142,16 @@ def musselbed_rows(run_dir: str, board: str, agents: int, window_s: int) -> Iter
     finally:
         host.close()
         nursery.wait()
+
+
+def fill_logs(run_dir: str, agents: int) -> None:
+    """Writes a fleet's flash file in which every log is full, and nothing of it was ever acknowledged."""
+    descriptor = os.open(os.path.join(run_dir, FLASH_NAME), os.O_RDWR | os.O_CREAT, 0o644)
+    for index in range(agents):
+        log = FlashLog(FlashRegion(descriptor, index), 0, 0)
+        for sequence in range(LOGGED):
+            log.append(SampleRecord(sequence, sequence, (1, 2, 3, 4), 0))
+    os.close(descriptor)
 
 
 def serve(clock: Coordinator, agents: int, now_s: int, window_s: int) -> None:

@@ -10,8 +10,8 @@ from typing import ClassVar
 from firmware_model.sample_record import RECORD_BYTES, SampleRecord
 from firmware_model.wire import Kind, sealed
 
-RECORDS_AT_ONCE = 40
-"""In one packet, which so stays below 1024 bytes."""
+RECORDS_AT_ONCE = 18
+"""In one packet, which so stays below 512 bytes: beyond that an agent's process takes memory of another kind."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -104,8 +104,8 @@ class Modem:
             due_ms, which, number = dues[0]
             self._now_ms = max(self._now_ms, due_ms)
             if which == _INPUT:
-                # Bytes up to whatever comes next of all else, which at the same time goes first if it is a timer.
-                limits = [due - (other < _INPUT) for due, other, _ in dues[1:]]
+                # Bytes up to whatever comes next of all else, which goes first at the same time if it is earlier in order.
+                limits = [due - ((other, line) < (_INPUT, number)) for due, other, line in dues[1:]]
                 actions += self._read(number, min([now_ms, *limits]))
             elif which == _OUTPUT:
                 actions.append(SerialOut(self._now_ms, self.lines[number].printed(), number))

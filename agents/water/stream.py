@@ -52,13 +52,22 @@ class Stream:
     seconds: array[int]
     depths_um: array[int]
     fields: tuple[CurrentField, ...]
-    tides: tuple[Tide, ...] = ()
-    profile: tuple[tuple[int, int], ...] = ()
+    tides: tuple[Tide, ...]
+    profile: tuple[tuple[int, int], ...]
+    is_still: bool
+    """Whether nothing drifts in it anywhere, ever: kept, for bodies ask at every event."""
 
-    @property
-    def is_still(self) -> bool:
-        """Whether nothing drifts in it anywhere, ever."""
-        return not self.tides and all(field.is_still for field in self.fields)
+    @classmethod
+    def of(
+        cls,
+        seconds: array[int],
+        depths_um: array[int],
+        fields: tuple[CurrentField, ...],
+        tides: tuple[Tide, ...] = (),
+        profile: tuple[tuple[int, int], ...] = (),
+    ) -> Stream:
+        is_still = not tides and all(field.is_still for field in fields)
+        return cls(seconds, depths_um, fields, tides, profile, is_still)
 
     def velocity_um_s(self, north_um: int, east_um: int, depth_um: int, second: int) -> tuple[int, int]:
         """(north, east) velocity of the water in um/s."""
@@ -106,7 +115,7 @@ def _between(lines: array[int], at: int) -> tuple[int, int, int, int]:
 
 def steady(field: CurrentField) -> Stream:
     """One field at every depth and for ever."""
-    return Stream(array("q", [0]), array("q", [0]), (field,))
+    return Stream.of(array("q", [0]), array("q", [0]), (field,))
 
 
 def parse_stream(text: str) -> Stream:
@@ -157,7 +166,7 @@ def _assembled(parts: dict[tuple[int, int], list[str]]) -> Stream:
             if (second, depth) not in parts:
                 raise ValueError(f"not a grid: nothing for time_s {second}, depth_m {depth / _UNIT:g}")
             fields.append(CurrentField.parse("\n".join(parts[second, depth])))
-    return Stream(array("q", seconds), array("q", depths), tuple(fields))
+    return Stream.of(array("q", seconds), array("q", depths), tuple(fields))
 
 
 STILL = steady(STILL_WATER)

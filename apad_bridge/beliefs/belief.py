@@ -80,6 +80,11 @@ class Belief:
         return (now_ms - self.heard_ms) / 1000
 
     @property
+    def is_carried(self) -> bool:
+        """An estimator stands behind it that goes on without packets; otherwise it is worth what its newest packet is."""
+        return bool(self.mode_probabilities)
+
+    @property
     def mode(self) -> Mode:
         """The most probable one; the first of several."""
         if not self.mode_probabilities:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from dataclasses import replace
 from typing import Protocol
 
-from apad_bridge.beliefs.belief import Belief
+from apad_bridge.beliefs.belief import Belief, Source
 from apad_bridge.beliefs.measurement import Heard, Measurement, Rejected
 from firmware_model.packets import ShortStatus, StatusPacket
 
@@ -26,8 +27,12 @@ class Estimator(Protocol):
 class FleetBeliefs:
     """Beliefs by agent id, for the ids of one fleet. `advance` says what time it is; `get` and `all` are for that time."""
 
-    def __init__(self, estimator: Estimator, agent_ids: Iterable[int]) -> None:
+    def __init__(
+        self, estimator: Estimator, agent_ids: Iterable[int], due_every_ms: int | None = None
+    ) -> None:
+        """`due_every_ms`: so often, in mission time, a packet of each is due; None where nobody says."""
         self.estimator = estimator
+        self._due_every_ms = due_every_ms
         self._known = frozenset(agent_ids)
         self._beliefs: dict[int, Belief] = {}
         self._newest_ms: dict[int, int] = {}
@@ -47,13 +52,21 @@ class FleetBeliefs:
         if belief is None and (newest := self._beliefs.get(agent_id)) is not None:
             belief = newest
             if newest.at_ms < self._now_ms:
-                belief = self.estimator.predict(newest, self._now_ms)
+                belief = self._count_silence(self.estimator.predict(newest, self._now_ms))
             self._at_now[agent_id] = belief
         return belief
 
     def all(self) -> list[Belief]:
         """Every aMussel of which anything is believed, by id."""
         return [belief for agent_id in sorted(self._beliefs) if (belief := self.get(agent_id)) is not None]
+
+    def _count_silence(self, belief: Belief) -> Belief:
+        if self._due_every_ms is None:
+            return belief
+        silent = (belief.at_ms - belief.heard_ms) // self._due_every_ms
+        if silent == belief.silent_slots:
+            return belief
+        return replace(belief, silent_slots=silent, learned_from=belief.learned_from | Source.SILENCE)
 
     def hear(self, packet: StatusPacket, at_ms: int) -> str | None:
         """Believes the packet heard at mission time `at_ms`; or says why not, and nothing has changed."""

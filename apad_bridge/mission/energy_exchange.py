@@ -11,6 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from apad_bridge.beliefs.belief import Belief
+from apad_bridge.mission.appearances import comes_up, floats
 from apad_bridge.mission.charging_watch import ChargingWatch
 from apad_bridge.mission.homes import with_new_homes
 from apad_bridge.mission.order_book import OrderBook
@@ -34,7 +35,6 @@ from apad_bridge.port.primitives import (
     UndockMussel,
 )
 from apad_bridge.scenario.schema import Mission
-from firmware_model.states import State
 
 
 @dataclass(frozen=True, slots=True)
@@ -169,7 +169,7 @@ class EnergyExchange(OrderBook):
 
     def _watch_surfacing(self, now_ms: int) -> None:
         belief = self._beliefs.get(self._step.agent_id)
-        if belief is not None and belief.state is State.FLOATING:
+        if belief is not None and floats(belief):
             if self._pose is not None and self._distance(belief) > 2 * self._config.victory_radius_m:
                 self._go_to(belief.north_m, belief.east_m)
                 self._enter(Phase.GO_COLLECT, now_ms, attempts=self.state.attempts + 1)
@@ -183,7 +183,7 @@ class EnergyExchange(OrderBook):
         """An aMussel still believed under water is told again; after so many times the step is given up."""
         belief = self._beliefs.get(self._step.agent_id)
         waited_ms = now_ms - self.state.since_ms
-        if belief is not None and belief.state in (State.FLOATING, State.SURFACING):
+        if belief is not None and comes_up(belief):
             if (
                 waited_ms > self._config.silence_timeout_s * 1000
                 and self.state.phase is Phase.AWAIT_SURFACING

@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 
 from apad_bridge.beliefs.belief import Belief
+from apad_bridge.mission.appearances import LIKELY, can_be_fetched
 from apad_bridge.mission.sources import BeliefSource
 from apad_bridge.mission.state import MissionState
 from apad_bridge.planning.candidates import Candidate, Situation
 from apad_bridge.scenario.schema import Mission
-from firmware_model.state_groups import BEYOND_HELP, TO_BE_FETCHED
+from firmware_model.state_groups import BEYOND_HELP
 from firmware_model.states import State
 
 SLOTS = 4
@@ -49,11 +50,11 @@ class ChargingPool:
 
     def _is_candidate(self, belief: Belief, now_ms: int) -> bool:
         return (
-            belief.primary <= self._config.pool_threshold
-            and belief.state in TO_BE_FETCHED
+            belief.probability_at_most(self._config.pool_threshold) >= LIKELY
+            and can_be_fetched(belief)
             and (belief.primary > 0 or belief.secondary > 0)
             and self._shunned_until_ms.get(belief.agent_id, now_ms) <= now_ms
-            and now_ms - belief.heard_ms <= self._silence_ms
+            and (belief.is_carried or now_ms - belief.heard_ms <= self._silence_ms)
         )
 
 

@@ -15,6 +15,8 @@ APAD_TURNED_COS = cos(radians(5))
 APAD_BATTERY = 0.005
 APAD_PERIOD_MS = 60_000
 BELIEVED_CHARGE = 0.01
+HEARD_AGAIN_MS = 60_000
+"""A carried belief is journaled again when the packet behind it is so much newer."""
 
 
 def differs_in_kind(now: Truth, before: Truth) -> bool:
@@ -79,19 +81,13 @@ class BeliefChanges:
 
     def _is_new(self, belief: Belief) -> bool:
         before = self._last.get(belief.agent_id)
-        if before is belief:
-            return False
-        if (
-            before is not None
-            and before.state is belief.state
-            and abs(before.primary - belief.primary) < BELIEVED_CHARGE
-        ):
+        if before is belief or (before is not None and not _differs(before, belief)):
             return False
         self._last[belief.agent_id] = belief
         return True
 
     def _line(self, belief: Belief) -> Line:
-        return {
+        line: Line = {
             "id": belief.agent_id,
             "heard": belief.heard_ms,
             "state": belief.state.name,
@@ -100,6 +96,30 @@ class BeliefChanges:
             "north_m": round(belief.north_m, 3),
             "east_m": round(belief.east_m, 3),
         }
+        if belief.is_carried:
+            low, high = belief.charge_interval()
+            line |= {
+                "sd": round(belief.charge_cov[0] ** 0.5, 5),
+                "low": round(low, 5),
+                "high": round(high, 5),
+                "mode": belief.mode.name,
+            }
+        return line
+
+
+def _differs(before: Belief, belief: Belief) -> bool:
+    """What others are told changed. Of a carried one that is also its mode, its deviation, and how old it is."""
+    if not belief.is_carried:
+        return before.state is not belief.state or abs(before.primary - belief.primary) >= BELIEVED_CHARGE
+    sds = before.charge_cov[0] ** 0.5, belief.charge_cov[0] ** 0.5
+    step = max(min(BELIEVED_CHARGE, 0.3 * sds[1]), BELIEVED_CHARGE / 10)
+    return (
+        before.state is not belief.state
+        or before.mode is not belief.mode
+        or belief.heard_ms - before.heard_ms >= HEARD_AGAIN_MS
+        or abs(before.primary - belief.primary) >= step
+        or abs(sds[0] - sds[1]) >= step
+    )
 
 
 def _or_none(number: float) -> float | None:

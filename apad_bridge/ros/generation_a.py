@@ -125,7 +125,10 @@ class GenerationALink:
             until_s = time.monotonic() + self._answer_s
             while self._core.awaits_mechanism and (left_s := until_s - time.monotonic()) > 0:
                 self._drain(left_s)
-        return self._core.advance(now_ms)
+        facts = self._core.advance(now_ms)
+        if (order := self._core.again()) is not None:
+            self._goals.publish(_goal_message(order))
+        return facts
 
     def command(self, command: VehicleCommand, now_ms: int) -> None:
         if isinstance(command, MoveArm):

@@ -27,6 +27,7 @@ from apad_bridge.ros.generation_a_words import (
 from apad_bridge.ros.legacy_words import BatteryHeard, PoseHeard, StateHeard
 from apad_bridge.ros.reach import Sight, why_out_of_reach
 from apad_bridge.ros.readings import Readings
+from apad_bridge.ros.silence_watch import SilenceWatch
 from apad_bridge.vehicle import (
     Arrived,
     CloseDock,
@@ -41,7 +42,8 @@ from apad_bridge.vehicle_link import LinkFact
 
 Command = GoTo | Hold | CloseDock | OpenDock
 TAKEN_MS = 5_000
-"""A goal that the action server has not acknowledged for so long has failed: nobody serves it."""
+"""A goal that the action server has not acknowledged for so long has failed: nobody serves it. While the whole vehicle is
+silent, goals wait for it; the port's own time-outs go on."""
 PERCHED_MS = 1_000
 """After a perch succeeded, how long `position_static` may take to say so (it comes at 20 Hz)."""
 
@@ -51,6 +53,7 @@ class _Sent:
     """A goal that is not over."""
 
     command: Command
+    order: GoalOrder
     sent_ms: int
     is_taken: bool = False
     ended_ms: int | None = None
@@ -84,6 +87,9 @@ class GenerationACore:
         self._facts: list[LinkFact] = []
         self._goals: dict[str, _Sent] = {}
         self._latest_key = ""
+        self._silence = SilenceWatch()
+        self._is_silent = False
+        self._again: GoalOrder | None = None
         self._status_ms = -1
         self.state_ms = -1
         """The newest stamp of `stateRef`."""
@@ -120,16 +126,32 @@ class GenerationACore:
                 self._facts.append(CommandFailed(now_ms, command.command_id, why))
                 return None
         key = f"{self._nonce}-{command.command_id}"
-        self._goals[key] = _Sent(command, now_ms)
-        self._latest_key = key
         match command:
             case GoTo(_, north_m, east_m) | Hold(_, north_m, east_m):
-                return GoalOrder(key, GO_TO, north_m, east_m)
+                order = GoalOrder(key, GO_TO, north_m, east_m)
             case CloseDock(_, _, agent_id):
-                return GoalOrder(key, PERCH, name=f"{self._object_prefix}{agent_id}")
+                order = GoalOrder(key, PERCH, name=f"{self._object_prefix}{agent_id}")
             case OpenDock(_, _, agent_id):
                 self.docks.order_release(agent_id, now_ms)
-                return GoalOrder(key, RELEASE, name=f"{self._object_prefix}{agent_id}")
+                order = GoalOrder(key, RELEASE, name=f"{self._object_prefix}{agent_id}")
+        self._goals[key] = _Sent(command, order, now_ms)
+        self._latest_key = key
+        return order
+
+    def again(self) -> GoalOrder | None:
+        """A goal to send once more, told once: the vehicle was silent when it was sent, and is heard now."""
+        order, self._again = self._again, None
+        return order
+
+    def _watch_silence(self, now_ms: int) -> None:
+        heard_ms = self.readings.position_ms
+        changed = self._silence.look(heard_ms, now_ms) if heard_ms >= 0 else None
+        if changed is None:
+            return
+        self._is_silent = changed.is_silent
+        latest = self._goals.get(self._latest_key)
+        if not changed.is_silent and latest is not None and not latest.is_taken:
+            latest.sent_ms, self._again = now_ms, latest.order
 
     def hear(self, heard: Heard, now_ms: int) -> None:
         """What is stamped after `now_ms` waits for its time."""
@@ -156,6 +178,7 @@ class GenerationACore:
         later, self._later = self._later, []
         for heard in later:
             self.hear(heard, now_ms)
+        self._watch_silence(now_ms)
         self._take_docks(self.docks.silent(self.readings.position_ms))
         self._end_waits(now_ms)
         facts, self._facts = self._facts, []
@@ -222,7 +245,7 @@ class GenerationACore:
     def _end_waits(self, now_ms: int) -> None:
         for key, sent in list(self._goals.items()):
             reason = None
-            if not sent.is_taken and now_ms - sent.sent_ms >= TAKEN_MS:
+            if not sent.is_taken and not self._is_silent and now_ms - sent.sent_ms >= TAKEN_MS:
                 reason = f"no action server took the goal within {TAKEN_MS / 1000:g} s"
             elif (
                 isinstance(sent.command, CloseDock)

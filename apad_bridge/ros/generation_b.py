@@ -88,6 +88,8 @@ class GenerationBLink:
         self._excused: set[str] = set()
         self._inbox: Inbox[Heard] = Inbox()
         self._ears = Ears(name, self._inbox, stamped=our_clock)
+        self._words_before = 0
+        self._statuses_are_silent = False
         self._services = dict(SERVICES)
         self._calls = ServiceCalls()
         self._camera = camera
@@ -197,12 +199,24 @@ class GenerationBLink:
         return self._core.state_ms >= now_ms
 
     def wait_until_heard(self, now_ms: int, timeout_s: float) -> list[str]:
-        """Until the position has come up to `now_ms`, and a moment more for the words that have no stamp."""
+        """Until the position has come up to `now_ms`, the statuses have said something since the tick before, which they do
+        each second, and a moment more: words without a stamp may come a tick late, but no later.
+
+        A vehicle whose statuses are silent is not waited for again before they speak.
+        """
         until_s = time.monotonic() + timeout_s
-        while (missing := self._core.unheard(now_ms)) and (left_s := until_s - time.monotonic()) > 0:
+        while missing := [*self._core.unheard(now_ms), *self._silent_statuses()]:
+            if (left_s := until_s - time.monotonic()) <= 0:
+                break
             self._drain(left_s)
+        self._statuses_are_silent = self._core.status_words == self._words_before
+        self._words_before = self._core.status_words
         self._drain(_SETTLE_S)
         return missing
+
+    def _silent_statuses(self) -> list[str]:
+        silent = self._core.status_words == self._words_before and not self._statuses_are_silent
+        return ["goto_status"] if silent else []
 
     def _drain(self, wait_s: float = 0.0) -> None:
         for heard in self._inbox.take(wait_s):

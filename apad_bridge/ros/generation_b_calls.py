@@ -31,6 +31,14 @@ class Calls:
         self._to_send: list[Call] = []
         self.pending: Pending | None = None
 
+    @property
+    def unanswered(self) -> list[str]:
+        """The order whose service has still to answer, if there is one."""
+        pending = self.pending
+        if pending is None or pending.answered_ms is not None or pending.again_ms is not None:
+            return []
+        return [f"order {pending.number}"]
+
     def order(self, order: Order, now_ms: int) -> None:
         self.pending = Pending(order, self._send(order), now_ms)
 

@@ -77,6 +77,8 @@ class GenerationBCore:
         self.calls = Calls()
         self.state_ms = -1
         """The newest stamp of `stateRef`."""
+        self.status_words = 0
+        """How many words were heard of either status."""
         self._dropped: Counter[str] = Counter()
         self._docking = docking
         self._now_ms = now_ms
@@ -102,9 +104,7 @@ class GenerationBCore:
 
     @property
     def unanswered(self) -> list[str]:
-        pending = self.calls.pending
-        waits = pending is not None and pending.answered_ms is None and pending.again_ms is None
-        return [f"order {pending.number}"] if waits and pending is not None else []
+        return self.calls.unanswered
 
     def unheard(self, now_ms: int) -> list[str]:
         return ["position"] if self.readings.position_ms < now_ms else []
@@ -124,8 +124,8 @@ class GenerationBCore:
             case Hold(_, north_m, east_m, heading_rad):
                 self._begin(hold=command)
                 self._position((north_m, east_m), now_ms, heading_rad)
-            case MoveArm():
-                pass  # the link's: nothing is answered
+            case MoveArm():  # the link's: nothing is answered
+                pass
             case CloseDock(_, _, agent_id) | OpenDock(_, _, agent_id):
                 profile = self._docking.profile_of(agent_id)
                 if profile is DockingProfile.VIRTUAL:
@@ -206,6 +206,7 @@ class GenerationBCore:
             self._position((self._pose.north_m, self._pose.east_m), now_ms)
 
     def _hear_status(self, docking: bool, status: Status, at_ms: int) -> None:
+        self.status_words += 1
         pending = self.calls.pending
         answered = pending is not None and pending.answered_ms is not None
         if docking:

@@ -43,6 +43,7 @@ from misc_msgs.srv import (  # noqa: E402
     Go2pointPrimitiveService,
     Go2pointPrimitiveServiceResponse,
 )
+from musselbed_msgs.msg import DockAlert  # noqa: E402
 
 _QUEUE = 200
 """Twenty seconds of the fastest topic: who reads slower loses the oldest, and nobody waits for it."""
@@ -115,6 +116,12 @@ class GenerationBServer:
         ]
         for name, kind, take in topics:
             rospy.Subscriber(f"{namespace}/{name}", kind, act(take), tcp_nodelay=True)
+        rospy.Subscriber("/musselbed/dock", DockAlert, self._take_load, tcp_nodelay=True)
+
+    def _take_load(self, message: Any) -> None:
+        with self._lock:
+            if self._vehicle is not None:
+                self._show(self._vehicle.load(message.slot, message.closed, self._vehicle.now_ms))
 
     def _take_clock(self, message: Any) -> None:
         self.heard_clock_s = time.monotonic()

@@ -41,7 +41,7 @@ from apad_bridge.scenario.faults import Fault
 from apad_bridge.simulated_apad.apad import SimulatedAPad
 from apad_bridge.simulated_apad.kinematics import STEP_MS, Pose
 from apad_bridge.simulated_apad.steering import Coast, Steer
-from apad_bridge.vehicle import Arrived, CommandFailed, GoTo, Hold
+from apad_bridge.vehicle import Arrived, CloseDock, CommandFailed, GoTo, Hold, OpenDock
 
 SLOW_PERIOD_MS = 1000
 """Of battery and statuses, which are told whenever they change, too."""
@@ -180,6 +180,17 @@ class GenerationBVehicle:
             self._horizontal = horizontal
         if vertical is not None:
             self._seen = Detection(now_ms, self._horizontal, vertical)
+        return shown
+
+    def load(self, slot: int, closed: bool, now_ms: int) -> list[Shown]:
+        """The bench says what a dock holds: charging it costs energy. The stack itself knows nothing of it."""
+        shown = self.advance(now_ms)
+        serial = self._next_serial()
+        holder = self._apad.docked.get(slot)
+        if closed:
+            self._apad.receive(CloseDock(serial, slot, serial), now_ms - self._start_ms)
+        elif holder is not None:
+            self._apad.receive(OpenDock(serial, slot, holder), now_ms - self._start_ms)
         return shown
 
     def set_manual(self, steers: bool, now_ms: int) -> list[Shown]:

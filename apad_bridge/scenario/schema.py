@@ -14,6 +14,7 @@ from typing import Annotated
 from annotated_types import Ge, Le
 
 from apad_bridge.scenario.another_apad import AnotherAPad
+from apad_bridge.scenario.believing import Beliefs
 from apad_bridge.scenario.board import Board
 from apad_bridge.scenario.faults import OF_A, OF_B, Fault
 from apad_bridge.scenario.polygon import area_m2, is_simple
@@ -308,5 +309,6 @@ class Scenario:
     apads: tuple[AnotherAPad, ...] = ()
     """More of them, which share the fleet with `apad`."""
     records: Records = Records()
+    beliefs: Beliefs = Beliefs()
     water: Water | None = None
     """None: everything that is said gets through, at once and whole, as in the paper's experiments."""

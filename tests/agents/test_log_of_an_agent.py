@@ -154,7 +154,7 @@ def test_it_stays_awake_while_somebody_takes_its_log() -> None:
 
 
 def test_a_long_log_goes_out_four_packets_at_once() -> None:
-    """600 records are 15 packets of 40: four, and then as many as were acknowledged."""
+    """600 records are 34 packets of 18: four, and then as many as were acknowledged."""
     quick = replace(CYCLE, alarm_ms=20_000, sample_ms=1000, processing_ms=0, slots=None, report_ms=5000)
     assert FLEET.whole is not None
     mussel = boot(replace(FLEET, whole=replace(FLEET.whole, cycle=quick)))
@@ -163,9 +163,9 @@ def test_a_long_log_goes_out_four_packets_at_once() -> None:
     mussel.receive(SoundArrived(CommandPacket(Kind.PERMISSION, 7).encode()), 12_061_500)
     mussel.receive(ContactClosed(0, 0), 12_122_000)
     outputs = mussel.advance(12_140_000)
-    assert [it.sequence for it in records(outputs)] == list(range(160))
-    more = mussel.receive(WifiArrived(LogAck(7, 100).encode()), 12_141_000)
-    assert [it.sequence for it in records(more)] == list(range(160, 260))
-    assert {it.oldest for it in packets(more) if isinstance(it, LogRecords)} == {100}
-    last = mussel.receive(WifiArrived(LogAck(7, 260).encode()), 12_142_000)
-    assert [it.sequence for it in records(last)] == list(range(260, 420))
+    assert [it.sequence for it in records(outputs)] == list(range(72))
+    more = mussel.receive(WifiArrived(LogAck(7, 50).encode()), 12_141_000)
+    assert [it.sequence for it in records(more)] == list(range(72, 122))
+    assert {it.oldest for it in packets(more) if isinstance(it, LogRecords)} == {50}
+    last = mussel.receive(WifiArrived(LogAck(7, 122).encode()), 12_142_000)
+    assert [it.sequence for it in records(last)] == list(range(122, 194))

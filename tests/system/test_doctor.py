@@ -72,10 +72,20 @@ def test_a_wrong_scenario_is_a_failure(tmp_path: Path) -> None:
     assert found["scenario"]["status"] == "FAIL"
 
 
-def test_the_simulated_apad_on_a_real_master(tmp_path: Path, master: Master) -> None:
+@pytest.mark.parametrize(
+    ("generation", "md5"),
+    [
+        ("a", "position d1c2e3fd518b63978e72fa7409f4ba71"),
+        ("b", "commander/primitive/docking 2f37c62380c61eaf8bf8692a9128c0fd"),
+    ],
+)
+def test_the_simulated_apad_on_a_real_master(
+    tmp_path: Path, master: Master, generation: str, md5: str
+) -> None:
     environment = loopback_environment(tmp_path, master.uri)
     network.call(master.uri, "setParam", "/use_sim_time", True)
     command = [sys.executable, "-m", "apad_bridge.ros.apad_node", "--scenario", str(POOL)]
+    command += ["--generation", generation]
     with subprocess.Popen(command, env=environment, cwd=ROOT, stdout=subprocess.PIPE, text=True) as node:
         try:
             assert node.stdout is not None and node.stdout.readline() == "ready\n"
@@ -85,8 +95,7 @@ def test_the_simulated_apad_on_a_real_master(tmp_path: Path, master: Master) -> 
             node.wait(20)
     for name in ("master", "own address", "call back", "nodes", "aMussel ids", "/apad1"):
         assert found[name]["status"] == "OK", found[name]
-    # The md5 of a live aPad of the simulator generation.
-    assert "position d1c2e3fd518b63978e72fa7409f4ba71" in found["/apad1"]["found"]
+    assert md5 in found["/apad1"]["found"]
     # Nobody publishes /clock here, which the aPad's node follows: both are said.
     assert found["clock"]["status"] == "FAIL"
     assert found["/apad1 clock"]["status"] == "WARN"

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from agents.modem.facts import (
@@ -302,6 +302,7 @@ STIMULI: list[Stimulus] = [
     st.lists(st.tuples(st.integers(0, 400), st.sampled_from(STIMULI)), max_size=15),
     st.lists(st.integers(0, 8000), max_size=20),
 )
+@example([(0, SerialBytes(b"$?", 0)), (0, SerialBytes(b"$F", 1))], [])
 def test_windows_do_not_show(told: list[tuple[int, Stimulus]], cuts: list[int]) -> None:
     whole, cut, dues = modem(lines=2), modem(lines=2), modem(lines=2)
     one: list[Action] = []

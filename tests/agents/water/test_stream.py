@@ -32,7 +32,9 @@ def test_between_depths_and_times_it_is_linear(depth_m: int, second: int, veloci
 
 def test_a_tide_turns() -> None:
     """12 h: north is at its height after 3 h, east a quarter later; after 6 h both have turned."""
-    tide = Stream(STILL.seconds, STILL.depths_um, STILL.fields, (Tide(43_200, 500_000, 200_000, 0, 750_000),))
+    tide = Stream.of(
+        STILL.seconds, STILL.depths_um, STILL.fields, (Tide(43_200, 500_000, 200_000, 0, 750_000),)
+    )
     hours = [tide.velocity_um_s(0, 0, 0, 3600 * hour) for hour in (0, 3, 6, 9, 12)]
     assert hours == [(0, -200_000), (500_000, 0), (0, 200_000), (-500_000, 0), (0, -200_000)]
     assert tide.velocity_um_s(0, 0, 0, 3600)[0] == 250_000  # sin 30 degrees
@@ -46,7 +48,7 @@ def test_a_tide_comes_back_after_its_period_exactly(second: int) -> None:
 
 
 def test_near_the_bottom_less_is_left() -> None:
-    river = Stream(
+    river = Stream.of(
         array("q", [0]),
         array("q", [0]),
         (CurrentField.parse("north_m,east_m,north_m_s,east_m_s\n0,0,0.5,-0.5\n"),),

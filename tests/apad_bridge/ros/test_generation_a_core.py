@@ -310,3 +310,22 @@ def test_a_perch_from_afar_is_not_ordered() -> None:
         CommandFailed(0, 1, "aMussel 7 floats 10.0 m away: go nearer than 5 m before docking it")
     ]
     assert core.command(CloseDock(2, 0, 8), 0) == GoalOrder("run-2", PERCH, name="amussel8")
+
+
+def test_a_goal_that_was_sent_to_a_silent_vehicle_is_sent_again_when_it_is_heard(
+    core: GenerationACore,
+) -> None:
+    is_at(core, 0)
+    tells(core, 5_000)
+    order = core.command(THERE, 6_000)
+    for now_ms in range(7_000, 30_000, 1_000):
+        assert tells(core, now_ms) == [] and core.again() is None
+    is_at(core, 30_000)
+    assert tells(core, 30_000) == []
+    assert core.again() == order
+    assert core.again() is None
+    for now_ms in range(31_000, 35_000, 1_000):
+        is_at(core, now_ms)
+        assert tells(core, now_ms) == []
+    is_at(core, 35_000)
+    assert tells(core, 35_000) == [CommandFailed(35_000, 1, "no action server took the goal within 5 s")]

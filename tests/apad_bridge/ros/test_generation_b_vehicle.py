@@ -174,6 +174,20 @@ def test_a_paused_mission_goes_on_where_it_was() -> None:
     assert apad.stage is Stage.OFF
 
 
+def test_charging_what_the_bench_says_it_holds_costs_energy() -> None:
+    """10 W a dock for an hour of a battery of 230 Wh."""
+    empty, laden = vehicle(), vehicle()
+    for slot in (0, 1, 1):
+        laden.load(slot, True, 0)
+    assert empty.advance(3_600_000) and laden.advance(3_600_000)
+    assert empty.battery_percent - laden.battery_percent == pytest.approx(100 * 20 / 230)
+    before = laden.battery_percent
+    for slot in (0, 1, 3):
+        laden.load(slot, False, 3_600_000)
+    laden.advance(7_200_000)
+    assert before - laden.battery_percent == pytest.approx(100 * POOL.apad.battery.hotel_w / 230)
+
+
 @settings(max_examples=20, deadline=None)
 @given(st.lists(st.integers(1, 9_000), min_size=1, max_size=12))
 def test_however_time_is_cut_the_same_is_shown(cuts: list[int]) -> None:

@@ -1,0 +1,150 @@
+"""What a scenario tells its estimator: the kind of board, the water, and how far to trust both."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from apad_bridge.beliefs.fleet import FleetBeliefs
+from apad_bridge.beliefs.hold_last import HoldLast
+from apad_bridge.beliefs.knowledge import (
+    Charger,
+    ClockKnowledge,
+    Drain,
+    Habits,
+    Knowledge,
+    Schedule,
+    Sensor,
+    Water,
+)
+from apad_bridge.beliefs.modes import Mode
+from apad_bridge.boards import charge_model, whole_firmware
+from apad_bridge.scenario.believing import TwinModel
+from apad_bridge.scenario.schema import DriftMode, Scenario
+from firmware_model.charge import FULL, Segments
+from firmware_model.plan import PATH_UNIT, Cycle, Whole
+from firmware_model.rails import Rail, rails_of
+from firmware_model.states import State
+
+_MS_PER_MIN = 60_000
+_HOUR_MS = 3_600_000
+_STATES = {
+    Mode.IDLE: State.ACTIVE,
+    Mode.HIGH_LOAD: State.PROCESSING,
+    Mode.SURFACING: State.SURFACING,
+    Mode.FLOATING: State.FLOATING,
+    Mode.CHARGING_PRIMARY: State.CHARGING,
+    Mode.CHARGING_SECONDARY: State.CHARGING,
+    Mode.FULL: State.CHARGING,
+    Mode.LOST: State.LOST,
+}
+_READING_APART_MS = 300_000
+_MISSION_APART_MS = 20_000
+"""Readings of one aMussel are used so far apart, in agent and in mission time: fleets that report each second cost less."""
+_COIL_DEVIATION = 0.02
+_MOTOR_DEVIATION = 0.003
+_AGEING_PER_DAY = 0.001
+_STEADY_CURRENT_S = 3600.0
+
+
+def fleet_beliefs(scenario: Scenario, agent_ids: range) -> FleetBeliefs:
+    """As the scenario says. Only twins import filterpy, which takes half a second."""
+    model = scenario.beliefs.twin
+    if model is None:
+        return HoldLast(agent_ids)
+    from apad_bridge.beliefs.twin import Twin
+
+    schedule = Schedule((0,), (_commanded(whole_firmware(scenario.board, scenario.seed)),))
+    twin = Twin(knowledge_of(scenario, model), dict.fromkeys(agent_ids, schedule))
+    report_ms = round(scenario.hearing.report_period_s * 1000)
+    return FleetBeliefs(twin, agent_ids, due_every_ms=report_ms)
+
+
+def knowledge_of(scenario: Scenario, model: TwinModel) -> Knowledge:
+    board, theta = scenario.board, scenario.theta
+    whole = whole_firmware(board, scenario.seed)
+    deviations = (model.bias_deviation,) * 4
+    drift = scenario.fleet.drift
+    step_m = drift.amplitude_m if drift.mode is DriftMode.PAPER else 0.0
+    return Knowledge(
+        theta=theta,
+        drain=_drain(scenario, whole),
+        charger=_charger(scenario),
+        sensor=Sensor(
+            model.sensor_noise,
+            (0.0,) * 4,
+            deviations,
+            max(_READING_APART_MS, _MISSION_APART_MS * theta),
+        ),
+        habits=Habits(
+            every_ms=_HOUR_MS,
+            unscheduled=model.unscheduled,
+            stays=1.0,
+            shares=(1.0, 0.0, 0.0),
+            daily=0.0,
+            plan_lasts_ms=24 * _HOUR_MS,
+            plan_deviation=0.0,
+            seen_before=1.0,
+        ),
+        water=Water(step_m**2 / 3, model.current_deviation_m_s, _STEADY_CURRENT_S, model.fix_deviation_m),
+        drain_deviation=model.drain_deviation,
+        ageing_per_day=_AGEING_PER_DAY,
+        clock=ClockKnowledge(1000.0, 20.0, 1000.0 * theta),
+        surfacing_ms=round(board.surfacing_s * 1000),
+        sinking_ms=round(board.sinking_s * 1000),
+        float_timeout_ms=round(board.float_timeout_s * 1000),
+    )
+
+
+def _commanded(whole: Whole | None) -> Mode:
+    """The paper's worst case is always awake, and so is a board without a sleep cycle."""
+    return Mode.IDLE if whole is None or whole.cycle is None else Mode.ASLEEP
+
+
+def _drain(scenario: Scenario, whole: Whole | None) -> Drain:
+    if whole is None:
+        # Equation (1) for every state in the water; in a dock equation (2) says it all.
+        per_min = scenario.board.discharge_per_min
+        assert per_min is not None
+        return Drain(
+            tuple(0.0 if mode >= Mode.CHARGING_PRIMARY else per_min for mode in Mode),
+            0.0,
+            1e-4,
+            1.0,
+        )
+    loads = whole.power.loads
+    never_asleep = whole.cycle is None
+
+    def of(state: State) -> float:
+        on = rails_of(state, whole.power.kept_on, never_asleep, 0)
+        return loads.total(on) * _MS_PER_MIN / FULL
+
+    rates = {mode: of(state) for mode, state in _STATES.items()}
+    rates[Mode.ASLEEP] = of(State.SLEEPING) if whole.cycle is None else _of_a_cycle(whole.cycle, of)
+    motor_run = loads.of[Rail.MOTORS] * whole.power.motor_run_ms / FULL
+    return Drain(
+        tuple(rates[mode] for mode in Mode), motor_run, _MOTOR_DEVIATION, whole.power.path / PATH_UNIT
+    )
+
+
+def _of_a_cycle(cycle: Cycle, of: Callable[[State], float]) -> float:
+    """The mean rate of one that sleeps but for its wakes; a slot is awaited for half a frame on the average."""
+    awaiting_ms = 0 if cycle.slots is None else cycle.slots.frame_ms / 2
+    awake = {
+        State.SAMPLING: cycle.sample_ms,
+        State.PROCESSING: cycle.processing_ms,
+        State.AWAITING_SLOT: awaiting_ms,
+    }
+    asleep_ms = max(0.0, cycle.alarm_ms - sum(awake.values()))
+    spent = sum(of(state) * lasts_ms for state, lasts_ms in awake.items()) + of(State.SLEEPING) * asleep_ms
+    return spent / cycle.alarm_ms
+
+
+def _charger(scenario: Scenario) -> Charger:
+    model = charge_model(scenario.board)
+
+    def of(segments: Segments) -> tuple[tuple[float, float], ...]:
+        return tuple((end / FULL, rate * _MS_PER_MIN / FULL) for end, rate in segments)
+
+    one = of(model.segments)
+    coils = of(model.segments_by_two)[-1][1] / one[-1][1] if model.segments_by_two else 1.0
+    return Charger(one, coils, _COIL_DEVIATION)

@@ -1,0 +1,99 @@
+"""`musselbed beliefs RUN`: how good a run's beliefs were."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+
+from apad_bridge.commands.exits import EXITS, Exit, UserError
+from apad_bridge.hindsight.compared import compared_in
+from apad_bridge.hindsight.scored import Score, Scores, scores_of
+from apad_bridge.records.run_directory import RunDirectoryError
+
+_ENDINGS = (".png", ".svg", ".pdf")
+
+
+def add_parser(commands: Any) -> None:
+    parser = commands.add_parser(
+        "beliefs",
+        help="how good a run's beliefs were: error, coverage and consistency",
+        description="Compares what the supervisor believed with what was so, at times a period apart: by the age of the "
+        "last packet, by mode and by aMussel. Reads the run's journal, of a run that is still flying too.",
+        epilog=f"See docs/beliefs.md. exit codes: {EXITS}",
+    )
+    parser.add_argument("directory", type=Path, metavar="RUN", help="the run's directory")
+    parser.add_argument(
+        "--period",
+        type=float,
+        default=10.0,
+        metavar="S",
+        help="mission seconds between samples (default: 10)",
+    )
+    parser.add_argument("--figure", type=Path, metavar="FILE", help="draw it, as .png, .svg or .pdf")
+    parser.add_argument("--json", action="store_true", help="print a JSON object")
+    parser.set_defaults(run=run)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    if not arguments.period >= 0.001:
+        raise UserError(f"--period {arguments.period}: must be a millisecond or more")
+    figure: Path | None = arguments.figure
+    if figure is not None and figure.suffix not in _ENDINGS:
+        raise UserError(f"--figure {figure}: its name must end in one of {', '.join(_ENDINGS)}")
+    try:
+        scores = scores_of(compared_in(arguments.directory, round(1000 * arguments.period)))
+    except (RunDirectoryError, OSError) as error:
+        raise UserError(str(error)) from error
+    if scores is None:
+        raise UserError(
+            f"{arguments.directory}: nothing to compare: no aMussel has both a belief and a truth"
+        )
+    if figure is not None:
+        from apad_bridge.hindsight.figure import draw
+
+        try:
+            draw(scores, figure, f"beliefs in {arguments.directory.name}")
+        except OSError as error:
+            raise UserError(f"--figure {figure}: {error.strerror}") from error
+    if arguments.json:
+        print(json.dumps(scores.to_json()))
+    else:
+        _show(scores, Console())
+    return Exit.DONE
+
+
+def _show(scores: Scores, console: Console) -> None:
+    table = Table(title="believed less true")
+    for name in ("", "samples", "rmse", "bias", "coverage", "nees", "mode right", "place m"):
+        table.add_column(name, justify="left" if not name else "right", no_wrap=not name)
+    _row(table, "all", scores.overall)
+    for head, bins in (
+        ("newest packet up to", scores.by_age),
+        ("mode", scores.by_mode),
+        ("aMussel", scores.by_agent),
+    ):
+        table.add_section()
+        table.add_row(f"[dim]{head}[/dim]")
+        for name, score in bins.items():
+            _row(table, name, score)
+    console.print(table)
+    if scores.overall.coverage is None:
+        console.print("These beliefs claim to be certain: they have neither coverage nor consistency.")
+
+
+def _row(table: Table, name: str, score: Score) -> None:
+    table.add_row(
+        name,
+        str(score.samples),
+        f"{score.rmse:.4f}",
+        f"{score.bias:+.4f}",
+        "-" if score.coverage is None else f"{score.coverage:.3f}",
+        "-" if score.nees is None else f"{score.nees:.2f}",
+        f"{score.mode_right:.3f}",
+        "-" if score.place_rmse_m is None else f"{score.place_rmse_m:.2f}",
+    )

@@ -1,0 +1,78 @@
+from __future__ import annotations
+
+import pytest
+
+from apad_bridge.beliefs.belief import Belief
+from apad_bridge.beliefs.hold_last import LastPacket
+from apad_bridge.beliefs.modes import Mode
+from apad_bridge.beliefs.pings import WorthItsEnergy, to_ping
+from apad_bridge.beliefs.questions import by, candidate_below, full_above, lost, sure_at_ms
+from firmware_model.states import State
+
+HOUR = 3_600_000
+IN_THE_WATER = (0.0, 1.0, *(0.0,) * 7)
+
+
+class Draining:
+    """A tenth of a battery an hour, of which nobody is quite sure."""
+
+    def predict(self, belief: Belief, to_ms: int) -> Belief:
+        return believed(belief.agent_id, 1.0 - 0.1 * to_ms / HOUR, 0.05, to_ms)
+
+    def update(self, belief: Belief | None, measurement: object) -> Belief | None:
+        return belief
+
+
+def believed(
+    agent_id: int, charge: float, sd: float, at_ms: int, modes: tuple[float, ...] = IN_THE_WATER
+) -> Belief:
+    cov = (sd**2, 0.0, 0.0)
+    return Belief(agent_id, 0, State.ACTIVE, charge, 1.0, 0.0, 0.0, at_ms, cov, mode_probabilities=modes)
+
+
+def test_when_a_planner_will_be_nine_tenths_sure() -> None:
+    start = believed(1, 1.0, 0.05, 0)
+    low = candidate_below(0.5)
+    assert low(start) < 1e-6
+    assert by(Draining(), start, low, 5 * HOUR) == pytest.approx(0.5)
+    # 0.9 of a Gaussian lies 1.2816 deviations on: 0.064 of a battery, 38.4 minutes after it is at 0.5.
+    found_ms = sure_at_ms(Draining(), start, low, 0.9, 10 * HOUR, HOUR)
+    assert found_ms == pytest.approx(5 * HOUR + 0.6408 * HOUR, abs=2000)
+    assert sure_at_ms(Draining(), start, low, 0.9, 5 * HOUR, HOUR) is None
+    assert sure_at_ms(Draining(), start, full_above(0.5), 0.9, HOUR, HOUR) == 0
+    with pytest.raises(ValueError):
+        sure_at_ms(Draining(), start, low, 0.9, HOUR, 0)
+
+
+def test_an_estimator_that_stands_still_is_never_surer() -> None:
+    held = Belief(1, 0, State.ACTIVE, 0.9, 1.0, 0.0, 0.0)
+    assert sure_at_ms(LastPacket(), held, candidate_below(0.5), 0.9, 10 * HOUR, HOUR) is None
+
+
+def test_one_that_is_docked_or_lost_is_no_candidate() -> None:
+    docked = tuple(float(mode is Mode.CHARGING_PRIMARY) for mode in Mode)
+    gone = tuple(0.7 if mode is Mode.LOST else 0.3 if mode is Mode.ASLEEP else 0.0 for mode in Mode)
+    assert candidate_below(0.5)(believed(1, 0.1, 0.0, 0, docked)) == 0.0
+    assert candidate_below(0.5)(believed(1, 0.0, 0.0, 0, gone)) == pytest.approx(0.3)
+    assert lost(believed(1, 0.0, 0.0, 0, gone)) == 0.7
+
+
+def test_a_ping_must_be_worth_its_energy() -> None:
+    policy = WorthItsEnergy(
+        candidate_below(0.5),
+        wrong_plan_charge=0.06,
+        answer_charge=0.005,
+        not_before_ms=HOUR,
+        spare_charge=0.05,
+    )
+    unsure, sure = believed(1, 0.52, 0.1, 2 * HOUR), believed(2, 0.9, 0.1, 2 * HOUR)
+    empty, wide = believed(3, 0.0, 0.01, 2 * HOUR), believed(4, 0.5, 0.3, 2 * HOUR)
+    assert [policy.is_worth(one, 2 * HOUR) for one in (unsure, sure, empty, wide)] == [
+        True,
+        False,
+        False,
+        True,
+    ]
+    assert not policy.is_worth(unsure, HOUR // 2)
+    assert to_ping(policy, [unsure, sure, empty, wide], 2 * HOUR, 5) == [4, 1]
+    assert to_ping(policy, [unsure, sure, empty, wide], 2 * HOUR, 1) == [4]
