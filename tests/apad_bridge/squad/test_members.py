@@ -40,7 +40,7 @@ def test_five_aPads_serve_twenty_four_each(bay: Scenario) -> None:
 
 def small(bay: Scenario, **apad: Any) -> dict[str, Any]:
     data = resolve(with_overrides(bay, agents=8))
-    data.update(name="small", duration_s=60, theta=600)
+    data.update(name="small", duration_s=1200)
     data["apads"] = data["apads"][3:]
     data["fleet"]["hosting"] = "one_process"
     data["mission"]["batch"] = 2
