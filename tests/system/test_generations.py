@@ -382,3 +382,43 @@ def test_after_a_masters_restart_everything_is_registered_again(
         check=True,
     )
     assert json.loads(line_of(watcher.stdout)) == ["heard", "again"]
+
+
+def test_a_dock_made_by_anothers_planner_reaches_the_aMussels_charge_edge(
+    tmp_path: Path, master: Master, stack: ExitStack
+) -> None:
+    """A fleet alone beside an aPad of generation B in real time; the generation is taken from the graph."""
+    path = four(tmp_path, 600, "b")
+    data = loader.resolve(loader.load(path))
+    data["apad"]["generation"] = "auto"
+    loader.write_resolved(tmp_path / "auto.yaml", loader.from_data(data, "auto"))
+    environment = loopback_environment(tmp_path / "ros", master.uri)
+    environment["PYTHONPATH"] = str(Path(sys.prefix) / "share" / "musselbed" / "ros")
+
+    def process(*words: str) -> subprocess.Popen[str]:
+        child = subprocess.Popen(
+            words, env=environment, cwd=ROOT, text=True, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL
+        )
+        stack.callback(child.communicate)
+        stack.callback(child.kill)
+        return child
+
+    module = (sys.executable, "-m")
+    apad = process(*module, "apad_bridge.ros.apad_node", "--scenario", str(path), "--time", "wall")
+    assert apad.stdout is not None and line_of(apad.stdout) == "ready\n"
+    out = tmp_path / "fleet"
+    hosted = ("--hosting", "one_process", "--out", str(out))
+    fleet = process(*module, "apad_bridge.commands.main", "fleet", str(tmp_path / "auto.yaml"), *hosted)
+    alert = "{agent: 3, slot: 2, closed: true}"
+    process("/usr/bin/rostopic", "pub", "/musselbed/dock_by_hand", "musselbed_msgs/DockAlert", alert)
+    journal, until_s, pause = out / "journal.jsonl", time.monotonic() + PATIENCE_S, threading.Event()
+    felt: list[Any] = []
+    while not felt:
+        assert time.monotonic() < until_s and fleet.poll() is None
+        pause.wait(0.05)  # files announce nothing
+        lines = read_journal(journal).lines if journal.exists() else []
+        felt = [line for line in lines if line["kind"] == "stimulus" and line["id"] == 3]
+    # A contact closed, at slot 2 of an aPad that heads north from (6, 6): astern.
+    assert felt[0]["wire"] == [0, 5_600_000, 6_000_000]
+    fleet.send_signal(signal.SIGINT)
+    fleet.wait(PATIENCE_S)
