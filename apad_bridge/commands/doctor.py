@@ -8,12 +8,14 @@ import os
 from collections.abc import Iterable, Iterator
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from apad_bridge.commands.exits import EXITS, Exit
 from apad_bridge.diagnosis import graph, interpreter, machine, network, scenario_check
 from apad_bridge.diagnosis.finding import Finding, Status, examined, warn
-from apad_bridge.scenario.schema import Scenario
+
+if TYPE_CHECKING:
+    from apad_bridge.scenario.schema import Scenario
 
 
 def add_parser(commands: Any) -> None:

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from apad_bridge.diagnosis.finding import Finding, fail, ok
 from apad_bridge.scenario.errors import ScenarioError
-from apad_bridge.scenario.schema import Scenario
+
+if TYPE_CHECKING:
+    from apad_bridge.scenario.schema import Scenario
 
 
 def read(path: Path) -> tuple[Scenario | None, list[Finding]]:
