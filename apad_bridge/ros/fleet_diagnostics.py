@@ -41,6 +41,9 @@ def _agent(agent_id: int, belief: Belief | None, limits: Limits, now_ms: int) ->
         secondary=f"{belief.secondary:.3f}",
         last_heard=f"{belief.age_s(now_ms):.0f} s ago",
     )
+    if belief.is_carried:
+        low, high = belief.charge_interval()
+        status.values += _values(mode=belief.mode.name, primary_95=f"{low:.3f} to {high:.3f}")
     if belief.state in BEYOND_HELP:
         status.level, status.message = DiagnosticStatus.ERROR, "lost: both batteries are empty"
     elif belief.state in STRANDED or belief.primary <= 0.0:

@@ -12,6 +12,8 @@ from std_msgs.msg import ColorRGBA, Header
 from visualization_msgs.msg import Marker
 
 from apad_bridge.beliefs.belief import Belief
+from apad_bridge.beliefs.modes import DOCKED as DOCKED_MODES
+from apad_bridge.beliefs.modes import Mode
 from apad_bridge.geography import LocalFrame
 from apad_bridge.ros.frames import ENU, UPRIGHT, Quaternion, Vector, agent_frame, enu
 from apad_bridge.ros.ros_time import to_ros
@@ -30,11 +32,17 @@ def header(now_ms: int, frame: str = ENU) -> Header:
 
 
 def agent_battery(belief: Belief) -> BatteryState:
-    """The primary battery, with the voltage that the paper's scale stands for; `cell_voltage` holds both batteries'."""
-    docked = belief.state in DOCKED
-    full = docked and belief.primary >= 1.0
+    """The primary battery, with the voltage that the paper's scale stands for; `cell_voltage` holds both batteries'.
+
+    It is what is believed for the stamp: the newest packet's, or the time that a belief was carried to.
+    """
+    if belief.is_carried:
+        docked, full = belief.mode in DOCKED_MODES, belief.mode is Mode.FULL
+    else:
+        docked = belief.state in DOCKED
+        full = docked and belief.primary >= 1.0
     message = BatteryState(
-        header=header(belief.heard_ms, agent_frame(belief.agent_id)),
+        header=header(belief.at_ms, agent_frame(belief.agent_id)),
         voltage=_volts(belief.primary),
         temperature=_UNKNOWN,
         current=_UNKNOWN,

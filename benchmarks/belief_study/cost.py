@@ -53,7 +53,11 @@ def event_costs() -> dict[str, float]:
 
 def tick_ms(agents: int, theta: int) -> dict[str, float]:
     """A second's packets of the whole fleet, and then what is believed of all of them: median and worst of a minute."""
-    fleet = FleetBeliefs(Twin(replace(NOMINAL, theta=theta), {}), range(1, agents + 1))
+    sensor = replace(
+        NOMINAL.sensor, apart_ms=max(NOMINAL.sensor.apart_ms, 20_000 * theta)
+    )  # as missions have it
+    twin = Twin(replace(NOMINAL, theta=theta, sensor=sensor), {})
+    fleet = FleetBeliefs(twin, range(1, agents + 1), due_every_ms=1000)
     took_ms = []
     for tick in range(_TICKS + 5):
         now_ms = 1000 * tick

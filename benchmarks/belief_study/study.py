@@ -17,6 +17,7 @@ from benchmarks.belief_study.truth import Doing, Life, live
 
 REPORTED = (11, 12, 13)
 TUNED_ON = 901
+"""Peers are tuned on it in the run; the twin's numbers were on this one and the two that follow."""
 HEARD = (1.0, 0.5, 0.1, 0.01)
 OURS: dict[str, Callable[[Life, int, bool], Any]] = {
     "twin": filters.twin,
