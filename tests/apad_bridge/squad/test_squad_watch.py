@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import json
 import os
 from pathlib import Path
@@ -18,7 +17,7 @@ class Run:
 
     def __init__(self, *said: dict[str, Any] | str, last: dict[str, Any] | None = None) -> None:
         reader, self._writer = os.pipe()
-        self.lines = io.open(reader)
+        self.lines = open(reader)
         self.log = Path("somewhere/parent.log")
         self._last = last
         self.asked = 0
