@@ -17,7 +17,7 @@ class Run:
 
     def __init__(self, *said: dict[str, Any] | str, last: dict[str, Any] | None = None) -> None:
         reader, self._writer = os.pipe()
-        self.lines = open(reader)
+        self.lines = os.fdopen(reader)
         self.log = Path("somewhere/parent.log")
         self._last = last
         self.asked = 0
