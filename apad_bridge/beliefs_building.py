@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from apad_bridge.beliefs.fleet import FleetBeliefs
 from apad_bridge.beliefs.hold_last import HoldLast
@@ -46,7 +46,7 @@ _AGEING_PER_DAY = 0.001
 _STEADY_CURRENT_S = 3600.0
 
 
-def fleet_beliefs(scenario: Scenario, agent_ids: range) -> FleetBeliefs:
+def fleet_beliefs(scenario: Scenario, agent_ids: Sequence[int]) -> FleetBeliefs:
     """As the scenario says. Only twins import filterpy, which takes half a second."""
     model = scenario.beliefs.twin
     if model is None:

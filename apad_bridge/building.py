@@ -30,8 +30,8 @@ from apad_bridge.water_building import agents_water
 from firmware_model.codec import load_codec
 
 
-def agent_ids(scenario: Scenario) -> range:
-    return range(scenario.fleet.first_id, scenario.fleet.first_id + scenario.fleet.count)
+def agent_ids(scenario: Scenario) -> Sequence[int]:
+    return scenario.fleet.ids
 
 
 def fleet_config(scenario: Scenario) -> FleetConfig:

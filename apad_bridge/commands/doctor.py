@@ -100,7 +100,7 @@ def _ros(master_uri: str, scenario: Scenario | None) -> Iterable[Finding]:
     host, bind = diagnosis.announced_host(), diagnosis.bind_address()
     ids = None
     if scenario is not None:
-        ids = range(scenario.fleet.first_id, scenario.fleet.first_id + scenario.fleet.count)
+        ids = scenario.fleet.ids
     yield from examined("own address", lambda: graph.check_addresses(master_uri, host))
     yield from examined("call back", lambda: [graph.check_call_back(master_uri, host, bind)])
     yield from examined("clock", lambda: [graph.check_clock(found)])

@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from apad_bridge.commands.exits import EXITS, UserError
-from apad_bridge.commands.run import peers_may_fail, report
+from apad_bridge.commands.outcome import report
+from apad_bridge.commands.run import peers_may_fail
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
 from apad_bridge.runs.failures import PeerFailed
 from apad_bridge.runs.options import APadKind, RunOptions, TimeSource

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -11,28 +10,23 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from rich.console import Console
-
-from apad_bridge import building
+from apad_bridge.commands import squad
 from apad_bridge.commands.exits import EXITS, Exit, UserError
 from apad_bridge.commands.modem_checks import check_modems
-from apad_bridge.mission.plans import STRATEGY_FAILED
+from apad_bridge.commands.outcome import print_plan, report
 from apad_bridge.planning import registry
 from apad_bridge.records.journal import read_journal
-from apad_bridge.records.recorder import Recorder
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
-from apad_bridge.runs import flying, parent
+from apad_bridge.runs import parent
 from apad_bridge.runs.dry_run import first_plan
 from apad_bridge.runs.failures import PeerFailed
-from apad_bridge.runs.nurseries import FOLDER
+from apad_bridge.runs.here import fly_here
 from apad_bridge.runs.options import APadKind, OnDeath, Part, RunOptions, TimeSource
 from apad_bridge.runs.progress import FlightProgress
-from apad_bridge.runs.table import print_table
 from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.loader import load, with_overrides
 from apad_bridge.scenario.schema import Generation, Hosting, Scenario
 from apad_bridge.scenario.starts import Start, starts_of
-from apad_bridge.scripting.commanded import Front
 
 _TIMES = """asap: virtual time, as fast as the machine goes, the simulated aPad in the same process, no ROS;
 wall: real time (times --speed with the simulated aPad); ros: the /clock of somebody else's master"""
@@ -183,8 +177,11 @@ def run(arguments: argparse.Namespace) -> int:
     options = options_of(arguments)
     scenario, starts = read_scenario(arguments)
     check_modems(options, scenario)
+    if scenario.apads:
+        with peers_may_fail():
+            return squad.run(options, scenario, starts, arguments.out, arguments.json)
     if options.dry_run and options.apad is APadKind.SIM:
-        return _print_plan(first_plan(scenario, starts), arguments.json)
+        return print_plan(first_plan(scenario, starts), arguments.json)
     try:
         directory = RunDirectory.create(scenario.name, datetime.now(UTC), arguments.out)
     except RunDirectoryError as error:
@@ -198,7 +195,7 @@ def run(arguments: argparse.Namespace) -> int:
         else:
             summary = parent.fly(scenario, starts, options, directory, progress)
     if options.dry_run:
-        return _print_plan(read_journal(directory.journal).first("plan"), arguments.json)
+        return print_plan(read_journal(directory.journal).first("plan"), arguments.json)
     flown_by = "by hand" if options.manual else scenario.mission.collection
     return report(scenario.name, flown_by, directory, summary, arguments.json)
 
@@ -211,52 +208,3 @@ def peers_may_fail() -> Iterator[None]:
     except PeerFailed as error:
         print(f"musselbed: {error}", file=sys.stderr)
         raise SystemExit(Exit.PEER_FAILED) from error
-
-
-def fly_here(
-    scenario: Scenario,
-    starts: Sequence[Start],
-    directory: RunDirectory,
-    progress: FlightProgress,
-    fronts: Sequence[Front] = (),
-) -> dict[str, Any]:
-    """In virtual time, with the supervisor and the simulated aPad in this process."""
-    recorder = Recorder(directory, scenario, building.agent_ids(scenario))
-    flying.journal_start(recorder, scenario, starts)
-    fleet = flying.open_fleet(scenario, starts, directory.path / FOLDER)
-    try:
-        return flying.fly(
-            scenario, flying.in_process(scenario, fleet), recorder, progress.show, fronts=fronts
-        )
-    finally:
-        recorder.close()
-        fleet.host.close()
-
-
-def report(name: str, flown_by: str, directory: RunDirectory, summary: dict[str, Any], as_json: bool) -> int:
-    """Prints what came of a run; the exit code. `flown_by` is a strategy's name, or who else gave the orders."""
-    if as_json:
-        print(json.dumps({**summary, "run": str(directory.path)}))
-    else:
-        console = Console()
-        print_table(console, name, flown_by, summary)
-        console.print(f"the run's files: {directory.path}", highlight=False, soft_wrap=True)
-    sys.stdout.flush()
-    if summary["ended_by"].startswith(STRATEGY_FAILED):
-        return Exit.PEER_FAILED
-    return Exit.INTERRUPTED if summary["ended_by"] == "the operator" else Exit.DONE
-
-
-def _print_plan(plan: dict[str, Any] | None, as_json: bool) -> int:
-    if as_json:
-        print(json.dumps(plan))
-    elif plan is None:
-        print("no plan: there are never enough candidates")
-    else:
-        steps = ", ".join(f"aMussel {step['agent']} into dock {step['slot']}" for step in plan["steps"])
-        costs = plan["costs"]
-        print(f"at {plan['t'] / 1000:.0f} s, {plan['strategy']}: {steps}")
-        print(
-            f"distance {costs['distance_m']:.1f} m, demand {costs['demand']:.2f} batteries; nothing was commanded"
-        )
-    return Exit.DONE

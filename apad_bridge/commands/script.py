@@ -12,8 +12,10 @@ from typing import Any
 
 from apad_bridge.commands import run as run_command
 from apad_bridge.commands.exits import EXITS, Exit, UserError
+from apad_bridge.commands.outcome import report
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
 from apad_bridge.runs import parent
+from apad_bridge.runs.here import fly_here
 from apad_bridge.runs.options import APadKind, OnDeath, Part, TimeSource
 from apad_bridge.runs.progress import FlightProgress
 from apad_bridge.scripting.program import SCRIPT_FAILED, ScriptError, ScriptFront, as_program
@@ -61,6 +63,8 @@ def run(arguments: argparse.Namespace) -> int:
         raise UserError("--no-fleet is for the aMussels on somebody's master: it needs --apad ros")
     options = replace(run_command.options_of(arguments), script=str(file.absolute()), on_death=OnDeath.WAIT)
     scenario, starts = run_command.read_scenario(arguments)
+    if scenario.apads:
+        raise UserError("a script flies one aPad, and the scenario names several: leave `apads` out")
     try:
         directory = RunDirectory.create(f"{file.stem}-{scenario.name}", datetime.now(UTC), arguments.out)
     except RunDirectoryError as error:
@@ -73,12 +77,12 @@ def run(arguments: argparse.Namespace) -> int:
     with run_command.peers_may_fail(), FlightProgress(file.name, duration_ms, quiet=quiet) as progress:
         if options.time is TimeSource.ASAP:
             front = ScriptFront(scenario, program, file.name, progress.say)
-            summary = run_command.fly_here(scenario, starts, directory, progress, (front,))
+            summary = fly_here(scenario, starts, directory, progress, (front,))
             front.join()
             front.print_error()
         else:
             summary = parent.fly(scenario, starts, options, directory, progress)
-    code = run_command.report(scenario.name, file.name, directory, summary, arguments.json)
+    code = report(scenario.name, file.name, directory, summary, arguments.json)
     if not summary["ended_by"].startswith(SCRIPT_FAILED):
         return code
     print(f"musselbed script: {summary['ended_by']}", file=sys.stderr)

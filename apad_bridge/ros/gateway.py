@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import json
 import resource
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from types import MappingProxyType
 from typing import Any
 
@@ -58,15 +58,23 @@ def open_gateway(
     xmlrpc_port: int = 0,
     truth: TruthSource | None = None,
     simulated: Callable[[], frozenset[int]] | None = None,
+    remappings: Sequence[str] = (),
 ) -> Gateway:
-    """The node, on the graph, with the aMussels' topics and services. Raises SecondFleet or GatewayFailed."""
+    """The node, on the graph, with the aMussels' topics and services. Raises SecondFleet or GatewayFailed.
+
+    `remappings` are ROS's, `FROM:=TO`, for all that the process will ever name.
+    """
     ids = list(agent_ids)
     raise_descriptor_limit()
     master_uri = rosgraph.get_master_uri()
     try:
         refuse_second_fleet(f"/{node_name}", ids, master_uri)
         rospy.init_node(
-            node_name, argv=[], disable_signals=True, log_level=rospy.WARN, xmlrpc_port=xmlrpc_port
+            node_name,
+            argv=list(remappings),
+            disable_signals=True,
+            log_level=rospy.WARN,
+            xmlrpc_port=xmlrpc_port,
         )
     except OSError as error:
         raise GatewayFailed(

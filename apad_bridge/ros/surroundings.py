@@ -14,6 +14,7 @@ from apad_bridge.laboratory.names import DEFAULT, load_names
 from apad_bridge.pace import Pace, WallClock
 from apad_bridge.presence import Presences, Roll
 from apad_bridge.ros.agent_topics import Shown
+from apad_bridge.ros.beside_others import beside_others
 from apad_bridge.ros.claims import ClaimBoard
 from apad_bridge.ros.contacts_link import ContactsLink
 from apad_bridge.ros.fleet_diagnostics import Limits
@@ -59,7 +60,7 @@ def open_surroundings(
     codec = load_codec(scenario.hearing.codec)
     # A mission alone shows nothing as its aMussels': they, or their fleet, do so themselves.
     shown = () if options.part is Part.MISSION else ids
-    node_name = f"{_NODES[options.part]}_{scenario.fleet.first_id}"
+    node_name = f"{_NODES[options.part]}_{ids[0] if ids else scenario.fleet.first_id}"
     presences = Presences(ids, scenario.area.depth_m)
     with ExitStack() as stack:
         try:
@@ -68,6 +69,7 @@ def open_surroundings(
                 scenario.theta,
                 node_name=node_name,
                 xmlrpc_port=options.xmlrpc_port,
+                remappings=beside_others(scenario.apad.name) if scenario.fleet.share else (),
                 simulated=lambda: presences.simulated,
                 truth=_shown_truth(truths_at) if scenario.records.truth_on_agent_topics else None,
             )
@@ -138,7 +140,13 @@ def _radio(
 def _standard_topics(shown: Iterable[int], scenario: Scenario) -> StandardTopics:
     mission = scenario.mission
     limits = Limits(mission.silence_timeout_s, mission.pool_threshold)
-    return StandardTopics(shown, scenario.apad.name, LocalFrame.about(scenario.area.origin), limits)
+    return StandardTopics(
+        shown,
+        scenario.apad.name,
+        LocalFrame.about(scenario.area.origin),
+        limits,
+        is_one_of_several=bool(scenario.fleet.share),
+    )
 
 
 def _watched(

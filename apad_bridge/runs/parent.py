@@ -24,7 +24,7 @@ from apad_bridge.runs.failures import PeerFailed
 from apad_bridge.runs.nurseries import end_fleet, start_nursery
 from apad_bridge.runs.options import APadKind, OnDeath, Part, RunOptions
 from apad_bridge.runs.pid_file import supervisor_of
-from apad_bridge.runs.progress import FlightProgress
+from apad_bridge.runs.progress import Shows
 from apad_bridge.runs.status import Status
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import Start
@@ -41,7 +41,7 @@ def fly(
     starts: Sequence[Start],
     options: RunOptions,
     directory: RunDirectory,
-    progress: FlightProgress,
+    progress: Shows,
 ) -> dict[str, Any]:
     """Flies the run with processes of its own and gives its summary. PeerFailed when something that it needs fails."""
     with ExitStack() as stack:
@@ -84,7 +84,7 @@ def start_supervisor(run_dir: Path, options: RunOptions, *, resume: bool) -> Chi
     )
 
 
-def watch_supervisor(child: Child, progress: FlightProgress) -> tuple[int, dict[str, Any] | None]:
+def watch_supervisor(child: Child, progress: Shows) -> tuple[int, dict[str, Any] | None]:
     """Shows what the supervisor says until it ends; its exit code, and the summary if it gave one.
 
     PeerFailed when it says that something it needs failed. Ctrl-C and SIGTERM here ask it to end in order.
@@ -92,7 +92,7 @@ def watch_supervisor(child: Child, progress: FlightProgress) -> tuple[int, dict[
     result: dict[str, Any] | None = None
     failed: str | None = None
     deadline_s: float | None = None
-    with _Interrupts() as interrupts:
+    with Interrupts() as interrupts:
         while True:
             if interrupts.came and deadline_s is None:
                 deadline_s = time.monotonic() + _END_S
@@ -126,7 +126,7 @@ def watch_supervisor(child: Child, progress: FlightProgress) -> tuple[int, dict[
     return (-signal.SIGKILL if code is None else code), result
 
 
-class _Interrupts:
+class Interrupts:
     """Notes SIGINT and SIGTERM while it is entered, so that the parent ends things in order instead of dying."""
 
     def __init__(self) -> None:
@@ -134,7 +134,7 @@ class _Interrupts:
         self._buffer = b""
         self._before: dict[int, Any] = {}
 
-    def __enter__(self) -> _Interrupts:
+    def __enter__(self) -> Interrupts:
         for number in (signal.SIGINT, signal.SIGTERM):
             self._before[number] = signal.signal(number, self._note)
         return self
@@ -176,11 +176,11 @@ def _open_ros(stack: ExitStack, options: RunOptions, run_dir: Path) -> RunOption
     return options.on_own_master(master.uri)
 
 
-def _wait_for_resume(run_dir: Path, progress: FlightProgress) -> dict[str, Any]:
+def _wait_for_resume(run_dir: Path, progress: Shows) -> dict[str, Any]:
     """Waits, a stated time, for a resumed supervisor to finish this run."""
     summary = run_dir / "summary.json"
     until_s = time.monotonic() + WAIT_FOR_RESUME_S
-    with _Interrupts() as interrupts:
+    with Interrupts() as interrupts:
         while not interrupts.came and time.monotonic() < until_s:
             if summary.exists():
                 found: dict[str, Any] = json.loads(summary.read_text())

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from types import TracebackType
+from typing import Protocol
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
@@ -10,6 +11,14 @@ from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeRemaining
 from apad_bridge.runs.status import Status
 
 _LINE_EVERY_MS = 300_000
+
+
+class Shows(Protocol):
+    """Who is told how a flight goes."""
+
+    def say(self, text: str) -> None: ...
+
+    def show(self, status: Status) -> None: ...
 
 
 class FlightProgress:

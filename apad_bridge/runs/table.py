@@ -23,14 +23,11 @@ def print_table(console: Console, name: str, collection: str, summary: dict[str,
     table = Table(title=f"{name}: a row of the paper's Table II")
     for column in ("", "Avg %", "Max %", "Min %", "Cost [m]", "Active"):
         table.add_column(column, justify="left" if not column else "right")
-    uptime = summary["uptime_paper"]
-    if uptime is not None:
-        table.add_row(
-            f"{collection} (this run)",
-            *(f"{uptime[key]:.2f}" for key in ("mean", "max", "min")),
-            f"{summary['cost_m']:.2f}",
-            f"{summary['active_mean']:.2f}",
-        )
+    if summary["uptime_paper"] is not None:
+        table.add_row(f"{collection} (this run)", *_figures(summary))
+    for apad, of_one in summary.get("apads", {}).items():
+        if of_one["uptime_paper"] is not None:
+            table.add_row(f"{apad}, {of_one['agents']} aMussels", *_figures(of_one), style="dim")
     if (paper := _PAPER.get((name, collection))) is not None:
         table.add_row(f"{collection} (paper)", *paper, style="dim")
     console.print(table)
@@ -49,6 +46,12 @@ def print_table(console: Console, name: str, collection: str, summary: dict[str,
         highlight=False,
         soft_wrap=True,
     )
+
+
+def _figures(summary: dict[str, Any]) -> list[str]:
+    uptime = summary["uptime_paper"]
+    spread = [f"{uptime[key]:.2f}" for key in ("mean", "max", "min")]
+    return [*spread, f"{summary['cost_m']:.2f}", f"{summary['active_mean']:.2f}"]
 
 
 def _percent(fraction: float | None) -> str:

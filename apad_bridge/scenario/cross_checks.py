@@ -30,6 +30,7 @@ def contradictions(scenario: Scenario) -> list[Contradiction]:
         *_of_the_mission(scenario),
         *_of_the_water(scenario),
         *_of_the_apad(scenario),
+        *_of_more_apads(scenario),
     ]
 
 
@@ -44,6 +45,23 @@ def _of_the_apad(scenario: Scenario) -> list[Contradiction]:
     except ValueError as error:
         return [("apad.interface", f"{path}: {error}")]
     return []
+
+
+def _of_more_apads(scenario: Scenario) -> Iterator[Contradiction]:
+    if not scenario.apads:
+        return
+    names = [scenario.apad.name, *(it.name for it in scenario.apads)]
+    if len(set(names)) < len(names):
+        yield "apads", f"names must differ from each other and from apad.name, and are {', '.join(names)}"
+    if scenario.fleet.count < len(names):
+        yield "apads", f"{len(names)} aPads have no work with {scenario.fleet.count} aMussels: leave some out"
+    if scenario.fleet.share:
+        yield "apads", "a share of a fleet is one aPad's: leave this key out, or fleet.share"
+    if scenario.water is not None:
+        yield (
+            "apads",
+            "each share would have a water of its own, and sound does not stop there: leave `water` out, or this key",
+        )
 
 
 def _of_the_fleet(scenario: Scenario) -> list[Contradiction]:

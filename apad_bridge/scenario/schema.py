@@ -7,11 +7,13 @@ a key is optional only where leaving it out has one obvious meaning.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from enum import StrEnum
 from typing import Annotated
 
 from annotated_types import Ge, Le
 
+from apad_bridge.scenario.another_apad import AnotherAPad
 from apad_bridge.scenario.believing import Beliefs
 from apad_bridge.scenario.board import Board
 from apad_bridge.scenario.faults import OF_A, OF_B, Fault
@@ -93,8 +95,23 @@ class Fleet:
     """A mapping for a random start, or a CSV's name: id, lat, lon (or north, east), battery; or a former run's directory.
     Names are relative to the scenario file; the loader makes them absolute. Of a file, the `count` lowest ids from
     `first_id` on are taken."""
+    share: tuple[Annotated[int, Ge(1)], ...] = ()
+    """Only these of them, for one of several aPads; all if there are none."""
     hosting: Hosting = Hosting.PROCESSES
     drift: Drift
+
+    def __post_init__(self) -> None:
+        if list(self.share) != sorted(set(self.share)) or not all(it in self._all for it in self.share):
+            raise ValueError("share must name some of the fleet's ids, each once and rising")
+
+    @property
+    def ids(self) -> Sequence[int]:
+        """Rising."""
+        return self.share or self._all
+
+    @property
+    def _all(self) -> range:
+        return range(self.first_id, self.first_id + self.count)
 
 
 class HearingMode(StrEnum):
@@ -289,6 +306,8 @@ class Scenario:
     hearing: Hearing
     mission: Mission
     apad: APad
+    apads: tuple[AnotherAPad, ...] = ()
+    """More of them, which share the fleet with `apad`."""
     records: Records = Records()
     beliefs: Beliefs = Beliefs()
     water: Water | None = None

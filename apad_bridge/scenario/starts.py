@@ -40,15 +40,17 @@ class Start:
 
 
 def starts_of(scenario: Scenario) -> tuple[Start, ...]:
-    """The fleet's starts in the order of their ids, `fleet.count` of them.
+    """The fleet's starts in the order of their ids: `fleet.count` of them, or those of its `share`.
 
     Raises ScenarioError with a line for everything that is wrong with the file, if they come from one.
     """
     fleet = scenario.fleet
     if isinstance(fleet.start, RandomStart):
-        ids = range(fleet.first_id, fleet.first_id + fleet.count)
-        return tuple(random_start(scenario.seed, agent_id, scenario.area, fleet.start) for agent_id in ids)
-    return read_starts(Path(fleet.start), scenario.area, fleet.first_id, fleet.count)
+        return tuple(
+            random_start(scenario.seed, agent_id, scenario.area, fleet.start) for agent_id in fleet.ids
+        )
+    starts = read_starts(Path(fleet.start), scenario.area, fleet.first_id, fleet.count)
+    return tuple(start for start in starts if not fleet.share or start.agent_id in fleet.share)
 
 
 def random_start(seed: int, agent_id: int, area: Area, start: RandomStart) -> Start:

@@ -10,6 +10,7 @@ import pytest
 
 from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.loader import load, with_overrides
+from apad_bridge.scenario.schema import RandomStart
 
 SCENARIOS = Path(__file__).parents[3] / "launch_scripts" / "scenarios"
 POOL = (SCENARIOS / "pool-12.yaml").read_text()
@@ -42,9 +43,11 @@ def refusals(tmp_path: Path) -> Refusals:
 def test_every_shipped_scenario_loads_and_is_named_after_its_file(path: Path) -> None:
     scenario = load(path)
     assert scenario.name == path.stem
-    assert scenario.fleet.start == str(
-        path.parent / ("bay-24.csv" if path.stem == "bay-24" else "pool-12.csv")
-    )
+    if isinstance(scenario.fleet.start, RandomStart):
+        assert path.stem == "bay-120"
+    else:
+        table = "bay-24.csv" if path.stem == "bay-24" else "pool-12.csv"
+        assert scenario.fleet.start == str(path.parent / table)
 
 
 def test_the_shipped_variants_of_the_pool_differ_in_nothing_else() -> None:

@@ -1,0 +1,44 @@
+"""Prints what came of a run, or would come, for a person or as JSON."""
+
+from __future__ import annotations
+
+import json
+import sys
+from typing import Any
+
+from rich.console import Console
+
+from apad_bridge.commands.exits import Exit
+from apad_bridge.mission.plans import STRATEGY_FAILED
+from apad_bridge.records.run_directory import RunDirectory
+from apad_bridge.runs.table import print_table
+
+
+def report(name: str, flown_by: str, directory: RunDirectory, summary: dict[str, Any], as_json: bool) -> int:
+    """What came of a run; the exit code. `flown_by` is a strategy's name, or who else gave the orders."""
+    if as_json:
+        print(json.dumps({**summary, "run": str(directory.path)}))
+    else:
+        console = Console()
+        print_table(console, name, flown_by, summary)
+        console.print(f"the run's files: {directory.path}", highlight=False, soft_wrap=True)
+    sys.stdout.flush()
+    if summary["ended_by"].startswith(STRATEGY_FAILED):
+        return Exit.PEER_FAILED
+    return Exit.INTERRUPTED if summary["ended_by"] == "the operator" else Exit.DONE
+
+
+def print_plan(plan: dict[str, Any] | None, as_json: bool) -> int:
+    """Of a dry run."""
+    if as_json:
+        print(json.dumps(plan))
+    elif plan is None:
+        print("no plan: there are never enough candidates")
+    else:
+        steps = ", ".join(f"aMussel {step['agent']} into dock {step['slot']}" for step in plan["steps"])
+        costs = plan["costs"]
+        print(f"at {plan['t'] / 1000:.0f} s, {plan['strategy']}: {steps}")
+        print(
+            f"distance {costs['distance_m']:.1f} m, demand {costs['demand']:.2f} batteries; nothing was commanded"
+        )
+    return Exit.DONE

@@ -1,0 +1,128 @@
+"""Who serves whom, where there are several aPads: shares of equal number that lie close together.
+
+Plain k-means makes clusters of up to twice the mean size, and the aMussels of an overloaded aPad starve. So this is
+k-means under a capacity: each aMussel goes to a share such that the sum of squared distances to the shares' centres is the
+least of all divisions into equal shares (an exact minimum-cost flow), the centres move to the middles of their shares, and
+so on until the sum no longer falls. The first centres are the aPads' starts, so that each aPad's share begins where it is.
+
+All in whole millimetres: sums are exact, ties are broken by the order of aPads and ids, and the rounds must end.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from math import inf
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+Point = tuple[float, float]
+"""(north, east), metres."""
+Millimetres = npt.NDArray[np.int64]
+_FAR = np.iinfo(np.int64).max // 4
+
+
+def shares(starts_m: Sequence[Point], places_m: Mapping[int, Point]) -> tuple[tuple[int, ...], ...]:
+    """The ids that each aPad serves, rising, in the order of `starts_m`: their numbers differ by one at most.
+
+    ValueError without an aPad, or for a place farther than 100 km from the origin.
+    """
+    if not starts_m:
+        raise ValueError("shares need an aPad")
+    ids = sorted(places_m)
+    if not ids:
+        return ((),) * len(starts_m)
+    places = _millimetres([places_m[agent_id] for agent_id in ids])
+    centres = _millimetres(starts_m)
+    owners = assigned(_squares(places, centres))
+    total = inf
+    while (now := _about_middles(places, owners, len(starts_m))) < total:
+        total, chosen = now, owners
+        owners = assigned(_squares(places, _middles(places, owners, centres)))
+    return tuple(
+        tuple(agent_id for agent_id, owner in zip(ids, chosen, strict=True) if owner == n)
+        for n in range(len(starts_m))
+    )
+
+
+def assigned(costs: npt.NDArray[Any]) -> list[int]:
+    """The owner of each row, such that the owners' numbers of rows differ by one at most and the sum of costs is the least.
+
+    `costs` are whole numbers, (rows, owners). Rows are given owners one by one, each along the cheapest chain of moves
+    (it takes one's place, who takes another's, ...) to an owner who has room: successive shortest paths, which is exact.
+    """
+    rows, owners = costs.shape
+    owner_of = np.full(rows, -1, dtype=np.int64)
+    sizes = [0] * owners
+    even = rows // owners
+    for row in range(rows):
+        # All get `even` first. Who gets one more is decided by the last rows, whose chains may move anybody.
+        room = [size < even + (row >= even * owners) for size in sizes]
+        last, chain = _cheapest_chain(costs, owner_of, row, room)
+        sizes[last] += 1
+        for moved, owner in chain:
+            owner_of[moved] = owner
+    return [int(owner) for owner in owner_of]
+
+
+def _cheapest_chain(
+    costs: npt.NDArray[Any], owner_of: npt.NDArray[Any], row: int, room: Sequence[bool]
+) -> tuple[int, list[tuple[int, int]]]:
+    """The owner whose number grows, and the moves (row, new owner): Bellman and Ford's shortest path over the owners."""
+    owners = len(room)
+    prices = np.full((owners, owners), _FAR, dtype=np.int64)
+    movers = np.zeros((owners, owners), dtype=np.int64)
+    for owner in range(owners):
+        held = np.flatnonzero(owner_of == owner)
+        if held.size:
+            differences = costs[held] - costs[held, owner][:, None]
+            cheapest = differences.argmin(axis=0)
+            prices[owner] = differences[cheapest, np.arange(owners)]
+            movers[owner] = held[cheapest]
+    costs_to = [int(it) for it in costs[row]]
+    came_from: list[int | None] = [None] * owners
+    for _ in range(owners):
+        for source in range(owners):
+            for target in range(owners):
+                through = costs_to[source] + int(prices[source, target])
+                if through < costs_to[target]:
+                    costs_to[target], came_from[target] = through, source
+    last = min((owner for owner in range(owners) if room[owner]), key=lambda owner: costs_to[owner])
+    chain, target = [], last
+    while (before := came_from[target]) is not None:
+        chain.append((int(movers[before, target]), target))
+        target = before
+    return last, [*chain, (row, target)]
+
+
+def _millimetres(points_m: Sequence[Point]) -> Millimetres:
+    points = np.asarray(points_m, dtype=float)
+    if not (np.abs(points) <= 1e5).all():
+        raise ValueError("a place lies farther than 100 km from the origin")
+    millimetres: Millimetres = np.rint(points * 1000).astype(np.int64)
+    return millimetres
+
+
+def _squares(places: Millimetres, centres: Millimetres) -> npt.NDArray[np.int64]:
+    """(aMussels, aPads), square millimetres."""
+    apart = places[:, None, :] - centres[None, :, :]
+    squares: npt.NDArray[np.int64] = (apart**2).sum(axis=2)
+    return squares
+
+
+def _middles(places: Millimetres, owners: Sequence[int], centres: Millimetres) -> Millimetres:
+    """An aPad without a share stays where it is."""
+    of = np.asarray(owners)
+    middles = [
+        places[of == n].mean(axis=0) if (of == n).any() else centre for n, centre in enumerate(centres)
+    ]
+    rounded: Millimetres = np.rint(np.asarray(middles)).astype(np.int64)
+    return rounded
+
+
+def _about_middles(places: Millimetres, owners: Sequence[int], count: int) -> int:
+    """The sum of squared distances to the shares' own middles, square millimetres."""
+    own = _middles(places, owners, np.zeros((count, 2), dtype=np.int64))[np.asarray(owners)]
+    # By Python's whole numbers: a large fleet in a large area is more than 64 bits hold.
+    return sum(((places - own) ** 2).sum(axis=1).tolist())

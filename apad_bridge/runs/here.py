@@ -1,0 +1,36 @@
+"""A flight in virtual time with the supervisor and the simulated aPad in this process, and with its records."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from apad_bridge import building
+from apad_bridge.records.recorder import Recorder
+from apad_bridge.records.run_directory import RunDirectory
+from apad_bridge.runs import flying
+from apad_bridge.runs.nurseries import FOLDER
+from apad_bridge.runs.progress import Shows
+from apad_bridge.scenario.schema import Scenario
+from apad_bridge.scenario.starts import Start
+from apad_bridge.scripting.commanded import Front
+
+
+def fly_here(
+    scenario: Scenario,
+    starts: Sequence[Start],
+    directory: RunDirectory,
+    progress: Shows,
+    fronts: Sequence[Front] = (),
+) -> dict[str, Any]:
+    """Flies to the end and gives the summary."""
+    recorder = Recorder(directory, scenario, building.agent_ids(scenario))
+    flying.journal_start(recorder, scenario, starts)
+    fleet = flying.open_fleet(scenario, starts, directory.path / FOLDER)
+    try:
+        return flying.fly(
+            scenario, flying.in_process(scenario, fleet), recorder, progress.show, fronts=fronts
+        )
+    finally:
+        recorder.close()
+        fleet.host.close()

@@ -1,0 +1,195 @@
+"""Several aPads' flights: in virtual time one after another, or over ROS side by side on one master.
+
+Shares have nothing in common, so in virtual time the order does not matter. Over ROS each aPad's run has a parent, a
+nursery and a supervisor of its own. On a master of our own, one node publishes the /clock that simulated aPads and
+supervisors follow; each mission's time begins when its supervisor first hears it.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import selectors
+import subprocess
+import time
+from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import replace
+from typing import Any
+
+from apad_bridge.records.run_directory import RunDirectory
+from apad_bridge.ros.apad_process import APadNodeFailed, start_apad_node, stop_apad_node
+from apad_bridge.ros.master import MasterFailed, start_master
+from apad_bridge.ros.route import environment_for, somebodys_master
+from apad_bridge.runs.children import Child
+from apad_bridge.runs.failures import PeerFailed
+from apad_bridge.runs.here import fly_here
+from apad_bridge.runs.options import APadKind, RunOptions, TimeSource
+from apad_bridge.runs.parent import Interrupts
+from apad_bridge.runs.progress import FlightProgress, Shows
+from apad_bridge.runs.status import Status
+from apad_bridge.squad.members import Member
+
+_MASTER_S = 10.0
+_END_S = 8.0
+"""Members that were asked to end in order are killed after so long; each of them kills its supervisor sooner."""
+
+
+def directory_of(member: Member, whole: RunDirectory) -> RunDirectory:
+    return RunDirectory(whole.path / member.name)
+
+
+def fly_one_by_one(
+    members: Sequence[Member], whole: RunDirectory, *, quiet: bool
+) -> dict[str, dict[str, Any]]:
+    """In virtual time and in this process; the summaries of those that were flown, by aPad."""
+    summaries: dict[str, dict[str, Any]] = {}
+    for member in members:
+        scenario = member.scenario
+        with FlightProgress(scenario.name, round(scenario.duration_s * 1000), quiet) as progress:
+            flown = fly_here(scenario, member.starts, directory_of(member, whole), progress)
+        summaries[member.name] = flown
+        if flown["ended_by"] == "the operator":
+            break
+    return summaries
+
+
+def fly_side_by_side(
+    members: Sequence[Member], options: RunOptions, whole: RunDirectory, progress: Shows
+) -> tuple[dict[str, dict[str, Any]], dict[str, str]]:
+    """Over ROS: by aPad the summaries, and why there is none. PeerFailed when master or a simulated aPad do not come up."""
+    with ExitStack() as stack:
+        uri, time_source, nodes = _open_ros(stack, members, options, whole)
+        children: dict[str, Child] = {}
+        for member in members:
+            directory = directory_of(member, whole)
+            opened = tuple(it for it in options.open_modems if it in member.scenario.fleet.ids)
+            on_master = replace(options, apad=APadKind.ROS, time=time_source, speed=1.0, open_modems=opened)
+            on_master.on_master(uri).save(directory.path)
+            child = Child(
+                member.name,
+                "apad_bridge.squad.member_process",
+                [str(directory.path)],
+                directory.path / "parent.log",
+                environment_for(uri),
+            )
+            stack.callback(child.end, 1.0)
+            children[member.name] = child
+        return Watch(children, nodes, progress).until_all_ended()
+
+
+def _open_ros(
+    stack: ExitStack, members: Sequence[Member], options: RunOptions, whole: RunDirectory
+) -> tuple[str, TimeSource, dict[str, subprocess.Popen[bytes]]]:
+    """The master, and what of the graph is ours: simulated aPads, by name, and the /clock that they follow."""
+    if options.apad is APadKind.ROS:
+        return somebodys_master(), options.time, {}
+    nodes: dict[str, subprocess.Popen[bytes]] = {}
+    try:
+        master = start_master(whole.path / "ros", _MASTER_S)
+        stack.callback(master.stop, 1.0)
+        for member in members:
+            scenario = directory_of(member, whole).scenario
+            node = start_apad_node(scenario, master.uri, whole.path / f"{member.name}.log")
+            stack.callback(stop_apad_node, node, 1.0)
+            nodes[member.name] = node
+    except (MasterFailed, APadNodeFailed) as error:
+        raise PeerFailed(f"{error}; see {whole.path}") from error
+    clock = Child(
+        "clock",
+        "apad_bridge.ros.clock_node",
+        ["--speed", str(options.speed)],
+        whole.path / "clock.log",
+        environment_for(master.uri),
+    )
+    stack.callback(clock.end, 1.0)
+    return master.uri, TimeSource.ROS, nodes
+
+
+class Watch:
+    """Reads what the members say until all have ended. Ctrl-C and SIGTERM here ask them to end in order."""
+
+    def __init__(
+        self, children: Mapping[str, Child], nodes: Mapping[str, subprocess.Popen[bytes]], progress: Shows
+    ) -> None:
+        self._children = children
+        self._nodes = nodes
+        self._progress = progress
+        self._unread = dict.fromkeys(children, b"")
+        self._now: dict[str, Status] = {}
+        self._summaries: dict[str, dict[str, Any]] = {}
+        self._failures: dict[str, str] = {}
+
+    def until_all_ended(self) -> tuple[dict[str, dict[str, Any]], dict[str, str]]:
+        deadline_s: float | None = None
+        with Interrupts() as interrupts, selectors.DefaultSelector() as selector:
+            for name, child in self._children.items():
+                selector.register(child.lines, selectors.EVENT_READ, name)
+            while selector.get_map():
+                if interrupts.came and deadline_s is None:
+                    deadline_s = time.monotonic() + _END_S
+                    for child in self._children.values():
+                        child.ask_to_end()
+                if deadline_s is not None and time.monotonic() > deadline_s:
+                    break
+                self._end_without_apad()
+                for key, _ in selector.select(0.2):
+                    if not self._read(key.data):
+                        selector.unregister(key.fileobj)
+        for name, child in self._children.items():
+            if name not in self._summaries and name not in self._failures:
+                child.end(1.0)
+                self._failures[name] = (
+                    f"ended without a summary: {child.last_words()}; see {child.log.parent}"
+                )
+        return {
+            name: self._summaries[name] for name in self._children if name in self._summaries
+        }, self._failures
+
+    def _end_without_apad(self) -> None:
+        """A simulated aPad of ours that died comes not back: its run ends, and the others go on."""
+        for name, node in self._nodes.items():
+            if (status := node.poll()) is not None and name not in self._failures | self._summaries:
+                self._failures[name] = f"the simulated aPad's node ended with status {status}"
+                self._progress.say(f"{name}: {self._failures[name]}")
+                self._children[name].ask_to_end()
+
+    def _read(self, name: str) -> bool:
+        """False at the end of its words."""
+        came = os.read(self._children[name].lines.fileno(), 65536)
+        *lines, self._unread[name] = (self._unread[name] + came).split(b"\n")
+        for line in lines:
+            self._hear(name, line.decode(errors="replace"))
+        return bool(came)
+
+    def _hear(self, name: str, line: str) -> None:
+        status = Status.from_line(line)
+        if status is not None:
+            self._now[name] = status
+            self._progress.show(_together(list(self._now.values()), len(self._children)))
+        elif line.startswith("{"):
+            said = json.loads(line)
+            if "summary" in said:
+                self._summaries[name] = said["summary"]
+            if "failed" in said:
+                self._failures[name] = said["failed"]
+            if "said" in said:
+                self._progress.say(f"{name}: {said['said']}")
+        else:
+            self._progress.say(f"{name}: {line}")
+
+
+def _together(each: Sequence[Status], apads: int) -> Status:
+    """The sums; of times the last one's, for the run ends with it."""
+    return Status(
+        min(it.now_ms for it in each),
+        f"{apads} aPads",
+        "",
+        sum(it.agents for it in each),
+        sum(it.active for it in each),
+        sum(it.docked for it in each),
+        sum(it.services for it in each),
+        sum(it.cost_m for it in each),
+        None,
+        max(it.behind_s for it in each),
+    )

@@ -1,0 +1,52 @@
+"""The parent of one aPad's run among several, a process of its own: python -m apad_bridge.squad.member_process RUN
+
+Its standard output is for the parent of all, in the words of a supervisor's: a JSON line a tick, words for a person, and at
+last the summary or why there is none. It goes on when nobody reads it.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import sys
+from pathlib import Path
+
+from apad_bridge.commands.exits import Exit
+from apad_bridge.records.run_directory import RunDirectory
+from apad_bridge.runs import parent
+from apad_bridge.runs.failures import PeerFailed
+from apad_bridge.runs.options import RunOptions
+from apad_bridge.runs.status import Status
+from apad_bridge.scenario.loader import load
+from apad_bridge.scenario.starts import starts_of
+
+
+class _Relay:
+    def say(self, text: str) -> None:
+        _tell(json.dumps({"said": text}))
+
+    def show(self, status: Status) -> None:
+        _tell(status.to_line())
+
+
+def _tell(line: str) -> None:
+    with contextlib.suppress(BrokenPipeError):
+        print(line, flush=True)
+
+
+def main() -> int:
+    directory = RunDirectory(Path(sys.argv[1]))
+    scenario, options = load(directory.scenario), RunOptions.load(directory.path)
+    try:
+        summary = parent.fly(scenario, starts_of(scenario), options, directory, _Relay())
+    except PeerFailed as error:
+        _tell(json.dumps({"failed": str(error)}))
+        return Exit.PEER_FAILED
+    except KeyboardInterrupt:
+        return Exit.INTERRUPTED
+    _tell(json.dumps({"summary": summary}))
+    return Exit.DONE
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,44 @@
+"""A scenario with several aPads, taken apart: for each of them a scenario with its share of the fleet."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from apad_bridge.planning.shares import shares
+from apad_bridge.scenario.loader import from_data, resolve
+from apad_bridge.scenario.schema import Scenario
+from apad_bridge.scenario.starts import Start
+
+
+@dataclass(frozen=True, slots=True)
+class Member:
+    """One aPad and the aMussels that it serves: a scenario that flies by itself, and its starts."""
+
+    name: str
+    scenario: Scenario
+    starts: tuple[Start, ...]
+
+
+def members(scenario: Scenario, starts: Sequence[Start]) -> tuple[Member, ...]:
+    """In the scenario's order of aPads. Ids, seed, timeslots and starts are those of the whole; only who serves is new."""
+    first = scenario.apad
+    apads = ((first.name, first.start_m), *((it.name, it.start_m) for it in scenario.apads))
+    places_m = {start.agent_id: (start.north_m, start.east_m) for start in starts}
+    served = shares([start_m for _, start_m in apads], places_m)
+    return tuple(
+        Member(
+            name,
+            _of_one(scenario, name, start_m, share),
+            tuple(start for start in starts if start.agent_id in share),
+        )
+        for (name, start_m), share in zip(apads, served, strict=True)
+    )
+
+
+def _of_one(scenario: Scenario, apad: str, start_m: tuple[float, float], share: tuple[int, ...]) -> Scenario:
+    data = resolve(scenario)
+    data.update(name=f"{scenario.name}-{apad}", apads=[])
+    data["fleet"]["share"] = list(share)
+    data["apad"].update(name=apad, start_m=list(start_m))
+    return from_data(data, f"{scenario.name}: {apad}")

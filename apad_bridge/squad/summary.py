@@ -1,0 +1,72 @@
+"""What several aPads' flights come to together: the figures of summary.json over all aMussels."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Mapping
+from typing import Any
+
+Summary = Mapping[str, Any]
+_SUMS = (
+    *("agents", "active_mean", "amussels_lost", "emptied", "dead_time_s", "cost_m", "services", "gave_up"),
+    *("samples_taken", "samples_uploaded", "samples_waiting", "samples_lost"),
+)
+
+
+def of_all(name: str, of_each: Mapping[str, Summary]) -> dict[str, Any]:
+    """The summary of the whole from those of its aPads, by name; each percentage is of its own flight's ticks.
+
+    A figure that one of them does not know is None. `apad_energy_fraction` is the aPads' mean.
+    """
+    flights = list(of_each.values())
+    dropped: Counter[str] = Counter()
+    for flight in flights:
+        dropped.update(flight["dropped"])
+    return {
+        "name": name,
+        "theta": flights[0]["theta"],
+        "seed": flights[0]["seed"],
+        "mission_s": max(flight["mission_s"] for flight in flights),
+        "ended_by": _said(of_each, "ended_by"),
+        "first_cause": _said(of_each, "first_cause"),
+        "uptime_paper": _spread(flights, "uptime_paper"),
+        "uptime_submerged": _spread(flights, "uptime_submerged"),
+        "final_charge_mean": _over(flights, "final_charge_mean", lambda values: _mean(flights, values)),
+        "apad_energy_fraction": _over(
+            flights, "apad_energy_fraction", lambda values: sum(values) / len(values)
+        ),
+        **{key: _over(flights, key, sum) for key in _SUMS},
+        "dropped": dict(sorted(dropped.items())),
+        "apads": {apad: dict(flight) for apad, flight in of_each.items()},
+    }
+
+
+def _over(flights: list[Summary], key: str, taken: Callable[[list[Any]], Any]) -> Any:
+    values = [flight[key] for flight in flights]
+    return None if None in values else taken(values)
+
+
+def _mean(flights: list[Summary], values: list[float]) -> float:
+    """Over aMussels, not over aPads."""
+    agents: list[int] = [flight["agents"] for flight in flights]
+    total: float = sum(n * value for n, value in zip(agents, values, strict=True))
+    return total / sum(agents)
+
+
+def _spread(flights: list[Summary], key: str) -> dict[str, float] | None:
+    spreads = [flight[key] for flight in flights]
+    if None in spreads:
+        return None
+    return {
+        "mean": _mean(flights, [it["mean"] for it in spreads]),
+        "max": max(it["max"] for it in spreads),
+        "min": min(it["min"] for it in spreads),
+    }
+
+
+def _said(of_each: Mapping[str, Summary], key: str) -> str | None:
+    """What all say; or, where they differ, what each says that says anything."""
+    words: dict[str, str | None] = {apad: flight[key] for apad, flight in of_each.items()}
+    if len(set(words.values())) == 1:
+        return next(iter(words.values()))
+    return "; ".join(f"{apad}: {word}" for apad, word in words.items() if word is not None)

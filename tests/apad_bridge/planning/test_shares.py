@@ -1,0 +1,92 @@
+"""Who serves whom: against every division there is, by laws, and on a picture that is easy to see."""
+
+from __future__ import annotations
+
+from itertools import product
+from math import dist
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from apad_bridge.planning.shares import assigned, shares
+
+METRES = st.integers(-40, 40).map(float)
+POINTS = st.tuples(METRES, METRES)
+COSTS = st.integers(1, 3).flatmap(
+    lambda owners: st.lists(
+        st.lists(st.integers(0, 50), min_size=owners, max_size=owners), min_size=1, max_size=7
+    )
+)
+
+
+def least_by_trying_all(costs: list[list[int]]) -> int:
+    owners, sums = len(costs[0]), []
+    for owner_of in product(range(owners), repeat=len(costs)):
+        sizes = [owner_of.count(owner) for owner in range(owners)]
+        if max(sizes) - min(sizes) <= 1:
+            sums.append(sum(row[owner] for row, owner in zip(costs, owner_of, strict=True)))
+    return min(sums)
+
+
+@given(COSTS)
+def test_no_even_division_costs_less(costs: list[list[int]]) -> None:
+    owner_of = assigned(np.array(costs, dtype=np.int64))
+    sizes = [owner_of.count(owner) for owner in range(len(costs[0]))]
+    assert max(sizes) - min(sizes) <= 1
+    assert sum(row[owner] for row, owner in zip(costs, owner_of, strict=True)) == least_by_trying_all(costs)
+
+
+@given(st.lists(POINTS, min_size=1, max_size=5), st.dictionaries(st.integers(1, 99), POINTS, max_size=24))
+def test_each_is_served_once_and_by_equal_shares(
+    starts_m: list[tuple[float, float]], places_m: dict[int, tuple[float, float]]
+) -> None:
+    found = shares(starts_m, places_m)
+    assert sorted(agent_id for share in found for agent_id in share) == sorted(places_m)
+    assert all(list(share) == sorted(share) for share in found)
+    assert max(map(len, found)) - min(map(len, found)) <= 1
+    # The order in which places are told says nothing.
+    assert shares(starts_m, dict(reversed(places_m.items()))) == found
+
+
+HEAPS = {
+    **{n: (0.0 + n, 0.0) for n in (2, 5, 7)},
+    **{n: (0.0 + n, 100.0) for n in (1, 4, 8)},
+    **{n: (0.0 + n, 200.0) for n in (3, 6, 9)},
+}
+
+
+def test_each_takes_the_heap_that_it_stands_beside() -> None:
+    assert shares([(5.0, 190.0), (5.0, 10.0), (5.0, 90.0)], HEAPS) == ((3, 6, 9), (2, 5, 7), (1, 4, 8))
+
+
+def test_from_one_harbour_they_part_all_the_same() -> None:
+    """At one start all shares are as good at first: it is the moving centres that find the heaps."""
+    found = shares([(0.0, 0.0), (0.0, 1.0), (0.0, 2.0)], HEAPS)
+    assert sorted(found) == [(1, 4, 8), (2, 5, 7), (3, 6, 9)]
+
+
+def test_nearness_gives_way_to_equal_numbers() -> None:
+    """Five lie about the first aPad and one about the second: the farthest out of the five goes over."""
+    places_m = {1: (0.0, 0.0), 2: (0.0, 1.0), 3: (0.0, 2.0), 4: (0.0, 3.0), 5: (0.0, 4.0), 6: (0.0, 100.0)}
+    assert shares([(0.0, 2.0), (0.0, 100.0)], places_m) == ((1, 2, 3), (4, 5, 6))
+
+
+def test_a_hundred_kilometres_are_exact_and_more_is_refused() -> None:
+    corner, apart = 1e5, 1e-3
+    places_m = {
+        1: (corner, corner),
+        2: (-corner, -corner),
+        3: (corner, corner - apart),
+        4: (-corner, -corner + apart),
+    }
+    assert shares([(-corner, 0.0), (corner, 0.0)], places_m) == ((2, 4), (1, 3))
+    assert dist(places_m[1], places_m[3]) == pytest.approx(apart)
+    with pytest.raises(ValueError, match="100 km"):
+        shares([(0.0, 0.0)], {1: (2e5, 0.0)})
+
+
+def test_somebody_has_to_serve() -> None:
+    with pytest.raises(ValueError, match="aPad"):
+        shares([], {1: (0.0, 0.0)})

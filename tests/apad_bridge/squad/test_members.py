@@ -1,0 +1,133 @@
+"""A scenario with several aPads, taken apart and flown in virtual time, one by one."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+from apad_bridge.commands.main import main
+from apad_bridge.runs.in_memory import fly_in_memory
+from apad_bridge.scenario.errors import ScenarioError
+from apad_bridge.scenario.loader import from_data, load, resolve, with_overrides
+from apad_bridge.scenario.schema import Scenario
+from apad_bridge.scenario.starts import starts_of
+from apad_bridge.squad.members import members
+
+SCENARIOS = Path(__file__).parents[3] / "launch_scripts" / "scenarios"
+
+
+@pytest.fixture(scope="module")
+def bay() -> Scenario:
+    return load(SCENARIOS / "bay-120.yaml")
+
+
+def test_five_aPads_serve_twenty_four_each(bay: Scenario) -> None:
+    starts = starts_of(bay)
+    squad = members(bay, starts)
+    assert [member.name for member in squad] == ["apad1", "apad2", "apad3", "apad4", "apad5"]
+    assert [len(member.starts) for member in squad] == [24] * 5
+    assert {start for member in squad for start in member.starts} == set(starts)
+    for member in squad:
+        # Whoever has a member's scenario alone, as its supervisor does, knows the same aMussels at the same places.
+        assert starts_of(member.scenario) == member.starts
+        assert from_data(resolve(member.scenario), "again") == member.scenario
+        assert member.scenario.apad.name == member.name and member.scenario.apads == ()
+
+
+def small(bay: Scenario, **apad: Any) -> dict[str, Any]:
+    data = resolve(with_overrides(bay, agents=8))
+    data.update(name="small", duration_s=1200)
+    data["apads"] = data["apads"][3:]
+    data["fleet"]["hosting"] = "one_process"
+    data["mission"]["batch"] = 2
+    data["apad"].update(apad)
+    return data
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"apads": [{"name": "apad1", "start_m": [0, 0]}]}, "names must differ"),
+        ({"apads": [{"name": f"b{n}", "start_m": [0, 0]} for n in range(8)]}, "9 aPads have no work with 8"),
+        ({"apads": [{"name": "b", "start_m": [0, 0], "speed": 1}]}, r"apads\[0\].speed: unknown key"),
+        ({"water": {"sound": {}}}, "sound does not stop there"),
+    ],
+)
+def test_what_several_aPads_cannot_be(bay: Scenario, change: dict[str, Any], said: str) -> None:
+    with pytest.raises(ScenarioError, match=said):
+        from_data({**small(bay), **change}, "changed")
+
+
+@pytest.mark.parametrize("share", [[3, 2], [2, 2], [9], [0]])
+def test_a_share_is_of_the_fleet(bay: Scenario, share: list[int]) -> None:
+    data = small(bay)
+    data["apads"] = []
+    data["fleet"]["share"] = share
+    with pytest.raises(ScenarioError, match="share"):
+        from_data(data, "changed")
+
+
+def test_a_run_of_several_is_the_runs_of_each(
+    bay: Scenario, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path, run = tmp_path / "small.yaml", tmp_path / "run"
+    path.write_text(yaml.safe_dump(small(bay)))
+    assert main(["run", str(path), "--time", "asap", "--out", str(run), "--json"]) == 0
+    summary = json.loads(capsys.readouterr().out)
+    each = {name: json.loads((run / name / "summary.json").read_text()) for name in ("apad1", "apad5")}
+    assert summary["apads"] == each
+
+    alone = {name: fly_in_memory(load(run / name / "scenario.yaml"))[0] for name in each}
+    for name, figures in alone.items():
+        figures.pop("samples_taken")  # a run says None where its boards take none
+        assert {key: each[name][key] for key in figures} == figures
+    assert summary["services"] == sum(it["services"] for it in alone.values()) > 0
+    assert summary["cost_m"] == pytest.approx(sum(it["cost_m"] for it in alone.values()))
+    # The shares are equal: the mean over aMussels is the mean of the two means.
+    means = [it["uptime_paper"]["mean"] for it in alone.values()]
+    assert summary["uptime_paper"]["mean"] == pytest.approx(sum(means) / 2)
+    assert summary["uptime_paper"]["min"] == min(it["uptime_paper"]["min"] for it in alone.values())
+    assert summary["ended_by"] == "mission time"
+
+    # Another run can begin from where all of them ended.
+    data = small(bay)
+    data["fleet"]["start"] = str(run)
+    ended = {start.agent_id: start.primary for start in starts_of(from_data(data, "again"))}
+    assert list(ended) == list(range(1, 9))
+    assert ended != {start.agent_id: start.primary for start in starts_of(load(path))}
+
+
+def test_a_dry_run_says_who_serves_whom(
+    bay: Scenario, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "small.yaml"
+    path.write_text(yaml.safe_dump(small(bay)))
+    assert main(["run", str(path), "--dry-run", "--json"]) == 0
+    said = json.loads(capsys.readouterr().out)
+    assert sorted(said["apad1"]["serves"] + said["apad5"]["serves"]) == list(range(1, 9))
+    for name in ("apad1", "apad5"):
+        assert {step["agent"] for step in said[name]["plan"]["steps"]} <= set(said[name]["serves"])
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["fleet", "SCENARIO", "--time", "wall"], "`musselbed run` flies them"),
+        (["mission", "SCENARIO", "--time", "wall"], "`musselbed run` flies them"),
+        (["run", "SCENARIO", "--dry-run", "--apad", "ros"], "leave out --apad ros"),
+        (["script", "FILE", "--scenario", "SCENARIO", "--time", "asap"], "a script flies one aPad"),
+    ],
+)
+def test_what_is_for_one_aPad_says_so(
+    bay: Scenario, tmp_path: Path, words: list[str], said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "SCENARIO").write_text(yaml.safe_dump(small(bay)))
+    (tmp_path / "FILE").write_text("pass\n")
+    paths = [str(tmp_path / word) if word.isupper() else word for word in words]
+    assert main(paths) == 2
+    complaint = capsys.readouterr().err
+    assert said in complaint and complaint.count("\n") == 1

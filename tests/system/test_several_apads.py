@@ -1,0 +1,102 @@
+"""Two aPads on one master, by one command: each serves its own share, and the graph says who is whose."""
+
+import json
+import re
+import subprocess
+import sys
+import threading
+import time
+import xmlrpc.client
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+from apad_bridge.records.journal import read_journal
+
+pytestmark = pytest.mark.system
+
+ROOT = Path(__file__).parents[2]
+MUSSELBED = [sys.executable, "-m", "apad_bridge.commands.main"]
+PATIENCE_S = 60.0
+SPEED = 20
+APADS = ("apad1", "apad2")
+
+
+@pytest.fixture
+def scenario(tmp_path: Path) -> Path:
+    """Six aMussels in two heaps at theta = 600, an aPad beside each."""
+    data = yaml.safe_load((ROOT / "launch_scripts/scenarios/pool-12.yaml").read_text())
+    data.update(name="two", duration_s=60, theta=600)
+    data["area"]["polygon_m"] = [[0, 0], [4, 0], [4, 60], [0, 60]]
+    starts = [
+        "id,north,east,battery",
+        *(f"{n},{1 + n / 3:.2f},{2 if n % 2 else 57},0.6" for n in range(1, 7)),
+    ]
+    (tmp_path / "two.csv").write_text("\n".join(starts) + "\n")
+    data["fleet"].update(count=6, start="two.csv")
+    data["apad"]["start_m"] = [2, 3]
+    data["apads"] = [{"name": "apad2", "start_m": [2, 56]}]
+    data["mission"].update(batch=2)
+    data["mission"]["docking"].update(dock_s=3, undock_s=1)
+    data["board"]["float_timeout_s"] = 432000
+    path = tmp_path / "two.yaml"
+    path.write_text(yaml.safe_dump(data))
+    return path
+
+
+def graph_of(run: Path, flying: "subprocess.Popen[str]") -> dict[str, Any]:
+    """Topics and services by name, and their nodes, once both supervisors claim their aMussels."""
+    until_s, pause = time.monotonic() + PATIENCE_S, threading.Event()
+    uri = None
+    while time.monotonic() < until_s and flying.poll() is None:
+        if (options := run / "apad2" / "run.json").exists():
+            uri = json.loads(options.read_text())["master_uri"]
+        if uri:
+            with xmlrpc.client.ServerProxy(uri) as master:
+                _, _, (publishers, _, services) = master.getSystemState("/test")
+            found = dict([*publishers, *services])
+            if len(found.get("/musselbed/claims", ())) == 2 and "/amussel2/charge_info" in found:
+                return found
+        pause.wait(0.1)
+    raise AssertionError("they never came to be on one graph")
+
+
+def test_each_serves_its_share_and_nobody_else(scenario: Path, tmp_path: Path) -> None:
+    run = tmp_path / "run"
+    command = [*MUSSELBED, "run", str(scenario), "--speed", str(SPEED), "--out", str(run), "--json"]
+    flying = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=ROOT)
+    try:
+        graph = graph_of(run, flying)
+    finally:
+        stdout, stderr = flying.communicate(timeout=PATIENCE_S)
+    assert flying.returncode == 0, stderr
+    assert sorted(graph["/musselbed/claims"]) == ["/musselbed_1", "/musselbed_2"]
+    # What is of one aPad stands below its name: calls for one fleet do not end at the other.
+    for name in ("retire", "beliefs", "apad"):
+        assert f"/musselbed/{name}" not in graph
+    assert graph["/musselbed/apad2/retire"] == graph["/musselbed/apad2/beliefs"] == ["/musselbed_2"]
+    assert graph["/clock"] == ["/musselbed_clock"]
+
+    summary = json.loads(stdout)
+    assert summary == {**json.loads((run / "summary.json").read_text()), "run": str(run)}
+    for apad, own in zip(APADS, ({1, 3, 5}, {2, 4, 6}), strict=True):
+        lines = read_journal(run / apad / "journal.jsonl").lines
+        assert {line["id"] for line in lines if line["kind"] == "truth"} == own
+        assert {line["agent"] for line in lines if line["kind"] == "dock"} <= own
+        assert summary["apads"][apad]["services"] >= 1
+        assert summary["apads"][apad]["dropped"] == {}
+    assert summary["services"] == sum(summary["apads"][apad]["services"] for apad in APADS)
+    assert [line.split(",")[0] for line in (run / "ends.csv").read_text().splitlines()[1:]] == list("123456")
+    assert not [entry for entry in Path("/proc").iterdir() if _names(entry, str(run))]
+
+
+def _names(entry: Path, words: str) -> bool:
+    """Whether a process's command line names the run."""
+    if not re.fullmatch(r"\d+", entry.name):
+        return False
+    try:
+        return words in (entry / "cmdline").read_bytes().decode(errors="replace")
+    except OSError:
+        return False
