@@ -21,10 +21,11 @@ class Limits:
 
 
 def diagnose(
-    supervisor: Supervisor, agent_ids: tuple[int, ...], limits: Limits, now_ms: int
+    supervisor: Supervisor, agent_ids: tuple[int, ...], limits: Limits, now_ms: int, apad: str = ""
 ) -> DiagnosticArray:
+    """With the name of an `apad` that is one of several: they all say so on one topic."""
     beliefs = {belief.agent_id: belief for belief in supervisor.beliefs.all()}
-    array = DiagnosticArray(status=[_mission(supervisor), _apad(supervisor)])
+    array = DiagnosticArray(status=[_mission(supervisor, apad), _apad(supervisor, apad)])
     array.header.stamp = to_ros(now_ms)
     array.status += [_agent(agent_id, beliefs.get(agent_id), limits, now_ms) for agent_id in agent_ids]
     return array
@@ -58,8 +59,8 @@ def _agent(agent_id: int, belief: Belief | None, limits: Limits, now_ms: int) ->
     return status
 
 
-def _apad(supervisor: Supervisor) -> DiagnosticStatus:
-    status = DiagnosticStatus(name="musselbed: aPad", hardware_id="apad")
+def _apad(supervisor: Supervisor, name: str) -> DiagnosticStatus:
+    status = DiagnosticStatus(name=f"musselbed: aPad {name}".rstrip(), hardware_id=name or "apad")
     failure, battery = supervisor.port.first_failure, supervisor.battery
     status.values = _values(primitive=supervisor.primitive)
     if battery is not None:
@@ -75,12 +76,12 @@ def _apad(supervisor: Supervisor) -> DiagnosticStatus:
     return status
 
 
-def _mission(supervisor: Supervisor) -> DiagnosticStatus:
+def _mission(supervisor: Supervisor, apad: str) -> DiagnosticStatus:
     state = supervisor.mission.state
     slots = ("-" if agent_id is None else str(agent_id) for agent_id in supervisor.mission.slots)
     return DiagnosticStatus(
         level=DiagnosticStatus.OK,
-        name="musselbed: mission",
+        name=f"musselbed: mission {apad}".rstrip(),
         message=state.phase.value,
         hardware_id="supervisor",
         values=_values(

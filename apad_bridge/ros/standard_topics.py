@@ -45,10 +45,19 @@ _NOTHING_KNOWN = (0.0, 0.0, 0.0)
 class StandardTopics:
     """Owned by the flight's thread; the node is initialised before (`open_gateway`)."""
 
-    def __init__(self, agent_ids: Iterable[int], apad: str, frame: LocalFrame, limits: Limits) -> None:
+    def __init__(
+        self,
+        agent_ids: Iterable[int],
+        apad: str,
+        frame: LocalFrame,
+        limits: Limits,
+        *,
+        is_one_of_several: bool = False,
+    ) -> None:
         self.stalls = Stalls()
         self._ids = tuple(agent_ids)
         self._apad = apad
+        self._diagnosed = apad if is_one_of_several else ""
         self._frame = frame
         self._limits = limits
         self._way: list[tuple[float, float]] = []
@@ -77,7 +86,10 @@ class StandardTopics:
             self._show_agents(beliefs)
             self._show_apad(supervisor, now_ms)
             self._show_scene(supervisor, beliefs, now_ms)
-            _publish(self._diagnostics, lambda: diagnose(supervisor, self._ids, self._limits, now_ms))
+            _publish(
+                self._diagnostics,
+                lambda: diagnose(supervisor, self._ids, self._limits, now_ms, self._diagnosed),
+            )
 
         return watch
 

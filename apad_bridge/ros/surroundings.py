@@ -140,7 +140,13 @@ def _radio(
 def _standard_topics(shown: Iterable[int], scenario: Scenario) -> StandardTopics:
     mission = scenario.mission
     limits = Limits(mission.silence_timeout_s, mission.pool_threshold)
-    return StandardTopics(shown, scenario.apad.name, LocalFrame.about(scenario.area.origin), limits)
+    return StandardTopics(
+        shown,
+        scenario.apad.name,
+        LocalFrame.about(scenario.area.origin),
+        limits,
+        is_one_of_several=bool(scenario.fleet.share),
+    )
 
 
 def _watched(

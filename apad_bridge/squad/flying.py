@@ -10,6 +10,7 @@ from __future__ import annotations
 import json
 import os
 import selectors
+import subprocess
 import time
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
@@ -58,7 +59,7 @@ def fly_side_by_side(
 ) -> tuple[dict[str, dict[str, Any]], dict[str, str]]:
     """Over ROS: by aPad the summaries, and why there is none. PeerFailed when master or a simulated aPad do not come up."""
     with ExitStack() as stack:
-        uri, time_source = _open_ros(stack, members, options, whole)
+        uri, time_source, nodes = _open_ros(stack, members, options, whole)
         children: dict[str, Child] = {}
         for member in members:
             directory = directory_of(member, whole)
@@ -74,15 +75,16 @@ def fly_side_by_side(
             )
             stack.callback(child.end, 1.0)
             children[member.name] = child
-        return _Watch(children, progress).until_all_ended()
+        return Watch(children, nodes, progress).until_all_ended()
 
 
 def _open_ros(
     stack: ExitStack, members: Sequence[Member], options: RunOptions, whole: RunDirectory
-) -> tuple[str, TimeSource]:
-    """The master, and what of the graph is ours: simulated aPads and the /clock that they follow."""
+) -> tuple[str, TimeSource, dict[str, subprocess.Popen[bytes]]]:
+    """The master, and what of the graph is ours: simulated aPads, by name, and the /clock that they follow."""
     if options.apad is APadKind.ROS:
-        return somebodys_master(), options.time
+        return somebodys_master(), options.time, {}
+    nodes: dict[str, subprocess.Popen[bytes]] = {}
     try:
         master = start_master(whole.path / "ros", _MASTER_S)
         stack.callback(master.stop, 1.0)
@@ -90,6 +92,7 @@ def _open_ros(
             scenario = directory_of(member, whole).scenario
             node = start_apad_node(scenario, master.uri, whole.path / f"{member.name}.log")
             stack.callback(stop_apad_node, node, 1.0)
+            nodes[member.name] = node
     except (MasterFailed, APadNodeFailed) as error:
         raise PeerFailed(f"{error}; see {whole.path}") from error
     clock = Child(
@@ -100,14 +103,17 @@ def _open_ros(
         environment_for(master.uri),
     )
     stack.callback(clock.end, 1.0)
-    return master.uri, TimeSource.ROS
+    return master.uri, TimeSource.ROS, nodes
 
 
-class _Watch:
+class Watch:
     """Reads what the members say until all have ended. Ctrl-C and SIGTERM here ask them to end in order."""
 
-    def __init__(self, children: Mapping[str, Child], progress: Shows) -> None:
+    def __init__(
+        self, children: Mapping[str, Child], nodes: Mapping[str, subprocess.Popen[bytes]], progress: Shows
+    ) -> None:
         self._children = children
+        self._nodes = nodes
         self._progress = progress
         self._unread = dict.fromkeys(children, b"")
         self._now: dict[str, Status] = {}
@@ -126,6 +132,7 @@ class _Watch:
                         child.ask_to_end()
                 if deadline_s is not None and time.monotonic() > deadline_s:
                     break
+                self._end_without_apad()
                 for key, _ in selector.select(0.2):
                     if not self._read(key.data):
                         selector.unregister(key.fileobj)
@@ -139,6 +146,14 @@ class _Watch:
             name: self._summaries[name] for name in self._children if name in self._summaries
         }, self._failures
 
+    def _end_without_apad(self) -> None:
+        """A simulated aPad of ours that died comes not back: its run ends, and the others go on."""
+        for name, node in self._nodes.items():
+            if (status := node.poll()) is not None and name not in self._failures | self._summaries:
+                self._failures[name] = f"the simulated aPad's node ended with status {status}"
+                self._progress.say(f"{name}: {self._failures[name]}")
+                self._children[name].ask_to_end()
+
     def _read(self, name: str) -> bool:
         """False at the end of its words."""
         came = os.read(self._children[name].lines.fileno(), 65536)
@@ -151,7 +166,7 @@ class _Watch:
         status = Status.from_line(line)
         if status is not None:
             self._now[name] = status
-            self._progress.show(_together(list(self._now.values())))
+            self._progress.show(_together(list(self._now.values()), len(self._children)))
         elif line.startswith("{"):
             said = json.loads(line)
             if "summary" in said:
@@ -164,11 +179,11 @@ class _Watch:
             self._progress.say(f"{name}: {line}")
 
 
-def _together(each: Sequence[Status]) -> Status:
+def _together(each: Sequence[Status], apads: int) -> Status:
     """The sums; of times the last one's, for the run ends with it."""
     return Status(
         min(it.now_ms for it in each),
-        f"{len(each)} aPads",
+        f"{apads} aPads",
         "",
         sum(it.agents for it in each),
         sum(it.active for it in each),

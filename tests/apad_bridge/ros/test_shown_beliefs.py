@@ -55,3 +55,7 @@ def test_diagnostics_name_the_silent_and_how_sure_one_is() -> None:
     values = {value.key.replace(" ", "_"): value.value for value in silent.values}
     assert values["mode"] == "ASLEEP" and values["primary_95"] == "0.404 to 0.796"
     assert told["musselbed: aMussel 8"].message == "never heard"
+    assert {"musselbed: aPad", "musselbed: mission"} <= told.keys()
+    # One of several on a master names its own, or their lines would take turns under one name.
+    array = diagnose(supervisor, (), Limits(120.0, 0.5), 300_000, "apad2")  # type: ignore[arg-type]
+    assert {status.name for status in array.status} == {"musselbed: aPad apad2", "musselbed: mission apad2"}
