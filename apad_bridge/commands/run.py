@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import re
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -63,6 +64,9 @@ def add_manual_argument(parser: argparse.ArgumentParser) -> None:
     )
 
 
+_REMAPPING = re.compile(r"[/~]?[A-Za-z][\w/]*:=[/~]?[A-Za-z][\w/]*")
+
+
 def add_apad_argument(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--apad",
@@ -118,6 +122,13 @@ def add_flight_arguments(parser: argparse.ArgumentParser) -> None:
         help="a physical nanomodem on this serial port carries the sound; theta must be 1",
     )
     parser.add_argument(
+        "--remap",
+        metavar="FROM:=TO",
+        action="append",
+        default=[],
+        help="another name for a topic or service of ROS, as --remap /apad1/position:=/boat/position; may be said again",
+    )
+    parser.add_argument(
         "--json", action="store_true", help="print the summary as JSON on stdout, nothing else"
     )
 
@@ -160,7 +171,13 @@ def options_of(arguments: argparse.Namespace) -> RunOptions:
         raise UserError("--manual needs ROS, by which the aPad is called: use --time wall, or a script")
     if manual and dry_run:
         raise UserError("--manual plans nothing: there is no first plan to print")
+    for remapping in arguments.remap:
+        if not _REMAPPING.fullmatch(remapping):
+            raise UserError(f"--remap {remapping}: it is FROM:=TO, two names of ROS, as /a/b:=/c")
+    if arguments.remap and time is TimeSource.ASAP:
+        raise UserError("--remap names things of ROS, which --time asap does without")
     return RunOptions(
+        remappings=tuple(arguments.remap),
         open_modems=tuple(sorted(set(arguments.open_modem))),
         modem="" if arguments.modem is None else str(arguments.modem.absolute()),
         part=arguments.part,

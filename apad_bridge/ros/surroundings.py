@@ -69,7 +69,10 @@ def open_surroundings(
                 scenario.theta,
                 node_name=node_name,
                 xmlrpc_port=options.xmlrpc_port,
-                remappings=beside_others(scenario.apad.name) if scenario.fleet.share else (),
+                remappings=[
+                    *(beside_others(scenario.apad.name) if scenario.fleet.share else ()),
+                    *options.remappings,
+                ],
                 simulated=lambda: presences.simulated,
                 truth=_shown_truth(truths_at) if scenario.records.truth_on_agent_topics else None,
             )

@@ -65,6 +65,8 @@ class RunOptions:
     """aMussels whose modems are opened as serial devices."""
     modem: str = ""
     """The serial port of a physical modem."""
+    remappings: tuple[str, ...] = ()
+    """ROS's, FROM:=TO, for all that the supervisor's node names."""
 
     @property
     def without_mission(self) -> bool:
@@ -87,6 +89,7 @@ class RunOptions:
                     "time": TimeSource(data["time"]),
                     "on_death": OnDeath(data["on_death"]),
                     "open_modems": tuple(data["open_modems"]),
+                    "remappings": tuple(data["remappings"]),
                 }
             )
         except (KeyError, TypeError) as error:
