@@ -18,7 +18,7 @@ from agents.flash_file import FLASH_NAME, FlashRegion
 from agents.fleet_file import PHYSICAL_NAME, FleetFile
 from agents.forked import live
 from agents.link import Key, readable
-from agents.memory import fill_holes, gather_code, return_freed_memory
+from agents.memory import fill_holes, gather_code, offer_for_merging, return_freed_memory
 from agents.process import Servant, message_room
 from agents.rehearsal import ROUND, rehearse
 from agents.slots import PAIR_BYTES, Slot, SlotPair
@@ -103,6 +103,7 @@ class Brood:
         gc.collect()
         gc.freeze()
         return_freed_memory()
+        offer_for_merging()
 
     def rows(self) -> list[tuple[int, int, int, int, int]]:
         """(agent_id, pid or 0, epoch, sequence, granted_ms) of each agent's newest slot."""

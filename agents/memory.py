@@ -18,6 +18,8 @@ _LARGE_BYTES = 32768
 _BYTES_HEAD = 33
 _ROUNDS = 200_000
 """Far more objects than there are holes: an interpreter that lays out memory in another way must not hang here."""
+_MERGEABLE = 12
+"""MADV_MERGEABLE of madvise(2)."""
 _LIBC = ctypes.CDLL(None)
 _LIBC.sbrk.restype = ctypes.c_void_p
 
@@ -25,6 +27,20 @@ _LIBC.sbrk.restype = ctypes.c_void_p
 def return_freed_memory() -> None:
     """Gives malloc's free pages back to the system: forked processes would copy the ones they touch."""
     _LIBC.malloc_trim(0)
+
+
+def offer_for_merging() -> None:
+    """Tells the kernel that what this process and its children write to may be kept once where it is the same.
+
+    Of the pages that an agent copies all but a few differ from every other agent's by nothing at all, because reference
+    counts went up and down alike. A kernel whose merging is off, or that has none, takes no notice: then nothing changes.
+    """
+    with open("/proc/self/maps") as maps:
+        spans = [line.split()[0].split("-") for line in maps if " rw-p " in line and "[stack]" not in line]
+    for begin, end in spans:
+        _LIBC.madvise(
+            ctypes.c_void_p(int(begin, 16)), ctypes.c_size_t(int(end, 16) - int(begin, 16)), _MERGEABLE
+        )
 
 
 def fill_holes() -> list[object]:

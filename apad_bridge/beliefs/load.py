@@ -92,8 +92,8 @@ class Load:
         p, mean, variance = rest
         sd = math.sqrt(variance)
         return [
-            Spent(0.7 * p, mean - 0.45 * sd, 0.2025 * variance),
-            Spent(0.3 * p, mean + 1.05 * sd, 1.28583 * variance),
+            Spent(0.65 * p, mean - 0.55 * sd, 0.09 * variance),
+            Spent(0.35 * p, mean + 0.55 * 0.65 / 0.35 * sd, 1.08504 * variance),
         ]
 
     def spend(self, per_min: tuple[float, ...], elapsed_ms: int) -> Load:

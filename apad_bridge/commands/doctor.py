@@ -65,6 +65,7 @@ def diagnose(scenario_file: Path | None, master_uri: str) -> Iterator[Finding]:
 def _machine(agents: int) -> Iterator[Finding]:
     yield from examined("open files", lambda: [machine.check_open_files(agents)])
     yield from examined("processes", lambda: [machine.check_processes(agents)])
+    yield from examined("memory", lambda: [machine.check_memory(agents)])
     yield from examined("pseudo-terminals", lambda: [machine.check_terminals()])
     yield from examined("disk", lambda: [machine.check_disk(Path.cwd())])
     yield from examined("loopback", machine.check_loopback)

@@ -16,6 +16,9 @@ _OWN_FILES = 256
 """Of the nursery and the supervisor, beside one for each aMussel."""
 _OWN_PROCESSES = 64
 _MB = 1 << 20
+MERGING = "/sys/kernel/mm/ksm/run"
+_AGENT_MB, _MERGED_MB, _OWN_MB = 2.0, 0.9, 300
+"""Of a whole board after a day, with what the kernel keeps for it: `benchmarks/run fleet`; and of all else."""
 
 
 def check_open_files(agents: int, hard: int | None = None) -> Finding:
@@ -60,6 +63,19 @@ def check_terminals() -> Finding:
     )
 
 
+def check_memory(agents: int, free_mb: int | None = None, merges: bool | None = None) -> Finding:
+    """Room for a process each. Kernels that merge same pages keep most of an aMussel's once for all of them."""
+    merges = _number(MERGING) == 1 if merges is None else merges
+    free_mb = _available_mb() if free_mb is None else free_mb
+    needed_mb = agents * (_MERGED_MB if merges else _AGENT_MB) + _OWN_MB
+    how = "same pages are merged" if merges else f"same pages are not merged ({MERGING})"
+    shown = f"{free_mb} MB free, {agents} aMussels take {needed_mb:.0f} at most; {how}"
+    if free_mb >= needed_mb:
+        return ok("memory", shown)
+    mend = "fewer aMussels, or --hosting one_process"
+    return fail("memory", shown, mend if merges else f"echo 1 > {MERGING} (as root); or {mend}")
+
+
 def check_disk(folder: Path, free: int | None = None) -> Finding:
     """Room for run directories below `folder`. A simulated hour of 12 aMussels with its bag takes some 10 MB."""
     free = shutil.disk_usage(folder).free if free is None else free
@@ -94,6 +110,11 @@ def check_loopback(ports: int = 4) -> Iterator[Finding]:
     finally:
         for server in held:
             server.close()
+
+
+def _available_mb() -> int:
+    lines = Path("/proc/meminfo").read_text().splitlines()
+    return next(int(line.split()[1]) for line in lines if line.startswith("MemAvailable:")) // 1024
 
 
 def _number(path: str) -> int | None:

@@ -57,7 +57,7 @@ NOMINAL = Knowledge(
         shares=(0.80, 0.16, 0.04),
         daily=0.92,
         plan_lasts_ms=5 * 24 * 60 * MINUTE,
-        plan_deviation=0.0077 / 60,
+        plan_deviation=0.009 / 60,
         seen_before=40,
     ),
     water=Water(step_variance_m2=0.0, current_deviation_m_s=0.0, current_lasts_s=3600.0, fix_deviation_m=1.0),

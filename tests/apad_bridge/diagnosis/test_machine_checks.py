@@ -9,7 +9,13 @@ from pathlib import Path
 import pytest
 
 from apad_bridge.diagnosis.finding import Status
-from apad_bridge.diagnosis.machine import check_disk, check_loopback, check_open_files, check_processes
+from apad_bridge.diagnosis.machine import (
+    check_disk,
+    check_loopback,
+    check_memory,
+    check_open_files,
+    check_processes,
+)
 
 
 def test_a_file_for_each_agent_and_some_of_our_own() -> None:
@@ -25,6 +31,15 @@ def test_a_process_for_each_agent() -> None:
     assert few.status is Status.FAIL and "RLIMIT_NPROC is 500" in few.found
     assert check_processes(100, hard=500, threads_max=100_000).status is Status.OK
     assert check_processes(1000, hard=100_000, threads_max=900).found.startswith("kernel.threads-max is 900")
+
+
+def test_memory_for_each_agent_or_how_to_do_with_less() -> None:
+    assert check_memory(1000, free_mb=2400, merges=False).status is Status.OK
+    short = check_memory(1000, free_mb=2200, merges=False)
+    assert short.status is Status.FAIL
+    assert short.mend is not None and "echo 1 > /sys/kernel/mm/ksm/run" in short.mend
+    assert check_memory(1000, free_mb=1300, merges=True).status is Status.OK
+    assert check_memory(1000, free_mb=1100, merges=True).status is Status.FAIL
 
 
 @pytest.mark.parametrize(("megabytes", "status"), [(99, "FAIL"), (100, "WARN"), (1023, "WARN"), (1024, "OK")])
