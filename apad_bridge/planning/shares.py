@@ -11,6 +11,7 @@ All in whole millimetres: sums are exact, ties are broken by the order of aPads 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import product
 from math import inf
 from typing import Any
 
@@ -82,12 +83,15 @@ def _cheapest_chain(
             movers[owner] = held[cheapest]
     costs_to = [int(it) for it in costs[row]]
     came_from: list[int | None] = [None] * owners
-    for _ in range(owners):
-        for source in range(owners):
-            for target in range(owners):
-                through = costs_to[source] + int(prices[source, target])
-                if through < costs_to[target]:
-                    costs_to[target], came_from[target] = through, source
+    steps, is_settled = prices.tolist(), False
+    while (
+        not is_settled
+    ):  # soon, for no round of moves gains anything: those who have owners stand at the least
+        is_settled = True
+        for source, target in product(range(owners), repeat=2):
+            through = costs_to[source] + steps[source][target]
+            if through < costs_to[target]:
+                costs_to[target], came_from[target], is_settled = through, source, False
     last = min((owner for owner in range(owners) if room[owner]), key=lambda owner: costs_to[owner])
     chain, target = [], last
     while (before := came_from[target]) is not None:

@@ -21,19 +21,29 @@ class Member:
 
 
 def members(scenario: Scenario, starts: Sequence[Start]) -> tuple[Member, ...]:
-    """In the scenario's order of aPads. Ids, seed, timeslots and starts are those of the whole; only who serves is new."""
-    first = scenario.apad
-    apads = ((first.name, first.start_m), *((it.name, it.start_m) for it in scenario.apads))
+    """In the scenario's order of aPads, each with the share that is planned for it."""
     places_m = {start.agent_id: (start.north_m, start.east_m) for start in starts}
-    served = shares([start_m for _, start_m in apads], places_m)
+    return divided(scenario, starts, shares([start_m for _, start_m in _apads(scenario)], places_m))
+
+
+def divided(
+    scenario: Scenario, starts: Sequence[Start], served: Sequence[tuple[int, ...]]
+) -> tuple[Member, ...]:
+    """The same with these shares. Ids, seed, timeslots and starts are those of the whole; only who serves is new."""
     return tuple(
         Member(
             name,
             _of_one(scenario, name, start_m, share),
             tuple(start for start in starts if start.agent_id in share),
         )
-        for (name, start_m), share in zip(apads, served, strict=True)
+        for (name, start_m), share in zip(_apads(scenario), served, strict=True)
     )
+
+
+def _apads(scenario: Scenario) -> list[tuple[str, tuple[float, float]]]:
+    """Names and starts, `apad` first."""
+    first = scenario.apad
+    return [(first.name, first.start_m), *((it.name, it.start_m) for it in scenario.apads)]
 
 
 def _of_one(scenario: Scenario, apad: str, start_m: tuple[float, float], share: tuple[int, ...]) -> Scenario:

@@ -1,0 +1,102 @@
+"""Who serves whom: planned shares against "whoever starts nearest" and against ids in order, in a crowded bay.
+
+Five aPads of bay-120 and 60 aMussels for an hour, half of them in the fifth of the bay where the first aPad starts.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable, Mapping, Sequence
+from math import dist
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+from apad_bridge.planning.shares import Point, shares
+from apad_bridge.runs.in_memory import fly_in_memory
+from apad_bridge.scenario.loader import from_data, load, resolve
+from apad_bridge.scenario.schema import Scenario
+from apad_bridge.scenario.starts import Start, save_starts, starts_of
+from apad_bridge.squad.members import divided
+
+SCENARIO = Path(__file__).parents[1] / "launch_scripts" / "scenarios" / "bay-120.yaml"
+SEEDS = (1, 2)
+COUNT = 60
+Division = Callable[[Sequence[Point], Mapping[int, Point]], Sequence[tuple[int, ...]]]
+
+
+def nearest(starts_m: Sequence[Point], places_m: Mapping[int, Point]) -> list[tuple[int, ...]]:
+    owner_of = {
+        it: min(range(len(starts_m)), key=lambda n: dist(starts_m[n], at)) for it, at in places_m.items()
+    }
+    return [tuple(sorted(it for it in places_m if owner_of[it] == n)) for n in range(len(starts_m))]
+
+
+def in_order(starts_m: Sequence[Point], places_m: Mapping[int, Point]) -> list[tuple[int, ...]]:
+    parts = np.array_split(sorted(places_m), len(starts_m))
+    return [tuple(int(it) for it in part) for part in parts]
+
+
+DIVISIONS: dict[str, Division] = {"planned": shares, "nearest": nearest, "in order of ids": in_order}
+
+
+def measure() -> dict[str, Any]:
+    """Means over seeds; uptimes in percent over all aMussels, the least one's, metres, and the largest share."""
+    with tempfile.TemporaryDirectory() as folder:
+        crowded = [_crowded(seed, Path(folder)) for seed in SEEDS]
+        flown = {name: [_flown(it, division) for it in crowded] for name, division in DIVISIONS.items()}
+    return {
+        name: {key: float(np.mean([it[key] for it in flights])) for key in flights[0]}
+        for name, flights in flown.items()
+    }
+
+
+def show(result: dict[str, Any], console: Console) -> None:
+    table = Table(
+        title=f"{COUNT} aMussels, half of them in a fifth of the bay; means over {len(SEEDS)} seeds"
+    )
+    for column in ("", "largest share", "Avg %", "Min %", "way [m]", "emptied", "planned in [ms]"):
+        table.add_column(column, justify="right" if column else "left")
+    for name, it in result.items():
+        keys = ("largest", "mean", "least", "cost_m", "emptied", "planned_ms")
+        table.add_row(name, *(f"{it[key]:.1f}" for key in keys))
+    console.print(table)
+
+
+def _crowded(seed: int, folder: Path) -> Scenario:
+    data = resolve(load(SCENARIO))
+    data.update(seed=seed, duration_s=3600)
+    data["fleet"]["count"] = COUNT
+    data["mission"]["collection"] = "cautious"
+    scenario = from_data(data, "shares")
+    starts = [
+        Start(it.agent_id, it.north_m, it.east_m / (5 if it.agent_id <= COUNT // 2 else 1), it.primary)
+        for it in starts_of(scenario)
+    ]
+    path = folder / f"{seed}.csv"
+    save_starts(path, starts, scenario.area.origin)
+    data["fleet"]["start"] = str(path)
+    return from_data(data, "shares")
+
+
+def _flown(scenario: Scenario, division: Division) -> dict[str, float]:
+    starts = starts_of(scenario)
+    began_s = perf_counter()
+    served = division(
+        [scenario.apad.start_m, *(it.start_m for it in scenario.apads)],
+        {it.agent_id: (it.north_m, it.east_m) for it in starts},
+    )
+    planned_ms = 1000 * (perf_counter() - began_s)
+    flights = [(len(it.starts), fly_in_memory(it.scenario)[0]) for it in divided(scenario, starts, served)]
+    return {
+        "largest": max(n for n, _ in flights),
+        "mean": sum(n * it["uptime_paper"]["mean"] for n, it in flights) / COUNT,
+        "least": min(it["uptime_paper"]["min"] for _, it in flights),
+        "cost_m": sum(it["cost_m"] for _, it in flights),
+        "emptied": sum(it["emptied"] for _, it in flights),
+        "planned_ms": planned_ms,
+    }
