@@ -122,3 +122,24 @@ def test_a_second_clock_is_refused(tmp_path: Path) -> None:
         master.stop()
     assert second.returncode == 3
     assert "/clock comes from /theirs already" in second.stderr
+
+
+def test_remappings_of_a_launch_file_become_options_and_names_of_roslaunch_nothing(tmp_path: Path) -> None:
+    (tmp_path / "told.py").write_text("import sys; print(sys.argv[1:])")
+    words = [
+        "told",
+        "run",
+        "--seed",
+        "3",
+        "/apad1/position:=/boat/position",
+        "__name:=x",
+        "__log:=/tmp/x.log",
+    ]
+    done = subprocess.run(
+        [str(LAUNCH / "ros_node"), str(tmp_path), *words],
+        capture_output=True,
+        text=True,
+        timeout=30,
+        check=True,
+    )
+    assert done.stdout.strip() == "['run', '--seed', '3', '--remap', '/apad1/position:=/boat/position']"
