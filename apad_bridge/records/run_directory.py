@@ -52,7 +52,9 @@ class RunDirectory:
     def open(cls, path: Path) -> RunDirectory:
         """A former run's; RunDirectoryError when there is no journal in it."""
         if not (path / "journal.jsonl").is_file():
-            raise RunDirectoryError(f"{path}: no run: there is no journal.jsonl in it")
+            of_each = sorted(str(journal.parent) for journal in path.glob("*/journal.jsonl"))
+            mend = f"; a run of several aPads has one for each: {', '.join(of_each)}" if of_each else ""
+            raise RunDirectoryError(f"{path}: no run: there is no journal.jsonl in it{mend}")
         return cls(path)
 
     @property

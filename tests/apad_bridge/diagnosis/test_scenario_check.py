@@ -12,7 +12,7 @@ from apad_bridge.diagnosis.finding import Status
 SCENARIOS = Path(__file__).parents[3] / "launch_scripts" / "scenarios"
 
 
-@pytest.mark.parametrize("name", ["pool-12", "bay-24", "no-charging", "demo"])
+@pytest.mark.parametrize("name", ["pool-12", "bay-24", "bay-120", "no-charging", "demo"])
 def test_the_shipped_ones_are_fine(name: str) -> None:
     scenario, findings = scenario_check.read(SCENARIOS / f"{name}.yaml")
     assert scenario is not None and scenario.name == name

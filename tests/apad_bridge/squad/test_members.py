@@ -93,6 +93,11 @@ def test_a_run_of_several_is_the_runs_of_each(
     assert summary["uptime_paper"]["min"] == min(it["uptime_paper"]["min"] for it in alone.values())
     assert summary["ended_by"] == "mission time"
 
+    # A page, or a supervisor, is of one aPad.
+    for command in ("replay", "resume"):
+        assert main([command, str(run)]) == 2
+        assert f"one for each: {run}/apad1, {run}/apad5" in capsys.readouterr().err
+
     # Another run can begin from where all of them ended.
     data = small(bay)
     data["fleet"]["start"] = str(run)
