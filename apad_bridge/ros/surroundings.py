@@ -69,10 +69,7 @@ def open_surroundings(
                 scenario.theta,
                 node_name=node_name,
                 xmlrpc_port=options.xmlrpc_port,
-                remappings=[
-                    *(beside_others(scenario.apad.name) if scenario.fleet.share else ()),
-                    *options.remappings,
-                ],
+                remappings=_remappings(scenario, options),
                 simulated=lambda: presences.simulated,
                 truth=_shown_truth(truths_at) if scenario.records.truth_on_agent_topics else None,
             )
@@ -82,16 +79,7 @@ def open_surroundings(
             laboratory = Laboratory(names, scenario.apad.name, ids, codec)
             stack.callback(laboratory.close)
             standard = _standard_topics(shown, scenario)
-            vehicle: APadLink | ContactsLink
-            watches: tuple[Watcher, ...] = ()
-            is_fleet = options.part is Part.FLEET
-            if is_fleet and not is_of_generation_b(scenario):
-                vehicle = ContactsLink(scenario.apad.name, ids, docked, now_ms)
-            else:
-                opened = open_apad(scenario, options, docked, now_ms, truths_at)
-                vehicle = opened.link
-                if opened.watch is not None:
-                    watches = (opened.watch,)
+            vehicle, watches = _vehicle(scenario, options, docked, now_ms, truths_at)
             stack.callback(vehicle.close)
             radio = _radio(options, ids, codec, scenario.theta, vehicle, presences)
             stack.callback(radio.close)
@@ -102,7 +90,7 @@ def open_surroundings(
         hears = vehicle if isinstance(vehicle, GenerationBLink) else None
         link = laboratory.beside(vehicle, hears)
         yield Surroundings(
-            ListeningLink(link) if is_fleet else link,
+            ListeningLink(link) if options.part is Part.FLEET else link,
             _pace(options, vehicle, now_ms, in_fine_steps=bool(watches)),
             fleet,
             lambda supervisor: (gateway.watcher(supervisor), standard.watcher(supervisor), *watches),
@@ -114,6 +102,21 @@ def open_surroundings(
             _watched(stack, options, scenario, vehicle),
             roll=roll,
         )
+
+
+def _remappings(scenario: Scenario, options: RunOptions) -> list[str]:
+    """The user's come last: ROS takes the later one of two for the same name."""
+    return [*(beside_others(scenario.apad.name) if scenario.fleet.share else ()), *options.remappings]
+
+
+def _vehicle(
+    scenario: Scenario, options: RunOptions, docked: Mapping[int, int], now_ms: int, truths_at: TruthsAt
+) -> tuple[APadLink | ContactsLink, tuple[Watcher, ...]]:
+    """The link to the aPad, or a fleet's ears for somebody else's; and what has to look at each tick because of it."""
+    if options.part is Part.FLEET and not is_of_generation_b(scenario):
+        return ContactsLink(scenario.apad.name, building.agent_ids(scenario), docked, now_ms), ()
+    opened = open_apad(scenario, options, docked, now_ms, truths_at)
+    return opened.link, () if opened.watch is None else (opened.watch,)
 
 
 def _called_roll(stack: ExitStack, node_name: str, ids: Sequence[int], presences: Presences) -> Roll:

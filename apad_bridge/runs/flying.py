@@ -151,17 +151,21 @@ def fly(
             stack.callback(signal.signal, number, before)
         ended_by = flight.run()
         recorder.event(flight.now_ms, "end", reason=ended_by)
-        failure = supervisor.port.first_failure
-        ending = Ending(
-            ended_by=ended_by,
-            first_cause=None if failure is None else failure.reason,
-            cost_m=supervisor.mission.state.cost_m,
-            services=supervisor.mission.state.services,
-            apad_energy_fraction=_fraction_used(supervisor, go_on),
-            dropped=flight.all_dropped + surroundings.dropped(),
-            samples_gone={} if supervisor.samples is None else supervisor.samples.gone,
-        )
-        return recorder.finish(flight.now_ms, ending)
+        dropped = flight.all_dropped + surroundings.dropped()
+        return recorder.finish(flight.now_ms, _ending(supervisor, ended_by, go_on, dropped))
+
+
+def _ending(supervisor: Supervisor, ended_by: str, go_on: GoOn | None, dropped: Counter[str]) -> Ending:
+    failure = supervisor.port.first_failure
+    return Ending(
+        ended_by=ended_by,
+        first_cause=None if failure is None else failure.reason,
+        cost_m=supervisor.mission.state.cost_m,
+        services=supervisor.mission.state.services,
+        apad_energy_fraction=_fraction_used(supervisor, go_on),
+        dropped=dropped,
+        samples_gone={} if supervisor.samples is None else supervisor.samples.gone,
+    )
 
 
 class _Announced:
