@@ -68,12 +68,18 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _show(scores: Scores, console: Console) -> None:
-    table = Table(title="believed less true")
-    for name in ("", "samples", "rmse", "bias", "coverage", "nees", "mode right", "place m"):
-        table.add_column(name, justify="left" if not name else "right", no_wrap=not name)
+    table = Table(
+        padding=(0, 0, 0, 1),
+        title="Charges believed, less true ones",
+        caption="by the age of the newest packet, by what it was doing, by aMussel; cover: of the 95 % interval; mode: share that is right; place: rms error in m",
+    )
+    table.add_column("", min_width=12)
+    for name in ("samples", "rmse", "bias", "cover", "nees", "mode", "place"):
+        # On a narrow screen the names of the rows fold, and no figure is cut.
+        table.add_column(name, justify="right", no_wrap=True, min_width=5)
     _row(table, "all", scores.overall)
     for head, bins in (
-        ("newest packet up to", scores.by_age),
+        ("packet up to", scores.by_age),
         ("mode", scores.by_mode),
         ("aMussel", scores.by_agent),
     ):

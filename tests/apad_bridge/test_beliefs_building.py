@@ -42,8 +42,8 @@ def test_a_twin_and_its_model_come_together(settings: dict[str, object]) -> None
 
 
 def test_a_mission_flies_on_twins_through_silence() -> None:
-    """Seven minutes of which the last three are silent: twins go on, and what docks do is known."""
-    flight, _ = open_flight(replace(WITH_TWINS, duration_s=420.0))
+    """Seven minutes of which the last three are silent: the twins say when those in the docks are full."""
+    flight, recorder = open_flight(replace(WITH_TWINS, duration_s=420.0))
     receive = flight.supervisor.receive
     flight.supervisor.receive = (  # type: ignore[method-assign]
         lambda fact: None if type(fact).__name__ == "WifiHeard" and fact.at_ms > 240_000 else receive(fact)
@@ -52,4 +52,5 @@ def test_a_mission_flies_on_twins_through_silence() -> None:
     beliefs = flight.supervisor.beliefs.all()
     assert len(beliefs) == 12 and all(belief.silent_slots >= 170 for belief in beliefs)
     assert len({belief.at_ms for belief in beliefs}) == 1
-    assert len(flight.supervisor.mission.state.docked) > 0
+    released = {data["agent"]: at_ms for at_ms, kind, data in recorder.events if kind == "released"}
+    assert len(released) == 4 and min(released.values()) > 240_000
