@@ -71,7 +71,8 @@ def _show(scores: Scores, console: Console) -> None:
     table = Table(
         padding=(0, 0, 0, 1),
         title="Charges believed, less true ones",
-        caption="by the age of the newest packet, by what it was doing, by aMussel; cover: of the 95 % interval; mode: share that is right; place: rms error in m",
+        caption="by the age of the newest packet, by what it was doing, by aMussel; "
+        "cover: of the 95 % interval; mode: share that is right; place: rms error in m",
     )
     table.add_column("", min_width=12)
     for name in ("samples", "rmse", "bias", "cover", "nees", "mode", "place"):
