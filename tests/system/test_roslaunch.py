@@ -124,22 +124,26 @@ def test_a_second_clock_is_refused(tmp_path: Path) -> None:
     assert "/clock comes from /theirs already" in second.stderr
 
 
-def test_remappings_of_a_launch_file_become_options_and_names_of_roslaunch_nothing(tmp_path: Path) -> None:
-    (tmp_path / "told.py").write_text("import sys; print(sys.argv[1:])")
-    words = [
-        "told",
-        "run",
-        "--seed",
-        "3",
-        "/apad1/position:=/boat/position",
-        "__name:=x",
-        "__log:=/tmp/x.log",
-    ]
-    done = subprocess.run(
-        [str(LAUNCH / "ros_node"), str(tmp_path), *words],
-        capture_output=True,
-        text=True,
-        timeout=30,
-        check=True,
-    )
-    assert done.stdout.strip() == "['run', '--seed', '3', '--remap', '/apad1/position:=/boat/position']"
+LAUNCHED = """
+<launch>
+  <node pkg="musselbed" type="ros_node" name="told" required="true" output="screen"
+        args="{folder} told run --seed 3">
+    <param name="theta" value="60"/>
+    <param name="manual" value="true"/>
+    <rosparam param="open_modem">[3, 7]</rosparam>
+    <remap from="/apad1/position" to="/boat/position"/>
+  </node>
+</launch>
+"""
+
+
+def test_remaps_and_private_parameters_of_a_launch_file_become_options(
+    tmp_path: Path, environment: dict[str, str]
+) -> None:
+    (tmp_path / "told.py").write_text("import sys; print('told', sys.argv[1:], flush=True)")
+    (tmp_path / "told.launch").write_text(LAUNCHED.format(folder=tmp_path))
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        port = free.getsockname()[1]
+    said = roslaunch(environment, "-p", str(port), str(tmp_path / "told.launch"))
+    words = ["run", "--seed", "3", "--remap", "/apad1/position:=/boat/position"]
+    assert f"told {[*words, '--manual', '--open-modem', '3', '--open-modem', '7', '--theta', '60']}" in said

@@ -96,6 +96,20 @@ def test_diagnostics_name_who_is_silent_and_who_wants_charging(environment: dict
     assert lines["musselbed: aPad"]["level"] == 0
 
 
+def test_rosbag_records_what_is_shown(environment: dict[str, str], tmp_path: Path) -> None:
+    bag = tmp_path / "shown.bag"
+    topics = {"/diagnostics": "diagnostic_msgs/DiagnosticArray", "/musselbed/plan": "nav_msgs/Path"}
+    record = ["/usr/bin/rosbag", "record", "--limit", "3", "-O", str(bag), *topics]
+    subprocess.run(record, env=environment, capture_output=True, timeout=PATIENCE_S, check=True)
+    info = ["/usr/bin/rosbag", "info", "--yaml", str(bag)]
+    told = subprocess.run(
+        info, env=environment, capture_output=True, text=True, timeout=PATIENCE_S, check=True
+    )
+    recorded = yaml.safe_load(told.stdout)["topics"]
+    assert {it["topic"]: it["type"] for it in recorded} == topics
+    assert all(it["messages"] == 3 for it in recorded)
+
+
 def published(environment: dict[str, str]) -> dict[str, str]:
     """Type by topic."""
     command = ["/usr/bin/rostopic", "list", "-p", "-v"]
