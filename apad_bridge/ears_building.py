@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from math import ceil, dist
 
+from apad_bridge.beliefs.pings import WorthItsWay
+from apad_bridge.beliefs.questions import candidate_below
 from apad_bridge.boards import whole_firmware
 from apad_bridge.localisation.locator import Locator, LocatorConfig
 from apad_bridge.scenario.schema import Scenario
@@ -48,4 +50,7 @@ def ears_of(scenario: Scenario, agent_ids: Iterable[int]) -> Ears | None:
         water.sound.keel_m,
         scenario.area.depth_m,
         deviation_m,
+        WorthItsWay(candidate_below(scenario.mission.pool_threshold), water.talk.ping_worth_m)
+        if water.talk.ping_worth_m
+        else None,
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import sqrt
 from typing import Protocol
 
 from apad_bridge.beliefs.belief import Belief
@@ -12,6 +13,10 @@ from apad_bridge.beliefs.questions import Question
 class PingPolicy(Protocol):
     def is_worth(self, belief: Belief, now_ms: int) -> bool:
         """Whether to ping it at mission time `now_ms`."""
+        ...
+
+    def urgency(self, belief: Belief) -> float:
+        """The greater, the sooner it is pinged, of those that are worth it."""
         ...
 
 
@@ -41,9 +46,33 @@ class WorthItsEnergy:
         answer = self.question(belief)
         return min(answer, 1 - answer) * self.wrong_plan_charge > self.answer_charge
 
+    def urgency(self, belief: Belief) -> float:
+        return belief.charge_cov[0]
+
+
+@dataclass(frozen=True, slots=True)
+class WorthItsWay:
+    """Pings when the aPad may have to look for it farther than an answer is worth.
+
+    The way that is expected to be lost is the chance that it will be fetched times how far, by the standard deviation along
+    both axes, it lies from where it is believed to be. A range says nothing of its charge.
+    """
+
+    question: Question
+    """How probable it is that it has to be fetched."""
+    answer_m: float
+    """What an answer is worth, as metres of the aPad's way: the sound keeps others silent, and costs both energy."""
+
+    def is_worth(self, belief: Belief, now_ms: int) -> bool:
+        return self.urgency(belief) > self.answer_m
+
+    def urgency(self, belief: Belief) -> float:
+        north, _, east = belief.place_cov
+        return self.question(belief) * sqrt(north + east)
+
 
 def to_ping(policy: PingPolicy, beliefs: list[Belief], now_ms: int, at_most: int) -> list[int]:
-    """The ids that are worth a ping now, the least certain charge first, for the water carries one word at a time."""
+    """The ids that are worth a ping now, the most urgent first, for the water carries one word at a time."""
     worth = [belief for belief in beliefs if policy.is_worth(belief, now_ms)]
-    worth.sort(key=lambda belief: (-belief.charge_cov[0], belief.agent_id))
+    worth.sort(key=lambda belief: (-policy.urgency(belief), belief.agent_id))
     return [belief.agent_id for belief in worth[:at_most]]

@@ -10,6 +10,7 @@ from apad_bridge.boards import can_fill
 from apad_bridge.geography import LocalFrame
 from apad_bridge.laboratory.names import load_names
 from apad_bridge.planning.registry import collection, redeployment
+from apad_bridge.scenario.believing import Estimator
 from apad_bridge.scenario.currents import problem_with_current
 from apad_bridge.scenario.links import problem_with_links
 from apad_bridge.scenario.schema import DriftMode, FullWhen, HearingMode, Scenario
@@ -192,6 +193,14 @@ def _of_the_water(scenario: Scenario) -> Iterator[Contradiction]:
         )
     if water.links_file is not None and (problem := problem_with_links(Path(water.links_file))):
         yield "water.links_file", problem
+    if water.talk.ping_worth_m and (
+        scenario.beliefs.estimator is not Estimator.TWIN or water.localisation is None
+    ):
+        yield (
+            "water.talk.ping_worth_m",
+            "the last packet says nothing of how sure a place is, and ranges must become places: add "
+            "beliefs.estimator: twin and water.localisation, or leave this key out",
+        )
     if water.modems is ModemGeneration.V2:
         yield from _of_v2_modems(scenario, water)
     current = water.current

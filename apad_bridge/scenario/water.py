@@ -156,6 +156,8 @@ class Talk:
     """Agent time; 0: it never says what time it is."""
     ping_period_s: NotNegativeSeconds = 0.0
     """Mission time: one aMussel after another is pinged so often, to know where it is; 0 for never."""
+    ping_worth_m: NotNegative = 0.0
+    """One that the aPad may have to look for farther than this is pinged out of turn; 0 for never. Needs twins."""
 
 
 @frozen

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.fleet import FleetBeliefs
 from apad_bridge.beliefs.measurement import Fixed, Ranged
+from apad_bridge.beliefs.pings import PingPolicy, to_ping
 from apad_bridge.facts import RangeHeard, SupervisorAction
 from apad_bridge.localisation.locator import Locator, PositionFix, RangeTaken
 from apad_bridge.mission.orders import Note
@@ -23,9 +24,19 @@ class Ears:
     """Owned by the supervisor, which calls it at ticks."""
 
     def __init__(
-        self, talk: Talk, locator: Locator | None, keel_m: float, depth_m: float, deviation_m: float
+        self,
+        talk: Talk,
+        locator: Locator | None,
+        keel_m: float,
+        depth_m: float,
+        deviation_m: float,
+        asks: PingPolicy | None = None,
     ) -> None:
-        """`deviation_m`: of a range. Without a `locator` pings tell ways, and no places."""
+        """`deviation_m`: of a range. Without a `locator` pings tell ways, and no places.
+
+        `asks` says who is pinged because too little is known of it.
+        """
+        self._asks = asks
         self._talk = talk
         self._locator = locator
         self._keel_m = keel_m
@@ -38,7 +49,10 @@ class Ears:
 
     def advance(self, beliefs: Sequence[Belief], now_ms: int) -> list[SupervisorAction]:
         away = frozenset(it.agent_id for it in beliefs if it.state in _AWAY)
-        return self._talk.advance(now_ms, away)
+        if self._asks is None:
+            return self._talk.advance(now_ms, away)
+        near = [it for it in beliefs if it.agent_id not in away]
+        return self._talk.advance(now_ms, away, to_ping(self._asks, near, now_ms, at_most=1))
 
     def timed(self, actions: Sequence[SupervisorAction], now_ms: int) -> list[SupervisorAction]:
         return self._talk.timed(actions, now_ms)

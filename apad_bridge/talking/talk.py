@@ -68,6 +68,8 @@ class Talk:
         self._beacon_due_ms = agent_ms
         self._ping_due_ms = now_ms
         self._turns = deque(self._agent_ids)
+        self._asked_ms: dict[int, int] = {}
+        """When one that too little is known of was last pinged for that."""
 
     def timed(self, actions: Sequence[SupervisorAction], now_ms: int) -> list[SupervisorAction]:
         """The same actions; words by sound with the time at which they may be said.
@@ -86,8 +88,13 @@ class Talk:
                 told.append(word)
         return told
 
-    def advance(self, now_ms: int, away: frozenset[int]) -> list[SupervisorAction]:
-        """What is due at mission time `now_ms`; those who are `away` are believed not to hear: afloat, or in a dock."""
+    def advance(
+        self, now_ms: int, away: frozenset[int], unsure: Sequence[int] = ()
+    ) -> list[SupervisorAction]:
+        """What is due at mission time `now_ms`; those who are `away` are believed not to hear: afloat, or in a dock.
+
+        Who is `unsure` is pinged too, each no oftener than is asked for an answer.
+        """
         config, agent_ms = self._config, self._config.theta * now_ms
         if self._free_ms > agent_ms + config.theta * 1000:
             return []  # what was said before has still to be sent
@@ -103,6 +110,13 @@ class Talk:
         if config.ping_period_ms and self._ping_due_ms <= now_ms:
             self._ping_due_ms = now_ms + config.ping_period_ms
             said += self._next_ping(now_ms, away)
+        for agent_id in unsure:
+            if (
+                agent_id not in away
+                and self._asked_ms.get(agent_id, agent_ms - _ASK_AGAIN_MS) + _ASK_AGAIN_MS <= agent_ms
+            ):
+                self._asked_ms[agent_id] = agent_ms
+                said.append(self._ping(agent_id, now_ms))
         return said
 
     def hear(self, agent_id: int, range_m: float, now_ms: int) -> list[SupervisorAction]:

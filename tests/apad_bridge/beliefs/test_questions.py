@@ -1,11 +1,13 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.hold_last import LastPacket
 from apad_bridge.beliefs.modes import Mode
-from apad_bridge.beliefs.pings import WorthItsEnergy, to_ping
+from apad_bridge.beliefs.pings import WorthItsEnergy, WorthItsWay, to_ping
 from apad_bridge.beliefs.questions import by, candidate_below, full_above, lost, sure_at_ms
 from firmware_model.states import State
 
@@ -76,3 +78,20 @@ def test_a_ping_must_be_worth_its_energy() -> None:
     assert not policy.is_worth(unsure, HOUR // 2)
     assert to_ping(policy, [unsure, sure, empty, wide], 2 * HOUR, 5) == [4, 1]
     assert to_ping(policy, [unsure, sure, empty, wide], 2 * HOUR, 1) == [4]
+
+
+def test_a_ping_must_be_worth_the_way_that_a_search_would_cost() -> None:
+    policy = WorthItsWay(candidate_below(0.5), answer_m=2.0)
+
+    def placed(agent_id: int, charge: float, north_m2: float, east_m2: float) -> Belief:
+        return replace(believed(agent_id, charge, 0.001, 0), place_cov=(north_m2, 0.0, east_m2))
+
+    # 5 m off on the average (a 3, 4, 5 triangle), and certain to be fetched; the same, and certain to stay; near by.
+    lost_sight_of, not_wanted, near = (
+        placed(1, 0.2, 9.0, 16.0),
+        placed(2, 0.9, 9.0, 16.0),
+        placed(3, 0.2, 1.0, 2.0),
+    )
+    farther = placed(4, 0.2, 36.0, 64.0)
+    assert policy.urgency(lost_sight_of) == pytest.approx(5.0)
+    assert to_ping(policy, [lost_sight_of, not_wanted, near, farther], 0, 5) == [4, 1]

@@ -9,7 +9,7 @@ import pytest
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.fleet import FleetBeliefs
 from apad_bridge.beliefs.measurement import Fixed, Heard, Measurement, Ranged
-from apad_bridge.facts import RangeHeard
+from apad_bridge.facts import Ping, RangeHeard
 from apad_bridge.localisation.locator import Locator, LocatorConfig
 from apad_bridge.mission.orders import Note
 from apad_bridge.talking.ears import Ears
@@ -101,3 +101,25 @@ def test_without_an_answer_without_a_place_or_without_localisation_nothing_is_le
 def test_only_who_is_believed_to_hear_is_pinged(state: State, pings: int) -> None:
     beliefs, _ = believing(state)
     assert len(ears(None).advance(beliefs.all(), 0)) == pings
+
+
+class Always:
+    """A policy to which every answer is worth a ping."""
+
+    def is_worth(self, belief: Belief, now_ms: int) -> bool:
+        return True
+
+    def urgency(self, belief: Belief) -> float:
+        return 1.0
+
+
+def test_one_that_too_little_is_known_of_is_pinged_out_of_turn_and_not_again_before_it_could_answer() -> None:
+    silent = TalkConfig(1, 1500.0, 100, True, False, 0, 0, 0)  # by itself it pings nobody
+    beliefs, _ = believing()
+    asking = Ears(Talk(silent, MusselbedCodec(), None, [7]), None, KEEL_M, MUSSEL_M[2], 0.2, Always())
+    said = {now_ms: asking.advance(beliefs.all(), now_ms) for now_ms in range(0, 1_900_000, 10_000)}
+    assert all(isinstance(word, Ping) and word.agent_id == 7 for words in said.values() for word in words)
+    # Ten minutes of its time, as one that did not answer.
+    assert [now_ms for now_ms, words in said.items() if words] == [0, 600_000, 1_200_000, 1_800_000]
+    docked, _ = believing(State.CHARGING)
+    assert asking.advance(docked.all(), 3_000_000) == []
