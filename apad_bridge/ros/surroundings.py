@@ -75,8 +75,7 @@ def open_surroundings(
             )
             stack.callback(gateway.close)
             roll = None if fleet is None else _called_roll(stack, node_name, ids, presences)
-            names = load_names(Path(scenario.apad.interface) if scenario.apad.interface else DEFAULT)
-            laboratory = Laboratory(names, scenario.apad.name, ids, codec)
+            laboratory = _laboratory(scenario, ids, codec)
             stack.callback(laboratory.close)
             standard = _standard_topics(shown, scenario)
             vehicle, watches = _vehicle(scenario, options, docked, now_ms, truths_at)
@@ -102,6 +101,11 @@ def open_surroundings(
             _watched(stack, options, scenario, vehicle),
             roll=roll,
         )
+
+
+def _laboratory(scenario: Scenario, ids: Sequence[int], codec: Codec) -> Laboratory:
+    names = load_names(Path(scenario.apad.interface) if scenario.apad.interface else DEFAULT)
+    return Laboratory(names, scenario.apad.name, ids, codec)
 
 
 def _remappings(scenario: Scenario, options: RunOptions) -> list[str]:

@@ -105,20 +105,7 @@ def fly(
 
     With `fronts` there is no mission of our own: the aPad does what these order. By `override` it can be taken over.
     """
-    supervisor = building.supervisor(
-        scenario,
-        None if go_on is None else go_on.state,
-        first_command_id=1 + (0 if go_on is None else go_on.epoch * _COMMAND_IDS_PER_EPOCH),
-        samples=_collection(scenario, surroundings, recorder),
-        fronts=fronts,
-        override=override,
-        # The aPad's modem is where its water is: with the fleet, and not with a mission alone.
-        has_modem=surroundings.fleet is not None,
-        docks_by_eye=surroundings.docks_by_eye,
-    )
-    if go_on is not None:
-        for slot, agent_id in go_on.state.docked:
-            supervisor.port.docks.take(DockClosed(go_on.now_ms, slot, agent_id))
+    supervisor = _supervisor(scenario, surroundings, recorder, go_on, fronts, override)
     pace = surroundings.pace
 
     def show_tick(now_ms: int) -> None:
@@ -153,6 +140,32 @@ def fly(
         recorder.event(flight.now_ms, "end", reason=ended_by)
         dropped = flight.all_dropped + surroundings.dropped()
         return recorder.finish(flight.now_ms, _ending(supervisor, ended_by, go_on, dropped))
+
+
+def _supervisor(
+    scenario: Scenario,
+    surroundings: Surroundings,
+    recorder: Recorder,
+    go_on: GoOn | None,
+    fronts: Sequence[Front],
+    override: CalledFront | None,
+) -> Supervisor:
+    """With the docks as the journal last had them."""
+    supervisor = building.supervisor(
+        scenario,
+        None if go_on is None else go_on.state,
+        first_command_id=1 + (0 if go_on is None else go_on.epoch * _COMMAND_IDS_PER_EPOCH),
+        samples=_collection(scenario, surroundings, recorder),
+        fronts=fronts,
+        override=override,
+        # The aPad's modem is where its water is: with the fleet, and not with a mission alone.
+        has_modem=surroundings.fleet is not None,
+        docks_by_eye=surroundings.docks_by_eye,
+    )
+    if go_on is not None:
+        for slot, agent_id in go_on.state.docked:
+            supervisor.port.docks.take(DockClosed(go_on.now_ms, slot, agent_id))
+    return supervisor
 
 
 def _ending(supervisor: Supervisor, ended_by: str, go_on: GoOn | None, dropped: Counter[str]) -> Ending:
