@@ -34,6 +34,11 @@ _PACKAGES = {
     "std_msgs": "python3-std-msgs",
     "std_srvs": "python3-std-srvs",
     "geometry_msgs": "python3-geometry-msgs",
+    "sensor_msgs": "python3-sensor-msgs",
+    "nav_msgs": "python3-nav-msgs",
+    "visualization_msgs": "python3-visualization-msgs",
+    "diagnostic_msgs": "python3-diagnostic-msgs",
+    "tf2_msgs": "python3-tf2-msgs",
     "rosgraph_msgs": "python3-rosgraph-msgs",
 }
 """What is imported, and the Debian package that brings it."""
