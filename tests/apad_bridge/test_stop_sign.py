@@ -9,7 +9,7 @@ from pathlib import Path
 
 from apad_bridge.stop_sign import StopSign
 
-# A handler every 50 us, and waits hardly longer: with a threading.Event this hangs within a few hundred rounds.
+# A handler every 50 us, and waits hardly longer: with a threading.Event this does not come through.
 STORM = """
 import signal
 from apad_bridge.stop_sign import StopSign
