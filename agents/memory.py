@@ -32,8 +32,8 @@ def return_freed_memory() -> None:
 def offer_for_merging() -> None:
     """Tells the kernel that what this process and its children write to may be kept once where it is the same.
 
-    Of the pages that an agent copies all but a few differ from every other agent's by nothing at all, because reference
-    counts went up and down alike. A kernel whose merging is off, or that has none, takes no notice: then nothing changes.
+    Most of the pages that an agent copies are equal to another agent's, because reference counts went up and down alike. A
+    kernel whose merging is off, or that has none, takes no notice: then nothing changes.
     """
     with open("/proc/self/maps") as maps:
         spans = [line.split()[0].split("-") for line in maps if " rw-p " in line and "[stack]" not in line]
