@@ -20,8 +20,8 @@ STALLED_S = 0.8
 """A reader whose socket took nothing for so long is disconnected: within a second, at ten messages a second. It may connect
 again when it reads again."""
 _SEND_BUFFER_BYTES = 8192
-"""Asked of the kernel, which doubles it: by their bytes some 10 s of an aMussel's positions, which a reader that pauses does
-not lose; the reader's own buffer comes on top. More would only put off the time at which a stalled reader is noticed."""
+"""Asked of the kernel, which doubles it: some 10 s of an aMussel's positions, which a reader that pauses does not lose; the
+reader's own buffer comes on top. More would only put off the time at which a stalled reader is noticed."""
 
 
 class Stalls:
