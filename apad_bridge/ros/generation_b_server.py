@@ -30,6 +30,7 @@ from apad_bridge.ros.generation_b_words import (
     PositionOrder,
 )
 from apad_bridge.ros.messages import use_generated_messages
+from apad_bridge.ros.names import CLOCK, of_apad, ours
 from apad_bridge.ros.ros_time import to_ms, to_ros
 
 use_generated_messages()
@@ -50,9 +51,9 @@ _QUEUE = 200
 
 
 class GenerationBServer:
-    """Everything under `namespace`. One lock guards the vehicle. The node is initialised before."""
+    """All of the aPad called `name`. One lock guards the vehicle. The node is initialised before."""
 
-    def __init__(self, namespace: str, make_vehicle: Callable[[int], GenerationBVehicle]) -> None:
+    def __init__(self, name: str, make_vehicle: Callable[[int], GenerationBVehicle]) -> None:
         self.heard_clock_s = time.monotonic()
         self._make_vehicle = make_vehicle
         self._vehicle: GenerationBVehicle | None = None
@@ -70,17 +71,17 @@ class GenerationBServer:
             "kinect_out": Float32,
         }
         self._out = {
-            name: rospy.Publisher(f"{namespace}/{name}", kind, queue_size=_QUEUE)
-            for name, kind in kinds.items()
+            leaf: rospy.Publisher(of_apad(name, leaf), kind, queue_size=_QUEUE)
+            for leaf, kind in kinds.items()
         }
-        self._offer_services(f"{namespace}/commander")
-        self._listen(namespace)
+        self._offer_services(name)
+        self._listen(name)
 
     def follow_clock(self) -> None:
         """From now on time is /clock's; otherwise somebody calls `advance_to`."""
-        rospy.Subscriber("/clock", Clock, self._take_clock, tcp_nodelay=True)
+        rospy.Subscriber(CLOCK, Clock, self._take_clock, tcp_nodelay=True)
 
-    def _offer_services(self, commander: str) -> None:
+    def _offer_services(self, apad: str) -> None:
         primitives: list[tuple[str, Any, Any, Callable[[Any], Order]]] = [
             ("go2point", Go2pointPrimitiveService, Go2pointPrimitiveServiceResponse, _go_to),
             (
@@ -92,15 +93,15 @@ class GenerationBServer:
             ("docking", DockingPrimitiveService, DockingPrimitiveServiceResponse, _docking),
         ]
         for name, kind, response, convert in primitives:
-            rospy.Service(f"{commander}/primitive/{name}", kind, self._takes(convert, response))
+            rospy.Service(of_apad(apad, f"commander/primitive/{name}"), kind, self._takes(convert, response))
         for name, act in (
             ("stop_mission", GenerationBVehicle.stop),
             ("pause_mission", GenerationBVehicle.pause),
             ("continue_mission", GenerationBVehicle.go_on),
         ):
-            rospy.Service(f"{commander}/{name}", Trigger, self._commands(act))
+            rospy.Service(of_apad(apad, f"commander/{name}"), Trigger, self._commands(act))
 
-    def _listen(self, namespace: str) -> None:
+    def _listen(self, apad: str) -> None:
         def act(take: Callable[[GenerationBVehicle, Any], list[Shown]]) -> Callable[[Any], None]:
             def taken(message: Any) -> None:
                 with self._lock:
@@ -115,8 +116,8 @@ class GenerationBServer:
             ("manual", Bool, lambda it, data: it.set_manual(data, it.now_ms)),
         ]
         for name, kind, take in topics:
-            rospy.Subscriber(f"{namespace}/{name}", kind, act(take), tcp_nodelay=True)
-        rospy.Subscriber("/musselbed/dock", DockAlert, self._take_load, tcp_nodelay=True)
+            rospy.Subscriber(of_apad(apad, name), kind, act(take), tcp_nodelay=True)
+        rospy.Subscriber(ours("dock"), DockAlert, self._take_load, tcp_nodelay=True)
 
     def _take_load(self, message: Any) -> None:
         with self._lock:
