@@ -229,6 +229,15 @@ OF_APAD = Section(
         _service(
             "{apad}/commander/primitive/docking", "misc_msgs/DockingPrimitiveService", _B, "answers at once"
         ),
+        _service(
+            "{apad}/commander/go2point", "misc_msgs/Go2pointService", _B, "the same with a radius of 1.5 m"
+        ),
+        _service(
+            "{apad}/commander/docking", "misc_msgs/DockingService", _B, "the same with rates of its own"
+        ),
+        Row(
+            "{apad}/go2point", Kind.ACTION, "navcon_msgs/GoToPoint", _B, "underneath: every go-to, to its end"
+        ),
         _service("{apad}/commander/stop_mission", "std_srvs/Trigger", _B, "ends the primitive"),
         _service("{apad}/commander/pause_mission", "std_srvs/Trigger", _B, "pauses it"),
         _service("{apad}/commander/continue_mission", "std_srvs/Trigger", _B, "goes on with it"),
