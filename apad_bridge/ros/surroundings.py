@@ -79,7 +79,7 @@ def open_surroundings(
             roll = None if fleet is None else _called_roll(stack, ids, presences)
             laboratory = _laboratory(scenario, ids, codec)
             stack.callback(laboratory.close)
-            standard = _standard_topics(shown, scenario)
+            standard = _standard_topics(shown, scenario, options.namespace)
             vehicle, watches = _vehicle(scenario, options, docked, now_ms, truths_at)
             stack.callback(vehicle.close)
             radio = _radio(options, ids, codec, scenario.theta, vehicle, presences)
@@ -149,7 +149,7 @@ def _radio(
     return RealRadio(ids, lambda: presences.simulated)
 
 
-def _standard_topics(shown: Iterable[int], scenario: Scenario) -> StandardTopics:
+def _standard_topics(shown: Iterable[int], scenario: Scenario, namespace: str) -> StandardTopics:
     mission = scenario.mission
     limits = Limits(mission.silence_timeout_s, mission.pool_threshold)
     return StandardTopics(
@@ -158,6 +158,7 @@ def _standard_topics(shown: Iterable[int], scenario: Scenario) -> StandardTopics
         LocalFrame.about(scenario.area.origin),
         limits,
         is_one_of_several=bool(scenario.fleet.share),
+        namespace=namespace,
     )
 
 

@@ -64,12 +64,12 @@ def fly(run_dir: Path, resume: bool) -> int:
     ids = building.agent_ids(scenario)
     if resume:
         gap_ms = resuming.gap_ms(options, directory.journal, time.time())
-        recorder, resumed = Recorder.resume(directory, scenario, ids)
+        recorder, resumed = Recorder.resume(directory, scenario, ids, options.namespace)
         go_on = resuming.go_on(resumed.journal, options.epoch, gap_ms)
         for words in resuming.what_was_lost(resumed):
             say(words)
     else:
-        recorder, go_on = Recorder(directory, scenario, ids), None
+        recorder, go_on = Recorder(directory, scenario, ids, options.namespace), None
         flying.journal_start(recorder, scenario, starts_of(scenario))
     start_ms = 0 if go_on is None else go_on.now_ms
     try:
