@@ -16,6 +16,7 @@ from apad_bridge.ros import generation_b_requests as requests
 from apad_bridge.ros.generation_b_shown import GoToBegun, GoToEnded, GoToLeft
 from apad_bridge.ros.generation_b_words import GoToOrder, Status
 from apad_bridge.ros.messages import use_generated_messages
+from apad_bridge.ros.names import of_apad
 from apad_bridge.ros.ros_time import to_ros
 
 use_generated_messages()
@@ -29,8 +30,8 @@ OrderTaken = Callable[[GoToOrder], bool | None]
 class Go2Point:
     """Its `lock` is held whenever it is called, and while it calls `order` or `stop`."""
 
-    def __init__(self, namespace: str, order: OrderTaken, stop: Callable[[], None]) -> None:
-        self._commander = f"{namespace}/commander"
+    def __init__(self, apad: str, order: OrderTaken, stop: Callable[[], None]) -> None:
+        self._commander = rospy.resolve_name(f"{apad}/commander")
         self._commanded = 0
         self._order = order
         self._stop = stop
@@ -40,7 +41,7 @@ class Go2Point:
         # Its status timer sleeps on ROS time; here the status goes out with the second, by `tell_status`.
         rospy.set_param("~actionlib_status_frequency", 0.0)
         self._server = ActionServer(
-            f"{namespace}/go2point", GoToPointAction, self._take_goal, self._cancel_goal, auto_start=False
+            of_apad(apad, "go2point"), GoToPointAction, self._take_goal, self._cancel_goal, auto_start=False
         )
         self.lock = self._server.lock
 

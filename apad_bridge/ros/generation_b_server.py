@@ -29,6 +29,7 @@ from apad_bridge.ros.generation_b_shown import (
 from apad_bridge.ros.generation_b_vehicle import GenerationBVehicle
 from apad_bridge.ros.generation_b_words import PRIMITIVE_FINISHED, Order
 from apad_bridge.ros.messages import use_generated_messages
+from apad_bridge.ros.names import CLOCK, of_apad, ours
 from apad_bridge.ros.ros_time import to_ms, to_ros
 from apad_bridge.ros.their_services import service_to_offer
 
@@ -51,13 +52,13 @@ _QUEUE = 200
 
 
 class GenerationBServer:
-    """Everything under `namespace`. One lock, the action server's, guards the vehicle. The node is initialised before."""
+    """All of the aPad called `name`. One lock, the action server's, guards the vehicle. The node is initialised before."""
 
-    def __init__(self, namespace: str, make_vehicle: Callable[[int], GenerationBVehicle]) -> None:
+    def __init__(self, name: str, make_vehicle: Callable[[int], GenerationBVehicle]) -> None:
         self.heard_clock_s = time.monotonic()
         self._make_vehicle = make_vehicle
         self._vehicle: GenerationBVehicle | None = None
-        self._go2point = Go2Point(namespace, self._order, self._stop)
+        self._go2point = Go2Point(name, self._order, self._stop)
         self._lock = self._go2point.lock
         self._ended = threading.Event()
         """Never set before the process ends: what a service that hangs waits for."""
@@ -72,18 +73,18 @@ class GenerationBServer:
             "kinect_out": Float32,
         }
         self._out = {
-            name: rospy.Publisher(f"{namespace}/{name}", kind, queue_size=_QUEUE)
-            for name, kind in kinds.items()
+            leaf: rospy.Publisher(of_apad(name, leaf), kind, queue_size=_QUEUE)
+            for leaf, kind in kinds.items()
         }
         self._go2point.start()
-        self._offer_services(f"{namespace}/commander")
-        self._listen(namespace)
+        self._offer_services(name)
+        self._listen(name)
 
     def follow_clock(self) -> None:
         """From now on time is /clock's; otherwise somebody calls `advance_to`."""
-        rospy.Subscriber("/clock", Clock, self._take_clock, tcp_nodelay=True)
+        rospy.Subscriber(CLOCK, Clock, self._take_clock, tcp_nodelay=True)
 
-    def _offer_services(self, commander: str) -> None:
+    def _offer_services(self, apad: str) -> None:
         """Each by the text in the user's workspace, where that has what is read of it."""
         services: list[tuple[str, Any, Conversion]] = [
             ("primitive/go2point", Go2pointPrimitiveService, requests.go_to),
@@ -92,17 +93,19 @@ class GenerationBServer:
             ("go2point", Go2pointService, requests.simple_go_to),
             ("docking", DockingService, requests.simple_docking),
         ]
-        for name, ours, convert in services:
-            kind = service_to_offer(ours, convert)
-            rospy.Service(f"{commander}/{name}", kind, self._takes(convert, kind._response_class))
+        for name, known, convert in services:
+            kind = service_to_offer(known, convert)
+            rospy.Service(
+                of_apad(apad, f"commander/{name}"), kind, self._takes(convert, kind._response_class)
+            )
         for name, act in (
             ("stop_mission", GenerationBVehicle.stop),
             ("pause_mission", GenerationBVehicle.pause),
             ("continue_mission", GenerationBVehicle.go_on),
         ):
-            rospy.Service(f"{commander}/{name}", Trigger, self._commands(act))
+            rospy.Service(of_apad(apad, f"commander/{name}"), Trigger, self._commands(act))
 
-    def _listen(self, namespace: str) -> None:
+    def _listen(self, apad: str) -> None:
         def act(take: Callable[[GenerationBVehicle, Any], list[Shown]]) -> Callable[[Any], None]:
             def taken(message: Any) -> None:
                 with self._lock:
@@ -117,8 +120,8 @@ class GenerationBServer:
             ("manual", Bool, lambda it, data: it.set_manual(data, it.now_ms)),
         ]
         for name, kind, take in topics:
-            rospy.Subscriber(f"{namespace}/{name}", kind, act(take), tcp_nodelay=True)
-        rospy.Subscriber("/musselbed/dock", DockAlert, self._take_load, tcp_nodelay=True)
+            rospy.Subscriber(of_apad(apad, name), kind, act(take), tcp_nodelay=True)
+        rospy.Subscriber(ours("dock"), DockAlert, self._take_load, tcp_nodelay=True)
 
     def _take_load(self, message: Any) -> None:
         with self._lock:

@@ -6,6 +6,8 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
+import rospy
+
 from apad_bridge import building
 from apad_bridge.fleet import Fleet
 from apad_bridge.flight import Watcher
@@ -77,7 +79,7 @@ def open_surroundings(
                 comes_back=options.is_resumed,
             )
             stack.callback(gateway.close)
-            roll = None if fleet is None else _called_roll(stack, node_name, presences, options, tell)
+            roll = None if fleet is None else _called_roll(stack, presences, options, tell)
             laboratory = _laboratory(scenario, ids, codec)
             stack.callback(laboratory.close)
             standard = _standard_topics(shown, scenario)
@@ -128,12 +130,11 @@ def _vehicle(
 
 def _called_roll(
     stack: ExitStack,
-    node_name: str,
     presences: Presences,
     options: RunOptions,
     tell: Callable[[str], None],
 ) -> Roll:
-    claims = ClaimBoard(f"/{node_name}", lambda: presences.simulated)
+    claims = ClaimBoard(rospy.get_name(), lambda: presences.simulated)
     if options.is_resumed:
         for line in claims.come_back(presences):
             tell(line)
