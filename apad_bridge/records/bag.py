@@ -21,16 +21,17 @@ from rosbags.rosbag1.writer import WriteChunk, Writer
 from apad_bridge.records.bag_messages import APAD, BELIEFS, EVENT, SOUND, TRUTH, Messages, typestore
 from apad_bridge.records.packet_lines import SoundRow
 from apad_bridge.records.samples import APadSample, BeliefSample, TruthSample
+from apad_bridge.ros.names import ours
 
 CHUNK_BYTES = 256 * 1024
 CHUNK_MS = 60_000
 """A chunk ends after so much mission time, however little is in it."""
 _TOPICS = {
-    TRUTH: "/musselbed/truth",
-    BELIEFS: "/musselbed/beliefs",
-    APAD: "/musselbed/apad",
-    EVENT: "/musselbed/mission",
-    SOUND: "/musselbed/sound",
+    TRUTH: f"/{ours('truth')}",
+    BELIEFS: f"/{ours('beliefs')}",
+    APAD: f"/{ours('apad')}",
+    EVENT: f"/{ours('mission')}",
+    SOUND: f"/{ours('sound')}",
 }
 
 

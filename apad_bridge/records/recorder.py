@@ -11,6 +11,7 @@ from typing import Any
 from agents.outputs import Truth
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.boards import takes_samples
+from apad_bridge.presence import Presence
 from apad_bridge.records.bag import BagWriter, repair_bag
 from apad_bridge.records.changes import APadChanges, BeliefChanges, differs_in_kind, has_moved
 from apad_bridge.records.journal import Journal, JournalContents, Line, read_journal
@@ -103,6 +104,8 @@ class Recorder:
         self._journal.append(at_ms, kind, data)
         if kind == "died" and data.get("gave_up") is not None:
             self._give_up(data)
+        if kind == "presence":
+            self._note_presence(at_ms, data)
         if kind == "packet":
             for row in sound_rows(data):
                 self._bag.sound(at_ms, row)
@@ -188,7 +191,7 @@ class Recorder:
             "cost_m": ending.cost_m,
             "services": ending.services,
             "apad_energy_fraction": ending.apad_energy_fraction,
-            **self._sample_figures(ending),
+            **self._sample_figures(ending, at_ms),
             "gave_up": len(self._gave_up),
             "dropped": dict(sorted((Counter(ending.dropped) + self.dropped).items())),
         }
@@ -205,11 +208,12 @@ class Recorder:
         self._bag.close()
         self._samples.close()
 
-    def _sample_figures(self, ending: Ending) -> Line:
+    def _sample_figures(self, ending: Ending, at_ms: int) -> Line:
         if not takes_samples(self._scenario.board):
             return dict.fromkeys(SAMPLE_KEYS)
         taken = {agent_id: truth.physical.samples for agent_id, truth in self._newest.items()}
-        return sample_figures(taken, self._samples.kept, ending.samples_gone)
+        apart = {uptime.agent_id: uptime.apart for uptime in self.meter.at(at_ms)}
+        return sample_figures(taken, self._samples.kept, ending.samples_gone, apart)
 
     def _is_sampled(self, now_ms: int) -> bool:
         """Per tick through the first day of mission time, then at the scenario's period."""
@@ -223,6 +227,9 @@ class Recorder:
         self._gave_up.add(died["id"])
         self.meter.gone(died["id"], died["agent_ms"])
 
+    def _note_presence(self, at_ms: int, told: Line) -> None:
+        self.meter.is_now(told["id"], Presence(told["is"]), self._scenario.theta * at_ms)
+
     def _remember(self, contents: JournalContents) -> None:
         for line in contents.lines:
             if line["kind"] == "truth":
@@ -231,6 +238,8 @@ class Recorder:
                 self._newest[truth.agent_id] = self._journaled[truth.agent_id] = truth
             elif line["kind"] == "died" and line["gave_up"] is not None:
                 self._give_up(line)
+            elif line["kind"] == "presence":
+                self._note_presence(line["t"], line)
         self._sampled_ms = contents.last_ms
 
     def _ends(self, at_ms: int) -> list[Start]:

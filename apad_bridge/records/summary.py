@@ -6,9 +6,15 @@ from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass, field
 from typing import Any
 
+from apad_bridge.presence import Presence
 from apad_bridge.records.uptime import AgentUptime, UptimeMeter
 from firmware_model.charge import fraction
 
+_KEYS = (
+    *("counted_s", "counted_at_end"),
+    *("uptime_paper", "uptime_submerged", "active_mean", "amussels_lost", "emptied"),
+    *("samples_taken", "dead_time_s", "final_charge_mean"),
+)
 NO_TRUTH = "no truth was recorded: real aMussels, or another's fleet"
 
 
@@ -29,38 +35,59 @@ class Ending:
 
 
 def uptime_figures(meter: UptimeMeter, now_ms: int, tick_ms: int = 1000) -> dict[str, Any]:
-    """The keys of summary.json that come from the truth; None, and `uptime_missing` why, where there is none."""
+    """The keys of summary.json that come from the truth; None, and `uptime_missing` why, where there is none.
+
+    An aMussel counts for as long as it was simulated and in the water: `counted_s`, summed over them. `apart` says what is
+    left out.
+    """
     uptimes, ticks = meter.at(now_ms), meter.ticks(now_ms)
-    if not uptimes or ticks == 0:
-        reason = NO_TRUTH if not uptimes else "the run ended before its first tick"
-        names = (
-            "uptime_paper",
-            "uptime_submerged",
-            "active_mean",
-            "amussels_lost",
-            "emptied",
-            "samples_taken",
-            "dead_time_s",
+    spans = {uptime.agent_id: ticks - uptime.beside_real - uptime.retired for uptime in uptimes}
+    apart = {"apart": _apart(uptimes, tick_ms)}
+    if not any(spans.values()):
+        reason = (
+            NO_TRUTH
+            if not uptimes
+            else "the run ended before its first tick"
+            if ticks == 0
+            else "nobody was simulated in the water"
         )
-        return {**dict.fromkeys((*names, "final_charge_mean")), "uptime_missing": reason}
+        return {**dict.fromkeys(_KEYS), **apart, "uptime_missing": reason}
+    left = [uptime for uptime in uptimes if uptime.presence is Presence.SIMULATED]
     return {
-        "uptime_paper": _spread([uptime.paper for uptime in uptimes], ticks),
-        "uptime_submerged": _spread([uptime.submerged for uptime in uptimes], ticks),
+        "counted_s": sum(spans.values()) * tick_ms / 1000,
+        "counted_at_end": len(left),
+        "uptime_paper": _spread([(it.paper, spans[it.agent_id]) for it in uptimes]),
+        "uptime_submerged": _spread([(it.submerged, spans[it.agent_id]) for it in uptimes]),
         "active_mean": sum(uptime.paper for uptime in uptimes) / ticks,
         "amussels_lost": sum(uptime.lost for uptime in uptimes),
         "emptied": sum(uptime.emptied for uptime in uptimes),
         "samples_taken": sum(uptime.samples for uptime in uptimes),
         "dead_time_s": sum(uptime.dead for uptime in uptimes) * tick_ms / 1000,
-        "final_charge_mean": _mean_charge(uptimes),
+        "final_charge_mean": _mean_charge(left) if left else None,
+        **apart,
     }
 
 
-def _spread(counts: Sequence[int], ticks: int) -> dict[str, float]:
-    """In percent of `ticks`."""
+def _apart(uptimes: Sequence[AgentUptime], tick_ms: int) -> dict[str, Any] | None:
+    """What the figures leave out; None where that is nothing. Seconds are summed over aMussels."""
+    others = [it for it in uptimes if it.beside_real or it.retired]
+    if not others:
+        return None
     return {
-        "mean": 100 * sum(counts) / (ticks * len(counts)),
-        "max": 100 * max(counts) / ticks,
-        "min": 100 * min(counts) / ticks,
+        "amussels": len(others),
+        "beside_real_s": sum(it.beside_real for it in others) * tick_ms / 1000,
+        "retired_s": sum(it.retired for it in others) * tick_ms / 1000,
+        "samples_taken": sum(len(span) for it in others for span in it.apart),
+    }
+
+
+def _spread(counts: Sequence[tuple[int, int]]) -> dict[str, float]:
+    """Of (ticks counted, ticks in the water) of each aMussel, in percent; the mean is over all ticks of all of them."""
+    shares = [100 * counted / ticks for counted, ticks in counts if ticks]
+    return {
+        "mean": 100 * sum(counted for counted, _ in counts) / sum(ticks for _, ticks in counts),
+        "max": max(shares),
+        "min": min(shares),
     }
 
 

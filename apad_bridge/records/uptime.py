@@ -8,13 +8,17 @@ what its newest Truth up to that time (inclusive) says. Two meanings of "active"
 
 An aMussel that is LOST can no longer surface: both batteries at 0, or, of a board that reads its batteries, both read so
 for long enough.
+
+All of this is of simulated aMussels in the water. The ticks of one that goes on beside a real one, or is out of the water,
+are counted apart, and whatever happens to it then counts as nothing.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from agents.outputs import Truth
+from apad_bridge.presence import Presence
 from firmware_model.charge import Battery, ChargeModel
 from firmware_model.state_groups import AT_WORK, BEYOND_HELP
 
@@ -34,15 +38,24 @@ class AgentUptime:
     """It was LOST at some time."""
     charge: int = 0
     samples: int = 0
-    """Which its sensors have ever taken."""
+    """Which its sensors have ever taken, without those of `apart`."""
+    apart: tuple[range, ...] = ()
+    """Sequences of the samples that it took as a real one's twin, or out of the water."""
+    beside_real: int = 0
+    """Ticks as a real one's twin; the counts above have none of them."""
+    retired: int = 0
+    """Ticks out of the water; as before."""
+    presence: Presence = Presence.SIMULATED
+    """Now."""
 
 
 @dataclass(slots=True)
 class _Ledger:
-    """What was counted before `truth`, and from when (agent ms) the truth stands."""
+    """The newest truth, and what was counted before `since_ms` (agent time, at or after the truth's)."""
 
     truth: Truth
     counted: AgentUptime
+    since_ms: int
     gone_ms: int | None = None
 
 
@@ -55,6 +68,7 @@ class UptimeMeter:
         self._tick_ms = tick_ms
         self._step_ms = theta * tick_ms
         self._ledgers: dict[int, _Ledger] = {}
+        self._presences: dict[int, Presence] = {}
 
     @property
     def agent_ids(self) -> list[int]:
@@ -65,11 +79,15 @@ class UptimeMeter:
         """The next Truth of its aMussel. ValueError, and nothing changed, when it is older than the one before."""
         ledger = self._ledgers.get(truth.agent_id)
         if ledger is None:
-            self._ledgers[truth.agent_id] = _Ledger(truth, AgentUptime(truth.agent_id))
+            self._ledgers[truth.agent_id] = _Ledger(truth, AgentUptime(truth.agent_id), truth.at_ms)
             return
         if truth.at_ms < ledger.truth.at_ms:
             raise ValueError(f"time went back: {truth.at_ms} before {ledger.truth.at_ms}")
         ledger.counted = self._count(ledger, truth.at_ms)
+        ledger.since_ms = max(ledger.since_ms, truth.at_ms)
+        if self._presence(truth.agent_id) is not Presence.SIMULATED:
+            taken = range(ledger.truth.physical.samples, truth.physical.samples)
+            ledger.counted = replace(ledger.counted, apart=_joined(ledger.counted.apart, taken))
         ledger.truth = truth
         if _is_past(ledger.gone_ms, truth.at_ms - 1):
             ledger.gone_ms = None  # it lives again: somebody started it by hand
@@ -79,6 +97,14 @@ class UptimeMeter:
         ledger = self._ledgers.get(agent_id)
         if ledger is not None and ledger.gone_ms is None:
             ledger.gone_ms = max(at_ms, ledger.truth.at_ms)
+
+    def is_now(self, agent_id: int, presence: Presence, at_ms: int) -> None:
+        """After the tick at agent time `at_ms`, the time of no older call, this aMussel is what `presence` says."""
+        ledger = self._ledgers.get(agent_id)
+        if ledger is not None:
+            ledger.counted = self._count(ledger, at_ms + 1)
+            ledger.since_ms = max(ledger.since_ms, at_ms + 1)
+        self._presences[agent_id] = presence
 
     def ticks(self, now_ms: int) -> int:
         """How many ticks there were by mission time `now_ms`."""
@@ -91,19 +117,27 @@ class UptimeMeter:
         return [self._count(self._ledgers[agent_id], until_ms) for agent_id in self.agent_ids]
 
     def active_now(self, now_ms: int) -> int:
-        """How many are active at mission time `now_ms`, in the paper's meaning."""
+        """How many are active at mission time `now_ms`, in the paper's meaning, as they stand now."""
         agent_ms = self._theta * now_ms
         active = 0
-        for ledger in self._ledgers.values():
-            physical = ledger.truth.physical
-            if not physical.docked and not _is_past(ledger.gone_ms, agent_ms):
+        for agent_id, ledger in self._ledgers.items():
+            physical, is_there = ledger.truth.physical, self._presence(agent_id) is Presence.SIMULATED
+            if is_there and not physical.docked and not _is_past(ledger.gone_ms, agent_ms):
                 active += self.charge.charge_at(physical.primary, max(agent_ms, ledger.truth.at_ms)) > 0
         return active
 
+    def _presence(self, agent_id: int) -> Presence:
+        return self._presences.get(agent_id, Presence.SIMULATED)
+
     def _count(self, ledger: _Ledger, until_ms: int) -> AgentUptime:
-        """What was counted, and the span from the ledger's truth up to but not including agent time `until_ms`."""
+        """What was counted, and the span from the ledger's time up to but not including agent time `until_ms`."""
         truth, counted = ledger.truth, ledger.counted
-        start_ms = truth.at_ms
+        start_ms = ledger.since_ms
+        presence = self._presence(truth.agent_id)
+        if presence is not Presence.SIMULATED:
+            ticks = self._ticks_between(start_ms, max(start_ms, until_ms))
+            key = "retired" if presence is Presence.RETIRED else "beside_real"
+            return replace(counted, presence=presence, **{key: getattr(counted, key) + ticks})
         end_ms = max(start_ms, until_ms if ledger.gone_ms is None else min(until_ms, ledger.gone_ms))
         primary = truth.physical.primary
         empty_ms = self._span_at_zero(primary, start_ms, end_ms)
@@ -111,15 +145,18 @@ class UptimeMeter:
         dead = self._ticks_between(*empty_ms)
         charged = self._ticks_between(start_ms, end_ms) - dead
         both_ms = (max(empty_ms[0], backup_empty_ms[0]), min(empty_ms[1], backup_empty_ms[1]))
-        return AgentUptime(
-            truth.agent_id,
-            counted.paper + (0 if truth.physical.docked else charged),
-            counted.submerged + (charged if truth.state in AT_WORK else 0),
-            counted.dead + dead,
-            counted.emptied or empty_ms[0] < empty_ms[1],
-            counted.lost or both_ms[0] < both_ms[1] or (truth.state in BEYOND_HELP and start_ms < end_ms),
-            self.charge.charge_at(primary, max(start_ms, end_ms - 1)),
-            truth.physical.samples,
+        return replace(
+            counted,
+            paper=counted.paper + (0 if truth.physical.docked else charged),
+            submerged=counted.submerged + (charged if truth.state in AT_WORK else 0),
+            dead=counted.dead + dead,
+            emptied=counted.emptied or empty_ms[0] < empty_ms[1],
+            lost=counted.lost
+            or both_ms[0] < both_ms[1]
+            or (truth.state in BEYOND_HELP and start_ms < end_ms),
+            charge=self.charge.charge_at(primary, max(truth.at_ms, end_ms - 1)),
+            samples=truth.physical.samples - sum(map(len, counted.apart)),
+            presence=presence,
         )
 
     def _ticks_between(self, start_ms: int, end_ms: int) -> int:
@@ -140,3 +177,12 @@ class UptimeMeter:
 
 def _is_past(gone_ms: int | None, agent_ms: int) -> bool:
     return gone_ms is not None and agent_ms >= gone_ms
+
+
+def _joined(spans: tuple[range, ...], new: range) -> tuple[range, ...]:
+    """With `new`, which begins no earlier than the last of them ends."""
+    if not new:
+        return spans
+    if spans and spans[-1].stop == new.start:
+        return (*spans[:-1], range(spans[-1].start, new.stop))
+    return (*spans, new)

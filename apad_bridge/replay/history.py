@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from agents.outputs import Truth
+from apad_bridge.presence import Presence
 from apad_bridge.records.journal import JournalContents, Line
 from apad_bridge.records.truth_lines import truth_of
 from apad_bridge.records.uptime import UptimeMeter
@@ -49,11 +50,13 @@ class History:
         self._next = 0
         self.end_ms = journal.last_ms
         self.now = Now()
+        self._theta = theta
         self.meter = UptimeMeter(theta, charge)
         self._takers: dict[str, Callable[[Line], None]] = {
             "truth": self._take_truth,
             "belief": self._take_belief,
             "died": self._take_death,
+            "presence": self._take_presence,
             "apad": self._take_apad,
             "dock": self._take_dock,
             "leg": self._take_leg,
@@ -88,6 +91,9 @@ class History:
         if line["gave_up"] is not None:
             self.now.gone.add(line["id"])
             self.meter.gone(line["id"], line["agent_ms"])
+
+    def _take_presence(self, line: Line) -> None:
+        self.meter.is_now(line["id"], Presence(line["is"]), self._theta * line["t"])
 
     def _take_apad(self, line: Line) -> None:
         self.now.apad = line

@@ -45,14 +45,14 @@ def _make_node(scenario: Scenario) -> GenerationAServer | GenerationBServer:
         from apad_bridge.ros.generation_b_vehicle import GenerationBVehicle
 
         return GenerationBServer(
-            f"/{apad.name}", lambda start_ms: GenerationBVehicle(SimulatedAPad(apad), start_ms, apad.fault)
+            apad.name, lambda start_ms: GenerationBVehicle(SimulatedAPad(apad), start_ms, apad.fault)
         )
     from apad_bridge.ros.generation_a_server import GenerationAServer
     from apad_bridge.ros.generation_a_vehicle import GenerationAVehicle
 
     misses = building.misses(scenario)
     return GenerationAServer(
-        f"/{apad.name}",
+        apad.name,
         lambda start_ms: GenerationAVehicle(
             SimulatedAPad(apad), mission.speed_m_s, mission.victory_radius_m, start_ms, apad.fault, misses
         ),

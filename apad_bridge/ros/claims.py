@@ -21,12 +21,13 @@ import rospy
 from apad_bridge.presence import Moved, Presence, Trigger
 from apad_bridge.ros.fleet_guard import SecondFleet
 from apad_bridge.ros.messages import use_generated_messages
+from apad_bridge.ros.names import ours
 
 use_generated_messages()
 
 from musselbed_msgs.msg import FleetClaim  # noqa: E402
 
-TOPIC = "/musselbed/claims"
+TOPIC = ours("claims")
 PERIOD_S = 1.0
 LEASE_S = 5.0
 _HEAR_S = 1.0
@@ -129,5 +130,6 @@ class ClaimBoard:
 
 
 def _publishers() -> set[str]:
+    resolved = rospy.resolve_name(TOPIC)
     topics, _, _ = rosgraph.Master(rospy.get_name()).getSystemState()
-    return {node for topic, nodes in topics if topic == TOPIC for node in nodes}
+    return {node for topic, nodes in topics if topic == resolved for node in nodes}

@@ -30,6 +30,7 @@ from apad_bridge.records.samples import belief_sample
 from apad_bridge.ros.agent_topics import AgentTopics, Shown
 from apad_bridge.ros.fleet_guard import refuse_second_fleet
 from apad_bridge.ros.messages import use_generated_messages
+from apad_bridge.ros.names import of_amussel, ours
 from apad_bridge.ros.ros_time import to_ros
 from apad_bridge.supervisor import Supervisor
 
@@ -69,7 +70,7 @@ def open_gateway(
     raise_descriptor_limit()
     master_uri = rosgraph.get_master_uri()
     try:
-        refuse_second_fleet(f"/{node_name}", ids, master_uri)
+        refuse_second_fleet(rospy.resolve_name(node_name), ids, master_uri)
         rospy.init_node(
             node_name,
             argv=list(remappings),
@@ -110,12 +111,12 @@ class Gateway:
         self._shown: Mapping[int, Shown] = MappingProxyType({})
         ids = list(agent_ids)
         self.agent_topics = AgentTopics(ids)
-        self._beliefs = _publisher("/musselbed/beliefs", FleetBeliefs, _FLEET_QUEUE)
-        self._apad = _publisher("/musselbed/apad", APadStatus, _FLEET_QUEUE)
-        self._events = _publisher("/musselbed/mission", MissionEvent, _EVENT_QUEUE)
-        self._sound = _publisher("/musselbed/sound", MediumTransmission, _EVENT_QUEUE)
+        self._beliefs = _publisher(ours("beliefs"), FleetBeliefs, _FLEET_QUEUE)
+        self._apad = _publisher(ours("apad"), APadStatus, _FLEET_QUEUE)
+        self._events = _publisher(ours("mission"), MissionEvent, _EVENT_QUEUE)
+        self._sound = _publisher(ours("sound"), MediumTransmission, _EVENT_QUEUE)
         self._services = [
-            rospy.Service(f"/amussel{agent_id}/{name}", GetChargeInfo, self._answers(agent_id))
+            rospy.Service(of_amussel(agent_id, name), GetChargeInfo, self._answers(agent_id))
             for agent_id in ids
             for name in ("get_battery_level", "charge_info")
         ]

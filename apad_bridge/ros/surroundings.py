@@ -6,6 +6,8 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
+import rospy
+
 from apad_bridge import building
 from apad_bridge.fleet import Fleet
 from apad_bridge.flight import Watcher
@@ -74,7 +76,7 @@ def open_surroundings(
                 truth=_shown_truth(truths_at) if scenario.records.truth_on_agent_topics else None,
             )
             stack.callback(gateway.close)
-            roll = None if fleet is None else _called_roll(stack, node_name, ids, presences)
+            roll = None if fleet is None else _called_roll(stack, ids, presences)
             laboratory = _laboratory(scenario, ids, codec)
             stack.callback(laboratory.close)
             standard = _standard_topics(shown, scenario)
@@ -123,8 +125,8 @@ def _vehicle(
     return opened.link, () if opened.watch is None else (opened.watch,)
 
 
-def _called_roll(stack: ExitStack, node_name: str, ids: Sequence[int], presences: Presences) -> Roll:
-    claims = ClaimBoard(f"/{node_name}", lambda: presences.simulated)
+def _called_roll(stack: ExitStack, ids: Sequence[int], presences: Presences) -> Roll:
+    claims = ClaimBoard(rospy.get_name(), lambda: presences.simulated)
     claims.refuse_overlap(ids)
     desk = FleetServices(presences, claims)
     stack.callback(desk.close)

@@ -12,6 +12,7 @@ from apad_bridge.beliefs.belief import Belief
 from apad_bridge.boards import charge_model
 from apad_bridge.flight import Flight
 from apad_bridge.pace import AsFastAsPossible
+from apad_bridge.presence import Presence
 from apad_bridge.records.summary import uptime_figures
 from apad_bridge.records.uptime import UptimeMeter
 from apad_bridge.sample_collection import SampleCollection
@@ -29,6 +30,7 @@ class MemoryRecorder:
     """Keeps the events, and counts uptimes from the truths."""
 
     def __init__(self, scenario: Scenario) -> None:
+        self._theta = scenario.theta
         self.meter = UptimeMeter(scenario.theta, charge_model(scenario.board))
         self.events: list[tuple[int, str, dict[str, Any]]] = []
         self.taken: dict[int, int] = {}
@@ -38,6 +40,8 @@ class MemoryRecorder:
 
     def event(self, at_ms: int, kind: str, **data: Any) -> None:
         self.events.append((at_ms, kind, data))
+        if kind == "presence":
+            self.meter.is_now(data["id"], Presence(data["is"]), self._theta * at_ms)
 
     def truths(self, truths: list[Truth]) -> None:
         for truth in truths:

@@ -38,6 +38,13 @@ def print_table(console: Console, name: str, collection: str, summary: dict[str,
             highlight=False,
             soft_wrap=True,
         )
+    if (apart := summary["apart"]) is not None:
+        console.print(
+            f"not in these figures, of {apart['amussels']} aMussels: {apart['beside_real_s']:g} s as twins of real ones, "
+            f"{apart['retired_s']:g} s out of the water",
+            highlight=False,
+            soft_wrap=True,
+        )
     console.print(
         f"lost {_word(summary['amussels_lost'])}, emptied {_word(summary['emptied'])}, "
         f"{summary['services']} served, "

@@ -14,7 +14,7 @@ _SUMS = (
 
 
 def of_all(name: str, of_each: Mapping[str, Summary]) -> dict[str, Any]:
-    """The summary of the whole from those of its aPads, by name; each percentage is of its own flight's ticks.
+    """The summary of the whole from those of its aPads, by name; each percentage is of its own flight's time.
 
     A figure that one of them does not know is None. `apad_energy_fraction` is the aPads' mean.
     """
@@ -29,13 +29,15 @@ def of_all(name: str, of_each: Mapping[str, Summary]) -> dict[str, Any]:
         "mission_s": max(flight["mission_s"] for flight in flights),
         "ended_by": _said(of_each, "ended_by"),
         "first_cause": _said(of_each, "first_cause"),
+        **{key: _over(flights, key, sum) for key in ("counted_s", "counted_at_end")},
         "uptime_paper": _spread(flights, "uptime_paper"),
         "uptime_submerged": _spread(flights, "uptime_submerged"),
-        "final_charge_mean": _over(flights, "final_charge_mean", lambda values: _mean(flights, values)),
+        "final_charge_mean": _mean(flights, "counted_at_end", lambda flight: flight["final_charge_mean"]),
         "apad_energy_fraction": _over(
             flights, "apad_energy_fraction", lambda values: sum(values) / len(values)
         ),
         **{key: _over(flights, key, sum) for key in _SUMS},
+        "apart": _apart(flights),
         "dropped": dict(sorted(dropped.items())),
         "apads": {apad: dict(flight) for apad, flight in of_each.items()},
     }
@@ -46,22 +48,29 @@ def _over(flights: list[Summary], key: str, taken: Callable[[list[Any]], Any]) -
     return None if None in values else taken(values)
 
 
-def _mean(flights: list[Summary], values: list[float]) -> float:
-    """Over aMussels, not over aPads."""
-    agents: list[int] = [flight["agents"] for flight in flights]
-    total: float = sum(n * value for n, value in zip(agents, values, strict=True))
-    return total / sum(agents)
-
-
-def _spread(flights: list[Summary], key: str) -> dict[str, float] | None:
-    spreads = [flight[key] for flight in flights]
-    if None in spreads:
+def _mean(flights: list[Summary], weight: str, figure: Callable[[Summary], float]) -> float | None:
+    """Over aMussels, or their seconds, and not over aPads. A flight that counted nobody weighs nothing."""
+    if any(flight[weight] is None and flight["agents"] for flight in flights):
         return None
-    return {
-        "mean": _mean(flights, [it["mean"] for it in spreads]),
-        "max": max(it["max"] for it in spreads),
-        "min": min(it["min"] for it in spreads),
-    }
+    counted = [flight for flight in flights if flight[weight]]
+    total = sum(flight[weight] for flight in counted)
+    return sum(flight[weight] * figure(flight) for flight in counted) / total if total else None
+
+
+def _spread(flights: list[Summary], key: str) -> dict[str, float | None] | None:
+    mean = _mean(flights, "counted_s", lambda flight: flight[key]["mean"])
+    if mean is None:
+        return None
+    spreads = [flight[key] for flight in flights if flight["counted_s"]]
+    return {"mean": mean, "max": max(it["max"] for it in spreads), "min": min(it["min"] for it in spreads)}
+
+
+def _apart(flights: list[Summary]) -> dict[str, float] | None:
+    """What the figures leave out, of all."""
+    apart: Counter[str] = Counter()
+    for flight in flights:
+        apart.update(flight["apart"] or {})
+    return dict(apart) or None
 
 
 def _said(of_each: Mapping[str, Summary], key: str) -> str | None:

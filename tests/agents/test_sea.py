@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
-from fleets import PAPER, STILL
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from seas import FLEET, SEA
 
 from agents.coordinator import Coordinator, Died, Heard
 from agents.fleet import FleetConfig, resting_on_bottom
@@ -17,34 +17,14 @@ from agents.sea import Sea, SeaConfig
 from agents.sea_facts import NotRanged, Ranged, SeaResult, SoundReached, Told, address_of
 from agents.stimuli import ContactClosed, SoundArrived
 from agents.water.medium import Outcome, PacketEnded
-from agents.water.places import Sinking
 from agents.water.sound import Sound
 from agents.water.topology import LinkRule, Topology
 from agents.water.wifi import Wifi
 from firmware_model.codec import MusselbedCodec
 from firmware_model.packets import AcousticStatus, CommandPacket, Kind
-from firmware_model.plan import Whole
 from firmware_model.states import State
-from firmware_model.table_one import FIELD, MODEL, power
 
 HOUR_MS = 3_600_000
-SEA = SeaConfig(
-    seed=3,
-    sound=Sound(noise_db_per_hz=-100),
-    wifi=None,
-    sinking=Sinking(3_000_000, 60_000, 45_000),
-    keel_um=3_000_000,
-    range_noise_m=0.0,
-    thrusting_m_s=0.1,
-)
-FLEET = replace(
-    PAPER,
-    theta=1,
-    charge=MODEL,
-    report_period_ms=600_000,
-    whole=Whole(power(), FIELD, 1000, 60_000, 600_000),
-    **STILL,
-)
 
 
 class Bench:

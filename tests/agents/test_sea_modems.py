@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
-from fleets import PAPER, STILL
+from seas import FLEET, SEA
 
 from agents.coordinator import Coordinator
 from agents.fleet import FleetConfig, resting_on_bottom
@@ -16,30 +16,9 @@ from agents.sea import Sea, SeaConfig
 from agents.sea_facts import NotRanged, Printed, Ranged, SeaResult, SoundReached, Told
 from agents.stimuli import PingArrived, SoundArrived
 from agents.water.medium import PacketEnded
-from agents.water.places import Sinking
-from agents.water.sound import Sound
 from firmware_model.codec import MusselbedCodec
 from firmware_model.packets import CommandPacket, Kind, ShortStatus
-from firmware_model.plan import Whole
-from firmware_model.table_one import FIELD, MODEL, power
 
-SEA = SeaConfig(
-    seed=3,
-    sound=Sound(noise_db_per_hz=-100),
-    wifi=None,
-    sinking=Sinking(3_000_000, 60_000, 45_000),
-    keel_um=3_000_000,
-    range_noise_m=0.0,
-    thrusting_m_s=0.1,
-)
-FLEET = replace(
-    PAPER,
-    theta=1,
-    charge=MODEL,
-    report_period_ms=600_000,
-    whole=Whole(power(), FIELD, 1000, 60_000, 600_000),
-    **STILL,
-)
 HOUR_MS = 3_600_000
 
 

@@ -16,6 +16,7 @@ from apad_bridge.fleet import Fleet
 from apad_bridge.flight import Flight
 from apad_bridge.pace import AsFastAsPossible
 from apad_bridge.presence import TABLE, Asked, Failed, Fault, Moved, Presence, Presences, Roll, Trigger
+from apad_bridge.records.summary import uptime_figures
 from apad_bridge.runs.in_memory import MemoryRecorder
 from apad_bridge.scenario.loader import from_data, load, resolve
 from apad_bridge.scenario.schema import Scenario
@@ -154,6 +155,19 @@ def test_a_real_one_is_believed_while_its_twin_goes_on_unheard_and_takes_over_wh
         "real",
         "simulated",
     ]
+
+
+def test_uptimes_are_of_the_simulated_ones_and_others_are_told_apart() -> None:
+    bench = Bench()
+    bench.ticks(11)
+    bench.ask(Moved(THE_ONE, Trigger.HAND_OVER, "a test"), Moved(1, Trigger.RETIRE, "a test"))
+    bench.ticks(8)
+    figures = uptime_figures(bench.recorder.meter, bench.flight.now_ms - 1000)
+    # Ticks 1 to 19 of two aMussels, and of two those up to tick 11, at whose end they became others.
+    assert figures["counted_s"] == 2 * 19 + 2 * 11
+    assert figures["uptime_paper"] == {"mean": 100.0, "max": 100.0, "min": 100.0}
+    assert figures["active_mean"] == (2 * 19 + 2 * 11) / 19
+    assert figures["apart"] == {"amussels": 2, "beside_real_s": 8, "retired_s": 8, "samples_taken": 0}
 
 
 def test_taken_back_before_anything_was_heard_of_the_real_one_is_refused() -> None:

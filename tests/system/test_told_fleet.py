@@ -8,9 +8,10 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from fleets import PAPER, STILL
 
 from agents.coordinator import Coordinator, Died, Heard
-from agents.fleet import FleetConfig, resting_on_bottom
+from agents.fleet import resting_on_bottom
 from agents.fleet_file import Upbringing
 from agents.one_process import OneProcess
 from agents.outputs import Truth
@@ -37,23 +38,11 @@ pytestmark = pytest.mark.system
 THETA = 30
 IDS = (1, 2)
 POWER = power(LastResort.SURFACE, metering=METERING, low_level=MODEL.segments[0][0])
-FLEET = FleetConfig(
-    theta=THETA,
+FLEET = replace(
+    PAPER,
     seed=11,
-    codec="musselbed-1",
     charge=MODEL,
-    pin_debounce_ms=50,
-    boot_ms=2000,
-    float_timeout_ms=600_000,
-    release_wait_ms=120_000,
-    report_period_ms=30_000,
-    heard_always=False,
-    bottom_um=3_000_000,
-    surfacing_ms=60_000,
-    sinking_ms=45_000,
-    drifts_always=False,
-    drift_amplitude_um=0,
-    current_csv=None,
+    **STILL,
     whole=Whole(
         POWER,
         replace(FIELD, alarm_ms=600_000),

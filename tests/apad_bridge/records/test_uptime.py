@@ -1,11 +1,16 @@
 """The meter's closed forms against a literal stepper that knows nothing of them: one millisecond after another."""
 
+from dataclasses import replace
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from agents.outputs import Truth
 from agents.physical import Physical
+from apad_bridge.presence import Presence
+from apad_bridge.records.sample_figures import sample_figures
+from apad_bridge.records.summary import uptime_figures
 from apad_bridge.records.uptime import AgentUptime, UptimeMeter
 from firmware_model.actions import Buoyancy
 from firmware_model.charge import FULL, Battery, ChargeModel, Flow, grains
@@ -28,8 +33,13 @@ def truth(at_ms: int, state: State, docked: bool, primary: BatteryIs, secondary:
     return Truth(at_ms, 7, state, physical)
 
 
-def literal(truths: list[Truth], ticks: int) -> AgentUptime:
-    """Equation (3)'s sum, taken literally: every millisecond of agent time, and a look at every tick."""
+def literal(truths: list[Truth], ticks: int, is_now: dict[int, Presence] | None = None) -> AgentUptime:
+    """Equation (3)'s sum, taken literally: every millisecond of agent time, and a look at every tick.
+
+    `is_now` says, by tick, what it is from after that tick on; while it is not simulated, nothing that happens counts.
+    """
+    is_now, presence, other_ticks = is_now or {}, Presence.SIMULATED, dict.fromkeys(Presence, 0)
+    at_last = None
     paper = submerged = dead = 0
     emptied = lost = False
     standing = None
@@ -44,13 +54,31 @@ def literal(truths: list[Truth], ticks: int) -> AgentUptime:
             primary, secondary = standing.physical.primary.charge, standing.physical.secondary.charge
         if standing is None:
             continue
-        emptied |= primary == 0
-        lost |= (primary == 0 and secondary == 0) or standing.state is State.LOST
-        if ms > 0 and ms % (TICK_MS * THETA) == 0:
-            paper += primary > 0 and not standing.physical.docked
-            submerged += primary > 0 and standing.state in (State.ACTIVE, State.SLEEPING)
-            dead += primary == 0
-    return AgentUptime(7, paper, submerged, dead, emptied, lost, primary)
+        is_tick = ms % (TICK_MS * THETA) == 0
+        if presence is Presence.SIMULATED:
+            emptied |= primary == 0
+            lost |= (primary == 0 and secondary == 0) or standing.state is State.LOST
+            if ms > 0 and is_tick:
+                paper += primary > 0 and not standing.physical.docked
+                submerged += primary > 0 and standing.state in (State.ACTIVE, State.SLEEPING)
+                dead += primary == 0
+            at_last = primary
+        elif is_tick:
+            other_ticks[presence] += 1
+        if is_tick:
+            presence = is_now.get(ms // (TICK_MS * THETA), presence)
+    return AgentUptime(
+        7,
+        paper,
+        submerged,
+        dead,
+        emptied,
+        lost,
+        at_last,
+        beside_real=other_ticks[Presence.REAL],
+        retired=other_ticks[Presence.RETIRED],
+        presence=is_now.get(max([n for n in is_now if n <= ticks], default=-1), Presence.SIMULATED),
+    )
 
 
 def _step(charge: int, battery: Battery) -> int:
@@ -90,6 +118,85 @@ def test_the_meter_counts_what_a_literal_stepper_counts(first_ms, events, ticks)
     for it in truths:
         meter.take(it)
     assert meter.at(ticks * TICK_MS) == ([literal(truths, ticks)] if truths else [])
+
+
+presences = st.dictionaries(st.integers(0, 20), st.sampled_from(Presence), max_size=4)
+
+
+@given(events=events, ticks=st.integers(0, 20), is_now=presences)
+def test_only_a_simulated_one_in_the_water_is_counted(events, ticks, is_now):
+    """`charge` aside, which is that of the last time at which it was."""
+    truths, at_ms = [], 0
+    for gap_ms, *rest in events:
+        truths.append(truth(at_ms, *rest))
+        at_ms += gap_ms
+    until_ms = ticks * TICK_MS * THETA
+    truths = [it for it in truths if it.at_ms <= until_ms]
+    told = [(it.at_ms, 0, it) for it in truths]
+    told += [(n * TICK_MS * THETA, 1, presence) for n, presence in is_now.items() if n <= ticks]
+    meter = UptimeMeter(THETA, MODEL, TICK_MS)
+    for at_ms, _, it in sorted(told, key=lambda it: it[:2]):
+        if isinstance(it, Truth):
+            meter.take(it)
+        else:
+            meter.is_now(7, it, at_ms)
+    counted = [replace(it, charge=0) for it in meter.at(ticks * TICK_MS)]
+    assert counted == ([replace(literal(truths, ticks, is_now), charge=0)] if truths else [])
+
+
+def test_what_a_twin_does_is_told_apart():
+    """Ten ticks: three in the water, four as a real one's twin that is empty in the end, three back in the water."""
+    meter = UptimeMeter(THETA, MODEL, TICK_MS)
+    tick_ms = TICK_MS * THETA
+
+    def at(tick: int, charge: int, samples: int) -> Truth:
+        newest = truth(tick * tick_ms, State.ACTIVE, False, (charge, Flow.RESTING), (FULL, Flow.RESTING))
+        return replace(newest, physical=replace(newest.physical, samples=samples))
+
+    other = replace(truth(0, State.CHARGING, True, (FULL, Flow.RESTING), (FULL, Flow.RESTING)), agent_id=8)
+    meter.take(other)
+    meter.take(at(0, FULL, 0))
+    meter.take(at(2, FULL, 5))
+    meter.is_now(7, Presence.REAL, 3 * tick_ms)
+    meter.take(at(5, 0, 9))
+    assert meter.active_now(5 * TICK_MS) == 0
+    meter.take(at(7, FULL // 2, 9))
+    meter.is_now(7, Presence.SIMULATED, 7 * tick_ms)
+    meter.take(at(8, FULL // 2, 11))
+    assert meter.active_now(9 * TICK_MS) == 1
+    figures = uptime_figures(meter, 10 * TICK_MS, TICK_MS)
+    # aMussel 7 was active at all of its 6 ticks, aMussel 8 docked at all of its 10.
+    assert figures["uptime_paper"] == {"mean": 100 * 6 / 16, "max": 100.0, "min": 0.0}
+    assert (figures["counted_s"], figures["counted_at_end"]) == (16 * TICK_MS / 1000, 2)
+    assert figures["active_mean"] == 6 / 10
+    assert (figures["amussels_lost"], figures["emptied"], figures["dead_time_s"]) == (0, 0, 0)
+    assert figures["samples_taken"] == 7
+    assert figures["apart"] == {
+        "amussels": 1,
+        "beside_real_s": 4 * TICK_MS / 1000,
+        "retired_s": 0,
+        "samples_taken": 4,
+    }
+    # Sequences 5 to 8 are the twin's: of the others 0, 1, 2 and 10 came, and of what a real one sent by its name nothing.
+    apart = {it.agent_id: it.apart for it in meter.at(10 * TICK_MS)}
+    kept = {7: {0, 1, 2, 6, 10, 400}}
+    assert sample_figures({7: 11, 8: 0}, kept, {7: {3, 7}}, apart) == {
+        "samples_taken": 7,
+        "samples_uploaded": 4,
+        "samples_lost": 1,
+        "samples_waiting": 2,
+    }
+
+
+def test_where_everybody_is_elsewhere_there_are_no_figures():
+    meter = UptimeMeter(THETA, MODEL, TICK_MS)
+    meter.take(truth(0, State.ACTIVE, False, (FULL, Flow.RESTING), (FULL, Flow.RESTING)))
+    meter.is_now(7, Presence.RETIRED, 0)
+    figures = uptime_figures(meter, 4 * TICK_MS, TICK_MS)
+    assert (
+        figures["uptime_paper"] is None and figures["uptime_missing"] == "nobody was simulated in the water"
+    )
+    assert figures["apart"]["retired_s"] == 4 * TICK_MS / 1000
 
 
 @given(events=events, ticks=st.integers(1, 20))

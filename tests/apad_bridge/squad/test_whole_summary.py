@@ -16,6 +16,7 @@ def flight(agents: int, mean: float, **more: Any) -> dict[str, Any]:
         **{"uptime_paper": spread, "uptime_submerged": spread, "active_mean": agents * mean / 100},
         **{"amussels_lost": 0, "emptied": 1, "dead_time_s": 5.0, "cost_m": 12.5, "services": 4, "gave_up": 0},
         **{"samples_taken": None, "samples_uploaded": None, "samples_waiting": None, "samples_lost": None},
+        **{"counted_s": agents * 100.0, "counted_at_end": agents, "apart": None},
         **{"final_charge_mean": mean / 100, "apad_energy_fraction": 0.2, "first_cause": None, "dropped": {}},
     }
     return {**figures, **more}
@@ -31,8 +32,17 @@ def test_every_aMussel_counts_alike() -> None:
     assert whole["samples_taken"] is None
 
 
+def test_who_was_a_twin_for_half_the_time_counts_half() -> None:
+    apart = {"amussels": 1, "beside_real_s": 50.0, "retired_s": 0.0, "samples_taken": 0}
+    twin = flight(1, 80.0, counted_s=50.0, counted_at_end=0, final_charge_mean=None, apart=apart)
+    whole = of_all("two", {"a": flight(3, 60.0), "b": twin})
+    assert whole["uptime_paper"]["mean"] == pytest.approx((3 * 60 + 80 / 2) / 3.5)
+    assert whole["final_charge_mean"] == pytest.approx(0.6)
+    assert whole["apart"] == apart
+
+
 def test_what_one_does_not_know_nobody_knows() -> None:
-    whole = of_all("two", {"a": flight(3, 60.0), "b": flight(1, 80.0, uptime_paper=None, emptied=None)})
+    whole = of_all("two", {"a": flight(3, 60.0), "b": flight(1, 80.0, counted_s=None, emptied=None)})
     assert whole["uptime_paper"] is None and whole["emptied"] is None
     assert whole["services"] == 8
 
