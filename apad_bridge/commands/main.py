@@ -11,7 +11,19 @@ from typing import Any
 
 from apad_bridge.commands.exits import EXITS, Exit, UserError
 
-_COMMANDS = ("run", "resume", "fleet", "mission", "script", "replay", "beliefs", "mu", "fit", "doctor")
+_COMMANDS = (
+    "run",
+    "resume",
+    "fleet",
+    "mission",
+    "script",
+    "replay",
+    "beliefs",
+    "mu",
+    "fit",
+    "layout",
+    "doctor",
+)
 
 _NS = "__ns:="
 
