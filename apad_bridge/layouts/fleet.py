@@ -6,6 +6,7 @@ import colorsys
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from apad_bridge.ros.names import of_amussel
 from apad_bridge.scenario.polygon import bounding_box
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import Start
@@ -54,7 +55,7 @@ class FleetShown:
         return north - south, east - west
 
     def agent_topic(self, agent_id: int, name: str) -> str:
-        return f"{self.namespace}/amussel{agent_id}/{name}"
+        return f"{self.namespace}/{of_amussel(agent_id, name)}"
 
     def batteries(self, apad: APadShown) -> dict[int, str]:
         """The topic of each battery of the aMussels that this aPad serves at first, by id."""

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from apad_bridge.layouts.fleet import APadShown, FleetShown, hexadecimal
-from apad_bridge.ros.frames import ENU
+from apad_bridge.ros.frames import Frames
 
 _LEGEND_OF = 24
 """A legend with more lines than this would hide its plot."""
@@ -51,7 +51,7 @@ def _scene(fleet: FleetShown) -> dict[str, Any]:
     north_m, east_m = fleet.centre_m
     tall_m, wide_m = fleet.span_m
     return {
-        "followTf": ENU,
+        "followTf": Frames(fleet.namespace.strip("/")).enu,
         "followMode": "follow-none",
         "topics": topics,
         "cameraState": {

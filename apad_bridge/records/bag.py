@@ -33,6 +33,7 @@ _TOPICS = {
     EVENT: ours("mission"),
     SOUND: ours("sound"),
 }
+"""In every run's bag, whatever the namespace on the graph was, or the aPad among several: a bag is of one run."""
 
 
 class _ChunkedWriter(Writer):
@@ -53,13 +54,13 @@ class _ChunkedWriter(Writer):
 class BagWriter:
     """Writes a new bag; `path` must not exist. Closed it is valid; killed, `repair_bag` makes it so."""
 
-    def __init__(self, path: Path, theta: int, namespace: str = "") -> None:
+    def __init__(self, path: Path, theta: int) -> None:
         self.path = path
         self._messages = Messages(theta)
         self._writer = _new_writer(path)
         store = typestore()
         self._connections = {
-            name: self._writer.add_connection(in_full(namespace, topic), name, typestore=store)
+            name: self._writer.add_connection(in_full("", topic), name, typestore=store)
             for name, topic in _TOPICS.items()
         }
         self._chunk_ms = 0

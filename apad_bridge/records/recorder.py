@@ -52,10 +52,7 @@ class Recorder:
     `close` alone leaves a valid bag and a journal without an end.
     """
 
-    def __init__(
-        self, directory: RunDirectory, scenario: Scenario, agent_ids: Iterable[int], namespace: str = ""
-    ) -> None:
-        """The bag's topics are in `namespace` of ROS, as the flight's are."""
+    def __init__(self, directory: RunDirectory, scenario: Scenario, agent_ids: Iterable[int]) -> None:
         self.dropped: Counter[str] = Counter()
         self._directory = directory
         self._scenario = scenario
@@ -71,14 +68,14 @@ class Recorder:
         self._sampled_ms: int | None = None
         self._record_period_ms = round(scenario.records.record_period_s * 1000)
         self._journal = Journal(directory.journal)
-        self._bag = BagWriter(directory.next_bag, scenario.theta, namespace)
+        self._bag = BagWriter(directory.next_bag, scenario.theta)
         self._samples = SampleFile(directory.samples)
         if self._samples.unreadable:
             self.dropped["a line of samples.jsonl that cannot be read"] += self._samples.unreadable
 
     @classmethod
     def resume(
-        cls, directory: RunDirectory, scenario: Scenario, agent_ids: Iterable[int], namespace: str = ""
+        cls, directory: RunDirectory, scenario: Scenario, agent_ids: Iterable[int]
     ) -> tuple[Recorder, Resumed]:
         """Goes on with a run whose supervisor died: its bag is repaired, another is begun, the uptimes are rebuilt.
 
@@ -87,7 +84,7 @@ class Recorder:
         contents = read_journal(directory.journal)
         bags = directory.bags
         repair = repair_bag(bags[-1]) if bags else None
-        recorder = cls(directory, scenario, agent_ids, namespace)
+        recorder = cls(directory, scenario, agent_ids)
         recorder._remember(contents)
         torn_bytes = recorder._journal.torn_bytes
         lost_ms = 0 if repair is None else max(0, contents.last_ms - repair.last_ms)

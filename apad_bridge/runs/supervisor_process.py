@@ -66,13 +66,13 @@ def fly(run_dir: Path, resume: bool) -> int:
     ids = building.agent_ids(scenario)
     if resume:
         gap_ms = resuming.gap_ms(options, directory.journal, time.time())
-        recorder, resumed = Recorder.resume(directory, scenario, ids, options.namespace)
+        recorder, resumed = Recorder.resume(directory, scenario, ids)
         go_on = resuming.go_on(resumed.journal, options.epoch, gap_ms)
         journal = resumed.journal
         for words in resuming.what_was_lost(resumed):
             say(words)
     else:
-        recorder, go_on = Recorder(directory, scenario, ids, options.namespace), None
+        recorder, go_on = Recorder(directory, scenario, ids), None
         journal = JournalContents([], 0)
         flying.journal_start(recorder, scenario, starts_of(scenario))
     presences = Presences(ids, scenario.area.depth_m, resuming.became(journal))
