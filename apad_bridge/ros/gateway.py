@@ -60,16 +60,18 @@ def open_gateway(
     truth: TruthSource | None = None,
     simulated: Callable[[], frozenset[int]] | None = None,
     remappings: Sequence[str] = (),
+    comes_back: bool = False,
 ) -> Gateway:
     """The node, on the graph, with the aMussels' topics and services. Raises SecondFleet or GatewayFailed.
 
-    `remappings` are ROS's, `FROM:=TO`, for all that the process will ever name.
+    `remappings` are ROS's, `FROM:=TO`, for all that the process will ever name. A fleet that `comes_back` asks the claims
+    who else speaks for its aMussels, and is not refused for it.
     """
     ids = list(agent_ids)
     raise_descriptor_limit()
     master_uri = rosgraph.get_master_uri()
     try:
-        refuse_second_fleet(rospy.resolve_name(node_name), ids, master_uri)
+        refuse_second_fleet(rospy.resolve_name(node_name), [] if comes_back else ids, master_uri)
         rospy.init_node(
             node_name,
             argv=list(remappings),

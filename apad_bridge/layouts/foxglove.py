@@ -1,0 +1,128 @@
+"""Foxglove: the scene from above, /diagnostics, and plots in tabs: one for each aPad, one for what a run's bag holds."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable
+from typing import Any
+
+from apad_bridge.layouts.fleet import APadShown, FleetShown, hexadecimal
+from apad_bridge.ros.frames import ENU
+
+_LEGEND_OF = 24
+"""A legend with more lines than this would hide its plot."""
+_MARGIN = 1.4
+_WIDER = 1.2
+"""The scene's panel is so many times as wide as it is high on a common screen."""
+Panels = dict[str, Any]
+
+
+def layout(fleet: FleetShown) -> str:
+    panels: Panels = {"3D!scene": _scene(fleet)}
+    tabs = [
+        *({"title": apad.name, "layout": _plots_of(panels, fleet, apad)} for apad in fleet.apads),
+        {"title": "run.bag", "layout": _plots_of_bag(panels, fleet)},
+    ]
+    panels["Tab!plots"] = {"activeTabIdx": 0, "tabs": tabs}
+    panels["DiagnosticSummary!fleet"] = {
+        "topicToRender": "/diagnostics",
+        "minLevel": 0,
+        "pinnedIds": [],
+        "hardwareIdFilter": "",
+        "sortByLevel": True,
+    }
+    data = {
+        "configById": panels,
+        "globalVariables": {},
+        "userNodes": {},
+        "playbackConfig": {"speed": 1},
+        "layout": _row("3D!scene", _column("Tab!plots", "DiagnosticSummary!fleet", 60), 60),
+    }
+    return json.dumps(data, indent=2) + "\n"
+
+
+def _scene(fleet: FleetShown) -> dict[str, Any]:
+    topics: dict[str, Any] = {}
+    for number, apad in enumerate(fleet.apads):
+        of_one = [hexadecimal(number) + "ff"] * 2 if len(fleet.apads) > 1 else None
+        topics[apad.topic("markers")] = {"visible": True}
+        topics[apad.topic("plan")] = _line(0.1, of_one or ["#ffc800ff"] * 2)
+        topics[apad.topic("apad/path")] = _line(0.05, of_one or ["#b4b4b4ff"] * 2)
+    north_m, east_m = fleet.centre_m
+    tall_m, wide_m = fleet.span_m
+    return {
+        "followTf": ENU,
+        "followMode": "follow-none",
+        "topics": topics,
+        "cameraState": {
+            "perspective": False,
+            "distance": round(_MARGIN * max(tall_m, wide_m / _WIDER), 1),
+            "phi": 0,
+            "thetaOffset": 0,
+            "targetOffset": [east_m, north_m, 0],
+            "target": [0, 0, 0],
+            "targetOrientation": [0, 0, 0, 1],
+        },
+    }
+
+
+def _line(width_m: float, gradient: list[str]) -> dict[str, Any]:
+    return {"visible": True, "type": "line", "lineWidth": width_m, "gradient": gradient}
+
+
+def _plots_of(panels: Panels, fleet: FleetShown, apad: APadShown) -> dict[str, Any]:
+    charges, battery = f"Plot!{apad.name}-amussels", f"Plot!{apad.name}-battery"
+    panels[charges] = _plot(
+        f"Batteries of {apad.name}'s aMussels" if len(fleet.apads) > 1 else "Batteries of the aMussels",
+        ((str(agent_id), f"{topic}.percentage") for agent_id, topic in fleet.batteries(apad).items()),
+    )
+    panels[battery] = _plot(
+        f"Battery of {apad.name}", [(apad.name, apad.topic("apad/battery_state.percentage"))]
+    )
+    return _column(charges, battery, 70)
+
+
+def _plots_of_bag(panels: Panels, fleet: FleetShown) -> dict[str, Any]:
+    """In every run's bag, whatever the names on the graph were: with several aPads each has a bag of its own."""
+    for panel, title, path in (
+        ("Plot!bag-truth", "Charges as they are", "/musselbed/truth.agents[:]{{id=={}}}.primary"),
+        ("Plot!bag-beliefs", "Charges as believed", "/musselbed/beliefs.agents[:]{{id=={}}}.charge"),
+    ):
+        panels[panel] = _plot(title, ((str(agent_id), path.format(agent_id)) for agent_id in fleet.ids))
+    return _column("Plot!bag-truth", "Plot!bag-beliefs", 50)
+
+
+def _plot(title: str, paths: Iterable[tuple[str, str]]) -> dict[str, Any]:
+    """Of fractions; each path with its label."""
+    shown = [
+        {
+            "value": path,
+            "label": label,
+            "color": hexadecimal(number),
+            "enabled": True,
+            "timestampMethod": "receiveTime",
+        }
+        for number, (label, path) in enumerate(paths)
+    ]
+    return {
+        "foxglovePanelTitle": title,
+        "paths": shown,
+        "minYValue": 0,
+        "maxYValue": 1,
+        "showLegend": len(shown) <= _LEGEND_OF,
+        "legendDisplay": "left",
+        "showPlotValuesInLegend": False,
+        "showXAxisLabels": True,
+        "showYAxisLabels": True,
+        "isSynced": True,
+        "xAxisVal": "timestamp",
+        "sidebarDimension": 90,
+    }
+
+
+def _row(first: Any, second: Any, percent: int) -> dict[str, Any]:
+    return {"direction": "row", "first": first, "second": second, "splitPercentage": percent}
+
+
+def _column(first: Any, second: Any, percent: int) -> dict[str, Any]:
+    return {"direction": "column", "first": first, "second": second, "splitPercentage": percent}
