@@ -1,4 +1,4 @@
-"""What an aPad of generation B was told to do, one at a time: a go-to, a hold, or a docking by its own eyes; and how it goes.
+"""What an aPad of generation B was told to do, and how it goes: one go-to, hold or docking by its own eyes at a time.
 
 Each order has its tries and its time-outs, a vehicle that dropped one is noticed, and whatever ends is followed by dynamic
 positioning. While a pilot steers nothing is ordered.
@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections import Counter
 
+from apad_bridge.laboratory.words import DockSaid
 from apad_bridge.ros.generation_b_calls import Calls
 from apad_bridge.ros.generation_b_docking import ServoDocking
 from apad_bridge.ros.generation_b_docks import DocksByBench
@@ -87,8 +88,8 @@ class Tasks:
         answered = pending is not None and pending.answered_ms is not None
         if docking:
             if self._servo is None:
-                word = self._hand.hear(status, at_ms, self._docks.held)
-                self._facts += [] if word is None else self._docks.take_word(word, self._pose)
+                if (word := self._hand.hear(status, at_ms, self._docks.held)) is not None:
+                    self.hear_dock(word)
             elif self._servo.hear(status, at_ms, answered=answered):
                 self._servo_done(self._servo, at_ms)
         elif self._going is not None and self._going.hear(status, at_ms, self._pose, answered=answered):
@@ -107,6 +108,9 @@ class Tasks:
         if servo.command.slot == slot:
             servo.has_let_go = True
             self._facts += self._docks.open(servo.command, at_ms)
+
+    def hear_dock(self, word: DockSaid) -> None:
+        self._facts += self._docks.take_word(word, self._pose)
 
     def hear_pilot(self, steers: bool, at_ms: int) -> None:
         """A pilot is never fought: what was under way has failed, and nothing is ordered until the sticks are let go."""
@@ -137,11 +141,12 @@ class Tasks:
     def watch(self, now_ms: int) -> None:
         """What is over by its time, by silence, or by where the vehicle is."""
         if (cause := self.calls.failed(now_ms)) is not None:
-            if self._under_way is None and self._holding is not None and self._holding.command is None:
-                self._dropped[f"hold after the end of a primitive: {cause}"] += 1
-                self._holding.told_ms = now_ms
-            else:
+            if self._commanded is not None:
                 self._fail(cause, now_ms)
+            else:
+                self._dropped[f"hold after the end of a primitive: {cause}"] += 1
+                if self._holding is not None:
+                    self._holding.told_ms = now_ms
         if self._going is not None:
             self._watch_going(self._going, now_ms)
         elif self._servo is not None:
@@ -160,6 +165,11 @@ class Tasks:
             return self._going.command
         return None if self._servo is None else self._servo.command
 
+    @property
+    def _commanded(self) -> GoTo | CloseDock | OpenDock | Hold | None:
+        held = None if self._holding is None else self._holding.command
+        return self._under_way or held
+
     def _order(self, order: Order, now_ms: int) -> None:
         if not self.pilot_steers:
             self.calls.order(order, now_ms)
@@ -170,9 +180,7 @@ class Tasks:
 
     def _fail(self, reason: str, at_ms: int) -> None:
         """The command under way has failed; the vehicle is held where it is."""
-        commanded = None if self._holding is None else self._holding.command
-        command = self._under_way or commanded
-        if command is not None:
+        if (command := self._commanded) is not None:
             self._facts.append(CommandFailed(at_ms, command.command_id, reason))
         self._hold_here(at_ms)
 
