@@ -26,6 +26,7 @@ import rospy
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.flight import Watcher
 from apad_bridge.records.packet_lines import SoundRow, sound_rows
+from apad_bridge.records.samples import belief_sample
 from apad_bridge.ros.agent_topics import AgentTopics, Shown
 from apad_bridge.ros.fleet_guard import refuse_second_fleet
 from apad_bridge.ros.messages import use_generated_messages
@@ -162,18 +163,7 @@ class Gateway:
             return
         message = FleetBeliefs(mission_time_ms=now_ms, agent_time_ms=self._theta * now_ms)
         message.header.stamp = to_ros(now_ms)
-        message.agents = [
-            AgentBelief(
-                id=it.agent_id,
-                state=int(it.state),
-                charge=it.primary,
-                secondary=it.secondary,
-                north=it.north_m,
-                east=it.east_m,
-                age_s=it.age_s(now_ms),
-            )
-            for it in beliefs
-        ]
+        message.agents = [AgentBelief(*belief_sample(it, now_ms)) for it in beliefs]
         self._beliefs.publish(message)
 
     def _show_apad(self, supervisor: Supervisor, now_ms: int) -> None:
