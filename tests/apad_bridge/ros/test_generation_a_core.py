@@ -123,7 +123,7 @@ def test_the_first_word_of_position_static_is_the_contact_and_the_slot_the_vehic
     assert tells(core, 0) == []
     shows(core, 50, 7)
     assert tells(core, 50) == [DockClosed(50, 0, 7), Carried(50, 7, 2.0, 3.0)]
-    assert not core.awaits_mechanism
+    assert not core.awaited_mechanisms
 
 
 def test_a_perch_that_succeeds_and_does_nothing_has_failed(core: GenerationACore) -> None:

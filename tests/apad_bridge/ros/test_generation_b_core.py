@@ -344,7 +344,7 @@ def test_an_answer_to_an_order_that_was_replaced_changes_nothing() -> None:
     (call,) = apad.core.take_calls()
     apad.core.command(Hold(2, 2.0, 3.0), 0)
     apad.core.hear(Answered(0, call.number, None), 0)
-    assert apad.core.unanswered == ["order 2"]
+    assert apad.core.untaken == ["order 2"]
 
 
 def test_time_never_goes_back() -> None:
