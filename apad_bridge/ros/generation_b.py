@@ -3,8 +3,8 @@
     link = GenerationBLink("apad1", agent_ids, (empty_v, full_v), docking, misses, our_clock=True)
     link.wait_until_ready(10.0)        # VehicleNotReady, one line that says what is missing
 
-Stamps are as in generation A: with `our_clock` poses carry those of their messages; whatever has none became true at the tick
-that hears it.
+Stamps are as in generation A: with `our_clock` poses carry those of their messages; whatever has none became true at the
+tick that hears it.
 """
 
 from __future__ import annotations

@@ -13,12 +13,12 @@ from apad_bridge.ros.generation_a_shown import (
     Goal,
     Held,
     Outcome,
-    PoseShown,
     Shown,
     SlowShown,
 )
 from apad_bridge.ros.generation_a_vehicle import GenerationAVehicle
 from apad_bridge.ros.generation_a_words import GO_TO, PERCH, RELEASE
+from apad_bridge.ros.legacy_shown import PoseShown
 from apad_bridge.scenario.faults import Fault
 from apad_bridge.scenario.loader import load
 from apad_bridge.simulated_apad.apad import SimulatedAPad
