@@ -176,14 +176,6 @@ def test_a_hand_may_open_a_slot_but_not_close_one() -> None:
     assert apad.free_slots == [0, 1, 2, 3]
 
 
-def test_it_may_start_at_any_time_and_never_goes_back() -> None:
-    apad = vehicle(start_ms=3_600_000)
-    shown = apad.advance(3_600_100)
-    assert [it.at_ms for it in shown if isinstance(it, PoseShown)] == [3_600_100]
-    with pytest.raises(ValueError, match="time went back"):
-        apad.advance(3_600_000)
-
-
 @settings(max_examples=50, deadline=None)
 @given(st.lists(st.integers(0, 20_000), max_size=12))
 def test_how_time_is_cut_never_shows(cuts: list[int]) -> None:
