@@ -128,7 +128,6 @@ def supervisor(
         mission,
         port,
         load_codec(scenario.hearing.codec),
-        scenario.theta,
         samples,
         round(scenario.duration_s * 1000),
         scenario.mission.end_at_apad_fraction,

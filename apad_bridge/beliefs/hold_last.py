@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.fleet import FleetBeliefs
-from apad_bridge.beliefs.measurement import Heard, Measurement
+from apad_bridge.beliefs.measurement import Heard, HeardShort, Measurement
 
 
 class LastPacket:
@@ -16,6 +16,11 @@ class LastPacket:
         return belief
 
     def update(self, belief: Belief | None, measurement: Measurement) -> Belief | None:
+        if isinstance(measurement, HeardShort) and belief is not None:
+            it = measurement
+            return Belief(
+                belief.agent_id, it.at_ms, it.state, it.primary, it.secondary, belief.north_m, belief.east_m
+            )
         if not isinstance(measurement, Heard):
             return belief
         packet = measurement.packet
