@@ -6,8 +6,9 @@ import json
 from collections.abc import Iterable
 from typing import Any
 
-from apad_bridge.layouts.fleet import APadShown, FleetShown, hexadecimal
+from apad_bridge.layouts.fleet import APadShown, FleetShown, hexadecimal, in_bag
 from apad_bridge.ros.frames import ENU
+from apad_bridge.ros.names import DIAGNOSTICS
 
 _LEGEND_OF = 24
 """A legend with more lines than this would hide its plot."""
@@ -25,7 +26,7 @@ def layout(fleet: FleetShown) -> str:
     ]
     panels["Tab!plots"] = {"activeTabIdx": 0, "tabs": tabs}
     panels["DiagnosticSummary!fleet"] = {
-        "topicToRender": "/diagnostics",
+        "topicToRender": DIAGNOSTICS,
         "minLevel": 0,
         "pinnedIds": [],
         "hardwareIdFilter": "",
@@ -77,18 +78,20 @@ def _plots_of(panels: Panels, fleet: FleetShown, apad: APadShown) -> dict[str, A
         ((str(agent_id), f"{topic}.percentage") for agent_id, topic in fleet.batteries(apad).items()),
     )
     panels[battery] = _plot(
-        f"Battery of {apad.name}", [(apad.name, apad.topic("apad/battery_state.percentage"))]
+        f"Battery of {apad.name}", [(apad.name, f"{apad.topic('apad/battery_state')}.percentage")]
     )
     return _column(charges, battery, 70)
 
 
 def _plots_of_bag(panels: Panels, fleet: FleetShown) -> dict[str, Any]:
     """In every run's bag, whatever the names on the graph were: with several aPads each has a bag of its own."""
-    for panel, title, path in (
-        ("Plot!bag-truth", "Charges as they are", "/musselbed/truth.agents[:]{{id=={}}}.primary"),
-        ("Plot!bag-beliefs", "Charges as believed", "/musselbed/beliefs.agents[:]{{id=={}}}.charge"),
+    for panel, title, topic, field in (
+        ("Plot!bag-truth", "Charges as they are", in_bag("truth"), "primary"),
+        ("Plot!bag-beliefs", "Charges as believed", in_bag("beliefs"), "charge"),
     ):
-        panels[panel] = _plot(title, ((str(agent_id), path.format(agent_id)) for agent_id in fleet.ids))
+        panels[panel] = _plot(
+            title, ((str(it), f"{topic}.agents[:]{{id=={it}}}.{field}") for it in fleet.ids)
+        )
     return _column("Plot!bag-truth", "Plot!bag-beliefs", 50)
 
 

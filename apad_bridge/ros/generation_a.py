@@ -167,9 +167,9 @@ class GenerationALink:
         """Until `stateRef` says that all due by `now_ms` was handled; whether it did within `timeout_s`."""
         self._now_ms = now_ms
         until_s = time.monotonic() + timeout_s
-        while self._core.state_ms < now_ms and (left_s := until_s - time.monotonic()) > 0:
+        while self._core.readings.state_ms < now_ms and (left_s := until_s - time.monotonic()) > 0:
             self._drain(left_s)
-        return self._core.state_ms >= now_ms
+        return self._core.readings.state_ms >= now_ms
 
     def wait_until_heard(self, now_ms: int, timeout_s: float) -> list[str]:
         """Until each topic has spoken up to `now_ms`, for ROS keeps no order between topics; those that have not.

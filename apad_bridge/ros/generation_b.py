@@ -194,11 +194,11 @@ class GenerationBLink:
         """Until `stateRef` says that all due by `now_ms` was handled; whether it did within `timeout_s`."""
         self._now_ms = now_ms
         until_s = time.monotonic() + timeout_s
-        while self._core.state_ms < now_ms and (left_s := until_s - time.monotonic()) > 0:
+        while self._core.readings.state_ms < now_ms and (left_s := until_s - time.monotonic()) > 0:
             self._drain(left_s)
-        if self._camera is not None and self._core.state_ms >= now_ms:
+        if self._camera is not None and self._core.readings.state_ms >= now_ms:
             self._camera.wait_until_looked(now_ms, max(0.0, until_s - time.monotonic()))
-        return self._core.state_ms >= now_ms
+        return self._core.readings.state_ms >= now_ms
 
     def wait_until_heard(self, now_ms: int, timeout_s: float) -> list[str]:
         """Until the position has come up to `now_ms`, the statuses have said something since the tick before, which they do
