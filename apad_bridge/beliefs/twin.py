@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import Any
 
 from apad_bridge.beliefs import charge_state as charge
 from apad_bridge.beliefs import clock as clocks
@@ -40,6 +41,7 @@ from apad_bridge.beliefs.memory import (
 from apad_bridge.beliefs.modes import SUBMERGED, Mode, mode_of
 from apad_bridge.beliefs.place import Place
 from apad_bridge.beliefs.told import told
+from apad_bridge.beliefs.twin_lines import memory_data, memory_of
 from firmware_model.packets import StatusPacket
 from firmware_model.states import State
 
@@ -96,6 +98,30 @@ class Twin:
                 place = self._place(memory, at_ms).ranged(range_m, north_m, east_m, variance_m2)
         memory = replace(memory, place=place, place_ms=at_ms)
         return self._tell(belief, memory, at_ms, belief.learned_from | Source.RANGE)
+
+    def kept(self, belief: Belief) -> dict[str, Any]:
+        memory = belief.memory
+        assert isinstance(memory, Memory), "a belief of another estimator"
+        return {
+            "heard_ms": belief.heard_ms,
+            "state": int(belief.state),
+            "at_ms": belief.at_ms,
+            "learned_from": int(belief.learned_from),
+            "silent_slots": belief.silent_slots,
+            "memory": memory_data(memory),
+        }
+
+    def restored(self, agent_id: int, data: dict[str, Any]) -> Belief:
+        return told(
+            memory_of(data["memory"]),
+            self.knowledge,
+            agent_id,
+            data["heard_ms"],
+            State(data["state"]),
+            data["at_ms"],
+            Source(data["learned_from"]),
+            data["silent_slots"],
+        )
 
     # Time.
 

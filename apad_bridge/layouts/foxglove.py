@@ -7,7 +7,8 @@ from collections.abc import Iterable
 from typing import Any
 
 from apad_bridge.layouts.fleet import APadShown, FleetShown, hexadecimal, in_bag
-from apad_bridge.ros.frames import ENU
+from apad_bridge.layouts.grid import grid_of
+from apad_bridge.ros.frames import ENU, NED, agent_frame, apad_frame
 from apad_bridge.ros.names import DIAGNOSTICS
 
 _LEGEND_OF = 24
@@ -15,6 +16,8 @@ _LEGEND_OF = 24
 _MARGIN = 1.4
 _WIDER = 1.2
 """The scene's panel is so many times as wide as it is high on a common screen."""
+_THIN = 500
+"""A line's width in metres, over the area: about a pixel and a half."""
 Panels = dict[str, Any]
 
 
@@ -44,17 +47,22 @@ def layout(fleet: FleetShown) -> str:
 
 def _scene(fleet: FleetShown) -> dict[str, Any]:
     topics: dict[str, Any] = {}
+    thin_m = round(max(fleet.span_m) / _THIN, 3)
     for number, apad in enumerate(fleet.apads):
         of_one = [hexadecimal(number) + "ff"] * 2 if len(fleet.apads) > 1 else None
         topics[apad.topic("markers")] = {"visible": True}
-        topics[apad.topic("plan")] = _line(0.1, of_one or ["#ffc800ff"] * 2)
-        topics[apad.topic("apad/path")] = _line(0.05, of_one or ["#b4b4b4ff"] * 2)
+        topics[apad.topic("plan")] = _line(2 * thin_m, of_one or ["#ffc800ff"] * 2)
+        topics[apad.topic("apad/path")] = _line(thin_m, of_one or ["#b4b4b4ff"] * 2)
     north_m, east_m = fleet.centre_m
     tall_m, wide_m = fleet.span_m
     return {
         "followTf": ENU,
         "followMode": "follow-none",
         "topics": topics,
+        # Frames are where the markers are: axes, names and lines to the origin would only hide them.
+        "transforms": {f"frame:{frame}": {"visible": False} for frame in _frames(fleet)},
+        "scene": {"backgroundColor": "#14283c"},
+        "layers": {"grid": _grid(fleet)},
         "cameraState": {
             "perspective": False,
             "distance": round(_MARGIN * max(tall_m, wide_m / _WIDER), 1),
@@ -64,6 +72,29 @@ def _scene(fleet: FleetShown) -> dict[str, Any]:
             "target": [0, 0, 0],
             "targetOrientation": [0, 0, 0, 1],
         },
+    }
+
+
+def _frames(fleet: FleetShown) -> list[str]:
+    bodies = [*map(agent_frame, fleet.ids), *(apad_frame(apad.name) for apad in fleet.apads)]
+    return [ENU, NED, *bodies]
+
+
+def _grid(fleet: FleetShown) -> dict[str, Any]:
+    grid = grid_of(fleet)
+    return {
+        "layerId": "foxglove.Grid",
+        "instanceId": "grid",
+        "label": f"Grid ({grid.cell_m} m)",
+        "visible": True,
+        "frameLocked": True,
+        "frameId": ENU,
+        "size": grid.cell_m * grid.cells,
+        "divisions": grid.cells,
+        "lineWidth": 1,
+        "color": "#46647880",
+        "position": [grid.east_m, grid.north_m, 0],
+        "rotation": [0, 0, 0],
     }
 
 
