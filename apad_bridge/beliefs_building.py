@@ -143,8 +143,8 @@ def _draws(whole: Whole) -> Callable[[State], float]:
 
 
 def _cycle_of(whole: Whole, slot: int) -> Cycle:
-    """One that sleeps wakes, samples, processes, and with timeslots awaits its own and transmits. The slots' frames begin at
-    whole multiples of their length, so it waits as long in every cycle that is a multiple of a frame."""
+    """One that sleeps wakes, samples, processes, and with timeslots awaits its own and transmits. The slots' frames begin
+    at whole multiples of their length, so it waits as long in every cycle that is a multiple of a frame."""
     firmware, of = whole.cycle, _draws(whole)
     assert firmware is not None
     awake_ms = firmware.sample_ms + firmware.processing_ms

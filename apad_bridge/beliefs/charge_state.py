@@ -150,15 +150,39 @@ def measured(
     # Not filterpy's own log likelihood: that of its function is the posterior's, which no packet ever contradicts.
     variance = float(cov[PRIMARY, PRIMARY] + 2 * cov[PRIMARY, bias] + cov[bias, bias] + noise[0, 0])
     surprise = abs(float(z[0] - expected[0])) / math.sqrt(variance)
-    top = 1 - _NEAR_FULL * sensor.noise if sensor.saturates and bias == CHARGING else 1.0
+    on_charger = bias == CHARGING
+    top = 1 - _NEAR_FULL * sensor.noise if sensor.saturates and on_charger else 1.0
+    held = [row for row in (0, 1) if on_charger and z[row] >= top]
     for row in (0, 1):
         if z[row] <= 0 or z[row] >= top:
             if row == 0 and bool(expected[0] > z[0]) is bool(z[0] > 0):
                 surprise = 0.0  # it was expected beyond the end
-            spread = float(reading[row] @ cov @ reading[row])
-            z[row], noise[row, row] = _cut(float(expected[row]), spread, float(z[row]), sensor.noise**2)
-    new_mean, new_cov = update(mean, cov, z - offsets, noise, reading)
-    return new_mean, new_cov, -0.5 * (surprise**2 + math.log(variance)), surprise
+            if row not in held:
+                spread = float(reading[row] @ cov @ reading[row])
+                z[row], noise[row, row] = _cut(float(expected[row]), spread, float(z[row]), sensor.noise**2)
+    free = [row for row in (0, 1) if row not in held]
+    if free:
+        mean, cov = update(mean, cov, (z - offsets)[free], noise[np.ix_(free, free)], reading[free])
+    for row in held:
+        mean, cov = _at_least(mean, cov, reading[row], row, float(z[row]) - offsets[row], sensor.noise**2)
+    return mean, cov, -0.5 * (surprise**2 + math.log(variance)), surprise
+
+
+def _at_least(
+    mean: Array, cov: Array, reading: Array, charge: int, end: float, noise: float
+) -> tuple[Array, Array]:
+    """A charger's voltage at the end of its scale says that this battery holds so much, and no more than that.
+
+    Of its lift it says nothing, for a charger holds a full battery's voltage there however much it lifts: learned from
+    such readings, one after the other, the lift would grow out of nothing. So it is considered and not estimated (Schmidt).
+    """
+    expected, spread = float(reading @ mean), float(reading @ cov @ reading)
+    z, its_noise = _cut(expected, spread, end, noise)
+    gain = np.zeros(SIZE)
+    gain[charge] = float(cov[charge] @ reading) / (spread + its_noise)
+    # Joseph's form, which holds for any gain.
+    rest = _IDENTITY - np.outer(gain, reading)
+    return mean + gain * (z - expected), rest @ cov @ rest.T + its_noise * np.outer(gain, gain)
 
 
 def _cut(expected: float, spread: float, end: float, noise: float) -> tuple[float, float]:
