@@ -102,14 +102,16 @@ def supervisor(
     override: CalledFront | None = None,
     has_modem: bool = True,
     docks_by_eye: bool = False,
+    beliefs: FleetBeliefs | None = None,
 ) -> Supervisor:
     """A supervisor that knows nothing yet, or one that goes on with a mission's journaled `state`.
 
     Its mission is the paper's, which can be taken over by `override`; or, where there are `fronts`, one that does what they
     say. Without `samples` it leaves the aMussels' logs to others; without a modem, whatever is said by sound of its own
-    accord.
+    accord. Without `beliefs` it begins with none.
     """
-    beliefs = fleet_beliefs(scenario, agent_ids(scenario))
+    if beliefs is None:
+        beliefs = fleet_beliefs(scenario, agent_ids(scenario))
     mission: Mission
     if fronts:
         mission = CommandedMission(scenario.mission, beliefs, fronts, state)
@@ -128,7 +130,6 @@ def supervisor(
         mission,
         port,
         load_codec(scenario.hearing.codec),
-        scenario.theta,
         samples,
         round(scenario.duration_s * 1000),
         scenario.mission.end_at_apad_fraction,

@@ -6,6 +6,8 @@ import colorsys
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from apad_bridge.ros.beside_others import below_apad
+from apad_bridge.ros.names import of_amussel, ours
 from apad_bridge.scenario.polygon import bounding_box
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import Start
@@ -17,14 +19,17 @@ _GOLDEN = 0.618033988749895
 
 @dataclass(frozen=True, slots=True)
 class APadShown:
-    """An aPad and the aMussels that it serves at first. `below` is the name under which what is of it alone stands."""
+    """An aPad and the aMussels that it serves at first."""
 
     name: str
-    below: str
+    namespace: str
     ids: tuple[int, ...]
+    is_one_of_several: bool
 
-    def topic(self, name: str) -> str:
-        return f"{self.below}/{name}"
+    def topic(self, leaf: str) -> str:
+        """What of the bench is of this aPad alone, by its name below `musselbed`."""
+        name = ours(leaf)
+        return f"{self.namespace}/{below_apad(name, self.name) if self.is_one_of_several else name}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,27 +58,31 @@ class FleetShown:
         (south, west), (north, east) = self.south_west_m, self.north_east_m
         return north - south, east - west
 
-    def agent_topic(self, agent_id: int, name: str) -> str:
-        return f"{self.namespace}/amussel{agent_id}/{name}"
-
     def batteries(self, apad: APadShown) -> dict[int, str]:
         """The topic of each battery of the aMussels that this aPad serves at first, by id."""
-        return {agent_id: self.agent_topic(agent_id, "battery_state") for agent_id in apad.ids}
+        return {
+            agent_id: f"{self.namespace}/{of_amussel(agent_id, 'battery_state')}" for agent_id in apad.ids
+        }
 
 
 def shown(scenario: Scenario, starts: Sequence[Start], namespace: str = "") -> FleetShown:
     """`namespace` is empty, or a name of ROS with its leading slash and none at its end."""
-    alone = not scenario.apads and not scenario.fleet.share
     apads = [
         APadShown(
             member.name,
-            f"{namespace}/musselbed" if alone else f"{namespace}/musselbed/{member.name}",
+            namespace,
             tuple(start.agent_id for start in member.starts),
+            is_one_of_several=bool(scenario.apads or scenario.fleet.share),
         )
         for member in members(scenario, starts)
     ]
     south_west, north_east = bounding_box(scenario.area.polygon_m)
     return FleetShown(scenario.name, namespace, tuple(apads), south_west, north_east, scenario.duration_s)
+
+
+def in_bag(leaf: str) -> str:
+    """The topic of the bench in a run's bag, where names are the same whatever they were on the graph."""
+    return f"/{ours(leaf)}"
 
 
 def colour(number: int) -> tuple[int, int, int]:

@@ -6,14 +6,18 @@ import json
 from collections.abc import Iterable
 from typing import Any
 
-from apad_bridge.layouts.fleet import APadShown, FleetShown, hexadecimal
-from apad_bridge.ros.frames import ENU
+from apad_bridge.layouts.fleet import APadShown, FleetShown, hexadecimal, in_bag
+from apad_bridge.layouts.grid import grid_of
+from apad_bridge.ros.frames import ENU, NED, agent_frame, apad_frame
+from apad_bridge.ros.names import DIAGNOSTICS
 
 _LEGEND_OF = 24
 """A legend with more lines than this would hide its plot."""
 _MARGIN = 1.4
 _WIDER = 1.2
 """The scene's panel is so many times as wide as it is high on a common screen."""
+_THIN = 500
+"""A line's width in metres, over the area: about a pixel and a half."""
 Panels = dict[str, Any]
 
 
@@ -25,7 +29,7 @@ def layout(fleet: FleetShown) -> str:
     ]
     panels["Tab!plots"] = {"activeTabIdx": 0, "tabs": tabs}
     panels["DiagnosticSummary!fleet"] = {
-        "topicToRender": "/diagnostics",
+        "topicToRender": DIAGNOSTICS,
         "minLevel": 0,
         "pinnedIds": [],
         "hardwareIdFilter": "",
@@ -43,17 +47,22 @@ def layout(fleet: FleetShown) -> str:
 
 def _scene(fleet: FleetShown) -> dict[str, Any]:
     topics: dict[str, Any] = {}
+    thin_m = round(max(fleet.span_m) / _THIN, 3)
     for number, apad in enumerate(fleet.apads):
         of_one = [hexadecimal(number) + "ff"] * 2 if len(fleet.apads) > 1 else None
         topics[apad.topic("markers")] = {"visible": True}
-        topics[apad.topic("plan")] = _line(0.1, of_one or ["#ffc800ff"] * 2)
-        topics[apad.topic("apad/path")] = _line(0.05, of_one or ["#b4b4b4ff"] * 2)
+        topics[apad.topic("plan")] = _line(2 * thin_m, of_one or ["#ffc800ff"] * 2)
+        topics[apad.topic("apad/path")] = _line(thin_m, of_one or ["#b4b4b4ff"] * 2)
     north_m, east_m = fleet.centre_m
     tall_m, wide_m = fleet.span_m
     return {
         "followTf": ENU,
         "followMode": "follow-none",
         "topics": topics,
+        # Frames are where the markers are: axes, names and lines to the origin would only hide them.
+        "transforms": {f"frame:{frame}": {"visible": False} for frame in _frames(fleet)},
+        "scene": {"backgroundColor": "#14283c"},
+        "layers": {"grid": _grid(fleet)},
         "cameraState": {
             "perspective": False,
             "distance": round(_MARGIN * max(tall_m, wide_m / _WIDER), 1),
@@ -63,6 +72,29 @@ def _scene(fleet: FleetShown) -> dict[str, Any]:
             "target": [0, 0, 0],
             "targetOrientation": [0, 0, 0, 1],
         },
+    }
+
+
+def _frames(fleet: FleetShown) -> list[str]:
+    bodies = [*map(agent_frame, fleet.ids), *(apad_frame(apad.name) for apad in fleet.apads)]
+    return [ENU, NED, *bodies]
+
+
+def _grid(fleet: FleetShown) -> dict[str, Any]:
+    grid = grid_of(fleet)
+    return {
+        "layerId": "foxglove.Grid",
+        "instanceId": "grid",
+        "label": f"Grid ({grid.cell_m} m)",
+        "visible": True,
+        "frameLocked": True,
+        "frameId": ENU,
+        "size": grid.cell_m * grid.cells,
+        "divisions": grid.cells,
+        "lineWidth": 1,
+        "color": "#46647880",
+        "position": [grid.east_m, grid.north_m, 0],
+        "rotation": [0, 0, 0],
     }
 
 
@@ -77,18 +109,20 @@ def _plots_of(panels: Panels, fleet: FleetShown, apad: APadShown) -> dict[str, A
         ((str(agent_id), f"{topic}.percentage") for agent_id, topic in fleet.batteries(apad).items()),
     )
     panels[battery] = _plot(
-        f"Battery of {apad.name}", [(apad.name, apad.topic("apad/battery_state.percentage"))]
+        f"Battery of {apad.name}", [(apad.name, f"{apad.topic('apad/battery_state')}.percentage")]
     )
     return _column(charges, battery, 70)
 
 
 def _plots_of_bag(panels: Panels, fleet: FleetShown) -> dict[str, Any]:
     """In every run's bag, whatever the names on the graph were: with several aPads each has a bag of its own."""
-    for panel, title, path in (
-        ("Plot!bag-truth", "Charges as they are", "/musselbed/truth.agents[:]{{id=={}}}.primary"),
-        ("Plot!bag-beliefs", "Charges as believed", "/musselbed/beliefs.agents[:]{{id=={}}}.charge"),
+    for panel, title, topic, field in (
+        ("Plot!bag-truth", "Charges as they are", in_bag("truth"), "primary"),
+        ("Plot!bag-beliefs", "Charges as believed", in_bag("beliefs"), "charge"),
     ):
-        panels[panel] = _plot(title, ((str(agent_id), path.format(agent_id)) for agent_id in fleet.ids))
+        panels[panel] = _plot(
+            title, ((str(it), f"{topic}.agents[:]{{id=={it}}}.{field}") for it in fleet.ids)
+        )
     return _column("Plot!bag-truth", "Plot!bag-beliefs", 50)
 
 

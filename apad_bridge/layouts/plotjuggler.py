@@ -8,10 +8,9 @@ from __future__ import annotations
 from collections.abc import Iterable
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
-from apad_bridge.layouts.fleet import APadShown, FleetShown, hexadecimal
+from apad_bridge.layouts.fleet import APadShown, FleetShown, hexadecimal, in_bag
 
-_BAG = ("/musselbed/truth", "/musselbed/beliefs", "/musselbed/apad")
-"""In every run's bag, whatever the names on the graph were."""
+_OF_BAG = ("truth", "beliefs", "apad")
 
 
 def layout(fleet: FleetShown) -> str:
@@ -24,7 +23,7 @@ def layout(fleet: FleetShown) -> str:
     SubElement(root, "use_relative_time_offset", enabled="1")
     plugins = SubElement(root, "Plugins")
     streamed = [topic for apad in fleet.apads for topic in _streamed(fleet, apad)]
-    _plugin(plugins, "DataLoad ROS bags", dict.fromkeys([*streamed, *_BAG]), len(fleet.ids))
+    _plugin(plugins, "DataLoad ROS bags", dict.fromkeys([*streamed, *map(in_bag, _OF_BAG)]), len(fleet.ids))
     _plugin(plugins, "ROS Topic Subscriber", streamed, len(fleet.ids))
     SubElement(root, "previouslyLoaded_Streamer", name="ROS Topic Subscriber")
     indent(root, " ")
@@ -42,7 +41,7 @@ def _tab_of(tabs: Element, fleet: FleetShown, apad: APadShown) -> None:
         SubElement(charges, "curve", name=f"{topic}/percentage", color=hexadecimal(number))
     below = SubElement(splitter, "DockSplitter", orientation="|", count="2", sizes="0.5;0.5")
     battery = _time_plot(below, f"{apad.name}: battery", fleet.duration_s)
-    SubElement(battery, "curve", name=apad.topic("apad/battery_state/percentage"), color="#1ac938")
+    SubElement(battery, "curve", name=f"{apad.topic('apad/battery_state')}/percentage", color="#1ac938")
     _seen_from_above(below, fleet, apad)
 
 
@@ -51,10 +50,10 @@ def _tab_of_bag(tabs: Element, fleet: FleetShown) -> None:
     splitter = _tab(tabs, "run.bag", "-", (0.7, 0.3))
     charges = _time_plot(splitter, "true charges, by rising id", fleet.duration_s)
     for number in range(max((len(apad.ids) for apad in fleet.apads), default=0)):
-        name = f"/musselbed/truth/agents[{number}]/primary"
+        name = f"{in_bag('truth')}/agents[{number}]/primary"
         SubElement(charges, "curve", name=name, color=hexadecimal(number))
     battery = _time_plot(splitter, "the aPad's battery", fleet.duration_s)
-    SubElement(battery, "curve", name="/musselbed/apad/battery_fraction", color="#1ac938")
+    SubElement(battery, "curve", name=f"{in_bag('apad')}/battery_fraction", color="#1ac938")
 
 
 def _tab(tabs: Element, title: str, orientation: str, sizes: tuple[float, ...]) -> Element:

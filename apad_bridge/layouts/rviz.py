@@ -7,13 +7,11 @@ from typing import Any
 import yaml
 
 from apad_bridge.layouts.fleet import APadShown, FleetShown, colour
+from apad_bridge.layouts.grid import grid_of
 from apad_bridge.ros.frames import ENU
 
 _WIDTH_PX, _HEIGHT_PX = 1360, 860
 _MARGIN = 0.85
-_LINES = 80
-"""A grid has at most so many cells; the next coarser one is taken beyond."""
-_CELLS_M = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)
 
 
 def layout(fleet: FleetShown) -> str:
@@ -67,17 +65,14 @@ def _path(name: str, topic: str, rgb: tuple[int, int, int], alpha: float) -> dic
 
 
 def _grid(fleet: FleetShown) -> dict[str, Any]:
-    """Over the area and as much again about it, its lines at whole multiples of the cell."""
-    reach_m = 2 * max(*fleet.span_m, 1.0)
-    cell_m = next((it for it in _CELLS_M if reach_m / it <= _LINES), _CELLS_M[-1])
-    north_m, east_m = (cell_m * round(it / cell_m) for it in fleet.centre_m)
+    grid = grid_of(fleet)
     return {
         "Class": "rviz/Grid",
-        "Name": f"Grid ({cell_m} m)",
+        "Name": f"Grid ({grid.cell_m} m)",
         "Enabled": True,
-        "Cell Size": cell_m,
-        "Plane Cell Count": 2 * round(reach_m / cell_m / 2),
-        "Offset": {"X": east_m, "Y": north_m, "Z": 0},
+        "Cell Size": grid.cell_m,
+        "Plane Cell Count": grid.cells,
+        "Offset": {"X": grid.east_m, "Y": grid.north_m, "Z": 0},
         "Color": "70; 100; 120",
         "Value": True,
     }

@@ -11,8 +11,9 @@ from apad_bridge.ros.names_table import OURS
 
 def beside_others(apad: str) -> list[str]:
     """ROS's remappings, FROM:=TO, for the supervisor of the aPad of this name."""
-    return [
-        f"{row.name}:=musselbed/{apad}/{row.name.removeprefix('musselbed/')}"
-        for row in OURS.rows
-        if not row.is_common
-    ]
+    return [f"{row.name}:={below_apad(row.name, apad)}" for row in OURS.rows if not row.is_common]
+
+
+def below_apad(name: str, apad: str) -> str:
+    """What a name of the bench becomes for the supervisor of this aPad."""
+    return f"musselbed/{apad}/{name.removeprefix('musselbed/')}"

@@ -13,6 +13,7 @@ from typing import Any, Protocol
 from agents.one_process import OneProcess
 from agents.processes import ProcessHost
 from apad_bridge import building
+from apad_bridge.beliefs.fleet import FleetBeliefs
 from apad_bridge.ether import Ether
 from apad_bridge.fleet import Fleet
 from apad_bridge.flight import Flight, Watcher
@@ -100,12 +101,14 @@ def fly(
     until_first_plan: bool = False,
     fronts: Sequence[Front] = (),
     override: CalledFront | None = None,
+    beliefs: FleetBeliefs | None = None,
 ) -> dict[str, Any]:
     """Flies to the mission's end, or to its first plan, and gives the summary. SIGINT and SIGTERM end it in order.
 
     With `fronts` there is no mission of our own: the aPad does what these order. By `override` it can be taken over.
+    `beliefs` are what is believed already; None for nothing.
     """
-    supervisor = _supervisor(scenario, surroundings, recorder, go_on, fronts, override)
+    supervisor = _supervisor(scenario, surroundings, recorder, go_on, fronts, override, beliefs)
     pace = surroundings.pace
 
     def show_tick(now_ms: int) -> None:
@@ -149,6 +152,7 @@ def _supervisor(
     go_on: GoOn | None,
     fronts: Sequence[Front],
     override: CalledFront | None,
+    beliefs: FleetBeliefs | None,
 ) -> Supervisor:
     """With the docks as the journal last had them."""
     supervisor = building.supervisor(
@@ -161,6 +165,7 @@ def _supervisor(
         # The aPad's modem is where its water is: with the fleet, and not with a mission alone.
         has_modem=surroundings.fleet is not None,
         docks_by_eye=surroundings.docks_by_eye,
+        beliefs=beliefs,
     )
     if go_on is not None:
         for slot, agent_id in go_on.state.docked:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from apad_bridge.planning.shares import shares
+from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.loader import from_data, resolve
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import Start
@@ -38,6 +39,14 @@ def divided(
         )
         for (name, start_m), share in zip(_apads(scenario), served, strict=True)
     )
+
+
+def with_apad(scenario: Scenario, name: str) -> Scenario:
+    """The scenario with this one of its aPads alone, over the whole fleet. ScenarioError when it has none of this name."""
+    starts_m = dict(_apads(scenario))
+    if name not in starts_m:
+        raise ScenarioError([f"{scenario.name} has no aPad {name}: its aPads are {', '.join(starts_m)}"])
+    return _of_one(scenario, name, starts_m[name], scenario.fleet.share)
 
 
 def _apads(scenario: Scenario) -> list[tuple[str, tuple[float, float]]]:

@@ -247,3 +247,22 @@ def test_the_area_fits_into_rviz(bay: Scenario) -> None:
     for axis, to_m in (("X", 200), ("Y", 60)):
         assert grid["Offset"][axis] % grid["Cell Size"] == 0, "lines at whole multiples"
         assert grid["Offset"][axis] - half_m <= 0 and grid["Offset"][axis] + half_m >= to_m
+
+
+def test_foxglove_hides_every_frame(bay: Scenario) -> None:
+    scene = json.loads(KINDS["foxglove"].write(shown(bay, starts_of(bay))))["configById"]["3D!scene"]
+    hidden = {name for name, how in scene["transforms"].items() if how == {"visible": False}}
+    bodies = [*(f"amussel{n}" for n in range(1, 121)), *(f"apad{n}" for n in range(1, 6))]
+    assert hidden == {
+        "frame:musselbed/enu",
+        "frame:musselbed/ned",
+        *(f"frame:{it}/base_link" for it in bodies),
+    }
+
+
+def test_grids_are_the_same_in_both_programs(bay: Scenario) -> None:
+    fleet = shown(bay, starts_of(bay))
+    in_foxglove = json.loads(KINDS["foxglove"].write(fleet))["configById"]["3D!scene"]["layers"]["grid"]
+    in_rviz = yaml.safe_load(KINDS["rviz"].write(fleet))["Visualization Manager"]["Displays"][0]
+    assert in_foxglove["size"] / in_foxglove["divisions"] == in_rviz["Cell Size"] == 5
+    assert in_foxglove["position"] == list(in_rviz["Offset"].values())
