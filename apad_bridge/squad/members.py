@@ -6,8 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from apad_bridge.planning.shares import shares
+from apad_bridge.scenario.another_apad import AnotherAPad
 from apad_bridge.scenario.loader import from_data, resolve
-from apad_bridge.scenario.schema import Scenario
+from apad_bridge.scenario.schema import APad, Scenario
 from apad_bridge.scenario.starts import Start
 
 
@@ -23,7 +24,7 @@ class Member:
 def members(scenario: Scenario, starts: Sequence[Start]) -> tuple[Member, ...]:
     """In the scenario's order of aPads, each with the share that is planned for it."""
     places_m = {start.agent_id: (start.north_m, start.east_m) for start in starts}
-    return divided(scenario, starts, shares([start_m for _, start_m in _apads(scenario)], places_m))
+    return divided(scenario, starts, shares([apad.start_m for apad in _apads(scenario)], places_m))
 
 
 def divided(
@@ -32,23 +33,27 @@ def divided(
     """The same with these shares. Ids, seed, timeslots and starts are those of the whole; only who serves is new."""
     return tuple(
         Member(
-            name,
-            _of_one(scenario, name, start_m, share),
+            apad.name,
+            _of_one(scenario, apad, share),
             tuple(start for start in starts if start.agent_id in share),
         )
-        for (name, start_m), share in zip(_apads(scenario), served, strict=True)
+        for apad, share in zip(_apads(scenario), served, strict=True)
     )
 
 
-def _apads(scenario: Scenario) -> list[tuple[str, tuple[float, float]]]:
-    """Names and starts, `apad` first."""
-    first = scenario.apad
-    return [(first.name, first.start_m), *((it.name, it.start_m) for it in scenario.apads)]
+def _apads(scenario: Scenario) -> list[APad | AnotherAPad]:
+    """`apad` first."""
+    return [scenario.apad, *scenario.apads]
 
 
-def _of_one(scenario: Scenario, apad: str, start_m: tuple[float, float], share: tuple[int, ...]) -> Scenario:
+def _of_one(scenario: Scenario, apad: APad | AnotherAPad, share: tuple[int, ...]) -> Scenario:
     data = resolve(scenario)
-    data.update(name=f"{scenario.name}-{apad}", apads=[])
+    data.update(name=f"{scenario.name}-{apad.name}", apads=[])
     data["fleet"]["share"] = list(share)
-    data["apad"].update(name=apad, start_m=list(start_m))
-    return from_data(data, f"{scenario.name}: {apad}")
+    data["apad"].update(name=apad.name, start_m=list(apad.start_m))
+    if isinstance(apad, AnotherAPad):
+        if apad.battery_start_fraction is not None:
+            data["apad"]["battery"]["start_fraction"] = apad.battery_start_fraction
+        if apad.fault is not None:
+            data["apad"]["fault"] = apad.fault.value
+    return from_data(data, f"{scenario.name}: {apad.name}")
