@@ -9,12 +9,13 @@ from typing import TYPE_CHECKING
 from agents.body import Body, WaterConfig
 from agents.outputs import Dropped, Output, PingAnswered, SoundSent, Truth, WifiSent
 from agents.physical import Physical
-from agents.reporter import Modem, Reporter
+from agents.reporter import RANGE_ANSWER_MS, Modem, Reporter
 from agents.stimuli import (
     CoilSlipped,
     ContactClosed,
     ContactOpened,
     DockMoved,
+    ModemSent,
     PingArrived,
     Placed,
     SoundArrived,
@@ -237,7 +238,11 @@ class Agent:
                     return [Dropped(now_ms, "sound does not reach a modem in air")]
                 if not self.board.hears:
                     return [Dropped(now_ms, "the modem is not listening")]
-                return [PingAnswered(now_ms, travelled_us)]
+                lasting_ms = RANGE_ANSWER_MS[self.config.modem]
+                spoke = self._tell_board(board_stimuli.ModemSpoke(lasting_ms), now_ms)
+                return [*spoke, PingAnswered(now_ms, travelled_us)]
+            case ModemSent(lasting_ms):
+                return self._tell_board(board_stimuli.ModemSpoke(lasting_ms), now_ms)
             case WifiArrived(data):
                 if not self.config.heard_always and not self._at_surface(now_ms):
                     return [Dropped(now_ms, "Wi-Fi does not reach under water")]
@@ -282,6 +287,8 @@ class Agent:
                     outputs.append(Dropped(at_ms, reason))
                 case board_actions.SendStatus(at_ms, by):
                     outputs.append(self._status(at_ms, by))
+                case board_actions.SendAnswer(at_ms):
+                    outputs.append(SoundSent(at_ms, self._codec.encode(self._reporter.in_short(at_ms))))
                 case board_actions.LogSample() | board_actions.SendLog() | board_actions.DropLog():
                     outputs += self._log(action)
                 case _:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import heapq
 from collections.abc import Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 
 from agents.host import Death, Grant, Host
 from agents.outputs import Output
@@ -64,6 +65,11 @@ class Coordinator:
     @property
     def agent_ids(self) -> list[int]:
         return sorted(self._granted_ms)
+
+    @property
+    def granted_ms(self) -> Mapping[int, int]:
+        """By aMussel, the agent time that it has lived to."""
+        return MappingProxyType(self._granted_ms)
 
     @property
     def next_due_ms(self) -> int | None:

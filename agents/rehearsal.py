@@ -23,6 +23,7 @@ from agents.stimuli import (
     ContactClosed,
     ContactOpened,
     DockMoved,
+    ModemSent,
     PingArrived,
     Placed,
     SoundArrived,
@@ -102,6 +103,8 @@ def _in_haste(board: BoardConfig, whole: Whole) -> BoardConfig:
         power=power,
         cycle=cycle,
         transmit_ms=100,
+        turnaround_ms=100,
+        answer_ms=100,
         call_ms=1000,
         hover_ms=2000,
         stay_down_ms=1000,
@@ -180,16 +183,18 @@ def _days(agent: Agent, codec: Codec, agent_id: int, now_ms: int) -> Iterator[tu
     second_ms = config.water.step_ms
     yield config.board.boot_ms + second_ms, []
     yield config.report_period_ms, [SoundArrived(b"wrong")]
+    yield second_ms, [PingArrived(1)]
     if config.board.whole is not None:
         ping, hover = (codec.encode(CommandPacket(kind, agent_id)) for kind in (Kind.PING, Kind.HOVER))
-        yield 2 * _ALARM_MS, [SoundArrived(ping)]
+        yield 2 * _ALARM_MS, [SoundArrived(ping), SoundArrived(ping)]
+        yield 3000, [PingArrived(1), PingArrived(1), ModemSent(100)]
         for word in _words(config.board, agent_id, now_ms):
             yield 3000, [SoundArrived(codec.encode(word))]
         yield _ALARM_MS, [SoundArrived(hover)]
         yield _ALARM_MS, [SoundArrived(release), SoundArrived(hover)]
     yield (
         config.water.surfacing_ms,
-        [PingArrived(1), SoundArrived(permission), ContactOpened(), DockMoved(0, 0)],
+        [SoundArrived(permission), ContactOpened(), DockMoved(0, 0)],
     )
     yield second_ms, [SoundArrived(permission), PingArrived(1)]
     yield config.board.pin_debounce_ms + second_ms, [ContactClosed(0, 0), ContactClosed(0, 0)]

@@ -23,6 +23,10 @@ class Modem(IntEnum):
     """64 bytes a packet."""
 
 
+RANGE_ANSWER_MS = {Modem.V2: 430, Modem.V3: 105}
+"""How long a modem sends when it answers a ping for its range, which is a frame without data."""
+
+
 class Reporter:
     """Counts the reports of one aMussel. Without a log it is the paper's worst case: with one status for all media."""
 
@@ -55,11 +59,15 @@ class Reporter:
     def by_sound(self, now_ms: int) -> Packet:
         basic, logbook = self._basic(now_ms), self._logbook
         if self._modem is Modem.V2:
-            return ShortStatus(basic.agent_id, basic.state, basic.primary, basic.secondary)
+            return _short(basic)
         if logbook is None:
             return basic
         log = logbook.log
         return AcousticStatus(basic, logbook.counts, log.next_sequence, log.waiting)
+
+    def in_short(self, now_ms: int) -> Packet:
+        """For whoever asked: what even a v2 modem carries, so that the air is soon free again."""
+        return _short(self._basic(now_ms))
 
     def _basic(self, now_ms: int) -> StatusPacket:
         body, board = self._body, self._board
@@ -76,3 +84,7 @@ class Reporter:
             body.depth_at_um(now_ms) / 1e6,
             board.clock_ms(now_ms),
         )
+
+
+def _short(basic: StatusPacket) -> ShortStatus:
+    return ShortStatus(basic.agent_id, basic.state, basic.primary, basic.secondary)

@@ -32,7 +32,7 @@ from agents.sea_facts import (
     address_of,
 )
 from agents.sea_modems import SeaModems
-from agents.stimuli import PingArrived, SoundArrived
+from agents.stimuli import ModemSent, PingArrived, SoundArrived, Stimulus
 from agents.water import medium
 from agents.water.chance import fates
 from agents.water.medium import Began, LinksChanged, Medium, Moved, PacketEnded, ThrustersRan
@@ -223,6 +223,8 @@ class Sea:
         if self._modems is not None:
             for sent in self._modems.round(horizon_ms):
                 happened.append((sent.at_ms, 1, sent.node, Began(sent.node, sent.frame)))
+                if not sent.asked and sent.node != APAD:
+                    self._tell(sent.node, ModemSent(sent.frame.duration_ms), sent.at_ms, results)
         self._deliver(self._happen(happened, horizon_ms, results), results)
         if self._modems is not None:
             results += [Printed(self._mission_ms(horizon_ms), *it) for it in self._modems.take_printed()]
@@ -266,9 +268,12 @@ class Sea:
                 continue
             ping = frame.kind is FrameKind.PING
             stimulus = PingArrived(it.reception.travelled_us) if ping else SoundArrived(frame.data)
-            agent_ms = self._coordinator.tell(node, stimulus, at_ms)
-            if agent_ms is not None:
-                results.append(Told(self._mission_ms(at_ms), node, agent_ms, stimulus))
+            self._tell(node, stimulus, at_ms, results)
+
+    def _tell(self, node: int, stimulus: Stimulus, at_ms: int, results: list[SeaResult]) -> None:
+        agent_ms = self._coordinator.tell(node, stimulus, at_ms)
+        if agent_ms is not None:
+            results.append(Told(self._mission_ms(at_ms), node, agent_ms, stimulus))
 
     def _hear(self, heard: medium.Heard, results: list[SeaResult]) -> None:
         """At the aPad's modem."""

@@ -33,6 +33,8 @@ class Emission:
     at_ms: int
     node: int
     frame: Frame
+    asked: bool
+    """By the node's own host; otherwise somebody else drives the modem, or it answers a question by itself."""
 
 
 class SeaModems:
@@ -54,6 +56,8 @@ class SeaModems:
         self._noted: list[tuple[int, int, int, Stimulus]] = []
         self._printed: list[tuple[int, bytes]] = []
         self._emitted: list[Emission] = []
+        self._asked: dict[int, Frame] = {}
+        """What each node's host asked for last."""
 
     @property
     def next_due_ms(self) -> int | None:
@@ -65,6 +69,7 @@ class SeaModems:
 
     def ask(self, node: int, frame: Frame, at_ms: int) -> None:
         """The node's own host wants this sent."""
+        self._asked[node] = frame
         self._noted.append((at_ms, 1, node, Asked(frame)))
 
     def power(self, node: int, on: bool, at_ms: int) -> None:
@@ -102,7 +107,8 @@ class SeaModems:
                 case SerialOut(_, data):
                     self._printed.append((node, data))
                 case EmitFrame(at_ms, frame):
-                    self._emitted.append(Emission(at_ms, node, frame))
+                    asked = self._asked.get(node) is frame
+                    self._emitted.append(Emission(at_ms, node, frame, asked))
                 case Dropped(_, reason):
                     self.dropped[f"modem: {reason}"] += 1
 

@@ -50,6 +50,13 @@ class PingArrived:
 
 
 @dataclass(frozen=True, slots=True)
+class ModemSent:
+    """Its modem sent something that its board did not ask for, and that lasted so long: somebody has opened it."""
+
+    lasting_ms: int
+
+
+@dataclass(frozen=True, slots=True)
 class Placed:
     """The aMussel was put here, undocked, with these charges (grains), and switched on: another, or one that is back."""
 
@@ -77,6 +84,7 @@ Stimulus = (
     | PingArrived
     | Placed
     | WasReset
+    | ModemSent
 )
 
 _KINDS: tuple[type[Any], ...] = (
@@ -89,6 +97,7 @@ _KINDS: tuple[type[Any], ...] = (
     PingArrived,
     Placed,
     WasReset,
+    ModemSent,
 )
 _CODES: dict[type[Any], int] = {kind: code for code, kind in enumerate(_KINDS)}
 _FIELDS: tuple[tuple[tuple[str, type], ...], ...] = (
@@ -101,6 +110,7 @@ _FIELDS: tuple[tuple[tuple[str, type], ...], ...] = (
     (("travelled_us", int),),
     (("north_um", int), ("east_um", int), ("depth_um", int), ("primary", int), ("secondary", int)),
     (("cause", int),),
+    (("lasting_ms", int),),
 )
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from decimal import ROUND_HALF_EVEN, Decimal
 
+from agents.modem.frames import Generation, duration_ms
 from apad_bridge.scenario.board import Board
 from apad_bridge.scenario.whole_board import (
     BoardPower,
@@ -16,6 +17,7 @@ from apad_bridge.scenario.whole_board import (
 from firmware_model import plan
 from firmware_model.ageing import aged, capacity_left
 from firmware_model.charge import EMPTY_MV, FULL, FULL_MV, Battery, ChargeModel, Flow, grains, grains_per_ms
+from firmware_model.packets import ShortStatus
 from firmware_model.rails import Loads, Rail, bits, rails_of
 from firmware_model.states import State
 
@@ -34,7 +36,7 @@ def charge_model(board: Board) -> ChargeModel:
     return _at_its_age(board.whole, _charge_as_new(board.whole.power), None)[0]
 
 
-def whole_firmware(board: Board, seed: int = 0) -> plan.Whole | None:
+def whole_firmware(board: Board, seed: int = 0, modems: Generation = Generation.V3) -> plan.Whole | None:
     """The whole firmware's numbers, and `seed` for the noise of its readings; None for the paper's worst case."""
     whole = board.whole
     if whole is None:
@@ -47,6 +49,8 @@ def whole_firmware(board: Board, seed: int = 0) -> plan.Whole | None:
         _ms(whole.hover_period_s),
         _ms(whole.last_resort.stay_down_s),
         None if whole.timekeeping is None else _timekeeping(whole.timekeeping),
+        whole.turnaround_ms,
+        duration_ms(modems, ShortStatus.BYTES),
     )
     return _at_its_age(whole, _charge_as_new(whole.power), as_new)[1]
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from agents.fleet import FleetConfig, resting_on_bottom
+from agents.modem.frames import Generation
 from agents.physical import Physical
 from agents.reporter import Modem
 from apad_bridge.beliefs_building import fleet_beliefs
@@ -25,6 +26,7 @@ from apad_bridge.scenario.water import ModemGeneration
 from apad_bridge.scripting.called import CalledFront
 from apad_bridge.scripting.commanded import CommandedMission, Front
 from apad_bridge.scripting.override import Override
+from apad_bridge.sea_building import generation_of
 from apad_bridge.simulated_apad.apad import SimulatedAPad
 from apad_bridge.simulated_apad.misses import Misses
 from apad_bridge.supervisor import Supervisor
@@ -64,7 +66,9 @@ def fleet_config(scenario: Scenario) -> FleetConfig:
         oxygen_mg_l=water.oxygen_mg_l,
         temperature_c=water.temperature_c,
         turbidity_ntu=water.turbidity_ntu,
-        whole=whole_firmware(board, scenario.seed),
+        whole=whole_firmware(
+            board, scenario.seed, Generation.V3 if told is None else generation_of(told.modems)
+        ),
         clock_drift_ppb=clock_drift_ppb(board),
         first_id=scenario.fleet.first_id,
         modem=Modem.V2 if told is not None and told.modems is ModemGeneration.V2 else Modem.V3,

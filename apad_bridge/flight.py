@@ -144,6 +144,8 @@ class Flight:
             supervisor.primitive,
             supervisor.mission.slots,
         )
+        if self._roll is not None:
+            self._roll.answer()
         for watch in self._watchers:
             watch(now_ms)
 

@@ -45,6 +45,16 @@ TABLE: dict[tuple[Presence, Trigger], Presence] = {
 """A pair that is missing is refused, with a word for who asked."""
 
 
+@dataclass(frozen=True, slots=True)
+class Became:
+    """What an aMussel became at mission time `at_ms`, and at whose word, as the journal of a run tells it."""
+
+    at_ms: int
+    agent_id: int
+    presence: Presence
+    by: str
+
+
 class Fault(StrEnum):
     """What can be done to a simulated aMussel to see what follows."""
 
@@ -95,12 +105,24 @@ _STIMULI: dict[Fault, Stimulus] = {
 
 
 class Presences:
-    """Of a fleet's aMussels, all simulated at first. Its thread is the flight's; `simulated` may be asked by any."""
+    """Of a fleet's aMussels. Its thread is the flight's; `simulated` may be asked by any."""
 
-    def __init__(self, agent_ids: Iterable[int], bottom_m: float) -> None:
+    def __init__(self, agent_ids: Iterable[int], bottom_m: float, before: Iterable[Became] = ()) -> None:
+        """All are simulated, but for what they became under a former supervisor of the run; the newest comes last."""
         self._bottom_m = bottom_m
         self._now = dict.fromkeys(agent_ids, Presence.SIMULATED)
-        self.simulated = frozenset(self._now)
+        self.before = {it.agent_id: it for it in before if it.agent_id in self._now}
+        """By aMussel, the newest change before this supervisor."""
+        self._now |= {it.agent_id: it.presence for it in self.before.values()}
+        self.simulated = self._who_is_simulated()
+
+    def mute_as_before(self, coordinator: Coordinator) -> None:
+        """To be said before any time passes: twins and retired ones go on unheard under a new supervisor."""
+        for it in self.before.values():
+            if it.presence is Presence.SIMULATED:
+                coordinator.unmute(it.agent_id, it.at_ms)
+            else:
+                coordinator.mute(it.agent_id)
 
     def of(self, agent_id: int) -> Presence | None:
         """None for an id that is not of this fleet."""
@@ -137,8 +159,11 @@ class Presences:
         if asked.trigger is not Trigger.TAKE_BACK:
             beliefs.forget(asked.agent_id)
         self._now[asked.agent_id] = after
-        self.simulated = frozenset(it for it, presence in self._now.items() if presence is Presence.SIMULATED)
+        self.simulated = self._who_is_simulated()
         return stimuli, Note("presence", {"id": asked.agent_id, "is": after.value, "by": asked.by})
+
+    def _who_is_simulated(self) -> frozenset[int]:
+        return frozenset(it for it, presence in self._now.items() if presence is Presence.SIMULATED)
 
     def _placed(self, asked: Moved, beliefs: FleetBeliefs) -> Placed | None:
         """On the bottom: where it was asked for, or where the real one is believed to be."""
@@ -166,18 +191,25 @@ class Roll:
     def __init__(self, presences: Presences, desk: Desk) -> None:
         self.presences = presences
         self._desk = desk
+        self._answers: list[tuple[Asked, str | None]] = []
 
     def advance(
         self, coordinator: Coordinator, beliefs: FleetBeliefs, now_ms: int
     ) -> list[tuple[int, Stimulus] | Note]:
-        """Does what was asked since the last tick, and answers."""
+        """Does what was asked since the last tick. Nobody is told so before `answer`."""
         done: list[tuple[int, Stimulus] | Note] = []
         for asked in self._desk.take():
             outcome = self.presences.do(asked, coordinator, beliefs, now_ms)
             if isinstance(outcome, str):
-                self._desk.answer(asked, outcome)
+                self._answers.append((asked, outcome))
                 continue
             stimuli, note = outcome
             done += [*stimuli, note]
-            self._desk.answer(asked, None)
+            self._answers.append((asked, None))
         return done
+
+    def answer(self) -> None:
+        """To be called when what was done is on disk: what was accepted outlives a crash."""
+        answers, self._answers = self._answers, []
+        for asked, refusal in answers:
+            self._desk.answer(asked, refusal)

@@ -81,6 +81,13 @@ class SendStatus:
 
 
 @dataclass(frozen=True, slots=True)
+class SendAnswer:
+    """Send a short status by the modem: somebody asked for it."""
+
+    at_ms: int
+
+
+@dataclass(frozen=True, slots=True)
 class Dropped:
     """A stimulus that the board could not use; counted by whoever hosts it, never raised."""
 
@@ -89,7 +96,16 @@ class Dropped:
 
 
 Action = (
-    StateChanged | RunBuoyancy | SetRail | FeedFrom | LogSample | DropLog | SendLog | SendStatus | Dropped
+    StateChanged
+    | RunBuoyancy
+    | SetRail
+    | FeedFrom
+    | LogSample
+    | DropLog
+    | SendLog
+    | SendStatus
+    | SendAnswer
+    | Dropped
 )
 
 MOTORS = {

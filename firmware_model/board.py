@@ -22,6 +22,7 @@ from firmware_model.stimuli import (
     BottomReached,
     ChargePinFell,
     ChargePinRose,
+    ModemSpoke,
     PacketHeard,
     PowerCameOn,
     ResetCause,
@@ -171,6 +172,8 @@ class Board:
                 actions += self._wire(False, noticed)
             case PacketHeard(data):
                 actions += self._hear(data)
+            case ModemSpoke(lasting_ms):
+                actions += self._modem_sends(lasting_ms)
             case WifiReceived(data):
                 actions += self._command(data) if self.has_wifi else [Dropped(now_ms, "Wi-Fi is off")]
             case SurfaceReached():
@@ -196,6 +199,14 @@ class Board:
 
     def _hear(self, data: bytes) -> list[Action]:
         return self._command(data)
+
+    def _modem_sends(self, lasting_ms: int) -> list[Action]:
+        """The worst case has one load, whatever its modem does."""
+        return []
+
+    def _pinged(self) -> list[Action]:
+        """Somebody asks how it is. The worst case says nothing by sound."""
+        return []
 
     def _command(self, data: bytes) -> list[Action]:
         command = understood(data, self._codec, self.config)
@@ -230,7 +241,8 @@ class Board:
             self.state = next_state(old, trigger)
         except Refused as refusal:
             return [Dropped(self._now_ms, str(refusal))]
-        return [StateChanged(self._now_ms, old, trigger, self.state), *self._enter()]
+        follows = self._pinged() if trigger is Trigger.PING_HEARD else self._enter()
+        return [StateChanged(self._now_ms, old, trigger, self.state), *follows]
 
     def _pull_if_taken(self, trigger: Trigger) -> list[Action]:
         return self._pull(trigger) if (self.state, trigger) in TABLE else []

@@ -25,7 +25,7 @@ _PLAIN = {
 
 @dataclass(frozen=True, slots=True)
 class CommandPacket:
-    """A word without arguments: PERMISSION to surface, RELEASE (it is clear to sink), PING (wake up and listen), HOVER
+    """A word without arguments: PERMISSION to surface, RELEASE (it is clear to sink), PING (how are you?), HOVER
     (hold the depth where it is), SINK, or BACK_UP_LOG (send the log, as long as there is Wi-Fi)."""
 
     kind: Kind

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from firmware_model.codec import Codec
-from firmware_model.packets import EVERYONE, Beacon, Command, HoverAt, Kind
+from firmware_model.packets import EVERYONE, Beacon, Command, CommandPacket, HoverAt, Kind
 from firmware_model.plan import BoardConfig
 from firmware_model.states import Trigger
 
@@ -29,6 +29,8 @@ def understood(data: bytes, codec: Codec, config: BoardConfig) -> Command | str:
     if config.whole is None and packet.kind not in _OF_THE_WORST_CASE:
         return f"the worst case knows no {packet.kind.name}"
     match packet:
+        case CommandPacket(Kind.PING, agent_id) if agent_id == EVERYONE:
+            return "a ping for everyone: all would answer at once"
         case Beacon(_, agent_ms) if agent_ms > LATEST_MS:
             return "a beacon of a time that cannot be"
         case HoverAt(_, depth_m) if depth_m <= 0:

@@ -109,7 +109,7 @@ class Cycle:
     slots: Slots | None
     """Where the board awaits its timeslot and transmits; None when it goes back to sleep instead."""
     listen_ms: int
-    """How long it stays awake after a ping, and after it has come to rest on the bottom."""
+    """How long it stays awake after it has come to rest on the bottom."""
     report_ms: int
     """How long it stays awake in a dock after it has reported, and after each word that its log came across."""
 
@@ -148,6 +148,14 @@ class Whole:
     """One that was told to sink takes no last resort that brings it up for so long: 6 h."""
     timekeeping: Timekeeping | None = None
     """None: it trusts its clock."""
+    turnaround_ms: int = 500
+    """From a ping's end until it answers: it wakes, reads its batteries, and tells its modem."""
+    answer_ms: int = 393
+    """How long the modem sends the answer: a v3 nanomodem's 7 bytes."""
+
+    def __post_init__(self) -> None:
+        if self.turnaround_ms < 0 or self.answer_ms <= 0:
+            raise ValueError("turnaround_ms must not be negative, and answer_ms positive")
 
 
 @dataclass(frozen=True, slots=True)

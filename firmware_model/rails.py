@@ -59,7 +59,7 @@ RAILS: dict[State, int] = {
     State.LOST: 0,
     State.AWAITING_BEACON: IDLE,
 }
-"""The motors are not in it: they run for their own time in whatever state follows."""
+"""What runs for a time of its own, in whatever state, is not in it: motors, and a modem that receives or answers."""
 
 
 def rails_of(state: State, kept_on: int, never_asleep: bool, pulsed: int) -> int:
@@ -69,11 +69,13 @@ def rails_of(state: State, kept_on: int, never_asleep: bool, pulsed: int) -> int
         return 0
     on |= kept_on | pulsed
     if on >> Rail.MODEM_TRANSMITTING & 1:
-        on &= ~bits(Rail.MODEM_RECEIVING)
+        on &= ~bits(Rail.MODEM_RECEIVING, Rail.MODEM_LISTENING)
     elif on >> Rail.MODEM_RECEIVING & 1:
         on &= ~bits(Rail.MODEM_LISTENING)
     if never_asleep and on >> Rail.MU_ASLEEP & 1:
-        on ^= bits(Rail.MU_ASLEEP, Rail.MU_ACTIVE)
+        on |= bits(Rail.MU_ACTIVE)
+    if on >> Rail.MU_ACTIVE & 1:
+        on &= ~bits(Rail.MU_ASLEEP)
     return on
 
 

@@ -68,6 +68,7 @@ class Trigger(IntEnum):
     PROCESSED = 16
     SLOT_OPENED = 17
     PING_HEARD = 18
+    """An aPad asks how it is. It answers, and goes on with what it was doing: the state is not entered anew."""
     HOVER_TOLD = 19
     HOVER_DUE = 20
     """The depth is corrected by another motor run."""
@@ -99,6 +100,7 @@ _BOTTOM = (
     _S.AWAITING_BEACON,
 )
 _LISTENING = tuple(state for state in _BOTTOM if state not in (_S.TRANSMITTING, _S.CALLING))
+_ANSWERING = (*_LISTENING, _S.SURFACING, _S.SINKING, _S.HOVERING)
 _UNDOCKED = (*_BOTTOM, _S.SURFACING, _S.FLOATING, _S.RELEASED, _S.SINKING, _S.HOVERING)
 
 TABLE: dict[tuple[State, Trigger], State] = {
@@ -108,8 +110,6 @@ TABLE: dict[tuple[State, Trigger], State] = {
     (_S.BOOTING, _T.BOOTED_ON_CHARGER): _S.CHARGING,
     # A wake and back to sleep.
     (_S.ACTIVE, _T.WAKE_OVER): _S.SLEEPING,
-    (_S.ACTIVE, _T.PING_HEARD): _S.ACTIVE,
-    (_S.SLEEPING, _T.PING_HEARD): _S.ACTIVE,
     (_S.SLEEPING, _T.ALARM_RANG): _S.SAMPLING,
     (_S.SAMPLING, _T.WAKE_OVER): _S.SLEEPING,
     (_S.SAMPLING, _T.SAMPLES_TO_PROCESS): _S.PROCESSING,
@@ -121,6 +121,8 @@ TABLE: dict[tuple[State, Trigger], State] = {
     (_S.AWAITING_BEACON, _T.BEACON_HEARD): _S.AWAITING_SLOT,
     (_S.AWAITING_BEACON, _T.WAKE_OVER): _S.SLEEPING,
     (_S.TRANSMITTING, _T.WAKE_OVER): _S.SLEEPING,
+    # Asked how it is, wherever its modem is in the water and not busy sending.
+    **{(state, _T.PING_HEARD): state for state in _ANSWERING},
     # Up, docked, released and down.
     **{(state, _T.PERMISSION_HEARD): _S.SURFACING for state in (*_LISTENING, _S.SINKING, _S.HOVERING)},
     **{(state, _T.SURFACE_REACHED): _S.FLOATING for state in (*_BOTTOM, _S.SURFACING)},

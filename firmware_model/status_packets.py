@@ -197,6 +197,8 @@ class ShortStatus:
 
     TAG: ClassVar[int] = 0b101_00000
     FORMAT: ClassVar[struct.Struct] = struct.Struct("<BHBB")
+    BYTES: ClassVar[int] = FORMAT.size + 2
+    """With its check."""
 
     agent_id: int
     state: State

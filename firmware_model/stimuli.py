@@ -43,6 +43,13 @@ class PacketHeard:
 
 
 @dataclass(frozen=True, slots=True)
+class ModemSpoke:
+    """The modem began to send something of its own accord, without the board: the answer to a ping for its range."""
+
+    lasting_ms: int
+
+
+@dataclass(frozen=True, slots=True)
 class WifiReceived:
     data: bytes
 
@@ -58,5 +65,12 @@ class BottomReached:
 
 
 Stimulus = (
-    PowerCameOn | ChargePinRose | ChargePinFell | PacketHeard | WifiReceived | SurfaceReached | BottomReached
+    PowerCameOn
+    | ChargePinRose
+    | ChargePinFell
+    | PacketHeard
+    | ModemSpoke
+    | WifiReceived
+    | SurfaceReached
+    | BottomReached
 )

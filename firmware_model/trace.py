@@ -11,6 +11,7 @@ from firmware_model.actions import (
     FeedFrom,
     LogSample,
     RunBuoyancy,
+    SendAnswer,
     SendLog,
     SendStatus,
     SetRail,
@@ -48,6 +49,8 @@ def line(action: Action) -> str:
             return f"{clock(at_ms)}      log sent"
         case SendStatus(at_ms, by):
             return f"{clock(at_ms)}      status sent by {by.name}"
+        case SendAnswer(at_ms):
+            return f"{clock(at_ms)}      asked, and answered by MODEM_TRANSMITTING"
         case Dropped(at_ms, reason):
             return f"{clock(at_ms)}      dropped: {reason}"
 

@@ -9,6 +9,7 @@ from firmware_model.actions import (
     FeedFrom,
     LogSample,
     RunBuoyancy,
+    SendAnswer,
     SendLog,
 )
 from firmware_model.board import Board, Deadline
@@ -73,6 +74,7 @@ class WholeBoard(Board):
         self._last_resort_ms: int | None = None
         self._stays_down_until_ms = 0
         self._hover_mm: int | None = None
+        self._answers_ms: int | None = None
 
     @property
     def rails(self) -> int:
@@ -99,10 +101,11 @@ class WholeBoard(Board):
         return self._keeper.clock.reading_at(now_ms)
 
     def _next(self) -> tuple[int | None, int]:
-        """As in `Board`; 1 the batteries, 2 a pulse."""
+        """As in `Board`; 1 the batteries, 2 a pulse, 4 an answer."""
         due_ms, which = self._pin.next_due_ms, 0
         deadline_ms = None if self._deadline is None else self._deadline[0]
-        for n, other_ms in enumerate((self._batteries.due_ms, self._switches.due_ms, deadline_ms), 1):
+        dues = self._batteries.due_ms, self._switches.due_ms, deadline_ms, self._answers_ms
+        for n, other_ms in enumerate(dues, 1):
             if other_ms is not None and (due_ms is None or other_ms < due_ms):
                 due_ms, which = other_ms, n
         return due_ms, which
@@ -113,6 +116,8 @@ class WholeBoard(Board):
         if which == 2:
             self._switches.due(now_ms)
             return self._set_rails()
+        if which == 4:
+            return self._answer(now_ms)
         return super()._fire(which, now_ms)
 
     def _time_is_up(self, trigger: Trigger) -> list[Action]:
@@ -138,6 +143,25 @@ class WholeBoard(Board):
             return [Dropped(self._now_ms, "the modem is not listening")]
         self._switches.pulse(Rail.MODEM_RECEIVING, self._now_ms + self._whole.power.receive_ms)
         return self._set_rails() + super()._hear(data)
+
+    def _modem_sends(self, lasting_ms: int) -> list[Action]:
+        """The board sleeps on, but its battery pays; and a modem that sends hears nothing."""
+        self._switches.pulse(Rail.MODEM_TRANSMITTING, self._now_ms + lasting_ms)
+        return [*self._set_rails()]
+
+    def _pinged(self) -> list[Action]:
+        """Wakes, if it sleeps, for as long as an answer takes; its state and what that waits for stay as they are."""
+        if self._answers_ms is not None:
+            return [Dropped(self._now_ms, "a ping before the last one was answered")]
+        self._answers_ms = self._now_ms + self._whole.turnaround_ms
+        self._switches.pulse(Rail.MU_ACTIVE, self._answers_ms + self._whole.answer_ms)
+        return [*self._set_rails()]
+
+    def _answer(self, now_ms: int) -> list[Action]:
+        self._answers_ms = None
+        if (self.state, Trigger.PING_HEARD) not in TABLE:
+            return [Dropped(now_ms, f"an answer: it is {self.state.name} by now")]
+        return [*self._modem_sends(self._whole.answer_ms), SendAnswer(now_ms)]
 
     def _obey(self, command: Command) -> list[Action]:
         now_ms = self._now_ms

@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.table import Table
 
 from apad_bridge.commands.exits import EXITS, Exit, UserError
-from apad_bridge.hindsight.compared import compared_in
+from apad_bridge.hindsight.compared import Record, best_record, compared_in
 from apad_bridge.hindsight.scored import Score, Scores, scores_of
 from apad_bridge.records.run_directory import RunDirectoryError
 
@@ -23,7 +23,8 @@ def add_parser(commands: Any) -> None:
         "beliefs",
         help="how good a run's beliefs were: error, coverage and consistency",
         description="Compares what the supervisor believed with what was so, at times a period apart: by the age of the "
-        "last packet, by mode and by aMussel. Reads the run's journal, of a run that is still flying too.",
+        "last packet, by mode and by aMussel. Reads the run's bags; its journal where a bag is not closed, as of a run "
+        "that is still flying, or does not say how sure beliefs were.",
         epilog=f"See docs/beliefs.md. exit codes: {EXITS}",
     )
     parser.add_argument("directory", type=Path, metavar="RUN", help="the run's directory")
@@ -33,6 +34,13 @@ def add_parser(commands: Any) -> None:
         default=10.0,
         metavar="S",
         help="mission seconds between samples (default: 10)",
+    )
+    parser.add_argument(
+        "--from",
+        dest="record",
+        type=Record,
+        choices=list(Record),
+        help="what of the run's records is read (default: the bag, if it will do)",
     )
     parser.add_argument("--figure", type=Path, metavar="FILE", help="draw it, as .png, .svg or .pdf")
     parser.add_argument("--json", action="store_true", help="print a JSON object")
@@ -46,12 +54,13 @@ def run(arguments: argparse.Namespace) -> int:
     if figure is not None and figure.suffix not in _ENDINGS:
         raise UserError(f"--figure {figure}: its name must end in one of {', '.join(_ENDINGS)}")
     try:
-        scores = scores_of(compared_in(arguments.directory, round(1000 * arguments.period)))
+        record = arguments.record or best_record(arguments.directory)
+        scores = scores_of(compared_in(arguments.directory, round(1000 * arguments.period), record))
     except (RunDirectoryError, OSError) as error:
         raise UserError(str(error)) from error
     if scores is None:
         raise UserError(
-            f"{arguments.directory}: nothing to compare: no aMussel has both a belief and a truth"
+            f"{arguments.directory}: nothing to compare: in its {record}, no aMussel has both a belief and a truth"
         )
     if figure is not None:
         from apad_bridge.hindsight.figure import draw
@@ -61,21 +70,21 @@ def run(arguments: argparse.Namespace) -> int:
         except OSError as error:
             raise UserError(f"--figure {figure}: {error.strerror}") from error
     if arguments.json:
-        print(json.dumps(scores.to_json()))
+        print(json.dumps({"record": record, **scores.to_json()}))
     else:
-        _show(scores, Console())
+        _show(scores, record, Console())
     return Exit.DONE
 
 
-def _show(scores: Scores, console: Console) -> None:
+def _show(scores: Scores, record: Record, console: Console) -> None:
     table = Table(
         padding=(0, 0, 0, 1),
-        title="Charges believed, less true ones",
-        caption="by the age of the newest packet, by what it was doing, by aMussel; "
-        "cover: of the 95 % interval; mode: share that is right; place: rms error in m",
+        title=f"Charges believed, less true ones, by the run's {record}",
+        caption="by the age of the newest packet, by what it was doing, by aMussel; cover: of the 95 % interval; "
+        "mode: share that is right; place: rms error in m, and the cover of its 95 % ellipse",
     )
     table.add_column("", min_width=12)
-    for name in ("samples", "rmse", "bias", "cover", "nees", "mode", "place"):
+    for name in ("samples", "rmse", "bias", "cover", "nees", "mode", "place", "cover"):
         # On a narrow screen the names of the rows fold, and no figure is cut.
         table.add_column(name, justify="right", no_wrap=True, min_width=5)
     _row(table, "all", scores.overall)
@@ -99,8 +108,13 @@ def _row(table: Table, name: str, score: Score) -> None:
         str(score.samples),
         f"{score.rmse:.4f}",
         f"{score.bias:+.4f}",
-        "-" if score.coverage is None else f"{score.coverage:.3f}",
-        "-" if score.nees is None else f"{score.nees:.2f}",
+        _or_dash(score.coverage, ".3f"),
+        _or_dash(score.nees, ".2f"),
         f"{score.mode_right:.3f}",
-        "-" if score.place_rmse_m is None else f"{score.place_rmse_m:.2f}",
+        _or_dash(score.place_rmse_m, ".2f"),
+        _or_dash(score.place_coverage, ".3f"),
     )
+
+
+def _or_dash(figure: float | None, form: str) -> str:
+    return "-" if figure is None else format(figure, form)

@@ -10,7 +10,19 @@ from typing import Any
 
 from apad_bridge.commands.exits import EXITS, Exit, UserError
 
-_COMMANDS = ("run", "resume", "fleet", "mission", "script", "replay", "beliefs", "mu", "fit", "doctor")
+_COMMANDS = (
+    "run",
+    "resume",
+    "fleet",
+    "mission",
+    "script",
+    "replay",
+    "beliefs",
+    "mu",
+    "fit",
+    "layout",
+    "doctor",
+)
 
 
 def parser() -> argparse.ArgumentParser:

@@ -1,22 +1,34 @@
-"""Beliefs beside truth in a recorded run: what the journal says of both, at times a period apart."""
+"""Beliefs beside truth in a recorded run, at times a period apart: by its bags, or by its journal.
+
+A bag holds what was believed at each of its samples, and how sure that was. A journal names a belief again when it has
+changed noticeably, and knows no deviation of a place: it is for runs that still fly, whose bag is not closed yet, and for
+bags of versions that held the means alone.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from enum import StrEnum
 from pathlib import Path
 
 from apad_bridge.beliefs.modes import Mode, mode_of
 from apad_bridge.boards import charge_model
+from apad_bridge.records.bag_samples import BagUnreadable, Instant, instants, tells_deviations
 from apad_bridge.records.journal import Line, read_journal
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
-from apad_bridge.records.samples import Water
+from apad_bridge.records.samples import BeliefSample, TruthSample, Water
 from apad_bridge.replay.history import History
 from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.schema import Scenario
 from firmware_model.states import State
+
+
+class Record(StrEnum):
+    BAG = "bag"
+    JOURNAL = "journal"
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,11 +51,28 @@ class Compared:
     """The truth rests at 0 or 1."""
     place_error_m: float | None
     """None in a dock: it is where the aPad is."""
+    place_square: float | None = None
+    """Square of that error in deviations, of two dimensions; None where nobody claims any."""
 
 
-def compared_in(run_dir: Path, period_ms: int) -> Iterator[Compared]:
-    """Of every aMussel of which both are journaled. RunDirectoryError, one line, when the directory holds no such run."""
+def best_record(run_dir: Path) -> Record:
+    """The bag, if all of the run's bags are closed and say how sure beliefs were. RunDirectoryError for no run."""
+    bags = RunDirectory.open(run_dir).bags
+    return Record.BAG if bags and all(map(tells_deviations, bags)) else Record.JOURNAL
+
+
+def compared_in(run_dir: Path, period_ms: int, record: Record) -> Iterator[Compared]:
+    """Of every aMussel of which `record` has both. RunDirectoryError, one line, when the directory holds no such run."""
     directory = RunDirectory.open(run_dir)
+    if record is Record.BAG:
+        if not directory.bags:
+            raise RunDirectoryError(f"{run_dir} holds no bag")
+        try:
+            for instant in instants(directory.bags, period_ms):
+                yield from _at_instant(instant)
+        except BagUnreadable as error:
+            raise RunDirectoryError(f"{error}; try --from journal") from error
+        return
     try:
         scenario = load(directory.scenario)
     except ScenarioError as error:
@@ -55,13 +84,60 @@ def compared_in(run_dir: Path, period_ms: int) -> Iterator[Compared]:
         yield from _at(history, water, scenario, now_ms)
 
 
+def _at_instant(instant: Instant) -> Iterator[Compared]:
+    truths = {truth.agent_id: truth for truth in instant.truths}
+    # Agent time for each second of mission time; nothing is older than the run.
+    theta = round(instant.agent_ms / instant.at_ms) if instant.at_ms else 1
+    for belief in instant.beliefs:
+        truth = truths.get(belief.agent_id)
+        if truth is None:
+            continue
+        sure = not math.isnan(belief.charge_deviation)
+        yield Compared(
+            belief.agent_id,
+            instant.at_ms,
+            theta * belief.age_s / 3600,
+            (mode := _true_mode(truth)),
+            _believed_mode(belief) is mode,
+            belief.charge - truth.primary,
+            belief.charge_deviation if sure else None,
+            belief.charge_low <= truth.primary <= belief.charge_high if sure else None,
+            not 0 < truth.primary < 1,
+            None
+            if truth.docked
+            else math.hypot(belief.north_m - truth.north_m, belief.east_m - truth.east_m),
+            None if truth.docked else _place_square(belief, truth),
+        )
+
+
+def _true_mode(truth: TruthSample) -> Mode:
+    return mode_of(State(truth.state), truth.primary, truth.secondary)
+
+
+def _believed_mode(belief: BeliefSample) -> Mode:
+    if not belief.mode_probabilities:
+        return mode_of(State(belief.state), belief.charge, belief.secondary)
+    return Mode(max(range(len(belief.mode_probabilities)), key=belief.mode_probabilities.__getitem__))
+
+
+def _place_square(belief: BeliefSample, truth: TruthSample) -> float | None:
+    """Mahalanobis' distance, squared; None for a place without deviations, or with none to speak of."""
+    north, east = belief.north_deviation_m**2, belief.east_deviation_m**2
+    across = belief.place_covariance_m2
+    determinant = north * east - across * across
+    if not determinant > 0:
+        return None
+    d_north, d_east = belief.north_m - truth.north_m, belief.east_m - truth.east_m
+    return (east * d_north**2 - 2 * across * d_north * d_east + north * d_east**2) / determinant
+
+
 def _at(history: History, water: Water, scenario: Scenario, now_ms: int) -> Iterator[Compared]:
     for agent_id, line in sorted(history.now.beliefs.items()):
         truth = history.now.truths.get(agent_id)
         if truth is None:
             continue
         sample = water.sample(truth, max(scenario.theta * now_ms, truth.at_ms))
-        mode = mode_of(State(sample.state), sample.primary, sample.secondary)
+        mode = _true_mode(sample)
         deviation = line.get("sd")
         yield Compared(
             agent_id,

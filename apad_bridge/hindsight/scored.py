@@ -13,6 +13,8 @@ AGES_H = ((1 / 60, "a minute"), (1.0, "1 h"), (6.0, "6 h"), (12.0, "12 h"), (24.
 """Upper ends of the bins, of agent time, and their names; what is older is in one of its own."""
 OLDER = "older"
 _CERTAIN = 1e-9
+_ELLIPSE_95 = -2 * math.log(0.05)
+"""Of the squared deviation in two dimensions, what 95 % lie below."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,6 +30,10 @@ class Score:
     """Mean square of the error in deviations, 1 for one that knows itself; charges that rest at 0 or 1 apart."""
     mode_right: float
     place_rmse_m: float | None
+    place_coverage: float | None
+    """Share of places in the believed ellipse of 95 %; None, as below, where no deviation of a place is recorded."""
+    place_nees: float | None
+    """Of both axes, divided by two."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,6 +82,7 @@ def _score(rows: list[Compared]) -> Score:
         if row.deviation is not None and row.deviation > _CERTAIN and not row.clamped
     ]
     places = [row.place_error_m**2 for row in rows if row.place_error_m is not None]
+    squares = [row.place_square for row in rows if row.place_square is not None]
     count = len(rows)
     return Score(
         count,
@@ -85,4 +92,6 @@ def _score(rows: list[Compared]) -> Score:
         math.fsum(free) / len(free) if free else None,
         sum(row.mode_right for row in rows) / count,
         math.sqrt(math.fsum(places) / len(places)) if places else None,
+        sum(square <= _ELLIPSE_95 for square in squares) / len(squares) if squares else None,
+        math.fsum(squares) / (2 * len(squares)) if squares else None,
     )

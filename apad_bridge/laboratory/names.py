@@ -26,7 +26,7 @@ from apad_bridge.laboratory.fields import read, steps
 from apad_bridge.laboratory.words import What
 
 frozen = dataclass(frozen=True, kw_only=True, config=ConfigDict(extra="forbid", allow_inf_nan=False))
-Topic = Annotated[str, StringConstraints(pattern=r"^/[A-Za-z{][A-Za-z0-9_{}/]*$")]
+Topic = Annotated[str, StringConstraints(pattern=r"^/?[A-Za-z{][A-Za-z0-9_{}/]*$")]
 TypeName = Annotated[str, StringConstraints(pattern=r"^[a-z][A-Za-z0-9_]*/[A-Za-z][A-Za-z0-9_]*$")]
 DEFAULT = Path(__file__).with_name("default.yaml")
 

@@ -1,35 +1,37 @@
 """run.bag: samples of a run as a ROS 1 bag, written without ROS, and the repair of one that was never closed.
 
-Stamps are mission time; the messages carry both clocks. A bag is written in chunks, each flushed to the file: what a kill
-loses is the chunk that was being filled.
+Stamps are mission time; the messages carry both clocks. A bag is written in chunks, each compressed by LZ4, which ROS's
+tools read too, and flushed to the file: what a kill loses is the chunk that was being filled.
 """
 
 from __future__ import annotations
 
 import os
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from io import BytesIO
 from pathlib import Path
 from typing import BinaryIO
 
+import lz4.frame
 from rosbags.interfaces import Connection
-from rosbags.rosbag1.reader import Header, ReaderError, RecordType, read_bytes, read_uint32
+from rosbags.rosbag1.reader import Header, ReaderError, RecordType, decompressors, read_bytes, read_uint32
 from rosbags.rosbag1.writer import WriteChunk, Writer
 
 from apad_bridge.records.bag_messages import APAD, BELIEFS, EVENT, SOUND, TRUTH, Messages, typestore
 from apad_bridge.records.packet_lines import SoundRow
 from apad_bridge.records.samples import APadSample, BeliefSample, TruthSample
+from apad_bridge.ros.names import ours
 
 CHUNK_BYTES = 256 * 1024
 CHUNK_MS = 60_000
 """A chunk ends after so much mission time, however little is in it."""
 _TOPICS = {
-    TRUTH: "/musselbed/truth",
-    BELIEFS: "/musselbed/beliefs",
-    APAD: "/musselbed/apad",
-    EVENT: "/musselbed/mission",
-    SOUND: "/musselbed/sound",
+    TRUTH: f"/{ours('truth')}",
+    BELIEFS: f"/{ours('beliefs')}",
+    APAD: f"/{ours('apad')}",
+    EVENT: f"/{ours('mission')}",
+    SOUND: f"/{ours('sound')}",
 }
 
 
@@ -145,9 +147,17 @@ class _Record:
 
 def _new_writer(path: Path) -> _ChunkedWriter:
     writer = _ChunkedWriter(path)
+    writer.set_compression(Writer.CompressionFormat.LZ4)
+    writer.compressor = _compressed
     writer.chunk_threshold = CHUNK_BYTES
     writer.open()
     return writer
+
+
+def _compressed(chunk: bytes) -> bytes:
+    """What roslz4 reads: it takes blocks that stand alone, a checksum at the end, and no size at the beginning."""
+    packed: bytes = lz4.frame.compress(chunk, block_linked=False, content_checksum=True, store_size=False)
+    return packed
 
 
 def _is_closed(path: Path) -> bool:
@@ -160,22 +170,37 @@ def _is_closed(path: Path) -> bool:
 
 
 def _whole_records(path: Path) -> Iterator[_Record]:
-    """Every record up to the first that is torn. A chunk (ours are not compressed) is entered, not skipped, so that the
-    whole messages of a torn chunk are found too."""
+    """Every record up to the first that is torn, those in chunks included."""
     with path.open("rb") as file:
         file.readline()
-        while True:
-            try:
-                yield _read_record(file)
-            except (ReaderError, UnicodeDecodeError):
-                return
+        try:
+            while True:
+                record = _read_record(file)
+                yield from _in_chunk(record) if _is_chunk(record.header) else (record,)
+        except (ReaderError, UnicodeDecodeError):
+            return
 
 
 def _read_record(file: BinaryIO) -> _Record:
     header = Header.read(file)
     size = read_uint32(file)
-    data = b"" if header.get("op") == bytes([RecordType.CHUNK]) else read_bytes(file, size)
-    return _Record(header, data, file.tell())
+    if _is_chunk(header) and header.get_string("compression") == "none":
+        size = 0  # it is entered, not skipped, so that the whole messages of a torn one are found too
+    return _Record(header, read_bytes(file, size), file.tell())
+
+
+def _is_chunk(header: Header) -> bool:
+    return header.get("op") == bytes([RecordType.CHUNK])
+
+
+def _in_chunk(chunk: _Record) -> Iterator[_Record]:
+    """Nothing of one that is not compressed: its records come next in the file."""
+    compression = chunk.header.get_string("compression")
+    if compression == "none":
+        return
+    unpacked = BytesIO(decompressors[compression](chunk.data))
+    while unpacked.tell() < chunk.header.get_uint32("size"):
+        yield replace(_read_record(unpacked), end=chunk.end)
 
 
 def _as_header(data: bytes) -> bytes:

@@ -22,6 +22,8 @@ APAD = "musselbed_msgs/msg/APadStatus"
 EVENT = "musselbed_msgs/msg/MissionEvent"
 SOUND = "underwater_msgs/msg/MediumTransmission"
 
+_MODES = BeliefSample._fields.index("mode_probabilities")
+
 
 @cache
 def typestore() -> Typestore:
@@ -60,10 +62,14 @@ class Messages:
         )
 
     def beliefs(self, now_ms: int, agents: list[BeliefSample]) -> bytes:
-        rows = [self._agent_belief(*agent) for agent in agents]
+        rows = [self._belief(agent) for agent in agents]
         return self._serialize(
             self._fleet_beliefs(self._head(now_ms), now_ms, self._theta * now_ms, rows), BELIEFS
         )
+
+    def _belief(self, agent: BeliefSample) -> object:
+        probabilities = np.array(agent.mode_probabilities, np.float32)
+        return self._agent_belief(*agent[:_MODES], probabilities, *agent[_MODES + 1 :])
 
     def apad(self, now_ms: int, apad: APadSample) -> bytes:
         *numbers, primitive, slots = apad

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+from math import nan, sqrt
 from typing import NamedTuple
 
 from agents.body import depth_um
 from agents.outputs import Truth
 from agents.physical import Physical
-from apad_bridge.beliefs.belief import Belief
+from apad_bridge.beliefs.belief import Belief, Source
 from apad_bridge.boards import charge_model
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.vehicle import BatteryReported, PoseReported
 from firmware_model.charge import fraction
+
+_MOST_SLOTS = 0xFFFF
+"""A bag counts no further."""
 
 
 class TruthSample(NamedTuple):
@@ -27,6 +31,8 @@ class TruthSample(NamedTuple):
 
 
 class BeliefSample(NamedTuple):
+    """NaN, and no mode, where an estimator that claims to be certain says nothing; units as in AgentBelief.msg."""
+
     agent_id: int
     state: int
     charge: float
@@ -34,6 +40,19 @@ class BeliefSample(NamedTuple):
     north_m: float
     east_m: float
     age_s: float
+    charge_deviation: float = nan
+    secondary_deviation: float = nan
+    charges_covariance: float = nan
+    charge_low: float = nan
+    charge_high: float = nan
+    north_deviation_m: float = nan
+    east_deviation_m: float = nan
+    place_covariance_m2: float = nan
+    mode_probabilities: tuple[float, ...] = ()
+    clock_offset_ms: float = nan
+    clock_deviation_ms: float = nan
+    silent_slots: int = 0
+    learned_from: int = int(Source.PACKET)
 
 
 class APadSample(NamedTuple):
@@ -87,7 +106,8 @@ class Water:
 
 
 def belief_sample(belief: Belief, now_ms: int) -> BeliefSample:
-    return BeliefSample(
+    """What is believed at mission time `now_ms`, as the bag and /musselbed/beliefs tell it."""
+    newest = (
         belief.agent_id,
         int(belief.state),
         belief.primary,
@@ -96,6 +116,15 @@ def belief_sample(belief: Belief, now_ms: int) -> BeliefSample:
         belief.east_m,
         belief.age_s(now_ms),
     )
+    learned = min(belief.silent_slots, _MOST_SLOTS), int(belief.learned_from)
+    if not belief.is_carried:
+        return BeliefSample(*newest, *(nan,) * 8, (), nan, nan, *learned)
+    primary, both, secondary = belief.charge_cov
+    north, across, east = belief.place_cov
+    deviations = (sqrt(primary), sqrt(secondary), both, *belief.charge_interval())
+    of_place = (sqrt(north), sqrt(east), across)
+    of_clock = (belief.clock.offset_ms, sqrt(belief.clock.offset_var))
+    return BeliefSample(*newest, *deviations, *of_place, belief.mode_probabilities, *of_clock, *learned)
 
 
 def apad_sample(

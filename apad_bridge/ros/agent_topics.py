@@ -18,6 +18,7 @@ from std_msgs.msg import Float64
 
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.ros.messages import use_generated_messages
+from apad_bridge.ros.names import of_amussel
 from apad_bridge.ros.never_blocking import Stalls, never_blocking_publisher
 from apad_bridge.ros.ros_time import to_ros
 
@@ -77,7 +78,7 @@ class AgentTopics:
         self._thread.join(_END_S)
 
     def _publisher(self, agent_id: int, name: str, kind: Any) -> Any:
-        return never_blocking_publisher(f"/amussel{agent_id}/{name}", kind, self.stalls)
+        return never_blocking_publisher(of_amussel(agent_id, name), kind, self.stalls)
 
     def _run(self) -> None:
         try:

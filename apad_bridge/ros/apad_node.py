@@ -1,6 +1,6 @@
 """The simulated aPad as a ROS 1 node of the scenario's generation, A if it names none, in a process of its own.
 
-    python -m apad_bridge.ros.apad_node --scenario RESOLVED.yaml [--time clock|wall]
+    python -m apad_bridge.ros.apad_node --scenario RESOLVED.yaml [--apad NAME] [--time clock|wall]
 
 A thin shell around `GenerationAVehicle` or `GenerationBVehicle`. It follows /clock and has no time of its own; or, to
 stand in for a real vehicle on somebody's master, it follows the wall clock. When it has handled all that is due by a
@@ -27,6 +27,7 @@ from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.loader import load, with_overrides
 from apad_bridge.scenario.schema import Generation, Scenario
 from apad_bridge.simulated_apad.apad import SimulatedAPad
+from apad_bridge.squad.members import with_apad
 from apad_bridge.stop_sign import StopSign
 
 if TYPE_CHECKING:
@@ -45,14 +46,14 @@ def _make_node(scenario: Scenario) -> GenerationAServer | GenerationBServer:
         from apad_bridge.ros.generation_b_vehicle import GenerationBVehicle
 
         return GenerationBServer(
-            f"/{apad.name}", lambda start_ms: GenerationBVehicle(SimulatedAPad(apad), start_ms, apad.fault)
+            apad.name, lambda start_ms: GenerationBVehicle(SimulatedAPad(apad), start_ms, apad.fault)
         )
     from apad_bridge.ros.generation_a_server import GenerationAServer
     from apad_bridge.ros.generation_a_vehicle import GenerationAVehicle
 
     misses = building.misses(scenario)
     return GenerationAServer(
-        f"/{apad.name}",
+        apad.name,
         lambda start_ms: GenerationAVehicle(
             SimulatedAPad(apad), mission.speed_m_s, mission.victory_radius_m, start_ms, apad.fault, misses
         ),
@@ -62,6 +63,7 @@ def _make_node(scenario: Scenario) -> GenerationAServer | GenerationBServer:
 def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m apad_bridge.ros.apad_node", description=__doc__)
     parser.add_argument("--scenario", type=Path, required=True)
+    parser.add_argument("--apad", metavar="NAME", help="which of the scenario's aPads (default: the first)")
     parser.add_argument(
         "--generation", choices=[it.value for it in Generation], help="instead of the scenario's"
     )
@@ -71,6 +73,7 @@ def main() -> int:
     arguments = parser.parse_args()
     try:
         scenario = with_overrides(load(arguments.scenario), generation=arguments.generation)
+        scenario = with_apad(scenario, arguments.apad or scenario.apad.name)
     except ScenarioError as wrong:
         print(f"musselbed: {wrong}", file=sys.stderr)
         return 2

@@ -14,6 +14,7 @@ from http.client import HTTPException
 from pathlib import Path
 
 from apad_bridge.ros.master import loopback_environment
+from apad_bridge.ros.names import USE_SIM_TIME
 
 
 class APadNodeFailed(Exception):
@@ -35,7 +36,7 @@ def start_apad_node(
     """
     try:
         with xmlrpc.client.ServerProxy(master_uri) as master:
-            master.setParam("/musselbed", "/use_sim_time", True)
+            master.setParam("/musselbed", USE_SIM_TIME, True)
     except (OSError, HTTPException, xmlrpc.client.Error) as error:
         raise APadNodeFailed(f"no ROS master answers at {master_uri} ({error})") from None
     command = [

@@ -11,36 +11,27 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
 from typing import Any
 
 import genpy
 import rosgraph
 import rospy
 
-from apad_bridge.presence import Moved, Presence, Trigger
+from apad_bridge.claims import Claim, conflicts, given_back
+from apad_bridge.presence import Moved, Presence, Presences, Trigger
 from apad_bridge.ros.fleet_guard import SecondFleet
 from apad_bridge.ros.messages import use_generated_messages
+from apad_bridge.ros.names import ours
 
 use_generated_messages()
 
 from musselbed_msgs.msg import FleetClaim  # noqa: E402
 
-TOPIC = "/musselbed/claims"
+TOPIC = ours("claims")
 PERIOD_S = 1.0
 LEASE_S = 5.0
 _HEAR_S = 1.0
 """Claims are latched: who is on the graph is heard at once, and waited for no longer than this."""
-
-
-@dataclass(frozen=True, slots=True)
-class Claim:
-    node: str
-    real: bool
-    since_s: float
-    ids: frozenset[int]
-    until_s: float
-    """Of the monotonic clock."""
 
 
 class ClaimBoard:
@@ -61,10 +52,7 @@ class ClaimBoard:
 
     def refuse_overlap(self, ids: Iterable[int]) -> None:
         """Raises SecondFleet when a living fleet claims one of `ids` already; then says our own claim from now on."""
-        others = _publishers() - {self._node}
-        deadline_s = time.monotonic() + _HEAR_S
-        while time.monotonic() < deadline_s and others - self._heard.keys():
-            self._ended.wait(0.02)
+        self._hear_others()
         ours = frozenset(ids)
         for claim in self._alive():
             if not claim.real and (both := sorted(claim.ids & ours)):
@@ -73,6 +61,16 @@ class ClaimBoard:
                     "(fleet.first_id, fleet.count)"
                 )
         self._thread.start()
+
+    def come_back(self, presences: Presences) -> list[str]:
+        """For a fleet that was on the graph before its supervisor died: nothing is refused, and what others claim now goes
+        before what was. Gives a line for a person on each difference; then says our own claim from now on."""
+        self._hear_others()
+        claims = self._alive()
+        with self._lock:
+            self._given_back |= given_back(presences.before, claims)
+        self._thread.start()
+        return conflicts(presences.of, presences.before, claims)
 
     def changes(self, presence_of: Callable[[int], Presence | None]) -> list[Moved]:
         """What has to change here, as others' claims stand now."""
@@ -98,6 +96,12 @@ class ClaimBoard:
 
     def _yields_to(self, claim: Claim) -> bool:
         return (claim.since_s, claim.node) < (self._since_s, self._node)
+
+    def _hear_others(self) -> None:
+        others = _publishers() - {self._node}
+        deadline_s = time.monotonic() + _HEAR_S
+        while time.monotonic() < deadline_s and others - self._heard.keys():
+            self._ended.wait(0.02)
 
     def _alive(self) -> list[Claim]:
         now_s = time.monotonic()
@@ -129,5 +133,6 @@ class ClaimBoard:
 
 
 def _publishers() -> set[str]:
+    resolved = rospy.resolve_name(TOPIC)
     topics, _, _ = rosgraph.Master(rospy.get_name()).getSystemState()
-    return {node for topic, nodes in topics if topic == TOPIC for node in nodes}
+    return {node for topic, nodes in topics if topic == resolved for node in nodes}

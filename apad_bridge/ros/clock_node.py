@@ -17,6 +17,7 @@ import rosgraph
 import rospy
 from rosgraph_msgs.msg import Clock
 
+from apad_bridge.ros.names import CLOCK
 from apad_bridge.ros.ros_time import to_ros
 from apad_bridge.stop_sign import StopSign
 
@@ -41,15 +42,16 @@ def main() -> int:
     stop = StopSign()
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: stop.set())
-    publishers, _, _ = rosgraph.Master(f"/{NODE}").getSystemState()
-    others = {node for topic, nodes in publishers if topic == "/clock" for node in nodes} - {f"/{NODE}"}
+    node = rospy.resolve_name(NODE)
+    publishers, _, _ = rosgraph.Master(node).getSystemState()
+    others = {node for topic, nodes in publishers if topic == CLOCK for node in nodes} - {node}
     if others:
         print(
             f"musselbed: /clock comes from {', '.join(sorted(others))} already: end it first", file=sys.stderr
         )
         return 3
     rospy.init_node(NODE, argv=[], disable_signals=True)
-    topic = rospy.Publisher("/clock", Clock, queue_size=10)
+    topic = rospy.Publisher(CLOCK, Clock, queue_size=10)
     # From the time of day on: a zero would mean "no time yet" to ROS.
     start_ms, start_s = time.time_ns() // 1_000_000, time.monotonic()
     while not stop.wait(_PERIOD_S) and not rospy.is_shutdown():

@@ -13,6 +13,7 @@ from apad_bridge.ros.generation_a_docks import DocksByHearsay
 from apad_bridge.ros.generation_a_words import StaticHeard
 from apad_bridge.ros.inbox import Inbox
 from apad_bridge.ros.messages import use_generated_messages
+from apad_bridge.ros.names import of_amussel, of_apad
 from apad_bridge.vehicle import VehicleCommand
 from apad_bridge.vehicle_link import APadSeen, Carried, LetGo, LinkFact
 
@@ -34,7 +35,6 @@ class ContactsLink:
         agent_ids: Iterable[int],
         docked: Mapping[int, int],
         now_ms: int,
-        object_prefix: str = "amussel",
     ) -> None:
         ids = list(agent_ids)
         self.dropped: Counter[str] = Counter()
@@ -44,11 +44,11 @@ class ContactsLink:
         self._apad_heard_ms = now_ms
         self._subscribers = [
             rospy.Subscriber(
-                f"/{object_prefix}{agent_id}/position_static", NavSts, self._take, agent_id, tcp_nodelay=True
+                of_amussel(agent_id, "position_static"), NavSts, self._take, agent_id, tcp_nodelay=True
             )
             for agent_id in ids
         ]
-        self._subscribers.append(rospy.Subscriber(f"/{apad}/position", NavSts, self._note_apad))
+        self._subscribers.append(rospy.Subscriber(of_apad(apad, "position"), NavSts, self._note_apad))
 
     def advance(self, now_ms: int) -> list[LinkFact]:
         """Contacts and the aPad's place, stamped `now_ms`: the clocks of a vehicle at sea are not ours."""

@@ -1,4 +1,4 @@
-"""What /diagnostics says: a line for each aMussel, one for the aPad, one for the mission. rqt_robot_monitor shows them."""
+"""What /diagnostics says: a line for each aMussel, the aPad and the mission, which rqt_runtime_monitor shows."""
 
 from __future__ import annotations
 

@@ -8,8 +8,12 @@ from collections.abc import Iterable
 from http.client import HTTPException
 
 import rosgraph
+import rospy
+
+from apad_bridge.ros.names import of_amussel
 
 CALLER = "/musselbed"
+_SPOKEN = ("position", "battery_level", "get_battery_level", "charge_info")
 _ALIVE_S = 2.0
 """A node that does not answer in this time is taken for dead, its registrations for what a kill -9 left behind."""
 
@@ -18,20 +22,17 @@ class SecondFleet(Exception):
     """One line: who has which of our names, and what to do."""
 
 
-def refuse_second_fleet(
-    node_name: str, agent_ids: Iterable[int], master_uri: str, object_prefix: str = "amussel"
-) -> None:
-    """Raises SecondFleet when a living node is called `node_name`, or has topics or services of one of the aMussels.
+def refuse_second_fleet(node_name: str, agent_ids: Iterable[int], master_uri: str) -> None:
+    """Raises SecondFleet when a living node has the name, in full, or topics or services of one of the aMussels.
 
     OSError when no master answers at `master_uri`. Names left behind by a dead node are no hindrance.
     """
     master = rosgraph.Master(CALLER, master_uri=master_uri)
     publishers, _, services = master.getSystemState()
     taken: dict[str, str] = {}
-    ours = {f"/{object_prefix}{agent_id}" for agent_id in agent_ids}
+    ours = {rospy.resolve_name(of_amussel(it, leaf)) for it in agent_ids for leaf in _SPOKEN}
     for name, nodes in [*publishers, *services]:
-        agent, _, leaf = name.rpartition("/")
-        if agent in ours and leaf in ("position", "battery_level", "get_battery_level", "charge_info"):
+        if name in ours:
             for node in nodes:
                 taken.setdefault(node, name)
     for node, name in sorted(taken.items()):

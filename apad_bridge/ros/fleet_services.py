@@ -17,6 +17,7 @@ import rospy
 from apad_bridge.presence import Asked, Failed, Fault, Moved, Presences, Trigger
 from apad_bridge.ros.claims import ClaimBoard
 from apad_bridge.ros.messages import use_generated_messages
+from apad_bridge.ros.names import ours
 
 use_generated_messages()
 
@@ -52,11 +53,11 @@ class FleetServices:
         self._taken: list[_Call] = []
         self._warned: set[Asked] = set()
         self._services = [
-            rospy.Service("/musselbed/spawn", SpawnAmussel, self._spawn),
-            rospy.Service("/musselbed/retire", AmusselById, self._change(Trigger.RETIRE)),
-            rospy.Service("/musselbed/hand_over", AmusselById, self._change(Trigger.HAND_OVER)),
-            rospy.Service("/musselbed/take_back", AmusselById, self._change(Trigger.TAKE_BACK)),
-            rospy.Service("/musselbed/inject_fault", InjectFault, self._inject),
+            rospy.Service(ours("spawn"), SpawnAmussel, self._spawn),
+            rospy.Service(ours("retire"), AmusselById, self._change(Trigger.RETIRE)),
+            rospy.Service(ours("hand_over"), AmusselById, self._change(Trigger.HAND_OVER)),
+            rospy.Service(ours("take_back"), AmusselById, self._change(Trigger.TAKE_BACK)),
+            rospy.Service(ours("inject_fault"), InjectFault, self._inject),
         ]
 
     def take(self) -> list[Asked]:

@@ -26,9 +26,11 @@ import rospy
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.flight import Watcher
 from apad_bridge.records.packet_lines import SoundRow, sound_rows
+from apad_bridge.records.samples import belief_sample
 from apad_bridge.ros.agent_topics import AgentTopics, Shown
 from apad_bridge.ros.fleet_guard import refuse_second_fleet
 from apad_bridge.ros.messages import use_generated_messages
+from apad_bridge.ros.names import of_amussel, ours
 from apad_bridge.ros.ros_time import to_ros
 from apad_bridge.supervisor import Supervisor
 
@@ -59,16 +61,18 @@ def open_gateway(
     truth: TruthSource | None = None,
     simulated: Callable[[], frozenset[int]] | None = None,
     remappings: Sequence[str] = (),
+    comes_back: bool = False,
 ) -> Gateway:
     """The node, on the graph, with the aMussels' topics and services. Raises SecondFleet or GatewayFailed.
 
-    `remappings` are ROS's, `FROM:=TO`, for all that the process will ever name.
+    `remappings` are ROS's, `FROM:=TO`, for all that the process will ever name. A fleet that `comes_back` asks the claims
+    who else speaks for its aMussels, and is not refused for it.
     """
     ids = list(agent_ids)
     raise_descriptor_limit()
     master_uri = rosgraph.get_master_uri()
     try:
-        refuse_second_fleet(f"/{node_name}", ids, master_uri)
+        refuse_second_fleet(rospy.resolve_name(node_name), [] if comes_back else ids, master_uri)
         rospy.init_node(
             node_name,
             argv=list(remappings),
@@ -109,12 +113,12 @@ class Gateway:
         self._shown: Mapping[int, Shown] = MappingProxyType({})
         ids = list(agent_ids)
         self.agent_topics = AgentTopics(ids)
-        self._beliefs = _publisher("/musselbed/beliefs", FleetBeliefs, _FLEET_QUEUE)
-        self._apad = _publisher("/musselbed/apad", APadStatus, _FLEET_QUEUE)
-        self._events = _publisher("/musselbed/mission", MissionEvent, _EVENT_QUEUE)
-        self._sound = _publisher("/musselbed/sound", MediumTransmission, _EVENT_QUEUE)
+        self._beliefs = _publisher(ours("beliefs"), FleetBeliefs, _FLEET_QUEUE)
+        self._apad = _publisher(ours("apad"), APadStatus, _FLEET_QUEUE)
+        self._events = _publisher(ours("mission"), MissionEvent, _EVENT_QUEUE)
+        self._sound = _publisher(ours("sound"), MediumTransmission, _EVENT_QUEUE)
         self._services = [
-            rospy.Service(f"/amussel{agent_id}/{name}", GetChargeInfo, self._answers(agent_id))
+            rospy.Service(of_amussel(agent_id, name), GetChargeInfo, self._answers(agent_id))
             for agent_id in ids
             for name in ("get_battery_level", "charge_info")
         ]
@@ -159,18 +163,7 @@ class Gateway:
             return
         message = FleetBeliefs(mission_time_ms=now_ms, agent_time_ms=self._theta * now_ms)
         message.header.stamp = to_ros(now_ms)
-        message.agents = [
-            AgentBelief(
-                id=it.agent_id,
-                state=int(it.state),
-                charge=it.primary,
-                secondary=it.secondary,
-                north=it.north_m,
-                east=it.east_m,
-                age_s=it.age_s(now_ms),
-            )
-            for it in beliefs
-        ]
+        message.agents = [AgentBelief(*belief_sample(it, now_ms)) for it in beliefs]
         self._beliefs.publish(message)
 
     def _show_apad(self, supervisor: Supervisor, now_ms: int) -> None:

@@ -28,6 +28,7 @@ from apad_bridge.ros.inbox import Inbox
 from apad_bridge.ros.legacy_words import UNSTAMPED
 from apad_bridge.ros.live_types import differing_listeners, unreadable_topics
 from apad_bridge.ros.messages import use_generated_messages
+from apad_bridge.ros.names import AMUSSEL, of_apad
 from apad_bridge.ros.reach import Sight
 from apad_bridge.ros.vehicle_not_ready import VehicleNotReady
 from apad_bridge.vehicle import CloseDock, MoveArm, OpenDock, VehicleCommand
@@ -44,7 +45,7 @@ ANSWER_ON_OUR_CLOCK_S = 1.0
 
 
 class GenerationALink:
-    """A VehicleLink. `name` is the aPad's namespace without slashes; `docked` are agents by slot, known to be held."""
+    """A VehicleLink. `name` is the aPad's namespace; `docked` are agents by slot, known to be held."""
 
     def __init__(
         self,
@@ -55,7 +56,6 @@ class GenerationALink:
         our_clock: bool,
         docked: Mapping[int, int] | None = None,
         now_ms: int = 0,
-        object_prefix: str = "amussel",
         sight: Sight = lambda now_ms: {},
     ) -> None:
         ids = list(agent_ids)
@@ -63,14 +63,20 @@ class GenerationALink:
         self._our_clock = our_clock
         self._answer_s = ANSWER_ON_OUR_CLOCK_S if our_clock else ANSWER_S
         self._core = GenerationACore(
-            ids, battery_v, f"musselbed-{secrets.token_hex(4)}", docked, now_ms, object_prefix, sight
+            ids,
+            battery_v,
+            f"musselbed-{secrets.token_hex(4)}",
+            docked,
+            now_ms,
+            rospy.resolve_name(AMUSSEL)[1:],
+            sight,
         )
         self._now_ms = now_ms
         self._mechanism_ms: int | None = None
         self._excused: set[str] = set()
         self._inbox: Inbox[Heard] = Inbox()
-        self._ears = Ears(name, ids, object_prefix, self._inbox, stamped=our_clock)
-        self._goals = rospy.Publisher(f"/{name}/action_server/goal", aPadActionGoal, queue_size=20)
+        self._ears = Ears(name, ids, self._inbox, stamped=our_clock)
+        self._goals = rospy.Publisher(of_apad(name, "action_server") + "/goal", aPadActionGoal, queue_size=20)
         """Twenty: more goals than that are never on their way, and a server that reads none is told nothing new."""
 
     @property
@@ -98,7 +104,7 @@ class GenerationALink:
             if time.monotonic() > until_s:
                 self._refuse_other_definitions()
                 raise VehicleNotReady(
-                    f"/{self.name} is not ready after {timeout_s:g} s: {', '.join(missing)}; "
+                    f"{rospy.resolve_name(self.name)} is not ready after {timeout_s:g} s: {', '.join(missing)}; "
                     f"does an aPad of generation A run under this name on this master?"
                 )
             # rospy tells of connections only when asked.
@@ -112,7 +118,7 @@ class GenerationALink:
         goal_types = {self._goals.resolved_name: self._goals.data_class}
         if lines := [*unreadable_topics(self._ears.needed), *differing_listeners(goal_types)]:
             raise VehicleNotReady(
-                f"/{self.name} speaks other definitions than we do: {'; '.join(lines)}; "
+                f"{rospy.resolve_name(self.name)} speaks other definitions than we do: {'; '.join(lines)}; "
                 f"put its own into apad_bridge/ros/definitions and run launch_scripts/install"
             )
 
@@ -161,9 +167,9 @@ class GenerationALink:
         """Until `stateRef` says that all due by `now_ms` was handled; whether it did within `timeout_s`."""
         self._now_ms = now_ms
         until_s = time.monotonic() + timeout_s
-        while self._core.state_ms < now_ms and (left_s := until_s - time.monotonic()) > 0:
+        while self._core.readings.state_ms < now_ms and (left_s := until_s - time.monotonic()) > 0:
             self._drain(left_s)
-        return self._core.state_ms >= now_ms
+        return self._core.readings.state_ms >= now_ms
 
     def wait_until_heard(self, now_ms: int, timeout_s: float) -> list[str]:
         """Until each topic has spoken up to `now_ms`, for ROS keeps no order between topics; those that have not.

@@ -24,6 +24,7 @@ from apad_bridge.ros.generation_a_words import (
     Heard,
     StaticHeard,
 )
+from apad_bridge.ros.in_time import InTime
 from apad_bridge.ros.legacy_words import BatteryHeard, PoseHeard, StateHeard
 from apad_bridge.ros.reach import Sight, why_out_of_reach
 from apad_bridge.ros.readings import Readings
@@ -82,8 +83,7 @@ class GenerationACore:
         self._sight = sight
         self._nonce = nonce
         self._object_prefix = object_prefix
-        self._now_ms = now_ms
-        self._later: list[Heard] = []
+        self._in_time: InTime[Heard] = InTime(now_ms)
         self._facts: list[LinkFact] = []
         self._goals: dict[str, _Sent] = {}
         self._latest_key = ""
@@ -91,8 +91,6 @@ class GenerationACore:
         self._is_silent = False
         self._again: GoalOrder | None = None
         self._status_ms = -1
-        self.state_ms = -1
-        """The newest stamp of `stateRef`."""
 
     @property
     def dropped(self) -> Counter[str]:
@@ -155,16 +153,11 @@ class GenerationACore:
 
     def hear(self, heard: Heard, now_ms: int) -> None:
         """What is stamped after `now_ms` waits for its time."""
-        if heard.at_ms > now_ms and not isinstance(heard, StateHeard):
-            self._later.append(heard)
+        if self._in_time.puts_off(heard, now_ms):
             return
         match heard:
-            case PoseHeard():
-                self.readings.hear_pose(heard)
-            case StateHeard(at_ms):
-                self.state_ms = max(self.state_ms, at_ms)
-            case BatteryHeard():
-                self.readings.hear_battery(heard)
+            case PoseHeard() | StateHeard() | BatteryHeard():
+                self.readings.hear(heard)
             case StaticHeard():
                 self._hear_static(heard)
             case GoalsHeard():
@@ -172,11 +165,7 @@ class GenerationACore:
 
     def advance(self, now_ms: int) -> list[LinkFact]:
         """Facts not told before, each stamped at or before `now_ms`; poses and places are the newest only."""
-        if now_ms < self._now_ms:
-            raise ValueError(f"time went back from {self._now_ms} to {now_ms} ms")
-        self._now_ms = now_ms
-        later, self._later = self._later, []
-        for heard in later:
+        for heard in self._in_time.advance(now_ms):
             self.hear(heard, now_ms)
         self._watch_silence(now_ms)
         self._take_docks(self.docks.silent(self.readings.position_ms))

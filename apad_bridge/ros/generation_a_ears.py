@@ -24,6 +24,7 @@ from apad_bridge.ros.generation_a_words import (
 from apad_bridge.ros.inbox import Inbox
 from apad_bridge.ros.legacy_words import UNSTAMPED, BatteryHeard, PoseHeard, StateHeard
 from apad_bridge.ros.messages import use_generated_messages
+from apad_bridge.ros.names import of_amussel, of_apad
 from apad_bridge.ros.ros_time import to_ms
 
 use_generated_messages()
@@ -45,23 +46,21 @@ class Ears:
     With `stamped`, facts carry the stamps of the messages; without, and where generation A has none, UNSTAMPED.
     """
 
-    def __init__(
-        self, name: str, agent_ids: Iterable[int], object_prefix: str, inbox: Inbox[Heard], *, stamped: bool
-    ) -> None:
+    def __init__(self, name: str, agent_ids: Iterable[int], inbox: Inbox[Heard], *, stamped: bool) -> None:
         self.has_heard_server = False
         self._inbox = inbox
         self._stamped = stamped
         self._listener = AnyListener(inbox.drop)
         self.needed: dict[str, tuple[Any, tuple[str, ...]]] = {}
         """By topic of the aPad: our message class, and the fields that are read."""
-        server = f"/{name}/action_server"
+        server = of_apad(name, "action_server")
         self._vital = [
-            self._listen(f"/{name}/position", NavSts, self._take_pose),
+            self._listen(of_apad(name, "position"), NavSts, self._take_pose),
             self._listen(f"{server}/status", GoalStatusArray, self._take_status),
             self._listen(f"{server}/result", aPadActionResult, self._take_result),
         ]
-        self._battery = self._listen(f"/{name}/battery_level", Float64, self._take_battery)
-        state = self._listen(f"/{name}/stateRef", NavSts, self._take_state)
+        self._battery = self._listen(of_apad(name, "battery_level"), Float64, self._take_battery)
+        state = self._listen(of_apad(name, "stateRef"), NavSts, self._take_state)
         if stamped:
             self._vital.append(state)
         self._subscribers = [
@@ -69,7 +68,7 @@ class Ears:
             self._battery,
             state,
             *(
-                self._listen(f"/{object_prefix}{it}/position_static", NavSts, self._take_static, it)
+                self._listen(of_amussel(it, "position_static"), NavSts, self._take_static, it)
                 for it in agent_ids
             ),
         ]
@@ -85,9 +84,10 @@ class Ears:
             subscriber.unregister()
 
     def _listen(self, topic: str, kind: Any, take: Any, *arguments: Any) -> rospy.Subscriber:
+        subscriber = self._listener.listen(topic, kind, take, *arguments)
         if not arguments:
-            self.needed[topic] = (kind, _FIELDS[kind])
-        return self._listener.listen(topic, kind, take, *arguments)
+            self.needed[subscriber.resolved_name] = (kind, _FIELDS[kind])
+        return subscriber
 
     def _stamp(self, message: Any) -> int:
         return to_ms(message.header.stamp) if self._stamped else UNSTAMPED

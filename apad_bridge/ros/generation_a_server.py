@@ -15,6 +15,7 @@ from std_srvs.srv import Trigger, TriggerResponse
 from apad_bridge.ros.generation_a_shown import Ended, Goal, Held, Outcome, PoseShown, Shown, SlowShown
 from apad_bridge.ros.generation_a_vehicle import GenerationAVehicle
 from apad_bridge.ros.messages import use_generated_messages
+from apad_bridge.ros.names import CLOCK, of_apad
 from apad_bridge.ros.ros_time import to_ms, to_ros
 
 use_generated_messages()
@@ -45,22 +46,22 @@ _HELD_STATUS, _RELEASED_STATUS = 0, 1
 
 
 class GenerationAServer:
-    """Everything under `namespace`. One lock, the action server's, guards the vehicle. The node is initialised before."""
+    """All of the aPad called `name`. One lock, the action server's, guards the vehicle. The node is initialised before."""
 
-    def __init__(self, namespace: str, make_vehicle: Callable[[int], GenerationAVehicle]) -> None:
+    def __init__(self, name: str, make_vehicle: Callable[[int], GenerationAVehicle]) -> None:
         self.heard_clock_s = time.monotonic()
         self._make_vehicle = make_vehicle
         self._vehicle: GenerationAVehicle | None = None
         self._goals: dict[str, Any] = {}
         """Handles of the goals that have not ended."""
-        self._position = rospy.Publisher(f"{namespace}/position", NavSts, queue_size=_QUEUE)
-        self._state = rospy.Publisher(f"{namespace}/stateRef", NavSts, queue_size=_QUEUE)
-        self._battery = rospy.Publisher(f"{namespace}/battery_level", Float64, queue_size=_QUEUE)
+        self._position = rospy.Publisher(of_apad(name, "position"), NavSts, queue_size=_QUEUE)
+        self._state = rospy.Publisher(of_apad(name, "stateRef"), NavSts, queue_size=_QUEUE)
+        self._battery = rospy.Publisher(of_apad(name, "battery_level"), Float64, queue_size=_QUEUE)
         self._held: dict[str, rospy.Publisher] = {}
         # Its status timer sleeps on ROS time; here the status goes out with the second, from `_show`.
         rospy.set_param("~actionlib_status_frequency", 0.0)
         self._server = ActionServer(
-            f"{namespace}/action_server",
+            of_apad(name, "action_server"),
             aPadAction,
             self._take_goal,
             self._cancel_goal,
@@ -68,13 +69,13 @@ class GenerationAServer:
         )
         self._lock = self._server.lock
         self._server.start()
-        self._offer_services(namespace)
+        self._offer_services(name)
 
     def follow_clock(self) -> None:
         """From now on time is /clock's; otherwise somebody calls `advance_to`."""
-        rospy.Subscriber("/clock", Clock, self._take_clock, tcp_nodelay=True)
+        rospy.Subscriber(CLOCK, Clock, self._take_clock, tcp_nodelay=True)
 
-    def _offer_services(self, namespace: str) -> None:
+    def _offer_services(self, apad: str) -> None:
         """Enabling, configuring and anchoring succeed and change nothing: this vehicle always holds by itself."""
         services: list[tuple[str, Any, Callable[[Any], Any]]] = [
             ("check_docking_availability", GetDockingInfo, self._tell_docks),
@@ -93,9 +94,9 @@ class GenerationAServer:
             ),
         ]
         for name, kind, answer in services:
-            rospy.Service(f"{namespace}/{name}", kind, answer)
+            rospy.Service(of_apad(apad, name), kind, answer)
         for name, sign in (("charging", 1), ("draining", -1)):
-            rospy.Subscriber(f"{namespace}/{name}", Float64, self._change_battery, sign)
+            rospy.Subscriber(of_apad(apad, name), Float64, self._change_battery, sign)
 
     def _take_clock(self, message: Any) -> None:
         self.heard_clock_s = time.monotonic()

@@ -39,6 +39,7 @@ from apad_bridge.ros.inbox import Inbox
 from apad_bridge.ros.legacy_words import UNSTAMPED
 from apad_bridge.ros.live_types import live_services, unreadable_topics
 from apad_bridge.ros.messages import use_generated_messages
+from apad_bridge.ros.names import of_apad
 from apad_bridge.ros.reach import Sight
 from apad_bridge.ros.service_calls import ServiceCalls
 from apad_bridge.ros.vehicle_not_ready import VehicleNotReady
@@ -66,7 +67,7 @@ _SETTLE_S = 0.003
 
 
 class GenerationBLink:
-    """A VehicleLink. `name` is the aPad's namespace without slashes; `docked` are agents by slot, known to be held."""
+    """A VehicleLink. `name` is the aPad's namespace; `docked` are agents by slot, known to be held."""
 
     def __init__(
         self,
@@ -93,7 +94,7 @@ class GenerationBLink:
         self._services = dict(SERVICES)
         self._calls = ServiceCalls()
         self._camera = camera
-        self._arms = rospy.Publisher(f"/{name}/dock_out", Float32MultiArray, queue_size=4)
+        self._arms = rospy.Publisher(of_apad(name, "dock_out"), Float32MultiArray, queue_size=4)
 
     @property
     def dropped(self) -> Counter[str]:
@@ -119,7 +120,7 @@ class GenerationBLink:
             if time.monotonic() > until_s:
                 self._refuse_other_definitions()
                 raise VehicleNotReady(
-                    f"/{self.name} is not ready after {timeout_s:g} s: {', '.join(missing)}; "
+                    f"{rospy.resolve_name(self.name)} is not ready after {timeout_s:g} s: {', '.join(missing)}; "
                     f"does an aPad of generation B run under this name on this master?"
                 )
             # rospy tells of connections only when asked.
@@ -131,23 +132,24 @@ class GenerationBLink:
             offered = Graph.read(rosgraph.get_master_uri()).services
         except Unreachable as error:
             return [str(error)]
-        return [f"nobody offers {name}" for name in map(self._service_name, SERVICES) if name not in offered]
+        needed = (rospy.resolve_name(self._service_name(primitive)) for primitive in SERVICES)
+        return [f"nobody offers {name}" for name in needed if name not in offered]
 
     def _refuse_other_definitions(self) -> None:
-        by_name = {self._service_name(primitive): primitive for primitive in SERVICES}
+        by_name = {rospy.resolve_name(self._service_name(primitive)): primitive for primitive in SERVICES}
         chosen, lines = live_services({name: SERVICES[primitive] for name, primitive in by_name.items()})
         self._services = {primitive: chosen[name] for name, primitive in by_name.items()}
         lines += unreadable_topics(self._ears.needed)
         for primitive, kind in self._services.items():
             request = kind._request_class()
             lines += [
-                f"{self._service_name(primitive)} has no field {it} there"
+                f"{rospy.resolve_name(self._service_name(primitive))} has no field {it} there"
                 for it in _FIELDS[primitive]
                 if not has(request, it)
             ]
         if lines:
             raise VehicleNotReady(
-                f"/{self.name} speaks other definitions than we do: {'; '.join(lines)}; "
+                f"{rospy.resolve_name(self.name)} speaks other definitions than we do: {'; '.join(lines)}; "
                 "source its workspace, or put its texts into apad_bridge/ros/definitions and run launch_scripts/install"
             )
 
@@ -192,11 +194,11 @@ class GenerationBLink:
         """Until `stateRef` says that all due by `now_ms` was handled; whether it did within `timeout_s`."""
         self._now_ms = now_ms
         until_s = time.monotonic() + timeout_s
-        while self._core.state_ms < now_ms and (left_s := until_s - time.monotonic()) > 0:
+        while self._core.readings.state_ms < now_ms and (left_s := until_s - time.monotonic()) > 0:
             self._drain(left_s)
-        if self._camera is not None and self._core.state_ms >= now_ms:
+        if self._camera is not None and self._core.readings.state_ms >= now_ms:
             self._camera.wait_until_looked(now_ms, max(0.0, until_s - time.monotonic()))
-        return self._core.state_ms >= now_ms
+        return self._core.readings.state_ms >= now_ms
 
     def wait_until_heard(self, now_ms: int, timeout_s: float) -> list[str]:
         """Until the position has come up to `now_ms`, the statuses have said something since the tick before, which they do
@@ -242,7 +244,7 @@ class GenerationBLink:
         return answered
 
     def _service_name(self, primitive: Primitive) -> str:
-        return f"/{self.name}/commander/primitive/{primitive.value}"
+        return of_apad(self.name, f"commander/primitive/{primitive.value}")
 
 
 def _fields(order: Order) -> tuple[Primitive, dict[str, Any]]:

@@ -20,6 +20,7 @@ from apad_bridge.ros.generation_b_words import (
 from apad_bridge.ros.inbox import Inbox
 from apad_bridge.ros.legacy_words import UNSTAMPED, BatteryHeard, PoseHeard, StateHeard
 from apad_bridge.ros.messages import use_generated_messages
+from apad_bridge.ros.names import of_apad
 from apad_bridge.ros.ros_time import to_ms
 
 use_generated_messages()
@@ -39,18 +40,18 @@ class Ears:
         self._listener = AnyListener(inbox.drop)
         self.needed: dict[str, tuple[Any, tuple[str, ...]]] = {}
         """By topic of the aPad: our message class, and the fields that are read."""
-        self._vital = [self._listen(f"/{name}/position", NavSts, self._take_pose)]
-        state = self._listen(f"/{name}/stateRef", NavSts, self._take_state)
+        self._vital = [self._listen(of_apad(name, "position"), NavSts, self._take_pose)]
+        state = self._listen(of_apad(name, "stateRef"), NavSts, self._take_state)
         if stamped:
             self._vital.append(state)
         self._others = [
             state,
-            self._listen(f"/{name}/battery_level", Float64, self._take_battery),
-            self._listen(f"/{name}/goto_status", Int32, self._take_status, False),
-            self._listen(f"/{name}/docking_status", Int32, self._take_status, True),
-            self._listen(f"/{name}/eventString", String, self._take_event),
-            self._listen(f"/{name}/manual", Bool, self._take_manual),
-            self._listen(f"/{name}/dock_out", Float32MultiArray, self._take_arms),
+            self._listen(of_apad(name, "battery_level"), Float64, self._take_battery),
+            self._listen(of_apad(name, "goto_status"), Int32, self._take_status, False),
+            self._listen(of_apad(name, "docking_status"), Int32, self._take_status, True),
+            self._listen(of_apad(name, "eventString"), String, self._take_event),
+            self._listen(of_apad(name, "manual"), Bool, self._take_manual),
+            self._listen(of_apad(name, "dock_out"), Float32MultiArray, self._take_arms),
         ]
 
     @property
@@ -64,8 +65,9 @@ class Ears:
 
     def _listen(self, topic: str, kind: Any, take: Any, *arguments: Any) -> rospy.Subscriber:
         nav_sts = ("header.stamp", "position.north", "position.east", "orientation.yaw")
-        self.needed[topic] = (kind, nav_sts if kind is NavSts else ("data",))
-        return self._listener.listen(topic, kind, take, *arguments)
+        subscriber = self._listener.listen(topic, kind, take, *arguments)
+        self.needed[subscriber.resolved_name] = (kind, nav_sts if kind is NavSts else ("data",))
+        return subscriber
 
     def _stamp(self, message: Any) -> int:
         return to_ms(message.header.stamp) if self._stamped else UNSTAMPED

@@ -12,51 +12,54 @@ from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Bool, Float32, Float32MultiArray, Float64, Int32, String
 from std_srvs.srv import Trigger, TriggerResponse
 
+from apad_bridge.ros import generation_b_requests as requests
+from apad_bridge.ros.generation_b_go2point import Go2Point
 from apad_bridge.ros.generation_b_shown import (
     ArmShown,
     BatteryShown,
     CameraTurned,
     Finished,
+    GoToBegun,
+    GoToEnded,
+    GoToLeft,
     PoseShown,
     Shown,
     StatusShown,
 )
 from apad_bridge.ros.generation_b_vehicle import GenerationBVehicle
-from apad_bridge.ros.generation_b_words import (
-    PRIMITIVE_FINISHED,
-    DockingOrder,
-    GoToOrder,
-    Order,
-    PositionOrder,
-)
+from apad_bridge.ros.generation_b_words import PRIMITIVE_FINISHED, Order
 from apad_bridge.ros.messages import use_generated_messages
+from apad_bridge.ros.names import CLOCK, of_apad, ours
 from apad_bridge.ros.ros_time import to_ms, to_ros
+from apad_bridge.ros.their_services import service_to_offer
 
 use_generated_messages()
 
 from auv_msgs.msg import NavSts  # noqa: E402
 from misc_msgs.srv import (  # noqa: E402
     DockingPrimitiveService,
-    DockingPrimitiveServiceResponse,
+    DockingService,
     DynamicPositioningPrimitiveService,
-    DynamicPositioningPrimitiveServiceResponse,
     Go2pointPrimitiveService,
-    Go2pointPrimitiveServiceResponse,
+    Go2pointService,
 )
 from musselbed_msgs.msg import DockAlert  # noqa: E402
+
+Conversion = Callable[[Any], Order]
 
 _QUEUE = 200
 """Twenty seconds of the fastest topic: who reads slower loses the oldest, and nobody waits for it."""
 
 
 class GenerationBServer:
-    """Everything under `namespace`. One lock guards the vehicle. The node is initialised before."""
+    """All of the aPad called `name`. One lock, the action server's, guards the vehicle. The node is initialised before."""
 
-    def __init__(self, namespace: str, make_vehicle: Callable[[int], GenerationBVehicle]) -> None:
+    def __init__(self, name: str, make_vehicle: Callable[[int], GenerationBVehicle]) -> None:
         self.heard_clock_s = time.monotonic()
         self._make_vehicle = make_vehicle
         self._vehicle: GenerationBVehicle | None = None
-        self._lock = threading.RLock()
+        self._go2point = Go2Point(name, self._order, self._stop)
+        self._lock = self._go2point.lock
         self._ended = threading.Event()
         """Never set before the process ends: what a service that hangs waits for."""
         kinds: dict[str, Any] = {
@@ -70,37 +73,39 @@ class GenerationBServer:
             "kinect_out": Float32,
         }
         self._out = {
-            name: rospy.Publisher(f"{namespace}/{name}", kind, queue_size=_QUEUE)
-            for name, kind in kinds.items()
+            leaf: rospy.Publisher(of_apad(name, leaf), kind, queue_size=_QUEUE)
+            for leaf, kind in kinds.items()
         }
-        self._offer_services(f"{namespace}/commander")
-        self._listen(namespace)
+        self._go2point.start()
+        self._offer_services(name)
+        self._listen(name)
 
     def follow_clock(self) -> None:
         """From now on time is /clock's; otherwise somebody calls `advance_to`."""
-        rospy.Subscriber("/clock", Clock, self._take_clock, tcp_nodelay=True)
+        rospy.Subscriber(CLOCK, Clock, self._take_clock, tcp_nodelay=True)
 
-    def _offer_services(self, commander: str) -> None:
-        primitives: list[tuple[str, Any, Any, Callable[[Any], Order]]] = [
-            ("go2point", Go2pointPrimitiveService, Go2pointPrimitiveServiceResponse, _go_to),
-            (
-                "dynamic_positioning",
-                DynamicPositioningPrimitiveService,
-                DynamicPositioningPrimitiveServiceResponse,
-                _position,
-            ),
-            ("docking", DockingPrimitiveService, DockingPrimitiveServiceResponse, _docking),
+    def _offer_services(self, apad: str) -> None:
+        """Each by the text in the user's workspace, where that has what is read of it."""
+        services: list[tuple[str, Any, Conversion]] = [
+            ("primitive/go2point", Go2pointPrimitiveService, requests.go_to),
+            ("primitive/dynamic_positioning", DynamicPositioningPrimitiveService, requests.position),
+            ("primitive/docking", DockingPrimitiveService, requests.docking),
+            ("go2point", Go2pointService, requests.simple_go_to),
+            ("docking", DockingService, requests.simple_docking),
         ]
-        for name, kind, response, convert in primitives:
-            rospy.Service(f"{commander}/primitive/{name}", kind, self._takes(convert, response))
+        for name, known, convert in services:
+            kind = service_to_offer(known, convert)
+            rospy.Service(
+                of_apad(apad, f"commander/{name}"), kind, self._takes(convert, kind._response_class)
+            )
         for name, act in (
             ("stop_mission", GenerationBVehicle.stop),
             ("pause_mission", GenerationBVehicle.pause),
             ("continue_mission", GenerationBVehicle.go_on),
         ):
-            rospy.Service(f"{commander}/{name}", Trigger, self._commands(act))
+            rospy.Service(of_apad(apad, f"commander/{name}"), Trigger, self._commands(act))
 
-    def _listen(self, namespace: str) -> None:
+    def _listen(self, apad: str) -> None:
         def act(take: Callable[[GenerationBVehicle, Any], list[Shown]]) -> Callable[[Any], None]:
             def taken(message: Any) -> None:
                 with self._lock:
@@ -115,8 +120,8 @@ class GenerationBServer:
             ("manual", Bool, lambda it, data: it.set_manual(data, it.now_ms)),
         ]
         for name, kind, take in topics:
-            rospy.Subscriber(f"{namespace}/{name}", kind, act(take), tcp_nodelay=True)
-        rospy.Subscriber("/musselbed/dock", DockAlert, self._take_load, tcp_nodelay=True)
+            rospy.Subscriber(of_apad(apad, name), kind, act(take), tcp_nodelay=True)
+        rospy.Subscriber(ours("dock"), DockAlert, self._take_load, tcp_nodelay=True)
 
     def _take_load(self, message: Any) -> None:
         with self._lock:
@@ -139,19 +144,29 @@ class GenerationBServer:
                 self._show(self._vehicle.advance(now_ms))
             self._out["stateRef"].publish(_nav_sts(self._vehicle.now_ms, self._vehicle.pose))
 
-    def _takes(self, convert: Callable[[Any], Order], response: Any) -> Callable[[Any], Any]:
+    def _takes(self, convert: Conversion, response: Any) -> Callable[[Any], Any]:
         def take(request: Any) -> Any:
             with self._lock:
                 if self._vehicle is None:
                     raise rospy.ServiceException("no /clock was heard yet")
-                taken = self._vehicle.takes
-                self._show(self._vehicle.receive(convert(request), self._vehicle.now_ms))
+                taken = self._order(convert(request))
             if taken is None:
                 self._ended.wait()
             # At once, and whatever comes of it.
             return response(status=bool(taken))
 
         return take
+
+    def _order(self, order: Order) -> bool | None:
+        """What a service answers, None for never. Before any /clock nothing is taken."""
+        if self._vehicle is None:
+            return False
+        self._show(self._vehicle.receive(order, self._vehicle.now_ms))
+        return self._vehicle.takes
+
+    def _stop(self) -> None:
+        if self._vehicle is not None:
+            self._show(self._vehicle.stop(self._vehicle.now_ms))
 
     def _commands(self, act: Callable[[GenerationBVehicle, int], list[Shown]]) -> Callable[[Any], Any]:
         def answer(_: Any) -> Any:
@@ -170,6 +185,7 @@ class GenerationBServer:
                     out["position"].publish(_nav_sts(at_ms, pose))
                 case BatteryShown(_, percent):
                     out["battery_level"].publish(Float64(percent))
+                    self._go2point.tell_status()
                 case StatusShown(_, docking, status):
                     out["docking_status" if docking else "goto_status"].publish(Int32(status))
                 case ArmShown(_, arm):
@@ -178,6 +194,8 @@ class GenerationBServer:
                     out["kinect_out"].publish(Float32(servo))
                 case Finished():
                     out["eventString"].publish(String(PRIMITIVE_FINISHED))
+                case GoToBegun() | GoToLeft() | GoToEnded():
+                    self._go2point.show(item)
 
 
 def _nav_sts(at_ms: int, pose: Any) -> Any:
@@ -189,22 +207,3 @@ def _nav_sts(at_ms: int, pose: Any) -> Any:
     message.gbody_velocity.x, message.gbody_velocity.y = pose.north_m_s, pose.east_m_s
     message.orientation.yaw = pose.heading_rad
     return message
-
-
-def _go_to(request: Any) -> Order:
-    return GoToOrder(request.point.x, request.point.y, request.speed, request.victory_radius)
-
-
-def _position(request: Any) -> Order:
-    return PositionOrder(request.north, request.east, request.heading if request.heading_enable else None)
-
-
-def _docking(request: Any) -> Order:
-    return DockingOrder(
-        request.docking_action,
-        request.docking_slot,
-        request.search_yaw_rate,
-        request.max_yaw_rate,
-        request.max_surge_speed,
-        request.surge_stdev,
-    )

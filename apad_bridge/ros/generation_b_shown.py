@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from apad_bridge.ros.generation_b_words import Arm, Status
+from apad_bridge.ros.generation_b_words import Arm, GoToOrder, Status
 from apad_bridge.simulated_apad.kinematics import Pose
 
 
@@ -48,4 +48,40 @@ class Finished:
     at_ms: int
 
 
-Shown = PoseShown | BatteryShown | StatusShown | ArmShown | CameraTurned | Finished
+@dataclass(frozen=True, slots=True)
+class GoToBegun:
+    """Of what lies below the services: whoever ordered, and by whichever road."""
+
+    at_ms: int
+    order: GoToOrder
+
+
+@dataclass(frozen=True, slots=True)
+class GoToLeft:
+    """What is left of the way: metres, and the direction clockwise from north."""
+
+    at_ms: int
+    distance_m: float
+    bearing_rad: float
+
+
+@dataclass(frozen=True, slots=True)
+class GoToEnded:
+    """DONE, PREEMPTED, or IDLE for one that was aborted."""
+
+    status: Status
+    pose: Pose
+    left: GoToLeft
+
+
+Shown = (
+    PoseShown
+    | BatteryShown
+    | StatusShown
+    | ArmShown
+    | CameraTurned
+    | Finished
+    | GoToBegun
+    | GoToLeft
+    | GoToEnded
+)

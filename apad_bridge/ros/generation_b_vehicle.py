@@ -3,29 +3,30 @@
 Where the published stack surprises, so does this. An order is taken at once and its end told by topics. Nothing has a
 time-out. Whatever ends leaves the controllers off, and the water takes the boat. Dynamic positioning holds until something
 else is asked. Docking and undocking first stand still for 27 s; docking then searches, for ever if need be, and approaches
-what it sees: yaw rate = max * tanh(horizontal), surge = max * exp(-horizontal^2 / (2 * 0.2^2)) towards the slot, until
-`docking_vertical` lies in (0.8, 0.9). It holds no aMussel by itself: whether one was caught, the stack never says.
+what it sees (`generation_b_servoing`). It holds no aMussel by itself: whether one was caught, the stack never says.
 """
 
 from __future__ import annotations
 
 import math
 from collections import Counter
-from dataclasses import dataclass
 from enum import Enum, auto
 
+from apad_bridge.ros.generation_b_servoing import Detection, servoing
 from apad_bridge.ros.generation_b_shown import (
     ArmShown,
     BatteryShown,
     CameraTurned,
     Finished,
+    GoToBegun,
+    GoToEnded,
+    GoToLeft,
     PoseShown,
     Shown,
     StatusShown,
 )
 from apad_bridge.ros.generation_b_words import (
     CAMERA_SERVO,
-    DETECTION_MS,
     PULL_BACK_M_S,
     PULL_BACK_MS,
     SERVO_MS,
@@ -45,7 +46,6 @@ from apad_bridge.vehicle import Arrived, CloseDock, CommandFailed, GoTo, Hold, O
 
 SLOW_PERIOD_MS = 1000
 """Of battery and statuses, which are told whenever they change, too."""
-CLOSE_ENOUGH = (0.8, 0.9)
 _AT_ONCE = {Fault.DROPS: Status.PREEMPTED, Fault.LIES: Status.DONE}
 """How a go-to ends as soon as it is begun."""
 _WANDERS_MS = 5_000
@@ -62,15 +62,6 @@ class Stage(Enum):
     SERVOING = auto()
     """Docking: searching, or approaching what is seen."""
     PULLING = auto()
-
-
-@dataclass(frozen=True, slots=True)
-class Detection:
-    """What the camera says of an aMussel: in image coordinates, 0 the middle and 1 an edge."""
-
-    at_ms: int
-    horizontal: float
-    vertical: float
 
 
 class GenerationBVehicle:
@@ -140,6 +131,7 @@ class GenerationBVehicle:
         match order:
             case GoToOrder(north_m, east_m, speed_m_s, victory_radius_m):
                 self._enter(Stage.GOING)
+                self._tell(GoToBegun(self._now_ms, order), shown)
                 self._tell_status(False, Status.RUNNING, shown)
                 if self._fault in _AT_ONCE:
                     self._end(_AT_ONCE[self._fault], shown, finished=True)
@@ -230,6 +222,8 @@ class GenerationBVehicle:
             self._end(Status.IDLE, shown, finished=True)
         if isinstance(self._order, DockingOrder):
             self._servo(self._order, at_ms, shown)
+        elif isinstance(self._order, GoToOrder):
+            self._tell(self._left(self._order), shown)
         shown.append(PoseShown(at_ms, self.pose))
         if (at_ms - self._start_ms) % SLOW_PERIOD_MS == 0:
             shown.append(BatteryShown(at_ms, self.battery_percent))
@@ -238,46 +232,36 @@ class GenerationBVehicle:
 
     def _servo(self, order: DockingOrder, at_ms: int, shown: list[Shown]) -> None:
         since_ms = at_ms - self._stage_ms
-        towards_rad = slot_direction_rad(order.slot)
-        match self._stage:
-            case Stage.SERVO if since_ms >= SERVO_MS and order.docks:
+        if self._stage is Stage.SERVO and since_ms >= SERVO_MS:
+            if order.docks:
                 self._enter(Stage.SERVOING)
-                self._approach(order, towards_rad, shown)
-            case Stage.SERVO if since_ms >= SERVO_MS:
+            else:
                 self._enter(Stage.PULLING)
                 self._open_arm(order.slot, shown)
-                self._command(Steer(PULL_BACK_M_S, towards_rad + math.pi, 0.0), shown)
-            case Stage.SERVOING:
-                self._approach(order, towards_rad, shown)
-            case Stage.PULLING if since_ms >= PULL_BACK_MS:
-                self._end(Status.DONE, shown, finished=True)
-            case _:
-                pass
-
-    def _approach(self, order: DockingOrder, towards_rad: float, shown: list[Shown]) -> None:
-        seen = self._seen
-        if seen is None or self._now_ms - seen.at_ms > DETECTION_MS:
-            self._command(Steer(0.0, towards_rad, order.search_yaw_rate_rad_s), shown)
-        elif CLOSE_ENOUGH[0] < seen.vertical < CLOSE_ENOUGH[1]:
+                astern_rad = slot_direction_rad(order.slot) + math.pi
+                self._command(Steer(PULL_BACK_M_S, astern_rad, 0.0), shown)
+        elif self._stage is Stage.PULLING and since_ms >= PULL_BACK_MS:
             self._end(Status.DONE, shown, finished=True)
-        else:
-            stdev = max(order.surge_stdev, 1e-6)
-            surge = order.max_surge_m_s * math.exp(-(seen.horizontal**2) / (2 * stdev**2))
-            yaw_rate = order.max_yaw_rate_rad_s * math.tanh(seen.horizontal)
-            self._command(Steer(surge, towards_rad, yaw_rate), shown)
+        if self._stage is Stage.SERVOING:
+            steered = servoing(order, self._seen, at_ms)
+            if steered is None:
+                self._end(Status.DONE, shown, finished=True)
+            else:
+                self._command(steered, shown)
 
     def _end(self, status: Status, shown: list[Shown], *, finished: bool) -> None:
         """Whatever is under way is over: its status, its event, its arm, and the controllers off."""
-        stage, self._order = self._stage, None
+        stage, order, self._order = self._stage, self._order, None
         self._enter(Stage.OFF)
         if stage is Stage.GOING:
+            if isinstance(order, GoToOrder):
+                self._tell(GoToEnded(status, self.pose, self._left(order)), shown)
             self._tell_status(False, status, shown)
         elif stage in (Stage.SERVO, Stage.SERVOING, Stage.PULLING):
             shown.append(ArmShown(self._now_ms, _CLOSED))
             self._tell_status(True, status, shown)
         if finished:
-            if self._fault is not Fault.SILENT:
-                shown.append(Finished(self._now_ms))
+            self._tell(Finished(self._now_ms), shown)
             self._apad.receive(Coast(), self._now_ms - self._start_ms)
 
     def _command(self, command: GoTo | Hold | Coast | Steer, shown: list[Shown]) -> None:
@@ -294,8 +278,16 @@ class GenerationBVehicle:
 
     def _tell_status(self, docking: bool, status: Status, shown: list[Shown]) -> None:
         self._statuses[docking] = status
+        self._tell(StatusShown(self._now_ms, docking, status), shown)
+
+    def _tell(self, word: Shown, shown: list[Shown]) -> None:
+        """A word of how a primitive stands."""
         if self._fault is not Fault.SILENT:
-            shown.append(StatusShown(self._now_ms, docking, status))
+            shown.append(word)
+
+    def _left(self, order: GoToOrder) -> GoToLeft:
+        north_m, east_m = order.north_m - self.pose.north_m, order.east_m - self.pose.east_m
+        return GoToLeft(self._now_ms, math.hypot(north_m, east_m), math.atan2(east_m, north_m))
 
     def _next_serial(self) -> int:
         self._serial += 1

@@ -5,26 +5,36 @@ from __future__ import annotations
 import time
 
 import rosgraph
+import rospy
 
 from apad_bridge.diagnosis.graph import Graph
 from apad_bridge.diagnosis.network import Unreachable
+from apad_bridge.ros.names import of_apad
 from apad_bridge.ros.vehicle_not_ready import VehicleNotReady
 from apad_bridge.scenario.schema import Generation
 
 
 def offered_generations(graph: Graph, name: str) -> set[Generation]:
-    """What the nodes below the namespace `name` (without slashes) offer."""
+    """What the nodes below the aPad's namespace `name` offer, which is itself below that of this process."""
     offered = set()
-    if graph.subscribers.get(f"/{name}/action_server/goal"):
+    if graph.subscribers.get(_goal(name)):
         offered.add(Generation.A)
-    if graph.services.get(f"/{name}/commander/primitive/go2point"):
+    if graph.services.get(_go_to(name)):
         offered.add(Generation.B)
     return offered
 
 
+def _goal(name: str) -> str:
+    return f"{rospy.resolve_name(of_apad(name, 'action_server'))}/goal"
+
+
+def _go_to(name: str) -> str:
+    return str(rospy.resolve_name(of_apad(name, "commander/primitive/go2point")))
+
+
 def live_generation(name: str, timeout_s: float) -> Generation:
     """Waits up to `timeout_s` wall seconds for either. VehicleNotReady, in one line, when neither comes, or both."""
-    until_s = time.monotonic() + timeout_s
+    until_s, whole = time.monotonic() + timeout_s, rospy.resolve_name(name)
     while True:
         try:
             offered = offered_generations(Graph.read(rosgraph.get_master_uri()), name)
@@ -34,13 +44,13 @@ def live_generation(name: str, timeout_s: float) -> Generation:
             return offered.pop()
         if offered:
             raise VehicleNotReady(
-                f"/{name} offers an action_server and commander/primitive services, which are two generations: "
+                f"{whole} offers an action_server and commander/primitive services, which are two generations: "
                 f"choose one by --generation, or by apad.generation in the scenario"
             )
         if time.monotonic() > until_s:
             raise VehicleNotReady(
-                f"/{name} is not there after {timeout_s:g} s: nobody listens to /{name}/action_server/goal (generation A) "
-                f"and nobody offers /{name}/commander/primitive/go2point (generation B); is apad.name right?"
+                f"{whole} is not there after {timeout_s:g} s: nobody listens to {_goal(name)} "
+                f"(generation A) and nobody offers {_go_to(name)} (generation B); is apad.name right?"
             )
         # A graph is only told when asked.
         time.sleep(0.1)

@@ -9,6 +9,7 @@ import actionlib
 import rospy
 
 from apad_bridge.ros.messages import use_generated_messages
+from apad_bridge.ros.names import ours_of_apad
 from apad_bridge.scripting.called import CalledFront, Snapshot
 from apad_bridge.scripting.commanded import CommandedMission
 from apad_bridge.scripting.values import Refused, Status, manoeuvre_of, slot_of
@@ -45,13 +46,13 @@ def docking_act(request: Any, *, dock: bool) -> Callable[[CommandedMission], Non
 class PrimitiveActions:
     """Each has a thread of actionlib's own, which orders through the front and then looks at every tick how it stands."""
 
-    def __init__(self, front: CalledFront, below: str) -> None:
+    def __init__(self, front: CalledFront, apad: str) -> None:
         self._front = front
         self._go_to = actionlib.SimpleActionServer(
-            f"{below}/go_to", GoToAction, self._run_go_to, auto_start=False
+            ours_of_apad(apad, "go_to"), GoToAction, self._run_go_to, auto_start=False
         )
         self._docking = actionlib.SimpleActionServer(
-            f"{below}/docking", DockingAction, self._run_docking, auto_start=False
+            ours_of_apad(apad, "docking"), DockingAction, self._run_docking, auto_start=False
         )
         self._go_to.start()
         self._docking.start()

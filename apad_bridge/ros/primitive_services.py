@@ -10,12 +10,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from typing import Any
 
 import rospy
 
 from apad_bridge.geography import LocalFrame
 from apad_bridge.ros.messages import use_generated_messages
+from apad_bridge.ros.names import ours_of_apad
 from apad_bridge.ros.primitive_actions import PrimitiveActions, docking_act
 from apad_bridge.runs.options import Part, RunOptions
 from apad_bridge.scenario.schema import Scenario
@@ -63,27 +65,29 @@ class PrimitiveServices:
     """On the graph until `close`. Its handlers run in rospy's threads and hand every order to the front."""
 
     def __init__(self, front: CalledFront, frame: LocalFrame, apad: str) -> None:
-        below = f"/musselbed/{apad}"
+        below = partial(ours_of_apad, apad)
         self._front = front
         self._frame = frame
         self._told = (-1, -1)
-        self._goto_status = rospy.Publisher(f"{below}/goto_status", Int32, queue_size=10, latch=True)
-        self._docking_status = rospy.Publisher(f"{below}/docking_status", Int32, queue_size=10, latch=True)
+        self._goto_status = rospy.Publisher(below("goto_status"), Int32, queue_size=10, latch=True)
+        self._docking_status = rospy.Publisher(below("docking_status"), Int32, queue_size=10, latch=True)
         self._services = [
-            rospy.Service(f"{below}/go_to_point", GoToPoint, self._go_to_point),
-            rospy.Service(f"{below}/go_to_position", GoToPosition, self._go_to_position),
-            rospy.Service(f"{below}/hold_position", HoldPosition, self._hold_position),
-            rospy.Service(f"{below}/dock", Dock, self._dock),
-            rospy.Service(f"{below}/undock", Undock, self._undock),
-            rospy.Service(f"{below}/pause", Trigger, self._trigger(lambda mission: mission.pause())),
-            rospy.Service(f"{below}/resume", Trigger, self._trigger(lambda mission: mission.resume())),
+            rospy.Service(below("go_to_point"), GoToPoint, self._go_to_point),
+            rospy.Service(below("go_to_position"), GoToPosition, self._go_to_position),
+            rospy.Service(below("hold_position"), HoldPosition, self._hold_position),
+            rospy.Service(below("dock"), Dock, self._dock),
+            rospy.Service(below("undock"), Undock, self._undock),
+            rospy.Service(below("pause"), Trigger, self._trigger(lambda mission: mission.pause())),
+            rospy.Service(below("resume"), Trigger, self._trigger(lambda mission: mission.resume())),
             rospy.Service(
-                f"{below}/end", Trigger, self._mission_trigger(lambda flown: flown.finish("a call"))
+                below("end"),
+                Trigger,
+                self._mission_trigger(lambda flown: flown.finish("a call")),
             ),
-            rospy.Service(f"{below}/take_over", Trigger, self._mission_trigger(take_over)),
-            rospy.Service(f"{below}/give_back", Trigger, self._mission_trigger(give_back)),
+            rospy.Service(below("take_over"), Trigger, self._mission_trigger(take_over)),
+            rospy.Service(below("give_back"), Trigger, self._mission_trigger(give_back)),
         ]
-        self._actions = PrimitiveActions(front, below)
+        self._actions = PrimitiveActions(front, apad)
         front.listen(self._show)
 
     def close(self) -> None:

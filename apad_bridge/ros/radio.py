@@ -18,6 +18,7 @@ from std_srvs.srv import Trigger, TriggerResponse
 from apad_bridge.facts import Medium, Send, SoundHeard, WifiHeard
 from apad_bridge.ros.inbox import Inbox
 from apad_bridge.ros.messages import use_generated_messages
+from apad_bridge.ros.names import of_amussel, ours
 from apad_bridge.ros.ros_time import to_ros
 from firmware_model.codec import Codec
 from firmware_model.packets import CommandPacket, Kind, StatusPacket
@@ -28,7 +29,7 @@ use_generated_messages()
 from auv_msgs.msg import NavSts  # noqa: E402
 from musselbed_msgs.msg import Packet  # noqa: E402
 
-HEARD, SAID = "/musselbed/heard", "/musselbed/said"
+HEARD, SAID = ours("heard"), ours("said")
 _QUEUE = 5000
 """A thousand aMussels' packets of five seconds; a reader that stalls for longer loses the oldest."""
 _MEDIA = {medium.value: medium for medium in Medium}
@@ -118,7 +119,7 @@ class FleetRadio:
         self._codec = codec
         self._called: Inbox[Send] = Inbox()
         self._services = [
-            rospy.Service(f"/amussel{agent_id}/{name}", Trigger, self._call(agent_id, kind, medium))
+            rospy.Service(of_amussel(agent_id, name), Trigger, self._call(agent_id, kind, medium))
             for agent_id in ids
             for name, kind, medium in (
                 ("surface", Kind.PERMISSION, Medium.SOUND),
@@ -178,8 +179,8 @@ class MissionRadio:
             subscriber
             for agent_id in ids
             for subscriber in (
-                rospy.Subscriber(f"/amussel{agent_id}/position", NavSts, self._take_place, agent_id),
-                rospy.Subscriber(f"/amussel{agent_id}/battery_level", Float64, self._take_charge, agent_id),
+                rospy.Subscriber(of_amussel(agent_id, "position"), NavSts, self._take_place, agent_id),
+                rospy.Subscriber(of_amussel(agent_id, "battery_level"), Float64, self._take_charge, agent_id),
             )
         ]
 

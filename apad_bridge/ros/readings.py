@@ -1,11 +1,11 @@
-"""Where an aPad says that it is, and what its battery holds: the newest of each, and only what can be."""
+"""What aPads of both generations say alike: where one is, and what its battery holds; the newest, and only what can be."""
 
 from __future__ import annotations
 
 import math
 from collections import Counter
 
-from apad_bridge.ros.legacy_words import BatteryHeard, PoseHeard
+from apad_bridge.ros.legacy_words import BatteryHeard, PoseHeard, StateHeard
 from apad_bridge.vehicle import BatteryReported, PoseReported
 from apad_bridge.vehicle_link import LinkFact
 
@@ -17,13 +17,24 @@ class Readings:
         self.dropped: Counter[str] = Counter()
         self.position_ms = -1
         """The newest stamp of a position that was taken."""
+        self.state_ms = -1
+        """The newest stamp of `stateRef`."""
         self._empty_v, self._full_v = battery_v
         self.pose: PoseReported | None = None
         """The newest, told or not."""
         self._pose: PoseReported | None = None
         self._battery: BatteryReported | None = None
 
-    def hear_pose(self, heard: PoseHeard) -> None:
+    def hear(self, heard: PoseHeard | StateHeard | BatteryHeard) -> None:
+        match heard:
+            case PoseHeard():
+                self._hear_pose(heard)
+            case StateHeard(at_ms):
+                self.state_ms = max(self.state_ms, at_ms)
+            case BatteryHeard():
+                self._hear_battery(heard)
+
+    def _hear_pose(self, heard: PoseHeard) -> None:
         if not all(map(math.isfinite, (heard.north_m, heard.east_m, heard.heading_rad))):
             self.dropped["position: not finite"] += 1
         elif heard.at_ms < self.position_ms:
@@ -32,7 +43,7 @@ class Readings:
             self.position_ms = heard.at_ms
             self.pose = self._pose = PoseReported(heard.at_ms, heard.north_m, heard.east_m, heard.heading_rad)
 
-    def hear_battery(self, heard: BatteryHeard) -> None:
+    def _hear_battery(self, heard: BatteryHeard) -> None:
         if not math.isfinite(heard.percent):
             self.dropped["battery_level: not finite"] += 1
             return

@@ -16,6 +16,7 @@ import rospy
 from rosgraph_msgs.msg import Clock
 
 from apad_bridge.pace import BEAT_S, AsFastAsPossible, Between, Pace, WallClock
+from apad_bridge.ros.names import CLOCK
 from apad_bridge.ros.ros_time import to_ms, to_ros
 from apad_bridge.stop_sign import Stopped
 
@@ -72,7 +73,7 @@ class OwnMasterClock:
         self._in_fine_steps = in_fine_steps
         if in_fine_steps:
             self._step_ms = _STEPS_MS[0]
-        self._clock = rospy.Publisher("/clock", Clock, queue_size=100, latch=True)
+        self._clock = rospy.Publisher(CLOCK, Clock, queue_size=100, latch=True)
 
     @property
     def behind_s(self) -> float:
@@ -110,7 +111,7 @@ class FollowedClock:
         self._origin_ms: int | None = None
         self._now_ms = start_ms
         self._came = threading.Condition()
-        self._subscriber = rospy.Subscriber("/clock", Clock, self._take, tcp_nodelay=True)
+        self._subscriber = rospy.Subscriber(CLOCK, Clock, self._take, tcp_nodelay=True)
 
     def reach(self, now_ms: int, stopped: Stopped, between: Between | None = None) -> None:
         moved_s, last_ms = time.monotonic(), self._now_ms

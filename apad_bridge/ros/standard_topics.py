@@ -31,6 +31,7 @@ from apad_bridge.planning.solution import StepKind
 from apad_bridge.ros import standard_messages as make
 from apad_bridge.ros.fleet_diagnostics import Limits, diagnose
 from apad_bridge.ros.frames import ENU, NED, NED_IN_ENU, UPRIGHT, agent_frame, apad_frame, enu, yaw
+from apad_bridge.ros.names import DIAGNOSTICS, TF, TF_STATIC, of_amussel, ours
 from apad_bridge.ros.never_blocking import Stalls, never_blocking_publisher
 from apad_bridge.supervisor import Supervisor
 
@@ -63,19 +64,19 @@ class StandardTopics:
         self._way: list[tuple[float, float]] = []
         self._agents = {
             agent_id: (
-                never_blocking_publisher(f"/amussel{agent_id}/battery_state", BatteryState, self.stalls),
-                never_blocking_publisher(f"/amussel{agent_id}/fix", NavSatFix, self.stalls),
+                never_blocking_publisher(of_amussel(agent_id, "battery_state"), BatteryState, self.stalls),
+                never_blocking_publisher(of_amussel(agent_id, "fix"), NavSatFix, self.stalls),
             )
             for agent_id in self._ids
         }
-        self._battery = rospy.Publisher("/musselbed/apad/battery_state", BatteryState, queue_size=_QUEUE)
-        self._fix = rospy.Publisher("/musselbed/apad/fix", NavSatFix, queue_size=_QUEUE)
-        self._path = rospy.Publisher("/musselbed/apad/path", Path, queue_size=_QUEUE)
-        self._plan = rospy.Publisher("/musselbed/plan", Path, queue_size=_QUEUE)
-        self._markers = rospy.Publisher("/musselbed/markers", MarkerArray, queue_size=_QUEUE)
-        self._diagnostics = rospy.Publisher("/diagnostics", DiagnosticArray, queue_size=_QUEUE)
-        self._tf = rospy.Publisher("/tf", TFMessage, queue_size=_QUEUE)
-        self._tf_static = rospy.Publisher("/tf_static", TFMessage, queue_size=1, latch=True)
+        self._battery = rospy.Publisher(ours("apad/battery_state"), BatteryState, queue_size=_QUEUE)
+        self._fix = rospy.Publisher(ours("apad/fix"), NavSatFix, queue_size=_QUEUE)
+        self._path = rospy.Publisher(ours("apad/path"), Path, queue_size=_QUEUE)
+        self._plan = rospy.Publisher(ours("plan"), Path, queue_size=_QUEUE)
+        self._markers = rospy.Publisher(ours("markers"), MarkerArray, queue_size=_QUEUE)
+        self._diagnostics = rospy.Publisher(DIAGNOSTICS, DiagnosticArray, queue_size=_QUEUE)
+        self._tf = rospy.Publisher(TF, TFMessage, queue_size=_QUEUE)
+        self._tf_static = rospy.Publisher(TF_STATIC, TFMessage, queue_size=1, latch=True)
         self._tf_static.publish([make.transform(0, ENU, NED, (0.0, 0.0, 0.0), NED_IN_ENU)])
 
     def watcher(self, supervisor: Supervisor) -> Watcher:

@@ -6,6 +6,8 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
+import rospy
+
 from apad_bridge import building
 from apad_bridge.fleet import Fleet
 from apad_bridge.flight import Watcher
@@ -49,19 +51,21 @@ def open_surroundings(
     held: tuple[int, ...],
     now_ms: int,
     truths_at: TruthsAt,
+    presences: Presences,
+    tell: Callable[[str], None],
 ) -> Iterator[Surroundings]:
     """Everything on the graph while it is entered; PeerFailed, in one line, when something does not come up.
 
     `docked` are agents by slot that a former supervisor knew to be held, `held` those whose bodies feel a dock; `now_ms` is
     the mission time to go on from.
-    `truths_at` is the recorder's, for a scenario that wants the truth on the aMussels' own topics.
+    `truths_at` is the recorder's, for a scenario that wants the truth on the aMussels' own topics. `tell` is for a person:
+    where the graph contradicts what the journal says of `presences`.
     """
     ids = building.agent_ids(scenario)
     codec = load_codec(scenario.hearing.codec)
     # A mission alone shows nothing as its aMussels': they, or their fleet, do so themselves.
     shown = () if options.part is Part.MISSION else ids
     node_name = f"{_NODES[options.part]}_{ids[0] if ids else scenario.fleet.first_id}"
-    presences = Presences(ids, scenario.area.depth_m)
     with ExitStack() as stack:
         try:
             gateway = open_gateway(
@@ -72,9 +76,10 @@ def open_surroundings(
                 remappings=_remappings(scenario, options),
                 simulated=lambda: presences.simulated,
                 truth=_shown_truth(truths_at) if scenario.records.truth_on_agent_topics else None,
+                comes_back=options.is_resumed,
             )
             stack.callback(gateway.close)
-            roll = None if fleet is None else _called_roll(stack, node_name, ids, presences)
+            roll = None if fleet is None else _called_roll(stack, presences, options, tell)
             laboratory = _laboratory(scenario, ids, codec)
             stack.callback(laboratory.close)
             standard = _standard_topics(shown, scenario)
@@ -124,9 +129,18 @@ def _vehicle(
     return opened.link, () if opened.watch is None else (opened.watch,)
 
 
-def _called_roll(stack: ExitStack, node_name: str, ids: Sequence[int], presences: Presences) -> Roll:
-    claims = ClaimBoard(f"/{node_name}", lambda: presences.simulated)
-    claims.refuse_overlap(ids)
+def _called_roll(
+    stack: ExitStack,
+    presences: Presences,
+    options: RunOptions,
+    tell: Callable[[str], None],
+) -> Roll:
+    claims = ClaimBoard(rospy.get_name(), lambda: presences.simulated)
+    if options.is_resumed:
+        for line in claims.come_back(presences):
+            tell(line)
+    else:
+        claims.refuse_overlap(presences.simulated)
     desk = FleetServices(presences, claims)
     stack.callback(desk.close)
     return Roll(presences, desk)

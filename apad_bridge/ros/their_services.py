@@ -1,7 +1,8 @@
-"""Classes of services whose server speaks another definition than ours: from the text in the user's workspace."""
+"""Classes of services by another definition than ours: from the text in the user's workspace."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -10,11 +11,34 @@ import genpy.dynamic
 from genmsg.gentools import compute_full_text, compute_md5
 from genmsg.msg_loader import load_depends, load_srv_from_file
 
+from apad_bridge.laboratory.fields import has
 from apad_bridge.ros.user_texts import text_folders
 
 
 def service_by_text(kind: str, md5: str) -> Any | None:
     """A service class of `kind` (as misc_msgs/GetDockingInfo) with this md5, if a text on ROS_PACKAGE_PATH has it."""
+    return next((it for it in _services(kind) if it._md5sum == md5), None)
+
+
+def service_to_offer(ours: Any, read: Callable[[Any], object]) -> Any:
+    """The class to offer a service by: of the user's text of this type, if `read` can read its request, else ours.
+
+    Whoever calls has sourced that workspace, and speaks its definition. The answer is a field `status`.
+    """
+    for theirs in _services(ours._type):
+        if theirs._md5sum == ours._md5sum:
+            break
+        try:
+            read(theirs._request_class())
+        except AttributeError:
+            continue
+        if has(theirs._response_class(), "status"):
+            return theirs
+    return ours
+
+
+def _services(kind: str) -> Iterator[Any]:
+    """By every text that can be read, the user's first, then ours."""
     package, name = kind.split("/")
     messages = text_folders("msg")
     for folder in text_folders("srv").get(package, []):
@@ -22,12 +46,9 @@ def service_by_text(kind: str, md5: str) -> Any | None:
         if not text.is_file():
             continue
         try:
-            made = _service(kind, text, messages)
+            yield _service(kind, text, messages)
         except (genmsg.MsgNotFound, genmsg.InvalidMsgSpec, genmsg.MsgGenerationException, OSError):
             continue  # it cannot be the one that is spoken
-        if made._md5sum == md5:
-            return made
-    return None
 
 
 def _service(kind: str, text: Path, messages: dict[str, list[str]]) -> Any:

@@ -22,6 +22,7 @@ from std_msgs.msg import Float32
 from apad_bridge.ros.any_listener import AnyListener
 from apad_bridge.ros.generation_b_words import CAMERA_SERVO, slot_direction_rad
 from apad_bridge.ros.messages import use_generated_messages
+from apad_bridge.ros.names import of_apad
 from apad_bridge.ros.ros_time import to_ms
 from apad_bridge.simulated_apad.camera import Seen, seen
 
@@ -41,15 +42,15 @@ class VirtualCamera:
         self._looked_ms = -1
         self._looked = threading.Condition()
         self._out = {
-            topic: rospy.Publisher(f"/{name}/{topic}", Float32, queue_size=1)
+            topic: rospy.Publisher(of_apad(name, topic), Float32, queue_size=1)
             for topic in ("docking_horizontal", "size", "docking_vertical")
         }
         listener = AnyListener(
             lambda _: None
         )  # what cannot be read is counted where the vehicle is listened to
         self._subscribers = [
-            listener.listen(f"/{name}/kinect_out", Float32, self._turn),
-            listener.listen(f"/{name}/position", NavSts, self._look),
+            listener.listen(of_apad(name, "kinect_out"), Float32, self._turn),
+            listener.listen(of_apad(name, "position"), NavSts, self._look),
         ]
 
     def show(self, places: Places) -> None:

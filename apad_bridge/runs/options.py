@@ -73,6 +73,11 @@ class RunOptions:
         """Whether a script or a person gives the orders from the start."""
         return self.manual or bool(self.script)
 
+    @property
+    def is_resumed(self) -> bool:
+        """Whether a former supervisor of the run died."""
+        return self.epoch > 1
+
     def save(self, directory: Path) -> None:
         write_atomically(directory / OPTIONS_NAME, json.dumps(asdict(self), indent=2) + "\n")
 

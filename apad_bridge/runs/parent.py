@@ -51,7 +51,7 @@ def fly(
             stack.callback(end_fleet, directory.path, start_nursery(scenario, starts, directory.path))
         while True:
             code, result = watch_supervisor(
-                start_supervisor(directory.path, options, resume=options.epoch > 1), progress
+                start_supervisor(directory.path, options, resume=options.is_resumed), progress
             )
             if result is not None:
                 return result

@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
+from agents.coordinator import Coordinator
+from agents.stimuli import Placed, from_wire, to_wire
 from apad_bridge.mission.state import MissionState
-from apad_bridge.records.journal import JournalContents
-from apad_bridge.records.recorder import Resumed
+from apad_bridge.presence import Became, Presence, Presences
+from apad_bridge.records.journal import JournalContents, Line
+from apad_bridge.records.recorder import Recorder, Resumed
 from apad_bridge.runs.failures import PeerFailed
 from apad_bridge.runs.flying import GoOn
 from apad_bridge.runs.options import RunOptions
+
+_PLACED = to_wire(Placed(0, 0, 0, 0, 0))[0]
 
 
 def gap_ms(options: RunOptions, journal: Path, now_s: float) -> int:
@@ -41,6 +47,37 @@ def go_on(journal: JournalContents, epoch: int, gap_ms: int) -> GoOn:
             raise PeerFailed("this run has ended: there is nothing to go on with")
     # Ticks stand on whole seconds; the journal's last line may lie between two.
     return GoOn((journal.last_ms + gap_ms) // 1000 * 1000, state, epoch, fraction)
+
+
+def became(journal: JournalContents) -> Iterator[Became]:
+    """Who became real, retired or simulated again, in the order in which it happened."""
+    for line in journal.lines:
+        if line["kind"] == "presence":
+            yield Became(line["t"], line["id"], Presence(line["is"]), line["by"])
+
+
+def place_again(journal: JournalContents, coordinator: Coordinator, recorder: Recorder, now_ms: int) -> None:
+    """Puts those where they were put whose bodies had not felt it when the supervisor died."""
+    lived_ms = coordinator.granted_ms
+    placed = {line["id"]: line for line in journal.lines if _is_placing(line)}
+    for agent_id, line in placed.items():
+        if line["agent_ms"] >= lived_ms.get(agent_id, line["agent_ms"] + 1):
+            agent_ms = coordinator.receive(agent_id, from_wire(line["wire"]), now_ms)
+            recorder.event(now_ms, "stimulus", id=agent_id, agent_ms=agent_ms, wire=line["wire"])
+
+
+def _is_placing(line: Line) -> bool:
+    return bool(line["kind"] == "stimulus" and line["wire"][0] == _PLACED)
+
+
+def who_was_who(presences: Presences) -> list[str]:
+    """A line for a person for what is restored of who was real, and who retired."""
+    lines = []
+    for presence in (Presence.REAL, Presence.RETIRED):
+        those = sorted(it.agent_id for it in presences.before.values() if it.presence is presence)
+        if those:
+            lines.append(f"still {presence}: aMussels {', '.join(map(str, those))}")
+    return lines
 
 
 def what_was_lost(resumed: Resumed) -> list[str]:

@@ -17,6 +17,8 @@ from pathlib import Path
 from apad_bridge import building
 from apad_bridge.commands.exits import Exit
 from apad_bridge.modems.rims import open_rims
+from apad_bridge.presence import Presences
+from apad_bridge.records.journal import JournalContents
 from apad_bridge.records.recorder import Recorder
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.ros.primitive_services import primitives_offered
@@ -66,11 +68,15 @@ def fly(run_dir: Path, resume: bool) -> int:
         gap_ms = resuming.gap_ms(options, directory.journal, time.time())
         recorder, resumed = Recorder.resume(directory, scenario, ids)
         go_on = resuming.go_on(resumed.journal, options.epoch, gap_ms)
+        journal = resumed.journal
         for words in resuming.what_was_lost(resumed):
             say(words)
     else:
-        recorder, go_on = Recorder(directory, scenario, ids), None
+        recorder, go_on, journal = Recorder(directory, scenario, ids), None, JournalContents([], 0)
         flying.journal_start(recorder, scenario, starts_of(scenario))
+    presences = Presences(ids, scenario.area.depth_m, resuming.became(journal))
+    for words in resuming.who_was_who(presences):
+        say(words)
     start_ms = 0 if go_on is None else go_on.now_ms
     try:
         fleet = None
@@ -79,12 +85,14 @@ def fly(run_dir: Path, resume: bool) -> int:
         docked = {} if go_on is None else dict(go_on.state.docked)
         if fleet is not None:
             recorder.truths(fleet.take_truths())
+            presences.mute_as_before(fleet.coordinator)
+            resuming.place_again(journal, fleet.coordinator, recorder, start_ms)
         # What the bodies felt, not what the mission knows: a contact that was on its way when a supervisor died is told
         # again, and one that was felt is not.
         held = tuple(it.agent_id for it in recorder.truths_at(start_ms) if it.docked)
         with (
             open_surroundings(
-                scenario, options, fleet, docked, held, start_ms, recorder.truths_at
+                scenario, options, fleet, docked, held, start_ms, recorder.truths_at, presences, say
             ) as surroundings,
             primitives_offered(scenario, options) as called,
             open_rims(run_dir, options.open_modems, options.modem, start_ms, say) as rims,

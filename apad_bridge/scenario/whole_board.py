@@ -131,7 +131,7 @@ class SleepCycle:
     processing_s: NotNegativeSeconds
     """How long the Pi works on the samples."""
     listen_s: NotNegativeSeconds
-    """Awake after a ping, and after it has come to rest on the bottom."""
+    """Awake after it has come to rest on the bottom."""
     report_s: PositiveSeconds
     """Awake in a dock after it has reported, and after each acknowledgement of its log."""
     slots: Timeslots | None
@@ -176,6 +176,8 @@ class WholeBoard:
     last_resort: LastResort
     transmit_ms: Annotated[int, Gt(0)]
     """How long the modem takes to send a status."""
+    turnaround_ms: Annotated[int, Ge(0)] = 500
+    """From the end of a ping until the board answers it."""
     hover_period_s: PositiveSeconds
     """Between the motor runs that hold a depth."""
     timekeeping: Timekeeping | None = None

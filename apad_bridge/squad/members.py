@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from apad_bridge.planning.shares import shares
 from apad_bridge.scenario.another_apad import AnotherAPad
+from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.loader import from_data, resolve
 from apad_bridge.scenario.schema import APad, Scenario
 from apad_bridge.scenario.starts import Start
@@ -39,6 +40,14 @@ def divided(
         )
         for apad, share in zip(_apads(scenario), served, strict=True)
     )
+
+
+def with_apad(scenario: Scenario, name: str) -> Scenario:
+    """The scenario with this one of its aPads alone, over the whole fleet. ScenarioError when it has none of this name."""
+    apads = {apad.name: apad for apad in _apads(scenario)}
+    if name not in apads:
+        raise ScenarioError([f"{scenario.name} has no aPad {name}: its aPads are {', '.join(apads)}"])
+    return _of_one(scenario, apads[name], scenario.fleet.share)
 
 
 def _apads(scenario: Scenario) -> list[APad | AnotherAPad]:

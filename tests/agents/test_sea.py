@@ -20,9 +20,11 @@ from agents.water.medium import Outcome, PacketEnded
 from agents.water.sound import Sound
 from agents.water.topology import LinkRule, Topology
 from agents.water.wifi import Wifi
+from firmware_model.charge import FULL
 from firmware_model.codec import MusselbedCodec
-from firmware_model.packets import AcousticStatus, CommandPacket, Kind
+from firmware_model.packets import AcousticStatus, CommandPacket, Kind, ShortStatus
 from firmware_model.states import State
+from firmware_model.table_one import MODEL
 
 HOUR_MS = 3_600_000
 
@@ -102,10 +104,36 @@ def test_beyond_the_range_nobody_surfaces() -> None:
 def test_one_word_reaches_everyone() -> None:
     bench = Bench(150, 300, 450)
     bench.run(100_000)
-    bench.sea.say(None, command(Kind.PING, 2))
+    bench.sea.say(None, command(Kind.HOVER, 2))
     told = [(it.agent_id, it.agent_ms) for it in of(Told, bench.run(110_000)) if isinstance(it, Told)]
     assert told == [(1, 100_480), (2, 100_580), (3, 100_680)]
-    assert [bench.state(n) for n in (1, 2, 3)] == [State.SLEEPING, State.ACTIVE, State.SLEEPING]
+    assert [bench.state(n) for n in (1, 2, 3)] == [State.SLEEPING, State.HOVERING, State.SLEEPING]
+
+
+def test_a_sleeper_that_is_asked_answers_half_a_second_later_and_sleeps_on() -> None:
+    """The question lasts 105 + 22 * 12.5 = 380 ms, the answer of 7 bytes 105 + 23 * 12.5 = 392.5; 100 ms under way."""
+    bench = Bench(150)
+    bench.run(100_000)
+    bench.sea.say(1, command(Kind.PING, 1))
+    (reached,) = (it for it in bench.run(110_000) if isinstance(it, SoundReached))
+    assert reached.mission_ms == 100_000 + 380 + 100 + 500 + 393 + 100
+    answer = MusselbedCodec().decode(reached.data)
+    assert isinstance(answer, ShortStatus) and (answer.agent_id, answer.state) == (1, State.SLEEPING)
+    assert bench.state(1) is State.SLEEPING
+
+
+def test_a_range_costs_the_battery_what_the_modem_draws_for_its_answer() -> None:
+    """105 ms at 1500 mW instead of listening at 12.5, of a battery of 7400 mWh; and nobody was woken."""
+    bench, other = Bench(240), Bench(240)
+    bench.run(100_000)
+    other.run(100_000)
+    bench.sea.ping(1)
+    (answered, left) = (it.host._agents[1].board for it in (bench, other))
+    for it in (bench, other):
+        it.run(110_000)
+    charge = MODEL.charge_at(left.primary, 110_000) - MODEL.charge_at(answered.primary, 110_000)
+    assert charge / FULL == pytest.approx((1500 - 12.5) * 0.105 / 3600 / 7400, rel=1e-6)
+    assert answered.state is State.SLEEPING
 
 
 def test_ranges_are_those_of_the_places_to_the_modems_step() -> None:

@@ -14,7 +14,7 @@ from agents.one_process import OneProcess
 from agents.reporter import Modem
 from agents.sea import Sea, SeaConfig
 from agents.sea_facts import NotRanged, Printed, Ranged, SeaResult, SoundReached, Told
-from agents.stimuli import PingArrived, SoundArrived
+from agents.stimuli import ModemSent, PingArrived, SoundArrived
 from agents.water.medium import PacketEnded
 from firmware_model.codec import MusselbedCodec
 from firmware_model.packets import CommandPacket, Kind, ShortStatus
@@ -76,12 +76,18 @@ def test_its_words_reach_boards_and_the_apad_as_packets() -> None:
         SoundArrived(permission)
     ]
     bench.ask(1, b"$B05hello")
-    assert {it.agent_id for it in bench.came if isinstance(it, Told)} == {2, 3}
+    told = [it for it in bench.came if isinstance(it, Told)]
+    assert {it.agent_id for it in told if isinstance(it.stimulus, SoundArrived)} == {2, 3}
+    # What the driver sent is drawn from the battery of the board that it drives the modem of: 6 and 5 bytes.
+    assert [(it.agent_id, it.stimulus) for it in told if isinstance(it.stimulus, ModemSent)] == [
+        (1, ModemSent(380)),
+        (1, ModemSent(368)),
+    ]
     assert SoundReached in {type(it) for it in bench.came}
     # A beacon carries no data, so no board learns of it.
-    before = len([it for it in bench.came if isinstance(it, Told)])
+    bench.came.clear()
     bench.ask(1, b"$F")
-    assert len([it for it in bench.came if isinstance(it, Told)]) == before
+    assert [it.stimulus for it in bench.came if isinstance(it, Told)] == [ModemSent(105)]
 
 
 def test_the_board_goes_on_beside_whoever_opened_its_modem() -> None:

@@ -16,6 +16,8 @@ from agents.stimuli import (
     CoilSlipped,
     ContactClosed,
     ContactOpened,
+    ModemSent,
+    PingArrived,
     Placed,
     SoundArrived,
     Stimulus,
@@ -77,6 +79,8 @@ STIMULI: tuple[Stimulus, ...] = (
     ContactClosed(0, 0),
     ContactOpened(),
     CoilSlipped(),
+    PingArrived(1000),
+    ModemSent(393),
     Placed(1_000_000, 2_000_000, 3_000_000, grains(0.4), grains(0.9)),
     WasReset(ResetCause.BROWN_OUT),
 )

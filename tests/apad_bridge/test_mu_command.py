@@ -109,7 +109,7 @@ def test_the_trace_is_printed_when_it_is_asked_for(
     assert "PING_HEARD" not in capsys.readouterr().out
     assert main(["mu", "run", path, "--trace", "--json"]) == Exit.DONE
     trace = json.loads(capsys.readouterr().out)["trace"]
-    assert "  0:30:00.000  SLEEPING -PING_HEARD-> ACTIVE" in trace
+    assert "  0:30:00.000  SLEEPING -PING_HEARD-> SLEEPING" in trace
     assert trace[0] == "  0:00:00.000  OFF -POWER_CAME_ON-> BOOTING"
 
 

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import json
 from itertools import product
 from pathlib import Path
+from typing import Any, cast
 
 import pytest
 
-from agents.coordinator import Coordinator
+from agents.coordinator import Coordinator, Heard
 from agents.one_process import OneProcess
 from agents.outputs import Truth
 from apad_bridge import building
@@ -15,9 +17,23 @@ from apad_bridge.facts import Medium, Send, SoundHeard, WifiHeard
 from apad_bridge.fleet import Fleet
 from apad_bridge.flight import Flight
 from apad_bridge.pace import AsFastAsPossible
-from apad_bridge.presence import TABLE, Asked, Failed, Fault, Moved, Presence, Presences, Roll, Trigger
+from apad_bridge.presence import (
+    TABLE,
+    Asked,
+    Became,
+    Failed,
+    Fault,
+    Moved,
+    Presence,
+    Presences,
+    Roll,
+    Trigger,
+)
+from apad_bridge.records.journal import JournalContents
+from apad_bridge.records.recorder import Recorder
 from apad_bridge.records.summary import uptime_figures
 from apad_bridge.runs.in_memory import MemoryRecorder
+from apad_bridge.runs.resuming import became, place_again
 from apad_bridge.scenario.loader import from_data, load, resolve
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
@@ -81,14 +97,18 @@ class Bench:
         self.paper, self.elsewhere = Paper(), Elsewhere()
         self.recorder = Witness(self.scenario)
         self.presences = Presences(births, self.scenario.area.depth_m)
-        self.flight = Flight(
+        self.host, self.coordinator = host, Coordinator(host, dict.fromkeys(births, 0), self.scenario.theta)
+        self.flight = self.begin(self.recorder, Roll(self.presences, self.paper))
+
+    def begin(self, recorder: MemoryRecorder, roll: Roll) -> Flight:
+        return Flight(
             building.supervisor(self.scenario),
             InProcessVehicle(building.simulated_apad(self.scenario)),
             AsFastAsPossible(),
-            self.recorder,
-            Fleet(Coordinator(host, dict.fromkeys(births, 0), self.scenario.theta), host),
+            recorder,
+            Fleet(self.coordinator, self.host),
             ether=self.elsewhere,
-            roll=Roll(self.presences, self.paper),
+            roll=roll,
         )
 
     def ask(self, *asked: Asked) -> list[str | None]:
@@ -223,3 +243,75 @@ def test_one_in_a_dock_is_left_alone() -> None:
     docked = next(belief.agent_id for belief in beliefs.all() if belief.state is State.CHARGING)
     (refusal,) = bench.ask(Moved(docked, Trigger.RETIRE, "a test"))
     assert refusal == f"aMussel {docked} is in a dock: undock it first"
+
+
+def test_what_was_done_is_answered_when_it_is_recorded() -> None:
+    """Who was told that an id is real may rely on it, whatever dies next."""
+    bench = Bench()
+    order: list[str] = []
+
+    class Desk(Paper):
+        def answer(self, asked: Asked, refusal: str | None) -> None:
+            order.append("answered")
+
+    class Records(Witness):
+        def event(self, at_ms: int, kind: str, **data: Any) -> None:
+            if kind == "presence":
+                order.append("said")
+
+        def tick(self, *_: Any) -> None:
+            order.append("on disk")
+
+    desk = Desk()
+    desk.asked = [Moved(THE_ONE, Trigger.HAND_OVER, "a test")]
+    bench.flight = bench.begin(Records(bench.scenario), Roll(bench.presences, desk))
+    bench.ticks(1)
+    assert order == ["said", "on disk", "answered"]
+
+
+def test_another_supervisor_knows_who_is_real_and_who_is_retired() -> None:
+    bench = Bench()
+    bench.ticks(3)
+    bench.ask(Moved(THE_ONE, Trigger.HAND_OVER, "a test"), Moved(1, Trigger.RETIRE, "a test"))
+    bench.ask(Moved(1, Trigger.SPAWN, "a test", (7.0, 8.0), (0.5, 0.5)), Moved(2, Trigger.RETIRE, "a test"))
+    lines = [{"t": at_ms, "kind": kind, **data} for at_ms, kind, data in bench.recorder.events]
+    journal = JournalContents(json.loads(json.dumps(lines)), 0)
+
+    again = Presences([1, 2, 3, 4], 3.0, became(journal))
+    assert [again.of(it) for it in (1, 2, 3, 4)] == [
+        Presence.SIMULATED,
+        Presence.RETIRED,
+        Presence.REAL,
+        Presence.SIMULATED,
+    ]
+    assert again.simulated == {1, 4}
+    coordinator = Coordinator(bench.host, bench.coordinator.granted_ms, bench.scenario.theta)
+    again.mute_as_before(coordinator)
+    spoke = {it.agent_id for it in coordinator.advance(bench.flight.now_ms + 5000) if isinstance(it, Heard)}
+    assert spoke == {1, 4}
+
+
+@pytest.mark.parametrize("felt", [False, True])
+def test_one_that_was_placed_as_the_supervisor_died_is_placed_once(felt: bool) -> None:
+    bench = Bench()
+    bench.ticks(3)
+    bench.ask(Moved(1, Trigger.RETIRE, "a test"))
+    bench.ask(Moved(1, Trigger.SPAWN, "a test", (7.0, 8.0), (0.5, 0.5)))
+    if felt:
+        bench.ticks(1)
+    lines = [{"t": at_ms, "kind": kind, **data} for at_ms, kind, data in bench.recorder.events]
+    coordinator = Coordinator(bench.host, bench.coordinator.granted_ms, bench.scenario.theta)
+    before = len(bench.recorder.events)
+    place_again(
+        JournalContents(lines, 0), coordinator, cast(Recorder, bench.recorder), bench.flight.now_ms - 1000
+    )
+    told = bench.recorder.events[before:]
+    assert [(kind, data["id"]) for _, kind, data in told] == ([] if felt else [("stimulus", 1)])
+    coordinator.advance(bench.flight.now_ms)
+    newest = {it.agent_id: it.physical for it in bench.host.take_truths()}
+    assert felt or (newest[1].north_um, newest[1].east_um) == (7_000_000, 8_000_000)
+
+
+def test_changes_of_ids_that_are_not_of_the_fleet_are_nobodys() -> None:
+    again = Presences([1], 3.0, [Became(5, 9, Presence.REAL, "/lab")])
+    assert again.of(9) is None and again.simulated == {1}

@@ -31,6 +31,7 @@ from firmware_model.stimuli import (
     BottomReached,
     ChargePinFell,
     ChargePinRose,
+    ModemSpoke,
     PacketHeard,
     PowerCameOn,
     ResetCause,
@@ -97,12 +98,6 @@ def test_a_long_wake_processes_awaits_its_slot_and_transmits() -> None:
 def test_a_wake_without_the_pi_goes_from_sampling_to_its_slot() -> None:
     lines = told(asleep(replace(FIELD, processing_ms=0)).run(hours=1.5))
     assert lines[2] == "3610000 SAMPLING -SAMPLES_TO_SEND-> AWAITING_SLOT"
-
-
-def test_a_ping_wakes_it_to_listen_for_a_minute() -> None:
-    bench = asleep()
-    assert told(bench.command(Kind.PING)) == ["120000 SLEEPING -PING_HEARD-> ACTIVE"]
-    assert told(bench.run(minutes=5)) == ["180000 ACTIVE -WAKE_OVER-> SLEEPING"]
 
 
 def test_one_service_with_reports_in_the_dock() -> None:
@@ -303,6 +298,7 @@ STIMULI: st.SearchStrategy[Stimulus] = st.one_of(
             SurfaceReached(),
             BottomReached(),
             PacketHeard(b"noise"),
+            ModemSpoke(105),
         ]
     ),
     st.sampled_from([PacketHeard(data) for data in COMMANDS] + [WifiReceived(data) for data in COMMANDS]),

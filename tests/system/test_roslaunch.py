@@ -19,10 +19,11 @@ from apad_bridge.scenario.loader import load
 pytestmark = pytest.mark.system
 ROOT = Path(__file__).parents[2]
 LAUNCH = ROOT / "launch_scripts"
-SHIPPED = ["pool-12", "bay-24", "no-charging", "demo"]
+SHIPPED = ["pool-12", "bay-24", "no-charging", "demo", "bay-120"]
 
 FLEET_ONLY = {"/musselbed"}
 WITH_THE_SIMULATED_APAD = FLEET_ONLY | {"/musselbed_clock", "/apad1_simulated"}
+WITH_FIVE = WITH_THE_SIMULATED_APAD | {f"/apad{number}_simulated" for number in range(2, 6)}
 
 
 @pytest.fixture
@@ -53,10 +54,8 @@ def roslaunch(environment: dict[str, str], *arguments: str) -> str:
 
 @pytest.mark.parametrize("name", SHIPPED)
 def test_what_a_launch_file_starts(name: str, environment: dict[str, str]) -> None:
-    assert (
-        set(roslaunch(environment, "--nodes", "musselbed", f"{name}.launch").split())
-        == WITH_THE_SIMULATED_APAD
-    )
+    nodes = WITH_FIVE if name == "bay-120" else WITH_THE_SIMULATED_APAD
+    assert set(roslaunch(environment, "--nodes", "musselbed", f"{name}.launch").split()) == nodes
     assert yaml.safe_load(roslaunch(environment, "--dump-params", "musselbed", f"{name}.launch")) == {
         "/use_sim_time": True
     }
@@ -96,6 +95,30 @@ def test_a_short_flight_on_roslaunchs_master(tmp_path: Path, environment: dict[s
     summary = json.loads(summary_file.read_text())
     assert (summary["ended_by"], summary["agents"], summary["seed"]) == ("mission time", 4, 3)
     assert "process has finished cleanly" in told
+
+
+def test_five_aPads_on_roslaunchs_master(tmp_path: Path, environment: dict[str, str]) -> None:
+    data = yaml.safe_load((LAUNCH / "scenarios" / "bay-120.yaml").read_text())
+    # Two aMussels beside each aPad, one that wants charging and one that does not.
+    rows = [f"{n},30,{40 * ((n - 1) // 2) + 20 + n % 2},{0.75 if n % 2 else 0.95}" for n in range(1, 11)]
+    (tmp_path / "ten.csv").write_text("\n".join(["id,north,east,battery", *rows]) + "\n")
+    data |= {"name": "five", "duration_s": 30}
+    data["fleet"]["start"] = "ten.csv"
+    data["fleet"]["count"] = 10
+    data["mission"]["batch"] = 1
+    (tmp_path / "five.yaml").write_text(yaml.safe_dump(data))
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        port = free.getsockname()[1]
+    arguments = (f"scenario:={tmp_path / 'five.yaml'}", "speed:=20", "agents:=10", "theta:=300")
+    told = roslaunch(environment, "-p", str(port), "musselbed", "bay-120.launch", *arguments)
+    (summary_file,) = [*tmp_path.glob("runs/five-*/summary.json"), None][:1]
+    assert summary_file is not None, told
+    summary = json.loads(summary_file.read_text())
+    assert (summary["agents"], len(summary["apads"])) == (10, 5), told
+    # Each flew an aPad of its own: all took the first aMussel, which lies 1 m from where that aPad starts.
+    for name, own in summary["apads"].items():
+        assert own["ended_by"] == "mission time", name
+        assert own["cost_m"] == pytest.approx(1.0, abs=0.05), name
 
 
 def test_a_second_clock_is_refused(tmp_path: Path) -> None:

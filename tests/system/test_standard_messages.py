@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import json
+import re
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -12,11 +12,14 @@ from typing import Any
 import pytest
 import yaml
 
+from apad_bridge.layouts.fleet import shown
+from apad_bridge.layouts.kinds import KINDS
 from apad_bridge.ros.master import loopback_environment, start_master
+from apad_bridge.scenario.loader import load, with_overrides
+from apad_bridge.scenario.starts import starts_of
 
 pytestmark = pytest.mark.system
 HERE = Path(__file__).parent
-LAYOUTS = HERE.parents[1] / "launch_scripts" / "layouts"
 PATIENCE_S = 30.0
 
 
@@ -118,27 +121,24 @@ def published(environment: dict[str, str]) -> dict[str, str]:
     return {row[1]: row[2].strip("[]") for row in rows}
 
 
-def test_rviz_is_shown_topics_that_are_there(environment: dict[str, str]) -> None:
-    layout = yaml.safe_load((LAYOUTS / "musselbed.rviz").read_text())["Visualization Manager"]
-    assert layout["Global Options"]["Fixed Frame"] == "musselbed/enu"
-    types = {"rviz/MarkerArray": "visualization_msgs/MarkerArray", "rviz/Path": "nav_msgs/Path"}
+TYPES = {
+    "markers": "visualization_msgs/MarkerArray",
+    "plan": "nav_msgs/Path",
+    "path": "nav_msgs/Path",
+    "battery_state": "sensor_msgs/BatteryState",
+    "apad": "musselbed_msgs/APadStatus",
+    "diagnostics": "diagnostic_msgs/DiagnosticArray",
+}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_layouts_name_topics_that_are_there(kind: str, environment: dict[str, str]) -> None:
+    pool = load(HERE.parents[1] / "launch_scripts" / "scenarios" / "pool-12.yaml")
+    two = with_overrides(pool, agents=2)
+    text = KINDS[kind].write(shown(two, starts_of(two)))
+    assert "musselbed/enu" in text or kind not in ("rviz", "foxglove")
     topics = published(environment)
-    shown = {
-        it.get("Marker Topic", it.get("Topic")): it["Class"]
-        for it in layout["Displays"]
-        if it["Class"] in types
-    }
-    assert len(shown) == 3
-    for topic, kind in shown.items():
-        assert topics[topic] == types[kind]
-
-
-def test_foxglove_is_shown_topics_that_are_there(environment: dict[str, str]) -> None:
-    layout = json.loads((LAYOUTS / "musselbed.foxglove.json").read_text())
-    topics = set(published(environment))
-    scene = layout["configById"]["3D!scene"]
-    plot = layout["configById"]["Plot!batteries"]
-    named = {*scene["topics"], *(path["value"].partition(".")[0] for path in plot["paths"])}
-    named |= {layout["configById"]["DiagnosticSummary!fleet"]["topicToRender"]}
-    assert named <= topics | {f"/amussel{agent_id}/battery_state" for agent_id in range(1, 13)}
-    assert scene["followTf"] == "musselbed/enu"
+    named = set(re.findall(rf"/(?:[a-z]\w*/)*(?:{'|'.join(TYPES)})\b", text))
+    assert len(named) >= 3
+    for topic in named:
+        assert topics[topic] == TYPES[topic.rpartition("/")[2]]

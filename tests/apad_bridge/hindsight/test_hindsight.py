@@ -1,14 +1,18 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 from apad_bridge.beliefs.modes import Mode
 from apad_bridge.commands.main import main
-from apad_bridge.hindsight.compared import Compared
+from apad_bridge.hindsight.compared import Compared, Record, compared_in
 from apad_bridge.hindsight.scored import age_bin, scores_of
+from apad_bridge.records.bag import BagWriter
+from apad_bridge.records.samples import BeliefSample, TruthSample
+from firmware_model.states import State
 
 SCENARIOS = Path(__file__).parents[3] / "launch_scripts/scenarios"
 TWIN = """beliefs:
@@ -83,6 +87,98 @@ def test_a_flight_on_twins_is_compared(tmp_path: Path, capsys: pytest.CaptureFix
     assert picture.read_bytes()[:8] == b"\x89PNG\r\n\x1a\n" and picture.stat().st_size > 20_000
     assert main(["beliefs", str(run)]) == 0
     assert "packet up to" in capsys.readouterr().out
+
+
+def test_the_bag_and_the_journal_of_a_run_say_the_same(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run = fly(tmp_path, True, capsys)
+    bag, journal = (
+        {(it.at_ms, it.agent_id): it for it in compared_in(run, 5_000, record)} for record in Record
+    )
+    assert len(bag) == 3 * 18 and set(bag) == set(journal)
+    for key, it in bag.items():
+        other = journal[key]
+        assert (it.mode, it.mode_right, it.clamped) == (other.mode, other.mode_right, other.clamped)
+        # The journal names a belief again when it has moved by a third of its deviation.
+        assert it.deviation is not None and other.deviation is not None
+        assert it.error == pytest.approx(other.error, abs=max(0.0015, it.deviation))
+        assert it.deviation == pytest.approx(other.deviation, abs=0.0011)
+        assert it.place_square is not None and other.place_square is None
+    for record in Record:
+        assert main(["beliefs", str(run), "--json", "--from", record]) == 0
+        said = json.loads(capsys.readouterr().out)
+        assert said["record"] == record and said["overall"]["samples"] == 3 * 9
+        assert (said["overall"]["place_coverage"] is None) is (record is Record.JOURNAL)
+
+
+def test_an_instant_of_a_bag_is_scored_by_hand(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    run = fly(tmp_path, False, capsys)
+    (run / "run.bag").unlink()
+    bag = BagWriter(run / "run.bag", theta=30)
+    truth = TruthSample(7, int(State.ACTIVE), 0.5, 1.0, 10.0, 20.0, 3.0, False, 0)
+    # Deviations of 2 m north and 1 m east that go together by a half: 4 m off to the north is (4 / 2)^2 / (1 - 0.5^2).
+    belief = BeliefSample(
+        7,
+        int(State.ACTIVE),
+        0.53,
+        1.0,
+        14.0,
+        20.0,
+        60.0,
+        0.02,
+        0.0,
+        0.0,
+        0.49,
+        0.57,
+        2.0,
+        1.0,
+        1.0,
+        (),
+        0.0,
+        0.0,
+    )
+    docked = truth._replace(agent_id=8, docked=True, state=int(State.CHARGING))
+    bag.sample(10_000, [truth, docked], [belief, belief._replace(agent_id=8, charge_low=0.51)], None)
+    bag.close()
+    first, second = compared_in(run, 10_000, Record.BAG)
+    assert first.age_h == pytest.approx(0.5) and first.mode is Mode.IDLE and first.mode_right
+    assert first.error == pytest.approx(0.03) and first.deviation == pytest.approx(0.02)
+    assert first.covered is True and second.covered is False
+    assert first.place_error_m == 4.0 and first.place_square == pytest.approx(16 / 3)
+    assert second.place_error_m is None and second.place_square is None
+    scores = scores_of([first, second])
+    assert scores is not None and scores.overall.nees == pytest.approx(2.25, rel=1e-4)
+    # 5.33 is below the 5.99 that 95 % of two dimensions lie below.
+    assert (scores.overall.place_coverage, scores.overall.place_nees) == (1.0, pytest.approx(8 / 3))
+
+
+def test_a_run_whose_bag_is_torn_is_compared_by_its_journal(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run = fly(tmp_path, True, capsys)
+    whole = (run / "run.bag").read_bytes()
+    (run / "run.bag").write_bytes(whole[: len(whole) // 2])
+    assert main(["beliefs", str(run), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["record"] == "journal"
+    assert main(["beliefs", str(run), "--from", "bag"]) == 2
+    told = capsys.readouterr().err
+    assert told.count("\n") == 1 and told.endswith("try --from journal\n")
+
+
+def test_a_run_with_a_bag_of_means_is_scored(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], bag_of_means: Callable[..., Path]
+) -> None:
+    run = fly(tmp_path, True, capsys)
+    (run / "run.bag").unlink()
+    bag_of_means(run / "run.bag", seconds=31)
+    assert main(["beliefs", str(run), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["record"] == "journal"
+    assert main(["beliefs", str(run), "--json", "--from", "bag"]) == 0
+    overall = json.loads(capsys.readouterr().out)["overall"]
+    # It holds 0.75 for a true 0.5, and 1 m north for 1.5 m.
+    assert (overall["samples"], overall["rmse"], overall["place_rmse_m"]) == (4, 0.25, 0.5)
+    assert overall["coverage"] is None and overall["nees"] is None and overall["place_coverage"] is None
 
 
 def test_mistakes_are_told_in_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

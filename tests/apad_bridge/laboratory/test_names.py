@@ -40,7 +40,7 @@ def test_a_broadcast_is_for_everyone() -> None:
 @pytest.mark.parametrize(
     ("text", "complaint"),
     [
-        ("hear: [{what: docked, topic: base}]", "hear.0.topic"),
+        ("hear: [{what: docked, topic: 1base}]", "hear.0.topic"),
         ("hear: [{what: dokced, topic: /base}]", "hear.0.what"),
         ("hear: [{what: docked, topic: /base, idd: data}]", "hear.0.idd"),
         ("hear: [{what: permission, topic: /base}]", "whom it is for must be said"),

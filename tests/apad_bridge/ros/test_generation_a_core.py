@@ -292,7 +292,7 @@ def test_a_tick_is_heard_when_every_topic_has_spoken_up_to_it(core: GenerationAC
     shows(core, 1_000, 7)
     assert core.unheard(1_000) == []
     core.hear(StateHeard(2_000), 1_000)  # of a node that is ahead: its word counts at once
-    assert core.state_ms == 2_000
+    assert core.readings.state_ms == 2_000
 
 
 def test_time_never_goes_back(core: GenerationACore) -> None:

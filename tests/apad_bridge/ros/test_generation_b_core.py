@@ -7,7 +7,8 @@ from collections.abc import Mapping
 
 import pytest
 
-from apad_bridge.ros.generation_b_core import PILOT, GenerationBCore
+from apad_bridge.ros.generation_b_core import GenerationBCore
+from apad_bridge.ros.generation_b_tasks import PILOT
 from apad_bridge.ros.generation_b_words import (
     Answered,
     ArmHeard,

@@ -5,14 +5,26 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from apad_bridge.ros.generation_b_shown import ArmShown, CameraTurned, Finished, Shown, StatusShown
+from apad_bridge.ros import generation_b_requests as requests
+from apad_bridge.ros.generation_b_shown import (
+    ArmShown,
+    CameraTurned,
+    Finished,
+    GoToBegun,
+    GoToEnded,
+    GoToLeft,
+    Shown,
+    StatusShown,
+)
 from apad_bridge.ros.generation_b_vehicle import GenerationBVehicle, Stage
 from apad_bridge.ros.generation_b_words import DockingOrder, GoToOrder, PositionOrder, Status
+from apad_bridge.scenario.faults import Fault
 from apad_bridge.scenario.loader import load
 from apad_bridge.simulated_apad.apad import SimulatedAPad
 
@@ -186,6 +198,42 @@ def test_charging_what_the_bench_says_it_holds_costs_energy() -> None:
         laden.load(slot, False, 3_600_000)
     laden.advance(7_200_000)
     assert before - laden.battery_percent == pytest.approx(100 * POOL.apad.battery.hotel_w / 230)
+
+
+def test_what_lies_below_the_services_tells_of_each_go_to_ten_times_a_second() -> None:
+    apad = vehicle()
+    order = GoToOrder(NORTH_M, EAST_M - 4, 0.5, 0.5)
+    assert apad.receive(order, 50)[0] == GoToBegun(50, order)
+    shown = apad.advance(30_000)
+    (ended,) = [it for it in shown if isinstance(it, GoToEnded)]
+    assert ended.status is Status.DONE and ended.pose.east_m == pytest.approx(EAST_M - 4, abs=0.5)
+    # West, and what is left is what its own place says.
+    assert ended.left.bearing_rad == pytest.approx(-math.pi / 2)
+    assert ended.left.distance_m == pytest.approx(ended.pose.east_m - (EAST_M - 4))
+    told_ms = [it.at_ms for it in shown if isinstance(it, GoToLeft)]
+    assert told_ms == list(range(100, ended.left.at_ms, 100))
+
+
+@pytest.mark.parametrize(
+    ("fault", "ends"),
+    [(Fault.LIES, [Status.DONE]), (Fault.DROPS, [Status.PREEMPTED]), (Fault.STUCK, []), (Fault.SILENT, [])],
+)
+def test_a_fault_shows_below_the_services_as_it_does_on_the_topics(fault: Fault, ends: list[Status]) -> None:
+    apad = GenerationBVehicle(SimulatedAPad(POOL.apad), 0, fault)
+    shown = apad.receive(GoToOrder(NORTH_M + 2, EAST_M, 0.5, 0.5), 0) + apad.advance(20_000)
+    assert [it.status for it in shown if isinstance(it, GoToEnded)] == ends
+    assert any(isinstance(it, GoToBegun) for it in shown) is (fault is not Fault.SILENT)
+
+
+def test_requests_are_met_by_their_fields() -> None:
+    point = SimpleNamespace(x=3.0, y=-4.0)
+    assert requests.simple_go_to(SimpleNamespace(point=point, speed=0.4)) == GoToOrder(3.0, -4.0, 0.4, 1.5)
+    simple = requests.simple_docking(SimpleNamespace(action=False, slot=2))
+    assert (simple.docks, simple.slot) == (False, 2) and simple.search_yaw_rate_rad_s > 0
+    goal = SimpleNamespace(T2=SimpleNamespace(point=point), speed=0.4, victory_radius=0.7)
+    assert requests.goal(goal) == GoToOrder(3.0, -4.0, 0.4, 0.7)
+    hold = SimpleNamespace(north=1.0, east=2.0, heading=0.5, heading_enable=False)
+    assert requests.position(hold) == PositionOrder(1.0, 2.0, None)
 
 
 @settings(max_examples=20, deadline=None)

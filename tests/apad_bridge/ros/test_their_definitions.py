@@ -9,13 +9,14 @@ from types import SimpleNamespace
 import pytest
 
 from apad_bridge.ros.any_message import AnyMessages, UnknownType, class_of
+from apad_bridge.ros.generation_b_requests import docking, go_to
 from apad_bridge.ros.messages import use_generated_messages
-from apad_bridge.ros.their_services import service_by_text
+from apad_bridge.ros.their_services import service_by_text, service_to_offer
 from apad_bridge.ros.user_texts import text_folders
 
 use_generated_messages()
 
-from misc_msgs.srv import Go2pointPrimitiveService  # noqa: E402
+from misc_msgs.srv import DockingPrimitiveService, Go2pointPrimitiveService  # noqa: E402
 
 XML = "<package><name>{}</name><version>1.0.0</version></package>"
 WIDER = """\
@@ -68,6 +69,15 @@ def test_ours_are_found_where_the_user_has_none(monkeypatch: pytest.MonkeyPatch)
     monkeypatch.setenv("ROS_PACKAGE_PATH", "/nowhere")
     ours = Go2pointPrimitiveService
     assert service_by_text(ours._type, ours._md5sum)._md5sum == ours._md5sum
+
+
+def test_a_service_is_offered_by_the_users_text_where_that_has_what_is_read(workspace: Path) -> None:
+    offered = service_to_offer(Go2pointPrimitiveService, go_to)
+    assert hasattr(offered._request_class(), "acceleration") and offered._response_class(status=True).status
+    narrower = WIDER.replace("float32 victory_radius\n", "")
+    (workspace / "misc_msgs" / "srv" / "Go2pointPrimitiveService.srv").write_text(narrower)
+    assert service_to_offer(Go2pointPrimitiveService, go_to) is Go2pointPrimitiveService
+    assert service_to_offer(DockingPrimitiveService, docking) is DockingPrimitiveService
 
 
 def test_a_type_to_tell_is_made_from_the_users_text(workspace: Path) -> None:

@@ -1,0 +1,81 @@
+"""`musselbed layout KIND SCENARIO`: what RViz, rqt, PlotJuggler or Foxglove opens to show a scenario's fleet."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+from apad_bridge.commands.exits import EXITS, Exit, UserError
+from apad_bridge.layouts.fleet import shown
+from apad_bridge.layouts.kinds import KINDS
+from apad_bridge.scenario.errors import ScenarioError
+from apad_bridge.scenario.loader import load, write_atomically
+from apad_bridge.scenario.starts import starts_of
+
+_NAMESPACE = re.compile(r"/?[A-Za-z]\w*(/[A-Za-z]\w*)*/?")
+
+
+def add_parser(commands: Any) -> None:
+    opened = "; ".join(f"{name}: {kind.opened}" for name, kind in KINDS.items())
+    parser = commands.add_parser(
+        "layout",
+        help="write a layout with which RViz, rqt, PlotJuggler or Foxglove shows a scenario's fleet",
+        description="Writes a layout for a scenario's aPads and aMussels, to stdout or a file. launch_scripts/layouts "
+        "holds those of pool-12; another number of aMussels, other ids, several aPads or a namespace want their own.",
+        epilog=f"To open it: {opened}. See docs/ros-tools.md. exit codes: {EXITS}",
+    )
+    parser.add_argument("kind", choices=list(KINDS), help="the program that opens it")
+    parser.add_argument("scenario", type=Path, metavar="SCENARIO.yaml")
+    parser.add_argument("--out", type=Path, metavar="FILE", help="write this file (default: to stdout)")
+    parser.add_argument("--force", action="store_true", help="replace FILE if it is there")
+    parser.add_argument(
+        "--namespace",
+        default="",
+        metavar="NS",
+        help="the fleet's nodes are in this namespace of ROS, as below <group ns=NS> in a launch file",
+    )
+    parser.add_argument(
+        "--json", action="store_true", help="print a JSON object: kind, and the file or the layout's text"
+    )
+    parser.set_defaults(run=run)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    out: Path | None = arguments.out
+    text = _written(arguments)
+    if out is not None:
+        _save(out, text, force=arguments.force)
+    if arguments.json:
+        where = {"text": text} if out is None else {"file": str(out), "bytes": len(text.encode())}
+        print(json.dumps({"kind": arguments.kind, **where}))
+    else:
+        print(text if out is None else out, end="" if out is None else "\n")
+    return Exit.DONE
+
+
+def _written(arguments: argparse.Namespace) -> str:
+    namespace: str = arguments.namespace
+    if namespace.strip("/") and not _NAMESPACE.fullmatch(namespace):
+        raise UserError(
+            f"--namespace {namespace}: names of letters, digits and _ with / between, as bay/north"
+        )
+    try:
+        scenario = load(arguments.scenario)
+        fleet = shown(scenario, starts_of(scenario), f"/{namespace.strip('/')}".rstrip("/"))
+    except ScenarioError as error:
+        raise UserError(str(error)) from error
+    return KINDS[arguments.kind].write(fleet)
+
+
+def _save(out: Path, text: str, *, force: bool) -> None:
+    if out.is_dir():
+        raise UserError(f"--out {out}: is a directory: name a file in it")
+    if out.exists() and not force:
+        raise UserError(f"--out {out}: is there already: --force replaces it")
+    try:
+        write_atomically(out, text)
+    except OSError as error:
+        raise UserError(f"--out {out}: {error.strerror}") from error

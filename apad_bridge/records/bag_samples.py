@@ -1,0 +1,146 @@
+"""What a run's bags hold of beliefs and truths, read by the definitions that each bag brings along.
+
+So bags of other versions can be read: what their definition did not have is not known, and is NaN.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import closing
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from rosbags.interfaces import Connection
+from rosbags.rosbag1 import Reader
+from rosbags.rosbag1.reader import ReaderError
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from rosbags.typesys.store import Typestore
+
+from apad_bridge.records.bag_messages import BELIEFS, TRUTH
+from apad_bridge.records.samples import BeliefSample, TruthSample
+
+_SAID = {
+    "agent_id": "id",
+    "north_m": "north",
+    "east_m": "east",
+    "north_deviation_m": "north_deviation",
+    "east_deviation_m": "east_deviation",
+    "place_covariance_m2": "place_covariance",
+}
+"""How AgentBelief calls what a BeliefSample calls otherwise."""
+_FIELDS = tuple((name, _SAID.get(name, name)) for name in BeliefSample._fields)
+
+
+class BagUnreadable(Exception):
+    """One line: which bag, and why."""
+
+
+@dataclass(frozen=True, slots=True)
+class Instant:
+    """One sample of the fleet, at mission time `at_ms` and agent time `agent_ms`."""
+
+    at_ms: int
+    agent_ms: int
+    truths: tuple[TruthSample, ...]
+    beliefs: tuple[BeliefSample, ...]
+
+
+def instants(paths: list[Path], period_ms: int) -> Iterator[Instant]:
+    """The first sample with both at or after each whole multiple of `period_ms` of mission time, of a run's bags in their
+    order; none from before the first multiple in them.
+
+    BagUnreadable when one was never closed, or is none.
+    """
+    grid = _Grid(period_ms)
+    for path in paths:
+        yield from _in(path, grid)
+
+
+def tells_deviations(path: Path) -> bool:
+    """Whether the beliefs in a bag say how sure they are; false too when it has none, or cannot be read."""
+    try:
+        with closing(_opened(path)) as reader:
+            return any(
+                "charge_deviation" in it.msgdef.data for it in reader.connections if it.msgtype == BELIEFS
+            )
+    except BagUnreadable:
+        return False
+
+
+@dataclass(slots=True)
+class _Grid:
+    """When the next sample is due; None before anything was found."""
+
+    period_ms: int
+    due_ms: int | None = None
+
+    def is_due(self, at_ms: int) -> bool:
+        return self.due_ms is None or at_ms >= self.due_ms
+
+    def takes(self, at_ms: int) -> bool:
+        """Whether a sample with all that is wanted is one to take."""
+        if self.due_ms is None:
+            self.due_ms = -(-at_ms // self.period_ms) * self.period_ms
+        if at_ms < self.due_ms:
+            return False
+        self.due_ms = (at_ms // self.period_ms + 1) * self.period_ms
+        return True
+
+
+def _in(path: Path, grid: _Grid) -> Iterator[Instant]:
+    with closing(_opened(path)) as reader:
+        wanted = [it for it in reader.connections if it.msgtype in (TRUTH, BELIEFS)]
+        store = _definitions(path, wanted)
+        truths: tuple[int, tuple[TruthSample, ...]] | None = None
+        for connection, stamp_ns, data in reader.messages(wanted) if wanted else ():
+            # The earliest stamp is a nanosecond: 0 is no time to ROS. What is not due is not unpacked.
+            if not grid.is_due(stamp_ns // 1_000_000):
+                continue
+            message: Any = store.deserialize_ros1(data, connection.msgtype)
+            at_ms = message.mission_time_ms
+            if connection.msgtype == TRUTH:
+                truths = at_ms, tuple(_truth(row) for row in message.agents)
+            elif truths is not None and truths[0] == at_ms and grid.takes(at_ms):
+                beliefs = tuple(_belief(row) for row in message.agents)
+                yield Instant(at_ms, message.agent_time_ms, truths[1], beliefs)
+
+
+def _opened(path: Path) -> Reader:
+    reader = Reader(path)
+    try:
+        reader.open()
+    except (ReaderError, OSError, AssertionError) as error:
+        raise BagUnreadable(f"{path}: not a bag that can be read: {error}") from error
+    return reader
+
+
+def _definitions(path: Path, connections: list[Connection]) -> Typestore:
+    store = get_typestore(Stores.ROS1_NOETIC)
+    for connection in connections:
+        try:
+            known = get_types_from_msg(connection.msgdef.data, connection.msgtype)
+        except Exception as error:
+            raise BagUnreadable(f"{path}: its definition of {connection.msgtype} makes no sense") from error
+        store.register({name: fields for name, fields in known.items() if name not in store.types})
+    return store
+
+
+def _truth(row: Any) -> TruthSample:
+    return TruthSample(
+        row.id,
+        row.state,
+        row.primary,
+        row.secondary,
+        row.north,
+        row.east,
+        row.depth,
+        row.docked,
+        row.agent_time_ms,
+    )
+
+
+def _belief(row: Any) -> BeliefSample:
+    values = {ours: getattr(row, theirs) for ours, theirs in _FIELDS if hasattr(row, theirs)}
+    values["mode_probabilities"] = tuple(map(float, values.get("mode_probabilities", ())))
+    return BeliefSample(**values)

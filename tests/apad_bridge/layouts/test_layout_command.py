@@ -1,0 +1,74 @@
+"""`musselbed layout`: where it writes, and what it refuses."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from apad_bridge.commands.main import main
+
+POOL = str(Path(__file__).parents[3] / "launch_scripts" / "scenarios" / "pool-12.yaml")
+
+
+def test_a_file_is_written_and_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "mine.rviz"
+    assert main(["layout", "rviz", POOL, "--out", str(out)]) == 0
+    assert capsys.readouterr().out == f"{out}\n"
+    assert out.read_text().startswith("Panels:")
+    assert list(tmp_path.iterdir()) == [out]
+
+
+def test_a_file_that_is_there_is_kept_unless_forced(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "mine.perspective"
+    out.write_text("arranged by hand")
+    assert main(["layout", "rqt", POOL, "--out", str(out)]) == 2
+    assert "is there already: --force replaces it" in capsys.readouterr().err
+    assert out.read_text() == "arranged by hand"
+    assert main(["layout", "rqt", POOL, "--out", str(out), "--force"]) == 0
+    assert json.loads(out.read_text())["groups"]
+
+
+@pytest.mark.parametrize(
+    ("more", "said"),
+    [
+        (["--namespace", "bay north"], "--namespace bay north: names of letters"),
+        (["--namespace", "a//b"], "--namespace a//b: names of letters"),
+        (["--out", "."], "is a directory: name a file in it"),
+        (["--out", "nowhere/mine.rviz"], "nowhere/mine.rviz: No such file or directory"),
+    ],
+)
+def test_mistakes_are_one_line(
+    more: list[str],
+    said: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["layout", "rviz", POOL, *more]) == 2
+    told = capsys.readouterr()
+    assert said in told.err and told.err.count("\n") == 1 and told.out == ""
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_scenario_that_is_none(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "none.yaml").write_text("name: none\n")
+    assert main(["layout", "foxglove", str(tmp_path / "none.yaml")]) == 2
+    assert "none.yaml" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("namespace", ["bay/north", "/bay/north", "/bay/north/"])
+def test_a_namespace_however_it_is_written(namespace: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["layout", "rviz", POOL, "--namespace", namespace, "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["kind"] == "rviz" and "Marker Topic: /bay/north/musselbed/markers" in told["text"]
+
+
+@pytest.mark.parametrize("namespace", ["", "/"])
+def test_no_namespace(namespace: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["layout", "rviz", POOL, "--namespace", namespace]) == 0
+    assert "Marker Topic: /musselbed/markers" in capsys.readouterr().out

@@ -1,0 +1,132 @@
+"""What bags hold of beliefs, of this version and of one that recorded the means alone."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from apad_bridge.beliefs.belief import Belief, Clock, Source
+from apad_bridge.beliefs.modes import Mode
+from apad_bridge.records.bag import BagWriter, repair_bag
+from apad_bridge.records.bag_messages import typestore
+from apad_bridge.records.bag_samples import BagUnreadable, instants, tells_deviations
+from apad_bridge.records.samples import BeliefSample, TruthSample, belief_sample
+from firmware_model.states import State
+
+THETA = 30
+TRUTH = TruthSample(7, int(State.ACTIVE), 0.5, 1.0, 1.5, -2.5, 3.0, False, 0)
+
+
+def carried() -> Belief:
+    probabilities = [0.0] * len(Mode)
+    probabilities[Mode.IDLE], probabilities[Mode.LOST] = 0.75, 0.25
+    return Belief(
+        7,
+        60_000,
+        State.ACTIVE,
+        0.5,
+        0.875,
+        10.0,
+        20.0,
+        1500,
+        (0.0001, 0.00005, 0.0004),
+        (4.0, 0.5, 9.0),
+        tuple(probabilities),
+        Clock(250.0, 3.0, 90_000.0, 0.0, 1.0),
+        Source.PACKET | Source.SILENCE,
+        70_000,
+    )
+
+
+def test_all_of_a_belief_comes_back(tmp_path: Path) -> None:
+    bag = BagWriter(tmp_path / "run.bag", THETA)
+    bag.sample(61_500, [TRUTH], [belief_sample(carried(), 61_500)], None)
+    bag.close()
+    assert tells_deviations(bag.path)
+    (instant,) = instants([bag.path], 500)
+    assert (instant.at_ms, instant.agent_ms) == (61_500, THETA * 61_500)
+    assert instant.truths == (TRUTH,)
+    (it,) = instant.beliefs
+    assert (it.agent_id, it.state, it.charge, it.secondary) == (7, State.ACTIVE, 0.5, 0.875)
+    assert (it.north_m, it.east_m, it.age_s) == (10.0, 20.0, 1.5)
+    assert (it.charge_deviation, it.secondary_deviation) == pytest.approx((0.01, 0.02))
+    assert it.charges_covariance == pytest.approx(0.00005)
+    # 1.96 deviations to either side of the mean.
+    assert (it.charge_low, it.charge_high) == pytest.approx((0.4804, 0.5196), abs=1e-5)
+    assert (it.north_deviation_m, it.east_deviation_m, it.place_covariance_m2) == (2.0, 3.0, 0.5)
+    assert it.mode_probabilities[Mode.IDLE] == 0.75 and it.mode_probabilities[Mode.LOST] == 0.25
+    assert len(it.mode_probabilities) == len(Mode)
+    assert (it.clock_offset_ms, it.clock_deviation_ms) == (250.0, 300.0)
+    assert (it.silent_slots, it.learned_from) == (65_535, 3)
+
+
+def test_who_claims_to_be_certain_knows_no_deviation() -> None:
+    newest = Belief(7, 60_000, State.ACTIVE, 0.5, 0.875, 10.0, 20.0)
+    sample = belief_sample(newest, 61_000)
+    assert sample[:7] == (7, State.ACTIVE, 0.5, 0.875, 10.0, 20.0, 1.0)
+    assert all(map(math.isnan, sample[7:15])) and sample.mode_probabilities == ()
+    assert math.isnan(sample.clock_offset_ms) and math.isnan(sample.clock_deviation_ms)
+    assert (sample.silent_slots, sample.learned_from) == (0, 1)
+
+
+def test_the_definition_counts_modes_and_sources_as_beliefs_do() -> None:
+    constants = {name: value for name, _, value in typestore().fielddefs["musselbed_msgs/msg/AgentBelief"][0]}
+    assert constants == {f"MODE_{mode.name}": mode for mode in Mode} | {
+        f"FROM_{source.name}": source for source in Source
+    }
+
+
+def test_samples_are_taken_a_period_apart_across_bags(tmp_path: Path) -> None:
+    bags = []
+    for name, seconds in (("run.bag", range(25)), ("run-2.bag", range(33, 62))):
+        bag = BagWriter(tmp_path / name, THETA)
+        for second in seconds:
+            bag.sample(1000 * second, [TRUTH], [belief_sample(carried(), 61_500)], None)
+        bag.close()
+        bags.append(bag.path)
+    assert [it.at_ms for it in instants(bags, 10_000)] == [0, 10_000, 20_000, 33_000, 40_000, 50_000, 60_000]
+
+
+def test_a_bag_of_means_is_read_by_its_own_definitions(
+    tmp_path: Path, bag_of_means: Callable[..., Path]
+) -> None:
+    path = bag_of_means(tmp_path / "run.bag", 31)
+    assert not tells_deviations(path)
+    found = list(instants([path], 10_000))
+    assert [it.at_ms for it in found] == [0, 10_000, 20_000, 30_000]
+    assert found[1].truths == (TRUTH,)
+    (it,) = found[1].beliefs
+    assert it[:7] == (7, State.ACTIVE, 0.75, 1.0, 1.0, -2.5, 4.5)
+    assert math.isnan(it.charge_deviation) and math.isnan(it.charge_low) and it.mode_probabilities == ()
+
+
+def test_an_unclosed_bag_of_means_is_repaired_and_stays_one(
+    tmp_path: Path, bag_of_means: Callable[..., Path]
+) -> None:
+    path = bag_of_means(tmp_path / "run.bag", 5, closed=False)
+    with pytest.raises(BagUnreadable, match=r"run\.bag: not a bag"):
+        list(instants([path], 1000))
+    assert not tells_deviations(path)
+    whole = path.read_bytes()
+    path.write_bytes(whole[:-250])
+    repair = repair_bag(path)
+    assert repair is not None and (repair.messages, repair.last_ms) == (9, 4000)
+    assert [it.at_ms for it in instants([path], 1000)] == [0, 1000, 2000, 3000]
+
+
+def test_what_is_no_bag_is_told_in_a_line(tmp_path: Path) -> None:
+    (tmp_path / "run.bag").write_bytes(b"not at all")
+    with pytest.raises(BagUnreadable) as told:
+        list(instants([tmp_path / "run.bag"], 1000))
+    assert "\n" not in str(told.value)
+
+
+def test_a_sample_has_a_place_for_each_field_of_the_message() -> None:
+    fields = [name for name, _ in typestore().fielddefs["musselbed_msgs/msg/AgentBelief"][1]]
+    assert len(fields) == len(BeliefSample._fields)
+    assert [name for name in fields if name in BeliefSample._fields] == [
+        name for name in BeliefSample._fields if name in fields
+    ]

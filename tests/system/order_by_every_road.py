@@ -1,0 +1,250 @@
+"""Orders the simulated aPad of generation B by services, simple services and its action; prints what came of it, as JSON.
+
+Use: order_by_every_road.py SCENARIO, on the master at ROS_MASTER_URI, where the aPad's node runs and nobody else publishes
+/clock. A link of ours listens all the while, as a mission's does, and in the end has a go-to under way itself.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import threading
+from pathlib import Path
+from typing import Any
+
+import rospy
+from actionlib.action_client import ActionClient, ClientGoalHandle, CommState
+from actionlib_msgs.msg import GoalStatus
+from geometry_msgs.msg import Point
+from std_msgs.msg import Float32, Int32, String
+from std_srvs.srv import Trigger
+
+from apad_bridge.ros.any_listener import AnyListener
+from apad_bridge.ros.gateway import open_gateway
+from apad_bridge.ros.generation_b import GenerationBLink
+from apad_bridge.ros.messages import use_generated_messages
+from apad_bridge.ros.ros_pace import OwnMasterClock
+from apad_bridge.scenario import loader
+from apad_bridge.simulated_apad.misses import Misses
+from apad_bridge.vehicle import CommandFailed, DockClosed, DockOpened, GoTo, Hold
+
+use_generated_messages()
+
+from misc_msgs.srv import (  # noqa: E402
+    DockingService,
+    DynamicPositioningPrimitiveService,
+    Go2pointPrimitiveService,
+    Go2pointService,
+)
+from navcon_msgs.msg import GoToPointAction, GoToPointActionResult, GoToPointGoal  # noqa: E402
+
+PATIENCE_S = 20.0
+
+
+class Goal:
+    """A goal of the action, and what its client hears of it."""
+
+    def __init__(self, client: ActionClient, north_m: float, east_m: float, speed_m_s: float = 0.5) -> None:
+        self.feedback: list[tuple[float, float]] = []
+        self._came = threading.Condition()
+        self._state = CommState.WAITING_FOR_GOAL_ACK
+        goal = GoToPointGoal(speed=speed_m_s, victory_radius=0.5)
+        goal.T2.point.x, goal.T2.point.y = north_m, east_m
+        self._handle = client.send_goal(
+            goal, self._move_on, lambda _, it: self.feedback.append((it.distance, it.bearing))
+        )
+
+    def _move_on(self, handle: ClientGoalHandle) -> None:
+        with self._came:
+            self._state = handle.get_comm_state()
+            self._came.notify_all()
+
+    def begun(self) -> Goal:
+        self._wait_for(CommState.ACTIVE)
+        return self
+
+    def cancel(self) -> None:
+        self._handle.cancel()
+
+    def outcome(self) -> dict[str, Any]:
+        self._wait_for(CommState.DONE)
+        result, state = self._handle.get_result(), self._handle.get_goal_status()
+        return {
+            "state": GoalStatus.to_string(state),
+            "distance_m": result.distance,
+            "bearing_rad": result.bearing,
+            "place_m": [result.position.point.x, result.position.point.y],
+            "stamp_s": result.position.header.stamp.to_sec(),
+        }
+
+    def _wait_for(self, state: int) -> None:
+        with self._came:
+            assert self._came.wait_for(lambda: self._state == state, PATIENCE_S), f"in state {self._state}"
+
+
+class Bench:
+    """The clock, and what the topics said since the last `said`."""
+
+    def __init__(self, scenario: Path) -> None:
+        data = loader.load(scenario)
+        self.now_ms = 0
+        self.facts: list[Any] = []
+        self.start_m = data.apad.start_m
+        self.floating: dict[int, tuple[float, float]] = {}
+        self.link = GenerationBLink(
+            "apad1",
+            [7],
+            (10.5, 16.0),
+            data.mission.docking,
+            Misses(1, 0.0),
+            our_clock=True,
+            sight=lambda _: self.floating,
+        )
+        self.link.wait_until_ready(PATIENCE_S)
+        self._clock = OwnMasterClock(None, self.link)
+        self._said: list[str] = []
+        listener = AnyListener(lambda reason: self._said.append(reason))
+        for topic, kind in (("goto_status", Int32), ("docking_status", Int32), ("eventString", String)):
+            listener.listen(f"/apad1/{topic}", kind, self._hear, topic)
+        self._eyes = [
+            rospy.Publisher(f"/apad1/docking_{it}", Float32, queue_size=1)
+            for it in ("horizontal", "vertical")
+        ]
+        self.run(1)
+        self._client = ActionClient("/apad1/go2point", GoToPointAction)
+        assert self._client.wait_for_server()
+
+    def goal(self, *there: float) -> Goal:
+        return Goal(self._client, *there)
+
+    def _hear(self, message: Any, topic: str) -> None:
+        word = f"{topic} {message.data}"
+        if self._said[-1:] != [word]:
+            self._said.append(word)
+
+    def run(self, seconds: int) -> None:
+        for _ in range(seconds):
+            self.now_ms += 1_000
+            self._clock.reach(self.now_ms, threading.Event())
+            self.facts += self.link.advance(self.now_ms)
+
+    def place_m(self) -> list[float]:
+        pose = self.link._core.readings.pose
+        assert pose is not None
+        return [pose.north_m, pose.east_m]
+
+    def said(self, topic: str) -> list[str]:
+        """Changes of one topic's word since it was asked last, without the words that only repeat the second."""
+        words = [it.removeprefix(topic + " ") for it in self._said if it.startswith(topic)]
+        self._said = [it for it in self._said if not it.startswith(topic)]
+        return [it for n, it in enumerate(words) if words[n - 1 : n] != [it]]
+
+    def look(self, horizontal: float, vertical: float) -> None:
+        for publisher, value in zip(self._eyes, (horizontal, vertical), strict=True):
+            publisher.publish(Float32(value))
+
+
+def call(service: str, kind: Any, **request: Any) -> bool:
+    answer = rospy.ServiceProxy(f"/apad1/commander/{service}", kind)(**request)
+    return bool(answer.status if hasattr(answer, "status") else answer.success)
+
+
+def go_by_action(bench: Bench, north_m: float, east_m: float) -> dict[str, Any]:
+    goal = bench.goal(north_m + 3, east_m).begun()
+    bench.run(15)
+    told = goal.outcome() | {"said": bench.said("goto_status"), "events": bench.said("eventString")}
+    there_m = bench.place_m()
+    bench.run(10)
+    return told | {"feedback": goal.feedback, "drifted_m": [bench.place_m()[i] - there_m[i] for i in (0, 1)]}
+
+
+def main() -> None:
+    gateway = open_gateway([7], 1, node_name="bench")
+    bench = Bench(Path(sys.argv[1]))
+    north_m, east_m = bench.start_m
+    told: dict[str, Any] = {"action": go_by_action(bench, north_m, east_m)}
+
+    far = bench.goal(north_m + 90, east_m).begun()
+    bench.run(2)
+    told["simple_taken"] = call("go2point", Go2pointService, point=Point(north_m, east_m + 6, 0), speed=0.5)
+    told["by_simple"] = far.outcome()["state"]
+    bench.run(30)
+    told["simple_place_m"], told["simple_said"] = bench.place_m(), bench.said("goto_status")
+
+    far = bench.goal(north_m + 90, east_m).begun()
+    told["by_action"] = bench.goal(north_m + 90, east_m - 5).begun() and far.outcome()["state"]
+    told["without_speed"] = bench.goal(north_m, east_m, 0.0).outcome()["state"]
+    bench.run(2)
+    bench.said("goto_status")
+
+    far = bench.goal(north_m + 90, east_m).begun()
+    bench.run(4)
+    far.cancel()
+    told["cancelled"] = far.outcome()["state"]
+    bench.run(60)
+    there_m = bench.place_m()
+    bench.run(10)
+    told["cancelled_drifted_m"] = [bench.place_m()[i] - there_m[i] for i in (0, 1)]
+    told["cancelled_said"] = bench.said("goto_status")
+
+    far = bench.goal(north_m + 90, east_m).begun()
+    hold = {"north": north_m, "east": east_m, "north_enable": True, "east_enable": True}
+    call("primitive/dynamic_positioning", DynamicPositioningPrimitiveService, **hold)
+    told["by_positioning"] = far.outcome()["state"]
+
+    results: list[Any] = []
+    rospy.Subscriber("/apad1/go2point/result", GoToPointActionResult, results.append)
+    point = Point(north_m, east_m, 0)
+    call("primitive/go2point", Go2pointPrimitiveService, point=point, speed=0.5, victory_radius=1.0)
+    bench.run(90)
+    told["commanders"] = [[it.status.goal_id.id, it.status.status] for it in results]
+
+    far = bench.goal(north_m + 90, east_m).begun()
+    bench.facts.clear()
+    bench.said("docking_status")
+    slot_m = bench.place_m()
+    bench.floating[7] = (slot_m[0] + 0.5, slot_m[1])
+    told["docking_taken"] = call("docking", DockingService, action=True, slot=0)
+    told["by_docking"] = far.outcome()["state"]
+    bench.run(28)
+    slot_m = bench.place_m()
+    bench.floating[7] = (slot_m[0] + 0.5, slot_m[1])
+    bench.look(0.0, 0.85)
+    bench.run(2)
+    told["docking_said"] = bench.said("docking_status")
+    call("docking", DockingService, action=False, slot=0)
+    bench.run(40)
+    told["docks"] = [
+        [type(it).__name__, it.slot, it.agent_id]
+        for it in bench.facts
+        if isinstance(it, DockClosed | DockOpened)
+    ]
+
+    told["missions"] = {}
+    for command_id, road in ((1, "simple"), (2, "action"), (3, "stop")):
+        bench.facts.clear()
+        bench.link.command(GoTo(command_id, north_m + 90, east_m, 0.5, 0.5), bench.now_ms)
+        bench.run(3)
+        if road == "simple":
+            call("go2point", Go2pointService, point=point, speed=0.5)
+        elif road == "action":
+            bench.goal(north_m, east_m).begun()
+        else:
+            rospy.ServiceProxy("/apad1/commander/stop_mission", Trigger)()
+        for _ in range(120):
+            failed = [it.reason for it in bench.facts if isinstance(it, CommandFailed)]
+            if failed:
+                break
+            bench.run(1)
+        told["missions"][road] = failed
+    bench.link.command(Hold(4, *bench.place_m()), bench.now_ms)
+    bench.run(1)
+    far = bench.goal(north_m + 90, east_m).begun()
+    bench.run(20)
+    told["missions"]["holding"] = [far.outcome()["state"], *bench.link.dropped]
+    gateway.close()
+    print(json.dumps(told))
+
+
+if __name__ == "__main__":
+    main()

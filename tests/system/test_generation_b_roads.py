@@ -1,0 +1,110 @@
+"""Every road to the simulated aPad of generation B, over real TCPROS: services, simple services, the action below."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from apad_bridge.ros.apad_process import start_apad_node, stop_apad_node
+from apad_bridge.ros.master import loopback_environment, start_master
+from apad_bridge.scenario import loader
+
+pytestmark = pytest.mark.system
+ROOT = Path(__file__).parents[2]
+DRIFT_M_S = (0.05, -0.1)
+IDLE, RUNNING, PREEMPTED, DONE = "0", "1", "2", "3"
+"""Of `goto_status` and `docking_status`."""
+
+
+@pytest.fixture(scope="module")
+def told(tmp_path_factory: pytest.TempPathFactory) -> Any:
+    """What `order_by_every_road` heard."""
+    folder = tmp_path_factory.mktemp("roads")
+    data = loader.resolve(loader.load(ROOT / "launch_scripts" / "scenarios" / "pool-12.yaml"))
+    data["apad"] |= {"generation": "b", "drift_m_s": list(DRIFT_M_S)}
+    scenario = folder / "scenario.yaml"
+    loader.write_resolved(scenario, loader.from_data(data, "roads"))
+    with ExitStack() as stack:
+        master = start_master(folder / "ros", timeout_s=20, orphan_s=60)
+        stack.callback(master.stop)
+        stack.callback(stop_apad_node, start_apad_node(scenario, master.uri, folder / "apad.log"))
+        done = subprocess.run(
+            [sys.executable, "-m", "tests.system.order_by_every_road", str(scenario)],
+            env=loopback_environment(folder / "ros", master.uri),
+            cwd=ROOT,
+            capture_output=True,
+            text=True,
+            timeout=120,
+        )
+        assert done.returncode == 0, done.stderr
+        return {"start_m": data["apad"]["start_m"], **json.loads(done.stdout.splitlines()[-1])}
+
+
+def test_a_goal_of_the_action_goes_there_and_says_so_by_action_and_topics(told: Any) -> None:
+    north_m, east_m = told["start_m"]
+    action = told["action"]
+    assert action["state"] == "SUCCEEDED"
+    assert action["said"][-2:] == [RUNNING, DONE] and action["events"] == ["/PRIMITIVE_FINISHED"]
+    there_m = action["place_m"]
+    assert there_m[1] == pytest.approx(east_m, abs=0.1)
+    assert (
+        action["distance_m"] == pytest.approx(north_m + 3 - there_m[0], abs=1e-3)
+        and action["distance_m"] < 0.5
+    )
+    # It begins at 1 s, and a word of what is left comes ten times a second until the end.
+    assert len(action["feedback"]) == pytest.approx(10 * (action["stamp_s"] - 1), abs=1)
+    distances_m = [distance_m for distance_m, _ in action["feedback"]]
+    assert distances_m == sorted(distances_m, reverse=True) and distances_m[0] == pytest.approx(3, abs=0.05)
+
+
+def test_whatever_ends_leaves_the_controllers_off(told: Any) -> None:
+    for drifted_m in (told["action"]["drifted_m"], told["cancelled_drifted_m"]):
+        # Ten seconds; a little of its own way north may be left.
+        assert drifted_m[1] == pytest.approx(10 * DRIFT_M_S[1], abs=0.05)
+        assert drifted_m[0] >= 10 * DRIFT_M_S[0] - 0.01
+    assert told["cancelled"] == "PREEMPTED" and told["cancelled_said"] == [RUNNING, PREEMPTED]
+
+
+def test_whatever_is_ordered_pre_empts_the_goal_under_way(told: Any) -> None:
+    roads = ("by_simple", "by_action", "by_positioning", "by_docking")
+    assert [told[it] for it in roads] == ["PREEMPTED"] * 4
+    assert told["without_speed"] == "ABORTED"
+
+
+def test_the_simple_go_to_ends_within_a_metre_and_a_half(told: Any) -> None:
+    _, east_m = told["start_m"]
+    assert told["simple_taken"] and told["simple_said"][-4:] == [RUNNING, PREEMPTED, RUNNING, DONE]
+    # Controllers off since, and the water took it on: 1.5 m short of the place, and what it drifted in less than 30 s.
+    assert abs(told["simple_place_m"][1] - (east_m + 6)) < 1.5 + 30 * abs(DRIFT_M_S[1])
+
+
+def test_a_go_to_by_service_is_a_goal_of_the_commanders_own(told: Any) -> None:
+    ((key, state),) = told["commanders"]
+    assert key.startswith("/apad1/commander-") and state == 3  # SUCCEEDED
+
+
+def test_a_docking_by_the_simple_service_reaches_the_amussel_that_floats_there(told: Any) -> None:
+    assert told["docking_taken"] and told["docking_said"][-2:] == [RUNNING, DONE]
+    assert told["docks"] == [["DockClosed", 0, 7], ["DockOpened", 0, 7]]
+
+
+@pytest.mark.parametrize("road", ["simple", "action"])
+def test_a_mission_notices_that_somebody_else_sent_the_apad_away(told: Any, road: str) -> None:
+    (reason,) = told["missions"][road]
+    assert reason.startswith("the aPad says it arrived, ") and reason.endswith(" m from the goal")
+
+
+def test_a_mission_notices_that_somebody_else_stopped_the_apad(told: Any) -> None:
+    assert told["missions"]["stop"] == ["the aPad ended the go-to by itself: its status says PREEMPTED"]
+
+
+def test_a_mission_that_holds_takes_the_apad_back(told: Any) -> None:
+    state, *dropped = told["missions"]["holding"]
+    assert state == "PREEMPTED"
+    assert "the aPad did not hold its position, and was told again" in dropped
