@@ -73,7 +73,7 @@ def knowledge_of(scenario: Scenario, model: TwinModel) -> Knowledge:
             model.sensor_noise,
             (0.0,) * 4,
             deviations,
-            max(_READING_APART_MS, _MISSION_APART_MS * theta),
+            readings_apart_ms(theta),
         ),
         habits=Habits(
             every_ms=_HOUR_MS,
@@ -93,6 +93,11 @@ def knowledge_of(scenario: Scenario, model: TwinModel) -> Knowledge:
         sinking_ms=round(board.sinking_s * 1000),
         float_timeout_ms=round(board.float_timeout_s * 1000),
     )
+
+
+def readings_apart_ms(theta: int) -> int:
+    """Agent time: of two readings of one aMussel that are nearer to each other one is used."""
+    return max(_READING_APART_MS, _MISSION_APART_MS * theta)
 
 
 def _commanded(whole: Whole | None) -> Mode:

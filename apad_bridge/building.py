@@ -8,6 +8,7 @@ from agents.fleet import FleetConfig, resting_on_bottom
 from agents.modem.frames import Generation
 from agents.physical import Physical
 from agents.reporter import Modem
+from apad_bridge.beliefs.fleet import FleetBeliefs
 from apad_bridge.beliefs_building import fleet_beliefs
 from apad_bridge.boards import charge_model, clock_drift_ppb, whole_firmware
 from apad_bridge.ears_building import ears_of
@@ -105,14 +106,16 @@ def supervisor(
     has_modem: bool = True,
     docks_by_eye: bool = False,
     breakdown: Breakdown | None = None,
+    beliefs: FleetBeliefs | None = None,
 ) -> Supervisor:
     """A supervisor that knows nothing yet, or one that goes on with a mission's journaled `state`.
 
     Its mission is the paper's, which can be taken over by `override`; or, where there are `fronts`, one that does what they
     say. Without `samples` it leaves the aMussels' logs to others; without a modem, whatever is said by sound of its own
-    accord. With a `breakdown` it is one of several, who take over from each other.
+    accord. With a `breakdown` it is one of several, who take over from each other. Without `beliefs` it begins with none.
     """
-    beliefs = fleet_beliefs(scenario, agent_ids(scenario))
+    if beliefs is None:
+        beliefs = fleet_beliefs(scenario, agent_ids(scenario))
     share = Share(beliefs, agent_ids(scenario))
     mission: Mission
     if fronts:
@@ -132,7 +135,6 @@ def supervisor(
         mission,
         port,
         load_codec(scenario.hearing.codec),
-        scenario.theta,
         samples,
         round(scenario.duration_s * 1000),
         scenario.mission.end_at_apad_fraction,

@@ -84,7 +84,6 @@ class Supervisor:
         mission: Mission,
         port: DockingPort,
         codec: Codec,
-        theta: int,
         samples: SampleCollection | None,
         duration_ms: int,
         end_at_apad_fraction: float,
@@ -104,7 +103,6 @@ class Supervisor:
         self.battery_at_start: BatteryReported | None = None
         self.dropped: Counter[str] = Counter()
         self._codec = codec
-        self._theta = theta
         self.samples = samples
         """None where the samples are somebody else's to keep, and to acknowledge."""
         self._duration_ms = duration_ms
@@ -205,10 +203,15 @@ class Supervisor:
     def _hear(self, packet: Packet | None, at_ms: int) -> str | None:
         """Believes what the packet says; or says why not."""
         if isinstance(packet, ShortStatus):
-            return self.beliefs.hear_short(packet, at_ms, self._theta * at_ms)
+            return self._hear_short(packet, at_ms)
         if not isinstance(packet, Status):
             return "bytes that are no status packet"
         return self.beliefs.hear(basic_of(packet), at_ms)
+
+    def _hear_short(self, packet: ShortStatus, at_ms: int) -> str | None:
+        if self._ears is not None:
+            self._ears.heard_of(packet.agent_id)
+        return self.beliefs.hear_short(packet, at_ms)
 
     def _reason_to_end(self, now_ms: int) -> str | None:
         if now_ms >= self._duration_ms:

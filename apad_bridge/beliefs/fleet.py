@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import replace
-from typing import Protocol
+from typing import Any, Protocol
 
 from apad_bridge.beliefs.belief import Belief, Source
-from apad_bridge.beliefs.measurement import Heard, Measurement, Rejected
+from apad_bridge.beliefs.measurement import Heard, HeardShort, Measurement, Rejected
 from firmware_model.packets import ShortStatus, StatusPacket
 
 
@@ -22,6 +22,22 @@ class Estimator(Protocol):
     def update(self, belief: Belief | None, measurement: Measurement) -> Belief | None:
         """The belief that knows `measurement` too; None while nothing is known. Raises Rejected."""
         ...
+
+    def kept(self, belief: Belief) -> dict[str, Any]:
+        """All of the belief but its id, as plain data of JSON's kinds."""
+        ...
+
+    def restored(self, agent_id: int, data: dict[str, Any]) -> Belief:
+        """The inverse of `kept`, exactly; KeyError, TypeError or ValueError for anything else."""
+        ...
+
+
+class Diary(Protocol):
+    """Where all is written down that a fleet's beliefs come from, as it is learned."""
+
+    def learned(self, agent_id: int, measurement: Measurement) -> None: ...
+
+    def forgot(self, agent_id: int) -> None: ...
 
 
 class FleetBeliefs:
@@ -38,6 +54,7 @@ class FleetBeliefs:
         self._newest_ms: dict[int, int] = {}
         self._now_ms = 0
         self._at_now: dict[int, Belief] = {}
+        self.diary: Diary | None = None
 
     def advance(self, now_ms: int) -> None:
         """ValueError if time went back."""
@@ -79,20 +96,17 @@ class FleetBeliefs:
             return "a status with a charge outside [0, 1]"
         if packet.agent_ms < self._newest_ms.get(packet.agent_id, -1):
             return "a status that a newer one overtook"
-        reason = self.learn(packet.agent_id, Heard(at_ms, packet))
-        if reason is None:
-            self._newest_ms[packet.agent_id] = packet.agent_ms
-        return reason
+        return self.learn(packet.agent_id, Heard(at_ms, packet))
 
-    def hear_short(self, packet: ShortStatus, at_ms: int, agent_ms: int) -> str | None:
-        """As `hear`, of a status that says neither place nor time: it is sent at `agent_ms`, from where it is believed."""
-        before = self.get(packet.agent_id)
+    def hear_short(self, packet: ShortStatus, at_ms: int) -> str | None:
+        """As `hear`, of a status that says neither place nor time: they stay what was believed."""
+        before = self._beliefs.get(packet.agent_id)
         if before is None:
             return "a short status of an aMussel whose place is not known"
-        charges, place = (packet.primary, packet.secondary), (before.north_m, before.east_m)
-        return self.hear(
-            StatusPacket(packet.agent_id, 0, packet.state, *charges, *place, 0.0, agent_ms), at_ms
-        )
+        if at_ms < before.heard_ms:
+            return "a status that a newer one overtook"
+        heard = HeardShort(at_ms, packet.state, packet.primary, packet.secondary)
+        return self.learn(packet.agent_id, heard)
 
     def admit(self, agent_id: int, belief: Belief | None) -> None:
         """One of another fleet, with what others believe of it: from now on it is heard here too."""
@@ -111,14 +125,38 @@ class FleetBeliefs:
         self._beliefs.pop(agent_id, None)
         self._at_now.pop(agent_id, None)
         self._newest_ms.pop(agent_id, None)
+        if self.diary is not None:
+            self.diary.forgot(agent_id)
 
     def learn(self, agent_id: int, measurement: Measurement) -> str | None:
         """Takes anything that is known of one aMussel; or says why it is not believed, and nothing has changed."""
+        before = self._beliefs.get(agent_id)
         try:
-            belief = self.estimator.update(self._beliefs.get(agent_id), measurement)
+            belief = self.estimator.update(before, measurement)
         except Rejected as rejected:
             return str(rejected)
-        if belief is not None:
-            self._beliefs[agent_id] = belief
-            self._at_now.pop(agent_id, None)
+        if belief is None or belief is before:
+            return None
+        self._beliefs[agent_id] = belief
+        self._at_now.pop(agent_id, None)
+        if isinstance(measurement, Heard):
+            self._newest_ms[agent_id] = measurement.packet.agent_ms
+        if self.diary is not None:
+            self.diary.learned(agent_id, measurement)
         return None
+
+    def kept(self) -> list[list[Any]]:
+        """All that is believed, as plain data: [id, agent time of the newest packet, the estimator's] by id."""
+        return [
+            [agent_id, self._newest_ms.get(agent_id, -1), self.estimator.kept(belief)]
+            for agent_id, belief in sorted(self._beliefs.items())
+        ]
+
+    def restore(self, kept: list[list[Any]]) -> None:
+        """Believes what another's `kept` said, of the same fleet, and nothing else.
+
+        KeyError, TypeError or ValueError for what is nothing of the kind, and nothing has changed.
+        """
+        self._beliefs = {agent_id: self.estimator.restored(agent_id, data) for agent_id, _, data in kept}
+        self._newest_ms = {agent_id: newest_ms for agent_id, newest_ms, _ in kept}
+        self._at_now.clear()

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import Any
 
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.fleet import FleetBeliefs
-from apad_bridge.beliefs.measurement import Heard, Measurement
+from apad_bridge.beliefs.measurement import Heard, HeardShort, Measurement
+from firmware_model.states import State
 
 
 class LastPacket:
@@ -16,6 +18,11 @@ class LastPacket:
         return belief
 
     def update(self, belief: Belief | None, measurement: Measurement) -> Belief | None:
+        if isinstance(measurement, HeardShort) and belief is not None:
+            it = measurement
+            return Belief(
+                belief.agent_id, it.at_ms, it.state, it.primary, it.secondary, belief.north_m, belief.east_m
+            )
         if not isinstance(measurement, Heard):
             return belief
         packet = measurement.packet
@@ -28,6 +35,19 @@ class LastPacket:
             packet.north_m,
             packet.east_m,
         )
+
+    def kept(self, belief: Belief) -> dict[str, Any]:
+        return {
+            "heard_ms": belief.heard_ms,
+            "state": int(belief.state),
+            "charges": [belief.primary, belief.secondary],
+            "place_m": [belief.north_m, belief.east_m],
+        }
+
+    def restored(self, agent_id: int, data: dict[str, Any]) -> Belief:
+        (primary, secondary), (north_m, east_m) = data["charges"], data["place_m"]
+        state = State(data["state"])
+        return Belief(agent_id, data["heard_ms"], state, primary, secondary, north_m, east_m)
 
 
 class HoldLast(FleetBeliefs):

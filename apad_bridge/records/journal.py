@@ -14,6 +14,7 @@ from apad_bridge.records.line_file import Line, LineFile, read_lines
 __all__ = ["FORMAT_VERSION", "Journal", "JournalContents", "Line", "read_journal"]
 
 FORMAT_VERSION = 1
+_QUIET = b',"kind":"tick"}\n'
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,10 +60,10 @@ class Journal:
 
 
 def read_journal(path: Path) -> JournalContents:
-    """All lines that can be read, and how many could not. OSError when there is no such file."""
+    """All lines that can be read, and how many could not; of quiet ticks in a row the last. OSError for no such file."""
     lines: list[Line] = []
     dropped = 0
-    for line in read_lines(path):
+    for line in read_lines(path, newest_of=_QUIET):
         if line is None or type(line.get("t")) is not int or type(line.get("kind")) is not str:
             dropped += 1
         else:

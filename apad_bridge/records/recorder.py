@@ -10,11 +10,13 @@ from typing import Any
 
 from agents.outputs import Truth
 from apad_bridge.beliefs.belief import Belief
+from apad_bridge.beliefs.fleet import FleetBeliefs
 from apad_bridge.boards import takes_samples
 from apad_bridge.presence import Presence
 from apad_bridge.records.bag import BagWriter, repair_bag
 from apad_bridge.records.changes import APadChanges, BeliefChanges, differs_in_kind, has_moved
 from apad_bridge.records.journal import Journal, JournalContents, Line, read_journal
+from apad_bridge.records.notebook import Notebook
 from apad_bridge.records.packet_lines import sound_rows
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.records.sample_figures import SAMPLE_KEYS, sample_figures
@@ -67,6 +69,7 @@ class Recorder:
         self._belief_changes = BeliefChanges()
         self._sampled_ms: int | None = None
         self._record_period_ms = round(scenario.records.record_period_s * 1000)
+        self._notebook: Notebook | None = None
         self._journal = Journal(directory.journal)
         self._bag = BagWriter(directory.next_bag, scenario.theta)
         self._samples = SampleFile(directory.samples)
@@ -132,6 +135,10 @@ class Recorder:
             self._journaled[agent_id] = truth
             self._journal.append(-(-truth.at_ms // self._scenario.theta), "truth", truth_data(truth))
 
+    def keep(self, beliefs: FleetBeliefs, now_ms: int) -> None:
+        """From mission time `now_ms` on what is learned is written down, for one who would go on with the run."""
+        self._notebook = Notebook(self._directory.notebook, beliefs, now_ms)
+
     @property
     def samples_kept(self) -> Mapping[int, Set[int]]:
         """By aMussel, the sequences of the samples that are on disk."""
@@ -163,6 +170,9 @@ class Recorder:
         if self._journal.last_ms < now_ms:
             # A quiet tick leaves its time: a resumed run must know how far the fleet was granted.
             self._journal.append(now_ms, "tick", {})
+        # First what was learned: that something is learned twice does no harm, and the mission may have acted on it.
+        if self._notebook is not None:
+            self._notebook.flush(now_ms)
         self._journal.flush()
 
     def truths_at(self, now_ms: int) -> list[TruthSample]:
@@ -200,6 +210,7 @@ class Recorder:
             save_starts(self._directory.ends, ends, scenario.area.origin)
         self._directory.write_json(self._directory.summary, summary)
         self.close()
+        self._directory.notebook.unlink(missing_ok=True)  # nobody will go on with this run
         return summary
 
     def close(self) -> None:
@@ -207,6 +218,8 @@ class Recorder:
         self._journal.close()
         self._bag.close()
         self._samples.close()
+        if self._notebook is not None:
+            self._notebook.close()
 
     def _sample_figures(self, ending: Ending, at_ms: int) -> Line:
         if not takes_samples(self._scenario.board):

@@ -82,6 +82,10 @@ class RunDirectory:
         return self.path / "samples.jsonl"
 
     @property
+    def notebook(self) -> Path:
+        return self.path / "notebook.jsonl"
+
+    @property
     def summary(self) -> Path:
         return self.path / "summary.json"
 

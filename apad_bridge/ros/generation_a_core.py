@@ -112,9 +112,9 @@ class GenerationACore:
         return [key for key, sent in self._goals.items() if not sent.is_taken]
 
     @property
-    def awaits_mechanism(self) -> bool:
-        """Whether a docking mechanism was commanded and has not answered."""
-        return any(isinstance(sent.command, CloseDock | OpenDock) for sent in self._goals.values())
+    def awaited_mechanisms(self) -> list[str]:
+        """Keys of goals to docking mechanisms that have not answered."""
+        return [key for key, sent in self._goals.items() if isinstance(sent.command, CloseDock | OpenDock)]
 
     def command(self, command: Command, now_ms: int) -> GoalOrder | None:
         """The goal to send; None for a perch from afar, which the vehicle would take for done."""

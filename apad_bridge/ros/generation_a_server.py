@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from typing import Any
 
 import rospy
 from actionlib.action_server import ActionServer
-from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Float64
 from std_srvs.srv import Trigger, TriggerResponse
 
-from apad_bridge.ros.generation_a_shown import Ended, Goal, Held, Outcome, PoseShown, Shown, SlowShown
+from apad_bridge.ros.generation_a_shown import Ended, Goal, Held, Outcome, Shown, SlowShown
 from apad_bridge.ros.generation_a_vehicle import GenerationAVehicle
+from apad_bridge.ros.legacy_server import QUEUE, LegacyServer, publish_pose
+from apad_bridge.ros.legacy_shown import PoseShown
 from apad_bridge.ros.messages import use_generated_messages
-from apad_bridge.ros.names import CLOCK, of_apad
-from apad_bridge.ros.ros_time import to_ms, to_ros
+from apad_bridge.ros.names import of_apad
+from apad_bridge.ros.ros_time import to_ros
 
 use_generated_messages()
 
@@ -39,24 +39,15 @@ from navcon_msgs.srv import (  # noqa: E402
     EnableControlResponse,
 )
 
-_QUEUE = 200
-"""Ten seconds of the fastest topic: who reads slower loses the oldest, and nobody waits for it."""
-
 _HELD_STATUS, _RELEASED_STATUS = 0, 1
 
 
-class GenerationAServer:
+class GenerationAServer(LegacyServer[GenerationAVehicle]):
     """All of the aPad called `name`. One lock, the action server's, guards the vehicle. The node is initialised before."""
 
     def __init__(self, name: str, make_vehicle: Callable[[int], GenerationAVehicle]) -> None:
-        self.heard_clock_s = time.monotonic()
-        self._make_vehicle = make_vehicle
-        self._vehicle: GenerationAVehicle | None = None
         self._goals: dict[str, Any] = {}
         """Handles of the goals that have not ended."""
-        self._position = rospy.Publisher(of_apad(name, "position"), NavSts, queue_size=_QUEUE)
-        self._state = rospy.Publisher(of_apad(name, "stateRef"), NavSts, queue_size=_QUEUE)
-        self._battery = rospy.Publisher(of_apad(name, "battery_level"), Float64, queue_size=_QUEUE)
         self._held: dict[str, rospy.Publisher] = {}
         # Its status timer sleeps on ROS time; here the status goes out with the second, from `_show`.
         rospy.set_param("~actionlib_status_frequency", 0.0)
@@ -67,13 +58,10 @@ class GenerationAServer:
             self._cancel_goal,
             auto_start=False,
         )
-        self._lock = self._server.lock
+        super().__init__(name, make_vehicle, self._server.lock)
+        self._battery = rospy.Publisher(of_apad(name, "battery_level"), Float64, queue_size=QUEUE)
         self._server.start()
         self._offer_services(name)
-
-    def follow_clock(self) -> None:
-        """From now on time is /clock's; otherwise somebody calls `advance_to`."""
-        rospy.Subscriber(CLOCK, Clock, self._take_clock, tcp_nodelay=True)
 
     def _offer_services(self, apad: str) -> None:
         """Enabling, configuring and anchoring succeed and change nothing: this vehicle always holds by itself."""
@@ -98,22 +86,6 @@ class GenerationAServer:
         for name, sign in (("charging", 1), ("draining", -1)):
             rospy.Subscriber(of_apad(apad, name), Float64, self._change_battery, sign)
 
-    def _take_clock(self, message: Any) -> None:
-        self.heard_clock_s = time.monotonic()
-        self.advance_to(to_ms(message.clock))
-
-    def advance_to(self, now_ms: int) -> None:
-        """Lets the vehicle's time pass to `now_ms`, tells what came of it, and says so last."""
-        with self._lock:
-            if self._vehicle is None:
-                self._vehicle = self._make_vehicle(now_ms)
-            if now_ms < self._vehicle.now_ms:
-                # As when a supervisor was killed between two ticks and another one goes on from the earlier.
-                rospy.logwarn_throttle(10, f"/clock went back to {now_ms} ms: not followed")
-            else:
-                self._show(self._vehicle.advance(now_ms))
-            self._publish_pose(self._state, self._vehicle.now_ms, self._vehicle.pose)
-
     def _take_goal(self, handle: Any) -> None:
         message, key = handle.get_goal(), handle.get_goal_id().id
         with self._lock:
@@ -129,16 +101,14 @@ class GenerationAServer:
             self._show(vehicle.receive(goal, vehicle.now_ms))
 
     def _cancel_goal(self, handle: Any) -> None:
-        with self._lock:
-            if self._vehicle is not None:
-                self._show(self._vehicle.cancel(handle.get_goal_id().id, self._vehicle.now_ms))
+        self._do(lambda it: it.cancel(handle.get_goal_id().id, it.now_ms))
 
     def _show(self, shown: list[Shown]) -> None:
         for item in shown:
             match item:
                 case PoseShown(at_ms, pose):
-                    self._publish_pose(self._position, at_ms, pose)
-                    self._publish_pose(self._state, at_ms, pose)
+                    publish_pose(self._position, at_ms, pose)
+                    publish_pose(self._state, at_ms, pose)
                 case Held():
                     self._publish_held(item)
                 case SlowShown(_, battery_percent, goal_key, covered_percent):
@@ -147,25 +117,13 @@ class GenerationAServer:
                 case Ended():
                     self._end_goal(item)
 
-    def _publish_pose(self, publisher: rospy.Publisher, at_ms: int, pose: Any) -> None:
-        """Global position, origin, variances and status stay 0, as the published simulator leaves them."""
-        if publisher.get_num_connections() == 0:
-            return
-        message = NavSts()
-        message.header.stamp = to_ros(at_ms)
-        message.header.frame_id = "local"
-        message.position.north, message.position.east = pose.north_m, pose.east_m
-        message.gbody_velocity.x, message.gbody_velocity.y = pose.north_m_s, pose.east_m_s
-        message.orientation.yaw = pose.heading_rad
-        publisher.publish(message)
-
     def _publish_held(self, held: Held) -> None:
         publisher = self._held.get(held.name)
         if publisher is None:
             try:
                 # Latched, because who listens connects only after the first word is out.
                 publisher = rospy.Publisher(
-                    f"/{held.name}/position_static", NavSts, queue_size=_QUEUE, latch=True
+                    f"/{held.name}/position_static", NavSts, queue_size=QUEUE, latch=True
                 )
             except ValueError as refused:  # a goal may name anything
                 rospy.logwarn_throttle(10, f"an object is named {held.name!r}: {refused}")
@@ -201,11 +159,6 @@ class GenerationAServer:
             case Outcome.ABORTED:
                 handle.set_aborted(result, ended.reason)
 
-    def _running(self) -> GenerationAVehicle:
-        if self._vehicle is None:
-            raise rospy.ServiceException("no /clock was heard yet")
-        return self._vehicle
-
     def _tell_docks(self, _: Any) -> Any:
         with self._lock:
             vehicle = self._running()
@@ -222,9 +175,7 @@ class GenerationAServer:
 
     def _change_battery(self, message: Any, sign: int) -> None:
         """Percent points a message."""
-        with self._lock:
-            if self._vehicle is not None:
-                self._show(self._vehicle.change_battery(sign * message.data, self._vehicle.now_ms))
+        self._do(lambda it: it.change_battery(sign * message.data, it.now_ms))
 
     def _send_energy(self, request: Any) -> Any:
         """Whether coil `coil`, which is a slot's, has something to send its energy to. The docks charge by themselves."""

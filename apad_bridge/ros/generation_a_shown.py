@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum
 
-from apad_bridge.simulated_apad.kinematics import Pose
+from apad_bridge.ros.legacy_shown import PoseShown
 
 
 class Outcome(Enum):
@@ -22,12 +22,6 @@ class Goal:
     east_m: float
     name: str
     """Of the object to perch or release: a bare namespace, as `amussel7`."""
-
-
-@dataclass(frozen=True, slots=True)
-class PoseShown:
-    at_ms: int
-    pose: Pose
 
 
 @dataclass(frozen=True, slots=True)

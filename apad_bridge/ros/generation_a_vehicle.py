@@ -10,22 +10,21 @@ from __future__ import annotations
 
 import math
 import re
-from collections import Counter
 
 from apad_bridge.ros.generation_a_shown import (
     Ended,
     Goal,
     Held,
     Outcome,
-    PoseShown,
     Shown,
     SlowShown,
 )
 from apad_bridge.ros.generation_a_words import GO_TO, PERCH, RELEASE
+from apad_bridge.ros.legacy_shown import PoseShown
+from apad_bridge.ros.legacy_vehicle import LegacyVehicle
 from apad_bridge.scenario.faults import Fault
 from apad_bridge.simulated_apad.apad import SimulatedAPad
 from apad_bridge.simulated_apad.docks import OFFSETS_M
-from apad_bridge.simulated_apad.kinematics import Pose
 from apad_bridge.simulated_apad.misses import MISSED, Misses
 from apad_bridge.vehicle import Arrived, CloseDock, CommandFailed, GoTo, OpenDock, VehicleFact
 
@@ -36,8 +35,8 @@ SLOW_PERIOD_MS = 1000
 _AGENT_NUMBER = re.compile(r"\d+$", re.ASCII)
 
 
-class GenerationAVehicle:
-    """Three verbs in mission time, from `start_ms` on. The simulated aPad inside is told times from 0."""
+class GenerationAVehicle(LegacyVehicle[Shown]):
+    """Three verbs in mission time, from `start_ms` on."""
 
     def __init__(
         self,
@@ -48,38 +47,15 @@ class GenerationAVehicle:
         fault: Fault = Fault.NONE,
         misses: Misses | None = None,
     ) -> None:
-        self.dropped: Counter[str] = Counter()
+        super().__init__(apad, start_ms, HELD_PERIOD_MS, fault)
         self.has_crashed = False
-        self._apad = apad
         self._speed_m_s = speed_m_s
         self._victory_radius_m = victory_radius_m
-        self._start_ms = start_ms
-        self._fault = fault
         self._misses = misses
-        self._now_ms = start_ms
-        self._grid_ms = start_ms - HELD_PERIOD_MS
         self._goal: Goal | None = None
         self._goal_from_m = 0.0
-        self._serial = 0
-        """Names commands and perches to the aPad inside: there, one object perched twice is two."""
         self._slots: dict[int, tuple[str, int]] = {}
         """(object, serial of its perch) by slot."""
-
-    @property
-    def now_ms(self) -> int:
-        return self._now_ms
-
-    @property
-    def next_due_ms(self) -> int:
-        return self._grid_ms + HELD_PERIOD_MS
-
-    @property
-    def pose(self) -> Pose:
-        return self._apad.pose
-
-    @property
-    def battery_percent(self) -> float:
-        return 100 * self._apad.battery_fraction
 
     @property
     def free_slots(self) -> list[int]:
@@ -89,18 +65,6 @@ class GenerationAVehicle:
     def held(self) -> list[str]:
         """Objects by slot, the free slots left out."""
         return [self._slots[slot][0] for slot in sorted(self._slots)]
-
-    def advance(self, now_ms: int) -> list[Shown]:
-        """What is to be published up to and with `now_ms`, in order. ValueError when time went back."""
-        if now_ms < self._now_ms:
-            raise ValueError(f"time went back from {self._now_ms} to {now_ms} ms")
-        shown: list[Shown] = []
-        while (due_ms := self.next_due_ms) <= now_ms:
-            self._grid_ms = self._now_ms = due_ms
-            shown += self._ended_by(self._apad.advance(due_ms - self._start_ms))
-            shown += self._show(due_ms)
-        self._now_ms = now_ms
-        return shown
 
     def receive(self, goal: Goal, now_ms: int) -> list[Shown]:
         """A new goal pre-empts the running one, whatever its kind."""
@@ -153,7 +117,7 @@ class GenerationAVehicle:
         command = GoTo(
             self._next_serial(), goal.north_m, goal.east_m, self._speed_m_s, self._victory_radius_m
         )
-        return self._ended_by(self._apad.receive(command, self._now_ms - self._start_ms))
+        return self._ended_by(self._apad.receive(command, self._apad_ms))
 
     def _perch(self, goal: Goal) -> list[Shown]:
         free = self.free_slots
@@ -163,7 +127,7 @@ class GenerationAVehicle:
         if self._misses is not None and number is not None and self._misses.misses(int(number[0])):
             return self._end(Outcome.ABORTED, MISSED)
         slot, serial = free[0], self._next_serial()
-        facts = self._apad.receive(CloseDock(serial, slot, serial), self._now_ms - self._start_ms)
+        facts = self._apad.receive(CloseDock(serial, slot, serial), self._apad_ms)
         if failed := self._ended_by(facts):
             return failed
         self._slots[slot] = (goal.name, serial)
@@ -190,7 +154,7 @@ class GenerationAVehicle:
         """The last word about what the slot held. ValueError, and nothing changed, when the mechanism refuses."""
         last = self._held(slot, released=True)
         _, serial = self._slots[slot]
-        facts = self._apad.receive(OpenDock(self._next_serial(), slot, serial), self._now_ms - self._start_ms)
+        facts = self._apad.receive(OpenDock(self._next_serial(), slot, serial), self._apad_ms)
         for fact in facts:
             if isinstance(fact, CommandFailed):
                 raise ValueError(fact.reason)
@@ -211,16 +175,15 @@ class GenerationAVehicle:
         goal, self._goal = self._goal, None
         return [] if goal is None else [Ended(self._now_ms, goal.key, outcome, reason)]
 
-    def _show(self, at_ms: int) -> list[Shown]:
-        """What is due by the clock at a grid instant."""
+    def _step(self, at_ms: int, shown: list[Shown]) -> None:
         since_ms = at_ms - self._start_ms
-        shown: list[Shown] = [self._held(slot) for slot in sorted(self._slots)]
+        shown += self._ended_by(self._apad.advance(since_ms))
+        shown += [self._held(slot) for slot in sorted(self._slots)]
         if since_ms % SLOW_PERIOD_MS == 0:
             key = None if self._goal is None else self._goal.key
             shown.append(SlowShown(at_ms, self.battery_percent, key, self._covered_percent()))
         if since_ms % POSE_PERIOD_MS == 0:
             shown.append(PoseShown(at_ms, self.pose))
-        return shown
 
     def _held(self, slot: int, *, released: bool = False) -> Held:
         return Held(self._now_ms, self._slots[slot][0], *self._apad.dock_position(slot), released)
@@ -231,7 +194,3 @@ class GenerationAVehicle:
             return 0.0
         left_m = math.hypot(goal.north_m - pose.north_m, goal.east_m - pose.east_m)
         return 100 * (1 - left_m / self._goal_from_m)
-
-    def _next_serial(self) -> int:
-        self._serial += 1
-        return self._serial

@@ -3,16 +3,14 @@
     link = GenerationBLink("apad1", agent_ids, (empty_v, full_v), docking, misses, our_clock=True)
     link.wait_until_ready(10.0)        # VehicleNotReady, one line that says what is missing
 
-The node is initialised before (`open_gateway`). Stamps are as in generation A: with `our_clock` poses carry those of their
-messages; whatever has no stamp became true at the tick that hears it.
+Stamps are as in generation A: with `our_clock` poses carry those of their messages; whatever has none became true at the
+tick that hears it.
 """
 
 from __future__ import annotations
 
 import time
-from collections import Counter
 from collections.abc import Iterable, Mapping
-from dataclasses import replace
 from typing import Any
 
 import rosgraph
@@ -30,19 +28,17 @@ from apad_bridge.ros.generation_b_words import (
     Call,
     DockingOrder,
     GoToOrder,
-    Heard,
     Order,
     PositionOrder,
     Primitive,
 )
-from apad_bridge.ros.inbox import Inbox
+from apad_bridge.ros.legacy_link import LegacyLink
 from apad_bridge.ros.legacy_words import UNSTAMPED
 from apad_bridge.ros.live_types import live_services, unreadable_topics
 from apad_bridge.ros.messages import use_generated_messages
 from apad_bridge.ros.names import of_apad
 from apad_bridge.ros.reach import Sight
 from apad_bridge.ros.service_calls import ServiceCalls
-from apad_bridge.ros.vehicle_not_ready import VehicleNotReady
 from apad_bridge.ros.virtual_camera import VirtualCamera
 from apad_bridge.scenario.schema import Docking
 from apad_bridge.simulated_apad.misses import Misses
@@ -66,8 +62,11 @@ _SETTLE_S = 0.003
 """On our own clock: what was published before the last word of a tick is in this machine by then, and is read so soon."""
 
 
-class GenerationBLink:
+class GenerationBLink(LegacyLink[GenerationBCore]):
     """A VehicleLink. `name` is the aPad's namespace; `docked` are agents by slot, known to be held."""
+
+    GENERATION = "B"
+    MEND = "source its workspace, or put its texts into apad_bridge/ros/definitions and run launch_scripts/install"
 
     def __init__(
         self,
@@ -83,11 +82,9 @@ class GenerationBLink:
         docked: Mapping[int, int] | None = None,
         now_ms: int = 0,
     ) -> None:
-        self.name = name
-        self._core = GenerationBCore(agent_ids, battery_v, docking, misses, sight, docked, now_ms)
-        self._now_ms = now_ms
-        self._excused: set[str] = set()
-        self._inbox: Inbox[Heard] = Inbox()
+        super().__init__(
+            name, GenerationBCore(agent_ids, battery_v, docking, misses, sight, docked, now_ms), now_ms
+        )
         self._ears = Ears(name, self._inbox, stamped=our_clock)
         self._words_before = 0
         self._statuses_are_silent = False
@@ -96,62 +93,24 @@ class GenerationBLink:
         self._camera = camera
         self._arms = rospy.Publisher(of_apad(name, "dock_out"), Float32MultiArray, queue_size=4)
 
-    @property
-    def dropped(self) -> Counter[str]:
-        """Words of the vehicle that came to nothing, by reason."""
-        return self._inbox.dropped + self._core.dropped
-
-    @property
-    def heard_ms(self) -> int:
-        """When a position was last heard; -1 before the first."""
-        return self._core.readings.position_ms
-
-    def holds(self, agent_id: int) -> bool:
-        """Whether a dock is known to hold this aMussel."""
-        return self._core.docks.holds(agent_id)
-
-    def wait_until_ready(self, timeout_s: float) -> None:
-        """Until the aPad's topics are connected and its services are there.
-
-        Raises VehicleNotReady after `timeout_s` wall seconds, or when it speaks other definitions.
-        """
-        until_s = time.monotonic() + timeout_s
-        while missing := [*self._ears.missing, *self._missing_services()]:
-            if time.monotonic() > until_s:
-                self._refuse_other_definitions()
-                raise VehicleNotReady(
-                    f"{rospy.resolve_name(self.name)} is not ready after {timeout_s:g} s: {', '.join(missing)}; "
-                    f"does an aPad of generation B run under this name on this master?"
-                )
-            # rospy tells of connections only when asked.
-            time.sleep(0.02)
-        self._refuse_other_definitions()
-
-    def _missing_services(self) -> list[str]:
+    def _missing(self) -> list[str]:
         try:
             offered = Graph.read(rosgraph.get_master_uri()).services
         except Unreachable as error:
-            return [str(error)]
+            return [*self._ears.missing, str(error)]
         needed = (rospy.resolve_name(self._service_name(primitive)) for primitive in SERVICES)
-        return [f"nobody offers {name}" for name in needed if name not in offered]
+        return [*self._ears.missing, *(f"nobody offers {name}" for name in needed if name not in offered)]
 
-    def _refuse_other_definitions(self) -> None:
+    def _differences(self) -> list[str]:
+        """The services are called from now on by the definitions that were found."""
         by_name = {rospy.resolve_name(self._service_name(primitive)): primitive for primitive in SERVICES}
         chosen, lines = live_services({name: SERVICES[primitive] for name, primitive in by_name.items()})
         self._services = {primitive: chosen[name] for name, primitive in by_name.items()}
         lines += unreadable_topics(self._ears.needed)
-        for primitive, kind in self._services.items():
-            request = kind._request_class()
-            lines += [
-                f"{rospy.resolve_name(self._service_name(primitive))} has no field {it} there"
-                for it in _FIELDS[primitive]
-                if not has(request, it)
-            ]
-        if lines:
-            raise VehicleNotReady(
-                f"{rospy.resolve_name(self.name)} speaks other definitions than we do: {'; '.join(lines)}; "
-                "source its workspace, or put its texts into apad_bridge/ros/definitions and run launch_scripts/install"
-            )
+        for name, primitive in by_name.items():
+            request = chosen[name]._request_class()
+            lines += [f"{name} has no field {it} there" for it in _FIELDS[primitive] if not has(request, it)]
+        return lines
 
     def advance(self, now_ms: int) -> list[LinkFact]:
         """Facts up to `now_ms`; what the core orders by them is sent off."""
@@ -178,27 +137,15 @@ class GenerationBLink:
         if self._camera is not None:
             self._camera.close()
 
-    # In step with our own clock: what `OwnMasterClock` asks for.
-
-    def wait_until_taken(self, timeout_s: float) -> list[str]:
-        """Until the service of the order that counts has answered; what has not, after `timeout_s`."""
-        until_s = time.monotonic() + timeout_s
-        while missing := [key for key in self._core.unanswered if key not in self._excused]:
-            if (left_s := until_s - time.monotonic()) <= 0:
-                break
-            self._drain(left_s)
-        self._excused |= set(missing)
-        return missing
+    # In step with our own clock, beside what any link waits for.
 
     def wait_until_done(self, now_ms: int, timeout_s: float) -> bool:
-        """Until `stateRef` says that all due by `now_ms` was handled; whether it did within `timeout_s`."""
-        self._now_ms = now_ms
+        """With a camera, until what is seen from there has been shown, too."""
         until_s = time.monotonic() + timeout_s
-        while self._core.readings.state_ms < now_ms and (left_s := until_s - time.monotonic()) > 0:
-            self._drain(left_s)
-        if self._camera is not None and self._core.readings.state_ms >= now_ms:
+        is_done = super().wait_until_done(now_ms, timeout_s)
+        if is_done and self._camera is not None:
             self._camera.wait_until_looked(now_ms, max(0.0, until_s - time.monotonic()))
-        return self._core.readings.state_ms >= now_ms
+        return is_done
 
     def wait_until_heard(self, now_ms: int, timeout_s: float) -> list[str]:
         """Until the position has come up to `now_ms`, the statuses have said something since the tick before, which they do
@@ -206,11 +153,7 @@ class GenerationBLink:
 
         A vehicle whose statuses are silent is not waited for again before they speak.
         """
-        until_s = time.monotonic() + timeout_s
-        while missing := [*self._core.unheard(now_ms), *self._silent_statuses()]:
-            if (left_s := until_s - time.monotonic()) <= 0:
-                break
-            self._drain(left_s)
+        missing = self._wait_while(lambda: [*self._core.unheard(now_ms), *self._silent_statuses()], timeout_s)
         self._statuses_are_silent = self._core.status_words == self._words_before
         self._words_before = self._core.status_words
         self._drain(_SETTLE_S)
@@ -219,12 +162,6 @@ class GenerationBLink:
     def _silent_statuses(self) -> list[str]:
         silent = self._core.status_words == self._words_before and not self._statuses_are_silent
         return ["goto_status"] if silent else []
-
-    def _drain(self, wait_s: float = 0.0) -> None:
-        for heard in self._inbox.take(wait_s):
-            if heard.at_ms == UNSTAMPED:
-                heard = replace(heard, at_ms=self._now_ms)
-            self._core.hear(heard, self._now_ms)
 
     def _send(self) -> None:
         for call in self._core.take_calls():

@@ -63,7 +63,8 @@ class GenerationBCore:
         return self.readings.dropped + self.docks.dropped + self._tasks.dropped
 
     @property
-    def unanswered(self) -> list[str]:
+    def untaken(self) -> list[str]:
+        """The order that counts, while its service has not answered."""
         return self._tasks.calls.unanswered
 
     def unheard(self, now_ms: int) -> list[str]:

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import threading
-import time
 from collections.abc import Callable
 from typing import Any
 
 import rospy
-from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Bool, Float32, Float32MultiArray, Float64, Int32, String
 from std_srvs.srv import Trigger, TriggerResponse
 
@@ -22,20 +20,19 @@ from apad_bridge.ros.generation_b_shown import (
     GoToBegun,
     GoToEnded,
     GoToLeft,
-    PoseShown,
     Shown,
     StatusShown,
 )
 from apad_bridge.ros.generation_b_vehicle import GenerationBVehicle
 from apad_bridge.ros.generation_b_words import PRIMITIVE_FINISHED, Order
+from apad_bridge.ros.legacy_server import QUEUE, LegacyServer, publish_pose
+from apad_bridge.ros.legacy_shown import PoseShown
 from apad_bridge.ros.messages import use_generated_messages
-from apad_bridge.ros.names import CLOCK, of_apad, ours
-from apad_bridge.ros.ros_time import to_ms, to_ros
+from apad_bridge.ros.names import of_apad, ours
 from apad_bridge.ros.their_services import service_to_offer
 
 use_generated_messages()
 
-from auv_msgs.msg import NavSts  # noqa: E402
 from misc_msgs.srv import (  # noqa: E402
     DockingPrimitiveService,
     DockingService,
@@ -47,24 +44,16 @@ from musselbed_msgs.msg import DockAlert  # noqa: E402
 
 Conversion = Callable[[Any], Order]
 
-_QUEUE = 200
-"""Twenty seconds of the fastest topic: who reads slower loses the oldest, and nobody waits for it."""
 
-
-class GenerationBServer:
+class GenerationBServer(LegacyServer[GenerationBVehicle]):
     """All of the aPad called `name`. One lock, the action server's, guards the vehicle. The node is initialised before."""
 
     def __init__(self, name: str, make_vehicle: Callable[[int], GenerationBVehicle]) -> None:
-        self.heard_clock_s = time.monotonic()
-        self._make_vehicle = make_vehicle
-        self._vehicle: GenerationBVehicle | None = None
-        self._go2point = Go2Point(name, self._order, self._stop)
-        self._lock = self._go2point.lock
+        self._go2point = Go2Point(name, self._order, lambda: self._do(lambda it: it.stop(it.now_ms)))
+        super().__init__(name, make_vehicle, self._go2point.lock)
         self._ended = threading.Event()
         """Never set before the process ends: what a service that hangs waits for."""
         kinds: dict[str, Any] = {
-            "position": NavSts,
-            "stateRef": NavSts,
             "battery_level": Float64,
             "goto_status": Int32,
             "docking_status": Int32,
@@ -73,16 +62,11 @@ class GenerationBServer:
             "kinect_out": Float32,
         }
         self._out = {
-            leaf: rospy.Publisher(of_apad(name, leaf), kind, queue_size=_QUEUE)
-            for leaf, kind in kinds.items()
+            leaf: rospy.Publisher(of_apad(name, leaf), kind, queue_size=QUEUE) for leaf, kind in kinds.items()
         }
         self._go2point.start()
         self._offer_services(name)
         self._listen(name)
-
-    def follow_clock(self) -> None:
-        """From now on time is /clock's; otherwise somebody calls `advance_to`."""
-        rospy.Subscriber(CLOCK, Clock, self._take_clock, tcp_nodelay=True)
 
     def _offer_services(self, apad: str) -> None:
         """Each by the text in the user's workspace, where that has what is read of it."""
@@ -106,49 +90,27 @@ class GenerationBServer:
             rospy.Service(of_apad(apad, f"commander/{name}"), Trigger, self._commands(act))
 
     def _listen(self, apad: str) -> None:
-        def act(take: Callable[[GenerationBVehicle, Any], list[Shown]]) -> Callable[[Any], None]:
+        def listen(name: str, kind: Any, take: Callable[[GenerationBVehicle, Any], list[Shown]]) -> None:
             def taken(message: Any) -> None:
-                with self._lock:
-                    if self._vehicle is not None:
-                        self._show(take(self._vehicle, message.data))
+                self._do(lambda vehicle: take(vehicle, message))
 
-            return taken
+            rospy.Subscriber(name, kind, taken, tcp_nodelay=True)
 
-        topics: list[tuple[str, Any, Callable[[GenerationBVehicle, Any], list[Shown]]]] = [
-            ("docking_horizontal", Float32, lambda it, data: it.detect(data, None, it.now_ms)),
-            ("docking_vertical", Float32, lambda it, data: it.detect(None, data, it.now_ms)),
-            ("manual", Bool, lambda it, data: it.set_manual(data, it.now_ms)),
-        ]
-        for name, kind, take in topics:
-            rospy.Subscriber(of_apad(apad, name), kind, act(take), tcp_nodelay=True)
-        rospy.Subscriber(ours("dock"), DockAlert, self._take_load, tcp_nodelay=True)
-
-    def _take_load(self, message: Any) -> None:
-        with self._lock:
-            if self._vehicle is not None:
-                self._show(self._vehicle.load(message.slot, message.closed, self._vehicle.now_ms))
-
-    def _take_clock(self, message: Any) -> None:
-        self.heard_clock_s = time.monotonic()
-        self.advance_to(to_ms(message.clock))
-
-    def advance_to(self, now_ms: int) -> None:
-        """Lets the vehicle's time pass to `now_ms`, tells what came of it, and says so last."""
-        with self._lock:
-            if self._vehicle is None:
-                self._vehicle = self._make_vehicle(now_ms)
-            if now_ms < self._vehicle.now_ms:
-                # As when a supervisor was killed between two ticks and another one goes on from the earlier.
-                rospy.logwarn_throttle(10, f"/clock went back to {now_ms} ms: not followed")
-            else:
-                self._show(self._vehicle.advance(now_ms))
-            self._out["stateRef"].publish(_nav_sts(self._vehicle.now_ms, self._vehicle.pose))
+        listen(
+            of_apad(apad, "docking_horizontal"),
+            Float32,
+            lambda it, word: it.detect(word.data, None, it.now_ms),
+        )
+        listen(
+            of_apad(apad, "docking_vertical"), Float32, lambda it, word: it.detect(None, word.data, it.now_ms)
+        )
+        listen(of_apad(apad, "manual"), Bool, lambda it, word: it.set_manual(word.data, it.now_ms))
+        listen(ours("dock"), DockAlert, lambda it, word: it.load(word.slot, word.closed, it.now_ms))
 
     def _takes(self, convert: Conversion, response: Any) -> Callable[[Any], Any]:
         def take(request: Any) -> Any:
             with self._lock:
-                if self._vehicle is None:
-                    raise rospy.ServiceException("no /clock was heard yet")
+                self._running()
                 taken = self._order(convert(request))
             if taken is None:
                 self._ended.wait()
@@ -164,15 +126,9 @@ class GenerationBServer:
         self._show(self._vehicle.receive(order, self._vehicle.now_ms))
         return self._vehicle.takes
 
-    def _stop(self) -> None:
-        if self._vehicle is not None:
-            self._show(self._vehicle.stop(self._vehicle.now_ms))
-
     def _commands(self, act: Callable[[GenerationBVehicle, int], list[Shown]]) -> Callable[[Any], Any]:
         def answer(_: Any) -> Any:
-            with self._lock:
-                if self._vehicle is not None:
-                    self._show(act(self._vehicle, self._vehicle.now_ms))
+            self._do(lambda it: act(it, it.now_ms))
             return TriggerResponse(True, "")
 
         return answer
@@ -182,7 +138,7 @@ class GenerationBServer:
         for item in shown:
             match item:
                 case PoseShown(at_ms, pose):
-                    out["position"].publish(_nav_sts(at_ms, pose))
+                    publish_pose(self._position, at_ms, pose)
                 case BatteryShown(_, percent):
                     out["battery_level"].publish(Float64(percent))
                     self._go2point.tell_status()
@@ -196,14 +152,3 @@ class GenerationBServer:
                     out["eventString"].publish(String(PRIMITIVE_FINISHED))
                 case GoToBegun() | GoToLeft() | GoToEnded():
                     self._go2point.show(item)
-
-
-def _nav_sts(at_ms: int, pose: Any) -> Any:
-    """Global position, origin, variances and status stay 0, as the published simulator leaves them."""
-    message = NavSts()
-    message.header.stamp = to_ros(at_ms)
-    message.header.frame_id = "local"
-    message.position.north, message.position.east = pose.north_m, pose.east_m
-    message.gbody_velocity.x, message.gbody_velocity.y = pose.north_m_s, pose.east_m_s
-    message.orientation.yaw = pose.heading_rad
-    return message

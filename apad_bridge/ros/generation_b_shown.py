@@ -5,13 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from apad_bridge.ros.generation_b_words import Arm, GoToOrder, Status
+from apad_bridge.ros.legacy_shown import PoseShown
 from apad_bridge.simulated_apad.kinematics import Pose
-
-
-@dataclass(frozen=True, slots=True)
-class PoseShown:
-    at_ms: int
-    pose: Pose
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,7 +9,6 @@ what it sees (`generation_b_servoing`). It holds no aMussel by itself: whether o
 from __future__ import annotations
 
 import math
-from collections import Counter
 from enum import Enum, auto
 
 from apad_bridge.ros.generation_b_servoing import Detection, servoing
@@ -21,7 +20,6 @@ from apad_bridge.ros.generation_b_shown import (
     GoToBegun,
     GoToEnded,
     GoToLeft,
-    PoseShown,
     Shown,
     StatusShown,
 )
@@ -38,9 +36,11 @@ from apad_bridge.ros.generation_b_words import (
     Status,
     slot_direction_rad,
 )
+from apad_bridge.ros.legacy_shown import PoseShown
+from apad_bridge.ros.legacy_vehicle import LegacyVehicle
 from apad_bridge.scenario.faults import Fault
 from apad_bridge.simulated_apad.apad import SimulatedAPad
-from apad_bridge.simulated_apad.kinematics import STEP_MS, Pose
+from apad_bridge.simulated_apad.kinematics import STEP_MS
 from apad_bridge.simulated_apad.steering import Coast, Steer
 from apad_bridge.vehicle import Arrived, CloseDock, CommandFailed, GoTo, Hold, OpenDock
 
@@ -64,21 +64,15 @@ class Stage(Enum):
     PULLING = auto()
 
 
-class GenerationBVehicle:
-    """Three verbs in mission time, from `start_ms` on. The simulated aPad inside is told times from 0."""
+class GenerationBVehicle(LegacyVehicle[Shown]):
+    """Three verbs in mission time, from `start_ms` on."""
 
     def __init__(self, apad: SimulatedAPad, start_ms: int = 0, fault: Fault = Fault.NONE) -> None:
-        self.dropped: Counter[str] = Counter()
-        self._apad = apad
-        self._start_ms = start_ms
-        self._fault = fault
-        self._now_ms = start_ms
-        self._grid_ms = start_ms - STEP_MS
+        super().__init__(apad, start_ms, STEP_MS, fault)
         self._stage = Stage.OFF
         self._stage_ms = start_ms
         self._order: Order | None = None
         self._paused: Order | None = None
-        self._serial = 0
         self._statuses = {False: Status.IDLE, True: Status.IDLE}
         """By whether it is the docking's."""
         self._horizontal = 0.0
@@ -86,35 +80,8 @@ class GenerationBVehicle:
         self._is_manual = False
 
     @property
-    def now_ms(self) -> int:
-        return self._now_ms
-
-    @property
-    def next_due_ms(self) -> int:
-        return self._grid_ms + STEP_MS
-
-    @property
-    def pose(self) -> Pose:
-        return self._apad.pose
-
-    @property
     def stage(self) -> Stage:
         return self._stage
-
-    @property
-    def battery_percent(self) -> float:
-        return 100 * self._apad.battery_fraction
-
-    def advance(self, now_ms: int) -> list[Shown]:
-        """What is to be published up to and with `now_ms`, in order. ValueError when time went back."""
-        if now_ms < self._now_ms:
-            raise ValueError(f"time went back from {self._now_ms} to {now_ms} ms")
-        shown: list[Shown] = []
-        while (due_ms := self.next_due_ms) <= now_ms:
-            self._grid_ms = self._now_ms = due_ms
-            self._step(due_ms, shown)
-        self._now_ms = now_ms
-        return shown
 
     @property
     def takes(self) -> bool | None:
@@ -262,14 +229,14 @@ class GenerationBVehicle:
             self._tell_status(True, status, shown)
         if finished:
             self._tell(Finished(self._now_ms), shown)
-            self._apad.receive(Coast(), self._now_ms - self._start_ms)
+            self._apad.receive(Coast(), self._apad_ms)
 
     def _command(self, command: GoTo | Hold | Coast | Steer, shown: list[Shown]) -> None:
         if self._is_manual and not isinstance(command, Coast):
             self.dropped["order: a pilot steers"] += 1
             self._end(Status.PREEMPTED, shown, finished=True)
             return
-        for fact in self._apad.receive(command, self._now_ms - self._start_ms):
+        for fact in self._apad.receive(command, self._apad_ms):
             if isinstance(fact, CommandFailed):
                 self._end(Status.IDLE, shown, finished=True)
 
@@ -288,7 +255,3 @@ class GenerationBVehicle:
     def _left(self, order: GoToOrder) -> GoToLeft:
         north_m, east_m = order.north_m - self.pose.north_m, order.east_m - self.pose.east_m
         return GoToLeft(self._now_ms, math.hypot(north_m, east_m), math.atan2(east_m, north_m))
-
-    def _next_serial(self) -> int:
-        self._serial += 1
-        return self._serial

@@ -13,6 +13,7 @@ from typing import Any, Protocol
 from agents.one_process import OneProcess
 from agents.processes import ProcessHost
 from apad_bridge import building
+from apad_bridge.beliefs.fleet import FleetBeliefs
 from apad_bridge.ether import Ether, TellGuest
 from apad_bridge.fleet import Fleet
 from apad_bridge.flight import Flight, Watcher
@@ -107,10 +108,12 @@ def fly(
     until_first_plan: bool = False,
     fronts: Sequence[Front] = (),
     override: CalledFront | None = None,
+    beliefs: FleetBeliefs | None = None,
 ) -> dict[str, Any]:
     """Flies to the mission's end, or to its first plan, and gives the summary. SIGINT and SIGTERM end it in order.
 
     With `fronts` there is no mission of our own: the aPad does what these order. By `override` it can be taken over.
+    `beliefs` are what is believed already; None for nothing.
     """
     flying = prepare(
         scenario,
@@ -121,6 +124,7 @@ def fly(
         until_first_plan=until_first_plan,
         fronts=fronts,
         override=override,
+        beliefs=beliefs,
     )
     with stopped_by_signals(flying.flight):
         flying.flight.run()
@@ -160,9 +164,10 @@ def prepare(
     until_first_plan: bool = False,
     fronts: Sequence[Front] = (),
     override: CalledFront | None = None,
+    beliefs: FleetBeliefs | None = None,
 ) -> Prepared:
     """What `fly` flies."""
-    supervisor = _supervisor(scenario, surroundings, recorder, go_on, fronts, override)
+    supervisor = _supervisor(scenario, surroundings, recorder, go_on, fronts, override, beliefs)
     pace = surroundings.pace
 
     def show_tick(now_ms: int) -> None:
@@ -206,6 +211,7 @@ def _supervisor(
     go_on: GoOn | None,
     fronts: Sequence[Front],
     override: CalledFront | None,
+    beliefs: FleetBeliefs | None,
 ) -> Supervisor:
     """With the docks as the journal last had them."""
     supervisor = building.supervisor(
@@ -219,6 +225,7 @@ def _supervisor(
         has_modem=surroundings.fleet is not None,
         docks_by_eye=surroundings.docks_by_eye,
         breakdown=surroundings.breakdown,
+        beliefs=beliefs,
     )
     if go_on is not None:
         for slot, agent_id in go_on.state.docked:

@@ -1,22 +1,32 @@
-"""What the journal of a run says to a supervisor that goes on with it."""
+"""What a supervisor begins with, above all one that goes on with a run: what the journal and the notebook say to it."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import replace
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from agents.coordinator import Coordinator
 from agents.stimuli import Placed, from_wire, to_wire
+from apad_bridge import building
+from apad_bridge.beliefs.fleet import FleetBeliefs
+from apad_bridge.beliefs_building import fleet_beliefs
 from apad_bridge.mission.state import MissionState
 from apad_bridge.presence import Became, Presence, Presences
 from apad_bridge.records.journal import JournalContents, Line
+from apad_bridge.records.notebook import NoNotebook, recall
 from apad_bridge.records.recorder import Recorder, Resumed
+from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.runs.failures import PeerFailed
-from apad_bridge.runs.flying import GoOn
+from apad_bridge.runs.flying import GoOn, journal_start
 from apad_bridge.runs.options import RunOptions
+from apad_bridge.scenario.schema import Scenario
+from apad_bridge.scenario.starts import starts_of
 
 _PLACED = to_wire(Placed(0, 0, 0, 0, 0))[0]
+_LARGE_BYTES = 100_000_000
+"""Of bags; a gigabyte is repaired in about ten seconds."""
 
 
 def gap_ms(options: RunOptions, journal: Path, now_s: float) -> int:
@@ -70,19 +80,89 @@ def _is_placing(line: Line) -> bool:
     return bool(line["kind"] == "stimulus" and line["wire"][0] == _PLACED)
 
 
+@dataclass(frozen=True, slots=True)
+class Begun:
+    """What a supervisor begins with: the first of a run with nothing, a later one with what the former one left."""
+
+    recorder: Recorder
+    presences: Presences
+    beliefs: FleetBeliefs
+    go_on: GoOn | None = None
+    journal: JournalContents = field(default_factory=lambda: JournalContents([], 0))
+
+    @property
+    def start_ms(self) -> int:
+        return 0 if self.go_on is None else self.go_on.now_ms
+
+
+def begin(directory: RunDirectory, scenario: Scenario) -> Begun:
+    """A new run, its journal begun."""
+    ids = building.agent_ids(scenario)
+    recorder = Recorder(directory, scenario, ids)
+    journal_start(recorder, scenario, starts_of(scenario))
+    return Begun(recorder, Presences(ids, scenario.area.depth_m), fleet_beliefs(scenario, ids))
+
+
+def resume(
+    directory: RunDirectory, scenario: Scenario, options: RunOptions, tell: Callable[[str], None]
+) -> Begun:
+    """Takes up a run whose supervisor died; `tell` is told, in lines for a person, what is restored and what is not.
+
+    PeerFailed when the run has ended.
+    """
+    gone_ms = gap_ms(options, directory.journal, time.time())
+    ids = building.agent_ids(scenario)
+    if sum(path.stat().st_size for path in directory.bags) > _LARGE_BYTES:
+        tell("reading the records of a long run: this takes some seconds")
+    recorder, resumed = Recorder.resume(directory, scenario, ids)
+    start = go_on(resumed.journal, options.epoch, gone_ms)
+    presences = Presences(ids, scenario.area.depth_m, became(resumed.journal))
+    beliefs = fleet_beliefs(scenario, ids)
+    lines = [
+        *what_was_lost(resumed),
+        *who_was_who(presences),
+        believed_again(directory.notebook, beliefs, start.now_ms),
+    ]
+    for words in lines:
+        tell(words)
+    recorder.event(resumed.journal.last_ms, "restored", told=lines)
+    return Begun(recorder, presences, beliefs, start, resumed.journal)
+
+
 def who_was_who(presences: Presences) -> list[str]:
     """A line for a person for what is restored of who was real, and who retired."""
     lines = []
     for presence in (Presence.REAL, Presence.RETIRED):
         those = sorted(it.agent_id for it in presences.before.values() if it.presence is presence)
         if those:
-            lines.append(f"still {presence}: aMussels {', '.join(map(str, those))}")
+            lines.append(f"still {presence}: aMussel {', '.join(map(str, those))}")
     return lines
+
+
+def believed_again(notebook: Path, beliefs: FleetBeliefs, now_ms: int) -> str:
+    """Lets `beliefs` be what the former supervisor's were; a line for a person on what came of it by `now_ms`."""
+    try:
+        recalled = recall(notebook, beliefs)
+    except NoNotebook as reason:
+        return f"nothing is believed of an aMussel until it is heard again: {reason}"
+    believed = beliefs.all()
+    if not believed:
+        return "nothing had been heard of any aMussel yet"
+    oldest_s = max(it.age_s(now_ms) for it in believed)
+    line = (
+        f"believed as before: {len(believed)} aMussels, as of {recalled.until_ms / 1000:g} s of mission time; "
+        f"the longest silence is {max(0.0, oldest_s):g} s now"
+    )
+    if not recalled.whole:
+        line += (
+            f". What was learned after {recalled.until_ms / 1000:g} s is lost: {notebook.name} is torn there"
+        )
+    return line
 
 
 def what_was_lost(resumed: Resumed) -> list[str]:
     """Lines for a person, one for each thing that the crash took."""
-    lost: list[str] = []
+    lost = ["lost: words on their way, and the counts of what was dropped so far"]
     if resumed.journal.dropped or resumed.journal_torn_bytes:
         lost.append(f"the journal's last line was torn: {resumed.journal_torn_bytes} bytes of it are lost")
     if resumed.bag is not None:

@@ -10,16 +10,11 @@ import argparse
 import contextlib
 import json
 import sys
-import time
 from dataclasses import replace
 from pathlib import Path
 
-from apad_bridge import building
 from apad_bridge.commands.exits import Exit
 from apad_bridge.modems.rims import open_rims
-from apad_bridge.presence import Presences
-from apad_bridge.records.journal import JournalContents
-from apad_bridge.records.recorder import Recorder
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.ros.primitive_services import primitives_offered
 from apad_bridge.ros.route import why_silent
@@ -32,7 +27,6 @@ from apad_bridge.runs.options import Part, RunOptions
 from apad_bridge.runs.pid_file import supervising
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.schema import Scenario
-from apad_bridge.scenario.starts import starts_of
 from apad_bridge.scripting.called import CalledFront
 from apad_bridge.scripting.commanded import Front
 from apad_bridge.scripting.handover import REAL_TIME
@@ -63,42 +57,32 @@ def fronts_of(scenario: Scenario, options: RunOptions, called: CalledFront | Non
 def fly(run_dir: Path, resume: bool) -> int:
     directory = RunDirectory(run_dir)
     scenario, options = load(directory.scenario), RunOptions.load(run_dir)
-    ids = building.agent_ids(scenario)
-    if resume:
-        gap_ms = resuming.gap_ms(options, directory.journal, time.time())
-        recorder, resumed = Recorder.resume(directory, scenario, ids)
-        go_on = resuming.go_on(resumed.journal, options.epoch, gap_ms)
-        journal = resumed.journal
-        for words in resuming.what_was_lost(resumed):
-            say(words)
-    else:
-        recorder, go_on, journal = Recorder(directory, scenario, ids), None, JournalContents([], 0)
-        flying.journal_start(recorder, scenario, starts_of(scenario))
-    presences = Presences(ids, scenario.area.depth_m, resuming.became(journal))
-    for words in resuming.who_was_who(presences):
-        say(words)
-    start_ms = 0 if go_on is None else go_on.now_ms
+    begun = (
+        resuming.resume(directory, scenario, options, say) if resume else resuming.begin(directory, scenario)
+    )
+    recorder, go_on, start_ms = begun.recorder, begun.go_on, begun.start_ms
     try:
         fleet = None
         if options.part is not Part.MISSION:
             fleet = adopt(scenario, run_dir, options.epoch, start_ms, options.open_modems)
-        docked = {} if go_on is None else dict(go_on.state.docked)
-        if fleet is not None:
             recorder.truths(fleet.take_truths())
-            presences.mute_as_before(fleet.coordinator)
-            resuming.place_again(journal, fleet.coordinator, recorder, start_ms)
+            begun.presences.mute_as_before(fleet.coordinator)
+            resuming.place_again(begun.journal, fleet.coordinator, recorder, start_ms)
+        docked = {} if go_on is None else dict(go_on.state.docked)
         # What the bodies felt, not what the mission knows: a contact that was on its way when a supervisor died is told
         # again, and one that was felt is not.
         held = tuple(it.agent_id for it in recorder.truths_at(start_ms) if it.docked)
         with (
             open_surroundings(
-                scenario, options, fleet, docked, held, start_ms, recorder.truths_at, presences, say
+                scenario, options, fleet, docked, held, start_ms, recorder.truths_at, begun.presences, say
             ) as surroundings,
             primitives_offered(scenario, options) as called,
             open_rims(run_dir, options.open_modems, options.modem, start_ms, say) as rims,
         ):
             surroundings = replace(surroundings, rims=rims)
             fronts = fronts_of(scenario, options, called)
+            if not options.script:  # which cannot go on in the middle
+                recorder.keep(begun.beliefs, start_ms)
             summary = flying.fly(
                 scenario,
                 dry(surroundings) if options.dry_run else surroundings,
@@ -108,6 +92,7 @@ def fly(run_dir: Path, resume: bool) -> int:
                 until_first_plan=options.dry_run,
                 fronts=fronts,
                 override=None if fronts else called,
+                beliefs=begun.beliefs,
             )
             for front in fronts:
                 if isinstance(front, ScriptFront):

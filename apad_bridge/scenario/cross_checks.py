@@ -207,6 +207,14 @@ def _of_the_water(scenario: Scenario) -> Iterator[Contradiction]:
             "the last packet says nothing of how sure a place is, and ranges must become places: add "
             "beliefs.estimator: twin and water.localisation, or leave this key out",
         )
+    if water.talk.ask_worth_answers and (
+        scenario.beliefs.estimator is not Estimator.TWIN or scenario.board.whole is None
+    ):
+        yield (
+            "water.talk.ask_worth_answers",
+            "the last packet says nothing of how sure a charge is, and the worst case does not answer: add "
+            "beliefs.estimator: twin and board.whole, or leave this key out",
+        )
     if water.modems is ModemGeneration.V2:
         yield from _of_v2_modems(scenario, water)
     current = water.current

@@ -20,6 +20,7 @@ from apad_bridge.beliefs.measurement import (
     Docked,
     Fixed,
     Heard,
+    HeardShort,
     Measurement,
     Permitted,
     Ranged,
@@ -300,3 +301,42 @@ def test_a_range_says_how_far_and_not_where() -> None:
     assert Source.RANGE in ranged.learned_from
     fixed = twin.update(ranged, Fixed(10 * HOUR, 5.0, 12.0, 1.0))
     assert fixed is not None and fixed.place_cov[0] < 1.0
+
+
+def test_a_short_status_corrects_the_charge_and_says_nothing_of_place_or_time() -> None:
+    twin = Twin(KNOWLEDGE, ALWAYS_ASLEEP)
+    drained = 60 * ASLEEP
+    before = told(twin, *hourly(State.SLEEPING, 0.9, drained, 5))
+    far = twin.predict(before, 30 * HOUR)
+    short = twin.update(before, HeardShort(30 * HOUR, State.SLEEPING, 0.9 - 30 * drained - 0.02, 1.0))
+    assert short is not None
+    assert (short.heard_ms, short.silent_slots, short.learned_from) == (30 * HOUR, 0, Source.PACKET)
+    assert short.charge_cov[0] < far.charge_cov[0] / 50
+    assert short.primary == pytest.approx(0.754, abs=2 * KNOWLEDGE.sensor.noise)
+    assert (short.north_m, short.east_m, short.place_cov) == (far.north_m, far.east_m, far.place_cov)
+    assert short.clock == far.clock and memory_of(short).packet == memory_of(before).packet
+    # A whole status stamped before it, which took its time, is still believed: its time is its own.
+    later = twin.update(short, heard(30 * HOUR, State.SLEEPING, 0.86, 30, agent_ms=30 * HOUR - 5000))
+    assert later is not None and memory_of(later).packet == (30, 30 * HOUR - 5000)
+
+
+@pytest.mark.parametrize(
+    ("schedules", "state", "mode"),
+    [
+        (ALWAYS_ASLEEP, State.PROCESSING, Mode.ASLEEP),
+        (ALWAYS_ASLEEP, State.ACTIVE, Mode.ASLEEP),
+        (ALWAYS_ASLEEP, State.HOVERING, Mode.HIGH_LOAD),
+        ({}, State.PROCESSING, Mode.HIGH_LOAD),
+    ],
+)
+def test_one_that_is_asked_within_a_short_wake_is_not_taken_for_awake(
+    schedules: dict[int, Schedule], state: State, mode: Mode
+) -> None:
+    twin = Twin(KNOWLEDGE, schedules)
+    before = told(twin, *hourly(State.SLEEPING, 0.9, 60 * ASLEEP, 5))
+    asked = twin.update(before, HeardShort(4 * HOUR + 600_000, state, 0.883, 1.0))
+    assert asked is not None and asked.mode is mode and asked.state is state
+
+
+def test_a_short_status_of_one_that_was_never_heard_is_not_believed() -> None:
+    assert Twin(KNOWLEDGE, {}).update(None, HeardShort(0, State.SLEEPING, 0.5, 1.0)) is None

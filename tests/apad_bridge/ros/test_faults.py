@@ -28,6 +28,7 @@ from apad_bridge.ros.generation_a_words import GoalCode, GoalsHeard, GoalWord, S
 from apad_bridge.ros.generation_b_core import GenerationBCore
 from apad_bridge.ros.generation_b_vehicle import GenerationBVehicle
 from apad_bridge.ros.generation_b_words import Answered, ArmHeard, StatusHeard
+from apad_bridge.ros.legacy_shown import PoseShown
 from apad_bridge.ros.legacy_words import PoseHeard
 from apad_bridge.scenario.faults import OF_A, OF_B, Fault
 from apad_bridge.scenario.loader import load
@@ -79,7 +80,7 @@ class WithA:
         }
         for it in shown:
             match it:
-                case shown_a.PoseShown(at_ms, pose):
+                case PoseShown(at_ms, pose):
                     self.core.hear(PoseHeard(at_ms, pose.north_m, pose.east_m, pose.heading_rad), now_ms)
                 case shown_a.Held(at_ms, name, north_m, east_m, released):
                     agent_id = int(name.removeprefix("amussel"))
@@ -117,7 +118,7 @@ class WithB:
     def _hear(self, shown: list[shown_b.Shown], now_ms: int) -> None:
         for it in shown:
             match it:
-                case shown_b.PoseShown(at_ms, pose):
+                case PoseShown(at_ms, pose):
                     self.core.hear(PoseHeard(at_ms, pose.north_m, pose.east_m, pose.heading_rad), now_ms)
                 case shown_b.StatusShown(at_ms, docking, status):
                     self.core.hear(StatusHeard(at_ms, docking, status), now_ms)

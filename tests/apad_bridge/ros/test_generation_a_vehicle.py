@@ -13,12 +13,12 @@ from apad_bridge.ros.generation_a_shown import (
     Goal,
     Held,
     Outcome,
-    PoseShown,
     Shown,
     SlowShown,
 )
 from apad_bridge.ros.generation_a_vehicle import GenerationAVehicle
 from apad_bridge.ros.generation_a_words import GO_TO, PERCH, RELEASE
+from apad_bridge.ros.legacy_shown import PoseShown
 from apad_bridge.scenario.faults import Fault
 from apad_bridge.scenario.loader import load
 from apad_bridge.simulated_apad.apad import SimulatedAPad
@@ -174,14 +174,6 @@ def test_a_hand_may_open_a_slot_but_not_close_one() -> None:
         apad.set_dock(1, False, 0)
     assert [it.released for it in held(apad.set_dock(0, False, 0))] == [True]
     assert apad.free_slots == [0, 1, 2, 3]
-
-
-def test_it_may_start_at_any_time_and_never_goes_back() -> None:
-    apad = vehicle(start_ms=3_600_000)
-    shown = apad.advance(3_600_100)
-    assert [it.at_ms for it in shown if isinstance(it, PoseShown)] == [3_600_100]
-    with pytest.raises(ValueError, match="time went back"):
-        apad.advance(3_600_000)
 
 
 @settings(max_examples=50, deadline=None)

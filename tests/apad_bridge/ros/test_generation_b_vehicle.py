@@ -248,9 +248,3 @@ def test_however_time_is_cut_the_same_is_shown(cuts: list[int]) -> None:
         return shown, (apad.pose.north_m, apad.pose.east_m)
 
     assert flown(sorted(cuts)) == flown([])
-
-
-def test_time_never_goes_back() -> None:
-    apad = vehicle(start_ms=5_000)
-    with pytest.raises(ValueError, match="time went back"):
-        apad.advance(4_999)

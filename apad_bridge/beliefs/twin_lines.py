@@ -1,0 +1,104 @@
+"""A twin's memory of one aMussel as plain data, and back: every number exactly, so that another twin goes on with it.
+
+Arrays are the base64 of their little-endian doubles: a thousand aMussels are written between two ticks.
+"""
+
+from __future__ import annotations
+
+from base64 import b64decode, b64encode
+from typing import Any
+
+import numpy as np
+
+from apad_bridge.beliefs.belief import Clock
+from apad_bridge.beliefs.charge_state import SIZE, Anchor, Array
+from apad_bridge.beliefs.load import Load, Spent
+from apad_bridge.beliefs.memory import Memory
+from apad_bridge.beliefs.modes import Mode
+from apad_bridge.beliefs.place import Place
+
+Plain = dict[str, Any]
+
+
+def memory_data(memory: Memory) -> Plain:
+    """JSON's kinds only; numbers as they are, modes by name. Keys are the fields' names."""
+    clock, unobeyed = memory.clock, memory.unobeyed
+    return {
+        "at_ms": memory.at_ms,
+        "anchors": [[weight, _packed(mean), _packed(cov)] for weight, mean, cov in memory.anchors],
+        "anchor_ms": memory.anchor_ms,
+        "load": _load_data(memory.load),
+        "situation": _name(memory.situation),
+        "since_ms": memory.since_ms,
+        "place": [_packed(memory.place.mean), _packed(memory.place.cov)],
+        "place_ms": memory.place_ms,
+        "clock": [clock.offset_ms, clock.drift_ppm, clock.offset_var, clock.covariance, clock.drift_var],
+        "clock_ms": memory.clock_ms,
+        "packet": memory.packet,
+        "from_secondary": memory.from_secondary,
+        "unobeyed": None if unobeyed is None else [_load_data(unobeyed[0]), unobeyed[1]],
+        "seen": memory.seen,
+        "day": [None if heard is None else [heard[0].name, heard[1]] for heard in memory.day],
+        "measured_ms": memory.measured_ms,
+        "measured_mode": _name(memory.measured_mode),
+        "suspect": memory.suspect,
+        "gated": memory.gated,
+    }
+
+
+def memory_of(data: Plain) -> Memory:
+    """The inverse of `memory_data`; KeyError, TypeError or ValueError for anything else."""
+    (mean, cov), unobeyed = data["place"], data["unobeyed"]
+    first, second = data["from_secondary"]
+    asleep, idle, high = data["seen"]
+    sequence, agent_ms = data["packet"]
+    return Memory(
+        at_ms=data["at_ms"],
+        anchors=tuple(
+            Anchor(weight, _unpacked(its_mean, SIZE), _unpacked(its_cov, SIZE, SIZE))
+            for weight, its_mean, its_cov in data["anchors"]
+        ),
+        anchor_ms=data["anchor_ms"],
+        load=_load_of(data["load"]),
+        situation=_mode(data["situation"]),
+        since_ms=data["since_ms"],
+        place=Place(_unpacked(mean, 4), _unpacked(cov, 4, 4)),
+        place_ms=data["place_ms"],
+        clock=Clock(*data["clock"]),
+        clock_ms=data["clock_ms"],
+        packet=(sequence, agent_ms),
+        from_secondary=(first, second),
+        unobeyed=None if unobeyed is None else (_load_of(unobeyed[0]), unobeyed[1]),
+        seen=(asleep, idle, high),
+        day=tuple(None if heard is None else (Mode[heard[0]], heard[1]) for heard in data["day"]),
+        measured_ms=data["measured_ms"],
+        measured_mode=_mode(data["measured_mode"]),
+        suspect=data["suspect"],
+        gated=data["gated"],
+    )
+
+
+def _packed(array: Array) -> str:
+    return b64encode(array.astype("<f8", copy=False).tobytes()).decode("ascii")
+
+
+def _unpacked(text: str, *shape: int) -> Array:
+    return np.frombuffer(b64decode(text, validate=True), "<f8").astype(np.float64).reshape(shape)
+
+
+def _load_data(load: Load) -> list[Any]:
+    return [load.by_mode, load.expected, load.expected_mode.name, load.guesses]
+
+
+def _load_of(data: list[Any]) -> Load:
+    by_mode, expected, mode, guesses = data
+    asleep, idle, high = (Spent(*one) for one in by_mode)
+    return Load((asleep, idle, high), Spent(*expected), Mode[mode], guesses)
+
+
+def _name(mode: Mode | None) -> str | None:
+    return None if mode is None else mode.name
+
+
+def _mode(name: str | None) -> Mode | None:
+    return None if name is None else Mode[name]

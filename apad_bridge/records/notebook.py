@@ -1,0 +1,115 @@
+"""notebook.jsonl: what a supervisor has learned of its aMussels, so that the next one believes the same if it dies.
+
+The first line is a checkpoint of all beliefs; a line for each tick follows, with what was learned in it. When those have
+become many, a new checkpoint takes the file's place at once: it stays small however long a run is, and is read in seconds.
+It is written by beliefs and read into beliefs, and knows no truth. A run that ends takes it away.
+"""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from apad_bridge.beliefs.fleet import FleetBeliefs
+from apad_bridge.beliefs.measurement import Measurement
+from apad_bridge.beliefs.measurement_lines import measurement_of, measurement_row
+from apad_bridge.records.line_file import LineFile, read_lines
+
+FORMAT = 1
+ROWS = 10_000
+PERIOD_MS = 600_000
+"""A checkpoint is due after so many rows, or so much mission time: what a resumed supervisor replays at most."""
+_FORGOT = "forgot"
+
+
+class Notebook:
+    """The diary of `beliefs`, from now on. Rows reach the file at `flush`, which is called at the end of every tick."""
+
+    def __init__(self, path: Path, beliefs: FleetBeliefs, now_ms: int) -> None:
+        """Begins with a checkpoint at mission time `now_ms`, which takes the place of a notebook that was there."""
+        self._path = path
+        self._beliefs = beliefs
+        self._rows: list[list[Any]] = []
+        self._file = self._begun(now_ms)
+        beliefs.diary = self
+
+    def learned(self, agent_id: int, measurement: Measurement) -> None:
+        self._rows.append(measurement_row(agent_id, measurement))
+
+    def forgot(self, agent_id: int) -> None:
+        self._rows.append([_FORGOT, agent_id])
+
+    def flush(self, now_ms: int) -> None:
+        rows, self._rows = self._rows, []
+        if not rows:
+            return
+        self._rows_in_file += len(rows)
+        if self._rows_in_file > ROWS or now_ms >= self._begun_ms + PERIOD_MS:
+            self._file.close()
+            self._file = self._begun(now_ms)
+            return
+        self._file.append({"t": now_ms, "learned": rows})
+        self._file.flush()
+
+    def close(self) -> None:
+        """Leaves the file as it is; a second call does nothing."""
+        self._beliefs.diary = None
+        self._file.close()
+
+    def _begun(self, now_ms: int) -> LineFile:
+        fresh = self._path.with_name(f".{self._path.name}.fresh")
+        fresh.unlink(missing_ok=True)
+        file = LineFile(fresh)
+        file.append({"t": now_ms, "format": FORMAT, "beliefs": self._beliefs.kept()})
+        file.flush()
+        os.replace(fresh, self._path)
+        self._begun_ms, self._rows_in_file = now_ms, 0
+        return file
+
+
+@dataclass(frozen=True, slots=True)
+class Recalled:
+    """What a notebook gave: as of mission time `until_ms`, by so many rows after its checkpoint.
+
+    `whole` is False when it is torn or damaged after that.
+    """
+
+    until_ms: int
+    rows: int
+    whole: bool
+
+
+class NoNotebook(Exception):
+    """One line: why there is nothing to be recalled."""
+
+
+def recall(path: Path, beliefs: FleetBeliefs) -> Recalled:
+    """Believes what the notebook's supervisor did; NoNotebook when it cannot be read at all, and nothing has changed."""
+    try:
+        lines = read_lines(path)
+        first = next(lines, None)
+        if first is None or first.get("format") != FORMAT:
+            raise NoNotebook(f"{path.name} is of another version, or damaged")
+        beliefs.restore(first["beliefs"])
+        until_ms: int = first["t"]
+    except OSError as error:
+        raise NoNotebook(f"{path.name}: {error.strerror}") from error
+    except (KeyError, TypeError, ValueError) as error:
+        raise NoNotebook(f"{path.name} is of another version, or damaged ({error})") from error
+    rows = 0
+    for line in lines:
+        if line is None:
+            return Recalled(until_ms, rows, whole=False)
+        for row in line["learned"]:
+            _learn(beliefs, row)
+        rows, until_ms = rows + len(line["learned"]), line["t"]
+    return Recalled(until_ms, rows, whole=True)
+
+
+def _learn(beliefs: FleetBeliefs, row: list[Any]) -> None:
+    if row[0] == _FORGOT:
+        beliefs.forget(row[1])
+    else:
+        beliefs.learn(*measurement_of(row))

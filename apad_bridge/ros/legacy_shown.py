@@ -1,0 +1,13 @@
+"""What the simulated aPad of either generation shows, freed of ROS. Stamps are mission milliseconds."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from apad_bridge.simulated_apad.kinematics import Pose
+
+
+@dataclass(frozen=True, slots=True)
+class PoseShown:
+    at_ms: int
+    pose: Pose
