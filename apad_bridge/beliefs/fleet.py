@@ -108,6 +108,18 @@ class FleetBeliefs:
         heard = HeardShort(at_ms, packet.state, packet.primary, packet.secondary)
         return self.learn(packet.agent_id, heard)
 
+    def admit(self, agent_id: int, belief: Belief | None) -> None:
+        """One of another fleet, with what others believe of it: from now on it is heard here too."""
+        self._known |= {agent_id}
+        self.forget(agent_id)
+        if belief is not None:
+            self._beliefs[agent_id] = belief
+
+    def dismiss(self, agent_id: int) -> None:
+        """It is of no concern here any more."""
+        self._known -= {agent_id}
+        self.forget(agent_id)
+
     def forget(self, agent_id: int) -> None:
         """Nothing is believed of this aMussel any more; its next packet, of whatever time, is believed."""
         self._beliefs.pop(agent_id, None)
