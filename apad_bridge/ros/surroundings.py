@@ -105,6 +105,7 @@ def open_surroundings(
             lambda: vehicle.dropped + laboratory.dropped + radio.dropped,
             _watched(stack, options, scenario, vehicle),
             roll=roll,
+            keeps_samples=options.part is not Part.FLEET,
         )
 
 

@@ -13,7 +13,7 @@ from typing import Annotated
 
 from annotated_types import Ge, Le
 
-from apad_bridge.scenario.another_apad import AnotherAPad
+from apad_bridge.scenario.another_apad import AnotherAPad, Sharing
 from apad_bridge.scenario.believing import Beliefs
 from apad_bridge.scenario.board import Board
 from apad_bridge.scenario.faults import OF_A, OF_B, Fault
@@ -308,6 +308,7 @@ class Scenario:
     apad: APad
     apads: tuple[AnotherAPad, ...] = ()
     """More of them, which share the fleet with `apad`."""
+    sharing: Sharing = Sharing()
     records: Records = Records()
     beliefs: Beliefs = Beliefs()
     water: Water | None = None
