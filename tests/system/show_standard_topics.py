@@ -52,7 +52,7 @@ def supervisor() -> SimpleNamespace:
 def main() -> None:
     gateway = open_gateway([], 30, node_name="shower")
     frame = LocalFrame(43.9330937, 15.4443468)
-    standard = StandardTopics((1, 2), "apad1", frame, Limits(silence_s=120.0, pool_threshold=0.8))
+    standard = StandardTopics((1, 2), "apad1", frame, Limits(silence_s=120.0, pool_threshold=0.8), ball_m=0.5)
     watch = standard.watcher(supervisor())  # type: ignore[arg-type]
     print("showing", flush=True)
     now_ms = 1000

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
@@ -11,7 +12,8 @@ from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.modes import Mode
 from apad_bridge.mission.state import MissionState
 from apad_bridge.ros.fleet_diagnostics import Limits, diagnose
-from apad_bridge.ros.standard_messages import agent_battery
+from apad_bridge.ros.standard_messages import agent_battery, agent_markers, apad_marker, ball_size_m
+from apad_bridge.scenario.loader import load
 from firmware_model.states import State
 
 
@@ -63,3 +65,19 @@ def test_diagnostics_name_the_silent_and_how_sure_one_is() -> None:
     # And so does one of several namespaces.
     array = diagnose(supervisor, (7,), Limits(120.0, 0.5), 300_000, namespace="lab/basin")  # type: ignore[arg-type]
     assert "lab/basin/musselbed: aMussel 7" in {status.name for status in array.status}
+
+
+SCENARIOS = Path(__file__).parents[3] / "launch_scripts" / "scenarios"
+
+
+# 28 m by 21 m, 60 m by 40 m, 60 m by 200 m: balls of half a metre, or a hundredth of the longer side.
+@pytest.mark.parametrize(("name", "ball_m"), [("pool-12", 0.5), ("bay-24", 0.6), ("bay-120", 2.0)])
+def test_markers_are_seen_in_their_area(name: str, ball_m: float) -> None:
+    assert ball_size_m(load(SCENARIOS / f"{name}.yaml").area) == ball_m
+    ball, label = agent_markers(carried(Mode.ASLEEP, 0.6), 300_000, "musselbed/enu", ball_m)
+    assert ball.scale.x == ball.scale.y == ball.scale.z == ball_m
+    # The label stands north of the ball and does not reach into it.
+    assert label.pose.position.y - label.scale.z / 2 >= ball.pose.position.y + ball_m / 2
+    assert label.pose.position.x == ball.pose.position.x
+    arrow = apad_marker(300_000, "musselbed/enu", (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0), ball_m)
+    assert arrow.scale.x == 3 * ball_m
