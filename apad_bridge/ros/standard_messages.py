@@ -134,13 +134,16 @@ def ball_size_m(area: Area) -> float:
     return max(_SMALLEST_BALL_M, max(north - south, east - west) / _BALLS_ACROSS)
 
 
-def agent_markers(belief: Belief, now_ms: int, world: str, ball_m: float) -> list[Marker]:
-    """A ball from red (empty) to green (full), cyan when docked, grey when lost; and its id and charge above it."""
+def agent_markers(belief: Belief, now_ms: int, world: str, ball_m: float, row: int = 0) -> list[Marker]:
+    """A ball from red (empty) to green (full), cyan when docked, grey when lost; and its id and charge above it.
+
+    Labels of those that lie at one place, in an aPad's docks, are in rows of their own, from 0 on.
+    """
     label_m = _LABEL * ball_m
     at = enu(belief.north_m, belief.east_m)
     ball = _marker("amussels", belief.agent_id, Marker.SPHERE, now_ms, world, at, _colour(belief), ball_m)
     # North of the ball, so that it is read from above too.
-    above = (at[0], at[1] + label_m, at[2] + label_m)
+    above = (at[0], at[1] + (1 + row) * label_m, at[2] + label_m)
     label = _marker(
         "labels",
         belief.agent_id,

@@ -140,7 +140,12 @@ class StandardTopics:
             return known
 
         def markers() -> list[Any]:
-            shown = [marker for it in beliefs for marker in make.agent_markers(it, now_ms, world, ball_m)]
+            slots = {it: slot for slot, it in enumerate(supervisor.mission.slots) if it is not None}
+            shown = [
+                marker
+                for it in beliefs
+                for marker in make.agent_markers(it, now_ms, world, ball_m, slots.get(it.agent_id, 0))
+            ]
             if pose is not None:
                 at, attitude = enu(pose.north_m, pose.east_m), yaw(pose.heading_rad)
                 shown.append(make.apad_marker(now_ms, world, at, attitude, ball_m))

@@ -79,5 +79,9 @@ def test_markers_are_seen_in_their_area(name: str, ball_m: float) -> None:
     # The label stands north of the ball and does not reach into it.
     assert label.pose.position.y - label.scale.z / 2 >= ball.pose.position.y + ball_m / 2
     assert label.pose.position.x == ball.pose.position.x
+    _, beside = agent_markers(carried(Mode.CHARGING_PRIMARY, 0.6), 300_000, "musselbed/enu", ball_m, row=1)
+    assert beside.pose.position.y - label.pose.position.y == pytest.approx(label.scale.z), (
+        "not over each other"
+    )
     arrow = apad_marker(300_000, "musselbed/enu", (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0), ball_m)
     assert arrow.scale.x == 3 * ball_m
