@@ -12,8 +12,11 @@ from apad_bridge.beliefs.fleet import FleetBeliefs
 from apad_bridge.beliefs_building import fleet_beliefs
 from apad_bridge.boards import charge_model, clock_drift_ppb, whole_firmware
 from apad_bridge.ears_building import ears_of
+from apad_bridge.mission.breakdown import Breakdown
 from apad_bridge.mission.energy_exchange import EnergyExchange
 from apad_bridge.mission.role import Mission
+from apad_bridge.mission.share import Share
+from apad_bridge.mission.sources import BeliefSource
 from apad_bridge.mission.state import MissionState
 from apad_bridge.planning import registry
 from apad_bridge.port.docking_port import DockingPort
@@ -102,43 +105,46 @@ def supervisor(
     override: CalledFront | None = None,
     has_modem: bool = True,
     docks_by_eye: bool = False,
+    breakdown: Breakdown | None = None,
     beliefs: FleetBeliefs | None = None,
 ) -> Supervisor:
     """A supervisor that knows nothing yet, or one that goes on with a mission's journaled `state`.
 
     Its mission is the paper's, which can be taken over by `override`; or, where there are `fronts`, one that does what they
     say. Without `samples` it leaves the aMussels' logs to others; without a modem, whatever is said by sound of its own
-    accord. Without `beliefs` it begins with none.
+    accord. With a `breakdown` it is one of several, who take over from each other. Without `beliefs` it begins with none.
     """
     if beliefs is None:
         beliefs = fleet_beliefs(scenario, agent_ids(scenario))
+    share = Share(beliefs, agent_ids(scenario))
     mission: Mission
     if fronts:
         mission = CommandedMission(scenario.mission, beliefs, fronts, state)
     elif override is not None:
         mission = Override(
-            lambda begun: _planned(scenario, beliefs, begun),
+            lambda begun: _planned(scenario, share, begun),
             lambda begun: CommandedMission(scenario.mission, beliefs, (), begun),
             override,
             state,
         )
     else:
-        mission = _planned(scenario, beliefs, state)
+        mission = _planned(scenario, share, state)
     port = DockingPort(scenario.mission.docking, first_command_id=first_command_id, docks_by_eye=docks_by_eye)
     return Supervisor(
         beliefs,
         mission,
         port,
         load_codec(scenario.hearing.codec),
-        scenario.theta,
         samples,
         round(scenario.duration_s * 1000),
         scenario.mission.end_at_apad_fraction,
         ears_of(scenario, agent_ids(scenario)) if has_modem else None,
+        share,
+        breakdown,
     )
 
 
-def _planned(scenario: Scenario, beliefs: FleetBeliefs, state: MissionState | None) -> EnergyExchange:
+def _planned(scenario: Scenario, beliefs: BeliefSource, state: MissionState | None) -> EnergyExchange:
     return EnergyExchange(
         scenario.mission,
         beliefs,

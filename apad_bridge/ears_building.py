@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from math import ceil, dist
+from math import ceil, dist, hypot
 
-from apad_bridge.beliefs.pings import WorthItsWay
+from apad_bridge.beliefs.pings import WorthItsEnergy, WorthItsWay
 from apad_bridge.beliefs.questions import candidate_below
+from apad_bridge.beliefs_building import readings_apart_ms
 from apad_bridge.boards import whole_firmware
 from apad_bridge.localisation.locator import Locator, LocatorConfig
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.sea_building import generation_of
 from apad_bridge.talking.ears import Ears
 from apad_bridge.talking.talk import Talk, TalkConfig
+from firmware_model.charge import FULL
 from firmware_model.codec import load_codec
+from firmware_model.plan import Whole
+from firmware_model.rails import Rail, bits, rails_of
+from firmware_model.states import State
 
 
 def ears_of(scenario: Scenario, agent_ids: Iterable[int]) -> Ears | None:
@@ -21,7 +26,8 @@ def ears_of(scenario: Scenario, agent_ids: Iterable[int]) -> Ears | None:
     water = scenario.water
     if water is None:
         return None
-    whole = whole_firmware(scenario.board, scenario.seed)
+    modems = generation_of(water.modems)
+    whole = whole_firmware(scenario.board, scenario.seed, modems)
     slots = None if whole is None or whole.cycle is None else whole.cycle.slots
     speed_m_s, corners = water.sound.sound_speed_m_s, scenario.area.polygon_m
     across_m = max(dist(one, other) for one in corners for other in corners) + scenario.area.depth_m
@@ -34,7 +40,8 @@ def ears_of(scenario: Scenario, agent_ids: Iterable[int]) -> Ears | None:
         guard_ms=0 if slots is None else slots.guard_ms,
         beacon_period_ms=round(water.talk.beacon_period_s * 1000),
         ping_period_ms=round(water.talk.ping_period_s * 1000),
-        modems=generation_of(water.modems),
+        modems=modems,
+        answer_ms=0 if whole is None else whole.turnaround_ms + whole.answer_ms,
     )
     told = water.localisation
     locator = None
@@ -53,4 +60,51 @@ def ears_of(scenario: Scenario, agent_ids: Iterable[int]) -> Ears | None:
         WorthItsWay(candidate_below(scenario.mission.pool_threshold), water.talk.ping_worth_m)
         if water.talk.ping_worth_m
         else None,
+        None if whole is None else asks_of(scenario, water.talk.ask_worth_answers, whole),
     )
+
+
+def asks_of(scenario: Scenario, worth_answers: float, whole: Whole) -> WorthItsEnergy | None:
+    """Who is asked how it is, on boards of `whole`; None for nobody."""
+    model = scenario.beliefs.twin
+    if not worth_answers or model is None:
+        return None
+    answer = answer_charge(whole)
+    return WorthItsEnergy(
+        candidate_below(scenario.mission.pool_threshold),
+        wrong_plan_charge(whole),
+        answer * worth_answers,
+        not_before_ms=readings_apart_ms(scenario.theta) // scenario.theta,
+        spare_charge=answer,
+        answer_deviation=hypot(model.sensor_noise, model.bias_deviation),
+    )
+
+
+def answer_charge(whole: Whole) -> float:
+    """What it costs a sleeper to be asked how it is, in charge: to hear the question, to be awake, and to answer."""
+    asleep, awake, hearing, sending = (
+        whole.power.loads.total(
+            rails_of(State.SLEEPING, whole.power.kept_on, whole.cycle is None, bits(*pulsed))
+        )
+        for pulsed in (
+            (),
+            (Rail.MU_ACTIVE,),
+            (Rail.MU_ACTIVE, Rail.MODEM_RECEIVING),
+            (Rail.MU_ACTIVE, Rail.MODEM_TRANSMITTING),
+        )
+    )
+    heard_ms = min(whole.power.receive_ms, whole.turnaround_ms)
+    drawn = (
+        heard_ms * (hearing - awake)
+        + whole.turnaround_ms * (awake - asleep)
+        + whole.answer_ms * (sending - asleep)
+    )
+    return drawn / FULL
+
+
+def wrong_plan_charge(whole: Whole) -> float:
+    """What a plan costs that fetches one that needs nothing, in charge: its motors' runs up and down.
+
+    The same is taken for a plan that leaves one that does: what that costs is samples, which no charge is the price of.
+    """
+    return 2 * whole.power.loads.of[Rail.MOTORS] * whole.power.motor_run_ms / FULL

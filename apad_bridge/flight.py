@@ -16,7 +16,7 @@ from agents.sea_facts import NotRanged, Printed, Ranged, SeaResult, SoundReached
 from agents.stimuli import SoundArrived, Stimulus, WifiArrived, to_wire
 from agents.water.medium import PacketEnded
 from apad_bridge.contacts import Contacts
-from apad_bridge.ether import Ether
+from apad_bridge.ether import Ether, Felt, TellGuest
 from apad_bridge.facts import (
     KeepSamples,
     Medium,
@@ -70,6 +70,7 @@ class Flight:
         ether: Ether | None = None,
         rims: Rims | None = None,
         roll: Roll | None = None,
+        tell_guest: TellGuest | None = None,
     ) -> None:
         self.supervisor = supervisor
         self.dropped: Counter[str] = Counter()
@@ -81,6 +82,7 @@ class Flight:
         self._ether = ether
         self._rims = rims
         self._roll = roll
+        self._tell_guest = tell_guest
         self._came: list[SeaResult] = []
         """Of the fleet, between two ticks."""
         self._come_ms = start_ms - 1
@@ -102,12 +104,22 @@ class Flight:
 
     def run(self) -> str:
         """Flies until the mission has ended; gives the reason."""
-        while True:
-            self._pace.reach(self.now_ms, self._stopped, None if self._rims is None else self._between)
-            self.tick(self.now_ms)
-            if self.supervisor.has_ended:
-                return self.supervisor.mission.state.ended_by or ""
-            self.now_ms += TICK_MS
+        while not self.step():
+            pass
+        return self.ended_by
+
+    @property
+    def ended_by(self) -> str:
+        return self.supervisor.mission.state.ended_by or ""
+
+    def step(self) -> bool:
+        """The next tick, when it has come; whether the mission has ended with it."""
+        self._pace.reach(self.now_ms, self._stopped, None if self._rims is None else self._between)
+        self.tick(self.now_ms)
+        if self.supervisor.has_ended:
+            return True
+        self.now_ms += TICK_MS
+        return False
 
     def tick(self, now_ms: int) -> None:
         """One tick of mission time: everything stamped up to `now_ms` is handled."""
@@ -158,7 +170,8 @@ class Flight:
                     if self._fleet is None and self._ether is not None:
                         self._ether.transmit(medium, agent_id, data, now_ms)
                     else:
-                        self._send(send, now_ms)
+                        if agent_id not in self.supervisor.share.guests:
+                            self._send(send, now_ms)
                         if self._ether is not None:
                             self._ether.said(send, now_ms)
                 case Ping(agent_id, not_before_ms):
@@ -270,6 +283,8 @@ class Flight:
                 word = self.supervisor.timed(came, now_ms)
                 if word is not None:
                     self._send(word, now_ms)
+            elif isinstance(came, Felt):
+                self._tell_agent(came.agent_id, came.stimulus, now_ms)
             else:
                 self.supervisor.receive(came)
 
@@ -302,7 +317,11 @@ class Flight:
                 continue
             if isinstance(fact, (Carried, LetGo)):
                 stimulus = self._contacts.take(fact)
-                if stimulus is not None:
+                if stimulus is None:
+                    continue
+                if self._tell_guest is not None and fact.agent_id in self.supervisor.share.guests:
+                    self._tell_guest(Felt(fact.agent_id, stimulus), now_ms)
+                else:
                     self._tell_agent(fact.agent_id, stimulus, now_ms)
             else:
                 self.supervisor.receive(fact)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter, deque
 
+from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.fleet import FleetBeliefs
 from apad_bridge.beliefs.measurement import Docked, Permitted, Released
 from apad_bridge.facts import (
@@ -17,8 +18,10 @@ from apad_bridge.facts import (
     SupervisorAction,
     WifiHeard,
 )
+from apad_bridge.mission.breakdown import Breakdown
 from apad_bridge.mission.orders import Note, Order, PermitSurfacing, TellClear
 from apad_bridge.mission.role import Mission
+from apad_bridge.mission.share import Share
 from apad_bridge.mission.state import Phase
 from apad_bridge.port.docking_port import DockingPort
 from apad_bridge.port.primitives import (
@@ -81,14 +84,18 @@ class Supervisor:
         mission: Mission,
         port: DockingPort,
         codec: Codec,
-        theta: int,
         samples: SampleCollection | None,
         duration_ms: int,
         end_at_apad_fraction: float,
         ears: Ears | None = None,
+        share: Share | None = None,
+        breakdown: Breakdown | None = None,
     ) -> None:
-        """Without `ears` words by sound are sent at once, and nothing is pinged."""
+        """Without `ears` words by sound are sent at once, and nothing is pinged. Of several aPads, `share` says whom this
+        one serves; with a `breakdown` it stands down, where a single one would try on, or end."""
         self.beliefs = beliefs
+        self.share = share or Share(beliefs, ())
+        self._breakdown = breakdown
         self.mission = mission
         self.port = port
         self.pose: PoseReported | None = None
@@ -96,7 +103,6 @@ class Supervisor:
         self.battery_at_start: BatteryReported | None = None
         self.dropped: Counter[str] = Counter()
         self._codec = codec
-        self._theta = theta
         self.samples = samples
         """None where the samples are somebody else's to keep, and to acknowledge."""
         self._duration_ms = duration_ms
@@ -141,6 +147,8 @@ class Supervisor:
         actions += self._pass_on(self.port.advance(now_ms), now_ms)
         if (reason := self._reason_to_end(now_ms)) is not None:
             actions += self._obey(self.mission.end(reason, now_ms), now_ms)
+        elif (reason := self._reason_to_stand_down()) is not None:
+            actions += self._obey(self.mission.stand_down(reason, now_ms), now_ms)
         actions += self._obey(self.mission.advance(now_ms), now_ms)
         if self._ears is None:
             return actions
@@ -174,8 +182,8 @@ class Supervisor:
         return self._pass_on(self.port.receive(fact, now_ms), now_ms)
 
     def _collect(self, packet: LogRecords) -> list[SupervisorAction]:
-        if self.samples is None:
-            return []
+        if self.samples is None or packet.agent_id in self.share.guests:
+            return []  # the samples of a guest are kept, and acknowledged, where it is simulated
         taken = self.samples.take(packet)
         if isinstance(taken, str):
             self.dropped[taken] += 1
@@ -195,17 +203,43 @@ class Supervisor:
     def _hear(self, packet: Packet | None, at_ms: int) -> str | None:
         """Believes what the packet says; or says why not."""
         if isinstance(packet, ShortStatus):
-            return self.beliefs.hear_short(packet, at_ms, self._theta * at_ms)
+            return self._hear_short(packet, at_ms)
         if not isinstance(packet, Status):
             return "bytes that are no status packet"
         return self.beliefs.hear(basic_of(packet), at_ms)
 
+    def _hear_short(self, packet: ShortStatus, at_ms: int) -> str | None:
+        if self._ears is not None:
+            self._ears.heard_of(packet.agent_id)
+        return self.beliefs.hear_short(packet, at_ms)
+
     def _reason_to_end(self, now_ms: int) -> str | None:
         if now_ms >= self._duration_ms:
             return "mission time"
-        if self.battery is not None and self.battery.fraction <= self._end_at_apad_fraction:
-            return "the aPad's battery"
-        return None
+        return self._battery_ends if self._breakdown is None else None
+
+    def _reason_to_stand_down(self) -> str | None:
+        return None if self._breakdown is None else self._battery_ends or self._breakdown.take()
+
+    @property
+    def _battery_ends(self) -> str | None:
+        battery = self.battery
+        is_empty = battery is not None and battery.fraction <= self._end_at_apad_fraction
+        return "the aPad's battery" if is_empty else None
+
+    # Of several aPads: whom this one serves.
+
+    def take_on(self, agent_id: int, belief: Belief | None) -> None:
+        """From now on it is served here; of a guest, `belief` is what who served it before believes."""
+        if agent_id not in self.share.own:
+            self.beliefs.admit(agent_id, belief)
+        self.share.take(agent_id)
+
+    def hand_on(self, agent_id: int) -> None:
+        """From now on it is served elsewhere. One of this fleet is heard as ever, for its records are kept here."""
+        self.share.give(agent_id)
+        if agent_id not in self.share.own:
+            self.beliefs.dismiss(agent_id)
 
     def _pass_on(self, came: list[VehicleCommand | Outcome], now_ms: int) -> list[SupervisorAction]:
         """Commands go out; outcomes go to the mission, and what that orders goes to the port, until all is quiet."""
@@ -258,6 +292,8 @@ class Supervisor:
         primitive = self._named.pop(outcome.primitive_id, None)
         if primitive is None:
             return []
+        if self._breakdown is not None:
+            self._breakdown.note(primitive, outcome)
         if isinstance(outcome, PrimitiveFailed):
             return [_primitive_note(primitive, "failed", outcome.reason)]
         return [_primitive_note(primitive, "succeeded")]

@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import Any, Protocol
 
 from apad_bridge.beliefs.belief import Belief, Source
-from apad_bridge.beliefs.measurement import Heard, Measurement, Rejected
+from apad_bridge.beliefs.measurement import Heard, HeardShort, Measurement, Rejected
 from firmware_model.packets import ShortStatus, StatusPacket
 
 
@@ -98,15 +98,27 @@ class FleetBeliefs:
             return "a status that a newer one overtook"
         return self.learn(packet.agent_id, Heard(at_ms, packet))
 
-    def hear_short(self, packet: ShortStatus, at_ms: int, agent_ms: int) -> str | None:
-        """As `hear`, of a status that says neither place nor time: it is sent at `agent_ms`, from where it is believed."""
-        before = self.get(packet.agent_id)
+    def hear_short(self, packet: ShortStatus, at_ms: int) -> str | None:
+        """As `hear`, of a status that says neither place nor time: they stay what was believed."""
+        before = self._beliefs.get(packet.agent_id)
         if before is None:
             return "a short status of an aMussel whose place is not known"
-        charges, place = (packet.primary, packet.secondary), (before.north_m, before.east_m)
-        return self.hear(
-            StatusPacket(packet.agent_id, 0, packet.state, *charges, *place, 0.0, agent_ms), at_ms
-        )
+        if at_ms < before.heard_ms:
+            return "a status that a newer one overtook"
+        heard = HeardShort(at_ms, packet.state, packet.primary, packet.secondary)
+        return self.learn(packet.agent_id, heard)
+
+    def admit(self, agent_id: int, belief: Belief | None) -> None:
+        """One of another fleet, with what others believe of it: from now on it is heard here too."""
+        self._known |= {agent_id}
+        self.forget(agent_id)
+        if belief is not None:
+            self._beliefs[agent_id] = belief
+
+    def dismiss(self, agent_id: int) -> None:
+        """It is of no concern here any more."""
+        self._known -= {agent_id}
+        self.forget(agent_id)
 
     def forget(self, agent_id: int) -> None:
         """Nothing is believed of this aMussel any more; its next packet, of whatever time, is believed."""

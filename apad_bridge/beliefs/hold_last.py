@@ -7,7 +7,7 @@ from typing import Any
 
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.fleet import FleetBeliefs
-from apad_bridge.beliefs.measurement import Heard, Measurement
+from apad_bridge.beliefs.measurement import Heard, HeardShort, Measurement
 from firmware_model.states import State
 
 
@@ -18,6 +18,11 @@ class LastPacket:
         return belief
 
     def update(self, belief: Belief | None, measurement: Measurement) -> Belief | None:
+        if isinstance(measurement, HeardShort) and belief is not None:
+            it = measurement
+            return Belief(
+                belief.agent_id, it.at_ms, it.state, it.primary, it.secondary, belief.north_m, belief.east_m
+            )
         if not isinstance(measurement, Heard):
             return belief
         packet = measurement.packet

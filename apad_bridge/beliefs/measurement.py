@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from firmware_model.packets import StatusPacket
+from firmware_model.states import State
 
 
 @dataclass(frozen=True, slots=True)
@@ -16,6 +17,16 @@ class Heard:
 
     at_ms: int
     packet: StatusPacket
+
+
+@dataclass(frozen=True, slots=True)
+class HeardShort:
+    """A short status, decoded: it says neither place nor time, and was sent when it was heard."""
+
+    at_ms: int
+    state: State
+    primary: float
+    secondary: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,7 +80,7 @@ class Ranged:
     variance_m2: float
 
 
-Measurement = Heard | SlotSilent | Permitted | Docked | Released | Fixed | Ranged
+Measurement = Heard | HeardShort | SlotSilent | Permitted | Docked | Released | Fixed | Ranged
 
 
 class Rejected(ValueError):

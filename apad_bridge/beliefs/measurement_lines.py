@@ -9,6 +9,7 @@ from apad_bridge.beliefs.measurement import (
     Docked,
     Fixed,
     Heard,
+    HeardShort,
     Measurement,
     Permitted,
     Ranged,
@@ -28,6 +29,7 @@ _KINDS: dict[str, type[Any]] = {
 }
 _NAMES = {kind: name for name, kind in _KINDS.items()}
 _HEARD = "heard"
+_SHORT = "short"
 
 
 def measurement_row(agent_id: int, measurement: Measurement) -> list[Any]:
@@ -45,6 +47,15 @@ def measurement_row(agent_id: int, measurement: Measurement) -> list[Any]:
             it.agent_ms,
         )
         return [_HEARD, agent_id, measurement.at_ms, *said]
+    if isinstance(measurement, HeardShort):
+        return [
+            _SHORT,
+            agent_id,
+            measurement.at_ms,
+            int(measurement.state),
+            measurement.primary,
+            measurement.secondary,
+        ]
     return [_NAMES[type(measurement)], agent_id, *astuple(measurement)]
 
 
@@ -54,5 +65,8 @@ def measurement_of(row: list[Any]) -> tuple[int, Measurement]:
     if kind == _HEARD:
         sequence, state, *rest = numbers
         return agent_id, Heard(at_ms, StatusPacket(agent_id, sequence, State(state), *rest))
+    if kind == _SHORT:
+        state, primary, secondary = numbers
+        return agent_id, HeardShort(at_ms, State(state), primary, secondary)
     measurement: Measurement = _KINDS[kind](at_ms, *numbers)
     return agent_id, measurement

@@ -37,9 +37,13 @@ class WorthItsEnergy:
     """Mission time since the newest packet: one that was just heard has said what it can."""
     spare_charge: float
     """Below this, with all its uncertainty, nobody is woken to be asked."""
+    answer_deviation: float
+    """Of a charge as an answer says it: one that is known better learns nothing by asking."""
 
     def is_worth(self, belief: Belief, now_ms: int) -> bool:
         if now_ms - belief.heard_ms < self.not_before_ms:
+            return False
+        if belief.charge_cov[0] <= self.answer_deviation**2:
             return False
         if belief.charge_interval(0.9)[1] < self.spare_charge:
             return False
@@ -71,8 +75,8 @@ class WorthItsWay:
         return self.question(belief) * sqrt(north + east)
 
 
-def to_ping(policy: PingPolicy, beliefs: list[Belief], now_ms: int, at_most: int) -> list[int]:
+def to_ping(policy: PingPolicy, beliefs: list[Belief], now_ms: int) -> list[int]:
     """The ids that are worth a ping now, the most urgent first, for the water carries one word at a time."""
     worth = [belief for belief in beliefs if policy.is_worth(belief, now_ms)]
     worth.sort(key=lambda belief: (-policy.urgency(belief), belief.agent_id))
-    return [belief.agent_id for belief in worth[:at_most]]
+    return [belief.agent_id for belief in worth]

@@ -22,6 +22,7 @@ from apad_bridge.beliefs.measurement import (
     Docked,
     Fixed,
     Heard,
+    HeardShort,
     Measurement,
     Permitted,
     Ranged,
@@ -50,6 +51,8 @@ _FIX_APART_MS = 10_000
 """Mission time between two fixes that a packet brings along."""
 _TURN_MS = 7_919
 _DOCK_VARIANCE_M2 = 1.0
+_OF_A_WAKE = (State.ACTIVE, State.PROCESSING)
+"""A minute each; whoever is heard in its slot is past them."""
 
 
 class Twin:
@@ -71,6 +74,8 @@ class Twin:
             return self._hear(belief, measurement.packet, measurement.at_ms)
         if belief is None:
             return None
+        if isinstance(measurement, HeardShort):
+            return self._glimpse(belief, measurement)
         at_ms = max(measurement.at_ms, belief.at_ms)
         memory = self._carried(belief, at_ms)
         match measurement:
@@ -191,12 +196,31 @@ class Twin:
             raise Rejected("a status that was heard already")
         if packet.agent_ms < memory.packet[1]:
             raise Rejected("a status that a newer one overtook")
+        return self._believe(belief, packet, mode, at_ms)
+
+    def _glimpse(self, belief: Belief, heard: HeardShort) -> Belief:
+        """A short status. Asked for, it may fall into a short wake of one that sleeps, which is not awake for that."""
+        memory = belief.memory
+        assert isinstance(memory, Memory), "a belief of another estimator"
+        number, agent_ms = memory.packet
+        charges, place = (heard.primary, heard.secondary), (belief.north_m, belief.east_m)
+        packet = StatusPacket(belief.agent_id, number, heard.state, *charges, *place, 0.0, agent_ms)
+        mode = mode_of(heard.state, *charges)
+        now_ms = self._agent_ms(memory, max(heard.at_ms, belief.at_ms))
+        if heard.state in _OF_A_WAKE and self._schedule(belief.agent_id).at(now_ms) is Mode.ASLEEP:
+            mode = Mode.ASLEEP
+        return self._believe(belief, packet, mode, heard.at_ms, in_short=True)
+
+    def _believe(
+        self, belief: Belief, packet: StatusPacket, mode: Mode, at_ms: int, in_short: bool = False
+    ) -> Belief:
+        """`in_short`: what the packet says of place and time is not its own."""
         at_ms = max(at_ms, belief.at_ms)
         memory = self._carried(belief, at_ms)
         if self._tells_news(memory, belief.agent_id, mode):
-            if memory.at_ms - memory.clock_ms >= _CLOCK_APART_MS:
+            if not in_short and memory.at_ms - memory.clock_ms >= _CLOCK_APART_MS:
                 memory = self._read_clock(memory, packet, at_ms)
-            if at_ms - memory.place_ms >= _FIX_APART_MS:
+            if not in_short and at_ms - memory.place_ms >= _FIX_APART_MS:
                 memory = self._fixed(memory, packet, at_ms)
             memory = self._ear.weigh(memory, self._schedule(belief.agent_id), packet, mode)
         else:

@@ -16,7 +16,8 @@ from apad_bridge.runs.options import APadKind, Part, RunOptions, TimeSource
 from apad_bridge.runs.progress import FlightProgress
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import Start, read_starts, save_starts
-from apad_bridge.squad.flying import directory_of, fly_one_by_one, fly_side_by_side
+from apad_bridge.squad.flying import directory_of, fly_side_by_side
+from apad_bridge.squad.in_step import fly_in_step
 from apad_bridge.squad.members import Member, members
 from apad_bridge.squad.summary import of_all
 
@@ -42,14 +43,18 @@ def run(
     failures: dict[str, str] = {}
     if not as_json:
         print(_who_serves_whom(squad), flush=True)
+    progress = FlightProgress(scenario.name, round(scenario.duration_s * 1000), quiet=as_json)
     if options.time is TimeSource.ASAP:
-        flown = fly_one_by_one(squad, whole, quiet=as_json)
+        directories = {member.name: directory_of(member, whole) for member in squad}
+        with progress:
+            flown, moved = fly_in_step(squad, scenario.sharing, directories, progress)
     else:
-        with FlightProgress(scenario.name, round(scenario.duration_s * 1000), quiet=as_json) as progress:
+        moved = 0
+        with progress:
             flown, failures = fly_side_by_side(squad, options, whole, progress)
     if not flown:
         raise PeerFailed(_why(failures))
-    summary = of_all(scenario.name, flown)
+    summary = of_all(scenario.name, flown, moved)
     whole.write_json(whole.summary, summary)
     save_starts(whole.ends, _ends(squad, whole), scenario.area.origin)
     flown_by = "by hand" if options.manual else scenario.mission.collection

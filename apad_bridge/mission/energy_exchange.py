@@ -106,6 +106,12 @@ class EnergyExchange(OrderBook):
         self._tell_strays(now_ms)
         return self.take_orders()
 
+    def stand_down(self, reason: str, now_ms: int) -> list[Order]:
+        if self.state.phase not in (Phase.STANDS_DOWN, Phase.ENDED):
+            self.note("stands_down", reason=reason)
+            self._enter(Phase.STANDS_DOWN, now_ms, plan=Solution(()))
+        return self.take_orders()
+
     def end(self, reason: str, now_ms: int) -> list[Order]:
         """Ends the mission where it stands: the aPad holds its position. A second call changes nothing."""
         if self.state.phase is not Phase.ENDED:
@@ -335,6 +341,7 @@ _PARTS = {
     Phase.CHARGE: _Part(_M._charge_on, tick=_M._consider_deploying),
     Phase.GO_DEPLOY: _Part(_M._deploy_on, success=_M._undock),
     Phase.UNDOCK: _Part(_M._deploy_on, success=_M._released),
+    Phase.STANDS_DOWN: _Part(_nothing),
     Phase.ENDED: _Part(_nothing),
     Phase.COMMANDED: _Part(_nothing),
 }

@@ -28,6 +28,13 @@ class Mission(Protocol):
 
     def advance(self, now_ms: int) -> list[Order]: ...
 
+    def stand_down(self, reason: str, now_ms: int) -> list[Order]:
+        """One of several aPads can do no more: it plans nothing and goes nowhere. Whom its docks hold they go on holding.
+
+        A second call changes nothing; so does one where somebody else gives the orders.
+        """
+        ...
+
     def end(self, reason: str, now_ms: int) -> list[Order]:
         """Ends it where it stands; a second call changes nothing."""
         ...

@@ -21,6 +21,8 @@ class Phase(StrEnum):
     UNDOCK = "undock"
     COMMANDED = "as it is told"
     """No box of the figure: a script or a person orders what is done."""
+    STANDS_DOWN = "stands down"
+    """Nor this: one of several aPads cannot go on, and others take over whom it serves."""
     ENDED = "ended"
 
 

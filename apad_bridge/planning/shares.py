@@ -5,6 +5,9 @@ k-means under a capacity: each aMussel goes to a share such that the sum of squa
 least of all divisions into equal shares (an exact minimum-cost flow), the centres move to the middles of their shares, and
 so on until the sum no longer falls. The first centres are the aPads' starts, so that each aPad's share begins where it is.
 
+While a mission runs, when an aPad has failed, the same is asked again over those that are left: the first centres are then
+the middles of what they serve, and who cannot be moved stays and counts.
+
 All in whole millimetres: sums are exact, ties are broken by the order of aPads and ids, and the rounds must end.
 """
 
@@ -13,6 +16,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from itertools import product
 from math import inf
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -24,47 +28,66 @@ Millimetres = npt.NDArray[np.int64]
 _FAR = np.iinfo(np.int64).max // 4
 
 
-def shares(starts_m: Sequence[Point], places_m: Mapping[int, Point]) -> tuple[tuple[int, ...], ...]:
+def shares(
+    starts_m: Sequence[Point], places_m: Mapping[int, Point], stays: Mapping[int, int] = MappingProxyType({})
+) -> tuple[tuple[int, ...], ...]:
     """The ids that each aPad serves, rising, in the order of `starts_m`: their numbers differ by one at most.
 
+    `stays` are those of `places_m` that an aPad keeps, by its place in `starts_m`; the numbers are then as equal as can be.
     ValueError without an aPad, or for a place farther than 100 km from the origin.
     """
     if not starts_m:
         raise ValueError("shares need an aPad")
-    ids = sorted(places_m)
+    kept = sorted(stays)
+    ids = [*kept, *sorted(places_m.keys() - stays.keys())]
     if not ids:
         return ((),) * len(starts_m)
     places = _millimetres([places_m[agent_id] for agent_id in ids])
     centres = _millimetres(starts_m)
-    owners = assigned(_squares(places, centres))
+    fixed = [stays[agent_id] for agent_id in kept]
+    taken = [fixed.count(n) for n in range(len(starts_m))]
+
+    def owned(centres: Millimetres) -> list[int]:
+        return [*fixed, *assigned(_squares(places[len(fixed) :], centres), taken)]
+
+    owners = owned(centres)
     total = inf
     while (now := _about_middles(places, owners, len(starts_m))) < total:
         total, chosen = now, owners
-        owners = assigned(_squares(places, _middles(places, owners, centres)))
+        owners = owned(_middles(places, owners, centres))
     return tuple(
-        tuple(agent_id for agent_id, owner in zip(ids, chosen, strict=True) if owner == n)
+        tuple(sorted(agent_id for agent_id, owner in zip(ids, chosen, strict=True) if owner == n))
         for n in range(len(starts_m))
     )
 
 
-def assigned(costs: npt.NDArray[Any]) -> list[int]:
-    """The owner of each row, such that the owners' numbers of rows differ by one at most and the sum of costs is the least.
+def assigned(costs: npt.NDArray[Any], taken: Sequence[int] = ()) -> list[int]:
+    """The owner of each row, such that the owners' numbers are as equal as can be and the sum of costs is the least.
 
-    `costs` are whole numbers, (rows, owners). Rows are given owners one by one, each along the cheapest chain of moves
-    (it takes one's place, who takes another's, ...) to an owner who has room: successive shortest paths, which is exact.
+    `costs` are whole numbers, (rows, owners); `taken` says how many each owner has besides. Rows are given owners one by
+    one, each along the cheapest chain of moves (it takes one's place, who takes another's, ...) to an owner who has room:
+    successive shortest paths, which is exact.
     """
     rows, owners = costs.shape
     owner_of = np.full(rows, -1, dtype=np.int64)
-    sizes = [0] * owners
-    even = rows // owners
+    sizes = list(taken) or [0] * owners
+    even, level = _evened(rows, sizes)
     for row in range(rows):
         # All get `even` first. Who gets one more is decided by the last rows, whose chains may move anybody.
-        room = [size < even + (row >= even * owners) for size in sizes]
+        room = [size < even + (row >= level) for size in sizes]
         last, chain = _cheapest_chain(costs, owner_of, row, room)
         sizes[last] += 1
         for moved, owner in chain:
             owner_of[moved] = owner
     return [int(owner) for owner in owner_of]
+
+
+def _evened(rows: int, sizes: Sequence[int]) -> tuple[int, int]:
+    """The number up to which `rows` can fill every owner who has less, and how many rows that takes."""
+    even = min(sizes)
+    while sum(max(0, even + 1 - size) for size in sizes) <= rows:
+        even += 1
+    return even, sum(max(0, even - size) for size in sizes)
 
 
 def _cheapest_chain(

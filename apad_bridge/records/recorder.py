@@ -262,6 +262,7 @@ class Recorder:
                 belief.agent_id, belief.north_m, belief.east_m, belief.primary, belief.secondary
             )
             for belief in self._beliefs
+            if belief.agent_id in self._known
         }
         for now in self.truths_at(at_ms):
             ends[now.agent_id] = Start(now.agent_id, now.north_m, now.east_m, now.primary, now.secondary)

@@ -10,8 +10,8 @@ from collections import Counter
 from collections.abc import Iterable
 from typing import Protocol
 
-from apad_bridge.ether import Ether
-from apad_bridge.facts import Medium, Send, SoundHeard, WifiHeard
+from apad_bridge.ether import Came, Ether
+from apad_bridge.facts import Medium, Send
 from apad_bridge.laboratory.names import Names
 from apad_bridge.laboratory.words import DockSaid, PacketSaid, Said, What, WordSaid
 from apad_bridge.ros.laboratory_topics import LaboratoryEars, LaboratoryMouths
@@ -106,9 +106,9 @@ class LaboratoryEther:
         self._on_wifi: dict[int, int] = {}
         """When each aMussel that is on the Wi-Fi last sent something."""
 
-    def advance(self, now_ms: int) -> list[WifiHeard | SoundHeard | Send]:
+    def advance(self, now_ms: int) -> list[Came]:
         words, self._link.words = self._link.words, []
-        heard: list[WifiHeard | SoundHeard | Send] = [send for word in words for send in self._sends(word)]
+        heard: list[Came] = [send for word in words for send in self._sends(word)]
         for agent_id, last_ms in list(self._on_wifi.items()):
             if now_ms - last_ms > WIFI_GONE_MS:
                 del self._on_wifi[agent_id]

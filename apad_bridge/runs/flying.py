@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import signal
 from collections import Counter
-from collections.abc import Callable, Sequence
-from contextlib import ExitStack
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
@@ -14,9 +14,10 @@ from agents.one_process import OneProcess
 from agents.processes import ProcessHost
 from apad_bridge import building
 from apad_bridge.beliefs.fleet import FleetBeliefs
-from apad_bridge.ether import Ether
+from apad_bridge.ether import Ether, TellGuest
 from apad_bridge.fleet import Fleet
 from apad_bridge.flight import Flight, Watcher
+from apad_bridge.mission.breakdown import Breakdown
 from apad_bridge.mission.state import MissionState
 from apad_bridge.modems.rims import Rims
 from apad_bridge.pace import AsFastAsPossible, Pace
@@ -63,6 +64,12 @@ class Surroundings:
     """Events of the surroundings (kind, data) that were not told yet: a master that is gone, a vehicle that is silent."""
     rims: Rims | None = None
     roll: Roll | None = None
+    keeps_samples: bool = True
+    """False for a fleet whose mission is at the other end of an ether: its samples are uploaded there."""
+    tell_guest: TellGuest | None = None
+    """Where one of several aPads may serve another's aMussels."""
+    breakdown: Breakdown | None = None
+    """What makes one of several aPads stand down; None for one that is alone, or whose work nobody takes over."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,6 +115,58 @@ def fly(
     With `fronts` there is no mission of our own: the aPad does what these order. By `override` it can be taken over.
     `beliefs` are what is believed already; None for nothing.
     """
+    flying = prepare(
+        scenario,
+        surroundings,
+        recorder,
+        show,
+        go_on,
+        until_first_plan=until_first_plan,
+        fronts=fronts,
+        override=override,
+        beliefs=beliefs,
+    )
+    with stopped_by_signals(flying.flight):
+        flying.flight.run()
+    return flying.finish()
+
+
+@contextmanager
+def stopped_by_signals(*flights: Flight) -> Iterator[None]:
+    """SIGINT and SIGTERM end them in order."""
+
+    def stop(*_: object) -> None:
+        for flight in flights:
+            flight.stop("the operator")
+
+    with ExitStack() as stack:
+        for number in (signal.SIGINT, signal.SIGTERM):
+            stack.callback(signal.signal, number, signal.signal(number, stop))
+        yield
+
+
+@dataclass(frozen=True, slots=True)
+class Prepared:
+    """A flight that is ready to be flown, and what makes its summary."""
+
+    flight: Flight
+    finish: Callable[[], dict[str, Any]]
+    """After its end: writes the last of its records, and gives the summary."""
+
+
+def prepare(
+    scenario: Scenario,
+    surroundings: Surroundings,
+    recorder: Recorder,
+    show: Callable[[Status], None],
+    go_on: GoOn | None = None,
+    *,
+    until_first_plan: bool = False,
+    fronts: Sequence[Front] = (),
+    override: CalledFront | None = None,
+    beliefs: FleetBeliefs | None = None,
+) -> Prepared:
+    """What `fly` flies."""
     supervisor = _supervisor(scenario, surroundings, recorder, go_on, fronts, override, beliefs)
     pace = surroundings.pace
 
@@ -134,15 +193,15 @@ def fly(
         ether=surroundings.ether,
         rims=surroundings.rims,
         roll=surroundings.roll,
+        tell_guest=surroundings.tell_guest,
     )
-    with ExitStack() as stack:
-        for number in (signal.SIGINT, signal.SIGTERM):
-            before = signal.signal(number, lambda *_: flight.stop("the operator"))
-            stack.callback(signal.signal, number, before)
-        ended_by = flight.run()
-        recorder.event(flight.now_ms, "end", reason=ended_by)
+
+    def finish() -> dict[str, Any]:
+        recorder.event(flight.now_ms, "end", reason=flight.ended_by)
         dropped = flight.all_dropped + surroundings.dropped()
-        return recorder.finish(flight.now_ms, _ending(supervisor, ended_by, go_on, dropped))
+        return recorder.finish(flight.now_ms, _ending(supervisor, flight.ended_by, go_on, dropped))
+
+    return Prepared(flight, finish)
 
 
 def _supervisor(
@@ -165,6 +224,7 @@ def _supervisor(
         # The aPad's modem is where its water is: with the fleet, and not with a mission alone.
         has_modem=surroundings.fleet is not None,
         docks_by_eye=surroundings.docks_by_eye,
+        breakdown=surroundings.breakdown,
         beliefs=beliefs,
     )
     if go_on is not None:
@@ -229,8 +289,7 @@ def journal_start(recorder: Recorder, scenario: Scenario, starts: Sequence[Start
 def _collection(
     scenario: Scenario, surroundings: Surroundings, recorder: Recorder
 ) -> SampleCollection | None:
-    """A fleet whose mission is at the other end of an ether uploads its samples there."""
-    if surroundings.fleet is not None and surroundings.ether is not None:
+    if not surroundings.keeps_samples:
         return None
     return SampleCollection(building.agent_ids(scenario), recorder.samples_kept)
 

@@ -10,7 +10,9 @@ from agents.outputs import Truth
 from apad_bridge import building
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.boards import charge_model
+from apad_bridge.ether import Ether, TellGuest
 from apad_bridge.flight import Flight
+from apad_bridge.mission.breakdown import Breakdown
 from apad_bridge.pace import AsFastAsPossible
 from apad_bridge.presence import Presence
 from apad_bridge.records.summary import uptime_figures
@@ -64,20 +66,30 @@ class MemoryRecorder:
 
 
 def open_flight(
-    scenario: Scenario, fronts: Sequence[Front] = (), override: CalledFront | None = None
+    scenario: Scenario,
+    fronts: Sequence[Front] = (),
+    override: CalledFront | None = None,
+    ether: Ether | None = None,
+    tell_guest: TellGuest | None = None,
+    breakdown: Breakdown | None = None,
 ) -> tuple[Flight, MemoryRecorder]:
     """A flight that is ready to `run`, and its records.
 
-    With `fronts` the aPad does what these order; by `override` the mission can be taken over.
+    With `fronts` the aPad does what these order; by `override` the mission can be taken over. The rest is for several.
     """
     births = building.births(scenario, starts_of(scenario))
     host = OneProcess(building.fleet_config(scenario), births)
     fleet = fleet_of(scenario, host, dict.fromkeys(births, 0))
     vehicle = InProcessVehicle(building.simulated_apad(scenario))
     samples = SampleCollection(building.agent_ids(scenario))
-    supervisor = building.supervisor(scenario, fronts=fronts, samples=samples, override=override)
+    supervisor = building.supervisor(
+        scenario, fronts=fronts, samples=samples, override=override, breakdown=breakdown
+    )
     recorder = MemoryRecorder(scenario)
-    return Flight(supervisor, vehicle, AsFastAsPossible(), recorder, fleet), recorder
+    flight = Flight(
+        supervisor, vehicle, AsFastAsPossible(), recorder, fleet, ether=ether, tell_guest=tell_guest
+    )
+    return flight, recorder
 
 
 def fly_in_memory(scenario: Scenario) -> tuple[dict[str, Any], MemoryRecorder]:

@@ -11,7 +11,8 @@ from firmware_model.state_groups import DOCKED
 
 @dataclass(frozen=True, slots=True)
 class Status:
-    """`active` is the number believed in the water with charge left, of `agents` ever heard."""
+    """`active` is the number believed in the water with charge left, of `agents` ever heard
+    and served here."""
 
     now_ms: int
     phase: str
@@ -26,7 +27,8 @@ class Status:
 
     @classmethod
     def of(cls, supervisor: Supervisor, now_ms: int, behind_s: float) -> Status:
-        beliefs = supervisor.beliefs.all()
+        share = supervisor.share
+        beliefs = [it for it in supervisor.beliefs.all() if it.agent_id not in share.given]
         state = supervisor.mission.state
         return cls(
             now_ms,

@@ -10,8 +10,10 @@ from apad_bridge.boards import can_fill
 from apad_bridge.geography import LocalFrame
 from apad_bridge.laboratory.names import load_names
 from apad_bridge.planning.registry import collection, redeployment
+from apad_bridge.scenario import schema
 from apad_bridge.scenario.believing import Estimator
 from apad_bridge.scenario.currents import problem_with_current
+from apad_bridge.scenario.faults import OF_A, OF_B
 from apad_bridge.scenario.links import problem_with_links
 from apad_bridge.scenario.schema import DriftMode, FullWhen, HearingMode, Scenario
 from apad_bridge.scenario.water import ModemGeneration, Water
@@ -54,14 +56,20 @@ def _of_more_apads(scenario: Scenario) -> Iterator[Contradiction]:
     names = [scenario.apad.name, *(it.name for it in scenario.apads)]
     if len(set(names)) < len(names):
         yield "apads", f"names must differ from each other and from apad.name, and are {', '.join(names)}"
+    if "/" in scenario.apad.name:
+        yield "apad.name", "with `apads` it is a plain name, without slashes"
     if scenario.fleet.count < len(names):
         yield "apads", f"{len(names)} aPads have no work with {scenario.fleet.count} aMussels: leave some out"
+    for n, it in enumerate(scenario.apads):
+        possible = OF_B if scenario.apad.generation is schema.Generation.B else OF_A
+        if it.fault is not None and it.fault not in possible:
+            yield f"apads[{n}].fault", f"of the other generation; possible are: {', '.join(sorted(possible))}"
     if scenario.fleet.share:
         yield "apads", "a share of a fleet is one aPad's: leave this key out, or fleet.share"
     if scenario.water is not None:
         yield (
             "apads",
-            "each share would have a water of its own, and sound does not stop there: leave `water` out, or this key",
+            "sound crosses shares, and a water has one fleet and one aPad's modem in it: leave `water` out, or this key",
         )
 
 
@@ -200,6 +208,14 @@ def _of_the_water(scenario: Scenario) -> Iterator[Contradiction]:
             "water.talk.ping_worth_m",
             "the last packet says nothing of how sure a place is, and ranges must become places: add "
             "beliefs.estimator: twin and water.localisation, or leave this key out",
+        )
+    if water.talk.ask_worth_answers and (
+        scenario.beliefs.estimator is not Estimator.TWIN or scenario.board.whole is None
+    ):
+        yield (
+            "water.talk.ask_worth_answers",
+            "the last packet says nothing of how sure a charge is, and the worst case does not answer: add "
+            "beliefs.estimator: twin and board.whole, or leave this key out",
         )
     if water.modems is ModemGeneration.V2:
         yield from _of_v2_modems(scenario, water)

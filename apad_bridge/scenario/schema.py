@@ -13,7 +13,7 @@ from typing import Annotated
 
 from annotated_types import Ge, Le
 
-from apad_bridge.scenario.another_apad import AnotherAPad
+from apad_bridge.scenario.another_apad import AnotherAPad, Sharing
 from apad_bridge.scenario.believing import Beliefs
 from apad_bridge.scenario.board import Board
 from apad_bridge.scenario.faults import OF_A, OF_B, Fault
@@ -25,7 +25,7 @@ from apad_bridge.scenario.quantities import (
     NotNegativeSeconds,
     Positive,
     PositiveSeconds,
-    RosName,
+    RosNamespace,
     frozen,
 )
 from apad_bridge.scenario.water import Water
@@ -255,7 +255,7 @@ class Generation(StrEnum):
 class APad:
     """The simulated aPad. A real one needs its name, and its generation where it offers both."""
 
-    name: RosName = "apad1"
+    name: RosNamespace = "apad1"
     generation: Generation = Generation.AUTO
     interface: str | None = None
     """A YAML file with the laboratory's own topics, relative to the scenario file; those of musselbed if there is none."""
@@ -308,6 +308,7 @@ class Scenario:
     apad: APad
     apads: tuple[AnotherAPad, ...] = ()
     """More of them, which share the fleet with `apad`."""
+    sharing: Sharing = Sharing()
     records: Records = Records()
     beliefs: Beliefs = Beliefs()
     water: Water | None = None

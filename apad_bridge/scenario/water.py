@@ -158,6 +158,8 @@ class Talk:
     """Mission time: one aMussel after another is pinged so often, to know where it is; 0 for never."""
     ping_worth_m: NotNegative = 0.0
     """One that the aPad may have to look for farther than this is pinged out of turn; 0 for never. Needs twins."""
+    ask_worth_answers: NotNegative = 0.0
+    """One is asked how it is if a wrong plan is expected to cost it more than so many answers; 0 for never. Needs twins."""
 
 
 @frozen

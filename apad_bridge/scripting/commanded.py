@@ -104,6 +104,9 @@ class CommandedMission(OrderBook):
             front.act(self, now_ms)
         return self.take_orders()
 
+    def stand_down(self, reason: str, now_ms: int) -> list[Order]:
+        return []
+
     def end(self, reason: str, now_ms: int) -> list[Order]:
         self.now_ms = now_ms
         self.finish(reason)

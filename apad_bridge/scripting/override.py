@@ -69,6 +69,9 @@ class Override:
         self._calls.show(self.by_hand)
         return orders
 
+    def stand_down(self, reason: str, now_ms: int) -> list[Order]:
+        return self._flying.stand_down(reason, now_ms)
+
     def end(self, reason: str, now_ms: int) -> list[Order]:
         self._calls.close(reason)
         return self._flying.end(reason, now_ms)

@@ -1,8 +1,7 @@
-"""Several aPads' flights: in virtual time one after another, or over ROS side by side on one master.
+"""Several aPads' flights over ROS, side by side on one master.
 
-Shares have nothing in common, so in virtual time the order does not matter. Over ROS each aPad's run has a parent, a
-nursery and a supervisor of its own. On a master of our own, one node publishes the /clock that simulated aPads and
-supervisors follow; each mission's time begins when its supervisor first hears it.
+Each aPad's run has a parent, a nursery and a supervisor of its own. On a master of our own, one node publishes the /clock
+that simulated aPads and supervisors follow; each mission's time begins when its supervisor first hears it.
 """
 
 from __future__ import annotations
@@ -23,12 +22,12 @@ from apad_bridge.ros.master import MasterFailed, start_master
 from apad_bridge.ros.route import environment_for, somebodys_master
 from apad_bridge.runs.children import Child
 from apad_bridge.runs.failures import PeerFailed
-from apad_bridge.runs.here import fly_here
 from apad_bridge.runs.options import APadKind, RunOptions, TimeSource
 from apad_bridge.runs.parent import Interrupts
-from apad_bridge.runs.progress import FlightProgress, Shows
+from apad_bridge.runs.progress import Shows
 from apad_bridge.runs.status import Status
 from apad_bridge.squad.members import Member
+from apad_bridge.squad.together import together
 
 _MASTER_S = 10.0
 _END_S = 8.0
@@ -37,21 +36,6 @@ _END_S = 8.0
 
 def directory_of(member: Member, whole: RunDirectory) -> RunDirectory:
     return RunDirectory(whole.path / member.name)
-
-
-def fly_one_by_one(
-    members: Sequence[Member], whole: RunDirectory, *, quiet: bool
-) -> dict[str, dict[str, Any]]:
-    """In virtual time and in this process; the summaries of those that were flown, by aPad."""
-    summaries: dict[str, dict[str, Any]] = {}
-    for member in members:
-        scenario = member.scenario
-        with FlightProgress(scenario.name, round(scenario.duration_s * 1000), quiet) as progress:
-            flown = fly_here(scenario, member.starts, directory_of(member, whole), progress)
-        summaries[member.name] = flown
-        if flown["ended_by"] == "the operator":
-            break
-    return summaries
 
 
 def fly_side_by_side(
@@ -71,7 +55,7 @@ def fly_side_by_side(
                 "apad_bridge.squad.member_process",
                 [str(directory.path)],
                 directory.path / "parent.log",
-                environment_for(uri),
+                environment_for(uri, options.namespace),
             )
             stack.callback(child.end, 1.0)
             children[member.name] = child
@@ -90,7 +74,8 @@ def _open_ros(
         stack.callback(master.stop, 1.0)
         for member in members:
             scenario = directory_of(member, whole).scenario
-            node = start_apad_node(scenario, master.uri, whole.path / f"{member.name}.log")
+            log = whole.path / f"{member.name}.log"
+            node = start_apad_node(scenario, master.uri, log, namespace=options.namespace)
             stack.callback(stop_apad_node, node, 1.0)
             nodes[member.name] = node
     except (MasterFailed, APadNodeFailed) as error:
@@ -100,7 +85,7 @@ def _open_ros(
         "apad_bridge.ros.clock_node",
         ["--speed", str(options.speed)],
         whole.path / "clock.log",
-        environment_for(master.uri),
+        environment_for(master.uri, options.namespace),
     )
     stack.callback(clock.end, 1.0)
     return master.uri, TimeSource.ROS, nodes
@@ -166,7 +151,7 @@ class Watch:
         status = Status.from_line(line)
         if status is not None:
             self._now[name] = status
-            self._progress.show(_together(list(self._now.values()), len(self._children)))
+            self._progress.show(together(list(self._now.values()), len(self._children)))
         elif line.startswith("{"):
             said = json.loads(line)
             if "summary" in said:
@@ -177,19 +162,3 @@ class Watch:
                 self._progress.say(f"{name}: {said['said']}")
         else:
             self._progress.say(f"{name}: {line}")
-
-
-def _together(each: Sequence[Status], apads: int) -> Status:
-    """The sums; of times the last one's, for the run ends with it."""
-    return Status(
-        min(it.now_ms for it in each),
-        f"{apads} aPads",
-        "",
-        sum(it.agents for it in each),
-        sum(it.active for it in each),
-        sum(it.docked for it in each),
-        sum(it.services for it in each),
-        sum(it.cost_m for it in each),
-        None,
-        max(it.behind_s for it in each),
-    )

@@ -6,9 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from apad_bridge.planning.shares import shares
+from apad_bridge.scenario.another_apad import AnotherAPad
 from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.loader import from_data, resolve
-from apad_bridge.scenario.schema import Scenario
+from apad_bridge.scenario.schema import APad, Scenario
 from apad_bridge.scenario.starts import Start
 
 
@@ -24,7 +25,7 @@ class Member:
 def members(scenario: Scenario, starts: Sequence[Start]) -> tuple[Member, ...]:
     """In the scenario's order of aPads, each with the share that is planned for it."""
     places_m = {start.agent_id: (start.north_m, start.east_m) for start in starts}
-    return divided(scenario, starts, shares([start_m for _, start_m in _apads(scenario)], places_m))
+    return divided(scenario, starts, shares([apad.start_m for apad in _apads(scenario)], places_m))
 
 
 def divided(
@@ -33,31 +34,35 @@ def divided(
     """The same with these shares. Ids, seed, timeslots and starts are those of the whole; only who serves is new."""
     return tuple(
         Member(
-            name,
-            _of_one(scenario, name, start_m, share),
+            apad.name,
+            _of_one(scenario, apad, share),
             tuple(start for start in starts if start.agent_id in share),
         )
-        for (name, start_m), share in zip(_apads(scenario), served, strict=True)
+        for apad, share in zip(_apads(scenario), served, strict=True)
     )
 
 
 def with_apad(scenario: Scenario, name: str) -> Scenario:
     """The scenario with this one of its aPads alone, over the whole fleet. ScenarioError when it has none of this name."""
-    starts_m = dict(_apads(scenario))
-    if name not in starts_m:
-        raise ScenarioError([f"{scenario.name} has no aPad {name}: its aPads are {', '.join(starts_m)}"])
-    return _of_one(scenario, name, starts_m[name], scenario.fleet.share)
+    apads = {apad.name: apad for apad in _apads(scenario)}
+    if name not in apads:
+        raise ScenarioError([f"{scenario.name} has no aPad {name}: its aPads are {', '.join(apads)}"])
+    return _of_one(scenario, apads[name], scenario.fleet.share)
 
 
-def _apads(scenario: Scenario) -> list[tuple[str, tuple[float, float]]]:
-    """Names and starts, `apad` first."""
-    first = scenario.apad
-    return [(first.name, first.start_m), *((it.name, it.start_m) for it in scenario.apads)]
+def _apads(scenario: Scenario) -> list[APad | AnotherAPad]:
+    """`apad` first."""
+    return [scenario.apad, *scenario.apads]
 
 
-def _of_one(scenario: Scenario, apad: str, start_m: tuple[float, float], share: tuple[int, ...]) -> Scenario:
+def _of_one(scenario: Scenario, apad: APad | AnotherAPad, share: tuple[int, ...]) -> Scenario:
     data = resolve(scenario)
-    data.update(name=f"{scenario.name}-{apad}", apads=[])
+    data.update(name=f"{scenario.name}-{apad.name}", apads=[])
     data["fleet"]["share"] = list(share)
-    data["apad"].update(name=apad, start_m=list(start_m))
-    return from_data(data, f"{scenario.name}: {apad}")
+    data["apad"].update(name=apad.name, start_m=list(apad.start_m))
+    if isinstance(apad, AnotherAPad):
+        if apad.battery_start_fraction is not None:
+            data["apad"]["battery"]["start_fraction"] = apad.battery_start_fraction
+        if apad.fault is not None:
+            data["apad"]["fault"] = apad.fault.value
+    return from_data(data, f"{scenario.name}: {apad.name}")

@@ -13,10 +13,11 @@ _SUMS = (
 )
 
 
-def of_all(name: str, of_each: Mapping[str, Summary]) -> dict[str, Any]:
+def of_all(name: str, of_each: Mapping[str, Summary], handed_on: int = 0) -> dict[str, Any]:
     """The summary of the whole from those of its aPads, by name; each percentage is of its own flight's time.
 
-    A figure that one of them does not know is None. `apad_energy_fraction` is the aPads' mean.
+    An aMussel is counted where it is simulated, whoever serves it; `handed_on` is how many were served by another aPad
+    than at the start. A figure that one of them does not know is None. `apad_energy_fraction` is the aPads' mean.
     """
     flights = list(of_each.values())
     dropped: Counter[str] = Counter()
@@ -37,6 +38,7 @@ def of_all(name: str, of_each: Mapping[str, Summary]) -> dict[str, Any]:
             flights, "apad_energy_fraction", lambda values: sum(values) / len(values)
         ),
         **{key: _over(flights, key, sum) for key in _SUMS},
+        "handed_on": handed_on,
         "apart": _apart(flights),
         "dropped": dict(sorted(dropped.items())),
         "apads": {apad: dict(flight) for apad, flight in of_each.items()},

@@ -6,9 +6,11 @@ import math
 from collections import Counter
 from collections.abc import Sequence
 
+from apad_bridge.beliefs import modes
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.fleet import FleetBeliefs
 from apad_bridge.beliefs.measurement import Fixed, Ranged
+from apad_bridge.beliefs.modes import Mode
 from apad_bridge.beliefs.pings import PingPolicy, to_ping
 from apad_bridge.facts import RangeHeard, SupervisorAction
 from apad_bridge.localisation.locator import Locator, PositionFix, RangeTaken
@@ -30,13 +32,15 @@ class Ears:
         keel_m: float,
         depth_m: float,
         deviation_m: float,
-        asks: PingPolicy | None = None,
+        places: PingPolicy | None = None,
+        charges: PingPolicy | None = None,
     ) -> None:
         """`deviation_m`: of a range. Without a `locator` pings tell ways, and no places.
 
-        `asks` says who is pinged because too little is known of it.
+        `places` says whose range is taken because too little is known of where it is, `charges` who is asked how it is.
         """
-        self._asks = asks
+        self._places = places
+        self._charges = charges
         self._talk = talk
         self._locator = locator
         self._keel_m = keel_m
@@ -45,14 +49,23 @@ class Ears:
 
     @property
     def dropped(self) -> Counter[str]:
-        return Counter() if self._locator is None else self._locator.dropped
+        told = Counter() if self._locator is None else self._locator.dropped.copy()
+        if self._talk.unanswered:
+            told["sound: asked how it was, and no answer came in time"] = self._talk.unanswered
+        return told
 
     def advance(self, beliefs: Sequence[Belief], now_ms: int) -> list[SupervisorAction]:
-        away = frozenset(it.agent_id for it in beliefs if it.state in _AWAY)
-        if self._asks is None:
-            return self._talk.advance(now_ms, away)
+        away = frozenset(it.agent_id for it in beliefs if _is_away(it))
         near = [it for it in beliefs if it.agent_id not in away]
-        return self._talk.advance(now_ms, away, to_ping(self._asks, near, now_ms, at_most=1))
+        whereabouts, charges = (
+            [] if policy is None else to_ping(policy, near, now_ms)
+            for policy in (self._places, self._charges)
+        )
+        return self._talk.advance(now_ms, away, whereabouts, charges)
+
+    def heard_of(self, agent_id: int) -> None:
+        """It said in short how it is, whether it was asked or not."""
+        self._talk.heard_of(agent_id)
 
     def timed(self, actions: Sequence[SupervisorAction], now_ms: int) -> list[SupervisorAction]:
         return self._talk.timed(actions, now_ms)
@@ -87,6 +100,13 @@ class Ears:
         along_m = math.sqrt(max(0.0, taken.range_m**2 - down_m**2))
         ranged = Ranged(taken.at_ms, along_m, taken.north_m, taken.east_m, self._deviation_m**2)
         beliefs.learn(taken.agent_id, ranged)
+
+
+def _is_away(belief: Belief) -> bool:
+    """In a dock or afloat, and so deaf; of a belief that goes on by itself, more probably so than not."""
+    if belief.is_carried:
+        return belief.probability_of(*modes.DOCKED, Mode.FLOATING) > 0.5
+    return belief.state in _AWAY
 
 
 def fix_data(fix: PositionFix) -> dict[str, object]:

@@ -1,4 +1,4 @@
-"""What an aPad says by sound of its own accord, and when: beacons, slots for its aMussels, and pings.
+"""What an aPad says by sound of its own accord, and when: beacons, slots for its aMussels, pings, and how are you?
 
 It plans the air: each word gets a time at which the aMussels are quiet and the aPad's modem free, so that what a beacon
 says is true when it is said. It pings each aMussel, to learn how long sound takes; it gives each its slot, with an offset
@@ -17,13 +17,12 @@ from dataclasses import dataclass, replace
 from agents.keel_modem import ANSWER_TIMEOUT_MS
 from agents.modem.frames import SHORT_MS, Generation, duration_ms
 from apad_bridge.facts import Medium, Ping, Send, SupervisorAction
+from apad_bridge.mission.orders import Note
+from apad_bridge.talking.inquiries import ASK_AGAIN_MS, Inquiries
 from apad_bridge.talking.quiet import ALWAYS, Quiet
 from firmware_model.codec import Codec
-from firmware_model.packets import EVERYONE, Beacon, SlotAssignment
+from firmware_model.packets import EVERYONE, Beacon, CommandPacket, Kind, SlotAssignment
 from firmware_model.plan import Slots
-
-_ASK_AGAIN_MS = 600_000
-"""Of agent time: before one that did not answer, or was put elsewhere, is asked again."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,6 +39,8 @@ class TalkConfig:
     beacon_period_ms: int
     ping_period_ms: int
     modems: Generation = Generation.V3
+    answer_ms: int = 0
+    """From the end of the question how it is to the end of the answer, without their ways."""
 
 
 class Talk:
@@ -68,8 +69,10 @@ class Talk:
         self._beacon_due_ms = agent_ms
         self._ping_due_ms = now_ms
         self._turns = deque(self._agent_ids)
-        self._asked_ms: dict[int, int] = {}
-        """When one that too little is known of was last pinged for that."""
+        self.unanswered = 0
+        """How many questions how they are brought nothing in time."""
+        self._ranged = Inquiries()
+        self._asked = Inquiries()
 
     def timed(self, actions: Sequence[SupervisorAction], now_ms: int) -> list[SupervisorAction]:
         """The same actions; words by sound with the time at which they may be said.
@@ -89,19 +92,27 @@ class Talk:
         return told
 
     def advance(
-        self, now_ms: int, away: frozenset[int], unsure: Sequence[int] = ()
+        self,
+        now_ms: int,
+        away: frozenset[int],
+        whereabouts: Sequence[int] = (),
+        charges: Sequence[int] = (),
     ) -> list[SupervisorAction]:
         """What is due at mission time `now_ms`; those who are `away` are believed not to hear: afloat, or in a dock.
 
-        Who is `unsure` is pinged too, each no oftener than is asked for an answer.
+        Whose `whereabouts` are wanted is pinged, and whose `charges`, asked how it is: the first of either that may be
+        asked again, one after the other.
         """
         config, agent_ms = self._config, self._config.theta * now_ms
+        said: list[SupervisorAction] = [
+            Note("unanswered", {"id": agent_id}) for agent_id in self._asked.given_up(agent_ms)
+        ]
+        self.unanswered += len(said)
         if self._free_ms > agent_ms + config.theta * 1000:
-            return []  # what was said before has still to be sent
-        said: list[SupervisorAction] = []
+            return said  # what was said before has still to be sent
         for agent_id, due_ms in self._learn_at_ms.items():
             if due_ms <= agent_ms and agent_id not in away:
-                self._learn_at_ms[agent_id] = agent_ms + _ASK_AGAIN_MS
+                self._learn_at_ms[agent_id] = agent_ms + ASK_AGAIN_MS
                 said.append(self._ping(agent_id, now_ms))
         if config.beacon_period_ms and self._beacon_due_ms <= agent_ms:
             self._beacon_due_ms = agent_ms + config.beacon_period_ms
@@ -110,14 +121,15 @@ class Talk:
         if config.ping_period_ms and self._ping_due_ms <= now_ms:
             self._ping_due_ms = now_ms + config.ping_period_ms
             said += self._next_ping(now_ms, away)
-        for agent_id in unsure:
-            if (
-                agent_id not in away
-                and self._asked_ms.get(agent_id, agent_ms - _ASK_AGAIN_MS) + _ASK_AGAIN_MS <= agent_ms
-            ):
-                self._asked_ms[agent_id] = agent_ms
-                said.append(self._ping(agent_id, now_ms))
+        if (sought := self._ranged.next(whereabouts, agent_ms)) is not None:
+            said.append(self._ping(sought, now_ms))
+        if (asked := self._asked.next(charges, agent_ms)) is not None:
+            said += [Note("asked", {"id": asked}), self._question(asked, now_ms)]
         return said
+
+    def heard_of(self, agent_id: int) -> None:
+        """It said in short how it is."""
+        self._asked.answered(agent_id)
 
     def hear(self, agent_id: int, range_m: float, now_ms: int) -> list[SupervisorAction]:
         """A ping was answered: the first one of an aMussel gives it its slot."""
@@ -130,7 +142,7 @@ class Talk:
     def moved(self, agent_id: int, now_ms: int) -> None:
         """It is somewhere else now: its way is to be learned again, when it has had time to sink."""
         if self.ways_ms.pop(agent_id, None) is not None:
-            self._learn_at_ms[agent_id] = self._config.theta * now_ms + _ASK_AGAIN_MS
+            self._learn_at_ms[agent_id] = self._config.theta * now_ms + ASK_AGAIN_MS
 
     def _next_ping(self, now_ms: int, away: frozenset[int]) -> list[SupervisorAction]:
         for _ in range(len(self._turns)):
@@ -156,6 +168,14 @@ class Talk:
 
     def _ping(self, agent_id: int, now_ms: int) -> Ping:
         return Ping(agent_id, self._claim(now_ms, SHORT_MS[self._config.modems] + ANSWER_TIMEOUT_MS))
+
+    def _question(self, agent_id: int, now_ms: int) -> Send:
+        """The air is kept clear until the answer has come."""
+        data = self._codec.encode(CommandPacket(Kind.PING, agent_id))
+        lasting_ms = self._lasting_ms(data) + self._config.answer_ms + 2 * self._config.way_ms
+        at_ms = self._claim(now_ms, lasting_ms)
+        self._asked.await_answer(agent_id, at_ms + lasting_ms)
+        return Send(Medium.SOUND, agent_id, data, at_ms)
 
     def _timed(self, word: Send, now_ms: int) -> Send:
         return replace(word, not_before_ms=self._claim(now_ms, self._lasting_ms(word.data)))

@@ -72,10 +72,10 @@ def test_a_short_status_says_the_state_and_the_charges_of_one_whose_place_is_kno
     beliefs = HoldLast([5, 6])
     short = ShortStatus(5, State.EMPTY, 0.0, 0.8)
     reason = "a short status of an aMussel whose place is not known"
-    assert beliefs.hear_short(short, 1000, 30_000) == reason
+    assert beliefs.hear_short(short, 1000) == reason
     assert beliefs.all() == []
     beliefs.hear(PACKET, 2000)
-    assert beliefs.hear_short(short, 3000, 90_000) is None
+    assert beliefs.hear_short(short, 3000) is None
     found = beliefs.get(5)
     assert found is not None
     assert (found.state, found.primary, found.secondary, found.heard_ms) == (State.EMPTY, 0.0, 0.8, 3000)

@@ -66,6 +66,7 @@ def test_a_ping_must_be_worth_its_energy() -> None:
         answer_charge=0.005,
         not_before_ms=HOUR,
         spare_charge=0.05,
+        answer_deviation=0.02,
     )
     unsure, sure = believed(1, 0.52, 0.1, 2 * HOUR), believed(2, 0.9, 0.1, 2 * HOUR)
     empty, wide = believed(3, 0.0, 0.01, 2 * HOUR), believed(4, 0.5, 0.3, 2 * HOUR)
@@ -76,8 +77,12 @@ def test_a_ping_must_be_worth_its_energy() -> None:
         True,
     ]
     assert not policy.is_worth(unsure, HOUR // 2)
-    assert to_ping(policy, [unsure, sure, empty, wide], 2 * HOUR, 5) == [4, 1]
-    assert to_ping(policy, [unsure, sure, empty, wide], 2 * HOUR, 1) == [4]
+    # At 0.505 the chance to be wrong is the greater, the less is known; an answer would not say it better than to 0.02.
+    assert [policy.is_worth(believed(5, 0.505, sd, 2 * HOUR), 2 * HOUR) for sd in (0.019, 0.021)] == [
+        False,
+        True,
+    ]
+    assert to_ping(policy, [unsure, sure, empty, wide], 2 * HOUR) == [4, 1]
 
 
 def test_a_ping_must_be_worth_the_way_that_a_search_would_cost() -> None:
@@ -94,4 +99,4 @@ def test_a_ping_must_be_worth_the_way_that_a_search_would_cost() -> None:
     )
     farther = placed(4, 0.2, 36.0, 64.0)
     assert policy.urgency(lost_sight_of) == pytest.approx(5.0)
-    assert to_ping(policy, [lost_sight_of, not_wanted, near, farther], 0, 5) == [4, 1]
+    assert to_ping(policy, [lost_sight_of, not_wanted, near, farther], 0) == [4, 1]

@@ -20,6 +20,7 @@ from apad_bridge.beliefs.measurement import (
     Docked,
     Fixed,
     Heard,
+    HeardShort,
     Measurement,
     Permitted,
     Ranged,
@@ -219,6 +220,37 @@ def test_one_that_did_not_obey_is_known_when_it_is_heard() -> None:
     assert stayed.primary == pytest.approx(0.5 - 5 * 60 * ASLEEP, abs=0.01)
 
 
+def test_one_that_waits_to_sink_is_not_taken_for_one_that_has_sunk() -> None:
+    """Its motors run after it has said RELEASED: a reading from before is no news of a bias."""
+    twin = Twin(KNOWLEDGE, ALWAYS_ASLEEP)
+    docked = told(twin, heard(0, State.FLOATING, 0.9), Docked(1000))
+    full = twin.predict(docked, HOUR)
+    down = twin.update(full, Released(HOUR, 0.0, 0.0))
+    assert down is not None
+    before = memory_of(down).mean.copy()
+    waits = twin.update(down, heard(HOUR + 30_000, State.RELEASED, 0.97, 1))  # 1.0 that sags by 0.03
+    assert waits is not None
+    assert waits.primary == pytest.approx(down.primary, abs=0.003)
+    assert memory_of(waits).mean[2:] == pytest.approx(before[2:], abs=0.002)
+    asleep = 1 - 0.027 - IDLE * 1.5
+    sinks = twin.update(waits, heard(HOUR + 60_000, State.SINKING, asleep + 0.0135, 2))
+    assert sinks is not None
+    # By then half of the run, give or take: the rest is still to come.
+    assert sinks.primary == pytest.approx(asleep, abs=0.012) and sinks.charge_cov[0] > 0.004**2
+    lies = twin.update(sinks, heard(3 * HOUR, State.SLEEPING, asleep - 120 * ASLEEP, 3))
+    assert lies is not None and lies.primary == pytest.approx(asleep - 120 * ASLEEP, abs=0.006)
+
+
+def test_motors_that_run_are_heard_while_one_surfaces() -> None:
+    twin = Twin(KNOWLEDGE, ALWAYS_ASLEEP)
+    belief = told(twin, heard(0, State.SLEEPING, 0.5), Permitted(1000))
+    up = twin.update(belief, heard(20_000, State.SURFACING, 0.48, 1))
+    assert up is not None and up.mode is Mode.SURFACING
+    # A sag of 0.01: it holds 0.49, so what is left of a run of 0.027 is 0.017; the filter knows a part of that.
+    assert up.primary == pytest.approx(0.473, abs=0.008)
+    assert 0.004**2 < up.charge_cov[0] < 0.02**2
+
+
 def test_docked_by_somebody_else_it_is_believed_as_heard() -> None:
     twin = Twin(KNOWLEDGE, ALWAYS_ASLEEP)
     belief = told(twin, heard(0, State.SLEEPING, 0.5), heard(6 * HOUR, State.CHARGING, 0.93, 6))
@@ -300,3 +332,42 @@ def test_a_range_says_how_far_and_not_where() -> None:
     assert Source.RANGE in ranged.learned_from
     fixed = twin.update(ranged, Fixed(10 * HOUR, 5.0, 12.0, 1.0))
     assert fixed is not None and fixed.place_cov[0] < 1.0
+
+
+def test_a_short_status_corrects_the_charge_and_says_nothing_of_place_or_time() -> None:
+    twin = Twin(KNOWLEDGE, ALWAYS_ASLEEP)
+    drained = 60 * ASLEEP
+    before = told(twin, *hourly(State.SLEEPING, 0.9, drained, 5))
+    far = twin.predict(before, 30 * HOUR)
+    short = twin.update(before, HeardShort(30 * HOUR, State.SLEEPING, 0.9 - 30 * drained - 0.02, 1.0))
+    assert short is not None
+    assert (short.heard_ms, short.silent_slots, short.learned_from) == (30 * HOUR, 0, Source.PACKET)
+    assert short.charge_cov[0] < far.charge_cov[0] / 50
+    assert short.primary == pytest.approx(0.754, abs=2 * KNOWLEDGE.sensor.noise)
+    assert (short.north_m, short.east_m, short.place_cov) == (far.north_m, far.east_m, far.place_cov)
+    assert short.clock == far.clock and memory_of(short).packet == memory_of(before).packet
+    # A whole status stamped before it, which took its time, is still believed: its time is its own.
+    later = twin.update(short, heard(30 * HOUR, State.SLEEPING, 0.86, 30, agent_ms=30 * HOUR - 5000))
+    assert later is not None and memory_of(later).packet == (30, 30 * HOUR - 5000)
+
+
+@pytest.mark.parametrize(
+    ("schedules", "state", "mode"),
+    [
+        (ALWAYS_ASLEEP, State.PROCESSING, Mode.ASLEEP),
+        (ALWAYS_ASLEEP, State.ACTIVE, Mode.ASLEEP),
+        (ALWAYS_ASLEEP, State.HOVERING, Mode.HIGH_LOAD),
+        ({}, State.PROCESSING, Mode.HIGH_LOAD),
+    ],
+)
+def test_one_that_is_asked_within_a_short_wake_is_not_taken_for_awake(
+    schedules: dict[int, Schedule], state: State, mode: Mode
+) -> None:
+    twin = Twin(KNOWLEDGE, schedules)
+    before = told(twin, *hourly(State.SLEEPING, 0.9, 60 * ASLEEP, 5))
+    asked = twin.update(before, HeardShort(4 * HOUR + 600_000, state, 0.883, 1.0))
+    assert asked is not None and asked.mode is mode and asked.state is state
+
+
+def test_a_short_status_of_one_that_was_never_heard_is_not_believed() -> None:
+    assert Twin(KNOWLEDGE, {}).update(None, HeardShort(0, State.SLEEPING, 0.5, 1.0)) is None

@@ -50,6 +50,40 @@ def test_each_is_served_once_and_by_equal_shares(
     assert shares(starts_m, dict(reversed(places_m.items()))) == found
 
 
+@given(COSTS, st.data())
+def test_who_has_some_already_is_given_fewer(costs: list[list[int]], data: st.DataObject) -> None:
+    """Of all divisions that leave the numbers as even as can be, beside what each has, none costs less."""
+    owners = len(costs[0])
+    taken = data.draw(st.lists(st.integers(0, 3), min_size=owners, max_size=owners))
+
+    def sizes(owner_of: list[int]) -> list[int]:
+        return sorted(has + owner_of.count(owner) for owner, has in enumerate(taken))
+
+    def cost(owner_of: list[int]) -> int:
+        return sum(row[owner] for row, owner in zip(costs, owner_of, strict=True))
+
+    divisions = [list(it) for it in product(range(owners), repeat=len(costs))]
+    evenest = min(sum(size**2 for size in sizes(it)) for it in divisions)
+    found = assigned(np.array(costs, dtype=np.int64), taken)
+    assert sum(size**2 for size in sizes(found)) == evenest
+    assert cost(found) == min(cost(it) for it in divisions if sum(n**2 for n in sizes(it)) == evenest)
+
+
+@given(
+    st.lists(POINTS, min_size=1, max_size=4),
+    st.dictionaries(st.integers(1, 99), POINTS, max_size=16),
+    st.data(),
+)
+def test_who_stays_stays(
+    starts_m: list[tuple[float, float]], places_m: dict[int, tuple[float, float]], data: st.DataObject
+) -> None:
+    keepers = st.integers(0, len(starts_m) - 1)
+    stays = {it: data.draw(keepers) for it in places_m if data.draw(st.booleans())}
+    found = shares(starts_m, places_m, stays)
+    assert sorted(agent_id for share in found for agent_id in share) == sorted(places_m)
+    assert all(agent_id in found[keeper] for agent_id, keeper in stays.items())
+
+
 HEAPS = {
     **{n: (0.0 + n, 0.0) for n in (2, 5, 7)},
     **{n: (0.0 + n, 100.0) for n in (1, 4, 8)},

@@ -73,7 +73,7 @@ def said(
 
 def said_shortly(state: State, charge: float) -> object:
     def do(beliefs: FleetBeliefs, agent_id: int, now_ms: int) -> None:
-        beliefs.hear_short(ShortStatus(agent_id, state, charge, charge), now_ms, POOL.theta * now_ms)
+        beliefs.hear_short(ShortStatus(agent_id, state, charge, charge), now_ms)
 
     return do
 

@@ -54,7 +54,8 @@ def small(bay: Scenario, **apad: Any) -> dict[str, Any]:
         ({"apads": [{"name": "apad1", "start_m": [0, 0]}]}, "names must differ"),
         ({"apads": [{"name": f"b{n}", "start_m": [0, 0]} for n in range(8)]}, "9 aPads have no work with 8"),
         ({"apads": [{"name": "b", "start_m": [0, 0], "speed": 1}]}, r"apads\[0\].speed: unknown key"),
-        ({"water": {"sound": {}}}, "sound does not stop there"),
+        ({"apads": [{"name": "b", "start_m": [0, 0], "fault": "hangs"}]}, "of the other generation"),
+        ({"water": {"sound": {}}}, "sound crosses shares"),
     ],
 )
 def test_what_several_aPads_cannot_be(bay: Scenario, change: dict[str, Any], said: str) -> None:

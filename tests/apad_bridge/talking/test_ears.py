@@ -9,7 +9,8 @@ import pytest
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.fleet import FleetBeliefs
 from apad_bridge.beliefs.measurement import Fixed, Heard, Measurement, Ranged
-from apad_bridge.facts import Ping, RangeHeard
+from apad_bridge.beliefs.modes import Mode
+from apad_bridge.facts import Ping, RangeHeard, Send
 from apad_bridge.localisation.locator import Locator, LocatorConfig
 from apad_bridge.mission.orders import Note
 from apad_bridge.talking.ears import Ears
@@ -123,3 +124,32 @@ def test_one_that_too_little_is_known_of_is_pinged_out_of_turn_and_not_again_bef
     assert [now_ms for now_ms, words in said.items() if words] == [0, 600_000, 1_200_000, 1_800_000]
     docked, _ = believing(State.CHARGING)
     assert asking.advance(docked.all(), 3_000_000) == []
+
+
+def modes(mode: Mode, share: float) -> tuple[float, ...]:
+    """The rest is asleep."""
+    return tuple(share if it is mode else 1 - share if it is Mode.ASLEEP else 0.0 for it in Mode)
+
+
+@pytest.mark.parametrize(
+    ("state", "probabilities", "asked"),
+    [
+        # It was last heard in the dock; that it sank since is as good as certain, and so it hears.
+        (State.CHARGING, modes(Mode.FULL, 0.01), True),
+        (State.SLEEPING, modes(Mode.FLOATING, 0.6), False),
+        (State.SLEEPING, modes(Mode.CHARGING_PRIMARY, 0.9), False),
+        (State.CHARGING, (), False),
+    ],
+)
+def test_who_is_more_probably_deaf_than_not_is_not_asked(
+    state: State, probabilities: tuple[float, ...], asked: bool
+) -> None:
+    quiet = TalkConfig(1, 1500.0, 100, True, False, 0, 0, 0, answer_ms=893)
+    talk = Talk(quiet, MusselbedCodec(), None, [7])
+    asking = Ears(talk, None, KEEL_M, MUSSEL_M[2], 0.2, None, Always())
+    belief = Belief(7, 0, state, 0.5, 1.0, 0.0, 0.0, mode_probabilities=probabilities)
+    said = asking.advance([belief], 0)
+    assert [it.data for it in said if isinstance(it, Note)] == ([{"id": 7}] if asked else [])
+    assert len([it for it in said if isinstance(it, Send)]) == asked
+    asking.advance([], 60_000)
+    assert asking.dropped == ({"sound: asked how it was, and no answer came in time": 1} if asked else {})

@@ -5,9 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 
 from apad_bridge.facts import Medium, Ping, Send
+from apad_bridge.mission.orders import Note
 from apad_bridge.talking.talk import Talk, TalkConfig
 from firmware_model.codec import MusselbedCodec
-from firmware_model.packets import EVERYONE, Beacon, SlotAssignment
+from firmware_model.packets import EVERYONE, Beacon, CommandPacket, Kind, SlotAssignment
 from firmware_model.plan import Slots
 
 CODEC = MusselbedCodec()
@@ -100,3 +101,33 @@ def test_pings_go_round_those_who_hear() -> None:
     assert [[it.agent_id for it in said if isinstance(it, Ping)] for said in asked] == [
         [1], [], [3], [], [1], [], [3], [],
     ]  # fmt: skip
+
+
+def test_places_are_asked_for_before_charges_and_the_air_is_kept_clear_for_each_answer() -> None:
+    """A ping claims 105 ms and 4 s; a question of 6 bytes lasts 380 ms, its answer takes 893 and both have ways of 100."""
+    talk = Talk(replace(CONFIG, assigns=False, beacon_period_ms=0, answer_ms=893), CODEC, SLOTS, [1, 2, 3])
+    ping, note, question = talk.advance(10_000, NOBODY, [2, 3], [2, 1])
+    assert ping == Ping(2, 15_000)
+    assert note == Note("asked", {"id": 2})
+    assert isinstance(question, Send) and question.not_before_ms == 19_105
+    assert decoded(question) == CommandPacket(Kind.PING, 2)
+    (permission,) = talk.timed([Send(Medium.SOUND, 1, bytes(6))], 10_000)
+    assert isinstance(permission, Send) and permission.not_before_ms == 19_105 + 380 + 893 + 200
+
+
+def test_an_answer_that_does_not_fit_before_the_slots_is_asked_for_after_them() -> None:
+    config = replace(CONFIG, assigns=False, beacon_period_ms=0, answer_ms=893)
+    said = Talk(config, CODEC, SLOTS, [1]).advance(299_000, NOBODY, [], [1])
+    assert isinstance(said[1], Send) and said[1].not_before_ms == 305_000
+
+
+def test_a_question_without_an_answer_is_told_and_counted_once() -> None:
+    config = replace(CONFIG, assigns=False, beacon_period_ms=0, answer_ms=893)
+    talk = Talk(config, CODEC, None, [1, 2])
+    talk.advance(0, NOBODY, [], [1])
+    assert talk.advance(5000, NOBODY) == []
+    # 380 + 893 + 2 x 100 ms, and 4 s.
+    assert talk.advance(6000, NOBODY) == [Note("unanswered", {"id": 1})]
+    talk.advance(10_000, NOBODY, [], [2])
+    talk.heard_of(2)
+    assert talk.advance(20_000, NOBODY) == [] and talk.unanswered == 1

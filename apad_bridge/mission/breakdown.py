@@ -1,0 +1,31 @@
+"""When one of several aPads has to leave its aMussels to others: it gets nowhere any more, or its battery ends."""
+
+from __future__ import annotations
+
+from apad_bridge.port.docking_port import PRE_EMPTED
+from apad_bridge.port.primitives import GoToPoint, Outcome, Primitive, PrimitiveFailed
+
+
+class Breakdown:
+    """Counts go-tos that failed in a row. Nothing else is proof of a vehicle: a docking may miss, an aMussel be deaf."""
+
+    def __init__(self, after: int) -> None:
+        """So many are a breakdown."""
+        self._after = after
+        self._failed = 0
+        self._last = ""
+
+    def note(self, primitive: Primitive, outcome: Outcome) -> None:
+        if not isinstance(primitive, GoToPoint):
+            return
+        if not isinstance(outcome, PrimitiveFailed):
+            self._failed = 0
+        elif outcome.reason != PRE_EMPTED:
+            self._failed, self._last = self._failed + 1, outcome.reason
+
+    def take(self) -> str | None:
+        """Why it is one, once; the count then begins anew."""
+        if self._failed < self._after:
+            return None
+        self._failed = 0
+        return f"{self._after} go-tos in a row failed: {self._last}"
