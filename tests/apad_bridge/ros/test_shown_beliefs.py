@@ -33,9 +33,10 @@ def carried(mode: Mode, charge: float) -> Belief:
     ],
 )
 def test_a_battery_is_what_is_believed_now(mode: Mode, status: int) -> None:
-    message = agent_battery(carried(mode, 0.6))
+    message = agent_battery(carried(mode, 0.6), "bay/amussel3/base_link")
     assert message.power_supply_status == status
     assert (message.header.stamp.to_sec(), message.percentage) == (300.0, 0.6)
+    assert message.header.frame_id == "bay/amussel3/base_link"
 
 
 def test_diagnostics_name_the_silent_and_how_sure_one_is() -> None:
@@ -59,3 +60,6 @@ def test_diagnostics_name_the_silent_and_how_sure_one_is() -> None:
     # One of several on a master names its own, or their lines would take turns under one name.
     array = diagnose(supervisor, (), Limits(120.0, 0.5), 300_000, "apad2")  # type: ignore[arg-type]
     assert {status.name for status in array.status} == {"musselbed: aPad apad2", "musselbed: mission apad2"}
+    # And so does one of several namespaces.
+    array = diagnose(supervisor, (7,), Limits(120.0, 0.5), 300_000, namespace="lab/basin")  # type: ignore[arg-type]
+    assert "lab/basin/musselbed: aMussel 7" in {status.name for status in array.status}
