@@ -102,7 +102,7 @@ class StandardTopics:
 
     def _agent_fix(self, it: Belief) -> NavSatFix:
         body = agent_frame(it.agent_id)
-        return make.fix(self._frame, it.heard_ms, body, it.north_m, it.east_m, it.place_cov)
+        return make.fix(self._frame, it.at_ms, body, it.north_m, it.east_m, it.place_cov)
 
     def _show_apad(self, supervisor: Supervisor, now_ms: int) -> None:
         pose, battery = supervisor.pose, supervisor.battery
