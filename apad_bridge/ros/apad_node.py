@@ -85,7 +85,7 @@ def main() -> int:
     except MessagesUnusable as wrong:
         print(f"musselbed: {wrong}", file=sys.stderr)
         return 1
-    name = scenario.apad.name
+    name = scenario.apad.name.strip("/").replace("/", "_")
     follows_clock = arguments.time == "clock"
     rospy.init_node(f"{name}_simulated", argv=[], disable_signals=True, xmlrpc_port=arguments.xmlrpc_port)
     node = _make_node(scenario)

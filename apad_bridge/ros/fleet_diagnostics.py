@@ -22,13 +22,24 @@ class Limits:
 
 
 def diagnose(
-    supervisor: Supervisor, agent_ids: tuple[int, ...], limits: Limits, now_ms: int, apad: str = ""
+    supervisor: Supervisor,
+    agent_ids: tuple[int, ...],
+    limits: Limits,
+    now_ms: int,
+    apad: str = "",
+    namespace: str = "",
 ) -> DiagnosticArray:
-    """With the name of an `apad` that is one of several: they all say so on one topic."""
+    """With the name of an `apad` that is one of several, and their `namespace`: they all say so on one topic."""
     beliefs = {belief.agent_id: belief for belief in supervisor.beliefs.all()}
     array = DiagnosticArray(status=[_mission(supervisor, apad), _apad(supervisor, apad)])
     array.header.stamp = to_ros(now_ms)
     array.status += [_agent(agent_id, beliefs.get(agent_id), limits, now_ms) for agent_id in agent_ids]
+    if namespace:
+        for status in array.status:
+            status.name, status.hardware_id = (
+                f"{namespace}/{status.name}",
+                f"{namespace}/{status.hardware_id}",
+            )
     return array
 
 

@@ -9,10 +9,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-ENU = "musselbed/enu"
-"""The fixed frame of RViz and Foxglove."""
-NED = "musselbed/ned"
-"""The same origin, x north, y east, z down: for whoever has points in the aPad's own convention."""
+from apad_bridge.ros.names import AMUSSEL, in_full
 
 Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
@@ -23,12 +20,32 @@ NED_IN_ENU: Quaternion = (math.sqrt(0.5), math.sqrt(0.5), 0.0, 0.0)
 """Half a turn about the axis between x and y exchanges them and turns z over."""
 
 
-def apad_frame(name: str) -> str:
-    return f"{name}/base_link"
+@dataclass(frozen=True, slots=True)
+class Frames:
+    """The names of a fleet's frames. They begin with its namespace, because a master has one tree of frames."""
 
+    namespace: str = ""
+    """Without slashes at its ends."""
 
-def agent_frame(agent_id: int) -> str:
-    return f"amussel{agent_id}/base_link"
+    @property
+    def enu(self) -> str:
+        """The fixed frame of RViz and Foxglove."""
+        return self._below("musselbed/enu")
+
+    @property
+    def ned(self) -> str:
+        """The same origin, x north, y east, z down: for whoever has points in the aPad's own convention."""
+        return self._below("musselbed/ned")
+
+    def apad(self, name: str) -> str:
+        return self._below(f"{name}/base_link")
+
+    def agent(self, agent_id: int) -> str:
+        return self._below(f"{AMUSSEL}{agent_id}/base_link")
+
+    def _below(self, name: str) -> str:
+        # TF knows no name that begins with a slash.
+        return in_full(self.namespace, name).removeprefix("/")
 
 
 def enu(north_m: float, east_m: float, depth_m: float = 0.0) -> Vector:

@@ -82,7 +82,7 @@ def open_surroundings(
             roll = None if fleet is None else _called_roll(stack, presences, options, tell)
             laboratory = _laboratory(scenario, ids, codec)
             stack.callback(laboratory.close)
-            standard = _standard_topics(shown, scenario)
+            standard = _standard_topics(shown, scenario, options.namespace)
             vehicle, watches = _vehicle(scenario, options, docked, now_ms, truths_at)
             stack.callback(vehicle.close)
             radio = _radio(options, ids, codec, scenario.theta, vehicle, presences)
@@ -162,7 +162,7 @@ def _radio(
     return RealRadio(ids, lambda: presences.simulated)
 
 
-def _standard_topics(shown: Iterable[int], scenario: Scenario) -> StandardTopics:
+def _standard_topics(shown: Iterable[int], scenario: Scenario, namespace: str) -> StandardTopics:
     mission = scenario.mission
     limits = Limits(mission.silence_timeout_s, mission.pool_threshold)
     return StandardTopics(
@@ -171,6 +171,7 @@ def _standard_topics(shown: Iterable[int], scenario: Scenario) -> StandardTopics
         LocalFrame.about(scenario.area.origin),
         limits,
         is_one_of_several=bool(scenario.fleet.share),
+        namespace=namespace,
     )
 
 

@@ -67,6 +67,8 @@ class RunOptions:
     """The serial port of a physical modem."""
     remappings: tuple[str, ...] = ()
     """ROS's, FROM:=TO, for all that the supervisor's node names."""
+    namespace: str = ""
+    """Of all its nodes on ROS, without slashes at its ends; empty for none."""
 
     @property
     def without_mission(self) -> bool:

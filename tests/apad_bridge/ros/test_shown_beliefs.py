@@ -49,9 +49,10 @@ def carried(mode: Mode, charge: float) -> Belief:
     ],
 )
 def test_a_battery_is_what_is_believed_now(mode: Mode, status: int) -> None:
-    message = agent_battery(carried(mode, 0.6))
+    message = agent_battery(carried(mode, 0.6), "bay/amussel3/base_link")
     assert message.power_supply_status == status
     assert (message.header.stamp.to_sec(), message.percentage) == (300.0, 0.6)
+    assert message.header.frame_id == "bay/amussel3/base_link"
 
 
 def test_a_fix_has_its_covariance_as_the_message_asks_for_it() -> None:
@@ -90,12 +91,14 @@ def test_95_of_100_places_lie_in_the_ellipse() -> None:
 
 
 def test_a_place_is_marked_where_its_deviation_is_known() -> None:
-    disc = {marker.ns: marker for marker in agent_markers(carried(Mode.ASLEEP, 0.6), 300_000)}["place_95"]
-    assert (disc.type, disc.action, disc.id, disc.header.frame_id) == (3, 0, 7, "musselbed/enu")
+    disc = {marker.ns: marker for marker in agent_markers(carried(Mode.ASLEEP, 0.6), 300_000, "bay/enu")}[
+        "place_95"
+    ]
+    assert (disc.type, disc.action, disc.id, disc.header.frame_id) == (3, 0, 7, "bay/enu")
     assert (disc.pose.position.x, disc.pose.position.y) == (20.0, 10.0)
     assert disc.scale.x > disc.scale.y > 2 * 2 * 2.4 and 0 < disc.color.a < 1
     newest = Belief(7, 1000, State.ACTIVE, 0.5, 1.0, 10.0, 20.0)
-    assert {marker.ns for marker in agent_markers(newest, 1000)} == {"amussels", "labels"}
+    assert {marker.ns for marker in agent_markers(newest, 1000, "bay/enu")} == {"amussels", "labels"}
 
 
 def test_diagnostics_name_the_silent_and_how_sure_one_is() -> None:
@@ -123,3 +126,6 @@ def test_diagnostics_name_the_silent_and_how_sure_one_is() -> None:
     # One of several on a master names its own, or their lines would take turns under one name.
     array = diagnose(supervisor, (), Limits(120.0, 0.5), 300_000, "apad2")  # type: ignore[arg-type]
     assert {status.name for status in array.status} == {"musselbed: aPad apad2", "musselbed: mission apad2"}
+    # And so does one of several namespaces.
+    array = diagnose(supervisor, (7,), Limits(120.0, 0.5), 300_000, namespace="lab/basin")  # type: ignore[arg-type]
+    assert "lab/basin/musselbed: aMussel 7" in {status.name for status in array.status}
