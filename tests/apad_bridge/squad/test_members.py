@@ -68,7 +68,7 @@ def small(bay: Scenario, **apad: Any) -> dict[str, Any]:
 def test_what_several_aPads_cannot_be(bay: Scenario, change: dict[str, Any], said: str) -> None:
     with pytest.raises(ScenarioError, match=said):
         from_data({**small(bay), **change}, "changed")
-    with pytest.raises(ScenarioError, match="apad.name: with `apads` it is a plain name"):
+    with pytest.raises(ScenarioError, match=r"apad\.name: with `apads` it is a plain name"):
         from_data(small(bay, name="/apad1"), "changed")
 
 
