@@ -15,16 +15,23 @@ from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.modes import DOCKED as DOCKED_MODES
 from apad_bridge.beliefs.modes import Mode
 from apad_bridge.geography import LocalFrame
-from apad_bridge.ros.frames import UPRIGHT, Quaternion, Vector, enu
+from apad_bridge.ros.frames import UPRIGHT, Quaternion, Vector, ellipse_95, enu
 from apad_bridge.ros.ros_time import to_ros
+from apad_bridge.scenario.polygon import bounding_box
+from apad_bridge.scenario.schema import Area
 from apad_bridge.vehicle import BatteryReported
 from firmware_model.charge import EMPTY_MV, FULL_MV
 from firmware_model.state_groups import BEYOND_HELP, DOCKED
 
 _UNKNOWN = math.nan
 """What BatteryState asks for where nothing is measured."""
-_MARKER_M = 0.5
-_LABEL_M = 0.6
+_SMALLEST_BALL_M = 0.5
+_BALLS_ACROSS = 100
+"""So many balls side by side are as long as the area: from above, each is some pixels wide on a common screen."""
+_LABEL = 1.2
+"""How high a label is, and how far north of its ball, in balls."""
+_DISC_M = 0.02
+_DISC_ALPHA = 0.3
 
 
 def header(now_ms: int, frame: str) -> Header:
@@ -87,7 +94,10 @@ def apad_battery(battery: BatteryReported, name: str, body: str) -> BatteryState
 def fix(
     frame: LocalFrame, at_ms: int, body: str, north_m: float, east_m: float, variance_m2: Vector
 ) -> NavSatFix:
-    """Degrees on WGS-84, at height 0. `variance_m2` is (north, covariance, east); all 0 says that nothing is known."""
+    """Degrees on WGS-84, at height 0. `variance_m2` is (north, covariance, east); all 0 says that nothing is known.
+
+    The message asks for east, north, up; a place of ours has no height, and no variance of it.
+    """
     latitude_deg, longitude_deg = frame.to_geographic(north_m, east_m)
     north, between, east = variance_m2
     known = north > 0 or east > 0
@@ -123,12 +133,23 @@ def transform(now_ms: int, parent: str, child: str, at: Vector, attitude: Quater
     )
 
 
-def agent_markers(belief: Belief, now_ms: int, world: str) -> list[Marker]:
-    """A ball from red (empty) to green (full), cyan when docked, grey when lost; and its id and charge above it."""
+def ball_size_m(area: Area) -> float:
+    """The diameter of an aMussel's ball, which is much larger than the aMussel itself, so that it is seen in the area."""
+    (south, west), (north, east) = bounding_box(area.polygon_m)
+    return max(_SMALLEST_BALL_M, max(north - south, east - west) / _BALLS_ACROSS)
+
+
+def agent_markers(belief: Belief, now_ms: int, world: str, ball_m: float, row: int = 0) -> list[Marker]:
+    """A ball from red (empty) to green (full), cyan when docked, grey when lost; its id and charge above it; and, where the
+    place's deviation is known, the ellipse that holds it with 95 %.
+
+    Labels of those that lie at one place, in an aPad's docks, are in rows of their own, from 0 on.
+    """
+    label_m = _LABEL * ball_m
     at = enu(belief.north_m, belief.east_m)
-    ball = _marker("amussels", belief.agent_id, Marker.SPHERE, now_ms, world, at, _colour(belief), _MARKER_M)
+    ball = _marker("amussels", belief.agent_id, Marker.SPHERE, now_ms, world, at, _colour(belief), ball_m)
     # North of the ball, so that it is read from above too.
-    above = (at[0], at[1] + _LABEL_M, at[2] + _LABEL_M)
+    above = (at[0], at[1] + (1 + row) * label_m, at[2] + label_m)
     label = _marker(
         "labels",
         belief.agent_id,
@@ -137,17 +158,29 @@ def agent_markers(belief: Belief, now_ms: int, world: str) -> list[Marker]:
         world,
         above,
         ColorRGBA(1.0, 1.0, 1.0, 1.0),
-        _LABEL_M,
+        label_m,
     )
     label.text = f"{belief.agent_id}: {100 * belief.primary:.0f} %"
-    return [ball, label]
+    if not belief.is_carried:
+        return [ball, label]
+    return [ball, label, _place_marker(belief, now_ms, world, at)]
 
 
-def apad_marker(now_ms: int, world: str, at: Vector, attitude: Quaternion) -> Marker:
-    """An arrow along its heading."""
-    arrow = _marker("apad", 0, Marker.ARROW, now_ms, world, at, ColorRGBA(1.0, 0.8, 0.0, 1.0), 0.3)
+def _place_marker(belief: Belief, now_ms: int, world: str, at: Vector) -> Marker:
+    ellipse = ellipse_95(belief.place_cov)
+    disc = _marker("place_95", belief.agent_id, Marker.CYLINDER, now_ms, world, at, _colour(belief), _DISC_M)
+    disc.color.a = _DISC_ALPHA
+    disc.pose.orientation = RosQuaternion(*ellipse.attitude)
+    # A scale of 0 is none to RViz.
+    disc.scale = Vector3(max(ellipse.length_m, _DISC_M), max(ellipse.width_m, _DISC_M), _DISC_M)
+    return disc
+
+
+def apad_marker(now_ms: int, world: str, at: Vector, attitude: Quaternion, ball_m: float) -> Marker:
+    """An arrow along its heading, three balls long."""
+    arrow = _marker("apad", 0, Marker.ARROW, now_ms, world, at, ColorRGBA(1.0, 0.8, 0.0, 1.0), ball_m)
     arrow.pose.orientation = RosQuaternion(*attitude)
-    arrow.scale = Vector3(1.5, 0.3, 0.3)
+    arrow.scale = Vector3(3 * ball_m, 0.6 * ball_m, 0.6 * ball_m)
     return arrow
 
 
