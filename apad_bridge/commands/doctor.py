@@ -73,7 +73,7 @@ def _machine(agents: int) -> Iterator[Finding]:
 
 def _ros(master_uri: str, scenario: Scenario | None) -> Iterable[Finding]:
     try:
-        from apad_bridge.ros import diagnosis
+        from apad_bridge.ros import diagnosis, diagnosis_apads
     except ImportError as error:
         yield Finding("ROS", Status.FAIL, f"cannot be imported: {error}", interpreter.INSTALL)
         return
@@ -107,4 +107,4 @@ def _ros(master_uri: str, scenario: Scenario | None) -> Iterable[Finding]:
     yield from examined("clock", lambda: [graph.check_clock(found)])
     yield from examined("nodes", lambda: graph.check_nodes(found))
     yield from examined("aMussel ids", lambda: [graph.check_agents_present(found, ids, namespace)])
-    yield from examined("aPad", lambda: diagnosis.check_apads(found))
+    yield from examined("aPad", lambda: diagnosis_apads.check_apads(found))

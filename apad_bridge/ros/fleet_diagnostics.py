@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import sqrt
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
@@ -54,8 +55,7 @@ def _agent(agent_id: int, belief: Belief | None, limits: Limits, now_ms: int) ->
         last_heard=f"{belief.age_s(now_ms):.0f} s ago",
     )
     if belief.is_carried:
-        low, high = belief.charge_interval()
-        status.values += _values(mode=belief.mode.name, primary_95=f"{low:.3f} to {high:.3f}")
+        status.values += _how_sure(belief)
     if belief.state in BEYOND_HELP:
         status.level, status.message = DiagnosticStatus.ERROR, "lost: both batteries are empty"
     elif belief.state in STRANDED or belief.primary <= 0.0:
@@ -68,6 +68,24 @@ def _agent(agent_id: int, belief: Belief | None, limits: Limits, now_ms: int) ->
     else:
         status.level, status.message = DiagnosticStatus.OK, f"{100 * belief.primary:.0f} %"
     return status
+
+
+def _how_sure(belief: Belief) -> list[KeyValue]:
+    """What standard messages have no field for."""
+    low, high = belief.charge_interval()
+    (primary, _, secondary), (north, _, east) = belief.charge_cov, belief.place_cov
+    clock = belief.clock
+    return _values(
+        mode=belief.mode.name,
+        mode_probability=f"{belief.probability_of(belief.mode):.3f}",
+        primary_95=f"{low:.3f} to {high:.3f}",
+        primary_deviation=f"{sqrt(primary):.4f}",
+        secondary_deviation=f"{sqrt(secondary):.4f}",
+        place_deviation=f"{sqrt(north):.2f} m north, {sqrt(east):.2f} m east",
+        clock=f"{clock.offset_ms / 1000:+.3f} s, deviation {sqrt(clock.offset_var) / 1000:.3f} s",
+        silent_slots=belief.silent_slots,
+        learned_from=" ".join(source.name.lower() for source in belief.learned_from if source.name),
+    )
 
 
 def _apad(supervisor: Supervisor, name: str) -> DiagnosticStatus:

@@ -53,6 +53,31 @@ def enu(north_m: float, east_m: float, depth_m: float = 0.0) -> Vector:
     return east_m, north_m, -depth_m
 
 
+_IN_95 = math.sqrt(-2 * math.log(0.05))
+"""Of the deviation along an axis, the half axis of the ellipse that holds 95 % in two dimensions."""
+
+
+@dataclass(frozen=True, slots=True)
+class Ellipse:
+    """Axes in metres, the longer one first, and how the longer one is turned from x to y, in ENU."""
+
+    length_m: float
+    width_m: float
+    attitude: Quaternion
+
+
+def ellipse_95(variance_m2: Vector) -> Ellipse:
+    """Of a Gaussian place with the covariance (north, covariance, east)."""
+    north, across, east = variance_m2
+    middle, apart = (north + east) / 2, math.hypot((east - north) / 2, across)
+    half_turn = math.atan2(2 * across, east - north) / 4
+    return Ellipse(
+        2 * _IN_95 * math.sqrt(middle + apart),
+        2 * _IN_95 * math.sqrt(max(0.0, middle - apart)),
+        (0.0, 0.0, math.sin(half_turn), math.cos(half_turn)),
+    )
+
+
 def yaw(heading_rad: float) -> Quaternion:
     """The attitude, in ENU, of a level body that heads so, clockwise from north."""
     half = (math.pi / 2 - heading_rad) / 2

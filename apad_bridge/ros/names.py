@@ -26,6 +26,7 @@ __all__ = [
     "of_apad",
     "ours",
     "ours_of_apad",
+    "plain",
 ]
 
 AMUSSEL = "amussel"
@@ -49,6 +50,11 @@ def of_apad(apad: str, leaf: str) -> str:
 
 def of_amussel(agent_id: int, leaf: str) -> str:
     return _known(f"{AMUSSEL}{{id}}/{leaf}").format(id=agent_id)
+
+
+def plain(apad: str) -> str:
+    """An aPad's namespace as one word, for nodes and files."""
+    return apad.strip("/").replace("/", "_")
 
 
 def in_full(namespace: str, name: str) -> str:

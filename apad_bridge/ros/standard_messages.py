@@ -15,7 +15,7 @@ from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.modes import DOCKED as DOCKED_MODES
 from apad_bridge.beliefs.modes import Mode
 from apad_bridge.geography import LocalFrame
-from apad_bridge.ros.frames import UPRIGHT, Quaternion, Vector, enu
+from apad_bridge.ros.frames import UPRIGHT, Quaternion, Vector, ellipse_95, enu
 from apad_bridge.ros.ros_time import to_ros
 from apad_bridge.vehicle import BatteryReported
 from firmware_model.charge import EMPTY_MV, FULL_MV
@@ -25,6 +25,8 @@ _UNKNOWN = math.nan
 """What BatteryState asks for where nothing is measured."""
 _MARKER_M = 0.5
 _LABEL_M = 0.6
+_DISC_M = 0.02
+_DISC_ALPHA = 0.3
 
 
 def header(now_ms: int, frame: str) -> Header:
@@ -87,7 +89,10 @@ def apad_battery(battery: BatteryReported, name: str, body: str) -> BatteryState
 def fix(
     frame: LocalFrame, at_ms: int, body: str, north_m: float, east_m: float, variance_m2: Vector
 ) -> NavSatFix:
-    """Degrees on WGS-84, at height 0. `variance_m2` is (north, covariance, east); all 0 says that nothing is known."""
+    """Degrees on WGS-84, at height 0. `variance_m2` is (north, covariance, east); all 0 says that nothing is known.
+
+    The message asks for east, north, up; a place of ours has no height, and no variance of it.
+    """
     latitude_deg, longitude_deg = frame.to_geographic(north_m, east_m)
     north, between, east = variance_m2
     known = north > 0 or east > 0
@@ -124,7 +129,8 @@ def transform(now_ms: int, parent: str, child: str, at: Vector, attitude: Quater
 
 
 def agent_markers(belief: Belief, now_ms: int, world: str) -> list[Marker]:
-    """A ball from red (empty) to green (full), cyan when docked, grey when lost; and its id and charge above it."""
+    """A ball from red (empty) to green (full), cyan when docked, grey when lost; its id and charge above it; and, where the
+    place's deviation is known, the ellipse that holds it with 95 %."""
     at = enu(belief.north_m, belief.east_m)
     ball = _marker("amussels", belief.agent_id, Marker.SPHERE, now_ms, world, at, _colour(belief), _MARKER_M)
     # North of the ball, so that it is read from above too.
@@ -140,7 +146,19 @@ def agent_markers(belief: Belief, now_ms: int, world: str) -> list[Marker]:
         _LABEL_M,
     )
     label.text = f"{belief.agent_id}: {100 * belief.primary:.0f} %"
-    return [ball, label]
+    if not belief.is_carried:
+        return [ball, label]
+    return [ball, label, _place_marker(belief, now_ms, world, at)]
+
+
+def _place_marker(belief: Belief, now_ms: int, world: str, at: Vector) -> Marker:
+    ellipse = ellipse_95(belief.place_cov)
+    disc = _marker("place_95", belief.agent_id, Marker.CYLINDER, now_ms, world, at, _colour(belief), _DISC_M)
+    disc.color.a = _DISC_ALPHA
+    disc.pose.orientation = RosQuaternion(*ellipse.attitude)
+    # A scale of 0 is none to RViz.
+    disc.scale = Vector3(max(ellipse.length_m, _DISC_M), max(ellipse.width_m, _DISC_M), _DISC_M)
+    return disc
 
 
 def apad_marker(now_ms: int, world: str, at: Vector, attitude: Quaternion) -> Marker:

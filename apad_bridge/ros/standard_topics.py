@@ -107,7 +107,7 @@ class StandardTopics:
 
     def _agent_fix(self, it: Belief) -> NavSatFix:
         body = self._frames.agent(it.agent_id)
-        return make.fix(self._frame, it.heard_ms, body, it.north_m, it.east_m, it.place_cov)
+        return make.fix(self._frame, it.at_ms, body, it.north_m, it.east_m, it.place_cov)
 
     def _show_apad(self, supervisor: Supervisor, now_ms: int) -> None:
         pose, battery, frames = supervisor.pose, supervisor.battery, self._frames
