@@ -107,16 +107,19 @@ def supervisor(
     docks_by_eye: bool = False,
     breakdown: Breakdown | None = None,
     beliefs: FleetBeliefs | None = None,
+    share: Share | None = None,
 ) -> Supervisor:
     """A supervisor that knows nothing yet, or one that goes on with a mission's journaled `state`.
 
     Its mission is the paper's, which can be taken over by `override`; or, where there are `fronts`, one that does what they
     say. Without `samples` it leaves the aMussels' logs to others; without a modem, whatever is said by sound of its own
-    accord. With a `breakdown` it is one of several, who take over from each other. Without `beliefs` it begins with none.
+    accord. With a `breakdown` it is one of several, who take over from each other; `share`, over its `beliefs`, says whom
+    it serves. Without `beliefs` it begins with none.
     """
     if beliefs is None:
         beliefs = fleet_beliefs(scenario, agent_ids(scenario))
-    share = Share(beliefs, agent_ids(scenario))
+    if share is None:
+        share = Share(beliefs, agent_ids(scenario))
     mission: Mission
     if fronts:
         mission = CommandedMission(scenario.mission, beliefs, fronts, state)
