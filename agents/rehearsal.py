@@ -54,6 +54,8 @@ _LIVES = 12
 ROUND = 3
 """Lives that play every path."""
 _ALARM_MS = 10_000
+_REPORT_MS = 300_000
+"""Reports come at least so often: those who report seldom would rehearse for hours."""
 
 
 def rehearse(configs: AgentConfigs, codec: Codec, agent_id: int, lives: int = _LIVES) -> None:
@@ -71,6 +73,7 @@ def rehearse(configs: AgentConfigs, codec: Codec, agent_id: int, lives: int = _L
                     pass
 
         config = configs.config(agent_id)
+        config = _with(config, report_period_ms=min(config.report_period_ms, _REPORT_MS))
         if config.board.whole is not None:
             config = _with(config, board=_in_haste(config.board, config.board.whole))
         for life in range(lives):

@@ -9,6 +9,7 @@ from apad_bridge.beliefs.hold_last import HoldLast
 from apad_bridge.beliefs.knowledge import (
     Charger,
     ClockKnowledge,
+    Cycle,
     Drain,
     Habits,
     Knowledge,
@@ -21,8 +22,9 @@ from apad_bridge.boards import charge_model, whole_firmware
 from apad_bridge.scenario.believing import TwinModel
 from apad_bridge.scenario.schema import DriftMode, Scenario
 from firmware_model.charge import FULL, Segments
-from firmware_model.plan import PATH_UNIT, Cycle, Whole
+from firmware_model.plan import PATH_UNIT, Whole
 from firmware_model.rails import Rail, rails_of
+from firmware_model.state_groups import DOCKED
 from firmware_model.states import State
 
 _MS_PER_MIN = 60_000
@@ -37,6 +39,7 @@ _STATES = {
     Mode.FULL: State.CHARGING,
     Mode.LOST: State.LOST,
 }
+_NOT_ON_THE_PRIMARY = (State.OFF, State.EMPTY, State.CALLING, State.LOST)
 _READING_APART_MS = 300_000
 _MISSION_APART_MS = 20_000
 """Readings of one aMussel are used so far apart, in agent and in mission time: fleets that report each second cost less."""
@@ -53,10 +56,21 @@ def fleet_beliefs(scenario: Scenario, agent_ids: Sequence[int]) -> FleetBeliefs:
         return HoldLast(agent_ids)
     from apad_bridge.beliefs.twin import Twin
 
-    schedule = Schedule((0,), (_commanded(whole_firmware(scenario.board, scenario.seed)),))
-    twin = Twin(knowledge_of(scenario, model), dict.fromkeys(agent_ids, schedule))
+    twin = Twin(knowledge_of(scenario, model), schedules_of(scenario, agent_ids))
     report_ms = round(scenario.hearing.report_period_s * 1000)
     return FleetBeliefs(twin, agent_ids, due_every_ms=report_ms)
+
+
+def schedules_of(scenario: Scenario, agent_ids: Sequence[int]) -> dict[int, Schedule]:
+    """What the boards are set to: always awake, as the paper's worst case, or asleep but for the wakes of their cycle."""
+    whole = whole_firmware(scenario.board, scenario.seed)
+    if whole is None or whole.cycle is None:
+        return dict.fromkeys(agent_ids, Schedule((0,), (Mode.IDLE,)))
+    first_id = scenario.fleet.first_id
+    return {
+        agent_id: Schedule((0,), (Mode.ASLEEP,), _cycle_of(whole, agent_id - first_id))
+        for agent_id in agent_ids
+    }
 
 
 def knowledge_of(scenario: Scenario, model: TwinModel) -> Knowledge:
@@ -74,6 +88,8 @@ def knowledge_of(scenario: Scenario, model: TwinModel) -> Knowledge:
             (0.0,) * 4,
             deviations,
             readings_apart_ms(theta),
+            _offsets(whole),
+            saturates=whole is not None and whole.power.metering is not None,
         ),
         habits=Habits(
             every_ms=_HOUR_MS,
@@ -100,11 +116,6 @@ def readings_apart_ms(theta: int) -> int:
     return max(_READING_APART_MS, _MISSION_APART_MS * theta)
 
 
-def _commanded(whole: Whole | None) -> Mode:
-    """The paper's worst case is always awake, and so is a board without a sleep cycle."""
-    return Mode.IDLE if whole is None or whole.cycle is None else Mode.ASLEEP
-
-
 def _drain(scenario: Scenario, whole: Whole | None) -> Drain:
     if whole is None:
         # Equation (1) for every state in the water; in a dock equation (2) says it all.
@@ -116,32 +127,64 @@ def _drain(scenario: Scenario, whole: Whole | None) -> Drain:
             1e-4,
             1.0,
         )
-    loads = whole.power.loads
-    never_asleep = whole.cycle is None
-
-    def of(state: State) -> float:
-        on = rails_of(state, whole.power.kept_on, never_asleep, 0)
-        return loads.total(on) * _MS_PER_MIN / FULL
-
+    of = _draws(whole)
     rates = {mode: of(state) for mode, state in _STATES.items()}
-    rates[Mode.ASLEEP] = of(State.SLEEPING) if whole.cycle is None else _of_a_cycle(whole.cycle, of)
-    motor_run = loads.of[Rail.MOTORS] * whole.power.motor_run_ms / FULL
+    rates[Mode.ASLEEP] = of(State.SLEEPING)
+    if whole.cycle is not None:
+        cycle = _cycle_of(whole, 0)
+        rates[Mode.ASLEEP] = cycle.in_all * _MS_PER_MIN / cycle.period_ms
+    motor_run = whole.power.loads.of[Rail.MOTORS] * whole.power.motor_run_ms / FULL
     return Drain(
         tuple(rates[mode] for mode in Mode), motor_run, _MOTOR_DEVIATION, whole.power.path / PATH_UNIT
     )
 
 
-def _of_a_cycle(cycle: Cycle, of: Callable[[State], float]) -> float:
-    """The mean rate of one that sleeps but for its wakes; a slot is awaited for half a frame on the average."""
-    awaiting_ms = 0 if cycle.slots is None else cycle.slots.frame_ms / 2
-    awake = {
-        State.SAMPLING: cycle.sample_ms,
-        State.PROCESSING: cycle.processing_ms,
-        State.AWAITING_SLOT: awaiting_ms,
-    }
-    asleep_ms = max(0.0, cycle.alarm_ms - sum(awake.values()))
-    spent = sum(of(state) * lasts_ms for state, lasts_ms in awake.items()) + of(State.SLEEPING) * asleep_ms
-    return spent / cycle.alarm_ms
+def _draws(whole: Whole) -> Callable[[State], float]:
+    """A minute, by state."""
+    loads, never_asleep = whole.power.loads, whole.cycle is None
+    return lambda state: (
+        loads.total(rails_of(state, whole.power.kept_on, never_asleep, 0)) * _MS_PER_MIN / FULL
+    )
+
+
+def _cycle_of(whole: Whole, slot: int) -> Cycle:
+    """One that sleeps wakes, samples, processes, and with timeslots awaits its own and transmits. The slots' frames begin
+    at whole multiples of their length, so it waits as long in every cycle that is a multiple of a frame."""
+    firmware, of = whole.cycle, _draws(whole)
+    assert firmware is not None
+    awake_ms = firmware.sample_ms + firmware.processing_ms
+    lasting = [(firmware.sample_ms, of(State.SAMPLING)), (firmware.processing_ms, of(State.PROCESSING))]
+    if firmware.slots is not None:
+        opens_ms = slot * firmware.slots.slot_ms + firmware.slots.guard_ms
+        waits_ms = (opens_ms - awake_ms) % firmware.slots.frame_ms
+        lasting += [(waits_ms, of(State.AWAITING_SLOT)), (whole.transmit_ms, of(State.TRANSMITTING))]
+    return Cycle.of([*lasting, (firmware.alarm_ms, of(State.SLEEPING))], firmware.alarm_ms)
+
+
+def _offsets(whole: Whole | None) -> dict[State, tuple[float, float]]:
+    """Where boards meter, by what a load and a charger move what they read; as firmware_model.voltage does.
+
+    The primary feeds the board in the water; in the dock so much of its load as the path lets through.
+    """
+    metering = None if whole is None else whole.power.metering
+    if whole is None or metering is None:
+        return {}
+
+    def sag(load: float) -> float:
+        return metering.sag_ms * max(0.0, load - metering.sag_from) / FULL
+
+    power, never_asleep, lift = whole.power, whole.cycle is None, metering.lift / FULL
+    found = {}
+    for state in State:
+        load = power.loads.total(rails_of(state, power.kept_on, never_asleep, 0))
+        if state in DOCKED:
+            found[state] = lift - sag(load * power.path / PATH_UNIT), lift
+        elif state not in _NOT_ON_THE_PRIMARY:
+            # A transmission is over before the monitor samples again: what it reports was read before.
+            before = State.AWAITING_SLOT if state is State.TRANSMITTING else state
+            load = power.loads.total(rails_of(before, power.kept_on, never_asleep, 0))
+            found[state] = -sag(load), 0.0
+    return found
 
 
 def _charger(scenario: Scenario) -> Charger:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from apad_bridge.beliefs.knowledge import Knowledge, Sensor
 from apad_bridge.beliefs.load import Spent
-from apad_bridge.beliefs.mixture import held, normal_cdf, normal_pdf, truncated
+from apad_bridge.beliefs.mixture import held, inside, normal_cdf, normal_pdf, truncated
 from apad_bridge.beliefs.modes import Mode
 
 Array = NDArray[np.float64]
@@ -26,6 +26,10 @@ _UNKNOWN_SD = 0.6
 """Of a charge of which nothing is known: wider than [0, 1], so that the first packet alone decides."""
 _UNREAD = 1e4
 """The variance of a reading at the end of its scale that says nothing: what is expected lies far beyond."""
+_NEAR_FULL = 2.5
+"""Of noise's deviations below the full voltage, a reading may be one of a voltage that is held there."""
+_CERTAIN = 1e-16
+"""A variance of nothing but rounding."""
 _KEPT = 4
 _ALIKE = 0.01
 _BIAS_OF = {
@@ -104,34 +108,81 @@ def moved(mean: Array, cov: Array, row: int, to: tuple[float, float], slope: flo
 
 def within(mean: Array, cov: Array, after_measuring: bool) -> tuple[Array, Array]:
     """Both charges held at, or after a measurement cut to, [0, 1]."""
-    moments = truncated if after_measuring else held
     for row in (PRIMARY, SECONDARY):
         before = float(mean[row]), float(cov[row, row])
-        after = moments(*before)
-        if after != before:
-            slope = math.sqrt(after[1] / before[1]) if before[1] > 0 else 0.0
-            mean, cov = moved(mean, cov, row, after, slope)
+        after = truncated(*before) if after_measuring else held(*before)
+        if after == before:
+            continue
+        if before[1] < _CERTAIN or after[1] < _CERTAIN:
+            mean, cov = moved(mean, cov, row, (after[0], 0.0), 0.0)
+        elif after_measuring:
+            mean, cov = _told(mean, cov, row, after)
+        else:
+            # What is held moves by its share of cases that are not (Stein's lemma); nothing else is learned.
+            mean, cov = moved(mean, cov, row, after, min(inside(*before), math.sqrt(after[1] / before[1])))
     return mean, cov
 
 
+def _told(mean: Array, cov: Array, row: int, to: tuple[float, float]) -> tuple[Array, Array]:
+    """To know more of one number is to know more of what goes with it: who reads 0.98 twice and holds no more than 1 has
+    learned of a bias too. Given the one number the others are distributed as before."""
+    gain = cov[:, row] / cov[row, row]
+    known = cov + np.outer(gain, gain) * (to[1] - cov[row, row])
+    # Rounding may leave less than nothing of what was nearly certain.
+    np.fill_diagonal(known, np.maximum(known.diagonal(), 0.0))
+    return mean + gain * (to[0] - mean[row]), known
+
+
 def measured(
-    mean: Array, cov: Array, sensor: Sensor, mode: Mode, charges: tuple[float, float]
+    mean: Array,
+    cov: Array,
+    sensor: Sensor,
+    mode: Mode,
+    charges: tuple[float, float],
+    offsets: tuple[float, float] = (0.0, 0.0),
 ) -> tuple[Array, Array, float, float]:
-    """The state that knows a packet's two charges; with them how probable the packet was (a log density), and by how many
-    deviations the primary's reading surprised."""
+    """The state that knows a packet's two charges, which are read `offsets` too high; with it how probable the packet was
+    (a log density), and by how many deviations the primary's reading surprised."""
     reading, bias = _READINGS[mode], _BIAS_OF[mode]
-    expected = reading @ mean
+    expected = reading @ mean + offsets
     z = np.array(charges)
     noise = np.diag([sensor.noise**2] * 2)
     # Not filterpy's own log likelihood: that of its function is the posterior's, which no packet ever contradicts.
     variance = float(cov[PRIMARY, PRIMARY] + 2 * cov[PRIMARY, bias] + cov[bias, bias] + noise[0, 0])
     surprise = abs(float(z[0] - expected[0])) / math.sqrt(variance)
+    on_charger = bias == CHARGING
+    top = 1 - _NEAR_FULL * sensor.noise if sensor.saturates and on_charger else 1.0
+    held = [row for row in (0, 1) if on_charger and z[row] >= top]
     for row in (0, 1):
-        if z[row] <= 0 or z[row] >= 1:
-            spread = float(reading[row] @ cov @ reading[row])
-            z[row], noise[row, row] = _cut(float(expected[row]), spread, float(z[row]), sensor.noise**2)
-    new_mean, new_cov = update(mean, cov, z, noise, reading)
-    return new_mean, new_cov, -0.5 * (surprise**2 + math.log(variance)), surprise
+        if z[row] <= 0 or z[row] >= top:
+            if row == 0 and bool(expected[0] > z[0]) is bool(z[0] > 0):
+                surprise = 0.0  # it was expected beyond the end
+            if row not in held:
+                spread = float(reading[row] @ cov @ reading[row])
+                z[row], noise[row, row] = _cut(float(expected[row]), spread, float(z[row]), sensor.noise**2)
+    free = [row for row in (0, 1) if row not in held]
+    if free:
+        mean, cov = update(mean, cov, (z - offsets)[free], noise[np.ix_(free, free)], reading[free])
+    for row in held:
+        mean, cov = _at_least(mean, cov, reading[row], row, float(z[row]) - offsets[row], sensor.noise**2)
+    return mean, cov, -0.5 * (surprise**2 + math.log(variance)), surprise
+
+
+def _at_least(
+    mean: Array, cov: Array, reading: Array, charge: int, end: float, noise: float
+) -> tuple[Array, Array]:
+    """A charger's voltage at the end of its scale says that this battery holds so much, and no more than that.
+
+    Of its lift it says nothing, for a charger holds a full battery's voltage there however much it lifts: learned from
+    such readings, one after the other, the lift would grow out of nothing. So it is considered and not estimated (Schmidt).
+    """
+    expected, spread = float(reading @ mean), float(reading @ cov @ reading)
+    z, its_noise = _cut(expected, spread, end, noise)
+    gain = np.zeros(SIZE)
+    gain[charge] = float(cov[charge] @ reading) / (spread + its_noise)
+    # Joseph's form, which holds for any gain.
+    rest = _IDENTITY - np.outer(gain, reading)
+    return mean + gain * (z - expected), rest @ cov @ rest.T + its_noise * np.outer(gain, gain)
 
 
 def _cut(expected: float, spread: float, end: float, noise: float) -> tuple[float, float]:

@@ -13,7 +13,7 @@ from typing import Any
 from apad_bridge.beliefs import charge_state as charge
 from apad_bridge.beliefs.charge_state import PRIMARY, SECONDARY, Anchor, Array
 from apad_bridge.beliefs.knowledge import Knowledge, Schedule
-from apad_bridge.beliefs.load import Load, Spent, carried
+from apad_bridge.beliefs.load import MS_PER_MIN, Load, Spent, carried, spending
 from apad_bridge.beliefs.memory import Memory, charge_now, choices, heard_in, paths, sinking, submerged
 from apad_bridge.beliefs.modes import DOCKED, SUBMERGED, Mode
 from firmware_model.packets import StatusPacket
@@ -29,6 +29,8 @@ _AGREES = 4.0
 _UNTOLD_SD = 0.3
 """Of a charge after something that nobody told of: docked by hand, or let go."""
 NOTHING = Spent(1.0, 0.0, 0.0)
+_NO_OFFSETS = (0.0, 0.0)
+_AFTER_A_RELEASE = (State.RELEASED, State.SINKING)
 _ON_THE_WAY = (State.RELEASED, State.SINKING, State.BOOTING)
 """They do not last, and say nothing of what it will do on the bottom."""
 
@@ -41,6 +43,8 @@ class Ear:
         """Corrects the charges by a packet that states `mode`: by one filter, or by several weighed against each other."""
         if mode in DOCKED or memory.situation is Mode.CHARGING_PRIMARY:
             hypotheses = self._about_the_dock(memory, mode)
+        elif packet.state in _AFTER_A_RELEASE and memory.since_ms == memory.anchor_ms:
+            hypotheses = charge_now(memory, self.knowledge, [self._since_a_release(memory, packet.state)])
         else:
             hypotheses = charge_now(memory, self.knowledge, self._paths(memory, schedule, mode))
         return self.corrected(memory, schedule, hypotheses, packet, mode)
@@ -52,6 +56,18 @@ class Ear:
         weight, mean, cov = charge.matched(charge_now(memory, self.knowledge, paths(memory.load)))
         cov[PRIMARY, PRIMARY] += _UNTOLD_SD**2
         return [Anchor(weight, mean, cov)]
+
+    def _since_a_release(self, memory: Memory, state: State) -> Spent:
+        """It was let go at the anchor, or heard to wait there since; its motors have not run yet, or are running."""
+        drain = self.knowledge.drain
+        waited = drain.per_min[Mode.IDLE] * (memory.at_ms - memory.anchor_ms) / MS_PER_MIN
+        running = self._half_a_run() if state is State.SINKING else NOTHING
+        return Spent(1.0, waited + running.mean, drain.motor_deviation**2 + running.variance)
+
+    def _half_a_run(self) -> Spent:
+        """What motors that run have taken so far, and what they will still take: any share is as probable."""
+        run = self.knowledge.drain.motor_run
+        return Spent(1.0, run / 2, run**2 / 12)
 
     def _paths(self, memory: Memory, schedule: Schedule, mode: Mode) -> list[Spent]:
         """The ways in which it can have come to the stated mode, each with what it spent on it."""
@@ -68,6 +84,9 @@ class Ear:
             rows = [Spent(1.0, mean + run, variance + run**2)]
         else:
             rows = paths(load)
+            if mode is Mode.SURFACING:
+                _, left, its_variance = self._half_a_run()
+                rows = [Spent(p, mean - left, variance + its_variance) for p, mean, variance in rows]
         total = math.fsum(row[0] for row in rows)
         if total < _NEGLIGIBLE**2:  # what cannot be has been heard: all that is known is the total
             _, mean, variance = load.total()
@@ -79,8 +98,8 @@ class Ear:
         assert memory.unobeyed is not None
         before, at_ms = memory.unobeyed
         chosen = choices(memory, self.knowledge, schedule)
-        drain, habits = self.knowledge.drain, self.knowledge.habits
-        return carried(before, at_ms, memory.at_ms, drain.per_min, habits.every_ms, chosen)
+        goes_on = spending(self.knowledge.drain.per_min, schedule.cycle)
+        return carried(before, at_ms, memory.at_ms, goes_on, self.knowledge.habits.every_ms, chosen)
 
     def corrected(
         self, memory: Memory, schedule: Schedule, hypotheses: list[Anchor], packet: StatusPacket, mode: Mode
@@ -88,6 +107,7 @@ class Ear:
         """By one filter for each hypothesis; the unlikely ones are not weighed while the likely one explains the packet."""
         charges = (packet.primary, packet.secondary)
         sensor = self.knowledge.sensor
+        offsets = sensor.offsets.get(packet.state, _NO_OFFSETS)
         total = math.fsum(row.weight for row in hypotheses)
         hypotheses = sorted(map(_possible, hypotheses), key=lambda row: -row.weight)
         rows: list[tuple[float, Array, Array]] = []
@@ -95,7 +115,9 @@ class Ear:
         for weight, mean, cov in hypotheses:
             if rows and weight < _NEGLIGIBLE * total and surprise < _CONTRADICTION:
                 break
-            new_mean, new_cov, density, its_surprise = charge.measured(mean, cov, sensor, mode, charges)
+            new_mean, new_cov, density, its_surprise = charge.measured(
+                mean, cov, sensor, mode, charges, offsets
+            )
             rows.append((math.log(weight) + density, new_mean, new_cov))
             surprise = min(surprise, its_surprise)
         if surprise > _GATE:
@@ -115,7 +137,8 @@ class Ear:
         Until then either may be wrong, and the belief says so.
         """
         before = charge.matched(hypotheses)
-        away = packet.primary - float(before.mean[PRIMARY])
+        offset, _ = self.knowledge.sensor.offsets.get(packet.state, _NO_OFFSETS)
+        away = packet.primary - offset - float(before.mean[PRIMARY])
         memory = replace(memory, gated=memory.gated + 1)
         near = _AGREES * self.knowledge.sensor.noise
         if memory.suspect is None or abs(away - memory.suspect) > near:
@@ -128,7 +151,9 @@ class Ear:
         cov = before.cov.copy()
         cov[PRIMARY, PRIMARY] += away**2
         charges = (packet.primary, packet.secondary)
-        mean, cov, _, _ = charge.measured(before.mean, cov, self.knowledge.sensor, mode, charges)
+        sensor = self.knowledge.sensor
+        offsets = sensor.offsets.get(packet.state, _NO_OFFSETS)
+        mean, cov, _, _ = charge.measured(before.mean, cov, sensor, mode, charges, offsets)
         return self._settled(
             memory, schedule, within(Anchor(1.0, mean, cov), after_measuring=True), packet, mode, None
         )
@@ -159,8 +184,15 @@ class Ear:
             **heard_in(memory, self.knowledge, mode),
         )
         if packet.state in _ON_THE_WAY:
-            spent = sinking(NOTHING, self.knowledge) if packet.state is State.RELEASED else NOTHING
+            spent = NOTHING
+            if packet.state is State.RELEASED:
+                spent = sinking(NOTHING, self.knowledge)
+            elif packet.state is State.SINKING:
+                spent = self._half_a_run()
             return submerged(memory, self.knowledge, schedule, spent)
+        if packet.state is State.SURFACING:
+            _, left, variance = self._half_a_run()
+            return replace(memory, load=memory.load.add(left, variance))
         return memory
 
 

@@ -7,10 +7,13 @@ otherwise. Nothing here is learned in flight: what differs between aMussels is i
 from __future__ import annotations
 
 from bisect import bisect_right
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 from apad_bridge.beliefs.modes import SUBMERGED, Mode
+from firmware_model.states import State
 
+_MS_PER_MIN = 60_000
 _SHARE_TOLERANCE = 1e-9
 
 
@@ -33,6 +36,40 @@ class Drain:
 
 
 @dataclass(frozen=True, slots=True)
+class Cycle:
+    """What one that sleeps draws in the course of its own cycle, from whole multiples of a period of its clock."""
+
+    steps: tuple[tuple[int, float, float], ...]
+    """(ms into the period, spent by then, rate a minute from then on), rising from 0."""
+    period_ms: int
+    in_all: float
+    """What a period takes."""
+
+    @classmethod
+    def of(cls, lasting: Sequence[tuple[int, float]], period_ms: int) -> Cycle:
+        """From (how many ms, rate a minute), one after the other; the last one lasts until the period is over."""
+        steps, at_ms, spent = [], 0, 0.0
+        for lasts_ms, per_min in lasting:
+            steps.append((at_ms, spent, per_min))
+            lasts_ms = min(lasts_ms, period_ms - at_ms)
+            at_ms, spent = at_ms + lasts_ms, spent + per_min * lasts_ms / _MS_PER_MIN
+        return cls(tuple(steps), period_ms, spent + steps[-1][2] * (period_ms - at_ms) / _MS_PER_MIN)
+
+    def spent(self, from_ms: int, to_ms: int) -> float:
+        return self._by(to_ms) - self._by(from_ms)
+
+    def _by(self, at_ms: int) -> float:
+        """Since time 0."""
+        periods, phase_ms = divmod(at_ms, self.period_ms)
+        began_ms, before, per_min = self.steps[bisect_right(self.steps, phase_ms, key=_began) - 1]
+        return periods * self.in_all + before + per_min * (phase_ms - began_ms) / _MS_PER_MIN
+
+
+def _began(step: tuple[int, float, float]) -> int:
+    return step[0]
+
+
+@dataclass(frozen=True, slots=True)
 class Charger:
     segments: tuple[tuple[float, float], ...]
     """(upper end on [0, 1], rate a minute) of one coil, rising; the last ends at 1 (equation (2))."""
@@ -51,6 +88,12 @@ class Sensor:
     bias_deviation: tuple[float, float, float, float]
     apart_ms: int
     """Of the readings within this time, in one mode, one is used: they share their error."""
+    offsets: Mapping[State, tuple[float, float]] = field(default_factory=dict)
+    """By what the readings of the primary and of the secondary differ from the charge on a board of the nominal kind, in
+    the state that a packet states; 0 where none is given. Biases come on top."""
+    saturates: bool = False
+    """A charger lifts no voltage above the full one, and noise comes on top of that: a reading near the full one, on a
+    charger, says only that the charge is at least so much."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,6 +169,8 @@ class Schedule:
 
     starts_ms: tuple[int, ...]
     modes: tuple[Mode, ...]
+    cycle: Cycle | None = None
+    """Of one that sleeps; None: it draws its mean all the time."""
 
     def __post_init__(self) -> None:
         if len(self.starts_ms) != len(self.modes) or list(self.starts_ms) != sorted(set(self.starts_ms)):

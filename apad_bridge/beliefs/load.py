@@ -12,7 +12,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from apad_bridge.beliefs.knowledge import Habits
+from apad_bridge.beliefs.knowledge import Cycle, Habits
 from apad_bridge.beliefs.modes import SUBMERGED, Mode
 
 MS_PER_MIN = 60_000
@@ -33,6 +33,10 @@ class Choice(NamedTuple):
 
 Choices = Callable[[int], Choice]
 """By the agent time of a decision."""
+
+
+Spending = Callable[[int, int], tuple[float, float, float]]
+"""What each of `SUBMERGED` takes from one time to another."""
 
 
 class Spent(NamedTuple):
@@ -96,18 +100,17 @@ class Load:
             Spent(0.35 * p, mean + 0.55 * 0.65 / 0.35 * sd, 1.08504 * variance),
         ]
 
-    def spend(self, per_min: tuple[float, ...], elapsed_ms: int) -> Load:
-        """Every mode goes on for `elapsed_ms`."""
-        minutes = elapsed_ms / MS_PER_MIN
+    def spend(self, amounts: tuple[float, float, float]) -> Load:
+        """Every mode goes on, and takes so much."""
         a, b, c = self.by_mode
         p, mean, variance = self.expected
         return Load(
             (
-                Spent(a[0], a[1] + per_min[0] * minutes, a[2]),
-                Spent(b[0], b[1] + per_min[1] * minutes, b[2]),
-                Spent(c[0], c[1] + per_min[2] * minutes, c[2]),
+                Spent(a[0], a[1] + amounts[0], a[2]),
+                Spent(b[0], b[1] + amounts[1], b[2]),
+                Spent(c[0], c[1] + amounts[2], c[2]),
             ),
-            Spent(p, mean + per_min[self.expected_mode] * minutes, variance),
+            Spent(p, mean + amounts[self.expected_mode], variance),
             self.expected_mode,
             self.guesses,
         )
@@ -153,6 +156,18 @@ def _without(whole: Spent, part: Spent) -> Spent:
     return Spent(probability, mean, max(0.0, square / probability - mean * mean))
 
 
+def spending(per_min: tuple[float, ...], cycle: Cycle | None) -> Spending:
+    """At a steady rate, but for one that sleeps by a known `cycle`."""
+    asleep, idle, high = per_min[:3]
+
+    def amounts(from_ms: int, to_ms: int) -> tuple[float, float, float]:
+        minutes = (to_ms - from_ms) / MS_PER_MIN
+        slept = asleep * minutes if cycle is None else cycle.spent(from_ms, to_ms)
+        return slept, idle * minutes, high * minutes
+
+    return amounts
+
+
 def scheduled_rows(habits: Habits, mode: Mode) -> Rows:
     """As commanded, but for the unscheduled share."""
     aside = habits.unscheduled / 2
@@ -179,7 +194,7 @@ def carried(
     load: Load,
     from_ms: int,
     to_ms: int,
-    per_min: tuple[float, ...],
+    spending: Spending,
     every_ms: int,
     choices: Choices,
 ) -> Load:
@@ -188,7 +203,7 @@ def carried(
     while True:
         decision_ms = (at_ms // every_ms + 1) * every_ms
         end_ms = min(decision_ms, to_ms)
-        load = load.spend(per_min, end_ms - at_ms)
+        load = load.spend(spending(at_ms, end_ms))
         if decision_ms > to_ms:
             return load
         load = load.choose(choices(decision_ms))

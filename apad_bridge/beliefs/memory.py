@@ -127,14 +127,14 @@ def advanced(memory: Memory, knowledge: Knowledge, schedule: Schedule, to_ms: in
     if memory.situation is not None:
         return _afloat(memory, knowledge, schedule, to_ms)
     decide = choices(memory, knowledge, schedule)
-    every_ms, per_min = knowledge.habits.every_ms, knowledge.drain.per_min
-    spent = load.carried(memory.load, memory.at_ms, to_ms, per_min, every_ms, decide)
+    every_ms, spending = knowledge.habits.every_ms, load.spending(knowledge.drain.per_min, schedule.cycle)
+    spent = load.carried(memory.load, memory.at_ms, to_ms, spending, every_ms, decide)
     later = replace(memory, at_ms=to_ms, load=spent)
     if _is_far_from_empty(later):
         return later  # the common case costs nothing
     while memory.at_ms < to_ms:
         next_ms = min(to_ms, (memory.at_ms // every_ms + 1) * every_ms)
-        spent = load.carried(memory.load, memory.at_ms, next_ms, per_min, every_ms, decide)
+        spent = load.carried(memory.load, memory.at_ms, next_ms, spending, every_ms, decide)
         later = replace(memory, at_ms=next_ms, load=spent)
         memory = _on_the_backup(later, knowledge, next_ms - memory.at_ms)
     return memory

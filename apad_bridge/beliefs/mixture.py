@@ -68,6 +68,14 @@ def quantile(parts: Sequence[Part], probability: float) -> float:
     return high
 
 
+def inside(mean: float, variance: float) -> float:
+    """The probability of a Gaussian between 0 and 1."""
+    sd = math.sqrt(max(variance, 0.0))
+    if sd < 1e-9:
+        return float(0 <= mean <= 1)
+    return normal_cdf((1 - mean) / sd) - normal_cdf(-mean / sd)
+
+
 def held(mean: float, variance: float) -> tuple[float, float]:
     """Mean and variance of a Gaussian whose every value beyond 0 or 1 rests at that end.
 
@@ -80,9 +88,9 @@ def held(mean: float, variance: float) -> tuple[float, float]:
         return min(1.0, max(0.0, mean)), 0.0
     a, b = -mean / sd, (1 - mean) / sd
     cdf_a, cdf_b, pdf_a, pdf_b = normal_cdf(a), normal_cdf(b), normal_pdf(a), normal_pdf(b)
-    inside = cdf_b - cdf_a
-    first = mean * inside + sd * (pdf_a - pdf_b) + (1 - cdf_b)
-    second = (mean**2 + variance) * inside + sd * (2 * mean * (pdf_a - pdf_b) + sd * (a * pdf_a - b * pdf_b))
+    between = cdf_b - cdf_a
+    first = mean * between + sd * (pdf_a - pdf_b) + (1 - cdf_b)
+    second = (mean**2 + variance) * between + sd * (2 * mean * (pdf_a - pdf_b) + sd * (a * pdf_a - b * pdf_b))
     second += 1 - cdf_b
     # Far outside, `first` is nothing but rounding.
     return min(1.0, max(0.0, first)), max(0.0, second - first**2)
@@ -99,12 +107,12 @@ def truncated(mean: float, variance: float) -> tuple[float, float]:
     if sd < 1e-9:
         return min(1.0, max(0.0, mean)), 0.0
     a, b = -mean / sd, (1 - mean) / sd
-    inside = normal_cdf(b) - normal_cdf(a)
-    if inside < 1e-6:
+    between = normal_cdf(b) - normal_cdf(a)
+    if between < 1e-6:
         return min(1.0, max(0.0, mean)), min(variance, (sd / max(abs(a), abs(b), 1.0)) ** 2)
     pdf_a, pdf_b = normal_pdf(a), normal_pdf(b)
-    shift = (pdf_a - pdf_b) / inside
-    spread = 1 + (a * pdf_a - b * pdf_b) / inside - shift**2
+    shift = (pdf_a - pdf_b) / between
+    spread = 1 + (a * pdf_a - b * pdf_b) / between - shift**2
     return min(1.0, max(0.0, mean + sd * shift)), variance * max(spread, 1e-9)
 
 

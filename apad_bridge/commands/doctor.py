@@ -73,7 +73,7 @@ def _machine(agents: int) -> Iterator[Finding]:
 
 def _ros(master_uri: str, scenario: Scenario | None) -> Iterable[Finding]:
     try:
-        from apad_bridge.ros import diagnosis
+        from apad_bridge.ros import diagnosis, diagnosis_apads
     except ImportError as error:
         yield Finding("ROS", Status.FAIL, f"cannot be imported: {error}", interpreter.INSTALL)
         return
@@ -99,12 +99,12 @@ def _ros(master_uri: str, scenario: Scenario | None) -> Iterable[Finding]:
         return
     yield Finding("master", Status.OK, f"{master_uri} answers; {len(found.nodes)} nodes on it")
     host, bind = diagnosis.announced_host(), diagnosis.bind_address()
-    ids = None
+    ids, namespace = None, os.environ.get("ROS_NAMESPACE", "").strip("/")
     if scenario is not None:
         ids = scenario.fleet.ids
     yield from examined("own address", lambda: graph.check_addresses(master_uri, host))
     yield from examined("call back", lambda: [graph.check_call_back(master_uri, host, bind)])
     yield from examined("clock", lambda: [graph.check_clock(found)])
     yield from examined("nodes", lambda: graph.check_nodes(found))
-    yield from examined("aMussel ids", lambda: [graph.check_agents_present(found, ids)])
-    yield from examined("aPad", lambda: diagnosis.check_apads(found))
+    yield from examined("aMussel ids", lambda: [graph.check_agents_present(found, ids, namespace)])
+    yield from examined("aPad", lambda: diagnosis_apads.check_apads(found))

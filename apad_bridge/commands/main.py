@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 from importlib import import_module
 from importlib.metadata import version
@@ -23,6 +24,8 @@ _COMMANDS = (
     "layout",
     "doctor",
 )
+
+_NS = "__ns:="
 
 
 def parser() -> argparse.ArgumentParser:
@@ -53,8 +56,16 @@ def _add_unloadable(commands: Any, name: str, error: ImportError) -> None:
     stub.set_defaults(run=refuse)
 
 
+def _in_namespace(arguments: list[str]) -> list[str]:
+    """Without ROS's own __ns:=, which counts for all that is started from here, as ROS_NAMESPACE does."""
+    for word in arguments:
+        if word.startswith(_NS):
+            os.environ["ROS_NAMESPACE"] = word.removeprefix(_NS)
+    return [word for word in arguments if not word.startswith(_NS)]
+
+
 def main(arguments: list[str] | None = None) -> int:
-    chosen = parser().parse_args(arguments)
+    chosen = parser().parse_args(_in_namespace(sys.argv[1:] if arguments is None else arguments))
     try:
         code: int = chosen.run(chosen)
     except UserError as error:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import re
 import sys
 from collections.abc import Iterator, Sequence
@@ -64,6 +65,7 @@ def add_manual_argument(parser: argparse.ArgumentParser) -> None:
     )
 
 
+_NAMESPACE = re.compile(r"/?|/?[A-Za-z]\w*(/[A-Za-z]\w*)*/?", re.ASCII)
 _REMAPPING = re.compile(r"[/~]?[A-Za-z][\w/]*:=[/~]?[A-Za-z][\w/]*")
 
 
@@ -177,6 +179,7 @@ def options_of(arguments: argparse.Namespace) -> RunOptions:
     if arguments.remap and time is TimeSource.ASAP:
         raise UserError("--remap names things of ROS, which --time asap does without")
     return RunOptions(
+        namespace="" if time is TimeSource.ASAP else _namespace(),
         remappings=tuple(arguments.remap),
         open_modems=tuple(sorted(set(arguments.open_modem))),
         modem="" if arguments.modem is None else str(arguments.modem.absolute()),
@@ -188,6 +191,14 @@ def options_of(arguments: argparse.Namespace) -> RunOptions:
         dry_run=dry_run,
         manual=manual,
     )
+
+
+def _namespace() -> str:
+    """That of ROS_NAMESPACE, which roslaunch sets for the nodes of a group."""
+    said = os.environ.get("ROS_NAMESPACE", "")
+    if not _NAMESPACE.fullmatch(said):
+        raise UserError(f"ROS_NAMESPACE={said}: it is a name of ROS, as basin or /lab/basin")
+    return said.strip("/")
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -22,10 +22,10 @@ from apad_bridge.diagnosis.network import (
     host_and_port,
     route_address,
 )
+from apad_bridge.ros.names import in_full
 
 _AT_ONCE = 16
 _SHOWN = 8
-_AGENT_POSITION = re.compile(r"^/amussel(\d+)/position$")
 Names = dict[str, list[str]]
 
 
@@ -125,13 +125,14 @@ def _take_back(uri: str, topic: str, ours: str) -> None:
             continue  # the master is gone, and what was registered with it
 
 
-def check_clock(graph: Graph, names_of_ours: str = "/musselbed") -> Finding:
+def check_clock(graph: Graph) -> Finding:
     """Whose time nodes on this master follow."""
     code, _, simulated = call_whole(graph.uri, "getParam", "/use_sim_time")
     follows = code == 1 and bool(simulated)
     sources = graph.publishers.get("/clock", [])
     whose = ", ".join(
-        f"{node} ({'ours' if node.startswith(names_of_ours) else 'somebody else'})" for node in sources
+        f"{node} ({'ours' if node.rpartition('/')[2].startswith('musselbed') else 'somebody else'})"
+        for node in sources
     )
     if len(sources) > 1:
         return fail("clock", f"/clock comes from {whose}: time would jump", "end all of these nodes but one")
@@ -188,14 +189,15 @@ def _trouble(uri: str, node: str) -> Finding | None:
     return None
 
 
-def check_agents_present(graph: Graph, ids: Iterable[int] | None) -> Finding:
-    """aMussels that somebody publishes already; with the `ids` of a scenario, whether any of them is taken."""
+def check_agents_present(graph: Graph, ids: Iterable[int] | None, namespace: str = "") -> Finding:
+    """aMussels that somebody publishes already in this namespace; with the `ids` of a scenario, whether any is taken."""
+    position = re.compile(in_full(namespace, r"amussel(\d+)/position"))
     taken: dict[int, list[str]] = {}
     for topic, nodes in graph.publishers.items():
-        if found := _AGENT_POSITION.match(topic):
+        if found := position.fullmatch(topic):
             taken[int(found[1])] = nodes
     if not taken:
-        return ok("aMussel ids", "nobody publishes an /amusselK/position")
+        return ok("aMussel ids", f"nobody publishes an {in_full(namespace, 'amusselK')}/position")
     shown = _ranges(taken)
     clash = sorted(set(taken) & set(ids or ()))
     if clash:

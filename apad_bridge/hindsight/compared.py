@@ -25,6 +25,10 @@ from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.schema import Scenario
 from firmware_model.states import State
 
+_HALF_RESTS = 0.683
+_CERTAIN = 1e-6
+"""What is believed to so much is believed to be full, or empty."""
+
 
 class Record(StrEnum):
     BAG = "bag"
@@ -48,7 +52,7 @@ class Compared:
     covered: bool | None
     """Whether the truth lay in the interval of 95 %."""
     clamped: bool
-    """The truth rests at 0 or 1."""
+    """The truth rests at 0 or 1, or more than half of what is believed does."""
     place_error_m: float | None
     """None in a dock: it is where the aPad is."""
     place_square: float | None = None
@@ -102,7 +106,7 @@ def _at_instant(instant: Instant) -> Iterator[Compared]:
             belief.charge - truth.primary,
             belief.charge_deviation if sure else None,
             belief.charge_low <= truth.primary <= belief.charge_high if sure else None,
-            not 0 < truth.primary < 1,
+            not 0 < truth.primary < 1 or _rests(belief.charge, belief.charge_deviation),
             None
             if truth.docked
             else math.hypot(belief.north_m - truth.north_m, belief.east_m - truth.east_m),
@@ -118,6 +122,12 @@ def _believed_mode(belief: BeliefSample) -> Mode:
     if not belief.mode_probabilities:
         return mode_of(State(belief.state), belief.charge, belief.secondary)
     return Mode(max(range(len(belief.mode_probabilities)), key=belief.mode_probabilities.__getitem__))
+
+
+def _rests(charge: float, deviation: float) -> bool:
+    """Whether more than half of a Gaussian that is held at 0 and 1 rests at one of them, by its moments as held: half of it
+    does at a mean of 1, which leaves a mean of 1 - 0.399 and a deviation of 0.584 of the Gaussian's."""
+    return min(charge, 1 - charge) < _HALF_RESTS * deviation or deviation < _CERTAIN
 
 
 def _place_square(belief: BeliefSample, truth: TruthSample) -> float | None:
@@ -148,7 +158,7 @@ def _at(history: History, water: Water, scenario: Scenario, now_ms: int) -> Iter
             line["charge"] - sample.primary,
             deviation,
             None if deviation is None else line["low"] <= sample.primary <= line["high"],
-            not 0 < sample.primary < 1,
+            not 0 < sample.primary < 1 or (deviation is not None and _rests(line["charge"], deviation)),
             None
             if sample.docked
             else math.hypot(line["north_m"] - sample.north_m, line["east_m"] - sample.east_m),

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from apad_bridge.ros.beside_others import below_apad
+from apad_bridge.ros.frames import Frames
 from apad_bridge.ros.names import of_amussel, ours
 from apad_bridge.scenario.polygon import bounding_box
 from apad_bridge.scenario.schema import Scenario
@@ -57,6 +58,10 @@ class FleetShown:
     def span_m(self) -> tuple[float, float]:
         (south, west), (north, east) = self.south_west_m, self.north_east_m
         return north - south, east - west
+
+    @property
+    def frames(self) -> Frames:
+        return Frames(self.namespace.strip("/"))
 
     def batteries(self, apad: APadShown) -> dict[int, str]:
         """The topic of each battery of the aMussels that this aPad serves at first, by id."""

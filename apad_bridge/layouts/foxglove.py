@@ -8,7 +8,6 @@ from typing import Any
 
 from apad_bridge.layouts.fleet import APadShown, FleetShown, hexadecimal, in_bag
 from apad_bridge.layouts.grid import grid_of
-from apad_bridge.ros.frames import ENU, NED, agent_frame, apad_frame
 from apad_bridge.ros.names import DIAGNOSTICS
 
 _LEGEND_OF = 24
@@ -56,7 +55,7 @@ def _scene(fleet: FleetShown) -> dict[str, Any]:
     north_m, east_m = fleet.centre_m
     tall_m, wide_m = fleet.span_m
     return {
-        "followTf": ENU,
+        "followTf": fleet.frames.enu,
         "followMode": "follow-none",
         "topics": topics,
         # Frames are where the markers are: axes, names and lines to the origin would only hide them.
@@ -76,8 +75,9 @@ def _scene(fleet: FleetShown) -> dict[str, Any]:
 
 
 def _frames(fleet: FleetShown) -> list[str]:
-    bodies = [*map(agent_frame, fleet.ids), *(apad_frame(apad.name) for apad in fleet.apads)]
-    return [ENU, NED, *bodies]
+    frames = fleet.frames
+    bodies = [*map(frames.agent, fleet.ids), *(frames.apad(apad.name) for apad in fleet.apads)]
+    return [frames.enu, frames.ned, *bodies]
 
 
 def _grid(fleet: FleetShown) -> dict[str, Any]:
@@ -88,7 +88,7 @@ def _grid(fleet: FleetShown) -> dict[str, Any]:
         "label": f"Grid ({grid.cell_m} m)",
         "visible": True,
         "frameLocked": True,
-        "frameId": ENU,
+        "frameId": fleet.frames.enu,
         "size": grid.cell_m * grid.cells,
         "divisions": grid.cells,
         "lineWidth": 1,

@@ -57,7 +57,7 @@ def _plot(fleet: FleetShown, apad: APadShown) -> Group:
         "topics": _value([f"{topic}/percentage" for topic in topics]),
         "y_limits": _value([0.0, 1.0]),
     }
-    title = {"dock_widget_title": _value(f"Batteries: {apad.name} and its aMussels")}
+    title = {"dock_widget_title": _value(f"{apad.name}: batteries")}
     return _group({}, dock_widget__DataPlotWidget=_group(title), plugin=_group(settings))
 
 

@@ -8,7 +8,6 @@ import yaml
 
 from apad_bridge.layouts.fleet import APadShown, FleetShown, colour
 from apad_bridge.layouts.grid import grid_of
-from apad_bridge.ros.frames import ENU
 
 _WIDTH_PX, _HEIGHT_PX = 1360, 860
 _MARGIN = 0.85
@@ -24,7 +23,11 @@ def layout(fleet: FleetShown) -> str:
         "Visualization Manager": {
             "Class": "",
             "Enabled": True,
-            "Global Options": {"Background Color": "20; 40; 60", "Fixed Frame": ENU, "Frame Rate": 30},
+            "Global Options": {
+                "Background Color": "20; 40; 60",
+                "Fixed Frame": fleet.frames.enu,
+                "Frame Rate": 30,
+            },
             "Displays": displays,
             "Tools": [{"Class": "rviz/MoveCamera"}, {"Class": "rviz/Measure"}],
             "Views": {"Current": _from_above(fleet)},

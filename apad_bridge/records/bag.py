@@ -21,18 +21,19 @@ from rosbags.rosbag1.writer import WriteChunk, Writer
 from apad_bridge.records.bag_messages import APAD, BELIEFS, EVENT, SOUND, TRUTH, Messages, typestore
 from apad_bridge.records.packet_lines import SoundRow
 from apad_bridge.records.samples import APadSample, BeliefSample, TruthSample
-from apad_bridge.ros.names import ours
+from apad_bridge.ros.names import in_full, ours
 
 CHUNK_BYTES = 256 * 1024
 CHUNK_MS = 60_000
 """A chunk ends after so much mission time, however little is in it."""
 _TOPICS = {
-    TRUTH: f"/{ours('truth')}",
-    BELIEFS: f"/{ours('beliefs')}",
-    APAD: f"/{ours('apad')}",
-    EVENT: f"/{ours('mission')}",
-    SOUND: f"/{ours('sound')}",
+    TRUTH: ours("truth"),
+    BELIEFS: ours("beliefs"),
+    APAD: ours("apad"),
+    EVENT: ours("mission"),
+    SOUND: ours("sound"),
 }
+"""In every run's bag, whatever the namespace on the graph was, or the aPad among several: a bag is of one run."""
 
 
 class _ChunkedWriter(Writer):
@@ -59,7 +60,8 @@ class BagWriter:
         self._writer = _new_writer(path)
         store = typestore()
         self._connections = {
-            name: self._writer.add_connection(topic, name, typestore=store) for name, topic in _TOPICS.items()
+            name: self._writer.add_connection(in_full("", topic), name, typestore=store)
+            for name, topic in _TOPICS.items()
         }
         self._chunk_ms = 0
 

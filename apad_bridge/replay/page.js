@@ -1,4 +1,5 @@
-// What the page shows at one mission time, and what moves that time: the scrubber, play, and the address's #t=SECONDS.
+// What the page shows at one mission time, and what moves that time: the scrubber, play, and the address's #t=SECONDS,
+// or #t=SECONDS&aMussel=ID, which marks one as pointing at it does.
 
 const data = JSON.parse(document.getElementById("data").textContent);
 const $ = (id) => document.getElementById(id);
@@ -38,6 +39,8 @@ function viewAt(ms) {
       status: agent.status[i],
       slot: slot < 0 ? null : slot,
       charge: agent.charge[i],
+      believed: agent.believed && agent.believed[i],
+      within: agent.low && agent.low[i] !== null ? [agent.low[i], agent.high[i]] : null,
       uptime: agent.uptime[i],
       place: agent.north[i] === null ? null : [between(agent.north[i], agent.north[next], share), between(agent.east[i], agent.east[next], share)],
     };
@@ -78,11 +81,19 @@ function showWords({ stage, slots, agents, active, cost, apad }) {
   $("plan").replaceChildren(...planWords(stage.plan));
   const charges = agents.map((it) => it.charge).filter((it) => it !== null);
   const mean = (list) => list.reduce((a, b) => a + b, 0) / list.length;
-  $("charge-now").textContent = charges.length ? `mean ${percent(mean(charges))}, least ${percent(Math.min(...charges))}` : "unknown";
+  const one = agents.find((it) => it.id === marked);
+  $("charge-now").textContent = one ? chargeWords(one) : charges.length ? `mean ${percent(mean(charges))}, least ${percent(Math.min(...charges))}` : "unknown";
   $("uptime-now").textContent = data.has_truth ? `mean ${mean(agents.map((it) => it.uptime)).toFixed(1)} %` : "no truth was recorded";
   $("active-now").textContent = data.has_truth ? `${active} of ${agents.length}` : "no truth was recorded";
   $("cost-now").textContent = cost.toFixed(0) + " m";
   $("apad-now").textContent = apad && apad.battery !== null ? percent(apad.battery) : "unknown";
+}
+
+function chargeWords({ id, charge, believed, within }) {
+  const words = [`${id}: ${charge === null ? "unknown" : percent(charge)}`];
+  if (believed !== null) words.push(", believed " + percent(believed));
+  if (within) words.push(` (${within.map((it) => (100 * it).toFixed(1)).join(" to ")})`);
+  return words.join("");
 }
 
 function planWords(plan) {
@@ -108,9 +119,15 @@ function showAgents({ agents }) {
 
 function drawPlots(view) {
   const times = data.times_ms;
-  const ofAgent = (agent, n) => ({ values: agent.charge, colour: STATUS_COLOURS[view.agents[n].status], width: marked === agent.id ? 3 : 1.2 });
+  const ofAgent = (agent, n) => ({ values: agent.charge, colour: STATUS_COLOURS[view.agents[n].status], width: marked === agent.id ? 2.2 : marked === null ? 1.2 : 0.5 });
+  const bands = data.agents.filter((it) => it.low).map((it) => ({
+    low: it.low, high: it.high, colour: marked === it.id ? ACCENT : STATUS_COLOURS[view.agents[data.agents.indexOf(it)].status],
+    alpha: marked === it.id ? 0.35 : marked === null ? 0.18 : 0.05,
+  }));
+  const chosen = data.agents.find((it) => it.id === marked);
+  const estimates = chosen && chosen.believed ? [{ values: chosen.believed, colour: INK, width: 1.2, dash: [4, 3] }] : [];
   const asPercent = (value) => Math.round(100 * value) + " %";
-  drawLines($("charge"), times, nowMs, data.agents.map(ofAgent), { min: 0, max: 1, format: asPercent, threshold: data.pool_threshold });
+  drawLines($("charge"), times, nowMs, [...bands, ...data.agents.map(ofAgent), ...estimates], { min: 0, max: 1, format: asPercent, threshold: data.pool_threshold });
   const last = data.times_ms.length - 1;
   drawBars($("uptime"), data.agents.map((agent, n) => ({ label: agent.id, value: agent.uptime[view.i], full: agent.uptime[last], colour: STATUS_COLOURS[view.agents[n].status] })), marked);
   drawLines($("active"), times, nowMs, data.has_truth ? [{ values: data.active, colour: colour("above"), width: 1.8, step: true }] : [], { min: 0, max: Math.max(1, data.agents.length), format: (value) => value });
@@ -142,6 +159,7 @@ function setUp() {
   if (data.dropped_lines) warnings.push(`${data.dropped_lines} line(s) of the journal could not be read.`);
   $("warning").textContent = warnings.join(" ");
   $("warning").hidden = warnings.length === 0;
+  $("shaded").hidden = !data.agents.some((it) => it.low);
   $("theta").textContent = data.theta === 1 ? "aMussels" : `aMussels, ${data.theta} times faster`;
   $("agents").replaceChildren(...data.agents.map((agent) => {
     const item = document.createElement("li");
@@ -171,7 +189,9 @@ function frame() {
 }
 
 function goToAddress() {
-  const seconds = Number(new URLSearchParams(location.hash.slice(1)).get("t"));
+  const asked = new URLSearchParams(location.hash.slice(1));
+  const seconds = Number(asked.get("t"));
+  marked = asked.has("aMussel") ? Number(asked.get("aMussel")) : null;
   show(Number.isFinite(seconds) ? 1000 * seconds : 0);
 }
 

@@ -39,7 +39,8 @@ function timeTicks(endMs) {
   return ticks;
 }
 
-// Lines over mission time. series: [{values, colour, width, step}], drawn in order; null is a gap.
+// Lines over mission time. series: [{values, colour, width, step, dash}] or [{low, high, colour, alpha}], a band, drawn in
+// order; null is a gap.
 function drawLines(canvas, timesMs, nowMs, series, { min, max, format, threshold }) {
   const { ctx, width, height } = fresh(canvas);
   const box = { left: 40, right: width - 10, top: 6, bottom: height - 18 };
@@ -65,7 +66,9 @@ function drawLines(canvas, timesMs, nowMs, series, { min, max, format, threshold
     stroke(ctx, SOFT, [[box.left, y(threshold)], [box.right, y(threshold)]]);
     ctx.setLineDash([]);
   }
-  for (const { values, colour, width: lineWidth, step: stepped } of series) {
+  for (const { values, low, high, alpha, colour, width: lineWidth, step: stepped, dash } of series) {
+    if (low) { fillBand(ctx, timesMs.map(x), low.map((it) => it === null ? null : y(it)), high.map(y), colour, alpha); continue; }
+    ctx.setLineDash(dash || []);
     ctx.strokeStyle = colour;
     ctx.lineWidth = lineWidth;
     ctx.beginPath();
@@ -81,8 +84,26 @@ function drawLines(canvas, timesMs, nowMs, series, { min, max, format, threshold
     });
     ctx.stroke();
   }
+  ctx.setLineDash([]);
   ctx.lineWidth = 1.5;
   stroke(ctx, INK, [[x(nowMs), box.top - 4], [x(nowMs), box.bottom]]);
+}
+
+// What lies between two rows of heights; where `low` is null there is none.
+function fillBand(ctx, xs, low, high, colour, alpha) {
+  ctx.fillStyle = colour;
+  ctx.globalAlpha = alpha;
+  for (let from = 0; from < xs.length; from++) {
+    if (low[from] === null) continue;
+    let to = from;
+    while (to + 1 < xs.length && low[to + 1] !== null) to++;
+    ctx.beginPath();
+    for (let i = from; i <= to; i++) ctx.lineTo(xs[i], high[i]);
+    for (let i = to; i >= from; i--) ctx.lineTo(xs[i], low[i]);
+    ctx.fill();
+    from = to;
+  }
+  ctx.globalAlpha = 1;
 }
 
 // Vertical bars in percent. bars: [{label, value, full, colour}]; `full`, the value at the run's end, is drawn pale.

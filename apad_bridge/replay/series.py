@@ -37,7 +37,7 @@ class Status(IntEnum):
 
 @dataclass(slots=True)
 class _Agent:
-    """One aMussel's columns. Places in metres; charge in [0, 1]; uptime in percent of the whole run's ticks."""
+    """One aMussel's columns. Places in metres; charges in [0, 1]; uptime in percent of the whole run's ticks."""
 
     agent_id: int
     north: list[float | None]
@@ -45,6 +45,11 @@ class _Agent:
     charge: list[float | None]
     status: list[int]
     uptime: list[float]
+    believed: list[float | None]
+    """Beside a truth: the believed charge."""
+    low: list[float | None]
+    high: list[float | None]
+    """Where the charge is believed to lie with 95 %."""
 
 
 def sample_times(end_ms: int, agents: int) -> list[int]:
@@ -91,7 +96,7 @@ class _Sampler:
         self._scenario = scenario
         self._history = history
         self._ticks = max(1, history.end_ms // _TICK_MS)
-        self._agents = [_Agent(agent_id, [], [], [], [], []) for agent_id in agent_ids]
+        self._agents = [_Agent(agent_id, *([] for _ in range(8))) for agent_id in agent_ids]
         self._active: list[int] = []
         self._cost: list[float] = []
         self._apad: list[list[float | None] | None] = []
@@ -140,6 +145,10 @@ class _Sampler:
         agent.east.append(_rounded(place[1], 2))
         agent.charge.append(_rounded(left, 4))
         agent.status.append(self._status(left, docked, lost or agent_id in now.gone))
+        told = belief or {}
+        agent.believed.append(None if truth is None else _rounded(told.get("charge"), 4))
+        agent.low.append(_rounded(told.get("low"), 4))
+        agent.high.append(_rounded(told.get("high"), 4))
 
     def _status(self, charge: float | None, docked: bool, lost: bool) -> int:
         if charge is None:
@@ -162,6 +171,9 @@ class _Sampler:
                     "charge": agent.charge,
                     "status": agent.status,
                     "uptime": agent.uptime,
+                    "believed": _unless_empty(agent.believed),
+                    "low": _unless_empty(agent.low),
+                    "high": _unless_empty(agent.high),
                 }
                 for agent in self._agents
             ],
@@ -188,6 +200,10 @@ def _plan_data(plan: PlanView | None) -> dict[str, Any] | None:
 def _thinned(trace: list[tuple[int, float, float]]) -> list[list[float]]:
     every = -(-len(trace) // MAX_TRACE) or 1
     return [[t, round(north, 2), round(east, 2)] for t, north, east in trace[::every]]
+
+
+def _unless_empty(column: list[float | None]) -> list[float | None] | None:
+    return None if all(value is None for value in column) else column
 
 
 def _rounded(number: float | None, digits: int) -> float | None:

@@ -23,6 +23,7 @@ import rospy
 
 from apad_bridge import building
 from apad_bridge.ros.messages import MessagesUnusable, use_generated_messages
+from apad_bridge.ros.names import plain
 from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.loader import load, with_overrides
 from apad_bridge.scenario.schema import Generation, Scenario
@@ -85,7 +86,7 @@ def main() -> int:
     except MessagesUnusable as wrong:
         print(f"musselbed: {wrong}", file=sys.stderr)
         return 1
-    name = scenario.apad.name
+    name = plain(scenario.apad.name)
     follows_clock = arguments.time == "clock"
     rospy.init_node(f"{name}_simulated", argv=[], disable_signals=True, xmlrpc_port=arguments.xmlrpc_port)
     node = _make_node(scenario)

@@ -26,6 +26,7 @@ def start_apad_node(
     master_uri: str,
     log: Path,
     *,
+    namespace: str = "",
     xmlrpc_port: int = 0,
     ready_s: float = 20.0,
 ) -> subprocess.Popen[bytes]:
@@ -49,7 +50,7 @@ def start_apad_node(
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             stderr=said,
-            env=loopback_environment(log.parent / "ros", master_uri),
+            env=loopback_environment(log.parent / "ros", master_uri) | {"ROS_NAMESPACE": f"/{namespace}"},
             start_new_session=True,
         )
     if _says_ready(child, ready_s):

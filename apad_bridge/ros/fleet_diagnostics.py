@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import sqrt
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
@@ -21,13 +22,24 @@ class Limits:
 
 
 def diagnose(
-    supervisor: Supervisor, agent_ids: tuple[int, ...], limits: Limits, now_ms: int, apad: str = ""
+    supervisor: Supervisor,
+    agent_ids: tuple[int, ...],
+    limits: Limits,
+    now_ms: int,
+    apad: str = "",
+    namespace: str = "",
 ) -> DiagnosticArray:
-    """With the name of an `apad` that is one of several: they all say so on one topic."""
+    """With the name of an `apad` that is one of several, and their `namespace`: they all say so on one topic."""
     beliefs = {belief.agent_id: belief for belief in supervisor.beliefs.all()}
     array = DiagnosticArray(status=[_mission(supervisor, apad), _apad(supervisor, apad)])
     array.header.stamp = to_ros(now_ms)
     array.status += [_agent(agent_id, beliefs.get(agent_id), limits, now_ms) for agent_id in agent_ids]
+    if namespace:
+        for status in array.status:
+            status.name, status.hardware_id = (
+                f"{namespace}/{status.name}",
+                f"{namespace}/{status.hardware_id}",
+            )
     return array
 
 
@@ -43,8 +55,7 @@ def _agent(agent_id: int, belief: Belief | None, limits: Limits, now_ms: int) ->
         last_heard=f"{belief.age_s(now_ms):.0f} s ago",
     )
     if belief.is_carried:
-        low, high = belief.charge_interval()
-        status.values += _values(mode=belief.mode.name, primary_95=f"{low:.3f} to {high:.3f}")
+        status.values += _how_sure(belief)
     if belief.state in BEYOND_HELP:
         status.level, status.message = DiagnosticStatus.ERROR, "lost: both batteries are empty"
     elif belief.state in STRANDED or belief.primary <= 0.0:
@@ -57,6 +68,24 @@ def _agent(agent_id: int, belief: Belief | None, limits: Limits, now_ms: int) ->
     else:
         status.level, status.message = DiagnosticStatus.OK, f"{100 * belief.primary:.0f} %"
     return status
+
+
+def _how_sure(belief: Belief) -> list[KeyValue]:
+    """What standard messages have no field for."""
+    low, high = belief.charge_interval()
+    (primary, _, secondary), (north, _, east) = belief.charge_cov, belief.place_cov
+    clock = belief.clock
+    return _values(
+        mode=belief.mode.name,
+        mode_probability=f"{belief.probability_of(belief.mode):.3f}",
+        primary_95=f"{low:.3f} to {high:.3f}",
+        primary_deviation=f"{sqrt(primary):.4f}",
+        secondary_deviation=f"{sqrt(secondary):.4f}",
+        place_deviation=f"{sqrt(north):.2f} m north, {sqrt(east):.2f} m east",
+        clock=f"{clock.offset_ms / 1000:+.3f} s, deviation {sqrt(clock.offset_var) / 1000:.3f} s",
+        silent_slots=belief.silent_slots,
+        learned_from=" ".join(source.name.lower() for source in belief.learned_from if source.name),
+    )
 
 
 def _apad(supervisor: Supervisor, name: str) -> DiagnosticStatus:

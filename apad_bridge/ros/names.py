@@ -21,10 +21,12 @@ __all__ = [
     "TF",
     "TF_STATIC",
     "USE_SIM_TIME",
+    "in_full",
     "of_amussel",
     "of_apad",
     "ours",
     "ours_of_apad",
+    "plain",
 ]
 
 AMUSSEL = "amussel"
@@ -48,6 +50,18 @@ def of_apad(apad: str, leaf: str) -> str:
 
 def of_amussel(agent_id: int, leaf: str) -> str:
     return _known(f"{AMUSSEL}{{id}}/{leaf}").format(id=agent_id)
+
+
+def plain(apad: str) -> str:
+    """An aPad's namespace as one word, for nodes and files."""
+    return apad.strip("/").replace("/", "_")
+
+
+def in_full(namespace: str, name: str) -> str:
+    """What a name is called on the graph of a node in this namespace; a global one stays."""
+    if name.startswith("/"):
+        return name
+    return f"/{namespace}/{name}" if namespace else f"/{name}"
 
 
 def _known(template: str) -> str:

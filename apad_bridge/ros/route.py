@@ -32,18 +32,21 @@ def why_silent(master_uri: str) -> str | None:
     return None
 
 
-def environment_for(master_uri: str, environment: Mapping[str, str] = os.environ) -> dict[str, str]:
-    """What a node on this master needs: ROS_MASTER_URI, and ROS_IP as our address on the way to it.
+def environment_for(
+    master_uri: str, namespace: str = "", environment: Mapping[str, str] = os.environ
+) -> dict[str, str]:
+    """What a node on this master needs: ROS_MASTER_URI, its namespace, and ROS_IP as our address on the way to it.
 
     A ROS_IP or ROS_HOSTNAME that the user has set stays as it is.
     """
+    needed = {"ROS_MASTER_URI": master_uri, "ROS_NAMESPACE": f"/{namespace}"}
     if environment.get("ROS_IP") or environment.get("ROS_HOSTNAME"):
-        return {"ROS_MASTER_URI": master_uri}
+        return needed
     host, port = _host_and_port(master_uri)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         # Connecting a datagram socket sends nothing: the kernel only chooses the route.
         probe.connect((host, port))
-        return {"ROS_MASTER_URI": master_uri, "ROS_IP": str(probe.getsockname()[0])}
+        return {**needed, "ROS_IP": str(probe.getsockname()[0])}
 
 
 def free_port() -> int:

@@ -15,7 +15,7 @@ from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.modes import DOCKED as DOCKED_MODES
 from apad_bridge.beliefs.modes import Mode
 from apad_bridge.geography import LocalFrame
-from apad_bridge.ros.frames import ENU, UPRIGHT, Quaternion, Vector, agent_frame, enu
+from apad_bridge.ros.frames import UPRIGHT, Quaternion, Vector, ellipse_95, enu
 from apad_bridge.ros.ros_time import to_ros
 from apad_bridge.vehicle import BatteryReported
 from firmware_model.charge import EMPTY_MV, FULL_MV
@@ -25,13 +25,15 @@ _UNKNOWN = math.nan
 """What BatteryState asks for where nothing is measured."""
 _MARKER_M = 0.5
 _LABEL_M = 0.6
+_DISC_M = 0.02
+_DISC_ALPHA = 0.3
 
 
-def header(now_ms: int, frame: str = ENU) -> Header:
+def header(now_ms: int, frame: str) -> Header:
     return Header(stamp=to_ros(now_ms), frame_id=frame)
 
 
-def agent_battery(belief: Belief) -> BatteryState:
+def agent_battery(belief: Belief, body: str) -> BatteryState:
     """The primary battery, with the voltage that the paper's scale stands for; `cell_voltage` holds both batteries'.
 
     It is what is believed for the stamp: the newest packet's, or the time that a belief was carried to.
@@ -42,7 +44,7 @@ def agent_battery(belief: Belief) -> BatteryState:
         docked = belief.state in DOCKED
         full = docked and belief.primary >= 1.0
     message = BatteryState(
-        header=header(belief.at_ms, agent_frame(belief.agent_id)),
+        header=header(belief.at_ms, body),
         voltage=_volts(belief.primary),
         temperature=_UNKNOWN,
         current=_UNKNOWN,
@@ -68,9 +70,9 @@ def agent_battery(belief: Belief) -> BatteryState:
     return message
 
 
-def apad_battery(battery: BatteryReported, name: str) -> BatteryState:
+def apad_battery(battery: BatteryReported, name: str, body: str) -> BatteryState:
     return BatteryState(
-        header=header(battery.at_ms),
+        header=header(battery.at_ms, body),
         voltage=battery.voltage_v,
         temperature=_UNKNOWN,
         current=_UNKNOWN,
@@ -87,7 +89,10 @@ def apad_battery(battery: BatteryReported, name: str) -> BatteryState:
 def fix(
     frame: LocalFrame, at_ms: int, body: str, north_m: float, east_m: float, variance_m2: Vector
 ) -> NavSatFix:
-    """Degrees on WGS-84, at height 0. `variance_m2` is (north, covariance, east); all 0 says that nothing is known."""
+    """Degrees on WGS-84, at height 0. `variance_m2` is (north, covariance, east); all 0 says that nothing is known.
+
+    The message asks for east, north, up; a place of ours has no height, and no variance of it.
+    """
     latitude_deg, longitude_deg = frame.to_geographic(north_m, east_m)
     north, between, east = variance_m2
     known = north > 0 or east > 0
@@ -104,9 +109,9 @@ def fix(
     )
 
 
-def path(now_ms: int, points_m: list[tuple[float, float]]) -> Path:
+def path(now_ms: int, world: str, points_m: list[tuple[float, float]]) -> Path:
     """Through (north, east) points at the surface."""
-    stamped = header(now_ms)
+    stamped = header(now_ms, world)
     poses = [PoseStamped(header=stamped, pose=pose(enu(*point_m), UPRIGHT)) for point_m in points_m]
     return Path(header=stamped, poses=poses)
 
@@ -123,10 +128,11 @@ def transform(now_ms: int, parent: str, child: str, at: Vector, attitude: Quater
     )
 
 
-def agent_markers(belief: Belief, now_ms: int) -> list[Marker]:
-    """A ball from red (empty) to green (full), cyan when docked, grey when lost; and its id and charge above it."""
+def agent_markers(belief: Belief, now_ms: int, world: str) -> list[Marker]:
+    """A ball from red (empty) to green (full), cyan when docked, grey when lost; its id and charge above it; and, where the
+    place's deviation is known, the ellipse that holds it with 95 %."""
     at = enu(belief.north_m, belief.east_m)
-    ball = _marker("amussels", belief.agent_id, Marker.SPHERE, now_ms, at, _colour(belief), _MARKER_M)
+    ball = _marker("amussels", belief.agent_id, Marker.SPHERE, now_ms, world, at, _colour(belief), _MARKER_M)
     # North of the ball, so that it is read from above too.
     above = (at[0], at[1] + _LABEL_M, at[2] + _LABEL_M)
     label = _marker(
@@ -134,27 +140,40 @@ def agent_markers(belief: Belief, now_ms: int) -> list[Marker]:
         belief.agent_id,
         Marker.TEXT_VIEW_FACING,
         now_ms,
+        world,
         above,
         ColorRGBA(1.0, 1.0, 1.0, 1.0),
         _LABEL_M,
     )
     label.text = f"{belief.agent_id}: {100 * belief.primary:.0f} %"
-    return [ball, label]
+    if not belief.is_carried:
+        return [ball, label]
+    return [ball, label, _place_marker(belief, now_ms, world, at)]
 
 
-def apad_marker(now_ms: int, at: Vector, attitude: Quaternion) -> Marker:
+def _place_marker(belief: Belief, now_ms: int, world: str, at: Vector) -> Marker:
+    ellipse = ellipse_95(belief.place_cov)
+    disc = _marker("place_95", belief.agent_id, Marker.CYLINDER, now_ms, world, at, _colour(belief), _DISC_M)
+    disc.color.a = _DISC_ALPHA
+    disc.pose.orientation = RosQuaternion(*ellipse.attitude)
+    # A scale of 0 is none to RViz.
+    disc.scale = Vector3(max(ellipse.length_m, _DISC_M), max(ellipse.width_m, _DISC_M), _DISC_M)
+    return disc
+
+
+def apad_marker(now_ms: int, world: str, at: Vector, attitude: Quaternion) -> Marker:
     """An arrow along its heading."""
-    arrow = _marker("apad", 0, Marker.ARROW, now_ms, at, ColorRGBA(1.0, 0.8, 0.0, 1.0), 0.3)
+    arrow = _marker("apad", 0, Marker.ARROW, now_ms, world, at, ColorRGBA(1.0, 0.8, 0.0, 1.0), 0.3)
     arrow.pose.orientation = RosQuaternion(*attitude)
     arrow.scale = Vector3(1.5, 0.3, 0.3)
     return arrow
 
 
 def _marker(
-    group: str, number: int, kind: int, now_ms: int, at: Vector, colour: ColorRGBA, size_m: float
+    group: str, number: int, kind: int, now_ms: int, world: str, at: Vector, colour: ColorRGBA, size_m: float
 ) -> Marker:
     return Marker(
-        header=header(now_ms),
+        header=header(now_ms, world),
         ns=group,
         id=number,
         type=kind,

@@ -30,7 +30,7 @@ from apad_bridge.geography import LocalFrame
 from apad_bridge.planning.solution import StepKind
 from apad_bridge.ros import standard_messages as make
 from apad_bridge.ros.fleet_diagnostics import Limits, diagnose
-from apad_bridge.ros.frames import ENU, NED, NED_IN_ENU, UPRIGHT, agent_frame, apad_frame, enu, yaw
+from apad_bridge.ros.frames import NED_IN_ENU, UPRIGHT, Frames, enu, yaw
 from apad_bridge.ros.names import DIAGNOSTICS, TF, TF_STATIC, of_amussel, ours
 from apad_bridge.ros.never_blocking import Stalls, never_blocking_publisher
 from apad_bridge.supervisor import Supervisor
@@ -54,11 +54,14 @@ class StandardTopics:
         limits: Limits,
         *,
         is_one_of_several: bool = False,
+        namespace: str = "",
     ) -> None:
+        frames = self._frames = Frames(namespace)
         self.stalls = Stalls()
         self._ids = tuple(agent_ids)
         self._apad = apad
         self._diagnosed = apad if is_one_of_several else ""
+        self._namespace = namespace
         self._frame = frame
         self._limits = limits
         self._way: list[tuple[float, float]] = []
@@ -77,7 +80,7 @@ class StandardTopics:
         self._diagnostics = rospy.Publisher(DIAGNOSTICS, DiagnosticArray, queue_size=_QUEUE)
         self._tf = rospy.Publisher(TF, TFMessage, queue_size=_QUEUE)
         self._tf_static = rospy.Publisher(TF_STATIC, TFMessage, queue_size=1, latch=True)
-        self._tf_static.publish([make.transform(0, ENU, NED, (0.0, 0.0, 0.0), NED_IN_ENU)])
+        self._tf_static.publish([make.transform(0, frames.enu, frames.ned, (0.0, 0.0, 0.0), NED_IN_ENU)])
 
     def watcher(self, supervisor: Supervisor) -> Watcher:
         """Publishes what the supervisor believes at each tick."""
@@ -89,7 +92,9 @@ class StandardTopics:
             self._show_scene(supervisor, beliefs, now_ms)
             _publish(
                 self._diagnostics,
-                lambda: diagnose(supervisor, self._ids, self._limits, now_ms, self._diagnosed),
+                lambda: diagnose(
+                    supervisor, self._ids, self._limits, now_ms, self._diagnosed, self._namespace
+                ),
             )
 
         return watch
@@ -97,44 +102,47 @@ class StandardTopics:
     def _show_agents(self, beliefs: list[Belief]) -> None:
         for belief in beliefs:
             battery, fix = self._agents[belief.agent_id]
-            _publish(battery, lambda it=belief: make.agent_battery(it))
+            _publish(battery, lambda it=belief: make.agent_battery(it, self._frames.agent(it.agent_id)))
             _publish(fix, lambda it=belief: self._agent_fix(it))
 
     def _agent_fix(self, it: Belief) -> NavSatFix:
-        body = agent_frame(it.agent_id)
-        return make.fix(self._frame, it.heard_ms, body, it.north_m, it.east_m, it.place_cov)
+        body = self._frames.agent(it.agent_id)
+        return make.fix(self._frame, it.at_ms, body, it.north_m, it.east_m, it.place_cov)
 
     def _show_apad(self, supervisor: Supervisor, now_ms: int) -> None:
-        pose, battery = supervisor.pose, supervisor.battery
+        pose, battery, frames = supervisor.pose, supervisor.battery, self._frames
         if battery is not None:
-            _publish(self._battery, lambda: make.apad_battery(battery, self._apad))
+            _publish(self._battery, lambda: make.apad_battery(battery, self._apad, frames.enu))
         if pose is None:
             return
         here_m = (pose.north_m, pose.east_m)
         if not self._way or math.dist(self._way[-1], here_m) >= _WAY_M:
             self._way = [*self._way[1 - _WAY_POINTS :], here_m]
-        body = apad_frame(self._apad)
+        body = frames.apad(self._apad)
         _publish(self._fix, lambda: make.fix(self._frame, pose.at_ms, body, *here_m, _NOTHING_KNOWN))
-        _publish(self._path, lambda: make.path(now_ms, [*self._way, here_m]))
-        _publish(self._plan, lambda: make.path(now_ms, [here_m, *_goals(supervisor)]))
+        _publish(self._path, lambda: make.path(now_ms, frames.enu, [*self._way, here_m]))
+        _publish(self._plan, lambda: make.path(now_ms, frames.enu, [here_m, *_goals(supervisor)]))
 
     def _show_scene(self, supervisor: Supervisor, beliefs: list[Belief], now_ms: int) -> None:
-        pose = supervisor.pose
+        pose, frames = supervisor.pose, self._frames
+        world = frames.enu
 
         def transforms() -> list[Any]:
             known = [
-                make.transform(now_ms, ENU, agent_frame(it.agent_id), enu(it.north_m, it.east_m), UPRIGHT)
+                make.transform(now_ms, world, frames.agent(it.agent_id), enu(it.north_m, it.east_m), UPRIGHT)
                 for it in beliefs
             ]
             if pose is not None:
                 at, attitude = enu(pose.north_m, pose.east_m), yaw(pose.heading_rad)
-                known.append(make.transform(now_ms, ENU, apad_frame(self._apad), at, attitude))
+                known.append(make.transform(now_ms, world, frames.apad(self._apad), at, attitude))
             return known
 
         def markers() -> list[Any]:
-            shown = [marker for it in beliefs for marker in make.agent_markers(it, now_ms)]
+            shown = [marker for it in beliefs for marker in make.agent_markers(it, now_ms, world)]
             if pose is not None:
-                shown.append(make.apad_marker(now_ms, enu(pose.north_m, pose.east_m), yaw(pose.heading_rad)))
+                shown.append(
+                    make.apad_marker(now_ms, world, enu(pose.north_m, pose.east_m), yaw(pose.heading_rad))
+                )
             return shown
 
         _publish(self._tf, transforms)

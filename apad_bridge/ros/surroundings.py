@@ -86,7 +86,7 @@ def open_surroundings(
             roll = None if fleet is None else _called_roll(stack, presences, options, tell)
             laboratory = _laboratory(scenario, ids, codec)
             stack.callback(laboratory.close)
-            standard = _standard_topics(shown, scenario)
+            standard = _standard_topics(shown, scenario, options.namespace)
             vehicle, watches = _vehicle(scenario, options, docked, now_ms, truths_at)
             stack.callback(vehicle.close)
             radio = _radio(options, scenario, codec, vehicle, presences, share)
@@ -191,7 +191,7 @@ def _kept_to(share: Share | None, vehicle: APadLink | ContactsLink) -> tuple[Wat
     return (watch,)
 
 
-def _standard_topics(shown: Iterable[int], scenario: Scenario) -> StandardTopics:
+def _standard_topics(shown: Iterable[int], scenario: Scenario, namespace: str) -> StandardTopics:
     mission = scenario.mission
     limits = Limits(mission.silence_timeout_s, mission.pool_threshold)
     return StandardTopics(
@@ -200,6 +200,7 @@ def _standard_topics(shown: Iterable[int], scenario: Scenario) -> StandardTopics
         LocalFrame.about(scenario.area.origin),
         limits,
         is_one_of_several=bool(scenario.fleet.share),
+        namespace=namespace,
     )
 
 

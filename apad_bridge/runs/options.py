@@ -71,6 +71,8 @@ class RunOptions:
     """One of several aPads that take over from each other."""
     keeps: bool = False
     """Of these: its supervisor died, and this one keeps the fleet and orders nothing."""
+    namespace: str = ""
+    """Of all its nodes on ROS, without slashes at its ends; empty for none."""
 
     @property
     def without_mission(self) -> bool:

@@ -96,7 +96,7 @@ def start_supervisor(run_dir: Path, options: RunOptions, *, resume: bool) -> Chi
         "apad_bridge.runs.supervisor_process",
         [str(run_dir), *(["--resume"] if resume else [])],
         run_dir / "supervisor.log",
-        environment_for(options.master_uri),
+        environment_for(options.master_uri, options.namespace),
     )
 
 
@@ -189,7 +189,9 @@ def _open_ros(stack: ExitStack, options: RunOptions, run_dir: Path) -> RunOption
     try:
         master = start_master(run_dir / "ros", _MASTER_S)
         stack.callback(master.stop, 1.0)
-        node = start_apad_node(run_dir / "scenario.yaml", master.uri, run_dir / "apad.log")
+        node = start_apad_node(
+            run_dir / "scenario.yaml", master.uri, run_dir / "apad.log", namespace=options.namespace
+        )
     except (MasterFailed, APadNodeFailed) as error:
         raise PeerFailed(f"{error}; see {run_dir}") from error
     stack.callback(stop_apad_node, node, 1.0)

@@ -56,6 +56,8 @@ def _of_more_apads(scenario: Scenario) -> Iterator[Contradiction]:
     names = [scenario.apad.name, *(it.name for it in scenario.apads)]
     if len(set(names)) < len(names):
         yield "apads", f"names must differ from each other and from apad.name, and are {', '.join(names)}"
+    if "/" in scenario.apad.name:
+        yield "apad.name", "with `apads` it is a plain name, without slashes"
     if scenario.fleet.count < len(names):
         yield "apads", f"{len(names)} aPads have no work with {scenario.fleet.count} aMussels: leave some out"
     for n, it in enumerate(scenario.apads):

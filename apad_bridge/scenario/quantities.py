@@ -40,6 +40,10 @@ ChargeSegments = Annotated[tuple[tuple[Fraction, RatePerMinute], ...], AfterVali
 """(upper end of the segment on [0, 1], rate a minute), rising; the last ends at 1."""
 FileName = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$")]
 RosName = Annotated[str, StringConstraints(pattern=r"^[A-Za-z][A-Za-z0-9_]*$")]
+RosNamespace = Annotated[
+    str, StringConstraints(pattern=r"^/?[A-Za-z][A-Za-z0-9_]*(/[A-Za-z][A-Za-z0-9_]*)*$")
+]
+"""Global with a slash before it, else below the namespace of the run."""
 
 _STRICT = ConfigDict(extra="forbid", allow_inf_nan=False)
 frozen = dataclass(frozen=True, kw_only=True, config=_STRICT)

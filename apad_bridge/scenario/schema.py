@@ -25,7 +25,7 @@ from apad_bridge.scenario.quantities import (
     NotNegativeSeconds,
     Positive,
     PositiveSeconds,
-    RosName,
+    RosNamespace,
     frozen,
 )
 from apad_bridge.scenario.water import Water
@@ -256,7 +256,7 @@ class Generation(StrEnum):
 class APad:
     """The simulated aPad. A real one needs its name, and its generation where it offers both."""
 
-    name: RosName = "apad1"
+    name: RosNamespace = "apad1"
     generation: Generation = Generation.AUTO
     interface: str | None = None
     """A YAML file with the laboratory's own topics, relative to the scenario file; those of musselbed if there is none."""

@@ -70,7 +70,7 @@ def fly_side_by_side(
                 "apad_bridge.squad.member_process",
                 [str(directory.path)],
                 directory.path / "parent.log",
-                environment_for(uri),
+                environment_for(uri, options.namespace),
             )
             stack.callback(child.end, 1.0)
             children[member.name] = child
@@ -90,7 +90,8 @@ def _open_ros(
         stack.callback(master.stop, 1.0)
         for member in members:
             scenario = directory_of(member, whole).scenario
-            node = start_apad_node(scenario, master.uri, whole.path / f"{member.name}.log")
+            log = whole.path / f"{member.name}.log"
+            node = start_apad_node(scenario, master.uri, log, namespace=options.namespace)
             stack.callback(stop_apad_node, node, 1.0)
             nodes[member.name] = node
     except (MasterFailed, APadNodeFailed) as error:
@@ -100,7 +101,7 @@ def _open_ros(
         "apad_bridge.ros.clock_node",
         ["--speed", str(options.speed)],
         whole.path / "clock.log",
-        environment_for(master.uri),
+        environment_for(master.uri, options.namespace),
     )
     stack.callback(clock.end, 1.0)
     return master.uri, TimeSource.ROS, nodes

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from apad_bridge.planning.shares import shares
+from apad_bridge.ros.names import plain
 from apad_bridge.scenario.another_apad import AnotherAPad
 from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.loader import from_data, resolve
@@ -57,7 +58,7 @@ def _apads(scenario: Scenario) -> list[APad | AnotherAPad]:
 
 def _of_one(scenario: Scenario, apad: APad | AnotherAPad, share: tuple[int, ...]) -> Scenario:
     data = resolve(scenario)
-    data.update(name=f"{scenario.name}-{apad.name}", apads=[])
+    data.update(name=f"{scenario.name}-{plain(apad.name)}", apads=[])
     data["fleet"]["share"] = list(share)
     data["apad"].update(name=apad.name, start_m=list(apad.start_m))
     if isinstance(apad, AnotherAPad):

@@ -20,7 +20,7 @@ from apad_bridge.records.journal import JournalContents
 from apad_bridge.runs.flying import Surroundings
 from apad_bridge.runs.options import RunOptions
 from apad_bridge.runs.resuming import Begun
-from apad_bridge.scenario.schema import Scenario
+from apad_bridge.scenario.schema import DockingProfile, Scenario
 from apad_bridge.squad.formation import LOOK_MS
 from apad_bridge.squad.looking import seen_of
 from apad_bridge.squad.orders import NAME, Handed, Orders
@@ -32,8 +32,15 @@ Event = tuple[str, dict[str, Any]]
 
 class Seat:
     def __init__(
-        self, run_dir: Path, name: str, start_m: tuple[float, float], say: Callable[[str], None]
+        self,
+        run_dir: Path,
+        name: str,
+        start_m: tuple[float, float],
+        say: Callable[[str], None],
+        stays: frozenset[int] = frozenset(),
     ) -> None:
+        """`stays` are those that cannot be served elsewhere."""
+        self._stays = stays
         self._run_dir = run_dir
         self._name = name
         self._start_m = start_m
@@ -51,9 +58,7 @@ class Seat:
                 self._obey(orders, supervisor, now_ms)
             self._take_awaited(supervisor, now_ms)
             if orders is not None or now_ms % LOOK_MS == 0:
-                self._tell(
-                    "seen", _seen_data(seen_of(self._name, self._start_m, supervisor), supervisor.share)
-                )
+                self._tell("seen", _seen_data(self._seen(supervisor), supervisor.share))
 
         return watch
 
@@ -79,7 +84,7 @@ class Seat:
             self._stood_down = True
             supervisor.receive(StandDownAsked(now_ms, orders.stands_down))
         share = supervisor.share
-        movable = seen_of(self._name, self._start_m, supervisor).movable
+        movable = self._seen(supervisor).movable
         gave, kept = [], []
         for agent_id in sorted(share.served - orders.serves.keys()):
             if agent_id not in movable:
@@ -108,6 +113,10 @@ class Seat:
                 agent_id, None if handed.kept is None else estimator.restored(agent_id, handed.kept)
             )
             self._events.append(("took_on", {"id": agent_id}))
+
+    def _seen(self, supervisor: Supervisor) -> Seen:
+        seen = seen_of(self._name, self._start_m, supervisor)
+        return replace(seen, movable=seen.movable - self._stays)
 
     def _tell(self, kind: str, data: Any) -> None:
         self._say(json.dumps({"squad": {kind: data}}))
@@ -142,8 +151,11 @@ def seat_of(
     share_again(share, begun.journal)
     for agent_id in share.guests:
         begun.beliefs.admit(agent_id, None)
-    apad = scenario.apad
-    return Seated(Seat(run_dir, apad.name, apad.start_m, say), share, scenario.sharing.failed_go_tos)
+    apad, profile_of = scenario.apad, scenario.mission.docking.profile_of
+    # What a camera would see of them is known beside their fleet alone.
+    stays = frozenset(it for it in scenario.fleet.ids if profile_of(it) is DockingProfile.CAMERA)
+    seat = Seat(run_dir, apad.name, apad.start_m, say, stays)
+    return Seated(seat, share, scenario.sharing.failed_go_tos)
 
 
 def _seen_data(seen: Seen, share: Share) -> dict[str, Any]:

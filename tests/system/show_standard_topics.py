@@ -1,6 +1,7 @@
-"""Shows a fleet of two on ROS's standard messages, a tick every 100 ms, until its standard input ends.
+"""Shows a fleet of three on ROS's standard messages, a tick every 100 ms, until its standard input ends.
 
-Use: show_standard_topics.py; prints `showing`. aMussel 1 wants charging, aMussel 2 was never heard, the aPad heads east.
+Use: show_standard_topics.py; prints `showing`. aMussel 1 wants charging, aMussel 2 was never heard, of aMussel 3 it is
+known how sure that is; the aPad heads east.
 """
 
 from __future__ import annotations
@@ -8,8 +9,11 @@ from __future__ import annotations
 import select
 import sys
 from types import SimpleNamespace
+from typing import Any
 
+from apad_bridge.beliefs.belief import Belief, Clock, Source
 from apad_bridge.beliefs.hold_last import HoldLast
+from apad_bridge.beliefs.modes import Mode
 from apad_bridge.geography import LocalFrame
 from apad_bridge.mission.state import MissionState
 from apad_bridge.planning.solution import Solution, Step, StepKind
@@ -36,8 +40,25 @@ def supervisor() -> SimpleNamespace:
         secondary=1.0,
     )
     assert beliefs.hear(packet, 1000) is None
+    sure = Belief(
+        3,
+        1000,
+        State.SLEEPING,
+        0.5,
+        1.0,
+        10.0,
+        20.0,
+        0,
+        (0.0001, 0.0, 0.0),
+        (4.0, 0.5, 9.0),
+        tuple(float(mode is Mode.ASLEEP) for mode in Mode),
+        Clock(250.0, 0.0, 90_000.0, 0.0, 0.0),
+        Source.PACKET | Source.SILENCE,
+        2,
+    )
+    known = [*beliefs.all(), sure]
     return SimpleNamespace(
-        beliefs=beliefs,
+        beliefs=SimpleNamespace(all=lambda: known, get={it.agent_id: it for it in known}.get),
         pose=PoseReported(1000, 1.0, 2.0, 1.5707963267948966),
         battery=BatteryReported(1000, 15.0, 0.5),
         primitive="go to point",
@@ -52,12 +73,14 @@ def supervisor() -> SimpleNamespace:
 def main() -> None:
     gateway = open_gateway([], 30, node_name="shower")
     frame = LocalFrame(43.9330937, 15.4443468)
-    standard = StandardTopics((1, 2), "apad1", frame, Limits(silence_s=120.0, pool_threshold=0.8))
-    watch = standard.watcher(supervisor())  # type: ignore[arg-type]
+    standard = StandardTopics((1, 2, 3), "apad1", frame, Limits(silence_s=3600.0, pool_threshold=0.8))
+    shown: Any = supervisor()
+    watches = [standard.watcher(shown), gateway.watcher(shown)]
     print("showing", flush=True)
     now_ms = 1000
     while not select.select([sys.stdin], [], [], 0.1)[0]:
-        watch(now_ms)
+        for watch in watches:
+            watch(now_ms)
         now_ms += 1000
     gateway.close()
 

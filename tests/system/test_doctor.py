@@ -96,6 +96,10 @@ def test_the_simulated_apad_on_a_real_master(
     for name in ("master", "own address", "call back", "nodes", "aMussel ids", "/apad1"):
         assert found[name]["status"] == "OK", found[name]
     assert md5 in found["/apad1"]["found"]
+    beside = found.get("/apad1 beside", {"status": None, "found": ""})
+    assert beside["status"] == ("OK" if generation == "b" else None)
+    for part in ("commander/go2point ", "commander/docking ", "go2point/result ", "go2point/feedback "):
+        assert (part in beside["found"]) is (generation == "b")
     # Nobody publishes /clock here, which the aPad's node follows: both are said.
     assert found["clock"]["status"] == "FAIL"
     assert found["/apad1 clock"]["status"] == "WARN"

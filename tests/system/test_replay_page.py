@@ -14,6 +14,8 @@ import pytest
 
 from agents.outputs import Truth
 from agents.physical import Physical
+from apad_bridge.beliefs.belief import Belief
+from apad_bridge.beliefs.modes import Mode
 from apad_bridge.records.recorder import Recorder
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.replay.build import build_replay
@@ -54,6 +56,14 @@ def truth(at_s: int, agent_id: int, charge: float, *, docked: bool = False, seco
     return Truth(30_000 * at_s, agent_id, State.CHARGING if docked else State.ACTIVE, physical)
 
 
+def estimate(now_ms: int) -> Belief:
+    """Of the first, which holds 0.95: 0.8 with a deviation of 0.05."""
+    modes = tuple(float(mode is Mode.IDLE) for mode in Mode)
+    return Belief(
+        1, now_ms, State.ACTIVE, 0.8, 1.0, 5.0, 5.0, 0, (0.0025, 0.0, 0.0), mode_probabilities=modes
+    )
+
+
 @pytest.fixture(scope="module")
 def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Two minutes: 1 stays above the threshold, 2 is docked at 60 s, 3 is a candidate, 4 is lost at 90 s."""
@@ -84,7 +94,9 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
             recorder.event(now_ms, "leg", metres=7.5)
             recorder.event(now_ms, "primitive", name="go to point", phase="started", north_m=5.0, east_m=15.0)
         pose = PoseReported(now_ms, 14.0, 2.0 + min(now_s, DOCKED_S) / 10, 1.0)
-        recorder.tick(now_ms, [], pose, BatteryReported(now_ms, 15.0, 0.9), "go to point", slots)
+        recorder.tick(
+            now_ms, [estimate(now_ms)], pose, BatteryReported(now_ms, 15.0, 0.9), "go to point", slots
+        )
     recorder.event(1000 * END_S, "end", reason="mission time")
     recorder.close()
     return build_replay(directory.path)
@@ -186,6 +198,26 @@ def test_the_map_is_painted_in_the_colours_of_its_legend(page: Path, tmp_path: P
     # The docked one has left its place and is painted at the aPad.
     assert early["2"] == RED and late["2"] not in (RED, GREEN, PURPLE, GREY)
     assert early["purple"] == 0 and late["purple"] > 50
+
+
+def test_a_marked_one_is_shown_with_its_estimate(page: Path, tmp_path: Path) -> None:
+    """Where it lies with 95 % is shaded, around the estimate and not around the truth."""
+    look = """
+      const chart=document.getElementById("charge"), ctx=chart.getContext("2d"), height=chart.height;
+      const at=(value)=>[...ctx.getImageData(200, Math.round(height-18-(height-24)*value), 1, 1).data];
+      document.body.dataset.found=JSON.stringify([0.85,0.75,0.66,0.92].map(at));
+    """
+    looked = page.with_name("marked.html")
+    looked.write_text(page.read_text().replace("</body>", f"<script>{look}</script></body>"))
+    dom = browse(looked, tmp_path / "a", "--dump-dom", at="#t=100&aMussel=1")
+    said = re.search(r'id="charge-now"[^>]*>([^<]*)<', dom)
+    assert said and said[1] == "1: 95.0 %, believed 80.0 % (70.2 to 89.8)"
+    found = re.search(r'data-found="([^"]*)"', dom)
+    assert found
+    upper, lower, below, above = json.loads(found[1])
+    assert upper == lower and upper[:3] != below[:3] and below == above
+    unmarked = browse(page, tmp_path / "b", "--dump-dom", at="#t=100")
+    assert re.search(r'id="charge-now">mean 51\.\d %, least 0\.0 %<', unmarked)
 
 
 def painted(page: Path, profile: Path, at: str) -> dict[str, Any]:

@@ -15,6 +15,7 @@ import yaml
 from apad_bridge.layouts.fleet import shown
 from apad_bridge.layouts.kinds import KINDS
 from apad_bridge.ros.master import loopback_environment, start_master
+from apad_bridge.ros.messages import generated_folder
 from apad_bridge.scenario.loader import load, with_overrides
 from apad_bridge.scenario.starts import starts_of
 
@@ -25,7 +26,7 @@ PATIENCE_S = 30.0
 
 @pytest.fixture(scope="module")
 def environment(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, str]]:
-    """Of a tool beside a node that shows a fleet of two."""
+    """Of a tool beside a node that shows a fleet of three."""
     home = tmp_path_factory.mktemp("ros")
     master = start_master(home, timeout_s=20, orphan_s=0)
     environment = loopback_environment(home, master.uri)
@@ -65,11 +66,31 @@ def test_a_fix(environment: dict[str, str]) -> None:
     assert fix["latitude"] - 43.9330937 == pytest.approx(10 / 111_111, rel=0.005)
     assert fix["longitude"] - 15.4443468 == pytest.approx(20 / (111_111 * 0.7202), rel=0.005)
     assert fix["position_covariance_type"] == 0
+    # Variances of 4 m2 north and 9 east, in the message's order: east, north, up.
+    sure = one(environment, "/amussel3/fix")
+    assert sure["position_covariance"] == [9.0, 0.5, 0.0, 0.5, 4.0, 0.0, 0.0, 0.0, 0.0]
+    assert sure["position_covariance_type"] == 3
+
+
+def test_how_sure_beliefs_are(environment: dict[str, str]) -> None:
+    """Debian's rostopic finds our definitions where the installation laid them."""
+    paths = {"PYTHONPATH": str(generated_folder()), "ROS_PACKAGE_PATH": str(generated_folder())}
+    first, sure = one(environment | paths, "/musselbed/beliefs")["agents"]
+    assert (first["id"], first["charge"], first["mode_probabilities"]) == (1, 0.75, [])
+    assert (first["charge_deviation"], first["north_deviation"]) == ("nan", "nan")
+    assert (sure["id"], sure["north_deviation"], sure["east_deviation"]) == (3, 2.0, 3.0)
+    assert (sure["charge_low"], sure["charge_high"]) == pytest.approx((0.4804, 0.5196), abs=1e-4)
+    assert (sure["mode_probabilities"][0], sure["clock_offset_ms"], sure["learned_from"]) == (1.0, 250.0, 3)
+    marked = [it for it in one(environment, "/musselbed/markers")["markers"] if it["ns"] == "place_95"]
+    assert [it["id"] for it in marked] == [3] and marked[0]["scale"]["x"] > 2 * 2.4 * 3
+    lines = {it["name"]: it for it in one(environment, "/diagnostics")["status"]}
+    values = {it["key"]: it["value"] for it in lines["musselbed: aMussel 3"]["values"]}
+    assert str(values["primary 95"]) == "0.480 to 0.520" and values["learned from"] == "packet silence"
 
 
 def test_frames_have_z_up(environment: dict[str, str]) -> None:
     transforms = {it["child_frame_id"]: it for it in one(environment, "/tf")["transforms"]}
-    assert transforms.keys() == {"amussel1/base_link", "apad1/base_link"}
+    assert transforms.keys() == {"amussel1/base_link", "amussel3/base_link", "apad1/base_link"}
     apad = transforms["apad1/base_link"]
     assert apad["header"]["frame_id"] == "musselbed/enu"
     # North 1, east 2 is x 2, y 1; heading east is along x: no turn.

@@ -220,6 +220,37 @@ def test_one_that_did_not_obey_is_known_when_it_is_heard() -> None:
     assert stayed.primary == pytest.approx(0.5 - 5 * 60 * ASLEEP, abs=0.01)
 
 
+def test_one_that_waits_to_sink_is_not_taken_for_one_that_has_sunk() -> None:
+    """Its motors run after it has said RELEASED: a reading from before is no news of a bias."""
+    twin = Twin(KNOWLEDGE, ALWAYS_ASLEEP)
+    docked = told(twin, heard(0, State.FLOATING, 0.9), Docked(1000))
+    full = twin.predict(docked, HOUR)
+    down = twin.update(full, Released(HOUR, 0.0, 0.0))
+    assert down is not None
+    before = memory_of(down).mean.copy()
+    waits = twin.update(down, heard(HOUR + 30_000, State.RELEASED, 0.97, 1))  # 1.0 that sags by 0.03
+    assert waits is not None
+    assert waits.primary == pytest.approx(down.primary, abs=0.003)
+    assert memory_of(waits).mean[2:] == pytest.approx(before[2:], abs=0.002)
+    asleep = 1 - 0.027 - IDLE * 1.5
+    sinks = twin.update(waits, heard(HOUR + 60_000, State.SINKING, asleep + 0.0135, 2))
+    assert sinks is not None
+    # By then half of the run, give or take: the rest is still to come.
+    assert sinks.primary == pytest.approx(asleep, abs=0.012) and sinks.charge_cov[0] > 0.004**2
+    lies = twin.update(sinks, heard(3 * HOUR, State.SLEEPING, asleep - 120 * ASLEEP, 3))
+    assert lies is not None and lies.primary == pytest.approx(asleep - 120 * ASLEEP, abs=0.006)
+
+
+def test_motors_that_run_are_heard_while_one_surfaces() -> None:
+    twin = Twin(KNOWLEDGE, ALWAYS_ASLEEP)
+    belief = told(twin, heard(0, State.SLEEPING, 0.5), Permitted(1000))
+    up = twin.update(belief, heard(20_000, State.SURFACING, 0.48, 1))
+    assert up is not None and up.mode is Mode.SURFACING
+    # A sag of 0.01: it holds 0.49, so what is left of a run of 0.027 is 0.017; the filter knows a part of that.
+    assert up.primary == pytest.approx(0.473, abs=0.008)
+    assert 0.004**2 < up.charge_cov[0] < 0.02**2
+
+
 def test_docked_by_somebody_else_it_is_believed_as_heard() -> None:
     twin = Twin(KNOWLEDGE, ALWAYS_ASLEEP)
     belief = told(twin, heard(0, State.SLEEPING, 0.5), heard(6 * HOUR, State.CHARGING, 0.93, 6))

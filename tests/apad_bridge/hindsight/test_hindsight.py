@@ -4,6 +4,7 @@ import json
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from apad_bridge.beliefs.modes import Mode
@@ -151,6 +152,26 @@ def test_an_instant_of_a_bag_is_scored_by_hand(tmp_path: Path, capsys: pytest.Ca
     assert scores is not None and scores.overall.nees == pytest.approx(2.25, rel=1e-4)
     # 5.33 is below the 5.99 that 95 % of two dimensions lie below.
     assert (scores.overall.place_coverage, scores.overall.place_nees) == (1.0, pytest.approx(8 / 3))
+
+
+def test_what_mostly_rests_at_an_end_is_told_by_its_moments(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The moments are those of many charges drawn from a Gaussian and held, not the closed form's."""
+    run = fly(tmp_path, False, capsys)
+    (run / "run.bag").unlink()
+    bag = BagWriter(run / "run.bag", theta=30)
+    truths, beliefs = [], []
+    for agent_id, mean in enumerate((0.995, 1.005, 0.004, -0.003)):
+        held = np.clip(np.random.default_rng(1).normal(mean, 0.02, 1_000_000), 0, 1)
+        low, high = np.quantile(held, [0.025, 0.975])
+        place = (10.0, 20.0)
+        truths.append(TruthSample(agent_id, int(State.ACTIVE), 0.5, 1.0, *place, 3.0, False, 0))
+        charges = (held.std(), 0.0, 0.0, low, high)
+        beliefs.append(BeliefSample(agent_id, int(State.ACTIVE), held.mean(), 1.0, *place, 0.0, *charges))
+    bag.sample(10_000, truths, beliefs, None)
+    bag.close()
+    assert [row.clamped for row in compared_in(run, 10_000, Record.BAG)] == [False, True, False, True]
 
 
 def test_a_run_whose_bag_is_torn_is_compared_by_its_journal(

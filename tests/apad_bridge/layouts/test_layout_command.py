@@ -66,6 +66,7 @@ def test_a_namespace_however_it_is_written(namespace: str, capsys: pytest.Captur
     assert main(["layout", "rviz", POOL, "--namespace", namespace, "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
     assert told["kind"] == "rviz" and "Marker Topic: /bay/north/musselbed/markers" in told["text"]
+    assert "Fixed Frame: bay/north/musselbed/enu\n" in told["text"]
 
 
 @pytest.mark.parametrize("namespace", ["", "/"])

@@ -226,3 +226,27 @@ def test_the_page_needs_no_network():
     page = render(data_of(run_line(1)))
     for reference in ("http://", "https://", "src=", "@import", "url(", "<link"):
         assert reference not in page
+
+
+def test_an_estimate_stands_beside_the_truth_with_its_interval():
+    def believed(t, agent_id, charge, **more):
+        line = {"t": t, "kind": "belief", "id": agent_id, "heard": t, "state": "ACTIVE", "charge": charge}
+        return {**line, "secondary": 1.0, "north_m": 1.0, "east_m": 2.0, **more}
+
+    lines = [
+        *told(truth(0, 1, 0.8), truth(0, 2, 0.8)),
+        believed(0, 2, 0.8),
+        believed(1000, 1, 0.75, sd=0.02, low=0.71, high=0.79, mode="IDLE"),
+        believed(2000, 3, 0.6, sd=0.01, low=0.58, high=0.62, mode="IDLE"),
+        believed(3000, 1, 0.7, sd=0.02, low=0.66, high=0.74, mode="IDLE"),
+        {"t": 4000, "kind": "end", "reason": "mission time"},
+    ]
+    agents = {agent["id"]: agent for agent in data_of(run_line(1, 2, 3), *lines)["agents"]}
+    assert agents[1]["charge"] == [0.8] * 5
+    assert agents[1]["believed"] == [None, 0.75, 0.75, 0.7, 0.7]
+    assert agents[1]["low"] == [None, 0.71, 0.71, 0.66, 0.66]
+    assert agents[1]["high"] == [None, 0.79, 0.79, 0.74, 0.74]
+    # Of the second nobody claims an interval; of the third there is no truth to stand beside.
+    assert (agents[2]["believed"], agents[2]["low"], agents[2]["high"]) == ([0.8] * 5, None, None)
+    assert agents[3]["believed"] is None and agents[3]["charge"] == [None, None, 0.6, 0.6, 0.6]
+    assert agents[3]["low"] == [None, None, 0.58, 0.58, 0.58]

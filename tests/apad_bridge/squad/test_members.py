@@ -15,7 +15,7 @@ from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.loader import from_data, load, resolve, with_overrides
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
-from apad_bridge.squad.members import members
+from apad_bridge.squad.members import members, with_apad
 
 SCENARIOS = Path(__file__).parents[3] / "launch_scripts" / "scenarios"
 
@@ -36,6 +36,13 @@ def test_five_aPads_serve_twenty_four_each(bay: Scenario) -> None:
         assert starts_of(member.scenario) == member.starts
         assert from_data(resolve(member.scenario), "again") == member.scenario
         assert member.scenario.apad.name == member.name and member.scenario.apads == ()
+
+
+def test_one_that_stands_in_another_namespace_has_files_of_a_plain_name() -> None:
+    data = resolve(load(SCENARIOS / "pool-12.yaml"))
+    data["apad"]["name"] = "/lab/boat"
+    alone = with_apad(from_data(data, "far"), "/lab/boat")
+    assert (alone.name, alone.apad.name) == ("pool-12-lab_boat", "/lab/boat")
 
 
 def small(bay: Scenario, **apad: Any) -> dict[str, Any]:
@@ -61,6 +68,8 @@ def small(bay: Scenario, **apad: Any) -> dict[str, Any]:
 def test_what_several_aPads_cannot_be(bay: Scenario, change: dict[str, Any], said: str) -> None:
     with pytest.raises(ScenarioError, match=said):
         from_data({**small(bay), **change}, "changed")
+    with pytest.raises(ScenarioError, match=r"apad\.name: with `apads` it is a plain name"):
+        from_data(small(bay, name="/apad1"), "changed")
 
 
 @pytest.mark.parametrize("share", [[3, 2], [2, 2], [9], [0]])

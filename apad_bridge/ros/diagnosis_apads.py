@@ -1,0 +1,159 @@
+"""The checks of `musselbed doctor` of aPads on the graph: which generation, whose definitions, and whose clock."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+from apad_bridge.diagnosis.definitions import Md5s, python_md5s
+from apad_bridge.diagnosis.finding import Finding, fail, ok, warn
+from apad_bridge.diagnosis.graph import Graph
+from apad_bridge.ros.messages import generated_folder
+from apad_bridge.ros.their_services import service_by_text
+from apad_bridge.ros.wire_probe import NotTold, service_md5, stamp_offset_s, topic_md5
+
+_ACTION = "action_server"
+_PRIMITIVE = "commander/primitive"
+
+
+@dataclass(frozen=True, slots=True)
+class _Speech:
+    """What an aPad of a generation is known by, and whose md5s it is asked for: types by topic and by service.
+
+    What is `beside` it is not used by us: where it is there and differs, the simulated aPad differs.
+    """
+
+    known_by: str
+    topics: dict[str, str]
+    services: dict[str, str]
+    beside: dict[str, str] = field(default_factory=dict)
+
+
+_A = _Speech(
+    _ACTION,
+    {
+        f"{_ACTION}/result": "apad/aPadActionResult",
+        f"{_ACTION}/feedback": "apad/aPadActionFeedback",
+        "position": "auv_msgs/NavSts",
+    },
+    {
+        "check_docking_availability": "misc_msgs/GetDockingInfo",
+        "change_docking_status": "misc_msgs/ChangeDockingStatus",
+        "get_battery_level": "misc_msgs/GetChargeInfo",
+    },
+)
+_B = _Speech(
+    _PRIMITIVE,
+    {"position": "auv_msgs/NavSts"},
+    {
+        f"{_PRIMITIVE}/go2point": "misc_msgs/Go2pointPrimitiveService",
+        f"{_PRIMITIVE}/dynamic_positioning": "misc_msgs/DynamicPositioningPrimitiveService",
+        f"{_PRIMITIVE}/docking": "misc_msgs/DockingPrimitiveService",
+    },
+    {
+        "commander/go2point": "misc_msgs/Go2pointService",
+        "commander/docking": "misc_msgs/DockingService",
+        "go2point/result": "navcon_msgs/GoToPointActionResult",
+        "go2point/feedback": "navcon_msgs/GoToPointActionFeedback",
+    },
+)
+_LATE_S = 0.5
+"""An offset of clocks beyond this is worth a line: it is far above what a network takes."""
+
+
+def check_apads(graph: Graph) -> Iterator[Finding]:
+    """The aPads on the graph, of either generation, and whether they speak our definitions: asked of themselves."""
+    goal, service = f"/{_ACTION}/goal", f"/{_PRIMITIVE}/go2point"
+    found = [
+        (topic.removesuffix(goal), _A)
+        for topic, nodes in graph.subscribers.items()
+        if topic.endswith(goal) and nodes and graph.types.get(topic) in ("apad/aPadActionGoal", "*", None)
+    ]
+    found += [(name.removesuffix(service), _B) for name in graph.services if name.endswith(service)]
+    if not found:
+        mend = (
+            f"start it, or fly the simulated one: musselbed run --apad sim; a real one has the action NAME/{_ACTION} "
+            f"or services below NAME/{_PRIMITIVE}"
+        )
+        yield warn("aPad", "none on this master", mend)
+        return
+    ours = python_md5s(generated_folder(), ("apad", "auv_msgs", "misc_msgs", "navcon_msgs"))
+    for name, speech in sorted(found, key=lambda it: (it[0], it[1].known_by)):
+        yield _check_md5s(graph, name, speech, ours)
+        yield from _check_beside(graph, name, speech, ours)
+        yield _check_offset(graph, f"{name}/position", name)
+
+
+def _check_md5s(graph: Graph, name: str, speech: _Speech, ours: Md5s) -> Finding:
+    differing, silent, same = [], [], []
+    for part, type_name in {**speech.topics, **speech.services}.items():
+        probe = service_md5 if part in speech.services else topic_md5
+        try:
+            md5 = probe(graph, f"{name}/{part}")
+        except NotTold as error:
+            silent.append(f"{part} ({error})")
+            continue
+        if md5 == ours[type_name]:
+            same.append(f"{part} {md5}")
+        elif part in speech.services and service_by_text(type_name, md5) is not None:
+            same.append(f"{part} {md5} (by the text on ROS_PACKAGE_PATH, ours is {ours[type_name]})")
+        else:
+            differing.append(f"{part}: {type_name} is {md5}, ours {ours[type_name]}")
+    if differing:
+        mend = (
+            "source its workspace, or put the aPad's texts of these types into apad_bridge/ros/definitions and run "
+            "launch_scripts/install"
+        )
+        return fail(name, "; ".join(differing), mend)
+    if silent:
+        return warn(
+            name,
+            f"did not tell the md5 of {'; '.join(silent)}",
+            "start its nodes; see the lines of its nodes above",
+        )
+    return ok(name, f"an aPad with {speech.known_by}; speaks our definitions: {', '.join(same)}")
+
+
+def _check_beside(graph: Graph, name: str, speech: _Speech, ours: Md5s) -> Iterator[Finding]:
+    differing, same = [], []
+    for part, type_name in speech.beside.items():
+        full = f"{name}/{part}"
+        if full not in graph.services and full not in graph.publishers:
+            continue
+        try:
+            md5 = (service_md5 if full in graph.services else topic_md5)(graph, full)
+        except NotTold:
+            continue
+        if md5 == ours[type_name]:
+            same.append(f"{part} {md5}")
+        else:
+            differing.append(f"{part}: md5 {md5}, ours {ours[type_name]} ({type_name})")
+    if differing:
+        yield warn(
+            f"{name} beside",
+            f"not used by us, and other than the simulated aPad's: {'; '.join(differing)}",
+            "to try programs of yours against the simulated aPad, put the aPad's texts into "
+            "apad_bridge/ros/definitions by these names and run launch_scripts/install",
+        )
+    elif same:
+        yield ok(f"{name} beside", f"as the simulated aPad's: {', '.join(same)}")
+
+
+def _check_offset(graph: Graph, topic: str, name: str) -> Finding:
+    """How far the aPad's clock is from this machine's, by the stamp of its next position."""
+    try:
+        offset_s = stamp_offset_s(graph, topic)
+    except NotTold as error:
+        return warn(
+            f"{name} clock",
+            f"unknown: {topic}: {error}",
+            "start the node that publishes it, then run this again",
+        )
+    if abs(offset_s) <= _LATE_S:
+        return ok(f"{name} clock", f"{offset_s:+.2f} s from this machine's, the network's delay included")
+    return warn(
+        f"{name} clock",
+        f"{offset_s:+.1f} s from this machine's: stamps of the two cannot be compared",
+        "set both clocks alike (chrony, ntpdate) before a run, or subtract this when logs are merged; "
+        "with /clock on the master, fly with --time ros",
+    )

@@ -1,0 +1,101 @@
+"""What the ends of the scale do to an estimate, against brute force; and what a reading at an end may teach."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from apad_bridge.beliefs.charge_state import ASLEEP, CHARGING, PRIMARY, SECONDARY, SIZE, measured, within
+from apad_bridge.beliefs.knowledge import Sensor
+from apad_bridge.beliefs.modes import Mode
+
+SENSOR = Sensor(0.005, (0.0,) * 4, (0.02,) * 4, 300_000)
+METERED = Sensor(0.005, (0.0,) * 4, (0.02,) * 4, 300_000, saturates=True)
+Array = NDArray[np.float64]
+
+
+def state(primary: float, sd: float, bias: int, bias_sd: float, correlation: float) -> tuple[Array, Array]:
+    """One whose secondary and drain are known."""
+    mean = np.zeros(SIZE)
+    mean[PRIMARY], mean[SECONDARY] = primary, 0.5
+    cov = np.zeros((SIZE, SIZE))
+    cov[PRIMARY, PRIMARY], cov[bias, bias] = sd**2, bias_sd**2
+    cov[PRIMARY, bias] = cov[bias, PRIMARY] = correlation * sd * bias_sd
+    return mean, cov
+
+
+def many(mean: Array, cov: Array, bias: int) -> Array:
+    pair = [PRIMARY, bias]
+    return np.random.default_rng(5).multivariate_normal(mean[pair], cov[np.ix_(pair, pair)], 400_000)
+
+
+@pytest.mark.parametrize(("primary", "correlation"), [(0.98, -0.97), (1.01, -0.5), (0.03, 0.8)])
+def test_what_a_charge_cannot_be_teaches_what_goes_with_it(primary: float, correlation: float) -> None:
+    mean, cov = state(primary, 0.02, ASLEEP, 0.015, correlation)
+    drawn = many(mean, cov, ASLEEP)
+    possible = drawn[(drawn[:, 0] >= 0) & (drawn[:, 0] <= 1)]
+    found, spread = within(mean, cov, after_measuring=True)
+    assert found[[PRIMARY, ASLEEP]] == pytest.approx(possible.mean(axis=0), abs=2e-4)
+    expected = np.cov(possible.T)
+    assert spread[np.ix_([PRIMARY, ASLEEP], [PRIMARY, ASLEEP])] == pytest.approx(expected, abs=4e-6)
+
+
+@pytest.mark.parametrize(("primary", "correlation"), [(0.98, -0.97), (1.01, -0.5), (0.03, 0.8)])
+def test_a_charge_that_is_held_at_an_end_teaches_nothing_else(primary: float, correlation: float) -> None:
+    mean, cov = state(primary, 0.02, ASLEEP, 0.015, correlation)
+    drawn = many(mean, cov, ASLEEP)
+    drawn[:, 0] = drawn[:, 0].clip(0, 1)
+    found, spread = within(mean, cov, after_measuring=False)
+    assert found[[PRIMARY, ASLEEP]] == pytest.approx(drawn.mean(axis=0), abs=2e-4)
+    assert spread[np.ix_([PRIMARY, ASLEEP], [PRIMARY, ASLEEP])] == pytest.approx(np.cov(drawn.T), abs=4e-6)
+
+
+def test_an_end_of_the_scale_is_not_counted_at_every_reading() -> None:
+    """A bias of 0.02 may be in a reading of 0.99. Spending tells no more of it, so the first error goes along."""
+    mean, cov = state(0.5, 0.6, ASLEEP, 0.02, 0.0)
+    cov[SECONDARY, SECONDARY] = 1e-6
+    away = []
+    for n in range(8):
+        read = 0.99 - 0.012 * n
+        mean, cov, _, _ = measured(mean, cov, SENSOR, Mode.ASLEEP, (read, 0.5))
+        mean, cov = within(mean, cov, after_measuring=True)
+        away.append(float(mean[PRIMARY]) - read)
+        mean[PRIMARY] -= 0.012
+    # The mean of a Gaussian of 0.99 and 0.02 below 1 is 0.99 - 0.02 pdf(0.5) / cdf(0.5) = 0.9798.
+    assert away[0] == pytest.approx(-0.0102, abs=0.001)
+    assert away[-1] == pytest.approx(away[0], abs=0.002)
+
+
+def test_a_full_battery_on_a_charger_says_nothing_of_the_lift() -> None:
+    mean, cov = state(0.7, 0.01, CHARGING, 0.02, 0.0)
+    mean[SECONDARY], cov[SECONDARY, SECONDARY] = 0.99, 1e-4
+    for n in range(20):
+        read = 0.7 + 0.01 * n
+        mean[PRIMARY] = read
+        mean, cov, _, _ = measured(mean, cov, SENSOR, Mode.CHARGING_PRIMARY, (read, 1.0))
+    assert mean[CHARGING] == pytest.approx(0.0, abs=1e-3)
+    # The secondary is full, or its lift makes it seem so: no number of such readings tells which.
+    assert mean[SECONDARY] > 0.995 and cov[SECONDARY, SECONDARY] > 0.004**2
+
+
+def test_a_voltage_that_is_held_at_the_full_one_is_not_what_the_battery_holds() -> None:
+    """At a lift of 0.04, 0.996 is read from 0.956 on: noise of a voltage that the charger holds."""
+    offsets = (0.04, 0.04)
+    mean, cov = state(0.985, 0.01, CHARGING, 0.002, 0.0)
+    found, _, _, surprise = measured(mean, cov, METERED, Mode.CHARGING_PRIMARY, (0.996, 0.99), offsets)
+    assert found[PRIMARY] == pytest.approx(0.985, abs=0.001) and surprise == 0.0
+    low, low_cov = state(0.93, 0.01, CHARGING, 0.002, 0.0)
+    found, _, _, surprise = measured(low, low_cov, METERED, Mode.CHARGING_PRIMARY, (0.996, 0.99), offsets)
+    assert found[PRIMARY] > 0.945 and surprise > 2
+    # What is read below it is what it holds, but for the lift.
+    found, _, _, _ = measured(low, low_cov, METERED, Mode.CHARGING_PRIMARY, (0.965, 0.99), offsets)
+    assert found[PRIMARY] == pytest.approx(0.926, abs=0.001)
+
+
+def test_who_would_read_beyond_the_scale_does_not_surprise_at_its_end() -> None:
+    mean, cov = state(1.0, 0.002, CHARGING, 0.002, 0.0)
+    _, _, _, surprise = measured(mean, cov, SENSOR, Mode.FULL, (1.0, 1.0), (0.04, 0.04))
+    assert surprise == 0.0
+    _, _, _, surprise = measured(mean, cov, SENSOR, Mode.FULL, (0.9, 1.0), (0.04, 0.04))
+    assert surprise > 10

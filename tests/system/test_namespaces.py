@@ -1,0 +1,227 @@
+"""Two fleets with the same ids on roslaunch's one master, each in a group with a namespace, seen by ROS's own tools."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+import yaml
+from rosbags.rosbag1 import Reader
+
+from apad_bridge.diagnosis.graph import Graph
+from apad_bridge.diagnosis.network import Unreachable
+from apad_bridge.ros.master import loopback_environment
+from apad_bridge.ros.messages import generated_folder
+from apad_bridge.ros.names_table import SECTIONS, Kind
+
+pytestmark = pytest.mark.system
+ROOT = Path(__file__).parents[2]
+LAUNCH = ROOT / "launch_scripts"
+PATIENCE_S = 60.0
+SPACES = {"basin": "basin", "lab/harbour": "harbour"}
+"""Each with the folder of its run. The aPad of the first, of generation A, has a global name; the other's is relative."""
+
+LAUNCHED = """
+<launch>
+  <arg name="scenario" value="{folder}/relative.yaml"/>
+  <arg name="agents" value="3"/>
+  <arg name="theta" value="600"/>
+  <arg name="required" value="false"/>
+  <group ns="basin">
+    <include file="{launch}/fly.launch" pass_all_args="true">
+      <arg name="scenario" value="{folder}/global.yaml"/>
+      <arg name="speed" value="20"/>
+      <arg name="options" value="--seed 3 --out basin"/>
+    </include>
+  </group>
+  <group ns="lab/harbour">
+    <include file="{launch}/fly.launch" pass_all_args="true">
+      <arg name="generation" value="b"/>
+      <arg name="own_clock" value="false"/>
+      <arg name="options" value="--seed 3 --out harbour"/>
+    </include>
+  </group>
+</launch>
+"""
+
+
+@pytest.fixture
+def environment(tmp_path: Path) -> dict[str, str]:
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        uri = f"http://127.0.0.1:{free.getsockname()[1]}"
+    return loopback_environment(tmp_path / "ros", uri) | {
+        "ROS_PACKAGE_PATH": f"{LAUNCH}:{generated_folder()}",
+        "PYTHONPATH": str(generated_folder()),
+        "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}",
+        "PWD": str(tmp_path),
+        "PYTHONUNBUFFERED": "1",
+    }
+
+
+@contextmanager
+def launched(folder: Path, environment: dict[str, str]) -> Iterator[subprocess.Popen[str]]:
+    data = yaml.safe_load((LAUNCH / "scenarios" / "pool-12.yaml").read_text())
+    data |= {"name": "short", "duration_s": 2000, "theta": 600}
+    starts = ["id,north,east,battery", *(f"{n},{13 + n / 2},11,0.6" for n in (1, 2, 3))]
+    (folder / "three.csv").write_text("\n".join(starts) + "\n")
+    data["fleet"]["start"] = "three.csv"
+    data["mission"].update(batch=2)
+    data["mission"]["docking"].update(dock_s=3, undock_s=1)
+    data["board"]["float_timeout_s"] = 432000
+    (folder / "relative.yaml").write_text(yaml.safe_dump(data))
+    data["apad"]["name"] = "/apad1"
+    (folder / "global.yaml").write_text(yaml.safe_dump(data))
+    (folder / "two.launch").write_text(LAUNCHED.format(launch=LAUNCH, folder=folder))
+    port = environment["ROS_MASTER_URI"].rpartition(":")[2]
+    with (folder / "roslaunch.log").open("w") as log:
+        child = subprocess.Popen(
+            ["roslaunch", "-p", port, str(folder / "two.launch")],
+            env=environment,
+            cwd=folder,
+            stdout=log,
+            stderr=subprocess.STDOUT,
+            text=True,
+        )
+        try:
+            yield child
+        finally:
+            child.send_signal(signal.SIGINT)
+            child.wait(PATIENCE_S)
+
+
+def graph_of(uri: str, child: subprocess.Popen[str]) -> tuple[dict[str, list[str]], dict[str, str]]:
+    """Nodes by topics and services, and types by topics, once both fleets are on the graph."""
+    until_s, pause = time.monotonic() + PATIENCE_S, threading.Event()
+    while time.monotonic() < until_s and child.poll() is None:
+        try:
+            graph = Graph.read(uri)
+        except Unreachable:
+            pause.wait(0.1)
+            continue
+        found: dict[str, list[str]] = {}
+        for part in (graph.publishers, graph.subscribers, graph.services):
+            for name, nodes in part.items():
+                found.setdefault(name, []).extend(nodes)
+        # What a supervisor offers last.
+        if all(f"/{space}/musselbed/apad1/give_back" in found for space in SPACES):
+            return found, graph.types
+        pause.wait(0.1)
+    raise AssertionError("they never came to be on one graph")
+
+
+def charged(run: Path) -> int:
+    """How many aMussels have charged."""
+    return len(
+        set(
+            re.findall(
+                r'"kind":"truth","id":(\d+),[^}]*"state":"CHARGING"', (run / "journal.jsonl").read_text()
+            )
+        )
+    )
+
+
+def tool(environment: dict[str, str], *command: str) -> str:
+    done = subprocess.run(
+        [f"/usr/bin/{command[0]}", *command[1:]],
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE_S,
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+OF_ROSPY = re.compile(r".*/(?:get_loggers|set_logger_level|tf2_frames)|/rosout(?:_agg)?")
+OF_AN_ACTION = r"/(?:goal|cancel|status|feedback|result)"
+
+
+def patterns(kind: Kind) -> dict[str, str]:
+    """Types by the pattern of a name; those of an action's five topics are the action's, with more behind."""
+    found = {}
+    for row in (row for section in SECTIONS for row in section.rows if row.kind is kind):
+        name = re.escape(row.name).replace(r"\{apad\}", "apad1").replace(r"\{id\}", r"\d+")
+        found[name + OF_AN_ACTION if kind is Kind.ACTION else name] = row.type
+    return found
+
+
+def row_of(name: str, known: dict[str, str]) -> tuple[str, str] | None:
+    return next((row for row in known.items() if re.fullmatch(row[0], name)), None)
+
+
+def check_against_table(graph: dict[str, list[str]], types: dict[str, str]) -> set[str]:
+    """That the table has every name, in a namespace unless it is global, with its type; the patterns that were met."""
+    topics, actions, services = (patterns(kind) for kind in (Kind.TOPIC, Kind.ACTION, Kind.SERVICE))
+    met = set()
+    for name in (name for name in graph if not OF_ROSPY.fullmatch(name)):
+        space = next((it for it in SPACES if name.startswith(f"/{it}/")), None)
+        bare = name if space is None else name.removeprefix(f"/{space}/")
+        if is_the_global_apads := name.startswith("/apad1/"):
+            bare = name[1:]
+        row = row_of(bare, {**topics, **actions, **services})
+        assert row is not None, f"{name} is not in the table"
+        assert (space is None) == (bare.startswith("/") or is_the_global_apads), name
+        met.add(row[0])
+        if name in types and types[name] != "*":
+            if row[0] in topics:
+                assert types[name] == row[1], name
+            elif not name.endswith(("/status", "/cancel")):
+                assert types[name].startswith(f"{row[1]}Action"), name
+        if space is not None:
+            assert all(node.startswith(f"/{space}/") for node in graph[name]), (name, graph[name])
+    return met
+
+
+def test_two_fleets_with_the_same_ids_side_by_side(tmp_path: Path, environment: dict[str, str]) -> None:
+    with launched(tmp_path, environment) as child:
+        graph, types = graph_of(environment["ROS_MASTER_URI"], child)
+        met = check_against_table(graph, types)
+        assert {"musselbed/beliefs", r"amussel\d+/battery_level", "/clock"} <= met
+        assert sorted({*graph["/basin/amussel3/fix"], *graph["/lab/harbour/amussel3/fix"]}) == [
+            "/basin/musselbed_1",
+            "/lab/harbour/musselbed_1",
+        ]
+        assert "/basin/musselbed_1" in graph["/apad1/position"] and "/basin/apad1/position" not in graph
+        assert "/lab/harbour/musselbed_1" in graph["/lab/harbour/apad1/position"]
+        for space in SPACES:
+            believed = tool(environment, "rostopic", "echo", "-n", "1", f"/{space}/musselbed/beliefs")
+            assert believed.count("state:") == 3
+            answer = tool(environment, "rosservice", "call", f"/{space}/amussel3/charge_info")
+            assert "consumer" in answer
+        # In the namespace of a fleet a tool needs no more than the plain names.
+        inside = environment | {"ROS_NAMESPACE": "lab/harbour"}
+        assert "north" in tool(inside, "rostopic", "echo", "-n", "1", "apad1/position")
+        frames = tool(environment, "rostopic", "echo", "-n", "10", "/tf")
+        assert {"apad1/base_link", "lab/harbour/apad1/base_link"} <= set(
+            re.findall(r'child_frame_id: "(.*)"', frames)
+        )
+        # Docked by whole names: a contact that is told to another namespace charges nobody here.
+        log = tmp_path / "roslaunch.log"
+        wait_until(lambda: all(charged(tmp_path / folder) >= 2 for folder in SPACES.values()), child, log)
+        for space in SPACES:
+            assert "success: True" in tool(environment, "rosservice", "call", f"/{space}/musselbed/apad1/end")
+        wait_until(lambda: log.read_text().count("process has finished cleanly") == len(SPACES), child, log)
+    for space, folder in SPACES.items():
+        summary = json.loads((tmp_path / folder / "summary.json").read_text())
+        assert (summary["ended_by"], summary["agents"]) == ("a call", 3)
+        assert json.loads((tmp_path / folder / "run.json").read_text())["namespace"] == space
+        with Reader(tmp_path / folder / "run.bag") as bag:
+            assert "/musselbed/beliefs" in {it.topic for it in bag.connections}
+
+
+def wait_until(met: Callable[[], bool], child: subprocess.Popen[str], log: Path) -> None:
+    until_s, pause = time.monotonic() + PATIENCE_S, threading.Event()
+    while not met():
+        assert child.poll() is None and time.monotonic() < until_s, log.read_text()
+        pause.wait(0.1)

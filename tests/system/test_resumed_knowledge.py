@@ -1,0 +1,152 @@
+"""What a supervisor knew when it was killed, its successor knows: who is real, and what is believed of those who sleep."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from rosbags.rosbag1 import Reader
+
+from apad_bridge.records.bag_messages import BELIEFS, typestore
+from apad_bridge.records.journal import read_journal
+from apad_bridge.ros.master import loopback_environment
+from apad_bridge.ros.messages import generated_folder
+from firmware_model.codec import MusselbedCodec
+from firmware_model.packets import StatusPacket
+from firmware_model.states import State
+
+pytestmark = pytest.mark.system
+ROOT = Path(__file__).parents[2]
+MUSSELBED = [sys.executable, "-m", "apad_bridge.commands.main"]
+PATIENCE_S = 60.0
+THE_REAL, THETA, PERIOD_MS = 3, 30, 50_000
+SLEEPERS = {1, 2, 4}
+
+
+def wait_for(what: Callable[[], Any], why: str) -> Any:
+    """Polls the file system, which announces nothing, until `what` gives something."""
+    until_s, pause = time.monotonic() + PATIENCE_S, threading.Event()
+    while not (found := what()):
+        assert time.monotonic() < until_s, why
+        pause.wait(0.02)
+    return found
+
+
+@pytest.fixture
+def scenario(tmp_path: Path) -> Path:
+    """Four whole boards that sleep, full enough not to be fetched, of which twins hear every 25 minutes of theirs."""
+    data = yaml.safe_load((ROOT / "launch_scripts/scenarios/whole-board-12.yaml").read_text())
+    data.update(name="asleep", duration_s=3600)
+    data["fleet"].update(count=4, start={"charge": [0.9, 1.0]})
+    data["hearing"]["report_period_s"] = PERIOD_MS / 1000
+    twin = {"drain_deviation": 0.1, "sensor_noise": 0.01, "bias_deviation": 0.01}
+    data["beliefs"] = {"estimator": "twin", "twin": twin | {"unscheduled": 0.03, "fix_deviation_m": 1.0}}
+    path = tmp_path / "asleep.yaml"
+    path.write_text(yaml.safe_dump(data))
+    return path
+
+
+@pytest.fixture
+def begin() -> Iterator[Callable[..., subprocess.Popen[str]]]:
+    """Starts a command; whatever still runs of it is ended by its pid afterwards."""
+    with ExitStack() as stack:
+
+        def start(*command: object, **more: Any) -> subprocess.Popen[str]:
+            pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True, "cwd": ROOT}
+            process = subprocess.Popen([str(it) for it in command], **(pipes | more))
+            stack.callback(lambda: process.communicate(timeout=PATIENCE_S))
+            stack.callback(lambda: process.poll() is None and process.send_signal(signal.SIGINT))
+            return process
+
+        yield start
+
+
+def noted(run: Path) -> dict[int, int]:
+    """When each was heard last, by what stands in the notebook."""
+    path, heard = run / "notebook.jsonl", dict[int, int]()
+    for text in path.read_text().splitlines() if path.exists() else []:
+        line = json.loads(text)
+        heard |= {agent_id: data["heard_ms"] for agent_id, _, data in line.get("beliefs", ())}
+        for kind, agent_id, *rest in line.get("learned", ()):
+            if kind == "heard":
+                heard[agent_id] = rest[0]
+            elif kind == "forgot":
+                heard.pop(agent_id, None)
+    return heard
+
+
+def test_the_next_supervisor_knows_who_is_real_and_who_sleeps_and_for_how_long(
+    begin: Callable[..., subprocess.Popen[str]], scenario: Path, tmp_path: Path
+) -> None:
+    run = tmp_path / "run"
+    first = begin(*MUSSELBED, "run", scenario, "--speed", 20, "--out", run)
+    wait_for(lambda: noted(run).keys() >= SLEEPERS, "nobody was heard")
+    uri = json.loads((run / "run.json").read_text())["master_uri"]
+    tools = loopback_environment(tmp_path / "ros", uri) | {"PYTHONPATH": str(generated_folder())}
+
+    def called(service: str, request: str) -> dict[str, Any]:
+        command = ["/usr/bin/rosservice", "call", f"/musselbed/{service}", request]
+        done = subprocess.run(command, env=tools, capture_output=True, text=True, timeout=PATIENCE_S)
+        assert done.returncode == 0, done.stderr
+        answer: dict[str, Any] = yaml.safe_load(done.stdout)
+        return answer
+
+    assert called("hand_over", f"{{id: {THE_REAL}}}")["accepted"]
+    journal = run / "journal.jsonl"
+    assert '"kind":"presence"' in journal.read_text(), "who was told so may rely on it"
+    agent_ms = THETA * read_journal(journal).last_ms
+    packet = StatusPacket(THE_REAL, 0, State.SLEEPING, 0.45, 0.8, 9.0, 8.0, 3.0, agent_ms)
+    heard = f"{{agent: {THE_REAL}, medium: wifi, data: {list(MusselbedCodec().encode(packet))}}}"
+    bridge = begin(
+        "/usr/bin/rostopic", "pub", "-r", 5, "/musselbed/heard", "musselbed_msgs/Packet", heard, env=tools
+    )
+    wait_for(lambda: THE_REAL in noted(run), "the real one was not heard")
+    bridge.terminate()
+    bridge.wait(PATIENCE_S)
+    # Soon after the others have spoken, so that nobody speaks before the next supervisor's first tick.
+    spoke = noted(run)[1]
+    wait_for(lambda: noted(run)[1] > spoke, "they fell silent")
+    os.kill(int((run / "supervisor.pid").read_text().split()[0]), signal.SIGKILL)
+    first_knew = wait_for(lambda: noted(run), "the notebook is gone")
+    spoken = begin("/usr/bin/rostopic", "echo", "-n", 1, "/musselbed/beliefs", env=tools)
+
+    resumed = begin(*MUSSELBED, "resume", run)
+    said = yaml.safe_load(spoken.communicate(timeout=PATIENCE_S)[0].split("---")[0])
+    assert {it["id"]: it["age_s"] for it in said["agents"]} == pytest.approx(
+        {agent_id: (said["mission_time_ms"] - at_ms) / 1000 for agent_id, at_ms in first_knew.items()},
+        abs=1e-3,
+    )
+    fault = called("inject_fault", f"{{id: {THE_REAL}, fault: brown_out}}")
+    assert fault["message"] == "aMussel 3 is real: faults are for simulated ones"
+    resumed.send_signal(signal.SIGINT)
+    _, told = resumed.communicate(timeout=PATIENCE_S)
+    assert resumed.returncode == 130, told
+    first.communicate(timeout=PATIENCE_S)
+    assert "still real: aMussel 3" in told
+    assert "believed as before: 4 aMussels" in told
+
+    # The first sample of the next supervisor's bag is its first tick's.
+    with Reader(run / "run-1.bag") as bag:
+        (connection,) = [it for it in bag.connections if it.topic == "/musselbed/beliefs"]
+        _, _, data = next(bag.messages([connection]))
+    beliefs = {it.id: it for it in typestore().deserialize_ros1(data, BELIEFS).agents}  # type: ignore[attr-defined]
+    real = beliefs[THE_REAL]
+    assert (real.north, real.east, real.charge) == pytest.approx((9.0, 8.0, 0.45), abs=0.02)
+    assert beliefs.keys() == SLEEPERS | {THE_REAL}
+    assert all(
+        it.state == State.SLEEPING and it.charge > 0.85 for id_, it in beliefs.items() if id_ in SLEEPERS
+    )
+    lines = read_journal(journal).lines
+    assert [line["is"] for line in lines if line["kind"] == "presence"] == ["real"]
+    assert not (run / "notebook.jsonl").exists(), "the run has ended"
