@@ -8,10 +8,10 @@ from agents.fleet import FleetConfig, resting_on_bottom
 from agents.modem.frames import Generation
 from agents.physical import Physical
 from agents.reporter import Modem
-from apad_bridge.beliefs.fleet import FleetBeliefs
 from apad_bridge.beliefs_building import fleet_beliefs
 from apad_bridge.boards import charge_model, clock_drift_ppb, whole_firmware
 from apad_bridge.ears_building import ears_of
+from apad_bridge.known import Known
 from apad_bridge.mission.breakdown import Breakdown
 from apad_bridge.mission.energy_exchange import EnergyExchange
 from apad_bridge.mission.role import Mission
@@ -96,6 +96,11 @@ def simulated_apad(scenario: Scenario) -> SimulatedAPad:
     return SimulatedAPad(scenario.apad, misses(scenario))
 
 
+def nothing_known(scenario: Scenario, has_modem: bool = True) -> Known:
+    ids = agent_ids(scenario)
+    return Known(fleet_beliefs(scenario, ids), ears_of(scenario, ids) if has_modem else None)
+
+
 def supervisor(
     scenario: Scenario,
     state: MissionState | None = None,
@@ -106,16 +111,16 @@ def supervisor(
     has_modem: bool = True,
     docks_by_eye: bool = False,
     breakdown: Breakdown | None = None,
-    beliefs: FleetBeliefs | None = None,
+    known: Known | None = None,
 ) -> Supervisor:
     """A supervisor that knows nothing yet, or one that goes on with a mission's journaled `state`.
 
     Its mission is the paper's, which can be taken over by `override`; or, where there are `fronts`, one that does what they
     say. Without `samples` it leaves the aMussels' logs to others; without a modem, whatever is said by sound of its own
-    accord. With a `breakdown` it is one of several, who take over from each other. Without `beliefs` it begins with none.
+    accord. With a `breakdown` it is one of several, who take over from each other. `known` is what was learned already.
     """
-    if beliefs is None:
-        beliefs = fleet_beliefs(scenario, agent_ids(scenario))
+    known = known or nothing_known(scenario, has_modem)
+    beliefs = known.beliefs
     share = Share(beliefs, agent_ids(scenario))
     mission: Mission
     if fronts:
@@ -138,7 +143,7 @@ def supervisor(
         samples,
         round(scenario.duration_s * 1000),
         scenario.mission.end_at_apad_fraction,
-        ears_of(scenario, agent_ids(scenario)) if has_modem else None,
+        known.ears,
         share,
         breakdown,
     )

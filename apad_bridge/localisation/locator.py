@@ -80,15 +80,9 @@ class Locator:
         if not all(map(math.isfinite, numbers)) or taken.range_m < 0:
             self.dropped["a range that is no length"] += 1
             return None
-        kept = [
-            it
-            for it in self._ranges.get(taken.agent_id, ())
-            if it.at_ms >= taken.at_ms - 1000 * self._config.memory_s and self._apart(it, taken)
-        ]
-        kept.append(taken)
-        self._ranges[taken.agent_id] = kept
+        self.remember(taken)
         try:
-            solution, used = self._solve(kept, near_m)
+            solution, used = self._solve(self._ranges[taken.agent_id], near_m)
         except NoFix as reason:
             self.dropped[f"no fix: {reason}"] += 1
             return None
@@ -102,6 +96,20 @@ class Locator:
             math.sqrt(sum(it * it for it in solution.residuals_m) / used),
             used,
         )
+
+    def remember(self, taken: RangeTaken) -> None:
+        """Keeps a range for later, and forgets those that it makes old."""
+        kept = [
+            it
+            for it in self._ranges.get(taken.agent_id, ())
+            if it.at_ms >= taken.at_ms - 1000 * self._config.memory_s and self._apart(it, taken)
+        ]
+        self._ranges[taken.agent_id] = [*kept, taken]
+
+    @property
+    def ranges(self) -> list[RangeTaken]:
+        """All that is remembered, in an order in which it can be remembered again."""
+        return [taken for ranges in self._ranges.values() for taken in ranges]
 
     def _apart(self, one: RangeTaken, other: RangeTaken) -> bool:
         return math.dist((one.north_m, one.east_m), (other.north_m, other.east_m)) >= self._config.apart_m

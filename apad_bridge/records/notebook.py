@@ -10,7 +10,7 @@ from __future__ import annotations
 import os
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 from apad_bridge.beliefs.fleet import FleetBeliefs
 from apad_bridge.beliefs.measurement import Measurement
@@ -24,13 +24,30 @@ PERIOD_MS = 600_000
 _FORGOT = "forgot"
 
 
+class Remembers(Protocol):
+    """Somebody else who learns: the aPad's ears."""
+
+    def kept(self) -> dict[str, Any]:
+        """All of it, as plain data."""
+        ...
+
+    def news(self) -> dict[str, Any] | None:
+        """What came since `kept` or `news` was asked last; None for nothing."""
+        ...
+
+    def restore(self, kept: dict[str, Any]) -> None: ...
+
+    def take_news(self, news: dict[str, Any]) -> None: ...
+
+
 class Notebook:
     """The diary of `beliefs`, from now on. Rows reach the file at `flush`, which is called at the end of every tick."""
 
-    def __init__(self, path: Path, beliefs: FleetBeliefs, now_ms: int) -> None:
+    def __init__(self, path: Path, beliefs: FleetBeliefs, now_ms: int, ears: Remembers | None = None) -> None:
         """Begins with a checkpoint at mission time `now_ms`, which takes the place of a notebook that was there."""
         self._path = path
         self._beliefs = beliefs
+        self._ears = ears
         self._rows: list[list[Any]] = []
         self._file = self._begun(now_ms)
         beliefs.diary = self
@@ -43,14 +60,15 @@ class Notebook:
 
     def flush(self, now_ms: int) -> None:
         rows, self._rows = self._rows, []
-        if not rows:
+        news = None if self._ears is None else self._ears.news()
+        if not rows and news is None:
             return
-        self._rows_in_file += len(rows)
+        self._rows_in_file += len(rows) + (news is not None)
         if self._rows_in_file > ROWS or now_ms >= self._begun_ms + PERIOD_MS:
             self._file.close()
             self._file = self._begun(now_ms)
             return
-        self._file.append({"t": now_ms, "learned": rows})
+        self._file.append({"t": now_ms, "learned": rows} | ({} if news is None else {"ears": news}))
         self._file.flush()
 
     def close(self) -> None:
@@ -62,7 +80,8 @@ class Notebook:
         fresh = self._path.with_name(f".{self._path.name}.fresh")
         fresh.unlink(missing_ok=True)
         file = LineFile(fresh)
-        file.append({"t": now_ms, "format": FORMAT, "beliefs": self._beliefs.kept()})
+        ears = None if self._ears is None else self._ears.kept()
+        file.append({"t": now_ms, "format": FORMAT, "beliefs": self._beliefs.kept(), "ears": ears})
         file.flush()
         os.replace(fresh, self._path)
         self._begun_ms, self._rows_in_file = now_ms, 0
@@ -85,14 +104,16 @@ class NoNotebook(Exception):
     """One line: why there is nothing to be recalled."""
 
 
-def recall(path: Path, beliefs: FleetBeliefs) -> Recalled:
-    """Believes what the notebook's supervisor did; NoNotebook when it cannot be read at all, and nothing has changed."""
+def recall(path: Path, beliefs: FleetBeliefs, ears: Remembers | None = None) -> Recalled:
+    """Believes and remembers what the notebook's supervisor did; NoNotebook when it cannot be read at all."""
     try:
         lines = read_lines(path)
         first = next(lines, None)
         if first is None or first.get("format") != FORMAT:
             raise NoNotebook(f"{path.name} is of another version, or damaged")
         beliefs.restore(first["beliefs"])
+        if ears is not None:
+            ears.restore(first["ears"])
         until_ms: int = first["t"]
     except OSError as error:
         raise NoNotebook(f"{path.name}: {error.strerror}") from error
@@ -104,6 +125,8 @@ def recall(path: Path, beliefs: FleetBeliefs) -> Recalled:
             return Recalled(until_ms, rows, whole=False)
         for row in line["learned"]:
             _learn(beliefs, row)
+        if ears is not None and "ears" in line:
+            ears.take_news(line["ears"])
         rows, until_ms = rows + len(line["learned"]), line["t"]
     return Recalled(until_ms, rows, whole=True)
 

@@ -10,8 +10,8 @@ from typing import Any
 
 from agents.outputs import Truth
 from apad_bridge.beliefs.belief import Belief
-from apad_bridge.beliefs.fleet import FleetBeliefs
 from apad_bridge.boards import takes_samples
+from apad_bridge.known import Known
 from apad_bridge.presence import Presence
 from apad_bridge.records.bag import BagWriter, repair_bag
 from apad_bridge.records.changes import APadChanges, BeliefChanges, differs_in_kind, has_moved
@@ -135,9 +135,9 @@ class Recorder:
             self._journaled[agent_id] = truth
             self._journal.append(-(-truth.at_ms // self._scenario.theta), "truth", truth_data(truth))
 
-    def keep(self, beliefs: FleetBeliefs, now_ms: int) -> None:
+    def keep(self, known: Known, now_ms: int) -> None:
         """From mission time `now_ms` on what is learned is written down, for one who would go on with the run."""
-        self._notebook = Notebook(self._directory.notebook, beliefs, now_ms)
+        self._notebook = Notebook(self._directory.notebook, known.beliefs, now_ms, known.ears)
 
     @property
     def samples_kept(self) -> Mapping[int, Set[int]]:

@@ -17,14 +17,19 @@ from apad_bridge.beliefs.modes import Mode
 from apad_bridge.geography import LocalFrame
 from apad_bridge.ros.frames import UPRIGHT, Quaternion, Vector, ellipse_95, enu
 from apad_bridge.ros.ros_time import to_ros
+from apad_bridge.scenario.polygon import bounding_box
+from apad_bridge.scenario.schema import Area
 from apad_bridge.vehicle import BatteryReported
 from firmware_model.charge import EMPTY_MV, FULL_MV
 from firmware_model.state_groups import BEYOND_HELP, DOCKED
 
 _UNKNOWN = math.nan
 """What BatteryState asks for where nothing is measured."""
-_MARKER_M = 0.5
-_LABEL_M = 0.6
+_SMALLEST_BALL_M = 0.5
+_BALLS_ACROSS = 100
+"""So many balls side by side are as long as the area: from above, each is some pixels wide on a common screen."""
+_LABEL = 1.2
+"""How high a label is, and how far north of its ball, in balls."""
 _DISC_M = 0.02
 _DISC_ALPHA = 0.3
 
@@ -128,13 +133,23 @@ def transform(now_ms: int, parent: str, child: str, at: Vector, attitude: Quater
     )
 
 
-def agent_markers(belief: Belief, now_ms: int, world: str) -> list[Marker]:
+def ball_size_m(area: Area) -> float:
+    """The diameter of an aMussel's ball, which is much larger than the aMussel itself, so that it is seen in the area."""
+    (south, west), (north, east) = bounding_box(area.polygon_m)
+    return max(_SMALLEST_BALL_M, max(north - south, east - west) / _BALLS_ACROSS)
+
+
+def agent_markers(belief: Belief, now_ms: int, world: str, ball_m: float, row: int = 0) -> list[Marker]:
     """A ball from red (empty) to green (full), cyan when docked, grey when lost; its id and charge above it; and, where the
-    place's deviation is known, the ellipse that holds it with 95 %."""
+    place's deviation is known, the ellipse that holds it with 95 %.
+
+    Labels of those that lie at one place, in an aPad's docks, are in rows of their own, from 0 on.
+    """
+    label_m = _LABEL * ball_m
     at = enu(belief.north_m, belief.east_m)
-    ball = _marker("amussels", belief.agent_id, Marker.SPHERE, now_ms, world, at, _colour(belief), _MARKER_M)
+    ball = _marker("amussels", belief.agent_id, Marker.SPHERE, now_ms, world, at, _colour(belief), ball_m)
     # North of the ball, so that it is read from above too.
-    above = (at[0], at[1] + _LABEL_M, at[2] + _LABEL_M)
+    above = (at[0], at[1] + (1 + row) * label_m, at[2] + label_m)
     label = _marker(
         "labels",
         belief.agent_id,
@@ -143,7 +158,7 @@ def agent_markers(belief: Belief, now_ms: int, world: str) -> list[Marker]:
         world,
         above,
         ColorRGBA(1.0, 1.0, 1.0, 1.0),
-        _LABEL_M,
+        label_m,
     )
     label.text = f"{belief.agent_id}: {100 * belief.primary:.0f} %"
     if not belief.is_carried:
@@ -161,11 +176,11 @@ def _place_marker(belief: Belief, now_ms: int, world: str, at: Vector) -> Marker
     return disc
 
 
-def apad_marker(now_ms: int, world: str, at: Vector, attitude: Quaternion) -> Marker:
-    """An arrow along its heading."""
-    arrow = _marker("apad", 0, Marker.ARROW, now_ms, world, at, ColorRGBA(1.0, 0.8, 0.0, 1.0), 0.3)
+def apad_marker(now_ms: int, world: str, at: Vector, attitude: Quaternion, ball_m: float) -> Marker:
+    """An arrow along its heading, three balls long."""
+    arrow = _marker("apad", 0, Marker.ARROW, now_ms, world, at, ColorRGBA(1.0, 0.8, 0.0, 1.0), ball_m)
     arrow.pose.orientation = RosQuaternion(*attitude)
-    arrow.scale = Vector3(1.5, 0.3, 0.3)
+    arrow.scale = Vector3(3 * ball_m, 0.6 * ball_m, 0.6 * ball_m)
     return arrow
 
 

@@ -53,6 +53,7 @@ class StandardTopics:
         frame: LocalFrame,
         limits: Limits,
         *,
+        ball_m: float,
         is_one_of_several: bool = False,
         namespace: str = "",
     ) -> None:
@@ -64,6 +65,7 @@ class StandardTopics:
         self._namespace = namespace
         self._frame = frame
         self._limits = limits
+        self._ball_m = ball_m
         self._way: list[tuple[float, float]] = []
         self._agents = {
             agent_id: (
@@ -125,7 +127,7 @@ class StandardTopics:
 
     def _show_scene(self, supervisor: Supervisor, beliefs: list[Belief], now_ms: int) -> None:
         pose, frames = supervisor.pose, self._frames
-        world = frames.enu
+        world, ball_m = frames.enu, self._ball_m
 
         def transforms() -> list[Any]:
             known = [
@@ -138,11 +140,15 @@ class StandardTopics:
             return known
 
         def markers() -> list[Any]:
-            shown = [marker for it in beliefs for marker in make.agent_markers(it, now_ms, world)]
+            slots = {it: slot for slot, it in enumerate(supervisor.mission.slots) if it is not None}
+            shown = [
+                marker
+                for it in beliefs
+                for marker in make.agent_markers(it, now_ms, world, ball_m, slots.get(it.agent_id, 0))
+            ]
             if pose is not None:
-                shown.append(
-                    make.apad_marker(now_ms, world, enu(pose.north_m, pose.east_m), yaw(pose.heading_rad))
-                )
+                at, attitude = enu(pose.north_m, pose.east_m), yaw(pose.heading_rad)
+                shown.append(make.apad_marker(now_ms, world, at, attitude, ball_m))
             return shown
 
         _publish(self._tf, transforms)

@@ -30,6 +30,7 @@ from apad_bridge.ros.master_watch import MasterWatch, Noticed
 from apad_bridge.ros.radio import FleetRadio, MissionRadio, RealRadio
 from apad_bridge.ros.ros_pace import FollowedClock, OwnMasterClock
 from apad_bridge.ros.silence_watch import SilenceWatch
+from apad_bridge.ros.standard_messages import ball_size_m
 from apad_bridge.ros.standard_topics import StandardTopics
 from apad_bridge.ros.vehicle_not_ready import VehicleNotReady
 from apad_bridge.ros.vehicles import READY_S, APadLink, TruthsAt, is_of_generation_b, open_apad
@@ -170,6 +171,7 @@ def _standard_topics(shown: Iterable[int], scenario: Scenario, namespace: str) -
         scenario.apad.name,
         LocalFrame.about(scenario.area.origin),
         limits,
+        ball_m=ball_size_m(scenario.area),
         is_one_of_several=is_one_of_several(scenario),
         namespace=namespace,
     )

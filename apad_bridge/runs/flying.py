@@ -13,10 +13,10 @@ from typing import Any, Protocol
 from agents.one_process import OneProcess
 from agents.processes import ProcessHost
 from apad_bridge import building
-from apad_bridge.beliefs.fleet import FleetBeliefs
 from apad_bridge.ether import Ether, TellGuest
 from apad_bridge.fleet import Fleet
 from apad_bridge.flight import Flight, Watcher
+from apad_bridge.known import Known
 from apad_bridge.mission.breakdown import Breakdown
 from apad_bridge.mission.state import MissionState
 from apad_bridge.modems.rims import Rims
@@ -108,12 +108,12 @@ def fly(
     until_first_plan: bool = False,
     fronts: Sequence[Front] = (),
     override: CalledFront | None = None,
-    beliefs: FleetBeliefs | None = None,
+    known: Known | None = None,
 ) -> dict[str, Any]:
     """Flies to the mission's end, or to its first plan, and gives the summary. SIGINT and SIGTERM end it in order.
 
     With `fronts` there is no mission of our own: the aPad does what these order. By `override` it can be taken over.
-    `beliefs` are what is believed already; None for nothing.
+    `known` is what was learned already; None for nothing.
     """
     flying = prepare(
         scenario,
@@ -124,7 +124,7 @@ def fly(
         until_first_plan=until_first_plan,
         fronts=fronts,
         override=override,
-        beliefs=beliefs,
+        known=known,
     )
     with stopped_by_signals(flying.flight):
         flying.flight.run()
@@ -164,10 +164,10 @@ def prepare(
     until_first_plan: bool = False,
     fronts: Sequence[Front] = (),
     override: CalledFront | None = None,
-    beliefs: FleetBeliefs | None = None,
+    known: Known | None = None,
 ) -> Prepared:
     """What `fly` flies."""
-    supervisor = _supervisor(scenario, surroundings, recorder, go_on, fronts, override, beliefs)
+    supervisor = _supervisor(scenario, surroundings, recorder, go_on, fronts, override, known)
     pace = surroundings.pace
 
     def show_tick(now_ms: int) -> None:
@@ -211,7 +211,7 @@ def _supervisor(
     go_on: GoOn | None,
     fronts: Sequence[Front],
     override: CalledFront | None,
-    beliefs: FleetBeliefs | None,
+    known: Known | None,
 ) -> Supervisor:
     """With the docks as the journal last had them."""
     supervisor = building.supervisor(
@@ -225,7 +225,7 @@ def _supervisor(
         has_modem=surroundings.fleet is not None,
         docks_by_eye=surroundings.docks_by_eye,
         breakdown=surroundings.breakdown,
-        beliefs=beliefs,
+        known=known,
     )
     if go_on is not None:
         for slot, agent_id in go_on.state.docked:

@@ -11,7 +11,7 @@ from agents.coordinator import Coordinator
 from agents.stimuli import Placed, from_wire, to_wire
 from apad_bridge import building
 from apad_bridge.beliefs.fleet import FleetBeliefs
-from apad_bridge.beliefs_building import fleet_beliefs
+from apad_bridge.known import Known
 from apad_bridge.mission.state import MissionState
 from apad_bridge.presence import Became, Presence, Presences
 from apad_bridge.records.journal import JournalContents, Line
@@ -20,7 +20,7 @@ from apad_bridge.records.recorder import Recorder, Resumed
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.runs.failures import PeerFailed
 from apad_bridge.runs.flying import GoOn, journal_start
-from apad_bridge.runs.options import RunOptions
+from apad_bridge.runs.options import Part, RunOptions
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
 
@@ -86,21 +86,25 @@ class Begun:
 
     recorder: Recorder
     presences: Presences
-    beliefs: FleetBeliefs
+    known: Known
     go_on: GoOn | None = None
     journal: JournalContents = field(default_factory=lambda: JournalContents([], 0))
+
+    @property
+    def beliefs(self) -> FleetBeliefs:
+        return self.known.beliefs
 
     @property
     def start_ms(self) -> int:
         return 0 if self.go_on is None else self.go_on.now_ms
 
 
-def begin(directory: RunDirectory, scenario: Scenario) -> Begun:
+def begin(directory: RunDirectory, scenario: Scenario, options: RunOptions) -> Begun:
     """A new run, its journal begun."""
     ids = building.agent_ids(scenario)
     recorder = Recorder(directory, scenario, ids)
     journal_start(recorder, scenario, starts_of(scenario))
-    return Begun(recorder, Presences(ids, scenario.area.depth_m), fleet_beliefs(scenario, ids))
+    return Begun(recorder, Presences(ids, scenario.area.depth_m), _nothing_known(scenario, options))
 
 
 def resume(
@@ -117,16 +121,16 @@ def resume(
     recorder, resumed = Recorder.resume(directory, scenario, ids)
     start = go_on(resumed.journal, options.epoch, gone_ms)
     presences = Presences(ids, scenario.area.depth_m, became(resumed.journal))
-    beliefs = fleet_beliefs(scenario, ids)
+    known = _nothing_known(scenario, options)
     lines = [
         *what_was_lost(resumed),
         *who_was_who(presences),
-        believed_again(directory.notebook, beliefs, start.now_ms),
+        known_again(directory.notebook, known, start.now_ms),
     ]
     for words in lines:
         tell(words)
     recorder.event(resumed.journal.last_ms, "restored", told=lines)
-    return Begun(recorder, presences, beliefs, start, resumed.journal)
+    return Begun(recorder, presences, known, start, resumed.journal)
 
 
 def who_was_who(presences: Presences) -> list[str]:
@@ -139,13 +143,18 @@ def who_was_who(presences: Presences) -> list[str]:
     return lines
 
 
-def believed_again(notebook: Path, beliefs: FleetBeliefs, now_ms: int) -> str:
-    """Lets `beliefs` be what the former supervisor's were; a line for a person on what came of it by `now_ms`."""
+def _nothing_known(scenario: Scenario, options: RunOptions) -> Known:
+    # The aPad's modem is where its water is: with the fleet, and not with a mission alone.
+    return building.nothing_known(scenario, has_modem=options.part is not Part.MISSION)
+
+
+def known_again(notebook: Path, known: Known, now_ms: int) -> str:
+    """Lets `known` be what the former supervisor's was; a line for a person on what came of it by `now_ms`."""
     try:
-        recalled = recall(notebook, beliefs)
+        recalled = recall(notebook, known.beliefs, known.ears)
     except NoNotebook as reason:
         return f"nothing is believed of an aMussel until it is heard again: {reason}"
-    believed = beliefs.all()
+    believed = known.beliefs.all()
     if not believed:
         return "nothing had been heard of any aMussel yet"
     oldest_s = max(it.age_s(now_ms) for it in believed)

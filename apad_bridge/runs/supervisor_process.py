@@ -58,7 +58,9 @@ def fly(run_dir: Path, resume: bool) -> int:
     directory = RunDirectory(run_dir)
     scenario, options = load(directory.scenario), RunOptions.load(run_dir)
     begun = (
-        resuming.resume(directory, scenario, options, say) if resume else resuming.begin(directory, scenario)
+        resuming.resume(directory, scenario, options, say)
+        if resume
+        else resuming.begin(directory, scenario, options)
     )
     recorder, go_on, start_ms = begun.recorder, begun.go_on, begun.start_ms
     try:
@@ -82,7 +84,7 @@ def fly(run_dir: Path, resume: bool) -> int:
             surroundings = replace(surroundings, rims=rims)
             fronts = fronts_of(scenario, options, called)
             if not options.script:  # which cannot go on in the middle
-                recorder.keep(begun.beliefs, start_ms)
+                recorder.keep(begun.known, start_ms)
             summary = flying.fly(
                 scenario,
                 dry(surroundings) if options.dry_run else surroundings,
@@ -92,7 +94,7 @@ def fly(run_dir: Path, resume: bool) -> int:
                 until_first_plan=options.dry_run,
                 fronts=fronts,
                 override=None if fronts else called,
-                beliefs=begun.beliefs,
+                known=begun.known,
             )
             for front in fronts:
                 if isinstance(front, ScriptFront):

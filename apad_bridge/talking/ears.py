@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import astuple
+from typing import Any
 
 from apad_bridge.beliefs import modes
 from apad_bridge.beliefs.belief import Belief
@@ -46,6 +48,9 @@ class Ears:
         self._keel_m = keel_m
         self._depth_m = depth_m
         self._deviation_m = deviation_m
+        self._rows: list[tuple[Any, ...]] = []
+        """Since it was asked last: ranges, and, alone in its row, who was moved."""
+        self._told_talk: dict[str, Any] = talk.kept()
 
     @property
     def dropped(self) -> Counter[str]:
@@ -53,6 +58,36 @@ class Ears:
         if self._talk.unanswered:
             told["sound: asked how it was, and no answer came in time"] = self._talk.unanswered
         return told
+
+    def kept(self) -> dict[str, Any]:
+        """All that was learned, as plain data; `news` are what comes after it."""
+        self._rows, self._told_talk = [], self._talk.kept()
+        ranges = [] if self._locator is None else [astuple(it) for it in self._locator.ranges]
+        return {"talk": self._told_talk, "ranges": ranges}
+
+    def news(self) -> dict[str, Any] | None:
+        """What was learned since `kept` or `news` was asked last; None for nothing."""
+        talk = self._talk.kept()
+        if talk == self._told_talk and not self._rows:
+            return None
+        rows, self._rows, self._told_talk = self._rows, [], talk
+        return {"talk": talk, "rows": rows}
+
+    def restore(self, kept: dict[str, Any]) -> None:
+        """Knows what another's `kept` said; KeyError, TypeError or ValueError for anything else."""
+        self._talk.restore(kept["talk"])
+        self.take_news({"talk": kept["talk"], "rows": kept["ranges"]})
+
+    def take_news(self, news: dict[str, Any]) -> None:
+        """As another's `news` told it."""
+        self._talk.restore(news["talk"])
+        for row in news["rows"]:
+            if self._locator is None:
+                continue
+            if len(row) == 1:
+                self._locator.forget(*row)
+            else:
+                self._locator.remember(RangeTaken(*row))
 
     def advance(self, beliefs: Sequence[Belief], now_ms: int) -> list[SupervisorAction]:
         away = frozenset(it.agent_id for it in beliefs if _is_away(it))
@@ -75,6 +110,7 @@ class Ears:
         self._talk.moved(agent_id, now_ms)
         if self._locator is not None:
             self._locator.forget(agent_id)
+            self._rows.append((agent_id,))
 
     def hear(
         self, fact: RangeHeard, pose: PoseReported | None, beliefs: FleetBeliefs, now_ms: int
@@ -86,6 +122,7 @@ class Ears:
         if self._locator is None or pose is None:
             return actions
         taken = RangeTaken(fact.at_ms, fact.agent_id, fact.range_m, pose.north_m, pose.east_m, self._keel_m)
+        self._rows.append(astuple(taken))
         belief = beliefs.get(fact.agent_id)
         fix = self._locator.take(taken, None if belief is None else (belief.north_m, belief.east_m))
         if fix is None:

@@ -17,6 +17,13 @@ class Inquiries:
         self._asked_ms: dict[int, int] = {}
         self._awaited: dict[int, int] = {}
 
+    def kept(self) -> list[tuple[int, int]]:
+        """Who was asked when. What is awaited is left out: it dies with the water that it is on its way in."""
+        return list(self._asked_ms.items())
+
+    def restore(self, kept: list[tuple[int, int]]) -> None:
+        self._asked_ms = dict(kept)
+
     def next(self, wanted: Sequence[int], now_ms: int) -> int | None:
         """The first of the `wanted` that may be asked now, which it so is."""
         for agent_id in wanted:

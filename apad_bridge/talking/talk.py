@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 from agents.keel_modem import ANSWER_TIMEOUT_MS
 from agents.modem.frames import SHORT_MS, Generation, duration_ms
@@ -73,6 +74,27 @@ class Talk:
         """How many questions how they are brought nothing in time."""
         self._ranged = Inquiries()
         self._asked = Inquiries()
+
+    def kept(self) -> dict[str, Any]:
+        """What was learned and done so far, as plain data. Words that wait are left out: they die with their water."""
+        return {
+            "learn_at_ms": list(self._learn_at_ms.items()),
+            "ways_ms": list(self.ways_ms.items()),
+            "beacon_due_ms": self._beacon_due_ms,
+            "ping_due_ms": self._ping_due_ms,
+            "turns": list(self._turns),
+            "ranged_ms": self._ranged.kept(),
+            "asked_ms": self._asked.kept(),
+        }
+
+    def restore(self, data: dict[str, Any]) -> None:
+        """Goes on where another's `kept` stood; KeyError, TypeError or ValueError for anything else."""
+        self._learn_at_ms = dict(data["learn_at_ms"])
+        self.ways_ms = dict(data["ways_ms"])
+        self._beacon_due_ms, self._ping_due_ms = data["beacon_due_ms"], data["ping_due_ms"]
+        self._turns = deque(data["turns"])
+        self._ranged.restore(data["ranged_ms"])
+        self._asked.restore(data["asked_ms"])
 
     def timed(self, actions: Sequence[SupervisorAction], now_ms: int) -> list[SupervisorAction]:
         """The same actions; words by sound with the time at which they may be said.

@@ -73,7 +73,9 @@ def supervisor() -> SimpleNamespace:
 def main() -> None:
     gateway = open_gateway([], 30, node_name="shower")
     frame = LocalFrame(43.9330937, 15.4443468)
-    standard = StandardTopics((1, 2, 3), "apad1", frame, Limits(silence_s=3600.0, pool_threshold=0.8))
+    standard = StandardTopics(
+        (1, 2, 3), "apad1", frame, Limits(silence_s=3600.0, pool_threshold=0.8), ball_m=0.5
+    )
     shown: Any = supervisor()
     watches = [standard.watcher(shown), gateway.watcher(shown)]
     print("showing", flush=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -15,7 +16,8 @@ from apad_bridge.geography import LocalFrame
 from apad_bridge.mission.state import MissionState
 from apad_bridge.ros.fleet_diagnostics import Limits, diagnose
 from apad_bridge.ros.frames import ellipse_95
-from apad_bridge.ros.standard_messages import agent_battery, agent_markers, fix
+from apad_bridge.ros.standard_messages import agent_battery, agent_markers, apad_marker, ball_size_m, fix
+from apad_bridge.scenario.loader import load
 from firmware_model.states import State
 
 
@@ -91,14 +93,14 @@ def test_95_of_100_places_lie_in_the_ellipse() -> None:
 
 
 def test_a_place_is_marked_where_its_deviation_is_known() -> None:
-    disc = {marker.ns: marker for marker in agent_markers(carried(Mode.ASLEEP, 0.6), 300_000, "bay/enu")}[
-        "place_95"
-    ]
+    disc = {
+        marker.ns: marker for marker in agent_markers(carried(Mode.ASLEEP, 0.6), 300_000, "bay/enu", 0.5)
+    }["place_95"]
     assert (disc.type, disc.action, disc.id, disc.header.frame_id) == (3, 0, 7, "bay/enu")
     assert (disc.pose.position.x, disc.pose.position.y) == (20.0, 10.0)
     assert disc.scale.x > disc.scale.y > 2 * 2 * 2.4 and 0 < disc.color.a < 1
     newest = Belief(7, 1000, State.ACTIVE, 0.5, 1.0, 10.0, 20.0)
-    assert {marker.ns for marker in agent_markers(newest, 1000, "bay/enu")} == {"amussels", "labels"}
+    assert {marker.ns for marker in agent_markers(newest, 1000, "bay/enu", 0.5)} == {"amussels", "labels"}
 
 
 def test_diagnostics_name_the_silent_and_how_sure_one_is() -> None:
@@ -129,3 +131,23 @@ def test_diagnostics_name_the_silent_and_how_sure_one_is() -> None:
     # And so does one of several namespaces.
     array = diagnose(supervisor, (7,), Limits(120.0, 0.5), 300_000, namespace="lab/basin")  # type: ignore[arg-type]
     assert "lab/basin/musselbed: aMussel 7" in {status.name for status in array.status}
+
+
+SCENARIOS = Path(__file__).parents[3] / "launch_scripts" / "scenarios"
+
+
+# 28 m by 21 m, 60 m by 40 m, 60 m by 200 m: balls of half a metre, or a hundredth of the longer side.
+@pytest.mark.parametrize(("name", "ball_m"), [("pool-12", 0.5), ("bay-24", 0.6), ("bay-120", 2.0)])
+def test_markers_are_seen_in_their_area(name: str, ball_m: float) -> None:
+    assert ball_size_m(load(SCENARIOS / f"{name}.yaml").area) == ball_m
+    ball, label, _ = agent_markers(carried(Mode.ASLEEP, 0.6), 300_000, "musselbed/enu", ball_m)
+    assert ball.scale.x == ball.scale.y == ball.scale.z == ball_m
+    # The label stands north of the ball and does not reach into it.
+    assert label.pose.position.y - label.scale.z / 2 >= ball.pose.position.y + ball_m / 2
+    assert label.pose.position.x == ball.pose.position.x
+    _, beside, _ = agent_markers(carried(Mode.CHARGING_PRIMARY, 0.6), 300_000, "musselbed/enu", ball_m, row=1)
+    assert beside.pose.position.y - label.pose.position.y == pytest.approx(label.scale.z), (
+        "not over each other"
+    )
+    arrow = apad_marker(300_000, "musselbed/enu", (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0), ball_m)
+    assert arrow.scale.x == 3 * ball_m
