@@ -14,8 +14,13 @@ from typing import Any
 
 import pytest
 import yaml
+from layout_topics import named_topics
 
+from apad_bridge.layouts.fleet import shown
+from apad_bridge.layouts.kinds import KINDS
 from apad_bridge.records.journal import read_journal
+from apad_bridge.scenario.loader import load
+from apad_bridge.scenario.starts import starts_of
 
 pytestmark = pytest.mark.system
 
@@ -90,6 +95,12 @@ def test_each_serves_its_share_and_nobody_else(scenario: Path, tmp_path: Path) -
         assert f"/musselbed/{name}" not in graph
     assert graph["/musselbed/apad2/retire"] == graph["/musselbed/apad2/beliefs"] == ["/musselbed_2"]
     assert graph["/clock"] == ["/musselbed_clock"]
+
+    # Layouts name what is there; of a run's bag a layout also names the aPad's state, which has one name in all bags.
+    fleet = shown(load(scenario), starts_of(load(scenario)))
+    for kind in KINDS.values():
+        named = named_topics(kind.write(fleet)) - {"/musselbed/apad"}
+        assert any("apad2" in name for name in named) and named <= graph.keys()
 
     summary = json.loads(stdout)
     assert summary == {**json.loads((run / "summary.json").read_text()), "run": str(run)}
