@@ -45,10 +45,10 @@ class WorthItsEnergy:
             return False
         if belief.charge_cov[0] <= self.answer_deviation**2:
             return False
-        if belief.charge_interval(0.9)[1] < self.spare_charge:
-            return False
         answer = self.question(belief)
-        return min(answer, 1 - answer) * self.wrong_plan_charge > self.answer_charge
+        if min(answer, 1 - answer) * self.wrong_plan_charge <= self.answer_charge:
+            return False
+        return belief.charge_interval(0.9)[1] >= self.spare_charge
 
     def urgency(self, belief: Belief) -> float:
         return belief.charge_cov[0]

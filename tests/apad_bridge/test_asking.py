@@ -97,7 +97,7 @@ def test_whose_charge_it_is_unsure_of_is_asked_and_answers_into_the_quiet() -> N
 def test_without_an_answer_it_asks_again_after_ten_minutes_of_its_time_and_counts_it(tmp_path: Path) -> None:
     data = scenario(ask_worth_answers=1)
     heard_of(data, tmp_path / "links.csv", "1, apad, 1, 300", "2, apad, 1, 300")
-    data["duration_s"] = 1300
+    data["duration_s"] = 1600
     recorder, dropped = flown(data)
     asked = {
         who: [at for at, it in events(recorder, "asked") if it["id"] == who and at > 300_000]

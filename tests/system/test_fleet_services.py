@@ -145,7 +145,7 @@ def test_a_second_fleet_with_an_id_of_the_first_does_not_start(
     assert line_of(first) == "flying"
     assert line_of(start("theirs", "4")) == (
         "node /ours simulates aMussel 4 already: two fleets on one master need disjoint ids "
-        "(fleet.first_id, fleet.count)"
+        "(fleet.first_id, fleet.count) or a namespace each (ROS_NAMESPACE)"
     )
     assert line_of(start("others", "5")) == "flying"
 

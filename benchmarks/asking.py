@@ -1,0 +1,240 @@
+"""Does it pay to ask by sound how an aMussel is? The pool by sound on twins that hear little, asking and not, paired.
+
+The boards draw up to 30 % more or less than the twins think. Of the hourly statuses one in ten is heard: either nine of ten
+packets from the bottom are lost whatever they are ("lossy"), so that answers are as well; or everyone is at the edge of the
+range, at an SNR of -0.6 dB ("noisy"), where 90 % of the statuses, 45 bytes, are lost, and 29 % of words as short as a
+question and its answer. "late" is "noisy" with a mission that fetches at 15 % instead of 60, from charges to match.
+`asking` is `water.talk.ask_worth_answers`; `answers_charge` is what all the aMussels that answered spent on it, in
+batteries.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import random
+import statistics
+import tempfile
+from collections import Counter
+from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.progress import Progress
+from rich.table import Table
+
+from agents.one_process import OneProcess
+from agents.outputs import Truth
+from agents.physical import Physical
+from apad_bridge import building
+from apad_bridge.beliefs.belief import Belief
+from apad_bridge.boards import charge_model, whole_firmware
+from apad_bridge.ears_building import answer_charge
+from apad_bridge.flight import Flight
+from apad_bridge.pace import AsFastAsPossible
+from apad_bridge.records.summary import uptime_figures
+from apad_bridge.runs.in_memory import MemoryRecorder
+from apad_bridge.sample_collection import SampleCollection
+from apad_bridge.scenario.loader import from_data, load, resolve
+from apad_bridge.scenario.schema import Scenario
+from apad_bridge.scenario.starts import starts_of
+from apad_bridge.sea_building import fleet_of
+from apad_bridge.vehicle_link import InProcessVehicle
+from firmware_model.charge import Battery, fraction
+from firmware_model.codec import MusselbedCodec
+from firmware_model.packets import ShortStatus, StatusPacket
+from firmware_model.states import State
+
+CONFIGURATIONS = 10
+MISSION_S = 7200
+ASKING = (0.0, 1.0)
+CASES = ("lossy", "noisy", "late")
+SCENARIO = Path(__file__).parents[1] / "launch_scripts/scenarios/sound-12.yaml"
+TWIN = {
+    "drain_deviation": 0.2,
+    "sensor_noise": 0.01,
+    "bias_deviation": 0.01,
+    "unscheduled": 0.03,
+    "fix_deviation_m": 1.0,
+}
+OFF_BY = 0.3
+LOSS, SNR_DB = 0.9, -0.6
+FIGURES = ("lost", "emptied", "uptime", "least_uptime", "samples", "cost_m", "error")
+
+
+def measure(configurations: int = CONFIGURATIONS) -> dict[str, Any]:
+    """`rows`: a mean for each case and way of asking; `gains`: how much asking adds to it, paired, with its
+    interval of 95 %."""
+    flights = [
+        (case, asking, seed) for seed in range(1, configurations + 1) for case in CASES for asking in ASKING
+    ]
+    flown = {}
+    with (
+        Progress(console=Console(stderr=True), transient=True) as progress,
+        ProcessPoolExecutor(os.cpu_count(), mp_context=get_context("spawn")) as pool,
+    ):
+        task = progress.add_task("flying", total=len(flights))
+        for which, figures in zip(flights, pool.map(fly, flights), strict=True):
+            flown[which] = figures
+            progress.advance(task)
+    rows = []
+    for case in CASES:
+        for asking in ASKING:
+            ones = [flown[case, asking, seed] for seed in range(1, configurations + 1)]
+            rows.append({"case": case, "asking": asking, **{key: _mean(ones, key) for key in ones[0]}})
+    return {
+        "configurations": configurations,
+        "mission_s": MISSION_S,
+        "rows": rows,
+        "gains": list(_gains(flown, configurations)),
+    }
+
+
+def _mean(flights: list[dict[str, float]], key: str) -> float:
+    return statistics.mean(it[key] for it in flights)
+
+
+def _gains(
+    flown: dict[tuple[str, float, int], dict[str, float]], configurations: int
+) -> Iterator[dict[str, Any]]:
+    for case in CASES:
+        for asking in ASKING[1:]:
+            gain: dict[str, Any] = {"case": case, "asking": asking}
+            for key in FIGURES:
+                differences = [
+                    flown[case, asking, seed][key] - flown[case, 0.0, seed][key]
+                    for seed in range(1, configurations + 1)
+                ]
+                half = 1.96 * statistics.stdev(differences) / math.sqrt(configurations)
+                gain[key] = [statistics.mean(differences), half]
+            yield gain
+
+
+def fly(which: tuple[str, float, int]) -> dict[str, float]:
+    case, asking, seed = which
+    with tempfile.TemporaryDirectory(prefix="musselbed-") as directory:
+        thought = _scenario(case, asking, seed, Path(directory))
+        return _flown(thought, _as_it_is(thought, seed))
+
+
+def _scenario(case: str, asking: float, seed: int, directory: Path) -> Scenario:
+    shipped = load(SCENARIO)
+    data = resolve(shipped)
+    data.update(seed=seed, duration_s=MISSION_S)
+    data["fleet"]["start"] = {"charge": [0.2, 0.6] if case == "late" else [0.6, 1.0]}
+    if case == "late":
+        data["mission"]["pool_threshold"] = 0.15
+    data["beliefs"] = {"estimator": "twin", "twin": TWIN}
+    data["water"]["talk"]["ask_worth_answers"] = asking
+    if case == "lossy":
+        links = directory / "links.csv"
+        links.write_text(f"from, to, loss\n*, apad, {LOSS}\n")
+        data["water"]["links_file"] = str(links)
+    else:
+        sound = data["water"]["sound"]
+        level_db = SNR_DB + sound["noise_db_per_hz"] + 10 * math.log10(sound["bandwidth_hz"])
+        # The same at any distance, and whether the aPad moves or not.
+        sound.update(
+            source_level_db=level_db, spreading_db=0, absorption_db_per_km=0, fading_db=0, thruster_noise_db=0
+        )
+    return from_data(data, shipped.name)
+
+
+def _as_it_is(thought: Scenario, seed: int) -> Scenario:
+    """The same, but that the boards draw something else asleep and awake; the same for one seed whatever is asked."""
+    factor = 1 + random.Random(seed).uniform(-OFF_BY, OFF_BY)
+    data = resolve(thought)
+    loads = data["board"]["whole"]["power"]["loads_mw"]
+    for module in ("mu_asleep", "mu_active", "modem_listening", "pi"):
+        loads[module] *= factor
+    return from_data(data, thought.name)
+
+
+def _sown(births: dict[int, Physical]) -> Iterator[StatusPacket]:
+    """An aPad knows whom it has sown, and where."""
+    for agent_id, it in births.items():
+        charges, place = (
+            (fraction(it.primary.charge), fraction(it.secondary.charge)),
+            (it.north_um / 1e6, it.east_um / 1e6),
+        )
+        yield StatusPacket(agent_id, 0, State.ACTIVE, *charges, *place, it.depth_um / 1e6, 0)
+
+
+class Scoring(MemoryRecorder):
+    """Compares what is believed of the primary batteries with what they hold, once a minute."""
+
+    def __init__(self, scenario: Scenario) -> None:
+        super().__init__(scenario)
+        self._model = charge_model(scenario.board)
+        self._held: dict[int, Battery] = {}
+        self._squares: list[float] = []
+
+    @property
+    def error(self) -> float:
+        """Root mean square, on [0, 1]."""
+        return math.sqrt(statistics.mean(self._squares))
+
+    def truths(self, truths: list[Truth]) -> None:
+        super().truths(truths)
+        self._held.update({it.agent_id: it.physical.primary for it in truths})
+
+    def tick(self, now_ms: int, beliefs: list[Belief], *rest: Any) -> None:
+        if now_ms % 60_000:
+            return
+        for it in beliefs:
+            held = self._model.charge_at(self._held[it.agent_id], self._theta * now_ms)
+            self._squares.append((it.primary - fraction(held)) ** 2)
+
+
+def _flown(thought: Scenario, truth: Scenario) -> dict[str, float]:
+    births = building.births(truth, starts_of(truth))
+    host = OneProcess(building.fleet_config(truth), births)
+    supervisor = building.supervisor(thought, samples=SampleCollection(building.agent_ids(thought)))
+    for packet in _sown(births):
+        supervisor.beliefs.hear(packet, 0)
+    recorder = Scoring(truth)
+    vehicle = InProcessVehicle(building.simulated_apad(truth))
+    fleet = fleet_of(truth, host, dict.fromkeys(births, 0))
+    flight = Flight(supervisor, vehicle, AsFastAsPossible(), recorder, fleet)
+    flight.run()
+    figures = uptime_figures(recorder.meter, flight.now_ms)
+    kinds = Counter(kind for _, kind, _ in recorder.events)
+    answers = sum(
+        isinstance(MusselbedCodec().decode(bytes.fromhex(event["data"])), ShortStatus)
+        for _, kind, event in recorder.events
+        if kind == "packet"
+    )
+    whole = whole_firmware(truth.board, truth.seed)
+    assert whole is not None
+    return {
+        "lost": figures["amussels_lost"],
+        "emptied": figures["emptied"],
+        "uptime": figures["uptime_paper"]["mean"],
+        "least_uptime": figures["uptime_paper"]["min"],
+        "samples": sum(recorder.taken.values()),
+        "error": recorder.error,
+        "cost_m": supervisor.mission.state.cost_m,
+        "asked": kinds["asked"],
+        "answers_sent": answers,
+        "unanswered": kinds["unanswered"],
+        "answers_charge": answers * answer_charge(whole),
+    }
+
+
+def show(result: dict[str, Any], console: Console) -> None:
+    count, hours = result["configurations"], result["mission_s"] / 3600
+    table = Table(
+        title=f"Asking how they are: {count} configurations of {hours:g} mission hours, 12 aMussels"
+    )
+    names = ("case", "asking", *FIGURES, "asked", "answers_sent", "unanswered", "answers_charge")
+    for name in names:
+        table.add_column(name.replace("_", " "), justify="left" if name == "case" else "right")
+    for row in result["rows"]:
+        table.add_row(*(it if isinstance(it := row[name], str) else f"{it:.4g}" for name in names))
+    console.print(table)
+    for gain in result["gains"]:
+        told = ", ".join(f"{key} {gain[key][0]:+.3g} +- {gain[key][1]:.2g}" for key in FIGURES)
+        console.print(f"{gain['case']}, asking at {gain['asking']:g}: {told}")
