@@ -17,7 +17,7 @@ from apad_bridge.mission.share import Share
 from apad_bridge.pace import Pace, WallClock
 from apad_bridge.presence import Presences, Roll
 from apad_bridge.ros.agent_topics import Shown
-from apad_bridge.ros.beside_others import beside_others
+from apad_bridge.ros.beside_others import beside_others, is_one_of_several
 from apad_bridge.ros.claims import ClaimBoard
 from apad_bridge.ros.contacts_link import ContactsLink
 from apad_bridge.ros.fleet_diagnostics import Limits
@@ -128,7 +128,7 @@ def _laboratory(scenario: Scenario, ids: Sequence[int], codec: Codec) -> Laborat
 
 def _remappings(scenario: Scenario, options: RunOptions) -> list[str]:
     """The user's come last: ROS takes the later one of two for the same name."""
-    return [*(beside_others(scenario.apad.name) if scenario.fleet.share else ()), *options.remappings]
+    return [*(beside_others(scenario.apad.name) if is_one_of_several(scenario) else ()), *options.remappings]
 
 
 def _vehicle(
@@ -201,7 +201,7 @@ def _standard_topics(shown: Iterable[int], scenario: Scenario, namespace: str) -
         LocalFrame.about(scenario.area.origin),
         limits,
         ball_m=ball_size_m(scenario.area),
-        is_one_of_several=bool(scenario.fleet.share),
+        is_one_of_several=is_one_of_several(scenario),
         namespace=namespace,
     )
 
