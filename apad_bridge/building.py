@@ -111,17 +111,20 @@ def supervisor(
     has_modem: bool = True,
     docks_by_eye: bool = False,
     breakdown: Breakdown | None = None,
+    share: Share | None = None,
     known: Known | None = None,
 ) -> Supervisor:
     """A supervisor that knows nothing yet, or one that goes on with a mission's journaled `state`.
 
     Its mission is the paper's, which can be taken over by `override`; or, where there are `fronts`, one that does what they
     say. Without `samples` it leaves the aMussels' logs to others; without a modem, whatever is said by sound of its own
-    accord. With a `breakdown` it is one of several, who take over from each other. `known` is what was learned already.
+    accord. With a `breakdown` it is one of several, who take over from each other. `known` is what was learned already, and
+    `share`, over its beliefs, whom it serves.
     """
     known = known or nothing_known(scenario, has_modem)
     beliefs = known.beliefs
-    share = Share(beliefs, agent_ids(scenario))
+    if share is None:
+        share = Share(beliefs, agent_ids(scenario))
     mission: Mission
     if fronts:
         mission = CommandedMission(scenario.mission, beliefs, fronts, state)

@@ -39,7 +39,15 @@ class OperatorAsked:
     reason: str
 
 
-Fact = WifiHeard | SoundHeard | RangeHeard | OperatorAsked | VehicleFact
+@dataclass(frozen=True, slots=True)
+class StandDownAsked:
+    """One of several aPads shall leave its aMussels to the others."""
+
+    at_ms: int
+    reason: str
+
+
+Fact = WifiHeard | SoundHeard | RangeHeard | OperatorAsked | StandDownAsked | VehicleFact
 
 
 class Medium(StrEnum):

@@ -15,6 +15,7 @@ from apad_bridge.facts import (
     RangeHeard,
     Send,
     SoundHeard,
+    StandDownAsked,
     SupervisorAction,
     WifiHeard,
 )
@@ -63,6 +64,7 @@ _PRIORITY: dict[type, int] = {
     RangeHeard: 3,
     WifiHeard: 3,
     OperatorAsked: 4,
+    StandDownAsked: 4,
 }
 _PRIMITIVE_NAMES: dict[type, str] = {
     GoToPoint: "go to point",
@@ -172,6 +174,8 @@ class Supervisor:
                 return [] if self._ears is None else self._ears.hear(fact, self.pose, self.beliefs, now_ms)
             case OperatorAsked(_, reason):
                 return self._obey(self.mission.end(reason, now_ms), now_ms)
+            case StandDownAsked(_, reason):
+                return self._obey(self.mission.stand_down(reason, now_ms), now_ms)
             case PoseReported():
                 self.pose = fact
                 self.mission.moved(fact.north_m, fact.east_m)

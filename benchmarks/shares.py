@@ -47,8 +47,8 @@ DIVISIONS: dict[str, Division] = {"planned": shares, "nearest": nearest, "in ord
 def measure() -> dict[str, Any]:
     """Means over seeds; uptimes in percent over all aMussels, the least one's, metres, and the largest share."""
     with tempfile.TemporaryDirectory() as folder:
-        crowded = [_crowded(seed, Path(folder)) for seed in SEEDS]
-        flown = {name: [_flown(it, division) for it in crowded] for name, division in DIVISIONS.items()}
+        bays = [crowded(seed, Path(folder), COUNT) for seed in SEEDS]
+        flown = {name: [_flown(it, division) for it in bays] for name, division in DIVISIONS.items()}
     return {
         name: {key: float(np.mean([it[key] for it in flights])) for key in flights[0]}
         for name, flights in flown.items()
@@ -67,14 +67,15 @@ def show(result: dict[str, Any], console: Console) -> None:
     console.print(table)
 
 
-def _crowded(seed: int, folder: Path) -> Scenario:
+def crowded(seed: int, folder: Path, count: int) -> Scenario:
+    """`count` aMussels with five aPads for an hour; half of them lie in a fifth of the bay, where the first aPad starts."""
     data = resolve(load(SCENARIO))
     data.update(seed=seed, duration_s=3600)
-    data["fleet"]["count"] = COUNT
+    data["fleet"]["count"] = count
     data["mission"]["collection"] = "cautious"
     scenario = from_data(data, "shares")
     starts = [
-        Start(it.agent_id, it.north_m, it.east_m / (5 if it.agent_id <= COUNT // 2 else 1), it.primary)
+        Start(it.agent_id, it.north_m, it.east_m / (5 if it.agent_id <= count // 2 else 1), it.primary)
         for it in starts_of(scenario)
     ]
     path = folder / f"{seed}.csv"

@@ -39,6 +39,10 @@ class Diary(Protocol):
 
     def forgot(self, agent_id: int) -> None: ...
 
+    def admitted(self, agent_id: int, kept: dict[str, Any]) -> None:
+        """What somebody else believes of it, as the estimator keeps it, is believed from now on."""
+        ...
+
 
 class FleetBeliefs:
     """Beliefs by agent id, for the ids of one fleet. `advance` says what time it is; `get` and `all` are for that time."""
@@ -109,11 +113,13 @@ class FleetBeliefs:
         return self.learn(packet.agent_id, heard)
 
     def admit(self, agent_id: int, belief: Belief | None) -> None:
-        """One of another fleet, with what others believe of it: from now on it is heard here too."""
+        """One of another fleet: from now on it is heard here too. `belief` is what others believe of it, if anything."""
         self._known |= {agent_id}
-        self.forget(agent_id)
         if belief is not None:
+            self.forget(agent_id)
             self._beliefs[agent_id] = belief
+            if self.diary is not None:
+                self.diary.admitted(agent_id, self.estimator.kept(belief))
 
     def dismiss(self, agent_id: int) -> None:
         """It is of no concern here any more."""

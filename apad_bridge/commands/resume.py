@@ -23,8 +23,9 @@ def add_parser(commands: Any) -> None:
     parser = commands.add_parser(
         "resume",
         help="go on with a run whose supervisor died",
-        description="Starts another supervisor for a run: it takes over the living fleet, reads the journal, looks at the "
-        "docks and goes on where the mission stood. The old supervisor, if it should still breathe, is fenced off.",
+        description="Starts another supervisor for a run: it takes over the living fleet, reads the journal and what was "
+        "learned of the aMussels, looks at the docks and goes on where the mission stood; what is restored "
+        "is told. The old supervisor, if it should still breathe, is fenced off.",
         epilog=f"With a real aPad nothing moves again before a person has confirmed it. exit codes: {EXITS}",
     )
     parser.add_argument("directory", type=Path, metavar="RUN", help="the run's directory")

@@ -49,9 +49,8 @@ def run(
         with progress:
             flown, moved = fly_in_step(squad, scenario.sharing, directories, progress)
     else:
-        moved = 0
         with progress:
-            flown, failures = fly_side_by_side(squad, options, whole, progress)
+            flown, failures, moved = fly_side_by_side(squad, scenario.sharing, options, whole, progress)
     if not flown:
         raise PeerFailed(_why(failures))
     summary = of_all(scenario.name, flown, moved)

@@ -6,7 +6,7 @@ import colorsys
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from apad_bridge.ros.beside_others import below_apad
+from apad_bridge.ros.beside_others import below_apad, is_one_of_several
 from apad_bridge.ros.frames import Frames
 from apad_bridge.ros.names import of_amussel, ours
 from apad_bridge.scenario.polygon import bounding_box
@@ -77,7 +77,7 @@ def shown(scenario: Scenario, starts: Sequence[Start], namespace: str = "") -> F
             member.name,
             namespace,
             tuple(start.agent_id for start in member.starts),
-            is_one_of_several=bool(scenario.apads or scenario.fleet.share),
+            is_one_of_several=is_one_of_several(scenario),
         )
         for member in members(scenario, starts)
     ]

@@ -8,7 +8,7 @@ from typing import Any
 
 from apad_bridge.layouts.fleet import APadShown, FleetShown, hexadecimal, in_bag
 from apad_bridge.layouts.grid import grid_of
-from apad_bridge.ros.names import DIAGNOSTICS
+from apad_bridge.ros.names import DIAGNOSTICS, plain
 
 _LEGEND_OF = 24
 """A legend with more lines than this would hide its plot."""
@@ -103,7 +103,7 @@ def _line(width_m: float, gradient: list[str]) -> dict[str, Any]:
 
 
 def _plots_of(panels: Panels, fleet: FleetShown, apad: APadShown) -> dict[str, Any]:
-    charges, battery = f"Plot!{apad.name}-amussels", f"Plot!{apad.name}-battery"
+    charges, battery = (f"Plot!{plain(apad.name)}-{what}" for what in ("amussels", "battery"))
     panels[charges] = _plot(
         f"Batteries of {apad.name}'s aMussels" if len(fleet.apads) > 1 else "Batteries of the aMussels",
         ((str(agent_id), f"{topic}.percentage") for agent_id, topic in fleet.batteries(apad).items()),

@@ -10,7 +10,9 @@ from apad_bridge.layouts.fleet import APadShown, FleetShown, colour
 from apad_bridge.layouts.grid import grid_of
 
 _WIDTH_PX, _HEIGHT_PX = 1360, 860
-_MARGIN = 0.85
+_WATER_WIDTH_PX, _WATER_HEIGHT_PX = 1320, 760
+"""What menus, tools and the state's line leave of it."""
+_MARGIN = 0.9
 
 
 def layout(fleet: FleetShown) -> str:
@@ -87,7 +89,7 @@ def _from_above(fleet: FleetShown) -> dict[str, Any]:
         "Class": "rviz/TopDownOrtho",
         "Name": "From above",
         # pixels per metre
-        "Scale": round(_MARGIN * min(_WIDTH_PX / wide_m, _HEIGHT_PX / tall_m), 1),
+        "Scale": round(_MARGIN * min(_WATER_WIDTH_PX / wide_m, _WATER_HEIGHT_PX / tall_m), 1),
         "X": east_m,
         "Y": north_m,
         "Value": "TopDownOrtho (rviz)",

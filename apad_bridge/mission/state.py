@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from enum import StrEnum
 from typing import Any
 
@@ -47,6 +47,10 @@ class MissionState:
 
     def to_json(self) -> dict[str, Any]:
         return {**asdict(self), "plan": self.plan.encode()}
+
+    def stood_down(self) -> MissionState:
+        """The same, but that nothing is planned any more, and nothing under way."""
+        return replace(self, phase=Phase.STANDS_DOWN, plan=Solution(()))
 
     @classmethod
     def from_json(cls, data: dict[str, Any]) -> MissionState:

@@ -22,6 +22,7 @@ ROWS = 10_000
 PERIOD_MS = 600_000
 """A checkpoint is due after so many rows, or so much mission time: what a resumed supervisor replays at most."""
 _FORGOT = "forgot"
+_ADMITTED = "admitted"
 
 
 class Remembers(Protocol):
@@ -57,6 +58,9 @@ class Notebook:
 
     def forgot(self, agent_id: int) -> None:
         self._rows.append([_FORGOT, agent_id])
+
+    def admitted(self, agent_id: int, kept: dict[str, Any]) -> None:
+        self._rows.append([_ADMITTED, agent_id, kept])
 
     def flush(self, now_ms: int) -> None:
         rows, self._rows = self._rows, []
@@ -134,5 +138,7 @@ def recall(path: Path, beliefs: FleetBeliefs, ears: Remembers | None = None) -> 
 def _learn(beliefs: FleetBeliefs, row: list[Any]) -> None:
     if row[0] == _FORGOT:
         beliefs.forget(row[1])
+    elif row[0] == _ADMITTED:
+        beliefs.admit(row[1], beliefs.estimator.restored(row[1], row[2]))
     else:
         beliefs.learn(*measurement_of(row))

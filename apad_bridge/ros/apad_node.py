@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING
 import rospy
 
 from apad_bridge import building
+from apad_bridge.ros.beside_others import beside_others, is_one_of_several
 from apad_bridge.ros.messages import MessagesUnusable, use_generated_messages
 from apad_bridge.ros.names import plain
 from apad_bridge.scenario.errors import ScenarioError
@@ -73,8 +74,8 @@ def main() -> int:
     parser.add_argument("--orphan-s", type=float, default=600.0)
     arguments = parser.parse_args()
     try:
-        scenario = with_overrides(load(arguments.scenario), generation=arguments.generation)
-        scenario = with_apad(scenario, arguments.apad or scenario.apad.name)
+        whole = with_overrides(load(arguments.scenario), generation=arguments.generation)
+        scenario = with_apad(whole, arguments.apad or whole.apad.name)
     except ScenarioError as wrong:
         print(f"musselbed: {wrong}", file=sys.stderr)
         return 2
@@ -88,7 +89,11 @@ def main() -> int:
         return 1
     name = plain(scenario.apad.name)
     follows_clock = arguments.time == "clock"
-    rospy.init_node(f"{name}_simulated", argv=[], disable_signals=True, xmlrpc_port=arguments.xmlrpc_port)
+    # It hears of its docks from its own supervisor.
+    remappings = beside_others(scenario.apad.name) if is_one_of_several(whole) else []
+    rospy.init_node(
+        f"{name}_simulated", argv=remappings, disable_signals=True, xmlrpc_port=arguments.xmlrpc_port
+    )
     node = _make_node(scenario)
     if follows_clock:
         node.follow_clock()

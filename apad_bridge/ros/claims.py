@@ -58,7 +58,7 @@ class ClaimBoard:
             if not claim.real and (both := sorted(claim.ids & ours)):
                 raise SecondFleet(
                     f"node {claim.node} simulates aMussel {both[0]} already: two fleets on one master need disjoint ids "
-                    "(fleet.first_id, fleet.count)"
+                    "(fleet.first_id, fleet.count) or a namespace each (ROS_NAMESPACE)"
                 )
         self._thread.start()
 

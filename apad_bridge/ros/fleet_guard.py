@@ -38,7 +38,8 @@ def refuse_second_fleet(node_name: str, agent_ids: Iterable[int], master_uri: st
     for node, name in sorted(taken.items()):
         if node != node_name and _is_alive(master, node):
             raise SecondFleet(
-                f"node {node} already has {name}: two fleets on one master need disjoint ids (fleet.first_id, fleet.count)"
+                f"node {node} already has {name}: two fleets on one master need disjoint ids (fleet.first_id, fleet.count) "
+                "or a namespace each (ROS_NAMESPACE)"
             )
     if _is_alive(master, node_name):
         raise SecondFleet(

@@ -62,6 +62,10 @@ class GenerationALink(LegacyLink[GenerationACore]):
         self._goals = rospy.Publisher(of_apad(name, "action_server") + "/goal", aPadActionGoal, queue_size=20)
         """Twenty: more goals than that are never on their way, and a server that reads none is told nothing new."""
 
+    def serve(self, agent_ids: Iterable[int]) -> None:
+        self._ears.listen_to(agent_ids)
+        self._core.docks.serve(agent_ids)
+
     def _missing(self) -> list[str]:
         deaf = [] if self._goals.get_num_connections() else [f"nobody listens to {self._goals.resolved_name}"]
         return self._ears.missing + deaf

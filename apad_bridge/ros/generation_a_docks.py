@@ -38,9 +38,16 @@ class DocksByHearsay:
     def __init__(self, agent_ids: Iterable[int], docked: Mapping[int, int], now_ms: int = 0) -> None:
         self.dropped: Counter[str] = Counter()
         self._known = frozenset(agent_ids)
+        self._elsewhere: frozenset[int] = frozenset()
         self._held = {
             agent_id: _Holding(slot, now_ms, None, False) for slot, agent_id in sorted(docked.items())
         }
+
+    def serve(self, agent_ids: Iterable[int]) -> None:
+        """From now on these are of this fleet, or guests; a word of one that no more is, is somebody else's affair."""
+        self._elsewhere |= self._known
+        self._known = frozenset(agent_ids)
+        self._elsewhere -= self._known
 
     def holds(self, agent_id: int) -> bool:
         return agent_id in self._held
@@ -69,7 +76,9 @@ class DocksByHearsay:
     def hear(self, heard: StaticHeard) -> list[LinkFact]:
         """What changed by it. A place that only moved is told by `places`."""
         holding = self._held.get(heard.agent_id)
-        if heard.agent_id not in self._known:
+        if heard.agent_id in self._elsewhere and holding is None:
+            return []
+        if heard.agent_id not in self._known | self._elsewhere:
             self.dropped["position_static of an aMussel that is not of this fleet"] += 1
             return []
         if heard.released:

@@ -37,7 +37,13 @@ class Ears(LegacyEars):
         server = of_apad(name, "action_server")
         self._listen(f"{server}/status", GoalStatusArray, _STATUS, self._take_status, is_vital=True)
         self._listen(f"{server}/result", aPadActionResult, _RESULT, self._take_result, is_vital=True)
-        for agent_id in agent_ids:
+        self._known: set[int] = set()
+        self.listen_to(agent_ids)
+
+    def listen_to(self, agent_ids: Iterable[int]) -> None:
+        """To what is said of these too."""
+        for agent_id in sorted(set(agent_ids) - self._known):
+            self._known.add(agent_id)
             self._listen(of_amussel(agent_id, "position_static"), NavSts, (), self._take_static, agent_id)
 
     @property

@@ -121,6 +121,7 @@ class GenerationAServer(LegacyServer[GenerationAVehicle]):
         publisher = self._held.get(held.name)
         if publisher is None:
             try:
+                # Global, as in the published stack: below whatever the goal named, and not below this node's namespace.
                 # Latched, because who listens connects only after the first word is out.
                 publisher = rospy.Publisher(
                     f"/{held.name}/position_static", NavSts, queue_size=QUEUE, latch=True

@@ -40,7 +40,7 @@ from apad_bridge.ros.names import of_apad
 from apad_bridge.ros.reach import Sight
 from apad_bridge.ros.service_calls import ServiceCalls
 from apad_bridge.ros.virtual_camera import VirtualCamera
-from apad_bridge.scenario.schema import Docking
+from apad_bridge.scenario.schema import Docking, DockingProfile
 from apad_bridge.simulated_apad.misses import Misses
 from apad_bridge.vehicle import MoveArm, VehicleCommand
 from apad_bridge.vehicle_link import LinkFact
@@ -86,12 +86,17 @@ class GenerationBLink(LegacyLink[GenerationBCore]):
             name, GenerationBCore(agent_ids, battery_v, docking, misses, sight, docked, now_ms), now_ms
         )
         self._ears = Ears(name, self._inbox, stamped=our_clock)
+        self._docking = docking
         self._words_before = 0
         self._statuses_are_silent = False
         self._services = dict(SERVICES)
         self._calls = ServiceCalls()
         self._camera = camera
         self._arms = rospy.Publisher(of_apad(name, "dock_out"), Float32MultiArray, queue_size=4)
+
+    def serve(self, agent_ids: Iterable[int]) -> None:
+        visual = DockingProfile.VISUAL
+        self._core.docks.serve(it for it in agent_ids if self._docking.profile_of(it) is not visual)
 
     def _missing(self) -> list[str]:
         try:

@@ -38,6 +38,10 @@ class DocksByBench:
         for slot, agent_id in docked.items():
             self._docks.close(CloseDock(0, slot, agent_id), 0)
 
+    def serve(self, simulated_ids: Iterable[int]) -> None:
+        """From now on these are simulated, whoever's they are."""
+        self._simulated = sorted(simulated_ids)
+
     @property
     def held(self) -> Mapping[int, int]:
         """Agents by slot; a live view."""

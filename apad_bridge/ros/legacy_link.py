@@ -9,7 +9,7 @@ from __future__ import annotations
 import time
 from abc import ABC, abstractmethod
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from typing import Any, ClassVar, Generic, Protocol, TypeVar
 
@@ -22,6 +22,10 @@ from apad_bridge.ros.vehicle_not_ready import VehicleNotReady
 
 
 class Docks(Protocol):
+    @abstractmethod
+    def serve(self, agent_ids: Iterable[int]) -> None:
+        """One of several aPads: these it may be told to dock from now on, and no others."""
+
     def holds(self, agent_id: int) -> bool: ...
 
 
@@ -74,6 +78,10 @@ class LegacyLink(ABC, Generic[Core]):
     def heard_ms(self) -> int:
         """When a position was last heard; -1 before the first."""
         return self._core.readings.position_ms
+
+    @abstractmethod
+    def serve(self, agent_ids: Iterable[int]) -> None:
+        """One of several aPads: these it may be told to dock from now on, and no others."""
 
     def holds(self, agent_id: int) -> bool:
         """Whether a dock is known to hold this aMussel."""

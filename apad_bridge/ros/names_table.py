@@ -103,6 +103,13 @@ OURS = Section(
             is_common=True,
         ),
         _topic(
+            "musselbed/felt",
+            "musselbed_msgs/Packet",
+            "one of several supervisors",
+            "a dock closed around another's aMussel, carried it, or opened",
+            is_common=True,
+        ),
+        _topic(
             "musselbed/dock",
             "musselbed_msgs/DockAlert",
             "supervisor",

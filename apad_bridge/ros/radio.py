@@ -37,7 +37,7 @@ _LARGEST = 1024
 """Bytes; no packet of Wi-Fi or sound here comes near it."""
 
 
-class _PacketTopics:
+class PacketTopics:
     """One topic out, one in; what is no packet of ours is dropped and counted."""
 
     def __init__(self, outgoing: str, incoming: str, agent_ids: Iterable[int]) -> None:
@@ -80,7 +80,7 @@ class RealRadio:
     """
 
     def __init__(self, agent_ids: Iterable[int], simulated: Callable[[], frozenset[int]]) -> None:
-        self._topics = _PacketTopics(SAID, HEARD, agent_ids)
+        self._topics = PacketTopics(SAID, HEARD, agent_ids)
         self._simulated = simulated
 
     @property
@@ -115,7 +115,7 @@ class FleetRadio:
 
     def __init__(self, agent_ids: Iterable[int], codec: Codec) -> None:
         ids = list(agent_ids)
-        self._topics = _PacketTopics(HEARD, SAID, ids)
+        self._topics = PacketTopics(HEARD, SAID, ids)
         self._codec = codec
         self._called: Inbox[Send] = Inbox()
         self._services = [
@@ -167,7 +167,7 @@ class MissionRadio:
         self, agent_ids: Iterable[int], codec: Codec, theta: int, is_held: Callable[[int], bool]
     ) -> None:
         ids = list(agent_ids)
-        self._topics = _PacketTopics(SAID, HEARD, ids)
+        self._topics = PacketTopics(SAID, HEARD, ids)
         self._codec = codec
         self._theta = theta
         self._is_held = is_held

@@ -13,10 +13,11 @@ from apad_bridge.fleet import Fleet
 from apad_bridge.flight import Watcher
 from apad_bridge.geography import LocalFrame
 from apad_bridge.laboratory.names import DEFAULT, load_names
+from apad_bridge.mission.share import Share
 from apad_bridge.pace import Pace, WallClock
 from apad_bridge.presence import Presences, Roll
 from apad_bridge.ros.agent_topics import Shown
-from apad_bridge.ros.beside_others import beside_others
+from apad_bridge.ros.beside_others import beside_others, is_one_of_several
 from apad_bridge.ros.claims import ClaimBoard
 from apad_bridge.ros.contacts_link import ContactsLink
 from apad_bridge.ros.fleet_diagnostics import Limits
@@ -30,6 +31,7 @@ from apad_bridge.ros.master_watch import MasterWatch, Noticed
 from apad_bridge.ros.radio import FleetRadio, MissionRadio, RealRadio
 from apad_bridge.ros.ros_pace import FollowedClock, OwnMasterClock
 from apad_bridge.ros.silence_watch import SilenceWatch
+from apad_bridge.ros.squad_radio import SquadRadio
 from apad_bridge.ros.standard_messages import ball_size_m
 from apad_bridge.ros.standard_topics import StandardTopics
 from apad_bridge.ros.vehicle_not_ready import VehicleNotReady
@@ -54,13 +56,15 @@ def open_surroundings(
     truths_at: TruthsAt,
     presences: Presences,
     tell: Callable[[str], None],
+    share: Share | None = None,
 ) -> Iterator[Surroundings]:
     """Everything on the graph while it is entered; PeerFailed, in one line, when something does not come up.
 
     `docked` are agents by slot that a former supervisor knew to be held, `held` those whose bodies feel a dock; `now_ms` is
     the mission time to go on from.
     `truths_at` is the recorder's, for a scenario that wants the truth on the aMussels' own topics. `tell` is for a person:
-    where the graph contradicts what the journal says of `presences`.
+    where the graph contradicts what the journal says of `presences`. `share` is that of one of several aPads that take
+    over from each other.
     """
     ids = building.agent_ids(scenario)
     codec = load_codec(scenario.hearing.codec)
@@ -86,7 +90,7 @@ def open_surroundings(
             standard = _standard_topics(shown, scenario, options.namespace)
             vehicle, watches = _vehicle(scenario, options, docked, now_ms, truths_at)
             stack.callback(vehicle.close)
-            radio = _radio(options, ids, codec, scenario.theta, vehicle, presences)
+            radio = _radio(options, scenario, codec, vehicle, presences, share)
             stack.callback(radio.close)
             if not isinstance(vehicle, ContactsLink):
                 vehicle.wait_until_ready(READY_S)
@@ -98,7 +102,12 @@ def open_surroundings(
             ListeningLink(link) if options.part is Part.FLEET else link,
             _pace(options, vehicle, now_ms, in_fine_steps=bool(watches)),
             fleet,
-            lambda supervisor: (gateway.watcher(supervisor), standard.watcher(supervisor), *watches),
+            lambda supervisor: (
+                gateway.watcher(supervisor),
+                standard.watcher(supervisor),
+                *watches,
+                *_kept_to(share, vehicle),
+            ),
             gateway.event,
             laboratory.around(radio, link, is_mission=options.part is Part.MISSION),
             held,
@@ -107,6 +116,8 @@ def open_surroundings(
             _watched(stack, options, scenario, vehicle),
             roll=roll,
             keeps_samples=options.part is not Part.FLEET,
+            tell_guest=radio.tell_guest if isinstance(radio, SquadRadio) else None,
+            share=share,
         )
 
 
@@ -117,7 +128,7 @@ def _laboratory(scenario: Scenario, ids: Sequence[int], codec: Codec) -> Laborat
 
 def _remappings(scenario: Scenario, options: RunOptions) -> list[str]:
     """The user's come last: ROS takes the later one of two for the same name."""
-    return [*(beside_others(scenario.apad.name) if scenario.fleet.share else ()), *options.remappings]
+    return [*(beside_others(scenario.apad.name) if is_one_of_several(scenario) else ()), *options.remappings]
 
 
 def _vehicle(
@@ -149,18 +160,36 @@ def _called_roll(
 
 def _radio(
     options: RunOptions,
-    ids: Sequence[int],
+    scenario: Scenario,
     codec: Codec,
-    theta: int,
     vehicle: APadLink | ContactsLink,
     presences: Presences,
-) -> FleetRadio | MissionRadio | RealRadio:
+    share: Share | None,
+) -> FleetRadio | MissionRadio | RealRadio | SquadRadio:
     """What joins this process to aMussels, or to a mission, that are elsewhere."""
+    ids = building.agent_ids(scenario)
+    if share is not None:
+        return SquadRadio(scenario.fleet.all_ids, share, lambda: presences.simulated)
     if options.part is Part.FLEET:
         return FleetRadio(ids, codec)
     if options.part is Part.MISSION and not isinstance(vehicle, ContactsLink):
-        return MissionRadio(ids, codec, theta, vehicle.holds)
+        return MissionRadio(ids, codec, scenario.theta, vehicle.holds)
     return RealRadio(ids, lambda: presences.simulated)
+
+
+def _kept_to(share: Share | None, vehicle: APadLink | ContactsLink) -> tuple[Watcher, ...]:
+    """What tells the vehicle's link whom it may be told to dock, whenever that has changed."""
+    if share is None or isinstance(vehicle, ContactsLink):
+        return ()
+    told = share.own
+
+    def watch(now_ms: int) -> None:
+        nonlocal told
+        if share.served != told:
+            told = share.served
+            vehicle.serve(told)
+
+    return (watch,)
 
 
 def _standard_topics(shown: Iterable[int], scenario: Scenario, namespace: str) -> StandardTopics:
@@ -172,7 +201,7 @@ def _standard_topics(shown: Iterable[int], scenario: Scenario, namespace: str) -
         LocalFrame.about(scenario.area.origin),
         limits,
         ball_m=ball_size_m(scenario.area),
-        is_one_of_several=bool(scenario.fleet.share),
+        is_one_of_several=is_one_of_several(scenario),
         namespace=namespace,
     )
 

@@ -18,6 +18,7 @@ from apad_bridge.fleet import Fleet
 from apad_bridge.flight import Flight, Watcher
 from apad_bridge.known import Known
 from apad_bridge.mission.breakdown import Breakdown
+from apad_bridge.mission.share import Share
 from apad_bridge.mission.state import MissionState
 from apad_bridge.modems.rims import Rims
 from apad_bridge.pace import AsFastAsPossible, Pace
@@ -70,6 +71,8 @@ class Surroundings:
     """Where one of several aPads may serve another's aMussels."""
     breakdown: Breakdown | None = None
     """What makes one of several aPads stand down; None for one that is alone, or whose work nobody takes over."""
+    share: Share | None = None
+    """Whom it serves, over the beliefs that the flight is given; None: its own fleet."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -225,6 +228,7 @@ def _supervisor(
         has_modem=surroundings.fleet is not None,
         docks_by_eye=surroundings.docks_by_eye,
         breakdown=surroundings.breakdown,
+        share=surroundings.share,
         known=known,
     )
     if go_on is not None:

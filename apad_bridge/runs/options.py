@@ -67,6 +67,10 @@ class RunOptions:
     """The serial port of a physical modem."""
     remappings: tuple[str, ...] = ()
     """ROS's, FROM:=TO, for all that the supervisor's node names."""
+    in_squad: bool = False
+    """One of several aPads that take over from each other."""
+    keeps: bool = False
+    """Of these: its supervisor died, and this one keeps the fleet and orders nothing."""
     namespace: str = ""
     """Of all its nodes on ROS, without slashes at its ends; empty for none."""
 

@@ -10,8 +10,9 @@ import os
 import select
 import signal
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -42,8 +43,12 @@ def fly(
     options: RunOptions,
     directory: RunDirectory,
     progress: Shows,
+    relay: Callable[[str], None] | None = None,
 ) -> dict[str, Any]:
-    """Flies the run with processes of its own and gives its summary. PeerFailed when something that it needs fails."""
+    """Flies the run with processes of its own and gives its summary. PeerFailed when something that it needs fails.
+
+    Of one of several aPads `relay` is handed the lines that its supervisor says to the parent of all.
+    """
     with ExitStack() as stack:
         options = _open_ros(stack, options, directory.path).at_port(free_port())
         options.save(directory.path)
@@ -51,7 +56,7 @@ def fly(
             stack.callback(end_fleet, directory.path, start_nursery(scenario, starts, directory.path))
         while True:
             code, result = watch_supervisor(
-                start_supervisor(directory.path, options, resume=options.is_resumed), progress
+                start_supervisor(directory.path, options, resume=options.is_resumed), progress, relay
             )
             if result is not None:
                 return result
@@ -64,6 +69,17 @@ def fly(
                     f"the supervisor died ({signal.Signals(-code).name}), and the script with it: a script cannot go on in "
                     f"the middle; see {directory.path}"
                 )
+            if options.in_squad and options.on_death is OnDeath.WAIT and not options.keeps:
+                progress.say(
+                    f"the supervisor died ({signal.Signals(-code).name}): another one keeps its aMussels, whom the other "
+                    "aPads go on to serve, and orders nothing"
+                )
+                if relay is not None:
+                    died = f"its supervisor died ({signal.Signals(-code).name})"
+                    relay(json.dumps({"squad": {"broken": died}}))
+                options = replace(options.next_epoch(), keeps=True)
+                options.save(directory.path)
+                continue
             progress.say(
                 f"the supervisor died ({signal.Signals(-code).name}); the fleet is suspended and whole. "
                 f"To go on: musselbed resume {directory.path}"
@@ -84,7 +100,9 @@ def start_supervisor(run_dir: Path, options: RunOptions, *, resume: bool) -> Chi
     )
 
 
-def watch_supervisor(child: Child, progress: Shows) -> tuple[int, dict[str, Any] | None]:
+def watch_supervisor(
+    child: Child, progress: Shows, relay: Callable[[str], None] | None = None
+) -> tuple[int, dict[str, Any] | None]:
     """Shows what the supervisor says until it ends; its exit code, and the summary if it gave one.
 
     PeerFailed when it says that something it needs failed. Ctrl-C and SIGTERM here ask it to end in order.
@@ -117,6 +135,8 @@ def watch_supervisor(child: Child, progress: Shows) -> tuple[int, dict[str, Any]
                 failed = said.get("failed", failed)
                 if "said" in said:
                     progress.say(said["said"])
+                if "squad" in said and relay is not None:
+                    relay(line.rstrip())
             else:
                 progress.say(line.rstrip())
     code = child.wait(_END_S)

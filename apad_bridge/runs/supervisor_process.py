@@ -31,6 +31,7 @@ from apad_bridge.scripting.called import CalledFront
 from apad_bridge.scripting.commanded import Front
 from apad_bridge.scripting.handover import REAL_TIME
 from apad_bridge.scripting.program import ScriptFront, as_program
+from apad_bridge.squad.seat import seat_of
 
 
 def say(line: str) -> None:
@@ -63,6 +64,10 @@ def fly(run_dir: Path, resume: bool) -> int:
         else resuming.begin(directory, scenario, options)
     )
     recorder, go_on, start_ms = begun.recorder, begun.go_on, begun.start_ms
+    squad = seat_of(scenario, options, run_dir, begun, say)
+    if squad is not None and go_on is not None and options.keeps:
+        go_on = replace(go_on, state=go_on.state.stood_down())
+        recorder.event(start_ms, "stands_down", reason="its supervisor died")
     try:
         fleet = None
         if options.part is not Part.MISSION:
@@ -76,12 +81,23 @@ def fly(run_dir: Path, resume: bool) -> int:
         held = tuple(it.agent_id for it in recorder.truths_at(start_ms) if it.docked)
         with (
             open_surroundings(
-                scenario, options, fleet, docked, held, start_ms, recorder.truths_at, begun.presences, say
+                scenario,
+                options,
+                fleet,
+                docked,
+                held,
+                start_ms,
+                recorder.truths_at,
+                begun.presences,
+                say,
+                None if squad is None else squad.share,
             ) as surroundings,
             primitives_offered(scenario, options) as called,
             open_rims(run_dir, options.open_modems, options.modem, start_ms, say) as rims,
         ):
             surroundings = replace(surroundings, rims=rims)
+            if squad is not None:
+                surroundings = squad.around(surroundings)
             fronts = fronts_of(scenario, options, called)
             if not options.script:  # which cannot go on in the middle
                 recorder.keep(begun.known, start_ms)

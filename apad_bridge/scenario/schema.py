@@ -101,16 +101,17 @@ class Fleet:
     drift: Drift
 
     def __post_init__(self) -> None:
-        if list(self.share) != sorted(set(self.share)) or not all(it in self._all for it in self.share):
+        if list(self.share) != sorted(set(self.share)) or not all(it in self.all_ids for it in self.share):
             raise ValueError("share must name some of the fleet's ids, each once and rising")
 
     @property
     def ids(self) -> Sequence[int]:
         """Rising."""
-        return self.share or self._all
+        return self.share or self.all_ids
 
     @property
-    def _all(self) -> range:
+    def all_ids(self) -> range:
+        """Of the whole fleet, whoever serves them."""
         return range(self.first_id, self.first_id + self.count)
 
 

@@ -26,6 +26,8 @@ from apad_bridge.runs.options import APadKind, RunOptions, TimeSource
 from apad_bridge.runs.parent import Interrupts
 from apad_bridge.runs.progress import Shows
 from apad_bridge.runs.status import Status
+from apad_bridge.scenario.another_apad import Sharing as Rules
+from apad_bridge.squad.dispatch import Dispatch
 from apad_bridge.squad.members import Member
 from apad_bridge.squad.together import together
 
@@ -39,16 +41,29 @@ def directory_of(member: Member, whole: RunDirectory) -> RunDirectory:
 
 
 def fly_side_by_side(
-    members: Sequence[Member], options: RunOptions, whole: RunDirectory, progress: Shows
-) -> tuple[dict[str, dict[str, Any]], dict[str, str]]:
-    """Over ROS: by aPad the summaries, and why there is none. PeerFailed when master or a simulated aPad do not come up."""
+    members: Sequence[Member], rules: Rules, options: RunOptions, whole: RunDirectory, progress: Shows
+) -> tuple[dict[str, dict[str, Any]], dict[str, str], int]:
+    """By aPad the summaries, and what failed of which; and how many aMussels were handed on to another one.
+
+    PeerFailed when master or a simulated aPad do not come up.
+    """
+    folders = {member.name: directory_of(member, whole).path for member in members}
+    takes_over = rules.transfers and not options.without_mission
+    dispatch = Dispatch({it.name: it.scenario.fleet.ids for it in members}, folders) if takes_over else None
     with ExitStack() as stack:
         uri, time_source, nodes = _open_ros(stack, members, options, whole)
         children: dict[str, Child] = {}
         for member in members:
             directory = directory_of(member, whole)
             opened = tuple(it for it in options.open_modems if it in member.scenario.fleet.ids)
-            on_master = replace(options, apad=APadKind.ROS, time=time_source, speed=1.0, open_modems=opened)
+            on_master = replace(
+                options,
+                apad=APadKind.ROS,
+                time=time_source,
+                speed=1.0,
+                open_modems=opened,
+                in_squad=takes_over,
+            )
             on_master.on_master(uri).save(directory.path)
             child = Child(
                 member.name,
@@ -59,7 +74,8 @@ def fly_side_by_side(
             )
             stack.callback(child.end, 1.0)
             children[member.name] = child
-        return Watch(children, nodes, progress).until_all_ended()
+        summaries, failures = Watch(children, nodes, progress, dispatch).until_all_ended()
+    return summaries, failures, 0 if dispatch is None else len(dispatch.handed_on)
 
 
 def _open_ros(
@@ -95,8 +111,16 @@ class Watch:
     """Reads what the members say until all have ended. Ctrl-C and SIGTERM here ask them to end in order."""
 
     def __init__(
-        self, children: Mapping[str, Child], nodes: Mapping[str, subprocess.Popen[bytes]], progress: Shows
+        self,
+        children: Mapping[str, Child],
+        nodes: Mapping[str, subprocess.Popen[bytes]],
+        progress: Shows,
+        dispatch: Dispatch | None = None,
     ) -> None:
+        """With a `dispatch` the aMussels of one that fails are served by the others."""
+        self._dispatch = dispatch
+        self._broken: dict[str, str] = {}
+        """Whose aPad is no more, and why, while its run goes on."""
         self._children = children
         self._nodes = nodes
         self._progress = progress
@@ -121,6 +145,7 @@ class Watch:
                 for key, _ in selector.select(0.2):
                     if not self._read(key.data):
                         selector.unregister(key.fileobj)
+                        self._lost(key.data)
         for name, child in self._children.items():
             if name not in self._summaries and name not in self._failures:
                 child.end(1.0)
@@ -129,15 +154,30 @@ class Watch:
                 )
         return {
             name: self._summaries[name] for name in self._children if name in self._summaries
-        }, self._failures
+        }, self._broken | self._failures
 
     def _end_without_apad(self) -> None:
-        """A simulated aPad of ours that died comes not back: its run ends, and the others go on."""
+        """A simulated aPad of ours that died comes not back: its run ends, or keeps its aMussels for the others."""
         for name, node in self._nodes.items():
-            if (status := node.poll()) is not None and name not in self._failures | self._summaries:
-                self._failures[name] = f"the simulated aPad's node ended with status {status}"
-                self._progress.say(f"{name}: {self._failures[name]}")
+            ended = self._broken | self._failures | self._summaries
+            if name in ended or (status := node.poll()) is None:
+                continue
+            why = f"the simulated aPad's node ended with status {status}"
+            self._progress.say(f"{name}: {why}")
+            if self._dispatch is None:
+                self._failures[name] = why
                 self._children[name].ask_to_end()
+                continue
+            self._broken[name] = why
+            self._dispatch.stand_down(name, why)
+            if self._broken.keys() >= self._nodes.keys():
+                for child in self._children.values():
+                    child.ask_to_end()
+
+    def _lost(self, name: str) -> None:
+        """Its run says no more."""
+        if self._dispatch is not None and name not in self._summaries:
+            self._dispatch.gone(name)
 
     def _read(self, name: str) -> bool:
         """False at the end of its words."""
@@ -158,6 +198,10 @@ class Watch:
                 self._summaries[name] = said["summary"]
             if "failed" in said:
                 self._failures[name] = said["failed"]
+            if "broken" in said.get("squad", ()):
+                self._broken[name] = said["squad"]["broken"]
+            if "squad" in said and self._dispatch is not None:
+                self._dispatch.hear(name, said["squad"])
             if "said" in said:
                 self._progress.say(f"{name}: {said['said']}")
         else:

@@ -38,7 +38,7 @@ def main() -> int:
     directory = RunDirectory(Path(sys.argv[1]))
     scenario, options = load(directory.scenario), RunOptions.load(directory.path)
     try:
-        summary = parent.fly(scenario, starts_of(scenario), options, directory, _Relay())
+        summary = parent.fly(scenario, starts_of(scenario), options, directory, _Relay(), _tell)
     except PeerFailed as error:
         _tell(json.dumps({"failed": str(error)}))
         return Exit.PEER_FAILED

@@ -17,13 +17,18 @@ from pathlib import Path
 
 import pytest
 import yaml
+from layout_topics import named_topics
 from rosbags.rosbag1 import Reader
 
 from apad_bridge.diagnosis.graph import Graph
 from apad_bridge.diagnosis.network import Unreachable
+from apad_bridge.layouts.fleet import shown
+from apad_bridge.layouts.kinds import KINDS
 from apad_bridge.ros.master import loopback_environment
 from apad_bridge.ros.messages import generated_folder
 from apad_bridge.ros.names_table import SECTIONS, Kind
+from apad_bridge.scenario.loader import load, with_overrides
+from apad_bridge.scenario.starts import starts_of
 
 pytestmark = pytest.mark.system
 ROOT = Path(__file__).parents[2]
@@ -194,7 +199,13 @@ def test_two_fleets_with_the_same_ids_side_by_side(tmp_path: Path, environment: 
         ]
         assert "/basin/musselbed_1" in graph["/apad1/position"] and "/basin/apad1/position" not in graph
         assert "/lab/harbour/musselbed_1" in graph["/lab/harbour/apad1/position"]
+        few = with_overrides(load(tmp_path / "relative.yaml"), agents=3)
         for space in SPACES:
+            for kind in KINDS.values():
+                named = named_topics(kind.write(shown(few, starts_of(few), f"/{space}"))) - {
+                    "/musselbed/apad"
+                }
+                assert any(name.startswith(f"/{space}/") for name in named) and named <= graph.keys()
             believed = tool(environment, "rostopic", "echo", "-n", "1", f"/{space}/musselbed/beliefs")
             assert believed.count("state:") == 3
             answer = tool(environment, "rosservice", "call", f"/{space}/amussel3/charge_info")

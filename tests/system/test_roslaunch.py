@@ -147,15 +147,22 @@ def test_a_second_clock_is_refused(tmp_path: Path) -> None:
     assert "/clock comes from /theirs already" in second.stderr
 
 
+TOLD = """
+import os, sys
+print("told", sys.argv[1:], flush=True)
+print("in", os.environ["ROS_NAMESPACE"], flush=True)
+"""
 LAUNCHED = """
 <launch>
-  <node pkg="musselbed" type="ros_node" name="told" required="true" output="screen"
-        args="{folder} told run --seed 3">
-    <param name="theta" value="60"/>
-    <param name="manual" value="true"/>
-    <rosparam param="open_modem">[3, 7]</rosparam>
-    <remap from="/apad1/position" to="/boat/position"/>
-  </node>
+  <group ns="basin">
+    <node pkg="musselbed" type="ros_node" name="told" required="true" output="screen"
+          args="{folder} told run --seed 3">
+      <param name="theta" value="60"/>
+      <param name="manual" value="true"/>
+      <rosparam param="open_modem">[3, 7]</rosparam>
+      <remap from="/apad1/position" to="/boat/position"/>
+    </node>
+  </group>
 </launch>
 """
 
@@ -163,10 +170,18 @@ LAUNCHED = """
 def test_remaps_and_private_parameters_of_a_launch_file_become_options(
     tmp_path: Path, environment: dict[str, str]
 ) -> None:
-    (tmp_path / "told.py").write_text("import sys; print('told', sys.argv[1:], flush=True)")
+    (tmp_path / "told.py").write_text(TOLD)
     (tmp_path / "told.launch").write_text(LAUNCHED.format(folder=tmp_path))
     with socket.create_server(("127.0.0.1", 0)) as free:
         port = free.getsockname()[1]
     said = roslaunch(environment, "-p", str(port), str(tmp_path / "told.launch"))
     words = ["run", "--seed", "3", "--remap", "/apad1/position:=/boat/position"]
     assert f"told {[*words, '--manual', '--open-modem', '3', '--open-modem', '7', '--theta', '60']}" in said
+    assert "in /basin" in said
+
+
+def test_a_namespace_by_hand(tmp_path: Path, environment: dict[str, str]) -> None:
+    (tmp_path / "told.py").write_text(TOLD)
+    command = [str(LAUNCH / "ros_node"), str(tmp_path), "told", "run", "__ns:=lab/basin", "a:=b"]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=30)
+    assert done.stdout == "told ['run', '--remap', 'a:=b']\nin lab/basin\n", done.stderr

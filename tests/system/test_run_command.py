@@ -154,7 +154,8 @@ def test_ctrl_c_ends_everything_in_order_within_5_s_with_a_valid_bag(fly: Any) -
 
 
 def test_kill_9_of_the_supervisor_and_resume_goes_on_with_the_docks_as_they_were(fly: Any) -> None:
-    process, run = fly(20)
+    # In a namespace that the shell of `resume` is told nothing of.
+    process, run = fly(20, "__ns:=basin")
     wait_for(lambda: len(docked(run)) == 2, "no two were docked")
     os.kill(int((run / "supervisor.pid").read_text().split()[0]), signal.SIGKILL)
     before = docked(run)

@@ -1,7 +1,9 @@
 """Two aPads on one master, by one command: each serves its own share, and the graph says who is whose."""
 
 import json
+import os
 import re
+import signal
 import subprocess
 import sys
 import threading
@@ -12,8 +14,13 @@ from typing import Any
 
 import pytest
 import yaml
+from layout_topics import named_topics
 
+from apad_bridge.layouts.fleet import shown
+from apad_bridge.layouts.kinds import KINDS
 from apad_bridge.records.journal import read_journal
+from apad_bridge.scenario.loader import load
+from apad_bridge.scenario.starts import starts_of
 
 pytestmark = pytest.mark.system
 
@@ -64,6 +71,15 @@ def graph_of(run: Path, flying: "subprocess.Popen[str]") -> dict[str, Any]:
     raise AssertionError("they never came to be on one graph")
 
 
+def wait_for_plan(journal: Path, flying: "subprocess.Popen[str]") -> None:
+    until_s, pause = time.monotonic() + PATIENCE_S, threading.Event()
+    while time.monotonic() < until_s and flying.poll() is None:
+        if journal.exists() and '"kind":"plan"' in journal.read_text():
+            return
+        pause.wait(0.05)
+    raise AssertionError("it never planned anything")
+
+
 def test_each_serves_its_share_and_nobody_else(scenario: Path, tmp_path: Path) -> None:
     run = tmp_path / "run"
     command = [*MUSSELBED, "run", str(scenario), "--speed", str(SPEED), "--out", str(run), "--json"]
@@ -80,6 +96,12 @@ def test_each_serves_its_share_and_nobody_else(scenario: Path, tmp_path: Path) -
     assert graph["/musselbed/apad2/retire"] == graph["/musselbed/apad2/beliefs"] == ["/musselbed_2"]
     assert graph["/clock"] == ["/musselbed_clock"]
 
+    # Layouts name what is there; of a run's bag a layout also names the aPad's state, which has one name in all bags.
+    fleet = shown(load(scenario), starts_of(load(scenario)))
+    for kind in KINDS.values():
+        named = named_topics(kind.write(fleet)) - {"/musselbed/apad"}
+        assert any("apad2" in name for name in named) and named <= graph.keys()
+
     summary = json.loads(stdout)
     assert summary == {**json.loads((run / "summary.json").read_text()), "run": str(run)}
     for apad, own in zip(APADS, ({1, 3, 5}, {2, 4, 6}), strict=True):
@@ -91,6 +113,63 @@ def test_each_serves_its_share_and_nobody_else(scenario: Path, tmp_path: Path) -
     assert summary["services"] == sum(summary["apads"][apad]["services"] for apad in APADS)
     assert [line.split(",")[0] for line in (run / "ends.csv").read_text().splitlines()[1:]] == list("123456")
     assert not [entry for entry in Path("/proc").iterdir() if _names(entry, str(run))]
+
+
+@pytest.mark.parametrize(
+    ("victim", "duration_s", "why"),
+    [
+        ("apad_node", 70, "the simulated aPad's node ended with status -9"),
+        ("supervisor_process", 140, "its supervisor died (SIGKILL)"),
+    ],
+)
+def test_one_that_is_killed_leaves_its_aMussels_to_the_other(
+    scenario: Path, tmp_path: Path, victim: str, duration_s: int, why: str
+) -> None:
+    run = tmp_path / "run"
+    near = yaml.safe_load(scenario.read_text())
+    near.update(duration_s=duration_s, theta=60)
+    near["apads"][0]["start_m"] = [2, 26]
+    near["area"]["polygon_m"] = [[0, 0], [4, 0], [4, 32], [0, 32]]
+    # Those of apad1 need nothing.
+    starts = (tmp_path / "two.csv").read_text().replace(",57,", ",14,").replace(",2,0.6", ",2,1.0")
+    (tmp_path / "two.csv").write_text(starts)
+    scenario.write_text(yaml.safe_dump(near))
+    command = [*MUSSELBED, "run", str(scenario), "--speed", str(SPEED), "--out", str(run), "--json"]
+    flying = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=ROOT)
+    try:
+        wait_for_plan(run / "apad2" / "journal.jsonl", flying)
+        (pid,) = (
+            int(entry.name)
+            for entry in Path("/proc").iterdir()
+            if _names(entry, f"{run}/apad2") and _names(entry, victim)
+        )
+        os.kill(pid, signal.SIGKILL)
+    finally:
+        stdout, stderr = flying.communicate(timeout=PATIENCE_S)
+    assert flying.returncode == 3 and f"apad2: {why}" in stderr
+    summary = json.loads(stdout)
+    first, second = (read_journal(run / apad / "journal.jsonl").lines for apad in APADS)
+
+    # The run of apad2 goes on to the end: it keeps its aMussels, and nobody else records them.
+    (reason,) = (line["reason"] for line in second if line["kind"] == "stands_down")
+    assert why.startswith(reason)
+    assert "dock" not in [line["phase"] for line in second if line["kind"] == "mission"]
+    assert [summary["apads"][apad]["ended_by"] for apad in APADS] == ["mission time"] * 2
+    assert {line["id"] for line in first if line["kind"] == "truth"} == {1, 3, 5}
+    assert {line["id"] for line in second if line["kind"] == "truth"} == {2, 4, 6}
+    assert summary["counted_s"] == pytest.approx(6 * duration_s, abs=3 * 60)
+
+    # First given, then taken, each once; and then served by apad1, whose docks they feel.
+    assert sorted(line["id"] for line in second if line["kind"] == "handed_on") == [2, 4, 6]
+    assert sorted(line["id"] for line in first if line["kind"] == "took_on") == [2, 4, 6]
+    assert summary["handed_on"] == 3 and summary["amussels_lost"] == 0
+    docked = {line["agent"] for line in first if line["kind"] == "dock" and line["closed"]} & {2, 4, 6}
+    assert docked
+    felt = {line["id"] for line in second if line["kind"] == "truth" and line["docked"]}
+    assert docked <= felt
+    for apad in APADS:
+        assert summary["apads"][apad]["dropped"] == {}
+    assert [line.split(",")[0] for line in (run / "ends.csv").read_text().splitlines()[1:]] == list("123456")
 
 
 def _names(entry: Path, words: str) -> bool:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -11,6 +10,7 @@ from typing import Any
 
 import pytest
 import yaml
+from layout_topics import TYPES, named_topics
 
 from apad_bridge.layouts.fleet import shown
 from apad_bridge.layouts.kinds import KINDS
@@ -142,16 +142,6 @@ def published(environment: dict[str, str]) -> dict[str, str]:
     return {row[1]: row[2].strip("[]") for row in rows}
 
 
-TYPES = {
-    "markers": "visualization_msgs/MarkerArray",
-    "plan": "nav_msgs/Path",
-    "path": "nav_msgs/Path",
-    "battery_state": "sensor_msgs/BatteryState",
-    "apad": "musselbed_msgs/APadStatus",
-    "diagnostics": "diagnostic_msgs/DiagnosticArray",
-}
-
-
 @pytest.mark.parametrize("kind", KINDS)
 def test_layouts_name_topics_that_are_there(kind: str, environment: dict[str, str]) -> None:
     pool = load(HERE.parents[1] / "launch_scripts" / "scenarios" / "pool-12.yaml")
@@ -159,7 +149,7 @@ def test_layouts_name_topics_that_are_there(kind: str, environment: dict[str, st
     text = KINDS[kind].write(shown(two, starts_of(two)))
     assert "musselbed/enu" in text or kind not in ("rviz", "foxglove")
     topics = published(environment)
-    named = set(re.findall(rf"/(?:[a-z]\w*/)*(?:{'|'.join(TYPES)})\b", text))
+    named = named_topics(text)
     assert len(named) >= 3
     for topic in named:
         assert topics[topic] == TYPES[topic.rpartition("/")[2]]

@@ -249,3 +249,37 @@ def test_a_kill_while_a_checkpoint_is_written_leaves_the_former_notebook(tmp_pat
     again = of_a_twin()
     assert recall(path, again).until_ms == 200_000
     assert again.kept() == kept[-1]
+
+
+@pytest.mark.parametrize("name", ESTIMATORS)
+def test_a_guest_comes_with_what_others_believe_of_it(name: str, tmp_path: Path) -> None:
+    """Elsewhere it was heard twice. From then on both believe the same, and so does who comes after a death."""
+    elsewhere, here = ESTIMATORS[name](), ESTIMATORS[name]()
+    guest = 3
+    here.dismiss(guest)
+    for at_ms in (1000, 9000):
+        elsewhere.advance(at_ms)
+        elsewhere.hear(
+            StatusPacket(guest, 0, State.ACTIVE, 0.5, 1.0, 4.0, 5.0, 3.0, POOL.theta * at_ms), at_ms
+        )
+    heard = StatusPacket(guest, 1, State.ACTIVE, 0.4, 1.0, 4.0, 6.0, 3.0, POOL.theta * 20_000)
+    here.advance(10_000)
+    assert here.hear(heard, 10_000) == "a status of an unknown aMussel"
+
+    book = Notebook(tmp_path / "notebook.jsonl", here, 10_000)
+    handed = elsewhere.get(guest)
+    assert handed is not None
+    here.admit(guest, here.estimator.restored(guest, elsewhere.estimator.kept(handed)))
+    for beliefs in (elsewhere, here):
+        beliefs.advance(20_000)
+        assert beliefs.hear(heard, 20_000) is None
+    book.flush(20_000)
+    book.close()
+    recalled = ESTIMATORS[name]()
+    recall(tmp_path / "notebook.jsonl", recalled)
+    assert here.get(guest) is not None
+    assert here.get(guest) == elsewhere.get(guest)
+    recalled.advance(20_000)
+    assert recalled.get(guest) == here.get(guest)
+    here.dismiss(guest)
+    assert here.get(guest) is None

@@ -1,16 +1,26 @@
 import json
 import os
+import shutil
+import time
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from apad_bridge import building
+from apad_bridge.known import Known
 from apad_bridge.mission.state import MissionState, Phase
 from apad_bridge.planning.solution import Solution, Step, StepKind
-from apad_bridge.records.journal import JournalContents
+from apad_bridge.records.journal import JournalContents, read_journal
+from apad_bridge.records.recorder import Recorder
+from apad_bridge.records.run_directory import RunDirectory
+from apad_bridge.records.summary import Ending
 from apad_bridge.runs.failures import PeerFailed
 from apad_bridge.runs.options import APadKind, OnDeath, Part, RunOptions, TimeSource
-from apad_bridge.runs.resuming import gap_ms, go_on
+from apad_bridge.runs.resuming import gap_ms, go_on, resume
+from apad_bridge.scenario.loader import load
+from firmware_model.packets import StatusPacket
+from firmware_model.states import State
 
 STATE = MissionState(
     phase=Phase.DOCK,
@@ -75,3 +85,99 @@ def test_options_of_another_version_are_refused_by_name(tmp_path: Path) -> None:
     (tmp_path / "run.json").write_text('{"part": "whole"}')
     with pytest.raises(ValueError, match=r"run\.json was written by another version"):
         RunOptions.load(tmp_path)
+
+
+POOL = load(Path(__file__).parents[3] / "launch_scripts/scenarios/pool-12.yaml")
+FREE = (None, None, None, None)
+LOST = "lost: words on their way, and the counts of what was dropped so far"
+
+
+def a_crash(path: Path) -> tuple[RunDirectory, Known]:
+    """What a supervisor left that had heard aMussel 5, handed over 2 and retired 3, and was killed at its third second."""
+    recorder, known = third_second(RunDirectory(path / "broken"))
+    shutil.copytree(path / "broken", path / "run")
+    recorder.close()
+    return RunDirectory(path / "run"), known
+
+
+def third_second(directory: RunDirectory) -> tuple[Recorder, Known]:
+    directory.path.mkdir()
+    recorder, known = Recorder(directory, POOL, POOL.fleet.ids), building.nothing_known(POOL)
+    recorder.keep(known, 0)
+    known.beliefs.hear(StatusPacket(5, 0, State.ACTIVE, 0.5, 1.0, 2.0, 3.0, 3.0, 1000), 1000)
+    recorder.event(1000, "presence", id=2, by="/lab", **{"is": "real"})
+    recorder.event(2000, "presence", id=3, by="a service call", **{"is": "retired"})
+    for now_ms in (1000, 2000, 3000):
+        recorder.tick(now_ms, known.beliefs.all(), None, None, "none", FREE)
+    return recorder, known
+
+
+def test_what_is_restored_and_what_is_lost_is_told_and_journaled(tmp_path: Path) -> None:
+    directory, known = a_crash(tmp_path)
+    told: list[str] = []
+    begun = resume(directory, POOL, OPTIONS.on_own_master("http://h:2").next_epoch(), told.append)
+    assert told == [
+        LOST,
+        "run.bag was repaired; 3 s of samples are lost",
+        "still real: aMussel 2",
+        "still retired: aMussel 3",
+        "believed as before: 1 aMussels, as of 1 s of mission time; the longest silence is 2 s now",
+    ]
+    assert begun.presences.simulated == set(POOL.fleet.ids) - {2, 3}
+    assert begun.beliefs.all() == known.beliefs.all() != []
+    assert begun.start_ms == 3000
+    begun.recorder.close()
+    restored = read_journal(directory.journal).first("restored")
+    assert restored is not None and restored["told"] == told
+
+
+@pytest.mark.parametrize(
+    ("notebook", "why"),
+    [(None, "notebook.jsonl: No such file"), (b'{"format":0}\n', "notebook.jsonl is of another version")],
+)
+def test_without_a_notebook_it_goes_on_and_says_that_it_believes_nothing(
+    tmp_path: Path, notebook: bytes | None, why: str
+) -> None:
+    directory, _ = a_crash(tmp_path)
+    directory.notebook.unlink()
+    if notebook is not None:
+        directory.notebook.write_bytes(notebook)
+    told: list[str] = []
+    begun = resume(directory, POOL, OPTIONS.next_epoch(), told.append)
+    begun.recorder.close()
+    assert begun.beliefs.all() == []
+    assert told[-1].startswith(f"nothing is believed of an aMussel until it is heard again: {why}")
+
+
+def test_a_torn_notebook_gives_what_was_whole_and_says_so(tmp_path: Path) -> None:
+    directory, _ = a_crash(tmp_path)
+    with directory.notebook.open("ab") as file:
+        file.write(b'{"t":4000,"lea')
+    told: list[str] = []
+    begun = resume(directory, POOL, OPTIONS.next_epoch(), told.append)
+    begun.recorder.close()
+    assert told[-1].endswith(". What was learned after 1 s is lost: notebook.jsonl is torn there")
+    assert [it.agent_id for it in begun.beliefs.all()] == [5]
+
+
+def test_who_ends_a_run_takes_the_notebook_away_and_who_is_stopped_leaves_it(tmp_path: Path) -> None:
+    for name, ends in (("ended", True), ("stopped", False)):
+        directory = RunDirectory(tmp_path / name)
+        recorder, _ = third_second(directory)
+        if ends:
+            recorder.finish(3000, Ending("mission time", 0.0, 0, None, {}))
+        recorder.close()
+        assert directory.notebook.exists() is not ends
+
+
+def test_on_a_real_apad_what_is_believed_is_as_old_as_it_is(tmp_path: Path) -> None:
+    directory, _ = a_crash(tmp_path)
+    two_minutes_ago_s = time.time() - 120
+    os.utime(directory.journal, (two_minutes_ago_s, two_minutes_ago_s))
+    told: list[str] = []
+    begun = resume(directory, POOL, OPTIONS.next_epoch(), told.append)
+    begun.recorder.close()
+    assert 122_000 <= begun.start_ms <= 135_000
+    assert told[-1].endswith(f"the longest silence is {(begun.start_ms - 1000) // 1000} s now")
+    begun.beliefs.advance(begun.start_ms)
+    assert [it.heard_ms for it in begun.beliefs.all()] == [1000]

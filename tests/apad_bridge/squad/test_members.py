@@ -10,6 +10,7 @@ import pytest
 import yaml
 
 from apad_bridge.commands.main import main
+from apad_bridge.records.journal import read_journal
 from apad_bridge.runs.in_memory import fly_in_memory
 from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.loader import from_data, load, resolve, with_overrides
@@ -114,6 +115,30 @@ def test_a_run_of_several_is_the_runs_of_each(
     ended = {start.agent_id: start.primary for start in starts_of(from_data(data, "again"))}
     assert list(ended) == list(range(1, 9))
     assert ended != {start.agent_id: start.primary for start in starts_of(load(path))}
+
+
+def test_a_run_in_which_one_fails_counts_each_aMussel_once(
+    bay: Scenario, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    data = small(bay)
+    data["apads"][0]["battery_start_fraction"] = 0.005
+    path, run = tmp_path / "small.yaml", tmp_path / "run"
+    path.write_text(yaml.safe_dump(data))
+    assert main(["run", str(path), "--time", "asap", "--out", str(run), "--json"]) == 0
+    summary = json.loads(capsys.readouterr().out)
+    assert summary["counted_s"] == 8 * 1200 and summary["ended_by"] == "mission time"
+    journals = {name: read_journal(run / name / "journal.jsonl").lines for name in ("apad1", "apad5")}
+    took, handed = (
+        [line["id"] for line in journals[name] if line["kind"] == kind]
+        for name, kind in (("apad1", "took_on"), ("apad5", "handed_on"))
+    )
+    assert took == handed and summary["handed_on"] == len(took) > 0
+    truths = {name: {line["id"] for line in it if line["kind"] == "truth"} for name, it in journals.items()}
+    assert truths["apad1"] | truths["apad5"] == set(range(1, 9)) and not truths["apad1"] & truths["apad5"]
+    ends = (run / "ends.csv").read_text().splitlines()[1:]
+    assert [line.split(",")[0] for line in ends] == list("12345678")
+    # Its page shows what the one aPad did, guests in its docks included.
+    assert main(["replay", str(run / "apad1")]) == 0
 
 
 def test_a_dry_run_says_who_serves_whom(

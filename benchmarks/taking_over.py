@@ -1,0 +1,67 @@
+"""What it is worth that aPads take over from each other: one of five fails in the first minutes of an hour.
+
+In a bay where five aPads have room for more, and in one where they have far too much to do already.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+from apad_bridge.scenario.loader import from_data, resolve
+from apad_bridge.scenario.schema import Scenario
+from apad_bridge.scenario.starts import starts_of
+from apad_bridge.squad.in_memory import open_formation
+from apad_bridge.squad.members import members
+from benchmarks.shares import crowded
+
+SEEDS = (1, 2)
+COUNTS = (25, 60)
+BATTERY = 0.01
+"""What the third aPad's battery holds at the start."""
+
+
+def measure() -> dict[str, Any]:
+    """By "count, how": means over seeds of uptimes in percent over all aMussels, the least one's, metres and services."""
+    found = {}
+    with tempfile.TemporaryDirectory() as folder:
+        for count in COUNTS:
+            for transfers in (True, False):
+                flights = [_flown(crowded(seed, Path(folder), count), transfers) for seed in SEEDS]
+                name = f"{count}, {'taken over' if transfers else 'left alone'}"
+                found[name] = {key: float(np.mean([it[key] for it in flights])) for key in flights[0]}
+    return found
+
+
+def show(result: dict[str, Any], console: Console) -> None:
+    table = Table(title=f"one of five aPads fails; means over {len(SEEDS)} seeds")
+    for column in ("aMussels", "Avg %", "Min %", "way [m]", "emptied", "served", "handed on"):
+        table.add_column(column, justify="left" if column == "aMussels" else "right")
+    for name, it in result.items():
+        keys = ("mean", "least", "cost_m", "emptied", "services", "handed_on")
+        table.add_row(name, *(f"{it[key]:.1f}" for key in keys))
+    console.print(table)
+
+
+def _flown(scenario: Scenario, transfers: bool) -> dict[str, float]:
+    data = resolve(scenario)
+    data["apads"][1]["battery_start_fraction"] = BATTERY
+    data["sharing"]["transfers"] = transfers
+    failing = from_data(data, "taking over")
+    opened = open_formation(members(failing, starts_of(failing)), failing.sharing)
+    opened.formation.run()
+    figures = opened.figures().values()
+    counted_s = sum(it["counted_s"] for it in figures)
+    return {
+        "mean": sum(it["counted_s"] * it["uptime_paper"]["mean"] for it in figures) / counted_s,
+        "least": min(it["uptime_paper"]["min"] for it in figures),
+        "cost_m": sum(it["cost_m"] for it in figures),
+        "emptied": sum(it["emptied"] for it in figures),
+        "services": sum(it["services"] for it in figures),
+        "handed_on": opened.formation.moved,
+    }
