@@ -1,6 +1,8 @@
 """A fleet of four that answers to services and claims, its mission at twenty times real time; prints its events as JSON.
 
-Use: fleet_at_a_desk.py NODE FIRST_ID; ROS_MASTER_URI names the master. The first line is `flying`, or why it does not fly.
+Use: fleet_at_a_desk.py NODE FIRST_ID [CLAIMANT]; ROS_MASTER_URI names the master. The first line is `flying`, or why
+it does not fly. With a CLAIMANT it comes back after a crash, before which its third aMussel was real at that node's word;
+then what it says about claims comes first.
 """
 
 from __future__ import annotations
@@ -17,7 +19,7 @@ from apad_bridge import building
 from apad_bridge.fleet import Fleet
 from apad_bridge.flight import Flight
 from apad_bridge.pace import WallClock
-from apad_bridge.presence import Presences, Roll
+from apad_bridge.presence import Became, Presence, Presences, Roll
 from apad_bridge.ros.claims import ClaimBoard
 from apad_bridge.ros.fleet_guard import SecondFleet
 from apad_bridge.ros.fleet_services import FleetServices
@@ -57,14 +59,18 @@ def scenario(first_id: int) -> Scenario:
 
 
 def main() -> None:
-    node, first_id = sys.argv[1], int(sys.argv[2])
+    node, first_id, *claimant = sys.argv[1], int(sys.argv[2]), *sys.argv[3:]
     flown = scenario(first_id)
     births = building.births(flown, starts_of(flown))
-    presences = Presences(births, flown.area.depth_m)
+    before = [Became(0, first_id + 2, Presence.REAL, name) for name in claimant]
+    presences = Presences(births, flown.area.depth_m, before)
     gateway = open_gateway([], flown.theta, node_name=node)
     claims = ClaimBoard(f"/{node}", lambda: presences.simulated)
     try:
-        claims.refuse_overlap(births)
+        if before:
+            print(*claims.come_back(presences), sep="\n", flush=True)
+        else:
+            claims.refuse_overlap(births)
     except SecondFleet as refused:
         print(refused, flush=True)
         gateway.close()

@@ -129,6 +129,26 @@ def test_a_real_amussels_claim_makes_the_simulated_one_its_twin_until_it_is_give
             publisher.terminate()
 
 
+def test_one_that_comes_back_follows_what_is_claimed_by_then(
+    start: Callable[..., subprocess.Popen[str]], tools: dict[str, str]
+) -> None:
+    message = "{node: /lab, real: true, lease_s: 60.0, ids: [4]}"
+    topic = ["/usr/bin/rostopic", "pub", "--latch", "/musselbed/claims", "musselbed_msgs/FleetClaim", message]
+    with subprocess.Popen(topic, env=tools, stdout=subprocess.DEVNULL) as lab:
+        try:
+            heard = ["/usr/bin/rostopic", "echo", "-n", "1", "/musselbed/claims"]
+            subprocess.run(heard, env=tools, stdout=subprocess.DEVNULL, timeout=PATIENCE_S, check=True)
+            fleet = start("ours", "1", "/lab")
+            assert line_of(fleet) == "aMussel 3 was real by /lab, which claims it no more: it is taken back"
+            assert (
+                line_of(fleet) == "aMussel 4 was simulated, and /lab claims it as real now: it is handed over"
+            )
+            assert line_of(fleet) == "flying"
+            assert told(fleet) == {"kind": "presence", "id": 4, "is": "real", "by": "/lab"}
+        finally:
+            lab.terminate()
+
+
 STATUS = """
 from firmware_model.codec import MusselbedCodec
 from firmware_model.packets import StatusPacket

@@ -1,6 +1,7 @@
 import json
 import os
 import shutil
+import time
 from pathlib import Path
 from typing import Any
 
@@ -167,3 +168,16 @@ def test_who_ends_a_run_takes_the_notebook_away_and_who_is_stopped_leaves_it(tmp
             recorder.finish(3000, Ending("mission time", 0.0, 0, None, {}))
         recorder.close()
         assert directory.notebook.exists() is not ends
+
+
+def test_on_a_real_apad_what_is_believed_is_as_old_as_it_is(tmp_path: Path) -> None:
+    directory, _ = a_crash(tmp_path)
+    two_minutes_ago_s = time.time() - 120
+    os.utime(directory.journal, (two_minutes_ago_s, two_minutes_ago_s))
+    told: list[str] = []
+    begun = resume(directory, POOL, OPTIONS.next_epoch(), told.append)
+    begun.recorder.close()
+    assert 122_000 <= begun.start_ms <= 135_000
+    assert told[-1].endswith(f"the longest silence is {(begun.start_ms - 1000) // 1000} s now")
+    begun.beliefs.advance(begun.start_ms)
+    assert [it.heard_ms for it in begun.beliefs.all()] == [1000]
