@@ -63,12 +63,15 @@ def launch_nursery(run_dir: str | os.PathLike[str]) -> subprocess.Popen[bytes]:
         word = (
             os.read(reading, 4096).decode() if heard else f"it was not ready within {READY_TIMEOUT_S:g} s\n"
         )
-    finally:
-        os.close(reading)
-    if word != "ready\n":
+        if word != "ready\n":
+            raise NoNursery(
+                word.strip() or f"the nursery ended at once; {os.path.join(run_dir, LOG_NAME)} says why"
+            )
+    except BaseException:
+        # Ctrl-C too: nobody else knows of it yet, and it would wait for a supervisor for ever.
         process.kill()
         process.wait()
-        raise NoNursery(
-            word.strip() or f"the nursery ended at once; {os.path.join(run_dir, LOG_NAME)} says why"
-        )
+        raise
+    finally:
+        os.close(reading)
     return process

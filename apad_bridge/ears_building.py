@@ -20,6 +20,9 @@ from firmware_model.plan import Whole
 from firmware_model.rails import Rail, bits, rails_of
 from firmware_model.states import State
 
+_BREATH_MS = 20
+"""And the echoes of the word before are to die away."""
+
 
 def ears_of(scenario: Scenario, agent_ids: Iterable[int]) -> Ears | None:
     """What the aPad does by sound; None where the scenario knows no water."""
@@ -41,6 +44,7 @@ def ears_of(scenario: Scenario, agent_ids: Iterable[int]) -> Ears | None:
         beacon_period_ms=round(water.talk.beacon_period_s * 1000),
         ping_period_ms=round(water.talk.ping_period_s * 1000),
         modems=modems,
+        breath_ms=_BREATH_MS + round(1000 * water.sound.reverberation_s),
         answer_ms=0 if whole is None else whole.turnaround_ms + whole.answer_ms,
     )
     told = water.localisation

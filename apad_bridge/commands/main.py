@@ -10,6 +10,7 @@ from importlib.metadata import version
 from typing import Any
 
 from apad_bridge.commands.exits import EXITS, Exit, UserError
+from apad_bridge.termination import terminated_as_interrupted
 
 _COMMANDS = (
     "run",
@@ -67,7 +68,8 @@ def _in_namespace(arguments: list[str]) -> list[str]:
 def main(arguments: list[str] | None = None) -> int:
     chosen = parser().parse_args(_in_namespace(sys.argv[1:] if arguments is None else arguments))
     try:
-        code: int = chosen.run(chosen)
+        with terminated_as_interrupted():
+            code: int = chosen.run(chosen)
     except UserError as error:
         print(f"musselbed {chosen.command}: {error}", file=sys.stderr)
         return Exit.USER_MISTAKE

@@ -13,24 +13,21 @@ class Share:
 
     def __init__(self, beliefs: BeliefSource, own: Iterable[int]) -> None:
         self._beliefs = beliefs
-        self.own = frozenset(own)
-        self.served = self.own
-
-    @property
-    def guests(self) -> frozenset[int]:
+        self.own = self.served = frozenset(own)
+        self.guests: frozenset[int] = frozenset()
         """Of another fleet, and served here."""
-        return self.served - self.own
-
-    @property
-    def given(self) -> frozenset[int]:
+        self.given: frozenset[int] = frozenset()
         """Of this fleet, and served elsewhere."""
-        return self.own - self.served
 
     def take(self, agent_id: int) -> None:
-        self.served |= {agent_id}
+        self._serve(self.served | {agent_id})
 
     def give(self, agent_id: int) -> None:
-        self.served -= {agent_id}
+        self._serve(self.served - {agent_id})
+
+    def _serve(self, agent_ids: frozenset[int]) -> None:
+        self.served = agent_ids
+        self.guests, self.given = agent_ids - self.own, self.own - agent_ids
 
     def get(self, agent_id: int) -> Belief | None:
         """Of one that is served elsewhere too: a dock may hold it still."""
@@ -38,6 +35,6 @@ class Share:
 
     def all(self) -> list[Belief]:
         beliefs = self._beliefs.all()
-        if self.served == self.own:
+        if not self.guests and not self.given:
             return beliefs
         return [belief for belief in beliefs if belief.agent_id in self.served]

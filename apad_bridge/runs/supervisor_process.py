@@ -79,6 +79,8 @@ def fly(run_dir: Path, resume: bool) -> int:
         # What the bodies felt, not what the mission knows: a contact that was on its way when a supervisor died is told
         # again, and one that was felt is not.
         held = tuple(it.agent_id for it in recorder.truths_at(start_ms) if it.docked)
+        if squad is not None:
+            held += tuple(sorted(squad.share.guests & set(docked.values())))
         with (
             open_surroundings(
                 scenario,

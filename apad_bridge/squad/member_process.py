@@ -19,6 +19,7 @@ from apad_bridge.runs.options import RunOptions
 from apad_bridge.runs.status import Status
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.starts import starts_of
+from apad_bridge.termination import terminated_as_interrupted
 
 
 class _Relay:
@@ -38,7 +39,8 @@ def main() -> int:
     directory = RunDirectory(Path(sys.argv[1]))
     scenario, options = load(directory.scenario), RunOptions.load(directory.path)
     try:
-        summary = parent.fly(scenario, starts_of(scenario), options, directory, _Relay(), _tell)
+        with terminated_as_interrupted():
+            summary = parent.fly(scenario, starts_of(scenario), options, directory, _Relay(), _tell)
     except PeerFailed as error:
         _tell(json.dumps({"failed": str(error)}))
         return Exit.PEER_FAILED

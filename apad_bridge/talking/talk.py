@@ -42,6 +42,8 @@ class TalkConfig:
     modems: Generation = Generation.V3
     answer_ms: int = 0
     """From the end of the question how it is to the end of the answer, without their ways."""
+    breath_ms: int = 20
+    """Before such a question: an aPad on its way says it from nearer than the word before it, into which it would run."""
 
 
 class Talk:
@@ -195,7 +197,7 @@ class Talk:
         """The air is kept clear until the answer has come."""
         data = self._codec.encode(CommandPacket(Kind.PING, agent_id))
         lasting_ms = self._lasting_ms(data) + self._config.answer_ms + 2 * self._config.way_ms
-        at_ms = self._claim(now_ms, lasting_ms)
+        at_ms = self._claim(now_ms, self._config.breath_ms + lasting_ms) + self._config.breath_ms
         self._asked.await_answer(agent_id, at_ms + lasting_ms)
         return Send(Medium.SOUND, agent_id, data, at_ms)
 

@@ -96,6 +96,34 @@ def test_at_every_tick_each_is_in_exactly_one_share(tmp_path: Path) -> None:
     assert [len(it.share.served) for it in supervisors] == [8, 0]
 
 
+def test_a_guest_is_handed_on_again_when_its_server_fails(tmp_path: Path) -> None:
+    """apad2 fails first, apad3 a quarter of an hour later: whoever came to it of apad2's goes to apad1 with its own."""
+    data = resolve(squad(tmp_path, transfers=True, battery=0.005))
+    data["duration_s"] = 2400
+    data["apads"].append({"name": "apad3", "start_m": [50, 10], "battery_start_fraction": 0.03})
+    data["mission"]["collection"] = "none"
+    three = from_data(data, "three")
+    opened = open_formation(members(three, starts_of(three)), three.sharing)
+    opened.formation.run()
+    downs = [said(opened, name, "stands_down")[0]["t"] for name in ("apad2", "apad3")]
+    assert downs[0] < 200_000 and 600_000 < downs[1] < 1_500_000
+    first = {it.agent_id: it.taker for at_ms, it in opened.formation.moves if at_ms < downs[1]}
+    then = {it.agent_id: it for at_ms, it in opened.formation.moves if at_ms > downs[1]}
+    homes = {name: set(it.flight.supervisor.share.own) for name, it in opened.flown.items()}
+    guests = {it for it in homes["apad2"] if first[it] == "apad3"}
+    assert guests and all(then[it].giver == "apad3" and then[it].taker == "apad1" for it in guests)
+    assert opened.sharing.shares == {
+        "apad1": frozenset(range(1, 9)),
+        "apad2": frozenset(),
+        "apad3": frozenset(),
+    }
+    # apad3 knows nothing of its former guests any more; apad1 believes what is true.
+    beliefs = opened.flown["apad3"].flight.supervisor.beliefs
+    assert {it.agent_id for it in beliefs.all()} == homes["apad3"]
+    assert {it.agent_id for it in opened.flown["apad1"].flight.supervisor.beliefs.all()} == set(range(1, 9))
+    assert sum(it["counted_s"] for it in opened.figures().values()) == 8 * 2400
+
+
 def test_whom_its_docks_hold_stay_with_it(tmp_path: Path) -> None:
     """With a little more in its battery apad2 has docked all three before it comes to an end."""
     opened = opened_in(tmp_path, transfers=True, battery=0.03)

@@ -109,16 +109,16 @@ def test_places_are_asked_for_before_charges_and_the_air_is_kept_clear_for_each_
     ping, note, question = talk.advance(10_000, NOBODY, [2, 3], [2, 1])
     assert ping == Ping(2, 15_000)
     assert note == Note("asked", {"id": 2})
-    assert isinstance(question, Send) and question.not_before_ms == 19_105
+    assert isinstance(question, Send) and question.not_before_ms == 19_105 + 20
     assert decoded(question) == CommandPacket(Kind.PING, 2)
     (permission,) = talk.timed([Send(Medium.SOUND, 1, bytes(6))], 10_000)
-    assert isinstance(permission, Send) and permission.not_before_ms == 19_105 + 380 + 893 + 200
+    assert isinstance(permission, Send) and permission.not_before_ms == 19_125 + 380 + 893 + 200
 
 
 def test_an_answer_that_does_not_fit_before_the_slots_is_asked_for_after_them() -> None:
     config = replace(CONFIG, assigns=False, beacon_period_ms=0, answer_ms=893)
     said = Talk(config, CODEC, SLOTS, [1]).advance(299_000, NOBODY, [], [1])
-    assert isinstance(said[1], Send) and said[1].not_before_ms == 305_000
+    assert isinstance(said[1], Send) and said[1].not_before_ms == 305_020
 
 
 def test_a_question_without_an_answer_is_told_and_counted_once() -> None:
@@ -126,7 +126,7 @@ def test_a_question_without_an_answer_is_told_and_counted_once() -> None:
     talk = Talk(config, CODEC, None, [1, 2])
     talk.advance(0, NOBODY, [], [1])
     assert talk.advance(5000, NOBODY) == []
-    # 380 + 893 + 2 x 100 ms, and 4 s.
+    # A breath of 20, 380 + 893 + 2 x 100 ms, and 4 s.
     assert talk.advance(6000, NOBODY) == [Note("unanswered", {"id": 1})]
     talk.advance(10_000, NOBODY, [], [2])
     talk.heard_of(2)
