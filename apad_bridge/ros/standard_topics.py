@@ -30,6 +30,7 @@ from apad_bridge.geography import LocalFrame
 from apad_bridge.planning.solution import StepKind
 from apad_bridge.ros import standard_messages as make
 from apad_bridge.ros.fleet_diagnostics import Limits, diagnose
+from apad_bridge.ros.fleet_markers import FleetMarkers
 from apad_bridge.ros.frames import NED_IN_ENU, UPRIGHT, Frames, enu, yaw
 from apad_bridge.ros.names import DIAGNOSTICS, TF, TF_STATIC, of_amussel, ours
 from apad_bridge.ros.never_blocking import Stalls, never_blocking_publisher
@@ -65,7 +66,6 @@ class StandardTopics:
         self._namespace = namespace
         self._frame = frame
         self._limits = limits
-        self._ball_m = ball_m
         self._way: list[tuple[float, float]] = []
         self._agents = {
             agent_id: (
@@ -79,6 +79,7 @@ class StandardTopics:
         self._path = rospy.Publisher(ours("apad/path"), Path, queue_size=_QUEUE)
         self._plan = rospy.Publisher(ours("plan"), Path, queue_size=_QUEUE)
         self._markers = rospy.Publisher(ours("markers"), MarkerArray, queue_size=_QUEUE)
+        self._drawn = FleetMarkers(self._ids, frames.enu, ball_m)
         self._diagnostics = rospy.Publisher(DIAGNOSTICS, DiagnosticArray, queue_size=_QUEUE)
         self._tf = rospy.Publisher(TF, TFMessage, queue_size=_QUEUE)
         self._tf_static = rospy.Publisher(TF_STATIC, TFMessage, queue_size=1, latch=True)
@@ -127,7 +128,7 @@ class StandardTopics:
 
     def _show_scene(self, supervisor: Supervisor, beliefs: list[Belief], now_ms: int) -> None:
         pose, frames = supervisor.pose, self._frames
-        world, ball_m = frames.enu, self._ball_m
+        world = frames.enu
 
         def transforms() -> list[Any]:
             known = [
@@ -139,20 +140,8 @@ class StandardTopics:
                 known.append(make.transform(now_ms, world, frames.apad(self._apad), at, attitude))
             return known
 
-        def markers() -> list[Any]:
-            slots = {it: slot for slot, it in enumerate(supervisor.mission.slots) if it is not None}
-            shown = [
-                marker
-                for it in beliefs
-                for marker in make.agent_markers(it, now_ms, world, ball_m, slots.get(it.agent_id, 0))
-            ]
-            if pose is not None:
-                at, attitude = enu(pose.north_m, pose.east_m), yaw(pose.heading_rad)
-                shown.append(make.apad_marker(now_ms, world, at, attitude, ball_m))
-            return shown
-
         _publish(self._tf, transforms)
-        _publish(self._markers, markers)
+        _publish(self._markers, lambda: self._drawn.draw(supervisor, now_ms))
 
 
 def _goals(supervisor: Supervisor) -> list[tuple[float, float]]:
