@@ -17,6 +17,7 @@ from typing import Any
 from std_msgs.msg import Float64
 
 from apad_bridge.beliefs.belief import Belief
+from apad_bridge.geography import LocalFrame
 from apad_bridge.ros.messages import use_generated_messages
 from apad_bridge.ros.names import of_amussel
 from apad_bridge.ros.never_blocking import Stalls, never_blocking_publisher
@@ -48,8 +49,9 @@ class Shown:
 class AgentTopics:
     """`show` belongs to the flight's thread, everything else to the publishing one until `close`."""
 
-    def __init__(self, agent_ids: Iterable[int]) -> None:
+    def __init__(self, agent_ids: Iterable[int], frame: LocalFrame | None = None) -> None:
         ids = list(agent_ids)
+        self._frame = frame
         self.published: Counter[str] = Counter()
         """Messages made, by the topics' last name; each went to every reader but those in `stalls`."""
         self.stalls = Stalls()
@@ -100,7 +102,7 @@ class AgentTopics:
             else:
                 due_s = now_s + PERIOD_S
                 at_ms, shown = newest
-                positions = {agent_id: _position(it, at_ms) for agent_id, it in shown.items()}
+                positions = {agent_id: nav_sts(it, at_ms, self._frame) for agent_id, it in shown.items()}
                 charges = {agent_id: Float64(100 * it.charge) for agent_id, it in shown.items()}
                 self._send("battery_level", self._batteries, charges)
             self._send("position", self._positions, positions)
@@ -122,11 +124,18 @@ class AgentTopics:
                 self.published[name] += 1
 
 
-def _position(shown: Shown, now_ms: int) -> Any:
+def nav_sts(shown: Shown, now_ms: int, frame: LocalFrame | None) -> NavSts:
+    """Without a `frame` it is not known where on the globe it is: global_position and origin are 0, and status says so."""
     message = NavSts()
     message.header.stamp = to_ros(now_ms)
     message.header.frame_id = "local"
     message.position.north, message.position.east = shown.north_m, shown.east_m
     message.position.depth = shown.depth_m
+    if frame is None:
+        message.status = NavSts.STATUS_ALL_OK & ~NavSts.STATUS_GLOBAL_FRAME_OK
+        return message
+    message.origin.latitude, message.origin.longitude = frame.latitude_deg, frame.longitude_deg
+    place = message.global_position
+    place.latitude, place.longitude = frame.to_geographic(shown.north_m, shown.east_m)
     message.status = NavSts.STATUS_ALL_OK
     return message

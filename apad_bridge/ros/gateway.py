@@ -25,6 +25,7 @@ import rospy
 
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.flight import Watcher
+from apad_bridge.geography import LocalFrame
 from apad_bridge.records.packet_lines import SoundRow, sound_rows
 from apad_bridge.records.samples import belief_sample
 from apad_bridge.ros.agent_topics import AgentTopics, Shown
@@ -62,9 +63,11 @@ def open_gateway(
     simulated: Callable[[], frozenset[int]] | None = None,
     remappings: Sequence[str] = (),
     comes_back: bool = False,
+    frame: LocalFrame | None = None,
 ) -> Gateway:
     """The node, on the graph, with the aMussels' topics and services. Raises SecondFleet or GatewayFailed.
 
+    `frame` says where on the globe the aMussels' topics shall have them; without one they do not say.
     `remappings` are ROS's, `FROM:=TO`, for all that the process will ever name. A fleet that `comes_back` asks the claims
     who else speaks for its aMussels, and is not refused for it.
     """
@@ -86,7 +89,7 @@ def open_gateway(
         ) from error
     except rospy.ROSException as error:
         raise GatewayFailed(f"the ROS node {node_name} could not start: {error}") from error
-    return Gateway(ids, theta, truth, simulated)
+    return Gateway(ids, theta, truth, simulated, frame)
 
 
 def raise_descriptor_limit() -> int:
@@ -105,6 +108,7 @@ class Gateway:
         theta: int,
         truth: TruthSource | None = None,
         simulated: Callable[[], frozenset[int]] | None = None,
+        frame: LocalFrame | None = None,
     ) -> None:
         """Only `simulated` aMussels are shown on topics of their own: a real one says itself where it is."""
         self._theta = theta
@@ -112,7 +116,7 @@ class Gateway:
         self._truth = truth
         self._shown: Mapping[int, Shown] = MappingProxyType({})
         ids = list(agent_ids)
-        self.agent_topics = AgentTopics(ids)
+        self.agent_topics = AgentTopics(ids, frame)
         self._beliefs = _publisher(ours("beliefs"), FleetBeliefs, _FLEET_QUEUE)
         self._apad = _publisher(ours("apad"), APadStatus, _FLEET_QUEUE)
         self._events = _publisher(ours("mission"), MissionEvent, _EVENT_QUEUE)

@@ -6,21 +6,31 @@
     of_amussel(7, "battery_level")      "amussel7/battery_level"
 
 Names are relative: the node's namespace comes before them (`<group ns="...">`, ROS_NAMESPACE, `__ns:=`), and without one
-they are those of the legacy stack. What ROS or its tools look for at one place is global, and says why. Who asks the graph
-for a name resolves it first (`rospy.resolve_name`). A name that is not in the table is a KeyError.
+they are those of the legacy stack. What ROS, its tools or that stack have at one place is global, and says why. Who asks
+the graph for a name resolves it first (`rospy.resolve_name`). A name that is not in the table is a KeyError.
 """
 
 from __future__ import annotations
 
-from apad_bridge.ros.names_table import CLOCK, DIAGNOSTICS, SECTIONS, TF, TF_STATIC, USE_SIM_TIME
+from apad_bridge.ros.names_table import (
+    BATTERY_ALERT,
+    CLOCK,
+    DIAGNOSTICS,
+    SECTIONS,
+    TF,
+    TF_STATIC,
+    USE_SIM_TIME,
+)
 
 __all__ = [
     "AMUSSEL",
+    "BATTERY_ALERT",
     "CLOCK",
     "DIAGNOSTICS",
     "TF",
     "TF_STATIC",
     "USE_SIM_TIME",
+    "amussel_in_full",
     "in_full",
     "of_amussel",
     "of_apad",
@@ -62,6 +72,11 @@ def in_full(namespace: str, name: str) -> str:
     if name.startswith("/"):
         return name
     return f"/{namespace}/{name}" if namespace else f"/{name}"
+
+
+def amussel_in_full(namespace: str, agent_id: int) -> str:
+    """An aMussel's own namespace on the graph, without a slash at its end."""
+    return in_full(namespace, f"{AMUSSEL}{agent_id}")
 
 
 def _known(template: str) -> str:

@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import StrEnum
 
-CLOCK, TF, TF_STATIC, DIAGNOSTICS, USE_SIM_TIME = (
+BATTERY_ALERT, CLOCK, TF, TF_STATIC, DIAGNOSTICS, USE_SIM_TIME = (
+    "/battery_alert",
     "/clock",
     "/tf",
     "/tf_static",
@@ -294,6 +295,12 @@ GLOBAL = Section(
             "diagnostic_msgs/DiagnosticArray",
             "supervisor",
             "each tick; aggregators and rqt listen there",
+        ),
+        _topic(
+            BATTERY_ALERT,
+            "auv_msgs/NavSts",
+            "fleet",
+            "an aMussel was heard to be low; the legacy stack's broadcast, `header.frame_id` says whose",
         ),
     ),
 )

@@ -17,6 +17,7 @@ from apad_bridge.mission.share import Share
 from apad_bridge.pace import Pace, WallClock
 from apad_bridge.presence import Presences, Roll
 from apad_bridge.ros.agent_topics import Shown
+from apad_bridge.ros.battery_alerts import BatteryAlerts
 from apad_bridge.ros.beside_others import beside_others, is_one_of_several
 from apad_bridge.ros.claims import ClaimBoard
 from apad_bridge.ros.contacts_link import ContactsLink
@@ -70,6 +71,7 @@ def open_surroundings(
     codec = load_codec(scenario.hearing.codec)
     # A mission alone shows nothing as its aMussels': they, or their fleet, do so themselves.
     shown = () if options.part is Part.MISSION else ids
+    frame = LocalFrame.about(scenario.area.origin)
     node_name = f"{_NODES[options.part]}_{ids[0] if ids else scenario.fleet.first_id}"
     with ExitStack() as stack:
         try:
@@ -82,12 +84,15 @@ def open_surroundings(
                 simulated=lambda: presences.simulated,
                 truth=_shown_truth(truths_at) if scenario.records.truth_on_agent_topics else None,
                 comes_back=options.is_resumed,
+                frame=frame,
             )
             stack.callback(gateway.close)
             roll = None if fleet is None else _called_roll(stack, presences, options, tell)
             laboratory = _laboratory(scenario, ids, codec)
             stack.callback(laboratory.close)
-            standard = _standard_topics(shown, scenario, options.namespace)
+            standard = _standard_topics(shown, scenario, frame, options.namespace)
+            threshold = scenario.mission.pool_threshold
+            alerts = BatteryAlerts(shown, frame, threshold, options.namespace, lambda: presences.simulated)
             vehicle, watches = _vehicle(scenario, options, docked, now_ms, truths_at)
             stack.callback(vehicle.close)
             radio = _radio(options, scenario, codec, vehicle, presences, share)
@@ -105,6 +110,7 @@ def open_surroundings(
             lambda supervisor: (
                 gateway.watcher(supervisor),
                 standard.watcher(supervisor),
+                alerts.watcher(supervisor),
                 *watches,
                 *_kept_to(share, vehicle),
             ),
@@ -192,13 +198,15 @@ def _kept_to(share: Share | None, vehicle: APadLink | ContactsLink) -> tuple[Wat
     return (watch,)
 
 
-def _standard_topics(shown: Iterable[int], scenario: Scenario, namespace: str) -> StandardTopics:
+def _standard_topics(
+    shown: Iterable[int], scenario: Scenario, frame: LocalFrame, namespace: str
+) -> StandardTopics:
     mission = scenario.mission
     limits = Limits(mission.silence_timeout_s, mission.pool_threshold)
     return StandardTopics(
         shown,
         scenario.apad.name,
-        LocalFrame.about(scenario.area.origin),
+        frame,
         limits,
         ball_m=ball_size_m(scenario.area),
         is_one_of_several=is_one_of_several(scenario),

@@ -18,8 +18,10 @@ from agents.one_process import OneProcess
 from apad_bridge import building
 from apad_bridge.fleet import Fleet
 from apad_bridge.flight import Flight
+from apad_bridge.geography import LocalFrame
 from apad_bridge.pace import WallClock
 from apad_bridge.presence import Became, Presence, Presences, Roll
+from apad_bridge.ros.battery_alerts import BatteryAlerts
 from apad_bridge.ros.claims import ClaimBoard
 from apad_bridge.ros.fleet_guard import SecondFleet
 from apad_bridge.ros.fleet_services import FleetServices
@@ -75,6 +77,8 @@ def main() -> None:
         print(refused, flush=True)
         gateway.close()
         return
+    frame, threshold = LocalFrame.about(flown.area.origin), flown.mission.pool_threshold
+    alerts = BatteryAlerts(births, frame, threshold, "", lambda: presences.simulated)
     desk = FleetServices(presences, claims)
     radio = RealRadio(births, lambda: presences.simulated)
     host = OneProcess(building.fleet_config(flown), births)
@@ -85,7 +89,7 @@ def main() -> None:
         WallClock(SPEED),
         Told(),
         Fleet(Coordinator(host, dict.fromkeys(births, 0), flown.theta), host),
-        (gateway.watcher(supervisor),),
+        (gateway.watcher(supervisor), alerts.watcher(supervisor)),
         ether=radio,
         roll=Roll(presences, desk),
     )

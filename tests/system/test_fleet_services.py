@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
@@ -68,6 +69,20 @@ def called(tools: dict[str, str], service: str, request: str) -> dict[str, Any]:
     return answer
 
 
+def spawn_low_until_somebody_hears_it(tools: dict[str, str]) -> None:
+    """The rostopic of /battery_alert is on the graph some time after it was started; each spawning falls anew."""
+    echo = ["/usr/bin/rostopic", "echo", "-n", "1", "/battery_alert"]
+    with subprocess.Popen(echo, env=tools, stdout=subprocess.PIPE, text=True) as heard:
+        until_s = time.monotonic() + PATIENCE_S
+        while heard.poll() is None and time.monotonic() < until_s:
+            called(tools, "retire", "{id: 2}")
+            called(tools, "spawn", "{id: 2, north_m: 5, east_m: 6, primary: 0.7, secondary: 1}")
+        heard.terminate()
+        alert = next(yaml.safe_load_all(heard.communicate(timeout=PATIENCE_S)[0]))
+    assert alert["header"]["frame_id"] == "/amussel2/"
+    assert alert["position"] == {"north": 5.0, "east": 6.0, "depth": 0.0}
+
+
 def test_services_change_who_an_amussel_is(
     start: Callable[..., subprocess.Popen[str]], tools: dict[str, str]
 ) -> None:
@@ -81,6 +96,7 @@ def test_services_change_who_an_amussel_is(
     assert told(fleet)["is"] == "simulated"
     assert called(tools, "inject_fault", "{id: 2, fault: brown_out}")["accepted"]
     assert told(fleet) == {"kind": "fault", "id": 2, "fault": "brown_out"}
+    spawn_low_until_somebody_hears_it(tools)
     wrong = called(tools, "inject_fault", "{id: 2, fault: kraken}")["message"]
     assert wrong == "no fault 'kraken': there are brown_out, watchdog, coil_slip"
 

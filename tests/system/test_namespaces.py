@@ -192,7 +192,7 @@ def test_two_fleets_with_the_same_ids_side_by_side(tmp_path: Path, environment: 
     with launched(tmp_path, environment) as child:
         graph, types = graph_of(environment["ROS_MASTER_URI"], child)
         met = check_against_table(graph, types)
-        assert {"musselbed/beliefs", r"amussel\d+/battery_level", "/clock"} <= met
+        assert {"musselbed/beliefs", r"amussel\d+/battery_level", "/battery_alert", "/clock"} <= met
         assert sorted({*graph["/basin/amussel3/fix"], *graph["/lab/harbour/amussel3/fix"]}) == [
             "/basin/musselbed_1",
             "/lab/harbour/musselbed_1",

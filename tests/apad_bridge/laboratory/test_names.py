@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -11,7 +12,8 @@ from apad_bridge.laboratory.fields import read, write
 from apad_bridge.laboratory.names import DEFAULT, load_names
 from apad_bridge.laboratory.words import What
 
-SHIPPED = Path(__file__).parents[3] / "launch_scripts" / "interfaces"
+ROOT = Path(__file__).parents[3]
+SHIPPED, DOCS = ROOT / "launch_scripts" / "interfaces", ROOT / "docs" / "apads.md"
 
 
 @pytest.mark.parametrize(
@@ -20,6 +22,18 @@ SHIPPED = Path(__file__).parents[3] / "launch_scripts" / "interfaces"
 def test_shipped_names_can_be_read(path: Path) -> None:
     names = load_names(path)
     assert names.hear and names.tell
+
+
+def test_names_in_the_docs_can_be_read(tmp_path: Path) -> None:
+    blocks = re.findall(r"^```yaml\n(hear:.*?)^```", DOCS.read_text(), re.MULTILINE | re.DOTALL)
+    assert len(blocks) == 2
+    for block in blocks:
+        path = tmp_path / "names.yaml"
+        path.write_text(block)
+        names = load_names(path)
+        assert names.hear and names.tell
+        if names.hear[0].topic == "/wifi":
+            assert names.hear[0].id_of(SimpleNamespace(data="release 12")) == 12
 
 
 def test_ids_and_slots_come_out_of_texts_and_numbers() -> None:
