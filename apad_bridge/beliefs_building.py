@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from apad_bridge.beliefs.fleet import FleetBeliefs
 from apad_bridge.beliefs.hold_last import HoldLast
 from apad_bridge.beliefs.knowledge import (
+    Calls,
     Charger,
     ClockKnowledge,
     Cycle,
@@ -43,6 +44,9 @@ _NOT_ON_THE_PRIMARY = (State.OFF, State.EMPTY, State.CALLING, State.LOST)
 _READING_APART_MS = 300_000
 _MISSION_APART_MS = 20_000
 """Readings of one aMussel are used so far apart, in agent and in mission time: fleets that report each second cost less."""
+_MISSED = 0.1
+"""Of the reports by Wi-Fi from the surface, at most, to an aPad that stands beside. One that is farther off hears nothing,
+takes an aMussel to have stayed below, and tells it again: it is heard when the aPad has come."""
 _COIL_DEVIATION = 0.02
 _MOTOR_DEVIATION = 0.003
 _AGEING_PER_DAY = 0.001
@@ -57,8 +61,12 @@ def fleet_beliefs(scenario: Scenario, agent_ids: Sequence[int]) -> FleetBeliefs:
     from apad_bridge.beliefs.twin import Twin
 
     twin = Twin(knowledge_of(scenario, model), schedules_of(scenario, agent_ids))
-    report_ms = round(scenario.hearing.report_period_s * 1000)
-    return FleetBeliefs(twin, agent_ids, due_every_ms=report_ms)
+    return FleetBeliefs(twin, agent_ids, due_every_ms=_report_ms(scenario))
+
+
+def _report_ms(scenario: Scenario) -> int:
+    """Mission time."""
+    return round(scenario.hearing.report_period_s * 1000)
 
 
 def schedules_of(scenario: Scenario, agent_ids: Sequence[int]) -> dict[int, Schedule]:
@@ -108,6 +116,7 @@ def knowledge_of(scenario: Scenario, model: TwinModel) -> Knowledge:
         surfacing_ms=round(board.surfacing_s * 1000),
         sinking_ms=round(board.sinking_s * 1000),
         float_timeout_ms=round(board.float_timeout_s * 1000),
+        calls=None if scenario.water is None else Calls(_report_ms(scenario) * theta, _MISSED),
     )
 
 

@@ -74,7 +74,7 @@ class Ear:
         load = memory.load
         if mode in SUBMERGED:
             if memory.unobeyed is not None:
-                load = self._without_permission(memory, schedule)
+                load = self.without_permission(memory, schedule)
             rest = load.as_it_lies(load.unexpected(mode))
             rows = [load.expected, *rest] if mode is load.expected_mode else rest
         elif memory.situation is None:
@@ -93,7 +93,7 @@ class Ear:
             return [Spent(1.0, mean, variance + self.knowledge.drain_deviation**2)]
         return [Spent(row[0] / total, row[1], row[2]) for row in rows if row[0] > 0]
 
-    def _without_permission(self, memory: Memory, schedule: Schedule) -> Load:
+    def without_permission(self, memory: Memory, schedule: Schedule) -> Load:
         """What it spent if it never heard the permission."""
         assert memory.unobeyed is not None
         before, at_ms = memory.unobeyed

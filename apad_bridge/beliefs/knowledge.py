@@ -145,6 +145,16 @@ class ClockKnowledge:
 
 
 @dataclass(frozen=True, slots=True)
+class Calls:
+    """What an aMussel that has come up says, unasked: so its silence says that it has not."""
+
+    every_ms: int
+    """Agent time; the first as soon as it is up."""
+    missed: float
+    """The share of these times in which nothing is heard of it."""
+
+
+@dataclass(frozen=True, slots=True)
 class Knowledge:
     theta: int
     drain: Drain
@@ -161,6 +171,8 @@ class Knowledge:
     sinking_ms: int
     float_timeout_ms: int
     """Floating unserved for so long, it sinks again."""
+    calls: Calls | None = None
+    """From the surface; None: nobody knows when one that is up should be heard."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -23,6 +23,8 @@ from apad_bridge.beliefs.place import Place
 
 _UNLIKELY = 1e-3
 """A hypothesis below this is left out."""
+_OBEYS = 0.9
+"""How probable it is that an aMussel heard the permission to surface, before it is heard itself."""
 _FAR_FROM_EMPTY = 0.4
 DAY_MS = 86_400_000
 
@@ -160,6 +162,20 @@ def _afloat(memory: Memory, knowledge: Knowledge, schedule: Schedule, to_ms: int
         later = submerged(later, knowledge, schedule, sinking(spent.total(), knowledge))
         return advanced(later, knowledge, schedule, to_ms)
     return later
+
+
+def obeys(memory: Memory, knowledge: Knowledge) -> float:
+    """How probable it is that it heard the permission to surface; 1 where there was none, or it was heard up there.
+
+    Where one that is up should be heard, each time that it is not speaks against it (Bayes).
+    """
+    if memory.unobeyed is None:
+        return 1.0
+    up_ms, calls = memory.at_ms - memory.unobeyed[1] - knowledge.surfacing_ms, knowledge.calls
+    if calls is None or up_ms < 0:
+        return _OBEYS
+    unheard = _OBEYS * calls.missed ** (1 + up_ms // calls.every_ms)
+    return unheard / (unheard + 1 - _OBEYS)
 
 
 def sinking(spent: Spent, knowledge: Knowledge) -> Spent:

@@ -6,6 +6,9 @@ from enum import IntEnum
 
 from firmware_model.states import State
 
+LIKELY = 0.5
+"""More probable than not. A belief that claims to be certain is always one or the other."""
+
 
 class Mode(IntEnum):
     """Two of one mode draw alike; an aPad can plan without knowing more."""

@@ -7,13 +7,11 @@ import math
 from apad_bridge.beliefs.belief import Belief, Source
 from apad_bridge.beliefs.charge_state import PRIMARY, SECONDARY
 from apad_bridge.beliefs.knowledge import Knowledge
-from apad_bridge.beliefs.memory import Memory, in_dock, primary_parts
+from apad_bridge.beliefs.memory import Memory, in_dock, obeys, primary_parts
 from apad_bridge.beliefs.mixture import Part, below, held
 from apad_bridge.beliefs.modes import FULL_CHARGE, SUBMERGED, Mode
 from firmware_model.states import State
 
-_OBEYS = 0.9
-"""How probable it is that an aMussel heard the permission to surface, before it is heard itself."""
 _CERTAIN = 1e-9
 
 
@@ -47,7 +45,7 @@ def told(
             math.sqrt(float(cov[SECONDARY, SECONDARY]) + gave_sd**2),
         )
         both = float(cov[PRIMARY, SECONDARY])
-        modes = _in_the_water(memory, parts, second)
+        modes = _in_the_water(memory, knowledge, parts, second)
     primary, variance = _moments(parts)
     afloat = memory.situation in (Mode.SURFACING, Mode.FLOATING)
     north_m, east_m, place_cov = memory.place.after(knowledge.water, (at_ms - memory.place_ms) / 1000, afloat)
@@ -94,11 +92,13 @@ def _docked(primary: tuple[Part, ...], secondary: Part) -> tuple[float, ...]:
     return tuple(probabilities)
 
 
-def _in_the_water(memory: Memory, parts: tuple[Part, ...], secondary: Part) -> tuple[float, ...]:
+def _in_the_water(
+    memory: Memory, knowledge: Knowledge, parts: tuple[Part, ...], secondary: Part
+) -> tuple[float, ...]:
     probabilities = [0.0] * len(Mode)
     empty = below(parts, 0.0)
     lost = empty * below((secondary,), 0.0) if empty > _CERTAIN else 0.0
-    obeyed = 1.0 if memory.unobeyed is None else _OBEYS
+    obeyed = obeys(memory, knowledge)
     if memory.situation is not None:
         probabilities[memory.situation] = obeyed * (1 - lost)
         by_mode, share = (memory.unobeyed or (memory.load, 0))[0].by_mode, (1 - obeyed) * (1 - lost)

@@ -34,11 +34,12 @@ from apad_bridge.beliefs.memory import (
     Memory,
     advanced,
     charge_now,
+    obeys,
     paths,
     sinking,
     submerged,
 )
-from apad_bridge.beliefs.modes import SUBMERGED, Mode, mode_of
+from apad_bridge.beliefs.modes import LIKELY, SUBMERGED, Mode, mode_of
 from apad_bridge.beliefs.place import Place
 from apad_bridge.beliefs.told import told
 from apad_bridge.beliefs.twin_lines import memory_data, memory_of
@@ -157,9 +158,12 @@ class Twin:
     # What the aPad did.
 
     def _permitted(self, memory: Memory, agent_id: int) -> Memory:
-        """It surfaces, most probably; the permission may be repeated."""
+        """It surfaces, most probably. Repeated, it counts if it is most probably still down."""
         if memory.situation is not None:
-            return memory
+            if memory.unobeyed is None or obeys(memory, self.knowledge) >= LIKELY:
+                return memory
+            stayed = self._ear.without_permission(memory, self._schedule(agent_id))
+            memory = replace(memory, load=stayed)
         drain = self.knowledge.drain
         return replace(
             memory,

@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 from apad_bridge.beliefs.belief import Belief
-from apad_bridge.beliefs.modes import DOCKED, Mode
+from apad_bridge.beliefs.modes import DOCKED, LIKELY, Mode
 from firmware_model.state_groups import TO_BE_FETCHED
 from firmware_model.states import State
-
-LIKELY = 0.5
-"""More probable than not. A belief that claims to be certain is always one or the other."""
 
 
 def floats(belief: Belief) -> bool:

@@ -243,13 +243,15 @@ class EnergyExchange(OrderBook):
         self._enter(Phase.AWAIT_SURFACING, now_ms, attempts=0)
 
     def _undock(self, now_ms: int) -> None:
-        self.order(UndockMussel(self.next_id(), self._step.slot, self._step.agent_id))
+        agent_id = self._step.agent_id
+        self.set(leaves_full=self._charging.is_full(self._beliefs.get(agent_id)))
+        self.order(UndockMussel(self.next_id(), self._step.slot, agent_id))
         self._enter(Phase.UNDOCK, now_ms)
 
     def _released(self, now_ms: int) -> None:
         agent_id = self._step.agent_id
         self.order(TellClear(agent_id))
-        full = self._charging.is_full(self._beliefs.get(agent_id))
+        full = self.state.leaves_full
         self.note("released", agent=agent_id, full=full)
         self.set(services=self.state.services + full)
         self._finish_step(now_ms)

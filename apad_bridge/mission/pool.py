@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 
 from apad_bridge.beliefs.belief import Belief
-from apad_bridge.mission.appearances import LIKELY, can_be_fetched
+from apad_bridge.beliefs.modes import LIKELY
+from apad_bridge.mission.appearances import can_be_fetched
 from apad_bridge.mission.sources import BeliefSource
 from apad_bridge.mission.state import MissionState
 from apad_bridge.planning.candidates import Candidate, Situation

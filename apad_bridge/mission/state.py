@@ -43,6 +43,8 @@ class MissionState:
     """Permissions sent for the step under way, beyond the first."""
     cost_m: float = 0.0
     services: int = 0
+    leaves_full: bool = False
+    """Whether the one whose dock is being opened was believed full when that was ordered: its way down costs charge."""
     ended_by: str | None = None
 
     def to_json(self) -> dict[str, Any]:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from apad_bridge.beliefs.belief import Belief
-from apad_bridge.beliefs.modes import SUBMERGED, Mode
-from apad_bridge.mission.appearances import LIKELY, floats
+from apad_bridge.beliefs.modes import LIKELY, SUBMERGED, Mode
+from apad_bridge.mission.appearances import floats
 from apad_bridge.mission.state import Phase
 from apad_bridge.squad.sharing import Seen
 from apad_bridge.supervisor import Supervisor

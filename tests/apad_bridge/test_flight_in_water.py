@@ -100,6 +100,20 @@ def test_links_are_cut_by_a_file(tmp_path: Path) -> None:
     assert [agent_id for agent_id in range(1, 13) if outcomes[agent_id, 1] == "cut"] == [3]
 
 
+def test_a_dock_is_not_closed_around_one_that_never_heard_the_permission(tmp_path: Path) -> None:
+    """On twins, which believe in what they told: four permissions in five are lost. A dock that is empty gains nothing."""
+    links = tmp_path / "links.csv"
+    links.write_text("from, to, loss, since_s, until_s\napad, *, 0.8, ,\n")
+    data = resolve(in_water(3600, {"wifi": {}, "links_file": str(links)}))
+    model = {"drain_deviation": 0.05, "sensor_noise": 0.005, "bias_deviation": 0.02, "unscheduled": 0.01}
+    data["beliefs"] = {"estimator": "twin", "twin": {**model, "fix_deviation_m": 0.5}}
+    figures, recorder = fly_in_memory(from_data(data, "hardly heard"))
+    reasons = {data["reason"] for _, kind, data in recorder.events if kind == "given_up"}
+    assert reasons <= {"it does not answer the permission to surface"}
+    released = [data["full"] for _, kind, data in recorder.events if kind == "released"]
+    assert figures["services"] == len(released) >= 4 and all(released)
+
+
 def test_a_scenario_without_water_is_what_it_was() -> None:
     data = resolve(load(SCENARIOS / "pool-12.yaml"))
     assert data["water"] is None

@@ -7,6 +7,7 @@ import pytest
 
 from apad_bridge.beliefs.belief import Belief, Source
 from apad_bridge.beliefs.knowledge import (
+    Calls,
     Charger,
     ClockKnowledge,
     Drain,
@@ -218,6 +219,28 @@ def test_one_that_did_not_obey_is_known_when_it_is_heard() -> None:
     stayed = twin.update(belief, heard(5 * HOUR, State.SLEEPING, 0.5 - 5 * 60 * ASLEEP, 5))
     assert stayed is not None and stayed.mode is Mode.ASLEEP
     assert stayed.primary == pytest.approx(0.5 - 5 * 60 * ASLEEP, abs=0.01)
+
+
+def test_silence_from_the_surface_says_that_it_stayed_below() -> None:
+    twin = Twin(replace(KNOWLEDGE, calls=Calls(30_000, 0.1)), ALWAYS_ASLEEP)
+    told_up = told(twin, heard(0, State.SLEEPING, 0.5), Permitted(HOUR))
+    on_its_way = twin.predict(told_up, HOUR + 59_000)
+    assert on_its_way.probability_of(Mode.SURFACING) == pytest.approx(0.9)
+    # Bayes: 0.09 / (0.09 + 0.1) when the first call is due and not heard, 0.009 / (0.009 + 0.1) after the second.
+    assert twin.predict(told_up, HOUR + 60_000).probability_of(Mode.FLOATING) == pytest.approx(
+        0.4737, abs=1e-4
+    )
+    silent = twin.predict(told_up, HOUR + 91_000)
+    assert silent.probability_of(Mode.FLOATING) == pytest.approx(0.0826, abs=1e-4)
+    assert silent.mode is Mode.ASLEEP
+    again = twin.update(silent, Permitted(HOUR + 91_000))
+    assert again is not None and again.probability_of(Mode.SURFACING) == pytest.approx(0.9)
+    # Its motors have run once at the most, as if the first permission had never been.
+    once = told(twin, heard(0, State.SLEEPING, 0.5), Permitted(HOUR + 91_000))
+    assert again.primary == pytest.approx(once.primary, abs=1e-6)
+    up = twin.update(twin.predict(again, HOUR + 160_000), heard(HOUR + 160_000, State.FLOATING, 0.46, 1))
+    assert up is not None
+    assert twin.predict(up, HOUR + 900_000).probability_of(Mode.FLOATING) == pytest.approx(1.0)
 
 
 def test_one_that_waits_to_sink_is_not_taken_for_one_that_has_sunk() -> None:
