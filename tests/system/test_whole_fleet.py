@@ -17,10 +17,10 @@ pytestmark = pytest.mark.system
 SHIPPED = Path(__file__).parents[2] / "launch_scripts/scenarios/whole-board-12.yaml"
 
 
-def flown(scenario: Path, out: Path, hosting: str) -> dict[str, Any]:
-    command = [sys.executable, "-m", "apad_bridge.commands.main", "run", scenario, "--time", "asap", "--json"]
+def flown(scenario: Path, out: Path, *options: str) -> dict[str, Any]:
+    command = [sys.executable, "-m", "apad_bridge.commands.main", "run", scenario, "--json", "--out", out]
     done = subprocess.run(
-        [*command, "--hosting", hosting, "--out", out],
+        [*command, *options],
         capture_output=True,
         text=True,
         timeout=60,
@@ -36,8 +36,8 @@ def test_one_process_and_many_fly_alike_to_the_byte(tmp_path: Path) -> None:
     data.update(name="whole", duration_s=2200)
     scenario = tmp_path / "whole.yaml"
     write_resolved(scenario, from_data(data, "whole"))
-    alone = flown(scenario, tmp_path / "one", "one_process")
-    together = flown(scenario, tmp_path / "many", "processes")
+    alone = flown(scenario, tmp_path / "one", "--time", "asap", "--hosting", "one_process")
+    together = flown(scenario, tmp_path / "many", "--time", "asap", "--hosting", "processes")
     assert alone == together
     assert alone["services"] == 4
     journals = [(tmp_path / run / "journal.jsonl").read_bytes() for run in ("one", "many")]
@@ -48,3 +48,15 @@ def test_one_process_and_many_fly_alike_to_the_byte(tmp_path: Path) -> None:
     lines = read_journal(tmp_path / "many" / "journal.jsonl").lines
     states = {line["state"] for line in lines if line["kind"] == "truth"}
     assert {"SLEEPING", "SAMPLING", "PROCESSING", "AWAITING_SLOT", "TRANSMITTING", "REPORTING"} <= states
+
+
+def test_samples_come_ashore_over_ros(tmp_path: Path) -> None:
+    data = resolve(load(SHIPPED))
+    data.update(name="whole", duration_s=600)
+    data["mission"]["pool_threshold"] = 0.98
+    scenario = tmp_path / "whole.yaml"
+    write_resolved(scenario, from_data(data, "whole"))
+    figures = flown(scenario, tmp_path / "run", "--speed", "100")
+    uploaded = (tmp_path / "run" / "samples.jsonl").read_text().splitlines()
+    assert len(uploaded) == figures["samples_uploaded"] >= 4
+    assert figures["samples_lost"] == 0
