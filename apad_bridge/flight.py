@@ -12,7 +12,7 @@ from dataclasses import astuple
 
 from agents.coordinator import Died, Heard
 from agents.outputs import Dropped, SoundSent, WifiSent
-from agents.sea_facts import NotRanged, Printed, Ranged, SeaResult, SoundReached, Told
+from agents.sea_facts import NotRanged, Ranged, SeaResult, SoundReached, Told
 from agents.stimuli import SoundArrived, Stimulus, WifiArrived, to_wire
 from agents.water.medium import PacketEnded
 from apad_bridge.contacts import Contacts
@@ -42,7 +42,6 @@ from firmware_model.wire import EVERYONE
 
 _ROUNDS = 8
 """More answers than this within one tick wait for the next."""
-
 
 Watcher = Callable[[int], None]
 """Called after each tick with the mission time: progress, publishing."""
@@ -199,7 +198,7 @@ class Flight:
             if self._fleet.sea is not None:
                 self._fleet.sea.write(burst.agent_id, burst.data)
         came, rims = self._fleet.advance(now_ms), self._rims
-        return list(came) if rims is None else [it for it in came if not _went(rims, it, now_ms)]
+        return list(came) if rims is None else [it for it in came if not rims.took(it, now_ms)]
 
     def _hear_modem(self, now_ms: int) -> None:
         """What a physical modem has brought, or has sent."""
@@ -338,14 +337,3 @@ class Flight:
     def _note_stimulus(self, now_ms: int, agent_id: int, agent_ms: int, stimulus: Stimulus) -> None:
         wire = [field.hex() if isinstance(field, bytes) else field for field in to_wire(stimulus)]
         self._recorder.event(now_ms, "stimulus", id=agent_id, agent_ms=agent_ms, wire=wire)
-
-
-def _went(rims: Rims, came: SeaResult, now_ms: int) -> bool:
-    """Whether it was for a serial line, and went there."""
-    match came:
-        case Printed(_, agent_id, data):
-            rims.printed(agent_id, data)
-            return True
-        case Heard(_, agent_id, SoundSent(_, data)):
-            return rims.report(agent_id, data, now_ms)
-    return False

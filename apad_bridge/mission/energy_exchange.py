@@ -251,9 +251,8 @@ class EnergyExchange(OrderBook):
     def _released(self, now_ms: int) -> None:
         agent_id = self._step.agent_id
         self.order(TellClear(agent_id))
-        full = self.state.leaves_full
-        self.note("released", agent=agent_id, full=full)
-        self.set(services=self.state.services + full)
+        self.note("released", agent=agent_id, full=self.state.leaves_full)
+        self.set(services=self.state.services + self.state.leaves_full)
         self._finish_step(now_ms)
 
     def _give_up(self, reason: str, now_ms: int) -> None:

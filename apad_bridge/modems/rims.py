@@ -11,6 +11,9 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from agents import coordinator
+from agents.outputs import SoundSent
+from agents.sea_facts import Printed, SeaResult
 from apad_bridge.facts import Medium, Send, SoundHeard
 from apad_bridge.mission.orders import Note
 from apad_bridge.modems.attached import AttachedModem, Result
@@ -34,6 +37,16 @@ class Rims:
         if self.attached is not None:
             self._keep(self.attached.poll(now_ms))
         return [] if self.opened is None else self.opened.take()
+
+    def took(self, came: SeaResult, now_ms: int) -> bool:
+        """Whether what came of the fleet was for a serial line, and went there."""
+        match came:
+            case Printed(_, agent_id, data):
+                self.printed(agent_id, data)
+                return True
+            case coordinator.Heard(_, agent_id, SoundSent(_, data)):
+                return self.report(agent_id, data, now_ms)
+        return False
 
     def printed(self, agent_id: int, data: bytes) -> None:
         """An opened modem's answer, for whoever opened it."""

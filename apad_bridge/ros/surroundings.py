@@ -24,7 +24,7 @@ from apad_bridge.ros.contacts_link import ContactsLink
 from apad_bridge.ros.fleet_diagnostics import Limits
 from apad_bridge.ros.fleet_guard import SecondFleet
 from apad_bridge.ros.fleet_services import FleetServices
-from apad_bridge.ros.gateway import GatewayFailed, TruthSource, open_gateway
+from apad_bridge.ros.gateway import Gateway, GatewayFailed, TruthSource, open_gateway
 from apad_bridge.ros.generation_b import GenerationBLink
 from apad_bridge.ros.laboratory import Laboratory
 from apad_bridge.ros.listening_link import ListeningLink
@@ -41,7 +41,7 @@ from apad_bridge.runs.failures import PeerFailed
 from apad_bridge.runs.flying import Surroundings
 from apad_bridge.runs.options import APadKind, Part, RunOptions, TimeSource
 from apad_bridge.scenario.schema import Scenario
-from firmware_model.codec import Codec, load_codec
+from firmware_model.codec import load_codec
 
 _NODES = {Part.WHOLE: "musselbed", Part.FLEET: "musselbed_fleet", Part.MISSION: "musselbed_mission"}
 
@@ -67,35 +67,19 @@ def open_surroundings(
     where the graph contradicts what the journal says of `presences`. `share` is that of one of several aPads that take
     over from each other.
     """
-    ids = building.agent_ids(scenario)
-    codec = load_codec(scenario.hearing.codec)
     # A mission alone shows nothing as its aMussels': they, or their fleet, do so themselves.
-    shown = () if options.part is Part.MISSION else ids
-    frame = LocalFrame.about(scenario.area.origin)
-    node_name = f"{_NODES[options.part]}_{ids[0] if ids else scenario.fleet.first_id}"
+    shown = () if options.part is Part.MISSION else building.agent_ids(scenario)
     with ExitStack() as stack:
         try:
-            gateway = open_gateway(
-                shown,
-                scenario.theta,
-                node_name=node_name,
-                xmlrpc_port=options.xmlrpc_port,
-                remappings=_remappings(scenario, options),
-                simulated=lambda: presences.simulated,
-                truth=_shown_truth(truths_at) if scenario.records.truth_on_agent_topics else None,
-                comes_back=options.is_resumed,
-                frame=frame,
-            )
+            gateway = _gateway(scenario, options, shown, presences, truths_at)
             stack.callback(gateway.close)
             roll = None if fleet is None else _called_roll(stack, presences, options, tell)
-            laboratory = _laboratory(scenario, ids, codec)
+            laboratory = _laboratory(scenario)
             stack.callback(laboratory.close)
-            standard = _standard_topics(shown, scenario, frame, options.namespace)
-            threshold = scenario.mission.pool_threshold
-            alerts = BatteryAlerts(shown, frame, threshold, options.namespace, lambda: presences.simulated)
+            beside = _beside_the_gateway(scenario, options, shown, presences)
             vehicle, watches = _vehicle(scenario, options, docked, now_ms, truths_at)
             stack.callback(vehicle.close)
-            radio = _radio(options, scenario, codec, vehicle, presences, share)
+            radio = _radio(options, scenario, vehicle, presences, share)
             stack.callback(radio.close)
             if not isinstance(vehicle, ContactsLink):
                 vehicle.wait_until_ready(READY_S)
@@ -109,8 +93,7 @@ def open_surroundings(
             fleet,
             lambda supervisor: (
                 gateway.watcher(supervisor),
-                standard.watcher(supervisor),
-                alerts.watcher(supervisor),
+                *(it.watcher(supervisor) for it in beside),
                 *watches,
                 *_kept_to(share, vehicle),
             ),
@@ -127,8 +110,36 @@ def open_surroundings(
         )
 
 
-def _laboratory(scenario: Scenario, ids: Sequence[int], codec: Codec) -> Laboratory:
+def _gateway(
+    scenario: Scenario, options: RunOptions, shown: Sequence[int], presences: Presences, truths_at: TruthsAt
+) -> Gateway:
+    ids = building.agent_ids(scenario)
+    return open_gateway(
+        shown,
+        scenario.theta,
+        node_name=f"{_NODES[options.part]}_{ids[0] if ids else scenario.fleet.first_id}",
+        xmlrpc_port=options.xmlrpc_port,
+        remappings=_remappings(scenario, options),
+        simulated=lambda: presences.simulated,
+        truth=_shown_truth(truths_at) if scenario.records.truth_on_agent_topics else None,
+        comes_back=options.is_resumed,
+        frame=LocalFrame.about(scenario.area.origin),
+    )
+
+
+def _beside_the_gateway(
+    scenario: Scenario, options: RunOptions, shown: Sequence[int], presences: Presences
+) -> tuple[StandardTopics, BatteryAlerts]:
+    frame, threshold = LocalFrame.about(scenario.area.origin), scenario.mission.pool_threshold
+    return (
+        _standard_topics(shown, scenario, frame, options.namespace),
+        BatteryAlerts(shown, frame, threshold, options.namespace, lambda: presences.simulated),
+    )
+
+
+def _laboratory(scenario: Scenario) -> Laboratory:
     names = load_names(Path(scenario.apad.interface) if scenario.apad.interface else DEFAULT)
+    ids, codec = building.agent_ids(scenario), load_codec(scenario.hearing.codec)
     return Laboratory(names, scenario.apad.name, ids, codec)
 
 
@@ -167,13 +178,12 @@ def _called_roll(
 def _radio(
     options: RunOptions,
     scenario: Scenario,
-    codec: Codec,
     vehicle: APadLink | ContactsLink,
     presences: Presences,
     share: Share | None,
 ) -> FleetRadio | MissionRadio | RealRadio | SquadRadio:
     """What joins this process to aMussels, or to a mission, that are elsewhere."""
-    ids = building.agent_ids(scenario)
+    ids, codec = building.agent_ids(scenario), load_codec(scenario.hearing.codec)
     if share is not None:
         return SquadRadio(scenario.fleet.all_ids, share, lambda: presences.simulated)
     if options.part is Part.FLEET:

@@ -12,8 +12,10 @@ import json
 import sys
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from apad_bridge.commands.exits import Exit
+from apad_bridge.fleet import Fleet
 from apad_bridge.modems.rims import open_rims
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.ros.primitive_services import primitives_offered
@@ -22,6 +24,7 @@ from apad_bridge.ros.surroundings import open_surroundings
 from apad_bridge.runs import flying, resuming
 from apad_bridge.runs.dry_run import dry
 from apad_bridge.runs.failures import PeerFailed
+from apad_bridge.runs.flying import Surroundings
 from apad_bridge.runs.nurseries import adopt
 from apad_bridge.runs.options import Part, RunOptions
 from apad_bridge.runs.pid_file import supervising
@@ -69,12 +72,7 @@ def fly(run_dir: Path, resume: bool) -> int:
         go_on = replace(go_on, state=go_on.state.stood_down())
         recorder.event(start_ms, "stands_down", reason="its supervisor died")
     try:
-        fleet = None
-        if options.part is not Part.MISSION:
-            fleet = adopt(scenario, run_dir, options.epoch, start_ms, options.open_modems)
-            recorder.truths(fleet.take_truths())
-            begun.presences.mute_as_before(fleet.coordinator)
-            resuming.place_again(begun.journal, fleet.coordinator, recorder, start_ms)
+        fleet = None if options.part is Part.MISSION else _adopted(scenario, options, run_dir, begun)
         docked = {} if go_on is None else dict(go_on.state.docked)
         # What the bodies felt, not what the mission knows: a contact that was on its way when a supervisor died is told
         # again, and one that was felt is not.
@@ -100,24 +98,7 @@ def fly(run_dir: Path, resume: bool) -> int:
             surroundings = replace(surroundings, rims=rims)
             if squad is not None:
                 surroundings = squad.around(surroundings)
-            fronts = fronts_of(scenario, options, called)
-            if not options.script:  # which cannot go on in the middle
-                recorder.keep(begun.known, start_ms)
-            summary = flying.fly(
-                scenario,
-                dry(surroundings) if options.dry_run else surroundings,
-                recorder,
-                lambda status: say(status.to_line()),
-                go_on,
-                until_first_plan=options.dry_run,
-                fronts=fronts,
-                override=None if fronts else called,
-                known=begun.known,
-            )
-            for front in fronts:
-                if isinstance(front, ScriptFront):
-                    front.join()
-                    front.print_error()
+            summary = _flown(scenario, options, replace(begun, go_on=go_on), surroundings, called)
     except (PeerFailed, TimeoutError) as error:
         # A node falls silent with its master: the master is then the cause to name.
         why = why_silent(options.master_uri)
@@ -130,6 +111,44 @@ def fly(run_dir: Path, resume: bool) -> int:
         fleet.host.close()
     say(json.dumps({"summary": summary}))
     return Exit.DONE
+
+
+def _adopted(scenario: Scenario, options: RunOptions, run_dir: Path, begun: resuming.Begun) -> Fleet:
+    """The run's fleet, as it was when the last supervisor left it."""
+    fleet = adopt(scenario, run_dir, options.epoch, begun.start_ms, options.open_modems)
+    begun.recorder.truths(fleet.take_truths())
+    begun.presences.mute_as_before(fleet.coordinator)
+    resuming.place_again(begun.journal, fleet.coordinator, begun.recorder, begun.start_ms)
+    return fleet
+
+
+def _flown(
+    scenario: Scenario,
+    options: RunOptions,
+    begun: resuming.Begun,
+    surroundings: Surroundings,
+    called: CalledFront | None,
+) -> dict[str, Any]:
+    """The summary. A script has ended, with what it had to say."""
+    fronts = fronts_of(scenario, options, called)
+    if not options.script:  # which cannot go on in the middle
+        begun.recorder.keep(begun.known, begun.start_ms)
+    summary = flying.fly(
+        scenario,
+        dry(surroundings) if options.dry_run else surroundings,
+        begun.recorder,
+        lambda status: say(status.to_line()),
+        begun.go_on,
+        until_first_plan=options.dry_run,
+        fronts=fronts,
+        override=None if fronts else called,
+        known=begun.known,
+    )
+    for front in fronts:
+        if isinstance(front, ScriptFront):
+            front.join()
+            front.print_error()
+    return summary
 
 
 def main() -> int:
