@@ -62,10 +62,9 @@ def open_surroundings(
     """Everything on the graph while it is entered; PeerFailed, in one line, when something does not come up.
 
     `docked` are agents by slot that a former supervisor knew to be held, `held` those whose bodies feel a dock; `now_ms` is
-    the mission time to go on from.
-    `truths_at` is the recorder's, for a scenario that wants the truth on the aMussels' own topics. `tell` is for a person:
-    where the graph contradicts what the journal says of `presences`. `share` is that of one of several aPads that take
-    over from each other.
+    the mission time to go on from. `truths_at` is the recorder's, for a scenario that wants the truth on the aMussels' own
+    topics. `tell` is for a person: where the graph contradicts what the journal says of `presences`. `share` is that of one
+    of several aPads that take over from each other.
     """
     # A mission alone shows nothing as its aMussels': they, or their fleet, do so themselves.
     shown = () if options.part is Part.MISSION else building.agent_ids(scenario)

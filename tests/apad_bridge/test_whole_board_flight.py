@@ -167,7 +167,7 @@ def test_one_that_came_up_for_its_life_is_left_up_there_and_fetched_alone() -> N
 
 def test_by_sound_alone_the_same_are_served_a_little_later() -> None:
     data = resolve(load(SHIPPED.with_name("sound-12.yaml")))
-    data["duration_s"] = 2400
+    data.update(duration_s=2400, beliefs={"estimator": "hold_last"})
     flight, witness = open_flight(from_data(data, "sound"))
     flight.run()
     released = [(at_ms, told["agent"]) for at_ms, kind, told in witness.events if kind == "released"]
