@@ -105,7 +105,8 @@ def watch_supervisor(
 ) -> tuple[int, dict[str, Any] | None]:
     """Shows what the supervisor says until it ends; its exit code, and the summary if it gave one.
 
-    PeerFailed when it says that something it needs failed. Ctrl-C and SIGTERM here ask it to end in order.
+    PeerFailed when it says that something it needs failed. Ctrl-C and SIGTERM here ask it to end in order;
+    KeyboardInterrupt when it then ends without a summary.
     """
     result: dict[str, Any] | None = None
     failed: str | None = None
@@ -143,6 +144,10 @@ def watch_supervisor(
     child.end(1.0)
     if failed is not None:
         raise PeerFailed(failed)
+    if interrupts.came and result is None:
+        # It was just starting, or ending, and could not do so in order: nobody wants another one.
+        progress.say(f"the supervisor ended without a summary; see {child.log.parent}")
+        raise KeyboardInterrupt
     return (-signal.SIGKILL if code is None else code), result
 
 

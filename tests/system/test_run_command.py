@@ -113,6 +113,19 @@ def decisions(run: Path) -> list[tuple[str, list[int]]]:
     return [(line["what"], [s["agent"] for s in line["steps"]]) for line in lines if line["kind"] == "plan"]
 
 
+@pytest.mark.parametrize("begun", ["fleet", "supervisor.log"])
+@pytest.mark.parametrize("word", [signal.SIGINT, signal.SIGTERM])
+def test_a_run_that_is_told_to_end_while_it_starts_leaves_nothing(
+    fly: Callable[..., tuple[subprocess.Popen[str], Path]], word: signal.Signals, begun: str
+) -> None:
+    process, run = fly(5)
+    wait_for((run / begun).exists, f"there is no {begun}")
+    process.send_signal(word)
+    process.communicate(timeout=PATIENCE_S / 6)
+    assert process.returncode == 130
+    wait_for(lambda: children_of(run) == [], f"still there: {children_of(run)}")
+
+
 def test_over_ros_and_in_virtual_time_it_decides_alike(fly: Any, scenario: Path, tmp_path: Path) -> None:
     process, run = fly(50)
     stdout, stderr = process.communicate(timeout=PATIENCE_S)
