@@ -130,6 +130,7 @@ class Watch:
         self._failures: dict[str, str] = {}
 
     def until_all_ended(self) -> tuple[dict[str, dict[str, Any]], dict[str, str]]:
+        """By aPad the summaries, and why there is none; KeyboardInterrupt when it was told to end before there was any."""
         deadline_s: float | None = None
         with Interrupts() as interrupts, selectors.DefaultSelector() as selector:
             for name, child in self._children.items():
@@ -146,6 +147,10 @@ class Watch:
                     if not self._read(key.data):
                         selector.unregister(key.fileobj)
                         self._lost(key.data)
+        if deadline_s is not None and not self._summaries and not self._failures:
+            # Told to end while all were starting: whoever started them ends them.
+            self._progress.say("ended before a mission began")
+            raise KeyboardInterrupt
         for name, child in self._children.items():
             if name not in self._summaries and name not in self._failures:
                 child.end(1.0)
