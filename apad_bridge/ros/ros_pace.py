@@ -49,8 +49,8 @@ class InStep(Protocol):
 class OwnMasterClock:
     """Publishes /clock `speed` times as fast as the wall clock (None: as fast as the aPad's node follows).
 
-    A tick has come when the aPad's node has said that it is done with it: TimeoutError, naming it, after `patience_s`. Until
-    then the same time is published once a second.
+    A tick has come when the aPad's node has said that it is done with it: TimeoutError, naming it, after `patience_s`.
+    Until then the same time is published once a second.
     With `in_fine_steps` that holds of every tenth of a second: for a vehicle that is shown what it sees, and acts on it.
 
     Latched, so that a tool that comes later has the time at once. A hundred may wait for a slow reader; it then loses the
