@@ -7,7 +7,7 @@ import socket
 from contextlib import suppress
 
 _BELOW_THE_KERNELS_OWN = range(20_000, 32_000)
-"""The kernel hands out higher ones to whoever connects anywhere: one found free there may be taken by the time it is used."""
+"""The kernel hands out higher ones to whoever connects: one found free there may be taken before it is used."""
 
 
 def free_port() -> int:

@@ -195,7 +195,7 @@ def go_by_action(bench: Bench, north_m: float, east_m: float) -> dict[str, Any]:
     told = goal.outcome() | {"said": bench.said("goto_status"), "events": bench.said("eventString")}
     there_m = bench.place_m()
     bench.run(10)
-    feedback = bench.feedback(goal, round(10 * (told["stamp_s"] - 1)))
+    feedback = bench.feedback(goal, round(10 * (told["stamp_s"] - 1)) - 1)
     return told | {"feedback": feedback, "drifted_m": [bench.place_m()[i] - there_m[i] for i in (0, 1)]}
 
 
