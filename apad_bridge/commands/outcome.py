@@ -19,7 +19,7 @@ def report(name: str, flown_by: str, directory: RunDirectory, summary: dict[str,
     if as_json:
         print(json.dumps({**summary, "run": str(directory.path)}))
     else:
-        console = Console()
+        console = Console(markup=False)
         print_table(console, name, flown_by, summary)
         console.print(f"the run's files: {directory.path}", highlight=False, soft_wrap=True)
     sys.stdout.flush()

@@ -25,13 +25,14 @@ class FlightProgress:
     """A context manager; `show` takes each status. Goes to stderr, so that stdout stays the result's."""
 
     def __init__(self, name: str, duration_ms: int, quiet: bool = False) -> None:
-        self._console = Console(stderr=True, quiet=quiet)
+        # No markup: what is said here is others' text, and a script that prints "[lat, lon]" means just that.
+        self._console = Console(stderr=True, quiet=quiet, markup=False)
         self._duration_ms = duration_ms
         self._progress = Progress(
-            TextColumn("[bold]{task.description}"),
+            TextColumn("{task.description}", style="bold", markup=False),
             BarColumn(bar_width=24),
             TextColumn("{task.fields[clock]}"),
-            TextColumn("{task.fields[doing]}"),
+            TextColumn("{task.fields[doing]}", markup=False),
             TimeRemainingColumn(),
             console=self._console,
             refresh_per_second=8,
