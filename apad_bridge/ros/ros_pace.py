@@ -22,6 +22,9 @@ from apad_bridge.stop_sign import Stopped
 
 PATIENCE_S = 5.0
 """Wall seconds that the aPad's node may take for a tick. It takes milliseconds: after this it is dead or stopped."""
+_SAY_AGAIN_S = 1.0
+"""Wall seconds without its answer, after which it is told the time again: an answer is lost when it leaves before rospy has
+added us to those whom it goes to, which is after we have been told that we are connected."""
 SETTLE_S = 1.0
 """Wall seconds for its other topics. One that misses this costs no more: what it has to say is heard at a later tick."""
 STANDSTILL_S = 10.0
@@ -47,6 +50,7 @@ class OwnMasterClock:
     """Publishes /clock `speed` times as fast as the wall clock (None: as fast as the aPad's node follows).
 
     A tick has come when the aPad's node has said that it is done with it: TimeoutError, naming it, after `patience_s`.
+    Until then the same time is published once a second.
     With `in_fine_steps` that holds of every tenth of a second: for a vehicle that is shown what it sees, and acts on it.
 
     Latched, so that a tool that comes later has the time at once. A hundred may wait for a slow reader; it then loses the
@@ -94,11 +98,14 @@ class OwnMasterClock:
         self._link.wait_until_heard(now_ms, SETTLE_S)
 
     def _wait_until_done(self, now_ms: int) -> None:
-        if not self._link.wait_until_done(now_ms, self._patience_s):
-            raise TimeoutError(
-                f"the node of /{self._link.name} did not say within {self._patience_s:g} s, by its stateRef, "
-                f"that it has come to {now_ms / 1000:g} s of mission time"
-            )
+        until_s = time.monotonic() + self._patience_s
+        while not self._link.wait_until_done(now_ms, min(_SAY_AGAIN_S, max(0.0, until_s - time.monotonic()))):
+            if time.monotonic() >= until_s:
+                raise TimeoutError(
+                    f"the node of /{self._link.name} did not say within {self._patience_s:g} s, by its stateRef, "
+                    f"that it has come to {now_ms / 1000:g} s of mission time"
+                )
+            self._clock.publish(Clock(to_ros(now_ms)))
 
 
 class FollowedClock:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import threading
+import time
 from typing import Any
 
 import rospy
@@ -24,7 +25,7 @@ from apad.msg import aPadAction, aPadGoal  # noqa: E402
 from misc_msgs.srv import ChangeDockingStatus, GetChargeInfo, GetDockingInfo, SendEnergy  # noqa: E402
 from navcon_msgs.srv import ConfigureVelocityController, EnableControl  # noqa: E402
 
-PATIENCE_S = 20.0
+PATIENCE_S = 40.0
 PERCH = 1
 
 
@@ -48,7 +49,8 @@ def battery_after(publisher: rospy.Publisher, percent_points: float) -> float:
     """Published, and asked for until it shows: topics and services keep no order."""
     before = ask("get_battery_level", GetChargeInfo).battery_level
     publisher.publish(Float64(percent_points))
-    for _ in range(1000):
+    until_s = time.monotonic() + PATIENCE_S
+    while time.monotonic() < until_s:
         now: float = ask("get_battery_level", GetChargeInfo).battery_level
         if now != before:
             return now
@@ -67,13 +69,21 @@ def heard_publisher(topic: str) -> rospy.Publisher:
     return publisher
 
 
-def main() -> None:
-    rospy.init_node("asker", disable_signals=True)
+def let_time_begin() -> None:
+    """The same time, said until the node says that it has come to it: its answer may leave before we are connected."""
     state = threading.Event()
     rospy.Subscriber("/apad1/stateRef", rospy.AnyMsg, lambda _: state.set())
     clock = rospy.Publisher("/clock", Clock, queue_size=1, latch=True)
-    clock.publish(Clock(to_ros(1_000)))
-    assert state.wait(PATIENCE_S)
+    until_s = time.monotonic() + PATIENCE_S
+    while not state.is_set():
+        assert time.monotonic() < until_s, "the aPad's node does not follow /clock"
+        clock.publish(Clock(to_ros(1_000)))
+        state.wait(0.1)
+
+
+def main() -> None:
+    rospy.init_node("asker", disable_signals=True)
+    let_time_begin()
     told: dict[str, Any] = {}
     enabled = [ask(it, EnableControl, enable=True) for it in ("FADP_enable", "VelCon_enable", "DEPTH_enable")]
     told["enabled"] = len(enabled)

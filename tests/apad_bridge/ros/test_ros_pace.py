@@ -26,12 +26,13 @@ class Topic:
 
 
 class Vehicle:
-    """Has come to `done_ms`; notes what it is asked."""
+    """Has come to `done_ms`; notes what it is asked. The first `lost` of its answers do not come."""
 
     name = "apad1"
 
-    def __init__(self, done_ms: int = 10**9) -> None:
+    def __init__(self, done_ms: int = 10**9, lost: int = 0) -> None:
         self.done_ms = done_ms
+        self.lost = lost
         self.asked: list[str] = []
 
     def wait_until_taken(self, timeout_s: float) -> list[str]:
@@ -39,8 +40,13 @@ class Vehicle:
         return []
 
     def wait_until_done(self, now_ms: int, timeout_s: float) -> bool:
+        """Without waiting for who is behind, but for a moment, so that the patience of who asks can end."""
         self.asked.append(f"done {now_ms}")
-        return self.done_ms >= now_ms
+        if self.lost > 0 or self.done_ms < now_ms:
+            self.lost -= 1
+            threading.Event().wait(min(timeout_s, 0.05))
+            return False
+        return True
 
     def wait_until_heard(self, now_ms: int, timeout_s: float) -> list[str]:
         self.asked.append(f"heard {now_ms}")
@@ -84,6 +90,12 @@ def test_who_does_not_come_along_is_named(topics: list[Topic]) -> None:
     clock.reach(1_000, threading.Event())
     with pytest.raises(TimeoutError, match=r"/apad1 did not say within 0.5 s.* come to 2 s of mission time"):
         clock.reach(2_000, threading.Event())
+
+
+def test_an_answer_that_was_lost_is_asked_for_again_at_the_same_time(topics: list[Topic]) -> None:
+    clock = ros_pace.OwnMasterClock(None, Vehicle(lost=2))
+    clock.reach(1_000, threading.Event())
+    assert topics[0].published_ms == [1_000] * 3
 
 
 def test_the_own_clock_is_latched_and_bounded(topics: list[Topic]) -> None:
