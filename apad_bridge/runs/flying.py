@@ -22,6 +22,7 @@ from apad_bridge.mission.share import Share
 from apad_bridge.mission.state import MissionState
 from apad_bridge.modems.rims import Rims
 from apad_bridge.pace import AsFastAsPossible, Pace
+from apad_bridge.port.primitives import PrimitiveFailed
 from apad_bridge.presence import Roll
 from apad_bridge.records.recorder import Recorder
 from apad_bridge.records.summary import Ending
@@ -83,6 +84,8 @@ class GoOn:
     state: MissionState
     epoch: int
     apad_fraction_at_start: float | None
+    first_failure: PrimitiveFailed | None = None
+    """As the port had latched it."""
 
 
 def open_fleet(scenario: Scenario, starts: Sequence[Start], folder: Path) -> Fleet:
@@ -232,6 +235,7 @@ def _supervisor(
         known=known,
     )
     if go_on is not None:
+        supervisor.port.first_failure = go_on.first_failure
         for slot, agent_id in go_on.state.docked:
             supervisor.port.docks.take(DockClosed(go_on.now_ms, slot, agent_id))
     return supervisor

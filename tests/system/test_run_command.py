@@ -185,6 +185,10 @@ def test_kill_9_of_the_supervisor_and_resume_goes_on_with_the_docks_as_they_were
 
     lines = read_journal(run / "journal.jsonl").lines
     at = next(n for n, line in enumerate(lines) if line["kind"] == "resumed")
+    told = next(line for line in lines if line["kind"] == "restored")["told"]
+    assert told and [it for it in summary["events"] if it in told] == told, (
+        "a program is told what people are"
+    )
     after = [line for line in lines[at:] if line["kind"] == "dock"]
     # Who was docked is not docked again before it has been let go: the first dock event of each is its release.
     for agent_id in before:
