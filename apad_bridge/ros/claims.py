@@ -31,8 +31,8 @@ TOPIC = ours("claims")
 PERIOD_S = 1.0
 LEASE_S = 5.0
 _HEAR_S = 3.0
-"""Claims are latched: who is on the graph is heard at once. Only one that was killed, and is registered still, is waited for
-so long; or one on a machine that stands still."""
+"""Claims are latched: who is on the graph is heard at once. Only one that was killed, and is registered still, is waited
+for so long; or one on a machine that stands still."""
 
 
 class ClaimBoard:
