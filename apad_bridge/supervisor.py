@@ -66,7 +66,7 @@ _PRIORITY: dict[type, int] = {
     OperatorAsked: 4,
     StandDownAsked: 4,
 }
-_PRIMITIVE_NAMES: dict[type, str] = {
+PRIMITIVE_NAMES: dict[type, str] = {
     GoToPoint: "go to point",
     HoldPosition: "hold position",
     DockMussel: "dock",
@@ -123,7 +123,7 @@ class Supervisor:
     def primitive(self) -> str:
         """The primitive under way, by the name that people use."""
         running = self.port.running
-        return "none" if running is None else _PRIMITIVE_NAMES[type(running)]
+        return "none" if running is None else PRIMITIVE_NAMES[type(running)]
 
     @property
     def has_ended(self) -> bool:
@@ -313,4 +313,4 @@ def _primitive_note(primitive: Primitive, phase: str, reason: str | None = None)
     named = {key: value for key, value in fields.items() if value is not None}
     if reason is not None:
         named["reason"] = reason
-    return Note("primitive", {"name": _PRIMITIVE_NAMES[type(primitive)], "phase": phase, **named})
+    return Note("primitive", {"name": PRIMITIVE_NAMES[type(primitive)], "phase": phase, **named})

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+from collections.abc import Sequence
 from typing import Any
 
 from rich.console import Console
@@ -14,12 +15,22 @@ from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.runs.table import print_table
 
 
-def report(name: str, flown_by: str, directory: RunDirectory, summary: dict[str, Any], as_json: bool) -> int:
-    """What came of a run; the exit code. `flown_by` is a strategy's name, or who else gave the orders."""
+def report(
+    name: str,
+    flown_by: str,
+    directory: RunDirectory,
+    summary: dict[str, Any],
+    as_json: bool,
+    said: Sequence[str] = (),
+) -> int:
+    """What came of a run; the exit code. `flown_by` is a strategy's name, or who else gave the orders.
+
+    People were told what was `said` while it flew; programs find it beside the summary, as `events`.
+    """
     if as_json:
-        print(json.dumps({**summary, "run": str(directory.path)}))
+        print(json.dumps({**summary, "run": str(directory.path), "events": list(said)}))
     else:
-        console = Console()
+        console = Console(markup=False)
         print_table(console, name, flown_by, summary)
         console.print(f"the run's files: {directory.path}", highlight=False, soft_wrap=True)
     sys.stdout.flush()

@@ -225,7 +225,7 @@ def run(arguments: argparse.Namespace) -> int:
     if options.dry_run:
         return print_plan(read_journal(directory.journal).first("plan"), arguments.json)
     flown_by = "by hand" if options.manual else scenario.mission.collection
-    return report(scenario.name, flown_by, directory, summary, arguments.json)
+    return report(scenario.name, flown_by, directory, summary, arguments.json, progress.said)
 
 
 @contextmanager

@@ -82,7 +82,7 @@ def run(arguments: argparse.Namespace) -> int:
             front.print_error()
         else:
             summary = parent.fly(scenario, starts, options, directory, progress)
-    code = report(scenario.name, file.name, directory, summary, arguments.json)
+    code = report(scenario.name, file.name, directory, summary, arguments.json, progress.said)
     if not summary["ended_by"].startswith(SCRIPT_FAILED):
         return code
     print(f"musselbed script: {summary['ended_by']}", file=sys.stderr)

@@ -57,7 +57,7 @@ def run(
     whole.write_json(whole.summary, summary)
     save_starts(whole.ends, _ends(squad, whole), scenario.area.origin)
     flown_by = "by hand" if options.manual else scenario.mission.collection
-    code = report(scenario.name, flown_by, whole, summary, as_json)
+    code = report(scenario.name, flown_by, whole, summary, as_json, progress.said)
     if failures:
         raise PeerFailed(_why(failures))
     return code

@@ -12,26 +12,21 @@ from apad_bridge.supervisor import Supervisor
 
 
 class FleetMarkers:
-    """RViz keeps a marker until it is told otherwise. One instance stands for all readers of one topic."""
+    """RViz keeps a marker until it is told otherwise, so each picture begins with the deletion of all of its topic.
+
+    A deletion of one marker, sent once, would leave a ghost with whoever loses that message. Readers take an array as one
+    change, so nothing flickers; and a lifetime would empty screens where mission time goes on and its supervisor does not.
+    """
 
     def __init__(self, agent_ids: Iterable[int], world: str, ball_m: float) -> None:
         """`world` is the frame of all, `ball_m` an aMussel's diameter."""
         self._ids = frozenset(agent_ids)
         self._world = world
         self._ball_m = ball_m
-        self._drawn: set[tuple[str, int]] = set()
-        """By namespace and id, as RViz tells markers apart."""
 
     def draw(self, supervisor: Supervisor, now_ms: int) -> list[Marker]:
-        """The whole picture, and once a deletion for each marker of the picture before that is not in it any more.
-
-        To be asked only for what is sent: a picture that nobody gets changes no screen.
-        """
-        shown = self._shown(supervisor, now_ms)
-        now = {(it.ns, it.id) for it in shown}
-        gone = [self._deletion(group, number, now_ms) for group, number in sorted(self._drawn - now)]
-        self._drawn = now
-        return [*shown, *gone]
+        """The whole picture, whatever a reader has missed."""
+        return [self._clearing(now_ms), *self._shown(supervisor, now_ms)]
 
     def _shown(self, supervisor: Supervisor, now_ms: int) -> list[Marker]:
         # Whom this aPad serves: one that was handed on is drawn by the aPad that serves it.
@@ -49,7 +44,7 @@ class FleetMarkers:
             shown.append(make.apad_marker(now_ms, self._world, at, attitude, self._ball_m))
         return shown
 
-    def _deletion(self, group: str, number: int, now_ms: int) -> Marker:
-        marker = Marker(header=make.header(now_ms, self._world), ns=group, id=number, action=Marker.DELETE)
+    def _clearing(self, now_ms: int) -> Marker:
+        marker = Marker(header=make.header(now_ms, self._world), action=Marker.DELETEALL)
         marker.pose.orientation.w = 1.0  # all 0 is no attitude, and readers complain of it
         return marker

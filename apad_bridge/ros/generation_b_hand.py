@@ -15,7 +15,16 @@ class HandDocking:
     def __init__(self) -> None:
         self.dropped: Counter[str] = Counter()
         self._slot: int | None = None
-        self._runs = False
+        self._since_ms: int | None = None
+        """When one was first heard to run that was not heard to end."""
+
+    @property
+    def runs(self) -> bool:
+        return self._since_ms is not None
+
+    def is_left_alone(self, now_ms: int, timeout_s: float) -> bool:
+        """One that runs is not cut short, for as long as a docking of ours would have."""
+        return self._since_ms is not None and now_ms - self._since_ms < timeout_s * 1000
 
     def see_arm(self, slot: int) -> None:
         self._slot = slot
@@ -23,9 +32,9 @@ class HandDocking:
     def hear(self, status: Status, at_ms: int, held: Mapping[int, int]) -> DockSaid | None:
         """What a word on `docking_status` tells of a dock, when it ends a docking that was seen to run."""
         if status is Status.RUNNING:
-            self._runs = True
+            self._since_ms = at_ms if self._since_ms is None else self._since_ms
             return None
-        ended, self._runs = self._runs, False
+        ended, self._since_ms = self.runs, None
         if not ended or status is not Status.DONE:
             return None
         if self._slot is None:

@@ -88,8 +88,7 @@ class Tasks:
         answered = pending is not None and pending.answered_ms is not None
         if docking:
             if self._servo is None:
-                if (word := self._hand.hear(status, at_ms, self._docks.held)) is not None:
-                    self.hear_dock(word)
+                self._hear_hand(status, at_ms)
             elif self._servo.hear(status, at_ms, answered=answered):
                 self._servo_done(self._servo, at_ms)
         elif self._going is not None and self._going.hear(status, at_ms, self._pose, answered=answered):
@@ -98,6 +97,16 @@ class Tasks:
             else:
                 distance_m = self._going.distance_m(self._pose)
                 self._fail(f"the aPad says it arrived, {distance_m:.1f} m from the goal", at_ms)
+        elif self._holding is not None and self._holding.hear_going(status, at_ms, answered=answered):
+            self._dropped["goto_status: somebody else sent the aPad away from where it shall hold"] += 1
+
+    def _hear_hand(self, status: Status, at_ms: int) -> None:
+        """A docking that nobody here ordered: it is let end, and has then left the controllers off."""
+        did_run = self._hand.runs
+        if (word := self._hand.hear(status, at_ms, self._docks.held)) is not None:
+            self.hear_dock(word)
+        if did_run and not self._hand.runs and self._holding is not None:
+            self._holding.is_lost = True
 
     def hear_arm(self, slot: int, at_ms: int) -> None:
         """The arm of `slot` was seen to open: of an undocking it lets go."""
@@ -151,9 +160,16 @@ class Tasks:
             self._watch_going(self._going, now_ms)
         elif self._servo is not None:
             self._watch_servo(self._servo, now_ms)
-        elif self._holding is not None and self._holding.is_astray(self._pose, now_ms):
+        elif self._holding is not None and self._shall_hold_again(self._holding, now_ms):
             self._dropped["the aPad did not hold its position, and was told again"] += 1
             self._hold_again(self._holding, now_ms)
+
+    def _shall_hold_again(self, holding: Holding, now_ms: int) -> bool:
+        """What another ordered is not cut short, for as long as a docking of ours would have."""
+        timeout_s = self._docking.timeout_s
+        if holding.is_left_alone(now_ms, timeout_s) or self._hand.is_left_alone(now_ms, timeout_s):
+            return False
+        return holding.is_astray(self._pose, now_ms)
 
     @property
     def _pose(self) -> PoseReported | None:
@@ -192,8 +208,7 @@ class Tasks:
         self._order(holding.order, holding.told_ms)
 
     def _hold_again(self, holding: Holding, now_ms: int) -> None:
-        holding.told_ms = now_ms
-        self._order(holding.order, now_ms)
+        self._order(holding.tell_again(now_ms), now_ms)
 
     def _hold_here(self, now_ms: int) -> None:
         """Whatever ended left the controllers off."""

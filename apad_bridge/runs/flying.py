@@ -17,6 +17,7 @@ from apad_bridge.flight import Flight
 from apad_bridge.known import Known
 from apad_bridge.mission.state import MissionState
 from apad_bridge.pace import AsFastAsPossible
+from apad_bridge.port.primitives import PrimitiveFailed
 from apad_bridge.records.recorder import Recorder
 from apad_bridge.records.summary import Ending
 from apad_bridge.runs.status import Status
@@ -43,6 +44,8 @@ class GoOn:
     state: MissionState
     epoch: int
     apad_fraction_at_start: float | None
+    first_failure: PrimitiveFailed | None = None
+    """As the port had latched it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -168,6 +171,7 @@ def _supervisor(
         known=course.known,
     )
     if go_on is not None:
+        supervisor.port.first_failure = go_on.first_failure
         for slot, agent_id in go_on.state.docked:
             supervisor.port.docks.take(DockClosed(go_on.now_ms, slot, agent_id))
     return supervisor

@@ -22,16 +22,22 @@ class Shows(Protocol):
 
 
 class FlightProgress:
-    """A context manager; `show` takes each status. Goes to stderr, so that stdout stays the result's."""
+    """A context manager; `show` takes each status. Goes to stderr, so that stdout stays the result's.
+
+    A `quiet` one shows nothing, and keeps what it was told in `said` like any other.
+    """
 
     def __init__(self, name: str, duration_ms: int, quiet: bool = False) -> None:
-        self._console = Console(stderr=True, quiet=quiet)
+        self.said: list[str] = []
+        """The lines for people, in order; how far the flight is is not among them."""
+        # No markup: what is said here is others' text, and a script that prints "[lat, lon]" means just that.
+        self._console = Console(stderr=True, quiet=quiet, markup=False)
         self._duration_ms = duration_ms
         self._progress = Progress(
-            TextColumn("[bold]{task.description}"),
+            TextColumn("{task.description}", style="bold", markup=False),
             BarColumn(bar_width=24),
             TextColumn("{task.fields[clock]}"),
-            TextColumn("{task.fields[doing]}"),
+            TextColumn("{task.fields[doing]}", markup=False),
             TimeRemainingColumn(),
             console=self._console,
             refresh_per_second=8,
@@ -53,7 +59,8 @@ class FlightProgress:
 
     def say(self, text: str) -> None:
         """A line of its own, above the bar."""
-        self._console.print(text, highlight=False, soft_wrap=True)
+        self.said.append(text)
+        self._print(text)
 
     def show(self, status: Status) -> None:
         clock = f"{_clock(status.now_ms)} / {_clock(self._duration_ms)}"
@@ -69,7 +76,10 @@ class FlightProgress:
             self._progress.update(self._task, completed=status.now_ms, clock=clock, doing=doing)
         if self._progress.disable and status.now_ms - self._last_line_ms >= _LINE_EVERY_MS:
             self._last_line_ms = status.now_ms
-            self.say(f"{clock}  {doing}")
+            self._print(f"{clock}  {doing}")
+
+    def _print(self, text: str) -> None:
+        self._console.print(text, highlight=False, soft_wrap=True)
 
 
 def _clock(now_ms: int) -> str:

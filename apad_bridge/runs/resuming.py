@@ -13,6 +13,8 @@ from apad_bridge import building
 from apad_bridge.beliefs.fleet import FleetBeliefs
 from apad_bridge.known import Known
 from apad_bridge.mission.state import MissionState
+from apad_bridge.port.docking_port import PRE_EMPTED
+from apad_bridge.port.primitives import HoldPosition, PrimitiveFailed
 from apad_bridge.presence import Became, Presence, Presences
 from apad_bridge.records.journal import JournalContents, Line
 from apad_bridge.records.notebook import NoNotebook, recall
@@ -23,6 +25,7 @@ from apad_bridge.runs.flying import GoOn, journal_start
 from apad_bridge.runs.options import Part, RunOptions
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
+from apad_bridge.supervisor import PRIMITIVE_NAMES
 
 _PLACED = to_wire(Placed(0, 0, 0, 0, 0))[0]
 _LARGE_BYTES = 100_000_000
@@ -56,7 +59,21 @@ def go_on(journal: JournalContents, epoch: int, gap_ms: int) -> GoOn:
         elif line["kind"] == "end":
             raise PeerFailed("this run has ended: there is nothing to go on with")
     # Ticks stand on whole seconds; the journal's last line may lie between two.
-    return GoOn((journal.last_ms + gap_ms) // 1000 * 1000, state, epoch, fraction)
+    now_ms = (journal.last_ms + gap_ms) // 1000 * 1000
+    return GoOn(now_ms, state, epoch, fraction, first_failure(journal))
+
+
+def first_failure(journal: JournalContents) -> PrimitiveFailed | None:
+    """What a port has latched that did what the journal says. Which primitive's it was is not kept: its id is 0."""
+    latched: PrimitiveFailed | None = None
+    for line in journal.lines:
+        if line["kind"] != "primitive":
+            continue
+        if line["phase"] == "succeeded" and line["name"] != PRIMITIVE_NAMES[HoldPosition]:
+            latched = None
+        elif line["phase"] == "failed" and line["reason"] != PRE_EMPTED and latched is None:
+            latched = PrimitiveFailed(line["t"], 0, line["reason"])
+    return latched
 
 
 def became(journal: JournalContents) -> Iterator[Became]:

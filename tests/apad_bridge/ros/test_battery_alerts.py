@@ -54,6 +54,29 @@ def test_once_for_a_fall_and_again_after_a_charge() -> None:
     assert told == [[], [], [7], [], [], [], [], [7]]
 
 
+@pytest.mark.parametrize(
+    ("threshold", "charges", "alerted_at"),
+    [
+        (0.8, (0.81, 0.79, 0.81, 0.79, 0.84, 0.8, 0.849, 0.7), [1]),
+        (0.8, (0.79, 0.86, 0.81, 0.79, 0.81, 0.79), [0, 3]),
+        (
+            0.98,
+            (0.98, 0.985, 0.97, 1.0, 0.97),
+            [0, 4],
+        ),  # a level that no battery reaches would end its alerts
+    ],
+)
+def test_one_that_sways_about_the_threshold_fell_once(
+    threshold: float, charges: tuple[float, ...], alerted_at: list[int]
+) -> None:
+    fleet, told = Fleet(threshold), []
+    for number, charge in enumerate(charges):
+        fleet.report(7, charge, 1000 * (number + 1))
+        if fleet.alerts():
+            told.append(number)
+    assert told == alerted_at
+
+
 def test_one_is_low_when_it_is_first_heard_so() -> None:
     fleet = Fleet(0.8)
     fleet.report(8, 0.5, 1000)

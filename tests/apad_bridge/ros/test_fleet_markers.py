@@ -1,4 +1,4 @@
-"""Who is on a screen that shows the markers, as RViz keeps them: until they are deleted."""
+"""Who is on a screen that shows the markers, as RViz keeps them: until they are deleted. Screens miss messages."""
 
 from __future__ import annotations
 
@@ -20,20 +20,21 @@ from firmware_model.states import State
 
 
 class Screen:
-    """RViz's part: ADD draws or moves, DELETE takes off, and all else stays. `deleted` are the deletions of the newest."""
+    """RViz's part: ADD draws or moves, DELETEALL takes all off, and all else stays."""
 
     def __init__(self) -> None:
         self.markers: dict[tuple[str, int], Marker] = {}
-        self.deleted: list[tuple[str, int]] = []
 
     def take(self, markers: list[Marker]) -> None:
-        self.deleted = [(it.ns, it.id) for it in markers if it.action == Marker.DELETE]
         for it in markers:
-            assert it.action in (Marker.ADD, Marker.DELETE) and it.header.frame_id == "musselbed/enu"
+            assert it.action in (Marker.ADD, Marker.DELETEALL) and it.header.frame_id == "musselbed/enu"
             if it.action == Marker.ADD:
+                assert (it.ns, it.id) not in self.markers, (
+                    "drawn twice in one picture, or not taken off before"
+                )
                 self.markers[it.ns, it.id] = it
             else:
-                assert self.markers.pop((it.ns, it.id), None), "deleted what is not there"
+                self.markers.clear()
 
     def of(self, agent_id: int) -> set[str]:
         return {group for group, number in self.markers if number == agent_id}
@@ -50,6 +51,7 @@ class APad:
         self.screen = Screen()
         self._markers = FleetMarkers(own, "musselbed/enu", 0.5)
         self.now_ms = 0
+        self.is_connected = True
 
     def hear(self, agent_id: int, north_m: float = 10.0) -> None:
         packet = StatusPacket(
@@ -67,7 +69,9 @@ class APad:
 
     def tick(self) -> None:
         self.now_ms += 1000
-        self.screen.take(self._markers.draw(self, self.now_ms))  # type: ignore[arg-type]
+        picture = self._markers.draw(self, self.now_ms)  # type: ignore[arg-type]
+        if self.is_connected:
+            self.screen.take(picture)
 
 
 BOTH = {"amussels", "labels"}
@@ -79,7 +83,7 @@ def moved(apad: APad, presences: Presences, agent_id: int, trigger: Trigger) -> 
     assert not isinstance(done, str), done
 
 
-def test_who_is_retired_or_handed_over_leaves_the_screen_once_and_comes_back() -> None:
+def test_who_is_retired_or_handed_over_leaves_the_screen_and_comes_back() -> None:
     apad, presences = APad(7, 8), Presences([7, 8], 3.0)
     apad.hear(7)
     apad.hear(8)
@@ -88,16 +92,29 @@ def test_who_is_retired_or_handed_over_leaves_the_screen_once_and_comes_back() -
     moved(apad, presences, 7, Trigger.RETIRE)
     moved(apad, presences, 8, Trigger.HAND_OVER)
     apad.tick()
-    assert apad.screen.deleted == [("amussels", 7), ("amussels", 8), ("labels", 7), ("labels", 8)]
     assert apad.screen.markers.keys() == {("apad", 0)}
     apad.tick()
-    assert apad.screen.deleted == []
+    assert apad.screen.markers.keys() == {("apad", 0)}
     moved(apad, presences, 7, Trigger.SPAWN)
     apad.hear(7, north_m=15.0)
     apad.hear(8)  # the real one, by its own packet
     apad.tick()
-    assert apad.screen.of(7) == apad.screen.of(8) == BOTH and apad.screen.deleted == []
+    assert apad.screen.of(7) == apad.screen.of(8) == BOTH
     assert apad.screen.markers["amussels", 7].pose.position.y == 15.0
+
+
+def test_a_screen_that_missed_messages_keeps_no_ghost() -> None:
+    apad, presences = APad(7, 8), Presences([7, 8], 3.0)
+    apad.hear(7)
+    apad.hear(8)
+    apad.tick()
+    apad.is_connected = False
+    moved(apad, presences, 7, Trigger.RETIRE)
+    apad.tick()
+    assert apad.screen.of(7) == BOTH, "it was not told"
+    apad.is_connected = True
+    apad.tick()
+    assert apad.screen.of(7) == set() and apad.screen.of(8) == BOTH
 
 
 def test_one_that_is_handed_on_is_drawn_by_who_serves_it() -> None:

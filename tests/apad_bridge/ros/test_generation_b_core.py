@@ -204,6 +204,65 @@ def test_a_vehicle_that_does_not_hold_is_told_again() -> None:
     assert apad.answers(10_000) == [PositionOrder(2.0, 3.0, 0.7)]
 
 
+def holding(still_running_ms: int = 0) -> Apad:
+    """A hold that was taken at 0, and a late word about the go-to that it pre-empted."""
+    apad = Apad()
+    apad.core.command(Hold(1, 2.0, 3.0), 0)
+    assert apad.answers(0) == [PositionOrder(2.0, 3.0)]
+    apad.goes(still_running_ms, Status.RUNNING)
+    apad.goes(1_000, Status.PREEMPTED)
+    assert apad.tells(1_000) == [] and apad.answers(1_000) == []
+    return apad
+
+
+def test_a_go_to_of_anothers_during_a_hold_is_noticed_and_let_end() -> None:
+    apad = holding()
+    apad.goes(11_000, Status.RUNNING)
+    apad.goes(12_000, Status.RUNNING)
+    apad.is_at(30_000, 9.0, 3.0)
+    assert apad.tells(30_000) == [] and apad.answers(30_000) == []
+    assert apad.core.dropped["goto_status: somebody else sent the aPad away from where it shall hold"] == 1
+    apad.goes(31_000, Status.DONE)
+    # It has arrived wherever that is, and its controllers are off since.
+    apad.is_at(31_000, 2.5, 3.0)
+    assert apad.tells(31_000) == [] and apad.answers(31_000) == [PositionOrder(2.0, 3.0)]
+    # Told every ten seconds at most; what still runs a moment later is a late word.
+    apad.goes(31_500, Status.RUNNING)
+    apad.goes(32_000, Status.PREEMPTED)
+    assert apad.tells(60_000) == [] and apad.answers(60_000) == []
+
+
+def test_a_go_to_of_anothers_that_never_ends_holds_nothing_up_for_ever() -> None:
+    apad = holding()
+    apad.goes(2_000, Status.RUNNING)
+    apad.is_at(201_000, 2.0, 8.0)
+    assert apad.tells(201_000) == [] and apad.answers(201_000) == []
+    assert apad.tells(202_000) == [] and apad.answers(202_000) == [PositionOrder(2.0, 3.0)]
+
+
+def test_a_go_to_of_ours_that_a_hold_pre_empts_is_nobody_elses() -> None:
+    apad = holding(still_running_ms=900)
+    assert apad.tells(20_000) == [] and apad.answers(20_000) == [] and not apad.core.dropped
+
+
+def test_a_docking_of_anothers_during_a_hold_is_let_end_and_then_held() -> None:
+    apad = holding()
+    apad.docks(2_000, Status.RUNNING)
+    apad.is_at(40_000, 2.0, 8.0)
+    assert apad.tells(40_000) == [] and apad.answers(40_000) == []
+    apad.docks(41_000, Status.DONE)
+    apad.is_at(41_000, 2.0, 4.0)
+    assert apad.tells(41_000) == [] and apad.answers(41_000) == [PositionOrder(2.0, 3.0)]
+
+
+def test_a_docking_of_anothers_that_never_ends_holds_nothing_up_for_ever() -> None:
+    apad = holding()
+    apad.docks(2_000, Status.RUNNING)
+    apad.is_at(201_000, 2.0, 8.0)
+    assert apad.tells(201_000) == [] and apad.answers(201_000) == []
+    assert apad.tells(202_000) == [] and apad.answers(202_000) == [PositionOrder(2.0, 3.0)]
+
+
 def test_a_virtual_docking_is_the_benchs_contact_and_is_carried_along() -> None:
     apad = Apad()
     apad.core.command(CloseDock(1, 1, 7), 0)

@@ -1,0 +1,57 @@
+"""A supervisor that is killed at any tick of a flight with failures is followed by one that names the same first cause."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+from apad_bridge.records.journal import JournalContents
+from apad_bridge.runs.in_memory import open_flight
+from apad_bridge.runs.resuming import first_failure
+from apad_bridge.scenario.loader import load
+
+POOL = Path("launch_scripts/scenarios/pool-12.yaml")
+PRE_EMPTED = {
+    "t": 1000,
+    "kind": "primitive",
+    "name": "go to point",
+    "phase": "failed",
+    "reason": "pre-empted",
+}
+
+
+def journal(lines: list[dict[str, Any]]) -> JournalContents:
+    return JournalContents(json.loads(json.dumps(lines)), 0)
+
+
+def test_the_first_cause_is_the_same_after_a_kill_at_any_tick() -> None:
+    scenario = load(POOL)
+    apad = replace(scenario.apad, dock_miss_probability=0.6)
+    flight, recorder = open_flight(replace(scenario, apad=apad, duration_s=600.0))
+    ticks: list[tuple[int, str | None]] = []
+
+    def tick(*_: Any) -> None:
+        latched = flight.supervisor.port.first_failure
+        ticks.append((len(recorder.events), None if latched is None else latched.reason))
+
+    recorder.tick = tick  # type: ignore[method-assign]
+    flight.run()
+    lines = [{"t": at_ms, "kind": kind, **data} for at_ms, kind, data in recorder.events]
+    for until, reason in ticks:
+        found = first_failure(journal([it for it in lines[:until] if it["kind"] == "primitive"]))
+        assert (None if found is None else found.reason) == reason
+    told = [reason for _, reason in ticks]
+    changes = sum(one != other for one, other in pairwise(told))
+    assert len({*told}) > 1 and changes >= 3, "it failed, succeeded and failed again"
+
+
+def test_who_makes_way_for_another_has_not_failed() -> None:
+    failed = PRE_EMPTED | {"t": 2000, "reason": "it does not come nearer"}
+    held = {"t": 3000, "kind": "primitive", "name": "hold position", "phase": "succeeded"}
+    assert first_failure(journal([PRE_EMPTED])) is None
+    found = first_failure(journal([PRE_EMPTED, failed, failed | {"reason": "another"}, held]))
+    assert found is not None and (found.at_ms, found.reason) == (2000, "it does not come nearer")
+    assert first_failure(journal([failed, PRE_EMPTED | {"phase": "succeeded"}])) is None
