@@ -8,15 +8,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 from apad_bridge.beliefs import charge_state as charge
 from apad_bridge.beliefs.charge_state import PRIMARY, SECONDARY, Anchor, Array
 from apad_bridge.beliefs.knowledge import Knowledge, Schedule
 from apad_bridge.beliefs.load import MS_PER_MIN, Load, Spent, carried, spending
 from apad_bridge.beliefs.memory import Memory, charge_now, choices, heard_in, paths, sinking, submerged
-from apad_bridge.beliefs.modes import DOCKED, SUBMERGED, Mode
-from firmware_model.packets import StatusPacket
+from apad_bridge.beliefs.modes import DOCKED, SUBMERGED, Mode, mode_of
 from firmware_model.states import State
 
 _NEGLIGIBLE = 0.001
@@ -35,19 +34,33 @@ _ON_THE_WAY = (State.RELEASED, State.SINKING, State.BOOTING)
 """They do not last, and say nothing of what it will do on the bottom."""
 
 
+class Reading(NamedTuple):
+    """What a packet states of its sender's power: all that the filters of charges take from it, whatever kind it is of."""
+
+    state: State
+    mode: Mode
+    """What to make of the state: usually, that of which it is one."""
+    primary: float
+    secondary: float
+
+    @classmethod
+    def stated(cls, state: State, primary: float, secondary: float) -> Reading:
+        return cls(state, mode_of(state, primary, secondary), primary, secondary)
+
+
 class Ear:
     def __init__(self, knowledge: Knowledge) -> None:
         self.knowledge = knowledge
 
-    def weigh(self, memory: Memory, schedule: Schedule, packet: StatusPacket, mode: Mode) -> Memory:
-        """Corrects the charges by a packet that states `mode`: by one filter, or by several weighed against each other."""
-        if mode in DOCKED or memory.situation is Mode.CHARGING_PRIMARY:
-            hypotheses = self._about_the_dock(memory, mode)
-        elif packet.state in _AFTER_A_RELEASE and memory.since_ms == memory.anchor_ms:
-            hypotheses = charge_now(memory, self.knowledge, [self._since_a_release(memory, packet.state)])
+    def weigh(self, memory: Memory, schedule: Schedule, reading: Reading) -> Memory:
+        """Corrects the charges by a reading: by one filter, or by several weighed against each other."""
+        if reading.mode in DOCKED or memory.situation is Mode.CHARGING_PRIMARY:
+            hypotheses = self._about_the_dock(memory, reading.mode)
+        elif reading.state in _AFTER_A_RELEASE and memory.since_ms == memory.anchor_ms:
+            hypotheses = charge_now(memory, self.knowledge, [self._since_a_release(memory, reading.state)])
         else:
-            hypotheses = charge_now(memory, self.knowledge, self._paths(memory, schedule, mode))
-        return self.corrected(memory, schedule, hypotheses, packet, mode)
+            hypotheses = charge_now(memory, self.knowledge, self._paths(memory, schedule, reading.mode))
+        return self.corrected(memory, schedule, hypotheses, reading)
 
     def _about_the_dock(self, memory: Memory, mode: Mode) -> list[Anchor]:
         """Docked as was known; or docked, or let go, by somebody else: then the charge may be anything."""
@@ -102,12 +115,12 @@ class Ear:
         return carried(before, at_ms, memory.at_ms, goes_on, self.knowledge.habits.every_ms, chosen)
 
     def corrected(
-        self, memory: Memory, schedule: Schedule, hypotheses: list[Anchor], packet: StatusPacket, mode: Mode
+        self, memory: Memory, schedule: Schedule, hypotheses: list[Anchor], reading: Reading
     ) -> Memory:
-        """By one filter for each hypothesis; the unlikely ones are not weighed while the likely one explains the packet."""
-        charges = (packet.primary, packet.secondary)
+        """By one filter for each hypothesis; the unlikely ones are not weighed while the likely one explains it."""
+        charges = (reading.primary, reading.secondary)
         sensor = self.knowledge.sensor
-        offsets = sensor.offsets.get(packet.state, _NO_OFFSETS)
+        offsets = sensor.offsets.get(reading.state, _NO_OFFSETS)
         total = math.fsum(row.weight for row in hypotheses)
         hypotheses = sorted(map(_possible, hypotheses), key=lambda row: -row.weight)
         rows: list[tuple[float, Array, Array]] = []
@@ -116,29 +129,29 @@ class Ear:
             if rows and weight < _NEGLIGIBLE * total and surprise < _CONTRADICTION:
                 break
             new_mean, new_cov, density, its_surprise = charge.measured(
-                mean, cov, sensor, mode, charges, offsets
+                mean, cov, sensor, reading.mode, charges, offsets
             )
             rows.append((math.log(weight) + density, new_mean, new_cov))
             surprise = min(surprise, its_surprise)
         if surprise > _GATE:
-            return self._doubted(memory, schedule, hypotheses, packet, mode)
+            return self._doubted(memory, schedule, hypotheses, reading)
         best = max(row[0] for row in rows)
         after = [Anchor(math.exp(density - best), mean, cov) for density, mean, cov in rows]
         likely = [row for row in after if row.weight > _FORGOTTEN]
         return self._settled(
-            memory, schedule, within(charge.matched(likely), after_measuring=True), packet, mode, None
+            memory, schedule, within(charge.matched(likely), after_measuring=True), reading, None
         )
 
     def _doubted(
-        self, memory: Memory, schedule: Schedule, hypotheses: list[Anchor], packet: StatusPacket, mode: Mode
+        self, memory: Memory, schedule: Schedule, hypotheses: list[Anchor], reading: Reading
     ) -> Memory:
         """A reading beyond the gate: its mode is believed and its charge is not, until the next one agrees with it.
 
         Until then either may be wrong, and the belief says so.
         """
         before = charge.matched(hypotheses)
-        offset, _ = self.knowledge.sensor.offsets.get(packet.state, _NO_OFFSETS)
-        away = packet.primary - offset - float(before.mean[PRIMARY])
+        offset, _ = self.knowledge.sensor.offsets.get(reading.state, _NO_OFFSETS)
+        away = reading.primary - offset - float(before.mean[PRIMARY])
         memory = replace(memory, gated=memory.gated + 1)
         near = _AGREES * self.knowledge.sensor.noise
         if memory.suspect is None or abs(away - memory.suspect) > near:
@@ -146,16 +159,16 @@ class Ear:
             doubted[PRIMARY, PRIMARY] += (away / 2) ** 2
             anchor = Anchor(1.0, before.mean, doubted)
             return self._settled(
-                memory, schedule, within(anchor, after_measuring=False), packet, mode, suspect=away
+                memory, schedule, within(anchor, after_measuring=False), reading, suspect=away
             )
         cov = before.cov.copy()
         cov[PRIMARY, PRIMARY] += away**2
-        charges = (packet.primary, packet.secondary)
+        charges = (reading.primary, reading.secondary)
         sensor = self.knowledge.sensor
-        offsets = sensor.offsets.get(packet.state, _NO_OFFSETS)
-        mean, cov, _, _ = charge.measured(before.mean, cov, sensor, mode, charges, offsets)
+        offsets = sensor.offsets.get(reading.state, _NO_OFFSETS)
+        mean, cov, _, _ = charge.measured(before.mean, cov, sensor, reading.mode, charges, offsets)
         return self._settled(
-            memory, schedule, within(Anchor(1.0, mean, cov), after_measuring=True), packet, mode, None
+            memory, schedule, within(Anchor(1.0, mean, cov), after_measuring=True), reading, None
         )
 
     def _settled(
@@ -163,13 +176,12 @@ class Ear:
         memory: Memory,
         schedule: Schedule,
         anchor: Anchor,
-        packet: StatusPacket,
-        mode: Mode,
+        reading: Reading,
         suspect: float | None,
     ) -> Memory:
         """The anchor moves to the packet, which says what it is doing."""
-        situation: Mode | None = Mode.CHARGING_PRIMARY if mode in DOCKED else mode
-        if mode in SUBMERGED or mode is Mode.LOST or packet.state in _ON_THE_WAY:
+        situation: Mode | None = Mode.CHARGING_PRIMARY if reading.mode in DOCKED else reading.mode
+        if reading.mode in SUBMERGED or reading.mode is Mode.LOST or reading.state in _ON_THE_WAY:
             situation = None
         since_ms = memory.since_ms if situation is memory.situation else memory.at_ms
         memory = anchored(
@@ -178,19 +190,18 @@ class Ear:
             situation,
             since_ms=since_ms,
             measured_ms=memory.at_ms,
-            measured_mode=mode,
+            measured_mode=reading.mode,
             suspect=suspect,
-            packet=(packet.sequence, packet.agent_ms),
-            **heard_in(memory, self.knowledge, mode),
+            **heard_in(memory, self.knowledge, reading.mode),
         )
-        if packet.state in _ON_THE_WAY:
+        if reading.state in _ON_THE_WAY:
             spent = NOTHING
-            if packet.state is State.RELEASED:
+            if reading.state is State.RELEASED:
                 spent = sinking(NOTHING, self.knowledge)
-            elif packet.state is State.SINKING:
+            elif reading.state is State.SINKING:
                 spent = self._half_a_run()
             return submerged(memory, self.knowledge, schedule, spent)
-        if packet.state is State.SURFACING:
+        if reading.state is State.SURFACING:
             _, left, variance = self._half_a_run()
             return replace(memory, load=memory.load.add(left, variance))
         return memory

@@ -15,7 +15,7 @@ from apad_bridge.beliefs import charge_state as charge
 from apad_bridge.beliefs import clock as clocks
 from apad_bridge.beliefs.belief import Belief, Source
 from apad_bridge.beliefs.charge_state import Anchor
-from apad_bridge.beliefs.hearing import NOTHING, Ear, anchored, within
+from apad_bridge.beliefs.hearing import NOTHING, Ear, Reading, anchored, within
 from apad_bridge.beliefs.knowledge import UNKNOWN, Knowledge, Schedule
 from apad_bridge.beliefs.load import Load
 from apad_bridge.beliefs.measurement import (
@@ -39,7 +39,7 @@ from apad_bridge.beliefs.memory import (
     sinking,
     submerged,
 )
-from apad_bridge.beliefs.modes import LIKELY, SUBMERGED, Mode, mode_of
+from apad_bridge.beliefs.modes import LIKELY, SUBMERGED, Mode
 from apad_bridge.beliefs.place import Place
 from apad_bridge.beliefs.told import told
 from apad_bridge.beliefs.twin_lines import memory_data, memory_of
@@ -191,45 +191,40 @@ class Twin:
     # What was heard.
 
     def _hear(self, belief: Belief | None, packet: StatusPacket, at_ms: int) -> Belief:
-        mode = mode_of(packet.state, packet.primary, packet.secondary)
+        reading = Reading.stated(packet.state, packet.primary, packet.secondary)
         if belief is None:
-            return self._first(packet, mode, at_ms)
+            return self._first(packet, reading, at_ms)
         memory = belief.memory
         assert isinstance(memory, Memory), "a belief of another estimator"
         if (packet.sequence, packet.agent_ms) == memory.packet:
             raise Rejected("a status that was heard already")
         if packet.agent_ms < memory.packet[1]:
             raise Rejected("a status that a newer one overtook")
-        return self._believe(belief, packet, mode, at_ms)
+        at_ms = max(at_ms, belief.at_ms)
+        memory = replace(self._carried(belief, at_ms), packet=(packet.sequence, packet.agent_ms))
+        if self._tells_news(memory, belief.agent_id, reading.mode):
+            if memory.at_ms - memory.clock_ms >= _CLOCK_APART_MS:
+                memory = self._read_clock(memory, packet, at_ms)
+            if at_ms - memory.place_ms >= _FIX_APART_MS:
+                memory = self._fixed(memory, packet, at_ms)
+            memory = self._ear.weigh(memory, self._schedule(belief.agent_id), reading)
+        return self._heard(belief, memory, reading, at_ms)
 
     def _glimpse(self, belief: Belief, heard: HeardShort) -> Belief:
-        """A short status. Asked for, it may fall into a short wake of one that sleeps, which is not awake for that."""
-        memory = belief.memory
-        assert isinstance(memory, Memory), "a belief of another estimator"
-        number, agent_ms = memory.packet
-        charges, place = (heard.primary, heard.secondary), (belief.north_m, belief.east_m)
-        packet = StatusPacket(belief.agent_id, number, heard.state, *charges, *place, 0.0, agent_ms)
-        mode = mode_of(heard.state, *charges)
-        now_ms = self._agent_ms(memory, max(heard.at_ms, belief.at_ms))
-        if heard.state in _OF_A_WAKE and self._schedule(belief.agent_id).at(now_ms) is Mode.ASLEEP:
-            mode = Mode.ASLEEP
-        return self._believe(belief, packet, mode, heard.at_ms, in_short=True)
-
-    def _believe(
-        self, belief: Belief, packet: StatusPacket, mode: Mode, at_ms: int, in_short: bool = False
-    ) -> Belief:
-        """`in_short`: what the packet says of place and time is not its own."""
-        at_ms = max(at_ms, belief.at_ms)
+        """A short status says nothing of place and time: they stay what is believed. Asked for, it may fall into a short
+        wake of one that sleeps, which is not awake for that."""
+        at_ms = max(heard.at_ms, belief.at_ms)
         memory = self._carried(belief, at_ms)
-        if self._tells_news(memory, belief.agent_id, mode):
-            if not in_short and memory.at_ms - memory.clock_ms >= _CLOCK_APART_MS:
-                memory = self._read_clock(memory, packet, at_ms)
-            if not in_short and at_ms - memory.place_ms >= _FIX_APART_MS:
-                memory = self._fixed(memory, packet, at_ms)
-            memory = self._ear.weigh(memory, self._schedule(belief.agent_id), packet, mode)
-        else:
-            memory = replace(memory, packet=(packet.sequence, packet.agent_ms))
-        heard = replace(belief, heard_ms=at_ms, carried_ms=0, state=packet.state, silent_slots=0)
+        schedule = self._schedule(belief.agent_id)
+        reading = Reading.stated(heard.state, heard.primary, heard.secondary)
+        if heard.state in _OF_A_WAKE and schedule.at(self._agent_ms(memory, at_ms)) is Mode.ASLEEP:
+            reading = reading._replace(mode=Mode.ASLEEP)
+        if self._tells_news(memory, belief.agent_id, reading.mode):
+            memory = self._ear.weigh(memory, schedule, reading)
+        return self._heard(belief, memory, reading, at_ms)
+
+    def _heard(self, belief: Belief, memory: Memory, reading: Reading, at_ms: int) -> Belief:
+        heard = replace(belief, heard_ms=at_ms, carried_ms=0, state=reading.state, silent_slots=0)
         return self._tell(heard, memory, at_ms, Source.PACKET)
 
     def _tells_news(self, memory: Memory, agent_id: int, mode: Mode) -> bool:
@@ -240,7 +235,7 @@ class Twin:
         turn_ms = agent_id * _TURN_MS % apart_ms
         return (memory.at_ms + turn_ms) // apart_ms > (memory.measured_ms + turn_ms) // apart_ms
 
-    def _first(self, packet: StatusPacket, mode: Mode, at_ms: int) -> Belief:
+    def _first(self, packet: StatusPacket, reading: Reading, at_ms: int) -> Belief:
         knowledge = self.knowledge
         mean, cov = charge.unmeasured(knowledge)
         nominal_ms = knowledge.theta * at_ms
@@ -254,7 +249,7 @@ class Twin:
             nominal_ms + round(clock.offset_ms),
             (Anchor(1.0, mean, cov),),
             nominal_ms,
-            Load.known(mode if mode in SUBMERGED else Mode.IDLE),
+            Load.known(reading.mode if reading.mode in SUBMERGED else Mode.IDLE),
             None,
             nominal_ms,
             place,
@@ -263,9 +258,8 @@ class Twin:
             nominal_ms,
             (packet.sequence, packet.agent_ms),
         )
-        memory = self._ear.corrected(
-            memory, self._schedule(packet.agent_id), [Anchor(1.0, mean, cov)], packet, mode
-        )
+        schedule = self._schedule(packet.agent_id)
+        memory = self._ear.corrected(memory, schedule, [Anchor(1.0, mean, cov)], reading)
         return told(memory, knowledge, packet.agent_id, at_ms, packet.state, at_ms, Source.PACKET, 0)
 
     def _read_clock(self, memory: Memory, packet: StatusPacket, at_ms: int) -> Memory:

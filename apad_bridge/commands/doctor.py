@@ -11,8 +11,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from apad_bridge.commands.exits import EXITS, Exit
-from apad_bridge.diagnosis import graph, interpreter, machine, network, scenario_check
+from apad_bridge.diagnosis import graph, interpreter, machine, network, origin_check, scenario_check
 from apad_bridge.diagnosis.finding import Finding, Status, examined, warn
+from apad_bridge.ros.names import in_full
 
 if TYPE_CHECKING:
     from apad_bridge.scenario.schema import Scenario
@@ -108,3 +109,6 @@ def _ros(master_uri: str, scenario: Scenario | None) -> Iterable[Finding]:
     yield from examined("nodes", lambda: graph.check_nodes(found))
     yield from examined("aMussel ids", lambda: [graph.check_agents_present(found, ids, namespace)])
     yield from examined("aPad", lambda: diagnosis_apads.check_apads(found))
+    if scenario is not None:
+        apad, origin = in_full(namespace, scenario.apad.name), scenario.area.origin
+        yield from examined("origin", lambda: [origin_check.check_origin(master_uri, apad, origin)])

@@ -84,7 +84,13 @@ def compared_in(run_dir: Path, period_ms: int, record: Record) -> Iterator[Compa
     history = History(read_journal(directory.journal), scenario.theta, charge_model(scenario.board))
     water = Water(scenario)
     for now_ms in range(0, history.end_ms + 1, period_ms):
-        history.advance(now_ms)
+        try:
+            history.advance(now_ms)
+        except (KeyError, TypeError, ValueError) as error:
+            raise RunDirectoryError(
+                f"{directory.journal} has a line that this version does not read ({error!r}): "
+                "look at the run with the version that flew it"
+            ) from error
         yield from _at(history, water, scenario, now_ms)
 
 

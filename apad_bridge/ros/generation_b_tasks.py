@@ -97,7 +97,7 @@ class Tasks:
             else:
                 distance_m = self._going.distance_m(self._pose)
                 self._fail(f"the aPad says it arrived, {distance_m:.1f} m from the goal", at_ms)
-        elif self._holding is not None and self._holding.hear_going(status, answered=answered):
+        elif self._holding is not None and self._holding.hear_going(status, at_ms, answered=answered):
             self._dropped["goto_status: somebody else sent the aPad away from where it shall hold"] += 1
 
     def _hear_hand(self, status: Status, at_ms: int) -> None:
@@ -160,13 +160,16 @@ class Tasks:
             self._watch_going(self._going, now_ms)
         elif self._servo is not None:
             self._watch_servo(self._servo, now_ms)
-        elif (
-            self._holding is not None
-            and not self._hand.is_left_alone(now_ms, self._docking.timeout_s)
-            and self._holding.is_astray(self._pose, now_ms)
-        ):
+        elif self._holding is not None and self._shall_hold_again(self._holding, now_ms):
             self._dropped["the aPad did not hold its position, and was told again"] += 1
             self._hold_again(self._holding, now_ms)
+
+    def _shall_hold_again(self, holding: Holding, now_ms: int) -> bool:
+        """What another ordered is not cut short, for as long as a docking of ours would have."""
+        timeout_s = self._docking.timeout_s
+        if holding.is_left_alone(now_ms, timeout_s) or self._hand.is_left_alone(now_ms, timeout_s):
+            return False
+        return holding.is_astray(self._pose, now_ms)
 
     @property
     def _pose(self) -> PoseReported | None:

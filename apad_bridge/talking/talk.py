@@ -43,7 +43,8 @@ class TalkConfig:
     answer_ms: int = 0
     """From the end of the question how it is to the end of the answer, without their ways."""
     breath_ms: int = 20
-    """Before such a question: an aPad on its way says it from nearer than the word before it, into which it would run."""
+    """Before such a question, and between others' words: an aPad on its way says one from nearer than the word before, into
+    which it would run, and the echoes of that are in the water still."""
 
 
 class Talk:
@@ -110,7 +111,7 @@ class Talk:
             if not isinstance(it, Send) or it.medium is not Medium.SOUND or it.not_before_ms:
                 told.append(it)
             elif (it.agent_id, it.data) not in self._waiting:
-                word = self._timed(it, now_ms)
+                word = self._timed(it, now_ms, self._config.breath_ms)
                 self._waiting[it.agent_id, it.data] = word.not_before_ms
                 told.append(word)
         return told
@@ -201,15 +202,18 @@ class Talk:
         self._asked.await_answer(agent_id, at_ms + lasting_ms)
         return Send(Medium.SOUND, agent_id, data, at_ms)
 
-    def _timed(self, word: Send, now_ms: int) -> Send:
-        return replace(word, not_before_ms=self._claim(now_ms, self._lasting_ms(word.data)))
+    def _timed(self, word: Send, now_ms: int, after_ms: int = 0) -> Send:
+        return replace(word, not_before_ms=self._claim(now_ms, self._lasting_ms(word.data), after_ms))
 
     def _lasting_ms(self, data: bytes) -> int:
         return duration_ms(self._config.modems, len(data))
 
-    def _claim(self, now_ms: int, lasting_ms: int) -> int:
-        """The next time at which the air is free for so long, which from now on it is not."""
-        from_ms = max(self._config.theta * now_ms, self._free_ms)
+    def _claim(self, now_ms: int, lasting_ms: int, after_ms: int = 0) -> int:
+        """The next time at which the air is free for so long, which from now on it is not.
+
+        At least `after_ms` after the last word.
+        """
+        from_ms = max(self._config.theta * now_ms, self._free_ms + after_ms)
         # By then it must have come everywhere, and who has the first slot may be early by its guard.
         needed_ms = lasting_ms + self._config.way_ms + self._config.guard_ms
         at_ms = self._quiet.first_ms(from_ms, needed_ms)

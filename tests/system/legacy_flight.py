@@ -117,7 +117,7 @@ def ticked(now_ms: int) -> None:
 def main() -> None:
     scenario = loader.load(Path(sys.argv[1]))
     speed = None if sys.argv[3:4] in ([], ["max"]) else float(sys.argv[3])
-    patience_s = float(sys.argv[4]) if len(sys.argv) > 4 else 5.0
+    patience_s = float(sys.argv[4]) if len(sys.argv) > 4 else 10.0
     try:
         told = fly(scenario, sys.argv[2] == "ros", speed, patience_s)
     except (TimeoutError, VehicleNotReady) as error:

@@ -9,9 +9,12 @@ from __future__ import annotations
 import json
 import sys
 import threading
+import time
+import xmlrpc.client
 from pathlib import Path
 from typing import Any
 
+import rosgraph
 import rospy
 from actionlib.action_client import ActionClient, ClientGoalHandle, CommState
 from actionlib_msgs.msg import GoalStatus
@@ -36,7 +39,12 @@ from misc_msgs.srv import (  # noqa: E402
     Go2pointPrimitiveService,
     Go2pointService,
 )
-from navcon_msgs.msg import GoToPointAction, GoToPointActionResult, GoToPointGoal  # noqa: E402
+from navcon_msgs.msg import (  # noqa: E402
+    GoToPointAction,
+    GoToPointActionFeedback,
+    GoToPointActionResult,
+    GoToPointGoal,
+)
 
 PATIENCE_S = 20.0
 
@@ -45,14 +53,15 @@ class Goal:
     """A goal of the action, and what its client hears of it."""
 
     def __init__(self, client: ActionClient, north_m: float, east_m: float, speed_m_s: float = 0.5) -> None:
-        self.feedback: list[tuple[float, float]] = []
         self._came = threading.Condition()
         self._state = CommState.WAITING_FOR_GOAL_ACK
         goal = GoToPointGoal(speed=speed_m_s, victory_radius=0.5)
         goal.T2.point.x, goal.T2.point.y = north_m, east_m
-        self._handle = client.send_goal(
-            goal, self._move_on, lambda _, it: self.feedback.append((it.distance, it.bearing))
-        )
+        self._handle = client.send_goal(goal, self._move_on)
+
+    @property
+    def key(self) -> str:
+        return str(self._handle.comm_state_machine.action_goal.goal_id.id)
 
     def _move_on(self, handle: ClientGoalHandle) -> None:
         with self._came:
@@ -106,6 +115,9 @@ class Bench:
         listener = AnyListener(lambda reason: self._said.append(reason))
         for topic, kind in (("goto_status", Int32), ("docking_status", Int32), ("eventString", String)):
             listener.listen(f"/apad1/{topic}", kind, self._hear, topic)
+        self._fed_back: list[Any] = []
+        # Not the client's: it hears no feedback once the result is there, and topics keep no order.
+        rospy.Subscriber("/apad1/go2point/feedback", GoToPointActionFeedback, self._fed_back.append)
         self._eyes = [
             rospy.Publisher(f"/apad1/docking_{it}", Float32, queue_size=1)
             for it in ("horizontal", "vertical")
@@ -113,6 +125,16 @@ class Bench:
         self.run(1)
         self._client = ActionClient("/apad1/go2point", GoToPointAction)
         assert self._client.wait_for_server()
+        wait_until_told("/apad1_simulated", "/apad1/eventString", "/apad1/go2point/feedback")
+
+    def feedback(self, goal: Goal, count: int) -> list[tuple[float, float]]:
+        """Distance and bearing as told of a goal, once there are `count` of them, or no more come."""
+        until_s, pause = time.monotonic() + PATIENCE_S, threading.Event()
+        while True:
+            told = [it.feedback for it in self._fed_back if it.status.goal_id.id == goal.key]
+            if len(told) >= count or time.monotonic() > until_s:
+                return [(it.distance, it.bearing) for it in told]
+            pause.wait(0.02)
 
     def goal(self, *there: float) -> Goal:
         return Goal(self._client, *there)
@@ -139,9 +161,27 @@ class Bench:
         self._said = [it for it in self._said if not it.startswith(topic)]
         return [it for n, it in enumerate(words) if words[n - 1 : n] != [it]]
 
-    def look(self, horizontal: float, vertical: float) -> None:
-        for publisher, value in zip(self._eyes, (horizontal, vertical), strict=True):
-            publisher.publish(Float32(value))
+    def look_until_docked(self, horizontal: float, vertical: float) -> None:
+        """Shown at every tick, as eyes do: what is shown beside a tick may be seen after it."""
+        for _ in range(20):
+            for publisher, value in zip(self._eyes, (horizontal, vertical), strict=True):
+                publisher.publish(Float32(value))
+            self.run(1)
+            if "docking_status 3" in self._said:
+                return
+
+
+def wait_until_told(node: str, *topics: str) -> None:
+    """Until the node itself has connections for the topics: a subscriber knows of its own a moment too soon."""
+    uri = rosgraph.Master("/bench").lookupNode(node)
+    until_s, pause = time.monotonic() + PATIENCE_S, threading.Event()
+    with xmlrpc.client.ServerProxy(uri) as publisher:
+        while True:
+            _, _, connections = publisher.getBusInfo("/bench")  # type: ignore[misc]
+            if set(topics) <= {it[4] for it in connections if it[2] == "o"}:  # type: ignore[union-attr]
+                return
+            assert time.monotonic() < until_s, f"{node} does not tell {topics}"
+            pause.wait(0.02)
 
 
 def call(service: str, kind: Any, **request: Any) -> bool:
@@ -155,7 +195,8 @@ def go_by_action(bench: Bench, north_m: float, east_m: float) -> dict[str, Any]:
     told = goal.outcome() | {"said": bench.said("goto_status"), "events": bench.said("eventString")}
     there_m = bench.place_m()
     bench.run(10)
-    return told | {"feedback": goal.feedback, "drifted_m": [bench.place_m()[i] - there_m[i] for i in (0, 1)]}
+    feedback = bench.feedback(goal, round(10 * (told["stamp_s"] - 1)) - 1)
+    return told | {"feedback": feedback, "drifted_m": [bench.place_m()[i] - there_m[i] for i in (0, 1)]}
 
 
 def main() -> None:
@@ -209,8 +250,7 @@ def main() -> None:
     bench.run(28)
     slot_m = bench.place_m()
     bench.floating[7] = (slot_m[0] + 0.5, slot_m[1])
-    bench.look(0.0, 0.85)
-    bench.run(2)
+    bench.look_until_docked(0.0, 0.85)
     told["docking_said"] = bench.said("docking_status")
     call("docking", DockingService, action=False, slot=0)
     bench.run(40)

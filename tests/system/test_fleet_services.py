@@ -19,7 +19,7 @@ from apad_bridge.ros.messages import generated_folder
 
 pytestmark = pytest.mark.system
 HERE = Path(__file__).parent
-PATIENCE_S = 30.0
+PATIENCE_S = 60.0
 
 
 @pytest.fixture

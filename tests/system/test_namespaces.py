@@ -6,7 +6,6 @@ import json
 import os
 import re
 import signal
-import socket
 import subprocess
 import sys
 import threading
@@ -17,6 +16,7 @@ from pathlib import Path
 
 import pytest
 import yaml
+from free_ports import free_port
 from layout_topics import named_topics
 from rosbags.rosbag1 import Reader
 
@@ -63,8 +63,7 @@ LAUNCHED = """
 
 @pytest.fixture
 def environment(tmp_path: Path) -> dict[str, str]:
-    with socket.create_server(("127.0.0.1", 0)) as free:
-        uri = f"http://127.0.0.1:{free.getsockname()[1]}"
+    uri = f"http://127.0.0.1:{free_port()}"
     return loopback_environment(tmp_path / "ros", uri) | {
         "ROS_PACKAGE_PATH": f"{LAUNCH}:{generated_folder()}",
         "PYTHONPATH": str(generated_folder()),

@@ -77,7 +77,7 @@ def test_rostopic_echoes_our_message_from_another_process(
             installed, "rostopic echo -n 1 /musselbed/truth; rostopic type /musselbed/truth", environment
         )
     finally:
-        publisher.communicate(timeout=20)
+        publisher.communicate(timeout=60)
     assert echoed.returncode == 0, echoed.stderr
     lines = [line.strip() for line in echoed.stdout.splitlines()]
     assert {"mission_time_ms: 61000", "id: 7", "north: 1.5", "docked: True"} <= set(lines)

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import json
 import os
+import random
 import shutil
 import socket
 import subprocess
 import sys
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -37,6 +39,16 @@ def environment(tmp_path: Path) -> dict[str, str]:
     }
 
 
+def a_port() -> str:
+    """A free port for a master that binds it a second later, which no other process is given meanwhile: one below those
+    that the kernel hands out."""
+    first = int(Path("/proc/sys/net/ipv4/ip_local_port_range").read_text().split()[0])
+    while True:
+        port = random.SystemRandom().randrange(max(1024, first - 16_000), first)
+        with suppress(OSError), socket.create_server(("127.0.0.1", port)):
+            return str(port)
+
+
 def roslaunch(environment: dict[str, str], *arguments: str) -> str:
     """What it says on both outputs."""
     done = subprocess.run(
@@ -46,7 +58,7 @@ def roslaunch(environment: dict[str, str], *arguments: str) -> str:
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,
-        timeout=60,
+        timeout=120,
     )
     assert done.returncode == 0, done.stdout
     return done.stdout
@@ -86,10 +98,8 @@ def test_a_short_flight_on_roslaunchs_master(tmp_path: Path, environment: dict[s
     shutil.copy(LAUNCH / "scenarios" / "pool-12.csv", tmp_path)
     data |= {"name": "short", "duration_s": 20}
     (tmp_path / "short.yaml").write_text(yaml.safe_dump(data))
-    with socket.create_server(("127.0.0.1", 0)) as free:
-        port = free.getsockname()[1]
     arguments = (f"scenario:={tmp_path / 'short.yaml'}", "speed:=10", "agents:=4", "options:=--seed 3")
-    told = roslaunch(environment, "-p", str(port), "musselbed", "fly.launch", *arguments)
+    told = roslaunch(environment, "-p", a_port(), "musselbed", "fly.launch", *arguments)
     (summary_file,) = [*tmp_path.glob("runs/short-*/summary.json"), None][:1]
     assert summary_file is not None, told
     summary = json.loads(summary_file.read_text())
@@ -107,10 +117,8 @@ def test_five_aPads_on_roslaunchs_master(tmp_path: Path, environment: dict[str, 
     data["fleet"]["count"] = 10
     data["mission"]["batch"] = 1
     (tmp_path / "five.yaml").write_text(yaml.safe_dump(data))
-    with socket.create_server(("127.0.0.1", 0)) as free:
-        port = free.getsockname()[1]
     arguments = (f"scenario:={tmp_path / 'five.yaml'}", "speed:=20", "agents:=10", "theta:=300")
-    told = roslaunch(environment, "-p", str(port), "musselbed", "bay-120.launch", *arguments)
+    told = roslaunch(environment, "-p", a_port(), "musselbed", "bay-120.launch", *arguments)
     (summary_file,) = [*tmp_path.glob("runs/five-*/summary.json"), None][:1]
     assert summary_file is not None, told
     summary = json.loads(summary_file.read_text())
@@ -122,7 +130,7 @@ def test_five_aPads_on_roslaunchs_master(tmp_path: Path, environment: dict[str, 
 
 
 def test_a_second_clock_is_refused(tmp_path: Path) -> None:
-    master = start_master(tmp_path / "ros", timeout_s=20, orphan_s=0)
+    master = start_master(tmp_path / "ros", timeout_s=60, orphan_s=0)
     environment = loopback_environment(tmp_path / "ros", master.uri)
     first = [
         sys.executable,
@@ -138,9 +146,9 @@ def test_a_second_clock_is_refused(tmp_path: Path) -> None:
             assert theirs.stdout is not None and theirs.stdout.readline() == "ready\n"
             command = [sys.executable, "-m", "apad_bridge.ros.clock_node"]
             second = subprocess.run(
-                command, env=environment, cwd=ROOT, capture_output=True, text=True, timeout=30
+                command, env=environment, cwd=ROOT, capture_output=True, text=True, timeout=120
             )
-            theirs.communicate(timeout=20)
+            theirs.communicate(timeout=60)
     finally:
         master.stop()
     assert second.returncode == 3
@@ -172,9 +180,7 @@ def test_remaps_and_private_parameters_of_a_launch_file_become_options(
 ) -> None:
     (tmp_path / "told.py").write_text(TOLD)
     (tmp_path / "told.launch").write_text(LAUNCHED.format(folder=tmp_path))
-    with socket.create_server(("127.0.0.1", 0)) as free:
-        port = free.getsockname()[1]
-    said = roslaunch(environment, "-p", str(port), str(tmp_path / "told.launch"))
+    said = roslaunch(environment, "-p", a_port(), str(tmp_path / "told.launch"))
     words = ["run", "--seed", "3", "--remap", "/apad1/position:=/boat/position"]
     assert f"told {[*words, '--manual', '--open-modem', '3', '--open-modem', '7', '--theta', '60']}" in said
     assert "in /basin" in said
@@ -183,5 +189,5 @@ def test_remaps_and_private_parameters_of_a_launch_file_become_options(
 def test_a_namespace_by_hand(tmp_path: Path, environment: dict[str, str]) -> None:
     (tmp_path / "told.py").write_text(TOLD)
     command = [str(LAUNCH / "ros_node"), str(tmp_path), "told", "run", "__ns:=lab/basin", "a:=b"]
-    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=30)
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=120)
     assert done.stdout == "told ['run', '--remap', 'a:=b']\nin lab/basin\n", done.stderr

@@ -21,7 +21,7 @@ from apad_bridge.scenario.starts import starts_of
 
 pytestmark = pytest.mark.system
 HERE = Path(__file__).parent
-PATIENCE_S = 30.0
+PATIENCE_S = 60.0
 
 
 @pytest.fixture(scope="module")

@@ -40,10 +40,11 @@ def mute() -> Iterator[str]:
 
 
 @pytest.fixture
-def closed() -> str:
-    with socket.create_server(("127.0.0.1", 0)) as server:
-        port = server.getsockname()[1]
-    return f"http://127.0.0.1:{port}/"
+def closed() -> Iterator[str]:
+    """Nobody listens there, and nobody else can take the port meanwhile."""
+    with socket.socket() as bound:
+        bound.bind(("127.0.0.1", 0))
+        yield f"http://127.0.0.1:{bound.getsockname()[1]}/"
 
 
 def a_graph(uri: str = "http://127.0.0.1:1/", **publishers: list[str]) -> Graph:

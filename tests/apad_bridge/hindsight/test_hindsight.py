@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -185,6 +186,21 @@ def test_a_run_whose_bag_is_torn_is_compared_by_its_journal(
     assert main(["beliefs", str(run), "--from", "bag"]) == 2
     told = capsys.readouterr().err
     assert told.count("\n") == 1 and told.endswith("try --from journal\n")
+
+
+def test_a_journal_of_another_version_is_told_in_one_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run = fly(tmp_path, False, capsys)
+    journal = run / "journal.jsonl"
+    whole = journal.read_text()
+    batteries = re.compile(r'"primary": ?\[(\d+), ?(\d+), ?(-?\d+), ?[^]]*\]')
+    shorter, count = batteries.subn(r'"primary":[\1,\2,\3]', whole)
+    assert count > 0
+    journal.write_text(shorter)
+    assert main(["beliefs", str(run), "--from", "journal"]) == 2
+    told = capsys.readouterr().err
+    assert told.count("\n") == 1 and "a line that this version does not read" in told
 
 
 def test_a_run_with_a_bag_of_means_is_scored(

@@ -26,7 +26,7 @@ class Host:
         self._pause = threading.Event()
         self.came: list[tuple[str, Result]] = []
 
-    def until(self, what: Callable[[str, Result], bool], timeout_s: float = 10.0) -> Result:
+    def until(self, what: Callable[[str, Result], bool], timeout_s: float = 60.0) -> Result:
         deadline_s = time.monotonic() + timeout_s
         for name, result in self.came:
             if what(name, result):
@@ -117,13 +117,14 @@ def test_a_modem_that_says_nothing_loses_packets_loudly(physical: Make) -> None:
 def test_a_sleeping_modem_is_woken(physical: Make) -> None:
     modems = physical(count=1)
     port = SerialPort(modems.path(1))
-    deadline_s = time.monotonic() + 5
+    deadline_s = time.monotonic() + 60
     while not port.is_open and time.monotonic() < deadline_s:
         port.poll()
     port.write(b"$Z")
     while modems.modems[1].state.name != "SLEEPING" and time.monotonic() < deadline_s:
         threading.Event().wait(0.001)
     port.close()
+    assert modems.modems[1].state.name == "SLEEPING"
     attached = AttachedModem(SerialPort(modems.path(1)))
     ready(Host(modems.now_ms, fleet=attached))
     attached.close()

@@ -65,32 +65,38 @@ def flying(
         yield flight, recorder
     finally:
         flight.stop("the test")
-        thread.join(10)
+        thread.join(60)
         assert not thread.is_alive()
 
 
-def until(what: Callable[[], bool], timeout_s: float = 15.0) -> None:
+def until(what: Callable[[], bool], timeout_s: float = 60.0) -> None:
     deadline_s, pause = time.monotonic() + timeout_s, threading.Event()
     while not what():
         assert time.monotonic() < deadline_s, "it did not come"
         pause.wait(0.02)
 
 
+def range_in_s(driver: serial.Serial) -> float:
+    """How long aMussel 3's answer to a ping takes."""
+    asked_s = time.monotonic()
+    driver.write(b"$P003")
+    assert driver.read_until(b"\r\n") == b"$P003\r\n"
+    answer = driver.read_until(b"\r\n")
+    assert answer.startswith(b"#R003T") and answer[6:11].isdigit()
+    return time.monotonic() - asked_s
+
+
 def test_a_driver_talks_to_an_opened_modem_while_the_mission_flies(tmp_path: Path) -> None:
     with (
         open_rims(tmp_path, (7,), "", 0, print) as rims,
         flying(whole_boards(water={}), rims, (7,)) as (_, recorder),
-        serial.Serial(str(tmp_path / "modems" / "amussel7"), 9600, timeout=5) as driver,
+        serial.Serial(str(tmp_path / "modems" / "amussel7"), 9600, timeout=60) as driver,
     ):
         driver.write(b"$?")
         assert driver.read_until(b"\r\n").startswith(b"#A007V")
-        asked_s = time.monotonic()
-        driver.write(b"$P003")
-        assert driver.read_until(b"\r\n") == b"$P003\r\n"
-        answer = driver.read_until(b"\r\n")
-        assert answer.startswith(b"#R003T") and answer[6:11].isdigit()
-        # Two frames of 105 ms and the serial line; a flight that looked at its lines at ticks alone would take a second.
-        assert time.monotonic() - asked_s < 0.9
+        # Two frames of 105 ms and the serial line; a flight that looked at its lines at ticks alone would take a second
+        # each time, a machine that is busy now and then only sometimes.
+        assert any(range_in_s(driver) < 0.9 for _ in range(20))
         permission = MusselbedCodec().encode(CommandPacket(Kind.PERMISSION, 3))
         driver.write(b"$U003%02d" % len(permission) + permission)
         assert driver.read_until(b"\r\n") == b"$U003%02d\r\n" % len(permission)
@@ -113,7 +119,7 @@ def test_a_physical_modem_brings_words_for_both_sides(physical: Make, tmp_path: 
     with (
         open_rims(tmp_path, (), modems.path(1), 0, print) as rims,
         flying(scenario, rims) as (flight, recorder),
-        serial.Serial(modems.path(2), 9600, timeout=10) as elsewhere,
+        serial.Serial(modems.path(2), 9600, timeout=60) as elsewhere,
     ):
         until(
             lambda: any(
@@ -156,7 +162,7 @@ def test_reports_and_commands_go_into_the_water_with_their_ids(physical: Make, t
     with (
         open_rims(tmp_path, (), modems.path(1), 0, print) as rims,
         flying(from_data(data, "short cycle"), rims) as (flight, recorder),
-        serial.Serial(modems.path(2), 9600, timeout=10) as elsewhere,
+        serial.Serial(modems.path(2), 9600, timeout=60) as elsewhere,
     ):
         reader, payloads = AnswerReader(), list[bytes]()
 

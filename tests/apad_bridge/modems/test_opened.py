@@ -15,7 +15,7 @@ Make = Callable[..., Any]
 
 
 def driver(path: str) -> serial.Serial:
-    return serial.Serial(path, 9600, timeout=5)
+    return serial.Serial(path, 9600, timeout=60)
 
 
 def test_a_driver_pings_and_talks_through_pyserial(physical: Make) -> None:

@@ -127,7 +127,7 @@ sys.stdin.read()
     ) as process:
         assert process.stdout.readline() == b"written\n"
         process.send_signal(signal.SIGKILL)
-        assert process.wait(timeout=10) == -signal.SIGKILL
+        assert process.wait(timeout=60) == -signal.SIGKILL
     with pytest.raises(ReaderError, match="not indexed"):
         read(tmp_path / "run.bag")
     repair = repair_bag(tmp_path / "run.bag")

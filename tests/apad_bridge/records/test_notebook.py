@@ -120,7 +120,7 @@ def tick(beliefs: FleetBeliefs, event: Event, now_ms: int) -> int:
 
 
 @pytest.mark.parametrize("estimator", ESTIMATORS)
-@settings(deadline=None, max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow])
 @given(events=EVENTS, killed_after=st.integers(0, 30), gap_ms=st.sampled_from((0, 5000, 7_200_000)))
 def test_killed_anywhere_it_goes_on_with_the_same_beliefs_to_the_last_bit(
     estimator: str,

@@ -215,22 +215,29 @@ def holding(still_running_ms: int = 0) -> Apad:
     return apad
 
 
-def test_a_go_to_of_anothers_during_a_hold_is_noticed_before_the_apad_is_far_away() -> None:
+def test_a_go_to_of_anothers_during_a_hold_is_noticed_and_let_end() -> None:
     apad = holding()
     apad.goes(11_000, Status.RUNNING)
     apad.goes(12_000, Status.RUNNING)
-    apad.is_at(12_000, 2.5, 3.0)
-    assert apad.tells(12_000) == []
-    assert apad.answers(12_000) == [PositionOrder(2.0, 3.0)]
+    apad.is_at(30_000, 9.0, 3.0)
+    assert apad.tells(30_000) == [] and apad.answers(30_000) == []
     assert apad.core.dropped["goto_status: somebody else sent the aPad away from where it shall hold"] == 1
-    # Told every ten seconds at most; what still runs a moment later is a late word again.
-    apad.goes(12_500, Status.RUNNING)
-    apad.goes(13_000, Status.PREEMPTED)
-    apad.goes(14_000, Status.RUNNING)
-    apad.goes(15_000, Status.DONE)
-    assert apad.tells(21_000) == [] and apad.answers(21_000) == []
-    # It has arrived, and its controllers are off since.
-    assert apad.tells(22_000) == [] and apad.answers(22_000) == [PositionOrder(2.0, 3.0)]
+    apad.goes(31_000, Status.DONE)
+    # It has arrived wherever that is, and its controllers are off since.
+    apad.is_at(31_000, 2.5, 3.0)
+    assert apad.tells(31_000) == [] and apad.answers(31_000) == [PositionOrder(2.0, 3.0)]
+    # Told every ten seconds at most; what still runs a moment later is a late word.
+    apad.goes(31_500, Status.RUNNING)
+    apad.goes(32_000, Status.PREEMPTED)
+    assert apad.tells(60_000) == [] and apad.answers(60_000) == []
+
+
+def test_a_go_to_of_anothers_that_never_ends_holds_nothing_up_for_ever() -> None:
+    apad = holding()
+    apad.goes(2_000, Status.RUNNING)
+    apad.is_at(201_000, 2.0, 8.0)
+    assert apad.tells(201_000) == [] and apad.answers(201_000) == []
+    assert apad.tells(202_000) == [] and apad.answers(202_000) == [PositionOrder(2.0, 3.0)]
 
 
 def test_a_go_to_of_ours_that_a_hold_pre_empts_is_nobody_elses() -> None:

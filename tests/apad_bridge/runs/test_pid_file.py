@@ -36,4 +36,4 @@ def test_one_that_died_and_was_not_reaped_is_no_supervisor(tmp_path: Path) -> No
     assert supervisor_of(tmp_path) is None
     child.stdin.close()
     child.stdout.close()
-    child.wait(10)
+    child.wait(60)

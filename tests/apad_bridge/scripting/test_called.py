@@ -61,7 +61,7 @@ def test_a_call_is_done_at_the_next_tick_by_the_flight_s_thread(pool: Scenario) 
     thread = threading.Thread(target=caller, daemon=True)
     thread.start()
     assert flight.run() == "enough"
-    thread.join(20)
+    thread.join(60)
     assert told == [threading.current_thread(), Status.DONE]
     with pytest.raises(Refused, match="the mission is over: enough"):
         front.call(lambda mission: None)

@@ -33,7 +33,7 @@ def test_what_is_asked_is_done_by_the_supervisor_s_thread() -> None:
     assert isinstance(handover.next(), Do)
     handover.answer(KeyError("raised there"))
     assert handover.next() == Finished(None)
-    thread.join(10)
+    thread.join(60)
     assert (threads, answers) == ([threading.current_thread()], [7, "'raised there'"])
 
 
@@ -55,7 +55,7 @@ def test_a_script_that_waits_when_the_mission_ends_is_aborted() -> None:
     thread.start()
     assert handover.next() == Wait(None, 1000)
     handover.close("enough")
-    thread.join(10)
+    thread.join(60)
     assert ends == ["enough", "enough"]
 
 
@@ -72,7 +72,7 @@ def test_a_thread_that_a_script_starts_cannot_take_its_turn(pool: Scenario) -> N
         api.sleep(1)
         thread = threading.Thread(target=helper, args=(api,))
         thread.start()
-        thread.join(10)
+        thread.join(60)
         api.sleep(1)
 
     assert fly_script(pool, script).error is None

@@ -44,7 +44,7 @@ def trace(config: APad, history: list[tuple[int, VehicleCommand]], cuts_ms: list
 
 
 @pytest.mark.parametrize("capacity_wh", [230, 0.3])
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=80, deadline=None)
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow], max_examples=80)
 @given(history=histories, cuts_ms=st.lists(st.integers(0, END_MS), max_size=60))
 def test_cutting_time_changes_nothing(config, capacity_wh, history, cuts_ms):
     config = replace(config, battery=replace(config.battery, capacity_wh=capacity_wh))
@@ -56,7 +56,7 @@ def test_a_cut_at_every_millisecond_changes_nothing(config):
     assert trace(config, history, list(range(END_MS))) == trace(config, history, [])
 
 
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=80, deadline=None)
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow], max_examples=80)
 @given(history=histories, thruster_max_n=st.floats(2, 40), drag=st.floats(0, 200))
 def test_the_limits_hold_and_the_vehicle_always_ends_at_the_last_goal(config, history, thruster_max_n, drag):
     config = replace(config, thruster_max_n=thruster_max_n, drag_n_per_m2_s2=drag)

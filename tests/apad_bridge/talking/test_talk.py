@@ -4,6 +4,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from agents.modem.frames import Frame, FrameKind
+from agents.water import medium as water_medium
+from agents.water.places import Place
+from agents.water.sound import Sound
 from apad_bridge.facts import Medium, Ping, Send
 from apad_bridge.mission.orders import Note
 from apad_bridge.talking.talk import Talk, TalkConfig
@@ -86,11 +90,40 @@ def test_the_mission_s_words_wait_for_quiet_and_wifi_does_not() -> None:
     assert talk.timed([sound, radio, other], 301_000) == [
         replace(sound, not_before_ms=310_000),
         radio,
-        replace(other, not_before_ms=310_380),
+        replace(other, not_before_ms=310_380 + 20),
     ]
     # What waits already is not said twice; once it has been said, it may be said again.
     assert talk.timed([sound, radio], 305_000) == [radio]
     assert talk.timed([sound], 311_000) == [replace(sound, not_before_ms=311_000)]
+
+
+def test_two_permissions_in_a_row_do_not_meet_in_the_water() -> None:
+    """Echoes 1 dB down for 100 ms destroy what is within the capture ratio of 6 dB; the aPad runs 30 m meanwhile, 20 ms.
+
+    From 150 and then from 120 m: the second begins to arrive as soon as the first has passed, or when its echoes have, too.
+    """
+    echoing = Sound(noise_db_per_hz=-100, reverberation_ms=100, reverberation_db=1)
+    outcomes = {}
+    for breath_ms in (20, 120):
+        config = replace(CONFIG, assigns=False, beacon_period_ms=0, waits=False, breath_ms=breath_ms)
+        words = [Send(Medium.SOUND, it, CODEC.encode(CommandPacket(Kind.PERMISSION, it))) for it in (1, 2)]
+        first, second = Talk(config, CODEC, SLOTS, [1, 2]).timed(words, 1000)
+        assert isinstance(first, Send) and isinstance(second, Send) and first.not_before_ms == 1000
+        water = water_medium.Medium(echoing, 1, [(0, 0), (1, 1), (2, 2)])
+        for node, north_m in enumerate((0, 160, 150)):
+            water.receive(water_medium.Moved(node, Place(north_m * 1_000_000, 0, 5_000_000)), 0)
+        said = [Frame(FrameKind.UNICAST, 0, it.agent_id, it.data) for it in (first, second)]
+        water.receive(water_medium.Began(0, said[0]), first.not_before_ms)
+        ended = water.receive(
+            water_medium.Moved(0, Place(30_000_000, 0, 5_000_000)), second.not_before_ms - 1
+        )
+        ended += water.receive(water_medium.Began(0, said[1]), second.not_before_ms)
+        ended += water.advance(9000)
+        outcomes[breath_ms] = [
+            it.outcome for end in ended if isinstance(end, water_medium.PacketEnded) for it in end.receptions
+        ]
+    received, collided = water_medium.Outcome.RECEIVED, water_medium.Outcome.COLLIDED
+    assert outcomes == {20: [received, collided], 120: [received, received]}
 
 
 def test_pings_go_round_those_who_hear() -> None:
@@ -112,7 +145,7 @@ def test_places_are_asked_for_before_charges_and_the_air_is_kept_clear_for_each_
     assert isinstance(question, Send) and question.not_before_ms == 19_105 + 20
     assert decoded(question) == CommandPacket(Kind.PING, 2)
     (permission,) = talk.timed([Send(Medium.SOUND, 1, bytes(6))], 10_000)
-    assert isinstance(permission, Send) and permission.not_before_ms == 19_125 + 380 + 893 + 200
+    assert isinstance(permission, Send) and permission.not_before_ms == 19_125 + 380 + 893 + 200 + 20
 
 
 def test_an_answer_that_does_not_fit_before_the_slots_is_asked_for_after_them() -> None:
