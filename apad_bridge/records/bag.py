@@ -25,8 +25,8 @@ from apad_bridge.ros.names import in_full, ours
 
 CHUNK_BYTES = 256 * 1024
 CHUNK_MS = 10_000
-"""A chunk ends after so much mission time, however little is in it: what a kill loses at most. At 60 s the bag of pool-12 is
-11 % smaller. By mission time and not by the wall's, so that the same flight leaves the same bag."""
+"""A chunk ends after so much mission time, however little is in it: what a kill loses at most. At 60 s the bag of
+pool-12 is 11 % smaller. By mission time and not by the wall's, so that the same flight leaves the same bag."""
 _TOPICS = {
     TRUTH: ours("truth"),
     BELIEFS: ours("beliefs"),
