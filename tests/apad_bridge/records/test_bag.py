@@ -131,9 +131,9 @@ sys.stdin.read()
     with pytest.raises(ReaderError, match="not indexed"):
         read(tmp_path / "run.bag")
     repair = repair_bag(tmp_path / "run.bag")
-    # Ticks 0..60, 61..120 and 121..180 are whole chunks; 181..199 were never written.
-    assert (repair.messages, repair.last_ms, repair.torn_bytes) == (3 * 181, 180_000, 0)
-    assert len(read(tmp_path / "run.bag")) == 3 * 181
+    # Ticks 0..10, 11..20 and so on to 181..190 are whole chunks; 191..199 were never written.
+    assert (repair.messages, repair.last_ms, repair.torn_bytes) == (3 * 191, 190_000, 0)
+    assert len(read(tmp_path / "run.bag")) == 3 * 191
     assert repair_bag(tmp_path / "run.bag") is None
 
 
