@@ -143,12 +143,12 @@ def test_a_bag_cut_anywhere_is_repaired_to_what_is_whole(tmp_path):
     bag.close()
     whole = bag.path.read_bytes()
     expected = read_stamps(bag.path)
-    head = bytearray(whole[: 13 + 4096])
+    head = bytearray(whole[: 13 + 4104])
     index_pos = whole.index(b"index_pos=") + 10
     head[index_pos : index_pos + 8] = bytes(8)
     torn = tmp_path / "torn.bag"
     saved_before = 0
-    for cut in sorted({0, 5, 13, 20, 4000, 4109, *range(4110, len(whole), 997), len(whole)}):
+    for cut in sorted({0, 5, 13, 20, 4000, 4116, 4117, *range(4118, len(whole), 997), len(whole)}):
         torn.write_bytes((head + whole[len(head) :])[:cut])
         repair = repair_bag(torn)
         stamps = read_stamps(torn)
