@@ -7,7 +7,6 @@ bodies, the supervisor acts, and what it says goes out, to be met in the next wi
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable
 from dataclasses import astuple
 
 from agents.coordinator import Died, Heard
@@ -16,7 +15,7 @@ from agents.sea_facts import NotRanged, Ranged, SeaResult, SoundReached, Told
 from agents.stimuli import SoundArrived, Stimulus, WifiArrived, to_wire
 from agents.water.medium import PacketEnded
 from apad_bridge.contacts import Contacts
-from apad_bridge.ether import Ether, Felt, TellGuest
+from apad_bridge.ether import Felt
 from apad_bridge.facts import (
     KeepSamples,
     Medium,
@@ -29,64 +28,48 @@ from apad_bridge.facts import (
 )
 from apad_bridge.fleet import Fleet
 from apad_bridge.mission.orders import Note
-from apad_bridge.modems.rims import Rims
-from apad_bridge.pace import Pace
-from apad_bridge.presence import Roll
 from apad_bridge.recording import Recorder
 from apad_bridge.records.packet_lines import packet_data
 from apad_bridge.stop_sign import StopSign
 from apad_bridge.supervisor import TICK_MS, Supervisor
+from apad_bridge.surroundings import Surroundings, Watcher
 from apad_bridge.vehicle import CloseDock, OpenDock, PoseReported
-from apad_bridge.vehicle_link import APadSeen, Carried, LetGo, VehicleLink
+from apad_bridge.vehicle_link import APadSeen, Carried, LetGo
 from firmware_model.wire import EVERYONE
 
 _ROUNDS = 8
 """More answers than this within one tick wait for the next."""
 
-Watcher = Callable[[int], None]
-"""Called after each tick with the mission time: progress, publishing."""
-
 
 class Flight:
-    """Flies from `start_ms` to the mission's end; `held` are the aMussels that docks already hold.
+    """Flies from `start_ms` to the mission's end, in its surroundings; `watchers` come after those of the surroundings.
 
-    With an `ether`, the other half of the bench is another process: a fleet's packets go there, or a supervisor's. With
-    `rims` there are serial lines, which are looked at between ticks too; with a `roll`, who of the fleet is simulated may
-    change.
     `stop` may be called from a signal handler or another thread.
     """
 
     def __init__(
         self,
         supervisor: Supervisor,
-        vehicle: VehicleLink,
-        pace: Pace,
+        surroundings: Surroundings,
         recorder: Recorder,
-        fleet: Fleet | None,
-        watchers: tuple[Watcher, ...] = (),
         start_ms: int = 0,
-        held: Iterable[int] = (),
-        ether: Ether | None = None,
-        rims: Rims | None = None,
-        roll: Roll | None = None,
-        tell_guest: TellGuest | None = None,
+        watchers: tuple[Watcher, ...] = (),
     ) -> None:
         self.supervisor = supervisor
         self.dropped: Counter[str] = Counter()
         self.now_ms = start_ms
-        self._vehicle = vehicle
-        self._pace = pace
+        self._around = surroundings
+        self._vehicle = surroundings.vehicle
         self._recorder = recorder
-        self._fleet = fleet
-        self._ether = ether
-        self._rims = rims
-        self._roll = roll
-        self._tell_guest = tell_guest
+        self._fleet = surroundings.fleet
+        self._ether = surroundings.ether
+        self._rims = surroundings.rims
+        self._roll = surroundings.roll
         self._came: list[SeaResult] = []
         """Of the fleet, between two ticks."""
         self._come_ms = start_ms - 1
-        self._watchers = watchers
-        self._contacts = Contacts(held)
+        self._watchers = (*surroundings.watchers(supervisor), self._tell_noticed, *watchers)
+        self._contacts = Contacts(surroundings.held)
         self._stopped = StopSign()
         self._stop_reason = "the operator"
 
@@ -95,6 +78,7 @@ class Flight:
         """What came to nothing anywhere in the flight, by reason."""
         supervisor = self.supervisor
         dropped = self.dropped + supervisor.dropped + supervisor.port.dropped + supervisor.ears_dropped
+        dropped += self._around.dropped()
         return dropped if self._fleet is None else dropped + self._fleet.dropped
 
     def stop(self, reason: str) -> None:
@@ -113,7 +97,7 @@ class Flight:
 
     def step(self) -> bool:
         """The next tick, when it has come; whether the mission has ended with it."""
-        self._pace.reach(self.now_ms, self._stopped, None if self._rims is None else self._between)
+        self._around.pace.reach(self.now_ms, self._stopped, None if self._rims is None else self._between)
         self.tick(self.now_ms)
         if self.supervisor.has_ended:
             return True
@@ -147,6 +131,10 @@ class Flight:
             self._roll.answer()
         for watch in self._watchers:
             watch(now_ms)
+
+    def _tell_noticed(self, now_ms: int) -> None:
+        for kind, data in self._around.noticed(now_ms):
+            self._recorder.event(now_ms, kind, **data)
 
     def _act(self, now_ms: int) -> bool:
         """Lets the supervisor act, and passes on what it says; whether a docking mechanism was commanded.
@@ -318,8 +306,9 @@ class Flight:
                 stimulus = self._contacts.take(fact)
                 if stimulus is None:
                     continue
-                if self._tell_guest is not None and fact.agent_id in self.supervisor.share.guests:
-                    self._tell_guest(Felt(fact.agent_id, stimulus), now_ms)
+                tell_guest = self._around.tell_guest
+                if tell_guest is not None and fact.agent_id in self.supervisor.share.guests:
+                    tell_guest(Felt(fact.agent_id, stimulus), now_ms)
                 else:
                     self._tell_agent(fact.agent_id, stimulus, now_ms)
             else:

@@ -42,6 +42,7 @@ from apad_bridge.scenario.loader import from_data, load, resolve
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
 from apad_bridge.sea_building import fleet_of
+from apad_bridge.surroundings import Surroundings
 from apad_bridge.vehicle_link import InProcessVehicle
 from firmware_model.charge import Battery, fraction
 from firmware_model.codec import MusselbedCodec
@@ -198,7 +199,7 @@ def _flown(thought: Scenario, truth: Scenario) -> dict[str, float]:
     recorder = Scoring(truth)
     vehicle = InProcessVehicle(building.simulated_apad(truth))
     fleet = fleet_of(truth, host, dict.fromkeys(births, 0))
-    flight = Flight(supervisor, vehicle, AsFastAsPossible(), recorder, fleet)
+    flight = Flight(supervisor, Surroundings(vehicle, AsFastAsPossible(), fleet), recorder)
     flight.run()
     figures = uptime_figures(recorder.meter, flight.now_ms)
     kinds = Counter(kind for _, kind, _ in recorder.events)

@@ -30,7 +30,7 @@ def report(
     if as_json:
         print(json.dumps({**summary, "run": str(directory.path), "events": list(said)}))
     else:
-        console = Console()
+        console = Console(markup=False)
         print_table(console, name, flown_by, summary)
         console.print(f"the run's files: {directory.path}", highlight=False, soft_wrap=True)
     sys.stdout.flush()

@@ -28,7 +28,7 @@ def start_apad_node(
     *,
     namespace: str = "",
     xmlrpc_port: int = 0,
-    ready_s: float = 20.0,
+    ready_s: float = 60.0,
 ) -> subprocess.Popen[bytes]:
     """The child, once it says that it is on the graph of OUR master at `master_uri`. What it says goes to `log`.
 

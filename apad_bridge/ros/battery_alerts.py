@@ -12,12 +12,12 @@ import rospy
 
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.modes import LIKELY
-from apad_bridge.flight import Watcher
 from apad_bridge.geography import LocalFrame
 from apad_bridge.ros.agent_topics import Shown, nav_sts
 from apad_bridge.ros.messages import use_generated_messages
 from apad_bridge.ros.names import BATTERY_ALERT, amussel_in_full
 from apad_bridge.supervisor import Supervisor
+from apad_bridge.surroundings import Watcher
 
 use_generated_messages()
 

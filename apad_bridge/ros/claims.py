@@ -30,8 +30,9 @@ from musselbed_msgs.msg import FleetClaim  # noqa: E402
 TOPIC = ours("claims")
 PERIOD_S = 1.0
 LEASE_S = 5.0
-_HEAR_S = 1.0
-"""Claims are latched: who is on the graph is heard at once, and waited for no longer than this."""
+_HEAR_S = 3.0
+"""Claims are latched: who is on the graph is heard at once. Only one that was killed, and is registered still, is waited
+for so long; or one on a machine that stands still."""
 
 
 class ClaimBoard:
@@ -47,6 +48,8 @@ class ClaimBoard:
         """Ids that a claim of real ones was repeated without, and by whom."""
         self._publisher = rospy.Publisher(TOPIC, FleetClaim, queue_size=1, latch=True)
         self._subscriber = rospy.Subscriber(TOPIC, FleetClaim, self._hear, tcp_nodelay=True)
+        # Of nobody yet: fleets that start together would else wait for one another.
+        self._claim([])
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._repeat, name="claims", daemon=True)
 
@@ -126,10 +129,13 @@ class ClaimBoard:
 
     def _repeat(self) -> None:
         while not self._ended.is_set():
-            claim = FleetClaim(node=self._node, lease_s=LEASE_S, ids=sorted(self._simulated()))
-            claim.since = genpy.Time.from_sec(self._since_s)
-            self._publisher.publish(claim)
+            self._claim(sorted(self._simulated()))
             self._ended.wait(PERIOD_S)
+
+    def _claim(self, ids: list[int]) -> None:
+        claim = FleetClaim(node=self._node, lease_s=LEASE_S, ids=ids)
+        claim.since = genpy.Time.from_sec(self._since_s)
+        self._publisher.publish(claim)
 
 
 def _publishers() -> set[str]:

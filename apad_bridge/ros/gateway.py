@@ -1,7 +1,7 @@
 """The one ROS node of a supervisor: what a fleet must show and offer to be aMussels to an aPad, and what we tell people.
 
     gateway = open_gateway(agent_ids, theta, node_name="musselbed_1", xmlrpc_port=0, truth=None)
-    Flight(..., watchers=(gateway.watcher(supervisor),))     # after each tick
+    Surroundings(..., watchers=lambda supervisor: (gateway.watcher(supervisor),))  # after each tick
     gateway.event(at_ms, kind, **data)                       # as a Recorder's: /musselbed/mission
     gateway.close()
 
@@ -24,7 +24,6 @@ import rosgraph
 import rospy
 
 from apad_bridge.beliefs.belief import Belief
-from apad_bridge.flight import Watcher
 from apad_bridge.geography import LocalFrame
 from apad_bridge.records.packet_lines import SoundRow, sound_rows
 from apad_bridge.records.samples import belief_sample
@@ -34,6 +33,7 @@ from apad_bridge.ros.messages import use_generated_messages
 from apad_bridge.ros.names import of_amussel, ours
 from apad_bridge.ros.ros_time import to_ros
 from apad_bridge.supervisor import Supervisor
+from apad_bridge.surroundings import Watcher
 
 use_generated_messages()
 

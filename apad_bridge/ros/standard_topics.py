@@ -25,7 +25,6 @@ from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import MarkerArray
 
 from apad_bridge.beliefs.belief import Belief
-from apad_bridge.flight import Watcher
 from apad_bridge.geography import LocalFrame
 from apad_bridge.planning.solution import StepKind
 from apad_bridge.ros import standard_messages as make
@@ -35,6 +34,7 @@ from apad_bridge.ros.frames import NED_IN_ENU, UPRIGHT, Frames, enu, yaw
 from apad_bridge.ros.names import DIAGNOSTICS, TF, TF_STATIC, of_amussel, ours
 from apad_bridge.ros.never_blocking import Stalls, never_blocking_publisher
 from apad_bridge.supervisor import Supervisor
+from apad_bridge.surroundings import Watcher
 
 _QUEUE = 10
 _WAY_M = 0.5

@@ -10,7 +10,6 @@ import rospy
 
 from apad_bridge import building
 from apad_bridge.fleet import Fleet
-from apad_bridge.flight import Watcher
 from apad_bridge.geography import LocalFrame
 from apad_bridge.laboratory.names import DEFAULT, load_names
 from apad_bridge.mission.share import Share
@@ -38,9 +37,9 @@ from apad_bridge.ros.standard_topics import StandardTopics
 from apad_bridge.ros.vehicle_not_ready import VehicleNotReady
 from apad_bridge.ros.vehicles import READY_S, APadLink, TruthsAt, is_of_generation_b, open_apad
 from apad_bridge.runs.failures import PeerFailed
-from apad_bridge.runs.flying import Surroundings
 from apad_bridge.runs.options import APadKind, Part, RunOptions, TimeSource
 from apad_bridge.scenario.schema import Scenario
+from apad_bridge.surroundings import Surroundings, Watcher
 from firmware_model.codec import load_codec
 
 _NODES = {Part.WHOLE: "musselbed", Part.FLEET: "musselbed_fleet", Part.MISSION: "musselbed_mission"}

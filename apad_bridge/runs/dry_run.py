@@ -12,12 +12,12 @@ from apad_bridge.ether import Ether
 from apad_bridge.facts import Medium, Send
 from apad_bridge.flight import Flight
 from apad_bridge.pace import AsFastAsPossible
-from apad_bridge.runs.flying import Surroundings
 from apad_bridge.runs.in_memory import MemoryRecorder
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import Start
 from apad_bridge.sea_building import fleet_of
 from apad_bridge.supervisor import TICK_MS
+from apad_bridge.surroundings import Surroundings
 from apad_bridge.vehicle import VehicleCommand
 from apad_bridge.vehicle_link import InProcessVehicle, VehicleLink
 
@@ -62,7 +62,7 @@ def first_plan(scenario: Scenario, starts: Sequence[Start]) -> dict[str, Any] | 
     fleet = fleet_of(scenario, OneProcess(building.fleet_config(scenario), births), dict.fromkeys(births, 0))
     vehicle = _Unmoved(InProcessVehicle(building.simulated_apad(scenario)))
     recorder = _FirstPlan(scenario)
-    flight = Flight(building.supervisor(scenario), vehicle, AsFastAsPossible(), recorder, fleet)
+    flight = Flight(building.supervisor(scenario), Surroundings(vehicle, AsFastAsPossible(), fleet), recorder)
     while recorder.plan is None and not flight.supervisor.has_ended:
         flight.tick(flight.now_ms)
         flight.now_ms += TICK_MS

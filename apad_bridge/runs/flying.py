@@ -3,27 +3,21 @@
 from __future__ import annotations
 
 import signal
-from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 from agents.one_process import OneProcess
 from agents.processes import ProcessHost
 from apad_bridge import building
-from apad_bridge.ether import Ether, TellGuest
 from apad_bridge.fleet import Fleet
-from apad_bridge.flight import Flight, Watcher
+from apad_bridge.flight import Flight
 from apad_bridge.known import Known
-from apad_bridge.mission.breakdown import Breakdown
-from apad_bridge.mission.share import Share
 from apad_bridge.mission.state import MissionState
-from apad_bridge.modems.rims import Rims
-from apad_bridge.pace import AsFastAsPossible, Pace
+from apad_bridge.pace import AsFastAsPossible
 from apad_bridge.port.primitives import PrimitiveFailed
-from apad_bridge.presence import Roll
 from apad_bridge.records.recorder import Recorder
 from apad_bridge.records.summary import Ending
 from apad_bridge.runs.status import Status
@@ -34,46 +28,12 @@ from apad_bridge.scripting.called import CalledFront
 from apad_bridge.scripting.commanded import Front
 from apad_bridge.sea_building import fleet_of
 from apad_bridge.supervisor import TICK_MS, Supervisor
+from apad_bridge.surroundings import Announce, Surroundings
 from apad_bridge.vehicle import DockClosed
-from apad_bridge.vehicle_link import InProcessVehicle, VehicleLink
+from apad_bridge.vehicle_link import InProcessVehicle
 
 JOURNAL_FORMAT = 1
 _COMMAND_IDS_PER_EPOCH = 1_000_000
-
-
-class Announce(Protocol):
-    def __call__(self, at_ms: int, kind: str, **data: Any) -> None: ...
-
-
-@dataclass(frozen=True, slots=True)
-class Surroundings:
-    """What a supervisor flies with: the vehicle, what lets time pass, the fleet (or none), and who watches each tick."""
-
-    vehicle: VehicleLink
-    pace: Pace
-    fleet: Fleet | None
-    watchers: Callable[[Supervisor], tuple[Watcher, ...]] = lambda supervisor: ()
-    announce: Announce | None = None
-    """Told every event of the flight, as the journal is."""
-    ether: Ether | None = None
-    held: tuple[int, ...] = ()
-    """aMussels that docks hold already."""
-    docks_by_eye: bool = False
-    """Whether the vehicle has a visual servoing that a camera can show something to."""
-    dropped: Callable[[], Counter[str]] = Counter
-    """What was heard around here and came to nothing, by reason."""
-    noticed: Callable[[int], list[tuple[str, dict[str, Any]]]] = lambda now_ms: []
-    """Events of the surroundings (kind, data) that were not told yet: a master that is gone, a vehicle that is silent."""
-    rims: Rims | None = None
-    roll: Roll | None = None
-    keeps_samples: bool = True
-    """False for a fleet whose mission is at the other end of an ether: its samples are uploaded there."""
-    tell_guest: TellGuest | None = None
-    """Where one of several aPads may serve another's aMussels."""
-    breakdown: Breakdown | None = None
-    """What makes one of several aPads stand down; None for one that is alone, or whose work nobody takes over."""
-    share: Share | None = None
-    """Whom it serves, over the beliefs that the flight is given; None: its own fleet."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,6 +46,31 @@ class GoOn:
     apad_fraction_at_start: float | None
     first_failure: PrimitiveFailed | None = None
     """As the port had latched it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Course:
+    """What of a mission a flight flies: from where, by whose orders, and how far."""
+
+    go_on: GoOn | None = None
+    """None: from its beginning."""
+    known: Known | None = None
+    """What was learned already; None for nothing."""
+    fronts: tuple[Front, ...] = ()
+    """With any there is no mission of our own: the aPad does what these order."""
+    override: CalledFront | None = None
+    """By which the mission can be taken over."""
+    until_first_plan: bool = False
+    """Ends with the first plan instead of the mission."""
+
+    @property
+    def start_ms(self) -> int:
+        """The mission time of the flight's first tick."""
+        return 0 if self.go_on is None else self.go_on.now_ms + TICK_MS
+
+
+ANEW = Course()
+"""The scenario's own mission, from its beginning to its end."""
 
 
 def open_fleet(scenario: Scenario, starts: Sequence[Start], folder: Path) -> Fleet:
@@ -109,29 +94,10 @@ def fly(
     surroundings: Surroundings,
     recorder: Recorder,
     show: Callable[[Status], None],
-    go_on: GoOn | None = None,
-    *,
-    until_first_plan: bool = False,
-    fronts: Sequence[Front] = (),
-    override: CalledFront | None = None,
-    known: Known | None = None,
+    course: Course = ANEW,
 ) -> dict[str, Any]:
-    """Flies to the mission's end, or to its first plan, and gives the summary. SIGINT and SIGTERM end it in order.
-
-    With `fronts` there is no mission of our own: the aPad does what these order. By `override` it can be taken over.
-    `known` is what was learned already; None for nothing.
-    """
-    flying = prepare(
-        scenario,
-        surroundings,
-        recorder,
-        show,
-        go_on,
-        until_first_plan=until_first_plan,
-        fronts=fronts,
-        override=override,
-        known=known,
-    )
+    """Flies its course to the end, and gives the summary. SIGINT and SIGTERM end it in order."""
+    flying = prepare(scenario, surroundings, recorder, show, course)
     with stopped_by_signals(flying.flight):
         flying.flight.run()
     return flying.finish()
@@ -165,74 +131,44 @@ def prepare(
     surroundings: Surroundings,
     recorder: Recorder,
     show: Callable[[Status], None],
-    go_on: GoOn | None = None,
-    *,
-    until_first_plan: bool = False,
-    fronts: Sequence[Front] = (),
-    override: CalledFront | None = None,
-    known: Known | None = None,
+    course: Course = ANEW,
 ) -> Prepared:
     """What `fly` flies."""
-    supervisor = _supervisor(scenario, surroundings, recorder, go_on, fronts, override, known)
-    pace = surroundings.pace
+    supervisor = _supervisor(scenario, surroundings, recorder, course)
 
     def show_tick(now_ms: int) -> None:
-        show(Status.of(supervisor, now_ms, pace.behind_s))
-        if until_first_plan and supervisor.mission.state.plan.steps:
+        show(Status.of(supervisor, now_ms, surroundings.pace.behind_s))
+        if course.until_first_plan and supervisor.mission.state.plan.steps:
             flight.stop("the dry run's plan")
 
     told = recorder if surroundings.announce is None else _Announced(recorder, surroundings.announce)
-
-    def tell_noticed(now_ms: int) -> None:
-        for kind, data in surroundings.noticed(now_ms):
-            told.event(now_ms, kind, **data)
-
-    flight = Flight(
-        supervisor,
-        surroundings.vehicle,
-        pace,
-        told,
-        surroundings.fleet,
-        (*surroundings.watchers(supervisor), tell_noticed, show_tick),
-        start_ms=0 if go_on is None else go_on.now_ms + TICK_MS,
-        held=surroundings.held,
-        ether=surroundings.ether,
-        rims=surroundings.rims,
-        roll=surroundings.roll,
-        tell_guest=surroundings.tell_guest,
-    )
+    flight = Flight(supervisor, surroundings, told, course.start_ms, (show_tick,))
 
     def finish() -> dict[str, Any]:
         recorder.event(flight.now_ms, "end", reason=flight.ended_by)
-        dropped = flight.all_dropped + surroundings.dropped()
-        return recorder.finish(flight.now_ms, _ending(supervisor, flight.ended_by, go_on, dropped))
+        return recorder.finish(flight.now_ms, _ending(flight, course.go_on))
 
     return Prepared(flight, finish)
 
 
 def _supervisor(
-    scenario: Scenario,
-    surroundings: Surroundings,
-    recorder: Recorder,
-    go_on: GoOn | None,
-    fronts: Sequence[Front],
-    override: CalledFront | None,
-    known: Known | None,
+    scenario: Scenario, surroundings: Surroundings, recorder: Recorder, course: Course
 ) -> Supervisor:
     """With the docks as the journal last had them."""
+    go_on = course.go_on
     supervisor = building.supervisor(
         scenario,
         None if go_on is None else go_on.state,
         first_command_id=1 + (0 if go_on is None else go_on.epoch * _COMMAND_IDS_PER_EPOCH),
         samples=_collection(scenario, surroundings, recorder),
-        fronts=fronts,
-        override=override,
+        fronts=course.fronts,
+        override=course.override,
         # The aPad's modem is where its water is: with the fleet, and not with a mission alone.
         has_modem=surroundings.fleet is not None,
         docks_by_eye=surroundings.docks_by_eye,
         breakdown=surroundings.breakdown,
         share=surroundings.share,
-        known=known,
+        known=course.known,
     )
     if go_on is not None:
         supervisor.port.first_failure = go_on.first_failure
@@ -241,15 +177,16 @@ def _supervisor(
     return supervisor
 
 
-def _ending(supervisor: Supervisor, ended_by: str, go_on: GoOn | None, dropped: Counter[str]) -> Ending:
+def _ending(flight: Flight, go_on: GoOn | None) -> Ending:
+    supervisor = flight.supervisor
     failure = supervisor.port.first_failure
     return Ending(
-        ended_by=ended_by,
+        ended_by=flight.ended_by,
         first_cause=None if failure is None else failure.reason,
         cost_m=supervisor.mission.state.cost_m,
         services=supervisor.mission.state.services,
         apad_energy_fraction=_fraction_used(supervisor, go_on),
-        dropped=dropped,
+        dropped=flight.all_dropped,
         samples_gone={} if supervisor.samples is None else supervisor.samples.gone,
     )
 

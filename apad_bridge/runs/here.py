@@ -28,9 +28,8 @@ def fly_here(
     flying.journal_start(recorder, scenario, starts)
     fleet = flying.open_fleet(scenario, starts, directory.path / FOLDER)
     try:
-        return flying.fly(
-            scenario, flying.in_process(scenario, fleet), recorder, progress.show, fronts=fronts
-        )
+        course = flying.Course(fronts=tuple(fronts))
+        return flying.fly(scenario, flying.in_process(scenario, fleet), recorder, progress.show, course)
     finally:
         recorder.close()
         fleet.host.close()

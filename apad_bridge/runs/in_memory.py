@@ -23,6 +23,7 @@ from apad_bridge.scenario.starts import starts_of
 from apad_bridge.scripting.called import CalledFront
 from apad_bridge.scripting.commanded import Front
 from apad_bridge.sea_building import fleet_of
+from apad_bridge.surroundings import Surroundings
 from apad_bridge.vehicle import BatteryReported, PoseReported
 from apad_bridge.vehicle_link import InProcessVehicle
 from firmware_model.sample_record import SampleRecord
@@ -86,10 +87,8 @@ def open_flight(
         scenario, fronts=fronts, samples=samples, override=override, breakdown=breakdown
     )
     recorder = MemoryRecorder(scenario)
-    flight = Flight(
-        supervisor, vehicle, AsFastAsPossible(), recorder, fleet, ether=ether, tell_guest=tell_guest
-    )
-    return flight, recorder
+    around = Surroundings(vehicle, AsFastAsPossible(), fleet, ether=ether, tell_guest=tell_guest)
+    return Flight(supervisor, around, recorder), recorder
 
 
 def fly_in_memory(scenario: Scenario) -> tuple[dict[str, Any], MemoryRecorder]:

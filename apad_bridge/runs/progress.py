@@ -30,13 +30,14 @@ class FlightProgress:
     def __init__(self, name: str, duration_ms: int, quiet: bool = False) -> None:
         self.said: list[str] = []
         """The lines for people, in order; how far the flight is is not among them."""
-        self._console = Console(stderr=True, quiet=quiet)
+        # No markup: what is said here is others' text, and a script that prints "[lat, lon]" means just that.
+        self._console = Console(stderr=True, quiet=quiet, markup=False)
         self._duration_ms = duration_ms
         self._progress = Progress(
-            TextColumn("[bold]{task.description}"),
+            TextColumn("{task.description}", style="bold", markup=False),
             BarColumn(bar_width=24),
             TextColumn("{task.fields[clock]}"),
-            TextColumn("{task.fields[doing]}"),
+            TextColumn("{task.fields[doing]}", markup=False),
             TimeRemainingColumn(),
             console=self._console,
             refresh_per_second=8,

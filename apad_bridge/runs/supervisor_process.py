@@ -24,7 +24,6 @@ from apad_bridge.ros.surroundings import open_surroundings
 from apad_bridge.runs import flying, resuming
 from apad_bridge.runs.dry_run import dry
 from apad_bridge.runs.failures import PeerFailed
-from apad_bridge.runs.flying import Surroundings
 from apad_bridge.runs.nurseries import adopt
 from apad_bridge.runs.options import Part, RunOptions
 from apad_bridge.runs.pid_file import supervising
@@ -35,6 +34,7 @@ from apad_bridge.scripting.commanded import Front
 from apad_bridge.scripting.handover import REAL_TIME
 from apad_bridge.scripting.program import ScriptFront, as_program
 from apad_bridge.squad.seat import seat_of
+from apad_bridge.surroundings import Surroundings
 
 
 def say(line: str) -> None:
@@ -138,11 +138,13 @@ def _flown(
         dry(surroundings) if options.dry_run else surroundings,
         begun.recorder,
         lambda status: say(status.to_line()),
-        begun.go_on,
-        until_first_plan=options.dry_run,
-        fronts=fronts,
-        override=None if fronts else called,
-        known=begun.known,
+        flying.Course(
+            begun.go_on,
+            begun.known,
+            tuple(fronts),
+            override=None if fronts else called,
+            until_first_plan=options.dry_run,
+        ),
     )
     for front in fronts:
         if isinstance(front, ScriptFront):

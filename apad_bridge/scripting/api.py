@@ -14,14 +14,12 @@ from collections.abc import Sequence
 from apad_bridge.planning.costs import CostBreakdown
 from apad_bridge.scripting import planned
 from apad_bridge.scripting.behaviours import Behaviour
-from apad_bridge.scripting.commanded import CommandedMission
+from apad_bridge.scripting.commanded import FARTHEST_M, CommandedMission
 from apad_bridge.scripting.handover import Wait
 from apad_bridge.scripting.known import FOR_EVER_S, Known
 from apad_bridge.scripting.planned import Plan
 from apad_bridge.scripting.values import Event, Refused, Status, dock_of, manoeuvre_of, slot_of
 from apad_bridge.vehicle import Manoeuvre
-
-FARTHEST_M = 50_000.0
 
 
 class Api(Known):

@@ -44,6 +44,10 @@ class Front(Protocol):
         ...
 
 
+FARTHEST_M = 50_000.0
+"""From the origin: no aPad is sent farther."""
+
+
 class CommandedMission(OrderBook):
     """Orders raise Refused, with one line, and then nothing has changed. Slots count from 0 here; NED metres."""
 
@@ -165,6 +169,7 @@ class CommandedMission(OrderBook):
         radius_m = self.config.victory_radius_m if radius_m is None else radius_m
         if not all(map(math.isfinite, (north_m, east_m, speed_m_s, radius_m))):
             raise Refused("a go-to needs finite numbers")
+        _refuse_far(north_m, east_m)
         if speed_m_s <= 0 or radius_m <= 0:
             raise Refused(
                 "speed and victory radius must be above 0: an aPad of the field gives up on anything else"
@@ -181,6 +186,7 @@ class CommandedMission(OrderBook):
         point = (here[0] if north_m is None else north_m, here[1] if east_m is None else east_m)
         if not all(map(math.isfinite, point)):
             raise Refused("a hold needs finite numbers")
+        _refuse_far(*point)
         self._desk.pre_empt(self.now_ms)
         self.order(HoldPosition(self.next_id(), *point))
 
@@ -255,3 +261,12 @@ class CommandedMission(OrderBook):
             self.events.tell(self.now_ms, "goto", status=status, reason=reason)
         else:
             self._desk.ended(primitive_id, status, reason, self.now_ms)
+
+
+def _refuse_far(north_m: float, east_m: float) -> None:
+    """A place left out of a call is 0 degrees north and east, and one in the wrong unit is as far: both are refused."""
+    if math.hypot(north_m, east_m) > FARTHEST_M:
+        raise Refused(
+            f"the goal lies {math.hypot(north_m, east_m):.0f} m from the scenario's origin: is it [latitude, longitude] "
+            "in degrees where those are asked for, and metres elsewhere?"
+        )

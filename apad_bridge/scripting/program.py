@@ -98,9 +98,11 @@ class ScriptFront:
                     self._handover.answer(holds if isinstance(holds, BaseException) else bool(holds))
 
     def print_error(self) -> None:
-        """What the script raised, with its traceback, on stderr; nothing when it raised nothing."""
+        """What the script raised, on stderr, with the traceback of its own lines; nothing when it raised nothing."""
         if self.error is not None:
-            traceback.print_exception(self.error)
+            shown = traceback.TracebackException.from_exception(self.error)
+            shown.stack = _authors(shown.stack)
+            print("".join(shown.format()), end="", file=sys.stderr)
 
     def close(self, reason: str) -> None:
         self._handover.close(reason)
@@ -167,6 +169,13 @@ def _outcome(act: Callable[[], Any]) -> Any:
         return act()
     except Exception as error:
         return error
+
+
+def _authors(stack: traceback.StackSummary) -> traceback.StackSummary:
+    """Without the API's insides before and after, which an author of missions can do nothing about."""
+    ours = str(Path(__file__).parent)
+    theirs = [frame for frame in stack if str(Path(frame.filename).parent) != ours]
+    return traceback.StackSummary.from_list(theirs) if theirs else stack
 
 
 def _one_line(error: BaseException, name: str) -> str:

@@ -13,11 +13,9 @@ from pathlib import Path
 from typing import Any
 
 from apad_bridge.facts import StandDownAsked
-from apad_bridge.flight import Watcher
 from apad_bridge.mission.breakdown import Breakdown
 from apad_bridge.mission.share import Share
 from apad_bridge.records.journal import JournalContents
-from apad_bridge.runs.flying import Surroundings
 from apad_bridge.runs.options import RunOptions
 from apad_bridge.runs.resuming import Begun
 from apad_bridge.scenario.schema import DockingProfile, Scenario
@@ -26,6 +24,7 @@ from apad_bridge.squad.looking import seen_of
 from apad_bridge.squad.orders import NAME, Handed, Orders
 from apad_bridge.squad.sharing import Seen
 from apad_bridge.supervisor import Supervisor
+from apad_bridge.surroundings import Surroundings, Watcher
 
 Event = tuple[str, dict[str, Any]]
 

@@ -25,6 +25,7 @@ from apad_bridge.scenario.loader import load, resolve
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
 from apad_bridge.simulated_apad.apad import SimulatedAPad
+from apad_bridge.surroundings import Surroundings
 from apad_bridge.vehicle_link import InProcessVehicle
 from firmware_model.states import State
 from firmware_model.stimuli import ResetCause
@@ -70,10 +71,8 @@ def flown(scenario: Scenario, kill_at_ms: dict[int, int] | None = None) -> tuple
     fleet, witness = new_fleet(scenario), Witness(scenario)
     flight = Flight(
         building.supervisor(scenario),
-        InProcessVehicle(SimulatedAPad(scenario.apad)),
-        AsFastAsPossible(),
+        Surroundings(InProcessVehicle(SimulatedAPad(scenario.apad)), AsFastAsPossible(), fleet),
         witness,
-        fleet,
     )
     assert isinstance(fleet.host, OneProcess)
     while not flight.supervisor.has_ended:
@@ -214,19 +213,18 @@ def test_a_fleet_alone_and_a_mission_alone_joined_by_an_ether_serve_aMussels() -
     alone = short_scenario(collection="none")
     fleet_side = Flight(
         building.supervisor(alone),
-        vehicle.observer,  # type: ignore[arg-type]
-        AsFastAsPossible(),
+        Surroundings(
+            vehicle.observer,  # type: ignore[arg-type]
+            AsFastAsPossible(),
+            new_fleet(alone),
+            ether=FleetEnd(heard, said),
+        ),
         Witness(alone),
-        new_fleet(alone),
-        ether=FleetEnd(heard, said),
     )
     mission_side = Flight(
         building.supervisor(scenario),
-        vehicle,
-        AsFastAsPossible(),
+        Surroundings(vehicle, AsFastAsPossible(), None, ether=MissionEnd(said, heard)),
         Witness(scenario),
-        None,
-        ether=MissionEnd(said, heard),
     )
     for now_ms in range(0, 120_000, 1000):
         fleet_side.tick(now_ms)

@@ -21,6 +21,7 @@ from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
 from apad_bridge.sea_building import fleet_of
 from apad_bridge.simulated_apad.apad import SimulatedAPad
+from apad_bridge.surroundings import Surroundings
 from apad_bridge.vehicle_link import APadSeen, InProcessVehicle
 from firmware_model.codec import load_codec
 from firmware_model.packets import AcousticStatus, CommandPacket, Kind
@@ -159,7 +160,7 @@ def test_links_may_change_while_a_run_flies(tmp_path: Path) -> None:
     fleet = fleet_of(scenario, OneProcess(building.fleet_config(scenario), births), dict.fromkeys(births, 0))
     recorder = MemoryRecorder(scenario)
     vehicle = InProcessVehicle(SimulatedAPad(scenario.apad))
-    flight = Flight(building.supervisor(scenario), vehicle, AsFastAsPossible(), recorder, fleet)
+    flight = Flight(building.supervisor(scenario), Surroundings(vehicle, AsFastAsPossible(), fleet), recorder)
     for now_ms in range(0, 500_000, 1000):
         if now_ms == 200_000:
             path.write_text("from,to,loss\n*,apad,1\n")
@@ -265,11 +266,8 @@ def test_a_fleet_alone_shares_what_reached_the_aPad_and_hears_what_its_planner_s
     elsewhere = Elsewhere([Send(Medium.SOUND, 7, permission)])
     flight = Flight(
         building.supervisor(scenario),
-        SeenFromAfar(),
-        AsFastAsPossible(),
+        Surroundings(SeenFromAfar(), AsFastAsPossible(), fleet, ether=elsewhere),
         recorder,
-        fleet,
-        ether=elsewhere,
     )
     for now_ms in range(0, 200_000, 1000):
         flight.tick(now_ms)

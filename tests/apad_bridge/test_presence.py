@@ -37,6 +37,7 @@ from apad_bridge.runs.resuming import became, place_again
 from apad_bridge.scenario.loader import from_data, load, resolve
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
+from apad_bridge.surroundings import Surroundings
 from apad_bridge.vehicle_link import InProcessVehicle
 from firmware_model.codec import MusselbedCodec
 from firmware_model.packets import StatusPacket
@@ -103,12 +104,14 @@ class Bench:
     def begin(self, recorder: MemoryRecorder, roll: Roll) -> Flight:
         return Flight(
             building.supervisor(self.scenario),
-            InProcessVehicle(building.simulated_apad(self.scenario)),
-            AsFastAsPossible(),
+            Surroundings(
+                InProcessVehicle(building.simulated_apad(self.scenario)),
+                AsFastAsPossible(),
+                Fleet(self.coordinator, self.host),
+                ether=self.elsewhere,
+                roll=roll,
+            ),
             recorder,
-            Fleet(self.coordinator, self.host),
-            ether=self.elsewhere,
-            roll=roll,
         )
 
     def ask(self, *asked: Asked) -> list[str | None]:

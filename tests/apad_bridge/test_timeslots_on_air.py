@@ -23,6 +23,7 @@ from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
 from apad_bridge.sea_building import fleet_of
 from apad_bridge.simulated_apad.apad import SimulatedAPad
+from apad_bridge.surroundings import Surroundings
 from apad_bridge.vehicle_link import InProcessVehicle
 
 WHOLE_BOARDS = Path(__file__).parents[2] / "launch_scripts" / "scenarios" / "whole-board-12.yaml"
@@ -54,7 +55,7 @@ def statuses(flown: Scenario, drift_ppb: int = 0) -> list[dict[str, Any]]:
     fleet = fleet_of(flown, OneProcess(config, births), dict.fromkeys(births, 0))
     recorder = MemoryRecorder(flown)
     vehicle = InProcessVehicle(SimulatedAPad(flown.apad))
-    Flight(building.supervisor(flown), vehicle, AsFastAsPossible(), recorder, fleet).run()
+    Flight(building.supervisor(flown), Surroundings(vehicle, AsFastAsPossible(), fleet), recorder).run()
     packets = [data for _, kind, data in recorder.events if kind == "packet"]
     return [it for it in packets if it["from"] != 0 and it["what"] == "unicast"]
 

@@ -21,6 +21,7 @@ from apad_bridge.scenario.loader import from_data, load, resolve
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import Start, starts_of
 from apad_bridge.simulated_apad.apad import SimulatedAPad
+from apad_bridge.surroundings import Surroundings
 from apad_bridge.vehicle_link import InProcessVehicle
 from firmware_model.charge import FULL, grains
 from firmware_model.states import State
@@ -56,7 +57,7 @@ def flown(scenario: Scenario, starts: tuple[Start, ...] | None = None) -> tuple[
     fleet = Fleet(Coordinator(host, dict.fromkeys(births, 0), scenario.theta), host)
     witness = Witness(scenario)
     vehicle = InProcessVehicle(SimulatedAPad(scenario.apad))
-    flight = Flight(building.supervisor(scenario), vehicle, AsFastAsPossible(), witness, fleet)
+    flight = Flight(building.supervisor(scenario), Surroundings(vehicle, AsFastAsPossible(), fleet), witness)
     flight.run()
     return witness, flight
 

@@ -30,6 +30,7 @@ from apad_bridge.ros.radio import RealRadio
 from apad_bridge.scenario.loader import from_data, load, resolve
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
+from apad_bridge.surroundings import Surroundings
 from apad_bridge.vehicle_link import InProcessVehicle
 
 SPEED = 20.0
@@ -85,13 +86,15 @@ def main() -> None:
     supervisor = building.supervisor(flown)
     flight = Flight(
         supervisor,
-        InProcessVehicle(building.simulated_apad(flown)),
-        WallClock(SPEED),
+        Surroundings(
+            InProcessVehicle(building.simulated_apad(flown)),
+            WallClock(SPEED),
+            Fleet(Coordinator(host, dict.fromkeys(births, 0), flown.theta), host),
+            lambda flying: (gateway.watcher(flying), alerts.watcher(flying)),
+            ether=radio,
+            roll=Roll(presences, desk),
+        ),
         Told(),
-        Fleet(Coordinator(host, dict.fromkeys(births, 0), flown.theta), host),
-        (gateway.watcher(supervisor), alerts.watcher(supervisor)),
-        ether=radio,
-        roll=Roll(presences, desk),
     )
     signal.signal(signal.SIGTERM, lambda *_: flight.stop("told to end"))
     print("flying", flush=True)

@@ -28,6 +28,7 @@ from apad_bridge.ros.vehicle_not_ready import VehicleNotReady
 from apad_bridge.scenario import loader
 from apad_bridge.scenario.schema import Generation, Scenario
 from apad_bridge.scenario.starts import starts_of
+from apad_bridge.surroundings import Surroundings
 from apad_bridge.vehicle_link import InProcessVehicle, VehicleLink
 
 
@@ -91,10 +92,11 @@ def fly(scenario: Scenario, over_ros: bool, speed: float | None, patience_s: flo
             stack.callback(link.close)
             link.wait_until_ready(5 * patience_s)
             pace = OwnMasterClock(speed, link, patience_s=patience_s)
-            flight = Flight(supervisor, link, pace, decisions, fleet, (gateway.watcher(supervisor), ticked))
+            around = Surroundings(link, pace, fleet, lambda flying: (gateway.watcher(flying), ticked))
         else:
             vehicle = InProcessVehicle(building.simulated_apad(scenario))
-            flight = Flight(supervisor, vehicle, AsFastAsPossible(), decisions, fleet)
+            around = Surroundings(vehicle, AsFastAsPossible(), fleet)
+        flight = Flight(supervisor, around, decisions)
         begun_s = time.monotonic()
         ended_by = flight.run()
         return {

@@ -277,11 +277,17 @@ def main() -> None:
                 break
             bench.run(1)
         told["missions"][road] = failed
-    bench.link.command(Hold(4, *bench.place_m()), bench.now_ms)
-    bench.run(1)
-    far = bench.goal(north_m + 90, east_m).begun()
-    bench.run(20)
-    told["missions"]["holding"] = [far.outcome()["state"], *bench.link.dropped]
+    held_m = bench.place_m()
+    bench.link.command(Hold(4, *held_m), bench.now_ms)
+    bench.run(2)
+    near = bench.goal(held_m[0] + 5, held_m[1]).begun()
+    bench.run(60)
+    came_back_m = [a - b for a, b in zip(bench.place_m(), held_m, strict=True)]
+    told["missions"]["holding"] = {
+        "came_back_m": came_back_m,
+        **near.outcome(),
+        "dropped": list(bench.link.dropped),
+    }
     gateway.close()
     print(json.dumps(told))
 

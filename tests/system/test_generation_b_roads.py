@@ -104,7 +104,9 @@ def test_a_mission_notices_that_somebody_else_stopped_the_apad(told: Any) -> Non
     assert told["missions"]["stop"] == ["the aPad ended the go-to by itself: its status says PREEMPTED"]
 
 
-def test_a_mission_that_holds_takes_the_apad_back(told: Any) -> None:
-    state, *dropped = told["missions"]["holding"]
-    assert state == "PREEMPTED"
-    assert "the aPad did not hold its position, and was told again" in dropped
+def test_a_mission_that_holds_lets_anothers_go_to_end_and_then_takes_the_apad_back(told: Any) -> None:
+    holding = told["missions"]["holding"]
+    assert holding["state"] == "SUCCEEDED" and holding["distance_m"] < 0.5
+    assert holding["came_back_m"] == pytest.approx([0.0, 0.0], abs=0.5)
+    assert "goto_status: somebody else sent the aPad away from where it shall hold" in holding["dropped"]
+    assert "the aPad did not hold its position, and was told again" in holding["dropped"]

@@ -23,7 +23,7 @@ from agents.fleet import resting_on_bottom
 from agents.fleet_file import Upbringing
 from agents.host import Grant, Host, Reply
 from agents.launch import NoNursery, launch_nursery, prepare
-from agents.link import LIMIT_BYTES, Window
+from agents.link import LIMIT_BYTES, Window, readable
 from agents.one_process import OneProcess
 from agents.outputs import Truth, WifiSent
 from agents.processes import Fenced, ProcessHost
@@ -236,8 +236,9 @@ def test_a_nursery_that_nobody_waits_for_any_more_is_ended(
 ) -> None:
     prepare(tmp_path, FLEET, BIRTHS)
 
-    def interrupted(*_: object) -> bool:
-        assert running_for(tmp_path) != []
+    def interrupted(reading: int, timeout_s: float) -> bool:
+        # Not before it speaks: for a moment after it was begun, a process has no command line to be known by.
+        assert readable(reading, timeout_s) and running_for(tmp_path) != []
         raise KeyboardInterrupt
 
     monkeypatch.setattr("agents.launch.readable", interrupted)

@@ -394,3 +394,14 @@ def test_one_that_is_asked_within_a_short_wake_is_not_taken_for_awake(
 
 def test_a_short_status_of_one_that_was_never_heard_is_not_believed() -> None:
     assert Twin(KNOWLEDGE, {}).update(None, HeardShort(0, State.SLEEPING, 0.5, 1.0)) is None
+
+
+@pytest.mark.parametrize(("deviations", "gated"), [(-4.0, 0), (4.0, 0), (-7.0, 1)])
+def test_the_gate_stands_between_four_deviations_and_seven(deviations: float, gated: int) -> None:
+    twin = Twin(KNOWLEDGE, ALWAYS_ASLEEP)
+    steady = told(twin, *hourly(State.SLEEPING, 0.7, 60 * ASLEEP, 6))
+    due = twin.predict(steady, 6 * HOUR)
+    # Of a reading asleep: charge, noise and bias, of which the last two are 0.015 and at most 0.004.
+    sd = (memory_of(due).cov[0, 0] + 0.015**2) ** 0.5
+    odd = twin.update(due, heard(6 * HOUR, State.SLEEPING, due.primary + deviations * sd, 6))
+    assert odd is not None and memory_of(odd).gated == gated

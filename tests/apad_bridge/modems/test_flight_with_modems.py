@@ -25,6 +25,7 @@ from apad_bridge.scenario.loader import from_data, load, resolve
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
 from apad_bridge.sea_building import fleet_of
+from apad_bridge.surroundings import Surroundings
 from apad_bridge.vehicle_link import InProcessVehicle
 from firmware_model.codec import MusselbedCodec
 from firmware_model.packets import AcousticStatus, CommandPacket, Kind, StatusPacket
@@ -53,11 +54,13 @@ def flying(
     recorder = MemoryRecorder(scenario)
     flight = Flight(
         building.supervisor(scenario),
-        InProcessVehicle(building.simulated_apad(scenario)),
-        WallClock(1.0),
+        Surroundings(
+            InProcessVehicle(building.simulated_apad(scenario)),
+            WallClock(1.0),
+            fleet_of(scenario, host, dict.fromkeys(births, 0), opened=opened),
+            rims=rims,
+        ),
         recorder,
-        fleet_of(scenario, host, dict.fromkeys(births, 0), opened=opened),
-        rims=rims,
     )
     thread = threading.Thread(target=flight.run)
     thread.start()

@@ -25,6 +25,7 @@ from apad_bridge.records.summary import Ending
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.starts import read_starts, starts_of
 from apad_bridge.simulated_apad.apad import SimulatedAPad
+from apad_bridge.surroundings import Surroundings
 from apad_bridge.vehicle import BatteryReported, PoseReported
 from apad_bridge.vehicle_link import InProcessVehicle
 from firmware_model.actions import Buoyancy
@@ -51,7 +52,7 @@ def fly(scenario, recorder, until_ms=None):
     host = OneProcess(building.fleet_config(scenario), births)
     fleet = Fleet(Coordinator(host, dict.fromkeys(births, 0), scenario.theta), host)
     vehicle = InProcessVehicle(SimulatedAPad(scenario.apad))
-    flight = Flight(building.supervisor(scenario), vehicle, AsFastAsPossible(), recorder, fleet)
+    flight = Flight(building.supervisor(scenario), Surroundings(vehicle, AsFastAsPossible(), fleet), recorder)
     if until_ms is None:
         flight.run()
     else:

@@ -257,6 +257,11 @@ def test_plans_and_costs_are_the_mission_s(pool: Scenario) -> None:
         (lambda api: api.docking(True, 1, 7), "aMussel 7 is believed .* m away: go there first"),
         (lambda api: api.docking(False, 2), "dock 2 is empty"),
         (lambda api: api.deploy(3), "aMussel 3 is in no dock"),
+        (
+            lambda api: api._do(lambda mission: mission.go_to(4.8e6, 0.0)),
+            "4800000 m from the scenario's origin",
+        ),
+        (lambda api: api.hold([0, 0]), "m from the scenario's origin"),
         (lambda api: api.home(99), "never heard in the water"),
         (lambda api: api.sleep(float("nan")) or api.wait_until(lambda: True, -1), "cannot be waited for"),
         (lambda api: api.plan_collection(batch=0), "a batch of 0"),

@@ -44,6 +44,20 @@ def test_a_script_that_fails_says_where(tmp_path: Path, capsys: pytest.CaptureFi
     error = capsys.readouterr().err
     assert "failure of the script: wrong.py, line 3: Refused: there is no dock 7" in error
     assert "api.docking(True, 7, 3)" in error
+    assert "apad_bridge/scripting/" not in error, "an author of missions is shown lines of the API's insides"
+
+
+def test_what_a_script_prints_and_raises_is_shown_as_it_is(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    script = tmp_path / "brackets.py"
+    script.write_text(
+        f"# scenario: {POOL}\nprint('to [lat, lon]', '[/home]')\nraise ValueError('not [north]')\n"
+    )
+    assert main(["script", str(script), *HERE, "--out", str(tmp_path / "run")]) == Exit.PEER_FAILED
+    out, error = capsys.readouterr()
+    assert "to [lat, lon] [/home]\n" in error
+    assert "ended by failure of the script: brackets.py, line 3: ValueError: not [north]" in out
 
 
 @pytest.mark.parametrize(
