@@ -142,6 +142,21 @@ def advanced(memory: Memory, knowledge: Knowledge, schedule: Schedule, to_ms: in
     return memory
 
 
+def at_its_clock(memory: Memory, agent_ms: int) -> Memory:
+    """The same memory by a clock that was set and shows `agent_ms` now: no time has passed for the batteries."""
+    by_ms, unobeyed = agent_ms - memory.at_ms, memory.unobeyed
+    return replace(
+        memory,
+        at_ms=agent_ms,
+        anchor_ms=memory.anchor_ms + by_ms,
+        since_ms=memory.since_ms + by_ms,
+        measured_ms=memory.measured_ms + by_ms,
+        unobeyed=None if unobeyed is None else (unobeyed[0], unobeyed[1] + by_ms),
+        packet=(-1, agent_ms),
+        day=(),
+    )
+
+
 def _afloat(memory: Memory, knowledge: Knowledge, schedule: Schedule, to_ms: int) -> Memory:
     """Surfacing, then floating, until it is taken or sinks again by itself."""
     per_min, surfaced_ms = knowledge.drain.per_min, memory.since_ms + knowledge.surfacing_ms

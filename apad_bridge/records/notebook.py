@@ -17,7 +17,7 @@ from apad_bridge.beliefs.measurement import Measurement
 from apad_bridge.beliefs.measurement_lines import measurement_of, measurement_row
 from apad_bridge.records.line_file import LineFile, read_lines
 
-FORMAT = 1
+FORMAT = 2
 ROWS = 10_000
 PERIOD_MS = 600_000
 """A checkpoint is due after so many rows, or so much mission time: what a resumed supervisor replays at most."""
