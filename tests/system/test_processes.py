@@ -408,12 +408,14 @@ def test_an_orphaned_fleet_ends(tmp_path: Path) -> None:
 
 
 def test_ending_is_bounded_though_an_agent_is_stopped(tmp_path: Path) -> None:
-    host = ProcessHost.start(tmp_path, FLEET, BIRTHS, upbringing=Upbringing(ending_s=0.2))
+    ending_s = 0.2
+    host = ProcessHost.start(tmp_path, FLEET, BIRTHS, upbringing=Upbringing(ending_s=ending_s))
     pids = dict(host.pids)
     os.kill(pids[8], signal.SIGSTOP)
     began_s = time.monotonic()
     host.close()
-    assert time.monotonic() - began_s < 5.0
+    # Nothing else is waited for; the room is for a machine that is busy. One that is stopped never ends by itself.
+    assert ending_s <= time.monotonic() - began_s < ending_s + PATIENCE_S
     assert all(gone(pid) for pid in [*pids.values(), host.nursery_pid])
 
 
