@@ -14,7 +14,7 @@ from typing import Protocol
 from apad_bridge.mission.homes import with_new_homes
 from apad_bridge.mission.order_book import OrderBook
 from apad_bridge.mission.orders import Order, PermitSurfacing, TellClear
-from apad_bridge.mission.sources import BeliefSource
+from apad_bridge.mission.sources import Foretelling
 from apad_bridge.mission.state import MissionState, Phase
 from apad_bridge.port.docking_port import PRE_EMPTED
 from apad_bridge.port.primitives import (
@@ -54,7 +54,7 @@ class CommandedMission(OrderBook):
     def __init__(
         self,
         config: Mission,
-        beliefs: BeliefSource,
+        beliefs: Foretelling,
         fronts: Sequence[Front],
         state: MissionState | None = None,
     ) -> None:
