@@ -57,8 +57,6 @@ class Memory:
     """By decision of the day, what it was heard to do last and at which decision; empty when nobody asks."""
     measured_ms: int = -1
     measured_mode: Mode | None = None
-    suspect: float | None = None
-    """The last reading that was too far away to be believed."""
     gated: int = 0
 
     @property
