@@ -9,6 +9,7 @@ from collections.abc import Mapping
 
 from agents.fleet import FleetConfig
 from agents.fleet_file import MAX_AGENT_ID, FleetFile, Upbringing
+from agents.interrupts import held_back
 from agents.link import readable
 from agents.physical import Physical
 
@@ -44,34 +45,36 @@ def launch_nursery(run_dir: str | os.PathLike[str]) -> subprocess.Popen[bytes]:
     reading, writing = os.pipe()
     package_root = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
     search = [package_root, *(entry for entry in sys.path if entry and entry != package_root)]
-    try:
-        with open(os.path.join(run_dir, LOG_NAME), "ab") as log:
-            process = subprocess.Popen(
-                # -S: the path is handed over ready, and site would bring modules that no agent needs.
-                [sys.executable, "-S", "-m", "agents.nursery", os.fspath(run_dir), str(writing)],
-                env={**os.environ, "PYTHONPATH": os.pathsep.join(search)},
-                stdin=subprocess.DEVNULL,
-                stdout=log,
-                stderr=log,
-                pass_fds=[writing],
-                start_new_session=True,
-            )
-    finally:
-        os.close(writing)
-    try:
-        heard = readable(reading, READY_TIMEOUT_S)
-        word = (
-            os.read(reading, 4096).decode() if heard else f"it was not ready within {READY_TIMEOUT_S:g} s\n"
-        )
-        if word != "ready\n":
-            raise NoNursery(
-                word.strip() or f"the nursery ended at once; {os.path.join(run_dir, LOG_NAME)} says why"
-            )
-    except BaseException:
-        # Ctrl-C too: nobody else knows of it yet, and it would wait for a supervisor for ever.
-        process.kill()
-        process.wait()
-        raise
-    finally:
-        os.close(reading)
+    with held_back() as let_in:
+        try:
+            with open(os.path.join(run_dir, LOG_NAME), "ab") as log:
+                process = subprocess.Popen(
+                    # -S: the path is handed over ready, and site would bring modules that no agent needs.
+                    [sys.executable, "-S", "-m", "agents.nursery", os.fspath(run_dir), str(writing)],
+                    env={**os.environ, "PYTHONPATH": os.pathsep.join(search)},
+                    stdin=subprocess.DEVNULL,
+                    stdout=log,
+                    stderr=log,
+                    pass_fds=[writing],
+                    start_new_session=True,
+                )
+        finally:
+            os.close(writing)
+        try:
+            let_in()
+            _wait_until_ready(reading, os.path.join(run_dir, LOG_NAME))
+        except BaseException:
+            # Ctrl-C too: nobody else knows of it yet, and it would wait for a supervisor for ever.
+            process.kill()
+            process.wait()
+            raise
+        finally:
+            os.close(reading)
     return process
+
+
+def _wait_until_ready(reading: int, log: str) -> None:
+    heard = readable(reading, READY_TIMEOUT_S)
+    word = os.read(reading, 4096).decode() if heard else f"it was not ready within {READY_TIMEOUT_S:g} s\n"
+    if word != "ready\n":
+        raise NoNursery(word.strip() or f"the nursery ended at once; {log} says why")

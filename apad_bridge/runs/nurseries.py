@@ -21,6 +21,8 @@ FOLDER = "fleet"
 _LAST_EPOCH = 2**31
 """Above that of any supervisor: who ends a run is refused by nobody."""
 _END_S = 1.0
+_REAP_S = 10.0
+"""One that was killed is gone as soon as the machine comes to it."""
 
 
 def start_nursery(scenario: Scenario, starts: Sequence[Start], run_dir: Path) -> subprocess.Popen[bytes]:
@@ -45,7 +47,7 @@ def end_fleet(run_dir: Path, nursery: subprocess.Popen[bytes]) -> None:
         link.close()
     if nursery.poll() is None:
         nursery.kill()
-    nursery.wait(_END_S)
+    nursery.wait(_REAP_S)
 
 
 def adopt(

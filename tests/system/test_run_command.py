@@ -137,8 +137,9 @@ def test_a_run_that_is_told_to_end_while_it_starts_leaves_nothing(
     process, run = fly(5, command=PATIENT_MUSSELBED)
     wait_for((run / begun).exists, f"there is no {begun}")
     process.send_signal(word)
-    process.communicate(timeout=PATIENCE_S)
-    assert process.returncode == 130
+    stdout, _ = process.communicate(timeout=PATIENCE_S)
+    # On a machine that stands still it may have begun to fly by then, and ends in order.
+    assert process.returncode == 130 or json.loads(stdout)["ended_by"] == "the operator"
     wait_for(lambda: children_of(run) == [], f"still there: {children_of(run)}")
 
 
