@@ -57,11 +57,11 @@ def fleet_beliefs(scenario: Scenario, agent_ids: Sequence[int]) -> FleetBeliefs:
     """As the scenario says. Only twins import filterpy, which takes half a second."""
     model = scenario.beliefs.twin
     if model is None:
-        return HoldLast(agent_ids)
+        return HoldLast(agent_ids, scenario.theta)
     from apad_bridge.beliefs.twin import Twin
 
     twin = Twin(knowledge_of(scenario, model), schedules_of(scenario, agent_ids))
-    return FleetBeliefs(twin, agent_ids, due_every_ms=_report_ms(scenario))
+    return FleetBeliefs(twin, agent_ids, due_every_ms=_report_ms(scenario), theta=scenario.theta)
 
 
 def _report_ms(scenario: Scenario) -> int:

@@ -17,6 +17,11 @@ def unread(offset_deviation_ms: float, drift_deviation_ppm: float) -> Clock:
     return Clock(0.0, 0.0, offset_deviation_ms**2, 0.0, drift_deviation_ppm**2)
 
 
+def set_to(ahead_ms: float, noise_ms: float, drift_deviation_ppm: float) -> Clock:
+    """One that is known by a single packet, and by nothing that was believed of it before."""
+    return Clock(ahead_ms, 0.0, noise_ms**2, 0.0, drift_deviation_ppm**2)
+
+
 def carried(clock: Clock, elapsed_ms: int) -> Clock:
     """After `elapsed_ms` of agent time."""
     if elapsed_ms <= 0:

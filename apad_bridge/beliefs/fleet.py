@@ -8,7 +8,8 @@ from dataclasses import replace
 from typing import Any, Protocol
 
 from apad_bridge.beliefs.belief import Belief, Source
-from apad_bridge.beliefs.measurement import Heard, HeardShort, Measurement, Rejected
+from apad_bridge.beliefs.measurement import ClockSet, Heard, HeardShort, Measurement, Rejected
+from apad_bridge.beliefs.stamps import Judged, Stamp, Stamps
 from firmware_model.packets import ShortStatus, StatusPacket
 
 
@@ -48,14 +49,21 @@ class FleetBeliefs:
     """Beliefs by agent id, for the ids of one fleet. `advance` says what time it is; `get` and `all` are for that time."""
 
     def __init__(
-        self, estimator: Estimator, agent_ids: Iterable[int], due_every_ms: int | None = None
+        self,
+        estimator: Estimator,
+        agent_ids: Iterable[int],
+        due_every_ms: int | None = None,
+        theta: int | None = None,
     ) -> None:
-        """`due_every_ms`: so often, in mission time, a packet of each is due; None where nobody says."""
+        """`due_every_ms`: so often, in mission time, a packet of each is due; `theta`: so fast their clocks go.
+
+        None where nobody says.
+        """
         self.estimator = estimator
         self._due_every_ms = due_every_ms
         self._known = frozenset(agent_ids)
         self._beliefs: dict[int, Belief] = {}
-        self._newest_ms: dict[int, int] = {}
+        self._stamps = Stamps(theta)
         self._now_ms = 0
         self._at_now: dict[int, Belief] = {}
         self.diary: Diary | None = None
@@ -98,8 +106,13 @@ class FleetBeliefs:
             return "a status with a number that is not finite"
         if not (0 <= packet.primary <= 1 and 0 <= packet.secondary <= 1):
             return "a status with a charge outside [0, 1]"
-        if packet.agent_ms < self._newest_ms.get(packet.agent_id, -1):
-            return "a status that a newer one overtook"
+        match self._stamps.judge(packet, at_ms):
+            case Judged.OVERTAKEN:
+                return "a status that a newer one overtook"
+            case Judged.IMPOSSIBLE:
+                return "a status of a time that its clock cannot show, unless another agrees"
+            case Judged.SET_ANEW:
+                self.learn(packet.agent_id, ClockSet(at_ms, packet.agent_ms))
         return self.learn(packet.agent_id, Heard(at_ms, packet))
 
     def hear_short(self, packet: ShortStatus, at_ms: int) -> str | None:
@@ -130,7 +143,7 @@ class FleetBeliefs:
         """Nothing is believed of this aMussel any more; its next packet, of whatever time, is believed."""
         self._beliefs.pop(agent_id, None)
         self._at_now.pop(agent_id, None)
-        self._newest_ms.pop(agent_id, None)
+        self._stamps.forget(agent_id)
         if self.diary is not None:
             self.diary.forgot(agent_id)
 
@@ -146,23 +159,29 @@ class FleetBeliefs:
         self._beliefs[agent_id] = belief
         self._at_now.pop(agent_id, None)
         if isinstance(measurement, Heard):
-            self._newest_ms[agent_id] = measurement.packet.agent_ms
+            self._stamps.take(measurement.packet, measurement.at_ms)
         if self.diary is not None:
             self.diary.learned(agent_id, measurement)
         return None
 
     def kept(self) -> list[list[Any]]:
-        """All that is believed, as plain data: [id, agent time of the newest packet, the estimator's] by id."""
-        return [
-            [agent_id, self._newest_ms.get(agent_id, -1), self.estimator.kept(belief)]
-            for agent_id, belief in sorted(self._beliefs.items())
-        ]
+        """All that is believed, as plain data: [id, its clock's newest stamp or None, the estimator's] by id.
+
+        A stamp that waits for another to agree with it is left out: of a clock that was just set one packet more is needed.
+        """
+        found: list[list[Any]] = []
+        for agent_id, belief in sorted(self._beliefs.items()):
+            newest = self._stamps.newest.get(agent_id)
+            stamp = None if newest is None else list(newest)
+            found.append([agent_id, stamp, self.estimator.kept(belief)])
+        return found
 
     def restore(self, kept: list[list[Any]]) -> None:
         """Believes what another's `kept` said, of the same fleet, and nothing else.
 
         KeyError, TypeError or ValueError for what is nothing of the kind, and nothing has changed.
         """
-        self._beliefs = {agent_id: self.estimator.restored(agent_id, data) for agent_id, _, data in kept}
-        self._newest_ms = {agent_id: newest_ms for agent_id, newest_ms, _ in kept}
+        beliefs = {agent_id: self.estimator.restored(agent_id, data) for agent_id, _, data in kept}
+        newest = {agent_id: Stamp(*stamp) for agent_id, stamp, _ in kept if stamp is not None}
+        self._beliefs, self._stamps.newest = beliefs, newest
         self._at_now.clear()

@@ -23,8 +23,7 @@ _NEGLIGIBLE = 0.001
 _CONTRADICTION = 2.0
 _FORGOTTEN = 1e-6
 _GATE = 5.0
-"""In deviations of the reading; beyond the gate it is not believed until another agrees with it."""
-_AGREES = 4.0
+"""In deviations of the reading; beyond the gate it is not believed, and the next one decides."""
 _UNTOLD_SD = 0.3
 """Of a charge after something that nobody told of: docked by hand, or let go."""
 NOTHING = Spent(1.0, 0.0, 0.0)
@@ -138,38 +137,22 @@ class Ear:
         best = max(row[0] for row in rows)
         after = [Anchor(math.exp(density - best), mean, cov) for density, mean, cov in rows]
         likely = [row for row in after if row.weight > _FORGOTTEN]
-        return self._settled(
-            memory, schedule, within(charge.matched(likely), after_measuring=True), reading, None
-        )
+        return self._settled(memory, schedule, within(charge.matched(likely), after_measuring=True), reading)
 
     def _doubted(
         self, memory: Memory, schedule: Schedule, hypotheses: list[Anchor], reading: Reading
     ) -> Memory:
-        """A reading beyond the gate: its mode is believed and its charge is not, until the next one agrees with it.
+        """A reading beyond the gate: its mode is believed and its charge is not.
 
-        Until then either may be wrong, and the belief says so.
+        Until the next one either may be wrong, and the belief says so: it is so wide then that the next one decides.
         """
         before = charge.matched(hypotheses)
         offset, _ = self.knowledge.sensor.offsets.get(reading.state, _NO_OFFSETS)
         away = reading.primary - offset - float(before.mean[PRIMARY])
-        memory = replace(memory, gated=memory.gated + 1)
-        near = _AGREES * self.knowledge.sensor.noise
-        if memory.suspect is None or abs(away - memory.suspect) > near:
-            doubted = before.cov.copy()
-            doubted[PRIMARY, PRIMARY] += (away / 2) ** 2
-            anchor = Anchor(1.0, before.mean, doubted)
-            return self._settled(
-                memory, schedule, within(anchor, after_measuring=False), reading, suspect=away
-            )
-        cov = before.cov.copy()
-        cov[PRIMARY, PRIMARY] += away**2
-        charges = (reading.primary, reading.secondary)
-        sensor = self.knowledge.sensor
-        offsets = sensor.offsets.get(reading.state, _NO_OFFSETS)
-        mean, cov, _, _ = charge.measured(before.mean, cov, sensor, reading.mode, charges, offsets)
-        return self._settled(
-            memory, schedule, within(Anchor(1.0, mean, cov), after_measuring=True), reading, None
-        )
+        doubted = before.cov.copy()
+        doubted[PRIMARY, PRIMARY] += (away / 2) ** 2
+        anchor = within(Anchor(1.0, before.mean, doubted), after_measuring=False)
+        return self._settled(replace(memory, gated=memory.gated + 1), schedule, anchor, reading)
 
     def _settled(
         self,
@@ -177,7 +160,6 @@ class Ear:
         schedule: Schedule,
         anchor: Anchor,
         reading: Reading,
-        suspect: float | None,
     ) -> Memory:
         """The anchor moves to the packet, which says what it is doing."""
         situation: Mode | None = Mode.CHARGING_PRIMARY if reading.mode in DOCKED else reading.mode
@@ -191,7 +173,6 @@ class Ear:
             since_ms=since_ms,
             measured_ms=memory.at_ms,
             measured_mode=reading.mode,
-            suspect=suspect,
             **heard_in(memory, self.knowledge, reading.mode),
         )
         if reading.state in _ON_THE_WAY:

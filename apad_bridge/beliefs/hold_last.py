@@ -51,5 +51,5 @@ class LastPacket:
 
 
 class HoldLast(FleetBeliefs):
-    def __init__(self, agent_ids: Iterable[int]) -> None:
-        super().__init__(LastPacket(), agent_ids)
+    def __init__(self, agent_ids: Iterable[int], theta: int | None = None) -> None:
+        super().__init__(LastPacket(), agent_ids, theta=theta)

@@ -80,7 +80,15 @@ class Ranged:
     variance_m2: float
 
 
-Measurement = Heard | HeardShort | SlotSilent | Permitted | Docked | Released | Fixed | Ranged
+@dataclass(frozen=True, slots=True)
+class ClockSet:
+    """Its clock was set, and shows this now: a reset, or somebody told it the time."""
+
+    at_ms: int
+    agent_ms: int
+
+
+Measurement = Heard | HeardShort | SlotSilent | Permitted | Docked | Released | Fixed | Ranged | ClockSet
 
 
 class Rejected(ValueError):

@@ -6,6 +6,7 @@ from dataclasses import astuple
 from typing import Any
 
 from apad_bridge.beliefs.measurement import (
+    ClockSet,
     Docked,
     Fixed,
     Heard,
@@ -26,6 +27,7 @@ _KINDS: dict[str, type[Any]] = {
     "released": Released,
     "fixed": Fixed,
     "ranged": Ranged,
+    "clock set": ClockSet,
 }
 _NAMES = {kind: name for name, kind in _KINDS.items()}
 _HEARD = "heard"

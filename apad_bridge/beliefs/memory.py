@@ -57,8 +57,6 @@ class Memory:
     """By decision of the day, what it was heard to do last and at which decision; empty when nobody asks."""
     measured_ms: int = -1
     measured_mode: Mode | None = None
-    suspect: float | None = None
-    """The last reading that was too far away to be believed."""
     gated: int = 0
 
     @property
@@ -140,6 +138,21 @@ def advanced(memory: Memory, knowledge: Knowledge, schedule: Schedule, to_ms: in
         later = replace(memory, at_ms=next_ms, load=spent)
         memory = _on_the_backup(later, knowledge, next_ms - memory.at_ms)
     return memory
+
+
+def at_its_clock(memory: Memory, agent_ms: int) -> Memory:
+    """The same memory by a clock that was set and shows `agent_ms` now: no time has passed for the batteries."""
+    by_ms, unobeyed = agent_ms - memory.at_ms, memory.unobeyed
+    return replace(
+        memory,
+        at_ms=agent_ms,
+        anchor_ms=memory.anchor_ms + by_ms,
+        since_ms=memory.since_ms + by_ms,
+        measured_ms=memory.measured_ms + by_ms,
+        unobeyed=None if unobeyed is None else (unobeyed[0], unobeyed[1] + by_ms),
+        packet=(-1, agent_ms),
+        day=(),
+    )
 
 
 def _afloat(memory: Memory, knowledge: Knowledge, schedule: Schedule, to_ms: int) -> Memory:

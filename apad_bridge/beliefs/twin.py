@@ -7,18 +7,20 @@ a single Kalman filter. The mixture is weighed only after silence, or when a pac
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
 from apad_bridge.beliefs import charge_state as charge
 from apad_bridge.beliefs import clock as clocks
-from apad_bridge.beliefs.belief import Belief, Source
+from apad_bridge.beliefs.belief import Belief, Clock, Source
 from apad_bridge.beliefs.charge_state import Anchor
 from apad_bridge.beliefs.hearing import NOTHING, Ear, Reading, anchored, within
 from apad_bridge.beliefs.knowledge import UNKNOWN, Knowledge, Schedule
 from apad_bridge.beliefs.load import Load
 from apad_bridge.beliefs.measurement import (
+    ClockSet,
     Docked,
     Fixed,
     Heard,
@@ -33,6 +35,7 @@ from apad_bridge.beliefs.measurement import (
 from apad_bridge.beliefs.memory import (
     Memory,
     advanced,
+    at_its_clock,
     charge_now,
     obeys,
     paths,
@@ -51,6 +54,8 @@ _CLOCK_APART_MS = 600_000
 _FIX_APART_MS = 10_000
 """Mission time between two fixes that a packet brings along."""
 _TURN_MS = 7_919
+_FAR = 5.0
+"""In deviations of a first reading; a clock that is farther off was never set to nominal time."""
 _DOCK_VARIANCE_M2 = 1.0
 _OF_A_WAKE = (State.ACTIVE, State.PROCESSING)
 """A minute each; whoever is heard in its slot is past them."""
@@ -85,6 +90,10 @@ class Twin:
                 return self._tell(silent, memory, at_ms, belief.learned_from | Source.SILENCE)
             case Permitted():
                 memory = self._permitted(memory, belief.agent_id)
+                return self._tell(belief, memory, at_ms, belief.learned_from)
+            case ClockSet(_, agent_ms):
+                clock, nominal_ms = self._clock_set(agent_ms, at_ms), self.knowledge.theta * at_ms
+                memory = replace(at_its_clock(memory, agent_ms), clock=clock, clock_ms=nominal_ms)
                 return self._tell(belief, memory, at_ms, belief.learned_from)
             case Docked():
                 return self._tell(belief, self._docked(memory), at_ms, belief.learned_from | Source.DOCKING)
@@ -239,11 +248,10 @@ class Twin:
         knowledge = self.knowledge
         mean, cov = charge.unmeasured(knowledge)
         nominal_ms = knowledge.theta * at_ms
-        clock = clocks.read(
-            clocks.unread(knowledge.clock.offset_ms, knowledge.clock.drift_ppm),
-            packet.agent_ms - nominal_ms,
-            knowledge.clock.reading_ms,
-        )
+        ahead_ms, usual = packet.agent_ms - nominal_ms, knowledge.clock
+        clock = clocks.read(clocks.unread(usual.offset_ms, usual.drift_ppm), ahead_ms, usual.reading_ms)
+        if abs(ahead_ms) > _FAR * math.hypot(usual.offset_ms, usual.reading_ms):
+            clock = self._clock_set(packet.agent_ms, at_ms)
         place = Place.at(packet.north_m, packet.east_m, knowledge.water.fix_deviation_m**2, knowledge.water)
         memory = Memory(
             nominal_ms + round(clock.offset_ms),
@@ -261,6 +269,10 @@ class Twin:
         schedule = self._schedule(packet.agent_id)
         memory = self._ear.corrected(memory, schedule, [Anchor(1.0, mean, cov)], reading)
         return told(memory, knowledge, packet.agent_id, at_ms, packet.state, at_ms, Source.PACKET, 0)
+
+    def _clock_set(self, agent_ms: int, at_ms: int) -> Clock:
+        known = self.knowledge.clock
+        return clocks.set_to(agent_ms - self.knowledge.theta * at_ms, known.reading_ms, known.drift_ppm)
 
     def _read_clock(self, memory: Memory, packet: StatusPacket, at_ms: int) -> Memory:
         nominal_ms = self.knowledge.theta * at_ms

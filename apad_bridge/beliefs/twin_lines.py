@@ -41,7 +41,6 @@ def memory_data(memory: Memory) -> Plain:
         "day": [None if heard is None else [heard[0].name, heard[1]] for heard in memory.day],
         "measured_ms": memory.measured_ms,
         "measured_mode": _name(memory.measured_mode),
-        "suspect": memory.suspect,
         "gated": memory.gated,
     }
 
@@ -73,7 +72,6 @@ def memory_of(data: Plain) -> Memory:
         day=tuple(None if heard is None else (Mode[heard[0]], heard[1]) for heard in data["day"]),
         measured_ms=data["measured_ms"],
         measured_mode=_mode(data["measured_mode"]),
-        suspect=data["suspect"],
         gated=data["gated"],
     )
 

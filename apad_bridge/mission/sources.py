@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Protocol
 
 from apad_bridge.beliefs.belief import Belief
+from apad_bridge.beliefs.fleet import Estimator
 
 
 class BeliefSource(Protocol):
@@ -12,4 +13,11 @@ class BeliefSource(Protocol):
 
     def all(self) -> list[Belief]:
         """Every aMussel that anything is believed of, by id."""
+        ...
+
+
+class Foretelling(BeliefSource, Protocol):
+    @property
+    def estimator(self) -> Estimator:
+        """Which carries beliefs on."""
         ...

@@ -2,12 +2,15 @@
 
 The first line is a checkpoint of all beliefs; a line for each tick follows, with what was learned in it. When those have
 become many, a new checkpoint takes the file's place at once: it stays small however long a run is, and is read in seconds.
-It is written by beliefs and read into beliefs, and knows no truth. A run that ends takes it away.
+It is written by beliefs and read into beliefs, and knows no truth. A run that ends takes it away. Beside what was learned
+stand the counts of what came to nothing.
 """
 
 from __future__ import annotations
 
 import os
+from collections import Counter
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
@@ -17,7 +20,7 @@ from apad_bridge.beliefs.measurement import Measurement
 from apad_bridge.beliefs.measurement_lines import measurement_of, measurement_row
 from apad_bridge.records.line_file import LineFile, read_lines
 
-FORMAT = 1
+FORMAT = 2
 ROWS = 10_000
 PERIOD_MS = 600_000
 """A checkpoint is due after so many rows, or so much mission time: what a resumed supervisor replays at most."""
@@ -44,12 +47,26 @@ class Remembers(Protocol):
 class Notebook:
     """The diary of `beliefs`, from now on. Rows reach the file at `flush`, which is called at the end of every tick."""
 
-    def __init__(self, path: Path, beliefs: FleetBeliefs, now_ms: int, ears: Remembers | None = None) -> None:
-        """Begins with a checkpoint at mission time `now_ms`, which takes the place of a notebook that was there."""
+    def __init__(
+        self,
+        path: Path,
+        beliefs: FleetBeliefs,
+        now_ms: int,
+        ears: Remembers | None = None,
+        counts: Callable[[], Counter[str]] = Counter,
+    ) -> None:
+        """Begins with a checkpoint at mission time `now_ms`, which takes the place of a notebook that was there.
+
+        `counts` says what came to nothing so far, by reason.
+        """
         self._path = path
         self._beliefs = beliefs
         self._ears = ears
+        self._counts = counts
         self._rows: list[list[Any]] = []
+        self._rows_in_file = 0
+        self._begun_ms = now_ms
+        self._told_counts: Counter[str] = Counter()
         self._file = self._begun(now_ms)
         beliefs.diary = self
 
@@ -65,14 +82,18 @@ class Notebook:
     def flush(self, now_ms: int) -> None:
         rows, self._rows = self._rows, []
         news = None if self._ears is None else self._ears.news()
-        if not rows and news is None:
+        counts = self._counts()
+        counted = counts != self._told_counts
+        if not rows and news is None and not counted:
             return
-        self._rows_in_file += len(rows) + (news is not None)
+        self._rows_in_file += len(rows) + (news is not None) + counted
         if self._rows_in_file > ROWS or now_ms >= self._begun_ms + PERIOD_MS:
             self._file.close()
             self._file = self._begun(now_ms)
             return
-        self._file.append({"t": now_ms, "learned": rows} | ({} if news is None else {"ears": news}))
+        more = ({} if news is None else {"ears": news}) | ({"counts": counts} if counted else {})
+        self._told_counts = counts
+        self._file.append({"t": now_ms, "learned": rows} | more)
         self._file.flush()
 
     def close(self) -> None:
@@ -85,7 +106,9 @@ class Notebook:
         fresh.unlink(missing_ok=True)
         file = LineFile(fresh)
         ears = None if self._ears is None else self._ears.kept()
-        file.append({"t": now_ms, "format": FORMAT, "beliefs": self._beliefs.kept(), "ears": ears})
+        self._told_counts = self._counts()
+        kept = {"beliefs": self._beliefs.kept(), "ears": ears, "counts": self._told_counts}
+        file.append({"t": now_ms, "format": FORMAT} | kept)
         file.flush()
         os.replace(fresh, self._path)
         self._begun_ms, self._rows_in_file = now_ms, 0
@@ -102,6 +125,8 @@ class Recalled:
     until_ms: int
     rows: int
     whole: bool
+    counts: Counter[str] | None
+    """Of what came to nothing; None in a notebook of a version that did not keep them."""
 
 
 class NoNotebook(Exception):
@@ -119,6 +144,7 @@ def recall(path: Path, beliefs: FleetBeliefs, ears: Remembers | None = None) -> 
         if ears is not None:
             ears.restore(first["ears"])
         until_ms: int = first["t"]
+        counts: Counter[str] | None = Counter(first["counts"]) if "counts" in first else None
     except OSError as error:
         raise NoNotebook(f"{path.name}: {error.strerror}") from error
     except (KeyError, TypeError, ValueError) as error:
@@ -126,13 +152,15 @@ def recall(path: Path, beliefs: FleetBeliefs, ears: Remembers | None = None) -> 
     rows = 0
     for line in lines:
         if line is None:
-            return Recalled(until_ms, rows, whole=False)
+            return Recalled(until_ms, rows, whole=False, counts=counts)
         for row in line["learned"]:
             _learn(beliefs, row)
         if ears is not None and "ears" in line:
             ears.take_news(line["ears"])
+        if "counts" in line:
+            counts = Counter(line["counts"])
         rows, until_ms = rows + len(line["learned"]), line["t"]
-    return Recalled(until_ms, rows, whole=True)
+    return Recalled(until_ms, rows, whole=True, counts=counts)
 
 
 def _learn(beliefs: FleetBeliefs, row: list[Any]) -> None:

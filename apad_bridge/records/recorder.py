@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence, Set
+from collections.abc import Callable, Iterable, Mapping, Sequence, Set
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -56,6 +56,10 @@ class Recorder:
 
     def __init__(self, directory: RunDirectory, scenario: Scenario, agent_ids: Iterable[int]) -> None:
         self.dropped: Counter[str] = Counter()
+        self.dropped_before: Counter[str] = Counter()
+        """By supervisors of this run that died, as far as it is known."""
+        self.dropped_in_flight: Callable[[], Counter[str]] = Counter
+        """By the flight that is recorded, so far."""
         self._directory = directory
         self._scenario = scenario
         self._known = frozenset(agent_ids)
@@ -73,8 +77,6 @@ class Recorder:
         self._journal = Journal(directory.journal)
         self._bag = BagWriter(directory.next_bag, scenario.theta)
         self._samples = SampleFile(directory.samples)
-        if self._samples.unreadable:
-            self.dropped["a line of samples.jsonl that cannot be read"] += self._samples.unreadable
 
     @classmethod
     def resume(
@@ -137,7 +139,9 @@ class Recorder:
 
     def keep(self, known: Known, now_ms: int) -> None:
         """From mission time `now_ms` on what is learned is written down, for one who would go on with the run."""
-        self._notebook = Notebook(self._directory.notebook, known.beliefs, now_ms, known.ears)
+        self._notebook = Notebook(
+            self._directory.notebook, known.beliefs, now_ms, known.ears, self._dropped_so_far
+        )
 
     @property
     def samples_kept(self) -> Mapping[int, Set[int]]:
@@ -203,7 +207,7 @@ class Recorder:
             "apad_energy_fraction": ending.apad_energy_fraction,
             **self._sample_figures(ending, at_ms),
             "gave_up": len(self._gave_up),
-            "dropped": dict(sorted((Counter(ending.dropped) + self.dropped).items())),
+            "dropped": dict(sorted(self._all_dropped(ending).items())),
         }
         ends = self._ends(at_ms)
         if ends:
@@ -220,6 +224,14 @@ class Recorder:
         self._samples.close()
         if self._notebook is not None:
             self._notebook.close()
+
+    def _dropped_so_far(self) -> Counter[str]:
+        """What the next supervisor would not count again."""
+        return self.dropped_before + self.dropped_in_flight() + self.dropped
+
+    def _all_dropped(self, ending: Ending) -> Counter[str]:
+        unreadable = Counter({"a line of samples.jsonl that cannot be read": self._samples.unreadable})
+        return self.dropped_before + Counter(ending.dropped) + self.dropped + unreadable
 
     def _sample_figures(self, ending: Ending, at_ms: int) -> Line:
         if not takes_samples(self._scenario.board):

@@ -16,15 +16,21 @@ class Inbox(Generic[Item]):
     """In order of arrival. Only `always` items go in when it is full: there are as many of them as commands."""
 
     def __init__(self, capacity: int = CAPACITY) -> None:
-        self.dropped: Counter[str] = Counter()
+        self._dropped: Counter[str] = Counter()
         self._capacity = capacity
         self._items: list[Item] = []
         self._came = threading.Condition()
 
+    @property
+    def dropped(self) -> Counter[str]:
+        """So far, by reason: a copy, for rospy's threads go on counting."""
+        with self._came:
+            return self._dropped.copy()
+
     def put(self, item: Item, *, always: bool = False) -> None:
         with self._came:
             if len(self._items) >= self._capacity and not always:
-                self.dropped["telemetry: the flight did not keep up"] += 1
+                self._dropped["telemetry: the flight did not keep up"] += 1
                 return
             self._items.append(item)
             self._came.notify_all()
@@ -32,7 +38,7 @@ class Inbox(Generic[Item]):
     def drop(self, reason: str) -> None:
         """Counts what could not even be put in."""
         with self._came:
-            self.dropped[reason] += 1
+            self._dropped[reason] += 1
 
     def take(self, wait_s: float = 0.0) -> list[Item]:
         """All that is there; when nothing is, what comes first within `wait_s` wall seconds."""

@@ -143,6 +143,7 @@ def prepare(
 
     told = recorder if surroundings.announce is None else _Announced(recorder, surroundings.announce)
     flight = Flight(supervisor, surroundings, told, course.start_ms, (show_tick,))
+    recorder.dropped_in_flight = lambda: flight.all_dropped
 
     def finish() -> dict[str, Any]:
         recorder.event(flight.now_ms, "end", reason=flight.ended_by)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -139,11 +140,10 @@ def resume(
     start = go_on(resumed.journal, options.epoch, gone_ms)
     presences = Presences(ids, scenario.area.depth_m, became(resumed.journal))
     known = _nothing_known(scenario, options)
-    lines = [
-        *what_was_lost(resumed),
-        *who_was_who(presences),
-        known_again(directory.notebook, known, start.now_ms),
-    ]
+    believed, dropped = known_again(directory.notebook, known, start.now_ms)
+    if dropped is not None:
+        recorder.dropped_before = dropped
+    lines = [*what_was_lost(resumed, dropped), *who_was_who(presences), believed]
     for words in lines:
         tell(words)
     recorder.event(resumed.journal.last_ms, "restored", told=lines)
@@ -165,15 +165,18 @@ def _nothing_known(scenario: Scenario, options: RunOptions) -> Known:
     return building.nothing_known(scenario, has_modem=options.part is not Part.MISSION)
 
 
-def known_again(notebook: Path, known: Known, now_ms: int) -> str:
-    """Lets `known` be what the former supervisor's was; a line for a person on what came of it by `now_ms`."""
+def known_again(notebook: Path, known: Known, now_ms: int) -> tuple[str, Counter[str] | None]:
+    """Lets `known` be what the former supervisor's was; a line for a person on what came of it by `now_ms`.
+
+    And what it had counted as dropped, by reason; None when that is not known.
+    """
     try:
         recalled = recall(notebook, known.beliefs, known.ears)
     except NoNotebook as reason:
-        return f"nothing is believed of an aMussel until it is heard again: {reason}"
+        return f"nothing is believed of an aMussel until it is heard again: {reason}", None
     believed = known.beliefs.all()
     if not believed:
-        return "nothing had been heard of any aMussel yet"
+        return "nothing had been heard of any aMussel yet", recalled.counts
     oldest_s = max(it.age_s(now_ms) for it in believed)
     line = (
         f"believed as before: {len(believed)} aMussels, as of {recalled.until_ms / 1000:g} s of mission time; "
@@ -183,12 +186,14 @@ def known_again(notebook: Path, known: Known, now_ms: int) -> str:
         line += (
             f". What was learned after {recalled.until_ms / 1000:g} s is lost: {notebook.name} is torn there"
         )
-    return line
+    return line, recalled.counts
 
 
-def what_was_lost(resumed: Resumed) -> list[str]:
+def what_was_lost(resumed: Resumed, dropped: Counter[str] | None) -> list[str]:
     """Lines for a person, one for each thing that the crash took."""
-    lost = ["lost: words on their way, and the counts of what was dropped so far"]
+    lost = ["lost: words on their way"]
+    if dropped is None:
+        lost[0] += ", and the counts of what was dropped so far"
     if resumed.journal.dropped or resumed.journal_torn_bytes:
         lost.append(f"the journal's last line was torn: {resumed.journal_torn_bytes} bytes of it are lost")
     if resumed.bag is not None:

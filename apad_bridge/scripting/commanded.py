@@ -15,7 +15,7 @@ from apad_bridge.geography import FARTHEST_M
 from apad_bridge.mission.homes import with_new_homes
 from apad_bridge.mission.order_book import OrderBook
 from apad_bridge.mission.orders import Order, PermitSurfacing, TellClear
-from apad_bridge.mission.sources import BeliefSource
+from apad_bridge.mission.sources import Foretelling
 from apad_bridge.mission.state import MissionState, Phase
 from apad_bridge.port.docking_port import PRE_EMPTED
 from apad_bridge.port.primitives import (
@@ -52,7 +52,7 @@ class CommandedMission(OrderBook):
         self,
         config: Mission,
         max_speed_m_s: float,
-        beliefs: BeliefSource,
+        beliefs: Foretelling,
         fronts: Sequence[Front],
         state: MissionState | None = None,
     ) -> None:

@@ -6,10 +6,13 @@ from collections.abc import Callable
 from typing import TypeVar, cast
 
 from apad_bridge.beliefs.belief import Belief
+from apad_bridge.beliefs.fleet import Estimator
+from apad_bridge.beliefs.questions import Question
 from apad_bridge.geography import LocalFrame
 from apad_bridge.mission.pool import ChargingPool
 from apad_bridge.scripting.arguments import looks_at_arguments
 from apad_bridge.scripting.commanded import CommandedMission
+from apad_bridge.scripting.foretold import chance, question_of, sure_at
 from apad_bridge.scripting.handover import Do, Handover, Wait
 from apad_bridge.scripting.values import Agent, Location, Refused, dock_of
 
@@ -118,6 +121,32 @@ class Known:
         """Ids of the charging candidates: heard of late, in the water, at or below the scenario's threshold."""
         return self._do(lambda mission: [it.agent_id for it in self._pool.candidates(mission.now_ms)])
 
+    # What will be, were nothing more heard.
+
+    def chance(self, id: int, question: str | Question, at: float | None = None) -> float:
+        """How probable it is that an aMussel is "low", "full" or "lost" at mission time `at` (s), or now.
+
+        Low and full by the scenario's thresholds; a question may also be a function of a belief.
+        """
+        now_ms, belief, estimator, asked = self._asked(id, question)
+        return chance(estimator, belief, asked, now_ms if at is None else _ms(at), now_ms)
+
+    def sure_at(
+        self, id: int, question: str | Question, share: float = 0.9, within: float = 3600.0
+    ) -> float | None:
+        """From which mission time on (s) `chance` is `share` or more; None if that is not so `within` seconds from now."""
+        now_ms, belief, estimator, asked = self._asked(id, question)
+        return sure_at(estimator, belief, asked, share, now_ms, _ms(within))
+
+    def _asked(self, id: int, question: str | Question) -> tuple[int, Belief, Estimator, Question]:
+        self._hear(id)
+
+        def found(mission: CommandedMission) -> tuple[int, Belief, Estimator, Question]:
+            asked = question_of(question, mission.config)
+            return mission.now_ms, self._belief(mission, id), mission.beliefs.estimator, asked
+
+        return self._do(found)
+
     # In the supervisor's thread.
 
     def _do(self, act: Callable[[CommandedMission], T]) -> T:
@@ -184,3 +213,9 @@ class Known:
             (mission.now_ms - belief.heard_ms) / 1000,
             None if slot is None else dock_of(slot),
         )
+
+
+def _ms(seconds: float) -> int:
+    if not 0 <= seconds <= FOR_EVER_S:
+        raise Refused(f"a time of {seconds} s cannot be foretold")
+    return round(seconds * 1000)

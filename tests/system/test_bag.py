@@ -11,12 +11,15 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 import pytest
+from rosbags.rosbag1 import Reader
 
 from agents.outputs import Truth
 from agents.physical import Physical
 from apad_bridge.beliefs.belief import Belief
+from apad_bridge.records.bag import BagWriter
 from apad_bridge.records.recorder import Recorder
 from apad_bridge.records.run_directory import RunDirectory
+from apad_bridge.records.samples import TruthSample
 from apad_bridge.ros.generate import generate
 from apad_bridge.ros.master import Master, loopback_environment, start_master
 from apad_bridge.scenario.loader import load
@@ -114,6 +117,27 @@ def test_rosbag_info_knows_the_bag(bag: Path, messages: Path) -> None:
             f"musselbed_msgs/{kind}",
         ]
     assert f"{3 * TICKS + 1}" in said and "9.0s" in said
+
+
+def test_rosbag_reindex_mends_a_bag_that_was_never_closed(tmp_path: Path, messages: Path) -> None:
+    writer = BagWriter(tmp_path / "run.bag", theta=30)
+    for now_ms in range(0, 30_000, 1000):
+        truth = TruthSample(7, State.ACTIVE, 0.25, 1.0, 1.0 + now_ms, 2.0, 3.0, False, 30 * now_ms)
+        writer.sample(now_ms, [truth], [], None)
+    torn = tmp_path / "torn.bag"
+    shutil.copy(writer.path, torn)  # what a kill leaves of it
+    writer.close()
+    rosbag("reindex", str(torn), environment=tool_environment(messages))
+    said = rosbag("info", str(torn), environment=tool_environment(messages))
+    # Chunks of seconds 0 to 10 and 11 to 20 are whole.
+    assert [line.split()[1] for line in said.splitlines() if line.startswith("messages:")] == ["21"]
+    shown = rosbag(
+        "filter", str(torn), str(tmp_path / "all.bag"), "True", environment=tool_environment(messages)
+    )
+    assert "100%" in shown
+    with Reader(tmp_path / "all.bag") as bag:
+        stamps_ns = [stamp_ns for _, stamp_ns, _ in bag.messages()]
+    assert stamps_ns == [max(1, second * 10**9) for second in range(21)]
 
 
 def test_rosbag_play_gives_every_tick_to_a_subscriber(

@@ -23,7 +23,7 @@ from agents.fleet import resting_on_bottom
 from agents.fleet_file import Upbringing
 from agents.host import Grant, Host, Reply
 from agents.launch import NoNursery, launch_nursery, prepare
-from agents.link import LIMIT_BYTES, Window
+from agents.link import LIMIT_BYTES, Window, readable
 from agents.one_process import OneProcess
 from agents.outputs import Truth, WifiSent
 from agents.processes import Fenced, ProcessHost
@@ -236,8 +236,9 @@ def test_a_nursery_that_nobody_waits_for_any_more_is_ended(
 ) -> None:
     prepare(tmp_path, FLEET, BIRTHS)
 
-    def interrupted(*_: object) -> bool:
-        assert running_for(tmp_path) != []
+    def interrupted(reading: int, timeout_s: float) -> bool:
+        # Not before it speaks: for a moment after it was begun, a process has no command line to be known by.
+        assert readable(reading, timeout_s) and running_for(tmp_path) != []
         raise KeyboardInterrupt
 
     monkeypatch.setattr("agents.launch.readable", interrupted)
@@ -407,12 +408,14 @@ def test_an_orphaned_fleet_ends(tmp_path: Path) -> None:
 
 
 def test_ending_is_bounded_though_an_agent_is_stopped(tmp_path: Path) -> None:
-    host = ProcessHost.start(tmp_path, FLEET, BIRTHS, upbringing=Upbringing(ending_s=0.2))
+    ending_s = 0.2
+    host = ProcessHost.start(tmp_path, FLEET, BIRTHS, upbringing=Upbringing(ending_s=ending_s))
     pids = dict(host.pids)
     os.kill(pids[8], signal.SIGSTOP)
     began_s = time.monotonic()
     host.close()
-    assert time.monotonic() - began_s < 5.0
+    # Nothing else is waited for; the room is for a machine that is busy. One that is stopped never ends by itself.
+    assert ending_s <= time.monotonic() - began_s < ending_s + PATIENCE_S
     assert all(gone(pid) for pid in [*pids.values(), host.nursery_pid])
 
 

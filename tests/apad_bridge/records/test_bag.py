@@ -131,9 +131,9 @@ sys.stdin.read()
     with pytest.raises(ReaderError, match="not indexed"):
         read(tmp_path / "run.bag")
     repair = repair_bag(tmp_path / "run.bag")
-    # Ticks 0..60, 61..120 and 121..180 are whole chunks; 181..199 were never written.
-    assert (repair.messages, repair.last_ms, repair.torn_bytes) == (3 * 181, 180_000, 0)
-    assert len(read(tmp_path / "run.bag")) == 3 * 181
+    # Ticks 0..10, 11..20 and so on to 181..190 are whole chunks; 191..199 were never written.
+    assert (repair.messages, repair.last_ms, repair.torn_bytes) == (3 * 191, 190_000, 0)
+    assert len(read(tmp_path / "run.bag")) == 3 * 191
     assert repair_bag(tmp_path / "run.bag") is None
 
 
@@ -143,12 +143,12 @@ def test_a_bag_cut_anywhere_is_repaired_to_what_is_whole(tmp_path):
     bag.close()
     whole = bag.path.read_bytes()
     expected = read_stamps(bag.path)
-    head = bytearray(whole[: 13 + 4096])
+    head = bytearray(whole[: 13 + 4104])
     index_pos = whole.index(b"index_pos=") + 10
     head[index_pos : index_pos + 8] = bytes(8)
     torn = tmp_path / "torn.bag"
     saved_before = 0
-    for cut in sorted({0, 5, 13, 20, 4000, 4109, *range(4110, len(whole), 997), len(whole)}):
+    for cut in sorted({0, 5, 13, 20, 4000, 4116, 4117, *range(4118, len(whole), 997), len(whole)}):
         torn.write_bytes((head + whole[len(head) :])[:cut])
         repair = repair_bag(torn)
         stamps = read_stamps(torn)

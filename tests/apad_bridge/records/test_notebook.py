@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -222,7 +223,7 @@ def test_after_ten_minutes_a_checkpoint_is_due(tmp_path: Path) -> None:
     for now_ms in (599_000, 600_000, 601_000):
         beliefs.hear(StatusPacket(1, 0, State.ACTIVE, 0.5, 1.0, 2.0, 3.0, 3.0, now_ms), now_ms)
         book.flush(now_ms)
-    assert recall(path, HoldLast(IDS)) == notebook.Recalled(601_000, 1, whole=True)
+    assert recall(path, HoldLast(IDS)) == notebook.Recalled(601_000, 1, whole=True, counts=Counter())
 
 
 def test_another_estimators_notebook_is_refused_and_nothing_is_believed(tmp_path: Path) -> None:

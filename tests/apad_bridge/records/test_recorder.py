@@ -125,14 +125,14 @@ def test_a_resumed_run_counts_as_if_nothing_had_happened(tmp_path, scenario):
     assert (tmp_path / "resumed" / "ends.csv").read_text() == (tmp_path / "whole" / "ends.csv").read_text()
     (report,) = resumed
     assert (report.journal.dropped, report.journal_torn_bytes, report.bag) == (1, 7, "run.bag")
-    # The chunk that was being filled since 300 s is lost; the journal knows the tick of the kill.
-    assert (report.journal.last_ms, report.bag_lost_ms) == (337_000, 37_000)
+    # The chunk that was being filled since 330 s is lost; the journal knows the tick of the kill.
+    assert (report.journal.last_ms, report.bag_lost_ms) == (337_000, 7_000)
     journal = read_journal(tmp_path / "resumed" / "journal.jsonl")
     assert journal.dropped == 0
     line = journal.first("resumed")
     assert line["bag_lost_ms"] == report.bag_lost_ms and line["journal_torn_bytes"] == 7
     with Reader(tmp_path / "resumed" / "run.bag") as reader:
-        assert reader.end_time // 1_000_000 == 300_000
+        assert reader.end_time // 1_000_000 == 330_000
     with Reader(tmp_path / "resumed" / "run-1.bag") as reader:
         assert reader.end_time // 1_000_000 == 600_000
 

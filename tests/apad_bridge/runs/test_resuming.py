@@ -2,6 +2,7 @@ import json
 import os
 import shutil
 import time
+from collections import Counter
 from pathlib import Path
 from typing import Any
 
@@ -89,7 +90,7 @@ def test_options_of_another_version_are_refused_by_name(tmp_path: Path) -> None:
 
 POOL = load(Path(__file__).parents[3] / "launch_scripts/scenarios/pool-12.yaml")
 FREE = (None, None, None, None)
-LOST = "lost: words on their way, and the counts of what was dropped so far"
+LOST = "lost: words on their way"
 
 
 def a_crash(path: Path) -> tuple[RunDirectory, Known]:
@@ -147,6 +148,58 @@ def test_without_a_notebook_it_goes_on_and_says_that_it_believes_nothing(
     begun.recorder.close()
     assert begun.beliefs.all() == []
     assert told[-1].startswith(f"nothing is believed of an aMussel until it is heard again: {why}")
+
+
+def ticked(recorder: Recorder, now_ms: int, dropped: dict[str, int]) -> None:
+    recorder.dropped_in_flight = lambda: Counter(dropped)
+    recorder.tick(now_ms, [], None, None, "none", FREE)
+
+
+def killed(directory: RunDirectory, path: Path) -> RunDirectory:
+    """What is on disk of a run now."""
+    shutil.copytree(directory.path, path)
+    return RunDirectory(path)
+
+
+def test_counts_of_what_was_dropped_go_on_through_two_kills(tmp_path: Path) -> None:
+    directory = RunDirectory(tmp_path / "first")
+    directory.path.mkdir()
+    first, known = Recorder(directory, POOL, POOL.fleet.ids), building.nothing_known(POOL)
+    first.keep(known, 0)
+    ticked(first, 1000, {"echo": 1})
+    ticked(first, 2000, {"echo": 2, "late": 1})
+    first.dropped_in_flight = lambda: Counter(echo=9)  # in the tick that it does not live to end
+    left = killed(directory, tmp_path / "second")
+    first.close()
+
+    told: list[str] = []
+    options = OPTIONS.on_own_master("http://h:2").next_epoch()
+    second = resume(left, POOL, options, told.append)
+    assert told[0] == LOST
+    second.recorder.keep(second.known, second.start_ms)
+    at_once = killed(left, tmp_path / "at_once")
+    ticked(second.recorder, 3000, {"echo": 4})
+    later = killed(left, tmp_path / "later")
+    second.recorder.close()
+
+    for left, more in ((at_once, 0), (later, 4)):
+        third = resume(left, POOL, options, told.append)
+        third.recorder.keep(third.known, third.start_ms)
+        summary = third.recorder.finish(4000, Ending("mission time", 0.0, 0, None, {"echo": 10}))
+        assert summary["dropped"] == {"echo": 2 + more + 10, "late": 1}
+
+
+def test_a_notebook_that_kept_no_counts_is_read_and_they_are_told_as_lost(tmp_path: Path) -> None:
+    directory, known = a_crash(tmp_path)
+    lines = [json.loads(line) for line in directory.notebook.read_text().splitlines()]
+    for line in lines:
+        line.pop("counts", None)
+    directory.notebook.write_text("".join(json.dumps(line) + "\n" for line in lines))
+    told: list[str] = []
+    begun = resume(directory, POOL, OPTIONS.next_epoch(), told.append)
+    begun.recorder.close()
+    assert told[0] == LOST + ", and the counts of what was dropped so far"
+    assert begun.beliefs.all() == known.beliefs.all() != []
 
 
 def test_a_torn_notebook_gives_what_was_whole_and_says_so(tmp_path: Path) -> None:

@@ -5,6 +5,7 @@ import threading
 import pytest
 
 from apad_bridge.beliefs.belief import Belief
+from apad_bridge.beliefs.hold_last import LastPacket
 from apad_bridge.mission.orders import Note, PermitSurfacing, TellClear
 from apad_bridge.port.primitives import (
     DockChanged,
@@ -25,6 +26,8 @@ from firmware_model.states import State
 
 class Believed:
     """A fleet of one, 1 m off, that is what the test says."""
+
+    estimator = LastPacket()
 
     def __init__(self, state: State) -> None:
         self.state = state

@@ -1,6 +1,7 @@
 """Taking turns: a tick waits for the script; one that does not come back does not stop the world; ends are heard."""
 
 import threading
+import time
 
 import pytest
 
@@ -96,12 +97,22 @@ def test_a_script_that_never_comes_back_ends_the_mission_not_the_machine(
     pool: Scenario, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("apad_bridge.scripting.program._JOIN_S", 0.1)
-    released = threading.Event()
+    computes, released = threading.Event(), threading.Event()
+    asked = Handover.next
+
+    def patient(handover: Handover) -> object:
+        # A thread that waits for a processor is not one that computes: until it says so it is waited for, up to a minute.
+        until_s = time.monotonic() + 60.0
+        while (found := asked(handover)) is None and not computes.is_set() and time.monotonic() < until_s:
+            pass
+        return found
 
     def script(api: Api) -> None:
         api.sleep(3)
+        computes.set()
         released.wait(60)
 
+    monkeypatch.setattr(Handover, "next", patient)
     flight = fly_script(pool, script, Turns(tick_s=0.05, busy_s=0.05))
     released.set()
     assert flight.ended_by == f"{SCRIPT_FAILED}: it neither called the API nor slept for 0.05 s"

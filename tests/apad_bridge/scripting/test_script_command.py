@@ -10,6 +10,7 @@ import pytest
 from apad_bridge.commands.exits import Exit
 from apad_bridge.commands.main import main
 from apad_bridge.records.journal import read_journal
+from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scripting.api import Api
 from apad_bridge.scripting.in_memory import fly_script
@@ -105,7 +106,8 @@ def test_every_script_on_the_page_flies(
         return
     path = tmp_path / "page.py"
     path.write_text(text)
-    flight = fly_script(pool, path)
+    named = re.match(r"# scenario: (\S+)", text)
+    flight = fly_script(load(ROOT / named[1]) if named else pool, path)
     assert (flight.error, flight.ended_by) == (None, SCRIPT_ENDED)
     expected = re.findall(r"# prints: (.*)", text)
     assert list(flight.said[: len(expected)]) == expected

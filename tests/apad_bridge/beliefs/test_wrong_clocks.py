@@ -1,0 +1,177 @@
+"""A wrong stamp costs its own packet and no other; a clock that was really set is believed at its second packet."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from apad_bridge.beliefs.fleet import FleetBeliefs
+from apad_bridge.beliefs.hold_last import HoldLast
+from apad_bridge.beliefs.measurement import ClockSet, Permitted
+from apad_bridge.beliefs.measurement_lines import measurement_of, measurement_row
+from apad_bridge.beliefs.modes import Mode
+from apad_bridge.beliefs_building import fleet_beliefs
+from apad_bridge.records.notebook import Notebook, recall
+from apad_bridge.scenario.believing import Beliefs, Estimator, TwinModel
+from apad_bridge.scenario.loader import load
+from firmware_model.packets import StatusPacket
+from firmware_model.states import State
+
+POOL = load(Path(__file__).parents[3] / "launch_scripts" / "scenarios" / "pool-12.yaml")
+MODEL = TwinModel(
+    drain_deviation=0.1,
+    sensor_noise=0.015,
+    bias_deviation=0.01,
+    unscheduled=0.03,
+    fix_deviation_m=1.0,
+    current_deviation_m_s=0.02,
+)
+THETA = POOL.theta
+MINUTE, YEAR = 60_000, 366 * 86_400_000
+CANNOT_SHOW = "a status of a time that its clock cannot show, unless another agrees"
+OVERTAKEN = "a status that a newer one overtook"
+
+
+def of_a_twin() -> FleetBeliefs:
+    return fleet_beliefs(replace(POOL, beliefs=Beliefs(estimator=Estimator.TWIN, twin=MODEL)), [5])
+
+
+def of_the_last_packet() -> FleetBeliefs:
+    return HoldLast([5], THETA)
+
+
+FLEETS = {"hold_last": of_the_last_packet, "twin": of_a_twin}
+both = pytest.mark.parametrize("made", FLEETS.values(), ids=FLEETS)
+Made = Callable[[], FleetBeliefs]
+
+
+def said(fleet: FleetBeliefs, at_ms: int, ahead_ms: int, primary: float = 0.7) -> str | None:
+    """Heard at mission time `at_ms`, by a clock that is `ahead_ms` of the nominal one."""
+    fleet.advance(at_ms)
+    packet = StatusPacket(5, at_ms % 256, State.ACTIVE, primary, 1.0, 3.0, 4.0, 3.0, THETA * at_ms + ahead_ms)
+    return fleet.hear(packet, at_ms)
+
+
+def primary_of(fleet: FleetBeliefs) -> float:
+    belief = fleet.get(5)
+    assert belief is not None
+    return belief.primary
+
+
+@both
+@pytest.mark.parametrize("ahead_ms", [YEAR, 2**63 - 1, 2 * MINUTE * THETA, -30 * MINUTE * THETA])
+def test_one_wrong_stamp_costs_one_packet(made: Made, ahead_ms: int) -> None:
+    fleet, spared = made(), made()
+    for it in (fleet, spared):
+        assert said(it, 60 * MINUTE, 0) is None
+    assert said(fleet, 61 * MINUTE, ahead_ms) == CANNOT_SHOW
+    for it in (fleet, spared):
+        assert said(it, 62 * MINUTE, 0, primary=0.69) is None
+    assert fleet.kept() == spared.kept()
+    # The doubt is over with a true one in between: the next wrong one begins it anew.
+    assert said(fleet, 63 * MINUTE, ahead_ms + 5) == CANNOT_SHOW
+
+
+@both
+@pytest.mark.parametrize("ahead_ms", [YEAR, -60 * MINUTE * THETA])
+def test_a_clock_that_was_set_is_believed_at_its_second_packet(made: Made, ahead_ms: int) -> None:
+    """An hour back is a reset: the clock begins at 0."""
+    fleet = made()
+    said(fleet, 60 * MINUTE, 0)
+    assert said(fleet, 60 * MINUTE + 1000, ahead_ms) == CANNOT_SHOW
+    assert said(fleet, 60 * MINUTE + 2000, ahead_ms, primary=0.68) is None
+    assert said(fleet, 60 * MINUTE + 3000, ahead_ms, primary=0.68) is None
+    assert primary_of(fleet) == pytest.approx(0.68, abs=0.02)
+    assert said(fleet, 60 * MINUTE + 4000, 0) == CANNOT_SHOW  # what was true is not any more
+    assert said(fleet, 60 * MINUTE + 5000, ahead_ms) is None
+
+
+@both
+def test_a_first_packet_may_state_any_time_and_makes_nobody_deaf(made: Made) -> None:
+    fleet = made()
+    assert said(fleet, 0, YEAR) is None
+    assert said(fleet, 1000, 0) == CANNOT_SHOW
+    assert said(fleet, 2000, 0) is None
+    assert [said(fleet, at_ms, 0, primary=0.69) for at_ms in range(3000, 60_000, 3000)] == [None] * 19
+    assert primary_of(fleet) == pytest.approx(0.69, abs=0.02)
+
+
+@both
+def test_the_same_packet_twice_agrees_with_nothing_but_itself(made: Made) -> None:
+    fleet = made()
+    said(fleet, MINUTE, 0)
+    twice = StatusPacket(5, 9, State.ACTIVE, 0.7, 1.0, 3.0, 4.0, 3.0, YEAR)
+    assert [fleet.hear(twice, MINUTE + n) for n in (1, 2, 3)] == [CANNOT_SHOW] * 3
+
+
+@both
+def test_two_wrong_stamps_that_disagree_are_not_believed(made: Made) -> None:
+    fleet = made()
+    said(fleet, MINUTE, 0)
+    assert said(fleet, 2 * MINUTE, YEAR) == CANNOT_SHOW
+    assert said(fleet, 3 * MINUTE, 2 * YEAR) == CANNOT_SHOW
+    assert said(fleet, 4 * MINUTE, YEAR) == CANNOT_SHOW
+    assert said(fleet, 5 * MINUTE, 0) is None
+
+
+@both
+def test_a_late_packet_is_news_if_nothing_newer_came_and_says_nothing_of_the_clock(made: Made) -> None:
+    fleet = made()
+    said(fleet, 60 * MINUTE, 0)
+    assert said(fleet, 90 * MINUTE, -20 * MINUTE * THETA) is None  # 20 minutes under way
+    assert said(fleet, 90 * MINUTE + 1000, 0) is None
+    assert said(fleet, 90 * MINUTE + 2000, -MINUTE * THETA) == OVERTAKEN
+
+
+@both
+@given(
+    honest_ahead_ms=st.integers(-YEAR, YEAR),
+    stamps=st.lists(st.one_of(st.none(), st.integers(0, 2**64 - 1)), max_size=12),
+)
+def test_after_three_true_packets_a_board_is_heard_whatever_came_before(
+    made: Made, honest_ahead_ms: int, stamps: list[int | None]
+) -> None:
+    """A stamp that is wrong by less than a packet may be late is the one exception: until the clock has come to it."""
+    fleet, at_ms = made(), 2 * YEAR
+    for wrong in stamps:
+        at_ms += 1000
+        said(fleet, at_ms, honest_ahead_ms if wrong is None else wrong - THETA * at_ms)
+    at_ms += 3 * MINUTE
+    heard = [said(fleet, at_ms + 1000 * n, honest_ahead_ms) for n in range(3)]
+    assert heard[-1] is None
+
+
+def test_to_a_twins_batteries_no_time_has_passed_when_its_clock_is_set() -> None:
+    fleet, never_set = of_a_twin(), of_a_twin()
+    for it in (fleet, never_set):
+        said(it, 60 * MINUTE, 0)
+        it.learn(5, Permitted(61 * MINUTE))
+    fleet.learn(5, ClockSet(61 * MINUTE, YEAR))
+    for it in (fleet, never_set):
+        it.advance(62 * MINUTE)
+    set_anew, steady = fleet.get(5), never_set.get(5)
+    assert set_anew is not None and steady is not None
+    assert set_anew.primary == pytest.approx(steady.primary, abs=1e-12)
+    assert set_anew.charge_cov == pytest.approx(steady.charge_cov, abs=1e-12)
+    assert set_anew.mode is steady.mode and set_anew.mode in (Mode.SURFACING, Mode.FLOATING)
+    assert set_anew.clock.offset_ms == YEAR - THETA * 61 * MINUTE
+
+
+@both
+def test_a_clock_that_was_set_is_in_the_notebook(made: Made, tmp_path: Path) -> None:
+    row = measurement_row(5, ClockSet(7, 9))
+    assert measurement_of(row) == (5, ClockSet(7, 9))
+    fleet, resumed = made(), made()
+    book = Notebook(tmp_path / "notebook.jsonl", fleet, 0)
+    for at_ms, ahead_ms in ((60, 0), (61, -60 * MINUTE * THETA), (62, -60 * MINUTE * THETA)):
+        said(fleet, at_ms * MINUTE, ahead_ms)
+        book.flush(at_ms * MINUTE)
+    book.close()
+    assert recall(tmp_path / "notebook.jsonl", resumed).whole
+    assert resumed.kept() == fleet.kept()
+    assert said(resumed, 63 * MINUTE, -60 * MINUTE * THETA) is None

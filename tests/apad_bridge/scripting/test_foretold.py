@@ -1,0 +1,115 @@
+"""What scripts are told of the time to come, on twins by hand calculation and on an estimator that foretells nothing."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from statistics import NormalDist
+from typing import Any
+
+import pytest
+
+from apad_bridge.beliefs.belief import Belief
+from apad_bridge.scenario.believing import Beliefs, Estimator, TwinModel
+from apad_bridge.scenario.schema import Scenario
+from apad_bridge.scripting.api import Api
+from apad_bridge.scripting.in_memory import fly_script
+from apad_bridge.scripting.values import Refused
+
+DRAIN_DEVIATION = 0.1
+A_SECOND = 0.0010427134 / 60 * 30  # equation (1), at theta = 30
+LOW = 0.8
+
+
+@pytest.fixture(scope="module")
+def twins(pool: Scenario) -> Scenario:
+    model = TwinModel(
+        drain_deviation=DRAIN_DEVIATION,
+        sensor_noise=0.005,
+        bias_deviation=0.01,
+        unscheduled=0.03,
+        fix_deviation_m=1.0,
+        current_deviation_m_s=0.02,
+    )
+    return replace(pool, beliefs=Beliefs(estimator=Estimator.TWIN, twin=model))
+
+
+def told(scenario: Scenario, script: Callable[[Api], object]) -> list[Any]:
+    found: list[Any] = []
+    flight = fly_script(scenario, lambda api: found.append(script(api)))
+    assert flight.error is None, flight.error
+    return found
+
+
+def by_hand(belief: Belief, elapsed_s: float) -> float:
+    """A Gaussian that sinks by equation (1), and grows wider by the drain that nobody knows better than to a tenth."""
+    spent = A_SECOND * elapsed_s
+    sd = math.sqrt(belief.charge_cov[0] + (DRAIN_DEVIATION * spent) ** 2)
+    return NormalDist(belief.primary - spent, sd).cdf(LOW)
+
+
+def test_a_chance_is_that_of_the_equation_and_its_doubts(twins: Scenario) -> None:
+    def script(api: Api) -> None:
+        api.sleep(2)
+        fullest = max(api.agents(), key=api.battery)
+        now_s, belief = api.now(), api.belief(fullest)
+        crossing_s = (belief.primary - LOW) / A_SECOND
+        assert crossing_s > 120, "a start that is too low for this test"
+        assert api.chance(fullest, "low", now_s + crossing_s) == pytest.approx(0.5, abs=0.01)
+        for share in (0.5, 0.8, 1.0, 1.1, 1.4):
+            expected = by_hand(belief, share * crossing_s)
+            assert api.chance(fullest, "low", now_s + share * crossing_s) == pytest.approx(expected, abs=0.01)
+        sure_s = api.sure_at(fullest, "low", share=0.95, within=2 * crossing_s)
+        assert sure_s is not None
+        assert by_hand(belief, sure_s - now_s) == pytest.approx(0.95, abs=0.01)
+        assert api.sure_at(fullest, "low", share=0.95, within=crossing_s) is None
+        assert api.now() == now_s, "to ask takes no mission time"
+
+    told(twins, script)
+
+
+def test_what_is_so_now_is_sure_now_and_a_function_is_a_question_too(twins: Scenario) -> None:
+    def script(api: Api) -> list[Any]:
+        api.sleep(2)
+        neediest = min(api.agents(), key=api.battery)
+        assert api.battery(neediest) < LOW - 0.07
+        return [
+            api.sure_at(neediest, "low") == api.now(),
+            api.chance(neediest, "low") == pytest.approx(1.0, abs=1e-6),
+            api.chance(neediest, "full"),
+            api.chance(neediest, "lost"),
+            api.chance(neediest, lambda belief: belief.probability_at_most(1.0)),
+        ]
+
+    assert told(twins, script) == [[True, True, pytest.approx(0.0, abs=1e-6), 0.0, 1.0]]
+
+
+def test_who_holds_the_last_packet_says_what_is_now_and_refuses_the_rest(pool: Scenario) -> None:
+    def script(api: Api) -> None:
+        api.sleep(2)
+        for agent in (1, 4, 7):
+            assert api.chance(agent, "low") == float(api.battery(agent) <= LOW)
+        with pytest.raises(Refused, match=r"foretells nothing.*estimator: twin"):
+            api.chance(1, "low", api.now() + 60)
+        with pytest.raises(Refused, match="foretells nothing"):
+            api.sure_at(1, "low")
+
+    told(pool, script)
+
+
+def test_what_cannot_be_asked_is_refused_in_one_line(twins: Scenario) -> None:
+    def script(api: Api) -> None:
+        api.sleep(10)
+        for ask, words in (
+            (lambda: api.chance(1, "hungry"), "no question 'hungry': ask low, full, lost"),
+            (lambda: api.chance(1, "low", 3), "3 s are over: it is 10 s"),
+            (lambda: api.chance(1, "low", math.nan), "nan s cannot be foretold"),
+            (lambda: api.sure_at(1, "low", within=math.inf), "inf s cannot be foretold"),
+            (lambda: api.sure_at(1, "low", share=1.5), "a share of 1.5"),
+            (lambda: api.chance(99, "low"), "not of this scenario"),
+        ):
+            with pytest.raises(Refused, match=words):
+                ask()
+
+    told(twins, script)
