@@ -127,11 +127,11 @@ def supervisor(
         share = Share(beliefs, agent_ids(scenario))
     mission: Mission
     if fronts:
-        mission = CommandedMission(scenario.mission, beliefs, fronts, state)
+        mission = CommandedMission(scenario.mission, scenario.apad.max_speed_m_s, beliefs, fronts, state)
     elif override is not None:
         mission = Override(
             lambda begun: _planned(scenario, share, begun),
-            lambda begun: CommandedMission(scenario.mission, beliefs, (), begun),
+            lambda begun: CommandedMission(scenario.mission, scenario.apad.max_speed_m_s, beliefs, (), begun),
             override,
             state,
         )

@@ -15,6 +15,8 @@ from typing import Protocol
 EQUATORIAL_RADIUS_M = 6378137.0  # WGS-84, a
 FLATTENING = 1 / 298.257223563  # WGS-84, f
 ECCENTRICITY_2 = FLATTENING * (2 - FLATTENING)
+FARTHEST_M = 50_000.0
+"""From the origin: no aPad is sent farther, and no aMussel put."""
 
 _CLOSE_ENOUGH_M = 1e-7
 _ROUNDS = 20

@@ -7,6 +7,7 @@ A retired one is out of the water.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import StrEnum
@@ -15,6 +16,7 @@ from typing import Protocol
 from agents.coordinator import Coordinator
 from agents.stimuli import CoilSlipped, Placed, Stimulus, WasReset
 from apad_bridge.beliefs.fleet import FleetBeliefs
+from apad_bridge.geography import FARTHEST_M
 from apad_bridge.mission.orders import Note
 from firmware_model.charge import grains
 from firmware_model.state_groups import DOCKED
@@ -138,15 +140,18 @@ class Presences:
         if isinstance(asked, Failed):
             if before is not Presence.SIMULATED:
                 return f"aMussel {asked.agent_id} is {before}: faults are for simulated ones"
+            if asked.fault is Fault.COIL_SLIP and not _is_docked(beliefs, asked.agent_id):
+                return f"aMussel {asked.agent_id} is in no dock, as far as is heard: a coil slips only there"
             return [(asked.agent_id, _STIMULI[asked.fault])], Note(
                 "fault", {"id": asked.agent_id, "fault": asked.fault.value}
             )
-        belief = beliefs.get(asked.agent_id)
-        if belief is not None and belief.state in DOCKED:
+        if _is_docked(beliefs, asked.agent_id):
             return f"aMussel {asked.agent_id} is in a dock: undock it first"
         after = TABLE.get((before, asked.trigger))
         if after is None:
             return f"aMussel {asked.agent_id} is {before}: it cannot {asked.trigger}"
+        if asked.trigger is Trigger.SPAWN and (why := _no_spawn(asked)) is not None:
+            return why
         stimuli: list[tuple[int, Stimulus]] = []
         if after is Presence.SIMULATED:
             placed = self._placed(asked, beliefs)
@@ -183,6 +188,20 @@ class Presences:
             grains(charges[0]),
             grains(charges[1]),
         )
+
+
+def _is_docked(beliefs: FleetBeliefs, agent_id: int) -> bool:
+    belief = beliefs.get(agent_id)
+    return belief is not None and belief.state in DOCKED
+
+
+def _no_spawn(asked: Moved) -> str | None:
+    """Why it cannot be put into the water so, or None. ROS 1 has 0 for what is left out: nobody spawns an empty one."""
+    if not all(0.0 < charge <= 1.0 for charge in asked.charges):
+        return "primary and secondary are charges above 0 and up to 1 (one that is left out is 0): say both"
+    if not math.hypot(*(asked.at or (0.0, 0.0))) <= FARTHEST_M:
+        return f"a place is metres north and east of the scenario's origin, {FARTHEST_M:.0f} m away at most"
+    return None
 
 
 class Roll:

@@ -101,8 +101,6 @@ class FleetServices:
 
     def _spawn(self, request: Any) -> Any:
         charges = request.primary, request.secondary
-        if not all(0.0 <= charge <= 1.0 for charge in charges):
-            return SpawnAmusselResponse(accepted=False, message="a charge lies in 0 to 1")
         at = request.north_m, request.east_m
         refusal = self._ask(Moved(request.id, Trigger.SPAWN, _A_PERSON, at, charges))
         return SpawnAmusselResponse(accepted=refusal is None, message=refusal or "")

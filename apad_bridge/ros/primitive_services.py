@@ -77,12 +77,12 @@ class PrimitiveServices:
             rospy.Service(below("hold_position"), HoldPosition, self._hold_position),
             rospy.Service(below("dock"), Dock, self._dock),
             rospy.Service(below("undock"), Undock, self._undock),
-            rospy.Service(below("pause"), Trigger, self._trigger(lambda mission: mission.pause())),
-            rospy.Service(below("resume"), Trigger, self._trigger(lambda mission: mission.resume())),
+            rospy.Service(below("pause"), Trigger, self._trigger(_pause)),
+            rospy.Service(below("resume"), Trigger, self._trigger(_resume)),
             rospy.Service(
                 below("end"),
                 Trigger,
-                self._mission_trigger(lambda flown: flown.finish("a call")),
+                self._mission_trigger(_end),
             ),
             rospy.Service(below("take_over"), Trigger, self._mission_trigger(take_over)),
             rospy.Service(below("give_back"), Trigger, self._mission_trigger(give_back)),
@@ -131,10 +131,10 @@ class PrimitiveServices:
             return response(accepted=False, message=str(refused))
         return response(accepted=True, message="")
 
-    def _trigger(self, act: Act) -> Callable[[Any], Any]:
+    def _trigger(self, act: Callable[[CommandedMission], str]) -> Callable[[Any], Any]:
         return lambda _: _triggered(lambda: self._front.call(act))
 
-    def _mission_trigger(self, act: Callable[[Flown], None]) -> Callable[[Any], Any]:
+    def _mission_trigger(self, act: Callable[[Flown], str]) -> Callable[[Any], Any]:
         return lambda _: _triggered(lambda: self._front.call_mission(act))
 
     def _show(self, snapshot: Snapshot) -> None:
@@ -145,9 +145,24 @@ class PrimitiveServices:
             self._docking_status.publish(Int32(now[1]))
 
 
-def _triggered(call: Callable[[], None]) -> Any:
+def _pause(mission: CommandedMission) -> str:
+    mission.pause()
+    return ""
+
+
+def _resume(mission: CommandedMission) -> str:
+    return "" if mission.resume() else "nothing was paused"
+
+
+def _end(flown: Flown) -> str:
+    flown.finish("a call")
+    return ""
+
+
+def _triggered(call: Callable[[], str]) -> Any:
+    """The call's word, if it has one, is the answer's message."""
     try:
-        call()
+        told = call()
     except Refused as refused:
         return TriggerResponse(success=False, message=str(refused))
-    return TriggerResponse(success=True, message="")
+    return TriggerResponse(success=True, message=told)

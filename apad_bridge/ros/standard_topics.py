@@ -115,7 +115,7 @@ class StandardTopics:
     def _show_apad(self, supervisor: Supervisor, now_ms: int) -> None:
         pose, battery, frames = supervisor.pose, supervisor.battery, self._frames
         if battery is not None:
-            _publish(self._battery, lambda: make.apad_battery(battery, self._apad, frames.enu))
+            _publish(self._battery, lambda: make.apad_battery(battery, self._apad, frames.apad(self._apad)))
         if pose is None:
             return
         here_m = (pose.north_m, pose.east_m)

@@ -30,7 +30,8 @@ def print_table(console: Console, name: str, collection: str, summary: dict[str,
             table.add_row(f"{apad}, {of_one['agents']} aMussels", *_figures(of_one), style="dim")
     if (paper := _PAPER.get((name, collection))) is not None:
         table.add_row(f"{collection} (paper)", *paper, style="dim")
-    console.print(table)
+    if table.row_count > 0:
+        console.print(table)
     if summary["samples_uploaded"] is not None:
         console.print(
             f"{_word(summary['samples_taken'])} samples taken, {summary['samples_uploaded']} uploaded, "

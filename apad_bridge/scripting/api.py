@@ -9,12 +9,15 @@ aPad's battery, a person, `abort`), whatever the script calls next ends the scri
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 
+from apad_bridge.geography import FARTHEST_M
 from apad_bridge.planning.costs import CostBreakdown
 from apad_bridge.scripting import planned
+from apad_bridge.scripting.arguments import looks_at_arguments
 from apad_bridge.scripting.behaviours import Behaviour
-from apad_bridge.scripting.commanded import FARTHEST_M, CommandedMission
+from apad_bridge.scripting.commanded import CommandedMission
 from apad_bridge.scripting.handover import Wait
 from apad_bridge.scripting.known import FOR_EVER_S, Known
 from apad_bridge.scripting.planned import Plan
@@ -22,6 +25,7 @@ from apad_bridge.scripting.values import Event, Refused, Status, dock_of, manoeu
 from apad_bridge.vehicle import Manoeuvre
 
 
+@looks_at_arguments
 class Api(Known):
     """What a script calls `api`."""
 
@@ -107,6 +111,7 @@ class Api(Known):
 
     def collect(self, id: int, dock: int, timeout: float = 3600.0) -> bool:
         """Goes to an aMussel, letting it surface on the way, and docks it: whether it is in the dock at the end."""
+        slot_of(dock)  # Refused now, and not when the way is flown.
         until_s = self.now() + timeout
         self.permit_surfacing(id)
         self.go_to_local(*self._place_of(id))
@@ -164,6 +169,10 @@ class Api(Known):
 
     def note(self, kind: str, **data: object) -> None:
         """An event of your own for the run's journal and bag; plain data only."""
+        try:
+            json.dumps(data)
+        except (TypeError, ValueError) as error:
+            raise Refused(f"note: only plain data can be written into the journal: {error}") from None
         self._do(lambda mission: mission.note("script", what=kind, **data))
 
     def say(self, text: str) -> None:

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Protocol
 
+from apad_bridge.geography import FARTHEST_M
 from apad_bridge.mission.homes import with_new_homes
 from apad_bridge.mission.order_book import OrderBook
 from apad_bridge.mission.orders import Order, PermitSurfacing, TellClear
@@ -44,21 +45,19 @@ class Front(Protocol):
         ...
 
 
-FARTHEST_M = 50_000.0
-"""From the origin: no aPad is sent farther."""
-
-
 class CommandedMission(OrderBook):
     """Orders raise Refused, with one line, and then nothing has changed. Slots count from 0 here; NED metres."""
 
     def __init__(
         self,
         config: Mission,
+        max_speed_m_s: float,
         beliefs: Foretelling,
         fronts: Sequence[Front],
         state: MissionState | None = None,
     ) -> None:
         self.config = config
+        self._max_speed_m_s = max_speed_m_s
         self.beliefs = beliefs
         super().__init__(replace(state or MissionState(), phase=Phase.COMMANDED))
         self.now_ms = 0
@@ -174,6 +173,8 @@ class CommandedMission(OrderBook):
             raise Refused(
                 "speed and victory radius must be above 0: an aPad of the field gives up on anything else"
             )
+        if speed_m_s > self._max_speed_m_s:
+            raise Refused(f"a speed of {speed_m_s:g} m/s: apad.max_speed_m_s is {self._max_speed_m_s:g} m/s")
         self._desk.pre_empt(self.now_ms)
         self.goto_orders += 1
         self._start_going(
@@ -226,14 +227,15 @@ class CommandedMission(OrderBook):
             self.order(HoldPosition(self.next_id(), *here))
         self.snapshot()
 
-    def resume(self) -> None:
-        """Goes on where `pause` stopped; without one nothing happens."""
+    def resume(self) -> bool:
+        """Goes on where `pause` stopped; without one nothing happens. Whether there was one."""
         if not self.paused:
-            return
+            return False
         self.paused = False
         self._desk.paused_for(self.now_ms - self._paused_ms)
         if self.goto is Status.RUNNING and self._target is not None:
             self._start_going(self._target, 0.0)
+        return True
 
     # Smaller acts.
 

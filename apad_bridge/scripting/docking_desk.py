@@ -42,7 +42,9 @@ class DockingDesk:
         """Refused for one that was never heard."""
         belief = self._beliefs.get(agent_id)
         if belief is None:
-            raise Refused(f"aMussel {agent_id} was never heard")
+            # As ROS 1 has it, what is left out of a call is 0.
+            hint = "" if agent_id else ": say the aMussel's id, which is 0 where it is left out"
+            raise Refused(f"aMussel {agent_id} was never heard{hint}")
         return belief
 
     def is_full(self, agent_id: int) -> bool:

@@ -6,7 +6,7 @@ from collections import deque
 from collections.abc import Iterable
 
 from apad_bridge.beliefs.belief import Belief
-from apad_bridge.scripting.values import Event, Status
+from apad_bridge.scripting.values import KINDS, Event, Refused, Status
 from firmware_model.states import State
 
 KEPT = 10_000
@@ -51,6 +51,7 @@ class EventLog:
 
     def take(self, kind: str | None = None, agent: int | None = None) -> list[Event]:
         """The events of a kind and an aMussel (None: of all), which are then forgotten; the others stay."""
+        _refuse_unknown(kind)
         wanted: list[Event] = []
         left: list[Event] = []
         for event in self._events:
@@ -60,8 +61,14 @@ class EventLog:
 
     def take_first(self, kind: str | None = None, agent: int | None = None) -> Event | None:
         """The oldest such event, which is then forgotten."""
+        _refuse_unknown(kind)
         for event in self._events:
             if kind in (None, event.kind) and agent in (None, event.agent):
                 self._events.remove(event)
                 return event
         return None
+
+
+def _refuse_unknown(kind: str | None) -> None:
+    if kind is not None and kind not in KINDS:
+        raise Refused(f"there are no events {kind!r}: the kinds are {', '.join(KINDS)}")

@@ -10,6 +10,7 @@ from apad_bridge.beliefs.fleet import Estimator
 from apad_bridge.beliefs.questions import Question
 from apad_bridge.geography import LocalFrame
 from apad_bridge.mission.pool import ChargingPool
+from apad_bridge.scripting.arguments import looks_at_arguments
 from apad_bridge.scripting.commanded import CommandedMission
 from apad_bridge.scripting.foretold import chance, question_of, sure_at
 from apad_bridge.scripting.handover import Do, Handover, Wait
@@ -20,6 +21,7 @@ CALLS_PER_TICK = 5_000
 T = TypeVar("T")
 
 
+@looks_at_arguments
 class Known:
     """Time, aMussels as they are believed to be, and docks. Made by musselbed; see `Api`."""
 
@@ -52,7 +54,7 @@ class Known:
 
     def sleep(self, seconds: float) -> None:
         """Lets mission time pass; it is noticed at ticks, which come once a second."""
-        if seconds > 0:
+        if seconds != 0:
             self._handover.ask(Wait(None, self._until_ms(seconds)))
 
     def wait_until(self, condition: Callable[[], bool], timeout: float) -> bool:

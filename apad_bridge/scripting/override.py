@@ -80,21 +80,27 @@ class Override:
         """As `end`, from within a call."""
         self._orders += self.end(reason, self._now_ms)
 
-    def take_over(self) -> None:
-        """The aPad holds its position and waits for orders; a mechanism that was commanded is not stopped half-way."""
-        if self.by_hand is None:
-            self._change(self._by_hand(self.state), taken=True)
+    def take_over(self) -> str:
+        """The aPad holds its position and waits for orders; a mechanism that was commanded is not stopped half-way.
 
-    def give_back(self) -> None:
+        A word for the caller where that is nothing new, else none; so does `give_back`.
+        """
+        if self.by_hand is not None:
+            return "the aPad was taken over already"
+        self._change(self._by_hand(self.state), taken=True)
+        return ""
+
+    def give_back(self) -> str:
         """Refused while a docking is under way."""
         hand = self.by_hand
         if hand is None:
-            return
+            return "the mission flies the aPad already"
         if hand.docking is Status.RUNNING:
             raise Refused("a docking is under way: wait for its end, or order a hold")
         self._change(
             self._planned(replace(self.state, phase=Phase.IDLE, plan=Solution(()), attempts=0)), taken=False
         )
+        return ""
 
     def _change(self, mission: Mission | CommandedMission, *, taken: bool) -> None:
         if self.state.phase is Phase.ENDED:
@@ -109,13 +115,14 @@ class Override:
         self._orders += mission.advance(self._now_ms)
 
 
-def take_over(flown: Flown) -> None:
-    """A person takes the aPad; where it is flown by hand or by a script already, nothing happens."""
+def take_over(flown: Flown) -> str:
+    """A person takes the aPad; where it is flown by hand or by a script already, nothing happens but a word."""
     if isinstance(flown, Override):
-        flown.take_over()
+        return flown.take_over()
+    return "no mission plans in this flight: orders are taken without it"
 
 
-def give_back(flown: Flown) -> None:
+def give_back(flown: Flown) -> str:
     if not isinstance(flown, Override):
         raise Refused("in this flight there is no mission to give the aPad back to")
-    flown.give_back()
+    return flown.give_back()

@@ -16,6 +16,10 @@ DOCKS = tuple(range(1, SLOTS + 1))
 """As people count them, and the paper's API."""
 
 
+KINDS = ("goto", "docking", "docked", "undocked", "heard", "state", "low")
+"""Of events: see `Event`."""
+
+
 class Refused(ValueError):
     """The API cannot do what it was asked: one line, with the mend. Nothing has changed."""
 

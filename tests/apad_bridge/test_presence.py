@@ -235,6 +235,30 @@ def test_what_cannot_be_is_refused_in_words() -> None:
     bench.ask(Moved(1, Trigger.HAND_OVER, "a test"))
     (faulty,) = bench.ask(Failed(1, Fault.WATCHDOG))
     assert faulty == "aMussel 1 is real: faults are for simulated ones"
+    (slipped,) = bench.ask(Failed(2, Fault.COIL_SLIP))
+    assert slipped == "aMussel 2 is in no dock, as far as is heard: a coil slips only there"
+
+
+@pytest.mark.parametrize(
+    ("at", "charges", "refusal"),
+    [
+        ((5.0, 5.0), (0.0, 0.0), "charges above 0"),
+        ((5.0, 5.0), (0.5, 0.0), "charges above 0"),
+        ((5.0, 5.0), (0.5, 1.1), "up to 1"),
+        ((5.0, 5.0), (float("nan"), 1.0), "charges above 0"),
+        ((float("nan"), 5.0), (0.5, 1.0), "a place is metres"),
+        ((1e9, 5.0), (0.5, 1.0), "a place is metres"),
+    ],
+)
+def test_what_is_left_out_of_a_spawning_is_refused(
+    at: tuple[float, float], charges: tuple[float, float], refusal: str
+) -> None:
+    bench = Bench()
+    bench.ticks(2)
+    bench.ask(Moved(1, Trigger.RETIRE, "a test"))
+    (told,) = bench.ask(Moved(1, Trigger.SPAWN, "a test", at, charges))
+    assert told is not None and refusal in told
+    assert bench.ask(Moved(1, Trigger.SPAWN, "a test", (5.0, 5.0), (0.5, 1.0))) == [None]
 
 
 def test_one_in_a_dock_is_left_alone() -> None:

@@ -58,6 +58,7 @@ def test_a_battery(environment: dict[str, str]) -> None:
     assert (battery["power_supply_status"], battery["location"]) == (2, "amussel1")
     apad = one(environment, "/musselbed/apad/battery_state")
     assert (apad["voltage"], apad["percentage"]) == (15.0, 0.5)
+    assert apad["header"]["frame_id"] == "apad1/base_link"
 
 
 def test_a_fix(environment: dict[str, str]) -> None:

@@ -242,44 +242,6 @@ def test_plans_and_costs_are_the_mission_s(pool: Scenario) -> None:
     assert nobody == ()
 
 
-@pytest.mark.parametrize(
-    ("script", "told"),
-    [
-        (lambda api: api.battery(99), "aMussel 99 is not of this scenario; there are 1 to 12"),
-        (lambda api: api.get_location("apad9"), "'apad9' is not this aPad, which is called 'apad1'"),
-        (lambda api: api.goto_status("apad9"), "'apad9' is not this aPad"),
-        (lambda api: api.go_to([14.0, 10.5]), "go_to takes .*degrees, go_to_local metres"),
-        (lambda api: api.go_to_local(1e6, 0), "go_to_local metres"),
-        (lambda api: api.go_to_local(1, 1, speed=0), "speed and victory radius must be above 0"),
-        (lambda api: api.go_to_local(1, float("nan")), "the goal lies nan m"),
-        (lambda api: api.docking(True, 5, 3), "there is no dock 5: the docks are 1 to 4"),
-        (lambda api: api.docking(True, 1), "needs the aMussel's id"),
-        (lambda api: api.docking(True, 1, 7), "aMussel 7 is believed .* m away: go there first"),
-        (lambda api: api.docking(False, 2), "dock 2 is empty"),
-        (lambda api: api.deploy(3), "aMussel 3 is in no dock"),
-        (
-            lambda api: api._do(lambda mission: mission.go_to(4.8e6, 0.0)),
-            "4800000 m from the scenario's origin",
-        ),
-        (lambda api: api.hold([0, 0]), "m from the scenario's origin"),
-        (lambda api: api.home(99), "never heard in the water"),
-        (lambda api: api.sleep(float("nan")) or api.wait_until(lambda: True, -1), "cannot be waited for"),
-        (lambda api: api.plan_collection(batch=0), "a batch of 0"),
-        (lambda api: api.plan_collection(strategy="lazy"), "unknown strategy 'lazy'"),
-    ],
-)
-def test_what_cannot_be_done_is_refused_in_one_line(
-    pool: Scenario, script: Callable[[Api], object], told: str
-) -> None:
-    def caught(api: Api) -> None:
-        with pytest.raises(Refused, match=told) as raised:
-            script(api)
-        assert "\n" not in str(raised.value)
-
-    flight = fly_script(pool, caught)
-    assert (flight.error, flight.ended_by) == (None, SCRIPT_ENDED)
-
-
 def test_a_dock_that_is_taken_is_refused(pool: Scenario) -> None:
     def script(api: Api) -> None:
         assert api.collect(10, 1)

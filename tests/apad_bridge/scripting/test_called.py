@@ -42,7 +42,7 @@ class Believed:
 
 def commanded(pool: Scenario, state: State = State.ACTIVE) -> tuple[CommandedMission, Believed]:
     believed = Believed(state)
-    mission = CommandedMission(pool.mission, believed, ())
+    mission = CommandedMission(pool.mission, pool.apad.max_speed_m_s, believed, ())
     mission.moved(0.0, 0.0)
     mission.advance(1000)
     return mission, believed
@@ -182,3 +182,12 @@ def test_a_lost_one_is_not_docked(pool: Scenario) -> None:
     mission, _ = commanded(pool, State.LOST)
     with pytest.raises(Refused, match="aMussel 7 is lost"):
         mission.dock(0, 7)
+
+
+def test_what_changes_nothing_says_so_and_an_id_left_out_is_asked_for(pool: Scenario) -> None:
+    mission, _ = commanded(pool)
+    assert mission.resume() is False
+    mission.pause()
+    assert mission.resume() is True
+    with pytest.raises(Refused, match="aMussel 0 was never heard: say the aMussel's id"):
+        mission.dock(1, 0)

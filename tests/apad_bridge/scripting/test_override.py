@@ -138,6 +138,6 @@ def test_a_resumed_flight_goes_on_in_the_hands_in_which_it_was(pool: Scenario) -
 def test_a_flight_by_hand_has_nobody_to_give_it_back_to(pool: Scenario) -> None:
     hand = open_flight(pool, (CalledFront(),))[0].supervisor.mission
     assert isinstance(hand, CommandedMission)
-    take_over(hand)
+    assert take_over(hand) == "no mission plans in this flight: orders are taken without it"
     with pytest.raises(Refused, match="no mission to give the aPad back to"):
         give_back(hand)

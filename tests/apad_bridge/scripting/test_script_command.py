@@ -59,6 +59,7 @@ def test_what_a_script_prints_and_raises_is_shown_as_it_is(
     out, error = capsys.readouterr()
     assert "to [lat, lon] [/home]\n" in error
     assert "ended by failure of the script: brackets.py, line 3: ValueError: not [north]" in out
+    assert "Table II" not in out, "a table without rows"
 
 
 @pytest.mark.parametrize(

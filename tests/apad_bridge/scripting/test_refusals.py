@@ -1,0 +1,73 @@
+"""What the API cannot do, or was asked in the wrong words, is refused in one line, and the script may go on."""
+
+from collections.abc import Callable
+
+import pytest
+
+from apad_bridge.scenario.schema import Scenario
+from apad_bridge.scripting.api import Api
+from apad_bridge.scripting.in_memory import fly_script
+from apad_bridge.scripting.program import SCRIPT_ENDED
+from apad_bridge.scripting.values import Refused
+
+
+@pytest.mark.parametrize(
+    ("script", "told"),
+    [
+        (lambda api: api.battery(99), "aMussel 99 is not of this scenario; there are 1 to 12"),
+        (lambda api: api.get_location("apad9"), "'apad9' is not this aPad, which is called 'apad1'"),
+        (lambda api: api.goto_status("apad9"), "'apad9' is not this aPad"),
+        (lambda api: api.go_to([14.0, 10.5]), "go_to takes .*degrees, go_to_local metres"),
+        (lambda api: api.go_to_local(1e6, 0), "go_to_local metres"),
+        (lambda api: api.go_to_local(1, 1, speed=0), "speed and victory radius must be above 0"),
+        (lambda api: api.go_to_local(1, float("nan")), "the goal lies nan m"),
+        (lambda api: api.docking(True, 5, 3), "there is no dock 5: the docks are 1 to 4"),
+        (lambda api: api.docking(True, 1), "needs the aMussel's id"),
+        (lambda api: api.docking(True, 1, 7), "aMussel 7 is believed .* m away: go there first"),
+        (lambda api: api.docking(False, 2), "dock 2 is empty"),
+        (lambda api: api.deploy(3), "aMussel 3 is in no dock"),
+        (
+            lambda api: api._do(lambda mission: mission.go_to(4.8e6, 0.0)),
+            "4800000 m from the scenario's origin",
+        ),
+        (lambda api: api.hold([0, 0]), "m from the scenario's origin"),
+        (lambda api: api.home(99), "never heard in the water"),
+        (lambda api: api.sleep(float("nan")) or api.wait_until(lambda: True, -1), "cannot be waited for"),
+        (lambda api: api.plan_collection(batch=0), "a batch of 0"),
+        (lambda api: api.plan_collection(strategy="lazy"), "unknown strategy 'lazy'"),
+        (
+            lambda api: api.wait_event("dockd", timeout=5),
+            "no events 'dockd': the kinds are goto, docking, docked",
+        ),
+        (lambda api: api.events("foo"), "no events 'foo'"),
+        (lambda api: api.go_to_local(1, 1, speed=50), "speed of 50 m/s: apad.max_speed_m_s is 1 m/s"),
+        (lambda api: api.sleep(-1), "a time of -1 s cannot be waited for"),
+        (lambda api: api.collect(4, 5), "there is no dock 5"),
+        (lambda api: api.go_to(5), r"go_to: point must be \[latitude, longitude\] in degrees, not 5"),
+        (lambda api: api.go_to([1, 2, 3]), "go_to: point must be"),
+        (lambda api: api.go_to_local("north", 1), "go_to_local: north_m must be a number, not 'north'"),
+        (lambda api: api.go_to_local(1, 1, speed="fast"), "speed must be a number, not 'fast'"),
+        (lambda api: api.hold("here"), "hold: point must be"),
+        (lambda api: api.docking(True), "docking: missing a required argument: 'number'"),
+        (lambda api: api.docking(True, 1, 3, yaw_rate="slow"), "yaw_rate must be a number"),
+        (lambda api: api.tell_clear("x"), "tell_clear: id must be a whole number, not 'x'"),
+        (lambda api: api.collect(4, 1, timeout="x"), "timeout must be a number"),
+        (lambda api: api.get_location(None), "id must be a whole number or a text, not None"),
+        (lambda api: api.sleep("x"), "sleep: seconds must be a number, not 'x'"),
+        (lambda api: api.wait_until(True, 5), "wait_until: condition must be a function, not True"),
+        (lambda api: api.say(5), "say: text must be a text, not 5"),
+        (lambda api: api.note("seen", what=object()), "only plain data can be written into the journal"),
+        (lambda api: api.run(5), "run: behaviour must be a Behaviour, not 5"),
+        (lambda api: api.cost_of(5), "cost_of: plan must be a Plan, not 5"),
+    ],
+)
+def test_what_cannot_be_done_is_refused_in_one_line(
+    pool: Scenario, script: Callable[[Api], object], told: str
+) -> None:
+    def caught(api: Api) -> None:
+        with pytest.raises(Refused, match=told) as raised:
+            script(api)
+        assert "\n" not in str(raised.value)
+
+    flight = fly_script(pool, caught)
+    assert (flight.error, flight.ended_by) == (None, SCRIPT_ENDED)
