@@ -26,7 +26,7 @@ from agents.stimuli import (
 from firmware_model import actions as board_actions
 from firmware_model import stimuli as board_stimuli
 from firmware_model.actions import Buoyancy
-from firmware_model.board import board_of
+from firmware_model.boards import board_of
 from firmware_model.charge import Battery, Flow
 from firmware_model.codec import Codec
 from firmware_model.packets import LogRecords

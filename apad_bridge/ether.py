@@ -6,8 +6,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
+from agents.packet_medium import Medium
 from agents.stimuli import Stimulus
-from apad_bridge.facts import Medium, Send, SoundHeard, WifiHeard
+from apad_bridge.facts import Send, SoundHeard, WifiHeard
 
 
 @dataclass(frozen=True, slots=True)

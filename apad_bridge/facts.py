@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import StrEnum
 
+from agents.packet_medium import Medium
 from apad_bridge.mission.orders import Note
 from apad_bridge.vehicle import VehicleCommand, VehicleFact
 from firmware_model.sample_record import SampleRecord
@@ -48,11 +48,6 @@ class StandDownAsked:
 
 
 Fact = WifiHeard | SoundHeard | RangeHeard | OperatorAsked | StandDownAsked | VehicleFact
-
-
-class Medium(StrEnum):
-    WIFI = "wifi"
-    SOUND = "sound"
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,25 +11,17 @@ from dataclasses import astuple
 
 from agents.coordinator import Died, Heard
 from agents.outputs import Dropped, SoundSent, WifiSent
+from agents.packet_medium import Medium
 from agents.sea_facts import NotRanged, Ranged, SeaResult, SoundReached, Told
 from agents.stimuli import SoundArrived, Stimulus, WifiArrived, to_wire
 from agents.water.medium import PacketEnded
 from apad_bridge.contacts import Contacts
 from apad_bridge.ether import Felt
-from apad_bridge.facts import (
-    KeepSamples,
-    Medium,
-    OperatorAsked,
-    Ping,
-    RangeHeard,
-    Send,
-    SoundHeard,
-    WifiHeard,
-)
+from apad_bridge.facts import KeepSamples, OperatorAsked, Ping, RangeHeard, Send, SoundHeard, WifiHeard
 from apad_bridge.fleet import Fleet
 from apad_bridge.mission.orders import Note
+from apad_bridge.packet_notes import packet_data
 from apad_bridge.recording import Recorder
-from apad_bridge.records.packet_lines import packet_data
 from apad_bridge.stop_sign import StopSign
 from apad_bridge.supervisor import TICK_MS, Supervisor
 from apad_bridge.surroundings import Surroundings, Watcher

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections import Counter, deque
 
+from agents.packet_medium import Medium
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.fleet import FleetBeliefs
 from apad_bridge.beliefs.measurement import Docked, Permitted, Released
 from apad_bridge.facts import (
     Fact,
     KeepSamples,
-    Medium,
     OperatorAsked,
     RangeHeard,
     Send,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TypeVar
 
 from firmware_model.actions import Action, Buoyancy, RunBuoyancy
-from firmware_model.board import board_of
+from firmware_model.boards import board_of
 from firmware_model.charge import Battery, Flow, fraction, grains
 from firmware_model.codec import MusselbedCodec
 from firmware_model.energy_ledger import EnergyLedger

@@ -34,27 +34,9 @@ from firmware_model.stimuli import (
 if TYPE_CHECKING:
     from firmware_model.keeper import Kept
     from firmware_model.power_path import PowerPath
+    from firmware_model.timers import Deadline
 
 _DOCKED = (State.CHARGING, State.REPORTING)
-Deadline = tuple[int, Trigger]
-"""When a state ends by itself, and what that means."""
-
-
-def board_of(
-    config: BoardConfig,
-    codec: Codec,
-    primary: Battery,
-    secondary: Battery,
-    now_ms: int,
-    kept: Kept | None = None,
-) -> Board:
-    """The board that `config` is of. `kept` is what a reset left of a whole board's clock and settings."""
-    if config.whole is None:
-        return Board(config, codec, primary, secondary, now_ms)
-    # Imported here: a fleet in the worst case needs none of it, and every page that an agent shares counts.
-    from firmware_model.whole_board import WholeBoard
-
-    return WholeBoard(config, codec, primary, secondary, now_ms, kept)
 
 
 class Board:

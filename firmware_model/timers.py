@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from firmware_model.board import Deadline
 from firmware_model.clock import AlarmClock
 from firmware_model.keeper import Keeper
 from firmware_model.plan import Cycle, LastResort, Whole
 from firmware_model.power_path import PowerPath
 from firmware_model.settings import Settings
 from firmware_model.states import State, Trigger
+
+Deadline = tuple[int, Trigger]
+"""When a state ends by itself, and what that means."""
 
 
 def whole_deadline(state: State, whole: Whole, keeper: Keeper, now_ms: int) -> Deadline | None:

@@ -12,7 +12,7 @@ from firmware_model.actions import (
     SendAnswer,
     SendLog,
 )
-from firmware_model.board import Board, Deadline
+from firmware_model.board import Board
 from firmware_model.charge import Battery
 from firmware_model.charge_pin import Edge
 from firmware_model.codec import Codec
@@ -34,7 +34,7 @@ from firmware_model.power_path import Level, PowerPath
 from firmware_model.rails import Rail
 from firmware_model.states import TABLE, State, Trigger
 from firmware_model.switchboard import Switchboard
-from firmware_model.timers import last_resort, whole_deadline
+from firmware_model.timers import Deadline, last_resort, whole_deadline
 
 _EMPTIED = {Feed.SECONDARY: Trigger.BATTERY_EMPTIED, Feed.NEITHER: Trigger.BOTH_EMPTIED}
 _BY_THE_CLOCK = (State.SLEEPING, State.CHARGING, State.AWAITING_SLOT)

@@ -21,7 +21,7 @@ import yaml
 from pydantic import BeforeValidator, ConfigDict, StringConstraints, TypeAdapter, ValidationError
 from pydantic.dataclasses import dataclass
 
-from apad_bridge.facts import Medium
+from agents.packet_medium import Medium
 from apad_bridge.laboratory.fields import read, steps
 from apad_bridge.laboratory.words import What
 

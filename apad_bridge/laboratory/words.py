@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import StrEnum
 
-from apad_bridge.facts import Medium
+from agents.packet_medium import Medium
 
 
 class What(StrEnum):

@@ -13,8 +13,9 @@ from pathlib import Path
 
 from agents import coordinator
 from agents.outputs import SoundSent
+from agents.packet_medium import Medium
 from agents.sea_facts import Printed, SeaResult
-from apad_bridge.facts import Medium, Send, SoundHeard
+from apad_bridge.facts import Send, SoundHeard
 from apad_bridge.mission.orders import Note
 from apad_bridge.modems.attached import AttachedModem, Result
 from apad_bridge.modems.ids_header import Way

@@ -10,8 +10,9 @@ from collections import Counter
 from collections.abc import Iterable
 from typing import Protocol
 
+from agents.packet_medium import Medium
 from apad_bridge.ether import Came, Ether
-from apad_bridge.facts import Medium, Send
+from apad_bridge.facts import Send
 from apad_bridge.laboratory.names import Names
 from apad_bridge.laboratory.words import DockSaid, PacketSaid, Said, What, WordSaid
 from apad_bridge.ros.laboratory_topics import LaboratoryEars, LaboratoryMouths

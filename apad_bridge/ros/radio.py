@@ -15,7 +15,8 @@ import rospy
 from std_msgs.msg import Float64
 from std_srvs.srv import Trigger, TriggerResponse
 
-from apad_bridge.facts import Medium, Send, SoundHeard, WifiHeard
+from agents.packet_medium import Medium
+from apad_bridge.facts import Send, SoundHeard, WifiHeard
 from apad_bridge.ros.inbox import Inbox
 from apad_bridge.ros.messages import use_generated_messages
 from apad_bridge.ros.names import of_amussel, ours

@@ -14,9 +14,10 @@ from typing import Any
 
 import rospy
 
+from agents.packet_medium import Medium
 from agents.stimuli import from_wire, to_wire
 from apad_bridge.ether import Came, Felt
-from apad_bridge.facts import Medium, Send, SoundHeard, WifiHeard
+from apad_bridge.facts import Send, SoundHeard, WifiHeard
 from apad_bridge.mission.share import Share
 from apad_bridge.ros.inbox import Inbox
 from apad_bridge.ros.messages import use_generated_messages

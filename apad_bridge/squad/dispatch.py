@@ -11,8 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from apad_bridge.squad.orders import Handed, Orders
-from apad_bridge.squad.seat import seen_from
+from apad_bridge.squad.orders import Handed, Orders, seen_from
 from apad_bridge.squad.sharing import Move, Seen, Sharing
 
 

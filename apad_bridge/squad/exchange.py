@@ -8,8 +8,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 
+from agents.packet_medium import Medium
 from apad_bridge.ether import Came, Felt
-from apad_bridge.facts import Medium, Send, SoundHeard, WifiHeard
+from apad_bridge.facts import Send, SoundHeard, WifiHeard
 
 
 class Exchange:

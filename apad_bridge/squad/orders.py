@@ -7,11 +7,13 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from apad_bridge.mission.share import Share
 from apad_bridge.scenario.loader import write_atomically
+from apad_bridge.squad.sharing import Seen
 
 NAME = "squad.json"
 
@@ -47,3 +49,15 @@ class Orders:
             {agent_id: Handed(at_ms, kept) for agent_id, at_ms, kept in data["serves"]},
             data["stands_down"],
         )
+
+
+def seen_data(seen: Seen, share: Share) -> dict[str, Any]:
+    return {**asdict(seen), "movable": sorted(seen.movable), "served": sorted(share.served)}
+
+
+def seen_from(data: dict[str, Any]) -> tuple[Seen, frozenset[int]]:
+    """What a seat said of its aPad, and whom that serves."""
+    north_m, east_m = data["place_m"]
+    places_m = {int(agent_id): (at[0], at[1]) for agent_id, at in data["places_m"].items()}
+    seen = Seen(data["name"], data["is_down"], (north_m, east_m), places_m, frozenset(data["movable"]))
+    return seen, frozenset(data["served"])

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +21,7 @@ from apad_bridge.runs.resuming import Begun
 from apad_bridge.scenario.schema import DockingProfile, Scenario
 from apad_bridge.squad.formation import LOOK_MS
 from apad_bridge.squad.looking import seen_of
-from apad_bridge.squad.orders import NAME, Handed, Orders
+from apad_bridge.squad.orders import NAME, Handed, Orders, seen_data
 from apad_bridge.squad.sharing import Seen
 from apad_bridge.supervisor import Supervisor
 from apad_bridge.surroundings import Surroundings, Watcher
@@ -57,7 +57,7 @@ class Seat:
                 self._obey(orders, supervisor, now_ms)
             self._take_awaited(supervisor, now_ms)
             if orders is not None or now_ms % LOOK_MS == 0:
-                self._tell("seen", _seen_data(self._seen(supervisor), supervisor.share))
+                self._tell("seen", seen_data(self._seen(supervisor), supervisor.share))
 
         return watch
 
@@ -155,18 +155,6 @@ def seat_of(
     stays = frozenset(it for it in scenario.fleet.ids if profile_of(it) is DockingProfile.CAMERA)
     seat = Seat(run_dir, apad.name, apad.start_m, say, stays)
     return Seated(seat, share, scenario.sharing.failed_go_tos)
-
-
-def _seen_data(seen: Seen, share: Share) -> dict[str, Any]:
-    return {**asdict(seen), "movable": sorted(seen.movable), "served": sorted(share.served)}
-
-
-def seen_from(data: dict[str, Any]) -> tuple[Seen, frozenset[int]]:
-    """What a seat said of its aPad, and whom that serves."""
-    north_m, east_m = data["place_m"]
-    places_m = {int(agent_id): (at[0], at[1]) for agent_id, at in data["places_m"].items()}
-    seen = Seen(data["name"], data["is_down"], (north_m, east_m), places_m, frozenset(data["movable"]))
-    return seen, frozenset(data["served"])
 
 
 def share_again(share: Share, journal: JournalContents) -> None:

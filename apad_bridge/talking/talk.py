@@ -17,7 +17,8 @@ from typing import Any
 
 from agents.keel_modem import ANSWER_TIMEOUT_MS
 from agents.modem.frames import SHORT_MS, Generation, duration_ms
-from apad_bridge.facts import Medium, Ping, Send, SupervisorAction
+from agents.packet_medium import Medium
+from apad_bridge.facts import Ping, Send, SupervisorAction
 from apad_bridge.mission.orders import Note
 from apad_bridge.talking.inquiries import ASK_AGAIN_MS, Inquiries
 from apad_bridge.talking.quiet import ALWAYS, Quiet

@@ -13,9 +13,10 @@ from agents.coordinator import Coordinator
 from agents.host import Grant
 from agents.one_process import OneProcess
 from agents.outputs import Truth
+from agents.packet_medium import Medium
 from agents.stimuli import from_wire
 from apad_bridge import building
-from apad_bridge.facts import Medium, Send, SoundHeard, WifiHeard
+from apad_bridge.facts import Send, SoundHeard, WifiHeard
 from apad_bridge.fleet import Fleet
 from apad_bridge.flight import Flight
 from apad_bridge.pace import AsFastAsPossible

@@ -10,8 +10,9 @@ from typing import Any
 import pytest
 
 from agents.one_process import OneProcess
+from agents.packet_medium import Medium
 from apad_bridge import building
-from apad_bridge.facts import Medium, Send
+from apad_bridge.facts import Send
 from apad_bridge.flight import Flight
 from apad_bridge.pace import AsFastAsPossible
 from apad_bridge.runs.in_memory import MemoryRecorder, fly_in_memory

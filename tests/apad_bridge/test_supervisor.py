@@ -5,8 +5,9 @@ from pathlib import Path
 
 import pytest
 
+from agents.packet_medium import Medium
 from apad_bridge import building
-from apad_bridge.facts import Fact, Medium, OperatorAsked, Send, SoundHeard, SupervisorAction, WifiHeard
+from apad_bridge.facts import Fact, OperatorAsked, Send, SoundHeard, SupervisorAction, WifiHeard
 from apad_bridge.scenario.loader import load
 from apad_bridge.vehicle import BatteryReported, GoTo, Hold, PoseReported
 from firmware_model.feed import Feed

@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 
 from firmware_model.actions import Action, FeedFrom, LogSample, RunBuoyancy, SendStatus, StateChanged
 from firmware_model.bench import Bench
-from firmware_model.board import Board, board_of
+from firmware_model.board import Board
+from firmware_model.boards import board_of
 from firmware_model.charge import FULL, Battery, Flow, grains
 from firmware_model.codec import MusselbedCodec
 from firmware_model.feed import Feed

@@ -6,7 +6,8 @@ from typing import Any
 
 import pytest
 
-from apad_bridge.facts import Medium, Send
+from agents.packet_medium import Medium
+from apad_bridge.facts import Send
 from apad_bridge.laboratory.words import DockSaid, PacketSaid, Said, What, WordSaid
 from apad_bridge.ros.laboratory import WIFI_GONE_MS, Laboratory
 from apad_bridge.vehicle import DockClosed, DockOpened, VehicleCommand

@@ -5,10 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 
 from agents.modem.frames import Frame, FrameKind
+from agents.packet_medium import Medium
 from agents.water import medium as water_medium
 from agents.water.places import Place
 from agents.water.sound import Sound
-from apad_bridge.facts import Medium, Ping, Send
+from apad_bridge.facts import Ping, Send
 from apad_bridge.mission.orders import Note
 from apad_bridge.talking.talk import Talk, TalkConfig
 from firmware_model.codec import MusselbedCodec
