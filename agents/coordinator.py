@@ -7,9 +7,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
-from agents.host import Death, Grant, Host
-from agents.outputs import Output
-from agents.stimuli import Stimulus
+from agents.hosting.host import Death, Grant, Host
+from agents.mussel.outputs import Output
+from agents.mussel.stimuli import Stimulus
 from firmware_model.stimuli import ResetCause
 
 _NEVER_MS = 2**63

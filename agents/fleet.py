@@ -5,19 +5,19 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from agents.agent import AgentConfig
-from agents.body import WaterConfig
-from agents.crystal import drift_of
-from agents.physical import Physical
-from agents.reporter import Modem
+from agents.mussel.agent import AgentConfig
+from agents.mussel.body import WaterConfig
+from agents.mussel.crystal import drift_of
+from agents.mussel.physical import Physical
+from agents.mussel.reporter import Modem
 from agents.water.fields import Fields
 from agents.water.patches import OXYGEN, TEMPERATURE, TURBIDITY, Waters
 from agents.water.stream import STILL, Stream, Tide, parse_stream
 from firmware_model.actions import Buoyancy
-from firmware_model.charge import Battery, ChargeModel, Flow, grains
-from firmware_model.flash import PAGES
-from firmware_model.plan import BoardConfig, Cycle, LastResort, Metering, Power, Slots, Timekeeping, Whole
-from firmware_model.rails import Loads
+from firmware_model.config import BoardConfig, Cycle, LastResort, Metering, Power, Slots, Timekeeping, Whole
+from firmware_model.power.charge import Battery, ChargeModel, Flow, grains
+from firmware_model.power.rails import Loads
+from firmware_model.sampling.flash import PAGES
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +61,7 @@ class FleetConfig:
     """What is true of the water."""
     modem: Modem = Modem.V3
     flash_pages: int = PAGES
-    """Of `firmware_model.flash.PAGE_BYTES` each, for the log of one aMussel."""
+    """Of `firmware_model.sampling.flash.PAGE_BYTES` each, for the log of one aMussel."""
 
     def to_wire(self) -> dict[str, Any]:
         return asdict(self)

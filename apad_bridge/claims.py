@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 
-from apad_bridge.presence import Became, Presence
+from apad_bridge.supervisor.roster import Became, Presence
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from agents.stimuli import ContactClosed, ContactOpened, DockMoved, Stimulus
-from apad_bridge.vehicle_link import Carried, LetGo
+from agents.mussel.stimuli import ContactClosed, ContactOpened, DockMoved, Stimulus
+from apad_bridge.vehicle.link import Carried, LetGo
 
 
 class Contacts:

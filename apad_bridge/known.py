@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from apad_bridge.acoustics.ranging import Ears
 from apad_bridge.beliefs.fleet import FleetBeliefs
-from apad_bridge.talking.ears import Ears
 
 
 @dataclass(frozen=True, slots=True)

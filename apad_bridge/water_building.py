@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from agents.water.patches import Waters
-from apad_bridge.geography import LocalFrame
 from apad_bridge.scenario.currents import current_text
+from apad_bridge.scenario.local_frame import LocalFrame
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.water import Fields
 

@@ -26,27 +26,27 @@ from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
 
-from agents.one_process import OneProcess
-from agents.outputs import Truth
-from agents.physical import Physical
-from apad_bridge import building
+from agents.hosting.in_process import OneProcess
+from agents.mussel.outputs import Truth
+from agents.mussel.physical import Physical
+from apad_bridge.assembly import parts
+from apad_bridge.assembly.acoustics import answer_charge
+from apad_bridge.assembly.water import fleet_of
 from apad_bridge.beliefs.belief import Belief
-from apad_bridge.boards import charge_model, whole_firmware
-from apad_bridge.ears_building import answer_charge
-from apad_bridge.flight import Flight
-from apad_bridge.pace import AsFastAsPossible
 from apad_bridge.records.summary import uptime_figures
 from apad_bridge.runs.in_memory import MemoryRecorder
-from apad_bridge.sample_collection import SampleCollection
+from apad_bridge.scenario.board_model import charge_model, whole_firmware
 from apad_bridge.scenario.loader import from_data, load, resolve
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
-from apad_bridge.sea_building import fleet_of
-from apad_bridge.surroundings import Surroundings
-from apad_bridge.vehicle_link import InProcessVehicle
-from firmware_model.charge import Battery, fraction
-from firmware_model.codec import MusselbedCodec
+from apad_bridge.supervisor.clock import AsFastAsPossible
+from apad_bridge.supervisor.context import Surroundings
+from apad_bridge.supervisor.loop import Flight
+from apad_bridge.supervisor.sample_collection import SampleCollection
+from apad_bridge.vehicle.link import InProcessVehicle
 from firmware_model.packets import ShortStatus, StatusPacket
+from firmware_model.packets.codec import MusselbedCodec
+from firmware_model.power.charge import Battery, fraction
 from firmware_model.states import State
 
 CONFIGURATIONS = 10
@@ -191,13 +191,13 @@ class Scoring(MemoryRecorder):
 
 
 def _flown(thought: Scenario, truth: Scenario) -> dict[str, float]:
-    births = building.births(truth, starts_of(truth))
-    host = OneProcess(building.fleet_config(truth), births)
-    supervisor = building.supervisor(thought, samples=SampleCollection(building.agent_ids(thought)))
+    births = parts.births(truth, starts_of(truth))
+    host = OneProcess(parts.fleet_config(truth), births)
+    supervisor = parts.supervisor(thought, samples=SampleCollection(parts.agent_ids(thought)))
     for packet in _sown(births):
         supervisor.beliefs.hear(packet, 0)
     recorder = Scoring(truth)
-    vehicle = InProcessVehicle(building.simulated_apad(truth))
+    vehicle = InProcessVehicle(parts.simulated_apad(truth))
     fleet = fleet_of(truth, host, dict.fromkeys(births, 0))
     flight = Flight(supervisor, Surroundings(vehicle, AsFastAsPossible(), fleet), recorder)
     flight.run()

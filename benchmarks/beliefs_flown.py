@@ -15,7 +15,7 @@ from typing import Any
 from rich.console import Console
 from rich.progress import Progress
 
-from apad_bridge.facts import Fact, SoundHeard, WifiHeard
+from apad_bridge.mission.events import Fact, SoundHeard, WifiHeard
 from apad_bridge.records.summary import uptime_figures
 from apad_bridge.runs.in_memory import fly_in_memory, open_flight
 from apad_bridge.scenario.believing import Beliefs, Estimator, TwinModel

@@ -30,16 +30,16 @@ from rich.console import Console
 from rich.table import Table
 
 from agents.coordinator import Coordinator, Heard
-from agents.flash_file import FLASH_NAME, FlashRegion
 from agents.fleet import FleetConfig, resting_on_bottom
-from agents.launch import launch_nursery, prepare
-from agents.processes import ProcessHost
-from agents.stimuli import ContactClosed, ContactOpened, DockMoved, SoundArrived, WifiArrived
-from firmware_model.codec import MusselbedCodec
-from firmware_model.flash_log import FlashLog
+from agents.hosting.process_host import ProcessHost
+from agents.mussel.stimuli import ContactClosed, ContactOpened, DockMoved, SoundArrived, WifiArrived
+from agents.nursery.flash_file import FLASH_NAME, FlashRegion
+from agents.nursery.launch import launch_nursery, prepare
+from firmware_model.config import LastResort, Slots, Whole
 from firmware_model.packets import CommandPacket, Kind
-from firmware_model.plan import LastResort, Slots, Whole
-from firmware_model.sample_record import SampleRecord
+from firmware_model.packets.codec import MusselbedCodec
+from firmware_model.sampling.flash_log import FlashLog
+from firmware_model.sampling.sample_record import SampleRecord
 from firmware_model.table_one import FIELD, MODEL, WORST_CASE, power
 
 MUSSELBED_FLEETS = (

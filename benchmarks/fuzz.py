@@ -29,8 +29,8 @@ from agents.modem.frames import (
 from agents.modem.modem import Modem
 from firmware_model import packets
 from firmware_model.packets import AcousticStatus, CommandPacket, Kind, StatusPacket, WifiStatus
+from firmware_model.packets.wire import sealed
 from firmware_model.states import State
-from firmware_model.wire import sealed
 
 INPUTS = 1_000_000
 SEED = 20260101

@@ -29,7 +29,7 @@ import yaml
 from rich.console import Console
 from rich.table import Table
 
-from apad_bridge.ros.master import loopback_environment, start_master
+from apad_bridge.ros.system.master import loopback_environment, start_master
 
 AGENTS = 1000
 TICKS = 15
@@ -122,7 +122,14 @@ def ticks() -> dict[str, Any]:
         stack.callback(master.stop)
         environment = loopback_environment(home, master.uri)
         environment["PYTHONPATH"] = str(NODES.parents[1])
-        apad = ["-m", "apad_bridge.ros.apad_node", "--scenario", str(scenario), "--time", "wall"]
+        apad = [
+            "-m",
+            "apad_bridge.ros.simulated_node.apad_node",
+            "--scenario",
+            str(scenario),
+            "--time",
+            "wall",
+        ]
         Node(stack, environment, *apad)
         reader = Node(stack, environment, str(NODES / "tick_reader.py"))
         assert reader.line() == "reading"

@@ -13,9 +13,9 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from apad_bridge import building
+from apad_bridge.assembly import parts
 from apad_bridge.beliefs.fleet import FleetBeliefs
-from apad_bridge.records.notebook import PERIOD_MS, ROWS, Notebook, recall
+from apad_bridge.records.checkpoint import PERIOD_MS, ROWS, Notebook, recall
 from apad_bridge.scenario.believing import Beliefs, Estimator, TwinModel
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.schema import Scenario
@@ -43,7 +43,7 @@ def measure() -> dict[str, Any]:
 
 def _measured(path: Path, estimator: str, agents: int, theta: int, period_s: int) -> dict[str, Any]:
     scenario = _scenario(estimator, agents, theta)
-    plain, noted = (building.nothing_known(scenario).beliefs for _ in range(2))
+    plain, noted = (parts.nothing_known(scenario).beliefs for _ in range(2))
     learning_s = _heard(plain, agents, theta, period_s)
     begun_s = process_time()
     book = Notebook(path, noted, 0)
@@ -55,7 +55,7 @@ def _measured(path: Path, estimator: str, agents: int, theta: int, period_s: int
         book.flush(now_ms)
         writing_s += process_time() - before_s
     noting_s = process_time() - begun_s
-    recalled = building.nothing_known(scenario).beliefs
+    recalled = parts.nothing_known(scenario).beliefs
     before_s = process_time()
     found = recall(path, recalled)
     recall_s = process_time() - before_s

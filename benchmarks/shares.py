@@ -16,12 +16,12 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from apad_bridge.assembly.division import divided
 from apad_bridge.planning.shares import Point, shares
 from apad_bridge.runs.in_memory import fly_in_memory
 from apad_bridge.scenario.loader import from_data, load, resolve
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import Start, save_starts, starts_of
-from apad_bridge.squad.members import divided
 
 SCENARIO = Path(__file__).parents[1] / "launch_scripts" / "scenarios" / "bay-120.yaml"
 SEEDS = (1, 2)

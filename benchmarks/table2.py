@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
-from apad_bridge.runs.table_two import PAPER_CAUTIOUS, configurations, percentile_of
+from apad_bridge.runs.studies.table_two import PAPER_CAUTIOUS, configurations, percentile_of
 from apad_bridge.scenario.loader import load
 
 COUNT = 200

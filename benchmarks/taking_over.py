@@ -13,11 +13,11 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from apad_bridge.assembly.division import members
+from apad_bridge.runs.studies.several_in_memory import open_formation
 from apad_bridge.scenario.loader import from_data, resolve
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
-from apad_bridge.squad.in_memory import open_formation
-from apad_bridge.squad.members import members
 from benchmarks.shares import crowded
 
 SEEDS = (1, 2)

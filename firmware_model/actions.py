@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import IntEnum
 
-from firmware_model.feed import Feed
-from firmware_model.rails import Rail
+from firmware_model.power.feed import Feed
+from firmware_model.power.rails import Rail
 from firmware_model.states import State, Trigger
 
 

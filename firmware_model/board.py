@@ -9,14 +9,14 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from firmware_model.actions import MOTORS, REPORTS, Action, Dropped, RunBuoyancy, SendStatus, StateChanged
-from firmware_model.charge import Battery
-from firmware_model.charge_pin import ChargePin, Edge, Fault
-from firmware_model.codec import Codec
-from firmware_model.commands import TRIGGERS, understood
-from firmware_model.feed import Feed, WorstCase
+from firmware_model.config import BoardConfig
 from firmware_model.packets import Command, Kind
-from firmware_model.plan import BoardConfig
-from firmware_model.rails import RAILS, Rail
+from firmware_model.packets.codec import Codec
+from firmware_model.packets.commands import TRIGGERS, understood
+from firmware_model.power.charge import Battery
+from firmware_model.power.charge_pin import ChargePin, Edge, Fault
+from firmware_model.power.feed import Feed, WorstCase
+from firmware_model.power.rails import RAILS, Rail
 from firmware_model.states import TABLE, Refused, State, Trigger, next_state
 from firmware_model.stimuli import (
     BottomReached,
@@ -33,7 +33,7 @@ from firmware_model.stimuli import (
 
 if TYPE_CHECKING:
     from firmware_model.keeper import Kept
-    from firmware_model.power_path import PowerPath
+    from firmware_model.power.power_path import PowerPath
     from firmware_model.timers import Deadline
 
 _DOCKED = (State.CHARGING, State.REPORTING)

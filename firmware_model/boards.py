@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from firmware_model.board import Board
-from firmware_model.charge import Battery
-from firmware_model.codec import Codec
-from firmware_model.plan import BoardConfig
+from firmware_model.config import BoardConfig
+from firmware_model.packets.codec import Codec
+from firmware_model.power.charge import Battery
 
 if TYPE_CHECKING:
     from firmware_model.keeper import Kept

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from firmware_model.clock import AlarmClock, Clock
+from firmware_model.config import BoardConfig
 from firmware_model.packets import SetThreshold, SleepSchedule, SlotAssignment
-from firmware_model.plan import BoardConfig
 from firmware_model.settings import Settings
 
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from firmware_model.charge import FULL
+from firmware_model.config import BoardConfig
 from firmware_model.packets import SetThreshold, SleepSchedule, SlotAssignment
-from firmware_model.plan import BoardConfig
+from firmware_model.power.charge import FULL
 
 
 @dataclass(frozen=True, slots=True)

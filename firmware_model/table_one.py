@@ -9,9 +9,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from firmware_model.charge import EMPTY_MV, FULL, FULL_MV, ChargeModel, grains, grains_per_ms
-from firmware_model.plan import PATH_UNIT, BoardConfig, Cycle, LastResort, Metering, Power, Slots, Whole
-from firmware_model.rails import Loads, Rail
+from firmware_model.config import PATH_UNIT, BoardConfig, Cycle, LastResort, Metering, Power, Slots, Whole
+from firmware_model.power.charge import EMPTY_MV, FULL, FULL_MV, ChargeModel, grains, grains_per_ms
+from firmware_model.power.rails import Loads, Rail
 
 EQUATION_1 = 0.0010427134
 EQUATION_2 = ((0.16197, 0.001045), (0.5634, 0.00223), (1.0, 0.002911))

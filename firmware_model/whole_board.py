@@ -13,11 +13,7 @@ from firmware_model.actions import (
     SendLog,
 )
 from firmware_model.board import Board
-from firmware_model.charge import Battery
-from firmware_model.charge_pin import Edge
-from firmware_model.codec import Codec
-from firmware_model.commands import TRIGGERS
-from firmware_model.feed import Feed
+from firmware_model.config import BoardConfig, Whole
 from firmware_model.keeper import Keeper, Kept
 from firmware_model.packets import (
     Beacon,
@@ -29,11 +25,15 @@ from firmware_model.packets import (
     SleepSchedule,
     SlotAssignment,
 )
-from firmware_model.plan import BoardConfig, Whole
-from firmware_model.power_path import Level, PowerPath
-from firmware_model.rails import Rail
+from firmware_model.packets.codec import Codec
+from firmware_model.packets.commands import TRIGGERS
+from firmware_model.power.charge import Battery
+from firmware_model.power.charge_pin import Edge
+from firmware_model.power.feed import Feed
+from firmware_model.power.power_path import Level, PowerPath
+from firmware_model.power.rails import Rail
+from firmware_model.power.switchboard import Switchboard
 from firmware_model.states import TABLE, State, Trigger
-from firmware_model.switchboard import Switchboard
 from firmware_model.timers import Deadline, last_resort, whole_deadline
 
 _EMPTIED = {Feed.SECONDARY: Trigger.BATTERY_EMPTIED, Feed.NEITHER: Trigger.BOTH_EMPTIED}

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from apad_bridge.ros.messages import DEFINITIONS
+from apad_bridge.ros.types.messages import DEFINITIONS
 
 ROOT = Path(__file__).parents[1]
 ROOMS = ("firmware_model", "agents", "apad_bridge")
@@ -64,7 +64,7 @@ def test_one_file_at_most_imports(library: str) -> None:
 
 
 def test_only_the_plugin_of_firmware_model_imports_pytest() -> None:
-    assert set(files_that_import({"pytest"})) <= {Path("firmware_model/pytest_plugin.py")}
+    assert set(files_that_import({"pytest"})) <= {Path("firmware_model/bench/pytest_plugin.py")}
 
 
 def test_the_search_finds_an_import_that_hides_in_a_function(tmp_path: Path) -> None:

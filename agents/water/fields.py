@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from struct import Struct
 from typing import Protocol
 
-from firmware_model.sensors import Values
+from firmware_model.sampling.sensors import Values
 
 SURFACE_MBAR = 1013.25
 """The standard atmosphere."""
@@ -46,7 +46,7 @@ class Fields:
     turbidity: Field
 
     def values_at(self, north_um: int, east_um: int, depth_um: int, now_ms: int) -> Values:
-        """By `firmware_model.sensors.Quantity`."""
+        """By `firmware_model.sampling.sensors.Quantity`."""
         where = (north_um, east_um, depth_um, now_ms)
         return (
             self.oxygen.value_at(*where),

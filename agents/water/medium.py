@@ -1,8 +1,8 @@
 """The water as sound travels through it: who hears which packet, when, and why not. Agent time throughout.
 
 A packet acts at its END at each receiver. What is decided there needs everything that began before, so whoever moves the
-medium grants senders time up to an end before they ask for it: see `agents.sea`. Delays and ends are whole milliseconds,
-rounded up, so that nothing acts before it has arrived; ranging has the delay in microseconds.
+medium grants senders time up to an end before they ask for it: see `agents.water.sea`. Delays and ends are whole
+milliseconds, rounded up, so that nothing acts before it has arrived; ranging has the delay in microseconds.
 """
 
 from __future__ import annotations

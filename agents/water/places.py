@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from math import hypot, sqrt
 
-from agents.physical import Physical
+from agents.mussel.physical import Physical
 from firmware_model.actions import Buoyancy
 
 

@@ -10,10 +10,10 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from apad_bridge.commands.exits import EXITS, Exit, UserError
-from apad_bridge.hindsight.compared import Record, best_record, compared_in
-from apad_bridge.hindsight.scored import Score, Scores, scores_of
+from apad_bridge.analysis.belief_scores.compared import Record, best_record, compared_in
+from apad_bridge.analysis.belief_scores.scored import Score, Scores, scores_of
 from apad_bridge.records.run_directory import RunDirectoryError
+from apad_bridge.runs.exits import EXITS, Exit, UserError
 
 _ENDINGS = (".png", ".svg", ".pdf")
 
@@ -63,7 +63,7 @@ def run(arguments: argparse.Namespace) -> int:
             f"{arguments.directory}: nothing to compare: in its {record}, no aMussel has both a belief and a truth"
         )
     if figure is not None:
-        from apad_bridge.hindsight.figure import draw
+        from apad_bridge.analysis.belief_scores.figure import draw
 
         try:
             draw(scores, figure, f"beliefs in {arguments.directory.name}")

@@ -10,10 +10,10 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from apad_bridge.commands.exits import EXITS, Exit
-from apad_bridge.diagnosis import graph, interpreter, machine, network, origin_check, scenario_check
-from apad_bridge.diagnosis.finding import Finding, Status, examined, warn
-from apad_bridge.ros.names import in_full
+from apad_bridge.doctor import graph, interpreter, machine, network, origin_check, scenario_check
+from apad_bridge.doctor.finding import Finding, Status, examined, warn
+from apad_bridge.ros_names.names import in_full
+from apad_bridge.runs.exits import EXITS, Exit
 
 if TYPE_CHECKING:
     from apad_bridge.scenario.schema import Scenario

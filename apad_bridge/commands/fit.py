@@ -10,10 +10,16 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from apad_bridge.commands.exits import EXITS, Exit, UserError
-from apad_bridge.fitting.battery_fit import BatteryFit, Direction, fit_log, minutes_to_full
-from apad_bridge.fitting.battery_log import MINUTES_IN, VALUE_UNITS, LogError, LogFormat, read_log
-from apad_bridge.fitting.figure import svg
+from apad_bridge.analysis.battery_fit.battery_fit import BatteryFit, Direction, fit_log, minutes_to_full
+from apad_bridge.analysis.battery_fit.battery_log import (
+    MINUTES_IN,
+    VALUE_UNITS,
+    LogError,
+    LogFormat,
+    read_log,
+)
+from apad_bridge.analysis.battery_fit.figure import svg
+from apad_bridge.runs.exits import EXITS, Exit, UserError
 
 
 def add_parser(commands: Any) -> None:

@@ -6,8 +6,8 @@ import argparse
 from typing import Any
 
 from apad_bridge.commands import run as run_command
-from apad_bridge.commands.exits import EXITS
-from apad_bridge.runs.options import Part
+from apad_bridge.runs.exits import EXITS
+from apad_bridge.scenario.run_options import Part
 
 
 def add_parser(commands: Any) -> None:

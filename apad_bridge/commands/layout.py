@@ -8,9 +8,9 @@ import re
 from pathlib import Path
 from typing import Any
 
-from apad_bridge.commands.exits import EXITS, Exit, UserError
-from apad_bridge.layouts.fleet import shown
-from apad_bridge.layouts.kinds import KINDS
+from apad_bridge.analysis.layouts.fleet import shown
+from apad_bridge.analysis.layouts.kinds import KINDS
+from apad_bridge.runs.exits import EXITS, Exit, UserError
 from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.loader import load, write_atomically
 from apad_bridge.scenario.starts import starts_of

@@ -11,12 +11,12 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from apad_bridge.commands.exits import EXITS, Exit, UserError
-from apad_bridge.runs.mu_script import Budget, ScriptError, budget_of, play, read_script
-from firmware_model.state_diagram import blocks
+from apad_bridge.commands.mu_script import Budget, ScriptError, budget_of, play, read_script
+from apad_bridge.runs.exits import EXITS, Exit, UserError
+from firmware_model.bench.state_diagram import blocks
+from firmware_model.bench.table_one_runs import ROWS, rows
+from firmware_model.bench.trace import line, vcd
 from firmware_model.table_one import ASSUMED, FITTED, METERED, METERING, TAKEN
-from firmware_model.table_one_runs import ROWS, rows
-from firmware_model.trace import line, vcd
 
 
 def add_parser(commands: Any) -> None:

@@ -9,10 +9,10 @@ from typing import Any
 
 from rich.console import Console
 
-from apad_bridge.commands.exits import Exit
+from apad_bridge.commands.table import print_table
 from apad_bridge.mission.plans import STRATEGY_FAILED
 from apad_bridge.records.run_directory import RunDirectory
-from apad_bridge.runs.table import print_table
+from apad_bridge.runs.exits import Exit
 
 
 def report(

@@ -8,9 +8,9 @@ import webbrowser
 from pathlib import Path
 from typing import Any
 
-from apad_bridge.commands.exits import EXITS, Exit, UserError
+from apad_bridge.analysis.replay.build import build_replay
 from apad_bridge.records.run_directory import RunDirectoryError
-from apad_bridge.replay.build import build_replay
+from apad_bridge.runs.exits import EXITS, Exit, UserError
 
 
 def add_parser(commands: Any) -> None:

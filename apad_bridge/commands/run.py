@@ -12,8 +12,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from apad_bridge.commands import squad
-from apad_bridge.commands.exits import EXITS, Exit, UserError
+from apad_bridge.commands import several
 from apad_bridge.commands.modem_checks import check_modems
 from apad_bridge.commands.outcome import print_plan, report
 from apad_bridge.planning import registry
@@ -21,12 +20,13 @@ from apad_bridge.records.journal import read_journal
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
 from apad_bridge.runs import parent
 from apad_bridge.runs.dry_run import first_plan
+from apad_bridge.runs.exits import EXITS, Exit, UserError
 from apad_bridge.runs.failures import PeerFailed
 from apad_bridge.runs.here import fly_here
-from apad_bridge.runs.options import APadKind, OnDeath, Part, RunOptions, TimeSource
 from apad_bridge.runs.progress import FlightProgress
 from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.loader import load, with_overrides
+from apad_bridge.scenario.run_options import APadKind, OnDeath, Part, RunOptions, TimeSource
 from apad_bridge.scenario.schema import Generation, Hosting, Scenario
 from apad_bridge.scenario.starts import Start, starts_of
 
@@ -207,7 +207,7 @@ def run(arguments: argparse.Namespace) -> int:
     check_modems(options, scenario)
     if scenario.apads:
         with peers_may_fail():
-            return squad.run(options, scenario, starts, arguments.out, arguments.json)
+            return several.run(options, scenario, starts, arguments.out, arguments.json)
     if options.dry_run and options.apad is APadKind.SIM:
         return print_plan(first_plan(scenario, starts), arguments.json)
     try:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from apad_bridge.port.docking_port import PRE_EMPTED
-from apad_bridge.port.primitives import GoToPoint, Outcome, Primitive, PrimitiveFailed
+from apad_bridge.vehicle.docking import PRE_EMPTED
+from apad_bridge.vehicle.primitives import GoToPoint, Outcome, Primitive, PrimitiveFailed
 
 
 class Breakdown:

@@ -24,7 +24,8 @@ from apad_bridge.mission.strays import Strays
 from apad_bridge.planning.candidates import Situation
 from apad_bridge.planning.solution import Solution, Step, StepKind
 from apad_bridge.planning.strategy import CollectionStrategy, RedeploymentStrategy
-from apad_bridge.port.primitives import (
+from apad_bridge.scenario.schema import Mission
+from apad_bridge.vehicle.primitives import (
     DockChanged,
     DockMussel,
     GoToPoint,
@@ -34,7 +35,6 @@ from apad_bridge.port.primitives import (
     PrimitiveSucceeded,
     UndockMussel,
 )
-from apad_bridge.scenario.schema import Mission
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from apad_bridge.port.primitives import Primitive
+from apad_bridge.vehicle.primitives import Primitive
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,7 +6,7 @@ from typing import Protocol
 
 from apad_bridge.mission.orders import Order
 from apad_bridge.mission.state import MissionState
-from apad_bridge.port.primitives import Outcome
+from apad_bridge.vehicle.primitives import Outcome
 
 
 class Mission(Protocol):

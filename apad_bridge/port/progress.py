@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from apad_bridge.vehicle import PoseReported
+from apad_bridge.vehicle.commands import PoseReported
 
 PROGRESS_M = 0.5
 

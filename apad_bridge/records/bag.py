@@ -21,7 +21,7 @@ from rosbags.rosbag1.writer import WriteChunk, Writer
 from apad_bridge.records.bag_messages import APAD, BELIEFS, EVENT, SOUND, TRUTH, Messages, typestore
 from apad_bridge.records.packet_lines import SoundRow
 from apad_bridge.records.samples import APadSample, BeliefSample, TruthSample
-from apad_bridge.ros.names import in_full, ours
+from apad_bridge.ros_names.names import in_full, ours
 
 CHUNK_BYTES = 256 * 1024
 CHUNK_MS = 10_000

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from math import cos, hypot, isnan, radians
 
-from agents.outputs import Truth
+from agents.mussel.outputs import Truth
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.records.journal import Line
 from apad_bridge.records.samples import APadSample

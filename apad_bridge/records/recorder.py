@@ -8,15 +8,13 @@ from collections.abc import Callable, Iterable, Mapping, Sequence, Set
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from agents.outputs import Truth
+from agents.mussel.outputs import Truth
 from apad_bridge.beliefs.belief import Belief
-from apad_bridge.boards import takes_samples
 from apad_bridge.known import Known
-from apad_bridge.presence import Presence
 from apad_bridge.records.bag import BagWriter, repair_bag
 from apad_bridge.records.changes import APadChanges, BeliefChanges, differs_in_kind, has_moved
+from apad_bridge.records.checkpoint import Notebook
 from apad_bridge.records.journal import Journal, JournalContents, Line, read_journal
-from apad_bridge.records.notebook import Notebook
 from apad_bridge.records.packet_lines import sound_rows
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.records.sample_figures import SAMPLE_KEYS, sample_figures
@@ -25,10 +23,12 @@ from apad_bridge.records.samples import TruthSample, Water, apad_sample, belief_
 from apad_bridge.records.summary import Ending, uptime_figures
 from apad_bridge.records.truth_lines import truth_data, truth_of
 from apad_bridge.records.uptime import UptimeMeter
+from apad_bridge.scenario.board_model import takes_samples
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import Start, save_starts
-from apad_bridge.vehicle import BatteryReported, PoseReported
-from firmware_model.sample_record import SampleRecord
+from apad_bridge.supervisor.roster import Presence
+from apad_bridge.vehicle.commands import BatteryReported, PoseReported
+from firmware_model.sampling.sample_record import SampleRecord
 
 DAY_MS = 86_400_000
 _JOURNAL_ONLY = frozenset({"stimulus"})

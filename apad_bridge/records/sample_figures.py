@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence, Set
 from types import MappingProxyType
 from typing import Any
 
-from firmware_model.flash import PAGE_BYTES, PAGES, Ring
+from firmware_model.sampling.flash import PAGE_BYTES, PAGES, Ring
 
 SAMPLE_KEYS = ("samples_taken", "samples_uploaded", "samples_lost", "samples_waiting")
 

@@ -10,8 +10,8 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from apad_bridge.records.line_file import Line, LineFile, read_lines
-from firmware_model.sample_record import SampleRecord
-from firmware_model.sensors import SENSORS, Quantity, values
+from firmware_model.sampling.sample_record import SampleRecord
+from firmware_model.sampling.sensors import SENSORS, Quantity, values
 
 _UNITS = ("oxygen_mg_l", "pressure_mbar", "temperature_c", "turbidity_ntu")
 """By `Quantity`."""

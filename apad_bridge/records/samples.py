@@ -5,14 +5,14 @@ from __future__ import annotations
 from math import nan, sqrt
 from typing import NamedTuple
 
-from agents.body import depth_um
-from agents.outputs import Truth
-from agents.physical import Physical
+from agents.mussel.body import depth_um
+from agents.mussel.outputs import Truth
+from agents.mussel.physical import Physical
 from apad_bridge.beliefs.belief import Belief, Source
-from apad_bridge.boards import charge_model
+from apad_bridge.scenario.board_model import charge_model
 from apad_bridge.scenario.schema import Scenario
-from apad_bridge.vehicle import BatteryReported, PoseReported
-from firmware_model.charge import fraction
+from apad_bridge.vehicle.commands import BatteryReported, PoseReported
+from firmware_model.power.charge import fraction
 
 _MOST_SLOTS = 0xFFFF
 """A bag counts no further."""

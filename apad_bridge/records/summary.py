@@ -6,9 +6,9 @@ from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass, field
 from typing import Any
 
-from apad_bridge.presence import Presence
 from apad_bridge.records.uptime import AgentUptime, UptimeMeter
-from firmware_model.charge import fraction
+from apad_bridge.supervisor.roster import Presence
+from firmware_model.power.charge import fraction
 
 _KEYS = (
     *("counted_s", "counted_at_end"),

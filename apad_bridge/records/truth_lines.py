@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from agents.outputs import Truth
-from agents.physical import Physical
+from agents.mussel.outputs import Truth
+from agents.mussel.physical import Physical
 from apad_bridge.records.journal import Line
 from firmware_model.actions import Buoyancy
-from firmware_model.charge import Battery, Flow
+from firmware_model.power.charge import Battery, Flow
 from firmware_model.states import State
 
 

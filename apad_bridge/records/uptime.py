@@ -17,9 +17,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from agents.outputs import Truth
-from apad_bridge.presence import Presence
-from firmware_model.charge import Battery, ChargeModel
+from agents.mussel.outputs import Truth
+from apad_bridge.supervisor.roster import Presence
+from firmware_model.power.charge import Battery, ChargeModel
 from firmware_model.state_groups import AT_WORK, BEYOND_HELP
 
 

@@ -15,10 +15,15 @@ from genmsg.gentools import compute_md5
 from genmsg.msg_loader import load_depends, load_msg_by_type, load_srv_by_type
 from rospkg.rospack import list_by_path  # type: ignore[import-untyped]
 
-from apad_bridge.diagnosis.definitions import Definitions, Md5s, check_definitions, python_md5s
-from apad_bridge.diagnosis.finding import Finding, fail, ok
-from apad_bridge.ros.generate import SYSTEM_DEFINITIONS
-from apad_bridge.ros.messages import DEFINITIONS, MessagesUnusable, generated_folder, use_generated_messages
+from apad_bridge.doctor.definitions import Definitions, Md5s, check_definitions, python_md5s
+from apad_bridge.doctor.finding import Finding, fail, ok
+from apad_bridge.ros.types.generate import SYSTEM_DEFINITIONS
+from apad_bridge.ros.types.messages import (
+    DEFINITIONS,
+    MessagesUnusable,
+    generated_folder,
+    use_generated_messages,
+)
 
 _PACKAGES = {
     "rospy": "python3-rospy",

@@ -7,17 +7,17 @@ from typing import Any
 
 from actionlib_msgs.msg import GoalStatusArray
 
-from apad_bridge.ros.generation_a_words import (
+from apad_bridge.ros.links.inbox import Inbox
+from apad_bridge.ros.links.legacy_subscribers import POSE_FIELDS, LegacyEars
+from apad_bridge.ros.types.messages import use_generated_messages
+from apad_bridge.ros_names.names import of_amussel, of_apad
+from apad_bridge.vehicle.generation_a.messages import (
     GoalCode,
     GoalsHeard,
     GoalWord,
     Heard,
     StaticHeard,
 )
-from apad_bridge.ros.inbox import Inbox
-from apad_bridge.ros.legacy_ears import POSE_FIELDS, LegacyEars
-from apad_bridge.ros.messages import use_generated_messages
-from apad_bridge.ros.names import of_amussel, of_apad
 
 use_generated_messages()
 

@@ -5,15 +5,15 @@ from __future__ import annotations
 import math
 
 from apad_bridge.ros.generation_b_status import StatusWatch
-from apad_bridge.ros.generation_b_words import (
+from apad_bridge.scenario.schema import Servo
+from apad_bridge.vehicle.commands import CloseDock, OpenDock, PoseReported, VehicleCommand
+from apad_bridge.vehicle.generation_b.messages import (
     DockingOrder,
     Order,
     PositionOrder,
     Status,
     slot_direction_rad,
 )
-from apad_bridge.scenario.schema import Servo
-from apad_bridge.vehicle import CloseDock, OpenDock, PoseReported, VehicleCommand
 
 STAND_OFF_M = 2.0
 """From here the camera can see an aMussel; one that lies against the hull it cannot."""

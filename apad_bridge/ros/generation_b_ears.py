@@ -6,7 +6,10 @@ from typing import Any
 
 from std_msgs.msg import Bool, Float32MultiArray, Int32, String
 
-from apad_bridge.ros.generation_b_words import (
+from apad_bridge.ros.links.inbox import Inbox
+from apad_bridge.ros.links.legacy_subscribers import LegacyEars
+from apad_bridge.ros_names.names import of_apad
+from apad_bridge.vehicle.generation_b.messages import (
     PRIMITIVE_FINISHED,
     ArmHeard,
     FinishedHeard,
@@ -15,10 +18,7 @@ from apad_bridge.ros.generation_b_words import (
     Status,
     StatusHeard,
 )
-from apad_bridge.ros.inbox import Inbox
-from apad_bridge.ros.legacy_ears import LegacyEars
-from apad_bridge.ros.legacy_words import UNSTAMPED
-from apad_bridge.ros.names import of_apad
+from apad_bridge.vehicle.stack_messages import UNSTAMPED
 
 _OPEN = 0.5
 """`dock_out` is 1.0 for an arm that stands open, and 0.0."""

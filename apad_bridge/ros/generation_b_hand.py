@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping
 
-from apad_bridge.laboratory.words import DockSaid
-from apad_bridge.ros.generation_b_words import Status
+from apad_bridge.scenario.lab_interface.messages import DockSaid
+from apad_bridge.vehicle.generation_b.messages import Status
 
 
 class HandDocking:

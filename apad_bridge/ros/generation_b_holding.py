@@ -9,8 +9,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from apad_bridge.ros.generation_b_words import PositionOrder, Status
-from apad_bridge.vehicle import Hold, PoseReported
+from apad_bridge.vehicle.commands import Hold, PoseReported
+from apad_bridge.vehicle.generation_b.messages import PositionOrder, Status
 
 ASTRAY_M = 3.0
 """A vehicle that shall hold and is this far away does not."""

@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-from apad_bridge.ros.generation_b_words import DockingOrder, GoToOrder, PositionOrder
+from apad_bridge.vehicle.generation_b.messages import DockingOrder, GoToOrder, PositionOrder
 
 SIMPLE_VICTORY_RADIUS_M = 1.5
 _DOCKING = DockingOrder(True, 0, 0.2, 0.3, 0.15, 0.2)

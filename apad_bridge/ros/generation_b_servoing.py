@@ -9,8 +9,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from apad_bridge.ros.generation_b_words import DETECTION_MS, DockingOrder, slot_direction_rad
 from apad_bridge.simulated_apad.steering import Steer
+from apad_bridge.vehicle.generation_b.messages import DETECTION_MS, DockingOrder, slot_direction_rad
 
 CLOSE_ENOUGH = (0.8, 0.9)
 

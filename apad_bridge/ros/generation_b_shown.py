@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from apad_bridge.ros.generation_b_words import Arm, GoToOrder, Status
 from apad_bridge.ros.legacy_shown import PoseShown
-from apad_bridge.simulated_apad.kinematics import Pose
+from apad_bridge.vehicle.generation_b.messages import Arm, GoToOrder, Status
+from apad_bridge.vehicle.simulated.kinematics import Pose
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from apad_bridge.ros.generation_b_words import Status
+from apad_bridge.vehicle.generation_b.messages import Status
 
 GRACE_MS = 3_000
 """A vehicle that took an order and does not run it for so long has dropped it."""

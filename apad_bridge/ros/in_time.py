@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Generic, Protocol, TypeVar
 
-from apad_bridge.ros.legacy_words import StateHeard
+from apad_bridge.vehicle.stack_messages import StateHeard
 
 
 class Stamped(Protocol):

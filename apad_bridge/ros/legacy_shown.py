@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from apad_bridge.simulated_apad.kinematics import Pose
+from apad_bridge.vehicle.simulated.kinematics import Pose
 
 
 @dataclass(frozen=True, slots=True)

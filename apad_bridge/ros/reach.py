@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 
-from apad_bridge.vehicle import PoseReported
+from apad_bridge.vehicle.commands import PoseReported
 
 Sight = Callable[[int], Mapping[int, tuple[float, float]]]
 """At a mission time: where simulated aMussels float, (north, east) in metres by id; empty where nobody knows."""

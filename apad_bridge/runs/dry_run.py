@@ -6,21 +6,21 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
-from agents.one_process import OneProcess
+from agents.hosting.in_process import OneProcess
 from agents.packet_medium import Medium
-from apad_bridge import building
-from apad_bridge.ether import Ether
-from apad_bridge.facts import Send
-from apad_bridge.flight import Flight
-from apad_bridge.pace import AsFastAsPossible
+from apad_bridge.assembly import parts
+from apad_bridge.assembly.water import fleet_of
+from apad_bridge.mission.events import Send
 from apad_bridge.runs.in_memory import MemoryRecorder
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import Start
-from apad_bridge.sea_building import fleet_of
-from apad_bridge.supervisor import TICK_MS
-from apad_bridge.surroundings import Surroundings
-from apad_bridge.vehicle import VehicleCommand
-from apad_bridge.vehicle_link import InProcessVehicle, VehicleLink
+from apad_bridge.supervisor.clock import AsFastAsPossible
+from apad_bridge.supervisor.context import Surroundings
+from apad_bridge.supervisor.core import TICK_MS
+from apad_bridge.supervisor.loop import Flight
+from apad_bridge.supervisor.packet_relay import Ether
+from apad_bridge.vehicle.commands import VehicleCommand
+from apad_bridge.vehicle.link import InProcessVehicle, VehicleLink
 
 
 class _Unmoved:
@@ -59,11 +59,11 @@ def dry(surroundings: Surroundings) -> Surroundings:
 
 def first_plan(scenario: Scenario, starts: Sequence[Start]) -> dict[str, Any] | None:
     """The journal's `plan` event of the first plan, with its time `t` in mission milliseconds; None if none is made."""
-    births = building.births(scenario, starts)
-    fleet = fleet_of(scenario, OneProcess(building.fleet_config(scenario), births), dict.fromkeys(births, 0))
-    vehicle = _Unmoved(InProcessVehicle(building.simulated_apad(scenario)))
+    births = parts.births(scenario, starts)
+    fleet = fleet_of(scenario, OneProcess(parts.fleet_config(scenario), births), dict.fromkeys(births, 0))
+    vehicle = _Unmoved(InProcessVehicle(parts.simulated_apad(scenario)))
     recorder = _FirstPlan(scenario)
-    flight = Flight(building.supervisor(scenario), Surroundings(vehicle, AsFastAsPossible(), fleet), recorder)
+    flight = Flight(parts.supervisor(scenario), Surroundings(vehicle, AsFastAsPossible(), fleet), recorder)
     while recorder.plan is None and not flight.supervisor.has_ended:
         flight.tick(flight.now_ms)
         flight.now_ms += TICK_MS

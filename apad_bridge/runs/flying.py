@@ -9,28 +9,28 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from agents.one_process import OneProcess
-from agents.processes import ProcessHost
-from apad_bridge import building
-from apad_bridge.fleet import Fleet
-from apad_bridge.flight import Flight
+from agents.hosting.in_process import OneProcess
+from agents.hosting.process_host import ProcessHost
+from apad_bridge.assembly import parts
+from apad_bridge.assembly.water import fleet_of
 from apad_bridge.known import Known
+from apad_bridge.mission.call_queue import CalledFront
+from apad_bridge.mission.manual import Front
 from apad_bridge.mission.state import MissionState
-from apad_bridge.pace import AsFastAsPossible
-from apad_bridge.port.primitives import PrimitiveFailed
 from apad_bridge.records.recorder import Recorder
 from apad_bridge.records.summary import Ending
 from apad_bridge.runs.status import Status
-from apad_bridge.sample_collection import SampleCollection
 from apad_bridge.scenario.schema import Hosting, Scenario
 from apad_bridge.scenario.starts import Start
-from apad_bridge.scripting.called import CalledFront
-from apad_bridge.scripting.commanded import Front
-from apad_bridge.sea_building import fleet_of
-from apad_bridge.supervisor import TICK_MS, Supervisor
-from apad_bridge.surroundings import Announce, Surroundings
-from apad_bridge.vehicle import DockClosed
-from apad_bridge.vehicle_link import InProcessVehicle
+from apad_bridge.supervisor.clock import AsFastAsPossible
+from apad_bridge.supervisor.context import Announce, Surroundings
+from apad_bridge.supervisor.core import TICK_MS, Supervisor
+from apad_bridge.supervisor.fleet import Fleet
+from apad_bridge.supervisor.loop import Flight
+from apad_bridge.supervisor.sample_collection import SampleCollection
+from apad_bridge.vehicle.commands import DockClosed
+from apad_bridge.vehicle.link import InProcessVehicle
+from apad_bridge.vehicle.primitives import PrimitiveFailed
 
 JOURNAL_FORMAT = 1
 _COMMAND_IDS_PER_EPOCH = 1_000_000
@@ -75,7 +75,7 @@ ANEW = Course()
 
 def open_fleet(scenario: Scenario, starts: Sequence[Start], folder: Path) -> Fleet:
     """A new fleet, hosted as the scenario says; a process per aMussel keeps its files in `folder`."""
-    config, births = building.fleet_config(scenario), building.births(scenario, starts)
+    config, births = parts.fleet_config(scenario), parts.births(scenario, starts)
     if scenario.fleet.hosting is Hosting.ONE_PROCESS:
         host: OneProcess | ProcessHost = OneProcess(config, births)
     else:
@@ -86,7 +86,7 @@ def open_fleet(scenario: Scenario, starts: Sequence[Start], folder: Path) -> Fle
 
 def in_process(scenario: Scenario, fleet: Fleet) -> Surroundings:
     """Virtual time with the simulated aPad in this process."""
-    return Surroundings(InProcessVehicle(building.simulated_apad(scenario)), AsFastAsPossible(), fleet)
+    return Surroundings(InProcessVehicle(parts.simulated_apad(scenario)), AsFastAsPossible(), fleet)
 
 
 def fly(
@@ -157,7 +157,7 @@ def _supervisor(
 ) -> Supervisor:
     """With the docks as the journal last had them."""
     go_on = course.go_on
-    supervisor = building.supervisor(
+    supervisor = parts.supervisor(
         scenario,
         None if go_on is None else go_on.state,
         first_command_id=1 + (0 if go_on is None else go_on.epoch * _COMMAND_IDS_PER_EPOCH),
@@ -237,7 +237,7 @@ def _collection(
 ) -> SampleCollection | None:
     if not surroundings.keeps_samples:
         return None
-    return SampleCollection(building.agent_ids(scenario), recorder.samples_kept)
+    return SampleCollection(parts.agent_ids(scenario), recorder.samples_kept)
 
 
 def _fraction_used(supervisor: Supervisor, go_on: GoOn | None) -> float | None:

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from apad_bridge import building
+from apad_bridge.assembly import parts
+from apad_bridge.mission.manual import Front
 from apad_bridge.records.recorder import Recorder
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.runs import flying
@@ -13,7 +14,6 @@ from apad_bridge.runs.nurseries import FOLDER
 from apad_bridge.runs.progress import Shows
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import Start
-from apad_bridge.scripting.commanded import Front
 
 
 def fly_here(
@@ -24,7 +24,7 @@ def fly_here(
     fronts: Sequence[Front] = (),
 ) -> dict[str, Any]:
     """Flies to the end and gives the summary."""
-    recorder = Recorder(directory, scenario, building.agent_ids(scenario))
+    recorder = Recorder(directory, scenario, parts.agent_ids(scenario))
     flying.journal_start(recorder, scenario, starts)
     fleet = flying.open_fleet(scenario, starts, directory.path / FOLDER)
     try:

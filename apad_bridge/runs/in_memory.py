@@ -5,28 +5,28 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from agents.one_process import OneProcess
-from agents.outputs import Truth
-from apad_bridge import building
+from agents.hosting.in_process import OneProcess
+from agents.mussel.outputs import Truth
+from apad_bridge.assembly import parts
+from apad_bridge.assembly.water import fleet_of
 from apad_bridge.beliefs.belief import Belief
-from apad_bridge.boards import charge_model
-from apad_bridge.ether import Ether, TellGuest
-from apad_bridge.flight import Flight
 from apad_bridge.mission.breakdown import Breakdown
-from apad_bridge.pace import AsFastAsPossible
-from apad_bridge.presence import Presence
+from apad_bridge.mission.call_queue import CalledFront
+from apad_bridge.mission.manual import Front
 from apad_bridge.records.summary import uptime_figures
 from apad_bridge.records.uptime import UptimeMeter
-from apad_bridge.sample_collection import SampleCollection
+from apad_bridge.scenario.board_model import charge_model
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
-from apad_bridge.scripting.called import CalledFront
-from apad_bridge.scripting.commanded import Front
-from apad_bridge.sea_building import fleet_of
-from apad_bridge.surroundings import Surroundings
-from apad_bridge.vehicle import BatteryReported, PoseReported
-from apad_bridge.vehicle_link import InProcessVehicle
-from firmware_model.sample_record import SampleRecord
+from apad_bridge.supervisor.clock import AsFastAsPossible
+from apad_bridge.supervisor.context import Surroundings
+from apad_bridge.supervisor.loop import Flight
+from apad_bridge.supervisor.packet_relay import Ether, TellGuest
+from apad_bridge.supervisor.roster import Presence
+from apad_bridge.supervisor.sample_collection import SampleCollection
+from apad_bridge.vehicle.commands import BatteryReported, PoseReported
+from apad_bridge.vehicle.link import InProcessVehicle
+from firmware_model.sampling.sample_record import SampleRecord
 
 
 class MemoryRecorder:
@@ -78,12 +78,12 @@ def open_flight(
 
     With `fronts` the aPad does what these order; by `override` the mission can be taken over. The rest is for several.
     """
-    births = building.births(scenario, starts_of(scenario))
-    host = OneProcess(building.fleet_config(scenario), births)
+    births = parts.births(scenario, starts_of(scenario))
+    host = OneProcess(parts.fleet_config(scenario), births)
     fleet = fleet_of(scenario, host, dict.fromkeys(births, 0))
-    vehicle = InProcessVehicle(building.simulated_apad(scenario))
-    samples = SampleCollection(building.agent_ids(scenario))
-    supervisor = building.supervisor(
+    vehicle = InProcessVehicle(parts.simulated_apad(scenario))
+    samples = SampleCollection(parts.agent_ids(scenario))
+    supervisor = parts.supervisor(
         scenario, fronts=fronts, samples=samples, override=override, breakdown=breakdown
     )
     recorder = MemoryRecorder(scenario)

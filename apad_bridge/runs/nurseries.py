@@ -7,15 +7,15 @@ import subprocess
 from collections.abc import Sequence
 from pathlib import Path
 
-from agents.launch import NoNursery, launch_nursery, prepare
-from agents.nursery_link import Fenced, NurseryDied, NurseryLink
-from agents.processes import ProcessHost
-from apad_bridge import building
-from apad_bridge.fleet import Fleet
+from agents.hosting.nursery_client import Fenced, NurseryDied, NurseryLink
+from agents.hosting.process_host import ProcessHost
+from agents.nursery.launch import NoNursery, launch_nursery, prepare
+from apad_bridge.assembly import parts
+from apad_bridge.assembly.water import fleet_of
 from apad_bridge.runs.failures import PeerFailed
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import Start
-from apad_bridge.sea_building import fleet_of
+from apad_bridge.supervisor.fleet import Fleet
 
 FOLDER = "fleet"
 _LAST_EPOCH = 2**31
@@ -29,7 +29,7 @@ def start_nursery(scenario: Scenario, starts: Sequence[Start], run_dir: Path) ->
     """A nursery with its fleet prepared in the run's directory; its agents start when a supervisor adopts them."""
     folder = run_dir / FOLDER
     folder.mkdir()
-    prepare(str(folder), building.fleet_config(scenario), building.births(scenario, starts))
+    prepare(str(folder), parts.fleet_config(scenario), parts.births(scenario, starts))
     try:
         return launch_nursery(str(folder))
     except NoNursery as error:

@@ -9,24 +9,24 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from agents.coordinator import Coordinator
-from agents.stimuli import Placed, from_wire, to_wire
-from apad_bridge import building
+from agents.mussel.stimuli import Placed, from_wire, to_wire
+from apad_bridge.assembly import parts
 from apad_bridge.beliefs.fleet import FleetBeliefs
 from apad_bridge.known import Known
 from apad_bridge.mission.state import MissionState
-from apad_bridge.port.docking_port import PRE_EMPTED
-from apad_bridge.port.primitives import HoldPosition, PrimitiveFailed
-from apad_bridge.presence import Became, Presence, Presences
+from apad_bridge.records.checkpoint import NoNotebook, recall
 from apad_bridge.records.journal import JournalContents, Line
-from apad_bridge.records.notebook import NoNotebook, recall
 from apad_bridge.records.recorder import Recorder, Resumed
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.runs.failures import PeerFailed
 from apad_bridge.runs.flying import GoOn, journal_start
-from apad_bridge.runs.options import Part, RunOptions
+from apad_bridge.scenario.run_options import Part, RunOptions
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
-from apad_bridge.supervisor import PRIMITIVE_NAMES
+from apad_bridge.supervisor.core import PRIMITIVE_NAMES
+from apad_bridge.supervisor.roster import Became, Presence, Presences
+from apad_bridge.vehicle.docking import PRE_EMPTED
+from apad_bridge.vehicle.primitives import HoldPosition, PrimitiveFailed
 
 _PLACED = to_wire(Placed(0, 0, 0, 0, 0))[0]
 _LARGE_BYTES = 100_000_000
@@ -119,7 +119,7 @@ class Begun:
 
 def begin(directory: RunDirectory, scenario: Scenario, options: RunOptions) -> Begun:
     """A new run, its journal begun."""
-    ids = building.agent_ids(scenario)
+    ids = parts.agent_ids(scenario)
     recorder = Recorder(directory, scenario, ids)
     journal_start(recorder, scenario, starts_of(scenario))
     return Begun(recorder, Presences(ids, scenario.area.depth_m), _nothing_known(scenario, options))
@@ -133,7 +133,7 @@ def resume(
     PeerFailed when the run has ended.
     """
     gone_ms = gap_ms(options, directory.journal, time.time())
-    ids = building.agent_ids(scenario)
+    ids = parts.agent_ids(scenario)
     if sum(path.stat().st_size for path in directory.bags) > _LARGE_BYTES:
         tell("reading the records of a long run: this takes some seconds")
     recorder, resumed = Recorder.resume(directory, scenario, ids)
@@ -162,7 +162,7 @@ def who_was_who(presences: Presences) -> list[str]:
 
 def _nothing_known(scenario: Scenario, options: RunOptions) -> Known:
     # The aPad's modem is where its water is: with the fleet, and not with a mission alone.
-    return building.nothing_known(scenario, has_modem=options.part is not Part.MISSION)
+    return parts.nothing_known(scenario, has_modem=options.part is not Part.MISSION)
 
 
 def known_again(notebook: Path, known: Known, now_ms: int) -> tuple[str, Counter[str] | None]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import asdict, dataclass
 
-from apad_bridge.supervisor import Supervisor
+from apad_bridge.supervisor.core import Supervisor
 from firmware_model.state_groups import DOCKED
 
 

@@ -14,27 +14,27 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from apad_bridge.commands.exits import Exit
-from apad_bridge.fleet import Fleet
-from apad_bridge.modems.rims import open_rims
+from apad_bridge.acoustics.serial.lines import open_rims
+from apad_bridge.mission.call_queue import CalledFront
+from apad_bridge.mission.manual import Front
 from apad_bridge.records.run_directory import RunDirectory
-from apad_bridge.ros.primitive_services import primitives_offered
-from apad_bridge.ros.route import why_silent
-from apad_bridge.ros.surroundings import open_surroundings
+from apad_bridge.ros.context import open_surroundings
+from apad_bridge.ros.gateway.primitive_services import primitives_offered
+from apad_bridge.ros.system.route import why_silent
 from apad_bridge.runs import flying, resuming
 from apad_bridge.runs.dry_run import dry
+from apad_bridge.runs.exits import Exit
 from apad_bridge.runs.failures import PeerFailed
 from apad_bridge.runs.nurseries import adopt
-from apad_bridge.runs.options import Part, RunOptions
 from apad_bridge.runs.pid_file import supervising
+from apad_bridge.runs.several.member import seat_of
 from apad_bridge.scenario.loader import load
+from apad_bridge.scenario.run_options import Part, RunOptions
 from apad_bridge.scenario.schema import Scenario
-from apad_bridge.scripting.called import CalledFront
-from apad_bridge.scripting.commanded import Front
 from apad_bridge.scripting.handover import REAL_TIME
 from apad_bridge.scripting.program import ScriptFront, as_program
-from apad_bridge.squad.seat import seat_of
-from apad_bridge.surroundings import Surroundings
+from apad_bridge.supervisor.context import Surroundings
+from apad_bridge.supervisor.fleet import Fleet
 
 
 def say(line: str) -> None:

@@ -6,15 +6,15 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from agents.modem.frames import PAYLOAD_BYTES, Generation, duration_ms
-from apad_bridge.boards import can_fill
-from apad_bridge.geography import LocalFrame
-from apad_bridge.laboratory.names import load_names
 from apad_bridge.planning.registry import collection, redeployment
 from apad_bridge.scenario import schema
 from apad_bridge.scenario.believing import Estimator
+from apad_bridge.scenario.board_model import can_fill
 from apad_bridge.scenario.currents import problem_with_current
 from apad_bridge.scenario.faults import OF_A, OF_B
+from apad_bridge.scenario.lab_interface.names import load_names
 from apad_bridge.scenario.links import problem_with_links
+from apad_bridge.scenario.local_frame import LocalFrame
 from apad_bridge.scenario.schema import DriftMode, FullWhen, HearingMode, Scenario
 from apad_bridge.scenario.water import ModemGeneration, Water
 from apad_bridge.scenario.whole_board import SleepCycle, WholeBoard

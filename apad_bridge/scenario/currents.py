@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.water.stream import Stream, parse_stream
-from apad_bridge.geography import LocalFrame
+from apad_bridge.scenario.local_frame import LocalFrame
 
 NORTH_NAMES = ("north_m_s", "vo", "v", "northward_sea_water_velocity", "sea_water_y_velocity")
 EAST_NAMES = ("east_m_s", "uo", "u", "eastward_sea_water_velocity", "sea_water_x_velocity")

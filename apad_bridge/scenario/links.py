@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from agents.sea_facts import APAD
+from agents.water.sea_events import APAD
 from agents.water.topology import Topology, parse_topology
 
 APAD_NAME = "apad"

@@ -8,11 +8,11 @@ from __future__ import annotations
 
 from typing import Any
 
-from apad_bridge.boards import grains_of_milliwatts
+from apad_bridge.scenario.board_model import grains_of_milliwatts
 from firmware_model import table_one
-from firmware_model.charge import FULL
-from firmware_model.plan import PATH_UNIT, Cycle
-from firmware_model.rails import Rail
+from firmware_model.config import PATH_UNIT, Cycle
+from firmware_model.power.charge import FULL
+from firmware_model.power.rails import Rail
 
 _CAPACITY_WH = table_one.REFERENCE_MWH / 1000
 _MS_PER_HOUR = 3_600_000

@@ -12,9 +12,9 @@ from hashlib import blake2b
 from pathlib import Path
 from struct import Struct
 
-from apad_bridge.geography import LocalFrame
 from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.loader import write_atomically
+from apad_bridge.scenario.local_frame import LocalFrame
 from apad_bridge.scenario.polygon import Point, bounding_box, contains
 from apad_bridge.scenario.schema import Area, Origin, RandomStart, Scenario
 from apad_bridge.scenario.starts_table import Row, read_table

@@ -13,8 +13,8 @@ from difflib import get_close_matches
 from math import hypot, isfinite
 from pathlib import Path
 
-from apad_bridge.geography import LocalFrame
 from apad_bridge.scenario.errors import ScenarioError
+from apad_bridge.scenario.local_frame import LocalFrame
 
 MAX_AGENT_ID = 2**31 - 1  # ids travel as int32 in ROS messages
 

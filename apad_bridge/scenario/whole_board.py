@@ -21,8 +21,8 @@ from apad_bridge.scenario.quantities import (
     PositiveSeconds,
     frozen,
 )
-from firmware_model.ageing import capacity_left
-from firmware_model.rails import Rail
+from firmware_model.power.ageing import capacity_left
+from firmware_model.power.rails import Rail
 
 
 def _known_module(name: str) -> str:

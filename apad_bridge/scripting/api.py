@@ -12,17 +12,17 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 
-from apad_bridge.geography import FARTHEST_M
+from apad_bridge.mission.manual import CommandedMission
+from apad_bridge.mission.values import Event, Refused, Status, dock_of, manoeuvre_of, slot_of
 from apad_bridge.planning.costs import CostBreakdown
+from apad_bridge.scenario.local_frame import FARTHEST_M
 from apad_bridge.scripting import planned
 from apad_bridge.scripting.arguments import looks_at_arguments
 from apad_bridge.scripting.behaviours import Behaviour
-from apad_bridge.scripting.commanded import CommandedMission
 from apad_bridge.scripting.handover import Wait
-from apad_bridge.scripting.known import FOR_EVER_S, Known
 from apad_bridge.scripting.planned import Plan
-from apad_bridge.scripting.values import Event, Refused, Status, dock_of, manoeuvre_of, slot_of
-from apad_bridge.vehicle import Manoeuvre
+from apad_bridge.scripting.queries import FOR_EVER_S, Known
+from apad_bridge.vehicle.commands import Manoeuvre
 
 
 @looks_at_arguments

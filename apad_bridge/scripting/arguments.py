@@ -12,7 +12,7 @@ from numbers import Integral, Real
 from types import NoneType, UnionType
 from typing import Any, TypeVar
 
-from apad_bridge.scripting.values import Refused
+from apad_bridge.mission.values import Refused
 
 C = TypeVar("C", bound=type)
 _WORDS: dict[Any, str] = {

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from apad_bridge.scripting.values import Event
+from apad_bridge.mission.values import Event
 
 if TYPE_CHECKING:
     from apad_bridge.scripting.api import Api

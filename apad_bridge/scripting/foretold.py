@@ -10,8 +10,8 @@ import math
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.fleet import Estimator
 from apad_bridge.beliefs.questions import Question, by, candidate_below, full_above, lost, sure_at_ms
+from apad_bridge.mission.values import Refused
 from apad_bridge.scenario.schema import Mission
-from apad_bridge.scripting.values import Refused
 
 _STEP_MS = 60_000
 _STEPS = 200

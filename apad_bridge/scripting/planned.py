@@ -6,14 +6,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TypeVar
 
+from apad_bridge.mission.manual import CommandedMission
 from apad_bridge.mission.plans import asked, plan_note
 from apad_bridge.mission.pool import ChargingPool, situation_of, unheard
+from apad_bridge.mission.values import Refused, dock_of
 from apad_bridge.planning import registry
 from apad_bridge.planning.candidates import Situation
 from apad_bridge.planning.costs import CostBreakdown, cost_of
 from apad_bridge.planning.solution import Solution, StepKind
-from apad_bridge.scripting.commanded import CommandedMission
-from apad_bridge.scripting.values import Refused, dock_of
 
 T = TypeVar("T")
 

@@ -12,10 +12,10 @@ from pathlib import Path
 from types import CodeType
 from typing import Any
 
-from apad_bridge.geography import LocalFrame
+from apad_bridge.mission.manual import CommandedMission
+from apad_bridge.scenario.local_frame import LocalFrame
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scripting.api import Api
-from apad_bridge.scripting.commanded import CommandedMission
 from apad_bridge.scripting.handover import AS_FAST_AS_POSSIBLE, Aborted, Do, Finished, Handover, Turns, Wait
 from apad_bridge.scripting.mission_time import MissionTime
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections import deque
 
-from apad_bridge.simulated_apad.kinematics import STEP_MS, Pose
-from apad_bridge.vehicle import GoTo
+from apad_bridge.vehicle.commands import GoTo
+from apad_bridge.vehicle.simulated.kinematics import STEP_MS, Pose
 
 SAMPLES = 1000 // STEP_MS
 

@@ -9,8 +9,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 
 from agents.packet_medium import Medium
-from apad_bridge.ether import Came, Felt
-from apad_bridge.facts import Send, SoundHeard, WifiHeard
+from apad_bridge.mission.events import Send, SoundHeard, WifiHeard
+from apad_bridge.supervisor.packet_relay import Came, Felt
 
 
 class Exchange:

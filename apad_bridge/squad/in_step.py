@@ -7,19 +7,19 @@ from contextlib import ExitStack
 from dataclasses import replace
 from typing import Any
 
-from apad_bridge import building
+from apad_bridge.assembly import parts
+from apad_bridge.assembly.division import Member
 from apad_bridge.mission.breakdown import Breakdown
 from apad_bridge.records.recorder import Recorder
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.runs import flying
 from apad_bridge.runs.nurseries import FOLDER
 from apad_bridge.runs.progress import Shows
+from apad_bridge.runs.several.assignment import Sharing
+from apad_bridge.runs.several.lockstep import Flown, Formation
 from apad_bridge.runs.status import Status
 from apad_bridge.scenario.another_apad import Sharing as Rules
 from apad_bridge.squad.exchange import Exchange
-from apad_bridge.squad.formation import Flown, Formation
-from apad_bridge.squad.members import Member
-from apad_bridge.squad.sharing import Sharing
 from apad_bridge.squad.together import together
 
 
@@ -44,7 +44,7 @@ def fly_in_step(
         for member in members:
             name, scenario = member.name, member.scenario
             directory = directories[name]
-            recorder = Recorder(directory, scenario, building.agent_ids(scenario))
+            recorder = Recorder(directory, scenario, parts.agent_ids(scenario))
             stack.callback(recorder.close)
             flying.journal_start(recorder, scenario, member.starts)
             fleet = flying.open_fleet(scenario, member.starts, directory.path / FOLDER)

@@ -6,8 +6,8 @@ from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.modes import LIKELY, SUBMERGED, Mode
 from apad_bridge.mission.appearances import floats
 from apad_bridge.mission.state import Phase
-from apad_bridge.squad.sharing import Seen
-from apad_bridge.supervisor import Supervisor
+from apad_bridge.runs.several.assignment import Seen
+from apad_bridge.supervisor.core import Supervisor
 from firmware_model.state_groups import AT_WORK, BEYOND_HELP, STRANDED
 
 

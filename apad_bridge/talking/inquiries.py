@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from agents.keel_modem import ANSWER_TIMEOUT_MS
+from agents.water.apad_modem import ANSWER_TIMEOUT_MS
 
 ASK_AGAIN_MS = 600_000
 """Before one that did not answer, or that too little is known of still, is asked again."""

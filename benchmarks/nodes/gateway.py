@@ -14,7 +14,7 @@ import time
 import rospy
 
 from apad_bridge.beliefs.hold_last import HoldLast
-from apad_bridge.ros.gateway import Gateway, open_gateway
+from apad_bridge.ros.gateway.gateway import Gateway, open_gateway
 from firmware_model.packets import StatusPacket
 from firmware_model.states import State
 

@@ -15,7 +15,7 @@ import sys
 import xmlrpc.client
 from dataclasses import dataclass, field
 
-from apad_bridge.ros.messages import use_generated_messages
+from apad_bridge.ros.types.messages import use_generated_messages
 
 use_generated_messages()
 

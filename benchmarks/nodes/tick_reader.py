@@ -12,7 +12,7 @@ from typing import Any
 
 import rospy
 
-from apad_bridge.ros.messages import use_generated_messages
+from apad_bridge.ros.types.messages import use_generated_messages
 
 use_generated_messages()
 

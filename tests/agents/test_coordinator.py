@@ -11,12 +11,12 @@ from hypothesis import strategies as st
 
 from agents.coordinator import Coordinator, Died, Heard
 from agents.fleet import resting_on_bottom
-from agents.host import Death, Grant, Reply
-from agents.one_process import OneProcess
-from agents.outputs import Truth, WifiSent
-from agents.stimuli import ContactClosed, ContactOpened, SoundArrived, Stimulus
-from firmware_model.codec import MusselbedCodec
+from agents.hosting.host import Death, Grant, Reply
+from agents.hosting.in_process import OneProcess
+from agents.mussel.outputs import Truth, WifiSent
+from agents.mussel.stimuli import ContactClosed, ContactOpened, SoundArrived, Stimulus
 from firmware_model.packets import CommandPacket, Kind
+from firmware_model.packets.codec import MusselbedCodec
 from firmware_model.stimuli import ResetCause
 
 IDS = (3, 8, 21)

@@ -10,9 +10,9 @@ from fleets import PAPER
 
 from agents.fleet import FleetConfig
 from agents.water.patches import Waters
-from firmware_model.charge import FULL
-from firmware_model.plan import LastResort, Whole
-from firmware_model.rails import Rail, bits
+from firmware_model.config import LastResort, Whole
+from firmware_model.power.charge import FULL
+from firmware_model.power.rails import Rail, bits
 from firmware_model.table_one import FIELD, HOURLY, METERING, MODEL, power
 
 WORST = PAPER

@@ -6,10 +6,10 @@ from hypothesis import strategies as st
 
 from firmware_model.actions import Action, Dropped, RunBuoyancy, StateChanged
 from firmware_model.board import Board
-from firmware_model.charge import FULL, Battery, ChargeModel, Flow, grains
-from firmware_model.codec import MusselbedCodec
+from firmware_model.config import BoardConfig
 from firmware_model.packets import CommandPacket, Kind
-from firmware_model.plan import BoardConfig
+from firmware_model.packets.codec import MusselbedCodec
+from firmware_model.power.charge import FULL, Battery, ChargeModel, Flow, grains
 from firmware_model.states import State
 from firmware_model.stimuli import (
     BottomReached,

@@ -7,9 +7,9 @@ import pytest
 
 from firmware_model.actions import StateChanged
 from firmware_model.bench import Bench
-from firmware_model.charge import FULL, fraction
+from firmware_model.config import BoardConfig, Cycle, LastResort, Slots, Timekeeping
 from firmware_model.packets import Beacon, CommandPacket, Kind
-from firmware_model.plan import BoardConfig, Cycle, LastResort, Slots, Timekeeping
+from firmware_model.power.charge import FULL, fraction
 from firmware_model.states import TABLE, State, Trigger
 from firmware_model.stimuli import BottomReached, ResetCause, SurfaceReached
 from firmware_model.table_one import board, power

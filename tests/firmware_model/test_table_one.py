@@ -2,10 +2,10 @@
 
 import pytest
 
-from firmware_model.charge import FULL
-from firmware_model.rails import IDLE, Rail
+from firmware_model.bench.table_one_runs import ROWS, Row, rows
+from firmware_model.power.charge import FULL
+from firmware_model.power.rails import IDLE, Rail
 from firmware_model.table_one import ASSUMED, FITTED, LOADS, METERED, METERING, MODEL, TAKEN
-from firmware_model.table_one_runs import ROWS, Row, rows
 
 # Printed in the paper, section IV-A; "within 3 hours" for the heavy run.
 PAPER_MIN = [962, 14057, 575, 398, 485, 180]

@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 
 from firmware_model.actions import Action, Dropped, SendStatus, StateChanged
 from firmware_model.bench import Bench
+from firmware_model.config import BoardConfig, Cycle, Slots, Timekeeping
 from firmware_model.packets import Beacon, SlotAssignment
-from firmware_model.plan import BoardConfig, Cycle, Slots, Timekeeping
 from firmware_model.settings import Settings
 from firmware_model.states import State
 from firmware_model.stimuli import ResetCause

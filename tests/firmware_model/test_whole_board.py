@@ -11,9 +11,7 @@ from firmware_model.actions import Action, FeedFrom, LogSample, RunBuoyancy, Sen
 from firmware_model.bench import Bench
 from firmware_model.board import Board
 from firmware_model.boards import board_of
-from firmware_model.charge import FULL, Battery, Flow, grains
-from firmware_model.codec import MusselbedCodec
-from firmware_model.feed import Feed
+from firmware_model.config import BoardConfig, Cycle, LastResort, Metering, Timekeeping
 from firmware_model.packets import (
     PLAIN_KINDS,
     Beacon,
@@ -25,8 +23,10 @@ from firmware_model.packets import (
     SlotAssignment,
     Threshold,
 )
-from firmware_model.plan import BoardConfig, Cycle, LastResort, Metering, Timekeeping
-from firmware_model.rails import Rail
+from firmware_model.packets.codec import MusselbedCodec
+from firmware_model.power.charge import FULL, Battery, Flow, grains
+from firmware_model.power.feed import Feed
+from firmware_model.power.rails import Rail
 from firmware_model.states import State
 from firmware_model.stimuli import (
     BottomReached,

@@ -6,10 +6,10 @@ from dataclasses import replace
 
 from fleets import PAPER, STILL
 
-from agents.sea import SeaConfig
 from agents.water.places import Sinking
+from agents.water.sea import SeaConfig
 from agents.water.sound import Sound
-from firmware_model.plan import Whole
+from firmware_model.config import Whole
 from firmware_model.table_one import FIELD, MODEL, power
 
 SEA = SeaConfig(

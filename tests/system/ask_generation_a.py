@@ -16,8 +16,8 @@ from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Float64
 from std_srvs.srv import Trigger
 
-from apad_bridge.ros.messages import use_generated_messages
-from apad_bridge.ros.ros_time import to_ros
+from apad_bridge.ros.system.ros_time import to_ros
+from apad_bridge.ros.types.messages import use_generated_messages
 
 use_generated_messages()
 

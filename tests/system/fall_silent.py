@@ -20,8 +20,8 @@ from geometry_msgs.msg import Point
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Bool, Int32, String
 
-from apad_bridge.ros.messages import generated_folder, use_generated_messages
-from apad_bridge.ros.ros_time import to_ros
+from apad_bridge.ros.system.ros_time import to_ros
+from apad_bridge.ros.types.messages import generated_folder, use_generated_messages
 
 use_generated_messages()
 

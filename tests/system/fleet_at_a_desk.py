@@ -14,24 +14,24 @@ from pathlib import Path
 from typing import Any
 
 from agents.coordinator import Coordinator
-from agents.one_process import OneProcess
-from apad_bridge import building
-from apad_bridge.fleet import Fleet
-from apad_bridge.flight import Flight
-from apad_bridge.geography import LocalFrame
-from apad_bridge.pace import WallClock
-from apad_bridge.presence import Became, Presence, Presences, Roll
-from apad_bridge.ros.battery_alerts import BatteryAlerts
-from apad_bridge.ros.claims import ClaimBoard
-from apad_bridge.ros.fleet_guard import SecondFleet
-from apad_bridge.ros.fleet_services import FleetServices
-from apad_bridge.ros.gateway import open_gateway
-from apad_bridge.ros.radio import RealRadio
+from agents.hosting.in_process import OneProcess
+from apad_bridge.assembly import parts
+from apad_bridge.ros.gateway.battery_alerts import BatteryAlerts
+from apad_bridge.ros.gateway.claims import ClaimBoard
+from apad_bridge.ros.gateway.fleet_guard import SecondFleet
+from apad_bridge.ros.gateway.fleet_services import FleetServices
+from apad_bridge.ros.gateway.gateway import open_gateway
+from apad_bridge.ros.links.packet_router import RealRadio
 from apad_bridge.scenario.loader import from_data, load, resolve
+from apad_bridge.scenario.local_frame import LocalFrame
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
-from apad_bridge.surroundings import Surroundings
-from apad_bridge.vehicle_link import InProcessVehicle
+from apad_bridge.supervisor.clock import WallClock
+from apad_bridge.supervisor.context import Surroundings
+from apad_bridge.supervisor.fleet import Fleet
+from apad_bridge.supervisor.loop import Flight
+from apad_bridge.supervisor.roster import Became, Presence, Presences, Roll
+from apad_bridge.vehicle.link import InProcessVehicle
 
 SPEED = 20.0
 SHOWN = ("presence", "fault", "end")
@@ -64,7 +64,7 @@ def scenario(first_id: int) -> Scenario:
 def main() -> None:
     node, first_id, *claimant = sys.argv[1], int(sys.argv[2]), *sys.argv[3:]
     flown = scenario(first_id)
-    births = building.births(flown, starts_of(flown))
+    births = parts.births(flown, starts_of(flown))
     before = [Became(0, first_id + 2, Presence.REAL, name) for name in claimant]
     presences = Presences(births, flown.area.depth_m, before)
     gateway = open_gateway([], flown.theta, node_name=node)
@@ -82,12 +82,12 @@ def main() -> None:
     alerts = BatteryAlerts(births, frame, threshold, "", lambda: presences.simulated)
     desk = FleetServices(presences, claims)
     radio = RealRadio(births, lambda: presences.simulated)
-    host = OneProcess(building.fleet_config(flown), births)
-    supervisor = building.supervisor(flown)
+    host = OneProcess(parts.fleet_config(flown), births)
+    supervisor = parts.supervisor(flown)
     flight = Flight(
         supervisor,
         Surroundings(
-            InProcessVehicle(building.simulated_apad(flown)),
+            InProcessVehicle(parts.simulated_apad(flown)),
             WallClock(SPEED),
             Fleet(Coordinator(host, dict.fromkeys(births, 0), flown.theta), host),
             lambda flying: (gateway.watcher(flying), alerts.watcher(flying)),

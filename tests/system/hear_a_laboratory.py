@@ -13,10 +13,10 @@ from pathlib import Path
 
 import rospy
 
-from apad_bridge.laboratory.names import load_names
-from apad_bridge.laboratory.words import What
-from apad_bridge.ros.laboratory import Laboratory
-from firmware_model.codec import load_codec
+from apad_bridge.ros.links.laboratory import Laboratory
+from apad_bridge.scenario.lab_interface.messages import What
+from apad_bridge.scenario.lab_interface.names import load_names
+from firmware_model.packets.codec import load_codec
 
 
 def main() -> None:

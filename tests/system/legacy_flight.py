@@ -15,21 +15,21 @@ from pathlib import Path
 from typing import Any
 
 from agents.coordinator import Coordinator
-from agents.one_process import OneProcess
-from apad_bridge import building
-from apad_bridge.fleet import Fleet
-from apad_bridge.flight import Flight
-from apad_bridge.pace import AsFastAsPossible
-from apad_bridge.ros.gateway import open_gateway
-from apad_bridge.ros.generation_a import GenerationALink
-from apad_bridge.ros.generation_b import GenerationBLink
-from apad_bridge.ros.ros_pace import OwnMasterClock
-from apad_bridge.ros.vehicle_not_ready import VehicleNotReady
+from agents.hosting.in_process import OneProcess
+from apad_bridge.assembly import parts
+from apad_bridge.ros.gateway.gateway import open_gateway
+from apad_bridge.ros.links.generation_a import GenerationALink
+from apad_bridge.ros.links.generation_b import GenerationBLink
+from apad_bridge.ros.system.ros_pace import OwnMasterClock
 from apad_bridge.scenario import loader
 from apad_bridge.scenario.schema import Generation, Scenario
 from apad_bridge.scenario.starts import starts_of
-from apad_bridge.surroundings import Surroundings
-from apad_bridge.vehicle_link import InProcessVehicle, VehicleLink
+from apad_bridge.supervisor.clock import AsFastAsPossible
+from apad_bridge.supervisor.context import Surroundings
+from apad_bridge.supervisor.fleet import Fleet
+from apad_bridge.supervisor.loop import Flight
+from apad_bridge.vehicle.errors import VehicleNotReady
+from apad_bridge.vehicle.link import InProcessVehicle, VehicleLink
 
 
 class Decisions:
@@ -65,10 +65,10 @@ class Decisions:
 
 def fly(scenario: Scenario, over_ros: bool, speed: float | None, patience_s: float) -> dict[str, Any]:
     decisions = Decisions()
-    births = building.births(scenario, starts_of(scenario))
-    host = OneProcess(building.fleet_config(scenario), births)
+    births = parts.births(scenario, starts_of(scenario))
+    host = OneProcess(parts.fleet_config(scenario), births)
     fleet = Fleet(Coordinator(host, dict.fromkeys(births, 0), scenario.theta), host)
-    supervisor = building.supervisor(scenario)
+    supervisor = parts.supervisor(scenario)
     with ExitStack() as stack:
         vehicle: VehicleLink
         if over_ros:
@@ -83,7 +83,7 @@ def fly(scenario: Scenario, over_ros: bool, speed: float | None, patience_s: flo
                     births,
                     battery_v,
                     scenario.mission.docking,
-                    building.misses(scenario),
+                    parts.misses(scenario),
                     our_clock=True,
                 )
             else:
@@ -94,7 +94,7 @@ def fly(scenario: Scenario, over_ros: bool, speed: float | None, patience_s: flo
             pace = OwnMasterClock(speed, link, patience_s=patience_s)
             around = Surroundings(link, pace, fleet, lambda flying: (gateway.watcher(flying), ticked))
         else:
-            vehicle = InProcessVehicle(building.simulated_apad(scenario))
+            vehicle = InProcessVehicle(parts.simulated_apad(scenario))
             around = Surroundings(vehicle, AsFastAsPossible(), fleet)
         flight = Flight(supervisor, around, decisions)
         begun_s = time.monotonic()

@@ -9,8 +9,8 @@ import sys
 import time
 
 from apad_bridge.beliefs.hold_last import HoldLast
-from apad_bridge.ros.fleet_guard import SecondFleet
-from apad_bridge.ros.gateway import GatewayFailed, open_gateway
+from apad_bridge.ros.gateway.fleet_guard import SecondFleet
+from apad_bridge.ros.gateway.gateway import GatewayFailed, open_gateway
 from firmware_model.packets import StatusPacket
 from firmware_model.states import State
 

@@ -22,14 +22,14 @@ from geometry_msgs.msg import Point
 from std_msgs.msg import Float32, Int32, String
 from std_srvs.srv import Trigger
 
-from apad_bridge.ros.any_listener import AnyListener
-from apad_bridge.ros.gateway import open_gateway
-from apad_bridge.ros.generation_b import GenerationBLink
-from apad_bridge.ros.messages import use_generated_messages
-from apad_bridge.ros.ros_pace import OwnMasterClock
+from apad_bridge.ros.gateway.gateway import open_gateway
+from apad_bridge.ros.links.generation_b import GenerationBLink
+from apad_bridge.ros.system.ros_pace import OwnMasterClock
+from apad_bridge.ros.types.any_listener import AnyListener
+from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.scenario import loader
-from apad_bridge.simulated_apad.misses import Misses
-from apad_bridge.vehicle import CommandFailed, DockClosed, DockOpened, GoTo, Hold
+from apad_bridge.vehicle.commands import CommandFailed, DockClosed, DockOpened, GoTo, Hold
+from apad_bridge.vehicle.simulated.misses import Misses
 
 use_generated_messages()
 

@@ -13,14 +13,14 @@ from pathlib import Path
 
 from agents.coordinator import Coordinator, Heard
 from agents.fleet import FleetConfig, resting_on_bottom
-from agents.outputs import WifiSent
-from agents.processes import ProcessHost
-from agents.stimuli import ContactClosed, ContactOpened, SoundArrived, WifiArrived
+from agents.hosting.process_host import ProcessHost
+from agents.mussel.outputs import WifiSent
+from agents.mussel.stimuli import ContactClosed, ContactOpened, SoundArrived, WifiArrived
 from apad_bridge.records.sample_file import SampleFile
-from apad_bridge.sample_collection import SampleCollection, Taken
-from firmware_model.codec import MusselbedCodec
+from apad_bridge.supervisor.sample_collection import SampleCollection, Taken
+from firmware_model.config import LastResort, Whole
 from firmware_model.packets import CommandPacket, Kind, LogRecords
-from firmware_model.plan import LastResort, Whole
+from firmware_model.packets.codec import MusselbedCodec
 from firmware_model.table_one import HOURLY, MODEL, power
 
 IDS = (1, 2, 3)

@@ -14,14 +14,14 @@ from typing import Any
 from apad_bridge.beliefs.belief import Belief, Clock, Source
 from apad_bridge.beliefs.hold_last import HoldLast
 from apad_bridge.beliefs.modes import Mode
-from apad_bridge.geography import LocalFrame
 from apad_bridge.mission.share import Share
 from apad_bridge.mission.state import MissionState
 from apad_bridge.planning.solution import Solution, Step, StepKind
-from apad_bridge.ros.fleet_diagnostics import Limits
-from apad_bridge.ros.gateway import open_gateway
-from apad_bridge.ros.standard_topics import StandardTopics
-from apad_bridge.vehicle import BatteryReported, PoseReported
+from apad_bridge.ros.gateway.fleet_diagnostics import Limits
+from apad_bridge.ros.gateway.gateway import open_gateway
+from apad_bridge.ros.gateway.standard_topics import StandardTopics
+from apad_bridge.scenario.local_frame import LocalFrame
+from apad_bridge.vehicle.commands import BatteryReported, PoseReported
 from firmware_model.packets import StatusPacket
 from firmware_model.states import State
 

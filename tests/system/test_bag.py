@@ -13,19 +13,19 @@ from pathlib import Path
 import pytest
 from rosbags.rosbag1 import Reader
 
-from agents.outputs import Truth
-from agents.physical import Physical
+from agents.mussel.outputs import Truth
+from agents.mussel.physical import Physical
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.records.bag import BagWriter
 from apad_bridge.records.recorder import Recorder
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.records.samples import TruthSample
-from apad_bridge.ros.generate import generate
-from apad_bridge.ros.master import Master, loopback_environment, start_master
+from apad_bridge.ros.system.master import Master, loopback_environment, start_master
+from apad_bridge.ros.types.generate import generate
 from apad_bridge.scenario.loader import load
-from apad_bridge.vehicle import BatteryReported, PoseReported
+from apad_bridge.vehicle.commands import BatteryReported, PoseReported
 from firmware_model.actions import Buoyancy
-from firmware_model.charge import Battery, Flow, grains
+from firmware_model.power.charge import Battery, Flow, grains
 from firmware_model.states import State
 
 pytestmark = pytest.mark.system
@@ -35,7 +35,7 @@ TICKS = 10
 SUBSCRIBER = """
 import sys
 from pathlib import Path
-from apad_bridge.ros.messages import use_generated_messages
+from apad_bridge.ros.types.messages import use_generated_messages
 use_generated_messages(Path(sys.argv[1]))
 import rospy
 from musselbed_msgs.msg import APadStatus, FleetTruth

@@ -11,8 +11,8 @@ from typing import Any
 
 import pytest
 
-from apad_bridge.diagnosis import network
-from apad_bridge.ros.master import Master, loopback_environment, start_master
+from apad_bridge.doctor import network
+from apad_bridge.ros.system.master import Master, loopback_environment, start_master
 
 pytestmark = pytest.mark.system
 ROOT = Path(__file__).parents[2]
@@ -84,7 +84,7 @@ def test_the_simulated_apad_on_a_real_master(
 ) -> None:
     environment = loopback_environment(tmp_path, master.uri)
     network.call(master.uri, "setParam", "/use_sim_time", True)
-    command = [sys.executable, "-m", "apad_bridge.ros.apad_node", "--scenario", str(POOL)]
+    command = [sys.executable, "-m", "apad_bridge.ros.simulated_node.apad_node", "--scenario", str(POOL)]
     command += ["--generation", generation]
     with subprocess.Popen(command, env=environment, cwd=ROOT, stdout=subprocess.PIPE, text=True) as node:
         try:

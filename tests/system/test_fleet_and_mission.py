@@ -14,8 +14,8 @@ import pytest
 import yaml
 
 from apad_bridge.records.journal import read_journal
-from apad_bridge.ros.apad_process import start_apad_node, stop_apad_node
-from apad_bridge.ros.master import loopback_environment, start_master
+from apad_bridge.ros.simulated_node.apad_process import start_apad_node, stop_apad_node
+from apad_bridge.ros.system.master import loopback_environment, start_master
 
 pytestmark = pytest.mark.system
 
@@ -45,7 +45,7 @@ def graph(scenario: Path, tmp_path: Path) -> Iterator[dict[str, str]]:
     environment = {**os.environ, **loopback_environment(tmp_path / "ros", master.uri)}
     node = start_apad_node(scenario, master.uri, tmp_path / "apad.log")
     clock = subprocess.Popen(
-        [sys.executable, "-m", "apad_bridge.ros.clock_node", "--speed", "12"], env=environment
+        [sys.executable, "-m", "apad_bridge.ros.system.clock_node", "--speed", "12"], env=environment
     )
     yield environment
     clock.terminate()

@@ -14,8 +14,8 @@ from typing import Any
 import pytest
 import yaml
 
-from apad_bridge.ros.master import Master, loopback_environment, start_master
-from apad_bridge.ros.messages import generated_folder
+from apad_bridge.ros.system.master import Master, loopback_environment, start_master
+from apad_bridge.ros.types.messages import generated_folder
 
 pytestmark = pytest.mark.system
 HERE = Path(__file__).parent
@@ -166,7 +166,7 @@ def test_one_that_comes_back_follows_what_is_claimed_by_then(
 
 
 STATUS = """
-from firmware_model.codec import MusselbedCodec
+from firmware_model.packets.codec import MusselbedCodec
 from firmware_model.packets import StatusPacket
 from firmware_model.states import State
 print(list(MusselbedCodec().encode(StatusPacket(3, 0, State.ACTIVE, 0.45, 1.0, 9.0, 8.0, 3.0, 10**9))))

@@ -11,8 +11,8 @@ from typing import Any
 
 import pytest
 
-from apad_bridge.ros.apad_process import start_apad_node, stop_apad_node
-from apad_bridge.ros.master import loopback_environment, start_master
+from apad_bridge.ros.simulated_node.apad_process import start_apad_node, stop_apad_node
+from apad_bridge.ros.system.master import loopback_environment, start_master
 from apad_bridge.scenario import loader
 
 pytestmark = pytest.mark.system

@@ -19,11 +19,11 @@ from typing import IO, Any
 import pytest
 from free_ports import free_port
 
-from apad_bridge.diagnosis.graph import Graph
-from apad_bridge.diagnosis.network import Unreachable
+from apad_bridge.doctor.graph import Graph
+from apad_bridge.doctor.network import Unreachable
 from apad_bridge.records.journal import read_journal
-from apad_bridge.ros.apad_process import APadNodeFailed, start_apad_node, stop_apad_node
-from apad_bridge.ros.master import Master, loopback_environment, start_master
+from apad_bridge.ros.simulated_node.apad_process import APadNodeFailed, start_apad_node, stop_apad_node
+from apad_bridge.ros.system.master import Master, loopback_environment, start_master
 from apad_bridge.scenario import loader
 
 pytestmark = pytest.mark.system
@@ -408,7 +408,9 @@ def test_a_dock_made_by_anothers_planner_reaches_the_aMussels_charge_edge(
         return child
 
     module = (sys.executable, "-m")
-    apad = process(*module, "apad_bridge.ros.apad_node", "--scenario", str(path), "--time", "wall")
+    apad = process(
+        *module, "apad_bridge.ros.simulated_node.apad_node", "--scenario", str(path), "--time", "wall"
+    )
     assert apad.stdout is not None and line_of(apad.stdout) == "ready\n"
     out = tmp_path / "fleet"
     hosted = ("--hosting", "one_process", "--out", str(out))

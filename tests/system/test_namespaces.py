@@ -20,13 +20,13 @@ from free_ports import free_port
 from layout_topics import named_topics
 from rosbags.rosbag1 import Reader
 
-from apad_bridge.diagnosis.graph import Graph
-from apad_bridge.diagnosis.network import Unreachable
-from apad_bridge.layouts.fleet import shown
-from apad_bridge.layouts.kinds import KINDS
-from apad_bridge.ros.master import loopback_environment
-from apad_bridge.ros.messages import generated_folder
-from apad_bridge.ros.names_table import SECTIONS, Kind
+from apad_bridge.analysis.layouts.fleet import shown
+from apad_bridge.analysis.layouts.kinds import KINDS
+from apad_bridge.doctor.graph import Graph
+from apad_bridge.doctor.network import Unreachable
+from apad_bridge.ros.system.master import loopback_environment
+from apad_bridge.ros.types.messages import generated_folder
+from apad_bridge.ros_names.table import SECTIONS, Kind
 from apad_bridge.scenario.loader import load, with_overrides
 from apad_bridge.scenario.starts import starts_of
 

@@ -16,7 +16,7 @@ import pytest
 import yaml
 
 from apad_bridge.records.journal import read_journal
-from apad_bridge.ros.master import loopback_environment
+from apad_bridge.ros.system.master import loopback_environment
 
 pytestmark = pytest.mark.system
 
@@ -26,7 +26,7 @@ PATIENCE_S = 90.0
 
 CLIENT = """
 import json, sys
-from apad_bridge.ros.messages import use_generated_messages
+from apad_bridge.ros.types.messages import use_generated_messages
 use_generated_messages()
 import actionlib, rospy
 from musselbed_msgs.msg import DockingAction, DockingGoal, GoToAction, GoToGoal

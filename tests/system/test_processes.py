@@ -17,20 +17,20 @@ from fleets import PAPER
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from agents import control
 from agents.coordinator import Coordinator, Died, Heard
 from agents.fleet import resting_on_bottom
-from agents.fleet_file import Upbringing
-from agents.host import Grant, Host, Reply
-from agents.launch import NoNursery, launch_nursery, prepare
-from agents.link import LIMIT_BYTES, Window, readable
-from agents.one_process import OneProcess
-from agents.outputs import Truth, WifiSent
-from agents.processes import Fenced, ProcessHost
-from agents.stimuli import ContactClosed, ContactOpened, DockMoved, SoundArrived, Stimulus
-from firmware_model.charge import Flow
-from firmware_model.codec import MusselbedCodec
+from agents.hosting.host import Grant, Host, Reply
+from agents.hosting.in_process import OneProcess
+from agents.hosting.link_protocol import LIMIT_BYTES, Window, readable
+from agents.hosting.process_host import Fenced, ProcessHost
+from agents.mussel.outputs import Truth, WifiSent
+from agents.mussel.stimuli import ContactClosed, ContactOpened, DockMoved, SoundArrived, Stimulus
+from agents.nursery import protocol
+from agents.nursery.fleet_file import Upbringing
+from agents.nursery.launch import NoNursery, launch_nursery, prepare
 from firmware_model.packets import CommandPacket, Kind
+from firmware_model.packets.codec import MusselbedCodec
+from firmware_model.power.charge import Flow
 from firmware_model.states import State
 from firmware_model.stimuli import ResetCause
 
@@ -203,11 +203,11 @@ def test_a_bad_message_to_an_agent_disturbs_nothing(host: ProcessHost, data: byt
 
 def test_a_bad_message_to_the_nursery_disturbs_nothing(host: ProcessHost, tmp_path: Path) -> None:
     clock = coordinator(host)
-    with control.connect(str(tmp_path), 5.0) as guest:
-        for data in (b"\xc1garbage", bytes(LIMIT_BYTES + 1), control.encode(control.End())):
+    with protocol.connect(str(tmp_path), 5.0) as guest:
+        for data in (b"\xc1garbage", bytes(LIMIT_BYTES + 1), protocol.encode(protocol.End())):
             guest.send(data)
-            answer = control.receive(guest)
-            assert answer is not None and isinstance(answer[0], control.Refused)
+            answer = protocol.receive(guest)
+            assert answer is not None and isinstance(answer[0], protocol.Refused)
     assert len(clock.advance(1_000)) == 3
 
 
@@ -241,7 +241,7 @@ def test_a_nursery_that_nobody_waits_for_any_more_is_ended(
         assert readable(reading, timeout_s) and running_for(tmp_path) != []
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("agents.launch.readable", interrupted)
+    monkeypatch.setattr("agents.nursery.launch.readable", interrupted)
     with pytest.raises(KeyboardInterrupt):
         launch_nursery(tmp_path)
     assert running_for(tmp_path) == []
@@ -281,7 +281,7 @@ def test_an_agent_that_dies_too_often_stays_dead(tmp_path: Path) -> None:
 SUPERVISOR = """
 import sys
 from agents.coordinator import Coordinator
-from agents.processes import ProcessHost
+from agents.hosting.process_host import ProcessHost
 print("ready", flush=True)
 sys.stdin.readline()
 host = ProcessHost.adopt(sys.argv[1], 1)

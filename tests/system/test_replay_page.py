@@ -12,18 +12,18 @@ from typing import Any
 
 import pytest
 
-from agents.outputs import Truth
-from agents.physical import Physical
+from agents.mussel.outputs import Truth
+from agents.mussel.physical import Physical
+from apad_bridge.analysis.replay.build import build_replay
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.modes import Mode
 from apad_bridge.records.recorder import Recorder
 from apad_bridge.records.run_directory import RunDirectory
-from apad_bridge.replay.build import build_replay
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.starts import starts_of
-from apad_bridge.vehicle import BatteryReported, PoseReported
+from apad_bridge.vehicle.commands import BatteryReported, PoseReported
 from firmware_model.actions import Buoyancy
-from firmware_model.charge import Battery, Flow, grains
+from firmware_model.power.charge import Battery, Flow, grains
 from firmware_model.states import State
 
 pytestmark = pytest.mark.system

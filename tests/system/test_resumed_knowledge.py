@@ -20,10 +20,10 @@ from rosbags.rosbag1 import Reader
 
 from apad_bridge.records.bag_messages import BELIEFS, typestore
 from apad_bridge.records.journal import read_journal
-from apad_bridge.ros.master import loopback_environment
-from apad_bridge.ros.messages import generated_folder
-from firmware_model.codec import MusselbedCodec
+from apad_bridge.ros.system.master import loopback_environment
+from apad_bridge.ros.types.messages import generated_folder
 from firmware_model.packets import StatusPacket
+from firmware_model.packets.codec import MusselbedCodec
 from firmware_model.states import State
 
 pytestmark = pytest.mark.system

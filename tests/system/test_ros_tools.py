@@ -10,9 +10,9 @@ from pathlib import Path
 
 import pytest
 
-from apad_bridge.ros.generate import generate
-from apad_bridge.ros.master import Master, loopback_environment, start_master
-from apad_bridge.ros.messages import generated_folder
+from apad_bridge.ros.system.master import Master, loopback_environment, start_master
+from apad_bridge.ros.types.generate import generate
+from apad_bridge.ros.types.messages import generated_folder
 
 pytestmark = pytest.mark.system
 ROOT = Path(__file__).parents[2]
@@ -20,7 +20,7 @@ ROOT = Path(__file__).parents[2]
 PUBLISHER = """
 import sys
 from pathlib import Path
-from apad_bridge.ros.messages import use_generated_messages
+from apad_bridge.ros.types.messages import use_generated_messages
 use_generated_messages(Path(sys.argv[1]))
 import rospy
 from musselbed_msgs.msg import AgentTruth, FleetTruth

@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from apad_bridge.ros.master import loopback_environment, start_master
+from apad_bridge.ros.system.master import loopback_environment, start_master
 from apad_bridge.scenario.loader import load
 
 pytestmark = pytest.mark.system
@@ -144,7 +144,7 @@ def test_a_second_clock_is_refused(tmp_path: Path) -> None:
             first, env=environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
         ) as theirs:
             assert theirs.stdout is not None and theirs.stdout.readline() == "ready\n"
-            command = [sys.executable, "-m", "apad_bridge.ros.clock_node"]
+            command = [sys.executable, "-m", "apad_bridge.ros.system.clock_node"]
             second = subprocess.run(
                 command, env=environment, cwd=ROOT, capture_output=True, text=True, timeout=120
             )

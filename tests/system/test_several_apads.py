@@ -17,8 +17,8 @@ import pytest
 import yaml
 from layout_topics import named_topics
 
-from apad_bridge.layouts.fleet import shown
-from apad_bridge.layouts.kinds import KINDS
+from apad_bridge.analysis.layouts.fleet import shown
+from apad_bridge.analysis.layouts.kinds import KINDS
 from apad_bridge.records.journal import read_journal
 from apad_bridge.runs.pid_file import supervisor_of
 from apad_bridge.scenario.loader import load

@@ -12,10 +12,10 @@ import pytest
 import yaml
 from layout_topics import TYPES, named_topics
 
-from apad_bridge.layouts.fleet import shown
-from apad_bridge.layouts.kinds import KINDS
-from apad_bridge.ros.master import loopback_environment, start_master
-from apad_bridge.ros.messages import generated_folder
+from apad_bridge.analysis.layouts.fleet import shown
+from apad_bridge.analysis.layouts.kinds import KINDS
+from apad_bridge.ros.system.master import loopback_environment, start_master
+from apad_bridge.ros.types.messages import generated_folder
 from apad_bridge.scenario.loader import load, with_overrides
 from apad_bridge.scenario.starts import starts_of
 

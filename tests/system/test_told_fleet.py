@@ -12,12 +12,12 @@ from fleets import PAPER, STILL
 
 from agents.coordinator import Coordinator, Died, Heard
 from agents.fleet import resting_on_bottom
-from agents.fleet_file import Upbringing
-from agents.one_process import OneProcess
-from agents.outputs import Truth
-from agents.processes import ProcessHost
-from agents.stimuli import CoilSlipped, ContactClosed, ContactOpened, SoundArrived, Stimulus
-from firmware_model.codec import MusselbedCodec
+from agents.hosting.in_process import OneProcess
+from agents.hosting.process_host import ProcessHost
+from agents.mussel.outputs import Truth
+from agents.mussel.stimuli import CoilSlipped, ContactClosed, ContactOpened, SoundArrived, Stimulus
+from agents.nursery.fleet_file import Upbringing
+from firmware_model.config import LastResort, Timekeeping, Whole
 from firmware_model.packets import (
     Beacon,
     Command,
@@ -29,7 +29,7 @@ from firmware_model.packets import (
     SlotAssignment,
     Threshold,
 )
-from firmware_model.plan import LastResort, Timekeeping, Whole
+from firmware_model.packets.codec import MusselbedCodec
 from firmware_model.states import State
 from firmware_model.table_one import FIELD, METERING, MODEL, power
 

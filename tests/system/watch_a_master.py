@@ -13,8 +13,8 @@ import rosgraph
 import rospy
 from std_msgs.msg import String
 
-from apad_bridge.ros.gateway import open_gateway
-from apad_bridge.ros.master_watch import MasterWatch
+from apad_bridge.ros.gateway.gateway import open_gateway
+from apad_bridge.ros.system.master_watch import MasterWatch
 
 
 def main() -> None:

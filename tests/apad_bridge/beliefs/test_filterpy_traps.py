@@ -69,7 +69,7 @@ def test_its_log_likelihood_is_that_of_the_posterior() -> None:
 
 def test_it_is_imported_only_by_those_who_filter() -> None:
     """It takes half a second and brings matplotlib along."""
-    code = "import sys, apad_bridge.supervisor, apad_bridge.building; sys.exit('filterpy' in sys.modules)"
+    code = "import sys, apad_bridge.supervisor.core, apad_bridge.assembly.parts; sys.exit('filterpy' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], timeout=60).returncode == 0
 
 

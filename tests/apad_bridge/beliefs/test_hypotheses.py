@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from apad_bridge.assembly.estimator import knowledge_of
 from apad_bridge.beliefs import charge_state as charge
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.charge_state import PRIMARY, SIZE, Anchor
@@ -17,7 +18,6 @@ from apad_bridge.beliefs.measurement import Heard
 from apad_bridge.beliefs.memory import Memory
 from apad_bridge.beliefs.modes import Mode
 from apad_bridge.beliefs.twin import Twin
-from apad_bridge.beliefs_building import knowledge_of
 from apad_bridge.scenario.believing import TwinModel
 from apad_bridge.scenario.loader import load
 from firmware_model.packets import StatusPacket

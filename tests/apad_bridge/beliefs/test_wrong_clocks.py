@@ -10,13 +10,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from apad_bridge.assembly.estimator import fleet_beliefs
 from apad_bridge.beliefs.fleet import FleetBeliefs
 from apad_bridge.beliefs.hold_last import HoldLast
 from apad_bridge.beliefs.measurement import ClockSet, Permitted
 from apad_bridge.beliefs.measurement_lines import measurement_of, measurement_row
 from apad_bridge.beliefs.modes import Mode
-from apad_bridge.beliefs_building import fleet_beliefs
-from apad_bridge.records.notebook import Notebook, recall
+from apad_bridge.records.checkpoint import Notebook, recall
 from apad_bridge.scenario.believing import Beliefs, Estimator, TwinModel
 from apad_bridge.scenario.loader import load
 from firmware_model.packets import StatusPacket

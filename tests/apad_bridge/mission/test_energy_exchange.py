@@ -11,7 +11,8 @@ from apad_bridge.mission.orders import Note, Order, PermitSurfacing, TellClear
 from apad_bridge.mission.state import MissionState, Phase
 from apad_bridge.planning import registry
 from apad_bridge.planning.solution import Solution, Step, StepKind
-from apad_bridge.port.primitives import (
+from apad_bridge.scenario.loader import load
+from apad_bridge.vehicle.primitives import (
     DockChanged,
     DockMussel,
     GoToPoint,
@@ -21,7 +22,6 @@ from apad_bridge.port.primitives import (
     PrimitiveSucceeded,
     UndockMussel,
 )
-from apad_bridge.scenario.loader import load
 from firmware_model.states import State
 
 MISSION = load(Path(__file__).parents[3] / "launch_scripts/scenarios/pool-12.yaml").mission

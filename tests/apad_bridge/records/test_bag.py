@@ -80,7 +80,7 @@ def test_a_packet_is_told_for_each_listener(tmp_path):
 
 def test_the_bag_names_the_definitions_that_genpy_generates(tmp_path):
     genmsg = pytest.importorskip("genmsg")
-    from apad_bridge.ros.messages import DEFINITIONS
+    from apad_bridge.ros.types.messages import DEFINITIONS
 
     bag = BagWriter(tmp_path / "run.bag", theta=30)
     write_ticks(bag, 1)

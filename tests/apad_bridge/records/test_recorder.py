@@ -10,26 +10,26 @@ import pytest
 from rosbags.rosbag1 import Reader
 
 from agents.coordinator import Coordinator
-from agents.one_process import OneProcess
-from agents.outputs import Truth
-from agents.physical import Physical
-from apad_bridge import building
+from agents.hosting.in_process import OneProcess
+from agents.mussel.outputs import Truth
+from agents.mussel.physical import Physical
+from apad_bridge.assembly import parts
 from apad_bridge.beliefs.belief import Belief
-from apad_bridge.fleet import Fleet
-from apad_bridge.flight import Flight
-from apad_bridge.pace import AsFastAsPossible
 from apad_bridge.records.journal import read_journal
 from apad_bridge.records.recorder import DAY_MS, Recorder
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.records.summary import Ending
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.starts import read_starts, starts_of
-from apad_bridge.simulated_apad.apad import SimulatedAPad
-from apad_bridge.surroundings import Surroundings
-from apad_bridge.vehicle import BatteryReported, PoseReported
-from apad_bridge.vehicle_link import InProcessVehicle
+from apad_bridge.supervisor.clock import AsFastAsPossible
+from apad_bridge.supervisor.context import Surroundings
+from apad_bridge.supervisor.fleet import Fleet
+from apad_bridge.supervisor.loop import Flight
+from apad_bridge.vehicle.commands import BatteryReported, PoseReported
+from apad_bridge.vehicle.link import InProcessVehicle
+from apad_bridge.vehicle.simulated.apad import SimulatedAPad
 from firmware_model.actions import Buoyancy
-from firmware_model.charge import FULL, Battery, Flow
+from firmware_model.power.charge import FULL, Battery, Flow
 from firmware_model.states import State
 
 SCENARIOS = Path(__file__).parents[3] / "launch_scripts" / "scenarios"
@@ -48,11 +48,11 @@ def new_directory(path):
 
 def fly(scenario, recorder, until_ms=None):
     """The whole flight, or its ticks up to `until_ms`."""
-    births = building.births(scenario, list(starts_of(scenario)))
-    host = OneProcess(building.fleet_config(scenario), births)
+    births = parts.births(scenario, list(starts_of(scenario)))
+    host = OneProcess(parts.fleet_config(scenario), births)
     fleet = Fleet(Coordinator(host, dict.fromkeys(births, 0), scenario.theta), host)
     vehicle = InProcessVehicle(SimulatedAPad(scenario.apad))
-    flight = Flight(building.supervisor(scenario), Surroundings(vehicle, AsFastAsPossible(), fleet), recorder)
+    flight = Flight(parts.supervisor(scenario), Surroundings(vehicle, AsFastAsPossible(), fleet), recorder)
     if until_ms is None:
         flight.run()
     else:
@@ -83,7 +83,7 @@ class Tee:
 
 def test_a_flight_leaves_everything_behind(tmp_path, scenario):
     directory = new_directory(tmp_path / "run")
-    recorder = Recorder(directory, scenario, building.agent_ids(scenario))
+    recorder = Recorder(directory, scenario, parts.agent_ids(scenario))
     fly(scenario, recorder)
     summary = recorder.finish(600_000, ENDING)
     assert json.loads(directory.summary.read_text()) == summary
@@ -104,7 +104,7 @@ def test_a_flight_leaves_everything_behind(tmp_path, scenario):
 
 
 def test_a_resumed_run_counts_as_if_nothing_had_happened(tmp_path, scenario):
-    ids = building.agent_ids(scenario)
+    ids = parts.agent_ids(scenario)
     resumed = []
 
     def die_and_resume():
@@ -265,10 +265,10 @@ def test_after_a_day_samples_are_as_rare_as_the_scenario_says(tmp_path, scenario
 
 
 def test_depth_in_the_bag_is_the_bodys(tmp_path, scenario):
-    from agents.body import Body
+    from agents.mussel.body import Body
     from apad_bridge.records.samples import Water
 
-    water_config = building.fleet_config(scenario).maker().config(3).water
+    water_config = parts.fleet_config(scenario).maker().config(3).water
     water = Water(scenario)
     for buoyancy in Buoyancy:
         body = Body(3, water_config, 0, 0, 10_000, 1_234_567, buoyancy, False, 10_000)

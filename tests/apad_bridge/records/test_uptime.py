@@ -6,14 +6,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from agents.outputs import Truth
-from agents.physical import Physical
-from apad_bridge.presence import Presence
+from agents.mussel.outputs import Truth
+from agents.mussel.physical import Physical
 from apad_bridge.records.sample_figures import sample_figures
 from apad_bridge.records.summary import uptime_figures
 from apad_bridge.records.uptime import AgentUptime, UptimeMeter
+from apad_bridge.supervisor.roster import Presence
 from firmware_model.actions import Buoyancy
-from firmware_model.charge import FULL, Battery, ChargeModel, Flow, grains
+from firmware_model.power.charge import FULL, Battery, ChargeModel, Flow, grains
 from firmware_model.states import State
 
 THETA, TICK_MS = 3, 5

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from apad_bridge import building
+from apad_bridge.assembly import parts
 from apad_bridge.known import Known
 from apad_bridge.mission.state import MissionState, Phase
 from apad_bridge.planning.solution import Solution, Step, StepKind
@@ -17,9 +17,9 @@ from apad_bridge.records.recorder import Recorder
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.records.summary import Ending
 from apad_bridge.runs.failures import PeerFailed
-from apad_bridge.runs.options import APadKind, OnDeath, Part, RunOptions, TimeSource
 from apad_bridge.runs.resuming import gap_ms, go_on, resume
 from apad_bridge.scenario.loader import load
+from apad_bridge.scenario.run_options import APadKind, OnDeath, Part, RunOptions, TimeSource
 from firmware_model.packets import StatusPacket
 from firmware_model.states import State
 
@@ -103,7 +103,7 @@ def a_crash(path: Path) -> tuple[RunDirectory, Known]:
 
 def third_second(directory: RunDirectory) -> tuple[Recorder, Known]:
     directory.path.mkdir()
-    recorder, known = Recorder(directory, POOL, POOL.fleet.ids), building.nothing_known(POOL)
+    recorder, known = Recorder(directory, POOL, POOL.fleet.ids), parts.nothing_known(POOL)
     recorder.keep(known, 0)
     known.beliefs.hear(StatusPacket(5, 0, State.ACTIVE, 0.5, 1.0, 2.0, 3.0, 3.0, 1000), 1000)
     recorder.event(1000, "presence", id=2, by="/lab", **{"is": "real"})
@@ -164,7 +164,7 @@ def killed(directory: RunDirectory, path: Path) -> RunDirectory:
 def test_counts_of_what_was_dropped_go_on_through_two_kills(tmp_path: Path) -> None:
     directory = RunDirectory(tmp_path / "first")
     directory.path.mkdir()
-    first, known = Recorder(directory, POOL, POOL.fleet.ids), building.nothing_known(POOL)
+    first, known = Recorder(directory, POOL, POOL.fleet.ids), parts.nothing_known(POOL)
     first.keep(known, 0)
     ticked(first, 1000, {"echo": 1})
     ticked(first, 2000, {"echo": 2, "late": 1})

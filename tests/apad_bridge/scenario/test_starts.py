@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from apad_bridge.geography import LocalFrame
 from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.loader import load, with_overrides
+from apad_bridge.scenario.local_frame import LocalFrame
 from apad_bridge.scenario.polygon import contains
 from apad_bridge.scenario.schema import Area, Origin, RandomStart
 from apad_bridge.scenario.starts import Start, random_start, read_starts, save_starts, starts_of

@@ -9,16 +9,16 @@ from pathlib import Path
 import pytest
 import yaml
 
-from apad_bridge import building
-from apad_bridge.boards import charge_model, whole_firmware
+from apad_bridge.assembly import parts
+from apad_bridge.scenario.board_model import charge_model, whole_firmware
 from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.loader import from_data, load, resolve, with_overrides, write_resolved
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.whole_board import ModuleLoads
 from firmware_model import table_one
-from firmware_model.charge import FULL
-from firmware_model.plan import LastResort, Slots, Timekeeping
-from firmware_model.rails import Rail, bits
+from firmware_model.config import LastResort, Slots, Timekeeping
+from firmware_model.power.charge import FULL
+from firmware_model.power.rails import Rail, bits
 
 SCENARIOS = Path(__file__).parents[3] / "launch_scripts" / "scenarios"
 TEXT = (SCENARIOS / "whole-board-12.yaml").read_text()
@@ -53,7 +53,7 @@ def test_the_profiles_are_table_one_to_the_grain() -> None:
 
 def test_the_worst_case_has_no_whole_firmware() -> None:
     pool = load(SCENARIOS / "pool-12.yaml")
-    assert building.fleet_config(pool).whole is None
+    assert parts.fleet_config(pool).whole is None
     assert charge_model(pool.board) == table_one.WORST_CASE
 
 
@@ -83,7 +83,7 @@ def test_twice_the_capacity_lasts_twice_as_long() -> None:
 
 
 def test_metering_is_table_one_s_to_the_grain_with_the_scenario_s_seed() -> None:
-    fleet = building.fleet_config(changed(power_with("metering: table-one, low_level: 0.3")))
+    fleet = parts.fleet_config(changed(power_with("metering: table-one, low_level: 0.3")))
     assert fleet.whole is not None
     assert fleet.whole.power.metering == replace(table_one.METERING, seed=1)
     assert fleet.whole.power.low_level == FULL * 3 // 10
@@ -105,7 +105,7 @@ def test_what_lies_between_a_dock_and_a_charger() -> None:
             "  pin_debounce_ms: 50\n  pin_chatter_ms: 900\n  pin_check_s: 30\n  coil_alignment_s: 1.5",
         )
     )
-    fleet = building.fleet_config(scenario)
+    fleet = parts.fleet_config(scenario)
     board = fleet.maker().config(1).board
     assert (board.pin_chatter_ms, board.pin_check_ms, fleet.coil_alignment_ms) == (900, 30_000, 1500)
 
@@ -118,7 +118,7 @@ def test_one_number_of_a_cycle_is_overridden() -> None:
 
 
 def test_a_clock_that_drifts_and_a_firmware_that_knows_it() -> None:
-    fleet = building.fleet_config(
+    fleet = parts.fleet_config(
         changed(
             (
                 "    transmit_ms: 1000",
@@ -135,7 +135,7 @@ def test_a_clock_that_drifts_and_a_firmware_that_knows_it() -> None:
 
 
 def test_never_asleep_is_no_cycle() -> None:
-    assert building.fleet_config(changed((CYCLE_LINE, "cycle: never"))).whole.cycle is None  # type: ignore[union-attr]
+    assert parts.fleet_config(changed((CYCLE_LINE, "cycle: never"))).whole.cycle is None  # type: ignore[union-attr]
 
 
 def test_the_modules_of_a_scenario_are_those_of_the_board() -> None:

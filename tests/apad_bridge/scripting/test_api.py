@@ -7,12 +7,12 @@ from typing import Any
 
 import pytest
 
+from apad_bridge.mission.values import Refused, Status, dock_of, slot_of
+from apad_bridge.runs.script_in_memory import ScriptFlight, fly_script
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scripting.api import Api
 from apad_bridge.scripting.behaviours import Behaviour
-from apad_bridge.scripting.in_memory import ScriptFlight, fly_script
 from apad_bridge.scripting.program import SCRIPT_ENDED, SCRIPT_FAILED
-from apad_bridge.scripting.values import Refused, Status, dock_of, slot_of
 
 
 def told(scenario: Scenario, script: Callable[[Api, list[Any]], object]) -> list[Any]:

@@ -11,11 +11,11 @@ from typing import Any
 import pytest
 
 from apad_bridge.beliefs.belief import Belief
+from apad_bridge.mission.values import Refused
+from apad_bridge.runs.script_in_memory import fly_script
 from apad_bridge.scenario.believing import Beliefs, Estimator, TwinModel
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scripting.api import Api
-from apad_bridge.scripting.in_memory import fly_script
-from apad_bridge.scripting.values import Refused
 
 DRAIN_DEVIATION = 0.1
 A_SECOND = 0.0010427134 / 60 * 30  # equation (1), at theta = 30

@@ -5,10 +5,10 @@ import time
 
 import pytest
 
+from apad_bridge.runs.script_in_memory import fly_script
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scripting.api import Api
 from apad_bridge.scripting.handover import Aborted, Do, Finished, Handover, Turns, Wait
-from apad_bridge.scripting.in_memory import fly_script
 from apad_bridge.scripting.program import SCRIPT_FAILED
 
 PATIENT = Turns(tick_s=20.0, busy_s=20.0)

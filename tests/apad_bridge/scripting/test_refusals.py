@@ -4,11 +4,11 @@ from collections.abc import Callable
 
 import pytest
 
+from apad_bridge.mission.values import Refused
+from apad_bridge.runs.script_in_memory import fly_script
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scripting.api import Api
-from apad_bridge.scripting.in_memory import fly_script
 from apad_bridge.scripting.program import SCRIPT_ENDED
-from apad_bridge.scripting.values import Refused
 
 
 @pytest.mark.parametrize(

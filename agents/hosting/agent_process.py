@@ -1,0 +1,120 @@
+"""An agent's process: one link, one loop, one thread. Everything it does is an answer to a message."""
+
+from __future__ import annotations
+
+import mmap
+import socket
+
+from agents.hosting.host import Grant, Reply
+from agents.hosting.link_protocol import (
+    LIMIT_BYTES,
+    Key,
+    LinkError,
+    Refusal,
+    Window,
+    decode_to_agent,
+    encode_answer,
+    hung_up,
+)
+from agents.mussel import truths
+from agents.mussel.agent import Agent
+from agents.mussel.outputs import Output, Truth
+from agents.nursery.state_file import SlotPair
+
+
+class Servant:
+    """An agent behind its link: takes a message, writes what is physical, tells the truth, and says what to answer."""
+
+    def __init__(
+        self, agent: Agent, slots: SlotPair, truth: socket.socket, key: Key, granted_ms: int
+    ) -> None:
+        """`key` and `granted_ms` are of the last answered window, which a restarted agent goes on from."""
+        self._agent = agent
+        self._slots = slots
+        self._truth = truth
+        self._agent_id = agent.config.board.agent_id
+        self._epoch = key[0]
+        self._key = key
+        self._window = key
+        self._granted_ms = granted_ms
+        self._reply = Reply(agent.next_due_ms, ())
+        self._told = 0
+        self._answer: list[bytes] = []
+
+    def take(self, data: bytes | memoryview) -> list[bytes]:
+        """The answer to one message. A window is refused before anything has changed, or done whole."""
+        try:
+            message = decode_to_agent(data)
+        except LinkError as error:
+            return [Refusal(self._key, False, str(error)).encode()]
+        key = message.key
+        if key[0] < self._epoch:
+            reason = f"fenced off: epoch {self._epoch} has taken over from epoch {key[0]}"
+            return [Refusal(key, True, reason).encode()]
+        if key == self._key and self._answer:
+            return self._answer
+        if key <= self._key:
+            return [Refusal(key, False, f"{key} comes after {self._key}").encode()]
+        if not isinstance(message, Window):
+            self._repeat(key)
+        elif (fault := self._fault(message.grant)) is not None:
+            return [Refusal(key, False, fault).encode()]
+        else:
+            self._run(key, message.grant)
+        self._epoch = key[0]
+        self._key = key
+        self._answer = encode_answer(key, self._window, self._granted_ms, self._told, self._reply)
+        return self._answer
+
+    def _fault(self, grant: Grant) -> str | None:
+        before_ms = self._granted_ms
+        for at_ms in (*[at_ms for at_ms, _ in grant.stimuli], grant.until_ms):
+            if at_ms < before_ms:
+                return f"time went back: {at_ms} before {before_ms}"
+            before_ms = at_ms
+        return None
+
+    def _run(self, key: Key, grant: Grant) -> None:
+        agent = self._agent
+        outputs: list[Output] = []
+        for at_ms, stimulus in grant.stimuli:
+            outputs += agent.receive(stimulus, at_ms)
+        outputs += agent.advance(grant.until_ms)
+        self._slots.write(key, grant.until_ms, agent.physical)
+        self._tell(key, agent.take_truths())
+        self._window = key
+        self._granted_ms = grant.until_ms
+        self._reply = Reply(agent.next_due_ms, tuple(outputs))
+
+    def _repeat(self, key: Key) -> None:
+        agent = self._agent
+        self._tell(key, [Truth(self._granted_ms, self._agent_id, agent.board.state, agent.physical)])
+
+    def _tell(self, key: Key, told: list[Truth]) -> None:
+        self._told = len(told)
+        for datagram in truths.encode(self._agent_id, key, told):
+            self._truth.send(datagram)
+
+
+def serve(link: socket.socket, buffer: memoryview, servant: Servant) -> None:
+    """Answers until the other end of the link is gone. The nursery bounds how long a fleet waits for a supervisor.
+
+    A message is received into `buffer`, of more than `LIMIT_BYTES`, so that one that is too long shows.
+    """
+    while answer_one(link, buffer, servant):
+        pass
+
+
+def answer_one(link: socket.socket, buffer: memoryview, servant: Servant) -> bool:
+    """Waits for a message and answers it; False at the end of the link."""
+    size = link.recv_into(buffer)
+    if size == 0 and hung_up(link):
+        return False
+    for frame in servant.take(buffer[:size]):
+        link.send(frame)
+    return True
+
+
+def message_room() -> memoryview:
+    """A buffer for `serve`. It is mapped: only pages that a message fills become memory, of whoever receives it."""
+    return memoryview(mmap.mmap(-1, LIMIT_BYTES + 1, mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS))

@@ -1,0 +1,215 @@
+"""What a supervisor and an agent's process say to each other: one msgpack array a message, over a SOCK_SEQPACKET socket.
+
+A window carries a key, (epoch, sequence). The epoch counts supervisors: an agent that has heard a higher one refuses the
+lower ("fenced off"). A repeated key gets the same answer again, so that a supervisor may ask as often as it likes. A
+message of more than `LIMIT_BYTES`, or one that is not one of these four, is a LinkError: whoever received it drops and
+counts it, an agent also answers with a Refusal, and nothing else changes. To a supervisor such an answer is no answer,
+so that its watchdog judges the agent.
+"""
+
+from __future__ import annotations
+
+import select
+import socket
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Any
+
+import msgpack
+
+from agents.hosting.host import Grant, Reply
+from agents.mussel import outputs, stimuli
+
+LIMIT_BYTES = 65536
+"""The largest message, either way, on any of the fleet's sockets."""
+OUTPUTS_AT_ONCE = 256
+"""An answer with more outputs than this travels in parts, and one with more bytes than `_PART_BYTES`."""
+_PART_BYTES = 8192
+"""Less than a message holds: what packing one touches stays an agent's memory."""
+_OUTPUT_BYTES = 32
+"""Of an output, besides what it says."""
+
+_pack = msgpack.Packer().pack
+"""One for all: each `msgpack.packb` takes a buffer of a megabyte."""
+
+Key = tuple[int, int]
+"""(epoch, sequence) of a window."""
+NEVER: Key = (0, 0)
+"""The key of what an agent was born with, before any window."""
+
+
+class LinkError(ValueError):
+    """Bytes that are not a message of this link, and why."""
+
+
+class Kind(IntEnum):
+    WINDOW = 1
+    REPEAT = 2
+    ANSWER = 3
+    REFUSAL = 4
+
+
+@dataclass(frozen=True, slots=True)
+class Window:
+    key: Key
+    grant: Grant
+
+    def encode(self) -> bytes:
+        """ValueError for a window with more stimuli than a message holds."""
+        facts = [[at_ms, stimuli.to_wire(stimulus)] for at_ms, stimulus in self.grant.stimuli]
+        data: bytes = _pack([Kind.WINDOW, *self.key, self.grant.until_ms, facts])
+        if len(data) > LIMIT_BYTES:
+            raise ValueError(
+                f"a window of {len(data)} bytes: a link carries {LIMIT_BYTES}; grant shorter windows"
+            )
+        return data
+
+
+@dataclass(frozen=True, slots=True)
+class Repeat:
+    """A new supervisor's first word: answer the last window again, and send the present truth."""
+
+    key: Key
+
+    def encode(self) -> bytes:
+        data: bytes = _pack([Kind.REPEAT, *self.key])
+        return data
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """Part `part` of `parts` of the outcome of `window`, sent because of `key`."""
+
+    key: Key
+    window: Key
+    granted_ms: int
+    truths: int
+    """How many truths the window sent on the fleet's truth socket, so that none is lost silently."""
+    part: int
+    parts: int
+    reply: Reply
+
+
+@dataclass(frozen=True, slots=True)
+class Refusal:
+    """Why a message came to nothing. `key` is that message's, or the agent's last when it could not be read."""
+
+    key: Key
+    fenced: bool
+    reason: str
+
+    def encode(self) -> bytes:
+        data: bytes = _pack([Kind.REFUSAL, *self.key, self.fenced, self.reason])
+        return data
+
+
+def encode_answer(key: Key, window: Key, granted_ms: int, truths: int, reply: Reply) -> list[bytes]:
+    """The Answers that carry `reply`, in order."""
+    parts = _parts([outputs.to_wire(output) for output in reply.outputs])
+    return [
+        _pack(
+            [
+                Kind.ANSWER,
+                *key,
+                *window,
+                granted_ms,
+                truths,
+                index,
+                len(parts),
+                reply.next_due_ms,
+                part,
+            ]
+        )
+        for index, part in enumerate(parts)
+    ]
+
+
+def _parts(wire: list[list[Any]]) -> list[list[list[Any]]]:
+    """The outputs in order, in parts that a message holds; one empty part for none."""
+    parts: list[list[list[Any]]] = [[]]
+    room = _PART_BYTES
+    for output in wire:
+        value = output[2]
+        size = _OUTPUT_BYTES
+        if type(value) is not int:
+            size += len(value) if type(value) is bytes else 4 * len(value)
+        if (size > room or len(parts[-1]) == OUTPUTS_AT_ONCE) and parts[-1]:
+            parts.append([])
+            room = _PART_BYTES
+        parts[-1].append(output)
+        room -= size
+    return parts
+
+
+def decode_to_agent(data: bytes | memoryview) -> Window | Repeat:
+    """What a supervisor said; LinkError for anything else."""
+    fields = _array(data)
+    if len(fields) == 5 and fields[0] == Kind.WINDOW and isinstance(fields[4], list):
+        epoch, sequence, until_ms = _counts(fields[1:4])
+        return Window((epoch, sequence), Grant(until_ms, tuple(_fact(item) for item in fields[4])))
+    if len(fields) == 3 and fields[0] == Kind.REPEAT:
+        epoch, sequence = _counts(fields[1:3])
+        return Repeat((epoch, sequence))
+    raise LinkError("neither a window nor a repeat")
+
+
+def decode_from_agent(data: bytes | memoryview) -> Answer | Refusal:
+    """What an agent said; LinkError for anything else."""
+    fields = _array(data)
+    if len(fields) == 11 and fields[0] == Kind.ANSWER and isinstance(fields[10], list):
+        epoch, sequence, of_epoch, of_sequence, granted_ms, truths, part, parts = _counts(fields[1:9])
+        next_due_ms = None if fields[9] is None else _counts(fields[9:10])[0]
+        try:
+            came = tuple([outputs.from_wire(wire) for wire in fields[10]])
+        except ValueError as error:
+            raise LinkError(str(error)) from None
+        reply = Reply(next_due_ms, came)
+        return Answer((epoch, sequence), (of_epoch, of_sequence), granted_ms, truths, part, parts, reply)
+    if len(fields) == 5 and fields[0] == Kind.REFUSAL and type(fields[3]) is bool and type(fields[4]) is str:
+        epoch, sequence = _counts(fields[1:3])
+        return Refusal((epoch, sequence), fields[3], fields[4])
+    raise LinkError("neither an answer nor a refusal")
+
+
+def _array(data: bytes | memoryview) -> list[Any]:
+    if len(data) > LIMIT_BYTES:
+        raise LinkError(f"longer than {LIMIT_BYTES} bytes")
+    try:
+        fields = msgpack.unpackb(data)
+    except (
+        Exception
+    ) as error:  # the unpacker's errors have no common base, and any of them is the peer's fault
+        raise LinkError(f"not msgpack: {type(error).__name__}") from None
+    if not isinstance(fields, list):
+        raise LinkError("not an array")
+    return fields
+
+
+def _counts(fields: list[Any]) -> list[int]:
+    for field in fields:
+        if type(field) is not int or field < 0:
+            raise LinkError("a count from 0 is wanted")
+    return fields
+
+
+def _fact(item: Any) -> tuple[int, stimuli.Stimulus]:
+    if not isinstance(item, list) or len(item) != 2:
+        raise LinkError("not a (time, stimulus)")
+    try:
+        return _counts(item[:1])[0], stimuli.from_wire(item[1])
+    except ValueError as error:
+        raise LinkError(str(error)) from None
+
+
+def hung_up(sock: socket.socket) -> bool:
+    """Whether the other end is closed: an empty message, which is only malformed, reads just like that."""
+    poll = select.poll()
+    poll.register(sock, 0)
+    return any(event & (select.POLLHUP | select.POLLERR) for _, event in poll.poll(0))
+
+
+def readable(sock: socket.socket | int, timeout_s: float) -> bool:
+    """Waits until there is something to read, or the end. `select.select` would end at descriptor 1023."""
+    poll = select.poll()
+    poll.register(sock, select.POLLIN)
+    return bool(poll.poll(max(0.0, timeout_s) * 1000))

@@ -1,0 +1,207 @@
+"""A process per agent, as a Host: windows go over the agents' links, and a nursery starts again what died."""
+
+from __future__ import annotations
+
+import os
+import resource
+import subprocess
+import time
+from collections import Counter
+from collections.abc import Mapping
+
+from agents.fleet import FleetConfig
+from agents.hosting.agent_links import Answered, Links
+from agents.hosting.host import Death, Grant, Reply
+from agents.hosting.link_protocol import NEVER, Key, Repeat, Window
+from agents.hosting.nursery_client import Fenced, NurseryDied, NurseryLink
+from agents.mussel.outputs import Truth
+from agents.mussel.physical import Physical
+from agents.nursery.fleet_file import Upbringing
+from agents.nursery.launch import NoNursery, launch_nursery, prepare
+from firmware_model.stimuli import ResetCause
+
+__all__ = ["Fenced", "NoNursery", "ProcessHost"]
+
+WINDOW_TIMEOUT_S = 2.0
+_END_TIMEOUT_S = 5.0
+_NURSERIES = 3
+_NURSERIES_SPAN_S = 60.0
+"""More than `_NURSERIES` that die within this time are not followed by another."""
+
+
+class ProcessHost:
+    """A supervisor's hold on a fleet. Made by `start` or `adopt`.
+
+    `granted_ms` is the agent time that each agent has lived to, and `repeated` each one's last reply, at the time of
+    `adopt`: a journal that ends before that window has not got those outputs. Every method but `close` raises Fenced
+    once a supervisor with a higher epoch has taken over; the fleet then is its.
+    """
+
+    def __init__(
+        self, run_dir: str, epoch: int, window_timeout_s: float, process: subprocess.Popen[bytes] | None
+    ) -> None:
+        """Use `start` or `adopt`."""
+        self.epoch = epoch
+        self.granted_ms: dict[int, int] = {}
+        self.repeated: dict[int, Reply] = {}
+        self._run_dir = run_dir
+        self._window_timeout_s = window_timeout_s
+        self._process = process
+        self._sequence = 0
+        self._committed: dict[int, Key] = {}
+        """The key of each agent's last answered window."""
+        self._truths: list[Truth] = []
+        self._nurseries_died_at_s: list[float] = []
+        self._dropped_before: Counter[str] = Counter()
+        _allow_many_descriptors()
+        self._nursery = NurseryLink(run_dir, epoch)
+        self._links = Links(self._nursery, window_timeout_s)
+
+    @classmethod
+    def start(
+        cls,
+        run_dir: str | os.PathLike[str],
+        fleet: FleetConfig,
+        births: Mapping[int, Physical],
+        *,
+        epoch: int = 1,
+        window_timeout_s: float = WINDOW_TIMEOUT_S,
+        upbringing: Upbringing | None = None,
+    ) -> ProcessHost:
+        """A new fleet in an existing directory that has none yet, under a nursery of its own.
+
+        Raises ValueError or FileExistsError for what cannot be a fleet, NoNursery when its nursery does not come up.
+        """
+        prepare(run_dir, fleet, births, upbringing)
+        return cls.adopt(run_dir, epoch, window_timeout_s=window_timeout_s)
+
+    @classmethod
+    def adopt(
+        cls, run_dir: str | os.PathLike[str], epoch: int, *, window_timeout_s: float = WINDOW_TIMEOUT_S
+    ) -> ProcessHost:
+        """Takes over the fleet of a run directory, as supervisor number `epoch`; starts a nursery if there is none.
+
+        Agents that have never run are started; one that has died dies in its next window, so that it is recorded.
+        Raises Fenced if `epoch` is not above that of a former supervisor, NoNursery if none comes up.
+        """
+        process, run_dir = None, os.fspath(run_dir)
+        try:
+            host = cls(run_dir, epoch, window_timeout_s, None)
+        except OSError:
+            process = launch_nursery(run_dir)
+            host = cls(run_dir, epoch, window_timeout_s, process)
+        try:
+            host._take_roll()
+        except BaseException:
+            host.close()
+            raise
+        return host
+
+    @property
+    def pids(self) -> dict[int, int]:
+        """The processes of the agents that live, by id."""
+        return self._links.pids
+
+    @property
+    def nursery_pid(self) -> int:
+        return self._nursery.pid
+
+    @property
+    def dropped(self) -> Counter[str]:
+        """Messages that came to nothing, counted by reason."""
+        return self._dropped_before + self._links.dropped + self._nursery.dropped
+
+    @property
+    def links(self) -> Links:
+        return self._links
+
+    def grant(self, grants: Mapping[int, Grant]) -> dict[int, Reply | Death]:
+        self._sequence += 1
+        key = (self.epoch, self._sequence)
+        frames = {agent_id: Window(key, grant).encode() for agent_id, grant in grants.items()}
+        outcomes: dict[int, Reply | Death] = {}
+        for agent_id, outcome in self._links.ask(key, frames).items():
+            if isinstance(outcome, Death):
+                outcomes[agent_id] = outcome
+                continue
+            self._committed[agent_id] = key
+            self._truths += outcome.truths
+            outcomes[agent_id] = outcome.reply
+        return outcomes
+
+    def restart(self, agent_id: int, at_ms: int, cause: ResetCause) -> str | None:
+        row = (agent_id, at_ms, cause, *self._committed.get(agent_id, NEVER))
+        try:
+            if self._links.nursery_died:
+                self._follow_nursery()
+            starting = self._nursery.start([row])
+        except (NurseryDied, NoNursery) as error:
+            return str(error)
+        for pid, descriptor in starting.living.values():
+            self._links.add(agent_id, pid, descriptor)
+        return starting.refused.get(agent_id)
+
+    def take_truths(self) -> list[Truth]:
+        truths, self._truths = self._truths, []
+        return truths
+
+    def close(self) -> None:
+        """Ends the fleet and its nursery, unless a newer supervisor has them."""
+        try:
+            self._nursery.end(_END_TIMEOUT_S)
+        except Fenced:
+            if self._process is not None:
+                self._process.returncode = 0  # it lives on as another's: not ours to wait for
+        self._let_go()
+
+    def _take_roll(self) -> None:
+        roll = self._nursery.roll
+        self._committed = {agent.agent_id: (agent.epoch, agent.sequence) for agent in roll}
+        self.granted_ms = {agent.agent_id: agent.granted_ms for agent in roll}
+        for agent in roll:
+            if agent.link is not None:
+                self._links.add(agent.agent_id, agent.pid, agent.link)
+        key = (self.epoch, 0)
+        repeats = {agent.agent_id: Repeat(key).encode() for agent in roll if agent.pid}
+        for agent_id, outcome in self._links.ask(key, repeats).items():
+            if isinstance(outcome, Answered):
+                self._committed[agent_id] = outcome.window
+                self.granted_ms[agent_id] = outcome.granted_ms
+                self.repeated[agent_id] = outcome.reply
+                self._truths += outcome.truths
+        self._start_unborn(
+            [agent.agent_id for agent in roll if not agent.pid and self._committed[agent.agent_id] == NEVER]
+        )
+
+    def _start_unborn(self, agent_ids: list[int]) -> None:
+        starting = self._nursery.start([(agent_id, 0, ResetCause.POWER_ON, *NEVER) for agent_id in agent_ids])
+        for agent_id, (pid, descriptor) in starting.living.items():
+            self._links.add(agent_id, pid, descriptor)
+        if starting.refused:
+            raise NoNursery("; ".join(starting.refused.values()))
+
+    def _follow_nursery(self) -> None:
+        """Another nursery for this run directory; it starts agents again from the file."""
+        now_s = time.monotonic()
+        recent = [at_s for at_s in self._nurseries_died_at_s if at_s > now_s - _NURSERIES_SPAN_S]
+        if len(recent) >= _NURSERIES:
+            raise NoNursery(
+                f"{_NURSERIES} nurseries died within {_NURSERIES_SPAN_S:g} s: no other is started"
+            )
+        self._nurseries_died_at_s = [*recent, now_s]
+        self._dropped_before = self.dropped
+        self._let_go()
+        self._process = launch_nursery(self._run_dir)
+        self._nursery = NurseryLink(self._run_dir, self.epoch)
+        self._links = Links(self._nursery, self._window_timeout_s)
+
+    def _let_go(self) -> None:
+        self._links.close()
+        self._nursery.close()
+        if self._process is not None:
+            self._process.wait(_END_TIMEOUT_S)
+
+
+def _allow_many_descriptors() -> None:
+    _, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (hard, hard))

@@ -1,0 +1,325 @@
+"""One simulated aMussel: the body in the water, the board in the body, and its Wi-Fi reports. Agent time throughout."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from agents.mussel.body import Body, WaterConfig
+from agents.mussel.outputs import Dropped, Output, PingAnswered, SoundSent, Truth, WifiSent
+from agents.mussel.physical import Physical
+from agents.mussel.reporter import RANGE_ANSWER_MS, Modem, Reporter
+from agents.mussel.stimuli import (
+    CoilSlipped,
+    ContactClosed,
+    ContactOpened,
+    DockMoved,
+    ModemSent,
+    PingArrived,
+    Placed,
+    SoundArrived,
+    Stimulus,
+    WasReset,
+    WifiArrived,
+)
+from firmware_model import actions as board_actions
+from firmware_model import stimuli as board_stimuli
+from firmware_model.actions import Buoyancy
+from firmware_model.boards import board_of
+from firmware_model.config import BoardConfig
+from firmware_model.packets import LogRecords
+from firmware_model.packets.codec import Codec
+from firmware_model.power.charge import Battery, Flow
+from firmware_model.power.rails import Rail
+from firmware_model.states import State
+from firmware_model.stimuli import ResetCause
+
+if TYPE_CHECKING:
+    from agents.mussel.logbook import Logbook
+    from firmware_model.sampling.flash import Flash
+
+
+@dataclass(frozen=True, slots=True)
+class AgentConfig:
+    """Everything an agent is made of but its physical state."""
+
+    board: BoardConfig
+    water: WaterConfig
+    report_period_ms: int
+    heard_always: bool
+    """The paper's hearing: Wi-Fi works wherever the aMussel is. Otherwise only at the surface."""
+    modem: Modem = Modem.V3
+
+
+class Agent:
+    """The three verbs around a body and its board.
+
+    Of several things due at one time the body's arrival goes first, then drift, then the board's timers, then the charger,
+    then the report, which so says the newest. A Truth follows every event that changed anything.
+    """
+
+    def __init__(
+        self,
+        config: AgentConfig,
+        codec: Codec,
+        physical: Physical,
+        now_ms: int,
+        cause: ResetCause,
+        flash: Flash | None = None,
+    ) -> None:
+        """`flash` outlives the agent; without one a whole board's log is as long-lived as the agent."""
+        self.config = config
+        self._codec = codec
+        self._flash = flash
+        self._truths: list[Truth] = []
+        self._last: tuple[State, Physical] | None = None
+        self._boot_outputs = self._power_on(physical, now_ms, cause)
+        self._note_truth(now_ms)
+
+    def _power_on(self, physical: Physical, now_ms: int, cause: ResetCause) -> list[Output]:
+        """Begins with what is physical: everything else of a former life is forgotten."""
+        config = self.config
+        self._now_ms = now_ms
+        self.body = Body(
+            config.board.agent_id,
+            config.water,
+            physical.north_um,
+            physical.east_um,
+            physical.depth_anchor_ms,
+            physical.depth_um,
+            physical.buoyancy,
+            physical.docked,
+            now_ms,
+            physical.pin_due_ms,
+            physical.hover_um,
+        )
+        self.board = board_of(
+            config.board, self._codec, physical.primary, physical.secondary, now_ms, physical.kept
+        )
+        self._logbook = None if config.board.whole is None else self._open_logbook(physical)
+        self._reporter = Reporter(self.board, self.body, self._logbook, config.modem)
+        # A reset agent may have reported at this very time before it died: its next report is a later one.
+        later = 0 if cause is ResetCause.POWER_ON else 1
+        self._report_due_ms = self._report_after(now_ms + later)
+        power = board_stimuli.PowerCameOn(cause, self.body.depth_at_um(now_ms) == 0, self.body.pin_high)
+        return self._tell_board(power, now_ms)
+
+    def _open_logbook(self, physical: Physical) -> Logbook:
+        # Imported here: the paper's worst case has no log.
+        from agents.mussel.logbook import Logbook
+        from firmware_model.sampling.flash import MemoryFlash
+
+        if self._flash is None:
+            self._flash = MemoryFlash()
+        water = self.config.water
+        return Logbook(
+            self.config.board.agent_id,
+            water.seed,
+            water.fields,
+            self._flash,
+            physical.samples,
+            physical.acknowledged,
+        )
+
+    @property
+    def physical(self) -> Physical:
+        body, board = self.body, self.board
+        log = None if self._logbook is None else self._logbook.log
+        return Physical(
+            board.primary,
+            board.secondary,
+            body.north_um,
+            body.east_um,
+            body.depth_anchor_ms,
+            body.depth_um,
+            body.buoyancy,
+            body.docked,
+            body.pin_due_ms,
+            body.hover_um,
+            0 if log is None else log.next_sequence,
+            0 if log is None else log.acknowledged,
+            board.kept,
+        )
+
+    @property
+    def next_due_ms(self) -> int | None:
+        return min((due for due in self._dues() if due is not None), default=None)
+
+    def take_truths(self) -> list[Truth]:
+        """The truths noted since the last call, in order."""
+        truths, self._truths = self._truths, []
+        return truths
+
+    def advance(self, now_ms: int) -> list[Output]:
+        """Lets time pass to `now_ms`; ValueError if it went back."""
+        if now_ms < self._now_ms:
+            raise ValueError(f"time went back: {now_ms} before {self._now_ms}")
+        outputs, self._boot_outputs = self._boot_outputs, []
+        while True:
+            dues = self._dues()
+            due_ms = min((due for due in dues if due is not None), default=None)
+            if due_ms is None or due_ms > now_ms:
+                break
+            self._now_ms = due_ms
+            outputs += self._fire(dues.index(due_ms), due_ms)
+            self._note_truth(due_ms)
+        self._now_ms = now_ms
+        return outputs
+
+    def receive(self, stimulus: Stimulus, now_ms: int) -> list[Output]:
+        """Takes a fact from the world at `now_ms`, after everything that was due by then."""
+        outputs = self.advance(now_ms)
+        outputs += self._take(stimulus, now_ms)
+        self._note_truth(now_ms)
+        return outputs
+
+    def _dues(self) -> tuple[int | None, ...]:
+        report_ms = (
+            self._report_due_ms if self.config.heard_always or self._at_surface(self._now_ms) else None
+        )
+        body = self.body
+        return body.arrival_ms, body.drift_due_ms, self.board.next_due_ms, body.pin_due_ms or None, report_ms
+
+    def _fire(self, which: int, now_ms: int) -> list[Output]:
+        if which == 0:
+            self.body.settle_depth(now_ms)
+            surfaced = self.body.depth_um == 0
+            self._report_due_ms = max(self._report_due_ms, self._report_after(now_ms))
+            return self._tell_board(
+                board_stimuli.SurfaceReached() if surfaced else board_stimuli.BottomReached(), now_ms
+            )
+        if which == 1:
+            self.body.drift(now_ms)
+            return []
+        if which == 2:
+            return self._obey(self.board.advance(now_ms))
+        if which == 3:
+            self.body.align()
+            return self._tell_board(board_stimuli.ChargePinRose(), now_ms)
+        self._report_due_ms += self.config.report_period_ms
+        # In the paper's hearing the report is the experiment's; else it needs the board's Wi-Fi, which the worst case has.
+        is_off = not self.config.heard_always and not self.board.has_wifi
+        if self.board.state is State.BOOTING or is_off:
+            return []
+        return [WifiSent(now_ms, self._codec.encode(self._reporter.by_wifi(now_ms)))]
+
+    def _take(self, stimulus: Stimulus, now_ms: int) -> list[Output]:
+        match stimulus:
+            case ContactClosed(north_um, east_um):
+                if not self._at_surface(now_ms) or self.body.docked:
+                    return [Dropped(now_ms, "a dock closed, but not around this aMussel")]
+                self.body.dock(north_um, east_um, now_ms)
+                return self._tell_board(board_stimuli.ChargePinRose(), now_ms) if self.body.pin_high else []
+            case DockMoved(north_um, east_um):
+                if not self.body.docked:
+                    return [Dropped(now_ms, "a dock moved that does not hold this aMussel")]
+                self.body.carry(north_um, east_um)
+                return []
+            case ContactOpened():
+                if not self.body.docked:
+                    return [Dropped(now_ms, "a dock opened that does not hold this aMussel")]
+                self.body.let_go(now_ms)
+                return self._tell_board(board_stimuli.ChargePinFell(), now_ms)
+            case CoilSlipped():
+                if not self.body.docked:
+                    return [Dropped(now_ms, "coils slipped in a dock that does not hold this aMussel")]
+                self.body.slip(now_ms)
+                outputs = self._tell_board(board_stimuli.ChargePinFell(), now_ms)
+                if self.body.pin_high:
+                    outputs += self._tell_board(board_stimuli.ChargePinRose(), now_ms)
+                return outputs
+            case SoundArrived(data):
+                if self._at_surface(now_ms):
+                    return [Dropped(now_ms, "sound does not reach a modem in air")]
+                return self._tell_board(board_stimuli.PacketHeard(data), now_ms)
+            case PingArrived(travelled_us):
+                if self._at_surface(now_ms):
+                    return [Dropped(now_ms, "sound does not reach a modem in air")]
+                if not self.board.hears:
+                    return [Dropped(now_ms, "the modem is not listening")]
+                lasting_ms = RANGE_ANSWER_MS[self.config.modem]
+                spoke = self._tell_board(board_stimuli.ModemSpoke(lasting_ms), now_ms)
+                return [*spoke, PingAnswered(now_ms, travelled_us)]
+            case ModemSent(lasting_ms):
+                return self._tell_board(board_stimuli.ModemSpoke(lasting_ms), now_ms)
+            case WifiArrived(data):
+                if not self.config.heard_always and not self._at_surface(now_ms):
+                    return [Dropped(now_ms, "Wi-Fi does not reach under water")]
+                return self._tell_board(board_stimuli.WifiReceived(data), now_ms)
+            case Placed():
+                return self._power_on(self._placed(stimulus, now_ms), now_ms, ResetCause.POWER_ON)
+            case WasReset(cause):
+                return self._power_on(self.physical, now_ms, ResetCause(cause))
+
+    def _placed(self, at: Placed, now_ms: int) -> Physical:
+        """What is physical of one that was just put there; the log of its samples stays with it."""
+        former = self.physical
+        return Physical(
+            Battery(now_ms, at.primary, Flow.DISCHARGING),
+            Battery(now_ms, at.secondary, Flow.RESTING),
+            at.north_um,
+            at.east_um,
+            now_ms,
+            at.depth_um,
+            Buoyancy.SINK,
+            docked=False,
+            samples=former.samples,
+            acknowledged=former.acknowledged,
+        )
+
+    def _report_after(self, now_ms: int) -> int:
+        return -(-now_ms // self.config.report_period_ms) * self.config.report_period_ms
+
+    def _at_surface(self, now_ms: int) -> bool:
+        return self.body.depth_at_um(now_ms) == 0
+
+    def _tell_board(self, stimulus: board_stimuli.Stimulus, now_ms: int) -> list[Output]:
+        return self._obey(self.board.receive(stimulus, now_ms))
+
+    def _obey(self, actions: list[board_actions.Action]) -> list[Output]:
+        outputs: list[Output] = []
+        for action in actions:
+            match action:
+                case board_actions.RunBuoyancy(at_ms, to, depth_mm):
+                    self.body.run_buoyancy(to, at_ms, depth_mm)
+                case board_actions.Dropped(at_ms, reason):
+                    outputs.append(Dropped(at_ms, reason))
+                case board_actions.SendStatus(at_ms, by):
+                    outputs.append(self._status(at_ms, by))
+                case board_actions.SendAnswer(at_ms):
+                    outputs.append(SoundSent(at_ms, self._codec.encode(self._reporter.in_short(at_ms))))
+                case board_actions.LogSample() | board_actions.SendLog() | board_actions.DropLog():
+                    outputs += self._log(action)
+                case _:
+                    pass  # the truth that follows the event says the new state and what flows
+        return outputs
+
+    def _log(
+        self, action: board_actions.LogSample | board_actions.SendLog | board_actions.DropLog
+    ) -> list[Output]:
+        logbook, body, now_ms = self._logbook, self.body, action.at_ms
+        assert logbook is not None  # the worst case has no such actions
+        packets: Iterable[LogRecords] | None = ()
+        match action:
+            case board_actions.LogSample():
+                place = body.north_um, body.east_um, body.depth_at_um(now_ms)
+                logbook.take_sample(*place, now_ms, self.board.clock_ms(now_ms))
+            case board_actions.SendLog():
+                packets = logbook.begin_upload()
+            case board_actions.DropLog(_, next_sequence):
+                packets = logbook.acknowledge(next_sequence)
+        if packets is None:
+            return [Dropped(now_ms, "an acknowledgement of records that were never taken")]
+        return [WifiSent(now_ms, self._codec.encode(packet)) for packet in packets]
+
+    def _status(self, now_ms: int, by: Rail) -> Output:
+        if by is Rail.WIFI:
+            return WifiSent(now_ms, self._codec.encode(self._reporter.by_wifi(now_ms)))
+        return SoundSent(now_ms, self._codec.encode(self._reporter.by_sound(now_ms)))
+
+    def _note_truth(self, now_ms: int) -> None:
+        now = (self.board.state, self.physical)
+        if now != self._last:
+            self._last = now
+            self._truths.append(Truth(now_ms, self.config.board.agent_id, *now))

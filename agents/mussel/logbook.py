@@ -1,0 +1,71 @@
+"""An aMussel's samples: read from the water, written into flash, uploaded in parts, acknowledged."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from agents.water.fields import Fields, unit_noises
+from firmware_model.packets.log_packets import RECORDS_AT_ONCE, LogRecords
+from firmware_model.sampling.flash import Flash
+from firmware_model.sampling.flash_log import FlashLog
+from firmware_model.sampling.sample_record import NO_COUNTS, SampleRecord
+from firmware_model.sampling.sensors import SENSORS, sample
+
+_PACKETS_AT_ONCE = 4
+"""So many are under way before an acknowledgement is waited for."""
+
+
+class Logbook:
+    """`samples` and `acknowledged` are what the registers kept. A sample's noise is keyed by `seed`, id and sequence."""
+
+    def __init__(
+        self, agent_id: int, seed: int, fields: Fields, flash: Flash, samples: int, acknowledged: int
+    ) -> None:
+        self.log = FlashLog(flash, samples, acknowledged)
+        self._agent_id = agent_id
+        self._seed = seed
+        self._fields = fields
+        newest = self.log.newest()
+        self.counts = NO_COUNTS if newest is None else newest.counts
+        """Of the newest sample; zeros before there is one, or where it cannot be read."""
+        self._sent = 0
+        """Up to which sequence the log was sent in this upload."""
+
+    def take_sample(self, north_um: int, east_um: int, depth_um: int, now_ms: int, clock_ms: int) -> None:
+        """Of what is so at agent time `now_ms`, which the board takes for `clock_ms`."""
+        log = self.log
+        sequence = log.next_sequence
+        counts, saturated = sample(
+            SENSORS,
+            self._fields.values_at(north_um, east_um, depth_um, now_ms),
+            unit_noises(self._seed, self._agent_id, sequence),
+        )
+        log.append(SampleRecord(sequence, clock_ms, counts, saturated))
+        self.counts = counts
+
+    def begin_upload(self) -> Iterator[LogRecords]:
+        """The first packets of all that waits; made one by one, so that an agent never holds them all."""
+        self._sent = self.log.waiting_from
+        return self._next_packets()
+
+    def acknowledge(self, next_sequence: int) -> Iterator[LogRecords] | None:
+        """The packets that follow; None for an acknowledgement of records that were never taken.
+
+        One that acknowledges nothing new asks for what is missing: all is sent again from there.
+        """
+        log = self.log
+        if next_sequence > log.next_sequence:
+            return None
+        if not log.acknowledge(next_sequence):
+            return self.begin_upload()
+        self._sent = max(self._sent, log.waiting_from)
+        return self._next_packets()
+
+    def _next_packets(self) -> Iterator[LogRecords]:
+        log = self.log
+        oldest = log.waiting_from
+        until = min(log.next_sequence, oldest + _PACKETS_AT_ONCE * RECORDS_AT_ONCE)
+        while self._sent < until:
+            first = self._sent
+            self._sent = min(first + RECORDS_AT_ONCE, until)
+            yield LogRecords(self._agent_id, oldest, first, self._sent - first, log.raw(first, self._sent))

@@ -1,0 +1,83 @@
+"""What comes out of an agent: what the world can hear, and, on a channel of its own, the truth. Stamps are agent time."""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+from agents.mussel.physical import Physical
+from firmware_model.states import State
+
+
+@dataclass(frozen=True, slots=True)
+class WifiSent:
+    at_ms: int
+    data: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class SoundSent:
+    at_ms: int
+    data: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class PingAnswered:
+    """The modem answered a ping, and says with it how long that was under way."""
+
+    at_ms: int
+    travelled_us: int
+
+
+@dataclass(frozen=True, slots=True)
+class Dropped:
+    """A stimulus that came to nothing; counted, never raised."""
+
+    at_ms: int
+    reason: str
+
+
+Output = WifiSent | SoundSent | Dropped | PingAnswered
+
+_KINDS: tuple[type[Any], ...] = (WifiSent, SoundSent, Dropped, PingAnswered)
+_CODES: dict[type[Any], int] = {kind: code for code, kind in enumerate(_KINDS)}
+_VALUES = (("data", bytes), ("data", bytes), ("reason", str), ("travelled_us", int))
+"""The name and type of what each kind says besides its time."""
+
+
+def to_wire(output: Output) -> list[Any]:
+    """[code, at_ms, value]: plain values that msgpack carries."""
+    code = _CODES[type(output)]
+    return [code, output.at_ms, getattr(output, _VALUES[code][0])]
+
+
+def from_wire(wire: Any) -> Output:
+    """The inverse of `to_wire`; ValueError for anything else."""
+    if not isinstance(wire, list) or len(wire) != 3 or type(wire[0]) is not int or type(wire[1]) is not int:
+        raise ValueError("not an output")
+    if not 0 <= wire[0] < len(_KINDS) or type(wire[2]) is not _VALUES[wire[0]][1]:
+        raise ValueError("not an output")
+    output: Output = _KINDS[wire[0]](wire[1], wire[2])
+    return output
+
+
+@dataclass(frozen=True, slots=True)
+class Truth:
+    """What an aMussel is, from `at_ms` until its next Truth. The recorder alone reads it."""
+
+    HEAD: ClassVar[struct.Struct] = struct.Struct("<QHB")
+
+    at_ms: int
+    agent_id: int
+    state: State
+    physical: Physical
+
+    def pack(self) -> bytes:
+        return self.HEAD.pack(self.at_ms, self.agent_id, self.state) + self.physical.pack()
+
+    @classmethod
+    def unpack(cls, data: bytes) -> Truth:
+        """The inverse of `pack`; struct.error or ValueError for other bytes."""
+        at_ms, agent_id, state = cls.HEAD.unpack_from(data)
+        return cls(at_ms, agent_id, State(state), Physical.unpack(data[cls.HEAD.size :]))

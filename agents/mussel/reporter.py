@@ -1,0 +1,90 @@
+"""What an aMussel says of itself, as packets: in full by Wi-Fi, and by sound what the modem's generation carries."""
+
+from __future__ import annotations
+
+from enum import IntEnum
+from typing import TYPE_CHECKING
+
+from agents.mussel.body import Body
+from firmware_model.board import Board
+from firmware_model.packets import AcousticStatus, Packet, ShortStatus, StatusPacket, WifiStatus
+from firmware_model.power.charge import fraction
+
+if TYPE_CHECKING:
+    from agents.mussel.logbook import Logbook
+
+
+class Modem(IntEnum):
+    """The nanomodem's generation."""
+
+    V2 = 2
+    """7 bytes a packet."""
+    V3 = 3
+    """64 bytes a packet."""
+
+
+RANGE_ANSWER_MS = {Modem.V2: 430, Modem.V3: 105}
+"""How long a modem sends when it answers a ping for its range, which is a frame without data."""
+
+
+class Reporter:
+    """Counts the reports of one aMussel. Without a log it is the paper's worst case: with one status for all media."""
+
+    def __init__(self, board: Board, body: Body, logbook: Logbook | None, modem: Modem) -> None:
+        self._board = board
+        self._body = body
+        self._logbook = logbook
+        self._modem = modem
+        self._sequence = 0
+
+    def by_wifi(self, now_ms: int) -> Packet:
+        basic, board, logbook = self._basic(now_ms), self._board, self._logbook
+        if logbook is None or board.reset_cause is None:
+            return basic
+        log = logbook.log
+        return WifiStatus(
+            basic,
+            logbook.counts,
+            log.next_sequence,
+            log.acknowledged,
+            log.oldest,
+            log.overwritten,
+            log.torn,
+            board.reset_cause,
+            board.feed,
+            board.rails,
+            board.clock_offset_ms,
+        )
+
+    def by_sound(self, now_ms: int) -> Packet:
+        basic, logbook = self._basic(now_ms), self._logbook
+        if self._modem is Modem.V2:
+            return _short(basic)
+        if logbook is None:
+            return basic
+        log = logbook.log
+        return AcousticStatus(basic, logbook.counts, log.next_sequence, log.waiting)
+
+    def in_short(self, now_ms: int) -> Packet:
+        """For whoever asked: what even a v2 modem carries, so that the air is soon free again."""
+        return _short(self._basic(now_ms))
+
+    def _basic(self, now_ms: int) -> StatusPacket:
+        body, board = self._body, self._board
+        primary, secondary = board.readings(now_ms)
+        self._sequence += 1
+        return StatusPacket(
+            board.config.agent_id,
+            self._sequence - 1,
+            board.state,
+            fraction(primary),
+            fraction(secondary),
+            body.north_um / 1e6,
+            body.east_um / 1e6,
+            body.depth_at_um(now_ms) / 1e6,
+            board.clock_ms(now_ms),
+        )
+
+
+def _short(basic: StatusPacket) -> ShortStatus:
+    return ShortStatus(basic.agent_id, basic.state, basic.primary, basic.secondary)

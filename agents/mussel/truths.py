@@ -1,0 +1,87 @@
+"""Truths on the fleet's one truth socket: a datagram says whose they are and of which window, so that it commits whole."""
+
+from __future__ import annotations
+
+import socket
+import struct
+from collections import Counter
+from dataclasses import dataclass
+
+from agents.hosting.link_protocol import LIMIT_BYTES, Key, LinkError, hung_up
+from agents.mussel.outputs import Truth
+from agents.mussel.physical import Physical
+
+_HEAD = struct.Struct("<HIQ")
+_TRUTH_BYTES = Truth.HEAD.size + Physical.FORMAT.size
+_AT_ONCE = (LIMIT_BYTES - _HEAD.size) // _TRUTH_BYTES
+
+
+@dataclass(frozen=True, slots=True)
+class Telling:
+    """Truths of one agent in the window `key`, in order."""
+
+    agent_id: int
+    key: Key
+    truths: tuple[Truth, ...]
+
+
+def encode(agent_id: int, key: Key, truths: list[Truth]) -> list[bytes]:
+    """Datagrams that carry `truths`, in order; none for none."""
+    head = _HEAD.pack(agent_id, *key)
+    return [
+        head + b"".join([truth.pack() for truth in truths[start : start + _AT_ONCE]])
+        for start in range(0, len(truths), _AT_ONCE)
+    ]
+
+
+def decode(data: bytes) -> Telling:
+    """The inverse of `encode`, of one datagram; LinkError for other bytes."""
+    if len(data) > LIMIT_BYTES or len(data) < _HEAD.size or (len(data) - _HEAD.size) % _TRUTH_BYTES:
+        raise LinkError(f"{len(data)} bytes are no truths")
+    agent_id, epoch, sequence = _HEAD.unpack_from(data)
+    try:
+        truths = tuple(
+            [
+                Truth.unpack(data[start : start + _TRUTH_BYTES])
+                for start in range(_HEAD.size, len(data), _TRUTH_BYTES)
+            ]
+        )
+    except ValueError as error:
+        raise LinkError(str(error)) from None
+    if any(truth.agent_id != agent_id for truth in truths):
+        raise LinkError("a truth of another agent")
+    return Telling(agent_id, (epoch, sequence), truths)
+
+
+class Hearer:
+    """The reading end. What is no telling is counted in `dropped`."""
+
+    def __init__(self, sock: socket.socket, dropped: Counter[str]) -> None:
+        self._sock = sock
+        self._dropped = dropped
+        self._told: dict[int, list[Telling]] = {}
+
+    def hear(self) -> None:
+        """Takes all that is there: an agent tells the truth before it answers."""
+        while True:
+            try:
+                data = self._sock.recv(LIMIT_BYTES + 1, socket.MSG_DONTWAIT)
+            except BlockingIOError:
+                return
+            if not data and hung_up(self._sock):
+                return
+            try:
+                telling = decode(data)
+            except LinkError as error:
+                self._dropped[f"truth: {error}"] += 1
+                continue
+            self._told.setdefault(telling.agent_id, []).append(telling)
+
+    def take(self, agent_id: int, up_to: Key) -> tuple[Truth, ...]:
+        """An agent's truths up to an answered window, in order; any others of it are forgotten."""
+        tellings = self._told.pop(agent_id, [])
+        return tuple([truth for telling in tellings for truth in telling.truths if telling.key <= up_to])
+
+    def forget(self, agent_id: int) -> None:
+        """The truths of an unanswered window did not happen."""
+        self._told.pop(agent_id, None)

@@ -1,0 +1,54 @@
+"""A forked agent's first and last steps, in its own process."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import signal
+import socket
+import sys
+
+from agents.hosting.agent_process import Servant, serve
+
+_PR_SET_PDEATHSIG = 1
+_PR_SET_NAME = 15
+_LIBC = ctypes.CDLL(None)
+_PRCTL = _LIBC.prctl
+_SET_SIGNAL = _LIBC.signal
+_DUP2, _CLOSERANGE, _GETPPID, _EXIT = os.dup2, os.closerange, os.getppid, os._exit
+_SIG_DFL = 0
+_SIGKILL = int(signal.SIGKILL)
+_SIGTERM = int(signal.SIGTERM)
+
+
+def live(
+    nursery_pid: int,
+    name: bytes,
+    theirs: int,
+    link_fd: int,
+    descriptors: int,
+    link: socket.socket,
+    room: memoryview,
+    servant: Servant,
+) -> None:
+    """A forked agent's whole life; it never returns.
+
+    It runs once, unlike all that was rehearsed: so it finds what it needs in arguments and globals, because each attribute
+    that is looked up for the first time copies some five pages.
+    """
+    status = 1
+    try:
+        _DUP2(theirs, link_fd)
+        _CLOSERANGE(link_fd + 1, descriptors)
+        _PRCTL(_PR_SET_PDEATHSIG, _SIGKILL, 0, 0, 0)
+        if _GETPPID() != nursery_pid:
+            _EXIT(0)  # the nursery died before its death could be a signal
+        _PRCTL(_PR_SET_NAME, name, 0, 0, 0)
+        _SET_SIGNAL(_SIGTERM, _SIG_DFL)
+        serve(link, room, servant)
+        status = 0
+    except BaseException:
+        sys.excepthook(*sys.exc_info())
+        sys.stderr.flush()
+    finally:
+        _EXIT(status)

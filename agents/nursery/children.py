@@ -1,0 +1,249 @@
+"""The nursery's agents: forks them, knows their links, reaps them, and refuses to start one that dies too often."""
+
+from __future__ import annotations
+
+import fcntl
+import gc
+import os
+import resource
+import signal
+import socket
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from agents.hosting.agent_process import Servant, message_room
+from agents.hosting.link_protocol import Key, readable
+from agents.mussel.agent import Agent
+from agents.nursery.child import live
+from agents.nursery.flash_file import FLASH_NAME, FlashRegion
+from agents.nursery.fleet_file import PHYSICAL_NAME, FleetFile
+from agents.nursery.memory_layout import fill_holes, gather_code, offer_for_merging, return_freed_memory
+from agents.nursery.protocol import Died
+from agents.nursery.state_file import PAIR_BYTES, Slot, SlotPair
+from agents.nursery.warm_up import ROUND, rehearse
+from firmware_model.packets.codec import load_codec
+from firmware_model.stimuli import ResetCause
+
+_TRUTH_ROOM_BYTES = 4 * 2**20
+_LOCK_TIMEOUT_S = 2.0
+
+
+@dataclass(slots=True)
+class Child:
+    """A living agent: its process, and the supervisor's end of its link."""
+
+    pid: int
+    link: int
+
+
+@dataclass(frozen=True, slots=True)
+class Boot:
+    """An agent to boot at agent time `at_ms` as it was at the end of window `up_to`."""
+
+    agent_id: int
+    at_ms: int
+    cause: ResetCause
+    up_to: Key
+
+
+@dataclass(frozen=True, slots=True)
+class _Unborn:
+    """All that a fork needs; `place` is in the order that was asked, `ours` and `theirs` are its link's ends."""
+
+    place: int
+    agent_id: int
+    name: bytes
+    servant: Servant
+    ours: int
+    theirs: int
+
+
+class NotStarted(ValueError):
+    """Why an agent was not started."""
+
+
+class Brood:
+    """All agents of one fleet file. It forks: its process must have no threads and little memory."""
+
+    def __init__(self, run_dir: str, file: FleetFile) -> None:
+        """ValueError when another nursery, or an agent of one, keeps the physical file for too long."""
+        self._slots_fd = os.open(os.path.join(run_dir, PHYSICAL_NAME), os.O_RDWR | os.O_CREAT, 0o644)
+        _lock(self._slots_fd)
+        self._flash_fd = os.open(os.path.join(run_dir, FLASH_NAME), os.O_RDWR | os.O_CREAT, 0o644)
+        # Places below every sibling's descriptor, so that a child closes those in one call.
+        teller_fd = os.open(os.devnull, os.O_RDONLY)
+        self._link = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        """A child's link takes its place there."""
+        self.truth, teller = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        with teller:
+            os.dup2(teller.fileno(), teller_fd)
+        self._teller = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET, 0, teller_fd)
+        self._teller.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _TRUTH_ROOM_BYTES)
+        self._room = message_room()
+        self._descriptors = resource.getrlimit(resource.RLIMIT_NOFILE)[0]
+        self._upbringing = file.upbringing
+        self._codec = load_codec(file.fleet.codec)
+        self._configs = file.fleet.maker()
+        self._flash_pages = file.fleet.flash_pages
+        self._index = {agent_id: index for index, agent_id in enumerate(sorted(file.births))}
+        self._restarted_at_s: dict[int, list[float]] = {}
+        self.children: dict[int, Child] = {}
+        self._id_of_pid: dict[int, int] = {}
+        # Births are written in the order of their places: a file without the last one has never been used.
+        if os.fstat(self._slots_fd).st_size <= PAIR_BYTES * (len(self._index) - 1):
+            for agent_id in self._index:
+                self._pair(agent_id).birth(file.births[agent_id])
+
+    def warm(self) -> None:
+        """Runs and touches all that an agent uses, then sets it apart from the garbage collector, to be shared."""
+        agent_id = next(iter(self._index), 0)
+        gather_code(lambda: rehearse(self._configs, self._codec, agent_id, ROUND))
+        rehearse(self._configs, self._codec, agent_id)
+        gc.collect()
+        gc.freeze()
+        return_freed_memory()
+        offer_for_merging()
+
+    def rows(self) -> list[tuple[int, int, int, int, int]]:
+        """(agent_id, pid or 0, epoch, sequence, granted_ms) of each agent's newest slot."""
+        rows = []
+        for agent_id in self._index:
+            slot = _newest(self._pair(agent_id), None)
+            child = self.children.get(agent_id)
+            rows.append((agent_id, child.pid if child else 0, *slot.key, slot.granted_ms))
+        return rows
+
+    def start(self, wanted: Sequence[Boot]) -> list[Child | NotStarted]:
+        """Forks agents; a Child, or why there is none, for each wanted one in order."""
+        outcomes: dict[int, Child | NotStarted] = {}
+        unborn: list[_Unborn] = []
+        for place, boot in enumerate(wanted):
+            try:
+                if any(other.agent_id == boot.agent_id for other in unborn):
+                    raise NotStarted(f"aMussel {boot.agent_id} is asked for twice")
+                unborn.append(self._conceive(place, boot))
+            except NotStarted as refusal:
+                outcomes[place] = refusal
+        # What this process writes to between two forks, every agent after it pays for: so the forks come last, alone.
+        # What an agent makes goes into pages of its own, and not into the holes of pages that it would have to copy.
+        filling = fill_holes()
+        # An agent's garbage collector writes to every young object: freezing leaves it none of these.
+        gc.freeze()
+        nursery_pid = os.getpid()
+        link, link_fd, room, descriptors = self._link, self._link.fileno(), self._room, self._descriptors
+        pids = []
+        for agent in unborn:
+            pid = os.fork()
+            if pid == 0:
+                live(nursery_pid, agent.name, agent.theirs, link_fd, descriptors, link, room, agent.servant)
+            pids.append(pid)
+        del filling
+        for pid, agent in zip(pids, unborn, strict=True):
+            os.close(agent.theirs)
+            outcomes[agent.place] = self.children[agent.agent_id] = Child(pid, agent.ours)
+            self._id_of_pid[pid] = agent.agent_id
+        return [outcomes[place] for place in range(len(wanted))]
+
+    def _conceive(self, place: int, boot: Boot) -> _Unborn:
+        agent_id = boot.agent_id
+        if agent_id not in self._index:
+            raise NotStarted(f"aMussel {agent_id} is not of this fleet")
+        if agent_id in self.children:
+            raise NotStarted(f"aMussel {agent_id} lives already, as process {self.children[agent_id].pid}")
+        pair = self._pair(agent_id)
+        slot = _newest(pair, boot.up_to)
+        if boot.at_ms < slot.granted_ms:
+            reason = f"it has lived to {slot.granted_ms} ms and cannot boot at {boot.at_ms} ms"
+            raise NotStarted(f"aMussel {agent_id}: {reason}")
+        if boot.cause is not ResetCause.POWER_ON:
+            self._count_restart(agent_id)
+        ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        # Made here, it costs the agent's own process none of the memory that making it touches.
+        flash = FlashRegion(self._flash_fd, self._index[agent_id], self._flash_pages)
+        flash.roll_back(slot.physical.samples)
+        config = self._configs.config(agent_id)
+        agent = Agent(config, self._codec, slot.physical, boot.at_ms, boot.cause, flash)
+        servant = Servant(agent, pair, self._teller, slot.key, boot.at_ms)
+        name = b"amussel-%d" % agent_id
+        return _Unborn(place, agent_id, name, servant, ours.detach(), theirs.detach())
+
+    def kill(self, agent_id: int) -> None:
+        """Kills a stopped or stuck agent and waits for its end, which a SIGKILL brings in any state."""
+        child = self.children[agent_id]
+        os.kill(child.pid, signal.SIGKILL)
+        os.waitpid(child.pid, 0)
+        self._forget(agent_id)
+
+    def reap(self) -> list[Died]:
+        """The agents that have ended since the last call."""
+        died = []
+        while self.children:
+            pid, status = os.waitpid(-1, os.WNOHANG)
+            if pid == 0:
+                break
+            agent_id = self._id_of_pid[pid]
+            self._forget(agent_id)
+            died.append(Died(agent_id, pid, _words(status)))
+        return died
+
+    def end(self) -> None:
+        """Ends every agent: SIGTERM, and SIGKILL for those that are still there after the stated time."""
+        for child in self.children.values():
+            os.kill(child.pid, signal.SIGTERM)
+        deadline_s = time.monotonic() + self._upbringing.ending_s
+        for agent_id, child in list(self.children.items()):
+            descriptor = os.pidfd_open(child.pid)
+            if not readable(descriptor, deadline_s - time.monotonic()):
+                os.kill(child.pid, signal.SIGKILL)
+            os.close(descriptor)
+            os.waitpid(child.pid, 0)
+            self._forget(agent_id)
+        os.fsync(self._slots_fd)
+        os.fsync(self._flash_fd)
+
+    def _count_restart(self, agent_id: int) -> None:
+        limit = self._upbringing
+        now_s = time.monotonic()
+        recent = [at_s for at_s in self._restarted_at_s.get(agent_id, []) if at_s > now_s - limit.within_s]
+        self._restarted_at_s[agent_id] = recent
+        if len(recent) >= limit.restarts:
+            raise NotStarted(
+                f"aMussel {agent_id} was restarted {limit.restarts} times within {limit.within_s:g} s: it stays dead"
+            )
+        recent.append(now_s)
+
+    def _forget(self, agent_id: int) -> None:
+        child = self.children.pop(agent_id)
+        del self._id_of_pid[child.pid]
+        os.close(child.link)
+
+    def _pair(self, agent_id: int) -> SlotPair:
+        return SlotPair(self._slots_fd, self._index[agent_id], agent_id)
+
+
+def _lock(descriptor: int) -> None:
+    """Agents inherit this lock: it is free once a dead nursery's last agent is gone, too."""
+
+    def give_up(*_: object) -> None:
+        raise ValueError("another nursery, or an agent of one, lives there")
+
+    signal.signal(signal.SIGALRM, give_up)
+    signal.setitimer(signal.ITIMER_REAL, _LOCK_TIMEOUT_S)
+    fcntl.flock(descriptor, fcntl.LOCK_EX)
+    signal.setitimer(signal.ITIMER_REAL, 0)
+
+
+def _newest(pair: SlotPair, up_to: Key | None) -> Slot:
+    slot = pair.newest(up_to)
+    if slot is None:
+        raise NotStarted(
+            f"the physical file has no whole slot of aMussel {pair.agent_id} up to window {up_to}"
+        )
+    return slot
+
+
+def _words(status: int) -> str:
+    if os.WIFSIGNALED(status):
+        return f"killed by {signal.Signals(os.WTERMSIG(status)).name}"
+    return f"ended with exit status {os.WEXITSTATUS(status)}; nursery.log says why"

@@ -1,0 +1,59 @@
+"""What a nursery is to raise, in its run directory, so that a new nursery needs nothing but the directory."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+
+import msgpack
+
+from agents.fleet import FleetConfig
+from agents.mussel.physical import Physical
+
+FLEET_NAME = "fleet.msgpack"
+PHYSICAL_NAME = "physical.slots"
+MAX_AGENT_ID = 65535
+
+
+@dataclass(frozen=True, slots=True)
+class Upbringing:
+    """How the nursery treats its agents and itself, in real seconds."""
+
+    orphan_s: float = 600.0
+    """With no supervisor for so long, the fleet and the nursery end."""
+    restarts: int = 5
+    within_s: float = 60.0
+    """An agent that would start again more than `restarts` times within `within_s` stays dead."""
+    ending_s: float = 2.0
+    """How long agents have to end when asked to, before they are killed."""
+
+
+@dataclass(frozen=True, slots=True)
+class FleetFile:
+    fleet: FleetConfig
+    births: dict[int, Physical]
+    upbringing: Upbringing
+
+    def write(self, run_dir: str) -> None:
+        """Writes it into an existing directory. FileExistsError when a fleet lives there already."""
+        upbringing = self.upbringing
+        data: bytes = msgpack.packb(
+            [
+                self.fleet.to_wire(),
+                {agent_id: physical.pack() for agent_id, physical in self.births.items()},
+                [upbringing.orphan_s, upbringing.restarts, upbringing.within_s, upbringing.ending_s],
+            ]
+        )
+        with open(os.path.join(run_dir, FLEET_NAME), "xb") as file:
+            file.write(data)
+
+    @classmethod
+    def read(cls, run_dir: str) -> FleetFile:
+        """The inverse of `write`; OSError when there is none."""
+        with open(os.path.join(run_dir, FLEET_NAME), "rb") as file:
+            fleet, births, upbringing = msgpack.unpackb(file.read(), strict_map_key=False)
+        return cls(
+            FleetConfig.from_wire(fleet),
+            {agent_id: Physical.unpack(data) for agent_id, data in births.items()},
+            Upbringing(*upbringing),
+        )

@@ -1,0 +1,222 @@
+"""What a supervisor and the nursery say to each other, and how they meet. Agents' sockets travel along as descriptors."""
+
+from __future__ import annotations
+
+import os
+import socket
+from collections.abc import Sequence
+from dataclasses import astuple, dataclass
+from typing import Any
+
+import msgpack
+
+from agents.hosting.link_protocol import LIMIT_BYTES, LinkError
+
+SOCKET_NAME = "nursery.sock"
+DESCRIPTORS_AT_ONCE = 200
+"""Below the kernel's 253 descriptors a message."""
+
+
+@dataclass(frozen=True, slots=True)
+class Hello:
+    """A supervisor's first word. Epochs rise: whoever comes with a higher one takes over, a lower one is refused."""
+
+    epoch: int
+
+
+@dataclass(frozen=True, slots=True)
+class Start:
+    """Rows (agent_id, at_ms, ResetCause, epoch, sequence): boot it at agent time `at_ms` as it was at that key."""
+
+    request: int
+    rows: tuple[tuple[int, ...], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Kill:
+    request: int
+    agent_id: int
+
+
+@dataclass(frozen=True, slots=True)
+class End:
+    """End every agent, and then the nursery itself."""
+
+
+@dataclass(frozen=True, slots=True)
+class Welcome:
+    """The answer to Hello; the truth socket's reading end comes along. `rolls` Rolls follow."""
+
+    pid: int
+    rolls: int
+
+
+@dataclass(frozen=True, slots=True)
+class Roll:
+    """Rows (agent_id, pid, epoch, sequence, granted_ms): pid 0 is a dead one, the rest is its newest slot.
+
+    The links of the living come along in the order of the rows.
+    """
+
+    rows: tuple[tuple[int, ...], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Started:
+    """Rows (agent_id, pid), with a link for each."""
+
+    request: int
+    rows: tuple[tuple[int, ...], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Killed:
+    request: int
+    agent_id: int
+
+
+@dataclass(frozen=True, slots=True)
+class Ended:
+    """Every agent is gone, and the nursery goes."""
+
+
+@dataclass(frozen=True, slots=True)
+class Died:
+    """An agent's process ended by itself or was killed from outside."""
+
+    agent_id: int
+    pid: int
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class Refused:
+    """`request` is 0 for what has no number; `fenced` when a newer supervisor has taken over."""
+
+    request: int
+    agent_id: int
+    fenced: bool
+    reason: str
+
+
+Message = Hello | Start | Kill | End | Welcome | Roll | Started | Killed | Ended | Died | Refused
+
+_FIELDS: dict[type[Any], tuple[type | int, ...]] = {
+    # A number n stands for rows of n counts.
+    Hello: (int,),
+    Start: (int, 5),
+    Kill: (int, int),
+    End: (),
+    Welcome: (int, int),
+    Roll: (5,),
+    Started: (int, 2),
+    Killed: (int, int),
+    Ended: (),
+    Died: (int, int, str),
+    Refused: (int, int, bool, str),
+}
+_KINDS = tuple(_FIELDS)
+_CODES = {kind: code for code, kind in enumerate(_KINDS)}
+
+
+def encode(message: Message) -> bytes:
+    data: bytes = msgpack.packb([_CODES[type(message)], *astuple(message)])
+    if len(data) > LIMIT_BYTES:
+        raise ValueError(f"a {type(message).__name__} of {len(data)} bytes: a link carries {LIMIT_BYTES}")
+    return data
+
+
+def decode(data: bytes) -> Message:
+    """The inverse of `encode`; LinkError for anything else."""
+    try:
+        wire = msgpack.unpackb(data)
+    except (
+        Exception
+    ) as error:  # the unpacker's errors have no common base, and any of them is the peer's fault
+        raise LinkError(f"not msgpack: {type(error).__name__}") from None
+    if not isinstance(wire, list) or not wire or type(wire[0]) is not int or not 0 <= wire[0] < len(_KINDS):
+        raise LinkError("not a message of the control link")
+    kind = _KINDS[wire[0]]
+    if len(wire) != len(_FIELDS[kind]) + 1:
+        raise LinkError(f"a {kind.__name__} has other fields")
+    fields = [_field(value, wanted, kind) for value, wanted in zip(wire[1:], _FIELDS[kind], strict=True)]
+    message: Message = kind(*fields)
+    return message
+
+
+def _field(value: Any, wanted: type | int, kind: type[Any]) -> Any:
+    if isinstance(wanted, int):
+        if not isinstance(value, list):
+            raise LinkError(f"a {kind.__name__} has rows")
+        return tuple([_row(row, wanted, kind) for row in value])
+    if type(value) is not wanted or (isinstance(value, int) and value < 0):
+        raise LinkError(f"a {kind.__name__} has other fields")
+    return value
+
+
+def _row(row: Any, wanted: int, kind: type[Any]) -> tuple[int, ...]:
+    if not isinstance(row, list) or len(row) != wanted or any(type(n) is not int or n < 0 for n in row):
+        raise LinkError(f"a row of a {kind.__name__} has {wanted} counts")
+    return tuple(row)
+
+
+def send(sock: socket.socket, message: Message, descriptors: Sequence[int] = ()) -> None:
+    """Sends within the socket's own time-out; OSError when the other end is gone or does not listen."""
+    data = encode(message)
+    if descriptors:
+        socket.send_fds(sock, [data], list(descriptors))
+    else:
+        sock.send(data)
+
+
+def receive(sock: socket.socket) -> tuple[Message, list[int]] | None:
+    """A message and the descriptors with it, or None at the end of the link.
+
+    Raises LinkError for what is no message, after closing what came with it.
+    """
+    data, descriptors, flags, _ = socket.recv_fds(sock, LIMIT_BYTES, DESCRIPTORS_AT_ONCE)
+    try:
+        if not data:
+            return None
+        if flags & (socket.MSG_TRUNC | socket.MSG_CTRUNC):
+            raise LinkError(f"longer than {LIMIT_BYTES} bytes, or too many descriptors")
+        return decode(data), descriptors
+    except LinkError:
+        for descriptor in descriptors:
+            os.close(descriptor)
+        raise
+
+
+def listen(run_dir: str) -> socket.socket:
+    """The nursery's socket in its run directory. A socket that a dead nursery left there is replaced."""
+    sock = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    directory = os.open(run_dir, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        path = _short_path(directory)
+        if os.path.lexists(path):
+            os.unlink(path)
+        sock.bind(path)
+    finally:
+        os.close(directory)
+    sock.listen(8)
+    return sock
+
+
+def connect(run_dir: str, timeout_s: float) -> socket.socket:
+    """A link to the nursery of a run directory, with that time-out. OSError when there is none."""
+    sock = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    directory = os.open(run_dir, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        sock.settimeout(timeout_s)
+        sock.connect(_short_path(directory))
+    except OSError:
+        sock.close()
+        raise
+    finally:
+        os.close(directory)
+    return sock
+
+
+def _short_path(directory: int) -> str:
+    """A Unix socket's path ends at 107 bytes; a run directory's may be longer."""
+    return f"/proc/self/fd/{directory}/{SOCKET_NAME}"

@@ -1,0 +1,327 @@
+"""A fleet in its sea: lets time pass in rounds as fine as sound needs, and carries what is said between modems.
+
+A packet acts at its end, and an agent that does something at a time d can be heard from d + 105 ms on at the earliest: so
+long is the shortest packet. A round so never goes beyond the next end of a packet on its way, nor beyond that time after
+the next thing that anybody does; when nobody has anything to do, it goes to the tick. Whoever hears a packet meets it in
+the next round, stamped with its end. The medium knows where modems are from the fleet's truths: it is the world, not a
+mission.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Collection
+from dataclasses import dataclass
+
+from agents.coordinator import Coordinator, Died, Heard
+from agents.hosting.host import Host
+from agents.modem.facts import FrameArrived
+from agents.modem.firmware import Firmware
+from agents.modem.frames import PAYLOAD_BYTES, SHORT_MS, Frame, FrameKind, Generation
+from agents.mussel.outputs import PingAnswered, SoundSent, Truth, WifiSent
+from agents.mussel.stimuli import ModemSent, PingArrived, SoundArrived, Stimulus
+from agents.water import medium
+from agents.water.apad_modem import KeelModem, Send
+from agents.water.chance import fates
+from agents.water.medium import Began, LinksChanged, Medium, Moved, PacketEnded, ThrustersRan
+from agents.water.places import Place, Sinking, along_m
+from agents.water.sea_events import (
+    APAD,
+    APAD_ADDRESS,
+    NotRanged,
+    Printed,
+    Ranged,
+    SeaResult,
+    SoundReached,
+    Told,
+    address_of,
+)
+from agents.water.sea_modems import SeaModems
+from agents.water.sound import Sound
+from agents.water.topology import Topology
+from agents.water.wifi import Wifi
+from firmware_model.power.rails import RAILS
+
+_FIRMWARE = {Generation.V2: Firmware.V2, Generation.V3: Firmware.V3}
+
+
+@dataclass(frozen=True, slots=True)
+class SeaConfig:
+    """Agent time. `wifi` is None where Wi-Fi has no limits but the water."""
+
+    seed: int
+    sound: Sound
+    wifi: Wifi | None
+    sinking: Sinking
+    keel_um: int
+    """The depth of the aPad's modem."""
+    range_noise_m: float
+    """Standard deviation of a measured range."""
+    thrusting_m_s: float
+    """An aPad that moves faster than this has its thrusters running."""
+    modems: Generation = Generation.V3
+
+
+Happened = tuple[int, int, int, medium.Stimulus | Heard]
+"""(agent time, order within it, node, what); a Heard is a Wi-Fi packet on its way to the aPad."""
+
+
+class Sea:
+    """Around a coordinator, whose `advance` this one's takes the place of. Public times are mission milliseconds."""
+
+    def __init__(
+        self,
+        config: SeaConfig,
+        coordinator: Coordinator,
+        host: Host,
+        now_ms: int = 0,
+        opened: Collection[int] = (),
+    ) -> None:
+        """`opened` are the agents whose modems somebody else may talk to: see `write`, and `Printed`."""
+        self.config = config
+        self.dropped: Counter[str] = Counter()
+        self._coordinator = coordinator
+        self._host = host
+        self._theta = coordinator.theta
+        start_ms = self._theta * now_ms
+        nodes = [APAD, *coordinator.agent_ids]
+        self._medium = Medium(
+            config.sound, config.seed, [(node, address_of(node)) for node in nodes], start_ms
+        )
+        self.now_ms = start_ms
+        self._keel = KeelModem(start_ms)
+        self._modems = (
+            SeaModems(
+                _FIRMWARE[config.modems],
+                {node: address_of(node) for node in nodes},
+                opened,
+                start_ms,
+                self.dropped,
+            )
+            if opened
+            else None
+        )
+        self._places: dict[int, Place] = {}
+        self._apad_at_ms: int | None = None
+        self._truths: list[Truth] = []
+        self._told: list[medium.Result] = []
+        """Of the medium, between two ticks."""
+
+    def take_truths(self) -> list[Truth]:
+        """The fleet's truths since the last call, of whose places the sea has taken note."""
+        for truth in self._new_truths():
+            self._told += self._move(truth.agent_id, self.config.sinking.place(truth.physical), self.now_ms)
+        truths, self._truths = self._truths, []
+        return truths
+
+    def _new_truths(self) -> list[Truth]:
+        new = self._host.take_truths()
+        self._truths += new
+        return new
+
+    def _move(self, node: int, place: Place, at_ms: int) -> list[medium.Result]:
+        self._places[node] = place
+        return self._medium.receive(Moved(node, place), at_ms)
+
+    # What the aPad does, at ticks.
+
+    def carry_apad(self, north_m: float, east_m: float, at_ms: int) -> None:
+        """The aPad is here at mission time `at_ms`, now or since the last tick."""
+        place = Place(round(north_m * 1e6), round(east_m * 1e6), self.config.keel_um, in_water=True)
+        before = self._places.get(APAD)
+        if before is not None and self._apad_at_ms is not None and at_ms > self._apad_at_ms:
+            fast = 1000 * along_m(before, place) > self.config.thrusting_m_s * (at_ms - self._apad_at_ms)
+            self._told += self._medium.receive(ThrustersRan(APAD, fast), self.now_ms)
+        self._apad_at_ms = at_ms
+        self._told += self._move(APAD, place, self.now_ms)
+
+    def say(self, agent_id: int | None, data: bytes, not_before_ms: int = 0) -> None:
+        """Sends bytes by the aPad's modem, to one aMussel or to all: at that agent time, or as soon as it is free."""
+        frame = self._carrying(data, APAD_ADDRESS, None if agent_id is None else address_of(agent_id))
+        if frame is not None:
+            self._ask(agent_id, frame, not_before_ms)
+
+    def ping(self, agent_id: int, not_before_ms: int = 0) -> None:
+        """Measures the range to an aMussel: Ranged or NotRanged comes of it."""
+        ping = Frame(FrameKind.PING, APAD_ADDRESS, address_of(agent_id), generation=self.config.modems)
+        self._ask(agent_id, ping, not_before_ms)
+
+    def lay_links(self, topology: Topology) -> None:
+        """Links are as the topology says from now on."""
+        self._told += self._medium.receive(LinksChanged(topology), self.now_ms)
+
+    def wifi_reaches(self, agent_id: int, now_ms: int) -> bool:
+        """Whether what the aPad says to an aMussel by Wi-Fi now gets through the air."""
+        return self._through_the_air(APAD, agent_id, self._theta * now_ms)
+
+    def write(self, agent_id: int, data: bytes) -> None:
+        """Whoever opened the modem wrote this to its serial line; what it prints comes as `Printed`."""
+        if self._modems is None:
+            raise ValueError(f"the modem of aMussel {agent_id} has not been opened")
+        self._modems.write(agent_id, data)
+
+    def _ask(self, node: int | None, frame: Frame, not_before_ms: int) -> None:
+        if not self._keel.ask(node, frame, not_before_ms):
+            self.dropped["sound: the aPad's modem has too much to send"] += 1
+
+    # Rounds.
+
+    def advance(self, now_ms: int) -> list[SeaResult]:
+        """Everything up to mission time `now_ms`, in the order of the rounds (ValueError if time went back)."""
+        until_ms = self._theta * now_ms
+        if until_ms < self.now_ms:
+            raise ValueError(f"time went back: {until_ms} before {self.now_ms}")
+        results: list[SeaResult] = []
+        told, self._told = self._told, []
+        self._deliver(told, results)
+        while True:
+            horizon_ms = self._horizon(until_ms)
+            whole = horizon_ms == until_ms
+            came = self._coordinator.advance(now_ms) if whole else self._coordinator.grant(horizon_ms)
+            self._round(came, horizon_ms, results)
+            self.now_ms = horizon_ms
+            if whole:
+                return results
+
+    def _horizon(self, until_ms: int) -> int:
+        """The end of the next round: nothing that begins in it can act before its end."""
+        horizon_ms = until_ms
+        if (due_ms := self._medium.next_due_ms) is not None:
+            horizon_ms = min(horizon_ms, due_ms)
+        modems_ms = None if self._modems is None else self._modems.next_due_ms
+        for does_ms in (self._coordinator.due_agent_ms, self._keel.next_due_ms, modems_ms):
+            if does_ms is not None:
+                horizon_ms = min(horizon_ms, max(does_ms, self.now_ms) + SHORT_MS[self.config.modems])
+        return max(horizon_ms, self.now_ms)
+
+    def _round(self, came: list[Heard | Died], horizon_ms: int, results: list[SeaResult]) -> None:
+        """Brings what agents did in the round to the medium, in the order of time, and what that decided to agents."""
+        happened: list[Happened] = []
+        for truth in self._new_truths():
+            moved = Moved(truth.agent_id, self.config.sinking.place(truth.physical))
+            happened.append((truth.at_ms, 0, truth.agent_id, moved))
+            if self._modems is not None:
+                self._modems.power(truth.agent_id, RAILS[truth.state] != 0, truth.at_ms)
+        for it in came:
+            match it:
+                case Heard(_, agent_id, SoundSent() | PingAnswered() as output):
+                    frame = self._frame(agent_id, output)
+                    if frame is not None:
+                        self._send(happened, output.at_ms, agent_id, frame)
+                case Heard(_, agent_id, WifiSent(at_ms)):
+                    happened.append((at_ms, 2, agent_id, it))
+                case Died(_, agent_id, gave_up=reason) if reason is not None:
+                    happened.append((horizon_ms, 0, agent_id, Moved(agent_id, None)))
+                    results.append(it)
+                case _:
+                    results.append(it)
+        for spoke in self._keel.advance(horizon_ms):
+            if isinstance(spoke, Send):
+                self._send(happened, spoke.at_ms, APAD, spoke.frame)
+            elif spoke.node is not None:
+                results.append(NotRanged(self._mission_ms(spoke.at_ms), spoke.node))
+        if self._modems is not None:
+            for sent in self._modems.round(horizon_ms):
+                happened.append((sent.at_ms, 1, sent.node, Began(sent.node, sent.frame)))
+                if not sent.asked and sent.node != APAD:
+                    self._tell(sent.node, ModemSent(sent.frame.duration_ms), sent.at_ms, results)
+        self._deliver(self._happen(happened, horizon_ms, results), results)
+        if self._modems is not None:
+            results += [Printed(self._mission_ms(horizon_ms), *it) for it in self._modems.take_printed()]
+
+    def _happen(
+        self, happened: list[Happened], horizon_ms: int, results: list[SeaResult]
+    ) -> list[medium.Result]:
+        """Lets it happen in the order of time, up to the horizon; what the medium decided by then."""
+        decided: list[medium.Result] = []
+        for at_ms, _, node, what in sorted(happened, key=lambda it: it[:3]):
+            if isinstance(what, Heard):
+                if self._through_the_air(node, APAD, at_ms):
+                    results.append(what)
+                continue
+            now_ms = min(max(at_ms, self._medium.now_ms), horizon_ms)
+            if isinstance(what, Moved) and what.place is not None:
+                decided += self._move(node, what.place, now_ms)
+            else:
+                decided += self._medium.receive(what, now_ms)
+        return decided + self._medium.advance(horizon_ms)
+
+    def _send(self, happened: list[Happened], at_ms: int, node: int, frame: Frame) -> None:
+        """By the node's modem, if there are modems; otherwise straight into the water."""
+        if self._modems is None:
+            happened.append((at_ms, 1, node, Began(node, frame)))
+        else:
+            self._modems.ask(node, frame, at_ms)
+
+    def _deliver(self, decided: list[medium.Result], results: list[SeaResult]) -> None:
+        for it in decided:
+            if isinstance(it, PacketEnded):
+                results.append(it)
+                continue
+            node, at_ms, frame = it.reception.receiver, it.reception.at_ms, it.frame
+            if self._modems is not None:
+                arrived = FrameArrived(frame, it.reception.travelled_us, it.reception.snr_db)
+                if not self._modems.hear(node, arrived, at_ms):
+                    continue
+            if node == APAD:
+                self._hear(it, results)
+                continue
+            ping = frame.kind is FrameKind.PING
+            stimulus = PingArrived(it.reception.travelled_us) if ping else SoundArrived(frame.data)
+            self._tell(node, stimulus, at_ms, results)
+
+    def _tell(self, node: int, stimulus: Stimulus, at_ms: int, results: list[SeaResult]) -> None:
+        agent_ms = self._coordinator.tell(node, stimulus, at_ms)
+        if agent_ms is not None:
+            results.append(Told(self._mission_ms(at_ms), node, agent_ms, stimulus))
+
+    def _hear(self, heard: medium.Heard, results: list[SeaResult]) -> None:
+        """At the aPad's modem."""
+        at_ms, frame = heard.reception.at_ms, heard.frame
+        mission_ms = self._mission_ms(at_ms)
+        if frame.kind is not FrameKind.PING_REPLY:
+            results.append(SoundReached(mission_ms, heard.sender, frame.data))
+        elif self._keel.answered(heard.sender, at_ms):
+            *_, normal = fates(self.config.seed, heard.sender, at_ms, APAD, b"range")
+            round_trip_us, off_m = (
+                frame.flight_us + heard.reception.travelled_us,
+                self.config.range_noise_m * normal,
+            )
+            range_m = self.config.sound.range_m(round_trip_us, off_m)
+            results.append(Ranged(mission_ms, heard.sender, range_m))
+        else:
+            self.dropped["sound: an answer to a ping that was given up"] += 1
+
+    def _frame(self, agent_id: int, output: SoundSent | PingAnswered) -> Frame | None:
+        source = address_of(agent_id)
+        if isinstance(output, PingAnswered):
+            modems, us = self.config.modems, output.travelled_us
+            return Frame(FrameKind.PING_REPLY, source, APAD_ADDRESS, b"", modems, us)
+        return self._carrying(output.data, source, APAD_ADDRESS)
+
+    def _carrying(self, data: bytes, source: int, to: int | None) -> Frame | None:
+        """A frame with these bytes, to one address or to all; None, counted, for more than a modem carries."""
+        modems = self.config.modems
+        fewest, most = PAYLOAD_BYTES[modems]
+        if not fewest <= len(data) <= most:
+            self.dropped[
+                f"sound: {len(data)} bytes, and a {modems.name} modem carries {fewest} to {most}"
+            ] += 1
+            return None
+        return Frame(FrameKind.BROADCAST if to is None else FrameKind.UNICAST, source, to, data, modems)
+
+    def _through_the_air(self, sender: int, receiver: int, at_ms: int) -> bool:
+        one, other = self._places.get(sender), self._places.get(receiver)
+        if self.config.wifi is None:
+            return True
+        if one is None or other is None:
+            return False
+        reached = self.config.wifi.gets_through(
+            along_m(one, other), self.config.seed, sender, at_ms, receiver
+        )
+        if not reached:
+            self.dropped["Wi-Fi: lost in the air"] += 1
+        return reached
+
+    def _mission_ms(self, agent_ms: int) -> int:
+        return -(-agent_ms // self._theta)

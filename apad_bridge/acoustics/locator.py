@@ -1,0 +1,161 @@
+"""Where aMussels are, from ranges that aPads took on their ways: every place from which one was taken is an anchor."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from dataclasses import dataclass
+
+import numpy as np
+
+from apad_bridge.acoustics.least_squares import Floats, NoFix, Solution, mirrored, solve
+
+AMBIGUOUS = 9.0
+"""Two places whose weighted squared residuals differ by less, three standard deviations, are not told apart by ranges."""
+
+
+@dataclass(frozen=True, slots=True)
+class RangeTaken:
+    """At mission time `at_ms` an aPad's modem at this place (metres, depth positive down) was `range_m` from the aMussel's.
+
+    Never a physical modem's range: that is to the jetty where it hangs.
+    """
+
+    at_ms: int
+    agent_id: int
+    range_m: float
+    north_m: float
+    east_m: float
+    depth_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class PositionFix:
+    """A place measured by sound. `covariance` is (north, north-east, east) in square metres.
+
+    `hdop` is the geometry's dilution of precision, `residual_m` the root mean square of what the ranges disagree by.
+    """
+
+    at_ms: int
+    agent_id: int
+    north_m: float
+    east_m: float
+    covariance: tuple[float, float, float]
+    hdop: float
+    residual_m: float
+    ranges: int
+
+
+@dataclass(frozen=True, slots=True)
+class LocatorConfig:
+    deviation_m: float
+    """Of a range: what is measured badly, and how well the aPad knows its own place."""
+    depth_m: float
+    """Of the bottom, on which they lie."""
+    memory_s: float
+    """Ranges older than this are forgotten: the aMussel may have moved."""
+    apart_m: float
+    """Of ranges taken nearer to each other than this, the newest counts."""
+    at_least: int = 3
+    worst_hdop: float = 5.0
+    gate: float = 16.0
+    """A range whose squared residual is so many variances is an outlier: the fix is made without the worst."""
+
+
+class Locator:
+    """Ranges in, fixes out. `dropped` counts, by reason, ranges that gave none."""
+
+    def __init__(self, config: LocatorConfig) -> None:
+        self.dropped: Counter[str] = Counter()
+        self._config = config
+        self._ranges: dict[int, list[RangeTaken]] = {}
+
+    def forget(self, agent_id: int) -> None:
+        """It was carried away, or swam: what was measured before says nothing any more."""
+        self._ranges.pop(agent_id, None)
+
+    def take(self, taken: RangeTaken, near_m: tuple[float, float] | None = None) -> PositionFix | None:
+        """What the ranges of this aMussel say now, `near_m` being where it is believed to be; None for no fix."""
+        numbers = (taken.range_m, taken.north_m, taken.east_m, taken.depth_m)
+        if not all(map(math.isfinite, numbers)) or taken.range_m < 0:
+            self.dropped["a range that is no length"] += 1
+            return None
+        self.remember(taken)
+        try:
+            solution, used = self._solve(self._ranges[taken.agent_id], near_m)
+        except NoFix as reason:
+            self.dropped[f"no fix: {reason}"] += 1
+            return None
+        return PositionFix(
+            taken.at_ms,
+            taken.agent_id,
+            solution.north_m,
+            solution.east_m,
+            solution.covariance,
+            solution.hdop,
+            math.sqrt(sum(it * it for it in solution.residuals_m) / used),
+            used,
+        )
+
+    def remember(self, taken: RangeTaken) -> None:
+        """Keeps a range for later, and forgets those that it makes old."""
+        kept = [
+            it
+            for it in self._ranges.get(taken.agent_id, ())
+            if it.at_ms >= taken.at_ms - 1000 * self._config.memory_s and self._apart(it, taken)
+        ]
+        self._ranges[taken.agent_id] = [*kept, taken]
+
+    @property
+    def ranges(self) -> list[RangeTaken]:
+        """All that is remembered, in an order in which it can be remembered again."""
+        return [taken for ranges in self._ranges.values() for taken in ranges]
+
+    def _apart(self, one: RangeTaken, other: RangeTaken) -> bool:
+        return math.dist((one.north_m, one.east_m), (other.north_m, other.east_m)) >= self._config.apart_m
+
+    def _solve(self, ranges: list[RangeTaken], near_m: tuple[float, float] | None) -> tuple[Solution, int]:
+        if len(ranges) < self._config.at_least:
+            raise NoFix("too few ranges from places apart")
+        solution = self._best(ranges, near_m)
+        if len(ranges) > self._config.at_least + 1:
+            worst = max(range(len(ranges)), key=lambda n: abs(solution.residuals_m[n]))
+            if (solution.residuals_m[worst] / self._config.deviation_m) ** 2 > self._config.gate:
+                ranges = ranges[:worst] + ranges[worst + 1 :]
+                solution = self._best(ranges, near_m)
+        if solution.hdop > self._config.worst_hdop:
+            raise NoFix("the geometry is too flat")
+        if solution.chi2 > self._config.gate * len(ranges):
+            raise NoFix("the ranges contradict each other")
+        return solution, len(ranges)
+
+    def _best(self, ranges: list[RangeTaken], near_m: tuple[float, float] | None) -> Solution:
+        """The place that fits best, of the two on either side of the anchors' line."""
+        anchors = np.array([(it.north_m, it.east_m, it.depth_m) for it in ranges])
+        lengths = np.array([it.range_m for it in ranges])
+        deviations = np.full(len(ranges), self._config.deviation_m)
+        start = near_m or _beside(anchors, float(lengths.mean()))
+        found: list[Solution] = []
+        for begin in (start, mirrored(anchors, start)):
+            try:
+                found.append(solve(anchors, lengths, deviations, self._config.depth_m, begin))
+            except NoFix as reason:
+                failure = reason
+        if not found:
+            raise failure
+        found.sort(key=lambda it: it.chi2)
+        best, other = found[0], found[-1]
+        apart_m = math.dist((best.north_m, best.east_m), (other.north_m, other.east_m))
+        if apart_m > 6 * self._config.deviation_m and other.chi2 - best.chi2 < AMBIGUOUS:
+            if near_m is None:
+                raise NoFix("the anchors lie on a line, and both its sides fit")
+            return min(found, key=lambda it: math.dist((it.north_m, it.east_m), near_m))
+        return best
+
+
+def _beside(anchors: Floats, metres: float) -> tuple[float, float]:
+    """A place to begin at, off the line through the anchors."""
+    centre = anchors[:, :2].mean(axis=0)
+    _, _, axes = np.linalg.svd(anchors[:, :2] - centre)
+    north, east = centre + metres * axes[1]
+    return float(north), float(east)

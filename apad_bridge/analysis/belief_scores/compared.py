@@ -1,0 +1,177 @@
+"""Beliefs beside truth in a recorded run, at times a period apart: by its bags, or by its journal.
+
+A bag holds what was believed at each of its samples, and how sure that was. A journal names a belief again when it has
+changed noticeably, and knows no deviation of a place: it is for runs that still fly, whose bag is not closed yet, and for
+bags of versions that held the means alone.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from enum import StrEnum
+from pathlib import Path
+
+from apad_bridge.analysis.replay.history import History
+from apad_bridge.beliefs.modes import Mode, mode_of
+from apad_bridge.records.bag_samples import BagUnreadable, Instant, instants, tells_deviations
+from apad_bridge.records.journal import Line, read_journal
+from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
+from apad_bridge.records.samples import BeliefSample, TruthSample, Water
+from apad_bridge.scenario.board_model import charge_model
+from apad_bridge.scenario.errors import ScenarioError
+from apad_bridge.scenario.loader import load
+from apad_bridge.scenario.schema import Scenario
+from firmware_model.states import State
+
+_HALF_RESTS = 0.683
+_CERTAIN = 1e-6
+"""What is believed to so much is believed to be full, or empty."""
+
+
+class Record(StrEnum):
+    BAG = "bag"
+    JOURNAL = "journal"
+
+
+@dataclass(frozen=True, slots=True)
+class Compared:
+    """One aMussel at one time. Ages are agent time since the newest packet; `deviation` is None for a belief that claims to
+    be certain."""
+
+    agent_id: int
+    at_ms: int
+    age_h: float
+    mode: Mode
+    """What it was."""
+    mode_right: bool
+    error: float
+    """Of the primary charge, believed less true."""
+    deviation: float | None
+    covered: bool | None
+    """Whether the truth lay in the interval of 95 %."""
+    clamped: bool
+    """The truth rests at 0 or 1, or more than half of what is believed does."""
+    place_error_m: float | None
+    """None in a dock: it is where the aPad is."""
+    place_square: float | None = None
+    """Square of that error in deviations, of two dimensions; None where nobody claims any."""
+
+
+def best_record(run_dir: Path) -> Record:
+    """The bag, if all of the run's bags are closed and say how sure beliefs were. RunDirectoryError for no run."""
+    bags = RunDirectory.open(run_dir).bags
+    return Record.BAG if bags and all(map(tells_deviations, bags)) else Record.JOURNAL
+
+
+def compared_in(run_dir: Path, period_ms: int, record: Record) -> Iterator[Compared]:
+    """Of every aMussel of which `record` has both. RunDirectoryError, one line, when the directory holds no such run."""
+    directory = RunDirectory.open(run_dir)
+    if record is Record.BAG:
+        if not directory.bags:
+            raise RunDirectoryError(f"{run_dir} holds no bag")
+        try:
+            for instant in instants(directory.bags, period_ms):
+                yield from _at_instant(instant)
+        except BagUnreadable as error:
+            raise RunDirectoryError(f"{error}; try --from journal") from error
+        return
+    try:
+        scenario = load(directory.scenario)
+    except ScenarioError as error:
+        raise RunDirectoryError(error.lines[0]) from error
+    history = History(read_journal(directory.journal), scenario.theta, charge_model(scenario.board))
+    water = Water(scenario)
+    for now_ms in range(0, history.end_ms + 1, period_ms):
+        try:
+            history.advance(now_ms)
+        except (KeyError, TypeError, ValueError) as error:
+            raise RunDirectoryError(
+                f"{directory.journal} has a line that this version does not read ({error!r}): "
+                "look at the run with the version that flew it"
+            ) from error
+        yield from _at(history, water, scenario, now_ms)
+
+
+def _at_instant(instant: Instant) -> Iterator[Compared]:
+    truths = {truth.agent_id: truth for truth in instant.truths}
+    # Agent time for each second of mission time; nothing is older than the run.
+    theta = round(instant.agent_ms / instant.at_ms) if instant.at_ms else 1
+    for belief in instant.beliefs:
+        truth = truths.get(belief.agent_id)
+        if truth is None:
+            continue
+        sure = not math.isnan(belief.charge_deviation)
+        yield Compared(
+            belief.agent_id,
+            instant.at_ms,
+            theta * belief.age_s / 3600,
+            (mode := _true_mode(truth)),
+            _believed_mode(belief) is mode,
+            belief.charge - truth.primary,
+            belief.charge_deviation if sure else None,
+            belief.charge_low <= truth.primary <= belief.charge_high if sure else None,
+            not 0 < truth.primary < 1 or _rests(belief.charge, belief.charge_deviation),
+            None
+            if truth.docked
+            else math.hypot(belief.north_m - truth.north_m, belief.east_m - truth.east_m),
+            None if truth.docked else _place_square(belief, truth),
+        )
+
+
+def _true_mode(truth: TruthSample) -> Mode:
+    return mode_of(State(truth.state), truth.primary, truth.secondary)
+
+
+def _believed_mode(belief: BeliefSample) -> Mode:
+    if not belief.mode_probabilities:
+        return mode_of(State(belief.state), belief.charge, belief.secondary)
+    return Mode(max(range(len(belief.mode_probabilities)), key=belief.mode_probabilities.__getitem__))
+
+
+def _rests(charge: float, deviation: float) -> bool:
+    """Whether more than half of a Gaussian that is held at 0 and 1 rests at one of them, by its moments as held: half of it
+    does at a mean of 1, which leaves a mean of 1 - 0.399 and a deviation of 0.584 of the Gaussian's."""
+    return min(charge, 1 - charge) < _HALF_RESTS * deviation or deviation < _CERTAIN
+
+
+def _place_square(belief: BeliefSample, truth: TruthSample) -> float | None:
+    """Mahalanobis' distance, squared; None for a place without deviations, or with none to speak of."""
+    north, east = belief.north_deviation_m**2, belief.east_deviation_m**2
+    across = belief.place_covariance_m2
+    determinant = north * east - across * across
+    if not determinant > 0:
+        return None
+    d_north, d_east = belief.north_m - truth.north_m, belief.east_m - truth.east_m
+    return (east * d_north**2 - 2 * across * d_north * d_east + north * d_east**2) / determinant
+
+
+def _at(history: History, water: Water, scenario: Scenario, now_ms: int) -> Iterator[Compared]:
+    for agent_id, line in sorted(history.now.beliefs.items()):
+        truth = history.now.truths.get(agent_id)
+        if truth is None:
+            continue
+        sample = water.sample(truth, max(scenario.theta * now_ms, truth.at_ms))
+        mode = _true_mode(sample)
+        deviation = line.get("sd")
+        yield Compared(
+            agent_id,
+            now_ms,
+            scenario.theta * (now_ms - line["heard"]) / 3_600_000,
+            mode,
+            _mode_in(line) is mode,
+            line["charge"] - sample.primary,
+            deviation,
+            None if deviation is None else line["low"] <= sample.primary <= line["high"],
+            not 0 < sample.primary < 1 or (deviation is not None and _rests(line["charge"], deviation)),
+            None
+            if sample.docked
+            else math.hypot(line["north_m"] - sample.north_m, line["east_m"] - sample.east_m),
+        )
+
+
+def _mode_in(line: Line) -> Mode:
+    if "mode" in line:
+        return Mode[line["mode"]]
+    return mode_of(State[line["state"]], line["charge"], line["secondary"])

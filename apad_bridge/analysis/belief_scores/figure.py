@@ -1,0 +1,63 @@
+"""The scores of a run's beliefs as a picture: error and coverage by age, mode and aMussel, with the samples of each bin."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from apad_bridge.analysis.belief_scores.scored import Score, Scores
+
+_ERROR, _COVERAGE, _ALOOF = "#3b6ea5", "#b5542c", "#888888"
+_WANTED = 0.95
+_SHOWN = 40
+"""More aMussels than this are drawn without their numbers: nobody could read them."""
+
+
+def draw(scores: Scores, path: Path, title: str) -> None:
+    """Writes what the file's ending says: .png, .svg or .pdf. ValueError for another ending."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(11, 9), layout="constrained")
+    figure.suptitle(title)
+    panels: Any = figure.subplots(3, 1)
+    for panel, name, bins in zip(
+        panels,
+        ("age of the last packet, up to (agent time)", "what it was doing", "aMussel"),
+        (scores.by_age, scores.by_mode, scores.by_agent),
+        strict=True,
+    ):
+        _panel(panel, name, bins)
+    figure.savefig(path, dpi=110)
+
+
+def _panel(panel: Any, name: str, bins: dict[str, Score]) -> None:
+    places = range(len(bins))
+    errors = [score.rmse for score in bins.values()]
+    panel.bar(places, errors, color=_ERROR, width=0.6)
+    panel.set_ylabel("error of the charge (rms)", color=_ERROR)
+    panel.set_ylim(0, 1.3 * max([*errors, 1e-3]))
+    panel.set_xlabel(name)
+    many = len(bins) > _SHOWN
+    panel.set_xticks([] if many else list(places), [] if many else list(bins))
+    if not many:
+        for place, score in zip(places, bins.values(), strict=True):
+            panel.annotate(
+                f"n {score.samples}",
+                (place, score.rmse),
+                xytext=(0, 3),
+                textcoords="offset points",
+                ha="center",
+                fontsize=7,
+                color=_ALOOF,
+            )
+    covered = [(place, score.coverage) for place, score in zip(places, bins.values(), strict=True)]
+    known = [(place, coverage) for place, coverage in covered if coverage is not None]
+    if known:
+        other = panel.twinx()
+        other.plot(*zip(*known, strict=True), "o", color=_COVERAGE, markersize=5)
+        other.axhline(_WANTED, color=_COVERAGE, linewidth=0.8, linestyle="--")
+        other.set_ylim(0, 1.05)
+        other.set_ylabel("in the interval of 95 %", color=_COVERAGE)

@@ -1,0 +1,101 @@
+"""What a layout shows: a scenario's aPads, whom each serves at first, the names of their topics, and the area."""
+
+from __future__ import annotations
+
+import colorsys
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from apad_bridge.assembly.division import members
+from apad_bridge.ros_names.frames import Frames
+from apad_bridge.ros_names.names import of_amussel, ours
+from apad_bridge.ros_names.namespaces import below_apad, is_one_of_several
+from apad_bridge.scenario.polygon import bounding_box
+from apad_bridge.scenario.schema import Scenario
+from apad_bridge.scenario.starts import Start
+
+_GOLDEN = 0.618033988749895
+"""Hues so far apart on the circle of 1 stay apart however many there are."""
+
+
+@dataclass(frozen=True, slots=True)
+class APadShown:
+    """An aPad and the aMussels that it serves at first."""
+
+    name: str
+    namespace: str
+    ids: tuple[int, ...]
+    is_one_of_several: bool
+
+    def topic(self, leaf: str) -> str:
+        """What of the bench is of this aPad alone, by its name below `musselbed`."""
+        name = ours(leaf)
+        return f"{self.namespace}/{below_apad(name, self.name) if self.is_one_of_several else name}"
+
+
+@dataclass(frozen=True, slots=True)
+class FleetShown:
+    """Bounds of the area are (north, east) metres, as are all places in a scenario."""
+
+    name: str
+    namespace: str
+    apads: tuple[APadShown, ...]
+    south_west_m: tuple[float, float]
+    north_east_m: tuple[float, float]
+    duration_s: float
+
+    @property
+    def ids(self) -> tuple[int, ...]:
+        """Of all aMussels, rising."""
+        return tuple(sorted(agent_id for apad in self.apads for agent_id in apad.ids))
+
+    @property
+    def centre_m(self) -> tuple[float, float]:
+        (south, west), (north, east) = self.south_west_m, self.north_east_m
+        return (south + north) / 2, (west + east) / 2
+
+    @property
+    def span_m(self) -> tuple[float, float]:
+        (south, west), (north, east) = self.south_west_m, self.north_east_m
+        return north - south, east - west
+
+    @property
+    def frames(self) -> Frames:
+        return Frames(self.namespace.strip("/"))
+
+    def batteries(self, apad: APadShown) -> dict[int, str]:
+        """The topic of each battery of the aMussels that this aPad serves at first, by id."""
+        return {
+            agent_id: f"{self.namespace}/{of_amussel(agent_id, 'battery_state')}" for agent_id in apad.ids
+        }
+
+
+def shown(scenario: Scenario, starts: Sequence[Start], namespace: str = "") -> FleetShown:
+    """`namespace` is empty, or a name of ROS with its leading slash and none at its end."""
+    apads = [
+        APadShown(
+            member.name,
+            namespace,
+            tuple(start.agent_id for start in member.starts),
+            is_one_of_several=is_one_of_several(scenario),
+        )
+        for member in members(scenario, starts)
+    ]
+    south_west, north_east = bounding_box(scenario.area.polygon_m)
+    return FleetShown(scenario.name, namespace, tuple(apads), south_west, north_east, scenario.duration_s)
+
+
+def in_bag(leaf: str) -> str:
+    """The topic of the bench in a run's bag, where names are the same whatever they were on the graph."""
+    return f"/{ours(leaf)}"
+
+
+def colour(number: int) -> tuple[int, int, int]:
+    """Red, green and blue in [0, 255] of the curve or line of this number: neighbours differ."""
+    red, green, blue = colorsys.hsv_to_rgb(number * _GOLDEN % 1.0, 0.65, 0.95)
+    return round(255 * red), round(255 * green), round(255 * blue)
+
+
+def hexadecimal(number: int) -> str:
+    """The same as #rrggbb."""
+    return "#{:02x}{:02x}{:02x}".format(*colour(number))

@@ -1,0 +1,86 @@
+"""rqt: a perspective with batteries in rqt_plot, /diagnostics in rqt_runtime_monitor, and rqt_topic and rqt_console.
+
+A perspective is JSON: groups of keys, whose values are Python's repr of what rqt's settings hold.
+"""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+from apad_bridge.analysis.layouts.fleet import APadShown, FleetShown
+from apad_bridge.analysis.layouts.qt_window import Column, Dock, Tabs, geometry, state
+
+_WIDTH_PX, _HEIGHT_PX = 1600, 900
+_PLOT, _MONITOR = "rqt_plot/Plot", "rqt_runtime_monitor/RuntimeMonitor"
+_TOPICS, _CONSOLE = "rqt_topic/TopicPlugin", "rqt_console/Console"
+_WIDGETS = {
+    _PLOT: "DataPlotWidget",
+    _MONITOR: "RuntimeMonitorWidget",
+    _TOPICS: "TopicWidget",
+    _CONSOLE: "ConsoleWidget",
+}
+Group = dict[str, Any]
+
+
+def layout(fleet: FleetShown) -> str:
+    plots = range(1, 1 + len(fleet.apads))
+    plugins = {
+        _name(_PLOT, number): _plot(fleet, apad) for number, apad in zip(plots, fleet.apads, strict=True)
+    }
+    for single in (_MONITOR, _TOPICS, _CONSOLE):
+        plugins[_name(single, 1)] = _group({})
+    running = {_PLOT: list(plots), _MONITOR: [1], _TOPICS: [1], _CONSOLE: [1]}
+    window = {
+        "geometry": _bytes(geometry(_WIDTH_PX, _HEIGHT_PX)),
+        "state": _bytes(_docks([_dock(_PLOT, number) for number in plots])),
+    }
+    perspective = _group(
+        {},
+        mainwindow=_group(window),
+        pluginmanager=_group({"running-plugins": _value(running)}, **plugins),
+    )
+    return json.dumps(perspective, indent=2) + "\n"
+
+
+def _docks(plots: list[Dock]) -> bytes:
+    """Plots upon each other to the left, a tab for each aPad; what is wrong to the upper right."""
+    left = Column(((Tabs(tuple(plots)) if len(plots) > 1 else plots[0], 1.0),))
+    right = Column(((_dock(_MONITOR, 1), 0.5), (Tabs((_dock(_CONSOLE, 1), _dock(_TOPICS, 1))), 0.5)))
+    return state(((left, 0.6), (right, 0.4)), _WIDTH_PX, _HEIGHT_PX)
+
+
+def _plot(fleet: FleetShown, apad: APadShown) -> Group:
+    topics = [apad.topic("apad/battery_state"), *fleet.batteries(apad).values()]
+    settings = {
+        "autoscroll": _value(True),
+        "topics": _value([f"{topic}/percentage" for topic in topics]),
+        "y_limits": _value([0.0, 1.0]),
+    }
+    title = {"dock_widget_title": _value(f"{apad.name}: batteries")}
+    return _group({}, dock_widget__DataPlotWidget=_group(title), plugin=_group(settings))
+
+
+def _name(plugin: str, number: int) -> str:
+    """Of the group that holds what this instance of the plugin keeps."""
+    return f"plugin__{plugin.replace('/', '__')}__{number}"
+
+
+def _dock(plugin: str, number: int) -> Dock:
+    return Dock(f"{plugin.replace('/', '__')}__{number}__{_WIDGETS[plugin]}")
+
+
+def _group(keys: dict[str, Any], **groups: Group) -> Group:
+    return {"keys": keys, "groups": groups}
+
+
+def _value(value: Any) -> dict[str, str]:
+    return {"type": "repr", "repr": repr(value)}
+
+
+def _bytes(data: bytes) -> dict[str, str]:
+    """As rqt evaluates it: hexadecimal digits in a QByteArray."""
+    return {
+        "type": "repr(QByteArray.hex)",
+        "repr(QByteArray.hex)": f"QtCore.QByteArray({data.hex().encode()!r})",
+    }

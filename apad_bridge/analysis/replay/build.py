@@ -1,0 +1,61 @@
+"""replay.html of a run: one file that opens from disk, without a network and without the rest of the run."""
+
+from __future__ import annotations
+
+import json
+from html import escape
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+from apad_bridge.analysis.replay.series import page_data
+from apad_bridge.records.journal import read_journal
+from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
+from apad_bridge.scenario.errors import ScenarioError
+from apad_bridge.scenario.loader import load, write_atomically
+
+
+def build_replay(run_dir: Path) -> Path:
+    """Writes the run's replay.html, of what its journal says so far; gives its path.
+
+    RunDirectoryError, one line, when the directory holds no run that can be shown.
+    """
+    directory = RunDirectory.open(run_dir)
+    try:
+        scenario = load(directory.scenario)
+        data = page_data(scenario, read_journal(directory.journal), _summary(directory))
+    except ScenarioError as error:
+        raise RunDirectoryError(error.lines[0]) from error
+    except (KeyError, TypeError, ValueError) as error:
+        raise RunDirectoryError(f"{directory.journal}: cannot be shown: {error}") from error
+    write_atomically(directory.replay, render(data))
+    return directory.replay
+
+
+def render(data: dict[str, Any]) -> str:
+    """The page with everything in it."""
+    # "<" is written as an escape, so that no text of a scenario can end the script that holds the data.
+    encoded = json.dumps(data, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
+    parts = {
+        "TITLE": escape(f"{data['name']} - musselbed replay"),
+        "STYLE": _resource("page.css"),
+        "DATA": encoded,
+        "SCRIPT": _resource("plots.js") + _resource("map.js") + _resource("page.js"),
+    }
+    page = _resource("page.html")
+    for name, text in parts.items():
+        before, after = page.split(f"<!--{name}-->")
+        page = before + text + after
+    return page
+
+
+def _summary(directory: RunDirectory) -> dict[str, Any] | None:
+    """None for a run that has not ended."""
+    if not directory.summary.is_file():
+        return None
+    summary: dict[str, Any] = json.loads(directory.summary.read_text(encoding="utf-8"))
+    return summary
+
+
+def _resource(name: str) -> str:
+    return (files("apad_bridge.analysis.replay") / name).read_text(encoding="utf-8")

@@ -1,0 +1,134 @@
+"""A run as its journal tells it: read forward once, it says at any mission time what was so."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+from agents.mussel.outputs import Truth
+from apad_bridge.records.journal import JournalContents, Line
+from apad_bridge.records.truth_lines import truth_of
+from apad_bridge.records.uptime import UptimeMeter
+from apad_bridge.supervisor.roster import Presence
+from firmware_model.power.charge import ChargeModel
+
+SLOTS = 4
+
+
+@dataclass(slots=True)
+class PlanView:
+    """The newest plan: steps as (agent, slot), and how many of them are still to be finished."""
+
+    what: str
+    strategy: str
+    steps: tuple[tuple[int, int], ...]
+    left: int
+
+
+@dataclass(slots=True)
+class Now:
+    """What was so at the time that the history was last advanced to."""
+
+    truths: dict[int, Truth] = field(default_factory=dict)
+    beliefs: dict[int, Line] = field(default_factory=dict)
+    gone: set[int] = field(default_factory=set)
+    apad: Line | None = None
+    slots: tuple[int | None, ...] = (None,) * SLOTS
+    cost_m: float = 0.0
+    phase: str = ""
+    primitive: str = ""
+    plan: PlanView | None = None
+
+
+class History:
+    """`advance` takes all lines up to a mission time; `now` and `meter` then stand there."""
+
+    def __init__(self, journal: JournalContents, theta: int, charge: ChargeModel) -> None:
+        # By time; lines of one time stay in the order in which they became known.
+        self._lines = sorted(journal.lines, key=lambda line: line["t"])
+        self._next = 0
+        self.end_ms = journal.last_ms
+        self.now = Now()
+        self._theta = theta
+        self.meter = UptimeMeter(theta, charge)
+        self._takers: dict[str, Callable[[Line], None]] = {
+            "truth": self._take_truth,
+            "belief": self._take_belief,
+            "died": self._take_death,
+            "presence": self._take_presence,
+            "apad": self._take_apad,
+            "dock": self._take_dock,
+            "leg": self._take_leg,
+            "mission": self._take_mission,
+            "plan": self._take_plan,
+            "primitive": self._take_primitive,
+        }
+
+    def advance(self, now_ms: int) -> None:
+        while self._next < len(self._lines) and self._lines[self._next]["t"] <= now_ms:
+            line = self._lines[self._next]
+            self._next += 1
+            taker = self._takers.get(line["kind"])
+            if taker is not None:
+                taker(line)
+
+    def trace(self) -> list[tuple[int, float, float]]:
+        """(mission ms, north, east) of the aPad, everywhere that it was seen."""
+        return [
+            (line["t"], line["north_m"], line["east_m"]) for line in self._lines if line["kind"] == "apad"
+        ]
+
+    def _take_truth(self, line: Line) -> None:
+        truth = truth_of(line)
+        self.meter.take(truth)
+        self.now.truths[truth.agent_id] = truth
+
+    def _take_belief(self, line: Line) -> None:
+        self.now.beliefs[line["id"]] = line
+
+    def _take_death(self, line: Line) -> None:
+        if line["gave_up"] is not None:
+            self.now.gone.add(line["id"])
+            self.meter.gone(line["id"], line["agent_ms"])
+
+    def _take_presence(self, line: Line) -> None:
+        self.meter.is_now(line["id"], Presence(line["is"]), self._theta * line["t"])
+
+    def _take_apad(self, line: Line) -> None:
+        self.now.apad = line
+        self.now.slots = tuple(None if agent_id < 0 else agent_id for agent_id in line["slots"])
+
+    def _take_dock(self, line: Line) -> None:
+        slots = list(self.now.slots)
+        slots[line["slot"]] = line["agent"] if line["closed"] else None
+        self.now.slots = tuple(slots)
+
+    def _take_leg(self, line: Line) -> None:
+        self.now.cost_m += line["metres"]
+
+    def _take_mission(self, line: Line) -> None:
+        self.now.phase = line["phase"]
+        if self.now.plan is not None:
+            self.now.plan.left = len(line["snapshot"]["plan"])
+
+    def _take_plan(self, line: Line) -> None:
+        steps = tuple((step["agent"], step["slot"]) for step in line["steps"])
+        self.now.plan = PlanView(line["what"], line["strategy"], steps, len(steps))
+
+    def _take_primitive(self, line: Line) -> None:
+        said = _say_primitive(line)
+        if line["phase"] == "started":
+            self.now.primitive = said
+        elif said == self.now.primitive:  # not when another has replaced it, as go-to does with holding
+            self.now.primitive = ""
+
+
+def _say_primitive(line: Line) -> str:
+    name: str = line["name"]
+    agent: Any = line.get("agent")
+    if agent is not None:
+        return f"{name} aMussel {agent}, slot {line['slot'] + 1}"
+    if "north_m" in line:
+        return f"{name} {line['north_m']:.1f} m north, {line['east_m']:.1f} m east"
+    return name

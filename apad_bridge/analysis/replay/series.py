@@ -1,0 +1,210 @@
+"""A history as the page wants it: everything sampled on one grid of mission times, so that a page stays small however
+long the run was. Charges come from the anchors in closed form, not from samples."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Any
+
+from apad_bridge.analysis.replay.history import SLOTS, History, PlanView
+from apad_bridge.records.journal import JournalContents
+from apad_bridge.scenario.board_model import charge_model
+from apad_bridge.scenario.schema import Scenario
+from firmware_model.power.charge import fraction
+
+MAX_SAMPLES = 600
+MAX_VALUES = 60_000
+"""Samples times aMussels: a large fleet is sampled more coarsely."""
+MAX_TRACE = 5000
+_TICK_MS = 1000
+
+
+class Status(IntEnum):
+    """What an aMussel's colour says."""
+
+    ABOVE = 0
+    """Above the pool's threshold."""
+    CANDIDATE = 1
+    """At or below it."""
+    CHARGING = 2
+    """In a dock."""
+    LOST = 3
+    """Both batteries empty, or its simulation has ended."""
+    UNKNOWN = 4
+    """Never heard of."""
+
+
+@dataclass(slots=True)
+class _Agent:
+    """One aMussel's columns. Places in metres; charges in [0, 1]; uptime in percent of the whole run's ticks."""
+
+    agent_id: int
+    north: list[float | None]
+    east: list[float | None]
+    charge: list[float | None]
+    status: list[int]
+    uptime: list[float]
+    believed: list[float | None]
+    """Beside a truth: the believed charge."""
+    low: list[float | None]
+    high: list[float | None]
+    """Where the charge is believed to lie with 95 %."""
+
+
+def sample_times(end_ms: int, agents: int) -> list[int]:
+    """Whole ticks from 0 to the last one, which is always among them."""
+    last_ms = end_ms // _TICK_MS * _TICK_MS
+    samples = min(MAX_SAMPLES, max(60, MAX_VALUES // max(1, agents)))
+    step_ms = max(1, -(-last_ms // _TICK_MS // (samples - 1))) * _TICK_MS
+    times = list(range(0, last_ms, step_ms))
+    return [*times, last_ms]
+
+
+def page_data(scenario: Scenario, journal: JournalContents, summary: dict[str, Any] | None) -> dict[str, Any]:
+    """All that the page shows, as plain data. ValueError when the journal has no line `run`."""
+    start = journal.first("run")
+    if start is None:
+        raise ValueError("the journal has no line `run`: the flight never began")
+    history = History(journal, scenario.theta, charge_model(scenario.board))
+    sampler = _Sampler(scenario, history, [agent["id"] for agent in start["agents"]])
+    times = sample_times(history.end_ms, len(start["agents"]))
+    for now_ms in times:
+        sampler.sample(now_ms)
+    end = journal.first("end")
+    return {
+        "name": scenario.name,
+        "description": scenario.description,
+        "theta": scenario.theta,
+        "seed": scenario.seed,
+        "collection": scenario.mission.collection,
+        "redeployment": scenario.mission.redeployment,
+        "pool_threshold": scenario.mission.pool_threshold,
+        "polygon": [list(corner) for corner in scenario.area.polygon_m],
+        "homes": {agent["id"]: [agent["north_m"], agent["east_m"]] for agent in start["agents"]},
+        "ended_by": None if end is None else end["reason"],
+        "dropped_lines": journal.dropped,
+        "summary": summary,
+        "times_ms": times,
+        "trace": _thinned(history.trace()),
+        **sampler.columns(),
+    }
+
+
+class _Sampler:
+    def __init__(self, scenario: Scenario, history: History, agent_ids: list[int]) -> None:
+        self._scenario = scenario
+        self._history = history
+        self._ticks = max(1, history.end_ms // _TICK_MS)
+        self._agents = [_Agent(agent_id, *([] for _ in range(8))) for agent_id in agent_ids]
+        self._active: list[int] = []
+        self._cost: list[float] = []
+        self._apad: list[list[float | None] | None] = []
+        self._slots: list[list[int | None]] = []
+        self._stages: list[dict[str, Any]] = []
+        self._stage: list[int] = []
+
+    def sample(self, now_ms: int) -> None:
+        history, now = self._history, self._history.now
+        history.advance(now_ms)
+        uptimes = {uptime.agent_id: uptime for uptime in history.meter.at(now_ms)}
+        for agent in self._agents:
+            uptime = uptimes.get(agent.agent_id)
+            self._sample_agent(agent, now_ms, lost=uptime is not None and uptime.lost)
+            agent.uptime.append(0.0 if uptime is None else round(100 * uptime.paper / self._ticks, 2))
+        self._active.append(history.meter.active_now(now_ms))
+        self._cost.append(round(now.cost_m, 2))
+        apad = now.apad
+        self._apad.append(
+            None if apad is None else [apad[key] for key in ("north_m", "east_m", "heading_rad", "battery")]
+        )
+        self._slots.append(list(now.slots))
+        stage = {"phase": now.phase, "primitive": now.primitive, "plan": _plan_data(now.plan)}
+        if not self._stages or stage != self._stages[-1]:
+            self._stages.append(stage)
+        self._stage.append(len(self._stages) - 1)
+
+    def _sample_agent(self, agent: _Agent, now_ms: int, *, lost: bool) -> None:
+        """From the truth; where there is none, from what was believed."""
+        now, agent_id = self._history.now, agent.agent_id
+        truth, belief = now.truths.get(agent_id), now.beliefs.get(agent_id)
+        docked = agent_id in now.slots
+        if truth is not None:
+            physical, charge = truth.physical, self._history.meter.charge
+            at_ms = max(self._scenario.theta * now_ms, truth.at_ms)
+            left: float | None = fraction(charge.charge_at(physical.primary, at_ms))
+            place: tuple[float | None, float | None] = (physical.north_um / 1e6, physical.east_um / 1e6)
+            docked = physical.docked
+        elif belief is not None:
+            left, place = belief["charge"], (belief["north_m"], belief["east_m"])
+        else:
+            left, place = None, (None, None)
+        if docked and now.apad is not None:
+            place = (now.apad["north_m"], now.apad["east_m"])
+        agent.north.append(_rounded(place[0], 2))
+        agent.east.append(_rounded(place[1], 2))
+        agent.charge.append(_rounded(left, 4))
+        agent.status.append(self._status(left, docked, lost or agent_id in now.gone))
+        told = belief or {}
+        agent.believed.append(None if truth is None else _rounded(told.get("charge"), 4))
+        agent.low.append(_rounded(told.get("low"), 4))
+        agent.high.append(_rounded(told.get("high"), 4))
+
+    def _status(self, charge: float | None, docked: bool, lost: bool) -> int:
+        if charge is None:
+            return Status.UNKNOWN
+        if docked:
+            return Status.CHARGING
+        if lost:
+            return Status.LOST
+        return Status.CANDIDATE if charge <= self._scenario.mission.pool_threshold else Status.ABOVE
+
+    def columns(self) -> dict[str, Any]:
+        return {
+            "has_truth": bool(self._history.meter.agent_ids),
+            "slot_count": SLOTS,
+            "agents": [
+                {
+                    "id": agent.agent_id,
+                    "north": agent.north,
+                    "east": agent.east,
+                    "charge": agent.charge,
+                    "status": agent.status,
+                    "uptime": agent.uptime,
+                    "believed": _unless_empty(agent.believed),
+                    "low": _unless_empty(agent.low),
+                    "high": _unless_empty(agent.high),
+                }
+                for agent in self._agents
+            ],
+            "active": self._active,
+            "cost": self._cost,
+            "apad": self._apad,
+            "slots": self._slots,
+            "stages": self._stages,
+            "stage": self._stage,
+        }
+
+
+def _plan_data(plan: PlanView | None) -> dict[str, Any] | None:
+    if plan is None:
+        return None
+    return {
+        "what": plan.what,
+        "strategy": plan.strategy,
+        "steps": [list(step) for step in plan.steps],
+        "done": len(plan.steps) - plan.left,
+    }
+
+
+def _thinned(trace: list[tuple[int, float, float]]) -> list[list[float]]:
+    every = -(-len(trace) // MAX_TRACE) or 1
+    return [[t, round(north, 2), round(east, 2)] for t, north, east in trace[::every]]
+
+
+def _unless_empty(column: list[float | None]) -> list[float | None] | None:
+    return None if all(value is None for value in column) else column
+
+
+def _rounded(number: float | None, digits: int) -> float | None:
+    return None if number is None else round(number, digits)

@@ -1,0 +1,207 @@
+"""What a scenario tells its estimator: the kind of board, the water, and how far to trust both."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from apad_bridge.beliefs.fleet import FleetBeliefs
+from apad_bridge.beliefs.hold_last import HoldLast
+from apad_bridge.beliefs.knowledge import (
+    Calls,
+    Charger,
+    ClockKnowledge,
+    Cycle,
+    Drain,
+    Habits,
+    Knowledge,
+    Schedule,
+    Sensor,
+    Water,
+)
+from apad_bridge.beliefs.modes import Mode
+from apad_bridge.scenario.believing import TwinModel
+from apad_bridge.scenario.board_model import charge_model, whole_firmware
+from apad_bridge.scenario.schema import DriftMode, Scenario
+from firmware_model.config import PATH_UNIT, Whole
+from firmware_model.power.charge import FULL, Segments
+from firmware_model.power.rails import Rail, rails_of
+from firmware_model.state_groups import DOCKED
+from firmware_model.states import State
+
+_MS_PER_MIN = 60_000
+_HOUR_MS = 3_600_000
+_STATES = {
+    Mode.IDLE: State.ACTIVE,
+    Mode.HIGH_LOAD: State.PROCESSING,
+    Mode.SURFACING: State.SURFACING,
+    Mode.FLOATING: State.FLOATING,
+    Mode.CHARGING_PRIMARY: State.CHARGING,
+    Mode.CHARGING_SECONDARY: State.CHARGING,
+    Mode.FULL: State.CHARGING,
+    Mode.LOST: State.LOST,
+}
+_NOT_ON_THE_PRIMARY = (State.OFF, State.EMPTY, State.CALLING, State.LOST)
+_READING_APART_MS = 300_000
+_MISSION_APART_MS = 20_000
+"""Readings of one aMussel are used so far apart, in agent and in mission time: fleets that report each second cost less."""
+_MISSED = 0.1
+"""Of the reports by Wi-Fi from the surface, at most, to an aPad that stands beside. One that is farther off hears nothing,
+takes an aMussel to have stayed below, and tells it again: it is heard when the aPad has come."""
+_COIL_DEVIATION = 0.02
+_MOTOR_DEVIATION = 0.003
+_AGEING_PER_DAY = 0.001
+_STEADY_CURRENT_S = 3600.0
+
+
+def fleet_beliefs(scenario: Scenario, agent_ids: Sequence[int]) -> FleetBeliefs:
+    """As the scenario says. Only twins import filterpy, which takes half a second."""
+    model = scenario.beliefs.twin
+    if model is None:
+        return HoldLast(agent_ids, scenario.theta)
+    from apad_bridge.beliefs.twin import Twin
+
+    twin = Twin(knowledge_of(scenario, model), schedules_of(scenario, agent_ids))
+    return FleetBeliefs(twin, agent_ids, due_every_ms=_report_ms(scenario), theta=scenario.theta)
+
+
+def _report_ms(scenario: Scenario) -> int:
+    """Mission time."""
+    return round(scenario.hearing.report_period_s * 1000)
+
+
+def schedules_of(scenario: Scenario, agent_ids: Sequence[int]) -> dict[int, Schedule]:
+    """What the boards are set to: always awake, as the paper's worst case, or asleep but for the wakes of their cycle."""
+    whole = whole_firmware(scenario.board, scenario.seed)
+    if whole is None or whole.cycle is None:
+        return dict.fromkeys(agent_ids, Schedule((0,), (Mode.IDLE,)))
+    first_id = scenario.fleet.first_id
+    return {
+        agent_id: Schedule((0,), (Mode.ASLEEP,), _cycle_of(whole, agent_id - first_id))
+        for agent_id in agent_ids
+    }
+
+
+def knowledge_of(scenario: Scenario, model: TwinModel) -> Knowledge:
+    board, theta = scenario.board, scenario.theta
+    whole = whole_firmware(board, scenario.seed)
+    deviations = (model.bias_deviation,) * 4
+    drift = scenario.fleet.drift
+    step_m = drift.amplitude_m if drift.mode is DriftMode.PAPER else 0.0
+    return Knowledge(
+        theta=theta,
+        drain=_drain(scenario, whole),
+        charger=_charger(scenario),
+        sensor=Sensor(
+            model.sensor_noise,
+            (0.0,) * 4,
+            deviations,
+            readings_apart_ms(theta),
+            _offsets(whole),
+            saturates=whole is not None and whole.power.metering is not None,
+        ),
+        habits=Habits(
+            every_ms=_HOUR_MS,
+            unscheduled=model.unscheduled,
+            stays=1.0,
+            shares=(1.0, 0.0, 0.0),
+            daily=0.0,
+            plan_lasts_ms=24 * _HOUR_MS,
+            plan_deviation=0.0,
+            seen_before=1.0,
+        ),
+        water=Water(step_m**2 / 3, model.current_deviation_m_s, _STEADY_CURRENT_S, model.fix_deviation_m),
+        drain_deviation=model.drain_deviation,
+        ageing_per_day=_AGEING_PER_DAY,
+        clock=ClockKnowledge(1000.0, 20.0, 1000.0 * theta),
+        surfacing_ms=round(board.surfacing_s * 1000),
+        sinking_ms=round(board.sinking_s * 1000),
+        float_timeout_ms=round(board.float_timeout_s * 1000),
+        calls=None if scenario.water is None else Calls(_report_ms(scenario) * theta, _MISSED),
+    )
+
+
+def readings_apart_ms(theta: int) -> int:
+    """Agent time: of two readings of one aMussel that are nearer to each other one is used."""
+    return max(_READING_APART_MS, _MISSION_APART_MS * theta)
+
+
+def _drain(scenario: Scenario, whole: Whole | None) -> Drain:
+    if whole is None:
+        # Equation (1) for every state in the water; in a dock equation (2) says it all.
+        per_min = scenario.board.discharge_per_min
+        assert per_min is not None
+        return Drain(
+            tuple(0.0 if mode >= Mode.CHARGING_PRIMARY else per_min for mode in Mode),
+            0.0,
+            1e-4,
+            1.0,
+        )
+    of = _draws(whole)
+    rates = {mode: of(state) for mode, state in _STATES.items()}
+    rates[Mode.ASLEEP] = of(State.SLEEPING)
+    if whole.cycle is not None:
+        cycle = _cycle_of(whole, 0)
+        rates[Mode.ASLEEP] = cycle.in_all * _MS_PER_MIN / cycle.period_ms
+    motor_run = whole.power.loads.of[Rail.MOTORS] * whole.power.motor_run_ms / FULL
+    return Drain(
+        tuple(rates[mode] for mode in Mode), motor_run, _MOTOR_DEVIATION, whole.power.path / PATH_UNIT
+    )
+
+
+def _draws(whole: Whole) -> Callable[[State], float]:
+    """A minute, by state."""
+    loads, never_asleep = whole.power.loads, whole.cycle is None
+    return lambda state: (
+        loads.total(rails_of(state, whole.power.kept_on, never_asleep, 0)) * _MS_PER_MIN / FULL
+    )
+
+
+def _cycle_of(whole: Whole, slot: int) -> Cycle:
+    """One that sleeps wakes, samples, processes, and with timeslots awaits its own and transmits. The slots' frames begin
+    at whole multiples of their length, so it waits as long in every cycle that is a multiple of a frame."""
+    firmware, of = whole.cycle, _draws(whole)
+    assert firmware is not None
+    awake_ms = firmware.sample_ms + firmware.processing_ms
+    lasting = [(firmware.sample_ms, of(State.SAMPLING)), (firmware.processing_ms, of(State.PROCESSING))]
+    if firmware.slots is not None:
+        opens_ms = slot * firmware.slots.slot_ms + firmware.slots.guard_ms
+        waits_ms = (opens_ms - awake_ms) % firmware.slots.frame_ms
+        lasting += [(waits_ms, of(State.AWAITING_SLOT)), (whole.transmit_ms, of(State.TRANSMITTING))]
+    return Cycle.of([*lasting, (firmware.alarm_ms, of(State.SLEEPING))], firmware.alarm_ms)
+
+
+def _offsets(whole: Whole | None) -> dict[State, tuple[float, float]]:
+    """Where boards meter, by what a load and a charger move what they read; as firmware_model.power.voltage does.
+
+    The primary feeds the board in the water; in the dock so much of its load as the path lets through.
+    """
+    metering = None if whole is None else whole.power.metering
+    if whole is None or metering is None:
+        return {}
+
+    def sag(load: float) -> float:
+        return metering.sag_ms * max(0.0, load - metering.sag_from) / FULL
+
+    power, never_asleep, lift = whole.power, whole.cycle is None, metering.lift / FULL
+    found = {}
+    for state in State:
+        load = power.loads.total(rails_of(state, power.kept_on, never_asleep, 0))
+        if state in DOCKED:
+            found[state] = lift - sag(load * power.path / PATH_UNIT), lift
+        elif state not in _NOT_ON_THE_PRIMARY:
+            # A transmission is over before the monitor samples again: what it reports was read before.
+            before = State.AWAITING_SLOT if state is State.TRANSMITTING else state
+            load = power.loads.total(rails_of(before, power.kept_on, never_asleep, 0))
+            found[state] = -sag(load), 0.0
+    return found
+
+
+def _charger(scenario: Scenario) -> Charger:
+    model = charge_model(scenario.board)
+
+    def of(segments: Segments) -> tuple[tuple[float, float], ...]:
+        return tuple((end / FULL, rate * _MS_PER_MIN / FULL) for end, rate in segments)
+
+    one = of(model.segments)
+    coils = of(model.segments_by_two)[-1][1] / one[-1][1] if model.segments_by_two else 1.0
+    return Charger(one, coils, _COIL_DEVIATION)

@@ -1,0 +1,162 @@
+"""Builds the parts of a flight from a scenario. Everything that a scenario's numbers become is decided here."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from agents.fleet import FleetConfig, resting_on_bottom
+from agents.modem.frames import Generation
+from agents.mussel.physical import Physical
+from agents.mussel.reporter import Modem
+from apad_bridge.assembly.acoustics import ears_of
+from apad_bridge.assembly.estimator import fleet_beliefs
+from apad_bridge.assembly.water import generation_of
+from apad_bridge.known import Known
+from apad_bridge.mission.breakdown import Breakdown
+from apad_bridge.mission.call_queue import CalledFront
+from apad_bridge.mission.energy_exchange import EnergyExchange
+from apad_bridge.mission.manual import CommandedMission, Front
+from apad_bridge.mission.role import Mission
+from apad_bridge.mission.share import Share
+from apad_bridge.mission.sources import BeliefSource
+from apad_bridge.mission.state import MissionState
+from apad_bridge.mission.takeover import Override
+from apad_bridge.planning import registry
+from apad_bridge.scenario.board_model import charge_model, clock_drift_ppb, whole_firmware
+from apad_bridge.scenario.schema import DriftMode, HearingMode, Scenario
+from apad_bridge.scenario.starts import Start
+from apad_bridge.scenario.water import ModemGeneration
+from apad_bridge.supervisor.core import Supervisor
+from apad_bridge.supervisor.sample_collection import SampleCollection
+from apad_bridge.vehicle.docking import DockingPort
+from apad_bridge.vehicle.simulated.apad import SimulatedAPad
+from apad_bridge.vehicle.simulated.misses import Misses
+from apad_bridge.water_building import agents_water
+from firmware_model.packets.codec import load_codec
+
+
+def agent_ids(scenario: Scenario) -> Sequence[int]:
+    return scenario.fleet.ids
+
+
+def fleet_config(scenario: Scenario) -> FleetConfig:
+    board, drift, theta = scenario.board, scenario.fleet.drift, scenario.theta
+    water, told = agents_water(scenario), scenario.water
+    return FleetConfig(
+        theta=theta,
+        seed=scenario.seed,
+        codec=scenario.hearing.codec,
+        charge=charge_model(board),
+        pin_debounce_ms=board.pin_debounce_ms,
+        pin_chatter_ms=board.pin_chatter_ms,
+        pin_check_ms=round(board.pin_check_s * 1000),
+        coil_alignment_ms=round(board.coil_alignment_s * 1000),
+        boot_ms=board.boot_ms,
+        float_timeout_ms=round(board.float_timeout_s * 1000),
+        release_wait_ms=round(board.release_wait_s * 1000),
+        report_period_ms=round(scenario.hearing.report_period_s * 1000) * theta,
+        heard_always=scenario.hearing.mode is HearingMode.PAPER,
+        bottom_um=round(scenario.area.depth_m * 1e6),
+        surfacing_ms=round(board.surfacing_s * 1000),
+        sinking_ms=round(board.sinking_s * 1000),
+        drifts_always=drift.mode is DriftMode.PAPER,
+        drift_amplitude_um=round(drift.amplitude_m * 1e6),
+        current_csv=water.current_csv,
+        tides=water.tides,
+        current_profile=water.current_profile,
+        oxygen_mg_l=water.oxygen_mg_l,
+        temperature_c=water.temperature_c,
+        turbidity_ntu=water.turbidity_ntu,
+        whole=whole_firmware(
+            board, scenario.seed, Generation.V3 if told is None else generation_of(told.modems)
+        ),
+        clock_drift_ppb=clock_drift_ppb(board),
+        first_id=scenario.fleet.first_id,
+        modem=Modem.V2 if told is not None and told.modems is ModemGeneration.V2 else Modem.V3,
+    )
+
+
+def births(scenario: Scenario, starts: Sequence[Start]) -> dict[int, Physical]:
+    """The physical state of every agent at time 0, by id: resting on the bottom."""
+    depth_m = scenario.area.depth_m
+    return {
+        start.agent_id: resting_on_bottom(
+            start.north_m, start.east_m, depth_m, start.primary, start.secondary
+        )
+        for start in starts
+    }
+
+
+def misses(scenario: Scenario) -> Misses:
+    """Which dockings fail, alike for every vehicle."""
+    return Misses(scenario.seed, scenario.apad.dock_miss_probability)
+
+
+def simulated_apad(scenario: Scenario) -> SimulatedAPad:
+    return SimulatedAPad(scenario.apad, misses(scenario))
+
+
+def nothing_known(scenario: Scenario, has_modem: bool = True) -> Known:
+    ids = agent_ids(scenario)
+    return Known(fleet_beliefs(scenario, ids), ears_of(scenario, ids) if has_modem else None)
+
+
+def supervisor(
+    scenario: Scenario,
+    state: MissionState | None = None,
+    first_command_id: int = 1,
+    fronts: Sequence[Front] = (),
+    samples: SampleCollection | None = None,
+    override: CalledFront | None = None,
+    has_modem: bool = True,
+    docks_by_eye: bool = False,
+    breakdown: Breakdown | None = None,
+    share: Share | None = None,
+    known: Known | None = None,
+) -> Supervisor:
+    """A supervisor that knows nothing yet, or one that goes on with a mission's journaled `state`.
+
+    Its mission is the paper's, which can be taken over by `override`; or, where there are `fronts`, one that does what they
+    say. Without `samples` it leaves the aMussels' logs to others; without a modem, whatever is said by sound of its own
+    accord. With a `breakdown` it is one of several, who take over from each other. `known` is what was learned already, and
+    `share`, over its beliefs, whom it serves.
+    """
+    known = known or nothing_known(scenario, has_modem)
+    beliefs = known.beliefs
+    if share is None:
+        share = Share(beliefs, agent_ids(scenario))
+    mission: Mission
+    if fronts:
+        mission = CommandedMission(scenario.mission, scenario.apad.max_speed_m_s, beliefs, fronts, state)
+    elif override is not None:
+        mission = Override(
+            lambda begun: _planned(scenario, share, begun),
+            lambda begun: CommandedMission(scenario.mission, scenario.apad.max_speed_m_s, beliefs, (), begun),
+            override,
+            state,
+        )
+    else:
+        mission = _planned(scenario, share, state)
+    port = DockingPort(scenario.mission.docking, first_command_id=first_command_id, docks_by_eye=docks_by_eye)
+    return Supervisor(
+        beliefs,
+        mission,
+        port,
+        load_codec(scenario.hearing.codec),
+        samples,
+        round(scenario.duration_s * 1000),
+        scenario.mission.end_at_apad_fraction,
+        known.ears,
+        share,
+        breakdown,
+    )
+
+
+def _planned(scenario: Scenario, beliefs: BeliefSource, state: MissionState | None) -> EnergyExchange:
+    return EnergyExchange(
+        scenario.mission,
+        beliefs,
+        registry.collection(scenario.mission.collection),
+        registry.redeployment(scenario.mission.redeployment),
+        state,
+    )

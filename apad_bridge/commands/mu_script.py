@@ -1,0 +1,176 @@
+"""A small script for one board, what it is told when, and the energy budget that comes of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import asdict, field, replace
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import yaml
+from annotated_types import Ge, Gt, Le
+from pydantic import ConfigDict, TypeAdapter, ValidationError
+from pydantic.dataclasses import dataclass
+
+from firmware_model.actions import Dropped, LogSample
+from firmware_model.bench import Bench
+from firmware_model.config import BoardConfig, LastResort
+from firmware_model.packets import Beacon, Kind
+from firmware_model.power.ageing import aged, capacity_left
+from firmware_model.power.charge import fraction, grains
+from firmware_model.power.rails import Rail, bits
+from firmware_model.stimuli import ResetCause
+from firmware_model.table_one import CYCLES, METERING, board, power
+
+Fraction = Annotated[float, Ge(0), Le(1)]
+Fact = Literal[
+    "permission",
+    "release",
+    "sink",
+    "ping",
+    "hover",
+    "beacon",
+    "charge_pin_rises",
+    "charge_pin_falls",
+    "brown_out",
+    "watchdog",
+]
+_STRICT = ConfigDict(extra="forbid", allow_inf_nan=False)
+
+
+class ScriptError(ValueError):
+    """The script cannot be used: one line a fault."""
+
+
+@dataclass(frozen=True, kw_only=True, config=_STRICT)
+class MuScript:
+    """Hours are agent time from power-on; charges are the paper's scaled voltage."""
+
+    hours: Annotated[float, Gt(0), Le(1e6)]
+    sleep: Literal["never", "hourly", "field"]
+    """`never`; `hourly`: Table I's 10 s an hour; `field`: Fig. 4's wakes of several minutes."""
+    primary: Fraction
+    secondary: Fraction
+    last_resort: Literal["wait", "call", "surface"] = "wait"
+    kept_on: tuple[str, ...] = ()
+    """Names of rails that nothing switches off."""
+    capacity_mwh: Annotated[float, Gt(0)] | None = None
+    """Of each battery; without it energy is printed as a share of one."""
+    metered: bool = False
+    """Levels are concluded from readings that sag under load and are lifted by a charger, instead of from the charge."""
+    low_level: Fraction = 0.0
+    """Where a sleeping board wakes; 0 for no such level."""
+    cycles: Annotated[int, Ge(0)] = 0
+    """Full charge cycles that the batteries have behind them."""
+    years: Annotated[float, Ge(0)] = 0.0
+    """How old the batteries are."""
+    clock_drift_ppm: Annotated[float, Ge(-1000), Le(1000)] = 0.0
+    """What the board's clock gains; a beacon sets it."""
+    tell: tuple[tuple[Annotated[float, Ge(0)], Fact], ...] = field(default=())
+    """(hours, what happens), in any order."""
+
+    def __post_init__(self) -> None:
+        capacity_left(self.cycles, self.years)
+        unknown = [name for name in self.kept_on if name.upper() not in Rail.__members__]
+        if unknown:
+            raise ValueError(
+                f"kept_on: no rail is called {unknown[0]!r}; there are {', '.join(Rail.__members__).lower()}"
+            )
+
+
+@dataclass(frozen=True)
+class Budget:
+    """What a run came to; energies are shares of one battery."""
+
+    hours: float
+    capacity_mwh: float | None
+    by_rail: dict[str, float]
+    by_state: dict[str, float]
+    state_hours: dict[str, float]
+    state: str
+    primary: float
+    secondary: float
+    samples: int
+    dropped: int
+    life_hours: float | None
+    """How long a full primary lasts at the mean rate of this run; None when nothing was drawn."""
+    life_samples: int | None
+    """How many samples that makes; None likewise."""
+
+    def to_json(self) -> dict[str, Any]:
+        return asdict(self)
+
+
+def read_script(path: Path) -> MuScript:
+    """The script in a YAML file; ScriptError names every fault and its key."""
+    try:
+        raw = yaml.safe_load(path.read_text())
+    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+        raise ScriptError(f"{path} cannot be read: {' '.join(str(error).split())}") from None
+    try:
+        return TypeAdapter(MuScript).validate_python(raw)
+    except ValidationError as error:
+        faults = (
+            f"{'.'.join(map(str, fault['loc'])) or 'the script'}: {fault['msg']}" for fault in error.errors()
+        )
+        raise ScriptError(f"{path}: " + "; ".join(faults)) from None
+
+
+def config_of(script: MuScript) -> BoardConfig:
+    kept_on = bits(*(Rail[name.upper()] for name in set(script.kept_on)))
+    metering = METERING if script.metered else None
+    a_power = power(LastResort[script.last_resort.upper()], kept_on, metering, grains(script.low_level))
+    made = replace(board(CYCLES[script.sleep], a_power), drift_ppb=round(script.clock_drift_ppm * 1000))
+    return aged(made, capacity_left(script.cycles, script.years))
+
+
+def play(script: MuScript) -> Bench:
+    """Runs the script from power-on on the bottom. What is told after the end is not told."""
+    bench = Bench(config_of(script), primary=script.primary, secondary=script.secondary)
+    end_ms = round(script.hours * 3_600_000)
+    for hours, fact in sorted(script.tell, key=lambda it: it[0]):
+        at_ms = round(hours * 3_600_000)
+        if at_ms <= end_ms:
+            bench.run_until(at_ms)
+            _tell(bench, fact)
+    bench.run_until(end_ms)
+    return bench
+
+
+def budget_of(script: MuScript, bench: Bench) -> Budget:
+    """What the board of a played script came to."""
+    assert bench.ledger is not None
+    bench.ledger.settle(bench.now_ms)
+    by_rail = {rail.name: fraction(drawn) for rail, drawn in bench.ledger.by_rail().items()}
+    drawn = sum(by_rail.values())
+    samples = len(bench.did(LogSample))
+    return Budget(
+        hours=script.hours,
+        capacity_mwh=script.capacity_mwh,
+        by_rail=by_rail,
+        by_state={state.name: fraction(drawn) for state, drawn in bench.ledger.by_state().items()},
+        state_hours={state.name: ms / 3_600_000 for state, ms in bench.ledger.state_ms().items() if ms},
+        state=bench.state.name,
+        primary=bench.primary_fraction,
+        secondary=bench.secondary_fraction,
+        samples=samples,
+        dropped=len(bench.did(Dropped)),
+        life_hours=script.hours / drawn if drawn else None,
+        life_samples=int(samples / drawn) if drawn else None,
+    )
+
+
+def _tell(bench: Bench, fact: Fact) -> None:
+    tellers: dict[str, Callable[[], object]] = {
+        "permission": lambda: bench.command(Kind.PERMISSION),
+        "release": lambda: bench.command(Kind.RELEASE),
+        "ping": lambda: bench.command(Kind.PING),
+        "hover": lambda: bench.command(Kind.HOVER),
+        "sink": lambda: bench.command(Kind.SINK),
+        "beacon": lambda: bench.hear(Beacon(bench.config.agent_id, bench.now_ms)),
+        "charge_pin_rises": bench.charge_pin_rises,
+        "charge_pin_falls": bench.charge_pin_falls,
+        "brown_out": lambda: bench.reset(ResetCause.BROWN_OUT),
+        "watchdog": lambda: bench.reset(ResetCause.WATCHDOG),
+    }
+    tellers[fact]()

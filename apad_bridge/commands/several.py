@@ -1,0 +1,111 @@
+"""`musselbed run` of a scenario with several aPads: who serves whom, a run for each, and a summary of the whole."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+
+from apad_bridge.assembly.division import Member, members
+from apad_bridge.commands.outcome import print_plan, report
+from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
+from apad_bridge.runs.dry_run import first_plan
+from apad_bridge.runs.exits import Exit, UserError
+from apad_bridge.runs.failures import PeerFailed
+from apad_bridge.runs.progress import FlightProgress
+from apad_bridge.runs.several.parent import directory_of, fly_side_by_side
+from apad_bridge.runs.several.summary import of_all
+from apad_bridge.scenario.run_options import APadKind, Part, RunOptions, TimeSource
+from apad_bridge.scenario.schema import Scenario
+from apad_bridge.scenario.starts import Start, read_starts, save_starts
+from apad_bridge.squad.in_step import fly_in_step
+
+
+def run(
+    options: RunOptions, scenario: Scenario, starts: Sequence[Start], out: Path | None, as_json: bool
+) -> int:
+    """The exit code. UserError for what several aPads cannot; PeerFailed when one of them did not come to an end."""
+    _check(options)
+    squad = members(scenario, starts)
+    if options.dry_run:
+        return _print_plans(squad, as_json)
+    try:
+        whole = RunDirectory.create(scenario.name, datetime.now(UTC), out)
+    except RunDirectoryError as error:
+        raise UserError(str(error)) from error
+    whole.write_inputs(scenario, starts)
+    for member in squad:
+        directory = directory_of(member, whole)
+        directory.path.mkdir()
+        directory.write_inputs(member.scenario, member.starts)
+        options.save(directory.path)
+    failures: dict[str, str] = {}
+    if not as_json:
+        print(_who_serves_whom(squad), flush=True)
+    progress = FlightProgress(scenario.name, round(scenario.duration_s * 1000), quiet=as_json)
+    if options.time is TimeSource.ASAP:
+        directories = {member.name: directory_of(member, whole) for member in squad}
+        with progress:
+            flown, moved = fly_in_step(squad, scenario.sharing, directories, progress)
+    else:
+        with progress:
+            flown, failures, moved = fly_side_by_side(squad, scenario.sharing, options, whole, progress)
+    if not flown:
+        raise PeerFailed(_why(failures))
+    summary = of_all(scenario.name, flown, moved)
+    whole.write_json(whole.summary, summary)
+    save_starts(whole.ends, _ends(squad, whole), scenario.area.origin)
+    flown_by = "by hand" if options.manual else scenario.mission.collection
+    code = report(scenario.name, flown_by, whole, summary, as_json, progress.said)
+    if failures:
+        raise PeerFailed(_why(failures))
+    return code
+
+
+def _check(options: RunOptions) -> None:
+    if options.part is not Part.WHOLE:
+        raise UserError(
+            f"{options.part.value}: the scenario names several aPads: `musselbed run` flies them; "
+            "or leave `apads` out, and give each its fleet.share"
+        )
+    if options.modem:
+        raise UserError("--modem: a physical modem has one aPad: leave it out, or `apads` in the scenario")
+    if options.dry_run and options.apad is APadKind.ROS:
+        raise UserError("--dry-run of several aPads plans without ROS: leave out --apad ros")
+
+
+def _print_plans(squad: Sequence[Member], as_json: bool) -> int:
+    plans = {member.name: first_plan(member.scenario, member.starts) for member in squad}
+    if as_json:
+        print(
+            json.dumps(
+                {it.name: {"serves": list(it.scenario.fleet.ids), "plan": plans[it.name]} for it in squad}
+            )
+        )
+        return Exit.DONE
+    print(_who_serves_whom(squad))
+    for name, plan in plans.items():
+        print(f"{name}: ", end="")
+        print_plan(plan, as_json=False)
+    return Exit.DONE
+
+
+def _who_serves_whom(squad: Sequence[Member]) -> str:
+    return "\n".join(
+        f"{member.name} serves aMussels {', '.join(map(str, member.scenario.fleet.ids))}" for member in squad
+    )
+
+
+def _ends(squad: Sequence[Member], whole: RunDirectory) -> list[Start]:
+    """Of all, so that another run can begin where this one ended; who never came so far is where it started."""
+    ends: list[Start] = []
+    for member in squad:
+        fleet = member.scenario.fleet
+        path = directory_of(member, whole).path
+        ends += read_starts(path, member.scenario.area, fleet.first_id, len(fleet.ids))
+    return sorted(ends, key=lambda end: end.agent_id)
+
+
+def _why(failures: Mapping[str, str]) -> str:
+    return "; ".join(f"{name}: {why}" for name, why in failures.items())

@@ -1,0 +1,221 @@
+"""What is on a ROS master: its clock, its nodes, whether it can call us back, and aMussels that are there already."""
+
+from __future__ import annotations
+
+import os
+import re
+import threading
+from collections.abc import Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Any
+from xmlrpc.server import SimpleXMLRPCServer
+
+from apad_bridge.doctor.finding import Finding, fail, ok, warn
+from apad_bridge.doctor.network import (
+    CALLER,
+    TIMEOUT_S,
+    Unreachable,
+    address_of,
+    call,
+    call_whole,
+    host_and_port,
+    route_address,
+)
+from apad_bridge.ros_names.names import in_full
+
+_AT_ONCE = 16
+_SHOWN = 8
+Names = dict[str, list[str]]
+
+
+@dataclass(frozen=True, slots=True)
+class Graph:
+    """Who publishes, subscribes and serves what on the master at `uri`; names of topics and services are the keys."""
+
+    uri: str
+    publishers: Names
+    subscribers: Names
+    services: Names
+    types: dict[str, str]
+
+    @classmethod
+    def read(cls, uri: str) -> Graph:
+        """Unreachable when the master does not answer."""
+        state = call(uri, "getSystemState")
+        publishers, subscribers, services = ({name: list(nodes) for name, nodes in part} for part in state)
+        return cls(uri, publishers, subscribers, services, dict(call(uri, "getTopicTypes")))
+
+    @property
+    def nodes(self) -> list[str]:
+        parts = (self.publishers, self.subscribers, self.services)
+        return sorted({node for part in parts for nodes in part.values() for node in nodes})
+
+
+def check_addresses(uri: str, announced: str) -> Iterator[Finding]:
+    """What nodes of this machine tell others to call them: `announced` is ROS_HOSTNAME, ROS_IP or the machine's name."""
+    master = address_of(host_and_port(uri)[0])
+    route = route_address(master)
+    mend = (
+        f"export ROS_IP={route}"
+        if "ROS_HOSTNAME" not in os.environ
+        else f"unset ROS_HOSTNAME; export ROS_IP={route}"
+    )
+    try:
+        here = address_of(announced)
+    except Unreachable as error:
+        yield fail("own address", f"nodes of this machine call themselves {announced}, but {error}", mend)
+        return
+    if here == route or (here.startswith("127.") and route.startswith("127.")):
+        yield ok(
+            "own address",
+            f"nodes of this machine call themselves {announced}; the route to the master is from {route}",
+        )
+    elif here.startswith("127."):
+        yield fail(
+            "own address", f"{announced} is this machine's loopback, and the master is at {master}", mend
+        )
+    else:
+        yield warn("own address", f"{announced} is {here}, but the route to the master is from {route}", mend)
+
+
+def check_call_back(uri: str, announced: str, bind: str) -> Finding:
+    """Whether the master can call a node on this machine: it is asked to, for a topic of nobody else's.
+
+    A node that subscribes is told by the master of each publisher; so one that does both hears of itself. What was
+    registered is taken back. This proves the way from the master's machine.
+    """
+    called = threading.Event()
+    topic = f"{CALLER}/call_back"
+    with SimpleXMLRPCServer((bind, 0), logRequests=False) as server:
+
+        def publisher_update(*told: Any) -> tuple[int, str, int]:
+            if told[1:] == (topic, [ours]):
+                called.set()
+            return 1, "", 0
+
+        server.register_function(publisher_update, "publisherUpdate")
+        port = server.socket.getsockname()[1]
+        ours = f"http://{announced}:{port}/"
+        serving = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.05}, daemon=True)
+        serving.start()
+        try:
+            call(uri, "registerSubscriber", topic, "std_msgs/Empty", ours)
+            call(uri, "registerPublisher", topic, "std_msgs/Empty", ours)
+            came = called.wait(TIMEOUT_S)
+        finally:
+            _take_back(uri, topic, ours)
+            server.shutdown()
+            serving.join(TIMEOUT_S)
+    if came:
+        return ok("call back", f"the master reached a node of this machine at {announced}")
+    route = route_address(address_of(host_and_port(uri)[0]))
+    return fail(
+        "call back",
+        f"the master did not reach {ours} within {TIMEOUT_S:g} s: topics would be listed here, but nothing would arrive",
+        f"export ROS_IP={route}, and let the firewall pass TCP from the master's machine to all ports above 1024",
+    )
+
+
+def _take_back(uri: str, topic: str, ours: str) -> None:
+    for method in ("unregisterPublisher", "unregisterSubscriber"):
+        try:
+            call_whole(uri, method, topic, ours)
+        except Unreachable:
+            continue  # the master is gone, and what was registered with it
+
+
+def check_clock(graph: Graph) -> Finding:
+    """Whose time nodes on this master follow."""
+    code, _, simulated = call_whole(graph.uri, "getParam", "/use_sim_time")
+    follows = code == 1 and bool(simulated)
+    sources = graph.publishers.get("/clock", [])
+    whose = ", ".join(
+        f"{node} ({'ours' if node.rpartition('/')[2].startswith('musselbed') else 'somebody else'})"
+        for node in sources
+    )
+    if len(sources) > 1:
+        return fail("clock", f"/clock comes from {whose}: time would jump", "end all of these nodes but one")
+    if follows and not sources:
+        return fail(
+            "clock",
+            "/use_sim_time is true and nobody publishes /clock: nodes stand still",
+            "start what publishes /clock, or: rosparam set /use_sim_time false, and start the nodes again",
+        )
+    if follows:
+        return ok("clock", f"simulated time, /clock from {whose}: fly with --time ros")
+    if sources:
+        return warn(
+            "clock",
+            f"/clock comes from {whose}, but /use_sim_time is not set: nodes follow their own clocks",
+            "rosparam set /use_sim_time true before any node starts, or end it",
+        )
+    return ok("clock", "wall time: fly with --time wall")
+
+
+def check_nodes(graph: Graph) -> Iterator[Finding]:
+    """Whether each node's host name resolves here, its port connects, and it answers."""
+    nodes = graph.nodes
+    with ThreadPoolExecutor(_AT_ONCE) as pool:
+        troubles = [trouble for trouble in pool.map(lambda node: _trouble(graph.uri, node), nodes) if trouble]
+    yield from troubles[:_SHOWN]
+    if len(troubles) > _SHOWN:
+        yield warn(
+            "nodes",
+            f"{len(troubles) - _SHOWN} more nodes do not answer",
+            "mend those above and run this again",
+        )
+    if not troubles:
+        yield ok(
+            "nodes", f"{len(nodes)} on the graph, all reachable from here" if nodes else "none on the graph"
+        )
+
+
+def _trouble(uri: str, node: str) -> Finding | None:
+    api = ""
+    try:
+        api = str(call(uri, "lookupNode", node))
+        host, _ = host_and_port(api)
+        address_of(host)
+    except Unreachable as error:
+        host = api.removeprefix("http://").split(":")[0] or "its host"
+        mend = f"add {host} to /etc/hosts here, or set ROS_IP on that machine and start the node again"
+        return fail(node, f"announces {api or 'nothing'}: {error}", mend)
+    try:
+        call(api, "getPid")
+    except Unreachable as error:
+        mend = "if the node is dead: rosnode cleanup; if it lives: let the firewall pass TCP to that port"
+        return warn(node, str(error), mend)
+    return None
+
+
+def check_agents_present(graph: Graph, ids: Iterable[int] | None, namespace: str = "") -> Finding:
+    """aMussels that somebody publishes already in this namespace; with the `ids` of a scenario, whether any is taken."""
+    position = re.compile(in_full(namespace, r"amussel(\d+)/position"))
+    taken: dict[int, list[str]] = {}
+    for topic, nodes in graph.publishers.items():
+        if found := position.fullmatch(topic):
+            taken[int(found[1])] = nodes
+    if not taken:
+        return ok("aMussel ids", f"nobody publishes an {in_full(namespace, 'amusselK')}/position")
+    shown = _ranges(taken)
+    clash = sorted(set(taken) & set(ids or ()))
+    if clash:
+        who = ", ".join(sorted({node for agent_id in clash for node in taken[agent_id]}))
+        beyond = max(taken) + 1
+        mend = f"end {who}, or set fleet.first_id to {beyond} in the scenario"
+        return fail("aMussel ids", f"{_ranges(clash)} of the scenario are published already by {who}", mend)
+    if ids is None:
+        mend = "give other ids to a fleet on this master: fleet.first_id in the scenario"
+        return warn("aMussel ids", f"{shown} are published already", mend)
+    return ok("aMussel ids", f"{shown} are published already, none of them the scenario's")
+
+
+def _ranges(ids: Iterable[Any]) -> str:
+    parts: list[list[int]] = []
+    for number in sorted(ids):
+        if parts and number == parts[-1][1] + 1:
+            parts[-1][1] = number
+        else:
+            parts.append([number, number])
+    return ", ".join(str(low) if low == high else f"{low}-{high}" for low, high in parts)

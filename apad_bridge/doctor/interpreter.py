@@ -1,0 +1,125 @@
+"""Which Python this is, what its packages are, and whether somebody else's `agents` stands before ours."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import os
+import re
+import sys
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+from apad_bridge.doctor.finding import Finding, fail, ok, warn
+
+INSTALL = "run launch_scripts/install"
+OUR_PACKAGES = ("agents", "apad_bridge", "firmware_model")
+DEBIAN_PYTHON = Path("/usr/bin/python3")
+OUR_ROOT = Path(__file__).parents[2]
+"""Where this code lies: the clone, or site-packages."""
+
+NUMPY_FROM, NUMPY_BELOW = (1, 26, 4), (2, 3)
+"""rospy.numpy_msg of Debian 12 calls ndarray.tostring, which numpy 2.3 took away."""
+
+
+def check_python(
+    executable: Path | None = None, environment: Path | None = None, debian: Path = DEBIAN_PYTHON
+) -> list[Finding]:
+    """The interpreter under the virtual environment `environment`; both are the running ones by default."""
+    executable = executable or Path(getattr(sys, "_base_executable", sys.executable))
+    environment = environment or Path(sys.prefix)
+    version = ".".join(map(str, sys.version_info[:3]))
+    if not debian.exists() or executable.resolve() != debian.resolve():
+        return [
+            fail(
+                "python",
+                f"{version} of {executable}, which does not see Debian's rospy",
+                f"{INSTALL}, which uses {debian}",
+            )
+        ]
+    settings = environment / "pyvenv.cfg"
+    if not settings.exists():
+        return [
+            warn(
+                "python",
+                f"{version} of Debian, in no virtual environment",
+                f"{INSTALL} and use .venv/bin/musselbed",
+            )
+        ]
+    if not re.search(r"^include-system-site-packages\s*=\s*true\s*$", settings.read_text(), re.MULTILINE):
+        return [fail("python", f"{environment} does not see Debian's packages", f"delete it and {INSTALL}")]
+    return [ok("python", f"{version} of Debian, with its packages, in {environment}")]
+
+
+def check_packages(distribution: str = "musselbed") -> Iterator[Finding]:
+    """What setup.cfg asks for, as this installation recorded it."""
+    try:
+        required = importlib.metadata.requires(distribution) or []
+    except importlib.metadata.PackageNotFoundError:
+        yield fail("packages", f"{distribution} is not installed in {sys.prefix}", INSTALL)
+        return
+    for line in required:
+        if "extra ==" in line:
+            continue
+        name = re.split(r"[^A-Za-z0-9_.-]", line, maxsplit=1)[0]
+        try:
+            version = importlib.metadata.version(name)
+        except importlib.metadata.PackageNotFoundError:
+            yield fail(name, "is not installed", INSTALL)
+            continue
+        yield check_numpy(version) if name == "numpy" else ok(name, version)
+
+
+def check_numpy(version: str) -> Finding:
+    numbers = tuple(int(part) for part in re.findall(r"\d+", version)[:3])
+    if NUMPY_FROM <= numbers < NUMPY_BELOW:
+        return ok("numpy", version)
+    return fail("numpy", f"{version} does not go with Debian's rospy (1.26.4 or later, below 2.3)", INSTALL)
+
+
+def check_shadows(
+    path: Iterable[str] | None = None, root: Path = OUR_ROOT, here: Path | None = None
+) -> Iterator[Finding]:
+    """Other packages that are called as ours, on the entries of `path` (sys.path by default) or in the folder `here`.
+
+    `here` counts because a child that is started as a module looks there before anywhere else.
+    """
+    here = here or Path.cwd()
+    entries = [Path(entry) if entry else here for entry in (sys.path if path is None else path)]
+    for name in OUR_PACKAGES:
+        earlier = _foreign(name, [here], root)
+        if earlier:
+            yield fail(
+                name,
+                f"{earlier[0]} would be taken for musselbed's",
+                f"run musselbed in another folder than {here}",
+            )
+            continue
+        ours = entries.index(root) if root in entries else len(entries)
+        first, later = _foreign(name, entries[:ours], root), _foreign(name, entries[ours:], root)
+        if first and ours < len(entries):
+            yield fail(name, f"{first[0]} comes before {root / name}", _removal(first[0]))
+        elif first or later:
+            yield warn(
+                name,
+                f"{root / name} is used; {(first or later)[0]} is another package of that name",
+                _removal((first or later)[0]),
+            )
+        else:
+            yield ok(name, str(root / name))
+
+
+def _foreign(name: str, entries: Iterable[Path], root: Path) -> list[Path]:
+    found = []
+    for entry in entries:
+        for candidate in (entry / name / "__init__.py", entry / f"{name}.py"):
+            if candidate.exists() and not candidate.resolve().is_relative_to(root.resolve() / name):
+                found.append(candidate)
+    return found
+
+
+def _removal(module: Path) -> str:
+    listed = [entry for entry in os.environ.get("PYTHONPATH", "").split(os.pathsep) if entry]
+    for entry in listed:
+        if module.is_relative_to(entry):
+            return f"take {entry} off PYTHONPATH"
+    return "uninstall the package it belongs to from this environment, or give musselbed one of its own"

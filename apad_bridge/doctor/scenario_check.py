@@ -1,0 +1,52 @@
+"""Whether a scenario could be flown here: read as `musselbed run` reads it, before anything starts."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from apad_bridge.doctor.finding import Finding, fail, ok
+from apad_bridge.scenario.errors import ScenarioError
+
+if TYPE_CHECKING:
+    from apad_bridge.scenario.schema import Scenario
+
+
+def read(path: Path) -> tuple[Scenario | None, list[Finding]]:
+    """The scenario if it can be read, and what was found; strategies and files were looked up on the way."""
+    try:
+        # Here and not above: a package that shadows one of ours must not keep the doctor from loading.
+        from apad_bridge.scenario.loader import load
+    except ImportError as error:
+        return None, [fail("scenario", f"cannot be read here: {error}", "see the checks of packages")]
+    try:
+        scenario = load(path)
+    except ScenarioError as error:
+        return None, [
+            fail("scenario", line, "mend the file: docs/scenarios.md says every key") for line in error.lines
+        ]
+    mission = scenario.mission
+    found = f"{path} can be read; strategies {mission.collection} and {mission.redeployment}"
+    return scenario, [ok("scenario", found), *_parts(scenario)]
+
+
+def _parts(scenario: Scenario) -> Iterator[Finding]:
+    from apad_bridge.scenario.starts import starts_of
+    from firmware_model.packets.codec import load_codec
+
+    try:
+        starts = starts_of(scenario)
+        if starts:
+            yield ok("starts", f"{len(starts)} aMussels, ids {starts[0].agent_id} to {starts[-1].agent_id}")
+        else:
+            yield ok("starts", "no aMussels")
+    except ScenarioError as error:
+        for line in error.lines:
+            yield fail("starts", line, "mend the file that fleet.start names")
+    codec = scenario.hearing.codec
+    try:
+        load_codec(codec)
+        yield ok("codec", codec)
+    except Exception as error:
+        yield fail("codec", f"{codec}: {error}", "install its package, or name another in hearing.codec")

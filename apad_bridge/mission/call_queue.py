@@ -1,0 +1,153 @@
+"""Orders that other threads give, one call at a time: what ROS services, or a test, ask of a commanded mission.
+
+A call is done by the supervisor's thread at the next tick; its caller waits for the answer, and not without end.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Protocol, TypeVar
+
+from apad_bridge.mission.manual import CommandedMission
+from apad_bridge.mission.values import Refused, Status
+
+ANSWER_S = 10.0
+"""A tick comes once a mission second; without one for so many wall seconds a call is taken back."""
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, slots=True)
+class Snapshot:
+    """How things stand after a tick. `goto_order` and `docking_order` count the orders of each kind."""
+
+    goto: Status = Status.IDLE
+    docking: Status = Status.IDLE
+    goto_order: int = 0
+    docking_order: int = 0
+    goto_m: float | None = None
+    """Metres to go, while a go-to is under way."""
+    failure: str | None = None
+    paused: bool = False
+
+
+def _snapshot_of(mission: CommandedMission) -> Snapshot:
+    return Snapshot(
+        mission.goto,
+        mission.docking,
+        mission.goto_orders,
+        mission.docking_orders,
+        mission.metres_to_go,
+        mission.failure,
+        mission.paused,
+    )
+
+
+class Flown(Protocol):
+    """The mission that a flight has: by hand all the time, or one that can be taken over."""
+
+    def finish(self, reason: str) -> None: ...
+
+
+class _Call:
+    def __init__(self, act: Callable[[Flown, CommandedMission | None], Any]) -> None:
+        self.act = act
+        self.done = threading.Event()
+        self.answer: Any = None
+        self.taken_back = False
+
+
+class CalledFront:
+    """`call` and `wait` are for any thread; the rest is the mission's."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Condition()
+        self._calls: list[_Call] = []
+        self._closed: str | None = None
+        self._snapshot = Snapshot()
+        self._listeners: list[Callable[[Snapshot], None]] = []
+
+    def call(self, act: Callable[[CommandedMission], T], timeout_s: float = ANSWER_S) -> T:
+        """What `act` gives, or raises.
+
+        Refused when a plan flies the aPad, when the mission is over, or when it does not tick within `timeout_s`.
+        """
+
+        def by_hand(_: Flown, hand: CommandedMission | None) -> T:
+            if hand is None:
+                raise Refused("the mission flies the aPad: call take_over first")
+            return act(hand)
+
+        return self._call(by_hand, timeout_s)
+
+    def call_mission(self, act: Callable[[Flown], T], timeout_s: float = ANSWER_S) -> T:
+        """As `call`, whoever flies."""
+        return self._call(lambda flown, _: act(flown), timeout_s)
+
+    def _call(self, act: Callable[[Flown, CommandedMission | None], T], timeout_s: float) -> T:
+        call = _Call(act)
+        with self._lock:
+            if self._closed is not None:
+                raise Refused(f"the mission is over: {self._closed}")
+            self._calls.append(call)
+        if not call.done.wait(timeout_s):
+            with self._lock:
+                call.taken_back = not call.done.is_set()
+            if call.taken_back:
+                raise Refused(f"no mission tick came within {timeout_s:g} s: nothing was ordered")
+        if isinstance(call.answer, Exception):
+            raise call.answer
+        answer: T = call.answer
+        return answer
+
+    def wait(self, timeout_s: float) -> Snapshot:
+        """The snapshot of the next tick, or the newest when none comes within `timeout_s` wall seconds."""
+        with self._lock:
+            before = self._snapshot
+            self._lock.wait_for(lambda: self._snapshot is not before or self._closed is not None, timeout_s)
+            return self._snapshot
+
+    @property
+    def ended_by(self) -> str | None:
+        return self._closed
+
+    def listen(self, listener: Callable[[Snapshot], None]) -> None:
+        """Is called after each tick, by the supervisor's thread: it must not wait."""
+        self._listeners.append(listener)
+
+    def act(self, mission: CommandedMission, now_ms: int) -> None:
+        self.serve(mission, lambda: mission)
+        self.show(mission)
+
+    def serve(self, flown: Flown, hand: Callable[[], CommandedMission | None]) -> None:
+        """Does what was called since the last tick; each call may change in whose hands the aPad is."""
+        with self._lock:
+            calls, self._calls = self._calls, []
+        for call in calls:
+            with self._lock:
+                if call.taken_back:
+                    continue
+                try:
+                    call.answer = call.act(flown, hand())
+                except Refused as refused:
+                    call.answer = refused
+                call.done.set()
+
+    def show(self, hand: CommandedMission | None) -> None:
+        """The tick is over: whoever waits is told how things stand."""
+        snapshot = Snapshot() if hand is None else _snapshot_of(hand)
+        with self._lock:
+            self._snapshot = snapshot
+            self._lock.notify_all()
+        for listener in self._listeners:
+            listener(snapshot)
+
+    def close(self, reason: str) -> None:
+        with self._lock:
+            self._closed = reason
+            for call in self._calls:
+                call.answer = Refused(f"the mission is over: {reason}")
+                call.done.set()
+            self._calls = []
+            self._lock.notify_all()

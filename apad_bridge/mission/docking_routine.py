@@ -1,0 +1,147 @@
+"""Docking and undocking for a commanded mission: one at a time, from the order to its end."""
+
+from __future__ import annotations
+
+import math
+
+from apad_bridge.beliefs.belief import Belief
+from apad_bridge.mission.charging_watch import ChargingWatch
+from apad_bridge.mission.event_log import EventLog
+from apad_bridge.mission.order_book import OrderBook
+from apad_bridge.mission.orders import PermitSurfacing, TellClear
+from apad_bridge.mission.sources import BeliefSource
+from apad_bridge.mission.values import Refused, Status, dock_of
+from apad_bridge.scenario.schema import Mission
+from apad_bridge.scripting.docking_routine import AwaitSurfacing, GivenUp, Next
+from apad_bridge.vehicle.commands import AS_THE_SCENARIO_SAYS, Manoeuvre
+from apad_bridge.vehicle.docking import PRE_EMPTED
+from apad_bridge.vehicle.primitives import DockMussel, UndockMussel
+from firmware_model.state_groups import BEYOND_HELP
+
+REACH_M = 3.0
+"""An aMussel believed farther away than this (or twice the victory radius) is not within a mechanism's reach."""
+
+
+class DockingDesk:
+    """Writes its orders and notes into the mission's book. Slots count from 0 here; places are NED metres."""
+
+    def __init__(self, config: Mission, beliefs: BeliefSource, book: OrderBook, events: EventLog) -> None:
+        self.status = Status.IDLE
+        self.given = 0
+        """How many orders to dock or undock were taken."""
+        self._config = config
+        self._beliefs = beliefs
+        self._book = book
+        self._events = events
+        self._full = ChargingWatch(config.full_threshold, config.full_when, 0)
+        self._surfacing: AwaitSurfacing | None = None
+        self._mechanism: DockMussel | UndockMussel | None = None
+        self._manoeuvre = AS_THE_SCENARIO_SAYS
+
+    def believed(self, agent_id: int) -> Belief:
+        """Refused for one that was never heard."""
+        belief = self._beliefs.get(agent_id)
+        if belief is None:
+            # As ROS 1 has it, what is left out of a call is 0.
+            hint = "" if agent_id else ": say the aMussel's id, which is 0 where it is left out"
+            raise Refused(f"aMussel {agent_id} was never heard{hint}")
+        return belief
+
+    def is_full(self, agent_id: int) -> bool:
+        """Whether it is believed full, as the scenario means it."""
+        return self._full.is_full(self._beliefs.get(agent_id))
+
+    def refuse_dock(self, slot: int, agent_id: int, here: tuple[float, float]) -> None:
+        """Refused for what cannot be docked from here."""
+        belief, slots = self.believed(agent_id), self._book.slots
+        if slots[slot] is not None:
+            raise Refused(f"dock {dock_of(slot)} holds aMussel {slots[slot]}")
+        if agent_id in slots:
+            raise Refused(f"aMussel {agent_id} is in dock {dock_of(slots.index(agent_id))} already")
+        if belief.state in BEYOND_HELP:
+            raise Refused(f"aMussel {agent_id} is lost: it can no longer surface")
+        self._refuse_beyond_reach(belief, here)
+
+    def dock(
+        self, slot: int, agent_id: int, manoeuvre: Manoeuvre, here: tuple[float, float], now_ms: int
+    ) -> None:
+        """Begins, with the permission to surface; `advance` goes on."""
+        self._begin()
+        self._manoeuvre = manoeuvre
+        self._surfacing = AwaitSurfacing(slot, agent_id, now_ms)
+        self.advance(here, now_ms)
+
+    def undock(self, slot: int, manoeuvre: Manoeuvre, now_ms: int) -> None:
+        agent_id = self._book.slots[slot]
+        if agent_id is None:
+            raise Refused(f"dock {dock_of(slot)} is empty")
+        self.pre_empt(now_ms)
+        self._begin()
+        self._mechanism = UndockMussel(self._book.next_id(), slot, agent_id, manoeuvre)
+        self._book.order(self._mechanism)
+
+    def advance(self, here: tuple[float, float], now_ms: int) -> None:
+        """Looks whether the aMussel has come up."""
+        waiting = self._surfacing
+        if waiting is None:
+            return
+        belief = self._beliefs.get(waiting.agent_id)
+        try:
+            todo = waiting.look(belief, self._config, now_ms)
+            if todo is Next.CLOSE and belief is not None:
+                self._refuse_beyond_reach(belief, here)
+        except (GivenUp, Refused) as given_up:
+            self._book.note("given_up", agent=waiting.agent_id, what="dock", reason=str(given_up))
+            self._surfacing_ends(Status.FAILED, str(given_up), now_ms)
+            return
+        if todo is Next.PERMIT:
+            self._book.order(PermitSurfacing(waiting.agent_id))
+        elif todo is Next.CLOSE:
+            self._surfacing = None
+            self._mechanism = DockMussel(
+                self._book.next_id(), waiting.slot, waiting.agent_id, self._manoeuvre
+            )
+            self._book.order(self._mechanism)
+
+    def pre_empt(self, now_ms: int) -> None:
+        """Another primitive is ordered. (Of one whose mechanism was ordered the port decides, and tells.)"""
+        self._surfacing_ends(Status.PREEMPTED, PRE_EMPTED, now_ms)
+
+    def paused_for(self, ms: int) -> None:
+        """Nobody answers while nobody asks: an aMussel has so much longer to come up."""
+        if self._surfacing is not None:
+            self._surfacing.since_ms += ms
+
+    def ended(self, primitive_id: int, status: Status, reason: str | None, now_ms: int) -> None:
+        """The port's outcome; one of another primitive changes nothing."""
+        if self._mechanism is None or primitive_id != self._mechanism.primitive_id:
+            return
+        ended, self._mechanism = self._mechanism, None
+        if isinstance(ended, UndockMussel) and status is Status.DONE:
+            self._released(ended.agent_id)
+        self._end(status, ended.agent_id, ended.slot, reason, now_ms)
+
+    def _begin(self) -> None:
+        self.status = Status.RUNNING
+        self.given += 1
+
+    def _refuse_beyond_reach(self, belief: Belief, here: tuple[float, float]) -> None:
+        away_m = math.dist(here, (belief.north_m, belief.east_m))
+        if away_m > max(REACH_M, 2 * self._config.victory_radius_m):
+            raise Refused(f"aMussel {belief.agent_id} is believed {away_m:.1f} m away: go there first")
+
+    def _surfacing_ends(self, status: Status, reason: str, now_ms: int) -> None:
+        if self._surfacing is not None:
+            slot, agent_id = self._surfacing.slot, self._surfacing.agent_id
+            self._surfacing = None
+            self._end(status, agent_id, slot, reason, now_ms)
+
+    def _end(self, status: Status, agent_id: int, slot: int, reason: str | None, now_ms: int) -> None:
+        self.status = status
+        self._events.tell(now_ms, "docking", agent_id, dock_of(slot), status, reason)
+
+    def _released(self, agent_id: int) -> None:
+        full = self.is_full(agent_id)
+        self._book.order(TellClear(agent_id))
+        self._book.note("released", agent=agent_id, full=full)
+        self._book.set(services=self._book.state.services + full)

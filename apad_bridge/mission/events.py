@@ -1,0 +1,82 @@
+"""Facts that reach the supervisor, and what it tells the world. Stamps are mission milliseconds."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from agents.packet_medium import Medium
+from apad_bridge.mission.orders import Note
+from apad_bridge.vehicle.commands import VehicleCommand, VehicleFact
+from firmware_model.sampling.sample_record import SampleRecord
+
+
+@dataclass(frozen=True, slots=True)
+class WifiHeard:
+    at_ms: int
+    data: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class SoundHeard:
+    at_ms: int
+    data: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class RangeHeard:
+    """A ping for an aMussel was answered from `range_m`, or by None in time."""
+
+    at_ms: int
+    agent_id: int
+    range_m: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class OperatorAsked:
+    """A person wants the mission to end."""
+
+    at_ms: int
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class StandDownAsked:
+    """One of several aPads shall leave its aMussels to the others."""
+
+    at_ms: int
+    reason: str
+
+
+Fact = WifiHeard | SoundHeard | RangeHeard | OperatorAsked | StandDownAsked | VehicleFact
+
+
+@dataclass(frozen=True, slots=True)
+class Send:
+    """Transmit to one aMussel, or by sound to all (EVERYONE).
+
+    By sound it goes out at agent time `not_before_ms`, or as soon as the modem is free.
+    """
+
+    medium: Medium
+    agent_id: int
+    data: bytes
+    not_before_ms: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Ping:
+    """Measure the range to an aMussel by sound: a RangeHeard comes of it."""
+
+    agent_id: int
+    not_before_ms: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class KeepSamples:
+    """Put an aMussel's samples on disk, before anything else goes out: they are acknowledged next."""
+
+    agent_id: int
+    records: tuple[SampleRecord, ...]
+
+
+SupervisorAction = VehicleCommand | Send | Ping | Note | KeepSamples

@@ -1,0 +1,274 @@
+"""A mission without a plan of its own: the aPad does what it is told, by a script or by a person's calls.
+
+It stands in the supervisor where the paper's mission stands, so port, beliefs, records and vehicles are the same. All of it
+runs in the supervisor's one thread; who gives the orders is a `Front`, which is asked at every tick.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Protocol
+
+from apad_bridge.mission.docking_routine import DockingDesk
+from apad_bridge.mission.event_log import EventLog
+from apad_bridge.mission.homes import with_new_homes
+from apad_bridge.mission.order_book import OrderBook
+from apad_bridge.mission.orders import Order, PermitSurfacing, TellClear
+from apad_bridge.mission.sources import Foretelling
+from apad_bridge.mission.state import MissionState, Phase
+from apad_bridge.mission.values import Refused, Status, dock_of
+from apad_bridge.scenario.local_frame import FARTHEST_M
+from apad_bridge.scenario.schema import Mission
+from apad_bridge.vehicle.commands import AS_THE_SCENARIO_SAYS, Manoeuvre
+from apad_bridge.vehicle.docking import PRE_EMPTED
+from apad_bridge.vehicle.primitives import (
+    DockChanged,
+    GoToPoint,
+    HoldPosition,
+    Outcome,
+    PrimitiveFailed,
+    PrimitiveSucceeded,
+)
+
+
+class Front(Protocol):
+    """Whoever gives the orders. Moved by the mission, in the supervisor's thread."""
+
+    def act(self, mission: CommandedMission, now_ms: int) -> None:
+        """Gives orders, if it has any, by calling the mission's methods."""
+        ...
+
+    def close(self, reason: str) -> None:
+        """The mission is over."""
+        ...
+
+
+class CommandedMission(OrderBook):
+    """Orders raise Refused, with one line, and then nothing has changed. Slots count from 0 here; NED metres."""
+
+    def __init__(
+        self,
+        config: Mission,
+        max_speed_m_s: float,
+        beliefs: Foretelling,
+        fronts: Sequence[Front],
+        state: MissionState | None = None,
+    ) -> None:
+        self.config = config
+        self._max_speed_m_s = max_speed_m_s
+        self.beliefs = beliefs
+        super().__init__(replace(state or MissionState(), phase=Phase.COMMANDED))
+        self.now_ms = 0
+        self.pose: tuple[float, float] | None = None
+        self.goto = Status.IDLE
+        self.paused = False
+        self._paused_ms = 0
+        self.goto_orders = 0
+        """How many were given."""
+        self.events = EventLog(config.pool_threshold)
+        self._desk = DockingDesk(config, beliefs, self, self.events)
+        self._fronts = fronts
+        self._target: GoToPoint | None = None
+        """Of the go-to that is running or paused."""
+        self._begun = False
+
+    # What the supervisor asks of a mission.
+
+    def moved(self, north_m: float, east_m: float) -> None:
+        self.pose = (north_m, east_m)
+
+    def receive(self, outcome: Outcome, now_ms: int) -> list[Order]:
+        self.now_ms = now_ms
+        match outcome:
+            case DockChanged(_, slot, agent_id, closed):
+                self.dock_changed(slot, agent_id, closed)
+                self.events.tell(now_ms, "docked" if closed else "undocked", agent_id, dock_of(slot))
+            case PrimitiveSucceeded(_, primitive_id):
+                self._ended(primitive_id, Status.DONE, None)
+            case PrimitiveFailed(_, primitive_id, reason):
+                self._ended(primitive_id, Status.PREEMPTED if reason == PRE_EMPTED else Status.FAILED, reason)
+        return self.take_orders()
+
+    def advance(self, now_ms: int) -> list[Order]:
+        self.now_ms = now_ms
+        self.set(homes=with_new_homes(self.state.homes, self.beliefs.all()))
+        if self.pose is None or self.state.phase is Phase.ENDED:
+            return self.take_orders()
+        if not self._begun:
+            self._begun = True
+            self.order(HoldPosition(self.next_id(), *self.pose))
+            self.snapshot()
+        self.events.look(self.beliefs.all(), now_ms)
+        if not self.paused:
+            self._desk.advance(self.pose, now_ms)
+        for front in self._fronts:
+            front.act(self, now_ms)
+        return self.take_orders()
+
+    def stand_down(self, reason: str, now_ms: int) -> list[Order]:
+        return []
+
+    def end(self, reason: str, now_ms: int) -> list[Order]:
+        self.now_ms = now_ms
+        self.finish(reason)
+        return self.take_orders()
+
+    def finish(self, reason: str) -> None:
+        """As `end`, from within a front: the orders go out with those of this tick."""
+        if self.state.phase is Phase.ENDED:
+            return
+        if self.pose is not None:
+            self.order(HoldPosition(self.next_id(), *self.pose))
+        self.set(phase=Phase.ENDED, since_ms=self.now_ms, ended_by=reason)
+        self.snapshot()
+        for front in self._fronts:
+            front.close(reason)
+
+    # What a front may order.
+
+    @property
+    def is_busy(self) -> bool:
+        """Whether a primitive that ends by itself is under way."""
+        return not self.paused and Status.RUNNING in (self.goto, self.docking)
+
+    @property
+    def docking(self) -> Status:
+        """Of the last docking or undocking."""
+        return self._desk.status
+
+    @property
+    def docking_orders(self) -> int:
+        """How many were given."""
+        return self._desk.given
+
+    @property
+    def failure(self) -> str | None:
+        """Why a primitive failed last."""
+        return self.events.failure
+
+    @property
+    def metres_to_go(self) -> float | None:
+        """Of the go-to under way, as the crow flies."""
+        if self._target is None or self.pose is None:
+            return None
+        return math.dist(self.pose, (self._target.north_m, self._target.east_m))
+
+    def is_full(self, agent_id: int) -> bool:
+        """Whether it is believed full, as the scenario means it."""
+        return self._desk.is_full(agent_id)
+
+    def go_to(
+        self, north_m: float, east_m: float, speed_m_s: float | None = None, radius_m: float | None = None
+    ) -> None:
+        """The scenario's speed and victory radius where none are given."""
+        here = self._place()
+        speed_m_s = self.config.speed_m_s if speed_m_s is None else speed_m_s
+        radius_m = self.config.victory_radius_m if radius_m is None else radius_m
+        if not all(map(math.isfinite, (north_m, east_m, speed_m_s, radius_m))):
+            raise Refused("a go-to needs finite numbers")
+        _refuse_far(north_m, east_m)
+        if speed_m_s <= 0 or radius_m <= 0:
+            raise Refused(
+                "speed and victory radius must be above 0: an aPad of the field gives up on anything else"
+            )
+        if speed_m_s > self._max_speed_m_s:
+            raise Refused(f"a speed of {speed_m_s:g} m/s: apad.max_speed_m_s is {self._max_speed_m_s:g} m/s")
+        self._desk.pre_empt(self.now_ms)
+        self.goto_orders += 1
+        self._start_going(
+            GoToPoint(0, north_m, east_m, speed_m_s, radius_m), math.dist(here, (north_m, east_m))
+        )
+
+    def hold(self, north_m: float | None = None, east_m: float | None = None) -> None:
+        """Dynamic positioning at a point, or where the aPad is; whatever was under way is pre-empted."""
+        here = self._place()
+        point = (here[0] if north_m is None else north_m, here[1] if east_m is None else east_m)
+        if not all(map(math.isfinite, point)):
+            raise Refused("a hold needs finite numbers")
+        _refuse_far(*point)
+        self._desk.pre_empt(self.now_ms)
+        self.order(HoldPosition(self.next_id(), *point))
+
+    def dock(self, slot: int, agent_id: int, manoeuvre: Manoeuvre = AS_THE_SCENARIO_SAYS) -> None:
+        """Lets the aMussel surface, waits until it floats, and closes the mechanism around it."""
+        here = self._place()
+        self._desk.refuse_dock(slot, agent_id, here)
+        self._desk.pre_empt(self.now_ms)
+        if self.goto is Status.RUNNING:
+            self.order(HoldPosition(self.next_id(), *here))
+        self._desk.dock(slot, agent_id, manoeuvre, here, self.now_ms)
+        self.snapshot()
+
+    def undock(self, slot: int, manoeuvre: Manoeuvre = AS_THE_SCENARIO_SAYS) -> None:
+        """Opens a mechanism, and tells whom it held that it is clear to sink."""
+        self._place()
+        self._desk.undock(slot, manoeuvre, self.now_ms)
+        self.snapshot()
+
+    def permit_surfacing(self, agent_id: int) -> None:
+        self._place()
+        self._desk.believed(agent_id)
+        self.order(PermitSurfacing(agent_id))
+
+    def tell_clear(self, agent_id: int) -> None:
+        self._place()
+        self.order(TellClear(agent_id))
+
+    def pause(self) -> None:
+        """Holds position. A go-to goes on later; a mechanism that was commanded is not stopped half-way."""
+        here = self._place()
+        self.paused, self._paused_ms = True, self.now_ms
+        if self.goto is Status.RUNNING:
+            assert self._target is not None
+            # What is heard of the pre-empted one is nobody's.
+            self._target = replace(self._target, primitive_id=0)
+            self.order(HoldPosition(self.next_id(), *here))
+        self.snapshot()
+
+    def resume(self) -> bool:
+        """Goes on where `pause` stopped; without one nothing happens. Whether there was one."""
+        if not self.paused:
+            return False
+        self.paused = False
+        self._desk.paused_for(self.now_ms - self._paused_ms)
+        if self.goto is Status.RUNNING and self._target is not None:
+            self._start_going(self._target, 0.0)
+        return True
+
+    # Smaller acts.
+
+    def _place(self) -> tuple[float, float]:
+        if self.state.phase is Phase.ENDED:
+            raise Refused(f"the mission is over: {self.state.ended_by}")
+        if self.paused:
+            raise Refused("the mission is paused: resume it first")
+        if self.pose is None:
+            raise Refused("the aPad's place is not known yet")
+        return self.pose
+
+    def _start_going(self, target: GoToPoint, metres: float) -> None:
+        self._target = replace(target, primitive_id=self.next_id())
+        self.goto = Status.RUNNING
+        self.set(cost_m=self.state.cost_m + metres)
+        self.note("leg", metres=round(metres, 4))
+        self.order(self._target)
+        self.snapshot()
+
+    def _ended(self, primitive_id: int, status: Status, reason: str | None) -> None:
+        if self._target is not None and primitive_id == self._target.primitive_id:
+            self._target = None
+            self.goto = status
+            self.events.tell(self.now_ms, "goto", status=status, reason=reason)
+        else:
+            self._desk.ended(primitive_id, status, reason, self.now_ms)
+
+
+def _refuse_far(north_m: float, east_m: float) -> None:
+    """A place left out of a call is 0 degrees north and east, and one in the wrong unit is as far: both are refused."""
+    if math.hypot(north_m, east_m) > FARTHEST_M:
+        raise Refused(
+            f"the goal lies {math.hypot(north_m, east_m):.0f} m from the scenario's origin: is it [latitude, longitude] "
+            "in degrees where those are asked for, and metres elsewhere?"
+        )

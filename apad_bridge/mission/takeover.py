@@ -1,0 +1,128 @@
+"""A mission that a person may take over, fly by hand, and give back, as the paper's scenario (section V-A) allows.
+
+Both missions share one state: who is docked, homes, the way so far. While a person flies, nothing is planned; given back,
+the mission begins where its figure begins, with the aMussels aboard charged first.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+from apad_bridge.mission.call_queue import CalledFront, Flown
+from apad_bridge.mission.manual import CommandedMission
+from apad_bridge.mission.orders import Note, Order
+from apad_bridge.mission.role import Mission
+from apad_bridge.mission.state import MissionState, Phase
+from apad_bridge.mission.values import Refused, Status
+from apad_bridge.planning.solution import Solution
+from apad_bridge.vehicle.primitives import Outcome
+
+
+class Override:
+    """`planned` makes the mission that plans, `by_hand` the one that does what it is told, each from a state."""
+
+    def __init__(
+        self,
+        planned: Callable[[MissionState | None], Mission],
+        by_hand: Callable[[MissionState], CommandedMission],
+        calls: CalledFront,
+        state: MissionState | None = None,
+    ) -> None:
+        self._planned = planned
+        self._by_hand = by_hand
+        self._calls = calls
+        self._now_ms = 0
+        self._pose: tuple[float, float] | None = None
+        self._orders: list[Order] = []
+        self._flying: Mission | CommandedMission
+        # A resumed flight goes on in the hands in which it was.
+        self._flying = (
+            by_hand(state) if state is not None and state.phase is Phase.COMMANDED else planned(state)
+        )
+
+    @property
+    def state(self) -> MissionState:
+        return self._flying.state
+
+    @property
+    def slots(self) -> tuple[int | None, ...]:
+        return self._flying.slots
+
+    @property
+    def by_hand(self) -> CommandedMission | None:
+        """What does as it is told, while a person has taken over."""
+        return self._flying if isinstance(self._flying, CommandedMission) else None
+
+    def moved(self, north_m: float, east_m: float) -> None:
+        self._pose = (north_m, east_m)
+        self._flying.moved(north_m, east_m)
+
+    def receive(self, outcome: Outcome, now_ms: int) -> list[Order]:
+        return self._flying.receive(outcome, now_ms)
+
+    def advance(self, now_ms: int) -> list[Order]:
+        self._now_ms = now_ms
+        self._calls.serve(self, lambda: self.by_hand)
+        orders, self._orders = self._orders, []
+        orders += self._flying.advance(now_ms)
+        self._calls.show(self.by_hand)
+        return orders
+
+    def stand_down(self, reason: str, now_ms: int) -> list[Order]:
+        return self._flying.stand_down(reason, now_ms)
+
+    def end(self, reason: str, now_ms: int) -> list[Order]:
+        self._calls.close(reason)
+        return self._flying.end(reason, now_ms)
+
+    def finish(self, reason: str) -> None:
+        """As `end`, from within a call."""
+        self._orders += self.end(reason, self._now_ms)
+
+    def take_over(self) -> str:
+        """The aPad holds its position and waits for orders; a mechanism that was commanded is not stopped half-way.
+
+        A word for the caller where that is nothing new, else none; so does `give_back`.
+        """
+        if self.by_hand is not None:
+            return "the aPad was taken over already"
+        self._change(self._by_hand(self.state), taken=True)
+        return ""
+
+    def give_back(self) -> str:
+        """Refused while a docking is under way."""
+        hand = self.by_hand
+        if hand is None:
+            return "the mission flies the aPad already"
+        if hand.docking is Status.RUNNING:
+            raise Refused("a docking is under way: wait for its end, or order a hold")
+        self._change(
+            self._planned(replace(self.state, phase=Phase.IDLE, plan=Solution(()), attempts=0)), taken=False
+        )
+        return ""
+
+    def _change(self, mission: Mission | CommandedMission, *, taken: bool) -> None:
+        if self.state.phase is Phase.ENDED:
+            raise Refused(f"the mission is over: {self.state.ended_by}")
+        if (hand := self.by_hand) is not None:
+            self._orders += hand.take_orders()
+        self._flying = mission
+        if self._pose is not None:
+            mission.moved(*self._pose)
+        self._orders.append(Note("override", {"taken": taken}))
+        # What the new one begins with goes out before what is ordered of it within the same tick.
+        self._orders += mission.advance(self._now_ms)
+
+
+def take_over(flown: Flown) -> str:
+    """A person takes the aPad; where it is flown by hand or by a script already, nothing happens but a word."""
+    if isinstance(flown, Override):
+        return flown.take_over()
+    return "no mission plans in this flight: orders are taken without it"
+
+
+def give_back(flown: Flown) -> str:
+    if not isinstance(flown, Override):
+        raise Refused("in this flight there is no mission to give the aPad back to")
+    return flown.give_back()

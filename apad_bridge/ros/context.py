@@ -1,0 +1,257 @@
+"""What a supervisor flies with over ROS: the gateway's node, the aPad's link, and what lets time pass."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+
+import rospy
+
+from apad_bridge.assembly import parts
+from apad_bridge.mission.share import Share
+from apad_bridge.ros.gateway.agent_topics import Shown
+from apad_bridge.ros.gateway.battery_alerts import BatteryAlerts
+from apad_bridge.ros.gateway.claims import ClaimBoard
+from apad_bridge.ros.gateway.fleet_diagnostics import Limits
+from apad_bridge.ros.gateway.fleet_guard import SecondFleet
+from apad_bridge.ros.gateway.fleet_services import FleetServices
+from apad_bridge.ros.gateway.gateway import Gateway, GatewayFailed, TruthSource, open_gateway
+from apad_bridge.ros.gateway.standard_messages import ball_size_m
+from apad_bridge.ros.gateway.standard_topics import StandardTopics
+from apad_bridge.ros.links.contacts_link import ContactsLink
+from apad_bridge.ros.links.generation_b import GenerationBLink
+from apad_bridge.ros.links.laboratory import Laboratory
+from apad_bridge.ros.links.packet_router import FleetRadio, MissionRadio, RealRadio
+from apad_bridge.ros.links.several_router import SquadRadio
+from apad_bridge.ros.links.vehicles import READY_S, APadLink, TruthsAt, is_of_generation_b, open_apad
+from apad_bridge.ros.silence_watch import SilenceWatch
+from apad_bridge.ros.system.master_watch import MasterWatch, Noticed
+from apad_bridge.ros.system.ros_pace import FollowedClock, OwnMasterClock
+from apad_bridge.ros_names.namespaces import beside_others, is_one_of_several
+from apad_bridge.runs.failures import PeerFailed
+from apad_bridge.scenario.lab_interface.names import DEFAULT, load_names
+from apad_bridge.scenario.local_frame import LocalFrame
+from apad_bridge.scenario.run_options import APadKind, Part, RunOptions, TimeSource
+from apad_bridge.scenario.schema import Scenario
+from apad_bridge.supervisor.clock import Pace, WallClock
+from apad_bridge.supervisor.context import Surroundings, Watcher
+from apad_bridge.supervisor.fleet import Fleet
+from apad_bridge.supervisor.roster import Presences, Roll
+from apad_bridge.vehicle.errors import VehicleNotReady
+from apad_bridge.vehicle.listening_link import ListeningLink
+from firmware_model.packets.codec import load_codec
+
+_NODES = {Part.WHOLE: "musselbed", Part.FLEET: "musselbed_fleet", Part.MISSION: "musselbed_mission"}
+
+
+@contextmanager
+def open_surroundings(
+    scenario: Scenario,
+    options: RunOptions,
+    fleet: Fleet | None,
+    docked: Mapping[int, int],
+    held: tuple[int, ...],
+    now_ms: int,
+    truths_at: TruthsAt,
+    presences: Presences,
+    tell: Callable[[str], None],
+    share: Share | None = None,
+) -> Iterator[Surroundings]:
+    """Everything on the graph while it is entered; PeerFailed, in one line, when something does not come up.
+
+    `docked` are agents by slot that a former supervisor knew to be held, `held` those whose bodies feel a dock; `now_ms` is
+    the mission time to go on from. `truths_at` is the recorder's, for a scenario that wants the truth on the aMussels' own
+    topics. `tell` is for a person: where the graph contradicts what the journal says of `presences`. `share` is that of one
+    of several aPads that take over from each other.
+    """
+    # A mission alone shows nothing as its aMussels': they, or their fleet, do so themselves.
+    shown = () if options.part is Part.MISSION else parts.agent_ids(scenario)
+    with ExitStack() as stack:
+        try:
+            gateway = _gateway(scenario, options, shown, presences, truths_at)
+            stack.callback(gateway.close)
+            roll = None if fleet is None else _called_roll(stack, presences, options, tell)
+            laboratory = _laboratory(scenario)
+            stack.callback(laboratory.close)
+            beside = _beside_the_gateway(scenario, options, shown, presences)
+            vehicle, watches = _vehicle(scenario, options, docked, now_ms, truths_at)
+            stack.callback(vehicle.close)
+            radio = _radio(options, scenario, vehicle, presences, share)
+            stack.callback(radio.close)
+            if not isinstance(vehicle, ContactsLink):
+                vehicle.wait_until_ready(READY_S)
+        except (SecondFleet, GatewayFailed, VehicleNotReady) as error:
+            raise PeerFailed(str(error)) from error
+        hears = vehicle if isinstance(vehicle, GenerationBLink) else None
+        link = laboratory.beside(vehicle, hears)
+        yield Surroundings(
+            ListeningLink(link) if options.part is Part.FLEET else link,
+            _pace(options, vehicle, now_ms, in_fine_steps=bool(watches)),
+            fleet,
+            lambda supervisor: (
+                gateway.watcher(supervisor),
+                *(it.watcher(supervisor) for it in beside),
+                *watches,
+                *_kept_to(share, vehicle),
+            ),
+            gateway.event,
+            laboratory.around(radio, link, is_mission=options.part is Part.MISSION),
+            held,
+            hears is not None,
+            lambda: vehicle.dropped + laboratory.dropped + radio.dropped,
+            _watched(stack, options, scenario, vehicle),
+            roll=roll,
+            keeps_samples=options.part is not Part.FLEET,
+            tell_guest=radio.tell_guest if isinstance(radio, SquadRadio) else None,
+            share=share,
+        )
+
+
+def _gateway(
+    scenario: Scenario, options: RunOptions, shown: Sequence[int], presences: Presences, truths_at: TruthsAt
+) -> Gateway:
+    ids = parts.agent_ids(scenario)
+    return open_gateway(
+        shown,
+        scenario.theta,
+        node_name=f"{_NODES[options.part]}_{ids[0] if ids else scenario.fleet.first_id}",
+        xmlrpc_port=options.xmlrpc_port,
+        remappings=_remappings(scenario, options),
+        simulated=lambda: presences.simulated,
+        truth=_shown_truth(truths_at) if scenario.records.truth_on_agent_topics else None,
+        comes_back=options.is_resumed,
+        frame=LocalFrame.about(scenario.area.origin),
+    )
+
+
+def _beside_the_gateway(
+    scenario: Scenario, options: RunOptions, shown: Sequence[int], presences: Presences
+) -> tuple[StandardTopics, BatteryAlerts]:
+    frame, threshold = LocalFrame.about(scenario.area.origin), scenario.mission.pool_threshold
+    return (
+        _standard_topics(shown, scenario, frame, options.namespace),
+        BatteryAlerts(shown, frame, threshold, options.namespace, lambda: presences.simulated),
+    )
+
+
+def _laboratory(scenario: Scenario) -> Laboratory:
+    names = load_names(Path(scenario.apad.interface) if scenario.apad.interface else DEFAULT)
+    ids, codec = parts.agent_ids(scenario), load_codec(scenario.hearing.codec)
+    return Laboratory(names, scenario.apad.name, ids, codec)
+
+
+def _remappings(scenario: Scenario, options: RunOptions) -> list[str]:
+    """The user's come last: ROS takes the later one of two for the same name."""
+    return [*(beside_others(scenario.apad.name) if is_one_of_several(scenario) else ()), *options.remappings]
+
+
+def _vehicle(
+    scenario: Scenario, options: RunOptions, docked: Mapping[int, int], now_ms: int, truths_at: TruthsAt
+) -> tuple[APadLink | ContactsLink, tuple[Watcher, ...]]:
+    """The link to the aPad, or a fleet's ears for somebody else's; and what has to look at each tick because of it."""
+    if options.part is Part.FLEET and not is_of_generation_b(scenario):
+        return ContactsLink(scenario.apad.name, parts.agent_ids(scenario), docked, now_ms), ()
+    opened = open_apad(scenario, options, docked, now_ms, truths_at)
+    return opened.link, () if opened.watch is None else (opened.watch,)
+
+
+def _called_roll(
+    stack: ExitStack,
+    presences: Presences,
+    options: RunOptions,
+    tell: Callable[[str], None],
+) -> Roll:
+    claims = ClaimBoard(rospy.get_name(), lambda: presences.simulated)
+    if options.is_resumed:
+        for line in claims.come_back(presences):
+            tell(line)
+    else:
+        claims.refuse_overlap(presences.simulated)
+    desk = FleetServices(presences, claims)
+    stack.callback(desk.close)
+    return Roll(presences, desk)
+
+
+def _radio(
+    options: RunOptions,
+    scenario: Scenario,
+    vehicle: APadLink | ContactsLink,
+    presences: Presences,
+    share: Share | None,
+) -> FleetRadio | MissionRadio | RealRadio | SquadRadio:
+    """What joins this process to aMussels, or to a mission, that are elsewhere."""
+    ids, codec = parts.agent_ids(scenario), load_codec(scenario.hearing.codec)
+    if share is not None:
+        return SquadRadio(scenario.fleet.all_ids, share, lambda: presences.simulated)
+    if options.part is Part.FLEET:
+        return FleetRadio(ids, codec)
+    if options.part is Part.MISSION and not isinstance(vehicle, ContactsLink):
+        return MissionRadio(ids, codec, scenario.theta, vehicle.holds)
+    return RealRadio(ids, lambda: presences.simulated)
+
+
+def _kept_to(share: Share | None, vehicle: APadLink | ContactsLink) -> tuple[Watcher, ...]:
+    """What tells the vehicle's link whom it may be told to dock, whenever that has changed."""
+    if share is None or isinstance(vehicle, ContactsLink):
+        return ()
+    told = share.own
+
+    def watch(now_ms: int) -> None:
+        nonlocal told
+        if share.served != told:
+            told = share.served
+            vehicle.serve(told)
+
+    return (watch,)
+
+
+def _standard_topics(
+    shown: Iterable[int], scenario: Scenario, frame: LocalFrame, namespace: str
+) -> StandardTopics:
+    mission = scenario.mission
+    limits = Limits(mission.silence_timeout_s, mission.pool_threshold)
+    return StandardTopics(
+        shown,
+        scenario.apad.name,
+        frame,
+        limits,
+        ball_m=ball_size_m(scenario.area),
+        is_one_of_several=is_one_of_several(scenario),
+        namespace=namespace,
+    )
+
+
+def _watched(
+    stack: ExitStack, options: RunOptions, scenario: Scenario, vehicle: APadLink | ContactsLink
+) -> Callable[[int], list[Noticed]]:
+    """Somebody else's master and vehicle may go and come back; with ours a run ends."""
+    if options.apad is APadKind.SIM:
+        return lambda now_ms: []
+    master = MasterWatch(options.master_uri)
+    stack.callback(master.close)
+    silence, name = SilenceWatch(), scenario.apad.name
+
+    def noticed(now_ms: int) -> list[Noticed]:
+        events = master.take()
+        if not isinstance(vehicle, ContactsLink) and (changed := silence.look(vehicle.heard_ms, now_ms)):
+            kind = "vehicle_silent" if changed.is_silent else "vehicle_heard"
+            events.append((kind, {"name": name, "since_ms": changed.since_ms}))
+            master.ask_again()
+        return events
+
+    return noticed
+
+
+def _shown_truth(truths_at: TruthsAt) -> TruthSource:
+    return lambda now_ms: {
+        it.agent_id: Shown(it.north_m, it.east_m, it.depth_m, it.primary) for it in truths_at(now_ms)
+    }
+
+
+def _pace(options: RunOptions, vehicle: APadLink | ContactsLink, now_ms: int, *, in_fine_steps: bool) -> Pace:
+    if options.apad is APadKind.SIM and not isinstance(vehicle, ContactsLink):
+        return OwnMasterClock(options.speed, vehicle, now_ms, in_fine_steps=in_fine_steps)
+    if options.time is TimeSource.ROS:
+        return FollowedClock(now_ms)
+    return WallClock(1.0)

@@ -1,0 +1,141 @@
+"""The aMussels' own topics, /amusselN/position and battery_level, from a thread of their own.
+
+The legacy stack's aMussels say their position ten times a second and their charge once; here they do so at wall rate, as a
+node that follows no clock would. What is repeated is the newest report, with its stamp, so a reader sees how old it is.
+The flight hands over what is to be shown at its ticks and never waits.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import Counter
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from std_msgs.msg import Float64
+
+from apad_bridge.beliefs.belief import Belief
+from apad_bridge.ros.gateway.never_blocking import Stalls, never_blocking_publisher
+from apad_bridge.ros.system.ros_time import to_ros
+from apad_bridge.ros.types.messages import use_generated_messages
+from apad_bridge.ros_names.names import of_amussel
+from apad_bridge.scenario.local_frame import LocalFrame
+
+use_generated_messages()
+
+from auv_msgs.msg import NavSts  # noqa: E402
+
+PERIOD_S = 0.1
+_END_S = 5.0
+
+
+@dataclass(frozen=True, slots=True)
+class Shown:
+    """What an aMussel's own topics and services say: local NED metres and the active battery's charge in [0, 1]."""
+
+    north_m: float
+    east_m: float
+    depth_m: float
+    charge: float
+
+    @classmethod
+    def of_belief(cls, belief: Belief) -> Shown:
+        """A report has no depth: it is shown as 0."""
+        return cls(belief.north_m, belief.east_m, 0.0, belief.primary)
+
+
+class AgentTopics:
+    """`show` belongs to the flight's thread, everything else to the publishing one until `close`."""
+
+    def __init__(self, agent_ids: Iterable[int], frame: LocalFrame | None = None) -> None:
+        ids = list(agent_ids)
+        self._frame = frame
+        self.published: Counter[str] = Counter()
+        """Messages made, by the topics' last name; each went to every reader but those in `stalls`."""
+        self.stalls = Stalls()
+        self._positions = {it: self._publisher(it, "position", NavSts) for it in ids}
+        self._batteries = {it: self._publisher(it, "battery_level", Float64) for it in ids}
+        self._news = threading.Condition()
+        self._newest: tuple[int, Mapping[int, Shown]] | None = None
+        self._ended = False
+        self._failure: Exception | None = None
+        self._thread = threading.Thread(target=self._run, name="aMussels' topics", daemon=True)
+        self._thread.start()
+
+    def show(self, now_ms: int, shown: Mapping[int, Shown]) -> None:
+        """To be shown from now on; nobody changes `shown` any more. Raises what ended the thread, if anything."""
+        with self._news:
+            if self._failure is not None:
+                raise self._failure
+            self._newest = now_ms, shown
+            self._news.notify()
+
+    def close(self) -> None:
+        """Ends the thread; what was shown last may not have been sent."""
+        with self._news:
+            self._ended = True
+            self._news.notify()
+        self._thread.join(_END_S)
+
+    def _publisher(self, agent_id: int, name: str, kind: Any) -> Any:
+        return never_blocking_publisher(of_amussel(agent_id, name), kind, self.stalls)
+
+    def _run(self) -> None:
+        try:
+            self._publish()
+        except Exception as error:
+            with self._news:
+                self._failure = error
+
+    def _publish(self) -> None:
+        positions: dict[int, Any] = {}
+        due_s = time.monotonic()
+        while True:
+            newest = self._wait(due_s)
+            if self._ended:
+                return
+            now_s = time.monotonic()
+            if newest is None:
+                due_s = max(due_s, now_s - PERIOD_S) + PERIOD_S
+            else:
+                due_s = now_s + PERIOD_S
+                at_ms, shown = newest
+                positions = {agent_id: nav_sts(it, at_ms, self._frame) for agent_id, it in shown.items()}
+                charges = {agent_id: Float64(100 * it.charge) for agent_id, it in shown.items()}
+                self._send("battery_level", self._batteries, charges)
+            self._send("position", self._positions, positions)
+
+    def _wait(self, due_s: float) -> tuple[int, Mapping[int, Shown]] | None:
+        """What is newly to be shown; None when it is time to repeat the former."""
+        with self._news:
+            while self._newest is None and not self._ended and (wait_s := due_s - time.monotonic()) > 0:
+                self._news.wait(wait_s)
+            newest, self._newest = self._newest, None
+            return newest
+
+    def _send(self, name: str, publishers: Mapping[int, Any], messages: Mapping[int, Any]) -> None:
+        for agent_id, message in messages.items():
+            publisher = publishers.get(agent_id)
+            # A message that nobody hears is not made: a thousand aMussels cost nothing then.
+            if publisher is not None and publisher.get_num_connections() > 0:
+                publisher.publish(message)
+                self.published[name] += 1
+
+
+def nav_sts(shown: Shown, now_ms: int, frame: LocalFrame | None) -> NavSts:
+    """Without a `frame` it is not known where on the globe it is: global_position and origin are 0, and status says so."""
+    message = NavSts()
+    message.header.stamp = to_ros(now_ms)
+    message.header.frame_id = "local"
+    message.position.north, message.position.east = shown.north_m, shown.east_m
+    message.position.depth = shown.depth_m
+    if frame is None:
+        message.status = NavSts.STATUS_ALL_OK & ~NavSts.STATUS_GLOBAL_FRAME_OK
+        return message
+    message.origin.latitude, message.origin.longitude = frame.latitude_deg, frame.longitude_deg
+    place = message.global_position
+    place.latitude, place.longitude = frame.to_geographic(shown.north_m, shown.east_m)
+    message.status = NavSts.STATUS_ALL_OK
+    return message

@@ -1,0 +1,104 @@
+"""/battery_alert: a message when an aMussel is heard to have fallen to the charge at which the mission wants it collected.
+
+The legacy stack's aMussels say so themselves, all of them on one topic, and `header.frame_id` says who: `/amussel24/`. Here
+the supervisor says it, of those that it heard; of a silent one nobody learns, as of a real one that is out of reach.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+
+import rospy
+
+from apad_bridge.beliefs.belief import Belief
+from apad_bridge.beliefs.modes import LIKELY
+from apad_bridge.ros.gateway.agent_topics import Shown, nav_sts
+from apad_bridge.ros.types.messages import use_generated_messages
+from apad_bridge.ros_names.names import BATTERY_ALERT, amussel_in_full
+from apad_bridge.scenario.local_frame import LocalFrame
+from apad_bridge.supervisor.context import Watcher
+from apad_bridge.supervisor.core import Supervisor
+
+use_generated_messages()
+
+from auv_msgs.msg import NavSts  # noqa: E402
+
+_QUEUE = 1000
+"""A whole fleet may fall at one tick, and nothing is repeated."""
+AGAIN_ABOVE = 0.05
+"""So much above the threshold one must be heard before it can fall again: a charge brings far more than that, and the
+0.015 of noise that a measured charge has in `benchmarks/beliefs.py` hardly ever does, being less than a third of it."""
+
+
+class Falls:
+    """Who fell to `threshold`, a charge in [0, 1], by what was heard; and who is known to be there since."""
+
+    def __init__(self, threshold: float, known: Iterable[Belief] = ()) -> None:
+        """Those who were `known` before, to a supervisor that died, fell in its time."""
+        self._threshold = threshold
+        # Near 1 there is less room than that above the threshold.
+        self._again_above = min(threshold + AGAIN_ABOVE, (threshold + 1) / 2)
+        self._judged_ms: dict[int, int] = {}
+        """By aMussel, the stamp of the packet that was judged last."""
+        self._low: set[int] = set()
+        self.hear(known)
+
+    def hear(self, beliefs: Iterable[Belief]) -> list[Belief]:
+        """Those that were heard to have fallen since the last call; `beliefs` are all that there are.
+
+        Only a new packet says so: an estimate that goes on without one wants nothing. One that sways about the threshold
+        fell once. One of whom nothing is believed any more begins anew.
+        """
+        fallen = []
+        judged_ms, self._judged_ms = self._judged_ms, {}
+        for belief in beliefs:
+            agent_id = belief.agent_id
+            self._judged_ms[agent_id] = belief.heard_ms
+            if judged_ms.get(agent_id) == belief.heard_ms:
+                continue
+            if agent_id in self._low:
+                if belief.probability_at_most(self._again_above) < LIKELY:
+                    self._low.discard(agent_id)
+            elif belief.probability_at_most(self._threshold) >= LIKELY:
+                self._low.add(agent_id)
+                fallen.append(belief)
+        self._low &= self._judged_ms.keys()
+        return fallen
+
+
+class BatteryAlerts:
+    """Owned by the flight's thread; the node is initialised before (`open_gateway`)."""
+
+    def __init__(
+        self,
+        agent_ids: Iterable[int],
+        frame: LocalFrame,
+        threshold: float,
+        namespace: str,
+        simulated: Callable[[], frozenset[int]],
+    ) -> None:
+        """Only for `simulated` ones of `agent_ids`: a real aMussel alerts by itself."""
+        self._ids = frozenset(agent_ids)
+        self._frame = frame
+        self._threshold = threshold
+        self._namespace = namespace
+        self._simulated = simulated
+        self._publisher = rospy.Publisher(BATTERY_ALERT, NavSts, queue_size=_QUEUE)
+
+    def watcher(self, supervisor: Supervisor) -> Watcher:
+        """Alerts at each tick. What `supervisor` believes by now was heard before."""
+        falls = Falls(self._threshold, supervisor.beliefs.all())
+
+        def watch(now_ms: int) -> None:
+            for belief in falls.hear(supervisor.beliefs.all()):
+                if belief.agent_id in self._ids & self._simulated():
+                    self._publisher.publish(alert(belief, self._frame, self._namespace))
+
+        return watch
+
+
+def alert(belief: Belief, frame: LocalFrame, namespace: str = "") -> NavSts:
+    """Where the aMussel is believed to be, stamped with the mission time of the packet that was heard."""
+    message = nav_sts(Shown.of_belief(belief), belief.heard_ms, frame)
+    message.header.frame_id = f"{amussel_in_full(namespace, belief.agent_id)}/"
+    return message

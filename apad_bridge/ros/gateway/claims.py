@@ -1,0 +1,144 @@
+"""Which node speaks for which aMussels: claims on /musselbed/claims, each with a lease.
+
+A fleet claims the ids that it simulates. Another fleet with an id of an earlier one is refused at its start; where two come
+to overlap later, as after a network was split, the later one retires its own. Whoever bridges real aMussels claims them as
+real, and the simulated ones make room. A real claim that merely falls silent changes nothing: a real aMussel that is not
+heard is still in the water. One that is repeated without an id gives it back.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Iterable
+from typing import Any
+
+import genpy
+import rosgraph
+import rospy
+
+from apad_bridge.claims import Claim, conflicts, given_back
+from apad_bridge.ros.gateway.fleet_guard import SecondFleet
+from apad_bridge.ros.types.messages import use_generated_messages
+from apad_bridge.ros_names.names import ours
+from apad_bridge.supervisor.roster import Moved, Presence, Presences, Trigger
+
+use_generated_messages()
+
+from musselbed_msgs.msg import FleetClaim  # noqa: E402
+
+TOPIC = ours("claims")
+PERIOD_S = 1.0
+LEASE_S = 5.0
+_HEAR_S = 3.0
+"""Claims are latched: who is on the graph is heard at once. Only one that was killed, and is registered still, is waited
+for so long; or one on a machine that stands still."""
+
+
+class ClaimBoard:
+    """Says what is simulated here, and hears what others say. `changes` is for the flight's thread."""
+
+    def __init__(self, node: str, simulated: Callable[[], frozenset[int]]) -> None:
+        self._node = node
+        self._simulated = simulated
+        self._since_s = time.time()
+        self._lock = threading.Lock()
+        self._heard: dict[str, Claim] = {}
+        self._given_back: dict[int, str] = {}
+        """Ids that a claim of real ones was repeated without, and by whom."""
+        self._publisher = rospy.Publisher(TOPIC, FleetClaim, queue_size=1, latch=True)
+        self._subscriber = rospy.Subscriber(TOPIC, FleetClaim, self._hear, tcp_nodelay=True)
+        # Of nobody yet: fleets that start together would else wait for one another.
+        self._claim([])
+        self._ended = threading.Event()
+        self._thread = threading.Thread(target=self._repeat, name="claims", daemon=True)
+
+    def refuse_overlap(self, ids: Iterable[int]) -> None:
+        """Raises SecondFleet when a living fleet claims one of `ids` already; then says our own claim from now on."""
+        self._hear_others()
+        ours = frozenset(ids)
+        for claim in self._alive():
+            if not claim.real and (both := sorted(claim.ids & ours)):
+                raise SecondFleet(
+                    f"node {claim.node} simulates aMussel {both[0]} already: two fleets on one master need disjoint ids "
+                    "(fleet.first_id, fleet.count) or a namespace each (ROS_NAMESPACE)"
+                )
+        self._thread.start()
+
+    def come_back(self, presences: Presences) -> list[str]:
+        """For a fleet that was on the graph before its supervisor died: nothing is refused, and what others claim now goes
+        before what was. Gives a line for a person on each difference; then says our own claim from now on."""
+        self._hear_others()
+        claims = self._alive()
+        with self._lock:
+            self._given_back |= given_back(presences.before, claims)
+        self._thread.start()
+        return conflicts(presences.of, presences.before, claims)
+
+    def changes(self, presence_of: Callable[[int], Presence | None]) -> list[Moved]:
+        """What has to change here, as others' claims stand now."""
+        changes = []
+        for claim in self._alive():
+            for agent_id in sorted(claim.ids):
+                presence = presence_of(agent_id)
+                if claim.real and presence in (Presence.SIMULATED, Presence.RETIRED):
+                    changes.append(Moved(agent_id, Trigger.HAND_OVER, claim.node))
+                elif not claim.real and presence is Presence.SIMULATED and self._yields_to(claim):
+                    changes.append(Moved(agent_id, Trigger.RETIRE, claim.node))
+        with self._lock:
+            given_back, self._given_back = self._given_back, {}
+        for agent_id, node in given_back.items():
+            if presence_of(agent_id) is Presence.REAL:
+                changes.append(Moved(agent_id, Trigger.TAKE_BACK, node))
+        return changes
+
+    def close(self) -> None:
+        self._ended.set()
+        self._subscriber.unregister()
+        self._publisher.unregister()
+
+    def _yields_to(self, claim: Claim) -> bool:
+        return (claim.since_s, claim.node) < (self._since_s, self._node)
+
+    def _hear_others(self) -> None:
+        others = _publishers() - {self._node}
+        deadline_s = time.monotonic() + _HEAR_S
+        while time.monotonic() < deadline_s and others - self._heard.keys():
+            self._ended.wait(0.02)
+
+    def _alive(self) -> list[Claim]:
+        now_s = time.monotonic()
+        with self._lock:
+            return [claim for _, claim in sorted(self._heard.items()) if claim.until_s > now_s]
+
+    def _hear(self, message: Any) -> None:
+        if message.node == self._node:
+            return
+        claim = Claim(
+            message.node,
+            bool(message.real),
+            message.since.to_sec(),
+            frozenset(message.ids),
+            time.monotonic() + message.lease_s,
+        )
+        with self._lock:
+            before = self._heard.get(claim.node)
+            self._heard[claim.node] = claim
+            if before is not None and before.real and claim.real:
+                self._given_back |= dict.fromkeys(before.ids - claim.ids, claim.node)
+
+    def _repeat(self) -> None:
+        while not self._ended.is_set():
+            self._claim(sorted(self._simulated()))
+            self._ended.wait(PERIOD_S)
+
+    def _claim(self, ids: list[int]) -> None:
+        claim = FleetClaim(node=self._node, lease_s=LEASE_S, ids=ids)
+        claim.since = genpy.Time.from_sec(self._since_s)
+        self._publisher.publish(claim)
+
+
+def _publishers() -> set[str]:
+    resolved = rospy.resolve_name(TOPIC)
+    topics, _, _ = rosgraph.Master(rospy.get_name()).getSystemState()
+    return {node for topic, nodes in topics if topic == resolved for node in nodes}

@@ -1,0 +1,126 @@
+"""What /diagnostics says: a line for each aMussel, the aPad and the mission, which rqt_runtime_monitor shows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import sqrt
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+
+from apad_bridge.beliefs.belief import Belief
+from apad_bridge.ros.system.ros_time import to_ros
+from apad_bridge.supervisor.core import Supervisor
+from firmware_model.state_groups import BEYOND_HELP, STRANDED
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """From the scenario: after how long an aMussel counts as silent, and at what charge it wants to be collected."""
+
+    silence_s: float
+    pool_threshold: float
+
+
+def diagnose(
+    supervisor: Supervisor,
+    agent_ids: tuple[int, ...],
+    limits: Limits,
+    now_ms: int,
+    apad: str = "",
+    namespace: str = "",
+) -> DiagnosticArray:
+    """With the name of an `apad` that is one of several, and their `namespace`: they all say so on one topic."""
+    beliefs = {belief.agent_id: belief for belief in supervisor.beliefs.all()}
+    array = DiagnosticArray(status=[_mission(supervisor, apad), _apad(supervisor, apad)])
+    array.header.stamp = to_ros(now_ms)
+    array.status += [_agent(agent_id, beliefs.get(agent_id), limits, now_ms) for agent_id in agent_ids]
+    if namespace:
+        for status in array.status:
+            status.name, status.hardware_id = (
+                f"{namespace}/{status.name}",
+                f"{namespace}/{status.hardware_id}",
+            )
+    return array
+
+
+def _agent(agent_id: int, belief: Belief | None, limits: Limits, now_ms: int) -> DiagnosticStatus:
+    status = DiagnosticStatus(name=f"musselbed: aMussel {agent_id}", hardware_id=f"amussel{agent_id}")
+    if belief is None:
+        status.level, status.message = DiagnosticStatus.STALE, "never heard"
+        return status
+    status.values = _values(
+        state=belief.state.name,
+        primary=f"{belief.primary:.3f}",
+        secondary=f"{belief.secondary:.3f}",
+        last_heard=f"{belief.age_s(now_ms):.0f} s ago",
+    )
+    if belief.is_carried:
+        status.values += _how_sure(belief)
+    if belief.state in BEYOND_HELP:
+        status.level, status.message = DiagnosticStatus.ERROR, "lost: both batteries are empty"
+    elif belief.state in STRANDED or belief.primary <= 0.0:
+        status.level, status.message = DiagnosticStatus.ERROR, "its primary battery is empty"
+    elif belief.age_s(now_ms) > limits.silence_s:
+        status.level = DiagnosticStatus.STALE
+        status.message = f"silent for {belief.age_s(now_ms):.0f} s"
+    elif belief.primary <= limits.pool_threshold:
+        status.level, status.message = DiagnosticStatus.WARN, f"wants charging: {100 * belief.primary:.0f} %"
+    else:
+        status.level, status.message = DiagnosticStatus.OK, f"{100 * belief.primary:.0f} %"
+    return status
+
+
+def _how_sure(belief: Belief) -> list[KeyValue]:
+    """What standard messages have no field for."""
+    low, high = belief.charge_interval()
+    (primary, _, secondary), (north, _, east) = belief.charge_cov, belief.place_cov
+    clock = belief.clock
+    return _values(
+        mode=belief.mode.name,
+        mode_probability=f"{belief.probability_of(belief.mode):.3f}",
+        primary_95=f"{low:.3f} to {high:.3f}",
+        primary_deviation=f"{sqrt(primary):.4f}",
+        secondary_deviation=f"{sqrt(secondary):.4f}",
+        place_deviation=f"{sqrt(north):.2f} m north, {sqrt(east):.2f} m east",
+        clock=f"{clock.offset_ms / 1000:+.3f} s, deviation {sqrt(clock.offset_var) / 1000:.3f} s",
+        silent_slots=belief.silent_slots,
+        learned_from=" ".join(source.name.lower() for source in belief.learned_from if source.name),
+    )
+
+
+def _apad(supervisor: Supervisor, name: str) -> DiagnosticStatus:
+    status = DiagnosticStatus(name=f"musselbed: aPad {name}".rstrip(), hardware_id=name or "apad")
+    failure, battery = supervisor.port.first_failure, supervisor.battery
+    status.values = _values(primitive=supervisor.primitive)
+    if battery is not None:
+        status.values += _values(
+            voltage=f"{battery.voltage_v:.2f} V", battery=f"{100 * battery.fraction:.0f} %"
+        )
+    if failure is not None:
+        status.level, status.message = DiagnosticStatus.ERROR, f"first failure: {failure.reason}"
+    elif supervisor.pose is None:
+        status.level, status.message = DiagnosticStatus.STALE, "its position has not been heard"
+    else:
+        status.level, status.message = DiagnosticStatus.OK, supervisor.primitive
+    return status
+
+
+def _mission(supervisor: Supervisor, apad: str) -> DiagnosticStatus:
+    state = supervisor.mission.state
+    slots = ("-" if agent_id is None else str(agent_id) for agent_id in supervisor.mission.slots)
+    return DiagnosticStatus(
+        level=DiagnosticStatus.OK,
+        name=f"musselbed: mission {apad}".rstrip(),
+        message=state.phase.value,
+        hardware_id="supervisor",
+        values=_values(
+            services=state.services,
+            way=f"{state.cost_m:.1f} m",
+            docks=" ".join(slots),
+            dropped_packets=sum(supervisor.dropped.values()),
+        ),
+    )
+
+
+def _values(**values: object) -> list[KeyValue]:
+    return [KeyValue(key.replace("_", " "), str(value)) for key, value in values.items()]

@@ -1,0 +1,220 @@
+"""The one ROS node of a supervisor: what a fleet must show and offer to be aMussels to an aPad, and what we tell people.
+
+    gateway = open_gateway(agent_ids, theta, node_name="musselbed_1", xmlrpc_port=0, truth=None)
+    Surroundings(..., watchers=lambda supervisor: (gateway.watcher(supervisor),))  # after each tick
+    gateway.event(at_ms, kind, **data)                       # as a Recorder's: /musselbed/mission
+    gateway.close()
+
+`open_gateway` raises SecondFleet or GatewayFailed (one line each) before anything is on the graph. ROS_MASTER_URI and
+ROS_IP are those of the process's environment. One process has one node: it can be opened once.
+
+rospy's threads answer services from the last tick's snapshot, which is replaced and never changed. No publisher waits: a
+reader that stalls loses the oldest of the fleet's topics; of an aMussel's (`agent_topics`) the newest, then its connection.
+"""
+
+from __future__ import annotations
+
+import json
+import resource
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from types import MappingProxyType
+from typing import Any
+
+import rosgraph
+import rospy
+
+from apad_bridge.beliefs.belief import Belief
+from apad_bridge.records.packet_lines import SoundRow, sound_rows
+from apad_bridge.records.samples import belief_sample
+from apad_bridge.ros.gateway.agent_topics import AgentTopics, Shown
+from apad_bridge.ros.gateway.fleet_guard import refuse_second_fleet
+from apad_bridge.ros.system.ros_time import to_ros
+from apad_bridge.ros.types.messages import use_generated_messages
+from apad_bridge.ros_names.names import of_amussel, ours
+from apad_bridge.scenario.local_frame import LocalFrame
+from apad_bridge.supervisor.context import Watcher
+from apad_bridge.supervisor.core import Supervisor
+
+use_generated_messages()
+
+from misc_msgs.srv import GetChargeInfo, GetChargeInfoResponse  # noqa: E402
+from musselbed_msgs.msg import AgentBelief, APadStatus, FleetBeliefs, MissionEvent  # noqa: E402
+from underwater_msgs.msg import MediumTransmission  # noqa: E402
+
+_FLEET_QUEUE = 10
+_EVENT_QUEUE = 1000
+"""Events are not repeated: a slow reader should still get a whole mission's."""
+
+TruthSource = Callable[[int], Mapping[int, Shown]]
+"""Of each aMussel at a mission time: what `records.truth_on_agent_topics` shows instead of the beliefs."""
+
+
+class GatewayFailed(Exception):
+    """One line: why the node could not come up, and what to do."""
+
+
+def open_gateway(
+    agent_ids: Iterable[int],
+    theta: int,
+    *,
+    node_name: str,
+    xmlrpc_port: int = 0,
+    truth: TruthSource | None = None,
+    simulated: Callable[[], frozenset[int]] | None = None,
+    remappings: Sequence[str] = (),
+    comes_back: bool = False,
+    frame: LocalFrame | None = None,
+) -> Gateway:
+    """The node, on the graph, with the aMussels' topics and services. Raises SecondFleet or GatewayFailed.
+
+    `frame` says where on the globe the aMussels' topics shall have them; without one they do not say.
+    `remappings` are ROS's, `FROM:=TO`, for all that the process will ever name. A fleet that `comes_back` asks the claims
+    who else speaks for its aMussels, and is not refused for it.
+    """
+    ids = list(agent_ids)
+    raise_descriptor_limit()
+    master_uri = rosgraph.get_master_uri()
+    try:
+        refuse_second_fleet(rospy.resolve_name(node_name), [] if comes_back else ids, master_uri)
+        rospy.init_node(
+            node_name,
+            argv=list(remappings),
+            disable_signals=True,
+            log_level=rospy.WARN,
+            xmlrpc_port=xmlrpc_port,
+        )
+    except OSError as error:
+        raise GatewayFailed(
+            f"no ROS master answers at {master_uri} ({error}): is it running, and is ROS_MASTER_URI right?"
+        ) from error
+    except rospy.ROSException as error:
+        raise GatewayFailed(f"the ROS node {node_name} could not start: {error}") from error
+    return Gateway(ids, theta, truth, simulated, frame)
+
+
+def raise_descriptor_limit() -> int:
+    """Lets this process have as many descriptors as it may: every connection of ROS is one. Gives the limit."""
+    _, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (hard, hard))
+    return hard
+
+
+class Gateway:
+    """Owned by the flight's thread; the node is initialised before (`open_gateway`)."""
+
+    def __init__(
+        self,
+        agent_ids: Iterable[int],
+        theta: int,
+        truth: TruthSource | None = None,
+        simulated: Callable[[], frozenset[int]] | None = None,
+        frame: LocalFrame | None = None,
+    ) -> None:
+        """Only `simulated` aMussels are shown on topics of their own: a real one says itself where it is."""
+        self._theta = theta
+        self._simulated = simulated
+        self._truth = truth
+        self._shown: Mapping[int, Shown] = MappingProxyType({})
+        ids = list(agent_ids)
+        self.agent_topics = AgentTopics(ids, frame)
+        self._beliefs = _publisher(ours("beliefs"), FleetBeliefs, _FLEET_QUEUE)
+        self._apad = _publisher(ours("apad"), APadStatus, _FLEET_QUEUE)
+        self._events = _publisher(ours("mission"), MissionEvent, _EVENT_QUEUE)
+        self._sound = _publisher(ours("sound"), MediumTransmission, _EVENT_QUEUE)
+        self._services = [
+            rospy.Service(of_amussel(agent_id, name), GetChargeInfo, self._answers(agent_id))
+            for agent_id in ids
+            for name in ("get_battery_level", "charge_info")
+        ]
+
+    def watcher(self, supervisor: Supervisor) -> Watcher:
+        """Publishes what the supervisor believes at each tick."""
+
+        def watch(now_ms: int) -> None:
+            beliefs = supervisor.beliefs.all()
+            if self._truth is None:
+                shown: Mapping[int, Shown] = {it.agent_id: Shown.of_belief(it) for it in beliefs}
+            else:
+                shown = self._truth(now_ms)
+            if self._simulated is not None:
+                ours = self._simulated()
+                shown = {agent_id: it for agent_id, it in shown.items() if agent_id in ours}
+            self._shown = MappingProxyType(dict(shown))
+            self.agent_topics.show(now_ms, self._shown)
+            self._show_beliefs(beliefs, now_ms)
+            self._show_apad(supervisor, now_ms)
+
+        return watch
+
+    def event(self, at_ms: int, kind: str, **data: Any) -> None:
+        """One event of the mission, on /musselbed/mission; a packet of sound on /musselbed/sound as well."""
+        if kind == "packet" and self._sound.get_num_connections() > 0:
+            for row in sound_rows(data):
+                self._sound.publish(_transmission(row, at_ms))
+        if self._events.get_num_connections() == 0:
+            return
+        message = MissionEvent(mission_time_ms=at_ms, kind=kind, data=json.dumps(data))
+        message.header.stamp = to_ros(at_ms)
+        self._events.publish(message)
+
+    def close(self) -> None:
+        """Leaves the graph. The process cannot open another gateway."""
+        self.agent_topics.close()
+        rospy.signal_shutdown("the flight is over")
+
+    def _show_beliefs(self, beliefs: list[Belief], now_ms: int) -> None:
+        if self._beliefs.get_num_connections() == 0:
+            return
+        message = FleetBeliefs(mission_time_ms=now_ms, agent_time_ms=self._theta * now_ms)
+        message.header.stamp = to_ros(now_ms)
+        message.agents = [AgentBelief(*belief_sample(it, now_ms)) for it in beliefs]
+        self._beliefs.publish(message)
+
+    def _show_apad(self, supervisor: Supervisor, now_ms: int) -> None:
+        pose, battery = supervisor.pose, supervisor.battery
+        if self._apad.get_num_connections() == 0 or pose is None:
+            return
+        message = APadStatus(mission_time_ms=now_ms, primitive=supervisor.primitive)
+        message.header.stamp = to_ros(now_ms)
+        message.header.frame_id = "local"
+        message.north, message.east, message.heading = pose.north_m, pose.east_m, pose.heading_rad
+        if battery is not None:
+            message.voltage, message.battery_fraction = battery.voltage_v, battery.fraction
+        message.slots = [-1 if agent_id is None else agent_id for agent_id in supervisor.mission.slots]
+        self._apad.publish(message)
+
+    def _answers(self, agent_id: int) -> Callable[[Any], Any]:
+        def answer(_: Any) -> Any:
+            shown = self._shown.get(agent_id)
+            if shown is None:
+                raise rospy.ServiceException(f"amussel{agent_id} has not been heard yet")
+            return GetChargeInfoResponse(
+                battery_level=100 * shown.charge,
+                x=shown.north_m,
+                y=shown.east_m,
+                z=shown.depth_m,
+                type="consumer",
+                consumers=[],
+            )
+
+        return answer
+
+
+def _publisher(topic: str, kind: Any, queue_size: int) -> rospy.Publisher:
+    return rospy.Publisher(topic, kind, queue_size=queue_size)
+
+
+def _transmission(row: SoundRow, now_ms: int) -> MediumTransmission:
+    """As the bag holds it: see `SoundRow`."""
+    message = MediumTransmission(
+        message=row.message,
+        duration=row.duration_s,
+        sender=row.sender,
+        receiver=row.receiver,
+        snr=row.snr_db,
+        range=row.range_m,
+        listener_id=row.listener,
+        conflict=row.conflict,
+    )
+    message.header.stamp = to_ros(now_ms)
+    return message

@@ -1,0 +1,166 @@
+"""The fleet on ROS's standard messages, so that RViz, rqt, PlotJuggler and Foxglove show it without a line of code.
+
+    /amusselN/battery_state, fix          sensor_msgs/BatteryState, NavSatFix: what is believed
+    /musselbed/apad/battery_state, fix    the same of the aPad
+    /musselbed/apad/path                  nav_msgs/Path: the way it has come
+    /musselbed/plan                       nav_msgs/Path: from the aPad through the aMussels of the plan under way
+    /musselbed/markers                    visualization_msgs/MarkerArray
+    /diagnostics                          diagnostic_msgs/DiagnosticArray
+    /tf, /tf_static                       frames by `apad_bridge.ros_names.frames`
+
+All of it is made at ticks, and only of what somebody listens to. Names are resolved by ROS: remappings work.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from typing import Any
+
+import rospy
+from diagnostic_msgs.msg import DiagnosticArray
+from nav_msgs.msg import Path
+from sensor_msgs.msg import BatteryState, NavSatFix
+from tf2_msgs.msg import TFMessage
+from visualization_msgs.msg import MarkerArray
+
+from apad_bridge.beliefs.belief import Belief
+from apad_bridge.planning.solution import StepKind
+from apad_bridge.ros.gateway import standard_messages as make
+from apad_bridge.ros.gateway.fleet_diagnostics import Limits, diagnose
+from apad_bridge.ros.gateway.fleet_markers import FleetMarkers
+from apad_bridge.ros.gateway.never_blocking import Stalls, never_blocking_publisher
+from apad_bridge.ros_names.frames import NED_IN_ENU, UPRIGHT, Frames, enu, yaw
+from apad_bridge.ros_names.names import DIAGNOSTICS, TF, TF_STATIC, of_amussel, ours
+from apad_bridge.scenario.local_frame import LocalFrame
+from apad_bridge.supervisor.context import Watcher
+from apad_bridge.supervisor.core import Supervisor
+
+_QUEUE = 10
+_WAY_M = 0.5
+"""The aPad's way is kept at points so far apart ..."""
+_WAY_POINTS = 2000
+"""... and so many of them: the latest kilometre."""
+_NOTHING_KNOWN = (0.0, 0.0, 0.0)
+
+
+class StandardTopics:
+    """Owned by the flight's thread; the node is initialised before (`open_gateway`)."""
+
+    def __init__(
+        self,
+        agent_ids: Iterable[int],
+        apad: str,
+        frame: LocalFrame,
+        limits: Limits,
+        *,
+        ball_m: float,
+        is_one_of_several: bool = False,
+        namespace: str = "",
+    ) -> None:
+        frames = self._frames = Frames(namespace)
+        self.stalls = Stalls()
+        self._ids = tuple(agent_ids)
+        self._apad = apad
+        self._diagnosed = apad if is_one_of_several else ""
+        self._namespace = namespace
+        self._frame = frame
+        self._limits = limits
+        self._way: list[tuple[float, float]] = []
+        self._agents = {
+            agent_id: (
+                never_blocking_publisher(of_amussel(agent_id, "battery_state"), BatteryState, self.stalls),
+                never_blocking_publisher(of_amussel(agent_id, "fix"), NavSatFix, self.stalls),
+            )
+            for agent_id in self._ids
+        }
+        self._battery = rospy.Publisher(ours("apad/battery_state"), BatteryState, queue_size=_QUEUE)
+        self._fix = rospy.Publisher(ours("apad/fix"), NavSatFix, queue_size=_QUEUE)
+        self._path = rospy.Publisher(ours("apad/path"), Path, queue_size=_QUEUE)
+        self._plan = rospy.Publisher(ours("plan"), Path, queue_size=_QUEUE)
+        self._markers = rospy.Publisher(ours("markers"), MarkerArray, queue_size=_QUEUE)
+        self._drawn = FleetMarkers(self._ids, frames.enu, ball_m)
+        self._diagnostics = rospy.Publisher(DIAGNOSTICS, DiagnosticArray, queue_size=_QUEUE)
+        self._tf = rospy.Publisher(TF, TFMessage, queue_size=_QUEUE)
+        self._tf_static = rospy.Publisher(TF_STATIC, TFMessage, queue_size=1, latch=True)
+        self._tf_static.publish([make.transform(0, frames.enu, frames.ned, (0.0, 0.0, 0.0), NED_IN_ENU)])
+
+    def watcher(self, supervisor: Supervisor) -> Watcher:
+        """Publishes what the supervisor believes at each tick."""
+
+        def watch(now_ms: int) -> None:
+            beliefs = [belief for belief in supervisor.beliefs.all() if belief.agent_id in self._agents]
+            self._show_agents(beliefs)
+            self._show_apad(supervisor, now_ms)
+            self._show_scene(supervisor, beliefs, now_ms)
+            _publish(
+                self._diagnostics,
+                lambda: diagnose(
+                    supervisor, self._ids, self._limits, now_ms, self._diagnosed, self._namespace
+                ),
+            )
+
+        return watch
+
+    def _show_agents(self, beliefs: list[Belief]) -> None:
+        for belief in beliefs:
+            battery, fix = self._agents[belief.agent_id]
+            _publish(battery, lambda it=belief: make.agent_battery(it, self._frames.agent(it.agent_id)))
+            _publish(fix, lambda it=belief: self._agent_fix(it))
+
+    def _agent_fix(self, it: Belief) -> NavSatFix:
+        body = self._frames.agent(it.agent_id)
+        return make.fix(self._frame, it.at_ms, body, it.north_m, it.east_m, it.place_cov)
+
+    def _show_apad(self, supervisor: Supervisor, now_ms: int) -> None:
+        pose, battery, frames = supervisor.pose, supervisor.battery, self._frames
+        if battery is not None:
+            _publish(self._battery, lambda: make.apad_battery(battery, self._apad, frames.apad(self._apad)))
+        if pose is None:
+            return
+        here_m = (pose.north_m, pose.east_m)
+        if not self._way or math.dist(self._way[-1], here_m) >= _WAY_M:
+            self._way = [*self._way[1 - _WAY_POINTS :], here_m]
+        body = frames.apad(self._apad)
+        _publish(self._fix, lambda: make.fix(self._frame, pose.at_ms, body, *here_m, _NOTHING_KNOWN))
+        _publish(self._path, lambda: make.path(now_ms, frames.enu, [*self._way, here_m]))
+        _publish(self._plan, lambda: make.path(now_ms, frames.enu, [here_m, *_goals(supervisor)]))
+
+    def _show_scene(self, supervisor: Supervisor, beliefs: list[Belief], now_ms: int) -> None:
+        pose, frames = supervisor.pose, self._frames
+        world = frames.enu
+
+        def transforms() -> list[Any]:
+            known = [
+                make.transform(now_ms, world, frames.agent(it.agent_id), enu(it.north_m, it.east_m), UPRIGHT)
+                for it in beliefs
+            ]
+            if pose is not None:
+                at, attitude = enu(pose.north_m, pose.east_m), yaw(pose.heading_rad)
+                known.append(make.transform(now_ms, world, frames.apad(self._apad), at, attitude))
+            return known
+
+        _publish(self._tf, transforms)
+        _publish(self._markers, lambda: self._drawn.draw(supervisor, now_ms))
+
+
+def _goals(supervisor: Supervisor) -> list[tuple[float, float]]:
+    """Where the steps of the plan under way lead, in order; one whose place is not known is left out."""
+    state = supervisor.mission.state
+    homes = {agent_id: (north_m, east_m) for agent_id, north_m, east_m in state.homes}
+    goals = []
+    for step in state.plan.steps:
+        if step.kind is StepKind.DEPLOY:
+            goal = homes.get(step.agent_id)
+        else:
+            belief = supervisor.beliefs.get(step.agent_id)
+            goal = None if belief is None else (belief.north_m, belief.east_m)
+        if goal is not None:
+            goals.append(goal)
+    return goals
+
+
+def _publish(publisher: rospy.Publisher, made: Any) -> None:
+    # A message that nobody hears is not made.
+    if publisher.get_num_connections() > 0:
+        publisher.publish(made())

@@ -1,0 +1,225 @@
+"""A vehicle link to ANY aPad of generation B on ROS, ours or a real one.
+
+    link = GenerationBLink("apad1", agent_ids, (empty_v, full_v), docking, misses, our_clock=True)
+    link.wait_until_ready(10.0)        # VehicleNotReady, one line that says what is missing
+
+Stamps are as in generation A: with `our_clock` poses carry those of their messages; whatever has none became true at the
+tick that hears it.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+import rosgraph
+import rospy
+from std_msgs.msg import Float32MultiArray
+
+from apad_bridge.doctor.graph import Graph
+from apad_bridge.doctor.network import Unreachable
+from apad_bridge.ros.generation_b_ears import Ears
+from apad_bridge.ros.links.legacy_link import LegacyLink
+from apad_bridge.ros.links.service_calls import ServiceCalls
+from apad_bridge.ros.links.virtual_camera import VirtualCamera
+from apad_bridge.ros.reach import Sight
+from apad_bridge.ros.types.live_types import live_services, unreadable_topics
+from apad_bridge.ros.types.messages import use_generated_messages
+from apad_bridge.ros_names.names import of_apad
+from apad_bridge.scenario.lab_interface.fields import has, write
+from apad_bridge.scenario.lab_interface.messages import DockSaid
+from apad_bridge.scenario.schema import Docking, DockingProfile
+from apad_bridge.vehicle.commands import MoveArm, VehicleCommand
+from apad_bridge.vehicle.generation_b.core import GenerationBCore
+from apad_bridge.vehicle.generation_b.messages import (
+    Answered,
+    Call,
+    DockingOrder,
+    GoToOrder,
+    Order,
+    PositionOrder,
+    Primitive,
+)
+from apad_bridge.vehicle.link import LinkFact
+from apad_bridge.vehicle.simulated.misses import Misses
+from apad_bridge.vehicle.stack_messages import UNSTAMPED
+
+use_generated_messages()
+
+from misc_msgs.srv import (  # noqa: E402
+    DockingPrimitiveService,
+    DynamicPositioningPrimitiveService,
+    Go2pointPrimitiveService,
+)
+
+SERVICES: dict[Primitive, Any] = {
+    Primitive.GO_TO: Go2pointPrimitiveService,
+    Primitive.POSITION: DynamicPositioningPrimitiveService,
+    Primitive.DOCKING: DockingPrimitiveService,
+}
+_SETTLE_S = 0.003
+"""On our own clock: what was published before the last word of a tick is in this machine by then, and is read so soon."""
+
+
+class GenerationBLink(LegacyLink[GenerationBCore]):
+    """A VehicleLink. `name` is the aPad's namespace; `docked` are agents by slot, known to be held."""
+
+    GENERATION = "B"
+    MEND = "source its workspace, or put its texts into apad_bridge/ros/definitions and run launch_scripts/install"
+
+    def __init__(
+        self,
+        name: str,
+        agent_ids: Iterable[int],
+        battery_v: tuple[float, float],
+        docking: Docking,
+        misses: Misses,
+        *,
+        our_clock: bool,
+        sight: Sight = lambda now_ms: {},
+        camera: VirtualCamera | None = None,
+        docked: Mapping[int, int] | None = None,
+        now_ms: int = 0,
+    ) -> None:
+        super().__init__(
+            name, GenerationBCore(agent_ids, battery_v, docking, misses, sight, docked, now_ms), now_ms
+        )
+        self._ears = Ears(name, self._inbox, stamped=our_clock)
+        self._docking = docking
+        self._words_before = 0
+        self._statuses_are_silent = False
+        self._services = dict(SERVICES)
+        self._calls = ServiceCalls()
+        self._camera = camera
+        self._arms = rospy.Publisher(of_apad(name, "dock_out"), Float32MultiArray, queue_size=4)
+
+    def serve(self, agent_ids: Iterable[int]) -> None:
+        visual = DockingProfile.VISUAL
+        self._core.docks.serve(it for it in agent_ids if self._docking.profile_of(it) is not visual)
+
+    def _missing(self) -> list[str]:
+        try:
+            offered = Graph.read(rosgraph.get_master_uri()).services
+        except Unreachable as error:
+            return [*self._ears.missing, str(error)]
+        needed = (rospy.resolve_name(self._service_name(primitive)) for primitive in SERVICES)
+        return [*self._ears.missing, *(f"nobody offers {name}" for name in needed if name not in offered)]
+
+    def _differences(self) -> list[str]:
+        """The services are called from now on by the definitions that were found."""
+        by_name = {rospy.resolve_name(self._service_name(primitive)): primitive for primitive in SERVICES}
+        chosen, lines = live_services({name: SERVICES[primitive] for name, primitive in by_name.items()})
+        self._services = {primitive: chosen[name] for name, primitive in by_name.items()}
+        lines += unreadable_topics(self._ears.needed)
+        for name, primitive in by_name.items():
+            request = chosen[name]._request_class()
+            lines += [f"{name} has no field {it} there" for it in _FIELDS[primitive] if not has(request, it)]
+        return lines
+
+    def advance(self, now_ms: int) -> list[LinkFact]:
+        """Facts up to `now_ms`; what the core orders by them is sent off."""
+        self._now_ms = now_ms
+        self._drain()
+        facts = self._core.advance(now_ms)
+        self._send()
+        return facts
+
+    def command(self, command: VehicleCommand, now_ms: int) -> None:
+        if isinstance(command, MoveArm):
+            is_open = [float(command.is_open and slot == command.slot) for slot in range(4)]
+            self._arms.publish(Float32MultiArray(data=is_open))
+        self._core.command(command, now_ms)
+        self._send()
+
+    def said(self, word: DockSaid) -> None:
+        """Somebody else says what a dock did."""
+        self._core.hear_dock(word)
+
+    def close(self) -> None:
+        self._ears.close()
+        self._arms.unregister()
+        if self._camera is not None:
+            self._camera.close()
+
+    # In step with our own clock, beside what any link waits for.
+
+    def wait_until_done(self, now_ms: int, timeout_s: float) -> bool:
+        """With a camera, until what is seen from there has been shown, too."""
+        until_s = time.monotonic() + timeout_s
+        is_done = super().wait_until_done(now_ms, timeout_s)
+        if is_done and self._camera is not None:
+            self._camera.wait_until_looked(now_ms, max(0.0, until_s - time.monotonic()))
+        return is_done
+
+    def wait_until_heard(self, now_ms: int, timeout_s: float) -> list[str]:
+        """Until the position has come up to `now_ms`, the statuses have said something since the tick before, which they do
+        each second, and a moment more: words without a stamp may come a tick late, but no later.
+
+        A vehicle whose statuses are silent is not waited for again before they speak.
+        """
+        missing = self._wait_while(lambda: [*self._core.unheard(now_ms), *self._silent_statuses()], timeout_s)
+        self._statuses_are_silent = self._core.status_words == self._words_before
+        self._words_before = self._core.status_words
+        self._drain(_SETTLE_S)
+        return missing
+
+    def _silent_statuses(self) -> list[str]:
+        silent = self._core.status_words == self._words_before and not self._statuses_are_silent
+        return ["goto_status"] if silent else []
+
+    def _send(self) -> None:
+        for call in self._core.take_calls():
+            primitive, fields = _fields(call.order)
+            kind = self._services[primitive]
+            request = kind._request_class()
+            for path, value in fields.items():
+                write(request, path, value)
+            self._calls.send(self._service_name(primitive), kind, request, self._answer_to(call))
+
+    def _answer_to(self, call: Call) -> Any:
+        def answered(response: Any, refused: str | None) -> None:
+            if refused is None and not response.status:
+                refused = "its service answered that it does not take the order"
+            self._inbox.put(Answered(UNSTAMPED, call.number, refused), always=True)
+
+        return answered
+
+    def _service_name(self, primitive: Primitive) -> str:
+        return of_apad(self.name, f"commander/primitive/{primitive.value}")
+
+
+def _fields(order: Order) -> tuple[Primitive, dict[str, Any]]:
+    match order:
+        case GoToOrder(north_m, east_m, speed_m_s, victory_radius_m):
+            return Primitive.GO_TO, {
+                "point.x": north_m,
+                "point.y": east_m,
+                "speed": speed_m_s,
+                "victory_radius": victory_radius_m,
+                "north_enable": True,
+                "east_enable": True,
+            }
+        case PositionOrder(north_m, east_m, heading_rad):
+            hold = {"north": north_m, "east": east_m, "north_enable": True, "east_enable": True}
+            if heading_rad is not None:
+                hold |= {"heading": heading_rad, "heading_enable": True}
+            return Primitive.POSITION, hold
+        case DockingOrder():
+            return Primitive.DOCKING, {
+                "docking_action": order.docks,
+                "docking_slot": order.slot,
+                "search_yaw_rate": order.search_yaw_rate_rad_s,
+                "max_yaw_rate": order.max_yaw_rate_rad_s,
+                "max_surge_speed": order.max_surge_m_s,
+                "surge_stdev": order.surge_stdev,
+            }
+
+
+_ALL_ORDERS: tuple[Order, ...] = (
+    GoToOrder(0.0, 0.0, 1.0, 1.0),
+    PositionOrder(0.0, 0.0, 0.0),
+    DockingOrder(True, 0, 0.0, 0.0, 0.0, 0.0),
+)
+_FIELDS = {primitive: tuple(fields) for primitive, fields in map(_fields, _ALL_ORDERS)}
+"""What a service's request must have: all that is ever written into it."""

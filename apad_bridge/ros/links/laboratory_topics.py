@@ -1,0 +1,138 @@
+"""The two ends of a laboratory's own topics: whatever their types, by the names of a `Names`."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable
+from typing import Any
+
+import rospy
+
+from apad_bridge.ros.links.inbox import Inbox
+from apad_bridge.ros.system.ros_time import to_ros
+from apad_bridge.ros.types.any_message import AnyMessages, UnknownType, class_of
+from apad_bridge.ros.types.user_texts import text_folders
+from apad_bridge.scenario.lab_interface.fields import read, write
+from apad_bridge.scenario.lab_interface.messages import DockSaid, PacketSaid, Said, What, WordSaid
+from apad_bridge.scenario.lab_interface.names import Ear, Mouth, Names
+from apad_bridge.vehicle.errors import VehicleNotReady
+
+_QUEUE = 100
+_LARGEST = 1024
+"""Bytes; no packet of Wi-Fi or sound here comes near it."""
+
+
+class LaboratoryEars:
+    """rospy's threads leave raw messages in an inbox; `take` makes out what they say."""
+
+    def __init__(self, names: Names, apad: str, agent_ids: Iterable[int]) -> None:
+        ids = list(agent_ids)
+        self._known = frozenset(ids)
+        self._inbox: Inbox[tuple[Ear, int | None, Any]] = Inbox()
+        self._messages = AnyMessages()
+        self._dropped: Counter[str] = Counter()
+        self._subscribers = [
+            rospy.Subscriber(topic, rospy.AnyMsg, self._take, (ear, agent_id), tcp_nodelay=True)
+            for ear in names.hear
+            for topic, agent_id in _topics(ear.topic, apad, ids)
+        ]
+
+    @property
+    def dropped(self) -> Counter[str]:
+        return self._inbox.dropped + self._dropped
+
+    def take(self, now_ms: int) -> list[Said]:
+        """What was said since it was last asked; what makes no sense is dropped and counted."""
+        said = []
+        for ear, agent_id, message in self._inbox.take():
+            try:
+                word = self._made_out(ear, agent_id, self._messages.decode(message), now_ms)
+            except (AttributeError, IndexError, TypeError, ValueError, KeyError) as error:
+                self._dropped[f"{ear.topic}: {error}"] += 1
+                continue
+            if word is not None:
+                said.append(word)
+        return said
+
+    def close(self) -> None:
+        for subscriber in self._subscribers:
+            subscriber.unregister()
+
+    def _made_out(self, ear: Ear, topic_id: int | None, message: Any, now_ms: int) -> Said | None:
+        if ear.when is not None and not ear.when.is_met(message):
+            return None
+        agent_id = topic_id if topic_id is not None else ear.id_of(message)
+        if (ear.everyone is not None and ear.everyone.is_met(message)) or (
+            agent_id is not None and agent_id < 0
+        ):
+            agent_id = None
+        elif agent_id is not None and agent_id not in self._known:
+            self._dropped[f"{ear.topic}: of an aMussel that is not of this fleet"] += 1
+            return None
+        if ear.what in (What.DOCKED, What.RELEASED):
+            slot = ear.slot_of(message)
+            known = slot if slot is not None and 0 <= slot < 4 else None
+            return DockSaid(now_ms, agent_id, known, ear.what is What.DOCKED)
+        if ear.bytes is None:
+            if agent_id is None and ear.everyone is None:
+                self._dropped[f"{ear.topic}: says no id"] += 1
+                return None
+            return WordSaid(ear.what, agent_id)
+        data = bytes(read(message, ear.bytes))
+        if len(data) > _LARGEST:
+            raise ValueError("a packet too large to be one")
+        return PacketSaid(ear.medium, agent_id, data)
+
+    def _take(self, message: Any, source: tuple[Ear, int | None]) -> None:
+        self._inbox.put((*source, message), always=True)
+
+
+class LaboratoryMouths:
+    """Publishers for what is told. VehicleNotReady when a type is known nowhere, or has no such field."""
+
+    def __init__(self, names: Names, apad: str, agent_ids: Iterable[int]) -> None:
+        self._out: dict[What, list[tuple[Mouth, int | None, rospy.Publisher]]] = {}
+        ids, folders = list(agent_ids), text_folders()
+        kinds: dict[str, Any] = {}
+        for mouth in names.tell:
+            try:
+                kind = kinds.setdefault(mouth.type, class_of(mouth.type, folders))
+                _fill(kind(), mouth, {"id": 0, "slot": 0, "on": True, "bytes": b""})
+            except (UnknownType, AttributeError, TypeError, ValueError) as error:
+                raise VehicleNotReady(f"{mouth.topic} cannot be told: {error}; see apad.interface") from error
+            for topic, agent_id in _topics(mouth.topic, apad, ids):
+                publisher = rospy.Publisher(topic, kind, queue_size=_QUEUE)
+                self._out.setdefault(mouth.what, []).append((mouth, agent_id, publisher))
+
+    def tell(
+        self, what: What, agent_id: int, now_ms: int, *, slot: int = -1, on: bool = True, data: bytes = b""
+    ) -> None:
+        for mouth, of_agent, publisher in self._out.get(what, ()):
+            if of_agent in (None, agent_id):
+                message = publisher.data_class()
+                _fill(message, mouth, {"id": agent_id, "slot": slot, "on": on, "bytes": data})
+                if getattr(message, "_has_header", False):
+                    message.header.stamp = to_ros(now_ms)
+                publisher.publish(message)
+
+    def close(self) -> None:
+        for mouths in self._out.values():
+            for _, _, publisher in mouths:
+                publisher.unregister()
+
+
+def _topics(topic: str, apad: str, ids: list[int]) -> list[tuple[str, int | None]]:
+    """Names on the graph, each with the aMussel that it names."""
+    named = topic.replace("{apad}", apad)
+    if "{id}" not in named:
+        return [(named, None)]
+    return [(named.replace("{id}", str(agent_id)), agent_id) for agent_id in ids]
+
+
+def _fill(message: Any, mouth: Mouth, values: dict[str, Any]) -> None:
+    for path, said in mouth.fields.items():
+        value: Any = said
+        if isinstance(said, str):
+            whole = next((values[name] for name in values if said == f"{{{name}}}"), None)
+            value = whole if whole is not None else said.format(**values)
+        write(message, path, value)

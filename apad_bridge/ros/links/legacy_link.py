@@ -1,0 +1,154 @@
+"""What a link to an aPad is of either generation: an inbox that rospy's threads fill, and a core that makes it out.
+
+rospy's threads only leave what came in the inbox (the ears do); what it means is made out by the core, in the flight's
+thread. Nothing here waits without a time-out, all of wall seconds.
+"""
+
+from __future__ import annotations
+
+import time
+from abc import ABC, abstractmethod
+from collections import Counter
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+from typing import Any, ClassVar, Generic, Protocol, TypeVar
+
+import rospy
+
+from apad_bridge.ros.links.inbox import Inbox
+from apad_bridge.vehicle.errors import VehicleNotReady
+from apad_bridge.vehicle.stack_messages import UNSTAMPED
+from apad_bridge.vehicle.telemetry import Readings
+
+
+class Docks(Protocol):
+    @abstractmethod
+    def serve(self, agent_ids: Iterable[int]) -> None:
+        """One of several aPads: these it may be told to dock from now on, and no others."""
+
+    def holds(self, agent_id: int) -> bool: ...
+
+
+class LegacyCore(Protocol):
+    """What the shell asks of a generation's core."""
+
+    readings: Readings
+
+    @property
+    def docks(self) -> Docks: ...
+
+    @property
+    def dropped(self) -> Counter[str]: ...
+
+    @property
+    def untaken(self) -> list[str]:
+        """Keys of orders that the vehicle has not acknowledged."""
+        ...
+
+    def hear(self, heard: Any, now_ms: int) -> None: ...
+
+
+Core = TypeVar("Core", bound=LegacyCore)
+
+
+class LegacyLink(ABC, Generic[Core]):
+    """The shell of a VehicleLink. `name` is the aPad's namespace. The node is initialised before (`open_gateway`).
+
+    What came without a stamp became true at the tick that hears it.
+    """
+
+    GENERATION: ClassVar[str]
+    MEND: ClassVar[str]
+    """What a person does whose aPad speaks other definitions."""
+
+    def __init__(self, name: str, core: Core, now_ms: int) -> None:
+        self.name = name
+        self._core = core
+        self._now_ms = now_ms
+        self._inbox: Inbox[Any] = Inbox()
+        self._excused: set[str] = set()
+        """What was waited for once and did not come: a flight does not wait for it again."""
+
+    @property
+    def dropped(self) -> Counter[str]:
+        """Words of the vehicle that came to nothing, by reason."""
+        return self._inbox.dropped + self._core.dropped
+
+    @property
+    def heard_ms(self) -> int:
+        """When a position was last heard; -1 before the first."""
+        return self._core.readings.position_ms
+
+    @abstractmethod
+    def serve(self, agent_ids: Iterable[int]) -> None:
+        """One of several aPads: these it may be told to dock from now on, and no others."""
+
+    def holds(self, agent_id: int) -> bool:
+        """Whether a dock is known to hold this aMussel."""
+        return self._core.docks.holds(agent_id)
+
+    @abstractmethod
+    def _missing(self) -> list[str]:
+        """What is not connected, or not offered, of that which a flight cannot do without, for a person."""
+
+    @abstractmethod
+    def _differences(self) -> list[str]:
+        """A line for each definition of the vehicle's that cannot be spoken. What is not there yet is no difference."""
+
+    def wait_until_ready(self, timeout_s: float) -> None:
+        """Until all that a flight needs of the aPad is connected.
+
+        Raises VehicleNotReady after `timeout_s`, or as soon as it is seen to speak other definitions.
+        """
+        until_s = time.monotonic() + timeout_s
+        self._refuse_other_definitions()
+        while missing := self._missing():
+            if time.monotonic() > until_s:
+                self._refuse_other_definitions()
+                raise VehicleNotReady(
+                    f"{rospy.resolve_name(self.name)} is not ready after {timeout_s:g} s: {', '.join(missing)}; "
+                    f"does an aPad of generation {self.GENERATION} run under this name on this master?"
+                )
+            # rospy tells of connections only when asked.
+            time.sleep(0.02)
+        self._refuse_other_definitions()
+
+    def _refuse_other_definitions(self) -> None:
+        if lines := self._differences():
+            raise VehicleNotReady(
+                f"{rospy.resolve_name(self.name)} speaks other definitions than we do: {'; '.join(lines)}; {self.MEND}"
+            )
+
+    # In step with our own clock: what `OwnMasterClock` asks for.
+
+    def wait_until_taken(self, timeout_s: float) -> list[str]:
+        """Until the vehicle has acknowledged every order that counts; the keys of those that it has not.
+
+        One that was missed is not waited for again.
+        """
+        missing = self._wait_while(
+            lambda: [key for key in self._core.untaken if key not in self._excused], timeout_s
+        )
+        self._excused |= set(missing)
+        return missing
+
+    def wait_until_done(self, now_ms: int, timeout_s: float) -> bool:
+        """Until `stateRef` says that all due by `now_ms` was handled; whether it did."""
+        self._now_ms = now_ms
+        return not self._wait_while(lambda: [] if self._is_done(now_ms) else ["stateRef"], timeout_s)
+
+    def _is_done(self, now_ms: int) -> bool:
+        return self._core.readings.state_ms >= now_ms
+
+    def _wait_while(self, missing: Callable[[], list[str]], timeout_s: float) -> list[str]:
+        """Hears what comes as long as something is missing; what still is, after `timeout_s`."""
+        until_s = time.monotonic() + timeout_s
+        while (what := missing()) and (left_s := until_s - time.monotonic()) > 0:
+            self._drain(left_s)
+        return what
+
+    def _drain(self, wait_s: float = 0.0) -> None:
+        for heard in self._inbox.take(wait_s):
+            if heard.at_ms == UNSTAMPED:
+                heard = replace(heard, at_ms=self._now_ms)
+            self._core.hear(heard, self._now_ms)

@@ -1,0 +1,87 @@
+"""What aPads of both generations say alike, converted in rospy's threads and left in an inbox: nothing else happens here.
+
+Pose is taken from `position` and not from `stateRef`: by its name and its place in the published stack that is what the
+vehicle's controllers refer to, and `position` is where the vehicle is. Of ours, both are the same.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import rospy
+from std_msgs.msg import Float64
+
+from apad_bridge.ros.links.inbox import Inbox
+from apad_bridge.ros.system.ros_time import to_ms
+from apad_bridge.ros.types.any_listener import AnyListener
+from apad_bridge.ros.types.messages import use_generated_messages
+from apad_bridge.ros_names.names import of_apad
+from apad_bridge.vehicle.stack_messages import UNSTAMPED, BatteryHeard, PoseHeard, StateHeard
+
+use_generated_messages()
+
+from auv_msgs.msg import NavSts  # noqa: E402
+
+POSE_FIELDS = ("header.stamp", "position.north", "position.east", "orientation.yaw")
+
+
+class LegacyEars:
+    """Subscribes to the aPad called `name`. With `stamped`, facts carry their messages' stamps; without, UNSTAMPED.
+
+    `pose_fields` are those that its NavSts must have.
+    """
+
+    def __init__(
+        self, name: str, inbox: Inbox[Any], *, stamped: bool, pose_fields: tuple[str, ...] = POSE_FIELDS
+    ) -> None:
+        self.needed: dict[str, tuple[Any, tuple[str, ...]]] = {}
+        """By topic of the aPad: our message class, and the fields that are read."""
+        self._inbox = inbox
+        self._stamped = stamped
+        self._listener = AnyListener(inbox.drop)
+        self._subscribers: list[rospy.Subscriber] = []
+        self._vital: list[rospy.Subscriber] = []
+        """Without these no flight begins."""
+        self._listen(of_apad(name, "position"), NavSts, pose_fields, self._take_pose, is_vital=True)
+        self._listen(of_apad(name, "stateRef"), NavSts, pose_fields, self._take_state, is_vital=stamped)
+        self._listen(of_apad(name, "battery_level"), Float64, ("data",), self._take_battery)
+
+    @property
+    def missing(self) -> list[str]:
+        """What is not connected of that which a flight cannot do without, for a person."""
+        return [f"nobody publishes {it.resolved_name}" for it in self._vital if not it.get_num_connections()]
+
+    def close(self) -> None:
+        for subscriber in self._subscribers:
+            subscriber.unregister()
+
+    def _listen(
+        self,
+        topic: str,
+        kind: Any,
+        fields: tuple[str, ...],
+        take: Callable[..., None],
+        *arguments: Any,
+        is_vital: bool = False,
+    ) -> None:
+        """`take(message, *arguments)` in rospy's thread; without `fields` its definition is not looked at beforehand."""
+        subscriber = self._listener.listen(topic, kind, take, *arguments)
+        self._subscribers.append(subscriber)
+        if is_vital:
+            self._vital.append(subscriber)
+        if fields:
+            self.needed[subscriber.resolved_name] = (kind, fields)
+
+    def _stamp(self, message: Any) -> int:
+        return to_ms(message.header.stamp) if self._stamped else UNSTAMPED
+
+    def _take_pose(self, message: Any) -> None:
+        position, yaw = message.position, message.orientation.yaw
+        self._inbox.put(PoseHeard(self._stamp(message), position.north, position.east, yaw))
+
+    def _take_state(self, message: Any) -> None:
+        self._inbox.put(StateHeard(self._stamp(message)))
+
+    def _take_battery(self, message: Any) -> None:
+        self._inbox.put(BatteryHeard(UNSTAMPED, message.data))

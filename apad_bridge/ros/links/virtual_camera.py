@@ -1,0 +1,91 @@
+"""Shows simulated aMussels to the vehicle's own visual servoing: publishes what its camera would see of them.
+
+    camera = VirtualCamera("apad1")
+    camera.show({7: (2.0, 3.0)})        # after each tick: who floats where
+
+At each `position` of the aPad, in rospy's thread and from the snapshot that was last shown: `docking_horizontal`, `size`,
+and last `docking_vertical`, of the nearest aMussel in the image. Nothing while none is in it. `kinect_out` says where it
+looks.
+"""
+
+from __future__ import annotations
+
+import math
+import threading
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Any
+
+import rospy
+from std_msgs.msg import Float32
+
+from apad_bridge.ros.system.ros_time import to_ms
+from apad_bridge.ros.types.any_listener import AnyListener
+from apad_bridge.ros.types.messages import use_generated_messages
+from apad_bridge.ros_names.names import of_apad
+from apad_bridge.vehicle.generation_b.messages import CAMERA_SERVO, slot_direction_rad
+from apad_bridge.vehicle.simulated.camera import Seen, seen
+
+use_generated_messages()
+
+from auv_msgs.msg import NavSts  # noqa: E402
+
+Places = Mapping[int, tuple[float, float]]
+
+
+class VirtualCamera:
+    """The node is initialised before. A detection that is not sent yet is replaced by the next one."""
+
+    def __init__(self, name: str) -> None:
+        self._places: Places = MappingProxyType({})
+        self._direction_rad: float | None = None
+        self._looked_ms = -1
+        self._looked = threading.Condition()
+        self._out = {
+            topic: rospy.Publisher(of_apad(name, topic), Float32, queue_size=1)
+            for topic in ("docking_horizontal", "size", "docking_vertical")
+        }
+        listener = AnyListener(
+            lambda _: None
+        )  # what cannot be read is counted where the vehicle is listened to
+        self._subscribers = [
+            listener.listen(of_apad(name, "kinect_out"), Float32, self._turn),
+            listener.listen(of_apad(name, "position"), NavSts, self._look),
+        ]
+
+    def show(self, places: Places) -> None:
+        """Where those float that can be seen, (north, east) by id."""
+        self._places = MappingProxyType(dict(places))
+
+    def wait_until_looked(self, now_ms: int, timeout_s: float) -> bool:
+        """In step with our own clock: until it has looked from where the aPad was at `now_ms`."""
+        with self._looked:
+            return self._looked.wait_for(lambda: self._looked_ms >= now_ms, timeout_s)
+
+    def close(self) -> None:
+        for subscriber in self._subscribers:
+            subscriber.unregister()
+        for publisher in self._out.values():
+            publisher.unregister()
+
+    def _turn(self, message: Any) -> None:
+        slot = min(range(len(CAMERA_SERVO)), key=lambda it: abs(CAMERA_SERVO[it] - message.data))
+        self._direction_rad = slot_direction_rad(slot)
+
+    def _look(self, message: Any) -> None:
+        place_m = (message.position.north, message.position.east)
+        nearest = self._nearest(place_m, message.orientation.yaw)
+        if nearest is not None:
+            self._out["docking_horizontal"].publish(Float32(nearest.horizontal))
+            self._out["size"].publish(Float32(nearest.size))
+            self._out["docking_vertical"].publish(Float32(nearest.vertical))
+        with self._looked:
+            self._looked_ms = max(self._looked_ms, to_ms(message.header.stamp))
+            self._looked.notify_all()
+
+    def _nearest(self, place_m: tuple[float, float], heading_rad: float) -> Seen | None:
+        if self._direction_rad is None:
+            return None
+        in_order = sorted(self._places.values(), key=lambda there_m: math.dist(place_m, there_m))
+        found = (seen(place_m, heading_rad, self._direction_rad, there_m) for there_m in in_order)
+        return next((it for it in found if it is not None), None)

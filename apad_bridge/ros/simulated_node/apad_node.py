@@ -1,0 +1,114 @@
+"""The simulated aPad as a ROS 1 node of the scenario's generation, A if it names none, in a process of its own.
+
+    python -m apad_bridge.ros.simulated_node.apad_node --scenario RESOLVED.yaml [--apad NAME] [--time clock|wall]
+
+A thin shell around `GenerationAVehicle` or `GenerationBVehicle`. It follows /clock and has no time of its own; or, to
+stand in for a real vehicle on somebody's master, it follows the wall clock. When it has handled all that is due by a
+/clock of T it publishes `stateRef` stamped T, last: its word that T was handled. It prints `ready` when it is on the
+graph, ends on SIGTERM or SIGINT, and ends by itself when /clock was silent for `--orphan-s` wall seconds.
+
+A goal of generation A has no field for speed or victory radius; both are the node's own, from the scenario's mission.
+"""
+
+from __future__ import annotations
+
+import argparse
+import signal
+import sys
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import rospy
+
+from apad_bridge.assembly import parts
+from apad_bridge.assembly.division import with_apad
+from apad_bridge.ros.types.messages import MessagesUnusable, use_generated_messages
+from apad_bridge.ros_names.names import plain
+from apad_bridge.ros_names.namespaces import beside_others, is_one_of_several
+from apad_bridge.scenario.errors import ScenarioError
+from apad_bridge.scenario.loader import load, with_overrides
+from apad_bridge.scenario.schema import Generation, Scenario
+from apad_bridge.stop_sign import StopSign
+from apad_bridge.vehicle.simulated.apad import SimulatedAPad
+
+if TYPE_CHECKING:
+    from apad_bridge.ros.simulated_node.generation_a_server import GenerationAServer
+    from apad_bridge.ros.simulated_node.generation_b_server import GenerationBServer
+
+_WALL_STEP_S = 0.05
+"""On the wall clock: the period of its fastest topic."""
+
+
+def _make_node(scenario: Scenario) -> GenerationAServer | GenerationBServer:
+    """The node's server; the ROS node is initialised before. ImportError when our messages are unusable."""
+    apad, mission = scenario.apad, scenario.mission
+    if apad.generation is Generation.B:
+        from apad_bridge.ros.simulated_node.generation_b_server import GenerationBServer
+        from apad_bridge.vehicle.generation_b.simulated import GenerationBVehicle
+
+        return GenerationBServer(
+            apad.name, lambda start_ms: GenerationBVehicle(SimulatedAPad(apad), start_ms, apad.fault)
+        )
+    from apad_bridge.ros.simulated_node.generation_a_server import GenerationAServer
+    from apad_bridge.vehicle.generation_a.simulated import GenerationAVehicle
+
+    misses = parts.misses(scenario)
+    return GenerationAServer(
+        apad.name,
+        lambda start_ms: GenerationAVehicle(
+            SimulatedAPad(apad), mission.speed_m_s, mission.victory_radius_m, start_ms, apad.fault, misses
+        ),
+    )
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(
+        prog="python -m apad_bridge.ros.simulated_node.apad_node", description=__doc__
+    )
+    parser.add_argument("--scenario", type=Path, required=True)
+    parser.add_argument("--apad", metavar="NAME", help="which of the scenario's aPads (default: the first)")
+    parser.add_argument(
+        "--generation", choices=[it.value for it in Generation], help="instead of the scenario's"
+    )
+    parser.add_argument("--time", choices=["clock", "wall"], default="clock")
+    parser.add_argument("--xmlrpc-port", type=int, default=0)
+    parser.add_argument("--orphan-s", type=float, default=600.0)
+    arguments = parser.parse_args()
+    try:
+        whole = with_overrides(load(arguments.scenario), generation=arguments.generation)
+        scenario = with_apad(whole, arguments.apad or whole.apad.name)
+    except ScenarioError as wrong:
+        print(f"musselbed: {wrong}", file=sys.stderr)
+        return 2
+    stop = StopSign()
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, lambda *_: stop.set())
+    try:
+        use_generated_messages()
+    except MessagesUnusable as wrong:
+        print(f"musselbed: {wrong}", file=sys.stderr)
+        return 1
+    name = plain(scenario.apad.name)
+    follows_clock = arguments.time == "clock"
+    # It hears of its docks from its own supervisor.
+    remappings = beside_others(scenario.apad.name) if is_one_of_several(whole) else []
+    rospy.init_node(
+        f"{name}_simulated", argv=remappings, disable_signals=True, xmlrpc_port=arguments.xmlrpc_port
+    )
+    node = _make_node(scenario)
+    if follows_clock:
+        node.follow_clock()
+    print("ready", flush=True)
+    while not follows_clock and not stop.wait(_WALL_STEP_S) and not rospy.is_shutdown():
+        node.advance_to(time.time_ns() // 1_000_000)
+    while not stop.wait(1.0) and not rospy.is_shutdown():
+        if time.monotonic() - node.heard_clock_s > arguments.orphan_s:
+            print(f"musselbed: no /clock for {arguments.orphan_s:g} s: the aPad's node ends", file=sys.stderr)
+            break
+    rospy.signal_shutdown("asked to end")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

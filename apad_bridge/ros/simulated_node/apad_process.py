@@ -1,0 +1,94 @@
+"""Starts and stops the simulated aPad's node as a child in a session of its own, so that neither dies with the other."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import select
+import signal
+import subprocess
+import sys
+import time
+import xmlrpc.client
+from http.client import HTTPException
+from pathlib import Path
+
+from apad_bridge.ros.system.master import loopback_environment
+from apad_bridge.ros_names.names import USE_SIM_TIME
+
+
+class APadNodeFailed(Exception):
+    """The node did not come up; the text is one line, with the end of what it said."""
+
+
+def start_apad_node(
+    scenario: Path,
+    master_uri: str,
+    log: Path,
+    *,
+    namespace: str = "",
+    xmlrpc_port: int = 0,
+    ready_s: float = 60.0,
+) -> subprocess.Popen[bytes]:
+    """The child, once it says that it is on the graph of OUR master at `master_uri`. What it says goes to `log`.
+
+    Sets /use_sim_time there, because the node and the gateway follow our /clock. Raises APadNodeFailed after `ready_s` wall
+    seconds, or when the node ended before; nothing is left running then.
+    """
+    try:
+        with xmlrpc.client.ServerProxy(master_uri) as master:
+            master.setParam("/musselbed", USE_SIM_TIME, True)
+    except (OSError, HTTPException, xmlrpc.client.Error) as error:
+        raise APadNodeFailed(f"no ROS master answers at {master_uri} ({error})") from None
+    command = [
+        *(sys.executable, "-m", "apad_bridge.ros.simulated_node.apad_node", "--scenario", str(scenario)),
+        *("--xmlrpc-port", str(xmlrpc_port)),
+    ]
+    with log.open("ab") as said:
+        child = subprocess.Popen(
+            command,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=said,
+            env=loopback_environment(log.parent / "ros", master_uri) | {"ROS_NAMESPACE": f"/{namespace}"},
+            start_new_session=True,
+        )
+    if _says_ready(child, ready_s):
+        return child
+    status = child.poll()
+    stop_apad_node(child, patience_s=1.0)
+    lines = log.read_text(errors="replace").strip().splitlines()
+    how = f"ended with status {status}" if status is not None else f"was not ready within {ready_s:g} s"
+    raise APadNodeFailed(f"the simulated aPad's node {how}: {lines[-1] if lines else 'it said nothing'}")
+
+
+def stop_apad_node(child: subprocess.Popen[bytes], patience_s: float = 3.0) -> int:
+    """Asks the child to end, kills it after `patience_s`, and gives its status. A child that has ended is reaped."""
+    if child.poll() is None:
+        with contextlib.suppress(ProcessLookupError):
+            os.kill(child.pid, signal.SIGTERM)
+        try:
+            child.wait(patience_s)
+        except subprocess.TimeoutExpired:
+            child.kill()
+    if child.stdout is not None:
+        child.stdout.close()
+    return child.wait(patience_s)
+
+
+def _says_ready(child: subprocess.Popen[bytes], ready_s: float) -> bool:
+    assert child.stdout is not None
+    until_s = time.monotonic() + ready_s
+    said = b""
+    while b"ready\n" not in said:
+        readable, _, _ = select.select([child.stdout], [], [], max(0.0, until_s - time.monotonic()))
+        if not readable:
+            return False
+        came = os.read(child.stdout.fileno(), 4096)
+        if not came:
+            # The end of its output comes a moment before its status.
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                child.wait(1.0)
+            return False
+        said += came
+    return True

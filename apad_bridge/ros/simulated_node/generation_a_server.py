@@ -1,0 +1,199 @@
+"""The topics, services and the action server of generation A, around a `GenerationAVehicle`: converts, and nothing else."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import rospy
+from actionlib.action_server import ActionServer
+from std_msgs.msg import Float64
+from std_srvs.srv import Trigger, TriggerResponse
+
+from apad_bridge.ros.generation_a_shown import Ended, Goal, Held, Outcome, Shown, SlowShown
+from apad_bridge.ros.legacy_shown import PoseShown
+from apad_bridge.ros.simulated_node.legacy_server import QUEUE, LegacyServer, publish_pose
+from apad_bridge.ros.system.ros_time import to_ros
+from apad_bridge.ros.types.messages import use_generated_messages
+from apad_bridge.ros_names.names import of_apad
+from apad_bridge.vehicle.generation_a.simulated import GenerationAVehicle
+
+use_generated_messages()
+
+from apad.msg import aPadAction, aPadFeedback, aPadResult  # noqa: E402
+from auv_msgs.msg import NavSts  # noqa: E402
+from misc_msgs.srv import (  # noqa: E402
+    ChangeDockingStatus,
+    ChangeDockingStatusResponse,
+    GetChargeInfo,
+    GetChargeInfoResponse,
+    GetDockingInfo,
+    GetDockingInfoResponse,
+    SendEnergy,
+    SendEnergyResponse,
+)
+from navcon_msgs.srv import (  # noqa: E402
+    ConfigureVelocityController,
+    ConfigureVelocityControllerResponse,
+    EnableControl,
+    EnableControlResponse,
+)
+
+_HELD_STATUS, _RELEASED_STATUS = 0, 1
+
+
+class GenerationAServer(LegacyServer[GenerationAVehicle]):
+    """All of the aPad called `name`. One lock, the action server's, guards the vehicle. The node is initialised before."""
+
+    def __init__(self, name: str, make_vehicle: Callable[[int], GenerationAVehicle]) -> None:
+        self._goals: dict[str, Any] = {}
+        """Handles of the goals that have not ended."""
+        self._held: dict[str, rospy.Publisher] = {}
+        # Its status timer sleeps on ROS time; here the status goes out with the second, from `_show`.
+        rospy.set_param("~actionlib_status_frequency", 0.0)
+        self._server = ActionServer(
+            of_apad(name, "action_server"),
+            aPadAction,
+            self._take_goal,
+            self._cancel_goal,
+            auto_start=False,
+        )
+        super().__init__(name, make_vehicle, self._server.lock)
+        self._battery = rospy.Publisher(of_apad(name, "battery_level"), Float64, queue_size=QUEUE)
+        self._server.start()
+        self._offer_services(name)
+
+    def _offer_services(self, apad: str) -> None:
+        """Enabling, configuring and anchoring succeed and change nothing: this vehicle always holds by itself."""
+        services: list[tuple[str, Any, Callable[[Any], Any]]] = [
+            ("check_docking_availability", GetDockingInfo, self._tell_docks),
+            ("change_docking_status", ChangeDockingStatus, self._change_dock),
+            ("get_battery_level", GetChargeInfo, self._tell_battery),
+            ("charge_info", GetChargeInfo, self._tell_battery),
+            ("anchor", Trigger, lambda _: TriggerResponse(True, "it holds its position by itself")),
+            ("FADP_enable", EnableControl, lambda _: EnableControlResponse()),
+            ("DEPTH_enable", EnableControl, lambda _: EnableControlResponse()),
+            ("send_energy", SendEnergy, self._send_energy),
+            ("VelCon_enable", EnableControl, lambda _: EnableControlResponse()),
+            (
+                "ConfigureVelocityController",
+                ConfigureVelocityController,
+                lambda _: ConfigureVelocityControllerResponse(),
+            ),
+        ]
+        for name, kind, answer in services:
+            rospy.Service(of_apad(apad, name), kind, answer)
+        for name, sign in (("charging", 1), ("draining", -1)):
+            rospy.Subscriber(of_apad(apad, name), Float64, self._change_battery, sign)
+
+    def _take_goal(self, handle: Any) -> None:
+        message, key = handle.get_goal(), handle.get_goal_id().id
+        with self._lock:
+            vehicle = self._vehicle
+            if vehicle is None:
+                handle.set_rejected(None, "no /clock was heard yet")
+                return
+            if vehicle.has_crashed:
+                return
+            handle.set_accepted()
+            self._goals[key] = handle
+            goal = Goal(key, message.id, message.pose.position.x, message.pose.position.y, message.object)
+            self._show(vehicle.receive(goal, vehicle.now_ms))
+
+    def _cancel_goal(self, handle: Any) -> None:
+        self._do(lambda it: it.cancel(handle.get_goal_id().id, it.now_ms))
+
+    def _show(self, shown: list[Shown]) -> None:
+        for item in shown:
+            match item:
+                case PoseShown(at_ms, pose):
+                    publish_pose(self._position, at_ms, pose)
+                    publish_pose(self._state, at_ms, pose)
+                case Held():
+                    self._publish_held(item)
+                case SlowShown(_, battery_percent, goal_key, covered_percent):
+                    self._battery.publish(Float64(battery_percent))
+                    self._tell_progress(goal_key, covered_percent)
+                case Ended():
+                    self._end_goal(item)
+
+    def _publish_held(self, held: Held) -> None:
+        publisher = self._held.get(held.name)
+        if publisher is None:
+            try:
+                # Global, as in the published stack: below whatever the goal named, and not below this node's namespace.
+                # Latched, because who listens connects only after the first word is out.
+                publisher = rospy.Publisher(
+                    f"/{held.name}/position_static", NavSts, queue_size=QUEUE, latch=True
+                )
+            except ValueError as refused:  # a goal may name anything
+                rospy.logwarn_throttle(10, f"an object is named {held.name!r}: {refused}")
+                return
+            self._held[held.name] = publisher
+        message = NavSts()
+        message.header.stamp = to_ros(held.at_ms)
+        message.header.frame_id = "local"
+        message.position.north, message.position.east = held.north_m, held.east_m
+        message.status = _RELEASED_STATUS if held.released else _HELD_STATUS
+        publisher.publish(message)
+
+    def _tell_progress(self, goal_key: str | None, covered_percent: float) -> None:
+        vehicle = self._vehicle
+        if vehicle is not None and vehicle.has_crashed:
+            return
+        handle = self._goals.get(goal_key or "")
+        if handle is not None:
+            feedback = aPadFeedback(id=handle.get_goal().id, status=covered_percent)
+            handle.publish_feedback(feedback)
+        self._server.publish_status()
+
+    def _end_goal(self, ended: Ended) -> None:
+        handle = self._goals.pop(ended.key, None)
+        if handle is None:
+            return
+        result = aPadResult(id=handle.get_goal().id, status=0 if ended.outcome is Outcome.SUCCEEDED else 1)
+        match ended.outcome:
+            case Outcome.SUCCEEDED:
+                handle.set_succeeded(result, ended.reason)
+            case Outcome.PREEMPTED:
+                handle.set_canceled(result, ended.reason)
+            case Outcome.ABORTED:
+                handle.set_aborted(result, ended.reason)
+
+    def _tell_docks(self, _: Any) -> Any:
+        with self._lock:
+            vehicle = self._running()
+            return GetDockingInfoResponse(available_slots=vehicle.free_slots, slots=vehicle.held)
+
+    def _change_dock(self, request: Any) -> Any:
+        with self._lock:
+            vehicle = self._running()
+            try:
+                self._show(vehicle.set_dock(request.slot, request.status, vehicle.now_ms))
+            except ValueError as refused:
+                raise rospy.ServiceException(str(refused)) from refused
+            return ChangeDockingStatusResponse(False)
+
+    def _change_battery(self, message: Any, sign: int) -> None:
+        """Percent points a message."""
+        self._do(lambda it: it.change_battery(sign * message.data, it.now_ms))
+
+    def _send_energy(self, request: Any) -> Any:
+        """Whether coil `coil`, which is a slot's, has something to send its energy to. The docks charge by themselves."""
+        with self._lock:
+            return SendEnergyResponse(
+                request.coil in range(4) and request.coil not in self._running().free_slots
+            )
+
+    def _tell_battery(self, _: Any) -> Any:
+        with self._lock:
+            vehicle = self._running()
+            pose = vehicle.pose
+            return GetChargeInfoResponse(
+                battery_level=vehicle.battery_percent,
+                x=pose.north_m,
+                y=pose.east_m,
+                z=0.0,
+                type="charger",
+                consumers=vehicle.held,
+            )

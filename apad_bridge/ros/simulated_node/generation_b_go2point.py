@@ -1,0 +1,105 @@
+"""The actionlib server `go2point` (navcon_msgs/GoToPointAction), which lies underneath generation B's services.
+
+Every go-to is a goal here. One that a service ordered is the commander's own: it stands in `status`, `feedback` and
+`result` as any other, but not on the topic `goal`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import rospy
+from actionlib.action_server import ActionServer
+
+from apad_bridge.ros import generation_b_requests as requests
+from apad_bridge.ros.generation_b_shown import GoToBegun, GoToEnded, GoToLeft
+from apad_bridge.ros.system.ros_time import to_ros
+from apad_bridge.ros.types.messages import use_generated_messages
+from apad_bridge.ros_names.names import of_apad
+from apad_bridge.vehicle.generation_b.messages import GoToOrder, Status
+
+use_generated_messages()
+
+from navcon_msgs.msg import GoToPointAction, GoToPointActionGoal, GoToPointFeedback, GoToPointResult  # noqa: E402
+
+OrderTaken = Callable[[GoToOrder], bool | None]
+"""Orders, and shows here what comes of it; gives what a service would answer, None for never."""
+
+
+class Go2Point:
+    """Its `lock` is held whenever it is called, and while it calls `order` or `stop`."""
+
+    def __init__(self, apad: str, order: OrderTaken, stop: Callable[[], None]) -> None:
+        self._commander = rospy.resolve_name(f"{apad}/commander")
+        self._commanded = 0
+        self._order = order
+        self._stop = stop
+        self._asked: Any = None
+        """The handle of the goal whose order is just being taken."""
+        self._running: Any = None
+        # Its status timer sleeps on ROS time; here the status goes out with the second, by `tell_status`.
+        rospy.set_param("~actionlib_status_frequency", 0.0)
+        self._server = ActionServer(
+            of_apad(apad, "go2point"), GoToPointAction, self._take_goal, self._cancel_goal, auto_start=False
+        )
+        self.lock = self._server.lock
+
+    def start(self) -> None:
+        self._server.start()
+
+    def show(self, word: GoToBegun | GoToLeft | GoToEnded) -> None:
+        match word:
+            case GoToBegun(_, order):
+                if self._asked is None:
+                    self._announce(order)
+                self._running, self._asked = self._asked, None
+                self._running.set_accepted()
+            case GoToLeft(_, distance_m, bearing_rad) if self._running is not None:
+                self._running.publish_feedback(GoToPointFeedback(distance_m, bearing_rad))
+            case GoToEnded() if self._running is not None:
+                self._end(word)
+
+    def tell_status(self) -> None:
+        self._server.publish_status()
+
+    def _take_goal(self, handle: Any) -> None:
+        self._asked = handle
+        if handle.get_goal_id().id == self._commanders_key:
+            return
+        taken = self._order(requests.goal(handle.get_goal()))
+        if taken is False:
+            handle.set_rejected(None, "the vehicle takes no orders")
+        self._asked = None
+
+    def _cancel_goal(self, handle: Any) -> None:
+        if handle == self._running:
+            self._stop()
+
+    @property
+    def _commanders_key(self) -> str:
+        return f"{self._commander}-{self._commanded}"
+
+    def _announce(self, order: GoToOrder) -> None:
+        """Makes a goal of what a service ordered. It comes back by `_take_goal`, under the key that is known there."""
+        self._commanded += 1
+        message = GoToPointActionGoal()
+        message.goal_id.id = self._commanders_key
+        message.goal.T2.header.frame_id = "local"
+        message.goal.T2.point.x, message.goal.T2.point.y = order.north_m, order.east_m
+        message.goal.speed, message.goal.victory_radius = order.speed_m_s, order.victory_radius_m
+        self._server.internal_goal_callback(message)
+
+    def _end(self, ended: GoToEnded) -> None:
+        handle, self._running = self._running, None
+        result = GoToPointResult(distance=ended.left.distance_m, bearing=ended.left.bearing_rad)
+        result.position.header.stamp = to_ros(ended.left.at_ms)
+        result.position.header.frame_id = "local"
+        result.position.point.x, result.position.point.y = ended.pose.north_m, ended.pose.east_m
+        match ended.status:
+            case Status.DONE:
+                handle.set_succeeded(result)
+            case Status.PREEMPTED:
+                handle.set_canceled(result)
+            case _:
+                handle.set_aborted(result)

@@ -1,0 +1,154 @@
+"""The topics and services of generation B, around a `GenerationBVehicle`: converts, and nothing else."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from typing import Any
+
+import rospy
+from std_msgs.msg import Bool, Float32, Float32MultiArray, Float64, Int32, String
+from std_srvs.srv import Trigger, TriggerResponse
+
+from apad_bridge.ros import generation_b_requests as requests
+from apad_bridge.ros.generation_b_shown import (
+    ArmShown,
+    BatteryShown,
+    CameraTurned,
+    Finished,
+    GoToBegun,
+    GoToEnded,
+    GoToLeft,
+    Shown,
+    StatusShown,
+)
+from apad_bridge.ros.legacy_shown import PoseShown
+from apad_bridge.ros.simulated_node.generation_b_go2point import Go2Point
+from apad_bridge.ros.simulated_node.legacy_server import QUEUE, LegacyServer, publish_pose
+from apad_bridge.ros.types.messages import use_generated_messages
+from apad_bridge.ros.types.their_services import service_to_offer
+from apad_bridge.ros_names.names import of_apad, ours
+from apad_bridge.vehicle.generation_b.messages import PRIMITIVE_FINISHED, Order
+from apad_bridge.vehicle.generation_b.simulated import GenerationBVehicle
+
+use_generated_messages()
+
+from misc_msgs.srv import (  # noqa: E402
+    DockingPrimitiveService,
+    DockingService,
+    DynamicPositioningPrimitiveService,
+    Go2pointPrimitiveService,
+    Go2pointService,
+)
+from musselbed_msgs.msg import DockAlert  # noqa: E402
+
+Conversion = Callable[[Any], Order]
+
+
+class GenerationBServer(LegacyServer[GenerationBVehicle]):
+    """All of the aPad called `name`. One lock, the action server's, guards the vehicle. The node is initialised before."""
+
+    def __init__(self, name: str, make_vehicle: Callable[[int], GenerationBVehicle]) -> None:
+        self._go2point = Go2Point(name, self._order, lambda: self._do(lambda it: it.stop(it.now_ms)))
+        super().__init__(name, make_vehicle, self._go2point.lock)
+        self._ended = threading.Event()
+        """Never set before the process ends: what a service that hangs waits for."""
+        kinds: dict[str, Any] = {
+            "battery_level": Float64,
+            "goto_status": Int32,
+            "docking_status": Int32,
+            "eventString": String,
+            "dock_out": Float32MultiArray,
+            "kinect_out": Float32,
+        }
+        self._out = {
+            leaf: rospy.Publisher(of_apad(name, leaf), kind, queue_size=QUEUE) for leaf, kind in kinds.items()
+        }
+        self._go2point.start()
+        self._offer_services(name)
+        self._listen(name)
+
+    def _offer_services(self, apad: str) -> None:
+        """Each by the text in the user's workspace, where that has what is read of it."""
+        services: list[tuple[str, Any, Conversion]] = [
+            ("primitive/go2point", Go2pointPrimitiveService, requests.go_to),
+            ("primitive/dynamic_positioning", DynamicPositioningPrimitiveService, requests.position),
+            ("primitive/docking", DockingPrimitiveService, requests.docking),
+            ("go2point", Go2pointService, requests.simple_go_to),
+            ("docking", DockingService, requests.simple_docking),
+        ]
+        for name, known, convert in services:
+            kind = service_to_offer(known, convert)
+            rospy.Service(
+                of_apad(apad, f"commander/{name}"), kind, self._takes(convert, kind._response_class)
+            )
+        for name, act in (
+            ("stop_mission", GenerationBVehicle.stop),
+            ("pause_mission", GenerationBVehicle.pause),
+            ("continue_mission", GenerationBVehicle.go_on),
+        ):
+            rospy.Service(of_apad(apad, f"commander/{name}"), Trigger, self._commands(act))
+
+    def _listen(self, apad: str) -> None:
+        def listen(name: str, kind: Any, take: Callable[[GenerationBVehicle, Any], list[Shown]]) -> None:
+            def taken(message: Any) -> None:
+                self._do(lambda vehicle: take(vehicle, message))
+
+            rospy.Subscriber(name, kind, taken, tcp_nodelay=True)
+
+        listen(
+            of_apad(apad, "docking_horizontal"),
+            Float32,
+            lambda it, word: it.detect(word.data, None, it.now_ms),
+        )
+        listen(
+            of_apad(apad, "docking_vertical"), Float32, lambda it, word: it.detect(None, word.data, it.now_ms)
+        )
+        listen(of_apad(apad, "manual"), Bool, lambda it, word: it.set_manual(word.data, it.now_ms))
+        listen(ours("dock"), DockAlert, lambda it, word: it.load(word.slot, word.closed, it.now_ms))
+
+    def _takes(self, convert: Conversion, response: Any) -> Callable[[Any], Any]:
+        def take(request: Any) -> Any:
+            with self._lock:
+                self._running()
+                taken = self._order(convert(request))
+            if taken is None:
+                self._ended.wait()
+            # At once, and whatever comes of it.
+            return response(status=bool(taken))
+
+        return take
+
+    def _order(self, order: Order) -> bool | None:
+        """What a service answers, None for never. Before any /clock nothing is taken."""
+        if self._vehicle is None:
+            return False
+        self._show(self._vehicle.receive(order, self._vehicle.now_ms))
+        return self._vehicle.takes
+
+    def _commands(self, act: Callable[[GenerationBVehicle, int], list[Shown]]) -> Callable[[Any], Any]:
+        def answer(_: Any) -> Any:
+            self._do(lambda it: act(it, it.now_ms))
+            return TriggerResponse(True, "")
+
+        return answer
+
+    def _show(self, shown: list[Shown]) -> None:
+        out = self._out
+        for item in shown:
+            match item:
+                case PoseShown(at_ms, pose):
+                    publish_pose(self._position, at_ms, pose)
+                case BatteryShown(_, percent):
+                    out["battery_level"].publish(Float64(percent))
+                    self._go2point.tell_status()
+                case StatusShown(_, docking, status):
+                    out["docking_status" if docking else "goto_status"].publish(Int32(status))
+                case ArmShown(_, arm):
+                    out["dock_out"].publish(Float32MultiArray(data=[float(it) for it in arm.is_open]))
+                case CameraTurned(_, servo):
+                    out["kinect_out"].publish(Float32(servo))
+                case Finished():
+                    out["eventString"].publish(String(PRIMITIVE_FINISHED))
+                case GoToBegun() | GoToLeft() | GoToEnded():
+                    self._go2point.show(item)

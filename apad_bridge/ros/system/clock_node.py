@@ -1,0 +1,64 @@
+"""A /clock for a master that a person started, so that a simulated aPad there can fly faster than the wall clock.
+
+    python -m apad_bridge.ros.system.clock_node [--speed X]
+
+The launch files start it beside the simulated aPad, and set /use_sim_time. `musselbed run` itself never publishes a clock
+on a master that it did not start, and neither does this when somebody else does already. SIGTERM or SIGINT ends it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import signal
+import sys
+import time
+
+import rosgraph
+import rospy
+from rosgraph_msgs.msg import Clock
+
+from apad_bridge.ros.system.ros_time import to_ros
+from apad_bridge.ros_names.names import CLOCK
+from apad_bridge.stop_sign import StopSign
+
+NODE = "musselbed_clock"
+_PERIOD_S = 0.02
+"""Of the wall: at speed 20 that is 0.4 s of mission time, and the supervisor acts once a second of it."""
+
+
+def stamp_ms(start_ms: int, elapsed_s: float, speed: float) -> int:
+    """What the clock shows `elapsed_s` wall seconds after it showed `start_ms`."""
+    return start_ms + int(elapsed_s * 1000 * speed)
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(prog="python -m apad_bridge.ros.system.clock_node", description=__doc__)
+    parser.add_argument(
+        "--speed", type=float, default=1.0, metavar="X", help="as fast as the wall clock, times X"
+    )
+    speed: float = parser.parse_args().speed
+    if speed <= 0:
+        parser.error(f"--speed must be above 0, not {speed:g}")
+    stop = StopSign()
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, lambda *_: stop.set())
+    node = rospy.resolve_name(NODE)
+    publishers, _, _ = rosgraph.Master(node).getSystemState()
+    others = {node for topic, nodes in publishers if topic == CLOCK for node in nodes} - {node}
+    if others:
+        print(
+            f"musselbed: /clock comes from {', '.join(sorted(others))} already: end it first", file=sys.stderr
+        )
+        return 3
+    rospy.init_node(NODE, argv=[], disable_signals=True)
+    topic = rospy.Publisher(CLOCK, Clock, queue_size=10)
+    # From the time of day on: a zero would mean "no time yet" to ROS.
+    start_ms, start_s = time.time_ns() // 1_000_000, time.monotonic()
+    while not stop.wait(_PERIOD_S) and not rospy.is_shutdown():
+        topic.publish(Clock(to_ros(stamp_ms(start_ms, time.monotonic() - start_s, speed))))
+    rospy.signal_shutdown("asked to end")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

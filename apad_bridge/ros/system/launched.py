@@ -1,0 +1,48 @@
+"""Starts a module as a node of roslaunch: its private parameters become options of the command.
+
+    python -m apad_bridge.ros.system.launched NAME MODULE [arguments]
+
+Of NAME's parameters `theta: 60` becomes --theta 60, `open_modem: [3, 7]` the option twice, and `manual: true` the bare
+option; they come after the arguments, so that they win. A name that is no option is refused by the command itself.
+"""
+
+from __future__ import annotations
+
+import os
+import runpy
+import sys
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import rosgraph
+
+
+def options(parameters: Mapping[str, Any]) -> Iterator[str]:
+    """By name, so that the same parameters make the same command line."""
+    for name, value in sorted(parameters.items()):
+        option = f"--{name.replace('_', '-')}"
+        for one in value if isinstance(value, list) else [value]:
+            if one is True:
+                yield option
+            elif one is not False:
+                yield from (option, str(one))
+
+
+def private_parameters(name: str) -> dict[str, Any]:
+    """Of the node of this name, in the namespace that roslaunch gave it; none where it has none, or no master answers."""
+    node = rosgraph.names.ns_join(os.environ.get("ROS_NAMESPACE", "/"), name)
+    try:
+        found = rosgraph.Master(node).getParam(rosgraph.names.ns_join("/", node))
+    except (rosgraph.MasterException, OSError):
+        return {}
+    return found if isinstance(found, dict) else {}
+
+
+def main() -> None:
+    name, module, *arguments = sys.argv[1:]
+    sys.argv = [module, *arguments, *options(private_parameters(name))]
+    runpy.run_module(module, run_name="__main__", alter_sys=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,111 @@
+"""Watches somebody else's master: it may restart or go out of reach, and rospy registers nothing again by itself.
+
+A restarted master knows nobody. Connections that stand go on without it, but nobody new would find this node. And a master
+tells of a new publisher once: if it cannot reach us then, we never hear of it. So every second the master is asked whether
+it knows us; if not, when it was out of reach, or when somebody asks for it, everything is registered again, and publishers
+that it names are connected to. What was noticed is kept for the flight, which tells it at its next tick.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+import xmlrpc.client
+from http.client import HTTPException
+from typing import Any
+
+import rospy
+from rospy.impl.registration import (
+    RegManager,
+    get_registration_listeners,
+    get_service_manager,
+    get_topic_manager,
+)
+
+from apad_bridge.doctor.network import Timed, Unreachable, call_whole
+from apad_bridge.ros.links.inbox import Inbox
+
+PERIOD_S = 1.0
+_CALL_S = 5.0
+_AT_ONCE = 200
+"""Registrations in one call of the master."""
+
+Noticed = tuple[str, dict[str, Any]]
+"""An event's kind and data, for the journal."""
+
+
+class MasterWatch:
+    """The node is initialised before. One thread, which ends with `close`."""
+
+    def __init__(self, master_uri: str, period_s: float = PERIOD_S) -> None:
+        self._uri = master_uri
+        self._period_s = period_s
+        self._noticed: Inbox[Noticed] = Inbox()
+        self._gone_since_s: float | None = None
+        self._asked = threading.Event()
+        self._ended = threading.Event()
+        self._thread = threading.Thread(target=self._watch, name="watch of the master", daemon=True)
+        self._thread.start()
+
+    def take(self) -> list[Noticed]:
+        return self._noticed.take()
+
+    def ask_again(self) -> None:
+        """Somebody who should be heard is not: the master may have told of him in vain."""
+        self._asked.set()
+
+    def close(self) -> None:
+        self._ended.set()
+        self._thread.join(2 * _CALL_S)
+
+    def _watch(self) -> None:
+        while not self._ended.wait(self._period_s) and not rospy.is_shutdown():
+            try:
+                self._look()
+            except (Unreachable, OSError, HTTPException, xmlrpc.client.Error) as error:
+                if self._gone_since_s is None:
+                    self._gone_since_s = time.monotonic()
+                    self._tell("master_gone", uri=self._uri, why=str(error))
+
+    def _look(self) -> None:
+        code, _, _ = call_whole(self._uri, "lookupNode", rospy.get_name())
+        was_gone, asked = self._gone_since_s, self._asked.is_set()
+        if code == 1 and was_gone is None and not asked:
+            return
+        registered = self._register_again()
+        self._asked.clear()
+        self._gone_since_s = None
+        if code != 1 or was_gone is not None:
+            gone_s = 0.0 if was_gone is None else time.monotonic() - was_gone
+            self._tell("master_back", uri=self._uri, gone_s=round(gone_s, 1), registered=registered)
+
+    def _register_again(self) -> int:
+        """How many topics and services were; a node in the middle of its end has none."""
+        topics, services = get_topic_manager(), get_service_manager()
+        managers = [it for it in get_registration_listeners().listeners if isinstance(it, RegManager)]
+        if not managers:
+            return 0
+        name, ours = rospy.get_name(), managers[0].uri
+        calls: list[tuple[str, tuple[Any, ...]]] = [
+            *(("registerPublisher", (name, topic, kind, ours)) for topic, kind in topics.get_publications()),
+            *(
+                ("registerSubscriber", (name, topic, kind, ours))
+                for topic, kind in topics.get_subscriptions()
+            ),
+            *(("registerService", (name, service, uri, ours)) for service, uri in services.get_services()),
+        ]
+        with xmlrpc.client.ServerProxy(self._uri, transport=Timed(_CALL_S)) as master:
+            for first in range(0, len(calls), _AT_ONCE):
+                some = calls[first : first + _AT_ONCE]
+                together = xmlrpc.client.MultiCall(master)
+                for method, arguments in some:
+                    getattr(together, method)(*arguments)
+                result: Any = together()
+                for (method, arguments), (_, _, publishers) in zip(some, list(result), strict=True):
+                    if method == "registerSubscriber" and publishers:
+                        managers[0].publisher_update(arguments[1], publishers)
+        return len(calls)
+
+    def _tell(self, kind: str, **data: Any) -> None:
+        rospy.logwarn("%s: %s", kind, data)
+        self._noticed.put((kind, data), always=True)

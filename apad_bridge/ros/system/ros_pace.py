@@ -1,0 +1,157 @@
+"""Where mission time comes from on ROS: our own /clock, or somebody else's.
+
+    OwnMasterClock(speed, link, start_ms=0)       # we publish /clock; only ever on a master that we started
+    FollowedClock(start_ms=0)                     # we follow /clock; mission time `start_ms` is the first one seen
+
+The node is initialised before (`open_gateway`).
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from typing import Any, Protocol
+
+import rospy
+from rosgraph_msgs.msg import Clock
+
+from apad_bridge.ros.system.ros_time import to_ms, to_ros
+from apad_bridge.ros_names.names import CLOCK
+from apad_bridge.stop_sign import Stopped
+from apad_bridge.supervisor.clock import BEAT_S, AsFastAsPossible, Between, Pace, WallClock
+
+PATIENCE_S = 5.0
+"""Wall seconds that the aPad's node may take for a tick. It takes milliseconds: after this it is dead or stopped."""
+_SAY_AGAIN_S = 1.0
+"""Wall seconds without its answer, after which it is told the time again: an answer is lost when it leaves before rospy has
+added us to those whom it goes to, which is after we have been told that we are connected."""
+SETTLE_S = 1.0
+"""Wall seconds for its other topics. One that misses this costs no more: what it has to say is heard at a later tick."""
+STANDSTILL_S = 10.0
+_STEPS_MS = (100, 200, 500, 1000)
+_STEP_WALL_S = 0.02
+"""/clock comes no oftener than this, and no finer than the aPad's 10 Hz."""
+
+
+class InStep(Protocol):
+    """A vehicle that says when it is done with a tick."""
+
+    @property
+    def name(self) -> str: ...
+
+    def wait_until_taken(self, timeout_s: float) -> list[str]: ...
+
+    def wait_until_done(self, now_ms: int, timeout_s: float) -> bool: ...
+
+    def wait_until_heard(self, now_ms: int, timeout_s: float) -> list[str]: ...
+
+
+class OwnMasterClock:
+    """Publishes /clock `speed` times as fast as the wall clock (None: as fast as the aPad's node follows).
+
+    A tick has come when the aPad's node has said that it is done with it: TimeoutError, naming it, after `patience_s`.
+    Until then the same time is published once a second.
+    With `in_fine_steps` that holds of every tenth of a second: for a vehicle that is shown what it sees, and acts on it.
+
+    Latched, so that a tool that comes later has the time at once. A hundred may wait for a slow reader; it then loses the
+    oldest, and nobody waits for it.
+    """
+
+    def __init__(
+        self,
+        speed: float | None,
+        link: InStep,
+        start_ms: int = 0,
+        patience_s: float = PATIENCE_S,
+        *,
+        in_fine_steps: bool = False,
+    ) -> None:
+        self._link = link
+        self._patience_s = patience_s
+        self._told_ms = start_ms
+        self._has_told = False
+        self._pace: Pace = AsFastAsPossible() if speed is None else WallClock(speed)
+        self._step_ms = 1000
+        if speed is not None:
+            self._step_ms = next((it for it in _STEPS_MS if it / 1000 / speed >= _STEP_WALL_S), 1000)
+        self._in_fine_steps = in_fine_steps
+        if in_fine_steps:
+            self._step_ms = _STEPS_MS[0]
+        self._clock = rospy.Publisher(CLOCK, Clock, queue_size=100, latch=True)
+
+    @property
+    def behind_s(self) -> float:
+        return self._pace.behind_s
+
+    def reach(self, now_ms: int, stopped: Stopped, between: Between | None = None) -> None:
+        self._link.wait_until_taken(SETTLE_S)
+        while self._told_ms < now_ms or not self._has_told:
+            step_ms = now_ms if stopped.is_set() else min(now_ms, self._told_ms + self._step_ms)
+            self._pace.reach(step_ms, stopped, between)
+            self._clock.publish(Clock(to_ros(step_ms)))
+            self._told_ms, self._has_told = step_ms, True
+            if self._in_fine_steps and step_ms < now_ms:
+                self._wait_until_done(step_ms)
+            if between is not None and step_ms < now_ms:
+                between(step_ms)
+        self._wait_until_done(now_ms)
+        self._link.wait_until_heard(now_ms, SETTLE_S)
+
+    def _wait_until_done(self, now_ms: int) -> None:
+        until_s = time.monotonic() + self._patience_s
+        while not self._link.wait_until_done(now_ms, min(_SAY_AGAIN_S, max(0.0, until_s - time.monotonic()))):
+            if time.monotonic() >= until_s:
+                raise TimeoutError(
+                    f"the node of /{self._link.name} did not say within {self._patience_s:g} s, by its stateRef, "
+                    f"that it has come to {now_ms / 1000:g} s of mission time"
+                )
+            self._clock.publish(Clock(to_ros(now_ms)))
+
+
+class FollowedClock:
+    """Somebody else's /clock. TimeoutError when it stands still, or goes back, for `standstill_s` wall seconds."""
+
+    def __init__(self, start_ms: int = 0, standstill_s: float = STANDSTILL_S) -> None:
+        self.behind_s = 0.0
+        self._start_ms = start_ms
+        self._standstill_s = standstill_s
+        self._origin_ms: int | None = None
+        self._now_ms = start_ms
+        self._came = threading.Condition()
+        self._subscriber = rospy.Subscriber(CLOCK, Clock, self._take, tcp_nodelay=True)
+
+    def reach(self, now_ms: int, stopped: Stopped, between: Between | None = None) -> None:
+        moved_s, last_ms = time.monotonic(), self._now_ms
+        while (self._origin_ms is None or self._now_ms < now_ms) and not stopped.is_set():
+            with self._came:
+                # Woken now and then to see `stopped`, which nothing here announces, and for who is told in between.
+                if self._origin_ms is None or self._now_ms < now_ms:
+                    self._came.wait(0.1 if between is None else BEAT_S)
+                come_ms, why = self._now_ms, self._why(now_ms)
+            if come_ms > last_ms:
+                moved_s, last_ms = time.monotonic(), come_ms
+            elif time.monotonic() - moved_s > self._standstill_s:
+                raise TimeoutError(why)
+            if between is not None and self._start_ms < come_ms < now_ms:
+                between(come_ms)
+        with self._came:
+            self.behind_s = max(0.0, (self._now_ms - now_ms) / 1000)
+
+    def close(self) -> None:
+        self._subscriber.unregister()
+
+    def _take(self, message: Any) -> None:
+        with self._came:
+            clock_ms = to_ms(message.clock)
+            if self._origin_ms is None:
+                self._origin_ms = clock_ms
+            self._now_ms = self._start_ms + clock_ms - self._origin_ms
+            self._came.notify_all()
+
+    def _why(self, now_ms: int) -> str:
+        if self._origin_ms is None:
+            return f"no /clock came within {self._standstill_s:g} s: does its publisher run on this master?"
+        return (
+            f"/clock has not come nearer to {now_ms / 1000:g} s of mission time for {self._standstill_s:g} s: "
+            f"is its publisher paused, gone or started anew?"
+        )

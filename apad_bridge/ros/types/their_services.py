@@ -1,0 +1,69 @@
+"""Classes of services by another definition than ours: from the text in the user's workspace."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import genmsg
+import genpy.dynamic
+from genmsg.gentools import compute_full_text, compute_md5
+from genmsg.msg_loader import load_depends, load_srv_from_file
+
+from apad_bridge.ros.types.user_texts import text_folders
+from apad_bridge.scenario.lab_interface.fields import has
+
+
+def service_by_text(kind: str, md5: str) -> Any | None:
+    """A service class of `kind` (as misc_msgs/GetDockingInfo) with this md5, if a text on ROS_PACKAGE_PATH has it."""
+    return next((it for it in _services(kind) if it._md5sum == md5), None)
+
+
+def service_to_offer(ours: Any, read: Callable[[Any], object]) -> Any:
+    """The class to offer a service by: of the user's text of this type, if `read` can read its request, else ours.
+
+    Whoever calls has sourced that workspace, and speaks its definition. The answer is a field `status`.
+    """
+    for theirs in _services(ours._type):
+        if theirs._md5sum == ours._md5sum:
+            break
+        try:
+            read(theirs._request_class())
+        except AttributeError:
+            continue
+        if has(theirs._response_class(), "status"):
+            return theirs
+    return ours
+
+
+def _services(kind: str) -> Iterator[Any]:
+    """By every text that can be read, the user's first, then ours."""
+    package, name = kind.split("/")
+    messages = text_folders("msg")
+    for folder in text_folders("srv").get(package, []):
+        text = Path(folder) / f"{name}.srv"
+        if not text.is_file():
+            continue
+        try:
+            yield _service(kind, text, messages)
+        except (genmsg.MsgNotFound, genmsg.InvalidMsgSpec, genmsg.MsgGenerationException, OSError):
+            continue  # it cannot be the one that is spoken
+
+
+def _service(kind: str, text: Path, messages: dict[str, list[str]]) -> Any:
+    context = genmsg.MsgContext.create_default()
+    specification = load_srv_from_file(context, str(text), kind)
+    load_depends(context, specification, messages)
+    classes = [
+        genpy.dynamic.generate_dynamic(part.full_name, compute_full_text(context, part))[part.full_name]
+        for part in (specification.request, specification.response)
+    ]
+    name = kind.split("/")[1]
+    members = {
+        "_type": kind,
+        "_md5sum": compute_md5(context, specification),
+        "_request_class": classes[0],
+        "_response_class": classes[1],
+    }
+    return type(name, (), members)

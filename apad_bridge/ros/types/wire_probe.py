@@ -1,0 +1,105 @@
+"""Asks a live publisher or service, past the master, what it speaks: TCPROS as far as the first header and message."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import socket
+import struct
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from rosgraph.network import ROSHandshakeException, encode_ros_handshake_header, read_ros_handshake_header
+
+from apad_bridge.doctor.graph import Graph
+from apad_bridge.doctor.network import CALLER, TIMEOUT_S, Unreachable, call, connect
+
+_HEADER = struct.Struct("<III")
+"""What every message with a std_msgs/Header begins with: sequence, seconds, nanoseconds."""
+
+
+class NotTold(Exception):
+    """Who was asked did not say; the text says why."""
+
+
+def topic_md5(graph: Graph, topic: str) -> str:
+    """The md5 that the first publisher of `topic` announces. NotTold after a time-out."""
+    with _told(), _subscribed(graph, topic) as (_, _, header):
+        return _md5_in(header)
+
+
+@dataclass(frozen=True, slots=True)
+class Spoken:
+    """What a publisher says that it publishes: its type, the md5, and the text with those of all types in it."""
+
+    kind: str
+    md5: str
+    text: str
+
+
+def topic_definition(graph: Graph, topic: str) -> Spoken:
+    """What the first publisher of `topic` announces. NotTold after a time-out."""
+    with _told(), _subscribed(graph, topic) as (_, _, header):
+        return Spoken(header.get("type", "*"), _md5_in(header), header.get("message_definition", ""))
+
+
+def service_md5(graph: Graph, service: str) -> str:
+    """The md5 that the server of `service` announces to a probe, which it does not take for a call."""
+    with _told(), connect(str(call(graph.uri, "lookupService", service))) as connection:
+        request = {"callerid": CALLER, "service": service, "md5sum": "*", "probe": "1"}
+        return _md5_in(_shake_hands(connection, request, io.BytesIO()))
+
+
+def stamp_offset_s(graph: Graph, topic: str) -> float:
+    """Stamp of the next message of `topic` minus this machine's clock; NotTold if none comes or it is not stamped."""
+    with _told(), _subscribed(graph, topic) as (connection, rest, _):
+        data = rest.getvalue()
+        until_s = time.monotonic() + TIMEOUT_S
+        while len(data) < 4 + _HEADER.size:
+            connection.settimeout(max(0.001, until_s - time.monotonic()))
+            piece = connection.recv(4096)
+            if not piece:
+                raise NotTold("the connection ended before a message came")
+            data += piece
+        now_s = time.time()
+        _, seconds, nanoseconds = _HEADER.unpack_from(data, 4)
+    if seconds == 0:
+        raise NotTold("its messages are not stamped")
+    return float(seconds + nanoseconds / 1e9 - now_s)
+
+
+@contextlib.contextmanager
+def _told() -> Iterator[None]:
+    try:
+        yield
+    except (Unreachable, ROSHandshakeException, OSError) as error:
+        raise NotTold(str(error)) from None
+
+
+def _md5_in(header: dict[str, str]) -> str:
+    if "md5sum" not in header:
+        raise NotTold(header.get("error", "its answer has no md5sum"))
+    return header["md5sum"]
+
+
+@contextlib.contextmanager
+def _subscribed(graph: Graph, topic: str) -> Iterator[tuple[socket.socket, io.BytesIO, dict[str, str]]]:
+    """A throw-away subscription that the master never hears of: connection, what came after the header, the header."""
+    nodes = graph.publishers.get(topic)
+    if not nodes:
+        raise NotTold("nobody publishes it")
+    answer = call(str(call(graph.uri, "lookupNode", nodes[0])), "requestTopic", topic, [["TCPROS"]])
+    if not isinstance(answer, list) or len(answer) != 3:
+        raise NotTold(f"{nodes[0]} offers no TCPROS")
+    with connect(f"rosrpc://{answer[1]}:{answer[2]}") as connection:
+        rest = io.BytesIO()
+        request = {"callerid": CALLER, "topic": topic, "md5sum": "*", "type": "*", "tcp_nodelay": "1"}
+        header = _shake_hands(connection, request, rest)
+        yield connection, rest, header
+
+
+def _shake_hands(connection: socket.socket, request: dict[str, str], rest: io.BytesIO) -> dict[str, str]:
+    connection.sendall(encode_ros_handshake_header(request))
+    header: dict[str, str] = read_ros_handshake_header(connection, rest, 4096)
+    return header

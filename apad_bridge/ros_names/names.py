@@ -1,0 +1,85 @@
+"""Every name of ROS that is used here, in one table; whoever publishes, subscribes, offers or calls takes it from here.
+
+    ours("beliefs")                     "musselbed/beliefs"
+    ours_of_apad("apad1", "dock")       "musselbed/apad1/dock"
+    of_apad("apad1", "position")        "apad1/position"
+    of_amussel(7, "battery_level")      "amussel7/battery_level"
+
+Names are relative: the node's namespace comes before them (`<group ns="...">`, ROS_NAMESPACE, `__ns:=`), and without one
+they are those of the legacy stack. What ROS, its tools or that stack have at one place is global, and says why. Who asks
+the graph for a name resolves it first (`rospy.resolve_name`). A name that is not in the table is a KeyError.
+"""
+
+from __future__ import annotations
+
+from apad_bridge.ros_names.table import (
+    BATTERY_ALERT,
+    CLOCK,
+    DIAGNOSTICS,
+    SECTIONS,
+    TF,
+    TF_STATIC,
+    USE_SIM_TIME,
+)
+
+__all__ = [
+    "AMUSSEL",
+    "BATTERY_ALERT",
+    "CLOCK",
+    "DIAGNOSTICS",
+    "TF",
+    "TF_STATIC",
+    "USE_SIM_TIME",
+    "amussel_in_full",
+    "in_full",
+    "of_amussel",
+    "of_apad",
+    "ours",
+    "ours_of_apad",
+    "plain",
+]
+
+AMUSSEL = "amussel"
+"""Before an aMussel's id: its namespace, and what it is called in a goal of generation A."""
+_KNOWN = frozenset(row.name for section in SECTIONS for row in section.rows)
+
+
+def ours(leaf: str) -> str:
+    return _known(f"musselbed/{leaf}")
+
+
+def ours_of_apad(apad: str, leaf: str) -> str:
+    """Of the supervisor of the aPad that has this namespace."""
+    return _known(f"musselbed/{{apad}}/{leaf}").format(apad=apad.strip("/"))
+
+
+def of_apad(apad: str, leaf: str) -> str:
+    """Below the aPad's own namespace, which is a name without slashes at its ends, or begins with one if it is global."""
+    return _known(f"{{apad}}/{leaf}").format(apad=apad)
+
+
+def of_amussel(agent_id: int, leaf: str) -> str:
+    return _known(f"{AMUSSEL}{{id}}/{leaf}").format(id=agent_id)
+
+
+def plain(apad: str) -> str:
+    """An aPad's namespace as one word, for nodes and files."""
+    return apad.strip("/").replace("/", "_")
+
+
+def in_full(namespace: str, name: str) -> str:
+    """What a name is called on the graph of a node in this namespace; a global one stays."""
+    if name.startswith("/"):
+        return name
+    return f"/{namespace}/{name}" if namespace else f"/{name}"
+
+
+def amussel_in_full(namespace: str, agent_id: int) -> str:
+    """An aMussel's own namespace on the graph, without a slash at its end."""
+    return in_full(namespace, f"{AMUSSEL}{agent_id}")
+
+
+def _known(template: str) -> str:
+    if template not in _KNOWN:
+        raise KeyError(f"{template} is not in the table of names")
+    return template

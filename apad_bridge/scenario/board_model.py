@@ -1,0 +1,166 @@
+"""What a scenario's board becomes: the one model of its batteries, for all who ask what they hold, and its firmware."""
+
+from __future__ import annotations
+
+from decimal import ROUND_HALF_EVEN, Decimal
+
+from agents.modem.frames import Generation, duration_ms
+from apad_bridge.scenario.board import Board
+from apad_bridge.scenario.whole_board import (
+    BoardPower,
+    LastResort,
+    Metering,
+    SleepCycle,
+    Timekeeping,
+    WholeBoard,
+)
+from firmware_model import config
+from firmware_model.packets import ShortStatus
+from firmware_model.power.ageing import aged, capacity_left
+from firmware_model.power.charge import (
+    EMPTY_MV,
+    FULL,
+    FULL_MV,
+    Battery,
+    ChargeModel,
+    Flow,
+    grains,
+    grains_per_ms,
+)
+from firmware_model.power.rails import Loads, Rail, bits, rails_of
+from firmware_model.states import State
+
+_MS_PER_HOUR = 3_600_000
+_COIL_UNIT = 10_000
+_PPB_OF_PPM = 1000
+_CELL_MV = 3700
+_RANGE_MV = FULL_MV - EMPTY_MV
+
+
+def charge_model(board: Board) -> ChargeModel:
+    """How the batteries of such a board charge and discharge, at their age."""
+    if board.whole is None:
+        assert board.discharge_per_min is not None and board.charge_segments is not None  # a Board sees to it
+        return ChargeModel.from_minutes(board.discharge_per_min, board.charge_segments)
+    return _at_its_age(board.whole, _charge_as_new(board.whole.power), None)[0]
+
+
+def whole_firmware(board: Board, seed: int = 0, modems: Generation = Generation.V3) -> config.Whole | None:
+    """The whole firmware's numbers, and `seed` for the noise of its readings; None for the paper's worst case."""
+    whole = board.whole
+    if whole is None:
+        return None
+    as_new = config.Whole(
+        _power(whole.power, whole.last_resort, seed),
+        None if whole.cycle is None else _cycle(whole.cycle),
+        whole.transmit_ms,
+        _ms(whole.last_resort.call_period_s),
+        _ms(whole.hover_period_s),
+        _ms(whole.last_resort.stay_down_s),
+        None if whole.timekeeping is None else _timekeeping(whole.timekeeping),
+        whole.turnaround_ms,
+        duration_ms(modems, ShortStatus.BYTES),
+    )
+    return _at_its_age(whole, _charge_as_new(whole.power), as_new)[1]
+
+
+def _at_its_age(
+    whole: WholeBoard, charge: ChargeModel, firmware: config.Whole | None
+) -> tuple[ChargeModel, config.Whole | None]:
+    ageing = whole.power.ageing
+    if ageing is None:
+        return charge, firmware
+    as_new = config.BoardConfig(0, charge, 0, 0, 0, 0, firmware)
+    old = aged(as_new, capacity_left(ageing.cycles, ageing.years))
+    return old.charge, old.whole
+
+
+def _charge_as_new(power: BoardPower) -> ChargeModel:
+    one_coil = tuple((grains(end), grains_per_ms(rate)) for end, rate in power.charge_segments)
+    factor = round(power.two_coils * _COIL_UNIT)
+    return ChargeModel(0, one_coil, tuple((end, rate * factor // _COIL_UNIT) for end, rate in one_coil))
+
+
+def takes_samples(board: Board) -> bool:
+    """Whether such boards wake to read their sensors; the paper's worst case, and one that never sleeps, do not."""
+    return board.whole is not None and board.whole.cycle is not None
+
+
+def clock_drift_ppb(board: Board) -> int:
+    """By how much boards' clocks drift at most, in parts of 10^9."""
+    return 0 if board.whole is None else round(board.whole.clock_drift_ppm * _PPB_OF_PPM)
+
+
+def can_fill(board: Board, start: float, level: float) -> bool:
+    """Whether the primary battery of a board in a dock gets from `start` above `level` under what is on there, ever."""
+    whole = whole_firmware(board)
+    load = 0
+    if whole is not None:
+        on = rails_of(State.CHARGING, whole.power.kept_on, whole.cycle is None, 0)
+        load = whole.power.loads.total(on) * whole.power.path // config.PATH_UNIT
+    docked = Battery(0, grains(start), Flow.CHARGING, load, coils=1 if whole is None else 2)
+    return charge_model(board).reaches_at_ms(docked, min(FULL, grains(level) + 1)) is not None
+
+
+def _power(power: BoardPower, last_resort: LastResort, seed: int) -> config.Power:
+    return config.Power(
+        loads=Loads(
+            tuple(
+                grains_of_milliwatts(getattr(power.loads_mw, rail.name.lower()), power.capacity_wh)
+                for rail in Rail
+            )
+        ),
+        path=round(power.path * config.PATH_UNIT),
+        motor_run_ms=_ms(power.motor_run_s),
+        receive_ms=power.receive_ms,
+        switch_back=grains(power.switch_back),
+        safe_level=grains(last_resort.safe_level),
+        last_resort=config.LastResort[last_resort.action.name],
+        kept_on=bits(*{Rail[name.upper()] for name in power.kept_on}),
+        metering=None if power.metering is None else _metering(power.metering, power.capacity_wh, seed),
+        low_level=grains(power.low_level),
+    )
+
+
+def _metering(metering: Metering, capacity_wh: float, seed: int) -> config.Metering:
+    """A milliwatt is 1 / 3700 A through the resistance, and so many grains a millisecond of this battery."""
+    mv_per_mw = metering.internal_resistance_ohm * 1000 / _CELL_MV
+    grains_per_ms_of_mw = FULL / (capacity_wh * 1000) / _MS_PER_HOUR
+    return config.Metering(
+        period_ms=_ms(metering.period_s),
+        settle_ms=_ms(metering.settle_s),
+        sag_ms=round(mv_per_mw * FULL / _RANGE_MV / grains_per_ms_of_mw),
+        sag_from=grains_of_milliwatts(metering.idle_mw, capacity_wh),
+        lift=round(metering.lift_mv * FULL / _RANGE_MV),
+        noise=round(metering.noise_mv * FULL / _RANGE_MV),
+        seed=seed,
+    )
+
+
+def _timekeeping(timekeeping: Timekeeping) -> config.Timekeeping:
+    return config.Timekeeping(round(timekeeping.bound_ppm * _PPB_OF_PPM), _ms(timekeeping.beacon_wait_s))
+
+
+def _cycle(cycle: SleepCycle) -> config.Cycle:
+    slots = cycle.slots
+    return config.Cycle(
+        alarm_ms=_ms(cycle.alarm_s),
+        sample_ms=_ms(cycle.sample_s),
+        processing_ms=_ms(cycle.processing_s),
+        slots=None
+        if slots is None
+        else config.Slots(_ms(slots.frame_s), _ms(slots.slot_s), _ms(slots.guard_s)),
+        listen_ms=_ms(cycle.listen_s),
+        report_ms=_ms(cycle.report_s),
+    )
+
+
+def grains_of_milliwatts(load_mw: float, capacity_wh: float) -> int:
+    """What a load takes from a battery of that capacity, in grains a millisecond; decimal, so that it is exact."""
+    capacity_mwh = Decimal(repr(capacity_wh)) * 1000
+    share = Decimal(repr(load_mw)) * FULL / (capacity_mwh * _MS_PER_HOUR)
+    return int(share.to_integral_value(ROUND_HALF_EVEN))
+
+
+def _ms(seconds: float) -> int:
+    return round(seconds * 1000)

@@ -1,0 +1,221 @@
+"""What a script can know, and how it asks: the part of the API that only looks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TypeVar, cast
+
+from apad_bridge.beliefs.belief import Belief
+from apad_bridge.beliefs.fleet import Estimator
+from apad_bridge.beliefs.questions import Question
+from apad_bridge.mission.manual import CommandedMission
+from apad_bridge.mission.pool import ChargingPool
+from apad_bridge.mission.values import Agent, Location, Refused, dock_of
+from apad_bridge.scenario.local_frame import LocalFrame
+from apad_bridge.scripting.arguments import looks_at_arguments
+from apad_bridge.scripting.foretold import chance, question_of, sure_at
+from apad_bridge.scripting.handover import Do, Handover, Wait
+
+FOR_EVER_S = 1e9
+CALLS_PER_TICK = 5_000
+T = TypeVar("T")
+
+
+@looks_at_arguments
+class Known:
+    """Time, aMussels as they are believed to be, and docks. Made by musselbed; see `Api`."""
+
+    def __init__(
+        self,
+        handover: Handover,
+        frame: LocalFrame,
+        id_self: str,
+        agent_ids: range,
+        tell: Callable[[str], None],
+    ) -> None:
+        self.id_self = id_self
+        self._agent_ids = agent_ids
+        self._tell = tell
+        self._handover = handover
+        self._frame = frame
+        self._mission: CommandedMission | None = None
+        self._calls = (0, 0)
+
+    def attach(self, mission: CommandedMission) -> None:
+        """By musselbed, before the script begins."""
+        self._mission = mission
+        self._pool = ChargingPool(mission.config, mission.beliefs)
+
+    # Time.
+
+    def now(self) -> float:
+        """Mission time in seconds."""
+        return self._do(lambda mission: mission.now_ms / 1000)
+
+    def sleep(self, seconds: float) -> None:
+        """Lets mission time pass; it is noticed at ticks, which come once a second."""
+        if seconds != 0:
+            self._handover.ask(Wait(None, self._until_ms(seconds)))
+
+    def wait_until(self, condition: Callable[[], bool], timeout: float) -> bool:
+        """Waits until the condition holds, looking once a tick: whether it came to hold in time."""
+        return cast(bool, self._handover.ask(Wait(condition, self._until_ms(timeout))))
+
+    # Who there is, as it is believed.
+
+    def agents(self) -> list[int]:
+        """Ids of all aMussels that were heard, rising."""
+        return self._do(lambda mission: [belief.agent_id for belief in mission.beliefs.all()])
+
+    def agent(self, id: int) -> Agent:
+        self._hear(id)
+        return self._do(lambda mission: self._agent(mission, id))
+
+    def battery(self, id: int) -> float:
+        """Of the primary battery, the paper's scaled voltage."""
+        self._hear(id)
+        return self._do(lambda mission: self._belief(mission, id).primary)
+
+    def belief(self, id: int) -> Belief:
+        """All that is believed of an aMussel, with how sure that is."""
+        self._hear(id)
+        return self._do(lambda mission: self._belief(mission, id))
+
+    def beliefs(self) -> dict[int, Belief]:
+        return self._do(lambda mission: {belief.agent_id: belief for belief in mission.beliefs.all()})
+
+    def get_location(self, id: int | str) -> Location:
+        """Of an aMussel, where it was last heard or is believed now; or of the aPad, by `id_self`."""
+        if isinstance(id, str) and id != self.id_self:
+            raise Refused(
+                f"{id!r} is not this aPad, which is called {self.id_self!r}, and no aMussel's number"
+            )
+        if not isinstance(id, str):
+            self._hear(id)
+        return self._do(lambda mission: self._location(mission, id))
+
+    def home(self, id: int) -> Location:
+        """Where an aMussel was first heard in the water, to which it should be brought back."""
+
+        def found(mission: CommandedMission) -> Location:
+            for agent_id, north_m, east_m in mission.state.homes:
+                if agent_id == id:
+                    return self._located(north_m, east_m)
+            raise Refused(f"aMussel {id} was never heard in the water")
+
+        return self._do(found)
+
+    def docks(self) -> dict[int, int | None]:
+        """Who is in each dock, by the dock's number."""
+        return self._do(lambda mission: {dock_of(slot): agent for slot, agent in enumerate(mission.slots)})
+
+    def free_docks(self) -> list[int]:
+        return [dock for dock, agent in self.docks().items() if agent is None]
+
+    def is_full(self, id: int) -> bool:
+        """Whether an aMussel is believed charged above the scenario's threshold."""
+        self._hear(id)
+        return self._do(lambda mission: mission.is_full(id))
+
+    def pool(self) -> list[int]:
+        """Ids of the charging candidates: heard of late, in the water, at or below the scenario's threshold."""
+        return self._do(lambda mission: [it.agent_id for it in self._pool.candidates(mission.now_ms)])
+
+    # What will be, were nothing more heard.
+
+    def chance(self, id: int, question: str | Question, at: float | None = None) -> float:
+        """How probable it is that an aMussel is "low", "full" or "lost" at mission time `at` (s), or now.
+
+        Low and full by the scenario's thresholds; a question may also be a function of a belief.
+        """
+        now_ms, belief, estimator, asked = self._asked(id, question)
+        return chance(estimator, belief, asked, now_ms if at is None else _ms(at), now_ms)
+
+    def sure_at(
+        self, id: int, question: str | Question, share: float = 0.9, within: float = 3600.0
+    ) -> float | None:
+        """From which mission time on (s) `chance` is `share` or more; None if that is not so `within` seconds from now."""
+        now_ms, belief, estimator, asked = self._asked(id, question)
+        return sure_at(estimator, belief, asked, share, now_ms, _ms(within))
+
+    def _asked(self, id: int, question: str | Question) -> tuple[int, Belief, Estimator, Question]:
+        self._hear(id)
+
+        def found(mission: CommandedMission) -> tuple[int, Belief, Estimator, Question]:
+            asked = question_of(question, mission.config)
+            return mission.now_ms, self._belief(mission, id), mission.beliefs.estimator, asked
+
+        return self._do(found)
+
+    # In the supervisor's thread.
+
+    def _do(self, act: Callable[[CommandedMission], T]) -> T:
+        mission = self._mission
+        assert mission is not None
+
+        def counted() -> T:
+            tick_ms, calls = self._calls
+            self._calls = (mission.now_ms, calls + 1 if tick_ms == mission.now_ms else 1)
+            if self._calls[1] > CALLS_PER_TICK:
+                raise Refused(
+                    f"the API was called {CALLS_PER_TICK} times at one mission time: time passes only while the script "
+                    "sleeps or waits, so put a time.sleep into the loop"
+                )
+            return act(mission)
+
+        return cast(T, self._handover.ask(Do(counted)))
+
+    def _until_ms(self, seconds: float) -> int:
+        if not seconds >= 0:
+            raise Refused(f"a time of {seconds} s cannot be waited for")
+        return self._do(lambda mission: mission.now_ms) + round(min(seconds, FOR_EVER_S) * 1000)
+
+    def _hear(self, id: int) -> None:
+        """Waits for the aMussel's first word, as long as the scenario's `silence_timeout_s`. Refused for a stranger."""
+        if id not in self._agent_ids:
+            ids = f"{self._agent_ids.start} to {self._agent_ids.stop - 1}" if self._agent_ids else "none"
+            raise Refused(f"aMussel {id!r} is not of this scenario; there are {ids}")
+        if self._do(lambda mission: mission.beliefs.get(id)) is not None:
+            return
+        timeout = self._do(lambda mission: mission.config.silence_timeout_s)
+        self.wait_until(lambda: self._do(lambda mission: mission.beliefs.get(id)) is not None, timeout)
+
+    def _belief(self, mission: CommandedMission, id: int) -> Belief:
+        belief = mission.beliefs.get(id)
+        if belief is None:
+            raise Refused(f"aMussel {id} was never heard")  # not within the time that it was waited for
+        return belief
+
+    def _location(self, mission: CommandedMission, id: int | str) -> Location:
+        if id == self.id_self:
+            if mission.pose is None:
+                raise Refused("the aPad's place is not known yet")
+            return self._located(*mission.pose)
+        if isinstance(id, str):
+            raise Refused(
+                f"{id!r} is not this aPad, which is called {self.id_self!r}, and no aMussel's number"
+            )
+        belief = self._belief(mission, id)
+        return self._located(belief.north_m, belief.east_m)
+
+    def _located(self, north_m: float, east_m: float) -> Location:
+        return Location(*self._frame.to_geographic(north_m, east_m), north_m, east_m)
+
+    def _agent(self, mission: CommandedMission, id: int) -> Agent:
+        belief = self._belief(mission, id)
+        slot = mission.slots.index(id) if id in mission.slots else None
+        return Agent(
+            id,
+            belief.state.name,
+            belief.primary,
+            belief.secondary,
+            self._located(belief.north_m, belief.east_m),
+            (mission.now_ms - belief.heard_ms) / 1000,
+            None if slot is None else dock_of(slot),
+        )
+
+
+def _ms(seconds: float) -> int:
+    if not 0 <= seconds <= FOR_EVER_S:
+        raise Refused(f"a time of {seconds} s cannot be foretold")
+    return round(seconds * 1000)

@@ -1,0 +1,316 @@
+"""The supervisor's pure core: facts in, beliefs kept, the mission moved at ticks, commands and packets out."""
+
+from __future__ import annotations
+
+from collections import Counter, deque
+
+from agents.packet_medium import Medium
+from apad_bridge.acoustics.ranging import Ears
+from apad_bridge.beliefs.belief import Belief
+from apad_bridge.beliefs.fleet import FleetBeliefs
+from apad_bridge.beliefs.measurement import Docked, Permitted, Released
+from apad_bridge.mission.breakdown import Breakdown
+from apad_bridge.mission.events import (
+    Fact,
+    KeepSamples,
+    OperatorAsked,
+    RangeHeard,
+    Send,
+    SoundHeard,
+    StandDownAsked,
+    SupervisorAction,
+    WifiHeard,
+)
+from apad_bridge.mission.orders import Note, Order, PermitSurfacing, TellClear
+from apad_bridge.mission.role import Mission
+from apad_bridge.mission.share import Share
+from apad_bridge.mission.state import Phase
+from apad_bridge.supervisor.sample_collection import SampleCollection
+from apad_bridge.vehicle.commands import (
+    Arrived,
+    BatteryReported,
+    CommandFailed,
+    DockClosed,
+    DockOpened,
+    PoseReported,
+    VehicleCommand,
+)
+from apad_bridge.vehicle.docking import DockingPort
+from apad_bridge.vehicle.primitives import (
+    DockChanged,
+    DockMussel,
+    GoToPoint,
+    HoldPosition,
+    Outcome,
+    Primitive,
+    PrimitiveFailed,
+    PrimitiveSucceeded,
+    UndockMussel,
+)
+from firmware_model.packets import CommandPacket, Kind, LogRecords, Packet, ShortStatus, Status, basic_of
+from firmware_model.packets.codec import Codec
+
+TICK_MS = 1000
+"""The mission acts once a second, the paper's 1 Hz."""
+
+_PRIORITY: dict[type, int] = {
+    DockClosed: 0,
+    DockOpened: 0,
+    PoseReported: 1,
+    BatteryReported: 1,
+    Arrived: 2,
+    CommandFailed: 2,
+    SoundHeard: 3,
+    RangeHeard: 3,
+    WifiHeard: 3,
+    OperatorAsked: 4,
+    StandDownAsked: 4,
+}
+PRIMITIVE_NAMES: dict[type, str] = {
+    GoToPoint: "go to point",
+    HoldPosition: "hold position",
+    DockMussel: "dock",
+    UndockMussel: "undock",
+}
+
+
+class Supervisor:
+    """Three verbs in mission time. `receive` only keeps a fact; `advance`, called at ticks, acts on all that are due.
+
+    Facts of one tick are handled in the order (time, kind, arrival), so that how they came in between does not matter.
+    """
+
+    def __init__(
+        self,
+        beliefs: FleetBeliefs,
+        mission: Mission,
+        port: DockingPort,
+        codec: Codec,
+        samples: SampleCollection | None,
+        duration_ms: int,
+        end_at_apad_fraction: float,
+        ears: Ears | None = None,
+        share: Share | None = None,
+        breakdown: Breakdown | None = None,
+    ) -> None:
+        """Without `ears` words by sound are sent at once, and nothing is pinged. Of several aPads, `share` says whom this
+        one serves; with a `breakdown` it stands down, where a single one would try on, or end."""
+        self.beliefs = beliefs
+        self.share = share or Share(beliefs, ())
+        self._breakdown = breakdown
+        self.mission = mission
+        self.port = port
+        self.pose: PoseReported | None = None
+        self.battery: BatteryReported | None = None
+        self.battery_at_start: BatteryReported | None = None
+        self.dropped: Counter[str] = Counter()
+        self._codec = codec
+        self.samples = samples
+        """None where the samples are somebody else's to keep, and to acknowledge."""
+        self._duration_ms = duration_ms
+        self._end_at_apad_fraction = end_at_apad_fraction
+        self._ears = ears
+        self._facts: list[tuple[int, int, int, Fact]] = []
+        self._counter = 0
+        self._now_ms = 0
+        self._named: dict[int, Primitive] = {}
+
+    @property
+    def ears_dropped(self) -> Counter[str]:
+        return Counter() if self._ears is None else self._ears.dropped
+
+    @property
+    def primitive(self) -> str:
+        """The primitive under way, by the name that people use."""
+        running = self.port.running
+        return "none" if running is None else PRIMITIVE_NAMES[type(running)]
+
+    @property
+    def has_ended(self) -> bool:
+        return self.mission.state.phase is Phase.ENDED
+
+    def receive(self, fact: Fact) -> None:
+        """Keeps the fact for the tick at or after its stamp."""
+        self._counter += 1
+        self._facts.append((fact.at_ms, _PRIORITY[type(fact)], self._counter, fact))
+
+    def advance(self, now_ms: int) -> list[SupervisorAction]:
+        """Acts at the tick `now_ms` on everything stamped up to it (ValueError if time went back)."""
+        if now_ms < self._now_ms:
+            raise ValueError(f"time went back: {now_ms} before {self._now_ms}")
+        self._now_ms = now_ms
+        due = sorted(entry for entry in self._facts if entry[0] <= now_ms)
+        self._facts = [entry for entry in self._facts if entry[0] > now_ms]
+        self.beliefs.advance(now_ms)
+        actions: list[SupervisorAction] = []
+        for _, _, _, fact in due:
+            actions += self._handle(fact, now_ms)
+        actions += self._acknowledge()
+        actions += self._pass_on(self.port.advance(now_ms), now_ms)
+        if (reason := self._reason_to_end(now_ms)) is not None:
+            actions += self._obey(self.mission.end(reason, now_ms), now_ms)
+        elif (reason := self._reason_to_stand_down()) is not None:
+            actions += self._obey(self.mission.stand_down(reason, now_ms), now_ms)
+        actions += self._obey(self.mission.advance(now_ms), now_ms)
+        if self._ears is None:
+            return actions
+        return [*self._ears.timed(actions, now_ms), *self._ears.advance(self.beliefs.all(), now_ms)]
+
+    def timed(self, word: Send, now_ms: int) -> Send | None:
+        """Somebody else's word to an aMussel, with the time at which the modem may say it; None if it waits already."""
+        told = [word] if self._ears is None else self._ears.timed([word], now_ms)
+        return next((it for it in told if isinstance(it, Send)), None)
+
+    def _handle(self, fact: Fact, now_ms: int) -> list[SupervisorAction]:
+        match fact:
+            case WifiHeard(at_ms, data) | SoundHeard(at_ms, data):
+                packet = self._codec.decode(data)
+                if isinstance(packet, LogRecords):
+                    return self._collect(packet)
+                if (reason := self._hear(packet, at_ms)) is not None:
+                    self.dropped[reason] += 1
+                return []
+            case RangeHeard():
+                return [] if self._ears is None else self._ears.hear(fact, self.pose, self.beliefs, now_ms)
+            case OperatorAsked(_, reason):
+                return self._obey(self.mission.end(reason, now_ms), now_ms)
+            case StandDownAsked(_, reason):
+                return self._obey(self.mission.stand_down(reason, now_ms), now_ms)
+            case PoseReported():
+                self.pose = fact
+                self.mission.moved(fact.north_m, fact.east_m)
+            case BatteryReported():
+                self.battery = fact
+                if self.battery_at_start is None:
+                    self.battery_at_start = fact
+        return self._pass_on(self.port.receive(fact, now_ms), now_ms)
+
+    def _collect(self, packet: LogRecords) -> list[SupervisorAction]:
+        if self.samples is None or packet.agent_id in self.share.guests:
+            return []  # the samples of a guest are kept, and acknowledged, where it is simulated
+        taken = self.samples.take(packet)
+        if isinstance(taken, str):
+            self.dropped[taken] += 1
+            return []
+        actions: list[SupervisorAction] = []
+        if taken.records:
+            actions.append(KeepSamples(packet.agent_id, taken.records))
+        if taken.gone:
+            span = {"count": len(taken.gone), "first": min(taken.gone), "last": max(taken.gone)}
+            actions.append(Note("samples_gone", {"id": packet.agent_id, **span}))
+        return actions
+
+    def _acknowledge(self) -> list[SupervisorAction]:
+        acks = [] if self.samples is None else self.samples.acknowledgements()
+        return [Send(Medium.WIFI, ack.agent_id, self._codec.encode(ack)) for ack in acks]
+
+    def _hear(self, packet: Packet | None, at_ms: int) -> str | None:
+        """Believes what the packet says; or says why not."""
+        if isinstance(packet, ShortStatus):
+            return self._hear_short(packet, at_ms)
+        if not isinstance(packet, Status):
+            return "bytes that are no status packet"
+        return self.beliefs.hear(basic_of(packet), at_ms)
+
+    def _hear_short(self, packet: ShortStatus, at_ms: int) -> str | None:
+        if self._ears is not None:
+            self._ears.heard_of(packet.agent_id)
+        return self.beliefs.hear_short(packet, at_ms)
+
+    def _reason_to_end(self, now_ms: int) -> str | None:
+        if now_ms >= self._duration_ms:
+            return "mission time"
+        return self._battery_ends if self._breakdown is None else None
+
+    def _reason_to_stand_down(self) -> str | None:
+        return None if self._breakdown is None else self._battery_ends or self._breakdown.take()
+
+    @property
+    def _battery_ends(self) -> str | None:
+        battery = self.battery
+        is_empty = battery is not None and battery.fraction <= self._end_at_apad_fraction
+        return "the aPad's battery" if is_empty else None
+
+    # Of several aPads: whom this one serves.
+
+    def take_on(self, agent_id: int, belief: Belief | None) -> None:
+        """From now on it is served here; of a guest, `belief` is what who served it before believes."""
+        if agent_id not in self.share.own:
+            self.beliefs.admit(agent_id, belief)
+        self.share.take(agent_id)
+
+    def hand_on(self, agent_id: int) -> None:
+        """From now on it is served elsewhere. One of this fleet is heard as ever, for its records are kept here."""
+        self.share.give(agent_id)
+        if agent_id not in self.share.own:
+            self.beliefs.dismiss(agent_id)
+
+    def _pass_on(self, came: list[VehicleCommand | Outcome], now_ms: int) -> list[SupervisorAction]:
+        """Commands go out; outcomes go to the mission, and what that orders goes to the port, until all is quiet."""
+        actions: list[SupervisorAction] = []
+        waiting = deque(came)
+        while waiting:
+            item = waiting.popleft()
+            if isinstance(item, (PrimitiveSucceeded, PrimitiveFailed, DockChanged)):
+                self._learn(item)
+                actions += self._note_outcome(item)
+                actions += self._obey(self.mission.receive(item, now_ms), now_ms)
+            else:
+                actions.append(item)
+        return actions
+
+    def _obey(self, orders: list[Order], now_ms: int) -> list[SupervisorAction]:
+        actions: list[SupervisorAction] = []
+        for order in orders:
+            match order:
+                case PermitSurfacing(agent_id):
+                    self.beliefs.learn(agent_id, Permitted(now_ms))
+                    data = self._codec.encode(CommandPacket(Kind.PERMISSION, agent_id))
+                    actions.append(Send(Medium.SOUND, agent_id, data))
+                case TellClear(agent_id):
+                    data = self._codec.encode(CommandPacket(Kind.RELEASE, agent_id))
+                    actions.append(Send(Medium.WIFI, agent_id, data))
+                case Note():
+                    actions.append(order)
+                case _:
+                    self._named[order.primitive_id] = order
+                    actions.append(_primitive_note(order, "started"))
+                    actions += self._pass_on(self.port.receive(order, now_ms), now_ms)
+        return actions
+
+    def _learn(self, outcome: Outcome) -> None:
+        """What a dock did is known of the aMussel in it, heard or not."""
+        if not isinstance(outcome, DockChanged) or self.pose is None:
+            return
+        if self._ears is not None:
+            self._ears.moved(outcome.agent_id, outcome.at_ms)
+        if outcome.closed:
+            self.beliefs.learn(outcome.agent_id, Docked(outcome.at_ms))
+        else:
+            released = Released(outcome.at_ms, self.pose.north_m, self.pose.east_m)
+            self.beliefs.learn(outcome.agent_id, released)
+
+    def _note_outcome(self, outcome: Outcome) -> list[SupervisorAction]:
+        if isinstance(outcome, DockChanged):
+            return []
+        primitive = self._named.pop(outcome.primitive_id, None)
+        if primitive is None:
+            return []
+        if self._breakdown is not None:
+            self._breakdown.note(primitive, outcome)
+        if isinstance(outcome, PrimitiveFailed):
+            return [_primitive_note(primitive, "failed", outcome.reason)]
+        return [_primitive_note(primitive, "succeeded")]
+
+
+def _primitive_note(primitive: Primitive, phase: str, reason: str | None = None) -> Note:
+    fields = {
+        "agent": getattr(primitive, "agent_id", None),
+        "slot": getattr(primitive, "slot", None),
+        "north_m": getattr(primitive, "north_m", None),
+        "east_m": getattr(primitive, "east_m", None),
+    }
+    named = {key: value for key, value in fields.items() if value is not None}
+    if reason is not None:
+        named["reason"] = reason
+    return Note("primitive", {"name": PRIMITIVE_NAMES[type(primitive)], "phase": phase, **named})

@@ -1,0 +1,40 @@
+"""A packet of sound as plain data: who sent what in which slot, and what became of it where."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from agents.water.medium import PacketEnded, Reception
+from firmware_model.config import Slots
+
+
+def packet_data(packet: PacketEnded, slots: Slots | None, speed_m_s: float) -> dict[str, Any]:
+    """Plain data. `began_ms` and the receptions' ends are agent time; `slot` is the one whose time it began in.
+
+    `heard` has a row for each receiver: id (0 is the aPad), outcome, SNR in dB, end, and how long and how far it travelled,
+    in ms and m.
+    """
+    frame = packet.frame
+    return {
+        "from": packet.sender,
+        "address": frame.destination,
+        "what": frame.kind.name.lower(),
+        "bytes": len(frame.data),
+        "began_ms": packet.began_ms,
+        "lasted_ms": frame.duration_ms,
+        "slot": None if slots is None else packet.began_ms % slots.frame_ms // slots.slot_ms,
+        "unsent": packet.unsent,
+        "heard": [_row(reception, speed_m_s) for reception in packet.receptions],
+        "data": frame.data.hex(),
+    }
+
+
+def _row(reception: Reception, speed_m_s: float) -> list[Any]:
+    return [
+        reception.receiver,
+        reception.outcome.name.lower(),
+        round(reception.snr_db, 1),
+        reception.at_ms,
+        round(reception.travelled_us / 1000, 3),
+        round(reception.travelled_us * speed_m_s / 1e6, 2),
+    ]

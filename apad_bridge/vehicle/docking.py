@@ -1,0 +1,298 @@
+"""The docking port: mission primitives in, vehicle commands out; vehicle facts in, outcomes out. Before ANY vehicle.
+
+The docking profiles live here, so that every stack behind the port behaves alike: `virtual` waits out the docking time
+before it commands the mechanism, `camera` and `visual` command it at once and leave the time to the vehicle. `camera` needs
+a vehicle that docks by its own eyes (`docks_by_eye`), and is `virtual` before any other.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+
+from apad_bridge.port.phases import TABLE, Effect, Event, Phase
+from apad_bridge.port.progress import Progress
+from apad_bridge.scenario.schema import ArmUse, Docking, DockingProfile
+from apad_bridge.vehicle.commands import (
+    Arrived,
+    BatteryReported,
+    CloseDock,
+    CommandFailed,
+    DockClosed,
+    DockOpened,
+    GoTo,
+    Hold,
+    MoveArm,
+    OpenDock,
+    PoseReported,
+    VehicleCommand,
+    VehicleFact,
+)
+from apad_bridge.vehicle.docks import SLOTS, DockTable
+from apad_bridge.vehicle.primitives import (
+    DockChanged,
+    DockMussel,
+    GoToPoint,
+    HoldPosition,
+    Outcome,
+    Primitive,
+    PrimitiveFailed,
+    PrimitiveSucceeded,
+    UndockMussel,
+)
+
+Action = VehicleCommand | Outcome
+STALL_S = 60.0
+PRE_EMPTED = "pre-empted"
+
+
+class DockingPort:
+    """One primitive at a time; a new one pre-empts the running one, but a mechanism that was commanded is waited for.
+
+    A mechanism that fails is tried `docking.attempts` times; the first cause is told.
+
+    Every wait ends: each try of a dock or undock `docking.timeout_s` after it began, a go-to `stall_s` after it last got
+    0.5 m nearer (the vehicle is then told to hold where it was last heard). `first_command_id` lets a port that follows
+    another one on the same vehicle number its commands beyond the other's, so that late words to that one match nothing.
+    """
+
+    def __init__(
+        self,
+        docking: Docking,
+        *,
+        stall_s: float = STALL_S,
+        first_command_id: int = 1,
+        docks_by_eye: bool = False,
+    ) -> None:
+        if not stall_s > 0:
+            raise ValueError("stall_s must be above 0")
+        self._docking = docking
+        self._docks_by_eye = docks_by_eye
+        self._stall_ms = round(stall_s * 1000)
+        self._next_command_id = first_command_id
+        self._now_ms = 0
+        self._phase = Phase.IDLE
+        self._running: Primitive | None = None
+        self._queued: Primitive | None = None
+        self._command_id: int | None = None
+        """Of the running primitive's command; facts that name another one are late."""
+        self._tries = 0
+        """Of the running primitive's mechanism."""
+        self._first_reason = ""
+        """Why the first of them failed."""
+        self._arm_slot: int | None = None
+        """Of the arm that was opened for people to see."""
+        self._act_ms: int | None = None
+        self._deadline_ms: int | None = None
+        self._progress: Progress | None = None
+        self._pose: PoseReported | None = None
+        self.docks = DockTable()
+        self.dropped: Counter[str] = Counter()
+        """Words of the vehicle that were of no use, by reason."""
+        self.first_failure: PrimitiveFailed | None = None
+        """The first cause since a go-to, dock or undock last succeeded; pre-emption is none."""
+
+    @property
+    def running(self) -> Primitive | None:
+        return self._running
+
+    @property
+    def next_due_ms(self) -> int | None:
+        deadline_ms = self._progress.deadline_ms if self._progress is not None else self._deadline_ms
+        dues = [due_ms for due_ms in (self._act_ms, deadline_ms) if due_ms is not None]
+        return min(dues) if dues else None
+
+    def advance(self, now_ms: int) -> list[Action]:
+        """Fire the timers due up to and with `now_ms`. Raises ValueError when time went back."""
+        if now_ms < self._now_ms:
+            raise ValueError(f"time went back from {self._now_ms} to {now_ms} ms")
+        actions: list[Action] = []
+        while (due_ms := self.next_due_ms) is not None and due_ms <= now_ms:
+            event = Event.WAIT_OVER if due_ms == self._act_ms else Event.TIMED_OUT
+            self._apply(event, due_ms, actions, self._time_out_reason())
+        self._now_ms = now_ms
+        return actions
+
+    def receive(self, stimulus: Primitive | VehicleFact, now_ms: int) -> list[Action]:
+        """Take a primitive from the mission or a fact from the vehicle, after what was due until then."""
+        actions = self.advance(now_ms)
+        match stimulus:
+            case GoToPoint() | HoldPosition() | DockMussel() | UndockMussel():
+                self._order(stimulus, now_ms, actions)
+            case PoseReported():
+                self._take_pose(stimulus, now_ms)
+            case Arrived():
+                self._answer(Event.ARRIVED, stimulus.command_id, now_ms, actions)
+            case CommandFailed():
+                self._answer(Event.COMMAND_FAILED, stimulus.command_id, now_ms, actions, stimulus.reason)
+            case DockClosed() | DockOpened():
+                self._take_dock(stimulus, now_ms, actions)
+            case BatteryReported():
+                pass  # the mission's business, which hears it from the vehicle directly
+        return actions
+
+    def _order(self, primitive: Primitive, now_ms: int, actions: list[Action]) -> None:
+        was_going = self._phase is Phase.GOING
+        if TABLE[self._phase, Event.REPLACED] is Effect.QUEUE:
+            if self._queued is not None:
+                actions.append(PrimitiveFailed(now_ms, self._queued.primitive_id, PRE_EMPTED))
+            self._queued = primitive
+            return
+        self._apply(Event.REPLACED, now_ms, actions, PRE_EMPTED)
+        if was_going and isinstance(primitive, DockMussel | UndockMussel):
+            self._hold_here(actions)
+        self._start(primitive, now_ms, actions)
+
+    def _start(self, primitive: Primitive, now_ms: int, actions: list[Action]) -> None:
+        self._running = primitive
+        self._tries, self._first_reason = 0, ""
+        match primitive:
+            case GoToPoint(_, north_m, east_m, speed_m_s, victory_radius_m):
+                self._phase = Phase.GOING
+                self._progress = Progress(north_m, east_m, self._stall_ms, now_ms, self._pose)
+                self._command_id = self._take_command_id()
+                actions.append(GoTo(self._command_id, north_m, east_m, speed_m_s, victory_radius_m))
+            case HoldPosition(_, north_m, east_m):
+                self._phase = Phase.HOLDING
+                self._command_id = self._take_command_id()
+                actions.append(Hold(self._command_id, north_m, east_m))
+            case DockMussel() | UndockMussel():
+                self._start_mechanism(primitive, now_ms, actions)
+
+    def _start_mechanism(
+        self, primitive: DockMussel | UndockMussel, now_ms: int, actions: list[Action]
+    ) -> None:
+        self._phase = Phase.WAITING
+        self._tries += 1
+        if isinstance(primitive, DockMussel) and self.docks.slot_of(primitive.agent_id) is not None:
+            # Asking again would make the public simulator hold it twice.
+            self._apply(Event.MECHANISM_DONE, now_ms, actions)
+            return
+        self._open_arm(primitive, actions)
+        wait_s = self._docking.dock_s if isinstance(primitive, DockMussel) else self._docking.undock_s
+        if not self._is_virtual(primitive.agent_id):
+            wait_s = 0.0
+        self._act_ms = now_ms + round(wait_s * 1000)
+        self._deadline_ms = now_ms + round(self._docking.timeout_s * 1000)
+        if self._act_ms == now_ms:
+            self._apply(Event.WAIT_OVER, now_ms, actions)
+
+    def _is_virtual(self, agent_id: int) -> bool:
+        """Of a vehicle without eyes, what a camera would show is docked virtually, in the scenario's time."""
+        profile = self._docking.profile_of(agent_id)
+        return profile is DockingProfile.VIRTUAL or (
+            profile is DockingProfile.CAMERA and not self._docks_by_eye
+        )
+
+    def _open_arm(self, primitive: DockMussel | UndockMussel, actions: list[Action]) -> None:
+        if (
+            self._is_virtual(primitive.agent_id)
+            and self._docking.arm is ArmUse.MOVED
+            and self._arm_slot is None
+        ):
+            self._arm_slot = primitive.slot
+            actions.append(MoveArm(self._take_command_id(), primitive.slot, True))
+
+    def _act(self, actions: list[Action]) -> None:
+        primitive = self._running
+        assert isinstance(primitive, DockMussel | UndockMussel)
+        self._phase = Phase.ACTING
+        self._act_ms = None
+        self._command_id = self._take_command_id()
+        if isinstance(primitive, DockMussel):
+            actions.append(
+                CloseDock(self._command_id, primitive.slot, primitive.agent_id, primitive.manoeuvre)
+            )
+            return
+        known_slot = self.docks.slot_of(primitive.agent_id)
+        slot = primitive.slot if known_slot is None else known_slot
+        actions.append(OpenDock(self._command_id, slot, primitive.agent_id, primitive.manoeuvre))
+
+    def _answer(
+        self, event: Event, command_id: int, now_ms: int, actions: list[Action], reason: str = ""
+    ) -> None:
+        """A word of the vehicle about one of our commands."""
+        if command_id != self._command_id:
+            self.dropped[f"{event.name.lower()}: not of the running primitive"] += 1
+            return
+        self._apply(event, now_ms, actions, reason)
+
+    def _take_pose(self, pose: PoseReported, now_ms: int) -> None:
+        if not (math.isfinite(pose.north_m) and math.isfinite(pose.east_m)):
+            self.dropped["pose: not finite"] += 1
+            return
+        self._pose = pose
+        if self._progress is not None:
+            self._progress.take(pose, now_ms)
+
+    def _take_dock(self, fact: DockClosed | DockOpened, now_ms: int, actions: list[Action]) -> None:
+        if fact.slot not in SLOTS:
+            self.dropped["dock: no such slot"] += 1
+            return
+        closed = isinstance(fact, DockClosed)
+        self.docks.take(fact)
+        actions.append(DockChanged(fact.at_ms, fact.slot, fact.agent_id, closed))
+        asked = DockMussel if closed else UndockMussel
+        if isinstance(self._running, asked) and self._running.agent_id == fact.agent_id:
+            self._apply(Event.MECHANISM_DONE, now_ms, actions)
+
+    def _apply(self, event: Event, at_ms: int, actions: list[Action], reason: str = "") -> None:
+        """Do what the table says of this event in the present phase."""
+        effect = TABLE.get((self._phase, event))
+        if effect is None:
+            self.dropped[f"{event.name.lower()}: while {self._phase.name.lower()}"] += 1
+        elif effect is Effect.ACT:
+            self._act(actions)
+        elif effect is Effect.AGAIN:
+            self._try_again(event, at_ms, actions, reason)
+        elif effect in (Effect.SUCCEED, Effect.FAIL):
+            self._end(effect, event, at_ms, actions, reason)
+
+    def _try_again(self, event: Event, at_ms: int, actions: list[Action], reason: str) -> None:
+        primitive = self._running
+        assert isinstance(primitive, DockMussel | UndockMussel)
+        self._first_reason = self._first_reason or reason
+        if self._queued is not None or self._tries >= self._docking.attempts:
+            self._end(Effect.FAIL, event, at_ms, actions, self._first_reason)
+        else:
+            self._command_id = None
+            self._start_mechanism(primitive, at_ms, actions)
+
+    def _end(self, effect: Effect, event: Event, at_ms: int, actions: list[Action], reason: str) -> None:
+        ended, was_going = self._running, self._phase is Phase.GOING
+        assert ended is not None
+        self._phase = Phase.IDLE
+        self._running = self._command_id = self._act_ms = self._deadline_ms = self._progress = None
+        if effect is Effect.SUCCEED:
+            actions.append(PrimitiveSucceeded(at_ms, ended.primitive_id))
+            if not isinstance(ended, HoldPosition):
+                self.first_failure = None
+        else:
+            failure = PrimitiveFailed(at_ms, ended.primitive_id, reason)
+            actions.append(failure)
+            if event is not Event.REPLACED and self.first_failure is None:
+                self.first_failure = failure
+        if was_going and event is Event.TIMED_OUT:
+            self._hold_here(actions)
+        if self._arm_slot is not None:
+            actions.append(MoveArm(self._take_command_id(), self._arm_slot, False))
+            self._arm_slot = None
+        if self._queued is not None:
+            queued, self._queued = self._queued, None
+            self._start(queued, at_ms, actions)
+
+    def _time_out_reason(self) -> str:
+        if self._progress is not None:
+            return self._progress.why()
+        return f"the vehicle did not answer within {self._docking.timeout_s:g} s"
+
+    def _hold_here(self, actions: list[Action]) -> None:
+        """Stop a vehicle that is under way: those of the field keep going to the old goal until told otherwise."""
+        if self._pose is None:
+            self.dropped["hold: no pose was ever heard"] += 1
+            return
+        actions.append(Hold(self._take_command_id(), self._pose.north_m, self._pose.east_m))
+
+    def _take_command_id(self) -> int:
+        self._next_command_id += 1
+        return self._next_command_id - 1

@@ -1,0 +1,79 @@
+"""What is heard from, and sent to, an aPad of generation A, freed of ROS. Stamps are mission milliseconds."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+from apad_bridge.vehicle.stack_messages import BatteryHeard, PoseHeard, StateHeard
+
+GO_TO, PERCH, RELEASE = 0, 1, 2
+"""Kinds of goals, by their id."""
+
+
+class GoalCode(IntEnum):
+    """Of actionlib_msgs/GoalStatus; LOST is the client's own word."""
+
+    PENDING = 0
+    ACTIVE = 1
+    PREEMPTED = 2
+    SUCCEEDED = 3
+    ABORTED = 4
+    REJECTED = 5
+    PREEMPTING = 6
+    RECALLING = 7
+    RECALLED = 8
+    LOST = 9
+
+
+ENDS = frozenset(
+    {
+        GoalCode.PREEMPTED,
+        GoalCode.SUCCEEDED,
+        GoalCode.ABORTED,
+        GoalCode.REJECTED,
+        GoalCode.RECALLED,
+        GoalCode.LOST,
+    }
+)
+
+
+@dataclass(frozen=True, slots=True)
+class GoalOrder:
+    """A goal to send: `kind` 0 go to (north, east), 1 perch `name`, 2 release `name`."""
+
+    key: str
+    kind: int
+    north_m: float = 0.0
+    east_m: float = 0.0
+    name: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class StaticHeard:
+    """`position_static` of an aMussel: held there, or, with `released`, let go."""
+
+    at_ms: int
+    agent_id: int
+    north_m: float
+    east_m: float
+    released: bool
+
+
+@dataclass(frozen=True, slots=True)
+class GoalWord:
+    key: str
+    code: GoalCode
+    text: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class GoalsHeard:
+    """The server's status array (`whole`: a goal that is not in it is lost), or one result."""
+
+    at_ms: int
+    words: tuple[GoalWord, ...]
+    whole: bool
+
+
+Heard = PoseHeard | StateHeard | BatteryHeard | StaticHeard | GoalsHeard

@@ -1,0 +1,196 @@
+"""The simulated aPad behind generation A's manners, without ROS: goals in, what is to be published out.
+
+What the published stack does was observed on a running graph; where it surprises, so does this: a perch asks for no
+nearness and takes the first free slot, a fifth one succeeds and does nothing, a cancelled go-to keeps moving, a goal of
+an unknown kind stays active for ever. A goal of generation A carries neither speed nor victory radius: both are this
+vehicle's own. One thing is ours: with `misses`, a perch may abort because the mechanism missed.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+
+from apad_bridge.ros.generation_a_shown import (
+    Ended,
+    Goal,
+    Held,
+    Outcome,
+    Shown,
+    SlowShown,
+)
+from apad_bridge.ros.legacy_shown import PoseShown
+from apad_bridge.scenario.faults import Fault
+from apad_bridge.vehicle.commands import Arrived, CloseDock, CommandFailed, GoTo, OpenDock, VehicleFact
+from apad_bridge.vehicle.generation_a.messages import GO_TO, PERCH, RELEASE
+from apad_bridge.vehicle.simulated.apad import SimulatedAPad
+from apad_bridge.vehicle.simulated.docks import OFFSETS_M
+from apad_bridge.vehicle.simulated.misses import MISSED, Misses
+from apad_bridge.vehicle.simulated_stack import LegacyVehicle
+
+HELD_PERIOD_MS = 50
+POSE_PERIOD_MS = 100
+SLOW_PERIOD_MS = 1000
+"""Of battery, feedback and goal status."""
+_AGENT_NUMBER = re.compile(r"\d+$", re.ASCII)
+
+
+class GenerationAVehicle(LegacyVehicle[Shown]):
+    """Three verbs in mission time, from `start_ms` on."""
+
+    def __init__(
+        self,
+        apad: SimulatedAPad,
+        speed_m_s: float,
+        victory_radius_m: float,
+        start_ms: int = 0,
+        fault: Fault = Fault.NONE,
+        misses: Misses | None = None,
+    ) -> None:
+        super().__init__(apad, start_ms, HELD_PERIOD_MS, fault)
+        self.has_crashed = False
+        self._speed_m_s = speed_m_s
+        self._victory_radius_m = victory_radius_m
+        self._misses = misses
+        self._goal: Goal | None = None
+        self._goal_from_m = 0.0
+        self._slots: dict[int, tuple[str, int]] = {}
+        """(object, serial of its perch) by slot."""
+
+    @property
+    def free_slots(self) -> list[int]:
+        return [slot for slot in range(len(OFFSETS_M)) if slot not in self._slots]
+
+    @property
+    def held(self) -> list[str]:
+        """Objects by slot, the free slots left out."""
+        return [self._slots[slot][0] for slot in sorted(self._slots)]
+
+    def receive(self, goal: Goal, now_ms: int) -> list[Shown]:
+        """A new goal pre-empts the running one, whatever its kind."""
+        shown = self.advance(now_ms)
+        if self.has_crashed:
+            self.dropped["goal: the action server has crashed"] += 1
+            return shown
+        shown += self._end(Outcome.PREEMPTED, "a new goal came")
+        self._goal = goal
+        if goal.kind == GO_TO:
+            return shown + self._go_to(goal)
+        if goal.kind == PERCH:
+            return shown + self._perch(goal)
+        if goal.kind == RELEASE:
+            return shown + self._release(goal)
+        self.dropped["goal: of no known kind, active for ever"] += 1
+        return shown
+
+    def cancel(self, key: str, now_ms: int) -> list[Shown]:
+        """The goal ends; the vehicle goes on to where it was told to go."""
+        shown = self.advance(now_ms)
+        if self._goal is not None and self._goal.key == key and not self.has_crashed:
+            shown += self._end(Outcome.PREEMPTED, "cancelled")
+        return shown
+
+    def set_dock(self, slot: int, closed: bool, now_ms: int) -> list[Shown]:
+        """A person's hand on a mechanism. ValueError, with the reason, when refused: nothing changed then."""
+        if slot not in range(len(OFFSETS_M)):
+            raise ValueError(f"there is no slot {slot}")
+        if closed:
+            raise ValueError("a slot closes by a perch, which names what it holds")
+        if slot not in self._slots:
+            raise ValueError(f"slot {slot} is open")
+        return [*self.advance(now_ms), self._let_go(slot)]
+
+    def change_battery(self, percent_points: float, now_ms: int) -> list[Shown]:
+        """`charging`, or with a minus `draining`; what is no number changes nothing."""
+        shown = self.advance(now_ms)
+        if math.isfinite(percent_points):
+            self._apad.change_battery(percent_points / 100, now_ms - self._start_ms)
+        else:
+            self.dropped["charging or draining: not finite"] += 1
+        return shown
+
+    def _go_to(self, goal: Goal) -> list[Shown]:
+        pose = self._apad.pose
+        self._goal_from_m = math.hypot(goal.north_m - pose.north_m, goal.east_m - pose.east_m)
+        if self._fault is Fault.STUCK:
+            return []
+        command = GoTo(
+            self._next_serial(), goal.north_m, goal.east_m, self._speed_m_s, self._victory_radius_m
+        )
+        return self._ended_by(self._apad.receive(command, self._apad_ms))
+
+    def _perch(self, goal: Goal) -> list[Shown]:
+        free = self.free_slots
+        if not free or self._fault is Fault.PERCHES_NOTHING:
+            return self._end(Outcome.SUCCEEDED)
+        number = _AGENT_NUMBER.search(goal.name)
+        if self._misses is not None and number is not None and self._misses.misses(int(number[0])):
+            return self._end(Outcome.ABORTED, MISSED)
+        slot, serial = free[0], self._next_serial()
+        facts = self._apad.receive(CloseDock(serial, slot, serial), self._apad_ms)
+        if failed := self._ended_by(facts):
+            return failed
+        self._slots[slot] = (goal.name, serial)
+        return [self._held(slot), *self._end(Outcome.SUCCEEDED)]
+
+    def _release(self, goal: Goal) -> list[Shown]:
+        slot = next((slot for slot in sorted(self._slots) if self._slots[slot][0] == goal.name), None)
+        if slot is None:
+            return self._end(Outcome.ABORTED, f"holds no {goal.name or 'object without a name'}")
+        try:
+            last = self._let_go(slot)
+        except ValueError as refused:
+            return self._end(Outcome.ABORTED, str(refused))
+        if self._fault not in (Fault.RELEASE_SILENT, Fault.RELEASE_CRASHES):
+            return [last, *self._end(Outcome.SUCCEEDED)]
+        self._goal = None
+        if self._fault is Fault.RELEASE_CRASHES:
+            self.has_crashed = True
+            for held in sorted(self._slots):
+                self._let_go(held)
+        return []
+
+    def _let_go(self, slot: int) -> Held:
+        """The last word about what the slot held. ValueError, and nothing changed, when the mechanism refuses."""
+        last = self._held(slot, released=True)
+        _, serial = self._slots[slot]
+        facts = self._apad.receive(OpenDock(self._next_serial(), slot, serial), self._apad_ms)
+        for fact in facts:
+            if isinstance(fact, CommandFailed):
+                raise ValueError(fact.reason)
+        del self._slots[slot]
+        return last
+
+    def _ended_by(self, facts: list[VehicleFact]) -> list[Shown]:
+        """Ends of the running goal, which is always the last that the aPad inside was given."""
+        shown: list[Shown] = []
+        for fact in facts:
+            if isinstance(fact, Arrived) and self._goal is not None and self._goal.kind == GO_TO:
+                shown += self._end(Outcome.SUCCEEDED)
+            elif isinstance(fact, CommandFailed):
+                shown += self._end(Outcome.ABORTED, fact.reason)
+        return shown
+
+    def _end(self, outcome: Outcome, reason: str = "") -> list[Shown]:
+        goal, self._goal = self._goal, None
+        return [] if goal is None else [Ended(self._now_ms, goal.key, outcome, reason)]
+
+    def _step(self, at_ms: int, shown: list[Shown]) -> None:
+        since_ms = at_ms - self._start_ms
+        shown += self._ended_by(self._apad.advance(since_ms))
+        shown += [self._held(slot) for slot in sorted(self._slots)]
+        if since_ms % SLOW_PERIOD_MS == 0:
+            key = None if self._goal is None else self._goal.key
+            shown.append(SlowShown(at_ms, self.battery_percent, key, self._covered_percent()))
+        if since_ms % POSE_PERIOD_MS == 0:
+            shown.append(PoseShown(at_ms, self.pose))
+
+    def _held(self, slot: int, *, released: bool = False) -> Held:
+        return Held(self._now_ms, self._slots[slot][0], *self._apad.dock_position(slot), released)
+
+    def _covered_percent(self) -> float:
+        goal, pose = self._goal, self._apad.pose
+        if goal is None or goal.kind != GO_TO or self._goal_from_m == 0:
+            return 0.0
+        left_m = math.hypot(goal.north_m - pose.north_m, goal.east_m - pose.east_m)
+        return 100 * (1 - left_m / self._goal_from_m)

@@ -1,0 +1,142 @@
+"""Which aMussels the docks of an aPad of generation B hold. That stack says nothing of it: here the bench is the world.
+
+A simulated aMussel is held where the slot is, at the aPad's side, and is carried along. A real one is only noted.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Iterable, Mapping
+
+from apad_bridge.ros.reach import Sight, why_out_of_reach
+from apad_bridge.scenario.lab_interface.messages import DockSaid
+from apad_bridge.vehicle.commands import CloseDock, CommandFailed, DockOpened, OpenDock, PoseReported
+from apad_bridge.vehicle.docks import SLOTS
+from apad_bridge.vehicle.generation_b.messages import slot_direction_rad
+from apad_bridge.vehicle.link import Carried, LetGo, LinkFact
+from apad_bridge.vehicle.simulated.docks import Docks
+from apad_bridge.vehicle.simulated.misses import MISSED, Misses
+
+DOCK_M = 0.4
+"""From the aPad's middle to an aMussel in a slot: assumed, a little more than half the hull."""
+REACH_M = 1.5
+"""An aMussel farther from the aPad than this was not caught by a docking that nobody named it for."""
+
+
+class DocksByBench:
+    """`docked` are agents by slot that are known to be held already, as after a resume."""
+
+    def __init__(
+        self, simulated_ids: Iterable[int], docked: Mapping[int, int], misses: Misses, sight: Sight
+    ) -> None:
+        self._simulated = sorted(simulated_ids)
+        self._docks = Docks()
+        self.dropped: Counter[str] = Counter()
+        self._misses = misses
+        self._sight = sight
+        for slot, agent_id in docked.items():
+            self._docks.close(CloseDock(0, slot, agent_id), 0)
+
+    def serve(self, simulated_ids: Iterable[int]) -> None:
+        """From now on these are simulated, whoever's they are."""
+        self._simulated = sorted(simulated_ids)
+
+    @property
+    def held(self) -> Mapping[int, int]:
+        """Agents by slot; a live view."""
+        return self._docks.docked
+
+    def holds(self, agent_id: int) -> bool:
+        return agent_id in self._docks.docked.values()
+
+    def refusal(self, command: CloseDock) -> str | None:
+        return self._docks.refusal(command)
+
+    def is_out_of_reach(self, command: CloseDock, pose: PoseReported | None, now_ms: int) -> bool:
+        """Whether a simulated aMussel is known to float elsewhere than where the slot closed."""
+        there_m = self._sight(now_ms).get(command.agent_id)
+        return (
+            there_m is not None
+            and pose is not None
+            and math.dist(slot_place_m(command.slot, pose), there_m) > REACH_M
+        )
+
+    def close(self, command: CloseDock, pose: PoseReported | None, now_ms: int) -> list[LinkFact]:
+        """The contact is made, or missed."""
+        refused = self._docks.refusal(command)
+        is_simulated = command.agent_id in self._simulated
+        if refused is None and is_simulated:
+            refused = why_out_of_reach(command.agent_id, pose, self._sight, now_ms)
+        if refused is None and is_simulated and self._misses.misses(command.agent_id):
+            refused = MISSED
+        if refused is not None:
+            return [CommandFailed(now_ms, command.command_id, refused)]
+        facts: list[LinkFact] = [self._docks.close(command, now_ms)]
+        if is_simulated and pose is not None:
+            facts.append(self._carried(command.slot, command.agent_id, pose, now_ms))
+        return facts
+
+    def open(self, command: OpenDock, now_ms: int) -> list[LinkFact]:
+        fact = self._docks.open(command, now_ms)
+        if isinstance(fact, DockOpened) and command.agent_id in self._simulated:
+            return [fact, LetGo(now_ms, command.agent_id)]
+        return [fact]
+
+    def take_word(self, word: DockSaid, pose: PoseReported | None) -> list[LinkFact]:
+        """A dock that closed or opened by others' hands: whose it was is made out by id, else by place and slot."""
+        agent_id, slot = word.agent_id, word.slot
+        if not word.closed:
+            if agent_id is None and slot is not None:
+                agent_id = self.held.get(slot)
+            found = next((it for it, holder in self.held.items() if holder == agent_id), None)
+            if agent_id is None or found is None:
+                self.dropped["a release by others: of nothing that is held"] += 1
+                return []
+            return self.open(OpenDock(0, found, agent_id), word.at_ms)
+        if agent_id is None and pose is not None:
+            agent_id = self._caught(slot, pose, word.at_ms)
+        if agent_id is None:
+            self.dropped["a docking by others: no simulated aMussel was near"] += 1
+            return []
+        if self.holds(agent_id):
+            return []
+        if slot is None or slot in self.held:
+            slot = next((it for it in SLOTS if it not in self.held), None)
+        if slot is None:
+            self.dropped["a docking by others: all docks are taken"] += 1
+            return []
+        closed: list[LinkFact] = [self._docks.close(CloseDock(0, slot, agent_id), word.at_ms)]
+        if agent_id in self._simulated and pose is not None:
+            closed.append(self._carried(slot, agent_id, pose, word.at_ms))
+        return closed
+
+    def _caught(self, slot: int | None, pose: PoseReported, now_ms: int) -> int | None:
+        """The simulated aMussel nearest to where `slot` closed, if one is within reach and in no dock."""
+        place_m = (pose.north_m, pose.east_m) if slot is None else slot_place_m(slot, pose)
+        near = [
+            (math.dist(place_m, there_m), agent_id)
+            for agent_id, there_m in self._sight(now_ms).items()
+            if agent_id in self._simulated and not self.holds(agent_id)
+        ]
+        distance_m, agent_id = min(near, default=(math.inf, 0))
+        return agent_id if distance_m <= REACH_M else None
+
+    def places(self, pose: PoseReported | None, now_ms: int) -> list[LinkFact]:
+        if pose is None:
+            return []
+        held = sorted(self._docks.docked.items())
+        return [
+            self._carried(slot, agent_id, pose, now_ms)
+            for slot, agent_id in held
+            if agent_id in self._simulated
+        ]
+
+    def _carried(self, slot: int, agent_id: int, pose: PoseReported, now_ms: int) -> Carried:
+        return Carried(now_ms, agent_id, *slot_place_m(slot, pose))
+
+
+def slot_place_m(slot: int, pose: PoseReported) -> tuple[float, float]:
+    """Where a slot holds its aMussel, (north, east): the hull turns, and its slots with it."""
+    bearing_rad = pose.heading_rad + slot_direction_rad(slot)
+    return pose.north_m + DOCK_M * math.cos(bearing_rad), pose.east_m + DOCK_M * math.sin(bearing_rad)

@@ -1,0 +1,257 @@
+"""The simulated aPad behind generation B's manners, without ROS: orders and detections in, what is to be published out.
+
+Where the published stack surprises, so does this. An order is taken at once and its end told by topics. Nothing has a
+time-out. Whatever ends leaves the controllers off, and the water takes the boat. Dynamic positioning holds until something
+else is asked. Docking and undocking first stand still for 27 s; docking then searches, for ever if need be, and approaches
+what it sees (`generation_b_servoing`). It holds no aMussel by itself: whether one was caught, the stack never says.
+"""
+
+from __future__ import annotations
+
+import math
+from enum import Enum, auto
+
+from apad_bridge.ros.generation_b_servoing import Detection, servoing
+from apad_bridge.ros.generation_b_shown import (
+    ArmShown,
+    BatteryShown,
+    CameraTurned,
+    Finished,
+    GoToBegun,
+    GoToEnded,
+    GoToLeft,
+    Shown,
+    StatusShown,
+)
+from apad_bridge.ros.legacy_shown import PoseShown
+from apad_bridge.scenario.faults import Fault
+from apad_bridge.simulated_apad.steering import Coast, Steer
+from apad_bridge.vehicle.commands import Arrived, CloseDock, CommandFailed, GoTo, Hold, OpenDock
+from apad_bridge.vehicle.generation_b.messages import (
+    CAMERA_SERVO,
+    PULL_BACK_M_S,
+    PULL_BACK_MS,
+    SERVO_MS,
+    Arm,
+    DockingOrder,
+    GoToOrder,
+    Order,
+    PositionOrder,
+    Status,
+    slot_direction_rad,
+)
+from apad_bridge.vehicle.simulated.apad import SimulatedAPad
+from apad_bridge.vehicle.simulated.kinematics import STEP_MS
+from apad_bridge.vehicle.simulated_stack import LegacyVehicle
+
+SLOW_PERIOD_MS = 1000
+"""Of battery and statuses, which are told whenever they change, too."""
+_AT_ONCE = {Fault.DROPS: Status.PREEMPTED, Fault.LIES: Status.DONE}
+"""How a go-to ends as soon as it is begun."""
+_WANDERS_MS = 5_000
+_CLOSED = Arm((False, False, False, False))
+
+
+class Stage(Enum):
+    OFF = auto()
+    """No primitive: controllers off."""
+    GOING = auto()
+    POSITIONING = auto()
+    SERVO = auto()
+    """Docking or undocking, standing still in its own callback."""
+    SERVOING = auto()
+    """Docking: searching, or approaching what is seen."""
+    PULLING = auto()
+
+
+class GenerationBVehicle(LegacyVehicle[Shown]):
+    """Three verbs in mission time, from `start_ms` on."""
+
+    def __init__(self, apad: SimulatedAPad, start_ms: int = 0, fault: Fault = Fault.NONE) -> None:
+        super().__init__(apad, start_ms, STEP_MS, fault)
+        self._stage = Stage.OFF
+        self._stage_ms = start_ms
+        self._order: Order | None = None
+        self._paused: Order | None = None
+        self._statuses = {False: Status.IDLE, True: Status.IDLE}
+        """By whether it is the docking's."""
+        self._horizontal = 0.0
+        self._seen: Detection | None = None
+        self._is_manual = False
+
+    @property
+    def stage(self) -> Stage:
+        return self._stage
+
+    @property
+    def takes(self) -> bool | None:
+        """What its services answer; None when they never do."""
+        return {Fault.REFUSES: False, Fault.HANGS: None}.get(self._fault, True)
+
+    def receive(self, order: Order, now_ms: int) -> list[Shown]:
+        """Takes an order, whatever is under way. One that names what cannot be is taken too, and aborted."""
+        if not self.takes:
+            return self.advance(now_ms)
+        shown = self.advance(now_ms)
+        self._end(Status.PREEMPTED, shown, finished=self._stage is not Stage.OFF)
+        self._order = order
+        match order:
+            case GoToOrder(north_m, east_m, speed_m_s, victory_radius_m):
+                self._enter(Stage.GOING)
+                self._tell(GoToBegun(self._now_ms, order), shown)
+                self._tell_status(False, Status.RUNNING, shown)
+                if self._fault in _AT_ONCE:
+                    self._end(_AT_ONCE[self._fault], shown, finished=True)
+                elif not (speed_m_s > 0 and victory_radius_m > 0):
+                    self.dropped["go2point: speed or victory radius is not above 0"] += 1
+                    self._end(Status.IDLE, shown, finished=True)
+                elif self._fault is not Fault.STUCK:
+                    self._command(
+                        GoTo(self._next_serial(), north_m, east_m, speed_m_s, victory_radius_m), shown
+                    )
+            case PositionOrder(north_m, east_m, heading_rad):
+                self._enter(Stage.POSITIONING)
+                self._command(Hold(self._next_serial(), north_m, east_m, heading_rad), shown)
+            case DockingOrder():
+                self._begin_docking(order, shown)
+        return shown
+
+    def stop(self, now_ms: int) -> list[Shown]:
+        """`stop_mission`: the primitive ends, and with it the controllers."""
+        shown = self.advance(now_ms)
+        self._end(Status.PREEMPTED, shown, finished=self._stage is not Stage.OFF)
+        return shown
+
+    def pause(self, now_ms: int) -> list[Shown]:
+        """`pause_mission`: as a stop, but `go_on` begins the same primitive again."""
+        self._paused = self._order
+        return self.stop(now_ms)
+
+    def go_on(self, now_ms: int) -> list[Shown]:
+        """`continue_mission`: of nothing that was paused it makes nothing."""
+        order, self._paused = self._paused, None
+        return self.advance(now_ms) if order is None else self.receive(order, now_ms)
+
+    def detect(self, horizontal: float | None, vertical: float | None, now_ms: int) -> list[Shown]:
+        """A word of the camera: each of the two comes on a topic of its own. A detection is whole with the second."""
+        shown = self.advance(now_ms)
+        if horizontal is not None:
+            self._horizontal = horizontal
+        if vertical is not None:
+            self._seen = Detection(now_ms, self._horizontal, vertical)
+        return shown
+
+    def load(self, slot: int, closed: bool, now_ms: int) -> list[Shown]:
+        """The bench says what a dock holds: charging it costs energy. The stack itself knows nothing of it."""
+        shown = self.advance(now_ms)
+        serial = self._next_serial()
+        holder = self._apad.docked.get(slot)
+        if closed:
+            self._apad.receive(CloseDock(serial, slot, serial), now_ms - self._start_ms)
+        elif holder is not None:
+            self._apad.receive(OpenDock(serial, slot, holder), now_ms - self._start_ms)
+        return shown
+
+    def set_manual(self, steers: bool, now_ms: int) -> list[Shown]:
+        """A pilot's joystick: while it is in use, primitives are pre-empted and none is begun."""
+        shown = self.advance(now_ms)
+        if steers and not self._is_manual:
+            self._end(Status.PREEMPTED, shown, finished=self._stage is not Stage.OFF)
+        self._is_manual = steers
+        return shown
+
+    def _begin_docking(self, order: DockingOrder, shown: list[Shown]) -> None:
+        if order.slot not in range(len(CAMERA_SERVO)):
+            self.dropped["docking: no such slot"] += 1
+            self._order = None
+            return
+        self._enter(Stage.SERVO)
+        self._seen = None
+        self._tell_status(True, Status.RUNNING, shown)
+        shown.append(CameraTurned(self._now_ms, CAMERA_SERVO[order.slot]))
+        if order.docks:
+            self._open_arm(order.slot, shown)
+        self._command(Coast(), shown)
+
+    def _open_arm(self, slot: int, shown: list[Shown]) -> None:
+        is_open = [it == slot for it in range(4)]
+        shown.append(ArmShown(self._now_ms, Arm((is_open[0], is_open[1], is_open[2], is_open[3]))))
+
+    def _step(self, at_ms: int, shown: list[Shown]) -> None:
+        """One instant of the grid: what the boat did, what the primitive makes of it, what is told by the clock."""
+        for fact in self._apad.advance(at_ms - self._start_ms):
+            if isinstance(fact, Arrived) and self._stage is Stage.GOING:
+                self._end(Status.DONE, shown, finished=True)
+            elif isinstance(fact, CommandFailed):
+                self._end(Status.IDLE, shown, finished=True)
+        wanders = self._fault is Fault.WANDERS and self._stage is Stage.POSITIONING
+        if wanders and at_ms - self._stage_ms >= _WANDERS_MS:
+            self._end(Status.IDLE, shown, finished=True)
+        if isinstance(self._order, DockingOrder):
+            self._servo(self._order, at_ms, shown)
+        elif isinstance(self._order, GoToOrder):
+            self._tell(self._left(self._order), shown)
+        shown.append(PoseShown(at_ms, self.pose))
+        if (at_ms - self._start_ms) % SLOW_PERIOD_MS == 0:
+            shown.append(BatteryShown(at_ms, self.battery_percent))
+            for docking in (False, True):
+                self._tell_status(docking, self._statuses[docking], shown)
+
+    def _servo(self, order: DockingOrder, at_ms: int, shown: list[Shown]) -> None:
+        since_ms = at_ms - self._stage_ms
+        if self._stage is Stage.SERVO and since_ms >= SERVO_MS:
+            if order.docks:
+                self._enter(Stage.SERVOING)
+            else:
+                self._enter(Stage.PULLING)
+                self._open_arm(order.slot, shown)
+                astern_rad = slot_direction_rad(order.slot) + math.pi
+                self._command(Steer(PULL_BACK_M_S, astern_rad, 0.0), shown)
+        elif self._stage is Stage.PULLING and since_ms >= PULL_BACK_MS:
+            self._end(Status.DONE, shown, finished=True)
+        if self._stage is Stage.SERVOING:
+            steered = servoing(order, self._seen, at_ms)
+            if steered is None:
+                self._end(Status.DONE, shown, finished=True)
+            else:
+                self._command(steered, shown)
+
+    def _end(self, status: Status, shown: list[Shown], *, finished: bool) -> None:
+        """Whatever is under way is over: its status, its event, its arm, and the controllers off."""
+        stage, order, self._order = self._stage, self._order, None
+        self._enter(Stage.OFF)
+        if stage is Stage.GOING:
+            if isinstance(order, GoToOrder):
+                self._tell(GoToEnded(status, self.pose, self._left(order)), shown)
+            self._tell_status(False, status, shown)
+        elif stage in (Stage.SERVO, Stage.SERVOING, Stage.PULLING):
+            shown.append(ArmShown(self._now_ms, _CLOSED))
+            self._tell_status(True, status, shown)
+        if finished:
+            self._tell(Finished(self._now_ms), shown)
+            self._apad.receive(Coast(), self._apad_ms)
+
+    def _command(self, command: GoTo | Hold | Coast | Steer, shown: list[Shown]) -> None:
+        if self._is_manual and not isinstance(command, Coast):
+            self.dropped["order: a pilot steers"] += 1
+            self._end(Status.PREEMPTED, shown, finished=True)
+            return
+        for fact in self._apad.receive(command, self._apad_ms):
+            if isinstance(fact, CommandFailed):
+                self._end(Status.IDLE, shown, finished=True)
+
+    def _enter(self, stage: Stage) -> None:
+        self._stage, self._stage_ms = stage, self._now_ms
+
+    def _tell_status(self, docking: bool, status: Status, shown: list[Shown]) -> None:
+        self._statuses[docking] = status
+        self._tell(StatusShown(self._now_ms, docking, status), shown)
+
+    def _tell(self, word: Shown, shown: list[Shown]) -> None:
+        """A word of how a primitive stands."""
+        if self._fault is not Fault.SILENT:
+            shown.append(word)
+
+    def _left(self, order: GoToOrder) -> GoToLeft:
+        north_m, east_m = order.north_m - self.pose.north_m, order.east_m - self.pose.east_m
+        return GoToLeft(self._now_ms, math.hypot(north_m, east_m), math.atan2(east_m, north_m))

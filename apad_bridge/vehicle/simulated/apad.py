@@ -1,0 +1,227 @@
+"""The simulated aPad: three verbs in mission time, the same commands and facts as a real one behind a port."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+from apad_bridge.scenario.schema import APad
+from apad_bridge.simulated_apad.arrival import ArrivalWatch
+from apad_bridge.simulated_apad.steering import Coast, Steer
+from apad_bridge.vehicle.commands import (
+    Arrived,
+    BatteryReported,
+    CloseDock,
+    CommandFailed,
+    GoTo,
+    Hold,
+    MoveArm,
+    OpenDock,
+    PoseReported,
+    VehicleCommand,
+    VehicleFact,
+)
+from apad_bridge.vehicle.simulated.docks import OFFSETS_M, Docks
+from apad_bridge.vehicle.simulated.kinematics import STEP_MS, Pose
+from apad_bridge.vehicle.simulated.misses import MISSED, Misses
+from apad_bridge.vehicle.simulated.motion import Motion
+from apad_bridge.vehicle.simulated.power import Battery
+from apad_bridge.vehicle.simulated.thrusters import Forces
+
+Motive = GoTo | Hold | Coast | Steer
+"""What says how the vehicle is to move; one at a time."""
+REPORT_MS = 1000
+BATTERY_EMPTY = "the aPad's battery is empty"
+
+
+class SimulatedAPad:
+    """Starts at rest at `start_m`, bow north, docks open, holding; time starts at 0.
+
+    It lives on an absolute grid of 100 ms. A command given between two grid instants acts from the later one, so that how
+    time is cut never shows; docks act at the very millisecond. It reports its battery every second, its pose every 100 ms
+    while moving and every second at rest.
+
+    With an empty battery the thrusters and the mechanisms stop: the running go-to or hold fails, closed docks stay closed,
+    drag brings the vehicle to rest, every further command fails, and it goes on reporting.
+
+    `misses` decides which dockings fail; without it, none does.
+    """
+
+    def __init__(self, config: APad, misses: Misses | None = None) -> None:
+        self._motion = Motion(config)
+        self._battery = Battery(config.battery)
+        self._docks = Docks()
+        self._misses = misses
+        self._now_ms = 0
+        self._instant_ms = -STEP_MS
+        """The last grid instant that was worked; at rest those without anything to do are passed over."""
+        self._running: Motive | None = None
+        self._accepted: Motive | None = None
+        """Given between two grid instants, and not yet acted upon."""
+        self._arrival: ArrivalWatch | None = None
+        self._has_power = True
+
+    @property
+    def next_due_ms(self) -> int:
+        if self._motion.is_moving or self._arrival is not None or self._accepted is not None:
+            return self._instant_ms + STEP_MS
+        return (self._instant_ms // REPORT_MS + 1) * REPORT_MS
+
+    def advance(self, now_ms: int) -> list[VehicleFact]:
+        """Let time pass up to and with `now_ms`. Raises ValueError when it went back."""
+        if now_ms < self._now_ms:
+            raise ValueError(f"time went back from {self._now_ms} to {now_ms} ms")
+        facts: list[VehicleFact] = []
+        while (due_ms := self.next_due_ms) <= now_ms:
+            self._work(due_ms, facts)
+        self._now_ms = now_ms
+        return facts
+
+    def receive(self, command: VehicleCommand | Coast | Steer, now_ms: int) -> list[VehicleFact]:
+        """Take a command at `now_ms`, after what was due until then. A new one that moves replaces the old one silently."""
+        facts = self.advance(now_ms)
+        self._battery.settle(now_ms)
+        if isinstance(command, Coast | Steer):
+            if not self._battery.is_empty:
+                self._accept(command)
+        elif isinstance(command, MoveArm):
+            pass  # arms cost nothing here
+        elif self._battery.is_empty:
+            facts.append(CommandFailed(now_ms, command.command_id, BATTERY_EMPTY))
+        elif isinstance(command, CloseDock):
+            facts.append(self._close(command, now_ms))
+            self._set_load()
+        elif isinstance(command, OpenDock):
+            facts.append(self._docks.open(command, now_ms))
+            self._set_load()
+        elif reason := _refusal(command):
+            facts.append(CommandFailed(now_ms, command.command_id, reason))
+        else:
+            self._accept(command)
+        return facts
+
+    def change_battery(self, fraction: float, now_ms: int) -> list[VehicleFact]:
+        """Somebody charges the battery by so much of a full one, or with a minus drains it."""
+        facts = self.advance(now_ms)
+        self._battery.settle(now_ms)
+        self._battery.add(fraction)
+        return facts
+
+    def _close(self, command: CloseDock, now_ms: int) -> VehicleFact:
+        refused = self._docks.refusal(command)
+        if refused is None and self._misses is not None and self._misses.misses(command.agent_id):
+            refused = MISSED
+        if refused is not None:
+            return CommandFailed(now_ms, command.command_id, refused)
+        return self._docks.close(command, now_ms)
+
+    def _accept(self, command: Motive) -> None:
+        self._arrival = None
+        self._accepted = command
+        self._instant_ms = max(self._instant_ms, self._now_ms // STEP_MS * STEP_MS)
+        if self._now_ms == self._instant_ms:
+            self._begin_accepted()
+            self._plan()
+
+    def _begin_accepted(self) -> None:
+        command, self._accepted = self._accepted, None
+        if command is None:
+            return
+        self._running = command
+        match command:
+            case GoTo(_, north_m, east_m, speed_m_s):
+                self._motion.set_goal(north_m, east_m, speed_m_s)
+                self._arrival = ArrivalWatch(command)
+            case Hold(_, north_m, east_m):
+                self._motion.set_goal(north_m, east_m, math.inf)
+                if command.heading_rad is not None:
+                    self._motion.turn_to(command.heading_rad)
+            case Steer():
+                self._motion.steer(command)
+            case Coast():
+                self._motion.cut_power()
+
+    def _work(self, at_ms: int, facts: list[VehicleFact]) -> None:
+        """One grid instant: the step before it ends, facts come out, the step after it is planned."""
+        self._battery.settle(at_ms)
+        was_moving = self._motion.is_moving
+        self._motion.end_step()
+        self._instant_ms = at_ms
+        pose = self._motion.pose
+        if was_moving or at_ms % REPORT_MS == 0:
+            facts.append(PoseReported(at_ms, pose.north_m, pose.east_m, pose.heading_rad))
+        if at_ms % REPORT_MS == 0:
+            facts.append(BatteryReported(at_ms, self._battery.voltage_v, self._battery.fraction))
+        if self._arrival is not None and self._arrival.has_arrived(pose):
+            facts.append(Arrived(at_ms, self._arrival.command.command_id))
+            self._arrival = None
+        self._begin_accepted()
+        if self._battery.is_empty and self._has_power:
+            self._lose_power(at_ms, facts)
+        self._plan()
+
+    def _lose_power(self, at_ms: int, facts: list[VehicleFact]) -> None:
+        self._has_power = False
+        if self._arrival is not None or isinstance(self._running, Hold):
+            assert isinstance(self._running, GoTo | Hold)
+            facts.append(CommandFailed(at_ms, self._running.command_id, BATTERY_EMPTY))
+        self._running = self._arrival = None
+        self._motion.cut_power()
+
+    def _plan(self) -> None:
+        self._motion.plan_step()
+        self._set_load()
+
+    def _set_load(self) -> None:
+        self._battery.set_load(self._motion.power_w, len(self._docks.docked))
+
+    @property
+    def pose(self) -> Pose:
+        """As of the last grid instant."""
+        return self._motion.pose
+
+    @property
+    def thruster_forces_n(self) -> Forces:
+        """Front left, front right, rear left, rear right; over the present step."""
+        return self._motion.forces_n
+
+    @property
+    def power_w(self) -> float:
+        """All that is drawn from the battery over the present step."""
+        return self._battery.power_w
+
+    @property
+    def battery_fraction(self) -> float:
+        """Of a full battery, in [0, 1], as of the last instant or command."""
+        return self._battery.fraction
+
+    @property
+    def battery_voltage_v(self) -> float:
+        return self._battery.voltage_v
+
+    @property
+    def energy_used_fraction(self) -> float:
+        """Drawn since the start, as a fraction of a FULL battery, in [0, 1]."""
+        return self._battery.used_fraction
+
+    @property
+    def docked(self) -> Mapping[int, int]:
+        """Agent ids by slot, of the closed docks."""
+        return self._docks.docked
+
+    def dock_position(self, slot: int) -> tuple[float, float]:
+        """Where dock `slot` (0-3) holds an aMussel: (north, east) in metres."""
+        north_m, east_m = OFFSETS_M[slot]
+        return self.pose.north_m + north_m, self.pose.east_m + east_m
+
+
+def _refusal(command: GoTo | Hold) -> str | None:
+    """Why a go-to or hold is not taken (the field stack aborts at speed 0 and at radius 0 likewise)."""
+    if not (math.isfinite(command.north_m) and math.isfinite(command.east_m)):
+        return "the goal is not a finite position"
+    if isinstance(command, GoTo):
+        if not command.speed_m_s > 0:
+            return "speed_m_s must be above 0"
+        if not command.victory_radius_m > 0:
+            return "victory_radius_m must be above 0"
+    return None

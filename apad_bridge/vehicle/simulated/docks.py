@@ -1,0 +1,56 @@
+"""The four docking mechanisms: who is in which, and what is refused."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import MappingProxyType
+
+from apad_bridge.vehicle.commands import CloseDock, CommandFailed, DockClosed, DockOpened, OpenDock
+
+OFFSETS_M = ((-0.1, -0.1), (-0.1, 0.1), (0.1, -0.1), (0.1, 0.1))
+"""(north, east) of each slot from the aPad. They do NOT turn with the heading: the public simulator's aPad holds its
+aMussels so, and those who compare with it should see the same places."""
+
+
+class Docks:
+    """Mechanisms act at once: the time that docking takes is the docking port's, or a real vehicle's own."""
+
+    def __init__(self) -> None:
+        self._agent_by_slot: dict[int, int] = {}
+
+    @property
+    def docked(self) -> Mapping[int, int]:
+        """Agent ids by slot, of the closed docks only; a live view."""
+        return MappingProxyType(self._agent_by_slot)
+
+    def refusal(self, command: CloseDock) -> str | None:
+        """Why this dock cannot close around this aMussel; None if it can."""
+        slot, agent_id = command.slot, command.agent_id
+        holder = self._agent_by_slot.get(slot)
+        if slot not in range(len(OFFSETS_M)):
+            return f"there is no dock {slot}"
+        if holder is not None:
+            return f"dock {slot} holds aMussel {holder}"
+        if agent_id in self._agent_by_slot.values():
+            return f"aMussel {agent_id} is held in another dock"
+        return None
+
+    def close(self, command: CloseDock, now_ms: int) -> DockClosed | CommandFailed:
+        if (reason := self.refusal(command)) is not None:
+            return CommandFailed(now_ms, command.command_id, reason)
+        self._agent_by_slot[command.slot] = command.agent_id
+        return DockClosed(now_ms, command.slot, command.agent_id)
+
+    def open(self, command: OpenDock, now_ms: int) -> DockOpened | CommandFailed:
+        slot, agent_id = command.slot, command.agent_id
+        holder = self._agent_by_slot.get(slot)
+        if slot not in range(len(OFFSETS_M)):
+            reason = f"there is no dock {slot}"
+        elif holder is None:
+            reason = f"dock {slot} is empty"
+        elif holder != agent_id:
+            reason = f"dock {slot} holds aMussel {holder}"
+        else:
+            del self._agent_by_slot[slot]
+            return DockOpened(now_ms, slot, agent_id)
+        return CommandFailed(now_ms, command.command_id, reason)

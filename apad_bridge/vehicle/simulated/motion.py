@@ -1,0 +1,152 @@
+"""Motion under power: each step's pose and thrusts are planned when the step begins, and taken when it ends."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+from apad_bridge.scenario.schema import APad
+from apad_bridge.simulated_apad.steering import Steer
+from apad_bridge.vehicle.simulated.kinematics import (
+    STEP_S,
+    Goal,
+    Pose,
+    moved,
+    turned,
+    wanted_velocity,
+    within_reach,
+    wrapped,
+)
+from apad_bridge.vehicle.simulated.thrusters import NO_FORCES, allocate, electrical_w, weakest_force_n
+
+_TURNING_DISTANCE_M = 0.1
+"""Nearer than this the bow stays where it is: a bearing to a point underneath means nothing."""
+_COASTING_ENDS_M_S = 0.02
+"""Quadratic drag alone never stops anything; waves would hide a speed below this."""
+
+
+class Motion:
+    """The vehicle's pose, its goal and its thrusters.
+
+    The limits are what the thrusters give in EVERY direction, so that braking never takes longer than planned: the
+    acceleration is at most 2 thruster_max / mass, the speed at most sqrt(2 thruster_max / drag). Between those, drag and
+    acceleration together may saturate a thruster; then the vehicle accelerates more slowly.
+    """
+
+    def __init__(self, config: APad) -> None:
+        self._config = config
+        force_n = weakest_force_n(config.thruster_max_n)
+        self.acceleration_m_s2 = min(config.max_acceleration_m_s2, force_n / config.mass_kg)
+        drag = config.drag_n_per_m2_s2
+        self.top_speed_m_s = (
+            min(config.max_speed_m_s, math.sqrt(force_n / drag)) if drag else config.max_speed_m_s
+        )
+        north_m, east_m = config.start_m
+        self.pose = Pose(north_m, east_m)
+        self.forces_n = NO_FORCES
+        self._goal: Goal | None = Goal(north_m, east_m, 0.0, self.top_speed_m_s)
+        self._course: Steer | None = None
+        self._planned = self.pose
+
+    def set_goal(self, north_m: float, east_m: float, speed_m_s: float) -> None:
+        """Go there from the present pose on; the bow turns to the bearing that the goal has now."""
+        pose = self.pose
+        heading_rad = pose.heading_rad
+        if math.hypot(north_m - pose.north_m, east_m - pose.east_m) > _TURNING_DISTANCE_M:
+            heading_rad = wrapped(math.atan2(east_m - pose.east_m, north_m - pose.north_m))
+        self._course = None
+        self._goal = Goal(north_m, east_m, heading_rad, min(speed_m_s, self.top_speed_m_s))
+
+    def turn_to(self, heading_rad: float) -> None:
+        """Face this way at the goal, instead of along the way to it."""
+        if self._goal is not None:
+            self._goal = replace(self._goal, heading_rad=wrapped(heading_rad))
+
+    def steer(self, course: Steer) -> None:
+        self._goal, self._course = None, course
+
+    def cut_power(self) -> None:
+        """No goal and no thrust any more: drag brings the vehicle to rest, and the water carries it along."""
+        self._goal = self._course = None
+
+    @property
+    def is_moving(self) -> bool:
+        """Whether the planned step differs from standing still."""
+        return self._planned is not self.pose
+
+    @property
+    def power_w(self) -> float:
+        return electrical_w(self.forces_n, self._config.thruster_w_per_n)
+
+    def end_step(self) -> None:
+        self.pose = self._planned
+
+    def plan_step(self) -> None:
+        """Decide the step that begins now. Holding at the goal costs nothing: the water here is still."""
+        goal, pose = self._goal, self.pose
+        if self._course is not None:
+            self._planned = self._steered(self._course)
+        elif goal is None:
+            self.forces_n = NO_FORCES
+            self._planned = self._coasted()
+        elif goal.is_held_by(pose):
+            self.forces_n = NO_FORCES
+            self._planned = pose
+        elif within_reach(pose, goal, self.acceleration_m_s2):
+            heading_rad = turned(pose.heading_rad, goal.heading_rad, self._config.max_yaw_rate_rad_s)
+            self._push((0.0, 0.0))
+            self._planned = Pose(goal.north_m, goal.east_m, heading_rad)
+        else:
+            heading_rad = turned(pose.heading_rad, goal.heading_rad, self._config.max_yaw_rate_rad_s)
+            velocity_m_s = self._push(wanted_velocity(pose, goal, self.acceleration_m_s2))
+            self._planned = moved(pose, velocity_m_s, heading_rad)
+
+    def _push(self, wanted_m_s: tuple[float, float]) -> tuple[float, float]:
+        """Set the thrusts F = m a + drag |v| v for a wanted velocity; give the velocity that they reach."""
+        pose, mass_kg = self.pose, self._config.mass_kg
+        drag_n_s_m = self._config.drag_n_per_m2_s2 * pose.speed_m_s
+        drag_north_n, drag_east_n = drag_n_s_m * pose.north_m_s, drag_n_s_m * pose.east_m_s
+        north_n = mass_kg * (wanted_m_s[0] - pose.north_m_s) / STEP_S + drag_north_n
+        east_n = mass_kg * (wanted_m_s[1] - pose.east_m_s) / STEP_S + drag_east_n
+        self.forces_n, part = allocate(north_n, east_n, pose.heading_rad, self._config.thruster_max_n)
+        if part == 1.0:
+            return wanted_m_s
+        return (
+            pose.north_m_s + (part * north_n - drag_north_n) / mass_kg * STEP_S,
+            pose.east_m_s + (part * east_n - drag_east_n) / mass_kg * STEP_S,
+        )
+
+    def _steered(self, course: Steer) -> Pose:
+        """One step towards the velocity that is asked for, within what the vehicle can."""
+        pose, config = self.pose, self._config
+        yaw_rate_rad_s = max(
+            -config.max_yaw_rate_rad_s, min(config.max_yaw_rate_rad_s, course.yaw_rate_rad_s)
+        )
+        speed_m_s = min(course.speed_m_s, self.top_speed_m_s)
+        bearing_rad = pose.heading_rad + course.direction_rad
+        change_north = speed_m_s * math.cos(bearing_rad) - pose.north_m_s
+        change_east = speed_m_s * math.sin(bearing_rad) - pose.east_m_s
+        change_m_s = math.hypot(change_north, change_east)
+        limit_m_s = self.acceleration_m_s2 * STEP_S
+        scale = limit_m_s / change_m_s if change_m_s > limit_m_s else 1.0
+        wanted = (pose.north_m_s + scale * change_north, pose.east_m_s + scale * change_east)
+        velocity_m_s = self._push(wanted)
+        return moved(pose, velocity_m_s, wrapped(pose.heading_rad + yaw_rate_rad_s * STEP_S))
+
+    def _coasted(self) -> Pose:
+        """One step under quadratic drag in the water that moves: v1 = v0 / (1 + drag v0 dt / m), in closed form."""
+        pose = self.pose
+        speed_m_s = pose.speed_m_s
+        drift_north_m_s, drift_east_m_s = self._config.drift_m_s
+        if speed_m_s == 0.0 and drift_north_m_s == drift_east_m_s == 0.0:
+            return pose
+        if speed_m_s < _COASTING_ENDS_M_S:
+            coasted = Pose(pose.north_m, pose.east_m, pose.heading_rad)
+        else:
+            kept = 1 / (1 + self._config.drag_n_per_m2_s2 * speed_m_s * STEP_S / self._config.mass_kg)
+            coasted = moved(pose, (pose.north_m_s * kept, pose.east_m_s * kept), pose.heading_rad)
+        return replace(
+            coasted,
+            north_m=coasted.north_m + drift_north_m_s * STEP_S,
+            east_m=coasted.east_m + drift_east_m_s * STEP_S,
+        )

@@ -1,0 +1,170 @@
+"""One board on the bench: what it is told, how long it runs, what it did. Time goes on where the last call left it."""
+
+from __future__ import annotations
+
+from typing import TypeVar
+
+from firmware_model.actions import Action, Buoyancy, RunBuoyancy
+from firmware_model.boards import board_of
+from firmware_model.config import BoardConfig
+from firmware_model.packets import CommandPacket, Kind, Packet
+from firmware_model.packets.codec import MusselbedCodec
+from firmware_model.power.charge import Battery, Flow, fraction, grains
+from firmware_model.power.energy_ledger import EnergyLedger
+from firmware_model.states import State
+from firmware_model.stimuli import (
+    BottomReached,
+    ChargePinFell,
+    ChargePinRose,
+    PacketHeard,
+    PowerCameOn,
+    ResetCause,
+    Stimulus,
+    SurfaceReached,
+    WifiReceived,
+)
+
+A = TypeVar("A", bound=Action)
+MS_PER_MIN = 60_000
+MS_PER_HOUR = 60 * MS_PER_MIN
+
+
+class Bench:
+    """Powers a board up at 0 and stands in for its body: `travel_ms` after the motors ran it is where they bring it."""
+
+    def __init__(
+        self,
+        config: BoardConfig,
+        *,
+        primary: float = 1.0,
+        secondary: float = 1.0,
+        docked: bool = False,
+        travel_ms: int = MS_PER_MIN,
+    ) -> None:
+        self.config = config
+        self.now_ms = 0
+        self.trace: list[Action] = []
+        self.travel_ms = travel_ms
+        self._arrival: tuple[int, Stimulus] | None = None
+        self._docked = docked
+        self._at_surface = docked
+        flow = Flow.CHARGING if docked else Flow.RESTING
+        self.board = board_of(
+            config,
+            MusselbedCodec(),
+            Battery(0, grains(primary), flow, 0, 2),
+            Battery(0, grains(secondary), flow, 0, 1),
+            0,
+        )
+        self.courses: list[tuple[int, Battery, Battery]] = []
+        """(from ms, primary, secondary): what the batteries did, piece by piece."""
+        self.ledger = None if config.whole is None else EnergyLedger(config.whole.power.loads, 0)
+        self.reset(ResetCause.POWER_ON)
+
+    @property
+    def state(self) -> State:
+        return self.board.state
+
+    @property
+    def primary(self) -> int:
+        """Grains, now."""
+        return self.config.charge.charge_at(self.board.primary, self.now_ms)
+
+    @property
+    def secondary(self) -> int:
+        """Grains, now."""
+        return self.config.charge.charge_at(self.board.secondary, self.now_ms)
+
+    @property
+    def primary_fraction(self) -> float:
+        """In [0, 1], now."""
+        return fraction(self.primary)
+
+    @property
+    def secondary_fraction(self) -> float:
+        """In [0, 1], now."""
+        return fraction(self.secondary)
+
+    def did(self, kind: type[A], since_ms: int = 0) -> list[A]:
+        """Of all that it did from `since_ms` on, the actions of one kind."""
+        return [action for action in self.trace if isinstance(action, kind) and action.at_ms >= since_ms]
+
+    def run(self, *, hours: float = 0, minutes: float = 0, ms: int = 0) -> list[Action]:
+        """Lets time pass; what the board did meanwhile."""
+        return self.run_until(self.now_ms + round(hours * MS_PER_HOUR + minutes * MS_PER_MIN) + ms)
+
+    def run_until(self, until_ms: int) -> list[Action]:
+        """As `run`, to a time; an arrival goes before a timer of the board that is due at the same time."""
+        done = len(self.trace)
+        while True:
+            due_ms, arrival = self.board.next_due_ms, self._arrival
+            if arrival is not None and arrival[0] <= until_ms and (due_ms is None or arrival[0] <= due_ms):
+                self._arrival = None
+                self.now_ms, there = arrival
+                self._at_surface = isinstance(there, SurfaceReached)
+                self.tell(there)
+            elif due_ms is not None and due_ms <= until_ms:
+                self._note(self.board.advance(due_ms))
+            else:
+                break
+        self.now_ms = until_ms
+        self._note(self.board.advance(until_ms))
+        return self.trace[done:]
+
+    def tell(self, stimulus: Stimulus) -> list[Action]:
+        """A fact from outside, now."""
+        actions = self.board.receive(stimulus, self.now_ms)
+        self._note(actions)
+        return actions
+
+    def command(self, kind: Kind) -> list[Action]:
+        """A packet for this board: by sound, or, for a release, by Wi-Fi."""
+        data = CommandPacket(kind, self.config.agent_id).encode()
+        return self.tell(WifiReceived(data) if kind is Kind.RELEASE else PacketHeard(data))
+
+    def hear(self, packet: Packet) -> list[Action]:
+        """Any packet, by sound."""
+        return self.tell(PacketHeard(packet.encode()))
+
+    def charge_pin_rises(self, *, noticed: bool = True) -> list[Action]:
+        """In a dock, now; `noticed` False: the edge's interrupt is lost."""
+        self._docked = self._at_surface = True
+        self._arrival = None
+        return self.tell(ChargePinRose(noticed))
+
+    def charge_pin_falls(self, *, noticed: bool = True) -> list[Action]:
+        self._docked = False
+        return self.tell(ChargePinFell(noticed))
+
+    def charge_pin_chatters(self, *, high_ms: int, low_ms: int, times: int) -> list[Action]:
+        """The pin rises and falls `times` times; what the board did meanwhile."""
+        done = len(self.trace)
+        for _ in range(times):
+            self.charge_pin_rises()
+            self.run(ms=high_ms)
+            self.charge_pin_falls()
+            self.run(ms=low_ms)
+        return self.trace[done:]
+
+    def reset(self, cause: ResetCause) -> list[Action]:
+        """Starts the firmware anew; batteries and body are as they were."""
+        old = self.board
+        self.board = board_of(
+            self.config, MusselbedCodec(), old.primary, old.secondary, self.now_ms, old.kept
+        )
+        if self.ledger is not None:
+            self.ledger.power_off(self.now_ms)
+        return self.tell(PowerCameOn(cause, self._at_surface, self._docked))
+
+    def _note(self, actions: list[Action]) -> None:
+        self.trace += actions
+        primary, secondary = self.board.primary, self.board.secondary
+        if not self.courses or self.courses[-1][1] is not primary or self.courses[-1][2] is not secondary:
+            from_ms = max(primary.anchor_ms, secondary.anchor_ms)
+            self.courses.append((from_ms, primary, secondary))
+        if self.ledger is not None:
+            self.ledger.take(actions)
+        for action in actions:
+            if isinstance(action, RunBuoyancy) and action.to is not Buoyancy.HOVER:
+                there = SurfaceReached() if action.to is Buoyancy.FLOAT else BottomReached()
+                self._arrival = (action.at_ms + self.travel_ms, there)

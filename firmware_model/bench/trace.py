@@ -1,0 +1,122 @@
+"""What a board did, as lines for people and as a VCD file, which GTKWave shows."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+from firmware_model.actions import (
+    Action,
+    DropLog,
+    Dropped,
+    FeedFrom,
+    LogSample,
+    RunBuoyancy,
+    SendAnswer,
+    SendLog,
+    SendStatus,
+    SetRail,
+    StateChanged,
+)
+from firmware_model.power.charge import Battery, ChargeModel, fraction
+from firmware_model.power.feed import Feed
+from firmware_model.power.rails import Rail
+from firmware_model.states import State
+
+
+def clock(at_ms: int) -> str:
+    """Hours, minutes, seconds and milliseconds of agent time."""
+    seconds, ms = divmod(at_ms, 1000)
+    return f"{seconds // 3600:3d}:{seconds // 60 % 60:02d}:{seconds % 60:02d}.{ms:03d}"
+
+
+def line(action: Action) -> str:
+    """One action, for people."""
+    match action:
+        case StateChanged(at_ms, old, trigger, new):
+            return f"{clock(at_ms)}  {old.name} -{trigger.name}-> {new.name}"
+        case RunBuoyancy(at_ms, to, depth_mm):
+            depth = "" if depth_mm is None else f" at {depth_mm / 1000:g} m"
+            return f"{clock(at_ms)}      motors: {to.name}{depth}"
+        case SetRail(at_ms, rail, on):
+            return f"{clock(at_ms)}      {rail.name} {'on' if on else 'off'}"
+        case FeedFrom(at_ms, feed):
+            return f"{clock(at_ms)}      fed by {feed.name}"
+        case LogSample(at_ms):
+            return f"{clock(at_ms)}      sample logged"
+        case DropLog(at_ms, next_sequence):
+            return f"{clock(at_ms)}      log acknowledged up to {next_sequence}"
+        case SendLog(at_ms):
+            return f"{clock(at_ms)}      log sent"
+        case SendStatus(at_ms, by):
+            return f"{clock(at_ms)}      status sent by {by.name}"
+        case SendAnswer(at_ms):
+            return f"{clock(at_ms)}      asked, and answered by MODEM_TRANSMITTING"
+        case Dropped(at_ms, reason):
+            return f"{clock(at_ms)}      dropped: {reason}"
+
+
+def vcd(
+    trace: Iterable[Action],
+    courses: Sequence[tuple[int, Battery, Battery]],
+    model: ChargeModel,
+    until_ms: int,
+    sample_ms: int = 60_000,
+) -> str:
+    """States, rails, feed and both batteries up to `until_ms`, in steps of a millisecond of agent time.
+
+    `courses` are (from ms, primary, secondary), as `Bench.courses` keeps them; charges are sampled every `sample_ms` and
+    wherever a course begins.
+    """
+    changes: list[tuple[int, str]] = []
+    for action in trace:
+        match action:
+            case StateChanged(at_ms, _, _, new):
+                changes.append((at_ms, f"s{new.name} S"))
+            case SetRail(at_ms, rail, on):
+                changes.append((at_ms, f"{int(on)}{_rail_id(rail)}"))
+            case FeedFrom(at_ms, feed):
+                changes.append((at_ms, f"s{feed.name} F"))
+    changes += _charges(courses, model, until_ms, sample_ms)
+    lines = [*_header(), "$dumpvars", f"s{State.OFF.name} S", f"s{Feed.PRIMARY.name} F"]
+    lines += [f"0{_rail_id(rail)}" for rail in Rail] + ["$end"]
+    now_ms = -1
+    for at_ms, change in sorted(changes, key=lambda it: it[0]):
+        if at_ms != now_ms:
+            lines.append(f"#{at_ms}")
+            now_ms = at_ms
+        lines.append(change)
+    if now_ms < until_ms:
+        lines.append(f"#{until_ms}")
+    return "\n".join(lines) + "\n"
+
+
+def _rail_id(rail: Rail) -> str:
+    return chr(ord("a") + rail)
+
+
+def _header() -> list[str]:
+    variables = [f"$var wire 1 {_rail_id(rail)} {rail.name} $end" for rail in Rail]
+    return [
+        "$timescale 1ms $end",
+        "$scope module mu $end",
+        "$var string 1 S state $end",
+        "$var string 1 F feed $end",
+        "$var real 64 P primary $end",
+        "$var real 64 Q secondary $end",
+        *variables,
+        "$upscope $end",
+        "$enddefinitions $end",
+    ]
+
+
+def _charges(
+    courses: Sequence[tuple[int, Battery, Battery]], model: ChargeModel, until_ms: int, sample_ms: int
+) -> list[tuple[int, str]]:
+    changes: list[tuple[int, str]] = []
+    ends = [from_ms for from_ms, _, _ in courses[1:]] + [until_ms + 1]
+    for (from_ms, primary, secondary), end_ms in zip(courses, ends, strict=True):
+        first_ms = (from_ms // sample_ms + 1) * sample_ms
+        for at_ms in (from_ms, *range(first_ms, end_ms, sample_ms)):
+            changes.append((at_ms, f"r{fraction(model.charge_at(primary, at_ms)):.9g} P"))
+            changes.append((at_ms, f"r{fraction(model.charge_at(secondary, at_ms)):.9g} Q"))
+    return changes

@@ -1,0 +1,200 @@
+"""What an aPad says to an aMussel, or, with the id `wire.EVERYONE`, to all who hear it.
+
+All that a v2 modem is to carry fits into its 7 bytes: what has no arguments, and HOVER. Milliseconds are agent time.
+"""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Any, ClassVar, Self
+
+from firmware_model.packets.wire import CHARGE_STEPS, HEAD, Kind, sealed
+
+_PLAIN = {
+    Kind.PERMISSION: 1,
+    Kind.RELEASE: 1,
+    Kind.PING: 1,
+    Kind.HOVER: 1,
+    Kind.SINK: 2,
+    Kind.BACK_UP_LOG: 2,
+}
+"""Commands without arguments, and the version that brought each."""
+
+
+@dataclass(frozen=True, slots=True)
+class CommandPacket:
+    """A word without arguments: PERMISSION to surface, RELEASE (it is clear to sink), PING (how are you?), HOVER
+    (hold the depth where it is), SINK, or BACK_UP_LOG (send the log, as long as there is Wi-Fi)."""
+
+    kind: Kind
+    agent_id: int
+
+    def encode(self) -> bytes:
+        """KeyError for a kind that has arguments."""
+        return sealed(HEAD.pack(_PLAIN[self.kind], self.kind, self.agent_id))
+
+
+def decode_plain(body: bytes) -> CommandPacket | None:
+    if len(body) != HEAD.size:
+        return None
+    _, kind, agent_id = HEAD.unpack(body)
+    return CommandPacket(Kind(kind), agent_id)
+
+
+PLAIN_KINDS = frozenset(_PLAIN)
+"""The kinds of `CommandPacket`."""
+PLAIN = tuple((version, kind) for kind, version in _PLAIN.items())
+
+
+class Threshold(IntEnum):
+    """What SET_THRESHOLD sets, in the paper's scaled charge."""
+
+    SAFE_LEVEL = 0
+    """Of the backup battery: the last resort is taken here."""
+    SWITCH_BACK = 1
+    """The board returns to the primary battery once that holds so much."""
+    LOW_LEVEL = 2
+    """Of the primary battery: a sleeper wakes there; 0 for nowhere."""
+
+
+_THRESHOLDS = {int(which): which for which in Threshold}
+
+
+class _Numbers:
+    """A command whose arguments are whole numbers that travel as they are, in the order of its fields."""
+
+    __slots__ = ()
+    VERSION: ClassVar[int] = 2
+    KIND: ClassVar[Kind]
+    FORMAT: ClassVar[struct.Struct]
+    __match_args__: ClassVar[tuple[str, ...]]
+
+    @property
+    def kind(self) -> Kind:
+        return self.KIND
+
+    def encode(self) -> bytes:
+        """struct.error for a number that its field does not hold."""
+        numbers = [getattr(self, name) for name in self.__match_args__]
+        return sealed(self.FORMAT.pack(self.VERSION, self.KIND, *numbers))
+
+    @classmethod
+    def decode_body(cls, body: bytes) -> Self | None:
+        if len(body) != cls.FORMAT.size:
+            return None
+        made: Any = cls  # the fields are the subclass's
+        command: Self = made(*cls.FORMAT.unpack(body)[2:])
+        return command
+
+
+@dataclass(frozen=True, slots=True)
+class SleepSchedule(_Numbers):
+    """Wake every `alarm_ms` (at whole multiples of it) for `wake_ms`."""
+
+    KIND: ClassVar[Kind] = Kind.SLEEP_SCHEDULE
+    FORMAT: ClassVar[struct.Struct] = struct.Struct("<BBHII")
+
+    agent_id: int
+    alarm_ms: int
+    wake_ms: int
+
+
+@dataclass(frozen=True, slots=True)
+class SlotAssignment(_Numbers):
+    """Slot `index` of every frame is yours; speak `guard_ms` after it opens, and `offset_ms` later still (or earlier, when
+    negative), so that what you say arrives in the slot."""
+
+    KIND: ClassVar[Kind] = Kind.SLOT_ASSIGNMENT
+    FORMAT: ClassVar[struct.Struct] = struct.Struct("<BBHIIHHi")
+
+    agent_id: int
+    frame_ms: int
+    slot_ms: int
+    guard_ms: int
+    index: int
+    offset_ms: int
+
+
+@dataclass(frozen=True, slots=True)
+class Beacon(_Numbers):
+    """It is `agent_ms` now, by the aPad's clock, when this packet ends."""
+
+    KIND: ClassVar[Kind] = Kind.BEACON
+    FORMAT: ClassVar[struct.Struct] = struct.Struct("<BBHQ")
+
+    agent_id: int
+    agent_ms: int
+
+
+@dataclass(frozen=True, slots=True)
+class LogAck(_Numbers):
+    """Every record of the log below `next_sequence` is kept elsewhere."""
+
+    KIND: ClassVar[Kind] = Kind.LOG_ACK
+    FORMAT: ClassVar[struct.Struct] = struct.Struct("<BBHI")
+
+    agent_id: int
+    next_sequence: int
+
+
+@dataclass(frozen=True, slots=True)
+class HoverAt:
+    """Hold this depth; in steps of a quarter of a metre down to 63.75 m, so that a v2 modem can carry it."""
+
+    VERSION: ClassVar[int] = 2
+    KIND: ClassVar[Kind] = Kind.HOVER
+    FORMAT: ClassVar[struct.Struct] = struct.Struct("<BBHB")
+
+    agent_id: int
+    depth_m: float
+
+    @property
+    def kind(self) -> Kind:
+        return self.KIND
+
+    def encode(self) -> bytes:
+        """struct.error for a depth outside 0 to 63.75 m."""
+        return sealed(self.FORMAT.pack(self.VERSION, self.KIND, self.agent_id, round(self.depth_m * 4)))
+
+    @classmethod
+    def decode_body(cls, body: bytes) -> HoverAt | None:
+        if len(body) != cls.FORMAT.size:
+            return None
+        _, _, agent_id, depth = cls.FORMAT.unpack(body)
+        return cls(agent_id, depth / 4)
+
+
+@dataclass(frozen=True, slots=True)
+class SetThreshold:
+    """`value` is a charge in [0, 1], in steps of 1/65535."""
+
+    VERSION: ClassVar[int] = 2
+    KIND: ClassVar[Kind] = Kind.SET_THRESHOLD
+    FORMAT: ClassVar[struct.Struct] = struct.Struct("<BBHBH")
+
+    agent_id: int
+    which: Threshold
+    value: float
+
+    @property
+    def kind(self) -> Kind:
+        return self.KIND
+
+    def encode(self) -> bytes:
+        """struct.error for a value outside [0, 1]."""
+        value = round(self.value * CHARGE_STEPS)
+        return sealed(self.FORMAT.pack(self.VERSION, self.KIND, self.agent_id, self.which, value))
+
+    @classmethod
+    def decode_body(cls, body: bytes) -> SetThreshold | None:
+        if len(body) != cls.FORMAT.size:
+            return None
+        _, _, agent_id, which, value = cls.FORMAT.unpack(body)
+        known = _THRESHOLDS.get(which)
+        return None if known is None else cls(agent_id, known, value / CHARGE_STEPS)
+
+
+Command = CommandPacket | SleepSchedule | SlotAssignment | Beacon | LogAck | HoverAt | SetThreshold
+WITH_ARGUMENTS = (SleepSchedule, SlotAssignment, Beacon, LogAck, HoverAt, SetThreshold)

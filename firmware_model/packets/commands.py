@@ -1,0 +1,38 @@
+"""Bytes that are a command for this board, or why they are not; and which trigger of the table a command is."""
+
+from __future__ import annotations
+
+from firmware_model.config import BoardConfig
+from firmware_model.packets.codec import Codec
+from firmware_model.packets.packets import EVERYONE, Beacon, Command, CommandPacket, HoverAt, Kind
+from firmware_model.states import Trigger
+
+TRIGGERS = {
+    Kind.PERMISSION: Trigger.PERMISSION_HEARD,
+    Kind.RELEASE: Trigger.CLEAR_TO_SINK,
+    Kind.PING: Trigger.PING_HEARD,
+    Kind.HOVER: Trigger.HOVER_TOLD,
+    Kind.SINK: Trigger.SINK_TOLD,
+}
+LATEST_MS = 1 << 53
+"""A beacon that names a later time (285 000 years) is nonsense."""
+_OF_THE_WORST_CASE = frozenset({Kind.PERMISSION, Kind.RELEASE, Kind.PING, Kind.SINK})
+
+
+def understood(data: bytes, codec: Codec, config: BoardConfig) -> Command | str:
+    """The command, or why it cannot be obeyed by a board of `config` in any state."""
+    packet = codec.decode(data)
+    if not isinstance(packet, Command):
+        return "not a command"
+    if packet.agent_id not in (config.agent_id, EVERYONE):
+        return "for another aMussel"
+    if config.whole is None and packet.kind not in _OF_THE_WORST_CASE:
+        return f"the worst case knows no {packet.kind.name}"
+    match packet:
+        case CommandPacket(Kind.PING, agent_id) if agent_id == EVERYONE:
+            return "a ping for everyone: all would answer at once"
+        case Beacon(_, agent_ms) if agent_ms > LATEST_MS:
+            return "a beacon of a time that cannot be"
+        case HoverAt(_, depth_m) if depth_m <= 0:
+            return "a depth at the surface: it surfaces by permission only"
+    return packet

@@ -1,0 +1,77 @@
+"""The built-in wire layout: every packet there is, and the one place that tells them apart.
+
+The swarm's own layout is not public; a laboratory's replaces this one through `firmware_model.packets.codec`.
+docs/packets.md shows each packet's bytes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from firmware_model.packets import command_packets
+from firmware_model.packets.command_packets import (
+    PLAIN_KINDS,
+    Beacon,
+    Command,
+    CommandPacket,
+    HoverAt,
+    LogAck,
+    SetThreshold,
+    SleepSchedule,
+    SlotAssignment,
+    Threshold,
+)
+from firmware_model.packets.log_packets import LogRecords
+from firmware_model.packets.status_packets import (
+    AcousticStatus,
+    ShortStatus,
+    Status,
+    StatusPacket,
+    WifiStatus,
+    basic_of,
+)
+from firmware_model.packets.wire import EVERYONE, Kind, unsealed
+
+__all__ = [
+    "EVERYONE",
+    "PLAIN_KINDS",
+    "AcousticStatus",
+    "Beacon",
+    "Command",
+    "CommandPacket",
+    "HoverAt",
+    "Kind",
+    "LogAck",
+    "LogRecords",
+    "Packet",
+    "SetThreshold",
+    "ShortStatus",
+    "SleepSchedule",
+    "SlotAssignment",
+    "Status",
+    "StatusPacket",
+    "Threshold",
+    "WifiStatus",
+    "basic_of",
+    "decode",
+]
+
+Packet = Status | ShortStatus | LogRecords | Command
+
+_BY_HEAD: dict[tuple[int, int], Callable[[bytes], Packet | None]] = {
+    **{
+        (kind.VERSION, kind.KIND): kind.decode_body
+        for kind in (StatusPacket, AcousticStatus, WifiStatus, LogRecords, *command_packets.WITH_ARGUMENTS)
+    },
+    **dict.fromkeys(command_packets.PLAIN, command_packets.decode_plain),
+}
+"""By version and kind."""
+
+
+def decode(data: bytes) -> Packet | None:
+    """The packet, or None for anything that is not a whole, unharmed one of a known version."""
+    body = unsealed(data)
+    if body is None or len(body) < 2:
+        return None
+    read = _BY_HEAD.get((body[0], body[1]))
+    return ShortStatus.decode_body(body) if read is None else read(body)

@@ -1,0 +1,230 @@
+"""What an aMussel says of itself: by Wi-Fi in full, by a v3 modem in 45 bytes, by a v2 modem in 7.
+
+Positions travel as local NED centimetres, charge as 1/65535 of the paper's scaled range (1/255 in the short one).
+"""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import dataclass
+from typing import ClassVar
+
+from firmware_model.packets.wire import CHARGE_STEPS, Kind, sealed
+from firmware_model.power.feed import Feed
+from firmware_model.states import State
+from firmware_model.stimuli import ResetCause
+
+_STATES = {int(state): state for state in State}
+_FEEDS = {int(feed): feed for feed in Feed}
+_CAUSES = {int(cause): cause for cause in ResetCause}
+
+Counts = tuple[int, int, int, int]
+"""The sensors' raw counts: oxygen, pressure, temperature, turbidity."""
+
+
+@dataclass(frozen=True, slots=True)
+class StatusPacket:
+    """What every status but the short one says. `sequence` counts reports modulo 65536; `agent_ms` is its own time."""
+
+    VERSION: ClassVar[int] = 1
+    KIND: ClassVar[Kind] = Kind.STATUS
+    FORMAT: ClassVar[struct.Struct] = struct.Struct("<BBHHBHHiiHQ")
+
+    agent_id: int
+    sequence: int
+    state: State
+    primary: float
+    secondary: float
+    north_m: float
+    east_m: float
+    depth_m: float
+    agent_ms: int
+
+    def pack(self, version: int, kind: Kind) -> bytes:
+        """Its fields under another packet's head, without a check."""
+        return self.FORMAT.pack(
+            version,
+            kind,
+            self.agent_id,
+            self.sequence & 0xFFFF,
+            self.state,
+            round(self.primary * CHARGE_STEPS),
+            round(self.secondary * CHARGE_STEPS),
+            round(self.north_m * 100),
+            round(self.east_m * 100),
+            min(0xFFFF, round(self.depth_m * 100)),
+            self.agent_ms,
+        )
+
+    def encode(self) -> bytes:
+        return sealed(self.pack(self.VERSION, self.KIND))
+
+    @classmethod
+    def decode_body(cls, body: bytes) -> StatusPacket | None:
+        return cls.unpack_from(body) if len(body) == cls.FORMAT.size else None
+
+    @classmethod
+    def unpack_from(cls, body: bytes) -> StatusPacket | None:
+        """From the first bytes of a packet that begins with `pack`; None for a state that there is not."""
+        _, _, agent_id, sequence, state, primary, secondary, north, east, depth, agent_ms = (
+            cls.FORMAT.unpack_from(body)
+        )
+        known = _STATES.get(state)
+        if known is None:
+            return None
+        return cls(
+            agent_id,
+            sequence,
+            known,
+            primary / CHARGE_STEPS,
+            secondary / CHARGE_STEPS,
+            north / 100,
+            east / 100,
+            depth / 100,
+            agent_ms,
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class AcousticStatus:
+    """A status by sound, within a v3 modem's 64 bytes: with what the sensors last said, and how much waits in the log."""
+
+    VERSION: ClassVar[int] = 2
+    KIND: ClassVar[Kind] = Kind.ACOUSTIC_STATUS
+    MORE: ClassVar[struct.Struct] = struct.Struct("<HHHHIH")
+    SIZE: ClassVar[int] = StatusPacket.FORMAT.size + MORE.size
+
+    basic: StatusPacket
+    counts: Counts
+    """Of the newest sample; zeros while `samples` is 0."""
+    samples: int
+    """How many samples it has ever taken."""
+    waiting: int
+    """Records in its log that nobody has acknowledged; 65535 stands for more, too."""
+
+    def encode(self) -> bytes:
+        more = self.MORE.pack(*self.counts, self.samples, min(0xFFFF, self.waiting))
+        return sealed(self.basic.pack(self.VERSION, self.KIND) + more)
+
+    @classmethod
+    def decode_body(cls, body: bytes) -> AcousticStatus | None:
+        basic = StatusPacket.unpack_from(body) if len(body) == cls.SIZE else None
+        if basic is None:
+            return None
+        oxygen, pressure, temperature, turbidity, samples, waiting = cls.MORE.unpack_from(
+            body, StatusPacket.FORMAT.size
+        )
+        return cls(basic, (oxygen, pressure, temperature, turbidity), samples, waiting)
+
+
+@dataclass(frozen=True, slots=True)
+class WifiStatus:
+    """Everything that a board can tell of itself."""
+
+    VERSION: ClassVar[int] = 2
+    KIND: ClassVar[Kind] = Kind.WIFI_STATUS
+    MORE: ClassVar[struct.Struct] = struct.Struct("<HHHHIIIIHBBHi")
+    SIZE: ClassVar[int] = StatusPacket.FORMAT.size + MORE.size
+
+    basic: StatusPacket
+    counts: Counts
+    """Of the newest sample; zeros while `samples` is 0."""
+    samples: int
+    """How many samples it has ever taken; the newest record's sequence is one less."""
+    acknowledged: int
+    """The log's records below this sequence were acknowledged."""
+    oldest: int
+    """The log holds the records from this sequence on."""
+    overwritten: int
+    """Records that the ring overwrote before anybody had acknowledged them."""
+    torn: int
+    """Records that resets tore while they were written; counts to 65535."""
+    reset_cause: ResetCause
+    feed: Feed
+    rails: int
+    """What is on, as bits by `Rail`."""
+    clock_offset_ms: int
+    """The board's clock minus the last beacon's time, as corrected then."""
+
+    def encode(self) -> bytes:
+        more = self.MORE.pack(
+            *self.counts,
+            self.samples,
+            self.acknowledged,
+            self.oldest,
+            self.overwritten,
+            min(0xFFFF, self.torn),
+            self.reset_cause,
+            self.feed,
+            self.rails,
+            self.clock_offset_ms,
+        )
+        return sealed(self.basic.pack(self.VERSION, self.KIND) + more)
+
+    @classmethod
+    def decode_body(cls, body: bytes) -> WifiStatus | None:
+        basic = StatusPacket.unpack_from(body) if len(body) == cls.SIZE else None
+        if basic is None:
+            return None
+        *counts, samples, acknowledged, oldest, overwritten, torn, cause, feed, rails, offset_ms = (
+            cls.MORE.unpack_from(body, StatusPacket.FORMAT.size)
+        )
+        if cause not in _CAUSES or feed not in _FEEDS:
+            return None
+        oxygen, pressure, temperature, turbidity = counts
+        return cls(
+            basic,
+            (oxygen, pressure, temperature, turbidity),
+            samples,
+            acknowledged,
+            oldest,
+            overwritten,
+            torn,
+            _CAUSES[cause],
+            _FEEDS[feed],
+            rails,
+            offset_ms,
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class ShortStatus:
+    """A status within a v2 modem's 7 bytes: who, in which state, and both batteries in steps of 1/255.
+
+    Neither time nor place: it was sent when it was heard, and whoever hears it knows where the aMussel was put. The state
+    shares its byte with three bits that tell the packet from others; so there is room for the whole CRC-16.
+    """
+
+    TAG: ClassVar[int] = 0b101_00000
+    FORMAT: ClassVar[struct.Struct] = struct.Struct("<BHBB")
+    BYTES: ClassVar[int] = FORMAT.size + 2
+    """With its check."""
+
+    agent_id: int
+    state: State
+    primary: float
+    secondary: float
+
+    def encode(self) -> bytes:
+        return sealed(
+            self.FORMAT.pack(
+                self.TAG | self.state, self.agent_id, round(self.primary * 255), round(self.secondary * 255)
+            )
+        )
+
+    @classmethod
+    def decode_body(cls, body: bytes) -> ShortStatus | None:
+        if len(body) != cls.FORMAT.size or body[0] & 0b111_00000 != cls.TAG:
+            return None
+        tagged, agent_id, primary, secondary = cls.FORMAT.unpack(body)
+        state = _STATES.get(tagged & 0b000_11111)
+        return None if state is None else cls(agent_id, state, primary / 255, secondary / 255)
+
+
+Status = StatusPacket | AcousticStatus | WifiStatus
+"""A status with a time and a place."""
+
+
+def basic_of(status: Status) -> StatusPacket:
+    """What all of them say."""
+    return status if isinstance(status, StatusPacket) else status.basic

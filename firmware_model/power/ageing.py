@@ -1,0 +1,71 @@
+"""What years and charge cycles leave of a battery. Everything is per battery as new; the scale stays [0, 1].
+
+A battery that holds less is drawn down, and charged, faster on the scale of voltage: every rate is divided by what is
+left of its capacity. Both batteries of an aMussel age alike here.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from firmware_model.config import BoardConfig
+from firmware_model.power.charge import ChargeModel, Segments
+from firmware_model.power.rails import Loads
+
+AS_NEW = 10_000
+"""The whole capacity, in 1/10000."""
+
+
+@dataclass(frozen=True, slots=True)
+class Fading:
+    """What is lost, in 1/10000 of the capacity as new.
+
+    Lithium polymer cells are sold for 300 to 500 full cycles to 80 %, and lose a few percent a year on the shelf.
+    """
+
+    per_100_cycles: int = 400
+    per_year: int = 300
+
+    def __post_init__(self) -> None:
+        if min(self.per_100_cycles, self.per_year) < 0:
+            raise ValueError("a battery does not gain by ageing")
+
+
+def capacity_left(cycles: int, years: float, fading: Fading | None = None) -> int:
+    """In 1/10000 of the capacity as new. ValueError when nothing would be left, or for a negative age."""
+    fading = Fading() if fading is None else fading
+    if cycles < 0 or years < 0:
+        raise ValueError("an age is not negative")
+    left = AS_NEW - cycles * fading.per_100_cycles // 100 - round(years * fading.per_year)
+    if left <= 0:
+        raise ValueError(f"nothing is left of a battery after {cycles} cycles and {years:g} years")
+    return left
+
+
+def aged(config: BoardConfig, capacity: int) -> BoardConfig:
+    """The board on batteries that hold `capacity` of 10000 of what they held as new; every rate rounded down."""
+    if not 0 < capacity <= AS_NEW:
+        raise ValueError(f"a capacity lies in 1 to {AS_NEW}, not {capacity}")
+
+    def faster(rate: int) -> int:
+        return rate * AS_NEW // capacity
+
+    def curve(segments: Segments) -> Segments:
+        return tuple((end, faster(rate)) for end, rate in segments)
+
+    charge = ChargeModel(
+        faster(config.charge.discharge), curve(config.charge.segments), curve(config.charge.segments_by_two)
+    )
+    whole = config.whole
+    if whole is not None:
+        power, metering = whole.power, whole.power.metering
+        if metering is not None:
+            # The resistance stays, and with it what a current pulls the voltage down by.
+            metering = replace(
+                metering,
+                sag_ms=metering.sag_ms * capacity // AS_NEW,
+                sag_from=faster(metering.sag_from),
+            )
+        loads = Loads(tuple(faster(load) for load in power.loads.of))
+        whole = replace(whole, power=replace(power, loads=loads, metering=metering))
+    return replace(config, charge=charge, whole=whole)

@@ -1,0 +1,37 @@
+"""Which battery a board lives on, and the paper's worst case, which only ever uses one."""
+
+from __future__ import annotations
+
+from enum import IntEnum
+
+from firmware_model.power.charge import Battery, ChargeModel, Flow
+
+
+class Feed(IntEnum):
+    """The battery that the board lives on."""
+
+    PRIMARY = 0
+    SECONDARY = 1
+    NEITHER = 2
+    """Both are empty."""
+
+
+class WorstCase:
+    """The paper's choice (section IV-A): one battery, one load, the secondary's charging curve, the other kept full."""
+
+    def __init__(self, model: ChargeModel, primary: Battery, secondary: Battery) -> None:
+        self._model = model
+        self.primary = primary
+        self.secondary = secondary
+        self.due_ms: int | None = None
+        """Nothing about the batteries happens by itself: the board watches the one that it uses."""
+        self.feed = Feed.PRIMARY
+
+    def charge(self, charging: bool, now_ms: int) -> None:
+        flow = Flow.CHARGING if charging else Flow.DISCHARGING
+        if flow is not self.primary.flow:
+            self.primary = self._model.settle(self.primary, now_ms, flow)
+
+    def readings(self, now_ms: int) -> tuple[int, int]:
+        """Primary and secondary, in grains: the worst case knows them exactly."""
+        return self._model.charge_at(self.primary, now_ms), self._model.charge_at(self.secondary, now_ms)

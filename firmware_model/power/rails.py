@@ -1,0 +1,98 @@
+"""What draws power on an aMussel: a rail for each module that the board can switch, and which state has which on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+from firmware_model.power.charge import grains_per_ms
+from firmware_model.states import State
+
+
+class Rail(IntEnum):
+    """A module with its own switch; the MCU and the modem have one for each of their modes, of which one is on."""
+
+    MU_ASLEEP = 0
+    MU_ACTIVE = 1
+    OXYGEN = 2
+    PRESSURE = 3
+    TEMPERATURE = 4
+    TURBIDITY = 5
+    PI = 6
+    MODEM_LISTENING = 7
+    MODEM_RECEIVING = 8
+    MODEM_TRANSMITTING = 9
+    WIFI = 10
+    GSM = 11
+    BLUETOOTH = 12
+    MOTORS = 13
+
+
+def bits(*rails: Rail) -> int:
+    """A set of rails as an integer, which is how the board carries them."""
+    return sum(1 << rail for rail in rails)
+
+
+ASLEEP = bits(Rail.MU_ASLEEP, Rail.MODEM_LISTENING)
+IDLE = bits(Rail.MU_ACTIVE, Rail.MODEM_LISTENING)
+SENSORS = bits(Rail.OXYGEN, Rail.PRESSURE, Rail.TEMPERATURE, Rail.TURBIDITY)
+SENDING = bits(Rail.MU_ACTIVE, Rail.MODEM_TRANSMITTING)
+
+RAILS: dict[State, int] = {
+    State.OFF: 0,
+    State.BOOTING: IDLE,
+    State.ACTIVE: IDLE,
+    State.SURFACING: IDLE,
+    State.FLOATING: IDLE | bits(Rail.WIFI, Rail.GSM, Rail.BLUETOOTH),
+    State.CHARGING: ASLEEP,
+    State.RELEASED: IDLE | bits(Rail.WIFI),
+    State.SINKING: IDLE,
+    State.EMPTY: ASLEEP,
+    State.SLEEPING: ASLEEP,
+    State.SAMPLING: IDLE | SENSORS,
+    State.PROCESSING: IDLE | bits(Rail.PI),
+    State.AWAITING_SLOT: IDLE,
+    State.TRANSMITTING: SENDING,
+    State.HOVERING: IDLE,
+    State.REPORTING: IDLE | SENSORS | bits(Rail.WIFI),
+    State.CALLING: SENDING,
+    State.LOST: 0,
+    State.AWAITING_BEACON: IDLE,
+}
+"""What runs for a time of its own, in whatever state, is not in it: motors, and a modem that receives or answers."""
+
+
+def rails_of(state: State, kept_on: int, never_asleep: bool, pulsed: int) -> int:
+    """What is on in `state`; `pulsed` are the rails that are on for a time of their own."""
+    on = RAILS[state]
+    if on == 0:
+        return 0
+    on |= kept_on | pulsed
+    if on >> Rail.MODEM_TRANSMITTING & 1:
+        on &= ~bits(Rail.MODEM_RECEIVING, Rail.MODEM_LISTENING)
+    elif on >> Rail.MODEM_RECEIVING & 1:
+        on &= ~bits(Rail.MODEM_LISTENING)
+    if never_asleep and on >> Rail.MU_ASLEEP & 1:
+        on |= bits(Rail.MU_ACTIVE)
+    if on >> Rail.MU_ACTIVE & 1:
+        on &= ~bits(Rail.MU_ASLEEP)
+    return on
+
+
+@dataclass(frozen=True, slots=True)
+class Loads:
+    """Grains a millisecond that each rail draws while it is on, in the order of `Rail`."""
+
+    of: tuple[int, ...]
+
+    @classmethod
+    def from_minutes(cls, per_minute: dict[Rail, float]) -> Loads:
+        """From scaled voltage a simulated minute. ValueError when a rail is missing."""
+        missing = [rail.name for rail in Rail if rail not in per_minute]
+        if missing:
+            raise ValueError(f"no load is given for {', '.join(missing)}")
+        return cls(tuple(grains_per_ms(per_minute[rail]) for rail in Rail))
+
+    def total(self, on: int) -> int:
+        """What the rails in `on` draw together."""
+        return sum(load for rail, load in enumerate(self.of) if on >> rail & 1)

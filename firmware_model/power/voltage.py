@@ -1,0 +1,109 @@
+"""What the battery monitor reads, which is not what a battery holds, and what the board concludes from it.
+
+A load pulls the voltage down for as long as it lasts, a charger lifts it, and a reading has noise. The monitor samples at
+whole multiples of its period, a load that changes at a sample's own time after the sample. A level counts once every sample
+over `settle_ms` was beyond it: a transmission's sag, or the lift of a charger that touched for a moment, is no conclusion.
+"""
+
+from __future__ import annotations
+
+from _blake2 import blake2b
+from struct import Struct
+
+from firmware_model.config import Metering
+from firmware_model.power.charge import FULL, Battery, ChargeModel, Flow
+
+_KEY = Struct("<QQQ").pack
+_WORDS = Struct("<QQ").unpack
+_AT_ONCE = 64
+"""Samples that are looked at in one go; where noise decides, the board looks again after so many."""
+
+
+class Meter:
+    """Readings of one board's two batteries, in grains; `which` is 0 for the primary and 1 for the secondary."""
+
+    def __init__(self, model: ChargeModel, metering: Metering, agent_id: int) -> None:
+        self.model = model
+        self.metering = metering
+        self._agent_id = agent_id
+        self.needed = metering.settle_ms // metering.period_ms + 1
+        """Samples in a row that make a conclusion."""
+
+    def offset(self, battery: Battery) -> int:
+        """By how much the voltage of `battery` differs from its charge as it flows now."""
+        metering = self.metering
+        sag = metering.sag_ms * max(0, battery.load - metering.sag_from)
+        return (metering.lift if battery.flow is Flow.CHARGING else 0) - sag
+
+    def voltage(self, battery: Battery, at_ms: int) -> int:
+        """Without noise. A charger never lifts it above `FULL`; under load it may be below 0."""
+        return min(FULL, self.model.charge_at(battery, at_ms) + self.offset(battery))
+
+    def noise(self, which: int, n: int) -> int:
+        """Of sample `n`: uniform on the integers of [-noise, +noise], the same whoever asks."""
+        words: tuple[int, int] = _WORDS(
+            blake2b(_KEY(self.metering.seed, self._agent_id, n), digest_size=16).digest()
+        )
+        return (words[which] * (2 * self.metering.noise + 1) >> 64) - self.metering.noise
+
+    def reading(self, battery: Battery, which: int, n: int) -> int:
+        """Sample `n`, at n periods."""
+        return self.voltage(battery, n * self.metering.period_ms) + self.noise(which, n)
+
+
+class Watch:
+    """Counts the samples in a row that stood at a level or beyond it, from the first one after `now_ms` on."""
+
+    def __init__(self, meter: Meter, which: int, level: int, rising: bool, now_ms: int) -> None:
+        self._meter = meter
+        self._which = which
+        self._level = level
+        self._sign = 1 if rising else -1
+        self._counted = now_ms // meter.metering.period_ms
+        self._run = 0
+
+    def count(self, battery: Battery, until_ms: int) -> bool:
+        """Takes in the samples up to `until_ms`, all on the course of `battery`; whether they make a conclusion."""
+        n = until_ms // self._meter.metering.period_ms
+        until, run = n, 0
+        while n > self._counted and run < self._meter.needed and self._beyond(battery, n):
+            run += 1
+            n -= 1
+        self._run = self._run + run if n == self._counted else run
+        self._counted = until
+        return self._run >= self._meter.needed
+
+    def due_ms(self, battery: Battery) -> int | None:
+        """When to count next: at a conclusion, or where it pays to look again; None when this course leads to none."""
+        period_ms, needed = self._meter.metering.period_ms, self._meter.needed
+        n, run = self._counted + 1, self._run
+        for _ in range(max(_AT_ONCE, needed)):
+            if self._margin(battery, n) < -self._meter.metering.noise:
+                possible_ms = self._possible_ms(battery, n * period_ms)
+                if possible_ms is None:
+                    return None
+                n, run = -(-possible_ms // period_ms), 0
+            run = run + 1 if self._beyond(battery, n) else 0
+            if run >= needed:
+                break
+            n += 1
+        return n * period_ms
+
+    def _margin(self, battery: Battery, n: int) -> int:
+        """How far beyond the level the voltage is at sample `n`, without noise; negative when it is not."""
+        return self._sign * (self._meter.voltage(battery, n * self._meter.metering.period_ms) - self._level)
+
+    def _beyond(self, battery: Battery, n: int) -> bool:
+        margin, noise = self._margin(battery, n), self._meter.metering.noise
+        if not -noise <= margin < noise:
+            return margin >= noise
+        return margin + self._sign * self._meter.noise(self._which, n) >= 0
+
+    def _possible_ms(self, battery: Battery, from_ms: int) -> int | None:
+        """From `from_ms` on, when the voltage first comes so near the level that noise may carry it beyond."""
+        model = self._meter.model
+        here = Battery(from_ms, model.charge_at(battery, from_ms), battery.flow, battery.load, battery.coils)
+        target = self._level - self._meter.offset(battery) - self._sign * self._meter.metering.noise
+        if self._sign < 0:
+            return model.falls_to_at_ms(here, target)
+        return model.reaches_at_ms(here, target) if self._level - self._meter.metering.noise <= FULL else None

@@ -1,0 +1,84 @@
+"""The log of samples: a ring of records in flash, which a reset does not touch.
+
+The flash has pages. An erased page reads as zeros (as the flash of some microcontrollers does; so a file that nobody
+wrote to is an erased flash), bytes are programmed once, and only a whole page is erased. Record `sequence` stands in
+page `sequence // records a page`, modulo the pages, and entering a page erases what it held. The page that comes next
+counts as gone already: so what a reset undoes has destroyed nothing that still counted.
+"""
+
+from __future__ import annotations
+
+from firmware_model.sampling.flash import Flash, Ring
+from firmware_model.sampling.flash_recovery import recovered
+from firmware_model.sampling.sample_record import RECORD_BYTES, SampleRecord
+
+
+class FlashLog:
+    """The board's log. `torn` counts records of the newest page that a reset found begun and unreadable."""
+
+    def __init__(self, flash: Flash, next_sequence: int, acknowledged: int) -> None:
+        """Finds the newest record by scanning sequences and checks.
+
+        `next_sequence` and `acknowledged` are what the clock chip's registers kept, so that no sequence is ever given
+        twice: where the flash ends before `next_sequence`, what lies between was torn.
+        """
+        self._flash = flash
+        self.ring = Ring(flash.pages, flash.page_bytes)
+        self.acknowledged = acknowledged
+        self.next_sequence, self.torn = recovered(flash, self.ring, next_sequence)
+        self.oldest = min(self.next_sequence, self.ring.oldest(self.next_sequence))
+        """The sequence of the first record that the log still holds."""
+
+    @property
+    def overwritten(self) -> int:
+        """How many records are gone that nobody has acknowledged."""
+        return max(0, self.oldest - self.acknowledged)
+
+    @property
+    def waiting_from(self) -> int:
+        """The first record that is to be uploaded."""
+        return max(self.oldest, self.acknowledged)
+
+    @property
+    def waiting(self) -> int:
+        """How many records are to be uploaded."""
+        return self.next_sequence - self.waiting_from
+
+    def append(self, record: SampleRecord) -> None:
+        """Writes the record `next_sequence`; ValueError for another."""
+        sequence, ring = self.next_sequence, self.ring
+        if record.sequence != sequence:
+            raise ValueError(f"record {sequence} comes next, not {record.sequence}")
+        address = ring.address(sequence)
+        if address % ring.page_bytes == 0:
+            self._flash.erase(address // ring.page_bytes)
+        self._flash.program(address, record.encode())
+        self.next_sequence = sequence + 1
+        self.oldest = ring.oldest(sequence + 1)
+
+    def raw(self, first: int, until: int) -> bytes:
+        """The records from `first` up to and without `until` that can be read, in order, as they stand in flash."""
+        flash, address, found = self._flash, self.ring.address, []
+        for sequence in range(max(first, self.oldest), min(until, self.next_sequence)):
+            slot = flash.read(address(sequence), RECORD_BYTES)
+            if SampleRecord.is_whole(slot, sequence):
+                found.append(slot)
+        return b"".join(found)
+
+    def read(self, first: int, until: int) -> tuple[SampleRecord, ...]:
+        """As `raw`, read."""
+        data = self.raw(first, until)
+        read = (SampleRecord.decode(data[at : at + RECORD_BYTES]) for at in range(0, len(data), RECORD_BYTES))
+        return tuple([record for record in read if record is not None])
+
+    def newest(self) -> SampleRecord | None:
+        """The newest record, if it can be read."""
+        found = self.read(self.next_sequence - 1, self.next_sequence)
+        return found[0] if found else None
+
+    def acknowledge(self, next_sequence: int) -> bool:
+        """Everything below is kept elsewhere; False for what acknowledges nothing new, or more than there is."""
+        if not self.acknowledged < next_sequence <= self.next_sequence:
+            return False
+        self.acknowledged = next_sequence
+        return True

@@ -1,0 +1,54 @@
+"""One sample as it stands in flash and travels over Wi-Fi: 24 bytes with a check of their own."""
+
+from __future__ import annotations
+
+import struct
+from binascii import crc_hqx
+from dataclasses import dataclass
+from typing import ClassVar
+
+from firmware_model.packets.status_packets import Counts
+from firmware_model.packets.wire import sealed, unsealed
+
+RECORD_BYTES = 24
+NO_COUNTS: Counts = (0, 0, 0, 0)
+
+
+@dataclass(frozen=True, slots=True)
+class SampleRecord:
+    """Sample number `sequence`, from 0 on, of one aMussel; `agent_ms` is its own time.
+
+    `saturated` has a bit for each sensor, in the order of `counts`, whose reading lay outside its range.
+    """
+
+    VERSION: ClassVar[int] = 1
+    FORMAT: ClassVar[struct.Struct] = struct.Struct("<BBIQHHHH")
+
+    sequence: int
+    agent_ms: int
+    counts: Counts
+    saturated: int
+
+    def encode(self) -> bytes:
+        return sealed(
+            self.FORMAT.pack(self.VERSION, self.saturated, self.sequence, self.agent_ms, *self.counts)
+        )
+
+    @classmethod
+    def is_whole(cls, data: bytes, sequence: int) -> bool:
+        """Whether these bytes are an unharmed record of that sequence."""
+        return (
+            len(data) == RECORD_BYTES
+            and data[0] == cls.VERSION
+            and int.from_bytes(data[2:6], "little") == sequence
+            and crc_hqx(data[:-2], 0xFFFF) == int.from_bytes(data[-2:], "little")
+        )
+
+    @classmethod
+    def decode(cls, data: bytes) -> SampleRecord | None:
+        """None for anything that is not a whole, unharmed record."""
+        body = unsealed(data) if len(data) == RECORD_BYTES else None
+        if body is None or body[0] != cls.VERSION:
+            return None
+        _, saturated, sequence, agent_ms, oxygen, pressure, temperature, turbidity = cls.FORMAT.unpack(body)
+        return cls(sequence, agent_ms, (oxygen, pressure, temperature, turbidity), saturated)

@@ -1,0 +1,193 @@
+"""The link's words, and an agent behind its link: asked twice, asked by an old supervisor, asked in garbage."""
+
+from __future__ import annotations
+
+import os
+import socket
+from collections.abc import Iterator
+from dataclasses import replace
+
+import pytest
+from fleets import PAPER
+from hypothesis import given
+from hypothesis import strategies as st
+
+from agents.fleet import resting_on_bottom
+from agents.hosting.agent_process import Servant
+from agents.hosting.host import Grant, Reply
+from agents.hosting.link_protocol import (
+    LIMIT_BYTES,
+    NEVER,
+    Answer,
+    LinkError,
+    Refusal,
+    Repeat,
+    Window,
+    decode_from_agent,
+    decode_to_agent,
+    encode_answer,
+)
+from agents.mussel.agent import Agent
+from agents.mussel.outputs import Dropped, Output, SoundSent, WifiSent
+from agents.mussel.stimuli import ContactClosed, ContactOpened, DockMoved, SoundArrived, WifiArrived
+from agents.mussel.truths import decode as decode_telling
+from agents.nursery.state_file import SlotPair
+from firmware_model.packets.codec import MusselbedCodec
+from firmware_model.stimuli import ResetCause
+
+FLEET = replace(PAPER, drifts_always=False, drift_amplitude_um=0)
+TIMES = st.integers(0, 2**63)
+KEYS = st.tuples(st.integers(1, 2**32 - 1), st.integers(0, 2**63))
+FACTS = st.tuples(
+    TIMES,
+    st.builds(ContactClosed, st.integers(-(2**62), 2**62), st.integers(-(2**62), 2**62))
+    | st.builds(DockMoved, st.integers(-(2**62), 2**62), st.integers(-(2**62), 2**62))
+    | st.builds(ContactOpened)
+    | st.builds(SoundArrived, st.binary(max_size=40))
+    | st.builds(WifiArrived, st.binary(max_size=40)),
+)
+OUTPUTS: st.SearchStrategy[Output] = (
+    st.builds(WifiSent, TIMES, st.binary(max_size=40))
+    | st.builds(SoundSent, TIMES, st.binary(max_size=40))
+    | st.builds(Dropped, TIMES, st.text(max_size=40))
+)
+
+
+@given(key=KEYS, until_ms=TIMES, facts=st.lists(FACTS, max_size=5))
+def test_a_window_crosses_the_link(
+    key: tuple[int, int], until_ms: int, facts: list[tuple[int, object]]
+) -> None:
+    window = Window(key, Grant(until_ms, tuple(facts)))  # type: ignore[arg-type]
+    assert decode_to_agent(window.encode()) == window
+
+
+@given(key=KEYS, due_ms=st.none() | TIMES, outputs=st.lists(OUTPUTS, max_size=700))
+def test_an_answer_crosses_the_link_in_parts(
+    key: tuple[int, int], due_ms: int | None, outputs: list[Output]
+) -> None:
+    frames = encode_answer(key, (1, 2), 30, 4, Reply(due_ms, tuple(outputs)))
+    answers = [decode_from_agent(frame) for frame in frames]
+    assert all(len(frame) <= LIMIT_BYTES for frame in frames)
+    came: list[Output] = []
+    for part, answer in enumerate(answers):
+        assert isinstance(answer, Answer)
+        assert (answer.key, answer.window, answer.granted_ms, answer.truths) == (key, (1, 2), 30, 4)
+        assert (answer.part, answer.parts, answer.reply.next_due_ms) == (part, len(frames), due_ms)
+        came += answer.reply.outputs
+    assert came == outputs
+
+
+@given(sizes=st.lists(st.integers(0, 1024), min_size=60, max_size=300))
+def test_an_answer_of_large_packets_is_parted_by_their_bytes(sizes: list[int]) -> None:
+    outputs = tuple(WifiSent(n, bytes(size)) for n, size in enumerate(sizes))
+    frames = encode_answer((1, 3), (1, 2), 30, 4, Reply(None, outputs))
+    assert all(len(frame) <= LIMIT_BYTES for frame in frames)
+    answers = [decode_from_agent(frame) for frame in frames]
+    came = [it for answer in answers if isinstance(answer, Answer) for it in answer.reply.outputs]
+    assert tuple(came) == outputs
+    assert len(frames) <= 1 + (sum(sizes) + 32 * len(sizes)) // 7_000 + len(sizes) // 256
+
+
+@given(data=st.binary(max_size=60))
+def test_garbage_is_a_link_error_either_way(data: bytes) -> None:
+    for decode in (decode_to_agent, decode_from_agent):
+        try:
+            decode(data)
+        except LinkError:
+            continue
+
+
+def test_a_truncated_word_is_a_link_error() -> None:
+    whole = Window((1, 1), Grant(30, ((7, SoundArrived(b"abc")),))).encode()
+    for size in range(len(whole)):
+        with pytest.raises(LinkError):
+            decode_to_agent(whole[:size])
+
+
+def test_a_window_too_large_for_the_link_is_the_granters_mistake() -> None:
+    facts = tuple((0, SoundArrived(bytes(1000))) for _ in range(66))
+    with pytest.raises(ValueError, match="a link carries 65536"):
+        Window((1, 1), Grant(0, facts)).encode()
+    with pytest.raises(LinkError, match="longer than 65536 bytes"):
+        decode_to_agent(bytes(LIMIT_BYTES + 1))
+
+
+@pytest.fixture
+def served() -> Iterator[tuple[Servant, socket.socket, SlotPair]]:
+    """An agent behind its link, the end of its truth socket, and its slots."""
+    slots = os.memfd_create("slots")
+    pair = SlotPair(slots, 0, 7)
+    physical = resting_on_bottom(1.0, 2.0, 3.0, 0.5, 1.0)
+    pair.birth(physical)
+    hearer, teller = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    agent = Agent(FLEET.maker().config(7), MusselbedCodec(), physical, 0, ResetCause.POWER_ON)
+    with hearer, teller:
+        yield Servant(agent, pair, teller, NEVER, 0), hearer, pair
+    os.close(slots)
+
+
+def test_the_same_question_gets_the_same_answer_and_happens_once(
+    served: tuple[Servant, socket.socket, SlotPair],
+) -> None:
+    servant, hearer, pair = served
+    window = Window((1, 1), Grant(40_000)).encode()
+    first = servant.take(window)
+    told = decode_telling(hearer.recv(LIMIT_BYTES))
+    assert servant.take(window) == first
+    with pytest.raises(BlockingIOError):
+        hearer.recv(LIMIT_BYTES, socket.MSG_DONTWAIT)
+    answer = decode_from_agent(first[0])
+    assert isinstance(answer, Answer)
+    assert (answer.granted_ms, answer.truths) == (40_000, len(told.truths))
+    assert [type(output) for output in answer.reply.outputs] == [WifiSent]
+    newest = pair.newest(None)
+    assert newest is not None and (newest.key, newest.granted_ms) == ((1, 1), 40_000)
+
+
+def test_an_old_epoch_is_fenced_off_and_moves_nothing(
+    served: tuple[Servant, socket.socket, SlotPair],
+) -> None:
+    servant, _, pair = served
+    servant.take(Window((1, 5), Grant(10_000)).encode())
+    servant.take(Repeat((2, 0)).encode())
+    refusal = decode_from_agent(servant.take(Window((1, 6), Grant(20_000)).encode())[0])
+    assert refusal == Refusal((1, 6), True, "fenced off: epoch 2 has taken over from epoch 1")
+    newest = pair.newest(None)
+    assert newest is not None and newest.granted_ms == 10_000
+
+
+def test_repeat_says_the_last_window_again_and_the_present_truth(
+    served: tuple[Servant, socket.socket, SlotPair],
+) -> None:
+    servant, hearer, _ = served
+    last = decode_from_agent(servant.take(Window((1, 5), Grant(40_000)).encode())[0])
+    hearer.recv(LIMIT_BYTES)
+    again = decode_from_agent(servant.take(Repeat((2, 0)).encode())[0])
+    assert isinstance(last, Answer) and isinstance(again, Answer)
+    assert (again.key, again.window, again.granted_ms) == ((2, 0), (1, 5), 40_000)
+    assert again.reply == last.reply
+    telling = decode_telling(hearer.recv(LIMIT_BYTES))
+    assert telling.key == (2, 0)
+    assert [truth.at_ms for truth in telling.truths] == [40_000]
+
+
+@pytest.mark.parametrize(
+    ("data", "reason"),
+    [
+        (b"", "not msgpack"),
+        (b"\xc1", "not msgpack"),
+        (bytes(LIMIT_BYTES + 1), "longer than 65536 bytes"),
+        (Window((1, 2), Grant(9_999)).encode(), "time went back: 9999 before 10000"),
+        (Window((1, 2), Grant(20_000, ((30_000, ContactOpened()),))).encode(), "time went back: 20000"),
+        (Window((1, 0), Grant(20_000)).encode(), "comes after"),
+    ],
+)
+def test_a_bad_message_is_refused_and_the_next_good_one_works(
+    served: tuple[Servant, socket.socket, SlotPair], data: bytes, reason: str
+) -> None:
+    servant, _, _ = served
+    servant.take(Window((1, 1), Grant(10_000)).encode())
+    refusal = decode_from_agent(servant.take(data)[0])
+    assert isinstance(refusal, Refusal) and not refusal.fenced and reason in refusal.reason
+    answer = decode_from_agent(servant.take(Window((1, 2), Grant(20_000)).encode())[0])
+    assert isinstance(answer, Answer) and answer.granted_ms == 20_000

@@ -1,0 +1,162 @@
+"""An agent's own laws: however time is cut, and wherever it resets, the same life comes out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import pytest
+from fleets import PAPER
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from agents.fleet import resting_on_bottom
+from agents.mussel.agent import Agent
+from agents.mussel.outputs import Dropped, Output, Truth, WifiSent
+from agents.mussel.stimuli import (
+    ContactClosed,
+    ContactOpened,
+    DockMoved,
+    Placed,
+    SoundArrived,
+    Stimulus,
+    WasReset,
+    WifiArrived,
+)
+from firmware_model.packets import CommandPacket, Kind, StatusPacket
+from firmware_model.packets.codec import MusselbedCodec
+from firmware_model.power.charge import Flow, grains
+from firmware_model.states import State
+from firmware_model.stimuli import ResetCause
+
+CODEC = MusselbedCodec()
+PERMISSION = CODEC.encode(CommandPacket(Kind.PERMISSION, 7))
+RELEASE = CODEC.encode(CommandPacket(Kind.RELEASE, 7))
+STIMULI: tuple[Stimulus, ...] = (
+    SoundArrived(PERMISSION),
+    SoundArrived(b"noise"),
+    WifiArrived(RELEASE),
+    ContactClosed(3_000_000, -1_000_000),
+    DockMoved(5_000_000, 2_000_000),
+    ContactOpened(),
+    Placed(1_000_000, 2_000_000, 3_000_000, grains(0.4), grains(0.9)),
+    WasReset(ResetCause.BROWN_OUT),
+)
+FLEET = PAPER
+END_MS = 2_000_000
+
+
+@dataclass(frozen=True)
+class Reset:
+    """kill -9 in a story: a new agent from what is physical."""
+
+
+def agent(charge: float = 0.5) -> Agent:
+    physical = resting_on_bottom(1.0, 2.0, 3.0, charge, 1.0)
+    return Agent(FLEET.maker().config(7), CODEC, physical, 0, ResetCause.POWER_ON)
+
+
+def live(
+    story: list[tuple[int, Stimulus | Reset]], cuts: list[int], charge: float
+) -> tuple[list[Output], list[Truth]]:
+    """Outputs and truths up to END_MS; a cut does nothing but advance."""
+    mussel = agent(charge)
+    outputs: list[Output] = []
+    truths: list[Truth] = []
+    moments: list[tuple[int, Stimulus | Reset | None]] = [*story, *((at_ms, None) for at_ms in cuts)]
+    for at_ms, event in sorted(moments, key=lambda it: (it[0], it[1] is not None)):
+        if isinstance(event, Reset):
+            outputs += mussel.advance(at_ms)
+            truths += mussel.take_truths()
+            mussel = Agent(mussel.config, CODEC, mussel.physical, at_ms, ResetCause.BROWN_OUT)
+        elif event is None:
+            outputs += mussel.advance(at_ms)
+        else:
+            outputs += mussel.receive(event, at_ms)
+        truths += mussel.take_truths()
+    outputs += mussel.advance(END_MS)
+    return outputs, truths + mussel.take_truths()
+
+
+TIMES = st.integers(0, END_MS // 10_000).map(lambda step: step * 10_000) | st.integers(0, END_MS)
+EVENTS = st.sampled_from([*STIMULI, Reset()])
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    story=st.lists(st.tuples(TIMES, EVENTS), max_size=12, unique_by=lambda it: it[0]),
+    cuts=st.lists(TIMES, max_size=20),
+    charge=st.sampled_from([0.0, 0.01, 0.5, 1.0]),
+)
+def test_any_cuts_give_the_same_life(
+    story: list[tuple[int, Stimulus | Reset]], cuts: list[int], charge: float
+) -> None:
+    assert live(story, cuts, charge) == live(story, [], charge)
+
+
+def states(mussel: Agent) -> list[State]:
+    return [truth.state for truth in mussel.take_truths()]
+
+
+def test_a_docking_from_the_bottom_to_the_bottom() -> None:
+    mussel = agent()
+    mussel.receive(SoundArrived(PERMISSION), 3_000)
+    mussel.advance(63_000)
+    assert mussel.board.state is State.FLOATING
+    mussel.receive(ContactClosed(3_000_000, -1_000_000), 70_000)
+    assert mussel.board.state is State.FLOATING  # the edge counts after the debounce time only
+    mussel.advance(70_050)
+    assert mussel.board.state is State.CHARGING
+    mussel.receive(DockMoved(5_000_000, 2_000_000), 80_000)
+    assert (mussel.body.north_um, mussel.body.east_um) == (5_000_000, 2_000_000)
+    mussel.receive(ContactOpened(), 90_000)
+    mussel.receive(WifiArrived(RELEASE), 90_100)
+    assert mussel.board.state is State.SINKING
+    mussel.advance(135_100)
+    assert mussel.board.state is State.ACTIVE
+    assert mussel.physical.depth_um == 3_000_000
+
+
+def test_reports_come_each_period_once_it_has_booted() -> None:
+    reports = [out for out in agent().advance(95_000) if isinstance(out, WifiSent)]
+    assert [report.at_ms for report in reports] == [30_000, 60_000, 90_000]
+    packets = [CODEC.decode(report.data) for report in reports]
+    assert [packet.sequence for packet in packets if isinstance(packet, StatusPacket)] == [0, 1, 2]
+
+
+def test_a_reset_while_charging_boots_and_charges_on() -> None:
+    mussel = agent()
+    mussel.receive(SoundArrived(PERMISSION), 3_000)
+    mussel.receive(ContactClosed(0, 0), 70_000)
+    mussel.advance(100_000)
+    before = mussel.physical
+    again = Agent(mussel.config, CODEC, before, 100_000, ResetCause.BROWN_OUT)
+    assert again.board.state is State.BOOTING
+    again.advance(102_000)
+    assert again.board.state is State.CHARGING
+    assert again.physical.primary == before.primary  # no anchor moved: the charge never stopped
+    assert again.physical.primary.flow is Flow.CHARGING
+    assert (again.physical.north_um, again.physical.east_um) == (before.north_um, before.east_um)
+
+
+@pytest.mark.parametrize(
+    ("stimulus", "reason"),
+    [
+        (ContactClosed(0, 0), "a dock closed, but not around this aMussel"),
+        (DockMoved(0, 0), "a dock moved that does not hold this aMussel"),
+        (ContactOpened(), "a dock opened that does not hold this aMussel"),
+        (SoundArrived(b"noise"), "not a command"),
+    ],
+)
+def test_what_cannot_be_is_dropped_with_a_reason(stimulus: Stimulus, reason: str) -> None:
+    mussel = agent()
+    mussel.advance(5_000)
+    before = mussel.physical
+    assert mussel.receive(stimulus, 5_000) == [Dropped(5_000, reason)]
+    assert mussel.physical == before
+
+
+def test_time_never_goes_back() -> None:
+    mussel = agent()
+    mussel.advance(10_000)
+    with pytest.raises(ValueError, match="time went back: 9999 before 10000"):
+        mussel.advance(9_999)

@@ -1,0 +1,61 @@
+"""Truths on their own channel: whole windows count, and what is no truth is counted too."""
+
+from __future__ import annotations
+
+import socket
+from collections import Counter
+
+import pytest
+
+from agents.fleet import resting_on_bottom
+from agents.hosting.link_protocol import LIMIT_BYTES, LinkError
+from agents.mussel import truths
+from agents.mussel.outputs import Truth
+from firmware_model.states import State
+
+
+def told(agent_id: int, count: int) -> list[Truth]:
+    physical = resting_on_bottom(1.0, 2.0, 3.0, 0.5, 1.0)
+    return [Truth(at_ms, agent_id, State.ACTIVE, physical) for at_ms in range(count)]
+
+
+@pytest.mark.parametrize("count", [0, 1, 2000])
+def test_truths_cross_in_as_many_datagrams_as_they_need(count: int) -> None:
+    datagrams = truths.encode(7, (2, 9), told(7, count))
+    assert all(len(datagram) <= LIMIT_BYTES for datagram in datagrams)
+    tellings = [truths.decode(datagram) for datagram in datagrams]
+    assert all((telling.agent_id, telling.key) == (7, (2, 9)) for telling in tellings)
+    assert [truth for telling in tellings for truth in telling.truths] == told(7, count)
+
+
+def test_what_is_no_telling_is_a_link_error() -> None:
+    whole = truths.encode(7, (2, 9), told(7, 1))[0]
+    wrong_state = bytearray(whole)
+    wrong_state[14 + 10] = 200
+    for data in (b"", whole[:-1], whole + b"x", bytes(wrong_state), truths.encode(8, (2, 9), told(7, 1))[0]):
+        with pytest.raises(LinkError):
+            truths.decode(data)
+
+
+def test_a_hearer_keeps_answered_windows_and_counts_garbage() -> None:
+    dropped: Counter[str] = Counter()
+    hearing, telling = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    with hearing, telling:
+        hearer = truths.Hearer(hearing, dropped)
+        for data in (
+            b"no truth",
+            b"",
+            *truths.encode(7, (2, 1), told(7, 2)),
+            *truths.encode(7, (2, 2), told(7, 3)),
+        ):
+            telling.send(data)
+        telling.send(truths.encode(8, (2, 2), told(8, 1))[0])
+        hearer.hear()
+        assert hearer.take(7, (2, 1)) == tuple(told(7, 2))
+        assert hearer.take(7, (2, 2)) == ()  # of an unanswered window, and so forgotten
+        hearer.forget(8)
+        assert hearer.take(8, (2, 2)) == ()
+        assert dropped == {"truth: 8 bytes are no truths": 1, "truth: 0 bytes are no truths": 1}
+        telling.close()
+        hearer.hear()  # the end is no garbage
+        assert sum(dropped.values()) == 2

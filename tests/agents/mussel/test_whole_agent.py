@@ -1,0 +1,268 @@
+"""An agent whose board is the whole firmware: its life survives cuts, resets and the wire, and its board's words go out."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from fleets import PAPER, STILL
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from agents.fleet import resting_on_bottom
+from agents.mussel.agent import Agent, AgentConfig
+from agents.mussel.outputs import Output, SoundSent, Truth, WifiSent
+from agents.mussel.physical import Physical
+from agents.mussel.stimuli import (
+    CoilSlipped,
+    ContactClosed,
+    ContactOpened,
+    ModemSent,
+    PingArrived,
+    Placed,
+    SoundArrived,
+    Stimulus,
+    WasReset,
+    WifiArrived,
+)
+from firmware_model.config import LastResort, Timekeeping
+from firmware_model.packets import (
+    PLAIN_KINDS,
+    AcousticStatus,
+    Beacon,
+    Command,
+    CommandPacket,
+    HoverAt,
+    Kind,
+    SetThreshold,
+    SleepSchedule,
+    SlotAssignment,
+    StatusPacket,
+    Threshold,
+)
+from firmware_model.packets.codec import MusselbedCodec
+from firmware_model.power.charge import FULL, Flow, grains
+from firmware_model.sampling.flash import MemoryFlash
+from firmware_model.sampling.sample_record import RECORD_BYTES
+from firmware_model.states import State
+from firmware_model.stimuli import ResetCause
+from firmware_model.table_one import FIELD, METERING, board, power
+
+CODEC = MusselbedCodec()
+COMMANDS = {kind: CODEC.encode(CommandPacket(kind, 7)) for kind in sorted(PLAIN_KINDS)}
+WATER = replace(PAPER, **STILL).maker().config(7).water
+WATER = replace(WATER, coil_alignment_ms=20_000)
+CYCLE = replace(FIELD, alarm_ms=200_000)
+CONFIG = AgentConfig(board(CYCLE, power(LastResort.CALL), agent_id=7), WATER, 30_000, heard_always=False)
+_FIELD = board(CYCLE, power(LastResort.SURFACE, metering=METERING, low_level=FULL // 2), agent_id=7)
+assert _FIELD.whole is not None
+DRIFTING = replace(
+    CONFIG,
+    board=replace(
+        _FIELD,
+        drift_ppb=-40_000_000,
+        whole=replace(_FIELD.whole, timekeeping=Timekeeping(50_000_000, 30_000), stay_down_ms=300_000),
+    ),
+)
+"""Its clock is so bad, and so badly thought of, that within half an hour everything happens that does in days."""
+WORDS: tuple[Command, ...] = (
+    Beacon(7, 500_000),
+    Beacon(0, 1_500_000),
+    SleepSchedule(7, 150_000, 20_000),
+    SlotAssignment(7, 60_000, 4000, 1500, 3, -20),
+    SetThreshold(7, Threshold.SAFE_LEVEL, 0.1),
+    HoverAt(7, 1.25),
+)
+STIMULI: tuple[Stimulus, ...] = (
+    *(SoundArrived(data) for data in COMMANDS.values()),
+    *(SoundArrived(CODEC.encode(word)) for word in WORDS),
+    WifiArrived(COMMANDS[Kind.RELEASE]),
+    ContactClosed(0, 0),
+    ContactOpened(),
+    CoilSlipped(),
+    PingArrived(1000),
+    ModemSent(393),
+    Placed(1_000_000, 2_000_000, 3_000_000, grains(0.4), grains(0.9)),
+    WasReset(ResetCause.BROWN_OUT),
+)
+END_MS = 2_000_000
+
+
+def agent(
+    primary: float = 0.9,
+    secondary: float = 1.0,
+    flash: MemoryFlash | None = None,
+    config: AgentConfig = CONFIG,
+) -> Agent:
+    physical = resting_on_bottom(1.0, 2.0, 3.0, primary, secondary)
+    return Agent(config, CODEC, physical, 0, ResetCause.POWER_ON, flash)
+
+
+def live(
+    config: AgentConfig,
+    story: list[tuple[int, Stimulus | None]],
+    cuts: list[int],
+    charges: tuple[float, float],
+    packed: bool,
+) -> tuple[list[Output], list[Truth]]:
+    """Outputs and truths up to END_MS; None is a reset, over the wire when `packed`."""
+    flash = MemoryFlash(3, 2 * RECORD_BYTES)
+    mussel = agent(*charges, flash, config)
+    outputs: list[Output] = []
+    truths: list[Truth] = []
+    moments = [(at_ms, 1, stimulus) for at_ms, stimulus in story] + [(at_ms, 0, None) for at_ms in cuts]
+    for at_ms, is_event, stimulus in sorted(moments, key=lambda it: it[:2]):
+        outputs += mussel.advance(at_ms)
+        if is_event and stimulus is None:
+            truths += mussel.take_truths()
+            physical = mussel.physical
+            if packed:
+                physical = Physical.unpack(physical.pack())
+            mussel = Agent(config, CODEC, physical, at_ms, ResetCause.BROWN_OUT, flash)
+        elif stimulus is not None:
+            outputs += mussel.receive(stimulus, at_ms)
+    outputs += mussel.advance(END_MS)
+    return outputs, truths + mussel.take_truths()
+
+
+TIMES = st.integers(0, END_MS)
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    config=st.sampled_from([CONFIG, DRIFTING]),
+    story=st.lists(
+        st.tuples(TIMES, st.sampled_from([*STIMULI, None])), max_size=12, unique_by=lambda it: it[0]
+    ),
+    cuts=st.lists(TIMES, max_size=20),
+    charges=st.sampled_from([(0.0, 0.0), (0.001, 0.15), (0.01, 1.0), (0.9, 1.0)]),
+)
+def test_any_cuts_and_the_wire_give_the_same_life(
+    config: AgentConfig,
+    story: list[tuple[int, Stimulus | None]],
+    cuts: list[int],
+    charges: tuple[float, float],
+) -> None:
+    assert live(config, story, cuts, charges, packed=True) == live(config, story, [], charges, packed=False)
+
+
+def test_its_status_goes_out_by_sound_in_its_slot() -> None:
+    sounds = [output for output in agent().advance(400_000) if isinstance(output, SoundSent)]
+    # Awake at 200 s, sampled and processed by 270 s; slot 0 of the next five-minute frame opens at 300 s.
+    assert [sound.at_ms for sound in sounds] == [300_000]
+    packet = CODEC.decode(sounds[0].data)
+    assert isinstance(packet, AcousticStatus)
+    status = packet.basic
+    assert (status.state, status.depth_m, status.agent_ms) == (State.TRANSMITTING, 3.0, 300_000)
+    assert (packet.samples, packet.waiting) == (1, 1)
+
+
+def test_docked_both_batteries_charge_and_it_reports_by_wifi() -> None:
+    mussel = agent(0.5, 0.5)
+    mussel.receive(SoundArrived(COMMANDS[Kind.PERMISSION]), 70_000)
+    mussel.receive(ContactClosed(0, 0), 140_000)
+    outputs = mussel.advance(205_000)
+    assert mussel.board.state is State.REPORTING
+    # The coils are aligned at 160 s. Asleep in the dock its Wi-Fi is off, so the report that is due at 180 s stays away.
+    assert [output.at_ms for output in outputs if isinstance(output, WifiSent)] == [150_000, 200_000]
+    physical = mussel.physical
+    assert (physical.primary.flow, physical.primary.coils) == (Flow.CHARGING, 2)
+    assert (physical.secondary.flow, physical.secondary.coils) == (Flow.CHARGING, 1)
+    assert physical.primary.load > 0 == physical.secondary.load
+
+
+def test_hovering_it_stays_at_its_depth() -> None:
+    mussel = agent()
+    mussel.receive(SoundArrived(COMMANDS[Kind.HOVER]), 70_000)
+    mussel.advance(700_000)
+    assert mussel.board.state is State.HOVERING
+    assert mussel.body.depth_at_um(700_000) == 3_000_000
+    mussel.receive(SoundArrived(COMMANDS[Kind.PERMISSION]), 700_000)
+    mussel.advance(760_000)
+    assert mussel.board.state is State.FLOATING
+
+
+def test_it_hovers_at_the_depth_that_it_is_told_and_a_reset_leaves_it_there() -> None:
+    mussel = agent()
+    mussel.receive(SoundArrived(CODEC.encode(HoverAt(7, 1.25))), 70_000)
+    # From 3 m, at 3 m in 60 s: 1.75 m take 35 s.
+    mussel.advance(90_000)
+    assert mussel.body.depth_at_um(90_000) == 2_000_000
+    again = Agent(CONFIG, CODEC, Physical.unpack(mussel.physical.pack()), 90_000, ResetCause.BROWN_OUT)
+    again.advance(105_000)
+    assert again.body.depth_at_um(105_000) == 1_250_000
+    again.advance(500_000)
+    assert again.body.depth_at_um(500_000) == 1_250_000
+    mussel.receive(SoundArrived(CODEC.encode(HoverAt(7, 60.0))), 100_000)
+    # 1.5 m down at 3 m in 45 s, and no deeper than the bottom.
+    assert mussel.body.depth_at_um(115_000) == 2_500_000
+    mussel.advance(200_000)
+    assert (mussel.board.state, mussel.body.depth_at_um(200_000)) == (State.HOVERING, 3_000_000)
+
+
+def reported(config: AgentConfig) -> tuple[int, StatusPacket]:
+    """When its first status went out by sound, and what it said."""
+    sounds = [output for output in agent(config=config).advance(400_000) if isinstance(output, SoundSent)]
+    packet = CODEC.decode(sounds[0].data)
+    assert isinstance(packet, AcousticStatus)
+    return sounds[0].at_ms, packet.basic
+
+
+def test_a_status_says_what_the_board_knows_its_readings_and_its_own_time() -> None:
+    drifting = replace(CONFIG, board=replace(CONFIG.board, drift_ppb=1_000_000))
+    at_ms, said = reported(drifting)
+    # A thousandth fast: its 300 s are 299 701 ms, rounded up.
+    assert (at_ms, said.agent_ms) == (299_701, 300_000)
+    _, exact = reported(CONFIG)
+    _, read = reported(replace(CONFIG, board=board(CYCLE, power(metering=METERING), agent_id=7)))
+    # 3 mV of 600 at most, and not the 67 that the transmission itself takes.
+    assert 0 < abs(read.primary - exact.primary) < 0.0051
+
+
+def test_what_it_was_told_outlives_its_process() -> None:
+    mussel = agent(config=DRIFTING)
+    for at_ms, word in enumerate(WORDS, 70_000):
+        mussel.receive(SoundArrived(CODEC.encode(word)), at_ms)
+    physical = Physical.unpack(mussel.physical.pack())
+    assert physical == mussel.physical
+    again = Agent(DRIFTING, CODEC, physical, 100_000, ResetCause.BROWN_OUT)
+    assert again.board.kept == mussel.board.kept is not None
+    assert again.board.clock_ms(100_000) == mussel.board.clock_ms(100_000)
+
+
+def docked(contact_ms: int) -> Agent:
+    """At the surface since 130 s; the dock closes at `contact_ms`."""
+    mussel = agent(0.5, 0.5)
+    mussel.receive(SoundArrived(COMMANDS[Kind.PERMISSION]), 70_000)
+    mussel.receive(ContactClosed(0, 0), contact_ms)
+    return mussel
+
+
+def test_the_charger_starts_when_the_coils_are_aligned_and_not_at_the_contact() -> None:
+    mussel = docked(140_000)
+    assert (mussel.body.pin_high, mussel.body.pin_due_ms) == (False, 160_000)
+    mussel.advance(160_049)
+    assert (mussel.board.state, mussel.physical.primary.flow) == (State.FLOATING, Flow.CHARGING)
+    assert mussel.physical.primary.anchor_ms == 160_000
+    mussel.advance(160_050)
+    assert mussel.board.state is State.CHARGING
+
+
+def test_coils_that_slip_release_nothing_when_they_align_again_in_time() -> None:
+    mussel = docked(140_000)
+    mussel.receive(CoilSlipped(), 163_000)
+    mussel.advance(163_050)
+    assert (mussel.board.state, mussel.physical.primary.flow) == (State.RELEASED, Flow.DISCHARGING)
+    mussel.advance(183_050)
+    assert (mussel.board.state, mussel.physical.primary.flow) == (State.CHARGING, Flow.CHARGING)
+
+
+def test_a_body_that_a_dock_holds_does_not_sink_until_it_is_let_go() -> None:
+    mussel = docked(140_000)
+    for at_ms in range(170_000, 310_000, 15_000):
+        mussel.receive(
+            CoilSlipped(), at_ms
+        )  # over and over: after 120 s without the charger it believes that it is free
+    assert (mussel.board.state, mussel.body.depth_at_um(309_000)) == (State.SINKING, 0)
+    mussel.receive(ContactOpened(), 310_000)
+    mussel.advance(355_000)
+    assert (mussel.board.state, mussel.body.depth_at_um(355_000)) == (State.ACTIVE, 3_000_000)

@@ -1,0 +1,267 @@
+"""A fleet in its sea, with agents as objects: who hears whom and when, ranges, and that cutting time changes nothing."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from seas import FLEET, SEA
+
+from agents.coordinator import Coordinator, Died, Heard
+from agents.fleet import FleetConfig, resting_on_bottom
+from agents.hosting.in_process import OneProcess
+from agents.mussel.outputs import Truth
+from agents.mussel.stimuli import ContactClosed, SoundArrived
+from agents.water.medium import Outcome, PacketEnded
+from agents.water.sea import Sea, SeaConfig
+from agents.water.sea_events import NotRanged, Ranged, SeaResult, SoundReached, Told, address_of
+from agents.water.sound import Sound
+from agents.water.topology import LinkRule, Topology
+from agents.water.wifi import Wifi
+from firmware_model.packets import AcousticStatus, CommandPacket, Kind, ShortStatus
+from firmware_model.packets.codec import MusselbedCodec
+from firmware_model.power.charge import FULL
+from firmware_model.states import State
+from firmware_model.table_one import MODEL
+
+HOUR_MS = 3_600_000
+
+
+class Bench:
+    """aMussels 1, 2, ... on the bottom at these metres to the north; the aPad's modem as deep, at 0."""
+
+    def __init__(self, *norths_m: float, sea: SeaConfig = SEA, fleet: FleetConfig = FLEET) -> None:
+        births = {
+            n: resting_on_bottom(metres, 0, 3.0, 0.9, 1.0) for n, metres in enumerate(norths_m, start=1)
+        }
+        self.host = OneProcess(fleet, births)
+        self.coordinator = Coordinator(self.host, dict.fromkeys(births, 0), fleet.theta)
+        self.sea = Sea(sea, self.coordinator, self.host)
+        self.sea.carry_apad(0.0, 0.0, 0)
+        self.came: list[SeaResult] = []
+
+    def run(self, until_ms: int, step_ms: int = 1000) -> list[SeaResult]:
+        new: list[SeaResult] = []
+        for now_ms in range(step_ms, until_ms + 1, step_ms):
+            if now_ms * self.coordinator.theta >= self.sea.now_ms:
+                new += self.sea.advance(now_ms)
+        self.came += new
+        return new
+
+    def state(self, agent_id: int) -> State:
+        return self.host._agents[agent_id].board.state
+
+
+def command(kind: Kind, agent_id: int) -> bytes:
+    return MusselbedCodec().encode(CommandPacket(kind, agent_id))
+
+
+def of(kind: type, results: list[SeaResult]) -> list[SeaResult]:
+    return [it for it in results if isinstance(it, kind)]
+
+
+def test_hourly_statuses_reach_the_aPad_in_their_slots() -> None:
+    """Wake at the hour, 70 s of work, the next frame of 300 s: slot n opens at 3900 + 5 n s. 45 bytes last 868 ms.
+
+    300 m are 200 ms and 150 m are 100 ms.
+    """
+    bench = Bench(300, 150)
+    heard = of(SoundReached, bench.run(2 * HOUR_MS))
+    assert [(it.mission_ms, it.agent_id) for it in heard if isinstance(it, SoundReached)] == [
+        (3_901_068, 1),
+        (3_905_968, 2),
+    ]
+    packets = [MusselbedCodec().decode(it.data) for it in heard if isinstance(it, SoundReached)]
+    assert [(it.basic.agent_id, it.basic.agent_ms) for it in packets if isinstance(it, AcousticStatus)] == [
+        (1, 3_900_000),
+        (2, 3_905_000),
+    ]
+
+
+def test_a_permission_is_met_at_its_end_and_wakes_a_sleeper() -> None:
+    bench = Bench(750)
+    bench.run(100_000)
+    assert bench.state(1) is State.SLEEPING
+    bench.sea.say(1, command(Kind.PERMISSION, 1))
+    told = of(Told, bench.run(101_000))
+    # 6 bytes last 105 + 22 * 12.5 = 380 ms, and are 500 ms under way.
+    assert told == [Told(100_880, 1, 100_880, SoundArrived(command(Kind.PERMISSION, 1)))]
+    bench.run(102_000)
+    assert bench.state(1) is State.SURFACING
+
+
+def test_beyond_the_range_nobody_surfaces() -> None:
+    bench = Bench(750, sea=replace(SEA, sound=Sound(range_limit_m=700)))
+    bench.run(100_000)
+    bench.sea.say(1, command(Kind.PERMISSION, 1))
+    (packet,) = of(PacketEnded, bench.run(110_000))
+    assert isinstance(packet, PacketEnded) and packet.receptions[0].outcome is Outcome.OUT_OF_RANGE
+    assert bench.state(1) is State.SLEEPING
+
+
+def test_one_word_reaches_everyone() -> None:
+    bench = Bench(150, 300, 450)
+    bench.run(100_000)
+    bench.sea.say(None, command(Kind.HOVER, 2))
+    told = [(it.agent_id, it.agent_ms) for it in of(Told, bench.run(110_000)) if isinstance(it, Told)]
+    assert told == [(1, 100_480), (2, 100_580), (3, 100_680)]
+    assert [bench.state(n) for n in (1, 2, 3)] == [State.SLEEPING, State.HOVERING, State.SLEEPING]
+
+
+def test_a_sleeper_that_is_asked_answers_half_a_second_later_and_sleeps_on() -> None:
+    """The question lasts 105 + 22 * 12.5 = 380 ms, the answer of 7 bytes 105 + 23 * 12.5 = 392.5; 100 ms under way."""
+    bench = Bench(150)
+    bench.run(100_000)
+    bench.sea.say(1, command(Kind.PING, 1))
+    (reached,) = (it for it in bench.run(110_000) if isinstance(it, SoundReached))
+    assert reached.mission_ms == 100_000 + 380 + 100 + 500 + 393 + 100
+    answer = MusselbedCodec().decode(reached.data)
+    assert isinstance(answer, ShortStatus) and (answer.agent_id, answer.state) == (1, State.SLEEPING)
+    assert bench.state(1) is State.SLEEPING
+
+
+def test_a_range_costs_the_battery_what_the_modem_draws_for_its_answer() -> None:
+    """105 ms at 1500 mW instead of listening at 12.5, of a battery of 7400 mWh; and nobody was woken."""
+    bench, other = Bench(240), Bench(240)
+    bench.run(100_000)
+    other.run(100_000)
+    bench.sea.ping(1)
+    (answered, left) = (it.host._agents[1].board for it in (bench, other))
+    for it in (bench, other):
+        it.run(110_000)
+    charge = MODEL.charge_at(left.primary, 110_000) - MODEL.charge_at(answered.primary, 110_000)
+    assert charge / FULL == pytest.approx((1500 - 12.5) * 0.105 / 3600 / 7400, rel=1e-6)
+    assert answered.state is State.SLEEPING
+
+
+def test_ranges_are_those_of_the_places_to_the_modems_step() -> None:
+    """A step is 62.5 us of the round trip: 4.6875 cm. A ping and its answer are 105 ms each, and 160 ms under way."""
+    bench = Bench(240, 33.3)
+    bench.run(100_000)
+    bench.sea.ping(1)
+    bench.sea.ping(2)
+    results = bench.run(110_000)
+    ranges = [it for it in results if isinstance(it, Ranged)]
+    assert [(it.agent_id, it.mission_ms) for it in ranges] == [(1, 100_530), (2, 100_786)]
+    assert ranges[0].range_m == pytest.approx(240.0, abs=0.024)
+    assert ranges[1].range_m == pytest.approx(33.3, abs=0.024)
+    assert ranges[0].range_m / 0.046875 == pytest.approx(round(240 / 0.046875), abs=1e-9)
+
+
+def test_one_at_the_surface_does_not_answer_a_ping() -> None:
+    bench = Bench(240)
+    bench.run(100_000)
+    bench.sea.say(1, command(Kind.PERMISSION, 1))
+    bench.run(200_000)
+    assert bench.state(1) is State.FLOATING
+    bench.sea.ping(1)
+    results = bench.run(210_000)
+    assert of(NotRanged, results) == [NotRanged(204_105, 1)]
+    assert [
+        it.outcome for p in of(PacketEnded, results) if isinstance(p, PacketEnded) for it in p.receptions
+    ] == [Outcome.IN_AIR]
+
+
+def test_range_noise_has_the_stated_spread() -> None:
+    bench = Bench(240, sea=replace(SEA, range_noise_m=0.5))
+    bench.run(100_000)
+    for _ in range(200):
+        bench.sea.ping(1)
+    ranges = [it.range_m for it in bench.run(300_000) if isinstance(it, Ranged)]
+    assert len(ranges) == 200
+    mean = sum(ranges) / 200
+    # Four standard errors: of the mean 0.5 / sqrt(200), of the deviation 0.5 / sqrt(400).
+    assert mean == pytest.approx(240, abs=0.142)
+    assert (sum((it - mean) ** 2 for it in ranges) / 199) ** 0.5 == pytest.approx(0.5, abs=0.1)
+
+
+def test_what_two_say_at_once_is_lost_to_both() -> None:
+    """The aPad speaks in an aMussel's slot: neither hears the other."""
+    bench = Bench(150)
+    bench.run(3_900_000)
+    bench.sea.say(1, command(Kind.PING, 1))
+    ended = [it for it in bench.run(3_910_000) if isinstance(it, PacketEnded)]
+    assert {(it.sender, it.receptions[0].outcome) for it in ended} == {
+        (0, Outcome.TRANSMITTING),
+        (1, Outcome.TRANSMITTING),
+    }
+
+
+def test_a_blackout_of_one_link_one_way() -> None:
+    bench = Bench(150, 300)
+    bench.sea.lay_links(Topology([LinkRule(1, 0, 1.0)]))
+    results = bench.run(2 * HOUR_MS)
+    assert [it.agent_id for it in results if isinstance(it, SoundReached)] == [2]
+    bench.sea.say(1, command(Kind.PING, 1))
+    assert len(of(Told, bench.run(2 * HOUR_MS + 10_000))) == 1
+
+
+def test_wifi_reaches_as_far_as_its_model_says() -> None:
+    """At 2 km 20 + 85 dB are 49 dB too few; at 20 m they are 30 too many."""
+    docks = Bench(20, 2000, sea=replace(SEA, wifi=Wifi()))
+    docks.run(100_000)
+    for agent_id in (1, 2):
+        docks.sea.say(agent_id, command(Kind.PERMISSION, agent_id))
+    heard = {it.agent_id for it in docks.run(2 * HOUR_MS) if isinstance(it, Heard)}
+    assert heard == {1}
+    assert docks.sea.wifi_reaches(1, 2 * HOUR_MS) and not docks.sea.wifi_reaches(2, 2 * HOUR_MS)
+    assert docks.sea.dropped["Wi-Fi: lost in the air"] > 0
+
+
+def test_one_that_died_boots_again_and_is_heard_in_its_next_slot() -> None:
+    bench = Bench(300, 150)
+    bench.run(3_600_000)
+    bench.host.kill(1)
+    results = bench.run(2 * HOUR_MS + 400_000)
+    assert [(it.agent_id, it.gave_up) for it in results if isinstance(it, Died)] == [(1, None)]
+    heard = [(it.agent_id, it.mission_ms // HOUR_MS) for it in results if isinstance(it, SoundReached)]
+    assert (1, 2) in heard and (2, 1) in heard and (2, 2) in heard
+
+
+def test_addresses_have_eight_bits() -> None:
+    addresses = [address_of(node) for node in range(1000)]
+    assert addresses[0] == 255 and set(addresses[1:255]) == set(range(1, 255))
+    assert addresses[255] == addresses[1]
+
+
+words = st.lists(
+    st.tuples(
+        st.integers(0, 20), st.integers(1, 3), st.sampled_from(["ping", "permission", "range", "dock"])
+    ),
+    max_size=10,
+)
+
+
+def played(
+    asked: list[tuple[int, int, str]], cuts_ms: list[int]
+) -> tuple[list[SeaResult], dict[int, list[Truth]]]:
+    """An hour and a bit of agent time at theta 60; the aPad says what is asked at whole seconds of mission time."""
+    fleet = replace(FLEET, theta=60, report_period_ms=60_000, drifts_always=True, drift_amplitude_um=50_000)
+    bench = Bench(100, 220, 410, sea=replace(SEA, wifi=Wifi(), range_noise_m=0.1), fleet=fleet)
+    truths: list[Truth] = []
+    for now_ms in sorted({*range(0, 70_000, 1000), *cuts_ms}):
+        bench.came += bench.sea.advance(now_ms)
+        truths += bench.sea.take_truths()
+        for at, agent_id, what in asked if now_ms % 1000 == 0 else ():
+            if at != now_ms // 1000:
+                continue
+            if what == "range":
+                bench.sea.ping(agent_id)
+            elif what == "dock":
+                bench.coordinator.receive(agent_id, ContactClosed(1, 2), now_ms)
+            else:
+                bench.sea.say(agent_id, command(Kind[what.upper()], agent_id))
+    told: dict[int, list[Truth]] = {}
+    for truth in truths:
+        told.setdefault(truth.agent_id, []).append(truth)
+    return bench.came, told
+
+
+@settings(max_examples=25, deadline=None)
+@given(words, st.lists(st.integers(0, 69_000), max_size=6))
+def test_cutting_time_changes_nothing(asked: list[tuple[int, int, str]], cuts_ms: list[int]) -> None:
+    whole, cut = played(asked, []), played(asked, cuts_ms)
+    assert cut[1] == whole[1]
+    assert sorted(map(repr, cut[0])) == sorted(map(repr, whole[0]))

@@ -1,0 +1,190 @@
+"""A sea in which modems have been opened: any of them answers as modems do, and nobody else notices."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+from seas import FLEET, SEA
+
+from agents.coordinator import Coordinator
+from agents.fleet import FleetConfig, resting_on_bottom
+from agents.hosting.in_process import OneProcess
+from agents.modem.frames import Generation
+from agents.mussel.reporter import Modem
+from agents.mussel.stimuli import ModemSent, PingArrived, SoundArrived
+from agents.water.medium import PacketEnded
+from agents.water.sea import Sea, SeaConfig
+from agents.water.sea_events import NotRanged, Printed, Ranged, SeaResult, SoundReached, Told
+from firmware_model.packets import CommandPacket, Kind, ShortStatus
+from firmware_model.packets.codec import MusselbedCodec
+
+HOUR_MS = 3_600_000
+
+
+class Bench:
+    """aMussels 1, 2 and 3 at 150, 300 and 450 m north of the aPad, all as deep."""
+
+    def __init__(self, *opened: int, fleet: FleetConfig = FLEET, sea: SeaConfig = SEA) -> None:
+        births = {n: resting_on_bottom(150.0 * n, 0, 3.0, 0.9, 1.0) for n in (1, 2, 3)}
+        host = OneProcess(fleet, births)
+        self.sea = Sea(sea, Coordinator(host, dict.fromkeys(births, 0), fleet.theta), host, opened=opened)
+        self.sea.carry_apad(0.0, 0.0, 0)
+        self.now_ms = 0
+        self.came: list[SeaResult] = []
+        self.theta = fleet.theta
+
+    def run(self, for_ms: int, step_ms: int = 50) -> list[SeaResult]:
+        new: list[SeaResult] = []
+        for now_ms in range(self.now_ms + step_ms, self.now_ms + for_ms + 1, step_ms):
+            if now_ms * self.theta >= self.sea.now_ms:
+                new += self.sea.advance(now_ms)
+        self.now_ms += for_ms
+        self.came += new
+        return new
+
+    def ask(self, agent_id: int, command: bytes, for_ms: int = 6000) -> bytes:
+        """What that modem printed after the command, within the time."""
+        self.sea.write(agent_id, command)
+        return printed(self.run(for_ms), agent_id)
+
+
+def printed(results: list[SeaResult], agent_id: int) -> bytes:
+    return b"".join(it.data for it in results if isinstance(it, Printed) and it.agent_id == agent_id)
+
+
+def test_an_opened_modem_is_answered_by_those_that_are_not() -> None:
+    bench = Bench(1)
+    bench.run(5000)
+    assert bench.ask(1, b"$P002") == b"$P002\r\n#R002T03200\r\n"  # 150 m
+    assert bench.ask(1, b"$P255") == b"$P255\r\n#R255T03200\r\n"  # the aPad's
+    assert bench.ask(1, b"$P003") == b"$P003\r\n#R003T06400\r\n"
+    assert bench.ask(1, b"$P004") == b"$P004\r\n#TO\r\n"
+    assert bench.ask(1, b"$V002").startswith(b"$V002\r\n#B00227V21845R")
+    assert bench.ask(1, b"$E00305hello") == b"$E00305\r\n#B00305hello\r\n"
+    assert bench.ask(1, b"$M00205hello") == b"$M00205\r\n#R002T03200\r\n"
+    assert bench.ask(1, b"$?").startswith(b"#A001V")
+    assert len(bench.ask(1, b"$T002")) == len(b"$T002\r\n#B00264") + 64 + 2
+
+
+def test_its_words_reach_boards_and_the_apad_as_packets() -> None:
+    bench = Bench(1)
+    bench.run(5000)
+    permission = MusselbedCodec().encode(CommandPacket(Kind.PERMISSION, 2))
+    bench.ask(1, b"$U002%02d" % len(permission) + permission)
+    assert [it.stimulus for it in bench.came if isinstance(it, Told) and it.agent_id == 2] == [
+        SoundArrived(permission)
+    ]
+    bench.ask(1, b"$B05hello")
+    told = [it for it in bench.came if isinstance(it, Told)]
+    assert {it.agent_id for it in told if isinstance(it.stimulus, SoundArrived)} == {2, 3}
+    # What the driver sent is drawn from the battery of the board that it drives the modem of: 6 and 5 bytes.
+    assert [(it.agent_id, it.stimulus) for it in told if isinstance(it.stimulus, ModemSent)] == [
+        (1, ModemSent(380)),
+        (1, ModemSent(368)),
+    ]
+    assert SoundReached in {type(it) for it in bench.came}
+    # A beacon carries no data, so no board learns of it.
+    bench.came.clear()
+    bench.ask(1, b"$F")
+    assert [it.stimulus for it in bench.came if isinstance(it, Told)] == [ModemSent(105)]
+
+
+def test_the_board_goes_on_beside_whoever_opened_its_modem() -> None:
+    bench = Bench(1)
+    bench.run(5000)
+    permission = MusselbedCodec().encode(CommandPacket(Kind.PERMISSION, 1))
+    bench.sea.say(1, permission)
+    came = bench.run(3000)
+    assert printed(came, 1) == b"#U%02d" % len(permission) + permission + b"\r\n"
+    assert SoundArrived(permission) in [it.stimulus for it in came if isinstance(it, Told)]
+
+
+def packets(bench: Bench) -> list[tuple[int, int, bytes, tuple[object, ...]]]:
+    return [
+        (it.sender, it.began_ms, it.frame.data, it.receptions)
+        for it in bench.came
+        if isinstance(it, PacketEnded)
+    ]
+
+
+@pytest.mark.parametrize("theta", [1, 30])
+def test_machines_send_the_same_packets_as_no_machines(theta: int) -> None:
+    fleet = replace(FLEET, theta=theta)
+    plain, opened = Bench(fleet=fleet), Bench(2, fleet=fleet)
+    for bench in (plain, opened):
+        bench.sea.say(1, b"a word")
+        bench.sea.say(None, b"to all")
+        bench.sea.ping(2)
+        bench.run(2 * HOUR_MS // theta, step_ms=1000)
+        bench.sea.ping(3)
+        bench.run(6000, step_ms=1000)
+    data = [it for it in packets(plain) if it[2]]
+    assert len(data) >= 2 + 3
+    assert [it for it in packets(opened) if it[2]] == data
+    ranges = [[it for it in bench.came if isinstance(it, Ranged | NotRanged)] for bench in (plain, opened)]
+    assert [type(it) for it in ranges[0]] == [Ranged, Ranged]
+    assert [(type(it), it.agent_id) for it in ranges[1]] == [(type(it), it.agent_id) for it in ranges[0]]
+    assert [it.range_m for it in ranges[1]] == [it.range_m for it in ranges[0]]
+    # Where there are machines, they answer pings by themselves, without waking a board.
+    asked = [
+        sum(isinstance(it, Told) and isinstance(it.stimulus, PingArrived) for it in bench.came)
+        for bench in (plain, opened)
+    ]
+    assert asked == [2, 0]
+
+
+def test_a_status_over_the_serial_line_is_the_same_packet_as_in_memory() -> None:
+    in_memory = Bench()
+    in_memory.run(HOUR_MS + 600_000, step_ms=1000)
+    sent = next(it for it in in_memory.came if isinstance(it, PacketEnded) and it.sender == 1)
+    reached = next(it for it in in_memory.came if isinstance(it, SoundReached) and it.agent_id == 1)
+    serial = Bench(1)
+    serial.run(5000)
+    serial.ask(1, b"$U255%02d" % len(sent.frame.data) + sent.frame.data)
+    again = next(it for it in serial.came if isinstance(it, PacketEnded) and it.sender == 1)
+    heard = next(it for it in serial.came if isinstance(it, SoundReached) and it.agent_id == 1)
+    assert again.frame == sent.frame
+    assert heard.data == reached.data == sent.frame.data
+    (there,), (here,) = sent.receptions, again.receptions
+    assert (here.receiver, here.outcome, here.travelled_us) == (
+        there.receiver,
+        there.outcome,
+        there.travelled_us,
+    )
+    assert here.at_ms - again.began_ms == there.at_ms - sent.began_ms
+
+
+def test_v2_modems_carry_short_statuses_at_40_bit_a_second() -> None:
+    fleet = replace(FLEET, modem=Modem.V2)
+    bench = Bench(1, fleet=fleet, sea=replace(SEA, modems=Generation.V2))
+    bench.run(5000)
+    assert bench.ask(1, b"$P002") == b"#P002\r\n#R002T03200\r\n"
+    permission = MusselbedCodec().encode(CommandPacket(Kind.PERMISSION, 3))
+    bench.sea.say(3, permission)
+    bench.sea.say(3, bytes(8))
+    bench.run(HOUR_MS + 600_000, step_ms=1000)
+    carried = [it.frame for it in bench.came if isinstance(it, PacketEnded) and it.frame.data]
+    assert (carried[0].data, carried[0].duration_ms) == (permission, 430 + 6 * 200)
+    assert bench.sea.dropped["sound: 8 bytes, and a V2 modem carries 1 to 7"] == 1
+    reached = [MusselbedCodec().decode(it.data) for it in bench.came if isinstance(it, SoundReached)]
+    assert {it.agent_id for it in reached if isinstance(it, ShortStatus)} >= {1, 2}
+    assert {frame.duration_ms for frame in carried[1:]} == {1830}
+
+
+def test_only_opened_ones_can_be_written_to() -> None:
+    with pytest.raises(ValueError, match="aMussel 2 has not been opened"):
+        Bench().sea.write(2, b"$?")
+
+
+def test_windows_do_not_show() -> None:
+    traces = []
+    for step_ms in (50, 1000, 250):
+        bench = Bench(1)
+        bench.run(5000, step_ms)
+        bench.sea.write(1, b"$P003")
+        bench.run(2000, step_ms)
+        bench.sea.write(1, b"$U00305hello")
+        bench.run(8000, step_ms)
+        traces.append((packets(bench), printed(bench.came, 1)))
+    assert traces[0] == traces[1] == traces[2]

@@ -1,0 +1,91 @@
+"""Physical modems for tests: our own machines behind real ptys, in water of their own, on the wall clock."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from agents.modem.facts import Action, EmitFrame, FrameArrived, SerialBytes, SerialOut
+from agents.modem.firmware import ModemConfig
+from agents.modem.frames import Frame
+from agents.modem.modem import Modem
+from apad_bridge.acoustics.serial.pty import OpenedModems
+
+PROPAGATION_US = 20_000
+
+
+class PhysicalModems:
+    """Modems with addresses 1, 2, ... that hear each other, each behind a device that pyserial opens.
+
+    Their time runs `speed` times the wall clock's, and so must that of whoever talks to them.
+    """
+
+    def __init__(self, folder: Path, count: int, speed: int) -> None:
+        self.speed = speed
+        self.modems = {address: Modem(ModemConfig(), address) for address in range(1, count + 1)}
+        self.sent: list[Frame] = []
+        self.mute = False
+        """Answers nothing, as a modem whose supply is off."""
+        self._devices = OpenedModems(folder, self.modems)
+        self._began_s = time.monotonic()
+        self._coming: list[tuple[int, int, Frame]] = []
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._live, daemon=True)
+        self._thread.start()
+
+    def path(self, address: int) -> str:
+        return str(self._devices.path(address))
+
+    def now_ms(self) -> int:
+        return int((time.monotonic() - self._began_s) * 1000 * self.speed)
+
+    def close(self) -> None:
+        if not self._stop.is_set():
+            self._stop.set()
+            self._thread.join(5)
+            self._devices.close()
+
+    def _live(self) -> None:
+        while not self._stop.wait(0.001):
+            now_ms = self.now_ms()
+            for burst in self._devices.take():
+                self._note(burst.agent_id, SerialBytes(burst.data, 0, paused=True), now_ms)
+            for due in sorted(it for it in self._coming if it[0] <= now_ms):
+                self._coming.remove(due)
+                for address in self.modems:
+                    if address != due[1]:
+                        self._note(address, FrameArrived(due[2], PROPAGATION_US), now_ms)
+            for address, modem in self.modems.items():
+                self._act(address, modem.advance(now_ms))
+
+    def _note(self, address: int, stimulus: SerialBytes | FrameArrived, now_ms: int) -> None:
+        self._act(address, self.modems[address].receive(stimulus, now_ms))
+
+    def _act(self, address: int, actions: list[Action]) -> None:
+        for action in actions:
+            if isinstance(action, SerialOut) and not self.mute:
+                self._devices.write(address, action.data)
+            elif isinstance(action, EmitFrame):
+                self.sent.append(action.frame)
+                arrives_ms = action.at_ms + action.frame.duration_ms + PROPAGATION_US // 1000
+                self._coming.append((arrives_ms, address, action.frame))
+
+
+Make = Callable[..., PhysicalModems]
+
+
+@pytest.fixture
+def physical(tmp_path: Path) -> Iterator[Make]:
+    made: list[PhysicalModems] = []
+
+    def make(count: int = 2, speed: int = 8, folder: str = "dev") -> PhysicalModems:
+        made.append(PhysicalModems(tmp_path / folder, count, speed))
+        return made[-1]
+
+    yield make
+    for it in made:
+        it.close()

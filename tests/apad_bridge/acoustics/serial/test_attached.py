@@ -1,0 +1,130 @@
+"""A physical modem (ours, behind a real pty) carries packets through pyserial; it is unplugged and comes back."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from agents.modem.frames import FrameKind
+from apad_bridge.acoustics.serial.attached import AttachedModem, Result
+from apad_bridge.acoustics.serial.nanomodem import Carried, Dropped, Heard, Reported, Stage
+from apad_bridge.acoustics.serial.serial_port import SerialPort
+from apad_bridge.modems.ids_header import Addressed, Way
+
+Make = Callable[..., Any]
+
+
+class Host:
+    """Polls attached modems on the wall clock until something has come."""
+
+    def __init__(self, now_ms: Callable[[], int], **modems: AttachedModem) -> None:
+        self.now_ms = now_ms
+        self.modems = modems
+        self._pause = threading.Event()
+        self.came: list[tuple[str, Result]] = []
+
+    def until(self, what: Callable[[str, Result], bool], timeout_s: float = 60.0) -> Result:
+        deadline_s = time.monotonic() + timeout_s
+        for name, result in self.came:
+            if what(name, result):
+                return result
+        while time.monotonic() < deadline_s:
+            for name, modem in self.modems.items():
+                for result in modem.poll(self.now_ms()):
+                    self.came.append((name, result))
+            for name, result in self.came:
+                if what(name, result):
+                    return result
+            self._pause.wait(0.002)
+        raise AssertionError(f"it did not come within {timeout_s} s; what came: {self.came}")
+
+
+def ready(host: Host) -> None:
+    for name in host.modems:
+        if host.modems[name].queue.stage is not Stage.FREE:
+            host.until(
+                lambda who, it, name=name: who == name and isinstance(it, Reported) and "address" in it.what
+            )
+
+
+def test_packets_go_both_ways_with_their_ids(physical: Make) -> None:
+    modems = physical()
+    fleet, apad = AttachedModem(SerialPort(modems.path(1))), AttachedModem(SerialPort(modems.path(2)))
+    host = Host(modems.now_ms, fleet=fleet, apad=apad)
+    ready(host)
+    host.came += [("fleet", it) for it in fleet.report(300, b"a report", modems.now_ms())]
+    heard = host.until(lambda who, it: isinstance(it, Heard))
+    assert isinstance(heard, Heard)
+    assert heard.packet == Addressed(Way.FROM_AMUSSEL, 300, b"a report")
+    host.until(lambda who, it: isinstance(it, Carried))
+    apad.command(7, b"come up", modems.now_ms())
+    answer = host.until(lambda who, it: who == "fleet" and isinstance(it, Heard))
+    assert isinstance(answer, Heard) and answer.packet == Addressed(Way.TO_AMUSSEL, 7, b"come up")
+    # What the modem itself was told: broadcasts alone, and its address is what it was.
+    assert {frame.kind for frame in modems.sent} == {FrameKind.BROADCAST}
+    assert [modem.address for modem in modems.modems.values()] == [1, 2]
+    fleet.close()
+    apad.close()
+
+
+def test_a_modem_that_is_not_there_is_told_once_and_found_when_it_comes(
+    physical: Make, tmp_path: Path
+) -> None:
+    path = tmp_path / "late" / "amussel1"
+    attached = AttachedModem(SerialPort(str(path)))
+    began_s = time.monotonic()
+    host = Host(lambda: int((time.monotonic() - began_s) * 1000 * 8), fleet=attached)
+    told = host.until(lambda who, it: isinstance(it, Reported))
+    assert isinstance(told, Reported) and str(path) in told.what
+    attached.report(7, b"a report", host.now_ms())
+    physical(folder="late")
+    carried = host.until(lambda who, it: isinstance(it, Carried))
+    assert isinstance(carried, Carried) and carried.packet.agent_id == 7
+    assert sum("cannot be opened" in it.what for _, it in host.came if isinstance(it, Reported)) == 1
+    attached.close()
+
+
+def test_it_is_unplugged_and_plugged_in_again(physical: Make) -> None:
+    first = physical(count=1, folder="usb")
+    attached = AttachedModem(SerialPort(first.path(1)))
+    host = Host(first.now_ms, fleet=attached)
+    ready(host)
+    first.close()
+    gone = host.until(lambda who, it: isinstance(it, Reported) and "gone" in it.what)
+    assert isinstance(gone, Reported)
+    attached.report(9, b"while it was away", host.now_ms())
+    physical(count=1, folder="usb")
+    carried = host.until(lambda who, it: isinstance(it, Carried))
+    assert isinstance(carried, Carried) and carried.packet.data == b"while it was away"
+    attached.close()
+
+
+def test_a_modem_that_says_nothing_loses_packets_loudly(physical: Make) -> None:
+    modems = physical(count=1, speed=30)
+    attached = AttachedModem(SerialPort(modems.path(1)))
+    host = Host(modems.now_ms, fleet=attached)
+    ready(host)
+    modems.mute = True
+    attached.report(7, b"unheard", host.now_ms())
+    dropped = host.until(lambda who, it: isinstance(it, Dropped) and it.packet is not None)
+    assert isinstance(dropped, Dropped) and "waited too long" in dropped.reason
+    attached.close()
+
+
+def test_a_sleeping_modem_is_woken(physical: Make) -> None:
+    modems = physical(count=1)
+    port = SerialPort(modems.path(1))
+    deadline_s = time.monotonic() + 60
+    while not port.is_open and time.monotonic() < deadline_s:
+        port.poll()
+    port.write(b"$Z")
+    while modems.modems[1].state.name != "SLEEPING" and time.monotonic() < deadline_s:
+        threading.Event().wait(0.001)
+    port.close()
+    assert modems.modems[1].state.name == "SLEEPING"
+    attached = AttachedModem(SerialPort(modems.path(1)))
+    ready(Host(modems.now_ms, fleet=attached))
+    attached.close()

@@ -1,0 +1,191 @@
+"""Flights on the wall clock whose modems are serial devices: opened ones, and a physical one that carries the sound."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+import serial
+
+from agents.hosting.in_process import OneProcess
+from agents.mussel.stimuli import SoundArrived, to_wire
+from apad_bridge.acoustics.serial.lines import Rims, open_rims
+from apad_bridge.assembly import parts
+from apad_bridge.assembly.water import fleet_of
+from apad_bridge.modems.answer_reader import AnswerReader, Message
+from apad_bridge.modems.ids_header import Addressed, Way
+from apad_bridge.runs.in_memory import MemoryRecorder
+from apad_bridge.scenario.loader import from_data, load, resolve
+from apad_bridge.scenario.schema import Scenario
+from apad_bridge.scenario.starts import starts_of
+from apad_bridge.supervisor.clock import WallClock
+from apad_bridge.supervisor.context import Surroundings
+from apad_bridge.supervisor.loop import Flight
+from apad_bridge.vehicle.link import InProcessVehicle
+from firmware_model.packets import AcousticStatus, CommandPacket, Kind, StatusPacket
+from firmware_model.packets.codec import MusselbedCodec
+from firmware_model.states import State
+
+Make = Callable[..., Any]
+SCENARIOS = Path(__file__).parents[4] / "launch_scripts" / "scenarios"
+LONG_S = 600
+
+
+def whole_boards(**changes: Any) -> Scenario:
+    data = resolve(load(SCENARIOS / "whole-board-12.yaml"))
+    data.update(duration_s=LONG_S, theta=1, **changes)
+    data["hearing"]["mode"] = "physical"
+    data["fleet"]["hosting"] = "one_process"
+    return from_data(data, "with modems")
+
+
+@contextmanager
+def flying(
+    scenario: Scenario, rims: Rims, opened: tuple[int, ...] = ()
+) -> Iterator[tuple[Flight, MemoryRecorder]]:
+    """A flight in a thread of its own, ended in order."""
+    births = parts.births(scenario, starts_of(scenario))
+    host = OneProcess(parts.fleet_config(scenario), births)
+    recorder = MemoryRecorder(scenario)
+    flight = Flight(
+        parts.supervisor(scenario),
+        Surroundings(
+            InProcessVehicle(parts.simulated_apad(scenario)),
+            WallClock(1.0),
+            fleet_of(scenario, host, dict.fromkeys(births, 0), opened=opened),
+            rims=rims,
+        ),
+        recorder,
+    )
+    thread = threading.Thread(target=flight.run)
+    thread.start()
+    try:
+        yield flight, recorder
+    finally:
+        flight.stop("the test")
+        thread.join(60)
+        assert not thread.is_alive()
+
+
+def until(what: Callable[[], bool], timeout_s: float = 60.0) -> None:
+    deadline_s, pause = time.monotonic() + timeout_s, threading.Event()
+    while not what():
+        assert time.monotonic() < deadline_s, "it did not come"
+        pause.wait(0.02)
+
+
+def range_in_s(driver: serial.Serial) -> float:
+    """How long aMussel 3's answer to a ping takes."""
+    asked_s = time.monotonic()
+    driver.write(b"$P003")
+    assert driver.read_until(b"\r\n") == b"$P003\r\n"
+    answer = driver.read_until(b"\r\n")
+    assert answer.startswith(b"#R003T") and answer[6:11].isdigit()
+    return time.monotonic() - asked_s
+
+
+def test_a_driver_talks_to_an_opened_modem_while_the_mission_flies(tmp_path: Path) -> None:
+    with (
+        open_rims(tmp_path, (7,), "", 0, print) as rims,
+        flying(whole_boards(water={}), rims, (7,)) as (_, recorder),
+        serial.Serial(str(tmp_path / "modems" / "amussel7"), 9600, timeout=60) as driver,
+    ):
+        driver.write(b"$?")
+        assert driver.read_until(b"\r\n").startswith(b"#A007V")
+        # Two frames of 105 ms and the serial line; a flight that looked at its lines at ticks alone would take a second
+        # each time, a machine that is busy now and then only sometimes.
+        assert any(range_in_s(driver) < 0.9 for _ in range(20))
+        permission = MusselbedCodec().encode(CommandPacket(Kind.PERMISSION, 3))
+        driver.write(b"$U003%02d" % len(permission) + permission)
+        assert driver.read_until(b"\r\n") == b"$U003%02d\r\n" % len(permission)
+        wire = [it.hex() if isinstance(it, bytes) else it for it in to_wire(SoundArrived(permission))]
+        until(lambda: any(kind == "stimulus" and it["wire"] == wire for _, kind, it in recorder.events))
+    packets = [it for _, kind, it in recorder.events if kind == "packet"]
+    assert any(it["from"] == 7 and it["data"] == permission.hex() for it in packets)
+    assert not (tmp_path / "modems" / "amussel7").exists()
+
+
+def status(agent_id: int) -> bytes:
+    packet = StatusPacket(agent_id, 9, State.SLEEPING, 0.9, 0.9, 1.0, 2.0, 3.0, 1000)
+    return MusselbedCodec().encode(packet)
+
+
+def test_a_physical_modem_brings_words_for_both_sides(physical: Make, tmp_path: Path) -> None:
+    """Modem 1 is the fleet's; at modem 2 somebody else is in the water."""
+    modems = physical(speed=1)
+    scenario = whole_boards()
+    with (
+        open_rims(tmp_path, (), modems.path(1), 0, print) as rims,
+        flying(scenario, rims) as (flight, recorder),
+        serial.Serial(modems.path(2), 9600, timeout=60) as elsewhere,
+    ):
+        until(
+            lambda: any(
+                kind == "modem" and "address 1" in it.get("what", "") for _, kind, it in recorder.events
+            )
+        )
+        # A real aMussel elsewhere speaks, and somebody permits a simulated one to surface.
+        heard = Addressed(Way.FROM_AMUSSEL, 4, status(4)).encode()
+        elsewhere.write(b"$B%02d" % len(heard) + heard)
+        assert elsewhere.read_until(b"\r\n") == b"$B%02d\r\n" % len(heard)
+        until(lambda: flight.supervisor.beliefs.get(4) is not None)
+        permission = MusselbedCodec().encode(CommandPacket(Kind.PERMISSION, 5))
+        said = Addressed(Way.TO_AMUSSEL, 5, permission).encode()
+        elsewhere.write(b"$B%02d" % len(said) + said)
+        assert elsewhere.read_until(b"\r\n") == b"$B%02d\r\n" % len(said)
+        wire = [it.hex() if isinstance(it, bytes) else it for it in to_wire(SoundArrived(permission))]
+        until(
+            lambda: any(
+                kind == "stimulus" and it["id"] == 5 and it["wire"] == wire for _, kind, it in recorder.events
+            )
+        )
+    assert modems.modems[1].address == 1
+
+
+def test_reports_and_commands_go_into_the_water_with_their_ids(physical: Make, tmp_path: Path) -> None:
+    """One aMussel that wakes every 3 s and is low: it reports by sound, and the mission permits it to surface."""
+    modems = physical(speed=1)
+    data = resolve(whole_boards())
+    data["board"].update(boot_ms=500)
+    cycle = {
+        "alarm_s": 3,
+        "sample_s": 0.5,
+        "processing_s": 0,
+        "listen_s": 0,
+        "slots": {"frame_s": 1, "slot_s": 1},
+    }
+    data["board"]["whole"]["cycle"].update(cycle)
+    data["fleet"].update(count=1, start={"charge": [0.3, 0.4]})
+    data["mission"].update(batch=1)
+    with (
+        open_rims(tmp_path, (), modems.path(1), 0, print) as rims,
+        flying(from_data(data, "short cycle"), rims) as (flight, recorder),
+        serial.Serial(modems.path(2), 9600, timeout=60) as elsewhere,
+    ):
+        reader, payloads = AnswerReader(), list[bytes]()
+
+        def said(way: bytes) -> bool:
+            messages = reader.take(elsewhere.read(elsewhere.in_waiting or 1))
+            payloads.extend(it.data for it in messages if isinstance(it, Message))
+            return any(it.startswith(way + b"\x01\x00") for it in payloads)
+
+        until(lambda: said(b"\xb1"))
+        # It is known here only when its last sound has left, and then the mission speaks.
+        until(lambda: said(b"\xb2"))
+        assert flight.supervisor.beliefs.get(1) is not None
+    packets = [MusselbedCodec().decode(it[3:]) for it in payloads]
+    assert any(isinstance(it, AcousticStatus) and it.basic.agent_id == 1 for it in packets)
+    assert CommandPacket(Kind.PERMISSION, 1) in packets
+    assert any(kind == "stimulus" and it["id"] == 1 for _, kind, it in recorder.events)
+
+
+@pytest.mark.parametrize("opened", [(), (7,)])
+def test_without_anything_to_open_nothing_is_made(tmp_path: Path, opened: tuple[int, ...]) -> None:
+    with open_rims(tmp_path, opened, "", 0, print) as rims:
+        assert (rims is None) == (not opened)
+        assert (tmp_path / "modems").exists() == bool(opened)

@@ -1,0 +1,94 @@
+"""Opened modems: what a driver sees that knows nothing of us, through pyserial on a real pty."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+import serial
+
+from apad_bridge.acoustics.serial.pty import OpenedModems
+
+Make = Callable[..., Any]
+
+
+def driver(path: str) -> serial.Serial:
+    return serial.Serial(path, 9600, timeout=60)
+
+
+def test_a_driver_pings_and_talks_through_pyserial(physical: Make) -> None:
+    modems = physical()
+    with driver(modems.path(1)) as near, driver(modems.path(2)) as far:
+        near.write(b"$?")
+        assert near.read_until(b"\r\n").startswith(b"#A001V21845R")
+        near.write(b"$P002")
+        assert near.read_until(b"\r\n") == b"$P002\r\n"
+        assert near.read_until(b"\r\n") == b"#R002T00640\r\n"  # 20 ms of 31.25 us
+        data = bytes(range(64))
+        near.write(b"$U00264" + data)
+        assert near.read_until(b"\r\n") == b"$U00264\r\n"
+        assert far.read(4 + 64 + 2) == b"#U64" + data + b"\r\n"
+
+
+def test_slow_bytes_are_an_error_however_fast_time_runs(physical: Make) -> None:
+    modems = physical()
+    with driver(modems.path(1)) as near:
+        near.write(b"$P0")
+        assert near.read_until(b"\r\n") == b"E\r\n"
+        near.write(b"02")
+        assert near.read_until(b"\r\n") == b"E\r\n"
+        near.write(b"$A001")
+        assert near.read_until(b"\r\n") == b"#A001\r\n"
+
+
+def test_a_driver_may_come_back(physical: Make) -> None:
+    modems = physical()
+    for _ in range(3):
+        with driver(modems.path(1)) as near:
+            near.write(b"$A001")
+            assert near.read_until(b"\r\n") == b"#A001\r\n"
+
+
+def test_names_are_stable_and_go_with_the_run(tmp_path: Path) -> None:
+    folder = tmp_path / "modems"
+    first = OpenedModems(folder, [7, 12])
+    assert sorted(it.name for it in folder.iterdir()) == ["amussel12", "amussel7"]
+    assert first.path(7).resolve().is_char_device()
+    # A supervisor that died took nothing away: the next one takes the names over.
+    second = OpenedModems(folder, [7])
+    assert second.path(7) == first.path(7)
+    with driver(str(second.path(7))) as host:
+        second.write(7, b"#TO\r\n")
+        assert host.read(5) == b"#TO\r\n"
+    second.close()
+    assert [it.name for it in folder.iterdir()] == ["amussel12"]
+    first.close()
+    assert list(folder.iterdir()) == []
+
+
+def test_what_nobody_reads_is_lost_and_does_not_wait(tmp_path: Path) -> None:
+    modems = OpenedModems(tmp_path / "modems", [7])
+    modems.write(7, b"before anybody came\r\n")
+    with driver(str(modems.path(7))) as host:
+        modems.write(7, b"#A007\r\n")
+        assert host.read(7) == b"#A007\r\n"
+        for _ in range(2000):
+            modems.write(7, bytes(64))
+        assert modems.lost_bytes > 0
+    modems.close()
+
+
+@pytest.mark.parametrize("data", [b"\x03\x04\x11\x13\x1a\r\n\x7f\xff", bytes(range(256))])
+def test_the_device_is_raw(tmp_path: Path, data: bytes) -> None:
+    modems = OpenedModems(tmp_path / "modems", [7])
+    with driver(str(modems.path(7))) as host:
+        modems.write(7, data)
+        assert host.read(len(data)) == data
+        host.write(data)
+        taken = b""
+        while len(taken) < len(data):
+            taken += b"".join(burst.data for burst in modems.take())
+        assert taken == data
+    modems.close()

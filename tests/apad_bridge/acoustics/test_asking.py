@@ -1,0 +1,135 @@
+"""A mission on twins that pings whom it may have to look for, and asks how they are those whose charge it is unsure of:
+flights in memory."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from apad_bridge.runs.in_memory import MemoryRecorder, open_flight
+from apad_bridge.scenario.errors import ScenarioError
+from apad_bridge.scenario.loader import from_data, load, resolve
+from firmware_model.packets import CommandPacket, Kind, ShortStatus
+from firmware_model.packets.codec import MusselbedCodec
+
+THETA = 30
+TWIN = {
+    "drain_deviation": 0.1,
+    "sensor_noise": 0.015,
+    "bias_deviation": 0.02,
+    "unscheduled": 0.03,
+    "fix_deviation_m": 2.0,
+}
+
+
+def scenario(**talk: float) -> dict[str, Any]:
+    """Half an hour of the pool by sound, on batteries low enough that all have to be fetched some time."""
+    data = resolve(load(Path(__file__).parents[3] / "launch_scripts/scenarios/sound-12.yaml"))
+    data.update(name="asking", duration_s=900)
+    data["fleet"].update(count=4, start={"charge": [0.55, 0.62]})
+    data["mission"]["batch"] = 4
+    data["beliefs"] = {"estimator": "twin", "twin": TWIN}
+    data["water"]["localisation"] = {}
+    data["water"]["talk"].update(talk)
+    return dict(data)
+
+
+def heard_of(data: dict[str, Any], links: Path, *rules: str) -> dict[str, Any]:
+    """With links that fail."""
+    links.write_text("\n".join(["from, to, loss, since_s", *rules]))
+    data["water"]["links_file"] = str(links)
+    return data
+
+
+def flown(data: dict[str, Any]) -> tuple[MemoryRecorder, dict[str, int]]:
+    flight, recorder = open_flight(from_data(data, "asking"))
+    flight.run()
+    return recorder, dict(flight.all_dropped)
+
+
+def events(recorder: MemoryRecorder, kind: str) -> list[tuple[int, dict[str, Any]]]:
+    return [(at_ms, event) for at_ms, its_kind, event in recorder.events if its_kind == kind]
+
+
+def ranges(data: dict[str, Any]) -> list[int]:
+    recorder, _ = flown(data)
+    return [event["id"] for _, event in events(recorder, "range")]
+
+
+def words(recorder: MemoryRecorder) -> list[tuple[str, int, dict[str, Any]]]:
+    """Questions and answers that went into the water: (which, whose, the journal's line)."""
+    found = []
+    for _, event in events(recorder, "packet"):
+        packet = MusselbedCodec().decode(bytes.fromhex(event["data"]))
+        if isinstance(packet, CommandPacket) and packet.kind is Kind.PING:
+            found.append(("question", packet.agent_id, event))
+        elif isinstance(packet, ShortStatus):
+            found.append(("answer", packet.agent_id, event))
+    return found
+
+
+def test_whom_it_may_have_to_look_for_is_pinged_and_nobody_without_need() -> None:
+    assert ranges(scenario()) == []
+    asked = ranges(scenario(ping_worth_m=1.0))
+    assert asked and set(asked) <= {1, 2, 3, 4}
+    assert len(ranges(scenario(ping_worth_m=50.0))) == 0  # no place is so uncertain
+
+
+def test_whose_charge_it_is_unsure_of_is_asked_and_answers_into_the_quiet() -> None:
+    recorder, dropped = flown(scenario(ask_worth_answers=1))
+    asked = [event["id"] for _, event in events(recorder, "asked")]
+    said = words(recorder)
+    assert asked and [who for which, who, _ in said if which == "question"] == asked
+    # Everyone answers whoever is asked, in the order of asking, and nothing else is on the air meanwhile.
+    assert [who for which, who, _ in said if which == "answer"] == asked
+    assert events(recorder, "unanswered") == []
+    assert not any("asked" in reason or "overtook" in reason for reason in dropped)
+    assert [which for which, _, _ in said] == ["question", "answer"] * len(asked)
+    assert {outcome for _, _, event in said for _, outcome, *_ in event["heard"]} == {"received"}
+    slots_ms = 4 * 5000  # of every frame of five minutes; each answer has come before the next
+    assert all(event["began_ms"] % 300_000 >= slots_ms for _, _, event in said)
+    assert words(flown(scenario())[0]) == []
+
+
+def test_without_an_answer_it_asks_again_after_ten_minutes_of_its_time_and_counts_it(tmp_path: Path) -> None:
+    data = scenario(ask_worth_answers=1)
+    heard_of(data, tmp_path / "links.csv", "1, apad, 1, 300", "2, apad, 1, 300")
+    data["duration_s"] = 1600
+    recorder, dropped = flown(data)
+    asked = {
+        who: [at for at, it in events(recorder, "asked") if it["id"] == who and at > 300_000]
+        for who in (1, 2)
+    }
+    unanswered = [it["id"] for _, it in events(recorder, "unanswered")]
+    assert set(unanswered) == {1, 2}
+    # The last of each may still be awaited.
+    assert sum(map(len, asked.values())) - len(unanswered) in (0, 1, 2)
+    assert dropped["sound: asked how it was, and no answer came in time"] == len(unanswered)
+    for times in asked.values():
+        assert len(times) > 1 and all((later - at) * THETA >= 600_000 for at, later in pairwise(times))
+
+
+@pytest.mark.parametrize(
+    ("key", "wrong"),
+    [
+        ("ping_worth_m", {"beliefs": {"estimator": "hold_last"}}),
+        ("ask_worth_answers", {"beliefs": {"estimator": "hold_last"}}),
+    ],
+)
+def test_it_takes_beliefs_that_know_how_sure_they_are(key: str, wrong: dict[str, Any]) -> None:
+    data = scenario(**{key: 1.0}) | wrong
+    with pytest.raises(ScenarioError, match=rf"water\.talk\.{key}.*estimator: twin"):
+        from_data(data, "asking")
+
+
+def test_the_worst_case_does_not_answer_and_so_is_not_asked() -> None:
+    data = scenario(ask_worth_answers=1.0)
+    pool = resolve(load(Path(__file__).parents[3] / "launch_scripts/scenarios/pool-12.yaml"))
+    data["board"], data["mission"]["full_when"] = pool["board"], "primary"
+    with pytest.raises(
+        ScenarioError, match=r"water\.talk\.ask_worth_answers.*the worst case does not answer"
+    ):
+        from_data(data, "asking")

@@ -1,0 +1,83 @@
+"""Places from ranges against geometry done by hand, and against many draws of noise."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from apad_bridge.acoustics.least_squares import NoFix, mirrored, solve
+
+SQUARE = np.array([(0.0, 0.0, 0.5), (0.0, 100.0, 0.5), (100.0, 0.0, 0.5), (100.0, 100.0, 0.5)])
+
+
+def ranges_to(place: tuple[float, float, float], anchors: np.ndarray) -> np.ndarray:
+    lengths: np.ndarray = np.linalg.norm(anchors - np.array(place), axis=1)
+    return lengths
+
+
+@settings(max_examples=100, deadline=None)
+@given(st.floats(1, 99), st.floats(1, 99), st.floats(1, 30))
+def test_exact_ranges_give_the_exact_place(north_m: float, east_m: float, depth_m: float) -> None:
+    found = solve(
+        SQUARE, ranges_to((north_m, east_m, depth_m), SQUARE), np.full(4, 0.1), depth_m, (50.0, 50.0)
+    )
+    assert (found.north_m, found.east_m) == pytest.approx((north_m, east_m), abs=1e-5)
+    assert found.residuals_m == pytest.approx([0] * 4, abs=1e-5)
+
+
+def test_dilution_by_hand() -> None:
+    """In the middle of four anchors at the same depth every unit vector is (+-1, +-1)/sqrt 2, so J^T J = 2 I: HDOP 1."""
+    flat = SQUARE.copy()
+    flat[:, 2] = 5.0
+    found = solve(flat, ranges_to((50, 50, 5), flat), np.full(4, 0.2), 5.0, (40.0, 45.0))
+    assert found.hdop == pytest.approx(1.0)
+    assert found.covariance == pytest.approx((0.02, 0, 0.02), abs=1e-9)
+
+
+def test_two_anchors_at_a_right_angle_by_hand() -> None:
+    """Each fixes one axis alone: HDOP sqrt 2, and each variance is that of its own range."""
+    anchors = np.array([(0.0, 0.0, 2.0), (30.0, 40.0, 2.0)])
+    found = solve(anchors, ranges_to((30, 0, 2), anchors), np.array([0.1, 0.3]), 2.0, (28.0, 3.0))
+    assert (found.north_m, found.east_m) == pytest.approx((30, 0), abs=1e-6)
+    assert found.hdop == pytest.approx(2**0.5)
+    assert found.covariance == pytest.approx((0.01, 0, 0.09), abs=1e-9)
+
+
+def test_a_better_range_counts_for_more() -> None:
+    """Two ranges of one aMussel, from the south 1 m too long and from the north right; the good one has a tenth of the
+    deviation. On the line the place is the weighted mean: (1 * 101 + 100 * 100) / 101."""
+    anchors = np.array([(0.0, 0.0, 0.0), (200.0, 0.0, 0.0), (100.0, 300.0, 0.0), (100.0, -300.0, 0.0)])
+    found = solve(anchors, np.array([101.0, 100.0, 300.0, 300.0]), np.array([1, 0.1, 1, 1]), 0.0, (95.0, 5.0))
+    assert found.north_m == pytest.approx((101 + 100 * 100) / 101, abs=1e-3)
+
+
+def test_the_covariance_is_that_of_many_draws() -> None:
+    """2000 draws of 0.5 m: variances within four standard errors (a variance's is sqrt(2/2000) = 3.2 % of it)."""
+    draw = np.random.default_rng(4)
+    true = (20.0, 70.0, 8.0)
+    deviations = np.array([0.5, 0.5, 0.3, 0.8])
+    founds = []
+    for _ in range(2000):
+        noisy = ranges_to(true, SQUARE) + draw.normal(0, deviations)
+        founds.append(solve(SQUARE, noisy, deviations, 8.0, (50.0, 50.0)))
+    north, cross, east = founds[0].covariance
+    places = np.array([(it.north_m, it.east_m) for it in founds])
+    spread = np.cov(places.T)
+    assert spread[0, 0] == pytest.approx(north, rel=0.13)
+    assert spread[1, 1] == pytest.approx(east, rel=0.13)
+    assert spread[0, 1] == pytest.approx(cross, abs=0.13 * (north * east) ** 0.5)
+    # With four ranges and two unknowns the residuals have two degrees of freedom.
+    assert np.mean([it.chi2 for it in founds]) == pytest.approx(2, abs=4 * (4 / 2000) ** 0.5)
+
+
+def test_a_line_through_the_aMussel_fixes_nothing() -> None:
+    anchors = np.array([(0.0, 0.0, 1.0), (10.0, 0.0, 1.0), (20.0, 0.0, 1.0)])
+    with pytest.raises(NoFix, match="lie on a line"):
+        solve(anchors, np.array([50.0, 40.0, 30.0]), np.full(3, 0.1), 1.0, (50.0, 0.0))
+
+
+def test_the_mirror_lies_as_far_beyond_the_line() -> None:
+    anchors = np.array([(0.0, 5.0, 1.0), (10.0, 5.0, 1.0), (30.0, 5.0, 1.0)])
+    assert mirrored(anchors, (7.0, 12.0)) == pytest.approx((7, -2))

@@ -1,0 +1,155 @@
+"""What an aPad's ears make of answered pings: places and ranges that the beliefs learn, and notes for the journal."""
+
+from __future__ import annotations
+
+from math import dist
+
+import pytest
+
+from apad_bridge.acoustics.locator import Locator, LocatorConfig
+from apad_bridge.acoustics.ranging import Ears
+from apad_bridge.acoustics.schedule import Talk, TalkConfig
+from apad_bridge.beliefs.belief import Belief
+from apad_bridge.beliefs.fleet import FleetBeliefs
+from apad_bridge.beliefs.measurement import Fixed, Heard, Measurement, Ranged
+from apad_bridge.beliefs.modes import Mode
+from apad_bridge.mission.events import Ping, RangeHeard, Send
+from apad_bridge.mission.orders import Note
+from apad_bridge.vehicle.commands import PoseReported
+from firmware_model.packets import StatusPacket
+from firmware_model.packets.codec import MusselbedCodec
+from firmware_model.states import State
+
+MUSSEL_M, KEEL_M = (30.0, 40.0, 10.0), 0.5
+WAY = ((0.0, 0.0), (60.0, 0.0), (60.0, 80.0), (0.0, 80.0))
+
+
+class Learner:
+    """Keeps what it is told, and believes the last packet."""
+
+    def __init__(self) -> None:
+        self.told: list[Measurement] = []
+
+    def predict(self, belief: Belief, to_ms: int) -> Belief:
+        return belief
+
+    def update(self, belief: Belief | None, measurement: Measurement) -> Belief | None:
+        if isinstance(measurement, Heard):
+            packet = measurement.packet
+            return Belief(7, measurement.at_ms, packet.state, 0.9, 1.0, packet.north_m, packet.east_m)
+        self.told.append(measurement)
+        return belief
+
+
+def ears(locator: Locator | None) -> Ears:
+    talk = Talk(TalkConfig(1, 1500.0, 100, True, False, 0, 0, 5000), MusselbedCodec(), None, [7])
+    return Ears(talk, locator, KEEL_M, MUSSEL_M[2], deviation_m=0.2)
+
+
+def believing(state: State = State.SLEEPING) -> tuple[FleetBeliefs, Learner]:
+    learner = Learner()
+    beliefs = FleetBeliefs(learner, [7])
+    beliefs.hear(StatusPacket(7, 0, state, 0.9, 1.0, 29.0, 41.0, 10.0, 0), 0)
+    return beliefs, learner
+
+
+def taken(heard: Ears, beliefs: FleetBeliefs, n: int) -> list[object]:
+    north_m, east_m = WAY[n]
+    fact = RangeHeard(1000 * n, 7, dist((north_m, east_m, KEEL_M), MUSSEL_M))
+    return [*heard.hear(fact, PoseReported(1000 * n, north_m, east_m, 0.0), beliefs, 1000 * n)]
+
+
+def test_ranges_become_a_place_that_the_beliefs_learn_and_the_journal_keeps() -> None:
+    locator = Locator(LocatorConfig(0.2, MUSSEL_M[2], 600.0, 5.0))
+    heard, (beliefs, learner) = ears(locator), believing()
+    assert taken(heard, beliefs, 0) == [] and taken(heard, beliefs, 1) == []
+    # Until there is a fix the beliefs learn the range itself, along the bottom: 50 m from each of the corners.
+    assert [type(it) for it in learner.told] == [Ranged, Ranged]
+    first = learner.told[0]
+    assert isinstance(first, Ranged)
+    assert (first.range_m, first.variance_m2) == pytest.approx((50.0, 0.04))
+    (note,) = taken(heard, beliefs, 2)
+    assert isinstance(note, Note) and note.kind == "fix"
+    assert (note.data["id"], note.data["ranges"]) == (7, 3)
+    assert (note.data["north_m"], note.data["east_m"]) == pytest.approx((30, 40), abs=1e-3)
+    fixed = learner.told[-1]
+    assert isinstance(fixed, Fixed) and (fixed.north_m, fixed.east_m) == pytest.approx((30, 40), abs=1e-3)
+    covariance = note.data["covariance"]
+    assert fixed.variance_m2 == pytest.approx((covariance[0] + covariance[2]) / 2, abs=1e-5)
+
+
+def test_a_dock_makes_what_was_measured_worthless() -> None:
+    locator = Locator(LocatorConfig(0.2, MUSSEL_M[2], 600.0, 5.0))
+    heard, (beliefs, learner) = ears(locator), believing()
+    taken(heard, beliefs, 0)
+    taken(heard, beliefs, 1)
+    heard.moved(7, 2000)
+    assert taken(heard, beliefs, 2) == []
+    assert isinstance(learner.told[-1], Ranged)
+    assert heard.dropped["no fix: too few ranges from places apart"] == 3
+
+
+def test_without_an_answer_without_a_place_or_without_localisation_nothing_is_learned() -> None:
+    beliefs, learner = believing()
+    heard = ears(Locator(LocatorConfig(0.2, MUSSEL_M[2], 600.0, 5.0)))
+    assert heard.hear(RangeHeard(0, 7, None), PoseReported(0, 0.0, 0.0, 0.0), beliefs, 0) == []
+    assert heard.hear(RangeHeard(0, 7, 50.0), None, beliefs, 0) == []
+    assert taken(ears(None), beliefs, 0) == []
+    assert learner.told == []
+
+
+@pytest.mark.parametrize(("state", "pings"), [(State.SLEEPING, 1), (State.FLOATING, 0), (State.CHARGING, 0)])
+def test_only_who_is_believed_to_hear_is_pinged(state: State, pings: int) -> None:
+    beliefs, _ = believing(state)
+    assert len(ears(None).advance(beliefs.all(), 0)) == pings
+
+
+class Always:
+    """A policy to which every answer is worth a ping."""
+
+    def is_worth(self, belief: Belief, now_ms: int) -> bool:
+        return True
+
+    def urgency(self, belief: Belief) -> float:
+        return 1.0
+
+
+def test_one_that_too_little_is_known_of_is_pinged_out_of_turn_and_not_again_before_it_could_answer() -> None:
+    silent = TalkConfig(1, 1500.0, 100, True, False, 0, 0, 0)  # by itself it pings nobody
+    beliefs, _ = believing()
+    asking = Ears(Talk(silent, MusselbedCodec(), None, [7]), None, KEEL_M, MUSSEL_M[2], 0.2, Always())
+    said = {now_ms: asking.advance(beliefs.all(), now_ms) for now_ms in range(0, 1_900_000, 10_000)}
+    assert all(isinstance(word, Ping) and word.agent_id == 7 for words in said.values() for word in words)
+    # Ten minutes of its time, as one that did not answer.
+    assert [now_ms for now_ms, words in said.items() if words] == [0, 600_000, 1_200_000, 1_800_000]
+    docked, _ = believing(State.CHARGING)
+    assert asking.advance(docked.all(), 3_000_000) == []
+
+
+def modes(mode: Mode, share: float) -> tuple[float, ...]:
+    """The rest is asleep."""
+    return tuple(share if it is mode else 1 - share if it is Mode.ASLEEP else 0.0 for it in Mode)
+
+
+@pytest.mark.parametrize(
+    ("state", "probabilities", "asked"),
+    [
+        # It was last heard in the dock; that it sank since is as good as certain, and so it hears.
+        (State.CHARGING, modes(Mode.FULL, 0.01), True),
+        (State.SLEEPING, modes(Mode.FLOATING, 0.6), False),
+        (State.SLEEPING, modes(Mode.CHARGING_PRIMARY, 0.9), False),
+        (State.CHARGING, (), False),
+    ],
+)
+def test_who_is_more_probably_deaf_than_not_is_not_asked(
+    state: State, probabilities: tuple[float, ...], asked: bool
+) -> None:
+    quiet = TalkConfig(1, 1500.0, 100, True, False, 0, 0, 0, answer_ms=893)
+    talk = Talk(quiet, MusselbedCodec(), None, [7])
+    asking = Ears(talk, None, KEEL_M, MUSSEL_M[2], 0.2, None, Always())
+    belief = Belief(7, 0, state, 0.5, 1.0, 0.0, 0.0, mode_probabilities=probabilities)
+    said = asking.advance([belief], 0)
+    assert [it.data for it in said if isinstance(it, Note)] == ([{"id": 7}] if asked else [])
+    assert len([it for it in said if isinstance(it, Send)]) == asked
+    asking.advance([], 60_000)
+    assert asking.dropped == ({"sound: asked how it was, and no answer came in time": 1} if asked else {})

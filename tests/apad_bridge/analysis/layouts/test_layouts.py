@@ -1,0 +1,277 @@
+"""Layouts: whom they show, under which names, and that each field that is plotted is one of the messages."""
+
+from __future__ import annotations
+
+import ast
+import json
+import re
+from collections import Counter
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import pytest
+import yaml
+from rosbags.interfaces import Nodetype
+from rosbags.rosbag1 import Reader
+
+from apad_bridge.analysis.layouts.fleet import FleetShown, hexadecimal, shown
+from apad_bridge.analysis.layouts.kinds import KINDS
+from apad_bridge.assembly.division import Member, members
+from apad_bridge.commands.main import main
+from apad_bridge.records.bag import BagWriter
+from apad_bridge.records.bag_messages import typestore
+from apad_bridge.scenario.loader import from_data, load, resolve, with_overrides
+from apad_bridge.scenario.schema import Scenario
+from apad_bridge.scenario.starts import starts_of
+
+LAUNCH = Path(__file__).parents[4] / "launch_scripts"
+SHIPPED = LAUNCH / "layouts"
+BATTERY, FLEET_TRUTH = "sensor_msgs/msg/BatteryState", "musselbed_msgs/msg/FleetTruth"
+
+
+@pytest.fixture(scope="module")
+def bay() -> Scenario:
+    return load(LAUNCH / "scenarios" / "bay-120.yaml")
+
+
+@pytest.fixture(scope="module")
+def squad(bay: Scenario) -> tuple[Member, ...]:
+    return members(bay, starts_of(bay))
+
+
+@pytest.fixture(scope="module")
+def pool() -> FleetShown:
+    return of_scenario("pool-12")
+
+
+def of_scenario(name: str, namespace: str = "") -> FleetShown:
+    scenario = load(LAUNCH / "scenarios" / f"{name}.yaml")
+    return shown(scenario, starts_of(scenario), namespace)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_what_is_shipped_is_what_is_written_for_the_pool(
+    kind: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["layout", kind, str(LAUNCH / "scenarios" / "pool-12.yaml")]) == 0
+    assert capsys.readouterr().out == (SHIPPED / f"musselbed{KINDS[kind].ending}").read_text()
+
+
+def rviz_topics(fleet: FleetShown) -> list[str]:
+    data = yaml.safe_load(KINDS["rviz"].write(fleet))
+    displays = data["Visualization Manager"]["Displays"]
+    return [it.get("Topic") or it["Marker Topic"] for it in displays if "Topic" in it or "Marker Topic" in it]
+
+
+def rqt_plots(fleet: FleetShown) -> list[list[str]]:
+    """By plot what it draws: values are Python's repr, as rqt evaluates them."""
+    perspective = json.loads(KINDS["rqt"].write(fleet))
+    manager = perspective["groups"]["pluginmanager"]
+    running = ast.literal_eval(manager["keys"]["running-plugins"]["repr"])
+    groups = {
+        f"plugin__{plugin.replace('/', '__')}__{number}"
+        for plugin, numbers in running.items()
+        for number in numbers
+    }
+    assert groups == manager["groups"].keys()
+    return [
+        ast.literal_eval(group["groups"]["plugin"]["keys"]["topics"]["repr"])
+        for name, group in manager["groups"].items()
+        if name.startswith("plugin__rqt_plot")
+    ]
+
+
+def plotjuggler_curves(fleet: FleetShown) -> dict[str, list[str]]:
+    """By tab what its curves read."""
+    root = ElementTree.fromstring(KINDS["plotjuggler"].write(fleet))
+    return {
+        tab.attrib["tab_name"]: [
+            name
+            for curve in tab.iter("curve")
+            for name in (
+                [curve.attrib["curve_x"], curve.attrib["curve_y"]]
+                if "curve_x" in curve.attrib
+                else [curve.attrib["name"]]
+            )
+        ]
+        for tab in root.iter("Tab")
+    }
+
+
+def foxglove_paths(fleet: FleetShown) -> dict[str, list[str]]:
+    """By tab what its plots read; every panel of the layout has its configuration, and the other way round."""
+    data = json.loads(KINDS["foxglove"].write(fleet))
+    panels = data["configById"]
+    tabs = {tab["title"]: leaves(tab["layout"]) for tab in panels["Tab!plots"]["tabs"]}
+    named = [*leaves(data["layout"]), *(leaf for tab in tabs.values() for leaf in tab)]
+    assert Counter(named) == Counter(panels.keys())
+    return {
+        title: [path["value"] for leaf in tab for path in panels[leaf]["paths"]]
+        for title, tab in tabs.items()
+    }
+
+
+def leaves(node: Any) -> list[str]:
+    return [node] if isinstance(node, str) else [*leaves(node["first"]), *leaves(node["second"])]
+
+
+def battery_ids(names: list[str]) -> list[int]:
+    """Of the aMussels whose batteries are among these."""
+    found = (re.fullmatch(r".*/amussel(\d+)/battery_state[./]percentage", name) for name in names)
+    return [int(it[1]) for it in found if it]
+
+
+def test_each_aPad_is_shown_with_whom_it_serves(bay: Scenario, squad: tuple[Member, ...]) -> None:
+    fleet = shown(bay, starts_of(bay))
+    wanted = {member.name: list(member.scenario.fleet.ids) for member in squad}
+    assert len(wanted) == 5
+    curves, paths = plotjuggler_curves(fleet), foxglove_paths(fleet)
+    for number, (name, ids) in enumerate(wanted.items()):
+        battery = f"/musselbed/{name}/apad/battery_state"
+        assert battery_ids(curves[name]) == battery_ids(paths[name]) == ids
+        assert f"{battery}/percentage" in curves[name] and f"{battery}.percentage" in paths[name]
+        plotted = rqt_plots(fleet)[number]
+        assert battery_ids(plotted) == ids and f"{battery}/percentage" in plotted
+    assert rviz_topics(fleet) == [
+        f"/musselbed/{name}/{topic}" for name in wanted for topic in ("markers", "plan", "apad/path")
+    ]
+
+
+def test_one_of_several_by_itself_keeps_its_names(squad: tuple[Member, ...]) -> None:
+    second = squad[1]
+    fleet = shown(second.scenario, second.starts)
+    (apad,) = fleet.apads
+    assert apad.ids == second.scenario.fleet.ids
+    assert rviz_topics(fleet)[0] == "/musselbed/apad2/markers"
+
+
+def test_an_aPad_of_a_global_name(pool: FleetShown) -> None:
+    data = resolve(load(LAUNCH / "scenarios" / "pool-12.yaml"))
+    data["apad"]["name"] = "/lab/boat"
+    scenario = from_data(data, "pool-12")
+    fleet = shown(scenario, starts_of(scenario))
+    assert rviz_topics(fleet) == rviz_topics(pool), "what is of the bench does not depend on the aPad's name"
+    assert foxglove_paths(fleet).keys() == {"/lab/boat", "run.bag"}
+
+
+def test_a_namespace_comes_before_all_names_but_those_of_a_bag() -> None:
+    fleet = of_scenario("pool-12", "/bay/north")
+    assert all(name.startswith("/bay/north/musselbed/") for name in rviz_topics(fleet))
+    assert all(name.startswith("/bay/north/") for name in rqt_plots(fleet)[0])
+    curves, paths = plotjuggler_curves(fleet), foxglove_paths(fleet)
+    of_bag = [*curves.pop("run.bag"), *paths.pop("run.bag")]
+    assert all(name.startswith("/bay/north/") for name in [*curves["apad1"], *paths["apad1"]])
+    assert of_bag and all(name.startswith("/musselbed/") for name in of_bag)
+    assert json.loads(KINDS["foxglove"].write(fleet))["configById"]["DiagnosticSummary!fleet"][
+        "topicToRender"
+    ] == ("/diagnostics")
+
+
+def field_type(type_name: str, path: str) -> str:
+    """The basic type at the end of a path of fields, as `agents[0].charge`; KeyError when a message has no such field."""
+    for step in re.sub(r"\[[^]]*\](\{[^}]*\})?", "", path).split("."):
+        _, fields = typestore().fielddefs[type_name]
+        kind, detail = dict(fields)[step]
+        if kind in (Nodetype.ARRAY, Nodetype.SEQUENCE):
+            (kind, detail), _ = detail
+        type_name = detail if kind is Nodetype.NAME else detail[0]
+    return type_name
+
+
+TYPES = {
+    "battery_state": BATTERY,
+    "apad": "musselbed_msgs/msg/APadStatus",
+    "truth": FLEET_TRUTH,
+    "beliefs": "musselbed_msgs/msg/FleetBeliefs",
+}
+
+
+def topic_and_field(name: str) -> tuple[str, str]:
+    """Split where the topic ends, whichever sign the program puts there."""
+    found = re.fullmatch(r"(/.*/(?:battery_state|truth|beliefs|apad))[./](.*)", name)
+    assert found is not None, name
+    return found[1], found[2].replace("/", ".")
+
+
+def test_every_field_that_is_plotted_is_a_number_in_its_message(pool: FleetShown) -> None:
+    tabs = [*plotjuggler_curves(pool).values(), *foxglove_paths(pool).values(), *rqt_plots(pool)]
+    seen = set()
+    for name in (name for tab in tabs for name in tab):
+        topic, field = topic_and_field(name)
+        seen.add(field := re.sub(r"\d+", "N", field))
+        assert field_type(TYPES[topic.rpartition("/")[2]], field).startswith(("float", "uint")), name
+    assert len(seen) == 7
+
+
+def test_fields_are_told_from_no_fields() -> None:
+    assert field_type(FLEET_TRUTH, "agents[:]{id==3}.primary") == "float32"
+    with pytest.raises(KeyError):
+        field_type(FLEET_TRUTH, "agents[0].charge")
+
+
+def test_a_runs_bag_has_what_is_shown_of_it(pool: FleetShown, tmp_path: Path) -> None:
+    BagWriter(tmp_path / "run.bag", theta=30).close()
+    with Reader(tmp_path / "run.bag") as bag:
+        in_bag = {connection.topic: connection.msgtype for connection in bag.connections}
+    names = [*plotjuggler_curves(pool)["run.bag"], *foxglove_paths(pool)["run.bag"]]
+    topics = {topic_and_field(name)[0] for name in names}
+    assert len(topics) == 3
+    for topic in topics:
+        assert in_bag[topic] == TYPES[topic.rpartition("/")[2]]
+
+
+def test_plotjuggler_is_told_to_take_what_it_plots(pool: FleetShown) -> None:
+    root = ElementTree.fromstring(KINDS["plotjuggler"].write(pool))
+    plugins = {it.attrib["ID"]: it for it in root.iter("plugin")}
+    curves = plotjuggler_curves(pool)
+    live = {topic_and_field(name)[0] for name in curves["apad1"]}
+    recorded = live | {topic_and_field(name)[0] for name in curves["run.bag"]}
+    for plugin, topics in {"ROS Topic Subscriber": live, "DataLoad ROS bags": recorded}.items():
+        selected = plugins[plugin].find("selected_topics")
+        assert selected is not None
+        assert topics <= set(selected.attrib["value"].split(";"))
+
+
+def test_lists_are_not_too_long_for_plotjuggler(bay: Scenario) -> None:
+    many = with_overrides(bay, agents=400)
+    root = ElementTree.fromstring(KINDS["plotjuggler"].write(shown(many, starts_of(many))))
+    assert {it.attrib["value"] for it in root.iter("max_array_size")} == {"400"}
+
+
+def test_neighbours_have_colours_of_their_own() -> None:
+    colours = [hexadecimal(number) for number in range(120)]
+    assert len(set(colours)) == 120
+    assert all(re.fullmatch("#[0-9a-f]{6}", it) for it in colours)
+
+
+def test_the_area_fits_into_rviz(bay: Scenario) -> None:
+    data = yaml.safe_load(KINDS["rviz"].write(shown(bay, starts_of(bay))))["Visualization Manager"]
+    view = data["Views"]["Current"]
+    # 60 m by 200 m, north first, in a window of 1360 x 860, of which RViz 1.14 draws on 1327 x 768: the width decides.
+    assert (view["X"], view["Y"]) == (100, 30)
+    assert 0.8 * 1327 < view["Scale"] * 200 < 0.95 * 1327 and view["Scale"] * 60 < 0.95 * 768
+    grid = data["Displays"][0]
+    half_m = grid["Cell Size"] * grid["Plane Cell Count"] / 2
+    for axis, to_m in (("X", 200), ("Y", 60)):
+        assert grid["Offset"][axis] % grid["Cell Size"] == 0, "lines at whole multiples"
+        assert grid["Offset"][axis] - half_m <= 0 and grid["Offset"][axis] + half_m >= to_m
+
+
+def test_foxglove_hides_every_frame(bay: Scenario) -> None:
+    scene = json.loads(KINDS["foxglove"].write(shown(bay, starts_of(bay))))["configById"]["3D!scene"]
+    hidden = {name for name, how in scene["transforms"].items() if how == {"visible": False}}
+    bodies = [*(f"amussel{n}" for n in range(1, 121)), *(f"apad{n}" for n in range(1, 6))]
+    assert hidden == {
+        "frame:musselbed/enu",
+        "frame:musselbed/ned",
+        *(f"frame:{it}/base_link" for it in bodies),
+    }
+
+
+def test_grids_are_the_same_in_both_programs(bay: Scenario) -> None:
+    fleet = shown(bay, starts_of(bay))
+    in_foxglove = json.loads(KINDS["foxglove"].write(fleet))["configById"]["3D!scene"]["layers"]["grid"]
+    in_rviz = yaml.safe_load(KINDS["rviz"].write(fleet))["Visualization Manager"]["Displays"][0]
+    assert in_foxglove["size"] / in_foxglove["divisions"] == in_rviz["Cell Size"] == 5
+    assert in_foxglove["position"] == list(in_rviz["Offset"].values())

@@ -1,0 +1,252 @@
+"""What the page is given, from hand-written journals whose answers can be worked out on paper."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from agents.mussel.outputs import Truth
+from agents.mussel.physical import Physical
+from apad_bridge.analysis.replay.build import render
+from apad_bridge.analysis.replay.series import MAX_SAMPLES, MAX_VALUES, Status, page_data, sample_times
+from apad_bridge.records.journal import JournalContents
+from apad_bridge.records.truth_lines import truth_data, truth_of
+from apad_bridge.scenario.loader import load
+from firmware_model.actions import Buoyancy
+from firmware_model.power.charge import Battery, Flow, grains
+from firmware_model.states import State
+
+SCENARIO = replace(
+    load(Path(__file__).parents[4] / "launch_scripts" / "scenarios" / "pool-12.yaml"), theta=10
+)
+
+
+def truth(at_ms, agent_id, charge, flow=Flow.RESTING, *, docked=False, secondary=1.0, north_m=1.0):
+    state = State.CHARGING if docked else State.ACTIVE
+    batteries = Battery(at_ms, grains(charge), flow), Battery(at_ms, grains(secondary), Flow.RESTING)
+    physical = Physical(*batteries, round(north_m * 1e6), 2_000_000, 5, 6, Buoyancy.FLOAT, docked)
+    return Truth(at_ms, agent_id, state, physical)
+
+
+def told(*truths):
+    return [{"t": -(-it.at_ms // 10), "kind": "truth", **truth_data(it)} for it in truths]
+
+
+def apad(t, north_m, slots=(-1, -1, -1, -1), battery=0.9):
+    return {
+        "t": t,
+        "kind": "apad",
+        "north_m": north_m,
+        "east_m": 0.0,
+        "heading_rad": 0.5,
+        "voltage_v": 15.0,
+        "battery": battery,
+        "primitive": "hold position",
+        "slots": list(slots),
+    }
+
+
+def run_line(*ids):
+    agents = [{"id": n, "north_m": 1.0, "east_m": 2.0, "primary": 1.0, "secondary": 1.0} for n in ids]
+    return {"t": 0, "kind": "run", "format": 1, "agents": agents}
+
+
+def data_of(*lines, summary=None, dropped=0):
+    return page_data(SCENARIO, JournalContents(list(lines), dropped), summary)
+
+
+def test_a_truth_line_is_exact():
+    it = truth(123_457, 3, 0.123456789, Flow.CHARGING, docked=True)
+    assert truth_of({"t": 0, "kind": "truth", **truth_data(it)}) == it
+    sampled = replace(it, physical=replace(it.physical, pin_due_ms=5, samples=7, acknowledged=3))
+    assert truth_of({"t": 0, "kind": "truth", **truth_data(sampled)}) == sampled
+
+
+def test_colours_say_what_a_threshold_a_dock_and_two_batteries_say():
+    lines = told(
+        truth(0, 1, 0.81),
+        truth(0, 2, 0.80),
+        truth(0, 3, 0.5),
+        truth(20_000, 3, 0.5, Flow.CHARGING, docked=True),
+        truth(0, 4, 0.0),
+        truth(0, 5, 0.0),
+        truth(30_000, 5, 0.0, secondary=0.0),
+    )
+    data = data_of(run_line(1, 2, 3, 4, 5, 6), *lines, {"t": 4000, "kind": "end", "reason": "mission time"})
+    assert data["times_ms"] == [0, 1000, 2000, 3000, 4000]
+    assert {agent["id"]: agent["status"] for agent in data["agents"]} == {
+        1: [Status.ABOVE] * 5,
+        2: [Status.CANDIDATE] * 5,
+        3: [Status.CANDIDATE] * 2 + [Status.CHARGING] * 3,
+        4: [Status.CANDIDATE] * 5,
+        5: [Status.CANDIDATE] * 3 + [Status.LOST] * 2,
+        6: [Status.UNKNOWN] * 5,
+    }
+    # Of 4 ticks: 1 and 2 always; 3 until it was docked at the second; 4 and 5 never.
+    assert [agent["uptime"][-1] for agent in data["agents"]] == [100, 100, 25, 0, 0, 0]
+    assert data["active"] == [3, 3, 2, 2, 2]
+    assert data["ended_by"] == "mission time"
+
+
+def test_charge_follows_equation_1_between_truths():
+    data = data_of(run_line(1), *told(truth(0, 1, 0.9, Flow.DISCHARGING)), {"t": 600_000, "kind": "tick"})
+    # A mission minute is ten of the aMussel's: 0.0010427134 a minute.
+    charge = dict(zip(data["times_ms"], data["agents"][0]["charge"], strict=True))
+    assert charge[0] == 0.9
+    for minute in (1, 5, 10):
+        assert charge[minute * 60_000] == pytest.approx(0.9 - minute * 10 * 0.0010427134, abs=1e-4)
+
+
+def test_a_docked_one_is_where_the_aPad_is():
+    lines = [
+        *told(truth(0, 1, 0.5, north_m=7.0), truth(20_000, 1, 0.5, docked=True, north_m=7.0)),
+        apad(0, 3.0),
+        apad(3000, 12.0, slots=(-1, 1, -1, -1)),
+        {"t": 4000, "kind": "tick"},
+    ]
+    data = data_of(run_line(1), *lines)
+    assert data["agents"][0]["north"] == [7.0, 7.0, 3.0, 12.0, 12.0]
+    assert data["slots"][-1] == [None, 1, None, None]
+    assert data["apad"][0] == [3.0, 0.0, 0.5, 0.9]
+    assert data["trace"] == [[0, 3.0, 0.0], [3000, 12.0, 0.0]]
+
+
+def test_words_and_cost_follow_the_mission():
+    plan = {
+        "what": "collect",
+        "strategy": "cautious",
+        "steps": [{"agent": 4, "slot": 0}, {"agent": 2, "slot": 1}],
+    }
+    lines = [
+        {"t": 1000, "kind": "plan", **plan},
+        {
+            "t": 1000,
+            "kind": "primitive",
+            "name": "go to point",
+            "phase": "started",
+            "north_m": 1.0,
+            "east_m": 2.0,
+        },
+        {
+            "t": 1000,
+            "kind": "primitive",
+            "name": "hold position",
+            "phase": "succeeded",
+            "north_m": 0,
+            "east_m": 0,
+        },
+        {"t": 1000, "kind": "leg", "metres": 2.5},
+        {
+            "t": 2000,
+            "kind": "primitive",
+            "name": "go to point",
+            "phase": "succeeded",
+            "north_m": 1.0,
+            "east_m": 2.0,
+        },
+        {"t": 3000, "kind": "primitive", "name": "dock", "phase": "started", "agent": 4, "slot": 0},
+        {"t": 3000, "kind": "mission", "phase": "dock", "snapshot": {"plan": [["collect", 2, 1]]}},
+        {"t": 3000, "kind": "leg", "metres": 1.0},
+        {"t": 3000, "kind": "dock", "slot": 0, "agent": 4, "closed": True},
+    ]
+    data = data_of(run_line(2, 4), *lines)
+    stages = [data["stages"][n] for n in data["stage"]]
+    assert [stage["primitive"] for stage in stages] == [
+        "",
+        "go to point 1.0 m north, 2.0 m east",
+        "",
+        "dock aMussel 4, slot 1",
+    ]
+    assert stages[0]["plan"] is None
+    assert stages[1]["plan"] == {
+        "what": "collect",
+        "strategy": "cautious",
+        "steps": [[4, 0], [2, 1]],
+        "done": 0,
+    }
+    assert stages[3]["plan"]["done"] == 1 and stages[3]["phase"] == "dock"
+    assert data["cost"] == [0, 2.5, 2.5, 3.5]
+    assert data["slots"][3] == [4, None, None, None]
+
+
+def test_without_truth_the_page_shows_what_was_believed():
+    belief = {
+        "kind": "belief",
+        "heard": 0,
+        "state": "ACTIVE",
+        "secondary": 1.0,
+        "north_m": 5.0,
+        "east_m": 6.0,
+    }
+    lines = [
+        {"t": 1000, "id": 1, "charge": 0.9, **belief},
+        {"t": 2000, "id": 1, "charge": 0.7, **belief},
+        apad(3000, 9.0, slots=(1, -1, -1, -1)),
+    ]
+    data = data_of(run_line(1), *lines)
+    assert data["has_truth"] is False
+    (agent,) = data["agents"]
+    assert agent["charge"] == [None, 0.9, 0.7, 0.7]
+    assert agent["status"] == [Status.UNKNOWN, Status.ABOVE, Status.CANDIDATE, Status.CHARGING]
+    assert agent["north"] == [None, 5.0, 5.0, 9.0]
+
+
+def test_one_that_was_given_up_is_grey():
+    died = {"t": 2000, "kind": "died", "id": 1, "agent_ms": 20_000, "gave_up": "it died too often"}
+    data = data_of(run_line(1), *told(truth(0, 1, 0.9)), died, {"t": 4000, "kind": "tick"})
+    assert data["agents"][0]["status"] == [Status.ABOVE] * 2 + [Status.LOST] * 3
+    assert data["active"] == [1, 1, 0, 0, 0]
+
+
+@pytest.mark.parametrize(
+    ("end_ms", "agents"), [(0, 1), (1500, 1), (2_400_000, 12), (864_000_000, 24), (864_000_000, 5000)]
+)
+def test_a_page_stays_small_however_long_the_run(end_ms, agents):
+    times = sample_times(end_ms, agents)
+    assert times[0] == 0 and times[-1] == end_ms // 1000 * 1000
+    assert times == sorted(set(times)) and all(time % 1000 == 0 for time in times)
+    assert len(times) <= MAX_SAMPLES
+    assert len(times) * agents <= max(MAX_VALUES, 60 * agents)
+
+
+def test_a_journal_that_never_began_is_said():
+    with pytest.raises(ValueError, match="no line `run`"):
+        data_of({"t": 0, "kind": "tick"})
+
+
+def test_no_text_of_a_scenario_ends_the_pages_script():
+    hostile = "</script><script>alert(1)</script><!--SCRIPT-->"
+    data = {**data_of(run_line(1)), "name": hostile, "description": hostile}
+    page = render(data)
+    assert page.count("</script>") == 2
+    assert "alert(1)</script>" not in page and "&lt;/script&gt;" in page
+
+
+def test_the_page_needs_no_network():
+    page = render(data_of(run_line(1)))
+    for reference in ("http://", "https://", "src=", "@import", "url(", "<link"):
+        assert reference not in page
+
+
+def test_an_estimate_stands_beside_the_truth_with_its_interval():
+    def believed(t, agent_id, charge, **more):
+        line = {"t": t, "kind": "belief", "id": agent_id, "heard": t, "state": "ACTIVE", "charge": charge}
+        return {**line, "secondary": 1.0, "north_m": 1.0, "east_m": 2.0, **more}
+
+    lines = [
+        *told(truth(0, 1, 0.8), truth(0, 2, 0.8)),
+        believed(0, 2, 0.8),
+        believed(1000, 1, 0.75, sd=0.02, low=0.71, high=0.79, mode="IDLE"),
+        believed(2000, 3, 0.6, sd=0.01, low=0.58, high=0.62, mode="IDLE"),
+        believed(3000, 1, 0.7, sd=0.02, low=0.66, high=0.74, mode="IDLE"),
+        {"t": 4000, "kind": "end", "reason": "mission time"},
+    ]
+    agents = {agent["id"]: agent for agent in data_of(run_line(1, 2, 3), *lines)["agents"]}
+    assert agents[1]["charge"] == [0.8] * 5
+    assert agents[1]["believed"] == [None, 0.75, 0.75, 0.7, 0.7]
+    assert agents[1]["low"] == [None, 0.71, 0.71, 0.66, 0.66]
+    assert agents[1]["high"] == [None, 0.79, 0.79, 0.74, 0.74]
+    # Of the second nobody claims an interval; of the third there is no truth to stand beside.
+    assert (agents[2]["believed"], agents[2]["low"], agents[2]["high"]) == ([0.8] * 5, None, None)
+    assert agents[3]["believed"] is None and agents[3]["charge"] == [None, None, 0.6, 0.6, 0.6]
+    assert agents[3]["low"] == [None, None, 0.58, 0.58, 0.58]

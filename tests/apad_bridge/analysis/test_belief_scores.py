@@ -1,0 +1,229 @@
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from apad_bridge.analysis.belief_scores.compared import Compared, Record, compared_in
+from apad_bridge.analysis.belief_scores.scored import age_bin, scores_of
+from apad_bridge.beliefs.modes import Mode
+from apad_bridge.commands.main import main
+from apad_bridge.records.bag import BagWriter
+from apad_bridge.records.samples import BeliefSample, TruthSample
+from firmware_model.states import State
+
+SCENARIOS = Path(__file__).parents[3] / "launch_scripts/scenarios"
+TWIN = """beliefs:
+  estimator: twin
+  twin: {drain_deviation: 0.01, sensor_noise: 0.002, bias_deviation: 0.0005, unscheduled: 0.001, fix_deviation_m: 0.05}
+"""
+
+
+def row(
+    agent_id: int, age_h: float, error: float, deviation: float | None, clamped: bool = False
+) -> Compared:
+    covered = None if deviation is None else abs(error) <= 1.96 * deviation
+    return Compared(agent_id, 0, age_h, Mode.IDLE, True, error, deviation, covered, clamped, None)
+
+
+def test_scores_are_counted_by_hand() -> None:
+    scores = scores_of(
+        [
+            row(1, 0.0, 0.03, 0.01),
+            row(1, 3.0, 0.0, 0.01),
+            row(2, 3.0, -0.04, 0.04),
+            row(2, 30, 0.0, 0.0, True),
+        ]
+    )
+    assert scores is not None
+    assert scores.overall.rmse == pytest.approx(0.025)
+    assert scores.overall.bias == pytest.approx(-0.0025)
+    assert scores.overall.coverage == 0.75
+    assert scores.overall.nees == pytest.approx((9 + 0 + 1) / 3)
+    assert {name: score.samples for name, score in scores.by_age.items()} == {
+        "a minute": 1,
+        "6 h": 2,
+        "48 h": 1,
+    }
+    assert scores.by_agent["2"].coverage == 1.0 and scores.by_agent["2"].place_rmse_m is None
+    assert list(scores.by_mode) == ["idle"]
+    assert scores_of([]) is None
+    assert [age_bin(age_h) for age_h in (0.0, 0.5, 24.0, 24.1, 100)] == [
+        "a minute",
+        "1 h",
+        "24 h",
+        "48 h",
+        "older",
+    ]
+
+
+def test_beliefs_that_claim_to_be_certain_have_no_coverage() -> None:
+    scores = scores_of([row(1, 0.0, 0.03, None)])
+    assert scores is not None and scores.overall.coverage is None and scores.overall.nees is None
+
+
+def fly(folder: Path, twins: bool, capsys: pytest.CaptureFixture[str]) -> Path:
+    text = (SCENARIOS / "pool-12.yaml").read_text()
+    text = text.replace("duration_s: 2400", "duration_s: 90").replace(
+        "count: 12", "count: 3\n  hosting: one_process"
+    )
+    (folder / "few.yaml").write_text(text + (TWIN if twins else ""))
+    (folder / "pool-12.csv").write_text((SCENARIOS / "pool-12.csv").read_text())
+    assert main(["run", str(folder / "few.yaml"), "--time", "asap", "--out", str(folder / "run")]) == 0
+    capsys.readouterr()
+    return folder / "run"
+
+
+def test_a_flight_on_twins_is_compared(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    run = fly(tmp_path, True, capsys)
+    picture = tmp_path / "beliefs.png"
+    assert main(["beliefs", str(run), "--json", "--figure", str(picture)]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["overall"]["samples"] == 3 * 9 and set(found["by_agent"]) == {"1", "2", "3"}
+    assert found["overall"]["rmse"] < 0.003 and found["overall"]["coverage"] > 0.8
+    assert found["overall"]["mode_right"] == 1.0
+    assert picture.read_bytes()[:8] == b"\x89PNG\r\n\x1a\n" and picture.stat().st_size > 20_000
+    assert main(["beliefs", str(run)]) == 0
+    assert "packet up to" in capsys.readouterr().out
+
+
+def test_the_bag_and_the_journal_of_a_run_say_the_same(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run = fly(tmp_path, True, capsys)
+    bag, journal = (
+        {(it.at_ms, it.agent_id): it for it in compared_in(run, 5_000, record)} for record in Record
+    )
+    assert len(bag) == 3 * 18 and set(bag) == set(journal)
+    for key, it in bag.items():
+        other = journal[key]
+        assert (it.mode, it.mode_right, it.clamped) == (other.mode, other.mode_right, other.clamped)
+        # The journal names a belief again when it has moved by a third of its deviation.
+        assert it.deviation is not None and other.deviation is not None
+        assert it.error == pytest.approx(other.error, abs=max(0.0015, it.deviation))
+        assert it.deviation == pytest.approx(other.deviation, abs=0.0011)
+        assert it.place_square is not None and other.place_square is None
+    for record in Record:
+        assert main(["beliefs", str(run), "--json", "--from", record]) == 0
+        said = json.loads(capsys.readouterr().out)
+        assert said["record"] == record and said["overall"]["samples"] == 3 * 9
+        assert (said["overall"]["place_coverage"] is None) is (record is Record.JOURNAL)
+
+
+def test_an_instant_of_a_bag_is_scored_by_hand(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    run = fly(tmp_path, False, capsys)
+    (run / "run.bag").unlink()
+    bag = BagWriter(run / "run.bag", theta=30)
+    truth = TruthSample(7, int(State.ACTIVE), 0.5, 1.0, 10.0, 20.0, 3.0, False, 0)
+    # Deviations of 2 m north and 1 m east that go together by a half: 4 m off to the north is (4 / 2)^2 / (1 - 0.5^2).
+    belief = BeliefSample(
+        7,
+        int(State.ACTIVE),
+        0.53,
+        1.0,
+        14.0,
+        20.0,
+        60.0,
+        0.02,
+        0.0,
+        0.0,
+        0.49,
+        0.57,
+        2.0,
+        1.0,
+        1.0,
+        (),
+        0.0,
+        0.0,
+    )
+    docked = truth._replace(agent_id=8, docked=True, state=int(State.CHARGING))
+    bag.sample(10_000, [truth, docked], [belief, belief._replace(agent_id=8, charge_low=0.51)], None)
+    bag.close()
+    first, second = compared_in(run, 10_000, Record.BAG)
+    assert first.age_h == pytest.approx(0.5) and first.mode is Mode.IDLE and first.mode_right
+    assert first.error == pytest.approx(0.03) and first.deviation == pytest.approx(0.02)
+    assert first.covered is True and second.covered is False
+    assert first.place_error_m == 4.0 and first.place_square == pytest.approx(16 / 3)
+    assert second.place_error_m is None and second.place_square is None
+    scores = scores_of([first, second])
+    assert scores is not None and scores.overall.nees == pytest.approx(2.25, rel=1e-4)
+    # 5.33 is below the 5.99 that 95 % of two dimensions lie below.
+    assert (scores.overall.place_coverage, scores.overall.place_nees) == (1.0, pytest.approx(8 / 3))
+
+
+def test_what_mostly_rests_at_an_end_is_told_by_its_moments(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The moments are those of many charges drawn from a Gaussian and held, not the closed form's."""
+    run = fly(tmp_path, False, capsys)
+    (run / "run.bag").unlink()
+    bag = BagWriter(run / "run.bag", theta=30)
+    truths, beliefs = [], []
+    for agent_id, mean in enumerate((0.995, 1.005, 0.004, -0.003)):
+        held = np.clip(np.random.default_rng(1).normal(mean, 0.02, 1_000_000), 0, 1)
+        low, high = np.quantile(held, [0.025, 0.975])
+        place = (10.0, 20.0)
+        truths.append(TruthSample(agent_id, int(State.ACTIVE), 0.5, 1.0, *place, 3.0, False, 0))
+        charges = (held.std(), 0.0, 0.0, low, high)
+        beliefs.append(BeliefSample(agent_id, int(State.ACTIVE), held.mean(), 1.0, *place, 0.0, *charges))
+    bag.sample(10_000, truths, beliefs, None)
+    bag.close()
+    assert [row.clamped for row in compared_in(run, 10_000, Record.BAG)] == [False, True, False, True]
+
+
+def test_a_run_whose_bag_is_torn_is_compared_by_its_journal(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run = fly(tmp_path, True, capsys)
+    whole = (run / "run.bag").read_bytes()
+    (run / "run.bag").write_bytes(whole[: len(whole) // 2])
+    assert main(["beliefs", str(run), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["record"] == "journal"
+    assert main(["beliefs", str(run), "--from", "bag"]) == 2
+    told = capsys.readouterr().err
+    assert told.count("\n") == 1 and told.endswith("try --from journal\n")
+
+
+def test_a_journal_of_another_version_is_told_in_one_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run = fly(tmp_path, False, capsys)
+    journal = run / "journal.jsonl"
+    whole = journal.read_text()
+    batteries = re.compile(r'"primary": ?\[(\d+), ?(\d+), ?(-?\d+), ?[^]]*\]')
+    shorter, count = batteries.subn(r'"primary":[\1,\2,\3]', whole)
+    assert count > 0
+    journal.write_text(shorter)
+    assert main(["beliefs", str(run), "--from", "journal"]) == 2
+    told = capsys.readouterr().err
+    assert told.count("\n") == 1 and "a line that this version does not read" in told
+
+
+def test_a_run_with_a_bag_of_means_is_scored(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], bag_of_means: Callable[..., Path]
+) -> None:
+    run = fly(tmp_path, True, capsys)
+    (run / "run.bag").unlink()
+    bag_of_means(run / "run.bag", seconds=31)
+    assert main(["beliefs", str(run), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["record"] == "journal"
+    assert main(["beliefs", str(run), "--json", "--from", "bag"]) == 0
+    overall = json.loads(capsys.readouterr().out)["overall"]
+    # It holds 0.75 for a true 0.5, and 1 m north for 1.5 m.
+    assert (overall["samples"], overall["rmse"], overall["place_rmse_m"]) == (4, 0.25, 0.5)
+    assert overall["coverage"] is None and overall["nees"] is None and overall["place_coverage"] is None
+
+
+def test_mistakes_are_told_in_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for arguments in (
+        [str(tmp_path)],
+        [str(tmp_path), "--period", "0"],
+        [str(tmp_path), "--figure", "beliefs.jpeg"],
+    ):
+        assert main(["beliefs", *arguments]) == 2
+        told = capsys.readouterr().err
+        assert told.count("\n") == 1 and told.startswith("musselbed beliefs: ")

@@ -1,0 +1,153 @@
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from agents.mussel.outputs import Truth
+from apad_bridge.assembly.estimator import fleet_beliefs, knowledge_of, schedules_of
+from apad_bridge.assembly.parts import agent_ids
+from apad_bridge.beliefs.belief import Belief
+from apad_bridge.beliefs.hold_last import HoldLast
+from apad_bridge.records.samples import Water
+from apad_bridge.runs.in_memory import open_flight
+from apad_bridge.scenario.believing import Beliefs, Estimator, TwinModel
+from apad_bridge.scenario.board_model import charge_model, whole_firmware
+from apad_bridge.scenario.loader import from_data, load, resolve
+from apad_bridge.scenario.schema import Scenario
+from firmware_model.bench import Bench
+from firmware_model.config import BoardConfig
+from firmware_model.power.charge import FULL, Battery, Flow, grains
+from firmware_model.power.rails import rails_of
+from firmware_model.power.voltage import Meter
+from firmware_model.states import State
+
+POOL = load(Path(__file__).parents[3] / "launch_scripts/scenarios/pool-12.yaml")
+MODEL = TwinModel(
+    drain_deviation=0.01,
+    sensor_noise=0.002,
+    bias_deviation=0.0005,
+    unscheduled=0.001,
+    fix_deviation_m=0.05,
+)
+WHOLE_FILE = Path(__file__).parents[3] / "launch_scripts/scenarios/whole-board-12.yaml"
+WHOLE = load(WHOLE_FILE)
+
+
+def _metered() -> Scenario:
+    data = resolve(WHOLE)
+    data["board"]["whole"]["power"]["metering"] = "table-one"
+    return from_data(data, "metered")
+
+
+METERED = _metered()
+WITH_TWINS = replace(POOL, beliefs=Beliefs(estimator=Estimator.TWIN, twin=MODEL))
+
+
+def test_the_shipped_scenarios_hold_the_last_packet() -> None:
+    assert isinstance(fleet_beliefs(POOL, agent_ids(POOL)), HoldLast)
+
+
+def test_a_twin_is_told_the_worst_cases_equations() -> None:
+    knowledge = knowledge_of(WITH_TWINS, MODEL)
+    assert set(knowledge.drain.per_min[:5]) == {0.0010427134} and knowledge.drain.per_min[5] == 0.0
+    assert knowledge.charger.segments == ((0.16197, 0.001045), (0.5634, 0.00223), (1.0, 0.002911))
+    assert knowledge.water.step_variance_m2 == pytest.approx(0.005**2 / 3)
+    assert knowledge.sensor.apart_ms == 600_000  # 20 s of mission time at theta 30
+
+
+@pytest.mark.parametrize("settings", [{"estimator": "twin"}, {"twin": MODEL}])
+def test_a_twin_and_its_model_come_together(settings: dict[str, object]) -> None:
+    with pytest.raises(ValueError, match="twin"):
+        Beliefs(**settings)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("slot", [0, 7, 59])
+def test_a_sleeper_is_told_what_its_board_will_draw(slot: int) -> None:
+    """Against the firmware itself, minute by minute through a night."""
+    board = WHOLE.board
+    whole = whole_firmware(board)
+    config = BoardConfig(1 + slot, charge_model(board), 50, 2000, 43_200_000, 120_000, whole, slot)
+    bench = Bench(config)
+    bench.run(hours=1)
+    began, began_ms = bench.primary_fraction, bench.now_ms
+    first_id = WHOLE.fleet.first_id
+    cycle = schedules_of(WHOLE, [first_id + slot])[first_id + slot].cycle
+    assert cycle is not None
+    for _ in range(6 * 60):
+        bench.run(minutes=1)
+        assert began - bench.primary_fraction == pytest.approx(cycle.spent(began_ms, bench.now_ms), abs=1e-5)
+
+
+def test_a_twin_is_told_what_a_metered_board_reads() -> None:
+    """Against the battery monitor's own sums; and by hand where there is a figure: 24 of 600 mV of a charger."""
+    board = METERED.board
+    offsets = knowledge_of(METERED, MODEL).sensor.offsets
+    whole = whole_firmware(board)
+    assert whole is not None and whole.power.metering is not None
+    meter = Meter(charge_model(board), whole.power.metering, 1)
+    for state, flow in (
+        (State.SLEEPING, Flow.DISCHARGING),
+        (State.PROCESSING, Flow.DISCHARGING),
+        (State.FLOATING, Flow.DISCHARGING),
+        (State.CHARGING, Flow.CHARGING),
+        (State.REPORTING, Flow.CHARGING),
+    ):
+        load = whole.power.loads.total(rails_of(state, 0, False, 0))
+        if flow is Flow.CHARGING:
+            load = load * whole.power.path // 10_000
+        battery = Battery(0, grains(0.5), flow, load, 2)
+        assert offsets[state][0] == pytest.approx(meter.offset(battery) / FULL, abs=1e-6), state
+    assert offsets[State.CHARGING] == pytest.approx((0.04, 0.04))
+    # 950 mW of radios beside an idle board are 257 mA at 3.7 V: 25.7 mV across 0.1 ohm.
+    assert offsets[State.FLOATING] == pytest.approx((-0.0257 / 0.6, 0.0), abs=1e-4)
+    assert offsets[State.TRANSMITTING][0] == 0.0 and State.EMPTY not in offsets
+    assert knowledge_of(METERED, MODEL).sensor.saturates
+    assert not knowledge_of(WITH_TWINS, MODEL).sensor.saturates
+
+
+@pytest.mark.parametrize("scenario", ["WHOLE", "METERED"])
+def test_twins_of_whole_boards_cover_what_is_so(scenario: str) -> None:
+    """Until the first four were charged and let go again, with what a laboratory might state of its boards."""
+    flown = {"WHOLE": WHOLE, "METERED": METERED}[scenario]
+    model = TwinModel(
+        drain_deviation=0.05, sensor_noise=0.005, bias_deviation=0.02, unscheduled=0.01, fix_deviation_m=0.5
+    )
+    believed = Beliefs(estimator=Estimator.TWIN, twin=model)
+    flight, recorder = open_flight(replace(flown, beliefs=believed, duration_s=2400.0))
+    rows: list[tuple[float, bool, bool]] = []
+    water, newest, take = Water(flown), {}, recorder.truths
+
+    def truths(came: list[Truth]) -> None:
+        take(came)
+        newest.update((truth.agent_id, truth) for truth in came)
+
+    def tick(now_ms: int, beliefs: list[Belief], *_: object) -> None:
+        for belief in beliefs if now_ms % 10_000 == 0 else ():
+            truth = water.sample(newest[belief.agent_id], flown.theta * now_ms)
+            low, high = belief.charge_interval()
+            rows.append((belief.primary - truth.primary, low <= truth.primary <= high, truth.docked))
+
+    recorder.truths, recorder.tick = truths, tick  # type: ignore[method-assign, assignment]
+    flight.run()
+    errors, covered, docked = (np.array(column) for column in zip(*rows, strict=True))
+    assert len(rows) > 2500 and docked.sum() > 100
+    assert covered.mean() > 0.93
+    assert abs(errors[docked].mean()) < 0.006 and np.sqrt((errors**2).mean()) < 0.008
+
+
+def test_a_mission_flies_on_twins_through_silence() -> None:
+    """Seven minutes of which the last three are silent: the twins say when those in the docks are full."""
+    flight, recorder = open_flight(replace(WITH_TWINS, duration_s=420.0))
+    receive = flight.supervisor.receive
+    flight.supervisor.receive = (  # type: ignore[method-assign]
+        lambda fact: None if type(fact).__name__ == "WifiHeard" and fact.at_ms > 240_000 else receive(fact)
+    )
+    flight.run()
+    beliefs = flight.supervisor.beliefs.all()
+    assert len(beliefs) == 12 and all(belief.silent_slots >= 170 for belief in beliefs)
+    assert len({belief.at_ms for belief in beliefs}) == 1
+    released = {data["agent"]: at_ms for at_ms, kind, data in recorder.events if kind == "released"}
+    assert len(released) == 4 and min(released.values()) > 240_000

@@ -1,0 +1,159 @@
+"""`musselbed mu`: what it prints, what it refuses, and the budgets against hand calculation."""
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+
+from apad_bridge.commands.main import main
+from apad_bridge.commands.mu_script import Budget, ScriptError, budget_of, play, read_script
+from apad_bridge.runs.exits import Exit
+from firmware_model.bench.state_diagram import blocks
+
+PAGE = Path(__file__).parents[3] / "docs/mu-scripts.md"
+
+
+def script(tmp_path: Path, text: str) -> Path:
+    path = tmp_path / "script.yaml"
+    path.write_text(text)
+    return path
+
+
+def played(path: Path) -> Budget:
+    told = read_script(path)
+    return budget_of(told, play(told))
+
+
+def test_table1_as_json_has_the_paper_s_rows_and_says_what_was_fitted(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert main(["mu", "table1", "--json"]) == Exit.DONE
+    told = json.loads(capsys.readouterr().out)
+    paper = {row["mode"]: row["paper_min"] for row in told["rows"]}
+    assert list(paper.values()) == [962, 14057, 575, 398, 485, 180]
+    for row in told["rows"][:5]:
+        assert row["run_min"] == pytest.approx(row["paper_min"], rel=0.01)
+        assert row["metered_min"] == pytest.approx(row["paper_min"], rel=0.01)
+    assert 150 <= told["rows"][5]["run_min"] <= 180
+    assert len(told["fitted"]) < len(told["rows"])
+    assert all(parameter["fitted_to"] and parameter["source"] for parameter in told["fitted"])
+
+
+def test_table1_for_people_names_every_row_and_parameter(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["mu", "table1"]) == Exit.DONE
+    told = capsys.readouterr().out
+    assert all(
+        word in told
+        for word in ("14057", "398", "mu_asleep", "two_coils", "path", "motor_run", "equation (1)")
+    )
+
+
+def test_the_script_on_the_page_runs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    found = re.search(r"```yaml\n(.*?)```", PAGE.read_text(), re.DOTALL)
+    assert found is not None
+    path = script(tmp_path, found.group(1))
+    assert main(["mu", "run", str(path)]) == Exit.DONE
+    assert "mWh" in capsys.readouterr().out
+    assert main(["mu", "run", str(path), "--json"]) == Exit.DONE
+    told = json.loads(capsys.readouterr().out)
+    # From 6.1 h to 9 h in the dock, less the debounce times and a minute for the reports at 7 and 8 h each.
+    assert told["state_hours"]["CHARGING"] == pytest.approx(2.9 - 2 / 60, abs=0.001)
+    assert sum(told["state_hours"].values()) == pytest.approx(20)
+    assert (told["secondary"], told["dropped"]) == (1.0, 0)
+
+
+def test_a_board_that_never_sleeps_lives_as_long_as_equation_1_says(tmp_path: Path) -> None:
+    budget = played(script(tmp_path, "{hours: 10, sleep: never, primary: 1, secondary: 1}"))
+    assert budget.life_hours == pytest.approx(1 / 0.0010427134 / 60, rel=1e-4)
+    assert budget.primary == pytest.approx(1 - 600 * 0.0010427134, abs=1e-4)
+    assert sum(budget.by_rail.values()) == pytest.approx(sum(budget.by_state.values()))
+
+
+def test_the_pi_kept_on_draws_its_share(tmp_path: Path) -> None:
+    text = "{hours: 2, sleep: hourly, primary: 1, secondary: 1, kept_on: [pi]}"
+    budget = played(script(tmp_path, text))
+    # 1000 mW for 2 h out of 7400 mWh.
+    assert budget.by_rail["PI"] == pytest.approx(2000 / 7400, rel=1e-6)
+    assert budget.samples == 1  # the wake at 2 h has only begun
+
+
+@pytest.mark.parametrize(
+    ("text", "fault"),
+    [
+        ("{hours: 1, sleep: often, primary: 1, secondary: 1}", "sleep"),
+        ("{hours: 0, sleep: never, primary: 1, secondary: 1}", "hours"),
+        ("{hours: 1, sleep: never, primary: 1.2, secondary: 1}", "primary"),
+        ("{hours: 1, sleep: never, primary: 1, secondary: 1, kept_on: [laser]}", "laser"),
+        ("{hours: 1, sleep: never, primary: 1, secondary: 1, tell: [[1, sing]]}", "tell.0.1"),
+        ("{hours: 1, sleep: never, primary: 1, secondary: 1, colour: red}", "colour"),
+        ("hours: [", "cannot be read"),
+        ("", "script"),
+    ],
+)
+def test_a_script_with_a_mistake_is_one_line_that_names_it(
+    tmp_path: Path, text: str, fault: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = script(tmp_path, text)
+    with pytest.raises(ScriptError, match=re.escape(fault)):
+        read_script(path)
+    assert main(["mu", "run", str(path)]) == Exit.USER_MISTAKE
+    assert fault in capsys.readouterr().err
+
+
+def test_the_trace_is_printed_when_it_is_asked_for(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = str(script(tmp_path, "{hours: 1.5, sleep: hourly, primary: 1, secondary: 1, tell: [[0.5, ping]]}"))
+    assert main(["mu", "run", path]) == Exit.DONE
+    assert "PING_HEARD" not in capsys.readouterr().out
+    assert main(["mu", "run", path, "--trace", "--json"]) == Exit.DONE
+    trace = json.loads(capsys.readouterr().out)["trace"]
+    assert "  0:30:00.000  SLEEPING -PING_HEARD-> SLEEPING" in trace
+    assert trace[0] == "  0:00:00.000  OFF -POWER_CAME_ON-> BOOTING"
+
+
+def test_the_predicted_life_counts_its_samples(tmp_path: Path) -> None:
+    budget = played(script(tmp_path, "{hours: 10.5, sleep: hourly, primary: 1, secondary: 1}"))
+    assert budget.life_hours is not None
+    drawn = 1 - budget.primary
+    assert budget.life_hours == pytest.approx(10.5 / drawn, rel=1e-6)
+    # Ten wakes in 10.5 hours.
+    assert budget.life_samples == int(10 / drawn)
+
+
+def test_a_vcd_file_is_written_or_refused_in_one_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = str(script(tmp_path, "{hours: 1, sleep: hourly, primary: 1, secondary: 1}"))
+    assert main(["mu", "run", path, "--vcd", str(tmp_path / "mu.vcd")]) == Exit.DONE
+    assert (tmp_path / "mu.vcd").read_text().startswith("$timescale 1ms")
+    assert main(["mu", "run", path, "--vcd", str(tmp_path / "no" / "mu.vcd")]) == Exit.USER_MISTAKE
+    assert "cannot be written" in capsys.readouterr().err
+
+
+def test_states_prints_what_the_page_shows(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["mu", "states"]) == Exit.DONE
+    assert capsys.readouterr().out == blocks()
+
+
+def test_a_script_s_clock_drifts_until_a_beacon_sets_it_and_sink_is_obeyed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = """
+hours: 2.2
+sleep: hourly
+primary: 1.0
+secondary: 1.0
+clock_drift_ppm: 1000
+tell:
+  - [1.5, beacon]
+  - [2.1, permission]
+  - [2.12, sink]
+"""
+    assert main(["mu", "run", str(script(tmp_path, text)), "--trace"]) == Exit.DONE
+    told = capsys.readouterr().out
+    # An hour of a clock that gains a thousandth is 3596.404 s; half an hour after the beacon it has gained 1.8 s.
+    assert "0:59:56.404  SLEEPING -ALARM_RANG-> SAMPLING" in told
+    assert "1:59:58.202  SLEEPING -ALARM_RANG-> SAMPLING" in told
+    assert "2:07:12.000  FLOATING -SINK_TOLD-> SINKING" in told

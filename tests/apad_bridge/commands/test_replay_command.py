@@ -1,0 +1,66 @@
+"""`musselbed replay`, as a person types it: the page's path, or one line with what is wrong."""
+
+import argparse
+import json
+from datetime import UTC, datetime
+from pathlib import Path
+
+import pytest
+
+from apad_bridge.commands import replay
+from apad_bridge.records.recorder import Recorder
+from apad_bridge.records.run_directory import RunDirectory
+from apad_bridge.runs.exits import UserError
+from apad_bridge.scenario.loader import load
+from apad_bridge.scenario.starts import starts_of
+
+
+def command(*words):
+    parser = argparse.ArgumentParser()
+    replay.add_parser(parser.add_subparsers())
+    arguments = parser.parse_args(["replay", *map(str, words)])
+    return arguments.run(arguments)
+
+
+@pytest.fixture
+def run_dir(tmp_path):
+    scenario = load(Path(__file__).parents[3] / "launch_scripts" / "scenarios" / "pool-12.yaml")
+    directory = RunDirectory.create("pool-12", datetime(2026, 5, 4, tzinfo=UTC), tmp_path / "run")
+    directory.write_inputs(scenario, starts_of(scenario))
+    recorder = Recorder(directory, scenario, [1])
+    recorder.event(0, "run", format=1, agents=[{"id": 1, "north_m": 1.0, "east_m": 2.0}])
+    recorder.tick(0, [], None, None, "none", (None, None, None, None))
+    recorder.close()
+    return directory.path
+
+
+def test_the_page_of_a_run_that_has_not_ended(run_dir, capsys):
+    assert command(run_dir) == 0
+    assert capsys.readouterr().out == f"{run_dir / 'replay.html'}\n"
+    assert (run_dir / "replay.html").read_text().startswith("<!DOCTYPE html>")
+    assert command(run_dir, "--json") == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert answer == {
+        "page": str(run_dir / "replay.html"),
+        "bytes": (run_dir / "replay.html").stat().st_size,
+    }
+
+
+def test_what_is_no_run_is_said_in_one_line(tmp_path, run_dir):
+    with pytest.raises(UserError, match=r"no run: there is no journal\.jsonl"):
+        command(tmp_path / "nowhere")
+    (run_dir / "journal.jsonl").write_text('{"t":0,"kind":"tick"}\n')
+    with pytest.raises(UserError, match=r"journal\.jsonl: cannot be shown: the journal has no line `run`"):
+        command(run_dir)
+    (run_dir / "scenario.yaml").write_text("name: x\n")
+    with pytest.raises(UserError, match=r"scenario\.yaml: .*missing$") as caught:
+        command(run_dir)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_browser_that_is_not_there_is_said(run_dir, monkeypatch):
+    opened = []
+    monkeypatch.setattr(replay.webbrowser, "open", lambda address: bool(opened.append(address)))
+    with pytest.raises(UserError, match="no browser could be started"):
+        command(run_dir, "--open")
+    assert opened == [(run_dir / "replay.html").as_uri()]

@@ -1,0 +1,137 @@
+"""`musselbed script`, and what its page says: every script on it is flown, every command on it runs."""
+
+import json
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+
+from apad_bridge.commands.main import main
+from apad_bridge.records.journal import read_journal
+from apad_bridge.runs.exits import Exit
+from apad_bridge.runs.script_in_memory import fly_script
+from apad_bridge.scenario.loader import load
+from apad_bridge.scenario.schema import Scenario
+from apad_bridge.scripting.api import Api
+from apad_bridge.scripting.program import SCRIPT_ENDED
+
+ROOT = Path(__file__).parents[3]
+PAGE = ROOT / "docs/scripting.md"
+POOL = str(ROOT / "launch_scripts/scenarios/pool-12.yaml")
+HERE = ["--time", "asap", "--hosting", "one_process"]
+
+
+def test_a_script_leaves_a_run_behind(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "mine.py").write_text("api.collect(10, 4)\nprint('got', api.docks()[4])\n")
+    run = tmp_path / "run"
+    words = ["script", str(tmp_path / "mine.py"), "--scenario", POOL, *HERE, "--out", str(run), "--json"]
+    assert main(words) == Exit.DONE
+    summary = json.loads(capsys.readouterr().out)
+    assert (summary["ended_by"], summary["run"]) == (SCRIPT_ENDED, str(run))
+    assert (run / "script.py").read_text() == (tmp_path / "mine.py").read_text()
+    journal = read_journal(run / "journal.jsonl")
+    assert [line["said"] for line in journal.lines if line["kind"] == "script"] == ["got 10"]
+    dock = journal.first("dock")
+    assert dock is not None and (dock["slot"], dock["agent"]) == (3, 10)
+    assert main(["replay", str(run)]) == Exit.DONE
+    assert main(["resume", str(run)]) == Exit.USER_MISTAKE
+
+
+def test_a_script_that_fails_says_where(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    script = tmp_path / "wrong.py"
+    script.write_text(f"# scenario: {POOL}\ntime.sleep(1)\napi.docking(True, 7, 3)\n")
+    assert main(["script", str(script), *HERE, "--out", str(tmp_path / "run")]) == Exit.PEER_FAILED
+    error = capsys.readouterr().err
+    assert "failure of the script: wrong.py, line 3: Refused: there is no dock 7" in error
+    assert "api.docking(True, 7, 3)" in error
+    assert "apad_bridge/scripting/" not in error, "an author of missions is shown lines of the API's insides"
+
+
+def test_what_a_script_prints_and_raises_is_shown_as_it_is(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    script = tmp_path / "brackets.py"
+    script.write_text(
+        f"# scenario: {POOL}\nprint('to [lat, lon]', '[/home]')\nraise ValueError('not [north]')\n"
+    )
+    assert main(["script", str(script), *HERE, "--out", str(tmp_path / "run")]) == Exit.PEER_FAILED
+    out, error = capsys.readouterr()
+    assert "to [lat, lon] [/home]\n" in error
+    assert "ended by failure of the script: brackets.py, line 3: ValueError: not [north]" in out
+    assert "Table II" not in out, "a table without rows"
+
+
+@pytest.mark.parametrize(
+    ("text", "words", "told"),
+    [
+        ("x = (\n", ["--scenario", POOL], "line 1: '(' was never closed"),
+        ("pass\n", [], "in which scenario?"),
+        ("# scenario: no.yaml\n", [], "no.yaml: No such file"),
+        (None, ["--scenario", POOL], "No such file"),
+        ("pass\n", ["--scenario", POOL, "--apad", "ros"], "--time asap flies the simulated aPad"),
+        ("pass\n", ["--scenario", POOL, "--no-fleet"], "it needs --apad ros"),
+    ],
+)
+def test_a_mistake_is_one_line_before_anything_starts(
+    tmp_path: Path, text: str | None, words: list[str], told: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    script = tmp_path / "s.py"
+    if text is not None:
+        script.write_text(text)
+    assert main(["script", str(script), *HERE, "--out", str(tmp_path / "run"), *words]) == Exit.USER_MISTAKE
+    error = capsys.readouterr().err
+    assert told in error
+    assert error.count("\n") == 1
+    assert not (tmp_path / "run").exists()
+
+
+def blocks(kind: str) -> list[str]:
+    return re.findall(rf"^```{kind}\n(.*?)^```$", PAGE.read_text(), re.MULTILINE | re.DOTALL)
+
+
+@pytest.mark.parametrize("n", range(len(blocks("python"))))
+def test_every_script_on_the_page_flies(
+    n: int, pool: Scenario, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(ROOT)
+    text = blocks("python")[n]
+    if "def test_" in text:
+        names: dict[str, object] = {}
+        exec(text, names)
+        for name, test in names.items():
+            if name.startswith("test_"):
+                assert callable(test)
+                test()
+        return
+    path = tmp_path / "page.py"
+    path.write_text(text)
+    named = re.match(r"# scenario: (\S+)", text)
+    flight = fly_script(load(ROOT / named[1]) if named else pool, path)
+    assert (flight.error, flight.ended_by) == (None, SCRIPT_ENDED)
+    expected = re.findall(r"# prints: (.*)", text)
+    assert list(flight.said[: len(expected)]) == expected
+
+
+def test_every_command_on_the_page_runs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(ROOT)
+    commands = re.findall(r"^    musselbed (script .*--time asap.*)$", PAGE.read_text(), re.MULTILINE)
+    assert len(commands) >= 2
+    for n, command in enumerate(commands):
+        words = [
+            *shlex.split(command, comments=True),
+            "--hosting",
+            "one_process",
+            "--out",
+            str(tmp_path / f"{n}"),
+        ]
+        assert main(words) == Exit.DONE
+        assert capsys.readouterr().out
+
+
+def test_the_page_names_every_call_of_the_api() -> None:
+    named = set(re.findall(r"`(\w+)[(`]", PAGE.read_text()))
+    calls = {name for name in dir(Api) if not name.startswith("_")} - {"attach"}
+    assert calls - named == set()

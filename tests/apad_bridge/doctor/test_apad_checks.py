@@ -1,0 +1,48 @@
+"""Of an aPad whose services tell md5s that are not ours: what is used by us fails, what is beside it warns."""
+
+from __future__ import annotations
+
+import pytest
+
+from apad_bridge.doctor.finding import Status
+from apad_bridge.doctor.graph import Graph
+from apad_bridge.ros import diagnosis_apads
+from apad_bridge.ros.diagnosis_apads import check_apads
+from apad_bridge.ros.types.wire_probe import NotTold
+
+GO_TO = "4a0312be411e8ffc59f768d30e967664"
+SERVICES = {
+    "/boat/commander/primitive/go2point": GO_TO,
+    "/boat/commander/primitive/dynamic_positioning": "b012ae796923d5321c7c678ac0cc7797",
+    "/boat/commander/primitive/docking": "2f37c62380c61eaf8bf8692a9128c0fd",
+    "/boat/commander/docking": "0" * 32,
+}
+
+
+def found_of(monkeypatch: pytest.MonkeyPatch, services: dict[str, str]) -> dict[str, tuple[Status, str]]:
+    def not_told(*_: object) -> str:
+        raise NotTold("nobody publishes it")
+
+    monkeypatch.setattr(diagnosis_apads, "service_md5", lambda _, name: services[name])
+    monkeypatch.setattr(diagnosis_apads, "topic_md5", lambda *_: "d1c2e3fd518b63978e72fa7409f4ba71")
+    monkeypatch.setattr(diagnosis_apads, "stamp_offset_s", not_told)
+    graph = Graph("http://127.0.0.1:1/", {}, {}, {name: ["/boat_node"] for name in services}, {})
+    return {it.check: (it.status, it.found) for it in check_apads(graph)}
+
+
+def test_what_is_beside_and_differs_is_a_warning_with_both_md5s(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = found_of(monkeypatch, SERVICES)
+    assert found["/boat"][0] is Status.OK
+    status, line = found["/boat beside"]
+    assert status is Status.WARN and f"commander/docking: md5 {'0' * 32}, ours " in line
+    # It has no simple go-to and no action, and nobody asks for them.
+    assert "commander/go2point" not in line and "go2point/" not in line
+
+
+def test_a_primitive_that_differs_is_a_failure(monkeypatch: pytest.MonkeyPatch) -> None:
+    services = SERVICES | {"/boat/commander/primitive/go2point": "1" * 32}
+    del services["/boat/commander/docking"]
+    found = found_of(monkeypatch, services)
+    status, line = found["/boat"]
+    assert status is Status.FAIL and "1" * 32 in line and GO_TO in line
+    assert "/boat beside" not in found

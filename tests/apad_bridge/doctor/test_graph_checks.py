@@ -1,0 +1,179 @@
+"""Checks of a graph against masters that are made up: servers of XML-RPC that answer as told."""
+
+from __future__ import annotations
+
+import socket
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+from xmlrpc.server import SimpleXMLRPCServer
+
+import pytest
+
+from apad_bridge.doctor import graph, network
+from apad_bridge.doctor.finding import Status
+from apad_bridge.doctor.graph import Graph
+from apad_bridge.doctor.network import Unreachable
+
+
+@contextmanager
+def answering(**answers: Any) -> Iterator[str]:
+    """A server on loopback whose methods return what they are given; its URI."""
+    with SimpleXMLRPCServer(("127.0.0.1", 0), logRequests=False, allow_none=True) as server:
+        for name, answer in answers.items():
+            server.register_function(lambda *_, answer=answer: answer, name)
+        thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.02}, daemon=True)
+        thread.start()
+        try:
+            yield f"http://127.0.0.1:{server.socket.getsockname()[1]}/"
+        finally:
+            server.shutdown()
+            thread.join(5)
+
+
+@pytest.fixture
+def mute() -> Iterator[str]:
+    """Takes connections and says nothing, as a stopped process does."""
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        yield f"http://127.0.0.1:{server.getsockname()[1]}/"
+
+
+@pytest.fixture
+def closed() -> Iterator[str]:
+    """Nobody listens there, and nobody else can take the port meanwhile."""
+    with socket.socket() as bound:
+        bound.bind(("127.0.0.1", 0))
+        yield f"http://127.0.0.1:{bound.getsockname()[1]}/"
+
+
+def a_graph(uri: str = "http://127.0.0.1:1/", **publishers: list[str]) -> Graph:
+    named = {f"/{name.replace('__', '/')}": nodes for name, nodes in publishers.items()}
+    return Graph(uri, named, {}, {}, {})
+
+
+def test_a_master_is_read() -> None:
+    state = [[["/chatter", ["/talker"]]], [["/chatter", ["/listener"]]], [["/talker/tell", ["/talker"]]]]
+    with answering(
+        getSystemState=[1, "", state], getTopicTypes=[1, "", [["/chatter", "std_msgs/String"]]]
+    ) as uri:
+        found = Graph.read(uri)
+    assert found.nodes == ["/listener", "/talker"]
+    assert found.types == {"/chatter": "std_msgs/String"}
+
+
+@pytest.mark.parametrize("uri", ["", "localhost:11311", "http://:11311", "http://127.0.0.1:no"])
+def test_what_is_no_address_is_said(uri: str) -> None:
+    with pytest.raises(Unreachable, match="no address"):
+        Graph.read(uri)
+
+
+def test_nobody_there(closed: str) -> None:
+    with pytest.raises(Unreachable, match="does not answer"):
+        Graph.read(closed)
+
+
+def test_a_master_that_is_stopped_costs_no_more_than_the_time_out(
+    mute: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(network, "TIMEOUT_S", 0.2)
+    with pytest.raises(Unreachable, match="getSystemState"):
+        Graph.read(mute)
+
+
+def test_something_that_is_no_master() -> None:
+    with (
+        answering(getSystemState="hello") as uri,
+        pytest.raises(Unreachable, match="no answer of a ROS program"),
+    ):
+        Graph.read(uri)
+
+
+def test_a_name_that_nobody_knows() -> None:
+    with pytest.raises(Unreachable, match=r"mussel\.invalid"):
+        network.address_of("mussel.invalid")
+
+
+def test_a_look_up_that_hangs_is_left_alone() -> None:
+    never = threading.Event()
+    with pytest.raises(TimeoutError):
+        network.within(0.05, never.wait)
+    never.set()
+
+
+def test_a_master_that_never_calls_back(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(graph, "TIMEOUT_S", 0.2)
+    deaf = [1, "", 1]
+    with answering(
+        registerSubscriber=deaf, registerPublisher=deaf, unregisterPublisher=deaf, unregisterSubscriber=deaf
+    ) as uri:
+        finding = graph.check_call_back(uri, "127.0.0.1", "127.0.0.1")
+    assert finding.status is Status.FAIL
+    assert "export ROS_IP=127.0.0.1" in str(finding.mend)
+
+
+def test_a_node_that_names_itself_what_nobody_knows() -> None:
+    uri = "http://127.0.0.1:11311"
+    (finding,) = graph.check_addresses(uri, "mussel.invalid")
+    assert finding.status is Status.FAIL and "ROS_IP=127.0.0.1" in str(finding.mend)
+    (finding,) = graph.check_addresses(uri, "127.0.1.1")
+    assert finding.status is Status.OK
+
+
+def test_a_loopback_name_is_of_no_use_to_a_master_elsewhere(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(graph, "route_address", lambda _: "10.0.200.7")
+    (finding,) = graph.check_addresses("http://10.0.200.1:11311", "127.0.1.1")
+    assert finding.status is Status.FAIL and finding.mend == "export ROS_IP=10.0.200.7"
+
+
+@pytest.mark.parametrize(
+    ("parameter", "publishers", "status", "says"),
+    [
+        ([-1, "not set", 0], [], "OK", "--time wall"),
+        ([1, "", False], [], "OK", "--time wall"),
+        ([1, "", True], ["/gazebo"], "OK", "/gazebo (somebody else)"),
+        ([1, "", True], ["/musselbed"], "OK", "/musselbed (ours)"),
+        ([1, "", True], [], "FAIL", "nobody publishes /clock"),
+        ([-1, "not set", 0], ["/gazebo"], "WARN", "not set"),
+        ([1, "", True], ["/gazebo", "/player"], "FAIL", "time would jump"),
+    ],
+)
+def test_whose_time_it_is(parameter: list[Any], publishers: list[str], status: str, says: str) -> None:
+    with answering(getParam=parameter) as uri:
+        finding = graph.check_clock(a_graph(uri, clock=publishers) if publishers else a_graph(uri))
+    assert finding.status == status and says in finding.found
+
+
+def test_nodes_are_called_one_by_one(closed: str) -> None:
+    with answering(getPid=[1, "", 7]) as alive:
+        with answering(lookupNode=[1, "", alive]) as master:
+            (fine,) = graph.check_nodes(a_graph(master, a=["/a"], b=["/b"]))
+        with answering(lookupNode=[1, "", closed]) as master:
+            (dead,) = graph.check_nodes(a_graph(master, a=["/a"]))
+        with answering(lookupNode=[1, "", "http://amussel7.invalid:40000/"]) as master:
+            (unknown,) = graph.check_nodes(a_graph(master, a=["/a"]))
+    assert fine.status is Status.OK and "2 on the graph" in fine.found
+    assert (dead.check, dead.status) == ("/a", Status.WARN)
+    assert unknown.status is Status.FAIL and "/etc/hosts" in str(unknown.mend)
+
+
+def test_a_graph_full_of_dead_nodes_is_told_in_few_lines(closed: str) -> None:
+    with answering(lookupNode=[1, "", closed]) as master:
+        findings = list(graph.check_nodes(a_graph(master, many=[f"/n{number}" for number in range(20)])))
+    assert len(findings) == 9 and "12 more" in findings[-1].found
+
+
+def test_ids_that_are_taken() -> None:
+    nobody = a_graph()
+    some = a_graph(amussel2__position=["/them"], amussel3__position=["/them"], amussel9__position=["/one"])
+    assert graph.check_agents_present(nobody, range(1, 13)).status is Status.OK
+    clash = graph.check_agents_present(some, range(1, 4))
+    assert clash.status is Status.FAIL and "2-3 of the scenario" in clash.found and "/them" in clash.found
+    assert "/one" not in clash.found and "first_id to 10" in str(clash.mend)
+    assert graph.check_agents_present(some, range(10, 20)).status is Status.OK
+    assert graph.check_agents_present(some, range(1, 4), "basin").status is Status.OK
+    below = a_graph(basin__amussel3__position=["/basin/them"])
+    assert graph.check_agents_present(below, range(1, 4)).status is Status.OK
+    assert graph.check_agents_present(below, range(1, 4), "basin").status is Status.FAIL
+    unasked = graph.check_agents_present(some, None)
+    assert unasked.status is Status.WARN and "2-3, 9" in unasked.found

@@ -1,0 +1,114 @@
+"""Python, its packages, and packages of other people that are called as ours."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from apad_bridge.doctor.finding import Status
+from apad_bridge.doctor.interpreter import check_numpy, check_packages, check_python, check_shadows
+
+
+@pytest.fixture
+def environment(tmp_path: Path) -> Path:
+    (tmp_path / "pyvenv.cfg").write_text("home = /usr/bin\ninclude-system-site-packages = true\n")
+    return tmp_path
+
+
+def test_debians_python_in_an_environment_that_sees_its_packages(environment: Path) -> None:
+    (finding,) = check_python(Path("/usr/bin/python3"), environment, Path("/usr/bin/python3"))
+    assert finding.status is Status.OK
+
+
+def test_another_python_does_not_see_rospy(environment: Path) -> None:
+    other = environment / "python3"
+    other.touch()
+    (finding,) = check_python(other, environment, Path("/usr/bin/python3"))
+    assert finding.status is Status.FAIL
+    assert str(other) in finding.found and "launch_scripts/install" in str(finding.mend)
+
+
+def test_an_environment_that_hides_debians_packages(environment: Path) -> None:
+    (environment / "pyvenv.cfg").write_text("include-system-site-packages = false\n")
+    (finding,) = check_python(Path("/usr/bin/python3"), environment, Path("/usr/bin/python3"))
+    assert finding.status is Status.FAIL
+
+
+@pytest.mark.parametrize(
+    ("version", "status"),
+    [
+        ("1.26.3", "FAIL"),
+        ("1.26.4", "OK"),
+        ("2.2.6", "OK"),
+        ("2.3", "FAIL"),
+        ("2.3.0rc1", "FAIL"),
+        ("3.0", "FAIL"),
+    ],
+)
+def test_numpy_must_go_with_debians_rospy(version: str, status: str) -> None:
+    assert check_numpy(version).status == status
+
+
+def test_what_a_distribution_asks_for_and_does_not_have(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    info = tmp_path / "lab-1.0.dist-info"
+    info.mkdir()
+    requirements = (
+        "Requires-Dist: surely-not-here>=1\nRequires-Dist: numpy<2.3\nRequires-Dist: nor-this; extra == 'x'\n"
+    )
+    (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: lab\nVersion: 1.0\n{requirements}")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    found = {finding.check: finding.status for finding in check_packages("lab")}
+    assert found == {"surely-not-here": Status.FAIL, "numpy": Status.OK}
+
+
+def test_an_environment_without_the_distribution() -> None:
+    (finding,) = check_packages("surely-not-here")
+    assert finding.status is Status.FAIL and "launch_scripts/install" in str(finding.mend)
+
+
+class Places:
+    """A clone, and another package called `agents` in a folder of its own."""
+
+    def __init__(self, folder: Path) -> None:
+        self.root, self.other, self.empty = folder / "clone", folder / "other", folder / "empty"
+        for name in ("agents", "apad_bridge", "firmware_model"):
+            (self.root / name).mkdir(parents=True)
+            (self.root / name / "__init__.py").touch()
+        (self.other / "agents").mkdir(parents=True)
+        (self.other / "agents" / "__init__.py").touch()
+        self.empty.mkdir()
+
+    def status(self, *path: Path, here: Path | None = None) -> dict[str, str]:
+        findings = check_shadows([str(entry) for entry in path], self.root, here or self.empty)
+        return {finding.check: f"{finding.status} {finding.found} {finding.mend}" for finding in findings}
+
+
+@pytest.fixture
+def places(tmp_path: Path) -> Places:
+    return Places(tmp_path)
+
+
+def test_alone_on_the_path(places: Places) -> None:
+    assert all(line.startswith("OK") for line in places.status(places.root, places.empty).values())
+
+
+def test_another_agents_that_comes_before_ours(places: Places, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PYTHONPATH", str(places.other))
+    found = places.status(places.other, places.root)
+    assert found["agents"].startswith("FAIL") and f"take {places.other} off PYTHONPATH" in found["agents"]
+    assert str(places.other) in found["agents"] and str(places.root / "agents") in found["agents"]
+    assert found["firmware_model"].startswith("OK")
+
+
+def test_another_agents_that_comes_later_is_only_said(places: Places) -> None:
+    assert places.status(places.root, places.other)["agents"].startswith("WARN")
+
+
+def test_another_agents_in_the_folder_that_a_run_starts_in(places: Places) -> None:
+    found = places.status(places.root, here=places.other)
+    assert found["agents"].startswith("FAIL") and "in another folder" in found["agents"]
+    (places.empty / "firmware_model.py").touch()
+    assert places.status(places.root)["firmware_model"].startswith("FAIL")

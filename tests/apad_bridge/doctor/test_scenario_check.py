@@ -1,0 +1,46 @@
+"""A scenario as the doctor sees it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from apad_bridge.doctor import scenario_check
+from apad_bridge.doctor.finding import Status
+
+SCENARIOS = Path(__file__).parents[3] / "launch_scripts" / "scenarios"
+
+
+@pytest.mark.parametrize("name", ["pool-12", "bay-24", "bay-120", "no-charging", "demo"])
+def test_the_shipped_ones_are_fine(name: str) -> None:
+    scenario, findings = scenario_check.read(SCENARIOS / f"{name}.yaml")
+    assert scenario is not None and scenario.name == name
+    assert {finding.status for finding in findings} == {Status.OK}
+    assert [finding.check for finding in findings] == ["scenario", "starts", "codec"]
+
+
+def changed(tmp_path: Path, old: str, new: str) -> Path:
+    text = (SCENARIOS / "pool-12.yaml").read_text().replace("pool-12.csv", str(SCENARIOS / "pool-12.csv"))
+    assert old in text
+    path = tmp_path / "changed.yaml"
+    path.write_text(text.replace(old, new))
+    return path
+
+
+def test_a_wrong_key_is_named_with_its_path(tmp_path: Path) -> None:
+    scenario, findings = scenario_check.read(changed(tmp_path, "  batch: 4", "  batsch: 4"))
+    assert scenario is None
+    assert any("mission.batsch" in finding.found and finding.status is Status.FAIL for finding in findings)
+
+
+def test_more_aMussels_than_there_are_starts(tmp_path: Path) -> None:
+    _, findings = scenario_check.read(changed(tmp_path, "count: 12", "count: 13"))
+    assert [finding.check for finding in findings if finding.status is Status.FAIL] == ["starts"]
+
+
+def test_a_codec_that_nobody_brings(tmp_path: Path) -> None:
+    path = changed(tmp_path, "report_period_s: 1}", "report_period_s: 1, codec: ours-9}")
+    _, findings = scenario_check.read(path)
+    (failed,) = [finding for finding in findings if finding.status is Status.FAIL]
+    assert failed.check == "codec" and "ours-9" in failed.found and "musselbed-1" in failed.found

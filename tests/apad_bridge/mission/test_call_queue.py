@@ -1,0 +1,193 @@
+"""Calls of other threads: done at a tick, answered, refused, taken back when no tick comes."""
+
+import threading
+
+import pytest
+
+from apad_bridge.beliefs.belief import Belief
+from apad_bridge.beliefs.hold_last import LastPacket
+from apad_bridge.mission.call_queue import CalledFront
+from apad_bridge.mission.manual import CommandedMission
+from apad_bridge.mission.orders import Note, PermitSurfacing, TellClear
+from apad_bridge.mission.values import Refused, Status
+from apad_bridge.runs.in_memory import open_flight
+from apad_bridge.scenario.schema import Scenario
+from apad_bridge.vehicle.commands import Manoeuvre
+from apad_bridge.vehicle.primitives import (
+    DockChanged,
+    DockMussel,
+    GoToPoint,
+    PrimitiveFailed,
+    PrimitiveSucceeded,
+    UndockMussel,
+)
+from firmware_model.states import State
+
+
+class Believed:
+    """A fleet of one, 1 m off, that is what the test says."""
+
+    estimator = LastPacket()
+
+    def __init__(self, state: State) -> None:
+        self.state = state
+        self.primary = 0.5
+
+    def get(self, agent_id: int) -> Belief | None:
+        return Belief(7, 0, self.state, self.primary, 1.0, 1.0, 0.0) if agent_id == 7 else None
+
+    def all(self) -> list[Belief]:
+        return [Belief(7, 0, self.state, self.primary, 1.0, 1.0, 0.0)]
+
+
+def commanded(pool: Scenario, state: State = State.ACTIVE) -> tuple[CommandedMission, Believed]:
+    believed = Believed(state)
+    mission = CommandedMission(pool.mission, pool.apad.max_speed_m_s, believed, ())
+    mission.moved(0.0, 0.0)
+    mission.advance(1000)
+    return mission, believed
+
+
+def test_a_call_is_done_at_the_next_tick_by_the_flight_s_thread(pool: Scenario) -> None:
+    front, told = CalledFront(), []
+    flight, _ = open_flight(pool, (front,))
+
+    def caller() -> None:
+        told.append(front.call(lambda mission: (mission.go_to(14.0, 12.0), threading.current_thread())[1]))
+        while front.wait(20).goto is Status.RUNNING:
+            pass
+        told.append(front.wait(20).goto)
+        with pytest.raises(Refused, match="dock 1 is empty"):
+            front.call(lambda mission: mission.undock(0))
+        front.call(lambda mission: mission.finish("enough"))
+
+    thread = threading.Thread(target=caller, daemon=True)
+    thread.start()
+    assert flight.run() == "enough"
+    thread.join(60)
+    assert told == [threading.current_thread(), Status.DONE]
+    with pytest.raises(Refused, match="the mission is over: enough"):
+        front.call(lambda mission: None)
+
+
+def test_a_call_that_no_tick_answers_is_taken_back(pool: Scenario) -> None:
+    front, done = CalledFront(), []
+    with pytest.raises(Refused, match="nothing was ordered"):
+        front.call(lambda mission: done.append(1), timeout_s=0.01)
+    # Nor is it done when a tick comes after all.
+    front.act(commanded(pool)[0], 5000)
+    assert done == []
+
+
+def test_the_permission_is_repeated_and_then_the_docking_fails(pool: Scenario) -> None:
+    mission, _ = commanded(pool)
+    mission.dock(2, 7)
+    said = [1.0] * mission.advance(1000).count(PermitSurfacing(7))
+    for second in range(2, 120):
+        said += [float(second)] * mission.advance(second * 1000).count(PermitSurfacing(7))
+    # Every 10 s, six times in all, as the scenario says; then it is given up.
+    assert said == [1.0, 11.0, 21.0, 31.0, 41.0, 51.0]
+    assert (mission.docking, mission.failure) == (
+        Status.FAILED,
+        "it does not answer the permission to surface",
+    )
+    (event,) = mission.events.take("docking")
+    assert (event.at_s, event.agent, event.dock, event.status) == (61.0, 7, 3, Status.FAILED)
+
+
+def test_one_that_comes_up_is_docked_and_one_that_does_not_is_given_up(pool: Scenario) -> None:
+    mission, believed = commanded(pool)
+    mission.dock(0, 7, Manoeuvre(0.2, 0.1))
+    mission.advance(1000)
+    believed.state = State.SURFACING
+    assert mission.advance(50_000) == []
+    believed.state = State.FLOATING
+    (order,) = mission.advance(51_000)
+    assert isinstance(order, DockMussel)
+    assert (order.slot, order.agent_id, order.manoeuvre) == (0, 7, Manoeuvre(0.2, 0.1))
+    mission.receive(DockChanged(52_000, 0, 7, True), 52_000)
+    mission.receive(PrimitiveSucceeded(52_000, order.primitive_id), 52_000)
+    assert (mission.docking, mission.slots) == (Status.DONE, (7, None, None, None))
+    late, stuck = commanded(pool)
+    late.dock(0, 7)
+    stuck.state = State.SURFACING
+    late.advance(121_000)
+    assert late.docking is Status.RUNNING
+    late.advance(121_001)
+    assert (late.docking, late.failure) == (Status.FAILED, "it does not come up")
+
+
+def test_a_pause_is_no_part_of_the_time_that_an_amussel_has_to_come_up(pool: Scenario) -> None:
+    mission, _ = commanded(pool)
+    mission.dock(2, 7)
+    mission.advance(1000)
+    mission.advance(5000)
+    mission.pause()
+    mission.advance(5000)
+    assert mission.advance(500_000) == []
+    mission.resume()
+    # Of the ten seconds until the next permission four were over.
+    assert PermitSurfacing(7) not in mission.advance(505_999)
+    assert PermitSurfacing(7) in mission.advance(506_000)
+
+
+def test_what_is_heard_of_an_older_go_to_changes_nothing(pool: Scenario) -> None:
+    mission, _ = commanded(pool)
+    mission.go_to(5.0, 0.0)
+    first = next(it for it in mission.advance(1000) if isinstance(it, GoToPoint))
+    mission.go_to(9.0, 0.0)
+    second = next(it for it in mission.advance(1000) if isinstance(it, GoToPoint))
+    mission.receive(PrimitiveFailed(1000, first.primitive_id, "pre-empted"), 1000)
+    assert (mission.goto, mission.goto_orders, mission.state.cost_m) == (Status.RUNNING, 2, 14.0)
+    mission.receive(PrimitiveFailed(2000, second.primitive_id, "stalled"), 2000)
+    assert (mission.goto, mission.failure) == (Status.FAILED, "stalled")
+
+
+def test_one_that_was_let_go_is_told_that_it_may_sink(pool: Scenario) -> None:
+    mission, believed = commanded(pool)
+    mission.receive(DockChanged(2000, 1, 7, True), 2000)
+    believed.state, believed.primary = State.CHARGING, 0.995
+    mission.undock(1)
+    order = next(it for it in mission.advance(3000) if isinstance(it, UndockMussel))
+    mission.receive(DockChanged(8000, 1, 7, False), 8000)
+    told = mission.receive(PrimitiveSucceeded(8000, order.primitive_id), 8000)
+    assert told[0] == TellClear(7)
+    assert [(it.kind, it.data) for it in told if isinstance(it, Note) and it.kind == "released"] == [
+        ("released", {"agent": 7, "full": True})
+    ]
+    assert (mission.state.services, mission.docking) == (1, Status.DONE)
+
+
+def test_events_are_told_once(pool: Scenario) -> None:
+    mission, believed = commanded(pool)
+    for second in range(2, 5):
+        mission.advance(second * 1000)
+    assert [(it.kind, it.agent) for it in mission.events.take()] == [("heard", 7), ("low", 7)]
+    believed.primary = 0.9
+    mission.advance(5000)
+    assert mission.events.take() == []
+    believed.primary, believed.state = 0.8, State.FLOATING
+    mission.advance(6000)
+    mission.advance(7000)
+    assert [(it.at_s, it.kind, it.reason) for it in mission.events.take()] == [
+        (6.0, "state", "FLOATING"),
+        (6.0, "low", None),
+    ]
+    believed.state = State.SINKING
+    mission.advance(8000)
+    assert [it.kind for it in mission.events.take()] == ["state"]
+
+
+def test_a_lost_one_is_not_docked(pool: Scenario) -> None:
+    mission, _ = commanded(pool, State.LOST)
+    with pytest.raises(Refused, match="aMussel 7 is lost"):
+        mission.dock(0, 7)
+
+
+def test_what_changes_nothing_says_so_and_an_id_left_out_is_asked_for(pool: Scenario) -> None:
+    mission, _ = commanded(pool)
+    assert mission.resume() is False
+    mission.pause()
+    assert mission.resume() is True
+    with pytest.raises(Refused, match="aMussel 0 was never heard: say the aMussel's id"):
+        mission.dock(1, 0)

@@ -1,0 +1,143 @@
+"""A mission that is taken over in flight, flown by hand, and given back."""
+
+import threading
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from apad_bridge.mission.call_queue import CalledFront
+from apad_bridge.mission.manual import CommandedMission
+from apad_bridge.mission.state import MissionState, Phase
+from apad_bridge.mission.takeover import Override, give_back, take_over
+from apad_bridge.mission.values import Refused, Status
+from apad_bridge.runs.in_memory import MemoryRecorder, open_flight
+from apad_bridge.scenario.schema import Scenario
+from apad_bridge.supervisor.loop import Flight
+
+
+class Flying:
+    """A flight of the pool that the test moves tick by tick, and calls as a ROS service would."""
+
+    def __init__(self, pool: Scenario) -> None:
+        self.calls = CalledFront()
+        self.flight: Flight
+        self.records: MemoryRecorder
+        self.flight, self.records = open_flight(pool, override=self.calls)
+        self.now_ms = -1000
+
+    def until(self, holds: Callable[[], bool], limit_s: int = 1200) -> None:
+        last_ms = self.now_ms + 1000 * limit_s
+        while not holds():
+            self.now_ms += 1000
+            assert self.now_ms <= last_ms, "it never came to that"
+            self.flight.tick(self.now_ms)
+
+    def seconds(self, count: int) -> None:
+        until_ms = self.now_ms + 1000 * count
+        self.until(lambda: self.now_ms >= until_ms)
+
+    def call(self, act: Callable[[CommandedMission], Any]) -> Any:
+        return self._answered(lambda: self.calls.call(act, 30))
+
+    def call_mission(self, act: Callable[[Any], None]) -> None:
+        self._answered(lambda: self.calls.call_mission(act, 30))
+
+    def _answered(self, ask: Callable[[], Any]) -> Any:
+        answer: list[Any] = []
+
+        def caller() -> None:
+            try:
+                answer.append(ask())
+            except Refused as refused:
+                answer.append(refused)
+
+        thread = threading.Thread(target=caller)
+        thread.start()
+        while not self.calls._calls:
+            assert thread.is_alive()
+        self.until(lambda: bool(answer) or thread.join(0.05) is not None, limit_s=200)
+        if isinstance(answer[0], Refused):
+            raise answer[0]
+        return answer[0]
+
+    @property
+    def phase(self) -> Phase:
+        return self.flight.supervisor.mission.state.phase
+
+    def events(self, kind: str) -> list[dict[str, Any]]:
+        return [data for _, name, data in self.records.events if name == kind]
+
+
+def test_taken_over_it_does_as_it_is_told_and_given_back_it_plans_again(pool: Scenario) -> None:
+    flying = Flying(pool)
+    flying.until(
+        lambda: len(flying.flight.supervisor.mission.state.docked) == 1 and flying.phase is Phase.GO_COLLECT
+    )
+    with pytest.raises(Refused, match="the mission flies the aPad: call take_over first"):
+        flying.call(lambda hand: hand.go_to(14.0, 10.5))
+    flying.call_mission(take_over)
+    docked, plans = flying.flight.supervisor.mission.state.docked, len(flying.events("plan"))
+    assert flying.phase is Phase.COMMANDED
+    flying.call(lambda hand: hand.go_to(14.0, 10.5))
+    flying.until(lambda: flying.calls.wait(0).goto is Status.DONE)
+    # It stays there with whom it had, and plans nothing, for as long as it is in somebody's hands.
+    flying.seconds(120)
+    pose = flying.flight.supervisor.pose
+    assert pose is not None and abs(pose.north_m - 14) + abs(pose.east_m - 10.5) < 1
+    assert flying.flight.supervisor.mission.state.docked == docked
+    assert len(flying.events("plan")) == plans
+    flying.call_mission(give_back)
+    flying.until(lambda: flying.flight.supervisor.mission.state.services >= 2)
+    assert [it["taken"] for it in flying.events("override")] == [True, False]
+    # Whom it held was charged and brought home first, then the next were collected.
+    first, second = flying.events("plan")[plans : plans + 2]
+    assert (first["what"], [step["agent"] for step in first["steps"]]) == ("redeploy", [docked[0][1]])
+    assert second["what"] == "collect"
+
+
+def test_it_is_not_given_back_in_the_middle_of_a_docking(pool: Scenario) -> None:
+    flying = Flying(pool)
+    flying.seconds(5)
+    flying.call_mission(take_over)
+    flying.call_mission(take_over)
+    there = flying.flight.supervisor.beliefs.get(3)
+    assert there is not None
+    flying.call(lambda hand: hand.go_to(there.north_m, there.east_m))
+    flying.until(lambda: flying.calls.wait(0).goto is Status.DONE)
+    flying.call(lambda hand: hand.dock(0, 3))
+    with pytest.raises(Refused, match="a docking is under way"):
+        flying.call_mission(give_back)
+    flying.until(lambda: flying.calls.wait(0).docking is Status.DONE)
+    flying.call_mission(give_back)
+    flying.call_mission(give_back)
+    assert flying.phase is Phase.CHARGE
+    assert flying.flight.supervisor.mission.slots == (3, None, None, None)
+
+
+def test_a_call_can_end_the_flight_and_then_nobody_takes_it(pool: Scenario) -> None:
+    flying = Flying(pool)
+    flying.seconds(3)
+    flying.call_mission(lambda flown: flown.finish("seen enough"))
+    assert flying.flight.supervisor.mission.state.ended_by == "seen enough"
+    with pytest.raises(Refused, match="the mission is over: seen enough"):
+        flying.calls.call_mission(take_over)
+
+
+def test_a_resumed_flight_goes_on_in_the_hands_in_which_it_was(pool: Scenario) -> None:
+    flying = Flying(pool)
+    mission = flying.flight.supervisor.mission
+    assert isinstance(mission, Override) and mission.by_hand is None
+    again = Override(
+        mission._planned, mission._by_hand, CalledFront(), MissionState(phase=Phase.COMMANDED, cost_m=7.0)
+    )
+    assert again.by_hand is not None
+    assert again.state.cost_m == 7.0
+
+
+def test_a_flight_by_hand_has_nobody_to_give_it_back_to(pool: Scenario) -> None:
+    hand = open_flight(pool, (CalledFront(),))[0].supervisor.mission
+    assert isinstance(hand, CommandedMission)
+    assert take_over(hand) == "no mission plans in this flight: orders are taken without it"
+    with pytest.raises(Refused, match="no mission to give the aPad back to"):
+        give_back(hand)

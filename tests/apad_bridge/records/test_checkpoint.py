@@ -1,0 +1,286 @@
+"""The law of the notebook: kill a supervisor anywhere, and the next one believes the same, for the same events after it."""
+
+from __future__ import annotations
+
+import shutil
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from apad_bridge.assembly.estimator import fleet_beliefs
+from apad_bridge.beliefs.fleet import FleetBeliefs
+from apad_bridge.beliefs.hold_last import HoldLast
+from apad_bridge.beliefs.measurement import (
+    Docked,
+    Fixed,
+    Measurement,
+    Permitted,
+    Ranged,
+    Released,
+    SlotSilent,
+)
+from apad_bridge.records import checkpoint
+from apad_bridge.records.checkpoint import NoNotebook, Notebook, recall
+from apad_bridge.scenario.believing import Beliefs, Estimator, TwinModel
+from apad_bridge.scenario.loader import load
+from firmware_model.packets import ShortStatus, StatusPacket
+from firmware_model.states import State
+
+POOL = load(Path(__file__).parents[3] / "launch_scripts" / "scenarios" / "pool-12.yaml")
+TWIN = Beliefs(
+    estimator=Estimator.TWIN,
+    twin=TwinModel(
+        drain_deviation=0.1,
+        sensor_noise=0.015,
+        bias_deviation=0.01,
+        unscheduled=0.03,
+        fix_deviation_m=1.0,
+        current_deviation_m_s=0.02,
+    ),
+)
+IDS = (1, 2, 3)
+
+
+def of_a_twin() -> FleetBeliefs:
+    return fleet_beliefs(replace(POOL, beliefs=TWIN), IDS)
+
+
+ESTIMATORS = {"hold_last": lambda: HoldLast(IDS), "twin": of_a_twin}
+
+
+@dataclass(frozen=True)
+class Event:
+    agent_id: int
+    after_ms: int
+    do: Callable[[FleetBeliefs, int, int], object]
+    """Given the beliefs, an id and the time."""
+
+
+def said(
+    state: State, primary: float, secondary: float, east_m: float, sequence: int, late_ms: int
+) -> object:
+    def do(beliefs: FleetBeliefs, agent_id: int, now_ms: int) -> None:
+        agent_ms = POOL.theta * (now_ms - late_ms)
+        packet = StatusPacket(agent_id, sequence, state, primary, secondary, 2.0, east_m, 3.0, agent_ms)
+        beliefs.hear(packet, now_ms)
+
+    return do
+
+
+def said_shortly(state: State, charge: float) -> object:
+    def do(beliefs: FleetBeliefs, agent_id: int, now_ms: int) -> None:
+        beliefs.hear_short(ShortStatus(agent_id, state, charge, charge), now_ms)
+
+    return do
+
+
+def learned(measure: Callable[[int], Measurement]) -> object:
+    return lambda beliefs, agent_id, now_ms: beliefs.learn(agent_id, measure(now_ms))
+
+
+CHARGES, METRES = st.floats(0, 1), st.floats(-50, 50)
+STATES = st.sampled_from(list(State))
+WORDS = st.one_of(
+    st.builds(said, STATES, CHARGES, CHARGES, METRES, st.integers(0, 3), st.sampled_from((0, 0, 0, 60_000))),
+    st.builds(said_shortly, STATES, CHARGES),
+    st.sampled_from(
+        [
+            learned(SlotSilent),
+            learned(Permitted),
+            learned(Docked),
+            learned(lambda now_ms: Released(now_ms, 3.0, 4.0)),
+            learned(lambda now_ms: Fixed(now_ms, 1.0, 2.0, 0.25)),
+            lambda beliefs, agent_id, now_ms: beliefs.forget(agent_id),
+        ]
+    ),
+    METRES.map(lambda m: learned(lambda now_ms: Ranged(now_ms, abs(m), 1.0, 2.0, 0.25))),
+)
+EVENTS = st.lists(
+    st.builds(Event, st.sampled_from(IDS), st.sampled_from((0, 1000, 30_000, 900_000)), WORDS),
+    min_size=1,
+    max_size=30,
+)
+
+
+@pytest.fixture(autouse=True)
+def checkpoints_come_soon(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(checkpoint, "ROWS", 4)
+
+
+def tick(beliefs: FleetBeliefs, event: Event, now_ms: int) -> int:
+    now_ms += event.after_ms
+    beliefs.advance(now_ms)
+    event.do(beliefs, event.agent_id, now_ms)
+    beliefs.all()  # somebody looks at each tick, and that changes nothing
+    return now_ms
+
+
+@pytest.mark.parametrize("estimator", ESTIMATORS)
+@settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow])
+@given(events=EVENTS, killed_after=st.integers(0, 30), gap_ms=st.sampled_from((0, 5000, 7_200_000)))
+def test_killed_anywhere_it_goes_on_with_the_same_beliefs_to_the_last_bit(
+    estimator: str,
+    events: list[Event],
+    killed_after: int,
+    gap_ms: int,
+    tmp_path_factory: pytest.TempPathFactory,
+) -> None:
+    path = tmp_path_factory.mktemp("run") / "notebook.jsonl"
+    uninterrupted, killed = ESTIMATORS[estimator](), ESTIMATORS[estimator]()
+    book, now_ms = Notebook(path, killed, 0), 0
+    for event in events[:killed_after]:
+        tick(uninterrupted, event, now_ms)
+        now_ms = tick(killed, event, now_ms)
+        book.flush(now_ms)
+    killed.forget(1)  # the tick in which it dies is not flushed
+
+    resumed = ESTIMATORS[estimator]()
+    assert recall(path, resumed).whole
+    book = Notebook(path, resumed, now_ms)
+    now_ms += gap_ms
+    for event in events[killed_after:]:
+        tick(uninterrupted, event, now_ms)
+        now_ms = tick(resumed, event, now_ms)
+        book.flush(now_ms)
+    for beliefs in (uninterrupted, resumed):
+        beliefs.advance(now_ms + gap_ms)
+    assert resumed.kept() == uninterrupted.kept()
+    assert resumed.all() == uninterrupted.all()
+    # It would take an old packet for new, if it did not remember when the newest was said.
+    late = said(State.ACTIVE, 0.5, 0.5, 0.0, 9, 600_000)
+    for beliefs in (uninterrupted, resumed):
+        for agent_id in IDS:
+            late(beliefs, agent_id, now_ms + gap_ms)
+    assert resumed.kept() == uninterrupted.kept()
+
+
+def story(path: Path) -> tuple[list[bytes], list[object]]:
+    """A notebook's lines, and what was believed after each."""
+    beliefs = of_a_twin()
+    book, now_ms, kept = Notebook(path, beliefs, 0), 0, [[]]
+    for n in range(3):
+        event = Event(1 + n % 2, 60_000, said(State.ACTIVE, 0.9 - 0.1 * n, 1.0, 3.0, n, 0))
+        now_ms = tick(beliefs, event, now_ms)
+        book.flush(now_ms)
+        kept.append(beliefs.kept())
+    book.close()
+    return path.read_bytes().splitlines(keepends=True), kept
+
+
+def test_torn_at_any_byte_it_gives_what_was_whole(tmp_path: Path) -> None:
+    lines, kept = story(tmp_path / "notebook.jsonl")
+    whole = b"".join(lines)
+    torn = tmp_path / "torn.jsonl"
+    for size in range(0, len(whole), 7):
+        torn.write_bytes(whole[:size])
+        beliefs = of_a_twin()
+        if size < len(lines[0]):
+            with pytest.raises(NoNotebook, match="another version, or damaged"):
+                recall(torn, beliefs)
+            assert beliefs.kept() == []
+            continue
+        ends = [len(b"".join(lines[: n + 1])) for n in range(len(lines))]
+        after = sum(end <= size for end in ends) - 1
+        recalled = recall(torn, beliefs)
+        assert (recalled.whole, recalled.until_ms) == (size in ends, 60_000 * after)
+        assert beliefs.kept() == kept[after]
+
+
+def test_what_follows_damage_is_not_believed(tmp_path: Path) -> None:
+    path = tmp_path / "notebook.jsonl"
+    lines, kept = story(path)
+    path.write_bytes(lines[0] + lines[1] + b"\0\0\n" + lines[3])
+    beliefs = of_a_twin()
+    assert not recall(path, beliefs).whole
+    assert beliefs.kept() == kept[1]
+
+
+def test_it_stays_small_and_a_silent_fleet_writes_nothing(tmp_path: Path) -> None:
+    path = tmp_path / "notebook.jsonl"
+    beliefs = HoldLast(IDS)
+    book = Notebook(path, beliefs, 0)
+    rows = []
+    for n in range(50):
+        tick(beliefs, Event(1, 1000, said(State.ACTIVE, 0.5, 1.0, 3.0, n, 0)), 1000 * n)
+        book.flush(1000 * n + 1000)
+        rows.append(recall(path, HoldLast(IDS)).rows)
+    assert max(rows) == checkpoint.ROWS
+    before = path.stat()
+    book.flush(100_000_000)
+    assert (path.stat().st_size, path.stat().st_ino) == (before.st_size, before.st_ino)
+
+
+def test_after_ten_minutes_a_checkpoint_is_due(tmp_path: Path) -> None:
+    """A twin's day of hourly packets takes longer to replay than to write down."""
+    path = tmp_path / "notebook.jsonl"
+    beliefs = HoldLast(IDS)
+    book = Notebook(path, beliefs, 0)
+    for now_ms in (599_000, 600_000, 601_000):
+        beliefs.hear(StatusPacket(1, 0, State.ACTIVE, 0.5, 1.0, 2.0, 3.0, 3.0, now_ms), now_ms)
+        book.flush(now_ms)
+    assert recall(path, HoldLast(IDS)) == checkpoint.Recalled(601_000, 1, whole=True, counts=Counter())
+
+
+def test_another_estimators_notebook_is_refused_and_nothing_is_believed(tmp_path: Path) -> None:
+    path = tmp_path / "notebook.jsonl"
+    tick(twin := of_a_twin(), Event(1, 1000, said(State.ACTIVE, 0.5, 1.0, 3.0, 0, 0)), 0)
+    Notebook(path, twin, 1000).close()
+    beliefs = HoldLast(IDS)
+    with pytest.raises(NoNotebook, match="another version"):
+        recall(path, beliefs)
+    assert beliefs.all() == []
+    with pytest.raises(NoNotebook, match="No such file"):
+        recall(tmp_path / "none.jsonl", beliefs)
+
+
+def test_a_kill_while_a_checkpoint_is_written_leaves_the_former_notebook(tmp_path: Path) -> None:
+    path = tmp_path / "notebook.jsonl"
+    _, kept = story(path)
+    (tmp_path / ".notebook.jsonl.fresh").write_bytes(b'{"t":0,"format":1,"bel')
+    shutil.copy(path, tmp_path / "before")
+    beliefs = of_a_twin()
+    recall(path, beliefs)
+    assert beliefs.kept() == kept[-1]
+    Notebook(path, beliefs, 200_000).close()
+    again = of_a_twin()
+    assert recall(path, again).until_ms == 200_000
+    assert again.kept() == kept[-1]
+
+
+@pytest.mark.parametrize("name", ESTIMATORS)
+def test_a_guest_comes_with_what_others_believe_of_it(name: str, tmp_path: Path) -> None:
+    """Elsewhere it was heard twice. From then on both believe the same, and so does who comes after a death."""
+    elsewhere, here = ESTIMATORS[name](), ESTIMATORS[name]()
+    guest = 3
+    here.dismiss(guest)
+    for at_ms in (1000, 9000):
+        elsewhere.advance(at_ms)
+        elsewhere.hear(
+            StatusPacket(guest, 0, State.ACTIVE, 0.5, 1.0, 4.0, 5.0, 3.0, POOL.theta * at_ms), at_ms
+        )
+    heard = StatusPacket(guest, 1, State.ACTIVE, 0.4, 1.0, 4.0, 6.0, 3.0, POOL.theta * 20_000)
+    here.advance(10_000)
+    assert here.hear(heard, 10_000) == "a status of an unknown aMussel"
+
+    book = Notebook(tmp_path / "notebook.jsonl", here, 10_000)
+    handed = elsewhere.get(guest)
+    assert handed is not None
+    here.admit(guest, here.estimator.restored(guest, elsewhere.estimator.kept(handed)))
+    for beliefs in (elsewhere, here):
+        beliefs.advance(20_000)
+        assert beliefs.hear(heard, 20_000) is None
+    book.flush(20_000)
+    book.close()
+    recalled = ESTIMATORS[name]()
+    recall(tmp_path / "notebook.jsonl", recalled)
+    assert here.get(guest) is not None
+    assert here.get(guest) == elsewhere.get(guest)
+    recalled.advance(20_000)
+    assert recalled.get(guest) == here.get(guest)
+    here.dismiss(guest)
+    assert here.get(guest) is None

@@ -1,0 +1,169 @@
+"""Who is on a screen that shows the markers, as RViz keeps them: until they are deleted. Screens miss messages."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+from visualization_msgs.msg import Marker
+
+from apad_bridge.beliefs.belief import Belief
+from apad_bridge.beliefs.hold_last import HoldLast
+from apad_bridge.beliefs.modes import Mode
+from apad_bridge.mission.share import Share
+from apad_bridge.ros.gateway.fleet_markers import FleetMarkers
+from apad_bridge.supervisor.roster import Moved, Presences, Trigger
+from apad_bridge.vehicle.commands import PoseReported
+from firmware_model.packets import StatusPacket
+from firmware_model.states import State
+
+
+class Screen:
+    """RViz's part: ADD draws or moves, DELETEALL takes all off, and all else stays."""
+
+    def __init__(self) -> None:
+        self.markers: dict[tuple[str, int], Marker] = {}
+
+    def take(self, markers: list[Marker]) -> None:
+        for it in markers:
+            assert it.action in (Marker.ADD, Marker.DELETEALL) and it.header.frame_id == "musselbed/enu"
+            if it.action == Marker.ADD:
+                assert (it.ns, it.id) not in self.markers, (
+                    "drawn twice in one picture, or not taken off before"
+                )
+                self.markers[it.ns, it.id] = it
+            else:
+                self.markers.clear()
+
+    def of(self, agent_id: int) -> set[str]:
+        return {group for group, number in self.markers if number == agent_id}
+
+
+class APad:
+    """As much of a supervisor as its markers show, and a screen that shows them."""
+
+    def __init__(self, *own: int) -> None:
+        self.beliefs = HoldLast(own)
+        self.share = Share(self.beliefs, own)
+        self.pose = PoseReported(0, 1.0, 2.0, 0.0)
+        self.mission = SimpleNamespace(slots=(None,) * 4)
+        self.screen = Screen()
+        self._markers = FleetMarkers(own, "musselbed/enu", 0.5)
+        self.now_ms = 0
+        self.is_connected = True
+
+    def hear(self, agent_id: int, north_m: float = 10.0) -> None:
+        packet = StatusPacket(
+            agent_id=agent_id,
+            sequence=0,
+            agent_ms=30 * self.now_ms,
+            state=State.ACTIVE,
+            north_m=north_m,
+            east_m=20.0,
+            depth_m=3.0,
+            primary=0.75,
+            secondary=1.0,
+        )
+        assert self.beliefs.hear(packet, self.now_ms) is None
+
+    def tick(self) -> None:
+        self.now_ms += 1000
+        picture = self._markers.draw(self, self.now_ms)  # type: ignore[arg-type]
+        if self.is_connected:
+            self.screen.take(picture)
+
+
+BOTH = {"amussels", "labels"}
+
+
+def moved(apad: APad, presences: Presences, agent_id: int, trigger: Trigger) -> None:
+    coordinator: Any = SimpleNamespace(mute=lambda agent_id: None, unmute=lambda agent_id, at_ms: None)
+    done = presences.do(Moved(agent_id, trigger, "a test"), coordinator, apad.beliefs, apad.now_ms)
+    assert not isinstance(done, str), done
+
+
+def test_who_is_retired_or_handed_over_leaves_the_screen_and_comes_back() -> None:
+    apad, presences = APad(7, 8), Presences([7, 8], 3.0)
+    apad.hear(7)
+    apad.hear(8)
+    apad.tick()
+    assert apad.screen.of(7) == apad.screen.of(8) == BOTH and apad.screen.of(0) == {"apad"}
+    moved(apad, presences, 7, Trigger.RETIRE)
+    moved(apad, presences, 8, Trigger.HAND_OVER)
+    apad.tick()
+    assert apad.screen.markers.keys() == {("apad", 0)}
+    apad.tick()
+    assert apad.screen.markers.keys() == {("apad", 0)}
+    moved(apad, presences, 7, Trigger.SPAWN)
+    apad.hear(7, north_m=15.0)
+    apad.hear(8)  # the real one, by its own packet
+    apad.tick()
+    assert apad.screen.of(7) == apad.screen.of(8) == BOTH
+    assert apad.screen.markers["amussels", 7].pose.position.y == 15.0
+
+
+def test_a_screen_that_missed_messages_keeps_no_ghost() -> None:
+    apad, presences = APad(7, 8), Presences([7, 8], 3.0)
+    apad.hear(7)
+    apad.hear(8)
+    apad.tick()
+    apad.is_connected = False
+    moved(apad, presences, 7, Trigger.RETIRE)
+    apad.tick()
+    assert apad.screen.of(7) == BOTH, "it was not told"
+    apad.is_connected = True
+    apad.tick()
+    assert apad.screen.of(7) == set() and apad.screen.of(8) == BOTH
+
+
+def test_one_that_is_handed_on_is_drawn_by_who_serves_it() -> None:
+    """Its own fleet's supervisor hears it as ever, for its records."""
+    giver, taker = APad(7), APad(8)
+    giver.hear(7)
+    taker.hear(8)
+    taker.beliefs.admit(7, giver.beliefs.get(7))
+    for apad in (giver, taker):
+        apad.tick()
+    assert giver.screen.of(7) == BOTH and taker.screen.of(7) == set(), "not served there yet"
+    giver.share.give(7)
+    taker.share.take(7)
+    for apad in (giver, taker):
+        apad.hear(7)
+        apad.tick()
+    assert giver.screen.of(7) == set() and taker.screen.of(7) == BOTH
+    taker.share.give(7)
+    taker.beliefs.dismiss(7)
+    giver.share.take(7)
+    for apad in (giver, taker):
+        apad.tick()
+    assert giver.screen.of(7) == BOTH and taker.screen.of(7) == set() and taker.screen.of(8) == BOTH
+
+
+def test_an_ellipse_leaves_with_its_ball_and_without_it() -> None:
+    modes = tuple(float(mode is Mode.ASLEEP) for mode in Mode)
+    sure = Belief(
+        7,
+        1000,
+        State.ACTIVE,
+        0.6,
+        1.0,
+        10.0,
+        20.0,
+        place_cov=(4.0, 0.5, 9.0),
+        mode_probabilities=modes,
+    )
+    known = [sure]
+    apad = APad(7)
+    apad.share = Share(SimpleNamespace(all=lambda: list(known), get=lambda agent_id: None), [7])
+    apad.tick()
+    assert apad.screen.of(7) == BOTH | {"place_95"}
+    known[:] = [replace(sure, mode_probabilities=())]
+    apad.tick()
+    assert apad.screen.of(7) == BOTH
+    known[:] = [sure]
+    apad.tick()
+    assert apad.screen.of(7) == BOTH | {"place_95"}
+    known.clear()
+    apad.tick()
+    assert apad.screen.of(7) == set()

@@ -1,0 +1,159 @@
+"""Beliefs that are carried past their last packet, on ROS's standard messages."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from sensor_msgs.msg import BatteryState, NavSatFix
+
+from apad_bridge.beliefs.belief import Belief, Clock, Source
+from apad_bridge.beliefs.modes import Mode
+from apad_bridge.mission.state import MissionState
+from apad_bridge.ros.gateway.fleet_diagnostics import Limits, diagnose
+from apad_bridge.ros.gateway.standard_messages import (
+    agent_battery,
+    agent_markers,
+    apad_marker,
+    ball_size_m,
+    fix,
+)
+from apad_bridge.ros_names.frames import ellipse_95
+from apad_bridge.scenario.loader import load
+from apad_bridge.scenario.local_frame import LocalFrame
+from firmware_model.states import State
+
+
+def carried(mode: Mode, charge: float) -> Belief:
+    """Heard awake on the bottom a second after the start, and not since."""
+    probabilities = tuple(float(one is mode) for one in Mode)
+    return Belief(
+        7,
+        1000,
+        State.ACTIVE,
+        charge,
+        1.0,
+        10.0,
+        20.0,
+        299_000,
+        (0.01, 0.0, 0.0),
+        (4.0, 0.5, 9.0),
+        probabilities,
+        Clock(250.0, 0.0, 90_000.0, 0.0, 0.0),
+        Source.PACKET | Source.SILENCE,
+        29,
+    )
+
+
+@pytest.mark.parametrize(
+    ("mode", "status"),
+    [
+        (Mode.ASLEEP, BatteryState.POWER_SUPPLY_STATUS_DISCHARGING),
+        (Mode.CHARGING_PRIMARY, BatteryState.POWER_SUPPLY_STATUS_CHARGING),
+        (Mode.FULL, BatteryState.POWER_SUPPLY_STATUS_FULL),
+    ],
+)
+def test_a_battery_is_what_is_believed_now(mode: Mode, status: int) -> None:
+    message = agent_battery(carried(mode, 0.6), "bay/amussel3/base_link")
+    assert message.power_supply_status == status
+    assert (message.header.stamp.to_sec(), message.percentage) == (300.0, 0.6)
+    assert message.header.frame_id == "bay/amussel3/base_link"
+
+
+def test_a_fix_has_its_covariance_as_the_message_asks_for_it() -> None:
+    """East first, then north, then up: variances of 9 m2 east and 4 m2 north, 0.5 m2 between them."""
+    message = fix(LocalFrame(43.9, 15.4), 300_000, "amussel7/base_link", 10.0, 20.0, (4.0, 0.5, 9.0))
+    assert message.position_covariance == [9.0, 0.5, 0.0, 0.5, 4.0, 0.0, 0.0, 0.0, 0.0]
+    assert message.position_covariance_type == NavSatFix.COVARIANCE_TYPE_KNOWN
+    nobody_knows = fix(LocalFrame(43.9, 15.4), 1000, "amussel7/base_link", 10.0, 20.0, (0.0, 0.0, 0.0))
+    assert nobody_knows.position_covariance_type == NavSatFix.COVARIANCE_TYPE_UNKNOWN
+
+
+@pytest.mark.parametrize(
+    ("variance_m2", "degrees"),
+    [((1.0, 0.0, 4.0), 0.0), ((4.0, 0.0, 1.0), 90.0), ((2.5, 1.5, 2.5), 45.0), ((2.5, -1.5, 2.5), -45.0)],
+)
+def test_an_ellipse_lies_along_where_a_place_is_least_known(
+    variance_m2: tuple[float, float, float], degrees: float
+) -> None:
+    """Deviations of 2 m and 1 m in all of them, from x, east, towards y, north; 95 % lie within 2.4477 of each."""
+    found = ellipse_95(variance_m2)
+    assert (found.length_m, found.width_m) == pytest.approx((4 * 2.4477, 2 * 2.4477), rel=1e-4)
+    x, y, z, w = found.attitude
+    assert (x, y) == (0.0, 0.0) and math.degrees(2 * math.atan2(z, w)) == pytest.approx(degrees)
+
+
+def test_95_of_100_places_lie_in_the_ellipse() -> None:
+    east, north = np.random.default_rng(3).multivariate_normal([0, 0], [[9.0, 2.0], [2.0, 4.0]], 100_000).T
+    found = ellipse_95((4.0, 2.0, 9.0))
+    turn = 2 * math.atan2(found.attitude[2], found.attitude[3])
+    along, aside = (
+        east * math.cos(turn) + north * math.sin(turn),
+        north * math.cos(turn) - east * math.sin(turn),
+    )
+    inside = (2 * along / found.length_m) ** 2 + (2 * aside / found.width_m) ** 2 <= 1
+    assert inside.mean() == pytest.approx(0.95, abs=0.003)
+
+
+def test_a_place_is_marked_where_its_deviation_is_known() -> None:
+    disc = {
+        marker.ns: marker for marker in agent_markers(carried(Mode.ASLEEP, 0.6), 300_000, "bay/enu", 0.5)
+    }["place_95"]
+    assert (disc.type, disc.action, disc.id, disc.header.frame_id) == (3, 0, 7, "bay/enu")
+    assert (disc.pose.position.x, disc.pose.position.y) == (20.0, 10.0)
+    assert disc.scale.x > disc.scale.y > 2 * 2 * 2.4 and 0 < disc.color.a < 1
+    newest = Belief(7, 1000, State.ACTIVE, 0.5, 1.0, 10.0, 20.0)
+    assert {marker.ns for marker in agent_markers(newest, 1000, "bay/enu", 0.5)} == {"amussels", "labels"}
+
+
+def test_diagnostics_name_the_silent_and_how_sure_one_is() -> None:
+    supervisor = SimpleNamespace(
+        beliefs=SimpleNamespace(all=lambda: [carried(Mode.ASLEEP, 0.6)]),
+        battery=None,
+        pose=None,
+        primitive="none",
+        port=SimpleNamespace(first_failure=None),
+        dropped={},
+        mission=SimpleNamespace(state=MissionState(), slots=(None,) * 4),
+    )
+    array = diagnose(supervisor, (7, 8), Limits(silence_s=120.0, pool_threshold=0.5), 300_000)  # type: ignore[arg-type]
+    told = {status.name: status for status in array.status}
+    silent = told["musselbed: aMussel 7"]
+    assert silent.message == "silent for 299 s"
+    values = {value.key.replace(" ", "_"): value.value for value in silent.values}
+    assert values["mode"] == "ASLEEP" and values["primary_95"] == "0.404 to 0.796"
+    assert values["mode_probability"] == "1.000" and values["primary_deviation"] == "0.1000"
+    assert values["place_deviation"] == "2.00 m north, 3.00 m east"
+    assert values["clock"] == "+0.250 s, deviation 0.300 s"
+    assert (values["silent_slots"], values["learned_from"]) == ("29", "packet silence")
+    assert told["musselbed: aMussel 8"].message == "never heard"
+    assert {"musselbed: aPad", "musselbed: mission"} <= told.keys()
+    # One of several on a master names its own, or their lines would take turns under one name.
+    array = diagnose(supervisor, (), Limits(120.0, 0.5), 300_000, "apad2")  # type: ignore[arg-type]
+    assert {status.name for status in array.status} == {"musselbed: aPad apad2", "musselbed: mission apad2"}
+    # And so does one of several namespaces.
+    array = diagnose(supervisor, (7,), Limits(120.0, 0.5), 300_000, namespace="lab/basin")  # type: ignore[arg-type]
+    assert "lab/basin/musselbed: aMussel 7" in {status.name for status in array.status}
+
+
+SCENARIOS = Path(__file__).parents[4] / "launch_scripts" / "scenarios"
+
+
+# 28 m by 21 m, 60 m by 40 m, 60 m by 200 m: balls of half a metre, or a hundredth of the longer side.
+@pytest.mark.parametrize(("name", "ball_m"), [("pool-12", 0.5), ("bay-24", 0.6), ("bay-120", 2.0)])
+def test_markers_are_seen_in_their_area(name: str, ball_m: float) -> None:
+    assert ball_size_m(load(SCENARIOS / f"{name}.yaml").area) == ball_m
+    ball, label, _ = agent_markers(carried(Mode.ASLEEP, 0.6), 300_000, "musselbed/enu", ball_m)
+    assert ball.scale.x == ball.scale.y == ball.scale.z == ball_m
+    # The label stands north of the ball and does not reach into it.
+    assert label.pose.position.y - label.scale.z / 2 >= ball.pose.position.y + ball_m / 2
+    assert label.pose.position.x == ball.pose.position.x
+    _, beside, _ = agent_markers(carried(Mode.CHARGING_PRIMARY, 0.6), 300_000, "musselbed/enu", ball_m, row=1)
+    assert beside.pose.position.y - label.pose.position.y == pytest.approx(label.scale.z), (
+        "not over each other"
+    )
+    arrow = apad_marker(300_000, "musselbed/enu", (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0), ball_m)
+    assert arrow.scale.x == 3 * ball_m

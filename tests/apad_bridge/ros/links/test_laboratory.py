@@ -1,0 +1,126 @@
+"""A laboratory's words between topics and the flight, with the topics played by the test."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from agents.packet_medium import Medium
+from apad_bridge.mission.events import Send
+from apad_bridge.ros.links.laboratory import WIFI_GONE_MS, Laboratory
+from apad_bridge.scenario.lab_interface.messages import DockSaid, PacketSaid, Said, What, WordSaid
+from apad_bridge.vehicle.commands import DockClosed, DockOpened, VehicleCommand
+from apad_bridge.vehicle.link import LinkFact
+from firmware_model.packets import CommandPacket, Kind
+from firmware_model.packets.codec import load_codec
+
+CODEC = load_codec("musselbed-1")
+
+
+class Topics:
+    """Both ends: what is to be heard, and what was told."""
+
+    def __init__(self) -> None:
+        self.to_hear: list[Said] = []
+        self.told: list[tuple[Any, ...]] = []
+        self.dropped: Any = None
+
+    def take(self, now_ms: int) -> list[Said]:
+        heard, self.to_hear = self.to_hear, []
+        return heard
+
+    def tell(self, what: What, agent_id: int, now_ms: int, **more: Any) -> None:
+        self.told.append((what, agent_id, *more.values()))
+
+    def close(self) -> None:
+        pass
+
+
+class Vehicle:
+    def __init__(self) -> None:
+        self.facts: list[LinkFact] = []
+        self.words: list[DockSaid] = []
+
+    def advance(self, now_ms: int) -> list[LinkFact]:
+        return self.facts
+
+    def command(self, command: VehicleCommand, now_ms: int) -> None:
+        pass
+
+    def said(self, word: DockSaid) -> None:
+        self.words.append(word)
+
+    def close(self) -> None:
+        pass
+
+
+@pytest.fixture
+def topics() -> Topics:
+    return Topics()
+
+
+@pytest.fixture
+def laboratory(topics: Topics, monkeypatch: pytest.MonkeyPatch) -> Laboratory:
+    monkeypatch.setattr("apad_bridge.ros.links.laboratory.LaboratoryEars", lambda *_: topics)
+    monkeypatch.setattr("apad_bridge.ros.links.laboratory.LaboratoryMouths", lambda *_: topics)
+    return Laboratory(None, "apad1", [3, 4], CODEC)  # type: ignore[arg-type]
+
+
+def test_docks_by_others_reach_the_vehicle_and_its_own_are_told(
+    laboratory: Laboratory, topics: Topics
+) -> None:
+    vehicle = Vehicle()
+    link = laboratory.beside(vehicle, vehicle)
+    word = DockSaid(1_000, None, 2, True)
+    topics.to_hear = [word]
+    vehicle.facts = [DockClosed(1_000, 2, 3), DockOpened(1_000, 1, 4)]
+    assert link.advance(1_000) == vehicle.facts
+    assert vehicle.words == [word]
+    assert topics.told == [(What.DOCKED, 3, 2), (What.RELEASED, 4, 1)]
+
+
+def test_an_alert_that_the_vehicle_needs_not_is_counted(laboratory: Laboratory, topics: Topics) -> None:
+    link = laboratory.beside(Vehicle(), None)
+    topics.to_hear = [DockSaid(1_000, 3, 2, True)]
+    link.advance(1_000)
+    assert laboratory.useless.total() == 1
+
+
+def test_words_and_packets_become_what_aMussels_hear(laboratory: Laboratory, topics: Topics) -> None:
+    link = laboratory.beside(Vehicle(), None)
+    ether = laboratory.around(None, link, is_mission=False)
+    topics.to_hear = [
+        WordSaid(What.PERMISSION, 3),
+        WordSaid(What.CLEAR, None),
+        PacketSaid(Medium.SOUND, 4, b"bytes"),
+    ]
+    link.advance(1_000)
+    permission = CODEC.encode(CommandPacket(Kind.PERMISSION, 3))
+    releases = [CODEC.encode(CommandPacket(Kind.RELEASE, agent_id)) for agent_id in (3, 4)]
+    assert ether.advance(1_000) == [
+        Send(Medium.SOUND, 3, permission),
+        Send(Medium.WIFI, 3, releases[0]),
+        Send(Medium.WIFI, 4, releases[1]),
+        Send(Medium.SOUND, 4, b"bytes"),
+    ]
+    assert ether.advance(2_000) == []
+
+
+def test_what_is_said_to_amussels_and_by_them_is_told(laboratory: Laboratory, topics: Topics) -> None:
+    ether = laboratory.around(None, laboratory.beside(Vehicle(), None), is_mission=False)
+    data = CODEC.encode(CommandPacket(Kind.RELEASE, 3))
+    ether.said(Send(Medium.WIFI, 3, data), 0)
+    ether.transmit(Medium.SOUND, 4, b"status", 0)
+    assert topics.told == [(What.CLEAR, 3, data), (What.PACKET, 4, b"status")]
+
+
+def test_the_wifis_status_is_told_when_it_changes(laboratory: Laboratory, topics: Topics) -> None:
+    ether = laboratory.around(None, laboratory.beside(Vehicle(), None), is_mission=False)
+    for now_ms in (0, 1_000, 2_000):
+        ether.transmit(Medium.WIFI, 3, b"status", now_ms)
+        ether.advance(now_ms)
+    ether.advance(2_000 + WIFI_GONE_MS)
+    assert topics.told == [(What.WIFI, 3, True)]
+    ether.advance(2_001 + WIFI_GONE_MS)
+    assert topics.told == [(What.WIFI, 3, True), (What.WIFI, 3, False)]

@@ -1,0 +1,158 @@
+"""The embedded master: its own process, session, port and files; it joins nobody's, and nobody has to end it by hand."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import select
+import signal
+import subprocess
+import sys
+import xmlrpc.client
+from collections.abc import Iterator
+from pathlib import Path
+from urllib.parse import urlsplit
+
+import pytest
+
+from apad_bridge.ros.system.master import Master, MasterFailed, loopback_environment, start_master
+
+pytestmark = pytest.mark.system
+ROOT = Path(__file__).parents[4]
+
+
+@pytest.fixture
+def master(tmp_path: Path) -> Iterator[Master]:
+    running = start_master(tmp_path / "ros", timeout_s=20, orphan_s=0)
+    yield running
+    running.stop()
+
+
+def pid_that_answers(uri: str) -> int:
+    with xmlrpc.client.ServerProxy(uri) as proxy:
+        code, _, pid = proxy.getPid("/test")  # type: ignore[misc]
+    assert code == 1
+    return int(pid)
+
+
+def wait_until_gone(pidfd: int, timeout_s: float = 20.0) -> bool:
+    """A pidfd becomes readable when its process ends."""
+    readable, _, _ = select.select([pidfd], [], [], timeout_s)
+    return bool(readable)
+
+
+def listening_addresses(port: int) -> set[str]:
+    """The kernel's own list of the local addresses, in its hexadecimal, that listen on `port`."""
+    found = set()
+    for table in ("/proc/net/tcp", "/proc/net/tcp6"):
+        for line in Path(table).read_text().splitlines()[1:]:
+            local, state = line.split()[1], line.split()[3]
+            address, local_port = local.split(":")
+            if state == "0A" and int(local_port, 16) == port:
+                found.add(address)
+    return found
+
+
+def test_it_answers_from_a_session_of_its_own_on_loopback_only(master: Master) -> None:
+    assert pid_that_answers(master.uri) == master.pid != os.getpid()
+    assert os.getsid(master.pid) == master.pid
+    port = urlsplit(master.uri).port
+    assert port is not None and listening_addresses(port) == {"0100007F"}
+
+
+def test_two_masters_are_two_although_the_shell_names_the_first(
+    master: Master, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("ROS_MASTER_URI", master.uri)
+    monkeypatch.setenv("ROS_HOSTNAME", "no.such.host.invalid")
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path / "nowhere"))
+    second = start_master(tmp_path / "second", timeout_s=20, orphan_s=0)
+    try:
+        assert second.uri != master.uri
+        assert pid_that_answers(second.uri) == second.pid != pid_that_answers(master.uri)
+    finally:
+        second.stop()
+    assert pid_that_answers(master.uri) == master.pid
+
+
+def test_stop_frees_the_port_and_may_be_said_twice(master: Master) -> None:
+    assert master.alive
+    master.stop()
+    assert not master.alive
+    with pytest.raises(ConnectionRefusedError):
+        pid_that_answers(master.uri)
+    master.stop()
+
+
+def test_a_stopped_process_is_ended_by_force(master: Master) -> None:
+    os.kill(master.pid, signal.SIGSTOP)
+    master.stop(timeout_s=0.2)
+    assert master.process.returncode == -signal.SIGKILL
+
+
+def start_in_another_process(home: Path, orphan_s: float) -> tuple[subprocess.Popen[str], int, str]:
+    code = (
+        "import sys; from pathlib import Path; from apad_bridge.ros.system.master import start_master\n"
+        f"master = start_master(Path({str(home)!r}), timeout_s=20, orphan_s={orphan_s})\n"
+        "print(master.pid, master.uri, flush=True); sys.stdin.read()"
+    )
+    command = [sys.executable, "-c", code]
+    starter = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, cwd=ROOT)
+    assert starter.stdout is not None
+    pid, uri = starter.stdout.readline().split()
+    return starter, int(pid), uri
+
+
+def kill_and_reap(starter: subprocess.Popen[str]) -> None:
+    starter.kill()
+    starter.communicate(timeout=20)
+
+
+def test_it_ends_after_a_starter_that_was_killed(tmp_path: Path) -> None:
+    starter, pid, _ = start_in_another_process(tmp_path, orphan_s=0)
+    pidfd = os.pidfd_open(pid)
+    try:
+        kill_and_reap(starter)
+        assert wait_until_gone(pidfd)
+    finally:
+        os.close(pidfd)
+
+
+def test_it_outlives_its_starter_for_the_time_that_was_said(tmp_path: Path) -> None:
+    starter, pid, uri = start_in_another_process(tmp_path, orphan_s=300)
+    pidfd = os.pidfd_open(pid)
+    try:
+        kill_and_reap(starter)
+        assert pid_that_answers(uri) == pid
+        signal.pidfd_send_signal(pidfd, signal.SIGTERM)
+        assert wait_until_gone(pidfd)
+    finally:
+        os.close(pidfd)
+
+
+def test_too_late_is_an_error_that_leaves_nothing_behind(tmp_path: Path) -> None:
+    home = tmp_path / "late"
+    with pytest.raises(MasterFailed, match=r"did not bind a port in time: no node was started"):
+        start_master(home, timeout_s=0.0)
+    assert not any(str(home).encode() in command for command in commands_of_all_processes())
+
+
+def commands_of_all_processes() -> Iterator[bytes]:
+    for path in Path("/proc").glob("[0-9]*/cmdline"):
+        with contextlib.suppress(OSError):  # it ended while we looked
+            yield path.read_bytes()
+
+
+def test_a_program_that_fails_is_reported(tmp_path: Path) -> None:
+    (tmp_path / "master.log").mkdir()
+    with pytest.raises(MasterFailed, match=r"ended with exit code 1: no node was started; see .*master\.err"):
+        start_master(tmp_path, timeout_s=20)
+    assert "IsADirectoryError" in (tmp_path / "master.err").read_text()
+
+
+def test_nothing_of_the_callers_ros_reaches_a_node(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    for name in ("ROS_MASTER_URI", "ROS_NAMESPACE", "ROS_IPV6", "ROS_PACKAGE_PATH", "PYTHONPATH"):
+        monkeypatch.setenv(name, "of the caller")
+    environment = loopback_environment(tmp_path, "http://127.0.0.1:1/")
+    ours = {name: value for name, value in environment.items() if name.startswith(("ROS_", "PYTHON"))}
+    assert ours == {"ROS_IP": "127.0.0.1", "ROS_HOME": str(tmp_path), "ROS_MASTER_URI": "http://127.0.0.1:1/"}

@@ -1,0 +1,175 @@
+"""Mission time on ROS: our own /clock in step with the aPad's node, and somebody else's, with the threads taken out."""
+
+from __future__ import annotations
+
+import threading
+from typing import Any
+
+import pytest
+
+ros_pace = pytest.importorskip("apad_bridge.ros.system.ros_pace")
+
+
+class Topic:
+    """Stands in for rospy's Publisher and Subscriber: keeps what is published, and lets a test say what comes."""
+
+    def __init__(self, name: str, kind: Any, take: Any = None, **options: Any) -> None:
+        self.name, self.take, self.options = name, take, options
+        self.published_ms: list[int] = []
+        self.is_open = True
+
+    def publish(self, message: Any) -> None:
+        self.published_ms.append(ros_pace.to_ms(message.clock))
+
+    def unregister(self) -> None:
+        self.is_open = False
+
+
+class Vehicle:
+    """Has come to `done_ms`; notes what it is asked. The first `lost` of its answers do not come."""
+
+    name = "apad1"
+
+    def __init__(self, done_ms: int = 10**9, lost: int = 0) -> None:
+        self.done_ms = done_ms
+        self.lost = lost
+        self.asked: list[str] = []
+
+    def wait_until_taken(self, timeout_s: float) -> list[str]:
+        self.asked.append("taken")
+        return []
+
+    def wait_until_done(self, now_ms: int, timeout_s: float) -> bool:
+        """Without waiting for who is behind, but for a moment, so that the patience of who asks can end."""
+        self.asked.append(f"done {now_ms}")
+        if self.lost > 0 or self.done_ms < now_ms:
+            self.lost -= 1
+            threading.Event().wait(min(timeout_s, 0.05))
+            return False
+        return True
+
+    def wait_until_heard(self, now_ms: int, timeout_s: float) -> list[str]:
+        self.asked.append(f"heard {now_ms}")
+        return []
+
+
+@pytest.fixture(autouse=True)
+def topics(monkeypatch: pytest.MonkeyPatch) -> list[Topic]:
+    made: list[Topic] = []
+
+    def make(*arguments: Any, **options: Any) -> Topic:
+        made.append(Topic(*arguments, **options))
+        return made[-1]
+
+    monkeypatch.setattr(ros_pace.rospy, "Publisher", make)
+    monkeypatch.setattr(ros_pace.rospy, "Subscriber", make)
+    return made
+
+
+def test_a_tick_is_over_when_goals_are_taken_the_node_is_done_and_all_is_heard(topics: list[Topic]) -> None:
+    vehicle = Vehicle()
+    clock = ros_pace.OwnMasterClock(None, vehicle)
+    for now_ms in (0, 1_000):
+        clock.reach(now_ms, threading.Event())
+    assert topics[0].published_ms == [0, 1_000]
+    assert vehicle.asked == ["taken", "done 0", "heard 0", "taken", "done 1000", "heard 1000"]
+
+
+@pytest.mark.parametrize(("speed", "steps"), [(1000.0, [5_000, 6_000]), (20.0, [5_000, 5_500, 6_000])])
+def test_between_ticks_the_clock_comes_no_oftener_than_50_times_a_second(
+    topics: list[Topic], speed: float, steps: list[int]
+) -> None:
+    clock = ros_pace.OwnMasterClock(speed, Vehicle(), start_ms=5_000)
+    clock.reach(5_000, threading.Event())
+    clock.reach(6_000, threading.Event())
+    assert topics[0].published_ms == steps
+
+
+def test_who_does_not_come_along_is_named(topics: list[Topic]) -> None:
+    clock = ros_pace.OwnMasterClock(None, Vehicle(done_ms=1_000), patience_s=0.5)
+    clock.reach(1_000, threading.Event())
+    with pytest.raises(TimeoutError, match=r"/apad1 did not say within 0.5 s.* come to 2 s of mission time"):
+        clock.reach(2_000, threading.Event())
+
+
+def test_an_answer_that_was_lost_is_asked_for_again_at_the_same_time(topics: list[Topic]) -> None:
+    clock = ros_pace.OwnMasterClock(None, Vehicle(lost=2))
+    clock.reach(1_000, threading.Event())
+    assert topics[0].published_ms == [1_000] * 3
+
+
+def test_the_own_clock_is_latched_and_bounded(topics: list[Topic]) -> None:
+    ros_pace.OwnMasterClock(None, Vehicle())
+    assert topics[0].options["latch"] and 0 < topics[0].options["queue_size"] <= 1000
+
+
+def test_when_stopped_the_vehicle_still_comes_to_the_tick(topics: list[Topic]) -> None:
+    stopped = threading.Event()
+    clock = ros_pace.OwnMasterClock(0.001, Vehicle())
+    clock.reach(0, stopped)
+    stopped.set()
+    clock.reach(1_000, stopped)
+    assert topics[0].published_ms == [0, 1_000]
+
+
+def told(topic: Topic, clock_ms: int) -> None:
+    topic.take(ros_pace.Clock(ros_pace.to_ros(clock_ms)))
+
+
+def test_a_followed_clock_counts_from_the_first_one_seen(topics: list[Topic]) -> None:
+    clock = ros_pace.FollowedClock(start_ms=2_000, standstill_s=0.3)
+    told(topics[0], 7_000_000)
+    clock.reach(2_000, threading.Event())
+    assert clock.behind_s == 0.0
+    told(topics[0], 7_005_000)
+    clock.reach(3_000, threading.Event())
+    assert clock.behind_s == 4.0
+    clock.close()
+    assert not topics[0].is_open
+
+
+def test_a_followed_clock_wakes_who_waits_for_it(topics: list[Topic]) -> None:
+    clock = ros_pace.FollowedClock(standstill_s=20.0)
+    told(topics[0], 500)
+    waiter = threading.Thread(target=clock.reach, args=(1_000, threading.Event()))
+    waiter.start()
+    told(topics[0], 1_500)
+    waiter.join(10)
+    assert not waiter.is_alive()
+
+
+def test_no_clock_and_one_that_stands_still_are_told_apart(topics: list[Topic]) -> None:
+    clock = ros_pace.FollowedClock(standstill_s=0.2)
+    with pytest.raises(TimeoutError, match="no /clock came"):
+        clock.reach(0, threading.Event())
+    told(topics[0], 500)
+    with pytest.raises(TimeoutError, match="paused, gone or started anew"):
+        clock.reach(1_000, threading.Event())
+
+
+def test_a_stopped_flight_does_not_wait_for_somebody_elses_clock(topics: list[Topic]) -> None:
+    stopped = threading.Event()
+    stopped.set()
+    ros_pace.FollowedClock(standstill_s=20.0).reach(1_000, stopped)
+
+
+def test_on_the_way_it_tells_the_time_that_has_come(topics: list[Topic]) -> None:
+    told: list[int] = []
+    clock = ros_pace.OwnMasterClock(20.0, Vehicle())
+    clock.reach(0, threading.Event(), told.append)
+    clock.reach(4_000, threading.Event(), told.append)
+    assert told and told == sorted(told) and all(0 < it < 4_000 for it in told)
+
+
+def test_a_followed_clock_tells_what_has_come_between(topics: list[Topic]) -> None:
+    told: list[int] = []
+
+    def between(now_ms: int) -> None:
+        told.append(now_ms)
+        topics[0].take(ros_pace.Clock(ros_pace.to_ros(now_ms + 400)))
+
+    clock = ros_pace.FollowedClock(standstill_s=20.0)
+    topics[0].take(ros_pace.Clock(ros_pace.to_ros(0)))
+    topics[0].take(ros_pace.Clock(ros_pace.to_ros(100)))
+    clock.reach(1_000, threading.Event(), between)
+    assert told == [100, 500, 900]

@@ -1,0 +1,103 @@
+"""Definitions of others, as texts in a workspace or as sent along by a publisher: never imported, and read all the same."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+from apad_bridge.ros.generation_b_requests import docking, go_to
+from apad_bridge.ros.types.any_message import AnyMessages, UnknownType, class_of
+from apad_bridge.ros.types.messages import use_generated_messages
+from apad_bridge.ros.types.their_services import service_by_text, service_to_offer
+from apad_bridge.ros.types.user_texts import text_folders
+
+use_generated_messages()
+
+from misc_msgs.srv import DockingPrimitiveService, Go2pointPrimitiveService  # noqa: E402
+
+XML = "<package><name>{}</name><version>1.0.0</version></package>"
+WIDER = """\
+bool fully_actuated_enable
+geometry_msgs/Point point
+float32 speed
+float32 victory_radius
+bool north_enable
+bool east_enable
+float32 acceleration
+---
+bool status
+"""
+
+
+@pytest.fixture
+def workspace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    package = tmp_path / "misc_msgs"
+    (package / "srv").mkdir(parents=True)
+    (package / "msg").mkdir()
+    (package / "package.xml").write_text(XML.format("misc_msgs"))
+    (package / "srv" / "Go2pointPrimitiveService.srv").write_text(WIDER)
+    (package / "msg" / "Pair.msg").write_text("# a pair\nfloat64 left\ngeometry_msgs/Point right\n")
+    monkeypatch.setenv("ROS_PACKAGE_PATH", str(tmp_path))
+    return tmp_path
+
+
+def test_the_users_text_of_a_service_is_found_by_the_md5_that_its_server_speaks(workspace: Path) -> None:
+    # md5 as rossrv prints it: of the request's and the response's text without comments, the Point by its own md5.
+    import hashlib
+
+    point_md5 = "4a842b65f413084dc2b10fb484ea7f17"
+    request, response = WIDER.split("---\n")
+    text = request.replace("geometry_msgs/Point", point_md5).strip() + response.strip()
+    md5 = hashlib.md5(text.encode()).hexdigest()
+    theirs = service_by_text("misc_msgs/Go2pointPrimitiveService", md5)
+    assert theirs is not None and theirs._md5sum == md5 != Go2pointPrimitiveService._md5sum
+    request_class = theirs._request_class()
+    request_class.point.x, request_class.acceleration = 3.0, 0.5
+    buffer = io.BytesIO()
+    request_class.serialize(buffer)
+    assert theirs._request_class().deserialize(buffer.getvalue()).point.x == 3.0
+
+
+def test_a_md5_that_no_text_has_is_not_made_up(workspace: Path) -> None:
+    assert service_by_text("misc_msgs/Go2pointPrimitiveService", "0" * 32) is None
+
+
+def test_ours_are_found_where_the_user_has_none(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("ROS_PACKAGE_PATH", "/nowhere")
+    ours = Go2pointPrimitiveService
+    assert service_by_text(ours._type, ours._md5sum)._md5sum == ours._md5sum
+
+
+def test_a_service_is_offered_by_the_users_text_where_that_has_what_is_read(workspace: Path) -> None:
+    offered = service_to_offer(Go2pointPrimitiveService, go_to)
+    assert hasattr(offered._request_class(), "acceleration") and offered._response_class(status=True).status
+    narrower = WIDER.replace("float32 victory_radius\n", "")
+    (workspace / "misc_msgs" / "srv" / "Go2pointPrimitiveService.srv").write_text(narrower)
+    assert service_to_offer(Go2pointPrimitiveService, go_to) is Go2pointPrimitiveService
+    assert service_to_offer(DockingPrimitiveService, docking) is DockingPrimitiveService
+
+
+def test_a_type_to_tell_is_made_from_the_users_text(workspace: Path) -> None:
+    pair = class_of("misc_msgs/Pair", text_folders())()
+    pair.right.z = 2.0
+    assert (pair.left, pair.right.z) == (0.0, 2.0)
+    with pytest.raises(UnknownType, match="misc_msgs/Nothing is neither installed nor"):
+        class_of("misc_msgs/Nothing", text_folders())
+
+
+def test_a_message_is_read_by_the_text_that_comes_with_it(workspace: Path) -> None:
+    pair = class_of("misc_msgs/Pair", text_folders())
+    buffer = io.BytesIO()
+    pair(left=4.0).serialize(buffer)
+    header = {"type": "misc_msgs/Pair", "md5sum": pair._md5sum, "message_definition": pair._full_text}
+    raw = SimpleNamespace(_connection_header=header, _buff=buffer.getvalue())
+    assert AnyMessages().decode(raw).left == 4.0
+    raw._buff = raw._buff[:5]
+    with pytest.raises(ValueError, match="misc_msgs/Pair"):
+        AnyMessages().decode(raw)
+    header["md5sum"] = "0" * 32
+    with pytest.raises(ValueError, match="sends md5 0000"):
+        AnyMessages().decode(raw)

@@ -1,0 +1,122 @@
+"""The table of names: current in the docs, the legacy stack's where there is no namespace, and the only place of names."""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from apad_bridge.ros_names.frames import Frames
+from apad_bridge.ros_names.names import in_full, of_amussel, of_apad, ours, ours_of_apad
+from apad_bridge.ros_names.namespaces import beside_others
+from apad_bridge.ros_names.page import markdown
+from apad_bridge.ros_names.table import GLOBAL, SECTIONS
+
+ROOT = Path(__file__).parents[3]
+ROWS = [row for section in SECTIONS for row in section.rows]
+
+
+def test_the_page_is_current() -> None:
+    page = (ROOT / "docs" / "ros-names.md").read_text()
+    assert markdown() in page, "put what `python -m apad_bridge.ros_names.page` prints into docs/ros-names.md"
+
+
+def test_no_name_stands_twice() -> None:
+    assert len({row.name for row in ROWS}) == len(ROWS)
+
+
+def test_only_what_ros_or_the_legacy_stack_has_at_one_place_is_global() -> None:
+    assert {row.name for row in ROWS if row.name.startswith("/")} == {row.name for row in GLOBAL.rows}
+    assert {row.name for row in GLOBAL.rows} == {
+        "/clock",
+        "/use_sim_time",
+        "/tf",
+        "/tf_static",
+        "/diagnostics",
+        "/battery_alert",
+    }
+
+
+def test_without_a_namespace_names_are_those_of_the_legacy_stack() -> None:
+    names = {
+        of_amussel(24, "position"): "/amussel24/position",
+        of_amussel(24, "battery_level"): "/amussel24/battery_level",
+        of_amussel(24, "position_static"): "/amussel24/position_static",
+        of_amussel(24, "charge_info"): "/amussel24/charge_info",
+        of_apad("apad1", "action_server"): "/apad1/action_server",
+        of_apad("apad1", "commander/primitive/go2point"): "/apad1/commander/primitive/go2point",
+        ours("beliefs"): "/musselbed/beliefs",
+        ours_of_apad("apad1", "take_over"): "/musselbed/apad1/take_over",
+    }
+    assert [in_full("", name) for name in names] == list(names.values())
+
+
+def test_a_namespace_comes_before_every_name_but_a_global_one() -> None:
+    assert in_full("lab/basin", ours("claims")) == "/lab/basin/musselbed/claims"
+    assert in_full("basin", of_apad("apad1", "position")) == "/basin/apad1/position"
+    assert in_full("basin", of_apad("/apad1", "position")) == "/apad1/position"
+    assert in_full("basin", ours_of_apad("/apad1", "dock")) == "/basin/musselbed/apad1/dock"
+    assert in_full("basin", "/clock") == "/clock"
+
+
+def test_what_is_not_in_the_table_has_no_name() -> None:
+    with pytest.raises(KeyError, match="not in the table"):
+        ours("belief")
+    with pytest.raises(KeyError, match="not in the table"):
+        of_amussel(1, "depth")
+    with pytest.raises(KeyError, match="not in the table"):
+        of_apad("apad1", "dock")
+    with pytest.raises(KeyError, match="not in the table"):
+        ours_of_apad("apad1", "position")
+
+
+def test_frames_carry_the_namespace_without_a_slash_before_it() -> None:
+    alone, below = Frames(), Frames("lab/basin")
+    assert (alone.enu, alone.agent(7), alone.apad("apad1")) == (
+        "musselbed/enu",
+        "amussel7/base_link",
+        "apad1/base_link",
+    )
+    assert (below.ned, below.agent(7), below.apad("apad1")) == (
+        "lab/basin/musselbed/ned",
+        "lab/basin/amussel7/base_link",
+        "lab/basin/apad1/base_link",
+    )
+    assert below.apad("/apad1") == "apad1/base_link"
+
+
+def test_of_several_supervisors_each_has_all_but_what_is_common() -> None:
+    moved = dict(mapping.split(":=") for mapping in beside_others("apad2"))
+    assert moved["musselbed/beliefs"] == "musselbed/apad2/beliefs"
+    assert moved["musselbed/spawn"] == "musselbed/apad2/spawn"
+    assert not {"musselbed/claims", "musselbed/heard", "musselbed/said"} & moved.keys()
+
+
+NAMED = re.compile(
+    r"/?(?:musselbed/[a-z_]+|amussel\d*/[a-z_]+|(?<=/)(?:clock|tf|tf_static|diagnostics|use_sim_time))"
+)
+
+
+def literals(path: Path) -> Iterator[tuple[int, str]]:
+    """Every text in a module that is no docstring; the parts of an f-string each by itself."""
+    tree = ast.parse(path.read_text())
+    said = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in said:
+            yield node.lineno, node.value
+
+
+def test_no_name_is_written_anywhere_else() -> None:
+    found = []
+    for path in sorted((ROOT / "apad_bridge" / "ros").glob("*.py")):
+        if path.name not in ("names_table.py", "frames.py"):
+            found += [f"{path.name}:{line}: {text}" for line, text in literals(path) if NAMED.fullmatch(text)]
+    assert found == []
+
+
+def test_the_search_for_names_finds_some() -> None:
+    found = [text for _, text in literals(ROOT / "apad_bridge/ros_names/table.py") if NAMED.fullmatch(text)]
+    assert len(found) > 20

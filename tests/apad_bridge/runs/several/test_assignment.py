@@ -1,0 +1,139 @@
+"""Who serves whom while aPads fail: by laws, over squads that nobody thought of."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from apad_bridge.mission.breakdown import Breakdown
+from apad_bridge.runs.several.assignment import Seen, Sharing
+from apad_bridge.vehicle.docking import PRE_EMPTED
+from apad_bridge.vehicle.primitives import DockMussel, GoToPoint, PrimitiveFailed, PrimitiveSucceeded
+
+NAMES = ("a", "b", "c", "d")
+METRES = st.integers(-50, 50).map(float)
+POINTS = st.tuples(METRES, METRES)
+IDS = tuple(range(1, 17))
+
+
+@st.composite
+def looks(draw: st.DrawFn) -> list[tuple[frozenset[str], frozenset[int], frozenset[int]]]:
+    """At each look: who is down, which only grows; who is believed in; and who of these can be moved."""
+    down: frozenset[str] = frozenset()
+    found = []
+    for _ in range(draw(st.integers(1, 4))):
+        down |= draw(st.frozensets(st.sampled_from(NAMES), max_size=2))
+        heard = draw(st.frozensets(st.sampled_from(IDS)))
+        found.append((down, heard, heard & draw(st.frozensets(st.sampled_from(IDS)))))
+    return found
+
+
+@given(
+    st.lists(st.sampled_from(NAMES), min_size=len(IDS), max_size=len(IDS)),
+    st.lists(POINTS, min_size=len(IDS), max_size=len(IDS)),
+    looks(),
+)
+def test_everybody_is_served_once_whatever_happens(
+    owners: list[str],
+    places_m: list[tuple[float, float]],
+    told: list[tuple[frozenset[str], frozenset[int], frozenset[int]]],
+) -> None:
+    at = dict(zip(IDS, places_m, strict=True))
+    sharing = Sharing({n: [i for i, owner in zip(IDS, owners, strict=True) if owner == n] for n in NAMES})
+    known_down: frozenset[str] = frozenset()
+    for down, heard, movable in told:
+        before = sharing.shares
+        seen = [
+            Seen(
+                name,
+                name in down,
+                (0.0, 0.0),
+                {agent_id: at[agent_id] for agent_id in before[name] & heard},
+                before[name] & movable,
+            )
+            for name in NAMES
+        ]
+        moves = sharing.look(seen)
+        for move in moves:
+            assert move.agent_id in before[move.giver] & movable and move.taker not in down
+            # Who is served by an aPad that is well is moved only when another one fails.
+            assert move.giver in down or not down <= known_down
+            sharing.moved(move)
+        after = sharing.shares
+        assert sorted(agent_id for ids in after.values() for agent_id in ids) == list(IDS)
+        stranded = {agent_id for name in down for agent_id in before[name] & movable}
+        if down != frozenset(NAMES):
+            assert all(not after[name] & movable for name in down)
+        else:
+            assert moves == []
+        if stranded:
+            known_down |= down
+        # What was planned is planned: another look at the same changes nothing.
+        again = [
+            Seen(
+                it.name,
+                it.is_down,
+                it.place_m,
+                {i: at[i] for i in after[it.name] & heard},
+                after[it.name] & movable,
+            )
+            for it in seen
+        ]
+        assert sharing.look(again) == []
+
+
+def test_shares_are_even_over_those_that_are_left_and_shift_along_the_bay() -> None:
+    """Three aPads along 300 m with four each. The first fails: the second takes what lay nearest, and passes two on."""
+    places_m = {n: (25.0 * n, 0.0) for n in range(12)}
+    sharing = Sharing({"a": range(4), "b": range(4, 8), "c": range(8, 12)})
+
+    def seen(name: str, *, is_down: bool = False) -> Seen:
+        ids = sharing.shares[name]
+        return Seen(name, is_down, (0.0, 0.0), {it: places_m[it] for it in ids}, ids)
+
+    assert sharing.look([seen("a"), seen("b"), seen("c")]) == []
+    for move in sharing.look([seen("a", is_down=True), seen("b"), seen("c")]):
+        sharing.moved(move)
+    assert sharing.shares == {"a": frozenset(), "b": frozenset(range(6)), "c": frozenset(range(6, 12))}
+
+
+def test_who_cannot_be_moved_yet_is_moved_later_and_by_itself() -> None:
+    sharing = Sharing({"a": [1, 2], "b": [3, 4], "c": [5, 6]})
+    places_m = {1: (0.0, 0.0), 2: (0.0, 50.0), 3: (0.0, 10.0), 4: (0.0, 20.0), 5: (0.0, 60.0), 6: (0.0, 70.0)}
+
+    def look(*movable: int) -> list[tuple[int, str]]:
+        seen = [
+            Seen(name, name == "a", (0.0, 0.0), {it: places_m[it] for it in ids}, ids & set(movable))
+            for name, ids in sharing.shares.items()
+        ]
+        moves = sharing.look(seen)
+        for move in moves:
+            sharing.moved(move)
+        return [(move.agent_id, move.taker) for move in moves]
+
+    assert look() == []
+    assert look(1) == [(1, "b")]
+    # 4 lies nearer to c's now than 2 does to b's, and is left alone all the same.
+    assert look(1, 2, 3, 4, 5, 6) == [(2, "c")]
+
+
+def test_an_aMussel_in_two_shares_is_refused() -> None:
+    with pytest.raises(ValueError, match="in two shares"):
+        Sharing({"a": [1, 2], "b": [2]})
+
+
+def test_a_breakdown_is_go_tos_that_fail_in_a_row() -> None:
+    def fail(breakdown: Breakdown, reason: str = "stalled") -> None:
+        breakdown.note(GoToPoint(1, 0.0, 0.0, 1.0, 1.0), PrimitiveFailed(0, 1, reason))
+
+    breakdown = Breakdown(2)
+    fail(breakdown)
+    breakdown.note(GoToPoint(2, 0.0, 0.0, 1.0, 1.0), PrimitiveSucceeded(0, 2))
+    fail(breakdown)
+    fail(breakdown, PRE_EMPTED)
+    breakdown.note(DockMussel(3, 0, 1), PrimitiveFailed(0, 3, "missed"))
+    assert breakdown.take() is None
+    fail(breakdown)
+    assert breakdown.take() == "2 go-tos in a row failed: stalled"
+    assert breakdown.take() is None

@@ -1,0 +1,53 @@
+"""The figures of several flights together, by hand."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from apad_bridge.runs.several.summary import of_all
+
+
+def flight(agents: int, mean: float, **more: Any) -> dict[str, Any]:
+    spread = {"mean": mean, "max": mean + 10, "min": mean - 10}
+    figures = {
+        **{"theta": 30, "seed": 1, "agents": agents, "mission_s": 100.0, "ended_by": "mission time"},
+        **{"uptime_paper": spread, "uptime_submerged": spread, "active_mean": agents * mean / 100},
+        **{"amussels_lost": 0, "emptied": 1, "dead_time_s": 5.0, "cost_m": 12.5, "services": 4, "gave_up": 0},
+        **{"samples_taken": None, "samples_uploaded": None, "samples_waiting": None, "samples_lost": None},
+        **{"counted_s": agents * 100.0, "counted_at_end": agents, "apart": None},
+        **{"final_charge_mean": mean / 100, "apad_energy_fraction": 0.2, "first_cause": None, "dropped": {}},
+    }
+    return {**figures, **more}
+
+
+def test_every_aMussel_counts_alike() -> None:
+    whole = of_all("two", {"a": flight(3, 60.0), "b": flight(1, 80.0, mission_s=90.0, dropped={"late": 2})})
+    assert whole["uptime_paper"] == {"mean": pytest.approx(65.0), "max": 90.0, "min": 50.0}
+    assert whole["final_charge_mean"] == pytest.approx(0.65)
+    assert whole["active_mean"] == pytest.approx(2.6)
+    assert (whole["agents"], whole["services"], whole["cost_m"], whole["emptied"]) == (4, 8, 25.0, 2)
+    assert (whole["mission_s"], whole["dropped"]) == (100.0, {"late": 2})
+    assert whole["samples_taken"] is None
+
+
+def test_who_was_a_twin_for_half_the_time_counts_half() -> None:
+    apart = {"amussels": 1, "beside_real_s": 50.0, "retired_s": 0.0, "samples_taken": 0}
+    twin = flight(1, 80.0, counted_s=50.0, counted_at_end=0, final_charge_mean=None, apart=apart)
+    whole = of_all("two", {"a": flight(3, 60.0), "b": twin})
+    assert whole["uptime_paper"]["mean"] == pytest.approx((3 * 60 + 80 / 2) / 3.5)
+    assert whole["final_charge_mean"] == pytest.approx(0.6)
+    assert whole["apart"] == apart
+
+
+def test_what_one_does_not_know_nobody_knows() -> None:
+    whole = of_all("two", {"a": flight(3, 60.0), "b": flight(1, 80.0, counted_s=None, emptied=None)})
+    assert whole["uptime_paper"] is None and whole["emptied"] is None
+    assert whole["services"] == 8
+
+
+def test_words_stand_with_whom_they_are_of() -> None:
+    whole = of_all("two", {"a": flight(3, 60.0), "b": flight(1, 80.0, ended_by="x", first_cause="stalled")})
+    assert whole["ended_by"] == "a: mission time; b: x"
+    assert whole["first_cause"] == "b: stalled"

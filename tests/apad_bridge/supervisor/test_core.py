@@ -1,0 +1,139 @@
+"""The supervisor's core on its own: ticks, orders of facts, what is dropped, and how a flight ends."""
+
+import random
+from pathlib import Path
+
+import pytest
+
+from agents.packet_medium import Medium
+from apad_bridge.assembly import parts
+from apad_bridge.mission.events import Fact, OperatorAsked, Send, SoundHeard, SupervisorAction, WifiHeard
+from apad_bridge.scenario.loader import load
+from apad_bridge.vehicle.commands import BatteryReported, GoTo, Hold, PoseReported
+from firmware_model.packets import (
+    AcousticStatus,
+    CommandPacket,
+    Kind,
+    ShortStatus,
+    StatusPacket,
+    WifiStatus,
+    decode,
+)
+from firmware_model.power.feed import Feed
+from firmware_model.states import State
+from firmware_model.stimuli import ResetCause
+
+SCENARIO = load(Path(__file__).parents[3] / "launch_scripts/scenarios/pool-12.yaml")
+
+
+def status(agent_id: int, charge: float, agent_ms: int = 30_000) -> bytes:
+    place = (float(agent_id), 2.0)
+    return StatusPacket(agent_id, 0, State.ACTIVE, charge, 1.0, *place, 3.0, agent_ms).encode()
+
+
+def heard(*more: Fact) -> list[Fact]:
+    """What a tick brings: four candidates, a pose and a battery."""
+    return [
+        *(WifiHeard(1000, status(agent_id, 0.5)) for agent_id in (1, 2, 3, 4)),
+        PoseReported(900, 0.0, 0.0, 0.0),
+        BatteryReported(1000, 16.0, 1.0),
+        *more,
+    ]
+
+
+def acts(facts: list[Fact], now_ms: int = 1000) -> list[SupervisorAction]:
+    supervisor = parts.supervisor(SCENARIO)
+    for fact in facts:
+        supervisor.receive(fact)
+    return supervisor.advance(now_ms)
+
+
+def test_it_plans_goes_and_permits_at_the_tick() -> None:
+    actions = acts(heard())
+    goto = next(action for action in actions if isinstance(action, GoTo))
+    assert (goto.north_m, goto.east_m, goto.speed_m_s) == (1.0, 2.0, 0.5)
+    sent = [action for action in actions if isinstance(action, Send)]
+    assert [(it.medium, it.agent_id, decode(it.data)) for it in sent] == [
+        (Medium.SOUND, 1, CommandPacket(Kind.PERMISSION, 1))
+    ]
+
+
+def test_facts_of_one_tick_act_alike_in_whatever_order_they_came() -> None:
+    facts = heard()
+    expected = acts(list(facts))
+    for seed in range(10):
+        random.Random(seed).shuffle(facts)
+        assert acts(list(facts)) == expected
+
+
+def test_a_fact_of_the_future_waits_for_its_tick() -> None:
+    supervisor = parts.supervisor(SCENARIO)
+    supervisor.receive(PoseReported(1500, 7.0, 7.0, 0.0))
+    supervisor.advance(1000)
+    assert supervisor.pose is None
+    supervisor.advance(2000)
+    assert supervisor.pose is not None
+
+
+def test_bytes_that_are_nothing_are_counted_and_disturb_nothing() -> None:
+    supervisor = parts.supervisor(SCENARIO)
+    for data in (b"", b"\xff" * 40, b"x" * 100_000, CommandPacket(Kind.RELEASE, 1).encode(), status(99, 0.5)):
+        supervisor.receive(WifiHeard(500, data))
+    supervisor.receive(WifiHeard(500, status(1, 0.5)))
+    supervisor.advance(1000)
+    assert supervisor.dropped == {
+        "bytes that are no status packet": 4,
+        "a status of an unknown aMussel": 1,
+    }
+    assert [belief.agent_id for belief in supervisor.beliefs.all()] == [1]
+
+
+@pytest.mark.parametrize(
+    ("fact", "now_ms", "reason"),
+    [
+        (OperatorAsked(1000, "the operator"), 1000, "the operator"),
+        (BatteryReported(1000, 10.5, 0.0), 1000, "the aPad's battery"),
+        (BatteryReported(1000, 16.0, 1.0), 2_400_000, "mission time"),
+    ],
+)
+def test_a_flight_ends_by_the_operator_the_battery_or_the_time(fact: Fact, now_ms: int, reason: str) -> None:
+    supervisor = parts.supervisor(SCENARIO)
+    supervisor.receive(PoseReported(900, 3.0, 4.0, 0.0))
+    supervisor.receive(fact)
+    actions = supervisor.advance(now_ms)
+    assert supervisor.has_ended
+    assert supervisor.mission.state.ended_by == reason
+    held = [action for action in actions if isinstance(action, Hold)]
+    assert (held[-1].north_m, held[-1].east_m) == (3.0, 4.0)
+
+
+def test_time_going_back_is_refused() -> None:
+    supervisor = parts.supervisor(SCENARIO)
+    supervisor.advance(2000)
+    with pytest.raises(ValueError, match="time went back"):
+        supervisor.advance(1000)
+
+
+@pytest.mark.parametrize("by", ["wifi", "sound", "short"])
+def test_every_kind_of_status_is_believed(by: str) -> None:
+    basic = StatusPacket(1, 8, State.EMPTY, 0.0, 0.8, 1.0, 2.0, 3.0, 60_000)
+    said: dict[str, Fact] = {
+        "wifi": WifiHeard(
+            2000,
+            WifiStatus(
+                basic, (1, 2, 3, 4), 9, 0, 0, 0, 0, ResetCause.POWER_ON, Feed.SECONDARY, 0, 0
+            ).encode(),
+        ),
+        "sound": SoundHeard(2000, AcousticStatus(basic, (1, 2, 3, 4), 9, 9).encode()),
+        "short": SoundHeard(2000, ShortStatus(1, State.EMPTY, 0.0, 0.8).encode()),
+    }
+    supervisor = parts.supervisor(SCENARIO)
+    supervisor.receive(WifiHeard(1000, status(1, 0.5)))
+    supervisor.receive(said[by])
+    supervisor.advance(2000)
+    belief = supervisor.beliefs.get(1)
+    assert belief is not None
+    assert (belief.heard_ms, belief.state, belief.primary) == (2000, State.EMPTY, 0.0)
+    assert belief.secondary == pytest.approx(0.8, abs=1e-5)
+    assert (belief.north_m, belief.east_m) == (1.0, 2.0)
+    assert supervisor.dropped == {}

@@ -1,0 +1,288 @@
+"""Flights whose words go through the water: what the supervisor hears is what reached the aPad, when it did."""
+
+from __future__ import annotations
+
+import json
+from math import dist
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from agents.hosting.in_process import OneProcess
+from agents.packet_medium import Medium
+from apad_bridge.assembly import parts
+from apad_bridge.assembly.water import fleet_of
+from apad_bridge.mission.events import Send
+from apad_bridge.runs.in_memory import MemoryRecorder, fly_in_memory
+from apad_bridge.scenario.errors import ScenarioError
+from apad_bridge.scenario.loader import from_data, load, resolve
+from apad_bridge.scenario.schema import Scenario
+from apad_bridge.scenario.starts import starts_of
+from apad_bridge.supervisor.clock import AsFastAsPossible
+from apad_bridge.supervisor.context import Surroundings
+from apad_bridge.supervisor.loop import Flight
+from apad_bridge.vehicle.link import APadSeen, InProcessVehicle
+from apad_bridge.vehicle.simulated.apad import SimulatedAPad
+from firmware_model.packets import AcousticStatus, CommandPacket, Kind
+from firmware_model.packets.codec import load_codec
+from firmware_model.sampling.sensors import SENSORS, values
+
+SCENARIOS = Path(__file__).parents[3] / "launch_scripts" / "scenarios"
+APAD_M = (14.0, 10.5)
+
+
+def in_water(duration_s: float, water: dict[str, Any], **hearing: Any) -> Scenario:
+    data = resolve(load(SCENARIOS / "whole-board-12.yaml"))
+    data.update(duration_s=duration_s, water=water)
+    data["hearing"]["mode"] = "physical"
+    data["hearing"].update(hearing)
+    data["fleet"]["hosting"] = "one_process"
+    return from_data(data, "in water")
+
+
+def packets(recorder: MemoryRecorder) -> list[dict[str, Any]]:
+    return [data for _, kind, data in recorder.events if kind == "packet"]
+
+
+def test_every_packet_is_told_with_its_slot_its_way_and_its_end() -> None:
+    """Two hours at theta 30 are 240 s. The aPad waits where it began, its modem 0.5 m deep; the bottom is at 3 m."""
+    scenario = in_water(250, {})
+    _, recorder = fly_in_memory(scenario)
+    told = packets(recorder)
+    assert len(told) == 12 * 1
+    places = {it.agent_id: (it.north_m, it.east_m, 3.0) for it in starts_of(scenario)}
+    for packet in told:
+        agent_id, ((node, outcome, snr_db, ended_ms, way_ms, range_m),) = packet["from"], packet["heard"]
+        # An hour, 70 s of sampling and processing, and then the next frame of 300 s: slot n opens 5 n s later.
+        assert packet["began_ms"] == 3_900_000 + 5000 * (agent_id - 1)
+        assert (packet["slot"], packet["what"], packet["bytes"], packet["lasted_ms"]) == (
+            agent_id - 1,
+            "unicast",
+            45,
+            868,
+        )
+        metres = dist(places[agent_id], (*APAD_M, 0.5))
+        assert way_ms == pytest.approx(metres / 1.5, abs=0.001)
+        assert range_m == pytest.approx(metres, abs=0.01)
+        assert ended_ms == packet["began_ms"] + 868 + -(-metres // 1.5)
+        assert (node, outcome) == (0, "received") and snr_db > 50
+        status = load_codec("musselbed-1").decode(bytes.fromhex(packet["data"]))
+        assert isinstance(status, AcousticStatus) and status.basic.agent_id == agent_id
+    assert json.loads(json.dumps(told)) == told
+
+
+def test_the_mission_is_flown_by_sound_alone() -> None:
+    """Hours of sleep, permissions that wake, Wi-Fi only from the surface: four aMussels are charged and brought back."""
+    figures, recorder = fly_in_memory(in_water(3600, {"wifi": {}}))
+    assert figures["services"] >= 4 and figures["amussels_lost"] == 0
+    outcomes = {row[1] for packet in packets(recorder) for row in packet["heard"]}
+    assert "received" in outcomes
+    assert any(packet["from"] == 0 for packet in packets(recorder))
+
+
+def test_the_same_seed_gives_the_same_packets_and_another_seed_others() -> None:
+    noisy = {"sound": {"noise_db_per_hz": 110.0, "fading_db": 4.0}}
+    first, second = (fly_in_memory(in_water(370, noisy))[1].events for _ in range(2))
+    assert first == second
+    lost = [row[1] for packet in packets(fly_in_memory(in_water(370, noisy))[1]) for row in packet["heard"]]
+    assert {"noise", "received"} <= set(lost)
+
+
+def test_links_are_cut_by_a_file(tmp_path: Path) -> None:
+    links = tmp_path / "links.csv"
+    links.write_text("from, to, loss, since_s, until_s\n3, apad, 1, ,\n*, apad, 1, 200, 300\n")
+    _, recorder = fly_in_memory(in_water(370, {"links_file": str(links)}))
+    # One packet each in hours 1, 2 and 3, at 130 s, 250 s and 370 s of mission time: the second falls in the blackout.
+    outcomes = {
+        (packet["from"], packet["began_ms"] // 3_600_000): packet["heard"][0][1]
+        for packet in packets(recorder)
+    }
+    assert {outcomes[agent_id, 2] for agent_id in range(1, 13)} == {"cut"}
+    assert [agent_id for agent_id in range(1, 13) if outcomes[agent_id, 1] == "cut"] == [3]
+
+
+def test_a_dock_is_not_closed_around_one_that_never_heard_the_permission(tmp_path: Path) -> None:
+    """On twins, which believe in what they told: four permissions in five are lost. A dock that is empty gains nothing."""
+    links = tmp_path / "links.csv"
+    links.write_text("from, to, loss, since_s, until_s\napad, *, 0.8, ,\n")
+    data = resolve(in_water(3600, {"wifi": {}, "links_file": str(links)}))
+    model = {"drain_deviation": 0.05, "sensor_noise": 0.005, "bias_deviation": 0.02, "unscheduled": 0.01}
+    data["beliefs"] = {"estimator": "twin", "twin": {**model, "fix_deviation_m": 0.5}}
+    figures, recorder = fly_in_memory(from_data(data, "hardly heard"))
+    reasons = {data["reason"] for _, kind, data in recorder.events if kind == "given_up"}
+    assert reasons <= {"it does not answer the permission to surface"}
+    released = [data["full"] for _, kind, data in recorder.events if kind == "released"]
+    assert figures["services"] == len(released) >= 4 and all(released)
+
+
+def test_a_scenario_without_water_is_what_it_was() -> None:
+    data = resolve(load(SCENARIOS / "pool-12.yaml"))
+    assert data["water"] is None
+    assert parts.fleet_config(from_data(data, "again")) == parts.fleet_config(
+        load(SCENARIOS / "pool-12.yaml")
+    )
+
+
+@pytest.mark.parametrize(
+    ("water", "error"),
+    [
+        ({"sound": {"sound_speed_m_s": 300}}, "water.sound.sound_speed_m_s"),
+        ({"sound": {"loudness_db": 3}}, "water.sound.loudness_db"),
+        (
+            {"sound": {"error_curve": {"snrs_db": [0, 5], "sizes": [16], "rates": [[0.5]]}}},
+            "error_curve: rates must have a row for each size",
+        ),
+        ({"links_file": "/nowhere/links.csv"}, "water.links_file: No such file or directory"),
+    ],
+)
+def test_water_that_cannot_be_is_refused(water: dict[str, Any], error: str) -> None:
+    with pytest.raises(ScenarioError, match=error):
+        in_water(10, water)
+
+
+def test_the_paper_s_hearing_and_a_model_of_the_air_contradict_each_other() -> None:
+    with pytest.raises(ScenarioError, match=r"water.wifi: .*hearing.mode"):
+        in_water(10, {"wifi": {}}, mode="paper")
+
+
+def test_a_file_of_links_that_is_none_is_refused_with_its_line(tmp_path: Path) -> None:
+    (tmp_path / "links.csv").write_text("from,to,loss\nboat,1,1\n")
+    with pytest.raises(ScenarioError, match=r"water\.links_file: .*line 2: 'boat'"):
+        in_water(10, {"links_file": str(tmp_path / "links.csv")})
+
+
+def test_links_may_change_while_a_run_flies(tmp_path: Path) -> None:
+    """Cut for all from the second hour on; then a file that is none leaves the links as they were."""
+    path = tmp_path / "links.csv"
+    path.write_text("from,to,loss\n")
+    scenario = in_water(500, {"links_file": str(path)})
+    births = parts.births(scenario, starts_of(scenario))
+    fleet = fleet_of(scenario, OneProcess(parts.fleet_config(scenario), births), dict.fromkeys(births, 0))
+    recorder = MemoryRecorder(scenario)
+    vehicle = InProcessVehicle(SimulatedAPad(scenario.apad))
+    flight = Flight(parts.supervisor(scenario), Surroundings(vehicle, AsFastAsPossible(), fleet), recorder)
+    for now_ms in range(0, 500_000, 1000):
+        if now_ms == 200_000:
+            path.write_text("from,to,loss\n*,apad,1\n")
+        if now_ms == 300_000:
+            path.write_text("nonsense\n")
+        flight.tick(now_ms)
+    by_hour: dict[int, set[str]] = {}
+    for packet in packets(recorder):
+        by_hour.setdefault(packet["began_ms"] // 3_600_000, set()).add(packet["heard"][0][1])
+    assert by_hour == {1: {"received"}, 2: {"cut"}, 3: {"cut"}, 4: {"cut"}}
+    told = [(at_ms, data) for at_ms, kind, data in recorder.events if kind == "links"]
+    assert told[0] == (200_000, {"rules": [[None, 0, 1.0, 0, None]], "problem": None})
+    assert told[1][0] == 300_000 and "line 1: the columns" in told[1][1]["problem"]
+    assert len(told) == 2
+
+
+def test_an_aPad_learns_ways_assigns_slots_and_finds_its_aMussels() -> None:
+    """What it says keeps out of the 12 slots of 5 s; one that was never moved is found where it began."""
+    talk = {"assigns": True, "ping_period_s": 5}
+    scenario = in_water(1800, {"talk": talk, "localisation": {"apart_m": 2.0, "deviation_m": 0.2}})
+    figures, recorder = fly_in_memory(scenario)
+    assert figures["amussels_lost"] == 0
+    words = [packet for packet in packets(recorder) if packet["from"] == 0]
+    taken_ms = 12 * 5000
+    assert all(packet["began_ms"] % 300_000 >= taken_ms for packet in words)
+    assert {packet["what"] for packet in words} == {"ping", "unicast"}
+    ranges = [data for _, kind, data in recorder.events if kind == "range" and data["range_m"] is not None]
+    places = {it.agent_id: (it.north_m, it.east_m, 3.0) for it in starts_of(scenario)}
+    early = ranges[:12]
+    for data in early:
+        assert data["range_m"] == pytest.approx(dist(places[data["id"]], (*APAD_M, 0.5)), abs=0.6)
+    fixes = [data for _, kind, data in recorder.events if kind == "fix"]
+    assert fixes, "an aPad on its ways finds somebody"
+    assert all(fix["hdop"] <= 5 and fix["ranges"] >= 3 for fix in fixes)
+    for fix in fixes:
+        if fix["id"] not in {data["agent"] for _, kind, data in recorder.events if kind == "dock"}:
+            error_m = dist(places[fix["id"]][:2], (fix["north_m"], fix["east_m"]))
+            assert error_m < 6 * (fix["covariance"][0] + fix["covariance"][2]) ** 0.5
+
+
+def test_sensors_meet_an_anoxic_patch_that_grows_and_say_so_by_sound() -> None:
+    """From hour 1 to hour 6 it grows to 20 m around (14, 10): at the hour h its core reaches 2 (h - 1) m, and all of it
+    twice as far. Oxygen is 6 mg/l on the bottom otherwise; the sensor's noise is 0.05."""
+    patch = {
+        "begins_s": 3600, "growing_s": 18_000, "place_m": [14, 10], "radius_m": 20,
+        "from_depth_m": 1, "oxygen_mg_l": 0.5,
+    }  # fmt: skip
+    scenario = in_water(790, {"fields": {"oxygen_mg_l": [[0, 9], [3, 6]], "patches": [patch]}})
+    _, recorder = fly_in_memory(scenario)
+    places = {it.agent_id: (it.north_m, it.east_m) for it in starts_of(scenario)}
+    seen = set()
+    for packet in packets(recorder):
+        status = load_codec("musselbed-1").decode(bytes.fromhex(packet["data"]))
+        if packet["from"] == 0 or not isinstance(status, AcousticStatus):
+            continue
+        # Sampled 10 s after the alarm at the hour.
+        hour = packet["began_ms"] // 3_600_000
+        reach_m = 4 * (hour - 1) + 4 * 10 / 3600
+        metres = dist(places[packet["from"]], (14, 10))
+        share = 0.0 if reach_m <= 0 else min(1.0, max(0.0, 2 - 2 * metres / reach_m))
+        assert values(SENSORS, status.counts)[0] == pytest.approx(6 - 5.5 * share, abs=0.3)
+        seen.add("core" if share == 1 else "edge" if share else "outside")
+    assert seen == {"core", "edge", "outside"}
+
+
+class Elsewhere:
+    """The other half of the bench, and somebody else's aPad, which stands still."""
+
+    def __init__(self, said: list[Send]) -> None:
+        self.heard: list[tuple[Medium, int]] = []
+        self._said = said
+
+    def advance(self, now_ms: int) -> list[Any]:
+        said, self._said = self._said, []
+        return [*said]
+
+    def transmit(self, medium: Medium, agent_id: int, data: bytes, now_ms: int) -> None:
+        self.heard.append((medium, agent_id))
+
+    def said(self, send: Send, now_ms: int) -> None:
+        pass
+
+
+class SeenFromAfar:
+    def advance(self, now_ms: int) -> list[Any]:
+        return [APadSeen(now_ms, *APAD_M)]
+
+    def command(self, command: object, now_ms: int) -> None:
+        raise AssertionError("a fleet alone commands no vehicle")
+
+    def close(self) -> None:
+        pass
+
+
+def test_a_fleet_alone_shares_what_reached_the_aPad_and_hears_what_its_planner_says(tmp_path: Path) -> None:
+    links = tmp_path / "links.csv"
+    links.write_text("from,to,loss\n3,apad,1\n")
+    scenario = in_water(200, {"links_file": str(links)})
+    births = parts.births(scenario, starts_of(scenario))
+    fleet = fleet_of(scenario, OneProcess(parts.fleet_config(scenario), births), dict.fromkeys(births, 0))
+    recorder = MemoryRecorder(scenario)
+    permission = load_codec("musselbed-1").encode(CommandPacket(Kind.PERMISSION, 7))
+    elsewhere = Elsewhere([Send(Medium.SOUND, 7, permission)])
+    flight = Flight(
+        parts.supervisor(scenario),
+        Surroundings(SeenFromAfar(), AsFastAsPossible(), fleet, ether=elsewhere),
+        recorder,
+    )
+    for now_ms in range(0, 200_000, 1000):
+        flight.tick(now_ms)
+    by_sound = {agent_id for medium, agent_id in elsewhere.heard if medium is Medium.SOUND}
+    # 7 was permitted to surface before its first slot, and speaks by Wi-Fi since.
+    assert by_sound == set(range(1, 13)) - {3, 7}
+    assert (Medium.WIFI, 7) in elsewhere.heard
+    (word,) = [packet for packet in packets(recorder) if packet["from"] == 0]
+    assert word["began_ms"] == 60_000, "it waited for the end of the timeslots"
+
+
+def test_the_error_curve_is_the_scenario_s() -> None:
+    """At any SNR half of all packets are lost: 36 of three hours, within 4 standard deviations of 18."""
+    curve = {"snrs_db": [-1000, 1000], "sizes": [1], "rates": [[0.5, 0.5]]}
+    told = packets(fly_in_memory(in_water(380, {"sound": {"error_curve": curve}}))[1])
+    lost = sum(packet["heard"][0][1] == "noise" for packet in told)
+    assert len(told) == 36 and abs(lost - 18) <= 12

@@ -1,0 +1,234 @@
+"""The flight loop in memory: that it repeats itself, that its recorded stimuli do, and that an ether joins two halves."""
+
+import json
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from agents.coordinator import Coordinator
+from agents.hosting.host import Grant
+from agents.hosting.in_process import OneProcess
+from agents.mussel.outputs import Truth
+from agents.mussel.stimuli import from_wire
+from agents.packet_medium import Medium
+from apad_bridge.assembly import parts
+from apad_bridge.mission.events import Send, SoundHeard, WifiHeard
+from apad_bridge.runs.in_memory import MemoryRecorder
+from apad_bridge.scenario.loader import from_data as scenario_from
+from apad_bridge.scenario.loader import load, resolve
+from apad_bridge.scenario.schema import Scenario
+from apad_bridge.scenario.starts import starts_of
+from apad_bridge.supervisor.clock import AsFastAsPossible
+from apad_bridge.supervisor.context import Surroundings
+from apad_bridge.supervisor.fleet import Fleet
+from apad_bridge.supervisor.loop import Flight
+from apad_bridge.vehicle.link import InProcessVehicle
+from apad_bridge.vehicle.simulated.apad import SimulatedAPad
+from firmware_model.states import State
+from firmware_model.stimuli import ResetCause
+
+
+def whole_board() -> dict[str, Any]:
+    """A cycle so short that a window cuts every part of it, on batteries that a day at the bottom empties."""
+    data = resolve(load(Path(__file__).parents[3] / "launch_scripts/scenarios/whole-board-12.yaml"))["board"]
+    data["whole"]["cycle"].update(alarm_s=2500, report_s=601)
+    data["whole"]["power"].update(kept_on=["gsm"])
+    return dict(data)
+
+
+def short_scenario(board: dict[str, Any] | None = None, **changes: Any) -> Scenario:
+    data = resolve(load(Path(__file__).parents[3] / "launch_scripts/scenarios/pool-12.yaml"))
+    data.update(name="short", duration_s=120, theta=600)
+    data["fleet"].update(count=6, start={"charge": [0.5, 0.75]})
+    data["area"]["polygon_m"] = [[0, 0], [6, 0], [6, 4], [0, 4]]
+    data["apad"]["start_m"] = [3, 2]
+    data["mission"]["docking"].update(dock_s=3, undock_s=1)
+    data["board"] = board or data["board"]
+    data["board"]["float_timeout_s"] = 432000
+    data["mission"].update(changes)
+    return scenario_from(data, "short")
+
+
+class Witness(MemoryRecorder):
+    def __init__(self, scenario: Scenario) -> None:
+        super().__init__(scenario)
+        self.kept: list[Truth] = []
+
+    def truths(self, truths: list[Truth]) -> None:
+        self.kept += truths
+
+
+def new_fleet(scenario: Scenario) -> Fleet:
+    births = parts.births(scenario, starts_of(scenario))
+    host = OneProcess(parts.fleet_config(scenario), births)
+    return Fleet(Coordinator(host, dict.fromkeys(births, 0), scenario.theta), host)
+
+
+def flown(scenario: Scenario, kill_at_ms: dict[int, int] | None = None) -> tuple[Witness, Flight]:
+    fleet, witness = new_fleet(scenario), Witness(scenario)
+    flight = Flight(
+        parts.supervisor(scenario),
+        Surroundings(InProcessVehicle(SimulatedAPad(scenario.apad)), AsFastAsPossible(), fleet),
+        witness,
+    )
+    assert isinstance(fleet.host, OneProcess)
+    while not flight.supervisor.has_ended:
+        for agent_id, at_ms in (kill_at_ms or {}).items():
+            if at_ms == flight.now_ms:
+                fleet.host.kill(agent_id)
+        flight.tick(flight.now_ms)
+        flight.now_ms += 1000
+    return witness, flight
+
+
+def test_the_same_seed_gives_the_same_events_and_truths() -> None:
+    scenario = short_scenario()
+    first, second = flown(scenario)[0], flown(scenario)[0]
+    assert first.events == second.events
+    assert first.kept == second.kept
+    assert sum(kind == "released" for _, kind, _ in first.events) >= 4
+
+
+def by_agent(truths: Iterable[Truth]) -> dict[int, list[Truth]]:
+    found: dict[int, list[Truth]] = {}
+    for truth in truths:
+        found.setdefault(truth.agent_id, []).append(truth)
+    return found
+
+
+SCENARIOS = {"worst case": short_scenario(), "whole": short_scenario(whole_board(), full_when="both")}
+RECORDED = {name: flown(it, kill_at_ms={2: 20_000, 5: 60_000})[0] for name, it in SCENARIOS.items()}
+
+
+def test_what_was_recorded_of_whole_boards_has_all_that_there_is_to_cut() -> None:
+    assert {truth.state for truth in RECORDED["whole"].kept} >= set(State) - {
+        State.OFF,
+        State.HOVERING,
+        State.CALLING,
+        State.LOST,
+        State.AWAITING_BEACON,
+    }
+
+
+@pytest.mark.parametrize("board", SCENARIOS)
+@settings(max_examples=10, deadline=None)
+@given(cuts_ms=st.lists(st.integers(0, 120_000), max_size=20))
+def test_recorded_stimuli_played_again_in_any_windows_give_the_same_truths(
+    board: str, cuts_ms: list[int]
+) -> None:
+    """Only the journal's `stimulus` and `died` lines go in; no mission, no vehicle and no coordinator take part."""
+    scenario, recorded = SCENARIOS[board], RECORDED[board]
+    births = parts.births(scenario, starts_of(scenario))
+    host = OneProcess(parts.fleet_config(scenario), births)
+    assert any(kind == "died" for _, kind, _ in recorded.events)
+    end_ms = 120_000 * scenario.theta
+    for agent_id in births:
+        moments = [
+            (data["agent_ms"], data["wire"] if kind == "stimulus" else None)
+            for _, kind, data in json.loads(json.dumps(recorded.events))
+            # What is told at the last tick is for a window that is never granted.
+            if kind in ("stimulus", "died") and data["id"] == agent_id and data["agent_ms"] < end_ms
+        ]
+        # A death stands at the end of the last answered window: before the stimuli of that very time.
+        moments.sort(key=lambda it: (it[0], it[1] is not None))
+        windows = sorted({*(cut * scenario.theta for cut in cuts_ms), end_ms})
+        for until_ms in windows:
+            due = [moment for moment in moments if moment[0] <= until_ms]
+            moments = moments[len(due) :]
+            pending: list[Any] = []
+            for at_ms, wire in due:
+                if wire is None:
+                    host.grant({agent_id: Grant(at_ms, tuple(pending))})
+                    pending = []
+                    host.kill(agent_id)
+                    host.grant({agent_id: Grant(at_ms)})
+                    host.restart(agent_id, at_ms, ResetCause.BROWN_OUT)
+                else:
+                    fields = [bytes.fromhex(it) if isinstance(it, str) else it for it in wire]
+                    pending.append((at_ms, from_wire(fields)))
+            host.grant({agent_id: Grant(until_ms, tuple(pending))})
+    assert by_agent(host.take_truths()) == by_agent(recorded.kept)
+
+
+class Wire:
+    """Two ends of an ether, joined by lists."""
+
+    def __init__(self, out: list[Any], into: list[Any]) -> None:
+        self._out, self._into = out, into
+
+    def advance(self, now_ms: int) -> list[Any]:
+        came, self._into[:] = list(self._into), []
+        return came
+
+    def transmit(self, medium: Medium, agent_id: int, data: bytes, now_ms: int) -> None:
+        self._out.append((medium, agent_id, data, now_ms))
+
+
+class FleetEnd(Wire):
+    def advance(self, now_ms: int) -> list[Any]:
+        return [Send(medium, agent_id, data) for medium, agent_id, data, _ in super().advance(now_ms)]
+
+
+class MissionEnd(Wire):
+    def advance(self, now_ms: int) -> list[Any]:
+        return [
+            WifiHeard(at_ms, data) if medium is Medium.WIFI else SoundHeard(at_ms, data)
+            for medium, _, data, at_ms in super().advance(now_ms)
+        ]
+
+
+class Observed:
+    """The mission's vehicle as a fleet alone sees it: contacts, no poses, no commands."""
+
+    def __init__(self, vehicle: InProcessVehicle) -> None:
+        self._vehicle = vehicle
+        self.facts: list[Any] = []
+
+    def advance(self, now_ms: int) -> list[Any]:
+        facts, self.facts = self.facts, []
+        return facts
+
+
+class Shared(InProcessVehicle):
+    """Tells the contacts to an observer too."""
+
+    def __init__(self, apad: SimulatedAPad) -> None:
+        super().__init__(apad)
+        self.observer = Observed(self)
+
+    def advance(self, now_ms: int) -> list[Any]:
+        told = super().advance(now_ms)
+        self.observer.facts += [fact for fact in told if type(fact).__name__ in ("Carried", "LetGo")]
+        return told
+
+
+def test_a_fleet_alone_and_a_mission_alone_joined_by_an_ether_serve_aMussels() -> None:
+    scenario = short_scenario()
+    said: list[Any] = []
+    heard: list[Any] = []
+    vehicle = Shared(SimulatedAPad(scenario.apad))
+    alone = short_scenario(collection="none")
+    fleet_side = Flight(
+        parts.supervisor(alone),
+        Surroundings(
+            vehicle.observer,  # type: ignore[arg-type]
+            AsFastAsPossible(),
+            new_fleet(alone),
+            ether=FleetEnd(heard, said),
+        ),
+        Witness(alone),
+    )
+    mission_side = Flight(
+        parts.supervisor(scenario),
+        Surroundings(vehicle, AsFastAsPossible(), None, ether=MissionEnd(said, heard)),
+        Witness(scenario),
+    )
+    for now_ms in range(0, 120_000, 1000):
+        fleet_side.tick(now_ms)
+        mission_side.tick(now_ms)
+    assert mission_side.supervisor.mission.state.services >= 4
+    assert fleet_side.supervisor.mission.state.cost_m == 0

@@ -1,0 +1,345 @@
+"""Simulated aMussels that make room for real ones and come back, leave the water, or are hurt: in a flight in memory."""
+
+from __future__ import annotations
+
+import json
+from itertools import product
+from pathlib import Path
+from typing import Any, cast
+
+import pytest
+
+from agents.coordinator import Coordinator, Heard
+from agents.hosting.in_process import OneProcess
+from agents.mussel.outputs import Truth
+from agents.packet_medium import Medium
+from apad_bridge.assembly import parts
+from apad_bridge.mission.events import Send, SoundHeard, WifiHeard
+from apad_bridge.records.journal import JournalContents
+from apad_bridge.records.recorder import Recorder
+from apad_bridge.records.summary import uptime_figures
+from apad_bridge.runs.in_memory import MemoryRecorder
+from apad_bridge.runs.resuming import became, place_again
+from apad_bridge.scenario.loader import from_data, load, resolve
+from apad_bridge.scenario.schema import Scenario
+from apad_bridge.scenario.starts import starts_of
+from apad_bridge.supervisor.clock import AsFastAsPossible
+from apad_bridge.supervisor.context import Surroundings
+from apad_bridge.supervisor.fleet import Fleet
+from apad_bridge.supervisor.loop import Flight
+from apad_bridge.supervisor.roster import (
+    TABLE,
+    Asked,
+    Became,
+    Failed,
+    Fault,
+    Moved,
+    Presence,
+    Presences,
+    Roll,
+    Trigger,
+)
+from apad_bridge.vehicle.link import InProcessVehicle
+from firmware_model.packets import StatusPacket
+from firmware_model.packets.codec import MusselbedCodec
+from firmware_model.states import State
+
+THE_ONE = 3
+
+
+class Paper:
+    """A desk where the test asks."""
+
+    def __init__(self) -> None:
+        self.asked: list[Asked] = []
+        self.answers: list[str | None] = []
+
+    def take(self) -> list[Asked]:
+        asked, self.asked = self.asked, []
+        return asked
+
+    def answer(self, asked: Asked, refusal: str | None) -> None:
+        self.answers.append(refusal)
+
+
+class Elsewhere:
+    """An ether by which a real aMussel is heard."""
+
+    def __init__(self) -> None:
+        self.packets: list[StatusPacket] = []
+
+    def advance(self, now_ms: int) -> list[WifiHeard | SoundHeard | Send]:
+        packets, self.packets = self.packets, []
+        return [WifiHeard(now_ms, MusselbedCodec().encode(packet)) for packet in packets]
+
+    def transmit(self, medium: Medium, agent_id: int, data: bytes, now_ms: int) -> None:
+        pass
+
+    def said(self, send: Send, now_ms: int) -> None:
+        pass
+
+
+class Witness(MemoryRecorder):
+    """Keeps the newest truth of each aMussel."""
+
+    def __init__(self, scenario: Scenario) -> None:
+        super().__init__(scenario)
+        self.newest: dict[int, Truth] = {}
+
+    def truths(self, truths: list[Truth]) -> None:
+        super().truths(truths)
+        self.newest |= {truth.agent_id: truth for truth in truths}
+
+
+class Bench:
+    def __init__(self, charge: float = 0.95) -> None:
+        self.scenario = quiet_scenario(charge)
+        births = parts.births(self.scenario, starts_of(self.scenario))
+        host = OneProcess(parts.fleet_config(self.scenario), births)
+        self.paper, self.elsewhere = Paper(), Elsewhere()
+        self.recorder = Witness(self.scenario)
+        self.presences = Presences(births, self.scenario.area.depth_m)
+        self.host, self.coordinator = host, Coordinator(host, dict.fromkeys(births, 0), self.scenario.theta)
+        self.flight = self.begin(self.recorder, Roll(self.presences, self.paper))
+
+    def begin(self, recorder: MemoryRecorder, roll: Roll) -> Flight:
+        return Flight(
+            parts.supervisor(self.scenario),
+            Surroundings(
+                InProcessVehicle(parts.simulated_apad(self.scenario)),
+                AsFastAsPossible(),
+                Fleet(self.coordinator, self.host),
+                ether=self.elsewhere,
+                roll=roll,
+            ),
+            recorder,
+        )
+
+    def ask(self, *asked: Asked) -> list[str | None]:
+        self.paper.asked, self.paper.answers = list(asked), []
+        self.ticks(1)
+        return self.paper.answers
+
+    def ticks(self, count: int) -> None:
+        for _ in range(count):
+            self.flight.tick(self.flight.now_ms)
+            self.flight.now_ms += 1000
+
+    def real_one_says(self, north_m: float, primary: float) -> None:
+        agent_ms = self.flight.now_ms * self.scenario.theta
+        self.elsewhere.packets.append(
+            StatusPacket(THE_ONE, 0, State.ACTIVE, primary, 0.8, north_m, 0.5, 3.0, agent_ms)
+        )
+        self.ticks(1)
+
+    def truth(self) -> tuple[State, float]:
+        """The simulated one's state, and where it is north, in metres."""
+        truth = self.recorder.newest[THE_ONE]
+        return truth.state, truth.physical.north_um / 1e6
+
+
+def quiet_scenario(charge: float) -> Scenario:
+    data = resolve(load(Path(__file__).parents[3] / "launch_scripts/scenarios/pool-12.yaml"))
+    data.update(name="quiet", duration_s=600)
+    data["fleet"].update(count=4, start={"charge": [charge, charge]}, drift={"mode": "physical"})
+    return from_data(data, "quiet")
+
+
+@pytest.mark.parametrize(("presence", "trigger"), list(product(Presence, Trigger)))
+def test_every_pair_is_in_the_table_or_refused(presence: Presence, trigger: Trigger) -> None:
+    may = {
+        Presence.SIMULATED: {Trigger.HAND_OVER, Trigger.RETIRE},
+        Presence.REAL: {Trigger.TAKE_BACK, Trigger.RETIRE},
+        Presence.RETIRED: {Trigger.SPAWN, Trigger.HAND_OVER},
+    }
+    assert ((presence, trigger) in TABLE) is (trigger in may[presence])
+
+
+def test_a_real_one_is_believed_while_its_twin_goes_on_unheard_and_takes_over_where_it_is_left() -> None:
+    bench = Bench()
+    bench.ticks(5)
+    beliefs = bench.flight.supervisor.beliefs
+    assert bench.ask(Moved(THE_ONE, Trigger.HAND_OVER, "a test")) == [None]
+    bench.ticks(5)
+    assert beliefs.get(THE_ONE) is None  # its twin reports every second, and is not heard
+    _, twin_m = bench.truth()
+    bench.real_one_says(north_m=twin_m + 4.0, primary=0.5)
+    belief = beliefs.get(THE_ONE)
+    assert belief is not None
+    assert (belief.north_m, belief.primary) == pytest.approx((twin_m + 4.0, 0.5), abs=0.01)
+    assert bench.truth()[1] == pytest.approx(twin_m)
+    assert bench.ask(Moved(THE_ONE, Trigger.TAKE_BACK, "a test")) == [None]
+    bench.ticks(10)
+    assert bench.truth()[1] == pytest.approx(twin_m + 4.0, abs=0.01)
+    heard = beliefs.get(THE_ONE)
+    assert heard is not None and heard.heard_ms > belief.heard_ms
+    # 30 times faster, it has lost a minute's charge every two ticks.
+    assert 0.48 < heard.primary < 0.5
+    assert [data["is"] for _, kind, data in bench.recorder.events if kind == "presence"] == [
+        "real",
+        "simulated",
+    ]
+
+
+def test_uptimes_are_of_the_simulated_ones_and_others_are_told_apart() -> None:
+    bench = Bench()
+    bench.ticks(11)
+    bench.ask(Moved(THE_ONE, Trigger.HAND_OVER, "a test"), Moved(1, Trigger.RETIRE, "a test"))
+    bench.ticks(8)
+    figures = uptime_figures(bench.recorder.meter, bench.flight.now_ms - 1000)
+    # Ticks 1 to 19 of two aMussels, and of two those up to tick 11, at whose end they became others.
+    assert figures["counted_s"] == 2 * 19 + 2 * 11
+    assert figures["uptime_paper"] == {"mean": 100.0, "max": 100.0, "min": 100.0}
+    assert figures["active_mean"] == (2 * 19 + 2 * 11) / 19
+    assert figures["apart"] == {"amussels": 2, "beside_real_s": 8, "retired_s": 8, "samples_taken": 0}
+
+
+def test_taken_back_before_anything_was_heard_of_the_real_one_is_refused() -> None:
+    bench = Bench()
+    bench.ask(Moved(THE_ONE, Trigger.HAND_OVER, "a test"))
+    (refusal,) = bench.ask(Moved(THE_ONE, Trigger.TAKE_BACK, "a test"))
+    assert refusal is not None and "nothing was heard" in refusal
+
+
+def test_a_retired_one_is_planned_for_no_more_and_may_be_spawned_elsewhere() -> None:
+    bench = Bench(charge=0.5)  # below the threshold: all of them are to be collected
+    bench.ticks(3)
+    assert bench.ask(*(Moved(it, Trigger.RETIRE, "a test") for it in (1, 2, 4))) == [None] * 3
+    assert bench.ask(Moved(THE_ONE, Trigger.RETIRE, "a test")) == [None]
+    bench.ticks(60)
+    assert bench.flight.supervisor.beliefs.all() == []
+    assert not [it for it in bench.recorder.events if it[1] == "dock"]
+    assert bench.ask(Moved(THE_ONE, Trigger.SPAWN, "a test", (7.0, 8.0), (0.25, 0.75))) == [None]
+    bench.ticks(2)
+    belief = bench.flight.supervisor.beliefs.get(THE_ONE)
+    assert belief is not None
+    assert (belief.north_m, belief.east_m, belief.primary) == pytest.approx((7.0, 8.0, 0.25), abs=0.01)
+
+
+def test_a_reset_by_fault_is_a_reset() -> None:
+    bench = Bench()
+    bench.ticks(3)
+    before = bench.truth()
+    assert bench.ask(Failed(THE_ONE, Fault.BROWN_OUT)) == [None]
+    wires = [data["wire"] for _, kind, data in bench.recorder.events if kind == "stimulus"]
+    assert wires[-1:] == [[8, 1]]
+    bench.ticks(3)
+    assert bench.truth() == (State.ACTIVE, pytest.approx(before[1]))
+
+
+def test_what_cannot_be_is_refused_in_words() -> None:
+    bench = Bench()
+    bench.ticks(2)
+    unknown, spawned = bench.ask(Moved(77, Trigger.RETIRE, "a test"), Moved(1, Trigger.SPAWN, "a test"))
+    assert unknown == "aMussel 77 is not of this fleet"
+    assert spawned == "aMussel 1 is simulated: it cannot spawn"
+    bench.ask(Moved(1, Trigger.HAND_OVER, "a test"))
+    (faulty,) = bench.ask(Failed(1, Fault.WATCHDOG))
+    assert faulty == "aMussel 1 is real: faults are for simulated ones"
+    (slipped,) = bench.ask(Failed(2, Fault.COIL_SLIP))
+    assert slipped == "aMussel 2 is in no dock, as far as is heard: a coil slips only there"
+
+
+@pytest.mark.parametrize(
+    ("at", "charges", "refusal"),
+    [
+        ((5.0, 5.0), (0.0, 0.0), "charges above 0"),
+        ((5.0, 5.0), (0.5, 0.0), "charges above 0"),
+        ((5.0, 5.0), (0.5, 1.1), "up to 1"),
+        ((5.0, 5.0), (float("nan"), 1.0), "charges above 0"),
+        ((float("nan"), 5.0), (0.5, 1.0), "a place is metres"),
+        ((1e9, 5.0), (0.5, 1.0), "a place is metres"),
+    ],
+)
+def test_what_is_left_out_of_a_spawning_is_refused(
+    at: tuple[float, float], charges: tuple[float, float], refusal: str
+) -> None:
+    bench = Bench()
+    bench.ticks(2)
+    bench.ask(Moved(1, Trigger.RETIRE, "a test"))
+    (told,) = bench.ask(Moved(1, Trigger.SPAWN, "a test", at, charges))
+    assert told is not None and refusal in told
+    assert bench.ask(Moved(1, Trigger.SPAWN, "a test", (5.0, 5.0), (0.5, 1.0))) == [None]
+
+
+def test_one_in_a_dock_is_left_alone() -> None:
+    bench = Bench(charge=0.5)
+    beliefs = bench.flight.supervisor.beliefs
+    while not any(belief.state is State.CHARGING for belief in beliefs.all()):
+        bench.ticks(1)
+        assert bench.flight.now_ms < 300_000
+    docked = next(belief.agent_id for belief in beliefs.all() if belief.state is State.CHARGING)
+    (refusal,) = bench.ask(Moved(docked, Trigger.RETIRE, "a test"))
+    assert refusal == f"aMussel {docked} is in a dock: undock it first"
+
+
+def test_what_was_done_is_answered_when_it_is_recorded() -> None:
+    """Who was told that an id is real may rely on it, whatever dies next."""
+    bench = Bench()
+    order: list[str] = []
+
+    class Desk(Paper):
+        def answer(self, asked: Asked, refusal: str | None) -> None:
+            order.append("answered")
+
+    class Records(Witness):
+        def event(self, at_ms: int, kind: str, **data: Any) -> None:
+            if kind == "presence":
+                order.append("said")
+
+        def tick(self, *_: Any) -> None:
+            order.append("on disk")
+
+    desk = Desk()
+    desk.asked = [Moved(THE_ONE, Trigger.HAND_OVER, "a test")]
+    bench.flight = bench.begin(Records(bench.scenario), Roll(bench.presences, desk))
+    bench.ticks(1)
+    assert order == ["said", "on disk", "answered"]
+
+
+def test_another_supervisor_knows_who_is_real_and_who_is_retired() -> None:
+    bench = Bench()
+    bench.ticks(3)
+    bench.ask(Moved(THE_ONE, Trigger.HAND_OVER, "a test"), Moved(1, Trigger.RETIRE, "a test"))
+    bench.ask(Moved(1, Trigger.SPAWN, "a test", (7.0, 8.0), (0.5, 0.5)), Moved(2, Trigger.RETIRE, "a test"))
+    lines = [{"t": at_ms, "kind": kind, **data} for at_ms, kind, data in bench.recorder.events]
+    journal = JournalContents(json.loads(json.dumps(lines)), 0)
+
+    again = Presences([1, 2, 3, 4], 3.0, became(journal))
+    assert [again.of(it) for it in (1, 2, 3, 4)] == [
+        Presence.SIMULATED,
+        Presence.RETIRED,
+        Presence.REAL,
+        Presence.SIMULATED,
+    ]
+    assert again.simulated == {1, 4}
+    coordinator = Coordinator(bench.host, bench.coordinator.granted_ms, bench.scenario.theta)
+    again.mute_as_before(coordinator)
+    spoke = {it.agent_id for it in coordinator.advance(bench.flight.now_ms + 5000) if isinstance(it, Heard)}
+    assert spoke == {1, 4}
+
+
+@pytest.mark.parametrize("felt", [False, True])
+def test_one_that_was_placed_as_the_supervisor_died_is_placed_once(felt: bool) -> None:
+    bench = Bench()
+    bench.ticks(3)
+    bench.ask(Moved(1, Trigger.RETIRE, "a test"))
+    bench.ask(Moved(1, Trigger.SPAWN, "a test", (7.0, 8.0), (0.5, 0.5)))
+    if felt:
+        bench.ticks(1)
+    lines = [{"t": at_ms, "kind": kind, **data} for at_ms, kind, data in bench.recorder.events]
+    coordinator = Coordinator(bench.host, bench.coordinator.granted_ms, bench.scenario.theta)
+    before = len(bench.recorder.events)
+    place_again(
+        JournalContents(lines, 0), coordinator, cast(Recorder, bench.recorder), bench.flight.now_ms - 1000
+    )
+    told = bench.recorder.events[before:]
+    assert [(kind, data["id"]) for _, kind, data in told] == ([] if felt else [("stimulus", 1)])
+    coordinator.advance(bench.flight.now_ms)
+    newest = {it.agent_id: it.physical for it in bench.host.take_truths()}
+    assert felt or (newest[1].north_um, newest[1].east_um) == (7_000_000, 8_000_000)
+
+
+def test_changes_of_ids_that_are_not_of_the_fleet_are_nobodys() -> None:
+    again = Presences([1], 3.0, [Became(5, 9, Presence.REAL, "/lab")])
+    assert again.of(9) is None and again.simulated == {1}

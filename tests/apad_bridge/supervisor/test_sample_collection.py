@@ -1,0 +1,244 @@
+"""The way of a sample from the flash to the disk: nothing lost, nothing twice, whatever happens between the two."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from agents.mussel.logbook import Logbook
+from agents.water.fields import Constant, Fields
+from apad_bridge.records.sample_file import SampleFile, sample_line
+from apad_bridge.supervisor.sample_collection import SampleCollection, Taken
+from firmware_model.packets import LogAck, LogRecords, decode
+from firmware_model.sampling.flash import MemoryFlash
+from firmware_model.sampling.sample_record import RECORD_BYTES, SampleRecord
+
+WATER = Fields(Constant(8.0), Constant(18.0), Constant(5.0))
+AGENT = 7
+
+
+def record(sequence: int) -> SampleRecord:
+    return SampleRecord(sequence, 1000 * sequence, (1, 2, 3, 4), 0)
+
+
+def packet(first: int, covered: int, *sequences: int, oldest: int = 0) -> LogRecords:
+    return LogRecords.of(AGENT, oldest, first, covered, tuple(map(record, sequences)))
+
+
+def taken(collection: SampleCollection, said: LogRecords) -> tuple[list[int], list[int]]:
+    found = collection.take(said)
+    assert isinstance(found, Taken)
+    return [it.sequence for it in found.records], list(found.gone)
+
+
+def test_what_came_is_acknowledged_up_to_the_first_hole() -> None:
+    collection = SampleCollection([AGENT, 8])
+    assert taken(collection, packet(0, 2, 0, 1)) == ([0, 1], [])
+    assert taken(collection, packet(4, 2, 4, 5)) == ([4, 5], [])
+    assert collection.acknowledgements() == [LogAck(AGENT, 2)]
+    assert collection.acknowledgements() == []
+    assert taken(collection, packet(1, 4, 1, 2, 3, 4)) == ([2, 3], [])
+    assert collection.acknowledgements() == [LogAck(AGENT, 6)]
+
+
+def test_a_repeated_packet_brings_nothing_and_is_acknowledged_again() -> None:
+    collection = SampleCollection([AGENT])
+    taken(collection, packet(0, 2, 0, 1))
+    collection.acknowledgements()
+    assert taken(collection, packet(0, 2, 0, 1)) == ([], [])
+    assert collection.acknowledgements() == [LogAck(AGENT, 2)]
+
+
+def test_what_never_will_come_is_said_once_and_not_waited_for() -> None:
+    collection = SampleCollection([AGENT])
+    assert taken(collection, packet(3, 3, 3, 5, oldest=3)) == ([3, 5], [0, 1, 2, 4])
+    assert taken(collection, packet(3, 3, 3, 5, oldest=3)) == ([], [])
+    assert collection.acknowledgements() == [LogAck(AGENT, 6)]
+    assert collection.gone == {AGENT: {0, 1, 2, 4}}
+
+
+def test_a_record_that_was_given_up_and_comes_late_is_kept() -> None:
+    collection = SampleCollection([AGENT])
+    taken(collection, packet(3, 1, 3, oldest=3))
+    assert taken(collection, packet(0, 3, 0, 1, 2)) == ([0, 1, 2], [])
+    assert collection.gone == {AGENT: set()}
+    assert taken(collection, packet(0, 3, 0, 1, 2)) == ([], [])
+
+
+def test_a_stranger_and_an_impossible_packet_change_nothing() -> None:
+    collection = SampleCollection([8])
+    assert collection.take(packet(0, 1, 0)) == "records of an unknown aMussel"
+    collection = SampleCollection([AGENT])
+    assert collection.take(packet(2**31, 1, 2**31, oldest=2**31)) == "records that an aMussel cannot have"
+    assert collection.acknowledgements() == []
+
+
+def test_it_goes_on_with_what_a_former_supervisor_kept() -> None:
+    collection = SampleCollection([AGENT], {AGENT: [0, 1, 4]})
+    assert taken(collection, packet(0, 6, 0, 1, 2, 3, 4, 5)) == ([2, 3, 5], [])
+    assert collection.acknowledgements() == [LogAck(AGENT, 6)]
+
+
+def test_a_line_of_the_file() -> None:
+    line = sample_line(7, SampleRecord(5, 18_000_000, (29_094, 8147, 28_013, 417), 0b1010))
+    assert line == {
+        "id": 7,
+        "sequence": 5,
+        "agent_ms": 18_000_000,
+        "oxygen_mg_l": 7.9983,  # 2.4e-4 * 29094 + 1.2e-9 * 29094^2
+        "pressure_mbar": 1314.7,
+        "temperature_c": 18.013,
+        "turbidity_ntu": 5.0144,
+        "counts": [29_094, 8147, 28_013, 417],
+        "saturated": ["pressure", "turbidity"],
+    }
+
+
+def test_the_file_keeps_a_sample_once_and_goes_on_behind_a_torn_line(tmp_path: Path) -> None:
+    path = tmp_path / "samples.jsonl"
+    file = SampleFile(path)
+    assert not path.exists()
+    file.append(7, [record(0), record(1)])
+    file.append(7, [record(1)])
+    file.append(8, [record(0)])
+    assert [(it["id"], it["sequence"]) for it in read(path)] == [(7, 0), (7, 1), (8, 0)]
+    file.close()
+    path.write_bytes(path.read_bytes()[:-5])
+    again = SampleFile(path)
+    assert again.kept == {7: {0, 1}}
+    again.append(8, [record(0)])
+    again.close()
+    assert [(it["id"], it["sequence"]) for it in read(path)] == [(7, 0), (7, 1), (8, 0)]
+
+
+def test_a_damaged_line_is_counted(tmp_path: Path) -> None:
+    path = tmp_path / "samples.jsonl"
+    path.write_text('{"id":7,"sequence":0}\n{"id":7,"sequ\n{"id":7,"sequence":"1"}\n')
+    file = SampleFile(path)
+    assert (file.kept, file.unreadable) == ({7: {0}}, 2)
+    file.close()
+
+
+def read(path: Path) -> list[dict[str, object]]:
+    return [json.loads(line) for line in path.read_text().splitlines()] if path.exists() else []
+
+
+class Story:
+    """An aMussel, a supervisor with a real file, and air between them that may do anything to a packet."""
+
+    def __init__(self, path: Path, pages: int) -> None:
+        self.path = path
+        self.flash = MemoryFlash(pages, 50 * RECORD_BYTES)
+        self.book = Logbook(AGENT, 1, WATER, self.flash, 0, 0)
+        self.truth: list[SampleRecord] = []
+        self.air: list[bytes] = []
+        self.torn = 0
+        self.start()
+
+    def start(self) -> None:
+        """A supervisor, the first or one after a kill -9."""
+        self.file = SampleFile(self.path)
+        self.collection = SampleCollection([AGENT], self.file.kept)
+
+    def sample(self, count: int) -> None:
+        for _ in range(count):
+            now_ms = 1000 * len(self.truth)
+            self.book.take_sample(1, 2, 3_000_000, now_ms, now_ms)
+            newest = self.book.log.newest()
+            assert newest is not None
+            self.truth.append(newest)
+
+    def reset(self) -> None:
+        """A brown-out: registers and flash are as they were."""
+        log = self.book.log
+        self.book = Logbook(AGENT, 1, WATER, self.flash, log.next_sequence, log.acknowledged)
+
+    def wake(self) -> None:
+        self.air += [it.encode() for it in self.book.begin_upload()]
+
+    def tick(self, tear_at: float | None) -> None:
+        """The supervisor hears all that is in the air; `tear_at` kills it in its last write, before it acknowledges."""
+        said, self.air = self.air, []
+        before = self.path.stat().st_size if self.path.exists() else 0
+        for data in said:
+            heard = decode(data)
+            assert isinstance(heard, LogRecords)
+            found = self.collection.take(heard)
+            assert isinstance(found, Taken)
+            self.file.append(AGENT, found.records)
+        if tear_at is not None:
+            if self.file._file is not None:
+                os.close(self.file._file._descriptor)  # what was not flushed dies with it
+            if self.path.exists():
+                size = self.path.stat().st_size
+                os.truncate(self.path, before + round(tear_at * (size - before)))
+            self.start()
+            return
+        for ack in self.collection.acknowledgements():
+            heard_ack = decode(ack.encode())
+            assert isinstance(heard_ack, LogAck)
+            follow = self.book.acknowledge(heard_ack.next_sequence)
+            assert follow is not None
+            self.air += [it.encode() for it in follow]
+
+    def end(self) -> list[dict[str, object]]:
+        """Nothing is lost any more: a wake that goes on until all is acknowledged."""
+        self.air.clear()
+        for _ in range(100):
+            if self.book.log.waiting == 0:
+                break
+            self.wake()
+            self.tick(None)
+        assert self.book.log.waiting == 0
+        self.file.close()
+        return read(self.path)
+
+
+STEPS = st.one_of(
+    st.tuples(st.just("sample"), st.integers(1, 120)),
+    st.tuples(st.just("wake"), st.none()),
+    st.tuples(st.just("tick"), st.none()),
+    st.tuples(st.just("tick"), st.floats(0, 1)),
+    st.tuples(st.just("reset"), st.none()),
+    st.tuples(st.just("lose"), st.integers(0, 9)),
+    st.tuples(st.just("repeat"), st.integers(0, 9)),
+    st.tuples(st.just("shuffle"), st.randoms(use_true_random=False)),
+)
+
+
+@settings(max_examples=80, deadline=None)
+@given(steps=st.lists(STEPS, max_size=30), pages=st.sampled_from([4, 40]))
+def test_nothing_is_lost_and_nothing_is_there_twice(
+    tmp_path_factory: pytest.TempPathFactory, steps: list[tuple[str, object]], pages: int
+) -> None:
+    story = Story(tmp_path_factory.mktemp("run") / "samples.jsonl", pages)
+    for what, how in steps:
+        if what == "lose" and story.air:
+            assert isinstance(how, int)
+            del story.air[how % len(story.air)]
+        elif what == "repeat" and story.air:
+            assert isinstance(how, int)
+            story.air.append(story.air[how % len(story.air)])
+        elif what == "shuffle":
+            how.shuffle(story.air)  # type: ignore[attr-defined]
+        elif what in ("sample", "wake", "tick", "reset"):
+            getattr(story, what)(*(() if what in ("wake", "reset") else (how,)))
+    kept = story.end()
+
+    sequences = [line["sequence"] for line in kept]
+    assert len(sequences) == len(set(sequences)), "a sample is there twice"
+    by_sequence = {line["sequence"]: line for line in kept}
+    for sequence, line in by_sequence.items():
+        assert line == sample_line(AGENT, story.truth[int(str(sequence))])
+    missing = set(range(len(story.truth))) - set(map(int, map(str, sequences)))
+    if pages == 40:
+        assert not missing
+    else:
+        assert missing == story.collection.gone[AGENT] - set(map(int, map(str, sequences)))
+        oldest_ever = story.book.log.oldest
+        assert all(sequence < oldest_ever for sequence in missing), "only what the ring overwrote"

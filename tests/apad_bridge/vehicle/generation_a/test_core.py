@@ -1,0 +1,290 @@
+"""An aPad of generation A, its surprises included, as the facts and failures that the docking port gets."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from apad_bridge.vehicle.commands import (
+    Arrived,
+    BatteryReported,
+    CloseDock,
+    CommandFailed,
+    DockClosed,
+    DockOpened,
+    GoTo,
+    Hold,
+    OpenDock,
+    PoseReported,
+)
+from apad_bridge.vehicle.generation_a.core import GenerationACore
+from apad_bridge.vehicle.generation_a.messages import (
+    GO_TO,
+    PERCH,
+    RELEASE,
+    GoalCode,
+    GoalOrder,
+    GoalsHeard,
+    GoalWord,
+    StaticHeard,
+)
+from apad_bridge.vehicle.link import Carried, LetGo, LinkFact
+from apad_bridge.vehicle.stack_messages import PoseHeard
+
+THERE = GoTo(1, 5.0, 6.0, 0.5, 0.5)
+
+
+@pytest.fixture
+def core() -> GenerationACore:
+    return GenerationACore(range(1, 10), (10.5, 16.0), "run")
+
+
+def says(core: GenerationACore, at_ms: int, key: str, code: GoalCode, text: str = "") -> None:
+    core.hear(GoalsHeard(at_ms, (GoalWord(key, code, text),), whole=False), at_ms)
+
+
+def shows(core: GenerationACore, at_ms: int, agent_id: int, released: bool = False) -> None:
+    core.hear(StaticHeard(at_ms, agent_id, 2.0, 3.0, released), at_ms)
+
+
+def is_at(core: GenerationACore, at_ms: int) -> None:
+    core.hear(PoseHeard(at_ms, 2.1, 3.1, 0.0), at_ms)
+
+
+def tells(core: GenerationACore, now_ms: int) -> list[LinkFact]:
+    """What became true, without readings of pose and battery."""
+    return [it for it in core.advance(now_ms) if not isinstance(it, PoseReported | BatteryReported)]
+
+
+def test_commands_become_goals_of_the_three_kinds(core: GenerationACore) -> None:
+    assert core.command(THERE, 0) == GoalOrder("run-1", GO_TO, 5.0, 6.0)
+    assert core.command(Hold(2, 7.0, 8.0), 0) == GoalOrder("run-2", GO_TO, 7.0, 8.0)
+    assert core.command(CloseDock(3, 2, 7), 0) == GoalOrder("run-3", PERCH, name="amussel7")
+    assert core.command(OpenDock(4, 2, 7), 0) == GoalOrder("run-4", RELEASE, name="amussel7")
+
+
+def test_a_go_to_that_succeeds_has_arrived_once(core: GenerationACore) -> None:
+    core.command(THERE, 0)
+    core.hear(GoalsHeard(1_000, (GoalWord("run-1", GoalCode.ACTIVE),), whole=True), 1_000)
+    assert tells(core, 1_000) == []
+    says(core, 9_000, "run-1", GoalCode.SUCCEEDED)
+    core.hear(GoalsHeard(9_000, (GoalWord("run-1", GoalCode.SUCCEEDED),), whole=True), 9_000)
+    assert tells(core, 9_000) == [Arrived(9_000, 1)]
+
+
+def test_the_result_of_a_hold_is_no_news(core: GenerationACore) -> None:
+    core.command(Hold(1, 5.0, 6.0), 0)
+    says(core, 1_000, "run-1", GoalCode.SUCCEEDED)
+    assert tells(core, 20_000) == []
+
+
+@pytest.mark.parametrize("code", [GoalCode.ABORTED, GoalCode.REJECTED, GoalCode.RECALLED, GoalCode.PREEMPTED])
+def test_a_goal_that_ends_otherwise_has_failed(core: GenerationACore, code: GoalCode) -> None:
+    """PREEMPTED too, when no newer goal of ours did it: somebody else commands the vehicle."""
+    core.command(THERE, 0)
+    says(core, 2_000, "run-1", code, "because")
+    assert tells(core, 2_000) == [
+        CommandFailed(2_000, 1, f"the aPad's action server says {code.name}: because")
+    ]
+
+
+def test_a_goal_pre_empted_by_our_next_one_has_not_failed(core: GenerationACore) -> None:
+    core.command(THERE, 0)
+    core.command(Hold(2, 1.0, 1.0), 2_000)
+    says(core, 2_000, "run-1", GoalCode.PREEMPTED)
+    says(core, 2_000, "run-2", GoalCode.ACTIVE)
+    assert tells(core, 20_000) == []
+
+
+def test_a_goal_that_nobody_takes_fails_after_five_seconds(core: GenerationACore) -> None:
+    core.command(THERE, 1_000)
+    assert core.untaken == ["run-1"]
+    assert tells(core, 5_999) == []
+    assert tells(core, 6_000) == [CommandFailed(6_000, 1, "no action server took the goal within 5 s")]
+    assert core.untaken == []
+
+
+def test_a_server_that_restarted_has_lost_the_goal(core: GenerationACore) -> None:
+    core.command(THERE, 0)
+    core.hear(GoalsHeard(500, (), whole=True), 500)
+    assert tells(core, 500) == []  # not yet taken, so not lost
+    core.hear(GoalsHeard(1_000, (GoalWord("run-1", GoalCode.ACTIVE),), whole=True), 1_000)
+    core.hear(GoalsHeard(2_000, (GoalWord("another's", GoalCode.ACTIVE),), whole=True), 2_000)
+    (failed,) = tells(core, 2_000)
+    assert isinstance(failed, CommandFailed) and "LOST" in failed.reason
+
+
+def test_the_first_word_of_position_static_is_the_contact_and_the_slot_the_vehicles(
+    core: GenerationACore,
+) -> None:
+    core.command(CloseDock(1, 3, 7), 0)  # slot 3 is asked for, the first free is taken
+    says(core, 0, "run-1", GoalCode.SUCCEEDED)
+    assert tells(core, 0) == []
+    shows(core, 50, 7)
+    assert tells(core, 50) == [DockClosed(50, 0, 7), Carried(50, 7, 2.0, 3.0)]
+    assert not core.awaited_mechanisms
+
+
+def test_a_perch_that_succeeds_and_does_nothing_has_failed(core: GenerationACore) -> None:
+    for agent_id in range(1, 5):
+        shows(core, 0, agent_id)
+    tells(core, 0)
+    core.command(CloseDock(1, 0, 7), 0)
+    says(core, 0, "run-1", GoalCode.SUCCEEDED)
+    assert tells(core, 999) == []
+    assert tells(core, 1_000) == [
+        CommandFailed(1_000, 1, "the aPad says it perched, but holds nothing: is a dock free?")
+    ]
+
+
+def test_a_perch_of_one_already_held_is_answered(core: GenerationACore) -> None:
+    shows(core, 0, 7)
+    tells(core, 0)
+    core.command(CloseDock(1, 3, 7), 0)
+    says(core, 100, "run-1", GoalCode.SUCCEEDED)
+    assert tells(core, 100) == [DockClosed(100, 0, 7)]
+
+
+def test_of_places_only_the_newest_is_told(core: GenerationACore) -> None:
+    shows(core, 0, 7)
+    tells(core, 0)
+    for at_ms in range(50, 1_050, 50):
+        core.hear(StaticHeard(at_ms, 7, at_ms / 1000, 0.0, False), at_ms)
+    assert tells(core, 1_000) == [Carried(1_000, 7, 1.0, 0.0)]
+    assert tells(core, 1_000) == []
+
+
+def test_the_last_word_opens_the_dock(core: GenerationACore) -> None:
+    shows(core, 0, 7)
+    tells(core, 0)
+    core.command(OpenDock(1, 0, 7), 1_000)
+    shows(core, 1_000, 7, released=True)
+    says(core, 1_000, "run-1", GoalCode.SUCCEEDED)
+    assert tells(core, 1_000) == [DockOpened(1_000, 0, 7), LetGo(1_000, 7)]
+    assert tells(core, 20_000) == []
+
+
+def test_a_release_that_never_answers_is_one_after_two_seconds_of_silence(core: GenerationACore) -> None:
+    shows(core, 0, 7)
+    core.command(OpenDock(1, 0, 7), 0)
+    says(core, 0, "run-1", GoalCode.ACTIVE)
+    tells(core, 0)
+    is_at(core, 1_900)
+    assert tells(core, 1_900) == []
+    is_at(core, 2_000)
+    assert tells(core, 2_000) == [DockOpened(2_000, 0, 7), LetGo(2_000, 7)]
+    is_at(core, 60_000)
+    assert tells(core, 60_000) == []
+
+
+def test_without_an_order_silence_opens_after_ten_seconds(core: GenerationACore) -> None:
+    shows(core, 0, 7)
+    tells(core, 0)
+    is_at(core, 9_900)
+    assert tells(core, 9_900) == []
+    is_at(core, 10_000)
+    assert tells(core, 10_000) == [DockOpened(10_000, 0, 7), LetGo(10_000, 7)]
+
+
+def test_silence_of_the_whole_vehicle_is_no_release(core: GenerationACore) -> None:
+    shows(core, 0, 7)
+    is_at(core, 1_000)
+    tells(core, 1_000)
+    assert tells(core, 600_000) == []
+
+
+def test_one_that_is_heard_again_is_docked_again(core: GenerationACore) -> None:
+    shows(core, 0, 7)
+    is_at(core, 10_000)
+    tells(core, 10_000)
+    shows(core, 11_000, 7)
+    assert tells(core, 11_000) == [DockClosed(11_000, 0, 7), Carried(11_000, 7, 2.0, 3.0)]
+
+
+def test_a_refused_release_leaves_the_dock_closed(core: GenerationACore) -> None:
+    shows(core, 0, 7)
+    core.command(OpenDock(1, 0, 7), 0)
+    says(core, 0, "run-1", GoalCode.ABORTED)
+    assert CommandFailed(0, 1, "the aPad's action server says ABORTED") in tells(core, 0)
+    shows(core, 4_000, 7)
+    is_at(core, 7_000)
+    assert [it for it in tells(core, 7_000) if isinstance(it, DockOpened)] == []
+
+
+def test_a_release_of_one_never_heard_to_be_held_is_answered(core: GenerationACore) -> None:
+    core.command(OpenDock(1, 2, 7), 0)
+    says(core, 0, "run-1", GoalCode.SUCCEEDED)
+    assert tells(core, 0) == [DockOpened(0, 2, 7)]
+
+
+def test_after_a_resume_the_docks_are_as_they_were() -> None:
+    core = GenerationACore(range(1, 10), (10.5, 16.0), "run", {1: 7, 2: 8}, 5_000)
+    shows(core, 5_000, 7)
+    assert tells(core, 5_000) == [Carried(5_000, 7, 2.0, 3.0)]
+    shows(core, 6_000, 9)
+    assert DockClosed(6_000, 0, 9) in tells(core, 6_000)
+    for at_ms in range(6_000, 16_000, 1_000):  # nothing is ever said of 8
+        shows(core, at_ms, 7)
+        shows(core, at_ms, 9)
+        is_at(core, at_ms)
+    assert DockOpened(15_000, 2, 8) in tells(core, 16_000)
+
+
+def test_a_place_that_is_not_finite_is_dropped_and_counted(core: GenerationACore) -> None:
+    core.hear(StaticHeard(0, 7, 0.0, math.nan, False), 0)
+    assert core.advance(0) == []
+    assert core.dropped == {"position_static: not finite": 1}
+
+
+def test_words_of_an_unknown_amussel_disturb_nothing(core: GenerationACore) -> None:
+    shows(core, 0, 99)
+    assert core.advance(0) == []
+    assert core.dropped.total() == 1
+
+
+def test_a_fifth_that_is_held_is_counted(core: GenerationACore) -> None:
+    for agent_id in range(1, 6):
+        shows(core, 0, agent_id)
+    slots = [it.slot for it in tells(core, 0) if isinstance(it, DockClosed)]
+    assert slots == [0, 1, 2, 3]
+    assert core.dropped.total() == 1
+
+
+def test_a_tick_is_heard_when_every_topic_has_spoken_up_to_it(core: GenerationACore) -> None:
+    shows(core, 950, 7)
+    assert core.unheard(1_000) == ["position", "action_server/status", "/amussel7/position_static"]
+    is_at(core, 1_000)
+    core.hear(GoalsHeard(1_000, (), whole=True), 1_000)
+    shows(core, 1_000, 7)
+    assert core.unheard(1_000) == []
+
+
+def test_a_perch_from_afar_is_not_ordered() -> None:
+    """The vehicle would take it, and the aMussel would be held where it is not."""
+    core = GenerationACore(range(1, 10), (10.5, 16.0), "run", sight=lambda _: {7: (2.1, 13.1), 8: (2.1, 4.1)})
+    is_at(core, 0)
+    assert core.command(CloseDock(1, 0, 7), 0) is None
+    assert tells(core, 0) == [
+        CommandFailed(0, 1, "aMussel 7 floats 10.0 m away: go nearer than 5 m before docking it")
+    ]
+    assert core.command(CloseDock(2, 0, 8), 0) == GoalOrder("run-2", PERCH, name="amussel8")
+
+
+def test_a_goal_that_was_sent_to_a_silent_vehicle_is_sent_again_when_it_is_heard(
+    core: GenerationACore,
+) -> None:
+    is_at(core, 0)
+    tells(core, 5_000)
+    order = core.command(THERE, 6_000)
+    for now_ms in range(7_000, 30_000, 1_000):
+        assert tells(core, now_ms) == [] and core.again() is None
+    is_at(core, 30_000)
+    assert tells(core, 30_000) == []
+    assert core.again() == order
+    assert core.again() is None
+    for now_ms in range(31_000, 35_000, 1_000):
+        is_at(core, now_ms)
+        assert tells(core, now_ms) == []
+    is_at(core, 35_000)
+    assert tells(core, 35_000) == [CommandFailed(35_000, 1, "no action server took the goal within 5 s")]

@@ -1,0 +1,202 @@
+"""What was observed of the published stack of generation A, of our simulated aPad behind its manners."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from apad_bridge.ros.generation_a_shown import (
+    Ended,
+    Goal,
+    Held,
+    Outcome,
+    Shown,
+    SlowShown,
+)
+from apad_bridge.ros.legacy_shown import PoseShown
+from apad_bridge.scenario.faults import Fault
+from apad_bridge.scenario.loader import load
+from apad_bridge.vehicle.generation_a.messages import GO_TO, PERCH, RELEASE
+from apad_bridge.vehicle.generation_a.simulated import GenerationAVehicle
+from apad_bridge.vehicle.simulated.apad import SimulatedAPad
+
+POOL = load(Path(__file__).parents[4] / "launch_scripts" / "scenarios" / "pool-12.yaml")
+NORTH_M, EAST_M = POOL.apad.start_m
+
+
+def vehicle(start_ms: int = 0, fault: Fault = Fault.NONE) -> GenerationAVehicle:
+    made = GenerationAVehicle(SimulatedAPad(POOL.apad), 0.5, 0.5, start_ms, fault)
+    made.advance(start_ms)
+    return made
+
+
+def go_to(key: str, north_m: float, east_m: float = EAST_M) -> Goal:
+    return Goal(key, GO_TO, north_m, east_m, "")
+
+
+def perch(name: str) -> Goal:
+    return Goal(f"perch {name}", PERCH, 0.0, 0.0, name)
+
+
+def release(name: str) -> Goal:
+    return Goal(f"release {name}", RELEASE, 0.0, 0.0, name)
+
+
+def ends(shown: list[Shown]) -> list[tuple[str, Outcome]]:
+    return [(it.key, it.outcome) for it in shown if isinstance(it, Ended)]
+
+
+def held(shown: list[Shown]) -> list[Held]:
+    return [it for it in shown if isinstance(it, Held)]
+
+
+def test_a_go_to_succeeds_once_the_mean_distance_of_a_second_is_below_the_radius() -> None:
+    apad = vehicle()
+    apad.receive(go_to("there", NORTH_M + 5), 0)
+    shown = apad.advance(30_000)
+    (ended,) = [it for it in shown if isinstance(it, Ended)]
+    assert (ended.key, ended.outcome) == ("there", Outcome.SUCCEEDED)
+    # 5 m at 0.5 m/s, half a metre early, half a second for the mean, and the start from rest.
+    assert 9_000 < ended.at_ms < 12_500
+
+
+def test_feedback_is_the_percentage_covered_and_negative_farther_away() -> None:
+    apad = vehicle()
+    apad.receive(go_to("east", NORTH_M, EAST_M + 6), 0)
+    apad.advance(5_000)
+    apad.receive(go_to("back", NORTH_M, EAST_M), 5_000)
+    slow = [it for it in apad.advance(30_000) if isinstance(it, SlowShown) and it.goal_key == "back"]
+    assert slow[0].covered_percent < 0  # it cannot turn on the spot
+    assert slow[-1].covered_percent > 60
+
+
+def test_a_cancelled_go_to_is_pre_empted_and_keeps_moving() -> None:
+    apad = vehicle()
+    apad.receive(go_to("there", NORTH_M + 5), 0)
+    assert ends(apad.cancel("there", 2_000)) == [("there", Outcome.PREEMPTED)]
+    shown = apad.advance(30_000)
+    assert ends(shown) == []
+    assert apad.pose.north_m == pytest.approx(NORTH_M + 5)
+
+
+def test_a_perch_asks_for_no_nearness_and_takes_the_first_free_slot() -> None:
+    apad = vehicle()
+    offsets = [(-0.1, -0.1), (-0.1, 0.1), (0.1, -0.1), (0.1, 0.1)]
+    for number, (north_m, east_m) in enumerate(offsets):
+        shown = apad.receive(perch(f"amussel{number}"), 0)
+        (word,) = held(shown)
+        assert (word.name, word.at_ms) == (f"amussel{number}", 0)
+        assert (word.north_m, word.east_m) == pytest.approx((NORTH_M + north_m, EAST_M + east_m))
+        assert ends(shown) == [(f"perch amussel{number}", Outcome.SUCCEEDED)]
+    apad.receive(release("amussel1"), 0)
+    apad.receive(perch("amussel9"), 0)
+    assert apad.held == ["amussel0", "amussel9", "amussel2", "amussel3"]
+
+
+def test_a_fifth_perch_succeeds_and_does_nothing() -> None:
+    apad = vehicle()
+    for number in range(4):
+        apad.receive(perch(f"amussel{number}"), 0)
+    shown = apad.receive(perch("amussel9"), 0)
+    assert ends(shown) == [("perch amussel9", Outcome.SUCCEEDED)]
+    assert "amussel9" not in {it.name for it in held(shown + apad.advance(2_000))}
+
+
+def test_the_same_object_perched_twice_takes_two_slots() -> None:
+    apad = vehicle()
+    apad.receive(perch("amussel1"), 0)
+    apad.receive(perch("amussel1"), 0)
+    assert apad.free_slots == [2, 3]
+
+
+def test_what_is_held_is_told_at_20_hz_and_follows_the_vehicle() -> None:
+    apad = vehicle()
+    apad.receive(perch("amussel1"), 0)
+    apad.receive(go_to("there", NORTH_M + 5), 0)
+    told = held(apad.advance(30_000))
+    assert [it.at_ms for it in told] == list(range(50, 30_050, 50))
+    assert (told[-1].north_m, told[-1].east_m) == pytest.approx((NORTH_M + 4.9, EAST_M - 0.1))
+
+
+def test_a_release_has_a_last_word_and_a_result() -> None:
+    apad = vehicle()
+    apad.receive(perch("amussel1"), 0)
+    shown = apad.receive(release("amussel1"), 1_020)
+    assert (held(shown)[-1].at_ms, held(shown)[-1].released) == (1_020, True)
+    assert ends(shown) == [("release amussel1", Outcome.SUCCEEDED)]
+    assert held(apad.advance(3_000)) == []
+
+
+@pytest.mark.parametrize("name", ["", "amussel2"])
+def test_a_release_of_what_is_not_held_is_aborted(name: str) -> None:
+    apad = vehicle()
+    apad.receive(perch("amussel1"), 0)
+    assert ends(apad.receive(release(name), 0)) == [(f"release {name}", Outcome.ABORTED)]
+    assert apad.held == ["amussel1"]
+
+
+def test_a_silent_release_lets_go_without_a_word() -> None:
+    apad = vehicle(fault=Fault.RELEASE_SILENT)
+    apad.receive(perch("amussel1"), 0)
+    assert apad.receive(release("amussel1"), 0) == []
+    assert held(apad.advance(3_000)) == []
+    assert ends(apad.receive(perch("amussel2"), 3_000)) == [("perch amussel2", Outcome.SUCCEEDED)]
+
+
+def test_a_crash_in_release_silences_all_that_is_held_but_not_the_position() -> None:
+    apad = vehicle(fault=Fault.RELEASE_CRASHES)
+    for number in (1, 2):
+        apad.receive(perch(f"amussel{number}"), 0)
+    apad.receive(release("amussel1"), 0)
+    shown = apad.advance(2_000)
+    assert held(shown) == [] and ends(shown) == []
+    assert [it.at_ms for it in shown if isinstance(it, PoseShown)] == list(range(100, 2_100, 100))
+    assert ends(apad.receive(go_to("there", NORTH_M), 2_000)) == []
+    assert apad.dropped.total() == 1
+
+
+def test_a_goal_of_an_unknown_kind_is_active_until_pre_empted() -> None:
+    apad = vehicle()
+    apad.receive(Goal("what", 7, 0.0, 0.0, ""), 0)
+    assert ends(apad.advance(60_000)) == []
+    assert ends(apad.receive(go_to("there", NORTH_M), 60_000)) == [("what", Outcome.PREEMPTED)]
+
+
+def test_a_hand_may_open_a_slot_but_not_close_one() -> None:
+    apad = vehicle()
+    apad.receive(perch("amussel1"), 0)
+    with pytest.raises(ValueError, match="a slot closes by a perch"):
+        apad.set_dock(1, True, 0)
+    with pytest.raises(ValueError, match="slot 1 is open"):
+        apad.set_dock(1, False, 0)
+    assert [it.released for it in held(apad.set_dock(0, False, 0))] == [True]
+    assert apad.free_slots == [0, 1, 2, 3]
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.lists(st.integers(0, 20_000), max_size=12))
+def test_how_time_is_cut_never_shows(cuts: list[int]) -> None:
+    orders = {0: perch("amussel1"), 1_730: go_to("there", NORTH_M + 3), 9_000: release("amussel1")}
+
+    def flown(instants: set[int]) -> list[Shown]:
+        apad, shown = vehicle(), []
+        for at_ms in sorted(instants | set(orders)):
+            shown += apad.receive(orders[at_ms], at_ms) if at_ms in orders else apad.advance(at_ms)
+        return shown + apad.advance(20_000)
+
+    assert flown(set(cuts)) == flown(set())
+
+
+def test_its_battery_can_be_charged_and_drained_by_percent_points() -> None:
+    apad = vehicle()
+    apad.change_battery(-30.0, 0)
+    assert apad.battery_percent == pytest.approx(70.0)
+    apad.change_battery(10.0, 0)
+    assert apad.battery_percent == pytest.approx(80.0)
+    apad.change_battery(50.0, 0)
+    assert apad.battery_percent == 100.0
+    apad.change_battery(float("nan"), 0)
+    assert apad.battery_percent == 100.0 and apad.dropped.total() == 1

@@ -1,0 +1,179 @@
+"""Travel against the trapezoidal profile worked by hand, and the rule of arrival."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import replace
+
+import pytest
+
+from apad_bridge.vehicle.commands import Arrived, CommandFailed, GoTo, Hold, PoseReported
+from apad_bridge.vehicle.simulated.apad import SimulatedAPad
+from apad_bridge.vehicle.simulated.kinematics import turned, wrapped
+from apad_bridge.vehicle.simulated.thrusters import allocate
+
+
+def distance_left_m(t_s: float, way_m: float, speed_m_s: float, acceleration_m_s2: float) -> float:
+    """Distance to the goal under an ideal trapezoidal profile that starts at t = 0."""
+    ramp_s = speed_m_s / acceleration_m_s2
+    end_s = way_m / speed_m_s + ramp_s
+    if t_s < ramp_s:
+        return way_m - acceleration_m_s2 * t_s**2 / 2
+    if t_s < end_s - ramp_s:
+        return way_m - speed_m_s * (t_s - ramp_s / 2)
+    return acceleration_m_s2 * max(0.0, end_s - t_s) ** 2 / 2
+
+
+def rest_ms(facts) -> int:
+    """When the last pose off the whole seconds, or the last change of pose, was reported."""
+    poses = [fact for fact in facts if isinstance(fact, PoseReported)]
+    changes = [
+        b.at_ms for a, b in itertools.pairwise(poses) if (a.north_m, a.east_m) != (b.north_m, b.east_m)
+    ]
+    return changes[-1]
+
+
+def arrivals(facts):
+    return [(fact.at_ms, fact.command_id) for fact in facts if isinstance(fact, Arrived)]
+
+
+@pytest.mark.parametrize(("north_m", "east_m"), [(14, 0), (0, -14), (-8.4, 11.2)])
+def test_a_straight_way_takes_the_time_of_the_trapezoid(config, north_m, east_m):
+    # 14 m at 0.5 m/s with ramps of 0.5 / 0.3 s: 28 s + 1.667 s
+    apad = SimulatedAPad(config)
+    facts = apad.receive(GoTo(1, north_m, east_m, 0.5, 0.5), 0) + apad.advance(60_000)
+    assert rest_ms(facts) == pytest.approx(29_667, abs=200)
+    assert (apad.pose.north_m, apad.pose.east_m, apad.pose.speed_m_s) == (north_m, east_m, 0.0)
+
+
+def test_a_short_way_is_a_triangle(config):
+    # 0.3 m with 0.3 m/s2: 2 * sqrt(0.3 / 0.3) = 2 s; the top speed is never reached
+    apad = SimulatedAPad(config)
+    facts = apad.receive(GoTo(1, 0.3, 0.0, 1.0, 0.1), 0) + apad.advance(20_000)
+    assert rest_ms(facts) == pytest.approx(2000, abs=200)
+
+
+def test_the_way_is_straight_and_never_goes_beyond_the_goal(config):
+    apad = SimulatedAPad(config)
+    facts = apad.receive(GoTo(1, 6.0, 8.0, 0.5, 0.5), 0) + apad.advance(60_000)
+    for pose in (fact for fact in facts if isinstance(fact, PoseReported)):
+        assert pose.east_m == pytest.approx(pose.north_m * 8 / 6, abs=1e-6)
+        assert pose.north_m <= 6.0
+
+
+@pytest.mark.parametrize("radius_m", [0.2, 0.5, 2.0])
+def test_arrival_is_the_first_second_whose_mean_distance_is_below_the_radius(config, radius_m):
+    apad = SimulatedAPad(config)
+    facts = apad.receive(GoTo(7, 14.0, 0.0, 0.5, radius_m), 0) + apad.advance(60_000)
+    left_m = [distance_left_m(step / 10, 14, 0.5, 0.3) for step in range(600)]
+    expected = next(k for k in range(10, 600) if sum(left_m[k - 9 : k + 1]) / 10 < radius_m)
+    [(at_ms, command_id)] = arrivals(facts)
+    assert command_id == 7
+    assert at_ms == pytest.approx(expected * 100, abs=100)
+
+
+def test_arriving_where_it_is_takes_a_second_of_samples(config):
+    apad = SimulatedAPad(config)
+    facts = apad.receive(GoTo(1, 0.0, 0.0, 0.5, 0.5), 2300) + apad.advance(10_000)
+    assert arrivals(facts) == [(3300, 1)]
+
+
+def test_a_command_between_grid_instants_acts_from_the_next(config):
+    apad = SimulatedAPad(config)
+    facts = apad.receive(GoTo(1, 0.0, 0.0, 0.5, 0.5), 2301) + apad.advance(10_000)
+    assert arrivals(facts) == [(3400, 1)]
+
+
+def test_a_new_go_to_replaces_the_old_one_silently(config):
+    apad = SimulatedAPad(config)
+    facts = apad.receive(GoTo(1, 14.0, 0.0, 0.5, 0.5), 0)
+    facts += apad.receive(GoTo(2, 0.0, 5.0, 0.5, 0.5), 10_050)
+    facts += apad.advance(90_000)
+    assert [command_id for _, command_id in arrivals(facts)] == [2]
+    assert not [fact for fact in facts if isinstance(fact, CommandFailed)]
+
+
+def test_the_old_go_to_does_not_arrive_once_the_new_command_is_given(config):
+    apad = SimulatedAPad(config)
+    apad.receive(GoTo(1, 0.0, 0.0, 0.5, 0.5), 0)
+    facts = apad.receive(Hold(2, 0.0, 0.0), 950)  # 50 ms before the first would have arrived
+    assert arrivals(facts + apad.advance(5000)) == []
+
+
+def test_hold_goes_there_and_never_completes(config):
+    apad = SimulatedAPad(config)
+    facts = apad.receive(Hold(1, 2.0, 1.0), 0) + apad.advance(60_000)
+    assert arrivals(facts) == []
+    assert (apad.pose.north_m, apad.pose.east_m, apad.pose.speed_m_s) == (2.0, 1.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("command", "word"),
+    [
+        (GoTo(4, 1.0, 1.0, 0.0, 0.5), "speed_m_s"),
+        (GoTo(4, 1.0, 1.0, 0.5, 0.0), "victory_radius_m"),
+        (GoTo(4, math.nan, 1.0, 0.5, 0.5), "finite"),
+        (Hold(4, 0.0, math.inf), "finite"),
+    ],
+)
+def test_an_impossible_command_fails_and_changes_nothing(config, command, word):
+    apad = SimulatedAPad(config)
+    apad.receive(GoTo(1, 5.0, 0.0, 0.5, 0.5), 0)
+    facts = apad.receive(command, 500)
+    assert isinstance(facts[-1], CommandFailed)
+    assert (facts[-1].command_id, word in facts[-1].reason) == (4, True)
+    assert [command_id for _, command_id in arrivals(apad.advance(60_000))] == [1]
+
+
+def test_poses_come_at_ten_hertz_moving_and_once_a_second_at_rest(config):
+    apad = SimulatedAPad(config)
+    facts = apad.receive(GoTo(1, 1.0, 0.0, 0.5, 0.1), 0) + apad.advance(10_000)
+    times_ms = [fact.at_ms for fact in facts if isinstance(fact, PoseReported)]
+    rest = rest_ms(facts)
+    assert [at_ms for at_ms in times_ms if at_ms <= rest] == list(range(0, rest + 1, 100))
+    assert [at_ms for at_ms in times_ms if at_ms > rest] == list(range(-(-rest // 1000) * 1000, 10_001, 1000))
+
+
+def test_the_bow_turns_to_the_goal_at_the_yaw_rate(config):
+    apad = SimulatedAPad(config)
+    apad.receive(GoTo(1, 0.0, 10.0, 0.5, 0.5), 0)
+    apad.advance(2000)
+    assert apad.pose.heading_rad == pytest.approx(1.0)
+    apad.advance(10_000)
+    assert apad.pose.heading_rad == pytest.approx(math.pi / 2)
+
+
+def test_turning_takes_the_short_way_over_south():
+    assert turned(3.1, -3.1, 0.5) == pytest.approx(3.15 - math.tau)
+    assert wrapped(-math.pi) == math.pi
+
+
+@pytest.mark.parametrize("heading_rad", [0.0, 0.4, 2.0, -3.0])
+@pytest.mark.parametrize("force", [(10.0, 0.0), (0.0, -7.0), (5.0, 5.0), (300.0, 20.0)])
+def test_the_four_thrusts_add_up_to_the_force(heading_rad, force):
+    thrusts, part = allocate(*force, heading_rad, 30.0)
+    angles = [math.pi / 4, -math.pi / 4, -math.pi / 4, math.pi / 4]
+    north = sum(f * math.cos(heading_rad + angle) for f, angle in zip(thrusts, angles, strict=True))
+    east = sum(f * math.sin(heading_rad + angle) for f, angle in zip(thrusts, angles, strict=True))
+    assert (north, east) == pytest.approx((part * force[0], part * force[1]))
+    assert max(abs(thrust) for thrust in thrusts) <= 30.0 + 1e-9
+    assert (part == 1.0) == (force[0] < 100)
+
+
+def test_saturated_thrusters_accelerate_more_slowly_yet_it_stops_at_the_goal(config):
+    weak = replace(config, thruster_max_n=6.0, drag_n_per_m2_s2=1.0)
+    strong = SimulatedAPad(replace(config, drag_n_per_m2_s2=1.0))
+    apad = SimulatedAPad(replace(weak, max_speed_m_s=1.0))
+    for vehicle in (apad, strong):
+        vehicle.receive(GoTo(1, 20.0, 0.0, 1.0, 0.5), 0)
+        vehicle.advance(1000)
+    # 2 * 6 N on 25 kg: 0.48 m/s2 are there for the 0.3 that are wanted
+    assert apad.pose.speed_m_s == pytest.approx(0.3)
+    weaker = SimulatedAPad(replace(weak, thruster_max_n=2.5))
+    weaker.receive(GoTo(1, 20.0, 0.0, 1.0, 0.5), 0)
+    weaker.advance(1000)
+    # 2 * 2.5 N on 25 kg in the worst direction: 0.2 m/s2
+    assert weaker.pose.speed_m_s == pytest.approx(0.2)
+    weaker.advance(120_000)
+    assert (weaker.pose.north_m, weaker.pose.speed_m_s) == (20.0, 0.0)

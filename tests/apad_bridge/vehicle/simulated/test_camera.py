@@ -1,0 +1,70 @@
+"""The camera's geometry by hand, and the field's docking law before it: it comes to its end where an aMussel is docked."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from apad_bridge.ros.generation_b_shown import StatusShown
+from apad_bridge.scenario.loader import load
+from apad_bridge.vehicle.generation_b.messages import DockingOrder, PositionOrder, Status, slot_direction_rad
+from apad_bridge.vehicle.generation_b.simulated import GenerationBVehicle, Stage
+from apad_bridge.vehicle.simulated.apad import SimulatedAPad
+from apad_bridge.vehicle.simulated.camera import seen
+
+POOL = load(Path(__file__).parents[4] / "launch_scripts" / "scenarios" / "pool-12.yaml")
+NORTH_M, EAST_M = POOL.apad.start_m
+
+
+def test_at_the_docking_distance_it_is_where_docking_ends() -> None:
+    """0.4 m ahead and 0.5 m below: 51.34 degrees down, 21.64 below the axis; tan 21.64 / tan 25 = 0.851."""
+    there = seen((0.0, 0.0), 0.0, 0.0, (0.4, 0.0))
+    assert there is not None
+    assert (there.horizontal, there.vertical) == pytest.approx((0.0, 0.851), abs=0.001)
+
+
+def test_what_is_to_starboard_is_right_in_the_image_and_what_is_nearer_is_lower_and_larger() -> None:
+    far, near = seen((0.0, 0.0), 0.0, 0.0, (2.0, 0.5)), seen((0.0, 0.0), 0.0, 0.0, (1.0, 0.25))
+    assert far is not None and near is not None
+    assert far.horizontal > 0 and near.vertical > far.vertical and near.size > far.size
+    left = seen((0.0, 0.0), 0.0, 0.0, (2.0, -0.5))
+    assert left is not None and left.horizontal == pytest.approx(-far.horizontal)
+
+
+@pytest.mark.parametrize("slot", range(4))
+def test_it_looks_towards_its_slot_however_the_hull_lies(slot: int) -> None:
+    for heading_rad in (0.0, 1.0, -2.5):
+        bearing_rad = heading_rad + slot_direction_rad(slot)
+        target_m = (3 + math.cos(bearing_rad), 4 + math.sin(bearing_rad))
+        there = seen((3.0, 4.0), heading_rad, slot_direction_rad(slot), target_m)
+        assert there is not None and there.horizontal == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize("target_m", [(-1.0, 0.0), (0.0, 1.0), (0.2, 0.0), (7.0, 0.0)])
+def test_what_is_behind_beside_underneath_or_too_far_is_not_seen(target_m: tuple[float, float]) -> None:
+    assert seen((0.0, 0.0), 0.0, 0.0, target_m) is None
+
+
+@pytest.mark.parametrize("slot", range(4))
+@pytest.mark.parametrize("drift_m_s", [(0.0, 0.0), (0.01, -0.02)])
+def test_a_docking_by_the_fields_law_ends_at_the_amussel(slot: int, drift_m_s: tuple[float, float]) -> None:
+    """From two metres off, through 27 s of the servo's wait in which the water takes the boat, and a search if need be."""
+    target_m = (NORTH_M + 2.0, EAST_M + 0.3)
+    apad = GenerationBVehicle(SimulatedAPad(replace(POOL.apad, drift_m_s=drift_m_s)))
+    heading_rad = math.atan2(0.3, 2.0) - slot_direction_rad(slot)
+    apad.receive(PositionOrder(NORTH_M, EAST_M, heading_rad), 0)
+    apad.receive(DockingOrder(True, slot, 0.2, 0.3, 0.15, 0.2), 20_000)
+    for now_ms in range(20_000, 140_000, 100):
+        shown = apad.advance(now_ms)
+        done = [it for it in shown if isinstance(it, StatusShown) and it.status is Status.DONE]
+        if done:
+            break
+        pose = apad.pose
+        there = seen((pose.north_m, pose.east_m), pose.heading_rad, slot_direction_rad(slot), target_m)
+        if there is not None:
+            apad.detect(there.horizontal, there.vertical, now_ms)
+    assert done and apad.stage is Stage.OFF
+    assert math.dist((apad.pose.north_m, apad.pose.east_m), target_m) == pytest.approx(0.4, abs=0.05)

@@ -1,0 +1,125 @@
+"""Every phase with every event, against a table written here by hand; and the law of cuts."""
+
+from __future__ import annotations
+
+import itertools
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from apad_bridge.port.phases import Event, Phase
+from apad_bridge.scenario.schema import Docking, DockingProfile
+from apad_bridge.vehicle.commands import (
+    Arrived,
+    CloseDock,
+    CommandFailed,
+    DockClosed,
+    DockOpened,
+    PoseReported,
+)
+from apad_bridge.vehicle.docking import DockingPort
+from apad_bridge.vehicle.primitives import (
+    DockMussel,
+    GoToPoint,
+    HoldPosition,
+    PrimitiveFailed,
+    PrimitiveSucceeded,
+    UndockMussel,
+)
+
+DOCKING = Docking(profile=DockingProfile.VIRTUAL, dock_s=15, undock_s=5, timeout_s=60)
+OK, BAD, ACT, NOTHING = "succeeds", "fails", "commands the mechanism", "nothing"
+EXPECTED = {
+    Phase.IDLE: {},
+    Phase.GOING: {Event.ARRIVED: OK, Event.COMMAND_FAILED: BAD, Event.TIMED_OUT: BAD, Event.REPLACED: BAD},
+    Phase.HOLDING: {Event.COMMAND_FAILED: BAD, Event.REPLACED: OK},
+    Phase.WAITING: {Event.MECHANISM_DONE: OK, Event.WAIT_OVER: ACT, Event.REPLACED: BAD},
+    Phase.ACTING: {Event.MECHANISM_DONE: OK, Event.COMMAND_FAILED: BAD, Event.TIMED_OUT: BAD},
+}
+# A wait cannot time out: the schema has timeout_s longer than it, so it ends in acting first.
+PAIRS = [pair for pair in itertools.product(Phase, Event) if pair != (Phase.WAITING, Event.TIMED_OUT)]
+
+
+def port_in(phase: Phase) -> DockingPort:
+    """A port whose primitive has id 1, whose command (if any) has id 1, at time 20 000 ms."""
+    port = DockingPort(DOCKING)
+    if phase is Phase.GOING:
+        port.receive(GoToPoint(1, 50.0, 0.0, 0.5, 0.5), 20_000)
+    elif phase is Phase.HOLDING:
+        port.receive(HoldPosition(1, 0.0, 0.0), 20_000)
+    elif phase is Phase.WAITING:
+        port.receive(DockMussel(1, 0, 9), 20_000)
+    elif phase is Phase.ACTING:
+        port.receive(DockMussel(1, 0, 9), 5_000)
+        port.advance(20_000)
+    return port
+
+
+def happens(port: DockingPort, event: Event) -> list[object]:
+    """What the port says to `event`; the timers' events are reached by waiting, a little or long."""
+    match event:
+        case Event.ARRIVED:
+            return list(port.receive(Arrived(20_001, 1), 20_001))
+        case Event.COMMAND_FAILED:
+            return list(port.receive(CommandFailed(20_001, 1, "?"), 20_001))
+        case Event.MECHANISM_DONE:
+            return list(port.receive(DockClosed(20_001, 0, 9), 20_001))
+        case Event.WAIT_OVER:
+            return list(port.advance(35_000))
+        case Event.TIMED_OUT:
+            port.advance(35_000)
+            return list(port.advance(90_000))
+        case Event.REPLACED:
+            return list(port.receive(GoToPoint(2, 1.0, 1.0, 0.5, 0.5), 20_001))
+
+
+@pytest.mark.parametrize(("phase", "event"), PAIRS)
+def test_every_phase_with_every_event(phase, event):
+    actions = happens(port_in(phase), event)
+    endings = [action for action in actions if isinstance(action, PrimitiveSucceeded | PrimitiveFailed)]
+    expected = EXPECTED[phase].get(event, NOTHING)
+    assert [(type(ending), ending.primitive_id) for ending in endings] == {
+        OK: [(PrimitiveSucceeded, 1)],
+        BAD: [(PrimitiveFailed, 1)],
+    }.get(expected, [])
+    assert any(isinstance(action, CloseDock) for action in actions) == (expected == ACT)
+
+
+ids = st.integers(1, 6)
+metres = st.floats(-5, 5)
+END_MS = 200_000
+stimuli = st.one_of(
+    st.builds(GoToPoint, ids, metres, metres, st.just(0.5), st.just(0.5)),
+    st.builds(HoldPosition, ids, metres, metres),
+    st.builds(DockMussel, ids, st.integers(0, 3), ids),
+    st.builds(UndockMussel, ids, st.integers(0, 3), ids),
+    st.builds(PoseReported, st.just(0), metres, metres, st.just(0.0)),
+    st.builds(Arrived, st.just(0), ids),
+    st.builds(CommandFailed, st.just(0), ids, st.just("?")),
+    st.builds(DockClosed, st.just(0), st.integers(-1, 4), ids),
+    st.builds(DockOpened, st.just(0), st.integers(-1, 4), ids),
+)
+moments = st.lists(st.tuples(st.integers(0, END_MS), stimuli), max_size=25).map(
+    lambda found: sorted(found, key=lambda moment: moment[0])
+)
+
+
+@settings(deadline=None)
+@given(history=moments, cuts_ms=st.lists(st.integers(0, END_MS), max_size=30))
+def test_cutting_time_changes_nothing_and_no_primitive_ends_twice_or_never(history, cuts_ms):
+    traces = []
+    for cuts in ([], cuts_ms):
+        port = DockingPort(DOCKING)
+        both = [(at_ms, 1, stimulus) for at_ms, stimulus in history] + [(at_ms, 0, None) for at_ms in cuts]
+        actions = []
+        for at_ms, _, stimulus in sorted(both, key=lambda moment: moment[:2]):
+            actions += port.advance(at_ms) if stimulus is None else port.receive(stimulus, at_ms)
+        actions += port.advance(END_MS + 200_000)
+        traces.append(repr((actions, port.dropped, port.first_failure)))
+        ordered = [s for _, s in history if hasattr(s, "primitive_id")]
+        ended = [a for a in actions if isinstance(a, PrimitiveSucceeded | PrimitiveFailed)]
+        held = isinstance(port.running, HoldPosition)
+        assert len(ended) == len(ordered) - held
+        assert held or port.running is None
+    assert traces[0] == traces[1]

@@ -1,0 +1,346 @@
+"""The port before a vehicle that the test plays by hand: profiles, pre-emption, time-outs, stalls, wrong and late words."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import pytest
+
+from apad_bridge.scenario.schema import ArmUse, Docking, DockingProfile
+from apad_bridge.vehicle.commands import (
+    Arrived,
+    BatteryReported,
+    CloseDock,
+    CommandFailed,
+    DockClosed,
+    DockOpened,
+    GoTo,
+    Hold,
+    MoveArm,
+    OpenDock,
+    PoseReported,
+)
+from apad_bridge.vehicle.docking import DockingPort
+from apad_bridge.vehicle.primitives import (
+    DockChanged,
+    DockMussel,
+    GoToPoint,
+    HoldPosition,
+    PrimitiveFailed,
+    PrimitiveSucceeded,
+    UndockMussel,
+)
+
+VIRTUAL = Docking(profile=DockingProfile.VIRTUAL, dock_s=15, undock_s=5, timeout_s=60)
+VISUAL = replace(VIRTUAL, profile=DockingProfile.VISUAL)
+GO = GoToPoint(1, 10.0, 0.0, 0.5, 0.5)
+
+
+def pose(at_ms: int, north_m: float, east_m: float = 0.0) -> PoseReported:
+    return PoseReported(at_ms, north_m, east_m, 0.0)
+
+
+def test_a_go_to_succeeds_when_its_own_arrival_is_heard():
+    port = DockingPort(VIRTUAL)
+    assert port.receive(GO, 0) == [GoTo(1, 10.0, 0.0, 0.5, 0.5)]
+    assert port.receive(Arrived(900, 99), 1000) == []
+    assert port.receive(Arrived(2000, 1), 2000) == [PrimitiveSucceeded(2000, 1)]
+    assert port.next_due_ms is None
+    assert port.dropped == {"arrived: not of the running primitive": 1}
+
+
+def test_a_go_to_that_the_vehicle_gives_up_fails_with_its_reason():
+    port = DockingPort(VIRTUAL)
+    port.receive(GO, 0)
+    assert port.receive(CommandFailed(70, 1, "no GPS"), 100) == [PrimitiveFailed(100, 1, "no GPS")]
+
+
+def test_virtual_docking_waits_then_closes_and_hears():
+    port = DockingPort(VIRTUAL)
+    assert port.receive(DockMussel(4, 2, 9), 1000) == []
+    assert port.next_due_ms == 16_000
+    assert port.advance(15_999) == []
+    assert port.advance(16_000) == [CloseDock(1, 2, 9)]
+    assert port.receive(DockClosed(16_010, 2, 9), 17_000) == [
+        DockChanged(16_010, 2, 9, True),
+        PrimitiveSucceeded(17_000, 4),
+    ]
+    assert dict(port.docks.docked) == {2: 9}
+
+
+def test_virtual_undocking_waits_its_own_time():
+    port = DockingPort(VIRTUAL)
+    port.receive(DockClosed(0, 2, 9), 0)
+    assert port.receive(UndockMussel(5, 2, 9), 1000) == []
+    assert port.advance(6000) == [OpenDock(1, 2, 9)]
+    assert port.receive(DockOpened(6000, 2, 9), 6000) == [
+        DockChanged(6000, 2, 9, False),
+        PrimitiveSucceeded(6000, 5),
+    ]
+    assert dict(port.docks.docked) == {}
+
+
+def test_visual_docking_adds_no_time():
+    port = DockingPort(VISUAL)
+    assert port.receive(DockMussel(4, 2, 9), 1000) == [CloseDock(1, 2, 9)]
+    assert port.receive(DockClosed(42_000, 2, 9), 42_000)[-1] == PrimitiveSucceeded(42_000, 4)
+    assert port.receive(UndockMussel(5, 2, 9), 50_000) == [OpenDock(2, 2, 9)]
+
+
+def test_the_vehicles_word_for_the_slot_wins():
+    port = DockingPort(VISUAL)
+    port.receive(DockMussel(4, 2, 9), 0)
+    assert port.receive(DockClosed(10, 0, 9), 10) == [DockChanged(10, 0, 9, True), PrimitiveSucceeded(10, 4)]
+    assert port.receive(UndockMussel(5, 2, 9), 20) == [OpenDock(2, 0, 9)]
+
+
+def test_an_aMussel_that_is_held_already_is_not_asked_for_twice():
+    port = DockingPort(VIRTUAL)
+    port.receive(DockClosed(0, 3, 9), 0)
+    assert port.receive(DockMussel(4, 2, 9), 1000) == [PrimitiveSucceeded(1000, 4)]
+
+
+def test_docked_by_hand_while_the_port_still_waits():
+    port = DockingPort(VIRTUAL)
+    port.receive(DockMussel(4, 2, 9), 0)
+    assert port.receive(DockClosed(3000, 1, 9), 3000) == [
+        DockChanged(3000, 1, 9, True),
+        PrimitiveSucceeded(3000, 4),
+    ]
+    assert port.advance(100_000) == []
+
+
+def test_another_aMussel_in_the_dock_is_passed_on_and_is_not_the_one_asked_for():
+    port = DockingPort(VISUAL)
+    port.receive(DockMussel(4, 2, 9), 0)
+    assert port.receive(DockClosed(10, 2, 8), 10) == [DockChanged(10, 2, 8, True)]
+    assert port.receive(DockOpened(20, 2, 9), 20) == [DockChanged(20, 2, 9, False)]
+    assert port.running == DockMussel(4, 2, 9)
+
+
+@pytest.mark.parametrize("docking", [VIRTUAL, VISUAL])
+@pytest.mark.parametrize("primitive", [DockMussel(4, 2, 9), UndockMussel(4, 2, 9)])
+def test_a_silent_vehicle_ends_a_docking_at_the_time_out(docking, primitive):
+    port = DockingPort(docking)
+    port.receive(primitive, 1000)
+    port.advance(60_999)
+    [failure] = port.advance(61_000)
+    assert isinstance(failure, PrimitiveFailed)
+    assert (failure.at_ms, failure.primitive_id) == (61_000, 4)
+    assert "within 60 s" in failure.reason
+    assert port.next_due_ms is None
+
+
+def test_a_late_word_after_the_time_out_still_tells_of_the_dock():
+    port = DockingPort(VISUAL)
+    port.receive(DockMussel(4, 2, 9), 0)
+    port.advance(60_000)
+    assert port.receive(DockClosed(61_000, 2, 9), 61_000) == [DockChanged(61_000, 2, 9, True)]
+    assert port.receive(CommandFailed(61_001, 1, "?"), 61_001) == []
+    assert port.dropped == {"command_failed: not of the running primitive": 1}
+
+
+def test_a_refused_mechanism_fails_with_the_vehicles_reason():
+    port = DockingPort(VISUAL)
+    port.receive(DockMussel(4, 2, 9), 0)
+    assert port.receive(CommandFailed(5, 1, "dock 2 holds aMussel 3"), 5) == [
+        PrimitiveFailed(5, 4, "dock 2 holds aMussel 3")
+    ]
+
+
+def test_a_silent_vehicle_stalls_a_go_to():
+    port = DockingPort(VIRTUAL, stall_s=20)
+    port.receive(GO, 1000)
+    [failure] = port.advance(21_000)
+    assert isinstance(failure, PrimitiveFailed)
+    assert (failure.at_ms, "no pose" in failure.reason) == (21_000, True)
+
+
+def test_a_vehicle_that_gets_no_nearer_stalls_and_is_told_to_hold_where_it_is():
+    port = DockingPort(VIRTUAL, stall_s=20)
+    port.receive(pose(0, 0.0), 0)
+    port.receive(GO, 0)
+    port.receive(pose(10_000, 0.4), 10_000)  # 0.4 m: too little to count
+    port.receive(pose(19_000, 0.5), 19_000)  # 0.5 m since the start: counts
+    port.receive(pose(30_000, 0.9), 30_000)
+    assert port.advance(38_999) == []
+    failure, hold = port.advance(39_000)
+    assert isinstance(failure, PrimitiveFailed)
+    assert "9.5 m to go" in failure.reason
+    assert hold == Hold(2, 0.9, 0.0)
+
+
+def test_a_vehicle_that_falls_silent_on_the_way_is_told_apart_from_one_that_is_stuck():
+    port = DockingPort(VIRTUAL, stall_s=20)
+    port.receive(GO, 0)
+    port.receive(pose(3000, 1.5), 3000)
+    failure, _hold = port.advance(23_000)
+    assert isinstance(failure, PrimitiveFailed)
+    assert "no pose" in failure.reason
+
+
+def test_slow_and_steady_never_stalls():
+    port = DockingPort(VIRTUAL, stall_s=20)
+    port.receive(GO, 0)
+    for second in range(0, 330):
+        assert port.receive(pose(second * 1000, second * 0.03), second * 1000) == []
+
+
+def test_a_dock_on_the_way_pre_empts_the_go_to_and_holds_where_it_is():
+    port = DockingPort(VIRTUAL)
+    port.receive(GO, 0)
+    port.receive(pose(500, 1.5, 0.5), 500)
+    assert port.receive(DockMussel(2, 0, 9), 1000) == [
+        PrimitiveFailed(1000, 1, "pre-empted"),
+        Hold(2, 1.5, 0.5),
+    ]
+    assert port.receive(Arrived(1500, 1), 1500) == []
+
+
+def test_without_a_pose_there_is_nowhere_to_hold_and_that_is_counted():
+    port = DockingPort(VIRTUAL)
+    port.receive(GO, 0)
+    assert port.receive(DockMussel(2, 0, 9), 1000) == [PrimitiveFailed(1000, 1, "pre-empted")]
+    assert port.dropped == {"hold: no pose was ever heard": 1}
+
+
+def test_a_go_to_pre_empts_a_dock_that_still_waits():
+    port = DockingPort(VIRTUAL)
+    port.receive(DockMussel(2, 0, 9), 0)
+    assert port.receive(GO, 14_999) == [
+        PrimitiveFailed(14_999, 2, "pre-empted"),
+        GoTo(1, 10.0, 0.0, 0.5, 0.5),
+    ]
+
+
+@pytest.mark.parametrize("closed", [True, False])
+def test_a_dock_whose_mechanism_was_commanded_is_waited_for(closed):
+    port = DockingPort(VIRTUAL)
+    port.receive(DockMussel(2, 0, 9), 0)
+    port.advance(15_000)
+    assert port.receive(replace(GO, primitive_id=7), 15_001) == []
+    assert port.receive(replace(GO, primitive_id=8), 15_002) == [PrimitiveFailed(15_002, 7, "pre-empted")]
+    go = GoTo(2, 10.0, 0.0, 0.5, 0.5)
+    if closed:
+        assert port.receive(DockClosed(16_000, 0, 9), 16_000)[1:] == [PrimitiveSucceeded(16_000, 2), go]
+    else:
+        failure, then = port.advance(60_000)
+        assert (failure.primitive_id, then) == (2, go)
+    assert port.running == replace(GO, primitive_id=8)
+
+
+def test_a_hold_lasts_until_it_is_replaced_and_has_then_succeeded():
+    port = DockingPort(VIRTUAL)
+    assert port.receive(HoldPosition(3, 1.0, 2.0), 0) == [Hold(1, 1.0, 2.0)]
+    assert port.next_due_ms is None
+    assert port.advance(10_000_000) == []
+    assert port.receive(GO, 10_000_000)[0] == PrimitiveSucceeded(10_000_000, 3)
+
+
+def test_the_first_cause_of_a_run_of_failures_is_kept_until_something_succeeds():
+    port = DockingPort(VISUAL)
+    assert port.first_failure is None
+    port.receive(GO, 0)
+    port.receive(replace(GO, primitive_id=2), 1)  # pre-emption is no failure of anything
+    assert port.first_failure is None
+    port.receive(CommandFailed(2, 2, "no GPS"), 2)
+    port.receive(DockMussel(3, 0, 9), 3)
+    port.advance(100_000)
+    assert port.first_failure == PrimitiveFailed(2, 2, "no GPS")
+    port.receive(HoldPosition(5, 0.0, 0.0), 100_000)
+    port.receive(replace(GO, primitive_id=4), 100_000)
+    assert port.first_failure == PrimitiveFailed(2, 2, "no GPS")  # holding mends nothing
+    port.receive(Arrived(100_001, 5), 100_001)
+    assert port.first_failure is None
+
+
+@pytest.mark.parametrize(
+    ("fact", "reason"),
+    [
+        (pose(10, math.nan), "pose: not finite"),
+        (DockClosed(10, 4, 1), "dock: no such slot"),
+        (DockOpened(10, -1, 1), "dock: no such slot"),
+        (Arrived(10, 1), "arrived: while acting"),
+        (CommandFailed(10, 0, "?"), "command_failed: not of the running primitive"),
+    ],
+)
+def test_a_word_that_makes_no_sense_is_dropped_and_counted(fact, reason):
+    port = DockingPort(VISUAL)
+    port.receive(DockMussel(2, 0, 9), 0)
+    assert port.receive(fact, 10) == []
+    assert port.dropped == {reason: 1}
+    assert port.running == DockMussel(2, 0, 9)
+
+
+def test_battery_reports_are_none_of_its_business():
+    port = DockingPort(VISUAL)
+    assert port.receive(BatteryReported(0, 12.0, 0.4), 0) == []
+    assert not port.dropped
+
+
+def test_a_port_that_follows_another_numbers_its_commands_beyond_the_others():
+    port = DockingPort(VIRTUAL, first_command_id=1001)
+    assert port.receive(GO, 0) == [GoTo(1001, 10.0, 0.0, 0.5, 0.5)]
+    assert port.receive(Arrived(5, 1), 5) == []
+
+
+def test_time_going_back_and_a_stall_time_of_nothing_are_refused():
+    port = DockingPort(VIRTUAL)
+    port.advance(10)
+    with pytest.raises(ValueError, match="back"):
+        port.advance(9)
+    with pytest.raises(ValueError, match="stall_s"):
+        DockingPort(VIRTUAL, stall_s=0)
+
+
+def test_a_mechanism_that_misses_is_tried_again_and_its_first_cause_told() -> None:
+    port = DockingPort(replace(VIRTUAL, attempts=3))
+    port.receive(DockMussel(1, 2, 9), 0)
+    for attempt in (1, 2, 3):
+        assert port.advance(attempt * 15_000 - 1) == []
+        assert port.advance(attempt * 15_000) == [CloseDock(attempt, 2, 9)]
+        told = port.receive(CommandFailed(attempt * 15_000, attempt, f"miss {attempt}"), attempt * 15_000)
+        assert told == ([] if attempt < 3 else [PrimitiveFailed(45_000, 1, "miss 1")])
+    assert port.first_failure == PrimitiveFailed(45_000, 1, "miss 1")
+
+
+def test_one_that_holds_at_the_second_try_has_succeeded() -> None:
+    port = DockingPort(replace(VIRTUAL, attempts=2))
+    port.receive(DockMussel(1, 2, 9), 0)
+    port.advance(15_000)
+    port.receive(CommandFailed(15_000, 1, "missed"), 15_000)
+    port.advance(30_000)
+    assert PrimitiveSucceeded(30_000, 1) in port.receive(DockClosed(30_000, 2, 9), 30_000)
+    assert port.first_failure is None
+
+
+def test_what_waits_behind_a_mechanism_is_not_kept_waiting_by_another_try() -> None:
+    port = DockingPort(replace(VIRTUAL, attempts=3))
+    port.receive(DockMussel(1, 2, 9), 0)
+    port.advance(15_000)
+    port.receive(HoldPosition(2, 0.0, 0.0), 16_000)
+    told = port.receive(CommandFailed(17_000, 1, "missed"), 17_000)
+    assert PrimitiveFailed(17_000, 1, "missed") in told and port.running == HoldPosition(2, 0.0, 0.0)
+
+
+def test_a_virtual_docking_may_open_the_arm_meanwhile() -> None:
+    port = DockingPort(replace(VIRTUAL, arm=ArmUse.MOVED))
+    assert port.receive(DockMussel(1, 2, 9), 0) == [MoveArm(1, 2, True)]
+    assert port.advance(15_000) == [CloseDock(2, 2, 9)]
+    told = port.receive(DockClosed(15_000, 2, 9), 15_000)
+    assert told[1:] == [PrimitiveSucceeded(15_000, 1), MoveArm(3, 2, False)]
+
+
+def test_an_amussel_by_itself_may_be_docked_by_eye() -> None:
+    port = DockingPort(replace(VIRTUAL, camera_ids=(9,), visual_ids=(8,)), docks_by_eye=True)
+    for agent_id in (8, 9):
+        assert isinstance(port.receive(DockMussel(agent_id, 2, agent_id), 0)[-1], CloseDock)
+        port.receive(CommandFailed(0, agent_id - 7, "?"), 0)
+    assert port.receive(DockMussel(7, 2, 7), 0) == []
+
+
+def test_before_a_vehicle_without_eyes_a_camera_is_virtual() -> None:
+    port = DockingPort(replace(VIRTUAL, camera_ids=(9,)))
+    assert port.receive(DockMussel(1, 2, 9), 0) == []
+    assert port.advance(15_000) == [CloseDock(1, 2, 9)]

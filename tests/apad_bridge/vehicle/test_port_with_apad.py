@@ -1,0 +1,88 @@
+"""The port before the simulated aPad: one collection and one release, from primitive to outcome."""
+
+from __future__ import annotations
+
+import heapq
+
+import pytest
+
+from apad_bridge.scenario.schema import APad, APadBattery, Docking, DockingProfile
+from apad_bridge.vehicle.docking import DockingPort
+from apad_bridge.vehicle.primitives import (
+    DockChanged,
+    DockMussel,
+    GoToPoint,
+    PrimitiveFailed,
+    PrimitiveSucceeded,
+    UndockMussel,
+)
+from apad_bridge.vehicle.simulated.apad import SimulatedAPad
+
+BATTERY = APadBattery(
+    full_v=16.0, empty_v=10.5, capacity_wh=230, start_fraction=1.0, hotel_w=25, charging_w_per_dock=10
+)
+APAD = APad(
+    start_m=(0.0, 0.0),
+    max_speed_m_s=1.0,
+    max_acceleration_m_s2=0.3,
+    max_yaw_rate_rad_s=0.5,
+    mass_kg=25,
+    drag_n_per_m2_s2=40,
+    thruster_max_n=30,
+    thruster_w_per_n=6,
+    battery=BATTERY,
+)
+VIRTUAL = Docking(profile=DockingProfile.VIRTUAL, dock_s=15, undock_s=5, timeout_s=60)
+
+
+class Bench:
+    """Port and vehicle, advanced from due time to due time; every fact goes straight to the port."""
+
+    def __init__(self) -> None:
+        self.apad, self.port, self.now_ms = SimulatedAPad(APAD), DockingPort(VIRTUAL), 0
+
+    def outcome_of(self, primitive, until_ms: int):
+        """Run until the primitive has ended: its outcome, and the dock changes on the way."""
+        changes = []
+        pending = list(self.port.receive(primitive, self.now_ms))
+        while True:
+            while pending:
+                action = pending.pop(0)
+                if isinstance(action, PrimitiveSucceeded | PrimitiveFailed):
+                    return action, changes
+                if isinstance(action, DockChanged):
+                    changes.append(action)
+                    continue
+                for fact in self.apad.receive(action, self.now_ms):
+                    pending += self.port.receive(fact, self.now_ms)
+            dues = [due for due in (self.port.next_due_ms, self.apad.next_due_ms) if due is not None]
+            heapq.heapify(dues)
+            self.now_ms = dues[0]
+            assert self.now_ms <= until_ms, "the primitive did not end"
+            for fact in self.apad.advance(self.now_ms):
+                pending += self.port.receive(fact, self.now_ms)
+            pending += self.port.advance(self.now_ms)
+
+
+def test_collect_one_and_let_it_go_again():
+    bench = Bench()
+    arrived, _ = bench.outcome_of(GoToPoint(1, 14.0, 0.0, 0.5, 0.5), 60_000)
+    assert isinstance(arrived, PrimitiveSucceeded)
+    # about 29.7 s to rest; half a metre of mean distance is reached somewhat earlier
+    assert 27_000 < arrived.at_ms < 29_700
+    docked, changes = bench.outcome_of(DockMussel(2, 1, 9), 90_000)
+    assert docked == PrimitiveSucceeded(arrived.at_ms + 15_000, 2)
+    assert [(change.slot, change.agent_id, change.closed) for change in changes] == [(1, 9, True)]
+    assert dict(bench.apad.docked) == dict(bench.port.docks.docked) == {1: 9}
+    assert bench.apad.dock_position(1) == pytest.approx((13.9, 0.1))
+    undocked, changes = bench.outcome_of(UndockMussel(3, 1, 9), 90_000)
+    assert undocked == PrimitiveSucceeded(docked.at_ms + 5_000, 3)
+    assert [(change.slot, change.agent_id, change.closed) for change in changes] == [(1, 9, False)]
+
+
+def test_a_taken_dock_is_refused_by_the_vehicle_and_told_with_its_reason():
+    bench = Bench()
+    bench.outcome_of(DockMussel(1, 0, 5), 30_000)
+    refused, _ = bench.outcome_of(DockMussel(2, 0, 6), 60_000)
+    assert isinstance(refused, PrimitiveFailed)
+    assert refused.reason == "dock 0 holds aMussel 5"

@@ -1,0 +1,27 @@
+"""The page of states shows the table that the firmware runs by."""
+
+import re
+from pathlib import Path
+
+from firmware_model.bench.state_diagram import blocks, mermaid
+from firmware_model.states import TABLE, State, Trigger
+
+PAGE = Path(__file__).parents[3] / "docs/firmware-states.md"
+
+
+def test_the_page_is_current() -> None:
+    assert blocks() in PAGE.read_text(), "put what `musselbed mu states` prints into docs/firmware-states.md"
+
+
+def test_the_diagram_says_the_whole_table_and_nothing_else() -> None:
+    drawn = {}
+    for old, new, triggers in re.findall(r"^ +(\w+) --> (\w+): (.+)$", mermaid(), re.MULTILINE):
+        for trigger in triggers.split(", "):
+            drawn[State[old], Trigger[trigger]] = State[new]
+    assert drawn == TABLE
+
+
+def test_the_page_explains_every_state() -> None:
+    text = PAGE.read_text()
+    explained = set(re.findall(r"^- `(\w+)`", text, re.MULTILINE))
+    assert explained == {state.name for state in State}

@@ -1,0 +1,61 @@
+"""A VCD file against a reader of its own, which knows the format from the standard only."""
+
+import re
+
+import pytest
+
+from firmware_model.bench import Bench
+from firmware_model.bench.trace import line, vcd
+from firmware_model.packets import Kind
+from firmware_model.power.rails import Rail
+from firmware_model.table_one import HOURLY, board, power
+
+
+def read_vcd(text: str) -> dict[str, list[tuple[int, str]]]:
+    """(time, value) by variable's name."""
+    names: dict[str, str] = {}
+    found: dict[str, list[tuple[int, str]]] = {}
+    head, body = text.split("$enddefinitions $end\n")
+    for kind, _, code, name in re.findall(r"\$var (\w+) (\d+) (\S+) (\w+) \$end", head):
+        assert kind in ("wire", "real", "string") and code not in names
+        names[code] = name
+        found[name] = []
+    now = -1
+    for row in body.splitlines():
+        if row.startswith("#"):
+            assert int(row[1:]) > now
+            now = int(row[1:])
+        elif not row.startswith("$"):
+            value, code = row[1:].split(" ") if row[0] in "sr" else (row[0], row[1:])
+            found[names[code]].append((now, value))
+    return found
+
+
+def test_a_vcd_tells_states_rails_and_batteries() -> None:
+    bench = Bench(board(HOURLY, power()), primary=0.5)
+    bench.run(hours=1.5)
+    bench.command(Kind.PERMISSION)
+    bench.run(minutes=2)
+    waves = read_vcd(vcd(bench.trace, bench.courses, bench.config.charge, bench.now_ms))
+    assert {rail.name for rail in Rail} | {"state", "feed", "primary", "secondary"} == set(waves)
+    assert waves["state"][-4:] == [
+        (3_600_000, "SAMPLING"),
+        (3_610_000, "SLEEPING"),
+        (5_400_000, "SURFACING"),
+        (5_460_000, "FLOATING"),
+    ]
+    assert waves["OXYGEN"] == [(-1, "0"), (3_600_000, "1"), (3_610_000, "0")]
+    assert waves["MOTORS"] == [(-1, "0"), (5_400_000, "1"), (5_460_000, "0")]
+    assert waves["primary"][0] == (0, "0.5")
+    charges = [float(value) for _, value in waves["primary"]]
+    assert charges == sorted(charges, reverse=True) and len(charges) > 90
+    assert charges[-1] == pytest.approx(bench.primary_fraction, abs=1e-8)
+
+
+def test_lines_for_people() -> None:
+    bench = Bench(board(HOURLY, power()))
+    bench.run(hours=1.1)
+    lines = [line(action) for action in bench.trace]
+    assert "  1:00:00.000  SLEEPING -ALARM_RANG-> SAMPLING" in lines
+    assert "  1:00:00.000      OXYGEN on" in lines
+    assert "  1:00:10.000      sample logged" in lines

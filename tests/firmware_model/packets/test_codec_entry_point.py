@@ -1,0 +1,112 @@
+"""A laboratory's own packet layout, installed as a distribution: the example of docs/extending.md, word for word."""
+
+from __future__ import annotations
+
+import configparser
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from agents.coordinator import Coordinator, Heard
+from agents.hosting.in_process import OneProcess
+from agents.mussel.outputs import WifiSent
+from agents.mussel.stimuli import SoundArrived
+from apad_bridge.assembly import parts
+from apad_bridge.mission.events import WifiHeard
+from apad_bridge.scenario.loader import from_data, load, resolve
+from apad_bridge.scenario.starts import starts_of
+from firmware_model.packets import CommandPacket, Kind, StatusPacket
+from firmware_model.packets.codec import GROUP, Codec, load_codec
+from firmware_model.states import State
+
+ROOT = Path(__file__).parents[3]
+_SECTION = (ROOT / "docs" / "extending.md").read_text().partition("\n## Codecs\n")[2]
+STATUS = StatusPacket(7, 9, State.FLOATING, 0.5, 1.0, -3.25, 12.5, 0.0, 1_800_000)
+STATUS_LINE = b"$STATUS,7,9,FLOATING,0.50000,1.00000,-3.25,12.50,0.00,1800000*"
+
+
+def documented(name: str) -> str:
+    """The fenced block of the section that follows the line naming the file."""
+    found = re.search(rf"`{re.escape(name)}`:\n\n```\w*\n(.*?)```", _SECTION, re.DOTALL)
+    assert found, f"docs/extending.md shows no {name} under Codecs"
+    return found[1]
+
+
+@pytest.fixture
+def lines(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Codec:
+    """The documented package, as pip leaves it behind."""
+    setup = configparser.ConfigParser()
+    setup.read_string(documented("setup.cfg"))
+    name, version = setup["metadata"]["name"], setup["metadata"]["version"]
+    info = tmp_path / f"{name}-{version}.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: {version}\n")
+    (info / "entry_points.txt").write_text(f"[{GROUP}]{setup['options.entry_points'][GROUP]}\n")
+    (tmp_path / f"{setup['options']['py_modules']}.py").write_text(documented("lab_codec.py"))
+    monkeypatch.syspath_prepend(str(tmp_path))
+    return load_codec("lines")
+
+
+def test_the_layout_is_what_the_page_says(lines: Codec) -> None:
+    assert lines.encode(STATUS).startswith(STATUS_LINE)
+    assert lines.decode(lines.encode(STATUS)) == STATUS
+    for kind in (Kind.PERMISSION, Kind.RELEASE):
+        assert lines.decode(lines.encode(CommandPacket(kind, 7))) == CommandPacket(kind, 7)
+    assert lines.encode(CommandPacket(Kind.RELEASE, 7)) == b"$COMMAND,RELEASE,7*39"
+
+
+def test_bad_bytes_are_none(lines: Codec) -> None:
+    good = lines.encode(STATUS)
+    assert lines.decode(good) is not None
+
+    @given(
+        st.binary(max_size=80) | st.integers(0, len(good) - 1).map(lambda n: good[:n] + b"~" + good[n + 1 :])
+    )
+    def refused(data: bytes) -> None:
+        assert lines.decode(data) is None
+
+    refused()
+
+
+def test_a_fleet_that_speaks_it_is_heard_and_obeys(lines: Codec) -> None:
+    data = resolve(load(ROOT / "launch_scripts" / "scenarios" / "pool-12.yaml"))
+    data["hearing"]["codec"] = "lines"
+    scenario = from_data(data, "test")
+    births = parts.births(scenario, starts_of(scenario))
+    fleet = Coordinator(
+        OneProcess(parts.fleet_config(scenario), births), dict.fromkeys(births, 0), scenario.theta
+    )
+    supervisor = parts.supervisor(scenario)
+
+    spoken = {}
+    for now_ms in (1000, 2000):
+        for heard in fleet.advance(now_ms):
+            assert isinstance(heard, Heard) and isinstance(heard.output, WifiSent)
+            spoken[heard.agent_id] = heard.output.data
+            supervisor.receive(WifiHeard(heard.mission_ms, heard.output.data))
+        supervisor.advance(now_ms)
+    assert all(line.startswith(f"$STATUS,{agent_id},".encode()) for agent_id, line in spoken.items())
+    assert [belief.agent_id for belief in supervisor.beliefs.all()] == list(range(1, 13))
+    assert {belief.state for belief in supervisor.beliefs.all()} == {State.ACTIVE}
+    assert supervisor.dropped == {}
+
+    permission = lines.encode(CommandPacket(Kind.PERMISSION, 3))
+    fleet.receive(3, SoundArrived(permission), 2000)
+    for heard in fleet.advance(3000):
+        assert isinstance(heard, Heard) and isinstance(heard.output, WifiSent)
+        supervisor.receive(WifiHeard(heard.mission_ms, heard.output.data))
+    supervisor.advance(3000)
+    surfacing = [belief.agent_id for belief in supervisor.beliefs.all() if belief.state is State.SURFACING]
+    assert surfacing == [3]
+
+
+def test_a_supervisor_of_another_layout_counts_what_it_cannot_read(lines: Codec) -> None:
+    supervisor = parts.supervisor(load(ROOT / "launch_scripts" / "scenarios" / "pool-12.yaml"))
+    supervisor.receive(WifiHeard(500, lines.encode(replace(STATUS, agent_id=1))))
+    supervisor.advance(1000)
+    assert supervisor.beliefs.all() == []
+    assert dict(supervisor.dropped) == {"bytes that are no status packet": 1}

@@ -1,0 +1,158 @@
+"""The closed forms against the paper's own difference equations, Table I, and an iteration millisecond by millisecond."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from firmware_model.power.charge import (
+    FULL,
+    Battery,
+    ChargeModel,
+    Flow,
+    fraction,
+    grains,
+    grains_per_ms,
+    millivolts,
+)
+
+PAPER = ChargeModel.from_minutes(0.0010427134, ((0.16197, 0.001045), (0.5634, 0.00223), (1.0, 0.002911)))
+# Rates so high that a few milliseconds cross every breakpoint: the iteration below stays short.
+STEEP = ChargeModel(FULL // 700, ((FULL // 5, FULL // 300), (FULL // 2, FULL // 111), (FULL, FULL // 77)))
+
+charges = st.integers(0, FULL)
+flows = st.sampled_from(Flow)
+
+
+def iterated(model: ChargeModel, battery: Battery, steps: int) -> int:
+    """Equations (1) and (2) stepped once a millisecond, as the paper writes them, with a load beside the charger."""
+    curve = model.segments_by_two if battery.coils == 2 else model.segments
+
+    def segment(charge: int) -> tuple[int, int]:
+        end, rate = next((end, rate) for end, rate in curve if charge <= end)
+        return end, rate - battery.load
+
+    charge = battery.charge
+    for _ in range(steps):
+        if battery.flow is Flow.DISCHARGING:
+            charge -= model.discharge + battery.load
+        elif battery.flow is Flow.CHARGING:
+            end, net = segment(charge)
+            charge = min(FULL, max(0, charge + net))
+            # It does not rise into a segment in which it would not go on rising.
+            if net > 0 and charge > end and segment(charge)[1] <= 0:
+                charge = end
+        charge = min(FULL, max(0, charge))
+    return charge
+
+
+# Loads among the rates of the curves below, so that some segments rise and others fall.
+loads = st.one_of(st.just(0), st.integers(0, FULL // 60))
+# Not only rising: a charger that tapers off.
+TAPERED = ChargeModel(
+    0,
+    ((FULL // 5, FULL // 300), (FULL // 2, FULL // 77), (FULL, FULL // 200)),
+    ((FULL // 3, FULL // 90), (FULL // 2, FULL // 100), (FULL, FULL // 70)),
+)
+batteries = st.builds(Battery, st.just(1000), charges, flows, loads, st.sampled_from([1, 2]))
+
+
+@given(charges, flows, st.integers(0, 400))
+def test_closed_form_is_the_iteration(charge: int, flow: Flow, elapsed_ms: int) -> None:
+    battery = Battery(1000, charge, flow)
+    assert STEEP.charge_at(battery, 1000 + elapsed_ms) == iterated(STEEP, battery, elapsed_ms)
+
+
+@given(batteries, st.integers(0, 400))
+def test_closed_form_under_load_is_the_iteration(battery: Battery, elapsed_ms: int) -> None:
+    assert TAPERED.charge_at(battery, 1000 + elapsed_ms) == iterated(TAPERED, battery, elapsed_ms)
+
+
+@given(batteries, st.lists(st.integers(0, 600), max_size=5))
+def test_cutting_time_under_load_does_not_show(battery: Battery, cuts: list[int]) -> None:
+    cut = battery
+    for cut_ms in sorted(cuts):
+        cut = TAPERED.settle(cut, 1000 + cut_ms, cut.flow, cut.load)
+    assert TAPERED.charge_at(cut, 1700) == TAPERED.charge_at(battery, 1700)
+
+
+@given(batteries, charges)
+def test_falls_to_and_reaches_are_the_first_milliseconds_that_do(battery: Battery, target: int) -> None:
+    course = [TAPERED.charge_at(battery, 1000 + ms) for ms in range(700)]
+    for found_ms, there in (
+        (TAPERED.falls_to_at_ms(battery, target), [charge <= target for charge in course]),
+        (TAPERED.reaches_at_ms(battery, target), [charge >= target for charge in course]),
+    ):
+        first = 1000 + there.index(True) if any(there) else None
+        assert found_ms == first or (first is None and found_ms is not None and found_ms >= 1700)
+
+
+def test_a_load_above_the_charger_s_upper_rate_holds_the_charge_at_the_breakpoint() -> None:
+    # 1/77 a millisecond up to one half, and then 1/200 less a load of 1/100: it neither rises nor falls there.
+    battery = Battery(0, FULL // 4, Flow.CHARGING, FULL // 100)
+    assert TAPERED.charge_at(battery, 10_000) == FULL // 2
+    assert TAPERED.charge_at(Battery(0, FULL, Flow.CHARGING, FULL // 100), 10_000) == FULL // 2
+
+
+@given(charges, flows, st.lists(st.integers(0, 10**8), max_size=6))
+def test_cutting_time_does_not_show(charge: int, flow: Flow, cuts: list[int]) -> None:
+    whole = Battery(0, charge, flow)
+    cut = whole
+    for at_ms in sorted(cuts):
+        cut = PAPER.settle(cut, at_ms, flow)
+    end_ms = max(cuts, default=0) + 12345
+    assert PAPER.charge_at(cut, end_ms) == PAPER.charge_at(whole, end_ms)
+
+
+@given(charges)
+def test_empty_at_is_the_first_empty_millisecond(charge: int) -> None:
+    battery = Battery(0, charge, Flow.DISCHARGING)
+    empty_ms = PAPER.empty_at_ms(battery)
+    assert empty_ms is not None
+    assert PAPER.charge_at(battery, empty_ms) == 0
+    assert empty_ms == 0 or PAPER.charge_at(battery, empty_ms - 1) > 0
+
+
+@given(charges, charges)
+def test_reaches_at_is_the_first_millisecond_with_the_target(charge: int, target: int) -> None:
+    battery = Battery(0, charge, Flow.CHARGING)
+    at_ms = PAPER.reaches_at_ms(battery, target)
+    assert at_ms is not None
+    assert PAPER.charge_at(battery, at_ms) >= target
+    assert at_ms == 0 or PAPER.charge_at(battery, at_ms - 1) < target
+
+
+def test_full_discharge_takes_table_i_s_962_minutes_within_half_a_percent() -> None:
+    empty_ms = PAPER.empty_at_ms(Battery(0, FULL, Flow.DISCHARGING))
+    assert empty_ms is not None
+    assert empty_ms / 60_000 == pytest.approx(962, rel=0.005)
+    assert empty_ms / 60_000 == pytest.approx(1 / 0.0010427134, abs=0.001)
+
+
+def test_full_charge_takes_table_i_s_485_minutes() -> None:
+    # By hand: 0.16197/0.001045 + (0.5634 - 0.16197)/0.00223 + (1 - 0.5634)/0.002911 = 155.00 + 180.01 + 149.98 min.
+    full_ms = PAPER.reaches_at_ms(Battery(0, 0, Flow.CHARGING), FULL)
+    assert full_ms is not None
+    assert full_ms / 60_000 == pytest.approx(484.99, abs=0.02)
+
+
+def test_resting_and_discharging_batteries_never_reach_more() -> None:
+    assert PAPER.reaches_at_ms(Battery(0, 10, Flow.RESTING), 11) is None
+    assert PAPER.reaches_at_ms(Battery(0, 10, Flow.DISCHARGING), 11) is None
+    assert PAPER.empty_at_ms(Battery(0, 10, Flow.CHARGING)) is None
+
+
+def test_time_going_back_is_refused() -> None:
+    with pytest.raises(ValueError, match="time went back"):
+        PAPER.charge_at(Battery(10, 0, Flow.RESTING), 9)
+
+
+@pytest.mark.parametrize("rate", [0.0, -0.001, 0.00000000001])
+def test_a_rate_that_is_no_whole_number_of_grains_is_refused(rate: float) -> None:
+    with pytest.raises(ValueError, match="10 decimals"):
+        grains_per_ms(rate)
+
+
+def test_scales() -> None:
+    assert grains(0.5634) == 338_040_000_000_000
+    assert fraction(grains(0.25)) == 0.25
+    assert (millivolts(0), millivolts(FULL // 2), millivolts(FULL)) == (3600, 3900, 4200)

@@ -1,0 +1,100 @@
+"""Stories of a charger's pin that bounces, chatters, or whose edge nobody saw, on a board that sleeps."""
+
+import pytest
+
+from firmware_model.actions import Action, Dropped, StateChanged
+from firmware_model.bench import Bench
+from firmware_model.power.charge import Flow
+from firmware_model.states import State
+from firmware_model.table_one import FIELD, HOURLY, board, power
+
+MISSED = "an edge of the charger's pin was missed: its level told"
+CHATTER = "the charger's pin chatters: the greater part of the time decided"
+
+
+def told(actions: list[Action]) -> list[str]:
+    lines = []
+    for action in actions:
+        match action:
+            case StateChanged(at_ms, old, trigger, new):
+                lines.append(f"{at_ms} {old.name} -{trigger.name}-> {new.name}")
+            case Dropped(at_ms, reason):
+                lines.append(f"{at_ms} {reason}")
+    return lines
+
+
+def asleep(**start: float) -> Bench:
+    """Asleep, at 2 min and 1 ms."""
+    bench = Bench(board(HOURLY, power()), **start)  # type: ignore[arg-type]
+    bench.run(minutes=2, ms=1)
+    assert bench.state is State.SLEEPING
+    bench.trace.clear()
+    return bench
+
+
+def test_a_missed_rising_edge_is_found_by_the_next_sample_of_the_level() -> None:
+    bench = asleep(primary=0.5)
+    bench.charge_pin_rises(noticed=False)
+    assert told(bench.run(minutes=3)) == [
+        f"180000 {MISSED}",
+        "180050 SLEEPING -CHARGE_EDGE_ROSE-> CHARGING",
+    ]
+    # The charger did not wait for the firmware: 3 min at the two coils' second rate, drawn on in part meanwhile.
+    assert bench.primary_fraction == pytest.approx(0.5 + 3 * 1.2435 * 0.00223, abs=0.0015)
+
+
+def test_a_missed_falling_edge_is_found_too_and_it_still_waits_for_the_word_to_sink() -> None:
+    bench = asleep()
+    bench.charge_pin_rises()
+    bench.run(minutes=2)
+    bench.trace.clear()
+    bench.charge_pin_falls(noticed=False)
+    assert bench.board.primary.flow is not Flow.CHARGING
+    assert told(bench.run(minutes=4)) == [
+        f"300000 {MISSED}",
+        "300050 CHARGING -CHARGE_EDGE_FELL-> RELEASED",
+        "420050 RELEASED -CLEAR_TO_SINK-> SINKING",
+    ]
+
+
+def test_a_wake_finds_a_missed_edge_before_the_period_does() -> None:
+    bench = Bench(board(FIELD, power()))
+    bench.run_until(3_605_000)
+    assert bench.state is State.SAMPLING
+    bench.trace.clear()
+    bench.charge_pin_rises(noticed=False)
+    # The wake's next step, to the Pi, reads the pin.
+    assert told(bench.run(minutes=1)) == [
+        "3610000 SAMPLING -SAMPLES_TO_PROCESS-> PROCESSING",
+        f"3610000 {MISSED}",
+        "3610050 PROCESSING -CHARGE_EDGE_ROSE-> CHARGING",
+    ]
+
+
+def test_chatter_in_the_dock_is_no_release_while_the_charger_runs_for_most_of_it() -> None:
+    bench = asleep()
+    bench.charge_pin_rises()
+    bench.run(minutes=1)
+    bench.trace.clear()
+    chatter = told(bench.charge_pin_chatters(high_ms=30, low_ms=10, times=250))
+    assert len(chatter) == 4 and all(line.endswith(CHATTER) for line in chatter)
+    bench.charge_pin_rises()
+    bench.run(minutes=5)
+    assert bench.state is State.CHARGING
+
+
+def test_chatter_of_a_charger_that_hardly_runs_is_no_dock() -> None:
+    bench = asleep()
+    bench.charge_pin_chatters(high_ms=10, low_ms=30, times=250)
+    bench.run(minutes=1)
+    assert not any(isinstance(action, StateChanged) for action in bench.trace)
+    # Neither does it charge: what it gained in those 2.5 s of 10 s is 0.0001.
+    assert bench.state is State.SLEEPING and bench.board.primary.flow is not Flow.CHARGING
+
+
+def test_an_edge_while_it_boots_is_known_once_it_has_booted() -> None:
+    bench = Bench(board(HOURLY, power()))
+    bench.run(ms=1000)
+    bench.charge_pin_rises(noticed=False)
+    bench.run(ms=2000)
+    assert bench.state is State.CHARGING

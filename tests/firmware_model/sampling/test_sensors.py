@@ -1,0 +1,72 @@
+"""The sensors against calculations by hand: counts, ranges, noise, and that counts and values belong together."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from firmware_model.sampling.sensors import MAX_COUNT, SENSORS, Quantity, Sensor, sample, values
+
+LINEAR = Sensor((-10.0, 0.5), low=-5.0, high=100.0, noise=2.0)
+QUIET = (0.0, 0.0, 0.0, 0.0)
+
+
+def test_a_reading_by_hand() -> None:
+    assert LINEAR.read(7.0, 0.0) == (34, False)  # (7 + 10) / 0.5
+    assert LINEAR.read(7.0, 1.5) == (40, False)  # three more by its noise
+    assert LINEAR.read(7.2, 0.0) == (34, False)  # the nearer of 7 and 7.5
+    assert LINEAR.read(7.25, 0.0) == (34, False)  # the lower of two as near
+    assert LINEAR.value(34) == 7.0
+
+
+def test_beyond_its_range_it_reads_as_at_the_end() -> None:
+    assert LINEAR.read(100.0, 0.0) == (220, False)
+    assert LINEAR.read(100.1, 0.0) == (220, True)
+    assert LINEAR.read(-5.0, 0.0) == (10, False)
+    assert LINEAR.read(-5.1, 0.0) == (10, True)
+    assert LINEAR.read(99.0, 1.0) == (220, True)  # its noise took it there
+
+
+def test_coefficients_go_from_the_constant_on() -> None:
+    assert Sensor((1.0, 2.0, 3.0), low=1.0, high=6.0, noise=0.0).value(10) == 1 + 20 + 300
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "noise"), [(-11.0, 5.0, 0.0), (0.0, 1e9, 0.0), (5.0, 5.0, 0.0), (0.0, 5.0, -1.0)]
+)
+def test_a_sensor_that_cannot_be_is_refused(low: float, high: float, noise: float) -> None:
+    with pytest.raises(ValueError):
+        Sensor((-10.0, 0.5), low, high, noise)
+
+
+def test_the_calibrations_as_printed() -> None:
+    oxygen, pressure, temperature, turbidity = SENSORS
+    assert oxygen.value(40_000) == pytest.approx(2.4e-4 * 40_000 + 1.2e-9 * 1.6e9)  # 11.52 mg/l
+    assert pressure.read(1013.25 + 100.518 * 3, 0.0) == (8148, False)  # 1314.8 mbar, 3 m deep
+    assert temperature.read(21.5, 0.0) == (31_500, False)
+    assert turbidity.value(10_000) == pytest.approx(126.0)
+
+
+@pytest.mark.parametrize("quantity", Quantity)
+@given(st.integers(0, MAX_COUNT))
+def test_a_count_stands_for_a_value_that_reads_as_that_count(quantity: Quantity, count: int) -> None:
+    sensor = SENSORS[quantity]
+    assert sensor.count(sensor.value(count)) == count
+
+
+@pytest.mark.parametrize("quantity", Quantity)
+@given(st.floats(0, 1))
+def test_a_reading_is_within_half_a_step_of_what_is_true(quantity: Quantity, place: float) -> None:
+    sensor = SENSORS[quantity]
+    true = sensor.low + place * (sensor.high - sensor.low)
+    count, outside = sensor.read(true, 0.0)
+    step = sensor.value(min(MAX_COUNT, count + 1)) - sensor.value(max(0, count - 1))
+    assert not outside
+    assert abs(sensor.value(count) - true) <= step / 2 * (1 + 1e-6)
+
+
+def test_a_sample_of_all_four_and_what_it_stands_for() -> None:
+    counts, saturated = sample(SENSORS, (8.0, 1314.8, 21.5, 5000.0), QUIET)
+    assert counts[Quantity.PRESSURE] == 8148 and counts[Quantity.TEMPERATURE] == 31_500
+    assert saturated == 1 << Quantity.TURBIDITY
+    assert values(SENSORS, counts) == pytest.approx((8.0, 1314.8, 21.5, 1000.0), abs=0.01)
+    assert sample(SENSORS, (8.0, 0.0, 99.0, 5.0), QUIET)[1] == 0b0110
