@@ -32,8 +32,8 @@ from firmware_model.stimuli import (
 )
 
 if TYPE_CHECKING:
-    from firmware_model.keeper import Kept
     from firmware_model.power.power_path import PowerPath
+    from firmware_model.settings import Kept
     from firmware_model.timers import Deadline
 
 _DOCKED = (State.CHARGING, State.REPORTING)

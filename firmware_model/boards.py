@@ -10,7 +10,7 @@ from firmware_model.packets.codec import Codec
 from firmware_model.power.charge import Battery
 
 if TYPE_CHECKING:
-    from firmware_model.keeper import Kept
+    from firmware_model.settings import Kept
 
 
 def board_of(

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from firmware_model.clock import AlarmClock
 from firmware_model.config import Cycle, LastResort, Whole
-from firmware_model.keeper import Keeper
 from firmware_model.power.power_path import PowerPath
-from firmware_model.settings import Settings
+from firmware_model.settings import Keeper, Settings
 from firmware_model.states import State, Trigger
 
 Deadline = tuple[int, Trigger]

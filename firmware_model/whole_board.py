@@ -14,7 +14,6 @@ from firmware_model.actions import (
 )
 from firmware_model.board import Board
 from firmware_model.config import BoardConfig, Whole
-from firmware_model.keeper import Keeper, Kept
 from firmware_model.packets import (
     Beacon,
     Command,
@@ -33,6 +32,7 @@ from firmware_model.power.feed import Feed
 from firmware_model.power.power_path import Level, PowerPath
 from firmware_model.power.rails import Rail
 from firmware_model.power.switchboard import Switchboard
+from firmware_model.settings import Keeper, Kept
 from firmware_model.states import TABLE, State, Trigger
 from firmware_model.timers import Deadline, last_resort, whole_deadline
 

@@ -13,7 +13,7 @@ from firmware_model.actions import Buoyancy
 from firmware_model.power.charge import Battery, Flow
 
 if TYPE_CHECKING:
-    from firmware_model.keeper import Kept
+    from firmware_model.settings import Kept
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,7 +116,6 @@ def _unpacked(is_kept: bool, anchor_ms: int, reading_ms: int, *settings: int) ->
     if not is_kept:
         return None
     # Imported here: the paper's worst case keeps nothing, and its agents carry nothing that they do not use.
-    from firmware_model.keeper import Kept
-    from firmware_model.settings import Settings
+    from firmware_model.settings import Kept, Settings
 
     return Kept(anchor_ms, reading_ms, Settings(*settings))

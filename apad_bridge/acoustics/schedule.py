@@ -6,6 +6,10 @@ that makes its words arrive in it; and from time to time it says what time it is
 
 An aMussel that sets its clock by a beacon is late by the beacon's way, and its own words take as long again: so its offset
 is minus twice the way. Its guard is for what clocks drift between two beacons.
+
+Who was asked when, and whose answer is still awaited. Agent time.
+
+When an aPad may speak: outside of the aMussels' timeslots. Agent time.
 """
 
 from __future__ import annotations
@@ -20,11 +24,76 @@ from agents.packet_medium import Medium
 from agents.water.apad_modem import ANSWER_TIMEOUT_MS
 from apad_bridge.mission.events import Ping, Send, SupervisorAction
 from apad_bridge.mission.orders import Note
-from apad_bridge.talking.inquiries import ASK_AGAIN_MS, Inquiries
-from apad_bridge.talking.quiet import ALWAYS, Quiet
 from firmware_model.config import Slots
 from firmware_model.packets import EVERYONE, Beacon, CommandPacket, Kind, SlotAssignment
 from firmware_model.packets.codec import Codec
+
+ASK_AGAIN_MS = 600_000
+"""Before one that did not answer, or that too little is known of still, is asked again."""
+
+
+class Inquiries:
+    """Questions of one kind to many aMussels, one of which is asked at a time."""
+
+    def __init__(self) -> None:
+        self._asked_ms: dict[int, int] = {}
+        self._awaited: dict[int, int] = {}
+
+    def kept(self) -> list[tuple[int, int]]:
+        """Who was asked when. What is awaited is left out: it dies with the water that it is on its way in."""
+        return list(self._asked_ms.items())
+
+    def restore(self, kept: list[tuple[int, int]]) -> None:
+        self._asked_ms = dict(kept)
+
+    def next(self, wanted: Sequence[int], now_ms: int) -> int | None:
+        """The first of the `wanted` that may be asked now, which it so is."""
+        for agent_id in wanted:
+            if self._asked_ms.get(agent_id, now_ms - ASK_AGAIN_MS) + ASK_AGAIN_MS <= now_ms:
+                self._asked_ms[agent_id] = now_ms
+                return agent_id
+        return None
+
+    def await_answer(self, agent_id: int, until_ms: int) -> None:
+        """The question goes out; its answer has come by `until_ms`, and as long again as a modem waits is allowed for."""
+        self._awaited[agent_id] = until_ms + ANSWER_TIMEOUT_MS
+
+    def answered(self, agent_id: int) -> bool:
+        """It said how it is; whether that was awaited."""
+        return self._awaited.pop(agent_id, None) is not None
+
+    def given_up(self, now_ms: int) -> list[int]:
+        """Whose answer did not come in time, by id."""
+        late = sorted(agent_id for agent_id, until_ms in self._awaited.items() if until_ms < now_ms)
+        for agent_id in late:
+            del self._awaited[agent_id]
+        return late
+
+
+@dataclass(frozen=True, slots=True)
+class Quiet:
+    """The first `taken_ms` of each frame are the aMussels'; a frame that is all theirs leaves no choice."""
+
+    frame_ms: int
+    taken_ms: int
+
+    def first_ms(self, now_ms: int, lasting_ms: int) -> int:
+        """The first time from now on from which it is quiet for so long.
+
+        What lasts longer than any quiet begins with one; where there is none, it begins now.
+        """
+        if self.taken_ms >= self.frame_ms or self.taken_ms <= 0:
+            return now_ms
+        into_ms = now_ms % self.frame_ms
+        if into_ms < self.taken_ms:
+            return now_ms + self.taken_ms - into_ms
+        if into_ms + lasting_ms <= self.frame_ms or into_ms == self.taken_ms:
+            return now_ms
+        return now_ms + self.frame_ms - into_ms + self.taken_ms
+
+
+ALWAYS = Quiet(1, 0)
+"""Nobody has timeslots."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,8 +10,7 @@ from agents.mussel.physical import Physical
 from agents.mussel.reporter import Modem
 from apad_bridge.assembly.acoustics import ears_of
 from apad_bridge.assembly.estimator import fleet_beliefs
-from apad_bridge.assembly.water import generation_of
-from apad_bridge.known import Known
+from apad_bridge.assembly.water import agents_water, generation_of
 from apad_bridge.mission.breakdown import Breakdown
 from apad_bridge.mission.call_queue import CalledFront
 from apad_bridge.mission.energy_exchange import EnergyExchange
@@ -26,12 +25,12 @@ from apad_bridge.scenario.board_model import charge_model, clock_drift_ppb, whol
 from apad_bridge.scenario.schema import DriftMode, HearingMode, Scenario
 from apad_bridge.scenario.starts import Start
 from apad_bridge.scenario.water import ModemGeneration
+from apad_bridge.supervisor.context import Known
 from apad_bridge.supervisor.core import Supervisor
 from apad_bridge.supervisor.sample_collection import SampleCollection
 from apad_bridge.vehicle.docking import DockingPort
 from apad_bridge.vehicle.simulated.apad import SimulatedAPad
 from apad_bridge.vehicle.simulated.misses import Misses
-from apad_bridge.water_building import agents_water
 from firmware_model.packets.codec import load_codec
 
 

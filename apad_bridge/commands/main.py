@@ -9,8 +9,8 @@ from importlib import import_module
 from importlib.metadata import version
 from typing import Any
 
+from apad_bridge.runs.children import terminated_as_interrupted
 from apad_bridge.runs.exits import EXITS, Exit, UserError
-from apad_bridge.termination import terminated_as_interrupted
 
 _COMMANDS = (
     "run",

@@ -10,13 +10,13 @@ from typing import Any
 from apad_bridge.commands.outcome import report
 from apad_bridge.commands.run import peers_may_fail
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
+from apad_bridge.runs.children import supervisor_of
 from apad_bridge.runs.exits import EXITS, UserError
-from apad_bridge.runs.failures import PeerFailed
 from apad_bridge.runs.parent import start_supervisor, watch_supervisor
-from apad_bridge.runs.pid_file import supervisor_of
 from apad_bridge.runs.progress import FlightProgress
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.run_options import APadKind, RunOptions, TimeSource
+from apad_bridge.vehicle.errors import PeerFailed
 
 
 def add_parser(commands: Any) -> None:

@@ -21,14 +21,14 @@ from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
 from apad_bridge.runs import parent
 from apad_bridge.runs.dry_run import first_plan
 from apad_bridge.runs.exits import EXITS, Exit, UserError
-from apad_bridge.runs.failures import PeerFailed
-from apad_bridge.runs.here import fly_here
+from apad_bridge.runs.flying import fly_here
 from apad_bridge.runs.progress import FlightProgress
 from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.loader import load, with_overrides
 from apad_bridge.scenario.run_options import APadKind, OnDeath, Part, RunOptions, TimeSource
 from apad_bridge.scenario.schema import Generation, Hosting, Scenario
 from apad_bridge.scenario.starts import Start, starts_of
+from apad_bridge.vehicle.errors import PeerFailed
 
 _TIMES = """asap: virtual time, as fast as the machine goes, the simulated aPad in the same process, no ROS;
 wall: real time (times --speed with the simulated aPad); ros: the /clock of somebody else's master"""

@@ -15,7 +15,7 @@ from apad_bridge.commands.outcome import report
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
 from apad_bridge.runs import parent
 from apad_bridge.runs.exits import EXITS, Exit, UserError
-from apad_bridge.runs.here import fly_here
+from apad_bridge.runs.flying import fly_here
 from apad_bridge.runs.progress import FlightProgress
 from apad_bridge.scenario.run_options import APadKind, OnDeath, Part, TimeSource
 from apad_bridge.scripting.program import SCRIPT_FAILED, ScriptError, ScriptFront, as_program

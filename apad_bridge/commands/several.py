@@ -12,14 +12,14 @@ from apad_bridge.commands.outcome import print_plan, report
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
 from apad_bridge.runs.dry_run import first_plan
 from apad_bridge.runs.exits import Exit, UserError
-from apad_bridge.runs.failures import PeerFailed
 from apad_bridge.runs.progress import FlightProgress
+from apad_bridge.runs.several.lockstep import fly_in_step
 from apad_bridge.runs.several.parent import directory_of, fly_side_by_side
 from apad_bridge.runs.several.summary import of_all
 from apad_bridge.scenario.run_options import APadKind, Part, RunOptions, TimeSource
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import Start, read_starts, save_starts
-from apad_bridge.squad.in_step import fly_in_step
+from apad_bridge.vehicle.errors import PeerFailed
 
 
 def run(

@@ -1,8 +1,13 @@
-"""Docking and undocking for a commanded mission: one at a time, from the order to its end."""
+"""Docking and undocking for a commanded mission: one at a time, from the order to its end.
+
+Taking an aMussel into a dock, as the paper's mission does: let it surface, wait until it floats, then the mechanism.
+"""
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
+from enum import Enum, auto
 
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.mission.charging_watch import ChargingWatch
@@ -12,11 +17,50 @@ from apad_bridge.mission.orders import PermitSurfacing, TellClear
 from apad_bridge.mission.sources import BeliefSource
 from apad_bridge.mission.values import Refused, Status, dock_of
 from apad_bridge.scenario.schema import Mission
-from apad_bridge.scripting.docking_routine import AwaitSurfacing, GivenUp, Next
 from apad_bridge.vehicle.commands import AS_THE_SCENARIO_SAYS, Manoeuvre
 from apad_bridge.vehicle.docking import PRE_EMPTED
 from apad_bridge.vehicle.primitives import DockMussel, UndockMussel
 from firmware_model.state_groups import BEYOND_HELP
+from firmware_model.states import State
+
+
+class Next(Enum):
+    WAIT = auto()
+    PERMIT = auto()
+    """Tell it (again) that it may surface."""
+    CLOSE = auto()
+    """It floats: the mechanism may close."""
+
+
+class GivenUp(Exception):
+    """The routine ends here; its text is why."""
+
+
+@dataclass(slots=True)
+class AwaitSurfacing:
+    """Asked at every tick what to do next, until it floats or is given up (see `Mission`'s times in the scenario)."""
+
+    slot: int
+    agent_id: int
+    since_ms: int
+    permissions: int = 0
+
+    def look(self, belief: Belief | None, config: Mission, now_ms: int) -> Next:
+        """What to do at `now_ms`; raises GivenUp."""
+        if belief is not None and belief.state is State.FLOATING:
+            return Next.CLOSE
+        waited_ms = now_ms - self.since_ms
+        if belief is not None and belief.state is State.SURFACING:
+            if waited_ms > config.silence_timeout_s * 1000:
+                raise GivenUp("it does not come up")
+            return Next.WAIT
+        if waited_ms < config.permission_repeat_s * 1000 * self.permissions:
+            return Next.WAIT
+        if self.permissions >= config.surfacing_attempts:
+            raise GivenUp("it does not answer the permission to surface")
+        self.permissions += 1
+        return Next.PERMIT
+
 
 REACH_M = 3.0
 """An aMussel believed farther away than this (or twice the victory radius) is not within a mechanism's reach."""

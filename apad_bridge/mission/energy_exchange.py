@@ -2,25 +2,24 @@
 
 One aPad serves the aMussels it believes in. It acts when `advance` is called, which the supervisor does at every mission
 tick. Every wait ends: see `Mission` in the scenario for the times, and the notes that say what was given up.
+
+An aMussel heard at the surface that nobody comes for: it is told that it may sink, and told again.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Container, Iterable
 from dataclasses import dataclass
 
 from apad_bridge.beliefs.belief import Belief
-from apad_bridge.mission.appearances import comes_up, floats
 from apad_bridge.mission.charging_watch import ChargingWatch
-from apad_bridge.mission.homes import with_new_homes
 from apad_bridge.mission.order_book import OrderBook
 from apad_bridge.mission.orders import Order, PermitSurfacing, TellClear
 from apad_bridge.mission.plans import asked, plan_note
-from apad_bridge.mission.pool import ChargingPool, situation_of, unheard
+from apad_bridge.mission.pool import ChargingPool, comes_up, floats, situation_of, unheard
 from apad_bridge.mission.sources import BeliefSource
-from apad_bridge.mission.state import MissionState, Phase
-from apad_bridge.mission.strays import Strays
+from apad_bridge.mission.state import MissionState, Phase, with_new_homes
 from apad_bridge.planning.candidates import Situation
 from apad_bridge.planning.solution import Solution, Step, StepKind
 from apad_bridge.planning.strategy import CollectionStrategy, RedeploymentStrategy
@@ -35,6 +34,33 @@ from apad_bridge.vehicle.primitives import (
     PrimitiveSucceeded,
     UndockMussel,
 )
+from firmware_model.state_groups import UP_AND_UNDOCKED
+
+
+class Strays:
+    def __init__(self, repeat_ms: int) -> None:
+        self._repeat_ms = repeat_ms
+        self._told_ms: dict[int, int] = {}
+
+    def to_tell(self, beliefs: Iterable[Belief], expected: Container[int], now_ms: int) -> list[int]:
+        """Ids to tell now, to be told: heard at this very time at the surface, not `expected` there, not told of late.
+
+        One that was told at its release and is heard up there did not get the word, for a board asleep in its dock has its
+        Wi-Fi off.
+
+        An empty one is not told: it came up for its life, or would be as empty below, and can be fetched where it is.
+        """
+        found = [
+            belief.agent_id
+            for belief in beliefs
+            if belief.state in UP_AND_UNDOCKED
+            and belief.primary > 0
+            and belief.agent_id not in expected
+            and belief.heard_ms == now_ms
+            and now_ms - self._told_ms.get(belief.agent_id, now_ms - self._repeat_ms) >= self._repeat_ms
+        ]
+        self._told_ms.update(dict.fromkeys(found, now_ms))
+        return found
 
 
 @dataclass(frozen=True, slots=True)

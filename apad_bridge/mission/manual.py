@@ -13,11 +13,10 @@ from typing import Protocol
 
 from apad_bridge.mission.docking_routine import DockingDesk
 from apad_bridge.mission.event_log import EventLog
-from apad_bridge.mission.homes import with_new_homes
 from apad_bridge.mission.order_book import OrderBook
 from apad_bridge.mission.orders import Order, PermitSurfacing, TellClear
 from apad_bridge.mission.sources import Foretelling
-from apad_bridge.mission.state import MissionState, Phase
+from apad_bridge.mission.state import MissionState, Phase, with_new_homes
 from apad_bridge.mission.values import Refused, Status, dock_of
 from apad_bridge.scenario.local_frame import FARTHEST_M
 from apad_bridge.scenario.schema import Mission

@@ -1,18 +1,41 @@
-"""Who may be collected, and what a planner is told of them: both from beliefs."""
+"""Who may be collected, and what a planner is told of them: both from beliefs.
+
+Where an aMussel seems to be: by its last packet, or by a belief that is carried past it.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 
 from apad_bridge.beliefs.belief import Belief
-from apad_bridge.beliefs.modes import LIKELY
-from apad_bridge.mission.appearances import can_be_fetched
+from apad_bridge.beliefs.modes import DOCKED, LIKELY, Mode
 from apad_bridge.mission.sources import BeliefSource
 from apad_bridge.mission.state import MissionState
 from apad_bridge.planning.candidates import Candidate, Situation
 from apad_bridge.scenario.schema import Mission
-from firmware_model.state_groups import BEYOND_HELP
+from firmware_model.state_groups import BEYOND_HELP, TO_BE_FETCHED
 from firmware_model.states import State
+
+
+def floats(belief: Belief) -> bool:
+    if belief.is_carried:
+        return belief.probability_of(Mode.FLOATING) >= LIKELY
+    return belief.state is State.FLOATING
+
+
+def comes_up(belief: Belief) -> bool:
+    """It floats, or is on its way."""
+    if belief.is_carried:
+        return belief.probability_of(Mode.SURFACING, Mode.FLOATING) >= LIKELY
+    return belief.state in (State.FLOATING, State.SURFACING)
+
+
+def can_be_fetched(belief: Belief) -> bool:
+    """An aPad that goes there and permits it to surface finds it."""
+    if belief.is_carried:
+        return belief.probability_of(*DOCKED, Mode.LOST) < LIKELY
+    return belief.state in TO_BE_FETCHED
+
 
 SLOTS = 4
 

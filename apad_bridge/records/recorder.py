@@ -10,15 +10,13 @@ from typing import Any
 
 from agents.mussel.outputs import Truth
 from apad_bridge.beliefs.belief import Belief
-from apad_bridge.known import Known
 from apad_bridge.records.bag import BagWriter, repair_bag
 from apad_bridge.records.changes import APadChanges, BeliefChanges, differs_in_kind, has_moved
 from apad_bridge.records.checkpoint import Notebook
 from apad_bridge.records.journal import Journal, JournalContents, Line, read_journal
 from apad_bridge.records.packet_lines import sound_rows
 from apad_bridge.records.run_directory import RunDirectory
-from apad_bridge.records.sample_figures import SAMPLE_KEYS, sample_figures
-from apad_bridge.records.sample_file import SampleFile
+from apad_bridge.records.sample_file import SAMPLE_KEYS, SampleFile, sample_figures
 from apad_bridge.records.samples import TruthSample, Water, apad_sample, belief_sample
 from apad_bridge.records.summary import Ending, uptime_figures
 from apad_bridge.records.truth_lines import truth_data, truth_of
@@ -26,6 +24,7 @@ from apad_bridge.records.uptime import UptimeMeter
 from apad_bridge.scenario.board_model import takes_samples
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import Start, save_starts
+from apad_bridge.supervisor.context import Known
 from apad_bridge.supervisor.roster import Presence
 from apad_bridge.vehicle.commands import BatteryReported, PoseReported
 from firmware_model.sampling.sample_record import SampleRecord

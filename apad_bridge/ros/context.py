@@ -25,11 +25,9 @@ from apad_bridge.ros.links.laboratory import Laboratory
 from apad_bridge.ros.links.packet_router import FleetRadio, MissionRadio, RealRadio
 from apad_bridge.ros.links.several_router import SquadRadio
 from apad_bridge.ros.links.vehicles import READY_S, APadLink, TruthsAt, is_of_generation_b, open_apad
-from apad_bridge.ros.silence_watch import SilenceWatch
 from apad_bridge.ros.system.master_watch import MasterWatch, Noticed
 from apad_bridge.ros.system.ros_pace import FollowedClock, OwnMasterClock
 from apad_bridge.ros_names.namespaces import beside_others, is_one_of_several
-from apad_bridge.runs.failures import PeerFailed
 from apad_bridge.scenario.lab_interface.names import DEFAULT, load_names
 from apad_bridge.scenario.local_frame import LocalFrame
 from apad_bridge.scenario.run_options import APadKind, Part, RunOptions, TimeSource
@@ -38,8 +36,9 @@ from apad_bridge.supervisor.clock import Pace, WallClock
 from apad_bridge.supervisor.context import Surroundings, Watcher
 from apad_bridge.supervisor.fleet import Fleet
 from apad_bridge.supervisor.roster import Presences, Roll
-from apad_bridge.vehicle.errors import VehicleNotReady
+from apad_bridge.vehicle.errors import PeerFailed, VehicleNotReady
 from apad_bridge.vehicle.listening_link import ListeningLink
+from apad_bridge.vehicle.telemetry import SilenceWatch
 from firmware_model.packets.codec import load_codec
 
 _NODES = {Part.WHOLE: "musselbed", Part.FLEET: "musselbed_fleet", Part.MISSION: "musselbed_mission"}

@@ -1,4 +1,7 @@
-"""One supervisor's flight, from the parts that the options name to the summary on disk."""
+"""One supervisor's flight, from the parts that the options name to the summary on disk.
+
+A flight in virtual time with the supervisor and the simulated aPad in this process, and with its records.
+"""
 
 from __future__ import annotations
 
@@ -13,17 +16,20 @@ from agents.hosting.in_process import OneProcess
 from agents.hosting.process_host import ProcessHost
 from apad_bridge.assembly import parts
 from apad_bridge.assembly.water import fleet_of
-from apad_bridge.known import Known
 from apad_bridge.mission.call_queue import CalledFront
 from apad_bridge.mission.manual import Front
 from apad_bridge.mission.state import MissionState
 from apad_bridge.records.recorder import Recorder
+from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.records.summary import Ending
+from apad_bridge.runs import flying
+from apad_bridge.runs.nurseries import FOLDER
+from apad_bridge.runs.progress import Shows
 from apad_bridge.runs.status import Status
 from apad_bridge.scenario.schema import Hosting, Scenario
 from apad_bridge.scenario.starts import Start
 from apad_bridge.supervisor.clock import AsFastAsPossible
-from apad_bridge.supervisor.context import Announce, Surroundings
+from apad_bridge.supervisor.context import Announce, Known, Surroundings
 from apad_bridge.supervisor.core import TICK_MS, Supervisor
 from apad_bridge.supervisor.fleet import Fleet
 from apad_bridge.supervisor.loop import Flight
@@ -31,6 +37,26 @@ from apad_bridge.supervisor.sample_collection import SampleCollection
 from apad_bridge.vehicle.commands import DockClosed
 from apad_bridge.vehicle.link import InProcessVehicle
 from apad_bridge.vehicle.primitives import PrimitiveFailed
+
+
+def fly_here(
+    scenario: Scenario,
+    starts: Sequence[Start],
+    directory: RunDirectory,
+    progress: Shows,
+    fronts: Sequence[Front] = (),
+) -> dict[str, Any]:
+    """Flies to the end and gives the summary."""
+    recorder = Recorder(directory, scenario, parts.agent_ids(scenario))
+    flying.journal_start(recorder, scenario, starts)
+    fleet = flying.open_fleet(scenario, starts, directory.path / FOLDER)
+    try:
+        course = flying.Course(fronts=tuple(fronts))
+        return flying.fly(scenario, flying.in_process(scenario, fleet), recorder, progress.show, course)
+    finally:
+        recorder.close()
+        fleet.host.close()
+
 
 JOURNAL_FORMAT = 1
 _COMMAND_IDS_PER_EPOCH = 1_000_000

@@ -12,10 +12,10 @@ from agents.hosting.process_host import ProcessHost
 from agents.nursery.launch import NoNursery, launch_nursery, prepare
 from apad_bridge.assembly import parts
 from apad_bridge.assembly.water import fleet_of
-from apad_bridge.runs.failures import PeerFailed
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import Start
 from apad_bridge.supervisor.fleet import Fleet
+from apad_bridge.vehicle.errors import PeerFailed
 
 FOLDER = "fleet"
 _LAST_EPOCH = 2**31

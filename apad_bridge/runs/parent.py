@@ -20,15 +20,14 @@ from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.ros.simulated_node.apad_process import APadNodeFailed, start_apad_node, stop_apad_node
 from apad_bridge.ros.system.master import MasterFailed, start_master
 from apad_bridge.ros.system.route import environment_for, free_port, somebodys_master
-from apad_bridge.runs.children import Child
-from apad_bridge.runs.failures import PeerFailed
+from apad_bridge.runs.children import Child, supervisor_of
 from apad_bridge.runs.nurseries import end_fleet, start_nursery
-from apad_bridge.runs.pid_file import supervisor_of
 from apad_bridge.runs.progress import Shows
 from apad_bridge.runs.status import Status
 from apad_bridge.scenario.run_options import APadKind, OnDeath, Part, RunOptions
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import Start
+from apad_bridge.vehicle.errors import PeerFailed
 
 _END_S = 4.0
 """A supervisor that was asked to end in order is killed after so long; all is over within 5 s."""

@@ -12,20 +12,20 @@ from agents.coordinator import Coordinator
 from agents.mussel.stimuli import Placed, from_wire, to_wire
 from apad_bridge.assembly import parts
 from apad_bridge.beliefs.fleet import FleetBeliefs
-from apad_bridge.known import Known
 from apad_bridge.mission.state import MissionState
 from apad_bridge.records.checkpoint import NoNotebook, recall
 from apad_bridge.records.journal import JournalContents, Line
 from apad_bridge.records.recorder import Recorder, Resumed
 from apad_bridge.records.run_directory import RunDirectory
-from apad_bridge.runs.failures import PeerFailed
 from apad_bridge.runs.flying import GoOn, journal_start
 from apad_bridge.scenario.run_options import Part, RunOptions
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
+from apad_bridge.supervisor.context import Known
 from apad_bridge.supervisor.core import PRIMITIVE_NAMES
 from apad_bridge.supervisor.roster import Became, Presence, Presences
 from apad_bridge.vehicle.docking import PRE_EMPTED
+from apad_bridge.vehicle.errors import PeerFailed
 from apad_bridge.vehicle.primitives import HoldPosition, PrimitiveFailed
 
 _PLACED = to_wire(Placed(0, 0, 0, 0, 0))[0]

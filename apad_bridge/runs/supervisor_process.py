@@ -22,11 +22,10 @@ from apad_bridge.ros.context import open_surroundings
 from apad_bridge.ros.gateway.primitive_services import primitives_offered
 from apad_bridge.ros.system.route import why_silent
 from apad_bridge.runs import flying, resuming
+from apad_bridge.runs.children import supervising
 from apad_bridge.runs.dry_run import dry
 from apad_bridge.runs.exits import Exit
-from apad_bridge.runs.failures import PeerFailed
 from apad_bridge.runs.nurseries import adopt
-from apad_bridge.runs.pid_file import supervising
 from apad_bridge.runs.several.member import seat_of
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.run_options import Part, RunOptions
@@ -35,6 +34,7 @@ from apad_bridge.scripting.handover import REAL_TIME
 from apad_bridge.scripting.program import ScriptFront, as_program
 from apad_bridge.supervisor.context import Surroundings
 from apad_bridge.supervisor.fleet import Fleet
+from apad_bridge.vehicle.errors import PeerFailed
 
 
 def say(line: str) -> None:

@@ -18,11 +18,24 @@ from apad_bridge.planning.costs import CostBreakdown
 from apad_bridge.scenario.local_frame import FARTHEST_M
 from apad_bridge.scripting import planned
 from apad_bridge.scripting.arguments import looks_at_arguments
-from apad_bridge.scripting.behaviours import Behaviour
 from apad_bridge.scripting.handover import Wait
 from apad_bridge.scripting.planned import Plan
 from apad_bridge.scripting.queries import FOR_EVER_S, Known
 from apad_bridge.vehicle.commands import Manoeuvre
+
+
+class Behaviour:
+    """Derive from it and say what `tick` does. What a behaviour remembers is its own, so it can be run again or nested."""
+
+    def begin(self, api: Api) -> None:
+        """Before the first tick."""
+
+    def tick(self, api: Api) -> bool:
+        """Once a mission second; True when it is done. It may also sleep and wait, which takes as long as it takes."""
+        raise NotImplementedError
+
+    def event(self, api: Api, event: Event) -> None:
+        """Each event since the tick before, in order."""
 
 
 @looks_at_arguments

@@ -1,4 +1,7 @@
-"""A script's file: read and compiled before anything starts, run in a thread of its own, its failure as one line."""
+"""A script's file: read and compiled before anything starts, run in a thread of its own, its failure as one line.
+
+The `time` that a script is given: its sleep follows mission time, its clocks show mission time, the rest is Python's.
+"""
 
 from __future__ import annotations
 
@@ -6,7 +9,9 @@ import builtins
 import io
 import sys
 import threading
+import time
 import traceback
+import types
 from collections.abc import Callable
 from pathlib import Path
 from types import CodeType
@@ -17,7 +22,20 @@ from apad_bridge.scenario.local_frame import LocalFrame
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scripting.api import Api
 from apad_bridge.scripting.handover import AS_FAST_AS_POSSIBLE, Aborted, Do, Finished, Handover, Turns, Wait
-from apad_bridge.scripting.mission_time import MissionTime
+
+
+class MissionTime(types.ModuleType):
+    """Stands where a script says `time` or `import time`: seconds since the flight began."""
+
+    def __init__(self, api: Api) -> None:
+        super().__init__("time", "Mission time, for a script of an aPad.")
+        self.sleep = api.sleep
+        self.time = self.monotonic = self.perf_counter = api.now
+        self.time_ns = self.monotonic_ns = self.perf_counter_ns = lambda: round(api.now() * 1e9)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(time, name)
+
 
 SCRIPT_FAILED = "failure of the script"
 """How a reason begins when the script raised, or was stuck."""

@@ -1,4 +1,7 @@
-"""What is around a supervisor that flies, in one value: whoever runs a flight puts it together, the flight lives in it."""
+"""What is around a supervisor that flies, in one value: whoever runs a flight puts it together, the flight lives in it.
+
+What a supervisor has learned, and the next one goes on with.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +10,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Protocol
 
+from apad_bridge.acoustics.ranging import Ears
 from apad_bridge.acoustics.serial.lines import Rims
+from apad_bridge.beliefs.fleet import FleetBeliefs
 from apad_bridge.mission.breakdown import Breakdown
 from apad_bridge.mission.share import Share
 from apad_bridge.supervisor.clock import Pace
@@ -16,6 +21,14 @@ from apad_bridge.supervisor.fleet import Fleet
 from apad_bridge.supervisor.packet_relay import Ether, TellGuest
 from apad_bridge.supervisor.roster import Roll
 from apad_bridge.vehicle.link import VehicleLink
+
+
+@dataclass(frozen=True, slots=True)
+class Known:
+    beliefs: FleetBeliefs
+    ears: Ears | None
+    """None without water, or without a modem in it."""
+
 
 Watcher = Callable[[int], None]
 """Called after each tick with the mission time: progress, publishing."""

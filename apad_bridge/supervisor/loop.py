@@ -2,20 +2,30 @@
 
 At each tick: the agents are granted time up to it, the vehicle tells what became true, the world's contacts go to the
 bodies, the supervisor acts, and what it says goes out, to be met in the next window. Nothing else moves anything.
+
+The docks' contacts as the bodies feel them: closing, being carried, opening. The world's business, not the mission's.
 """
 
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Iterable
 from dataclasses import astuple
 
 from agents.coordinator import Died, Heard
 from agents.mussel.outputs import Dropped, SoundSent, WifiSent
-from agents.mussel.stimuli import SoundArrived, Stimulus, WifiArrived, to_wire
+from agents.mussel.stimuli import (
+    ContactClosed,
+    ContactOpened,
+    DockMoved,
+    SoundArrived,
+    Stimulus,
+    WifiArrived,
+    to_wire,
+)
 from agents.packet_medium import Medium
 from agents.water.medium import PacketEnded
 from agents.water.sea_events import NotRanged, Ranged, SeaResult, SoundReached, Told
-from apad_bridge.contacts import Contacts
 from apad_bridge.mission.events import (
     KeepSamples,
     OperatorAsked,
@@ -26,7 +36,7 @@ from apad_bridge.mission.events import (
     WifiHeard,
 )
 from apad_bridge.mission.orders import Note
-from apad_bridge.stop_sign import StopSign
+from apad_bridge.supervisor.clock import StopSign
 from apad_bridge.supervisor.context import Surroundings, Watcher
 from apad_bridge.supervisor.core import TICK_MS, Supervisor
 from apad_bridge.supervisor.fleet import Fleet
@@ -36,6 +46,29 @@ from apad_bridge.supervisor.recorder_interface import Recorder
 from apad_bridge.vehicle.commands import CloseDock, OpenDock, PoseReported
 from apad_bridge.vehicle.link import APadSeen, Carried, LetGo
 from firmware_model.packets.wire import EVERYONE
+
+
+class Contacts:
+    """Remembers where each docked aMussel was last carried, so that only what changes is told."""
+
+    def __init__(self, held: Iterable[int] = ()) -> None:
+        self._places: dict[int, tuple[int, int] | None] = dict.fromkeys(held)
+        """By agent; None for one that was docked before anything was told here."""
+
+    def take(self, fact: Carried | LetGo) -> Stimulus | None:
+        """The stimulus that the aMussel's body gets; None when nothing changed for it."""
+        if isinstance(fact, LetGo):
+            if fact.agent_id not in self._places:
+                return None
+            del self._places[fact.agent_id]
+            return ContactOpened()
+        place = (round(fact.north_m * 1e6), round(fact.east_m * 1e6))
+        if fact.agent_id not in self._places:
+            self._places[fact.agent_id] = place
+            return ContactClosed(*place)
+        before, self._places[fact.agent_id] = self._places[fact.agent_id], place
+        return DockMoved(*place) if place != before else None
+
 
 _ROUNDS = 8
 """More answers than this within one tick wait for the next."""

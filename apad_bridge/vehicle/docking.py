@@ -3,15 +3,21 @@
 The docking profiles live here, so that every stack behind the port behaves alike: `virtual` waits out the docking time
 before it commands the mechanism, `camera` and `visual` command it at once and leave the time to the vehicle. `camera` needs
 a vehicle that docks by its own eyes (`docks_by_eye`), and is `virtual` before any other.
+
+What each event does in each phase of a primitive: one table, two rules.
+
+An event that the table does not name in the present phase is dropped and counted, never raised: it is a late or a wrong
+word from the vehicle. Nothing else decides what a primitive does next.
+
+Whether a go-to still gets nearer: vehicles do not say when they are stuck.
 """
 
 from __future__ import annotations
 
 import math
 from collections import Counter
+from enum import Enum, auto
 
-from apad_bridge.port.phases import TABLE, Effect, Event, Phase
-from apad_bridge.port.progress import Progress
 from apad_bridge.scenario.schema import ArmUse, Docking, DockingProfile
 from apad_bridge.vehicle.commands import (
     Arrived,
@@ -40,6 +46,91 @@ from apad_bridge.vehicle.primitives import (
     PrimitiveSucceeded,
     UndockMussel,
 )
+
+
+class Phase(Enum):
+    IDLE = auto()
+    GOING = auto()
+    HOLDING = auto()
+    WAITING = auto()
+    """A dock or undock before its mechanism is commanded: the virtual profile's time."""
+    ACTING = auto()
+    """The mechanism was commanded; only the vehicle's word or the time-out ends this."""
+
+
+class Event(Enum):
+    ARRIVED = auto()
+    COMMAND_FAILED = auto()
+    MECHANISM_DONE = auto()
+    """The dock closed around, or opened for, the aMussel of the running primitive."""
+    WAIT_OVER = auto()
+    TIMED_OUT = auto()
+    REPLACED = auto()
+    """The mission ordered another primitive."""
+
+
+class Effect(Enum):
+    SUCCEED = auto()
+    FAIL = auto()
+    ACT = auto()
+    """Command the mechanism."""
+    QUEUE = auto()
+    """Keep the new primitive until the running one ends."""
+    AGAIN = auto()
+    """Try the mechanism once more, or fail when it was tried often enough."""
+    START = auto()
+
+
+TABLE: dict[tuple[Phase, Event], Effect] = {
+    (Phase.IDLE, Event.REPLACED): Effect.START,
+    (Phase.GOING, Event.ARRIVED): Effect.SUCCEED,
+    (Phase.GOING, Event.COMMAND_FAILED): Effect.FAIL,
+    (Phase.GOING, Event.TIMED_OUT): Effect.FAIL,
+    (Phase.GOING, Event.REPLACED): Effect.FAIL,
+    (Phase.HOLDING, Event.COMMAND_FAILED): Effect.FAIL,
+    (Phase.HOLDING, Event.REPLACED): Effect.SUCCEED,
+    (Phase.WAITING, Event.MECHANISM_DONE): Effect.SUCCEED,
+    (Phase.WAITING, Event.WAIT_OVER): Effect.ACT,
+    (Phase.WAITING, Event.REPLACED): Effect.FAIL,
+    (Phase.ACTING, Event.MECHANISM_DONE): Effect.SUCCEED,
+    (Phase.ACTING, Event.COMMAND_FAILED): Effect.AGAIN,
+    (Phase.ACTING, Event.TIMED_OUT): Effect.FAIL,
+    (Phase.ACTING, Event.REPLACED): Effect.QUEUE,
+}
+
+
+PROGRESS_M = 0.5
+
+
+class Progress:
+    """Stalled at `deadline_ms`: `stall_ms` after the distance last shrank by `PROGRESS_M` since it last counted."""
+
+    def __init__(
+        self, north_m: float, east_m: float, stall_ms: int, now_ms: int, pose: PoseReported | None
+    ) -> None:
+        self._goal_m = (north_m, east_m)
+        self._stall_ms = stall_ms
+        self._nearest_m = math.inf
+        self.deadline_ms = now_ms + stall_ms
+        self._heard_ms: int | None = None
+        if pose is not None:
+            self._nearest_m = self._distance_m(pose)
+
+    def take(self, pose: PoseReported, now_ms: int) -> None:
+        distance_m = self._distance_m(pose)
+        self._heard_ms = now_ms
+        if distance_m <= self._nearest_m - PROGRESS_M:
+            self._nearest_m = distance_m
+            self.deadline_ms = now_ms + self._stall_ms
+
+    def why(self) -> str:
+        if self._heard_ms is None or self._heard_ms + self._stall_ms <= self.deadline_ms:
+            return f"stalled: no pose of the vehicle was heard for {self._stall_ms / 1000:g} s"
+        return f"stalled: not {PROGRESS_M:g} m nearer within {self._stall_ms / 1000:g} s, {self._nearest_m:.1f} m to go"
+
+    def _distance_m(self, pose: PoseReported) -> float:
+        return math.hypot(self._goal_m[0] - pose.north_m, self._goal_m[1] - pose.east_m)
+
 
 Action = VehicleCommand | Outcome
 STALL_S = 60.0

@@ -1,8 +1,20 @@
-"""What is heard from an aPad of either generation, freed of ROS. Stamps are mission milliseconds."""
+"""What is heard from an aPad of either generation, freed of ROS. Stamps are mission milliseconds.
+
+What the simulated aPad of either generation shows, freed of ROS. Stamps are mission milliseconds.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+
+from apad_bridge.vehicle.simulated.kinematics import Pose
+
+
+@dataclass(frozen=True, slots=True)
+class PoseShown:
+    at_ms: int
+    pose: Pose
+
 
 UNSTAMPED = -1
 """Instead of a stamp: whoever empties the inbox knows the time."""

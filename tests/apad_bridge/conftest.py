@@ -8,6 +8,8 @@ import pytest
 from rosbags.rosbag1 import Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
+from apad_bridge.scenario.loader import load
+from apad_bridge.scenario.schema import Scenario
 from firmware_model.states import State
 
 MEANS_ONLY = {
@@ -22,6 +24,12 @@ MEANS_ONLY = {
 }
 """The definitions of 0.1.0 before deviations were recorded, as a bag of that time brings them along."""
 THETA = 30
+
+
+@pytest.fixture(scope="session")
+def pool() -> Scenario:
+    """12 aMussels in the paper's pool, the simulated aPad in their midst."""
+    return load(Path(__file__).parents[2] / "launch_scripts/scenarios/pool-12.yaml")
 
 
 @pytest.fixture

@@ -20,7 +20,7 @@ from layout_topics import named_topics
 from apad_bridge.analysis.layouts.fleet import shown
 from apad_bridge.analysis.layouts.kinds import KINDS
 from apad_bridge.records.journal import read_journal
-from apad_bridge.runs.pid_file import supervisor_of
+from apad_bridge.runs.children import supervisor_of
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.starts import starts_of
 

@@ -8,16 +8,17 @@ from __future__ import annotations
 
 from apad_bridge.acoustics.serial.nanomodem import (
     Action,
+    Addressed,
     Carried,
     Dropped,
     Heard,
     ModemQueue,
     Priority,
     Reported,
+    Way,
     Write,
 )
 from apad_bridge.acoustics.serial.serial_port import Came, Lost, Opened, SerialPort
-from apad_bridge.modems.ids_header import Addressed, Way
 
 Result = Carried | Heard | Dropped | Reported
 

@@ -16,12 +16,11 @@ from agents.mussel.outputs import SoundSent
 from agents.packet_medium import Medium
 from agents.water.sea_events import Printed, SeaResult
 from apad_bridge.acoustics.serial.attached import AttachedModem, Result
-from apad_bridge.acoustics.serial.nanomodem import Carried, Dropped, Heard, Reported
+from apad_bridge.acoustics.serial.nanomodem import Carried, Dropped, Heard, Reported, Way
 from apad_bridge.acoustics.serial.pty import FOLDER, Burst, OpenedModems
 from apad_bridge.acoustics.serial.serial_port import SerialPort
 from apad_bridge.mission.events import Send, SoundHeard
 from apad_bridge.mission.orders import Note
-from apad_bridge.modems.ids_header import Way
 
 
 @dataclass

@@ -6,17 +6,145 @@ and never written; ranges are not asked for, and those that it prints are kept o
 the modem hangs.
 
     GONE -> ASKED_WHO -> FREE -> ASKED_TO_SEND -> SENDING -> FREE        any -> GONE when the port is lost
+
+What a V3 nanomodem prints, read as it must be: by counting, because the data of a message may hold any byte.
+
+Three bytes before a packet that travels by a modem which is nobody's in particular: which way, and of whom it is.
+
+One physical modem speaks for a whole fleet. It has one address of its own, and what it hears as a unicast names no sender:
+so the aMussel's id travels in the payload, little-endian after a byte that says whether the aMussel speaks or is spoken to.
 """
 
 from __future__ import annotations
 
+import re
+import struct
 from collections import Counter
 from dataclasses import dataclass
 from enum import Enum, IntEnum
 
 from agents.modem.frames import PAYLOAD_BYTES, Generation, duration_ms
-from apad_bridge.modems.answer_reader import AnswerReader, Line, Message
-from apad_bridge.modems.ids_header import HEADER_BYTES, Addressed, Way, decode
+
+_LINE_BYTES = 120
+"""Longer than any answer that is all text, help apart, which nobody asks for here."""
+_QUALITY = re.compile(rb"Q\d\d(D[+-]\d{3})?")
+_TIME = re.compile(rb"T\d{14}")
+_MESSAGE = re.compile(rb"#(?:B(\d{3})|U)(\d\d)")
+
+
+@dataclass(frozen=True, slots=True)
+class Message:
+    """Data from the water; a unicast does not say of whom."""
+
+    source: int | None
+    data: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """Anything else, without its CR LF."""
+
+    text: bytes
+
+
+class AnswerReader:
+    """Takes chunks as they come; bytes that are no answer are counted in `skipped_bytes`."""
+
+    def __init__(self) -> None:
+        self.skipped_bytes = 0
+        self._bytes = bytearray()
+
+    def forget(self) -> None:
+        """What was begun will not go on."""
+        self._bytes.clear()
+
+    def take(self, data: bytes) -> list[Message | Line]:
+        self._bytes += data
+        came: list[Message | Line] = []
+        while (found := self._next()) is not None:
+            came.append(found)
+        return came
+
+    def _next(self) -> Message | Line | None:
+        self._skip_noise()
+        taken = bytes(self._bytes)
+        if taken[:2] in (b"#B", b"#U"):
+            head = _MESSAGE.match(taken)
+            if head is not None:
+                return self._message(taken, head)
+            if len(taken) < (7 if taken[1:2] == b"B" else 4):
+                return None
+        end = taken.find(b"\r\n")
+        if end < 0:
+            return None
+        del self._bytes[: end + 2]
+        return Line(taken[:end])
+
+    def _message(self, taken: bytes, head: re.Match[bytes]) -> Message | None:
+        """The message once its end is there: its data may be followed by its quality and a time."""
+        size = int(head[2])
+        rest = taken[head.end() + size :]
+        at = 0
+        for appended in (_QUALITY, _TIME):
+            if (found := appended.match(rest, at)) is not None:
+                at = found.end()
+        if rest[at : at + 2] == b"\r\n":
+            del self._bytes[: head.end() + size + at + 2]
+            return Message(None if head[1] is None else int(head[1]), taken[head.end() : head.end() + size])
+        # Enough bytes are there for the longest message, but not its end: they are no message.
+        if len(rest) >= 8 + 15 + 2:
+            self._drop(1)
+            return self._next_message()
+        return None
+
+    def _next_message(self) -> Message | None:
+        found = self._next()
+        return found if isinstance(found, Message) else None
+
+    def _skip_noise(self) -> None:
+        """Answers begin with `#`, `$` or `E`."""
+        starts = [at for at in (self._bytes.find(first) for first in (b"#", b"$", b"E")) if at >= 0]
+        self._drop(min(starts, default=len(self._bytes)))
+        if len(self._bytes) > _LINE_BYTES and b"\r\n" not in self._bytes[:_LINE_BYTES]:
+            self._drop(1)
+
+    def _drop(self, count: int) -> None:
+        self.skipped_bytes += count
+        del self._bytes[:count]
+
+
+_FORMAT = struct.Struct("<BH")
+HEADER_BYTES = _FORMAT.size
+
+
+class Way(IntEnum):
+    FROM_AMUSSEL = 0xB1
+    TO_AMUSSEL = 0xB2
+
+
+_WAYS = {int(way): way for way in Way}
+
+
+@dataclass(frozen=True, slots=True)
+class Addressed:
+    """A packet with whom it concerns; `agent_id` is up to 65535."""
+
+    way: Way
+    agent_id: int
+    data: bytes
+
+    def encode(self) -> bytes:
+        return _FORMAT.pack(self.way, self.agent_id) + self.data
+
+
+def decode(payload: bytes) -> Addressed | None:
+    """What was heard; None for bytes without the header."""
+    if len(payload) <= HEADER_BYTES:
+        return None
+    way, agent_id = _FORMAT.unpack_from(payload)
+    known = _WAYS.get(way)
+    return None if known is None else Addressed(known, agent_id, payload[HEADER_BYTES:])
+
 
 ROOM = 64
 """Packets that wait, of all priorities: at half a second each, what is behind more than these is old when it is sent."""

@@ -17,11 +17,10 @@ import genpy
 import rosgraph
 import rospy
 
-from apad_bridge.claims import Claim, conflicts, given_back
 from apad_bridge.ros.gateway.fleet_guard import SecondFleet
 from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros_names.names import ours
-from apad_bridge.supervisor.roster import Moved, Presence, Presences, Trigger
+from apad_bridge.supervisor.roster import Claim, Moved, Presence, Presences, Trigger, conflicts, given_back
 
 use_generated_messages()
 

@@ -29,7 +29,7 @@ from apad_bridge.ros_names.namespaces import beside_others, is_one_of_several
 from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.loader import load, with_overrides
 from apad_bridge.scenario.schema import Generation, Scenario
-from apad_bridge.stop_sign import StopSign
+from apad_bridge.supervisor.clock import StopSign
 from apad_bridge.vehicle.simulated.apad import SimulatedAPad
 
 if TYPE_CHECKING:

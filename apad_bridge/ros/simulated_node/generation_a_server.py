@@ -10,13 +10,13 @@ from actionlib.action_server import ActionServer
 from std_msgs.msg import Float64
 from std_srvs.srv import Trigger, TriggerResponse
 
-from apad_bridge.ros.generation_a_shown import Ended, Goal, Held, Outcome, Shown, SlowShown
-from apad_bridge.ros.legacy_shown import PoseShown
 from apad_bridge.ros.simulated_node.legacy_server import QUEUE, LegacyServer, publish_pose
 from apad_bridge.ros.system.ros_time import to_ros
 from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros_names.names import of_apad
+from apad_bridge.vehicle.generation_a.messages import Ended, Goal, Held, Outcome, Shown, SlowShown
 from apad_bridge.vehicle.generation_a.simulated import GenerationAVehicle
+from apad_bridge.vehicle.stack_messages import PoseShown
 
 use_generated_messages()
 

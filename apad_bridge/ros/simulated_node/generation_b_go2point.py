@@ -12,12 +12,11 @@ from typing import Any
 import rospy
 from actionlib.action_server import ActionServer
 
-from apad_bridge.ros import generation_b_requests as requests
-from apad_bridge.ros.generation_b_shown import GoToBegun, GoToEnded, GoToLeft
 from apad_bridge.ros.system.ros_time import to_ros
 from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros_names.names import of_apad
-from apad_bridge.vehicle.generation_b.messages import GoToOrder, Status
+from apad_bridge.vehicle.generation_b import messages
+from apad_bridge.vehicle.generation_b.messages import GoToBegun, GoToEnded, GoToLeft, GoToOrder, Status
 
 use_generated_messages()
 
@@ -67,7 +66,7 @@ class Go2Point:
         self._asked = handle
         if handle.get_goal_id().id == self._commanders_key:
             return
-        taken = self._order(requests.goal(handle.get_goal()))
+        taken = self._order(messages.goal(handle.get_goal()))
         if taken is False:
             handle.set_rejected(None, "the vehicle takes no orders")
         self._asked = None

@@ -10,8 +10,14 @@ import rospy
 from std_msgs.msg import Bool, Float32, Float32MultiArray, Float64, Int32, String
 from std_srvs.srv import Trigger, TriggerResponse
 
-from apad_bridge.ros import generation_b_requests as requests
-from apad_bridge.ros.generation_b_shown import (
+from apad_bridge.ros.simulated_node.generation_b_go2point import Go2Point
+from apad_bridge.ros.simulated_node.legacy_server import QUEUE, LegacyServer, publish_pose
+from apad_bridge.ros.types.messages import use_generated_messages
+from apad_bridge.ros.types.their_services import service_to_offer
+from apad_bridge.ros_names.names import of_apad, ours
+from apad_bridge.vehicle.generation_b import messages
+from apad_bridge.vehicle.generation_b.messages import (
+    PRIMITIVE_FINISHED,
     ArmShown,
     BatteryShown,
     CameraTurned,
@@ -19,17 +25,12 @@ from apad_bridge.ros.generation_b_shown import (
     GoToBegun,
     GoToEnded,
     GoToLeft,
+    Order,
     Shown,
     StatusShown,
 )
-from apad_bridge.ros.legacy_shown import PoseShown
-from apad_bridge.ros.simulated_node.generation_b_go2point import Go2Point
-from apad_bridge.ros.simulated_node.legacy_server import QUEUE, LegacyServer, publish_pose
-from apad_bridge.ros.types.messages import use_generated_messages
-from apad_bridge.ros.types.their_services import service_to_offer
-from apad_bridge.ros_names.names import of_apad, ours
-from apad_bridge.vehicle.generation_b.messages import PRIMITIVE_FINISHED, Order
 from apad_bridge.vehicle.generation_b.simulated import GenerationBVehicle
+from apad_bridge.vehicle.stack_messages import PoseShown
 
 use_generated_messages()
 
@@ -71,11 +72,11 @@ class GenerationBServer(LegacyServer[GenerationBVehicle]):
     def _offer_services(self, apad: str) -> None:
         """Each by the text in the user's workspace, where that has what is read of it."""
         services: list[tuple[str, Any, Conversion]] = [
-            ("primitive/go2point", Go2pointPrimitiveService, requests.go_to),
-            ("primitive/dynamic_positioning", DynamicPositioningPrimitiveService, requests.position),
-            ("primitive/docking", DockingPrimitiveService, requests.docking),
-            ("go2point", Go2pointService, requests.simple_go_to),
-            ("docking", DockingService, requests.simple_docking),
+            ("primitive/go2point", Go2pointPrimitiveService, messages.go_to),
+            ("primitive/dynamic_positioning", DynamicPositioningPrimitiveService, messages.position),
+            ("primitive/docking", DockingPrimitiveService, messages.docking),
+            ("go2point", Go2pointService, messages.simple_go_to),
+            ("docking", DockingService, messages.simple_docking),
         ]
         for name, known, convert in services:
             kind = service_to_offer(known, convert)

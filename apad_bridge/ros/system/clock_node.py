@@ -19,7 +19,7 @@ from rosgraph_msgs.msg import Clock
 
 from apad_bridge.ros.system.ros_time import to_ros
 from apad_bridge.ros_names.names import CLOCK
-from apad_bridge.stop_sign import StopSign
+from apad_bridge.supervisor.clock import StopSign
 
 NODE = "musselbed_clock"
 _PERIOD_S = 0.02

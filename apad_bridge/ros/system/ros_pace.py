@@ -17,8 +17,7 @@ from rosgraph_msgs.msg import Clock
 
 from apad_bridge.ros.system.ros_time import to_ms, to_ros
 from apad_bridge.ros_names.names import CLOCK
-from apad_bridge.stop_sign import Stopped
-from apad_bridge.supervisor.clock import BEAT_S, AsFastAsPossible, Between, Pace, WallClock
+from apad_bridge.supervisor.clock import BEAT_S, AsFastAsPossible, Between, Pace, Stopped, WallClock
 
 PATIENCE_S = 5.0
 """Wall seconds that the aPad's node may take for a tick. It takes milliseconds: after this it is dead or stopped."""

@@ -7,7 +7,7 @@ import socket
 from collections.abc import Mapping
 from urllib.parse import urlsplit
 
-from apad_bridge.runs.failures import PeerFailed
+from apad_bridge.vehicle.errors import PeerFailed
 
 _DEFAULT_URI = "http://localhost:11311"
 _TIMEOUT_S = 3.0

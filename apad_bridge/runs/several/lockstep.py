@@ -1,15 +1,81 @@
-"""Several aPads' flights in step: a tick of mission time is flown by one after another, then it is seen who serves whom."""
+"""Several aPads' flights in step: a tick of mission time is flown by one after another, then it is seen who serves whom.
+
+What passes between the flights of several aPads in one process, because one serves another's aMussels.
+
+An aMussel stays where it is simulated, and its truth and its samples are recorded there and nowhere else. What changes is
+who serves it: its packets are handed on to that flight, whose words, and what its docks do, come back.
+
+Several aPads' flights in virtual time and in this process, tick by tick side by side.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
+from typing import Any
 
-from apad_bridge.runs.several.assignment import Move, Sharing
-from apad_bridge.squad.exchange import Exchange
-from apad_bridge.squad.looking import seen_of
+from agents.packet_medium import Medium
+from apad_bridge.assembly import parts
+from apad_bridge.assembly.division import Member
+from apad_bridge.mission.breakdown import Breakdown
+from apad_bridge.mission.events import Send, SoundHeard, WifiHeard
+from apad_bridge.records.recorder import Recorder as RunRecorder
+from apad_bridge.records.run_directory import RunDirectory
+from apad_bridge.runs import flying
+from apad_bridge.runs.nurseries import FOLDER
+from apad_bridge.runs.progress import Shows
+from apad_bridge.runs.several.assignment import Move, Sharing, seen_of
+from apad_bridge.runs.several.summary import together
+from apad_bridge.runs.status import Status
+from apad_bridge.scenario.another_apad import Sharing as Rules
 from apad_bridge.supervisor.loop import Flight
+from apad_bridge.supervisor.packet_relay import Came, Felt
 from apad_bridge.supervisor.recorder_interface import Recorder
+
+
+class Exchange:
+    """`own` are the aMussels simulated beside each aPad."""
+
+    def __init__(self, own: Mapping[str, Iterable[int]]) -> None:
+        self.home = {agent_id: name for name, ids in own.items() for agent_id in ids}
+        self.server = dict(self.home)
+        self.ethers = {name: MemberEther(name, self) for name in own}
+
+
+class MemberEther:
+    """One flight's end: an Ether, and what lets guests feel. What comes is handled at this flight's next tick."""
+
+    def __init__(self, name: str, exchange: Exchange) -> None:
+        self._name = name
+        self._exchange = exchange
+        self._waiting: list[Came] = []
+
+    def advance(self, now_ms: int) -> list[Came]:
+        waiting, self._waiting = self._waiting, []
+        return waiting
+
+    def transmit(self, medium: Medium, agent_id: int, data: bytes, now_ms: int) -> None:
+        """An aMussel of this fleet was heard: so is it by who serves it."""
+        server = self._exchange.server[agent_id]
+        if server != self._name:
+            heard = WifiHeard(now_ms, data) if medium is Medium.WIFI else SoundHeard(now_ms, data)
+            self._exchange.ethers[server].put(heard)
+
+    def said(self, send: Send, now_ms: int) -> None:
+        self._pass_on(send.agent_id, send)
+
+    def felt(self, felt: Felt, now_ms: int) -> None:
+        self._pass_on(felt.agent_id, felt)
+
+    def put(self, came: Came) -> None:
+        self._waiting.append(came)
+
+    def _pass_on(self, agent_id: int, word: Send | Felt) -> None:
+        home = self._exchange.home.get(agent_id)
+        if home is not None and home != self._name:
+            self._exchange.ethers[home].put(word)
+
 
 LOOK_MS = 10_000
 """So often, in mission time, it is seen who serves whom. One that stood down is so given time to hear whom it called up."""
@@ -62,3 +128,43 @@ class Formation:
             self.moves.append((now_ms, move))
             giver.recorder.event(now_ms, "handed_on", id=move.agent_id, to=move.taker)
             taker.recorder.event(now_ms, "took_on", id=move.agent_id, of=move.giver)
+
+
+def fly_in_step(
+    members: Sequence[Member], rules: Rules, directories: Mapping[str, RunDirectory], progress: Shows
+) -> tuple[dict[str, dict[str, Any]], int]:
+    """By aPad the summaries; and how many aMussels were handed on to another one. SIGINT and SIGTERM end all in order."""
+    served = {member.name: member.scenario.fleet.ids for member in members}
+    exchange = Exchange(served)
+    now: dict[str, Status] = {}
+
+    def shown_as(name: str) -> Callable[[Status], None]:
+        def show(status: Status) -> None:
+            now[name] = status
+            if name == members[-1].name:
+                progress.show(together(list(now.values()), len(members)))
+
+        return show
+
+    with ExitStack() as stack:
+        prepared, flown = {}, {}
+        for member in members:
+            name, scenario = member.name, member.scenario
+            directory = directories[name]
+            recorder = RunRecorder(directory, scenario, parts.agent_ids(scenario))
+            stack.callback(recorder.close)
+            flying.journal_start(recorder, scenario, member.starts)
+            fleet = flying.open_fleet(scenario, member.starts, directory.path / FOLDER)
+            stack.callback(fleet.host.close)
+            surroundings = replace(
+                flying.in_process(scenario, fleet),
+                ether=exchange.ethers[name],
+                tell_guest=exchange.ethers[name].felt,
+                breakdown=Breakdown(rules.failed_go_tos),
+            )
+            prepared[name] = flying.prepare(scenario, surroundings, recorder, shown_as(name))
+            flown[name] = Flown(scenario.apad.start_m, prepared[name].flight, recorder)
+        formation = Formation(flown, exchange, Sharing(served) if rules.transfers else None)
+        with flying.stopped_by_signals(*(it.flight for it in flown.values())):
+            formation.run()
+        return {name: it.finish() for name, it in prepared.items()}, formation.moved

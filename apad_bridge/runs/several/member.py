@@ -17,12 +17,11 @@ from apad_bridge.mission.events import StandDownAsked
 from apad_bridge.mission.share import Share
 from apad_bridge.records.journal import JournalContents
 from apad_bridge.runs.resuming import Begun
-from apad_bridge.runs.several.assignment import Seen
+from apad_bridge.runs.several.assignment import Seen, seen_of
 from apad_bridge.runs.several.lockstep import LOOK_MS
 from apad_bridge.runs.several.protocol import NAME, Handed, Orders, seen_data
 from apad_bridge.scenario.run_options import RunOptions
 from apad_bridge.scenario.schema import DockingProfile, Scenario
-from apad_bridge.squad.looking import seen_of
 from apad_bridge.supervisor.context import Surroundings, Watcher
 from apad_bridge.supervisor.core import Supervisor
 

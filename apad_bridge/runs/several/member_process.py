@@ -13,13 +13,13 @@ from pathlib import Path
 
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.runs import parent
+from apad_bridge.runs.children import terminated_as_interrupted
 from apad_bridge.runs.exits import Exit
-from apad_bridge.runs.failures import PeerFailed
 from apad_bridge.runs.status import Status
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.run_options import RunOptions
 from apad_bridge.scenario.starts import starts_of
-from apad_bridge.termination import terminated_as_interrupted
+from apad_bridge.vehicle.errors import PeerFailed
 
 
 class _Relay:

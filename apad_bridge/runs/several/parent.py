@@ -22,14 +22,14 @@ from apad_bridge.ros.simulated_node.apad_process import APadNodeFailed, start_ap
 from apad_bridge.ros.system.master import MasterFailed, start_master
 from apad_bridge.ros.system.route import environment_for, somebodys_master
 from apad_bridge.runs.children import Child
-from apad_bridge.runs.failures import PeerFailed
 from apad_bridge.runs.parent import Interrupts
 from apad_bridge.runs.progress import Shows
 from apad_bridge.runs.several.reassignment import Dispatch
+from apad_bridge.runs.several.summary import together
 from apad_bridge.runs.status import Status
 from apad_bridge.scenario.another_apad import Sharing as Rules
 from apad_bridge.scenario.run_options import APadKind, RunOptions, TimeSource
-from apad_bridge.squad.together import together
+from apad_bridge.vehicle.errors import PeerFailed
 
 _MASTER_S = 10.0
 _END_S = 8.0

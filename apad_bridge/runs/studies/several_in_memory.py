@@ -11,9 +11,8 @@ from apad_bridge.mission.breakdown import Breakdown
 from apad_bridge.records.summary import uptime_figures
 from apad_bridge.runs.in_memory import MemoryRecorder, open_flight
 from apad_bridge.runs.several.assignment import Sharing
-from apad_bridge.runs.several.lockstep import Flown, Formation
+from apad_bridge.runs.several.lockstep import Exchange, Flown, Formation
 from apad_bridge.scenario.another_apad import Sharing as Rules
-from apad_bridge.squad.exchange import Exchange
 
 
 @dataclass(frozen=True, slots=True)

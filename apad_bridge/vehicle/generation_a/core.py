@@ -11,9 +11,6 @@ from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
-from apad_bridge.ros.in_time import InTime
-from apad_bridge.ros.reach import Sight, why_out_of_reach
-from apad_bridge.ros.silence_watch import SilenceWatch
 from apad_bridge.vehicle.commands import (
     Arrived,
     CloseDock,
@@ -39,7 +36,7 @@ from apad_bridge.vehicle.generation_a.messages import (
 )
 from apad_bridge.vehicle.link import LinkFact
 from apad_bridge.vehicle.stack_messages import BatteryHeard, PoseHeard, StateHeard
-from apad_bridge.vehicle.telemetry import Readings
+from apad_bridge.vehicle.telemetry import InTime, Readings, Sight, SilenceWatch, why_out_of_reach
 
 Command = GoTo | Hold | CloseDock | OpenDock
 TAKEN_MS = 5_000

@@ -11,7 +11,12 @@ from __future__ import annotations
 import math
 import re
 
-from apad_bridge.ros.generation_a_shown import (
+from apad_bridge.scenario.faults import Fault
+from apad_bridge.vehicle.commands import Arrived, CloseDock, CommandFailed, GoTo, OpenDock, VehicleFact
+from apad_bridge.vehicle.generation_a.messages import (
+    GO_TO,
+    PERCH,
+    RELEASE,
     Ended,
     Goal,
     Held,
@@ -19,14 +24,11 @@ from apad_bridge.ros.generation_a_shown import (
     Shown,
     SlowShown,
 )
-from apad_bridge.ros.legacy_shown import PoseShown
-from apad_bridge.scenario.faults import Fault
-from apad_bridge.vehicle.commands import Arrived, CloseDock, CommandFailed, GoTo, OpenDock, VehicleFact
-from apad_bridge.vehicle.generation_a.messages import GO_TO, PERCH, RELEASE
 from apad_bridge.vehicle.simulated.apad import SimulatedAPad
 from apad_bridge.vehicle.simulated.docks import OFFSETS_M
 from apad_bridge.vehicle.simulated.misses import MISSED, Misses
 from apad_bridge.vehicle.simulated_stack import LegacyVehicle
+from apad_bridge.vehicle.stack_messages import PoseShown
 
 HELD_PERIOD_MS = 50
 POSE_PERIOD_MS = 100

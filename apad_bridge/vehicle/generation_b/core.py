@@ -9,9 +9,6 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Mapping
 
-from apad_bridge.ros.in_time import InTime
-from apad_bridge.ros.reach import Sight
-from apad_bridge.ros.silence_watch import SilenceWatch
 from apad_bridge.scenario.lab_interface.messages import DockSaid
 from apad_bridge.scenario.schema import Docking
 from apad_bridge.vehicle.commands import VehicleCommand
@@ -29,7 +26,7 @@ from apad_bridge.vehicle.generation_b.tasks import Tasks
 from apad_bridge.vehicle.link import LinkFact
 from apad_bridge.vehicle.simulated.misses import Misses
 from apad_bridge.vehicle.stack_messages import BatteryHeard, PoseHeard, StateHeard
-from apad_bridge.vehicle.telemetry import Readings
+from apad_bridge.vehicle.telemetry import InTime, Readings, Sight, SilenceWatch
 
 
 class GenerationBCore:

@@ -9,7 +9,6 @@ import math
 from collections import Counter
 from collections.abc import Iterable, Mapping
 
-from apad_bridge.ros.reach import Sight, why_out_of_reach
 from apad_bridge.scenario.lab_interface.messages import DockSaid
 from apad_bridge.vehicle.commands import CloseDock, CommandFailed, DockOpened, OpenDock, PoseReported
 from apad_bridge.vehicle.docks import SLOTS
@@ -17,6 +16,7 @@ from apad_bridge.vehicle.generation_b.messages import slot_direction_rad
 from apad_bridge.vehicle.link import Carried, LetGo, LinkFact
 from apad_bridge.vehicle.simulated.docks import Docks
 from apad_bridge.vehicle.simulated.misses import MISSED, Misses
+from apad_bridge.vehicle.telemetry import Sight, why_out_of_reach
 
 DOCK_M = 0.4
 """From the aPad's middle to an aMussel in a slot: assumed, a little more than half the hull."""

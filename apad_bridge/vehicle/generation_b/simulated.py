@@ -4,45 +4,73 @@ Where the published stack surprises, so does this. An order is taken at once and
 time-out. Whatever ends leaves the controllers off, and the water takes the boat. Dynamic positioning holds until something
 else is asked. Docking and undocking first stand still for 27 s; docking then searches, for ever if need be, and approaches
 what it sees (`generation_b_servoing`). It holds no aMussel by itself: whether one was caught, the stack never says.
+
+The law of generation B's visual servoing, as read from its source: what the camera says turns the boat and drives it.
+
+Without a detection younger than a second it searches, by turning. With one: yaw rate = max * tanh(horizontal), surge =
+max * exp(-horizontal^2 / (2 * stdev^2)) towards the slot, until `docking_vertical` lies in (0.8, 0.9), which is the end.
 """
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from enum import Enum, auto
 
-from apad_bridge.ros.generation_b_servoing import Detection, servoing
-from apad_bridge.ros.generation_b_shown import (
-    ArmShown,
-    BatteryShown,
-    CameraTurned,
-    Finished,
-    GoToBegun,
-    GoToEnded,
-    GoToLeft,
-    Shown,
-    StatusShown,
-)
-from apad_bridge.ros.legacy_shown import PoseShown
 from apad_bridge.scenario.faults import Fault
-from apad_bridge.simulated_apad.steering import Coast, Steer
 from apad_bridge.vehicle.commands import Arrived, CloseDock, CommandFailed, GoTo, Hold, OpenDock
 from apad_bridge.vehicle.generation_b.messages import (
     CAMERA_SERVO,
+    DETECTION_MS,
     PULL_BACK_M_S,
     PULL_BACK_MS,
     SERVO_MS,
     Arm,
+    ArmShown,
+    BatteryShown,
+    CameraTurned,
     DockingOrder,
+    Finished,
+    GoToBegun,
+    GoToEnded,
+    GoToLeft,
     GoToOrder,
     Order,
     PositionOrder,
+    Shown,
     Status,
+    StatusShown,
     slot_direction_rad,
 )
 from apad_bridge.vehicle.simulated.apad import SimulatedAPad
 from apad_bridge.vehicle.simulated.kinematics import STEP_MS
+from apad_bridge.vehicle.simulated.motion import Coast, Steer
 from apad_bridge.vehicle.simulated_stack import LegacyVehicle
+from apad_bridge.vehicle.stack_messages import PoseShown
+
+CLOSE_ENOUGH = (0.8, 0.9)
+
+
+@dataclass(frozen=True, slots=True)
+class Detection:
+    """What the camera says of an aMussel: in image coordinates, 0 the middle and 1 an edge."""
+
+    at_ms: int
+    horizontal: float
+    vertical: float
+
+
+def servoing(order: DockingOrder, seen: Detection | None, now_ms: int) -> Steer | None:
+    """How the boat is steered at `now_ms`; None when it has docked."""
+    towards_rad = slot_direction_rad(order.slot)
+    if seen is None or now_ms - seen.at_ms > DETECTION_MS:
+        return Steer(0.0, towards_rad, order.search_yaw_rate_rad_s)
+    if CLOSE_ENOUGH[0] < seen.vertical < CLOSE_ENOUGH[1]:
+        return None
+    stdev = max(order.surge_stdev, 1e-6)
+    surge_m_s = order.max_surge_m_s * math.exp(-(seen.horizontal**2) / (2 * stdev**2))
+    return Steer(surge_m_s, towards_rad, order.max_yaw_rate_rad_s * math.tanh(seen.horizontal))
+
 
 SLOW_PERIOD_MS = 1000
 """Of battery and statuses, which are told whenever they change, too."""

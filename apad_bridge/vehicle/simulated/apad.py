@@ -1,13 +1,15 @@
-"""The simulated aPad: three verbs in mission time, the same commands and facts as a real one behind a port."""
+"""The simulated aPad: three verbs in mission time, the same commands and facts as a real one behind a port.
+
+When a go-to has arrived: the public aPad stack's rule.
+"""
 
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Mapping
 
 from apad_bridge.scenario.schema import APad
-from apad_bridge.simulated_apad.arrival import ArrivalWatch
-from apad_bridge.simulated_apad.steering import Coast, Steer
 from apad_bridge.vehicle.commands import (
     Arrived,
     BatteryReported,
@@ -24,9 +26,27 @@ from apad_bridge.vehicle.commands import (
 from apad_bridge.vehicle.simulated.docks import OFFSETS_M, Docks
 from apad_bridge.vehicle.simulated.kinematics import STEP_MS, Pose
 from apad_bridge.vehicle.simulated.misses import MISSED, Misses
-from apad_bridge.vehicle.simulated.motion import Motion
+from apad_bridge.vehicle.simulated.motion import Coast, Motion, Steer
 from apad_bridge.vehicle.simulated.power import Battery
 from apad_bridge.vehicle.simulated.thrusters import Forces
+
+SAMPLES = 1000 // STEP_MS
+
+
+class ArrivalWatch:
+    """Arrived when the mean distance over the last second is below the victory radius, never within the first second."""
+
+    def __init__(self, command: GoTo) -> None:
+        self.command = command
+        self._distances_m: deque[float] = deque(maxlen=SAMPLES)
+
+    def has_arrived(self, pose: Pose) -> bool:
+        """Take the pose at the end of a step as a sample."""
+        north_m, east_m = self.command.north_m - pose.north_m, self.command.east_m - pose.east_m
+        self._distances_m.append((north_m * north_m + east_m * east_m) ** 0.5)
+        full = len(self._distances_m) == SAMPLES
+        return full and sum(self._distances_m) / SAMPLES < self.command.victory_radius_m
+
 
 Motive = GoTo | Hold | Coast | Steer
 """What says how the vehicle is to move; one at a time."""

@@ -1,12 +1,16 @@
-"""Motion under power: each step's pose and thrusts are planned when the step begins, and taken when it ends."""
+"""Motion under power: each step's pose and thrusts are planned when the step begins, and taken when it ends.
+
+What the manners of a stack tell the simulated aPad beyond the port's commands: its controllers off, or a body velocity.
+
+Neither has an id and neither ever ends by itself; a later go-to or hold replaces them, as they replace it.
+"""
 
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from apad_bridge.scenario.schema import APad
-from apad_bridge.simulated_apad.steering import Steer
 from apad_bridge.vehicle.simulated.kinematics import (
     STEP_S,
     Goal,
@@ -18,6 +22,21 @@ from apad_bridge.vehicle.simulated.kinematics import (
     wrapped,
 )
 from apad_bridge.vehicle.simulated.thrusters import NO_FORCES, allocate, electrical_w, weakest_force_n
+
+
+@dataclass(frozen=True, slots=True)
+class Coast:
+    """Controllers off: drag stops what moves, and the water carries the vehicle along."""
+
+
+@dataclass(frozen=True, slots=True)
+class Steer:
+    """Keep to a velocity: `speed_m_s` towards `direction_rad` clockwise from the bow, turning at `yaw_rate_rad_s`."""
+
+    speed_m_s: float
+    direction_rad: float
+    yaw_rate_rad_s: float
+
 
 _TURNING_DISTANCE_M = 0.1
 """Nearer than this the bow stays where it is: a bearing to a point underneath means nothing."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from apad_bridge.talking.inquiries import Inquiries
+from apad_bridge.acoustics.schedule import Inquiries
 
 
 def test_the_first_that_may_be_asked_is_and_not_again_before_ten_minutes() -> None:

@@ -3,7 +3,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from apad_bridge.talking.quiet import ALWAYS, Quiet
+from apad_bridge.acoustics.schedule import ALWAYS, Quiet
 
 FRAME = Quiet(300_000, 60_000)
 

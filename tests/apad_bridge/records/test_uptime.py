@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from agents.mussel.outputs import Truth
 from agents.mussel.physical import Physical
-from apad_bridge.records.sample_figures import sample_figures
+from apad_bridge.records.sample_file import sample_figures
 from apad_bridge.records.summary import uptime_figures
 from apad_bridge.records.uptime import AgentUptime, UptimeMeter
 from apad_bridge.supervisor.roster import Presence

@@ -3,7 +3,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from apad_bridge.runs.pid_file import supervising, supervisor_of
+from apad_bridge.runs.children import supervising, supervisor_of
 
 
 def test_a_living_supervisor_is_found_by_pid_and_start_time(tmp_path: Path) -> None:
@@ -20,7 +20,7 @@ def test_a_pid_that_names_another_process_now_names_nobody(tmp_path: Path) -> No
 
 def test_one_that_died_and_was_not_reaped_is_no_supervisor(tmp_path: Path) -> None:
     code = (
-        "import sys, os; from pathlib import Path; from apad_bridge.runs.pid_file import supervising\n"
+        "import sys, os; from pathlib import Path; from apad_bridge.runs.children import supervising\n"
         "with supervising(Path(sys.argv[1])):\n    print('in', flush=True); os.read(0, 1); os._exit(9)"
     )
     child = subprocess.Popen(

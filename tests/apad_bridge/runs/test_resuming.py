@@ -9,17 +9,17 @@ from typing import Any
 import pytest
 
 from apad_bridge.assembly import parts
-from apad_bridge.known import Known
 from apad_bridge.mission.state import MissionState, Phase
 from apad_bridge.planning.solution import Solution, Step, StepKind
 from apad_bridge.records.journal import JournalContents, read_journal
 from apad_bridge.records.recorder import Recorder
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.records.summary import Ending
-from apad_bridge.runs.failures import PeerFailed
 from apad_bridge.runs.resuming import gap_ms, go_on, resume
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.run_options import APadKind, OnDeath, Part, RunOptions, TimeSource
+from apad_bridge.supervisor.context import Known
+from apad_bridge.vehicle.errors import PeerFailed
 from firmware_model.packets import StatusPacket
 from firmware_model.states import State
 

@@ -9,8 +9,8 @@ import signal
 import pytest
 
 from apad_bridge.commands import main as command
+from apad_bridge.runs.children import terminated_as_interrupted
 from apad_bridge.runs.exits import Exit
-from apad_bridge.termination import terminated_as_interrupted
 
 
 def test_what_was_begun_is_ended_at_sigterm() -> None:

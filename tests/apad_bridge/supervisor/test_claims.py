@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from apad_bridge.claims import Claim, conflicts, given_back
-from apad_bridge.supervisor.roster import Became, Presence, Presences
+from apad_bridge.supervisor.roster import Became, Claim, Presence, Presences, conflicts, given_back
 
 PRESENCES = Presences(
     [1, 2, 3, 4],

@@ -7,12 +7,12 @@ import sys
 import threading
 from pathlib import Path
 
-from apad_bridge.stop_sign import StopSign
+from apad_bridge.supervisor.clock import StopSign
 
 # A handler every 50 us, and waits hardly longer: with a threading.Event this does not come through.
 STORM = """
 import signal
-from apad_bridge.stop_sign import StopSign
+from apad_bridge.supervisor.clock import StopSign
 signs = [StopSign()]
 signal.signal(signal.SIGALRM, lambda *_: signs[0].set())
 signal.setitimer(signal.ITIMER_REAL, 5e-5, 5e-5)

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import pytest
 
-from apad_bridge.ros.legacy_shown import PoseShown
 from apad_bridge.scenario.loader import load
 from apad_bridge.vehicle.commands import BatteryReported, PoseReported
 from apad_bridge.vehicle.generation_a.core import GenerationACore
@@ -17,7 +16,7 @@ from apad_bridge.vehicle.generation_b.core import GenerationBCore
 from apad_bridge.vehicle.generation_b.simulated import GenerationBVehicle
 from apad_bridge.vehicle.simulated.apad import SimulatedAPad
 from apad_bridge.vehicle.simulated.misses import Misses
-from apad_bridge.vehicle.stack_messages import BatteryHeard, PoseHeard, StateHeard
+from apad_bridge.vehicle.stack_messages import BatteryHeard, PoseHeard, PoseShown, StateHeard
 
 POOL = load(Path(__file__).parents[3] / "launch_scripts" / "scenarios" / "pool-12.yaml")
 BATTERY_V = (10.5, 16.0)

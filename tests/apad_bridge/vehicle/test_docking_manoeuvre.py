@@ -4,12 +4,12 @@ from pathlib import Path
 
 import pytest
 
-from apad_bridge.ros.generation_b_docking import ServoDocking
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.schema import Servo
 from apad_bridge.vehicle.commands import AS_THE_SCENARIO_SAYS, CloseDock, DockClosed, Manoeuvre, OpenDock
 from apad_bridge.vehicle.docking import DockingPort
 from apad_bridge.vehicle.generation_b.messages import DockingOrder
+from apad_bridge.vehicle.generation_b.primitives import ServoDocking
 from apad_bridge.vehicle.primitives import DockMussel, UndockMussel
 
 SERVO = Servo(

@@ -8,7 +8,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from apad_bridge.port.phases import Event, Phase
 from apad_bridge.scenario.schema import Docking, DockingProfile
 from apad_bridge.vehicle.commands import (
     Arrived,
@@ -18,7 +17,7 @@ from apad_bridge.vehicle.commands import (
     DockOpened,
     PoseReported,
 )
-from apad_bridge.vehicle.docking import DockingPort
+from apad_bridge.vehicle.docking import DockingPort, Event, Phase
 from apad_bridge.vehicle.primitives import (
     DockMussel,
     GoToPoint,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from apad_bridge.ros.silence_watch import Silence, SilenceWatch
+from apad_bridge.vehicle.telemetry import Silence, SilenceWatch
 
 
 def test_silence_and_its_end_are_told_once_each() -> None:

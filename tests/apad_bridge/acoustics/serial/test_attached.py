@@ -10,9 +10,8 @@ from typing import Any
 
 from agents.modem.frames import FrameKind
 from apad_bridge.acoustics.serial.attached import AttachedModem, Result
-from apad_bridge.acoustics.serial.nanomodem import Carried, Dropped, Heard, Reported, Stage
+from apad_bridge.acoustics.serial.nanomodem import Addressed, Carried, Dropped, Heard, Reported, Stage, Way
 from apad_bridge.acoustics.serial.serial_port import SerialPort
-from apad_bridge.modems.ids_header import Addressed, Way
 
 Make = Callable[..., Any]
 

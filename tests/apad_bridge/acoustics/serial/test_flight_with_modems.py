@@ -15,10 +15,9 @@ import serial
 from agents.hosting.in_process import OneProcess
 from agents.mussel.stimuli import SoundArrived, to_wire
 from apad_bridge.acoustics.serial.lines import Rims, open_rims
+from apad_bridge.acoustics.serial.nanomodem import Addressed, AnswerReader, Message, Way
 from apad_bridge.assembly import parts
 from apad_bridge.assembly.water import fleet_of
-from apad_bridge.modems.answer_reader import AnswerReader, Message
-from apad_bridge.modems.ids_header import Addressed, Way
 from apad_bridge.runs.in_memory import MemoryRecorder
 from apad_bridge.scenario.loader import from_data, load, resolve
 from apad_bridge.scenario.schema import Scenario

@@ -10,17 +10,21 @@ from apad_bridge.acoustics.serial.nanomodem import (
     ROOM,
     WAIT_MS,
     Action,
+    Addressed,
+    AnswerReader,
     Carried,
     Dropped,
     Heard,
+    Line,
+    Message,
     ModemQueue,
     Priority,
     Reported,
     Stage,
+    Way,
     Write,
+    decode,
 )
-from apad_bridge.modems.answer_reader import AnswerReader, Line, Message
-from apad_bridge.modems.ids_header import Addressed, Way, decode
 
 WHO = b"#A001V21845R001.006.000B2024-02-15T00:00:00\r\n"
 

@@ -8,16 +8,15 @@ from pathlib import Path
 
 import pytest
 
-from apad_bridge.ros import generation_a_shown as shown_a
-from apad_bridge.ros import generation_b_shown as shown_b
-from apad_bridge.ros.legacy_shown import PoseShown
 from apad_bridge.scenario.faults import OF_A, OF_B, Fault
 from apad_bridge.scenario.loader import load
 from apad_bridge.vehicle.commands import VehicleCommand
 from apad_bridge.vehicle.docking import DockingPort
+from apad_bridge.vehicle.generation_a import messages as shown_a
 from apad_bridge.vehicle.generation_a.core import GenerationACore
 from apad_bridge.vehicle.generation_a.messages import GoalCode, GoalsHeard, GoalWord, StaticHeard
 from apad_bridge.vehicle.generation_a.simulated import GenerationAVehicle
+from apad_bridge.vehicle.generation_b import messages as shown_b
 from apad_bridge.vehicle.generation_b.core import GenerationBCore
 from apad_bridge.vehicle.generation_b.messages import Answered, ArmHeard, StatusHeard
 from apad_bridge.vehicle.generation_b.simulated import GenerationBVehicle
@@ -34,7 +33,7 @@ from apad_bridge.vehicle.primitives import (
 )
 from apad_bridge.vehicle.simulated.apad import SimulatedAPad
 from apad_bridge.vehicle.simulated.misses import Misses
-from apad_bridge.vehicle.stack_messages import PoseHeard
+from apad_bridge.vehicle.stack_messages import PoseHeard, PoseShown
 
 ROOT = Path(__file__).parents[4]
 POOL = load(ROOT / "launch_scripts" / "scenarios" / "pool-12.yaml")

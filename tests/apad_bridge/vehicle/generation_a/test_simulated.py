@@ -8,7 +8,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from apad_bridge.ros.generation_a_shown import (
+from apad_bridge.scenario.faults import Fault
+from apad_bridge.scenario.loader import load
+from apad_bridge.vehicle.generation_a.messages import (
+    GO_TO,
+    PERCH,
+    RELEASE,
     Ended,
     Goal,
     Held,
@@ -16,12 +21,9 @@ from apad_bridge.ros.generation_a_shown import (
     Shown,
     SlowShown,
 )
-from apad_bridge.ros.legacy_shown import PoseShown
-from apad_bridge.scenario.faults import Fault
-from apad_bridge.scenario.loader import load
-from apad_bridge.vehicle.generation_a.messages import GO_TO, PERCH, RELEASE
 from apad_bridge.vehicle.generation_a.simulated import GenerationAVehicle
 from apad_bridge.vehicle.simulated.apad import SimulatedAPad
+from apad_bridge.vehicle.stack_messages import PoseShown
 
 POOL = load(Path(__file__).parents[4] / "launch_scripts" / "scenarios" / "pool-12.yaml")
 NORTH_M, EAST_M = POOL.apad.start_m

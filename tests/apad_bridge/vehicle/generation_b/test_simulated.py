@@ -11,20 +11,23 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from apad_bridge.ros import generation_b_requests as requests
-from apad_bridge.ros.generation_b_shown import (
+from apad_bridge.scenario.faults import Fault
+from apad_bridge.scenario.loader import load
+from apad_bridge.vehicle.generation_b import messages
+from apad_bridge.vehicle.generation_b.messages import (
     ArmShown,
     CameraTurned,
+    DockingOrder,
     Finished,
     GoToBegun,
     GoToEnded,
     GoToLeft,
+    GoToOrder,
+    PositionOrder,
     Shown,
+    Status,
     StatusShown,
 )
-from apad_bridge.scenario.faults import Fault
-from apad_bridge.scenario.loader import load
-from apad_bridge.vehicle.generation_b.messages import DockingOrder, GoToOrder, PositionOrder, Status
 from apad_bridge.vehicle.generation_b.simulated import GenerationBVehicle, Stage
 from apad_bridge.vehicle.simulated.apad import SimulatedAPad
 
@@ -227,13 +230,13 @@ def test_a_fault_shows_below_the_services_as_it_does_on_the_topics(fault: Fault,
 
 def test_requests_are_met_by_their_fields() -> None:
     point = SimpleNamespace(x=3.0, y=-4.0)
-    assert requests.simple_go_to(SimpleNamespace(point=point, speed=0.4)) == GoToOrder(3.0, -4.0, 0.4, 1.5)
-    simple = requests.simple_docking(SimpleNamespace(action=False, slot=2))
+    assert messages.simple_go_to(SimpleNamespace(point=point, speed=0.4)) == GoToOrder(3.0, -4.0, 0.4, 1.5)
+    simple = messages.simple_docking(SimpleNamespace(action=False, slot=2))
     assert (simple.docks, simple.slot) == (False, 2) and simple.search_yaw_rate_rad_s > 0
     goal = SimpleNamespace(T2=SimpleNamespace(point=point), speed=0.4, victory_radius=0.7)
-    assert requests.goal(goal) == GoToOrder(3.0, -4.0, 0.4, 0.7)
+    assert messages.goal(goal) == GoToOrder(3.0, -4.0, 0.4, 0.7)
     hold = SimpleNamespace(north=1.0, east=2.0, heading=0.5, heading_enable=False)
-    assert requests.position(hold) == PositionOrder(1.0, 2.0, None)
+    assert messages.position(hold) == PositionOrder(1.0, 2.0, None)
 
 
 @settings(max_examples=20, deadline=None)

@@ -8,9 +8,14 @@ from pathlib import Path
 
 import pytest
 
-from apad_bridge.ros.generation_b_shown import StatusShown
 from apad_bridge.scenario.loader import load
-from apad_bridge.vehicle.generation_b.messages import DockingOrder, PositionOrder, Status, slot_direction_rad
+from apad_bridge.vehicle.generation_b.messages import (
+    DockingOrder,
+    PositionOrder,
+    Status,
+    StatusShown,
+    slot_direction_rad,
+)
 from apad_bridge.vehicle.generation_b.simulated import GenerationBVehicle, Stage
 from apad_bridge.vehicle.simulated.apad import SimulatedAPad
 from apad_bridge.vehicle.simulated.camera import seen

@@ -1,7 +1,0 @@
-"""Failures that are nobody's mistake in what was asked: a peer that died or fell silent."""
-
-from __future__ import annotations
-
-
-class PeerFailed(RuntimeError):
-    """Something that the run needs failed: one line that says what, what follows from it, and where to look."""
