@@ -14,7 +14,16 @@ from agents.water.fields import Fields
 from agents.water.patches import OXYGEN, TEMPERATURE, TURBIDITY, Waters
 from agents.water.stream import STILL, Stream, Tide, parse_stream
 from firmware_model.actions import Buoyancy
-from firmware_model.config import BoardConfig, Cycle, LastResort, Metering, Power, Slots, Timekeeping, Whole
+from firmware_model.config import (
+    BoardConfig,
+    Cycle,
+    FullFirmware,
+    LastResort,
+    Metering,
+    Power,
+    Slots,
+    Timekeeping,
+)
 from firmware_model.power.charge import Battery, ChargeModel, Flow, grains
 from firmware_model.power.rails import Loads
 from firmware_model.sampling.flash import PAGES
@@ -41,7 +50,7 @@ class FleetConfig:
     drift_amplitude_um: int
     current_csv: str | None
     """The text of the current vector field's file; None for still water."""
-    whole: Whole | None = None
+    whole: FullFirmware | None = None
     """Sleep, rails and two batteries; None is the paper's worst case."""
     first_id: int = 1
     """Who has the first acoustic timeslot; the others follow by their ids."""
@@ -93,9 +102,9 @@ def _charge_of(wire: dict[str, Any]) -> ChargeModel:
     return ChargeModel(**{**wire, "segments": one, "segments_by_two": two})
 
 
-def _whole_of(wire: dict[str, Any]) -> Whole:
+def _whole_of(wire: dict[str, Any]) -> FullFirmware:
     cycle, timekeeping = wire["cycle"], wire["timekeeping"]
-    return Whole(
+    return FullFirmware(
         **{
             **wire,
             "power": _power_of(wire["power"]),

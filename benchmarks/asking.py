@@ -26,7 +26,7 @@ from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
 
-from agents.hosting.in_process import OneProcess
+from agents.hosting.in_process import InProcessHost
 from agents.mussel.outputs import Truth
 from agents.mussel.physical import Physical
 from apad_bridge.assembly import parts
@@ -35,12 +35,12 @@ from apad_bridge.assembly.water import fleet_of
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.records.summary import uptime_figures
 from apad_bridge.runs.in_memory import MemoryRecorder
-from apad_bridge.scenario.board_model import charge_model, whole_firmware
+from apad_bridge.scenario.board_model import charge_model, full_firmware
 from apad_bridge.scenario.loader import from_data, load, resolve
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
 from apad_bridge.supervisor.clock import AsFastAsPossible
-from apad_bridge.supervisor.context import Surroundings
+from apad_bridge.supervisor.context import FlightContext
 from apad_bridge.supervisor.loop import Flight
 from apad_bridge.supervisor.sample_collection import SampleCollection
 from apad_bridge.vehicle.link import InProcessVehicle
@@ -154,9 +154,9 @@ def _as_it_is(thought: Scenario, seed: int) -> Scenario:
     return from_data(data, thought.name)
 
 
-def _sown(births: dict[int, Physical]) -> Iterator[StatusPacket]:
+def _sown(initial_states: dict[int, Physical]) -> Iterator[StatusPacket]:
     """An aPad knows whom it has sown, and where."""
-    for agent_id, it in births.items():
+    for agent_id, it in initial_states.items():
         charges, place = (
             (fraction(it.primary.charge), fraction(it.secondary.charge)),
             (it.north_um / 1e6, it.east_um / 1e6),
@@ -191,15 +191,15 @@ class Scoring(MemoryRecorder):
 
 
 def _flown(thought: Scenario, truth: Scenario) -> dict[str, float]:
-    births = parts.births(truth, starts_of(truth))
-    host = OneProcess(parts.fleet_config(truth), births)
+    initial_states = parts.initial_states(truth, starts_of(truth))
+    host = InProcessHost(parts.fleet_config(truth), initial_states)
     supervisor = parts.supervisor(thought, samples=SampleCollection(parts.agent_ids(thought)))
-    for packet in _sown(births):
+    for packet in _sown(initial_states):
         supervisor.beliefs.hear(packet, 0)
     recorder = Scoring(truth)
     vehicle = InProcessVehicle(parts.simulated_apad(truth))
-    fleet = fleet_of(truth, host, dict.fromkeys(births, 0))
-    flight = Flight(supervisor, Surroundings(vehicle, AsFastAsPossible(), fleet), recorder)
+    fleet = fleet_of(truth, host, dict.fromkeys(initial_states, 0))
+    flight = Flight(supervisor, FlightContext(vehicle, AsFastAsPossible(), fleet), recorder)
     flight.run()
     figures = uptime_figures(recorder.meter, flight.now_ms)
     kinds = Counter(kind for _, kind, _ in recorder.events)
@@ -208,7 +208,7 @@ def _flown(thought: Scenario, truth: Scenario) -> dict[str, float]:
         for _, kind, event in recorder.events
         if kind == "packet"
     )
-    whole = whole_firmware(truth.board, truth.seed)
+    whole = full_firmware(truth.board, truth.seed)
     assert whole is not None
     return {
         "lost": figures["amussels_lost"],

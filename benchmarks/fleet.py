@@ -35,7 +35,7 @@ from agents.hosting.process_host import ProcessHost
 from agents.mussel.stimuli import ContactClosed, ContactOpened, DockMoved, SoundArrived, WifiArrived
 from agents.nursery.flash_file import FLASH_NAME, FlashRegion
 from agents.nursery.launch import launch_nursery, prepare
-from firmware_model.config import LastResort, Slots, Whole
+from firmware_model.config import FullFirmware, LastResort, Slots
 from firmware_model.packets import CommandPacket, Kind
 from firmware_model.packets.codec import MusselbedCodec
 from firmware_model.sampling.flash_log import FlashLog
@@ -80,7 +80,7 @@ FLEET = FleetConfig(
 )
 WAKES = replace(FIELD, slots=Slots(frame_ms=300_000, slot_ms=300))
 """Every hour: sample, process, await the timeslot and transmit; with a slot for each of a thousand."""
-WHOLE = Whole(power(LastResort.CALL), WAKES, transmit_ms=300, call_ms=600_000, hover_ms=600_000)
+WHOLE = FullFirmware(power(LastResort.CALL), WAKES, transmit_ms=300, call_ms=600_000, hover_ms=600_000)
 _WHOLE_FLEET = replace(FLEET, charge=MODEL, whole=WHOLE)
 FULL_LOG = "whole board, full log"
 FLEETS = {"worst case": FLEET, "whole board": _WHOLE_FLEET, FULL_LOG: _WHOLE_FLEET}
@@ -116,17 +116,22 @@ def show(result: dict[str, Any], console: Console) -> None:
 
 
 def musselbed_rows(run_dir: str, board: str, agents: int, window_s: int) -> Iterator[dict[str, Any]]:
-    births = {agent_id: resting_on_bottom(agent_id, 0.0, 3.0, 0.9, 1.0) for agent_id in range(1, agents + 1)}
+    initial_states = {
+        agent_id: resting_on_bottom(agent_id, 0.0, 3.0, 0.9, 1.0) for agent_id in range(1, agents + 1)
+    }
     if board == FULL_LOG:
-        births = {agent_id: replace(birth, samples=LOGGED) for agent_id, birth in births.items()}
+        initial_states = {
+            agent_id: replace(initial_state, samples=LOGGED)
+            for agent_id, initial_state in initial_states.items()
+        }
         fill_logs(run_dir, agents)
-    prepare(run_dir, FLEETS[board], births)
+    prepare(run_dir, FLEETS[board], initial_states)
     kernel_before_kb = kernel_kb()
     began_s = time.monotonic()
     nursery = launch_nursery(run_dir)
     host = ProcessHost.adopt(run_dir, 1)
     try:
-        clock = Coordinator(host, dict.fromkeys(births, 0), THETA)
+        clock = Coordinator(host, dict.fromkeys(initial_states, 0), THETA)
         clock.advance(0)
         ready_s = time.monotonic() - began_s
 

@@ -79,8 +79,8 @@ def row(*, stalled: bool) -> dict[str, Any]:
         gateway = Node(stack, environment, str(NODES / "gateway.py"), str(AGENTS))
         _, open_s, uri = gateway.line().split()
         reader = Node(stack, environment, str(NODES / "tcpros_reader.py"), uri, "everything", str(AGENTS))
-        ears = Node(stack, environment, str(NODES / "rospy_reader.py"), *LISTENED)
-        assert reader.line() == ears.line() == "reading"
+        ranging = Node(stack, environment, str(NODES / "rospy_reader.py"), *LISTENED)
+        assert reader.line() == ranging.line() == "reading"
         if stalled:
             stopped = Node(
                 stack,
@@ -97,7 +97,7 @@ def row(*, stalled: bool) -> dict[str, Any]:
         assert gateway.line() == "ticked"
         published = json.loads(gateway.end())
         received = json.loads(reader.end())
-        latencies_ms = sorted(json.loads(ears.end()))
+        latencies_ms = sorted(json.loads(ranging.end()))
         return {
             "agents": AGENTS,
             "readers": "one is stalled" if stalled else "healthy",

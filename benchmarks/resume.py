@@ -15,7 +15,7 @@ from rich.table import Table
 
 from apad_bridge.assembly import parts
 from apad_bridge.beliefs.fleet import FleetBeliefs
-from apad_bridge.records.checkpoint import PERIOD_MS, ROWS, Notebook, recall
+from apad_bridge.records.checkpoint import PERIOD_MS, ROWS, Checkpoint, restore
 from apad_bridge.scenario.believing import Beliefs, Estimator, TwinModel
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.schema import Scenario
@@ -46,7 +46,7 @@ def _measured(path: Path, estimator: str, agents: int, theta: int, period_s: int
     plain, noted = (parts.nothing_known(scenario).beliefs for _ in range(2))
     learning_s = _heard(plain, agents, theta, period_s)
     begun_s = process_time()
-    book = Notebook(path, noted, 0)
+    book = Checkpoint(path, noted, 0)
     writing_s = 0.0
     for packets, now_ms in _ticks(agents, theta, period_s):
         for packet in packets:
@@ -57,11 +57,11 @@ def _measured(path: Path, estimator: str, agents: int, theta: int, period_s: int
     noting_s = process_time() - begun_s
     recalled = parts.nothing_known(scenario).beliefs
     before_s = process_time()
-    found = recall(path, recalled)
+    found = restore(path, recalled)
     recall_s = process_time() - before_s
     book.close()
     before_s = process_time()
-    Notebook(path, noted, 0).close()
+    Checkpoint(path, noted, 0).close()
     return {
         "estimator": estimator,
         "agents": agents,

@@ -14,7 +14,7 @@ from rich.console import Console
 from rich.table import Table
 
 from apad_bridge.assembly.division import members
-from apad_bridge.runs.studies.several_in_memory import open_formation
+from apad_bridge.runs.studies.several_in_memory import open_lockstep
 from apad_bridge.scenario.loader import from_data, resolve
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
@@ -53,7 +53,7 @@ def _flown(scenario: Scenario, transfers: bool) -> dict[str, float]:
     data["apads"][1]["battery_start_fraction"] = BATTERY
     data["sharing"]["transfers"] = transfers
     failing = from_data(data, "taking over")
-    opened = open_formation(members(failing, starts_of(failing)), failing.sharing)
+    opened = open_lockstep(members(failing, starts_of(failing)), failing.sharing)
     opened.formation.run()
     figures = opened.figures().values()
     counted_s = sum(it["counted_s"] for it in figures)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import IntEnum
 
-from firmware_model.power.feed import Feed
+from firmware_model.power.feed import ActiveBattery
 from firmware_model.power.rails import Rail
 from firmware_model.states import State, Trigger
 
@@ -47,7 +47,7 @@ class FeedFrom:
     """The board lives on another battery from now on."""
 
     at_ms: int
-    feed: Feed
+    feed: ActiveBattery
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,10 +12,10 @@ from firmware_model.actions import MOTORS, REPORTS, Action, Dropped, RunBuoyancy
 from firmware_model.config import BoardConfig
 from firmware_model.packets import Command, Kind
 from firmware_model.packets.codec import Codec
-from firmware_model.packets.commands import TRIGGERS, understood
+from firmware_model.packets.commands import TRIGGERS, parse_command
 from firmware_model.power.charge import Battery
 from firmware_model.power.charge_pin import ChargePin, Edge, Fault
-from firmware_model.power.feed import Feed, WorstCase
+from firmware_model.power.feed import ActiveBattery, WorstCase
 from firmware_model.power.rails import RAILS, Rail
 from firmware_model.states import TABLE, Refused, State, Trigger, next_state
 from firmware_model.stimuli import (
@@ -33,7 +33,7 @@ from firmware_model.stimuli import (
 
 if TYPE_CHECKING:
     from firmware_model.power.power_path import PowerPath
-    from firmware_model.settings import Kept
+    from firmware_model.settings import StoredSettings
     from firmware_model.timers import Deadline
 
 _DOCKED = (State.CHARGING, State.REPORTING)
@@ -68,7 +68,7 @@ class Board:
         return self._batteries.secondary
 
     @property
-    def feed(self) -> Feed:
+    def feed(self) -> ActiveBattery:
         """The battery that the board lives on."""
         return self._batteries.feed
 
@@ -88,7 +88,7 @@ class Board:
         return True
 
     @property
-    def kept(self) -> Kept | None:
+    def kept(self) -> StoredSettings | None:
         """What a reset has to leave; None for a board that nobody has told anything yet."""
         return None
 
@@ -191,7 +191,7 @@ class Board:
         return []
 
     def _command(self, data: bytes) -> list[Action]:
-        command = understood(data, self._codec, self.config)
+        command = parse_command(data, self._codec, self.config)
         return [Dropped(self._now_ms, command)] if isinstance(command, str) else self._obey(command)
 
     def _obey(self, command: Command) -> list[Action]:

@@ -10,7 +10,7 @@ from firmware_model.packets.codec import Codec
 from firmware_model.power.charge import Battery
 
 if TYPE_CHECKING:
-    from firmware_model.settings import Kept
+    from firmware_model.settings import StoredSettings
 
 
 def board_of(
@@ -19,7 +19,7 @@ def board_of(
     primary: Battery,
     secondary: Battery,
     now_ms: int,
-    kept: Kept | None = None,
+    kept: StoredSettings | None = None,
 ) -> Board:
     """The board that `config` is of. `kept` is what a reset left of a whole board's clock and settings."""
     if config.whole is None:

@@ -133,7 +133,7 @@ class Timekeeping:
 
 
 @dataclass(frozen=True, slots=True)
-class Whole:
+class FullFirmware:
     """The whole firmware; a board without one is the paper's worst case: one battery, one load, never asleep."""
 
     power: Power
@@ -168,7 +168,7 @@ class BoardConfig:
     boot_ms: int
     float_timeout_ms: int
     release_wait_ms: int
-    whole: Whole | None = None
+    whole: FullFirmware | None = None
     """Sleep, rails and two batteries; None is the paper's worst case."""
     slot: int = 0
     """Which acoustic timeslot of every frame is this board's."""

@@ -87,7 +87,7 @@ class Settings:
 
 
 @dataclass(frozen=True, slots=True)
-class Kept:
+class StoredSettings:
     """The clock's anchor in agent time, what it read then, and what commands made of the settings."""
 
     anchor_ms: int
@@ -95,10 +95,10 @@ class Kept:
     settings: Settings
 
 
-class Keeper:
+class SettingsStore:
     """The clock and the settings of a running board."""
 
-    def __init__(self, config: BoardConfig, kept: Kept | None, now_ms: int) -> None:
+    def __init__(self, config: BoardConfig, kept: StoredSettings | None, now_ms: int) -> None:
         """`kept` None: as delivered, the clock set when the aMussel was put into the water, at agent time 0."""
         self.kept = kept
         anchor_ms, reading_ms = (0, 0) if kept is None else (kept.anchor_ms, kept.reading_ms)
@@ -121,4 +121,4 @@ class Keeper:
 
     def _keep(self) -> None:
         clock = self.clock.clock
-        self.kept = Kept(clock.anchor_ms, clock.reading_ms, self.settings)
+        self.kept = StoredSettings(clock.anchor_ms, clock.reading_ms, self.settings)

@@ -9,7 +9,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from firmware_model.config import PATH_UNIT, BoardConfig, Cycle, LastResort, Metering, Power, Slots, Whole
+from firmware_model.config import (
+    PATH_UNIT,
+    BoardConfig,
+    Cycle,
+    FullFirmware,
+    LastResort,
+    Metering,
+    Power,
+    Slots,
+)
 from firmware_model.power.charge import EMPTY_MV, FULL, FULL_MV, ChargeModel, grains, grains_per_ms
 from firmware_model.power.rails import Loads, Rail
 
@@ -189,5 +198,5 @@ def power(
 
 def board(cycle: Cycle | None, a_power: Power, agent_id: int = 1) -> BoardConfig:
     """A board with these loads; `cycle` None never sleeps."""
-    whole = Whole(a_power, cycle, transmit_ms=1000, call_ms=600_000, hover_ms=600_000)
+    whole = FullFirmware(a_power, cycle, transmit_ms=1000, call_ms=600_000, hover_ms=600_000)
     return BoardConfig(agent_id, MODEL, 50, 2000, 12 * _HOUR_MS, 120_000, whole)

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from firmware_model.clock import AlarmClock
-from firmware_model.config import Cycle, LastResort, Whole
+from firmware_model.config import Cycle, FullFirmware, LastResort
 from firmware_model.power.power_path import PowerPath
-from firmware_model.settings import Keeper, Settings
+from firmware_model.settings import Settings, SettingsStore
 from firmware_model.states import State, Trigger
 
 Deadline = tuple[int, Trigger]
 """When a state ends by itself, and what that means."""
 
 
-def whole_deadline(state: State, whole: Whole, keeper: Keeper, now_ms: int) -> Deadline | None:
+def full_deadline(state: State, whole: FullFirmware, keeper: SettingsStore, now_ms: int) -> Deadline | None:
     """For what only the whole firmware has, the last resort apart; the state was entered at `now_ms`."""
     settings, clock = keeper.settings, keeper.clock
     if state is State.HOVERING:
@@ -47,7 +47,7 @@ def _after_sampling(cycle: Cycle, settings: Settings) -> Trigger:
     return Trigger.SAMPLES_TO_SEND if settings.has_slot else Trigger.WAKE_OVER
 
 
-def _slot(whole: Whole, settings: Settings, clock: AlarmClock, now_ms: int) -> Deadline:
+def _slot(whole: FullFirmware, settings: Settings, clock: AlarmClock, now_ms: int) -> Deadline:
     """The slot's opening by the board's clock; or now, if the clock may then be off by more than the guard."""
     speaks_at_ms = settings.speaks_at_ms(clock.reading_at(now_ms))
     at_ms = max(now_ms, clock.clock.when(speaks_at_ms))
@@ -58,7 +58,7 @@ def _slot(whole: Whole, settings: Settings, clock: AlarmClock, now_ms: int) -> D
 
 
 def last_resort(
-    whole: Whole, batteries: PowerPath, last_ms: int | None, stays_down_until_ms: int, now_ms: int
+    whole: FullFirmware, batteries: PowerPath, last_ms: int | None, stays_down_until_ms: int, now_ms: int
 ) -> Deadline | None:
     """For the state EMPTY; `last_ms` is when the last resort was last taken since the charger was last seen."""
     action = whole.power.last_resort

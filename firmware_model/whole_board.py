@@ -13,7 +13,7 @@ from firmware_model.actions import (
     SendLog,
 )
 from firmware_model.board import Board
-from firmware_model.config import BoardConfig, Whole
+from firmware_model.config import BoardConfig, FullFirmware
 from firmware_model.packets import (
     Beacon,
     Command,
@@ -28,22 +28,22 @@ from firmware_model.packets.codec import Codec
 from firmware_model.packets.commands import TRIGGERS
 from firmware_model.power.charge import Battery
 from firmware_model.power.charge_pin import Edge
-from firmware_model.power.feed import Feed
+from firmware_model.power.feed import ActiveBattery
 from firmware_model.power.power_path import Level, PowerPath
 from firmware_model.power.rails import Rail
 from firmware_model.power.switchboard import Switchboard
-from firmware_model.settings import Keeper, Kept
+from firmware_model.settings import SettingsStore, StoredSettings
 from firmware_model.states import TABLE, State, Trigger
-from firmware_model.timers import Deadline, last_resort, whole_deadline
+from firmware_model.timers import Deadline, full_deadline, last_resort
 
-_EMPTIED = {Feed.SECONDARY: Trigger.BATTERY_EMPTIED, Feed.NEITHER: Trigger.BOTH_EMPTIED}
+_EMPTIED = {ActiveBattery.SECONDARY: Trigger.BATTERY_EMPTIED, ActiveBattery.NEITHER: Trigger.BOTH_EMPTIED}
 _BY_THE_CLOCK = (State.SLEEPING, State.CHARGING, State.AWAITING_SLOT)
 _NOT_SENT = "a status: no beacon came, and the clock may be off by more than the guard"
 _OFFSETS_MS = (-(1 << 31), (1 << 31) - 1)
 
 
 class WholeBoard(Board):
-    """A board whose configuration has a `Whole`."""
+    """A board whose configuration has a `FullFirmware`."""
 
     _batteries: PowerPath
 
@@ -54,13 +54,13 @@ class WholeBoard(Board):
         primary: Battery,
         secondary: Battery,
         now_ms: int,
-        kept: Kept | None = None,
+        kept: StoredSettings | None = None,
     ) -> None:
         """`kept` is what a reset left of the clock and the settings; without it they are as delivered."""
         super().__init__(config, codec, primary, secondary, now_ms)
         assert config.whole is not None
-        self._whole: Whole = config.whole
-        self._keeper = Keeper(config, kept, now_ms)
+        self._whole: FullFirmware = config.whole
+        self._keeper = SettingsStore(config, kept, now_ms)
         self._batteries = PowerPath(
             config.charge,
             config.whole.power,
@@ -89,7 +89,7 @@ class WholeBoard(Board):
         return self._switches.is_on(Rail.WIFI)
 
     @property
-    def kept(self) -> Kept | None:
+    def kept(self) -> StoredSettings | None:
         return self._keeper.kept
 
     @property
@@ -249,16 +249,16 @@ class WholeBoard(Board):
 
     def _deadline_of(self, state: State, now_ms: int) -> Deadline | None:
         feed = self._batteries.feed
-        if feed is Feed.NEITHER and (state, Trigger.BOTH_EMPTIED) in TABLE:
+        if feed is ActiveBattery.NEITHER and (state, Trigger.BOTH_EMPTIED) in TABLE:
             return now_ms, Trigger.BOTH_EMPTIED
         match state:
             case State.FLOATING if self._last_resort_ms is not None:
                 return None  # one that came up for its life does not go down again by itself
             case State.BOOTING | State.FLOATING | State.RELEASED:
                 return super()._deadline_of(state, now_ms)
-            case State.ACTIVE if feed is not Feed.PRIMARY:
+            case State.ACTIVE if feed is not ActiveBattery.PRIMARY:
                 return now_ms, Trigger.BATTERY_EMPTIED
             case State.EMPTY:
                 last_ms, until_ms = self._last_resort_ms, self._stays_down_until_ms
                 return last_resort(self._whole, self._batteries, last_ms, until_ms, now_ms)
-        return whole_deadline(state, self._whole, self._keeper, now_ms)
+        return full_deadline(state, self._whole, self._keeper, now_ms)

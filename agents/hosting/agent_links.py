@@ -25,7 +25,7 @@ from agents.hosting.link_protocol import (
 )
 from agents.hosting.nursery_client import Fenced, NurseryDied, NurseryLink
 from agents.mussel.outputs import Output, Truth
-from agents.mussel.truths import Hearer
+from agents.mussel.truths import TruthReceiver
 from firmware_model.stimuli import ResetCause
 
 _PATIENCE = 10
@@ -59,7 +59,7 @@ class _Open:
     parts: dict[int, tuple[Output, ...]] = field(default_factory=dict)
 
 
-class Links:
+class AgentLinks:
     """Owned by one thread. `timeout_s` is the watchdog's."""
 
     def __init__(self, nursery: NurseryLink, timeout_s: float) -> None:
@@ -71,7 +71,7 @@ class Links:
         self._buffer = memoryview(bytearray(LIMIT_BYTES + 1))
         self.nursery_died = False
         self.dropped: Counter[str] = Counter()
-        self._hearer = Hearer(nursery.truth, self.dropped)
+        self._hearer = TruthReceiver(nursery.truth, self.dropped)
         self._epoll = select.epoll()
         self._epoll.register(nursery, select.EPOLLIN)
         self._epoll.register(nursery.truth, select.EPOLLIN)

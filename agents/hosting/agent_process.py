@@ -19,14 +19,14 @@ from agents.hosting.link_protocol import (
 from agents.mussel import truths
 from agents.mussel.agent import Agent
 from agents.mussel.outputs import Output, Truth
-from agents.nursery.state_file import SlotPair
+from agents.nursery.state_file import RecordPair
 
 
-class Servant:
+class WindowHandler:
     """An agent behind its link: takes a message, writes what is physical, tells the truth, and says what to answer."""
 
     def __init__(
-        self, agent: Agent, slots: SlotPair, truth: socket.socket, key: Key, granted_ms: int
+        self, agent: Agent, slots: RecordPair, truth: socket.socket, key: Key, granted_ms: int
     ) -> None:
         """`key` and `granted_ms` are of the last answered window, which a restarted agent goes on from."""
         self._agent = agent
@@ -96,7 +96,7 @@ class Servant:
             self._truth.send(datagram)
 
 
-def serve(link: socket.socket, buffer: memoryview, servant: Servant) -> None:
+def serve(link: socket.socket, buffer: memoryview, servant: WindowHandler) -> None:
     """Answers until the other end of the link is gone. The nursery bounds how long a fleet waits for a supervisor.
 
     A message is received into `buffer`, of more than `LIMIT_BYTES`, so that one that is too long shows.
@@ -105,7 +105,7 @@ def serve(link: socket.socket, buffer: memoryview, servant: Servant) -> None:
         pass
 
 
-def answer_one(link: socket.socket, buffer: memoryview, servant: Servant) -> bool:
+def answer_one(link: socket.socket, buffer: memoryview, servant: WindowHandler) -> bool:
     """Waits for a message and answers it; False at the end of the link."""
     size = link.recv_into(buffer)
     if size == 0 and hung_up(link):

@@ -14,19 +14,19 @@ from firmware_model.sampling.flash import MemoryFlash
 from firmware_model.stimuli import ResetCause
 
 
-class OneProcess:
+class InProcessHost:
     """A Host without processes. `kill` marks an agent whose next window stays unanswered, as kill -9 does."""
 
-    def __init__(self, fleet: FleetConfig, births: Mapping[int, Physical]) -> None:
+    def __init__(self, fleet: FleetConfig, initial_states: Mapping[int, Physical]) -> None:
         self._codec = load_codec(fleet.codec)
         self._configs = fleet.maker()
-        self._flashes = {agent_id: MemoryFlash(fleet.flash_pages) for agent_id in births}
+        self._flashes = {agent_id: MemoryFlash(fleet.flash_pages) for agent_id in initial_states}
         self._agents = {
             agent_id: self._boot(agent_id, physical, 0, ResetCause.POWER_ON)
-            for agent_id, physical in births.items()
+            for agent_id, physical in initial_states.items()
         }
         self._doomed: set[int] = set()
-        self._kept = dict(births)
+        self._kept = dict(initial_states)
         """Physical state at the end of each agent's last answered window."""
         self._truths: list[Truth] = []
 

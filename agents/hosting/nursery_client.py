@@ -71,7 +71,7 @@ class NurseryLink:
             self._process = os.pidfd_open(self.pid)
             self.roll: list[Enrolled] = []
             for _ in range(welcome.rolls):
-                roll, links = self._hear(protocol.Roll, ANSWER_TIMEOUT_S)
+                roll, links = self._hear(protocol.ChildList, ANSWER_TIMEOUT_S)
                 handed = iter(links)
                 self.roll += [
                     Enrolled(row[0], row[1], next(handed) if row[1] else None, *row[2:]) for row in roll.rows

@@ -10,17 +10,17 @@ from collections import Counter
 from collections.abc import Mapping
 
 from agents.fleet import FleetConfig
-from agents.hosting.agent_links import Answered, Links
+from agents.hosting.agent_links import AgentLinks, Answered
 from agents.hosting.host import Death, Grant, Reply
 from agents.hosting.link_protocol import NEVER, Key, Repeat, Window
 from agents.hosting.nursery_client import Fenced, NurseryDied, NurseryLink
 from agents.mussel.outputs import Truth
 from agents.mussel.physical import Physical
-from agents.nursery.fleet_file import Upbringing
-from agents.nursery.launch import NoNursery, launch_nursery, prepare
+from agents.nursery.fleet_file import RestartPolicy
+from agents.nursery.launch import NurseryFailed, launch_nursery, prepare
 from firmware_model.stimuli import ResetCause
 
-__all__ = ["Fenced", "NoNursery", "ProcessHost"]
+__all__ = ["Fenced", "NurseryFailed", "ProcessHost"]
 
 WINDOW_TIMEOUT_S = 2.0
 _END_TIMEOUT_S = 5.0
@@ -55,24 +55,24 @@ class ProcessHost:
         self._dropped_before: Counter[str] = Counter()
         _allow_many_descriptors()
         self._nursery = NurseryLink(run_dir, epoch)
-        self._links = Links(self._nursery, window_timeout_s)
+        self._links = AgentLinks(self._nursery, window_timeout_s)
 
     @classmethod
     def start(
         cls,
         run_dir: str | os.PathLike[str],
         fleet: FleetConfig,
-        births: Mapping[int, Physical],
+        initial_states: Mapping[int, Physical],
         *,
         epoch: int = 1,
         window_timeout_s: float = WINDOW_TIMEOUT_S,
-        upbringing: Upbringing | None = None,
+        restart_policy: RestartPolicy | None = None,
     ) -> ProcessHost:
         """A new fleet in an existing directory that has none yet, under a nursery of its own.
 
-        Raises ValueError or FileExistsError for what cannot be a fleet, NoNursery when its nursery does not come up.
+        Raises ValueError or FileExistsError for what cannot be a fleet, NurseryFailed when its nursery does not come up.
         """
-        prepare(run_dir, fleet, births, upbringing)
+        prepare(run_dir, fleet, initial_states, restart_policy)
         return cls.adopt(run_dir, epoch, window_timeout_s=window_timeout_s)
 
     @classmethod
@@ -82,7 +82,7 @@ class ProcessHost:
         """Takes over the fleet of a run directory, as supervisor number `epoch`; starts a nursery if there is none.
 
         Agents that have never run are started; one that has died dies in its next window, so that it is recorded.
-        Raises Fenced if `epoch` is not above that of a former supervisor, NoNursery if none comes up.
+        Raises Fenced if `epoch` is not above that of a former supervisor, NurseryFailed if none comes up.
         """
         process, run_dir = None, os.fspath(run_dir)
         try:
@@ -91,7 +91,7 @@ class ProcessHost:
             process = launch_nursery(run_dir)
             host = cls(run_dir, epoch, window_timeout_s, process)
         try:
-            host._take_roll()
+            host._take_child_list()
         except BaseException:
             host.close()
             raise
@@ -112,7 +112,7 @@ class ProcessHost:
         return self._dropped_before + self._links.dropped + self._nursery.dropped
 
     @property
-    def links(self) -> Links:
+    def links(self) -> AgentLinks:
         return self._links
 
     def grant(self, grants: Mapping[int, Grant]) -> dict[int, Reply | Death]:
@@ -135,7 +135,7 @@ class ProcessHost:
             if self._links.nursery_died:
                 self._follow_nursery()
             starting = self._nursery.start([row])
-        except (NurseryDied, NoNursery) as error:
+        except (NurseryDied, NurseryFailed) as error:
             return str(error)
         for pid, descriptor in starting.living.values():
             self._links.add(agent_id, pid, descriptor)
@@ -154,7 +154,7 @@ class ProcessHost:
                 self._process.returncode = 0  # it lives on as another's: not ours to wait for
         self._let_go()
 
-    def _take_roll(self) -> None:
+    def _take_child_list(self) -> None:
         roll = self._nursery.roll
         self._committed = {agent.agent_id: (agent.epoch, agent.sequence) for agent in roll}
         self.granted_ms = {agent.agent_id: agent.granted_ms for agent in roll}
@@ -169,23 +169,23 @@ class ProcessHost:
                 self.granted_ms[agent_id] = outcome.granted_ms
                 self.repeated[agent_id] = outcome.reply
                 self._truths += outcome.truths
-        self._start_unborn(
+        self._start_pending(
             [agent.agent_id for agent in roll if not agent.pid and self._committed[agent.agent_id] == NEVER]
         )
 
-    def _start_unborn(self, agent_ids: list[int]) -> None:
+    def _start_pending(self, agent_ids: list[int]) -> None:
         starting = self._nursery.start([(agent_id, 0, ResetCause.POWER_ON, *NEVER) for agent_id in agent_ids])
         for agent_id, (pid, descriptor) in starting.living.items():
             self._links.add(agent_id, pid, descriptor)
         if starting.refused:
-            raise NoNursery("; ".join(starting.refused.values()))
+            raise NurseryFailed("; ".join(starting.refused.values()))
 
     def _follow_nursery(self) -> None:
         """Another nursery for this run directory; it starts agents again from the file."""
         now_s = time.monotonic()
         recent = [at_s for at_s in self._nurseries_died_at_s if at_s > now_s - _NURSERIES_SPAN_S]
         if len(recent) >= _NURSERIES:
-            raise NoNursery(
+            raise NurseryFailed(
                 f"{_NURSERIES} nurseries died within {_NURSERIES_SPAN_S:g} s: no other is started"
             )
         self._nurseries_died_at_s = [*recent, now_s]
@@ -193,7 +193,7 @@ class ProcessHost:
         self._let_go()
         self._process = launch_nursery(self._run_dir)
         self._nursery = NurseryLink(self._run_dir, self.epoch)
-        self._links = Links(self._nursery, self._window_timeout_s)
+        self._links = AgentLinks(self._nursery, self._window_timeout_s)
 
     def _let_go(self) -> None:
         self._links.close()

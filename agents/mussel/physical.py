@@ -13,7 +13,7 @@ from firmware_model.actions import Buoyancy
 from firmware_model.power.charge import Battery, Flow
 
 if TYPE_CHECKING:
-    from firmware_model.settings import Kept
+    from firmware_model.settings import StoredSettings
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +38,7 @@ class Physical:
     """How many samples its log has ever taken; with `acknowledged`, in registers that outlive a reset."""
     acknowledged: int = 0
     """Its log's records below this sequence were acknowledged."""
-    kept: Kept | None = None
+    kept: StoredSettings | None = None
     """Its clock and its settings; None while nobody has told it anything."""
 
     def pack(self) -> bytes:
@@ -91,7 +91,7 @@ class Physical:
         )
 
 
-def _packed(kept: Kept | None) -> tuple[int, ...]:
+def _packed(kept: StoredSettings | None) -> tuple[int, ...]:
     if kept is None:
         return (False, *(0,) * 12)
     it = kept.settings
@@ -112,10 +112,10 @@ def _packed(kept: Kept | None) -> tuple[int, ...]:
     )
 
 
-def _unpacked(is_kept: bool, anchor_ms: int, reading_ms: int, *settings: int) -> Kept | None:
+def _unpacked(is_kept: bool, anchor_ms: int, reading_ms: int, *settings: int) -> StoredSettings | None:
     if not is_kept:
         return None
     # Imported here: the paper's worst case keeps nothing, and its agents carry nothing that they do not use.
-    from firmware_model.settings import Kept, Settings
+    from firmware_model.settings import Settings, StoredSettings
 
-    return Kept(anchor_ms, reading_ms, Settings(*settings))
+    return StoredSettings(anchor_ms, reading_ms, Settings(*settings))

@@ -17,7 +17,7 @@ _AT_ONCE = (LIMIT_BYTES - _HEAD.size) // _TRUTH_BYTES
 
 
 @dataclass(frozen=True, slots=True)
-class Telling:
+class TruthMessage:
     """Truths of one agent in the window `key`, in order."""
 
     agent_id: int
@@ -34,7 +34,7 @@ def encode(agent_id: int, key: Key, truths: list[Truth]) -> list[bytes]:
     ]
 
 
-def decode(data: bytes) -> Telling:
+def decode(data: bytes) -> TruthMessage:
     """The inverse of `encode`, of one datagram; LinkError for other bytes."""
     if len(data) > LIMIT_BYTES or len(data) < _HEAD.size or (len(data) - _HEAD.size) % _TRUTH_BYTES:
         raise LinkError(f"{len(data)} bytes are no truths")
@@ -50,16 +50,16 @@ def decode(data: bytes) -> Telling:
         raise LinkError(str(error)) from None
     if any(truth.agent_id != agent_id for truth in truths):
         raise LinkError("a truth of another agent")
-    return Telling(agent_id, (epoch, sequence), truths)
+    return TruthMessage(agent_id, (epoch, sequence), truths)
 
 
-class Hearer:
+class TruthReceiver:
     """The reading end. What is no telling is counted in `dropped`."""
 
     def __init__(self, sock: socket.socket, dropped: Counter[str]) -> None:
         self._sock = sock
         self._dropped = dropped
-        self._told: dict[int, list[Telling]] = {}
+        self._told: dict[int, list[TruthMessage]] = {}
 
     def hear(self) -> None:
         """Takes all that is there: an agent tells the truth before it answers."""

@@ -35,7 +35,7 @@ from agents.lean import lean_dataclasses
 from agents.nursery.memory_layout import fill_holes
 
 if TYPE_CHECKING:
-    from agents.nursery.server import Caretaker
+    from agents.nursery.server import NurseryServer
 
 
 def main(arguments: list[str]) -> int:
@@ -57,7 +57,7 @@ def main(arguments: list[str]) -> int:
     return 0
 
 
-def _prepare(run_dir: str) -> Caretaker:
+def _prepare(run_dir: str) -> NurseryServer:
     with lean_dataclasses():
         import agents.hosting.agent_process  # noqa: F401 - what agents use, before what only the nursery does
     from agents.nursery.fleet_file import FleetFile
@@ -67,17 +67,17 @@ def _prepare(run_dir: str) -> Caretaker:
         with lean_dataclasses():
             from agents.mussel.logbook import Logbook  # noqa: F401
             from firmware_model.whole_board import WholeBoard  # noqa: F401
-    from agents.nursery.children import Brood
-    from agents.nursery.server import Caretaker
+    from agents.nursery.children import AgentProcesses
+    from agents.nursery.server import NurseryServer
 
     _, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     resource.setrlimit(resource.RLIMIT_NOFILE, (hard, hard))
-    brood = Brood(run_dir, file)
+    brood = AgentProcesses(run_dir, file)
     wakeup, waker = socket.socketpair()
     wakeup.setblocking(False)
     waker.setblocking(False)
     signal.set_wakeup_fd(waker.detach())
-    caretaker = Caretaker(run_dir, file, brood, wakeup)
+    caretaker = NurseryServer(run_dir, file, brood, wakeup)
     signal.signal(signal.SIGCHLD, lambda *_: None)
     signal.signal(signal.SIGTERM, lambda *_: caretaker.end())
     brood.warm()

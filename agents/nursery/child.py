@@ -8,7 +8,7 @@ import signal
 import socket
 import sys
 
-from agents.hosting.agent_process import Servant, serve
+from agents.hosting.agent_process import WindowHandler, serve
 
 _PR_SET_PDEATHSIG = 1
 _PR_SET_NAME = 15
@@ -29,7 +29,7 @@ def live(
     descriptors: int,
     link: socket.socket,
     room: memoryview,
-    servant: Servant,
+    servant: WindowHandler,
 ) -> None:
     """A forked agent's whole life; it never returns.
 

@@ -12,7 +12,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from agents.hosting.agent_process import Servant, message_room
+from agents.hosting.agent_process import WindowHandler, message_room
 from agents.hosting.link_protocol import Key, readable
 from agents.mussel.agent import Agent
 from agents.nursery.child import live
@@ -20,8 +20,8 @@ from agents.nursery.flash_file import FLASH_NAME, FlashRegion
 from agents.nursery.fleet_file import PHYSICAL_NAME, FleetFile
 from agents.nursery.memory_layout import fill_holes, gather_code, offer_for_merging, return_freed_memory
 from agents.nursery.protocol import Died
-from agents.nursery.state_file import PAIR_BYTES, Slot, SlotPair
-from agents.nursery.warm_up import ROUND, rehearse
+from agents.nursery.state_file import PAIR_BYTES, Record, RecordPair
+from agents.nursery.warm_up import ROUND, warm_up
 from firmware_model.packets.codec import load_codec
 from firmware_model.stimuli import ResetCause
 
@@ -48,13 +48,13 @@ class Boot:
 
 
 @dataclass(frozen=True, slots=True)
-class _Unborn:
+class PendingFork:
     """All that a fork needs; `place` is in the order that was asked, `ours` and `theirs` are its link's ends."""
 
     place: int
     agent_id: int
     name: bytes
-    servant: Servant
+    servant: WindowHandler
     ours: int
     theirs: int
 
@@ -63,7 +63,7 @@ class NotStarted(ValueError):
     """Why an agent was not started."""
 
 
-class Brood:
+class AgentProcesses:
     """All agents of one fleet file. It forks: its process must have no threads and little memory."""
 
     def __init__(self, run_dir: str, file: FleetFile) -> None:
@@ -82,24 +82,24 @@ class Brood:
         self._teller.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _TRUTH_ROOM_BYTES)
         self._room = message_room()
         self._descriptors = resource.getrlimit(resource.RLIMIT_NOFILE)[0]
-        self._upbringing = file.upbringing
+        self._upbringing = file.restart_policy
         self._codec = load_codec(file.fleet.codec)
         self._configs = file.fleet.maker()
         self._flash_pages = file.fleet.flash_pages
-        self._index = {agent_id: index for index, agent_id in enumerate(sorted(file.births))}
+        self._index = {agent_id: index for index, agent_id in enumerate(sorted(file.initial_states))}
         self._restarted_at_s: dict[int, list[float]] = {}
         self.children: dict[int, Child] = {}
         self._id_of_pid: dict[int, int] = {}
         # Births are written in the order of their places: a file without the last one has never been used.
         if os.fstat(self._slots_fd).st_size <= PAIR_BYTES * (len(self._index) - 1):
             for agent_id in self._index:
-                self._pair(agent_id).birth(file.births[agent_id])
+                self._pair(agent_id).initial_state(file.initial_states[agent_id])
 
     def warm(self) -> None:
         """Runs and touches all that an agent uses, then sets it apart from the garbage collector, to be shared."""
         agent_id = next(iter(self._index), 0)
-        gather_code(lambda: rehearse(self._configs, self._codec, agent_id, ROUND))
-        rehearse(self._configs, self._codec, agent_id)
+        gather_code(lambda: warm_up(self._configs, self._codec, agent_id, ROUND))
+        warm_up(self._configs, self._codec, agent_id)
         gc.collect()
         gc.freeze()
         return_freed_memory()
@@ -117,12 +117,12 @@ class Brood:
     def start(self, wanted: Sequence[Boot]) -> list[Child | NotStarted]:
         """Forks agents; a Child, or why there is none, for each wanted one in order."""
         outcomes: dict[int, Child | NotStarted] = {}
-        unborn: list[_Unborn] = []
+        pending: list[PendingFork] = []
         for place, boot in enumerate(wanted):
             try:
-                if any(other.agent_id == boot.agent_id for other in unborn):
+                if any(other.agent_id == boot.agent_id for other in pending):
                     raise NotStarted(f"aMussel {boot.agent_id} is asked for twice")
-                unborn.append(self._conceive(place, boot))
+                pending.append(self._prepare_fork(place, boot))
             except NotStarted as refusal:
                 outcomes[place] = refusal
         # What this process writes to between two forks, every agent after it pays for: so the forks come last, alone.
@@ -133,19 +133,19 @@ class Brood:
         nursery_pid = os.getpid()
         link, link_fd, room, descriptors = self._link, self._link.fileno(), self._room, self._descriptors
         pids = []
-        for agent in unborn:
+        for agent in pending:
             pid = os.fork()
             if pid == 0:
                 live(nursery_pid, agent.name, agent.theirs, link_fd, descriptors, link, room, agent.servant)
             pids.append(pid)
         del filling
-        for pid, agent in zip(pids, unborn, strict=True):
+        for pid, agent in zip(pids, pending, strict=True):
             os.close(agent.theirs)
             outcomes[agent.place] = self.children[agent.agent_id] = Child(pid, agent.ours)
             self._id_of_pid[pid] = agent.agent_id
         return [outcomes[place] for place in range(len(wanted))]
 
-    def _conceive(self, place: int, boot: Boot) -> _Unborn:
+    def _prepare_fork(self, place: int, boot: Boot) -> PendingFork:
         agent_id = boot.agent_id
         if agent_id not in self._index:
             raise NotStarted(f"aMussel {agent_id} is not of this fleet")
@@ -164,9 +164,9 @@ class Brood:
         flash.roll_back(slot.physical.samples)
         config = self._configs.config(agent_id)
         agent = Agent(config, self._codec, slot.physical, boot.at_ms, boot.cause, flash)
-        servant = Servant(agent, pair, self._teller, slot.key, boot.at_ms)
+        servant = WindowHandler(agent, pair, self._teller, slot.key, boot.at_ms)
         name = b"amussel-%d" % agent_id
-        return _Unborn(place, agent_id, name, servant, ours.detach(), theirs.detach())
+        return PendingFork(place, agent_id, name, servant, ours.detach(), theirs.detach())
 
     def kill(self, agent_id: int) -> None:
         """Kills a stopped or stuck agent and waits for its end, which a SIGKILL brings in any state."""
@@ -218,8 +218,8 @@ class Brood:
         del self._id_of_pid[child.pid]
         os.close(child.link)
 
-    def _pair(self, agent_id: int) -> SlotPair:
-        return SlotPair(self._slots_fd, self._index[agent_id], agent_id)
+    def _pair(self, agent_id: int) -> RecordPair:
+        return RecordPair(self._slots_fd, self._index[agent_id], agent_id)
 
 
 def _lock(descriptor: int) -> None:
@@ -234,7 +234,7 @@ def _lock(descriptor: int) -> None:
     signal.setitimer(signal.ITIMER_REAL, 0)
 
 
-def _newest(pair: SlotPair, up_to: Key | None) -> Slot:
+def _newest(pair: RecordPair, up_to: Key | None) -> Record:
     slot = pair.newest(up_to)
     if slot is None:
         raise NotStarted(

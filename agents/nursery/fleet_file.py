@@ -16,7 +16,7 @@ MAX_AGENT_ID = 65535
 
 
 @dataclass(frozen=True, slots=True)
-class Upbringing:
+class RestartPolicy:
     """How the nursery treats its agents and itself, in real seconds."""
 
     orphan_s: float = 600.0
@@ -31,17 +31,22 @@ class Upbringing:
 @dataclass(frozen=True, slots=True)
 class FleetFile:
     fleet: FleetConfig
-    births: dict[int, Physical]
-    upbringing: Upbringing
+    initial_states: dict[int, Physical]
+    restart_policy: RestartPolicy
 
     def write(self, run_dir: str) -> None:
         """Writes it into an existing directory. FileExistsError when a fleet lives there already."""
-        upbringing = self.upbringing
+        restart_policy = self.restart_policy
         data: bytes = msgpack.packb(
             [
                 self.fleet.to_wire(),
-                {agent_id: physical.pack() for agent_id, physical in self.births.items()},
-                [upbringing.orphan_s, upbringing.restarts, upbringing.within_s, upbringing.ending_s],
+                {agent_id: physical.pack() for agent_id, physical in self.initial_states.items()},
+                [
+                    restart_policy.orphan_s,
+                    restart_policy.restarts,
+                    restart_policy.within_s,
+                    restart_policy.ending_s,
+                ],
             ]
         )
         with open(os.path.join(run_dir, FLEET_NAME), "xb") as file:
@@ -51,9 +56,9 @@ class FleetFile:
     def read(cls, run_dir: str) -> FleetFile:
         """The inverse of `write`; OSError when there is none."""
         with open(os.path.join(run_dir, FLEET_NAME), "rb") as file:
-            fleet, births, upbringing = msgpack.unpackb(file.read(), strict_map_key=False)
+            fleet, initial_states, restart_policy = msgpack.unpackb(file.read(), strict_map_key=False)
         return cls(
             FleetConfig.from_wire(fleet),
-            {agent_id: Physical.unpack(data) for agent_id, data in births.items()},
-            Upbringing(*upbringing),
+            {agent_id: Physical.unpack(data) for agent_id, data in initial_states.items()},
+            RestartPolicy(*restart_policy),
         )

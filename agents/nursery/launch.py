@@ -11,34 +11,34 @@ from agents.fleet import FleetConfig
 from agents.hosting.interrupts import held_back
 from agents.hosting.link_protocol import readable
 from agents.mussel.physical import Physical
-from agents.nursery.fleet_file import MAX_AGENT_ID, FleetFile, Upbringing
+from agents.nursery.fleet_file import MAX_AGENT_ID, FleetFile, RestartPolicy
 
 READY_TIMEOUT_S = 20.0
 LOG_NAME = "nursery.log"
 
 
-class NoNursery(RuntimeError):
+class NurseryFailed(RuntimeError):
     """Why there is no nursery."""
 
 
 def prepare(
     run_dir: str | os.PathLike[str],
     fleet: FleetConfig,
-    births: Mapping[int, Physical],
-    upbringing: Upbringing | None = None,
+    initial_states: Mapping[int, Physical],
+    restart_policy: RestartPolicy | None = None,
 ) -> None:
     """Writes what a nursery needs into an existing run directory.
 
     ValueError for an id that fits into no packet, FileExistsError where a fleet lives already.
     """
-    for agent_id in births:
+    for agent_id in initial_states:
         if not 0 <= agent_id <= MAX_AGENT_ID:
             raise ValueError(f"aMussel {agent_id}: ids are 0 to {MAX_AGENT_ID}")
-    FleetFile(fleet, dict(births), upbringing or Upbringing()).write(os.fspath(run_dir))
+    FleetFile(fleet, dict(initial_states), restart_policy or RestartPolicy()).write(os.fspath(run_dir))
 
 
 def launch_nursery(run_dir: str | os.PathLike[str]) -> subprocess.Popen[bytes]:
-    """Starts a nursery in a prepared directory and waits until it listens; NoNursery, in its own words, if it does not.
+    """Starts a nursery in a prepared directory and waits until it listens; NurseryFailed, in its own words, if it does not.
 
     It says no word on the caller's terminal: what it has to tell goes to `nursery.log` in the directory.
     """
@@ -77,4 +77,4 @@ def _wait_until_ready(reading: int, log: str) -> None:
     heard = readable(reading, READY_TIMEOUT_S)
     word = os.read(reading, 4096).decode() if heard else f"it was not ready within {READY_TIMEOUT_S:g} s\n"
     if word != "ready\n":
-        raise NoNursery(word.strip() or f"the nursery ended at once; {log} says why")
+        raise NurseryFailed(word.strip() or f"the nursery ended at once; {log} says why")

@@ -52,7 +52,7 @@ class Welcome:
 
 
 @dataclass(frozen=True, slots=True)
-class Roll:
+class ChildList:
     """Rows (agent_id, pid, epoch, sequence, granted_ms): pid 0 is a dead one, the rest is its newest slot.
 
     The links of the living come along in the order of the rows.
@@ -99,7 +99,7 @@ class Refused:
     reason: str
 
 
-Message = Hello | Start | Kill | End | Welcome | Roll | Started | Killed | Ended | Died | Refused
+Message = Hello | Start | Kill | End | Welcome | ChildList | Started | Killed | Ended | Died | Refused
 
 _FIELDS: dict[type[Any], tuple[type | int, ...]] = {
     # A number n stands for rows of n counts.
@@ -108,7 +108,7 @@ _FIELDS: dict[type[Any], tuple[type | int, ...]] = {
     Kill: (int, int),
     End: (),
     Welcome: (int, int),
-    Roll: (5,),
+    ChildList: (5,),
     Started: (int, 2),
     Killed: (int, int),
     Ended: (),

@@ -10,7 +10,7 @@ import time
 
 from agents.hosting.link_protocol import LinkError
 from agents.nursery import protocol
-from agents.nursery.children import Boot, Brood, NotStarted
+from agents.nursery.children import AgentProcesses, Boot, NotStarted
 from agents.nursery.fleet_file import FleetFile
 from firmware_model.stimuli import ResetCause
 
@@ -20,12 +20,12 @@ _GUESTS = 8
 """Connections that have not said Hello yet; a further one is closed at once."""
 
 
-class Caretaker:
+class NurseryServer:
     """Looks after a brood, for one supervisor at a time. `wakeup` is readable after a signal."""
 
-    def __init__(self, run_dir: str, file: FleetFile, brood: Brood, wakeup: socket.socket) -> None:
+    def __init__(self, run_dir: str, file: FleetFile, brood: AgentProcesses, wakeup: socket.socket) -> None:
         self._brood = brood
-        self._orphan_s = file.upbringing.orphan_s
+        self._orphan_s = file.restart_policy.orphan_s
         self._epoch = max((row[2] for row in brood.rows()), default=0)
         self._greeted = False
         self._listener = protocol.listen(run_dir)
@@ -118,7 +118,7 @@ class Caretaker:
             return
         for chunk in chunks:
             living = [self._brood.children[row[0]].link for row in chunk if row[1]]
-            if not self._say_to(sock, protocol.Roll(chunk), living):
+            if not self._say_to(sock, protocol.ChildList(chunk), living):
                 return
 
     def _obey(self, message: protocol.Message) -> None:

@@ -24,7 +24,7 @@ PAIR_BYTES = 2 * SLOT_BYTES
 
 
 @dataclass(frozen=True, slots=True)
-class Slot:
+class Record:
     """An aMussel at the end of window `key`, at agent time `granted_ms`."""
 
     key: Key
@@ -32,7 +32,7 @@ class Slot:
     physical: Physical
 
 
-class SlotPair:
+class RecordPair:
     """One agent's two slots in the file open as `fd`. The pair at `index` belongs to `agent_id`."""
 
     def __init__(self, fd: int, index: int, agent_id: int) -> None:
@@ -41,7 +41,7 @@ class SlotPair:
         self.agent_id = agent_id
         self._next = 0
 
-    def birth(self, physical: Physical) -> None:
+    def initial_state(self, physical: Physical) -> None:
         """Writes what the agent is born with."""
         self._next = 0
         self.write(NEVER, 0, physical)
@@ -52,9 +52,9 @@ class SlotPair:
         os.pwrite(self._fd, body + _CRC.pack(crc32(body)), self._offset + SLOT_BYTES * self._next)
         self._next = 1 - self._next
 
-    def newest(self, up_to: Key | None) -> Slot | None:
+    def newest(self, up_to: Key | None) -> Record | None:
         """The newest whole slot with a key up to `up_to` (any, when None). The next write spares it."""
-        found: Slot | None = None
+        found: Record | None = None
         for which in (0, 1):
             slot = self._read(which)
             if slot is None or (up_to is not None and slot.key > up_to):
@@ -64,7 +64,7 @@ class SlotPair:
                 self._next = 1 - which
         return found
 
-    def _read(self, which: int) -> Slot | None:
+    def _read(self, which: int) -> Record | None:
         data = os.pread(self._fd, _BODY_BYTES + _CRC.size, self._offset + SLOT_BYTES * which)
         if (
             len(data) < _BODY_BYTES + _CRC.size
@@ -74,4 +74,4 @@ class SlotPair:
         agent_id, epoch, sequence, granted_ms = _HEAD.unpack_from(data)
         if agent_id != self.agent_id:
             return None
-        return Slot((epoch, sequence), granted_ms, Physical.unpack(data[_HEAD.size : _BODY_BYTES]))
+        return Record((epoch, sequence), granted_ms, Physical.unpack(data[_HEAD.size : _BODY_BYTES]))

@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator
 from typing import Any, TypeVar
 
 from agents.fleet import AgentConfigs, resting_on_bottom
-from agents.hosting.agent_process import Servant, answer_one, message_room
+from agents.hosting.agent_process import WindowHandler, answer_one, message_room
 from agents.hosting.host import Grant
 from agents.hosting.link_protocol import NEVER, Repeat, Window
 from agents.mussel.agent import Agent, AgentConfig
@@ -30,8 +30,8 @@ from agents.mussel.stimuli import (
     WifiArrived,
 )
 from agents.nursery.flash_file import FlashRegion
-from agents.nursery.state_file import SlotPair
-from firmware_model.config import BoardConfig, Whole
+from agents.nursery.state_file import RecordPair
+from firmware_model.config import BoardConfig, FullFirmware
 from firmware_model.packets import (
     Beacon,
     Command,
@@ -58,14 +58,14 @@ _REPORT_MS = 300_000
 """Reports come at least so often: those who report seldom would rehearse for hours."""
 
 
-def rehearse(configs: AgentConfigs, codec: Codec, agent_id: int, lives: int = _LIVES) -> None:
+def warm_up(configs: AgentConfigs, codec: Codec, agent_id: int, lives: int = _LIVES) -> None:
     """Plays all of an agent's paths, among them the refusals."""
     slots, flash = os.memfd_create("rehearsal"), os.memfd_create("rehearsal")
     hearer, teller = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     asker, link = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     with hearer, teller, asker, link, message_room() as room:
 
-        def ask(servant: Servant, message: bytes) -> None:
+        def ask(servant: WindowHandler, message: bytes) -> None:
             asker.send(message)
             answer_one(link, room, servant)
             for end in (asker, hearer):
@@ -82,7 +82,7 @@ def rehearse(configs: AgentConfigs, codec: Codec, agent_id: int, lives: int = _L
     os.close(flash)
 
 
-def _in_haste(board: BoardConfig, whole: Whole) -> BoardConfig:
+def _in_haste(board: BoardConfig, whole: FullFirmware) -> BoardConfig:
     """The same board with everything that it does in an hour within ten seconds."""
     cycle = whole.cycle
     if cycle is not None:
@@ -130,12 +130,12 @@ def _live(
     slots: int,
     flash: FlashRegion,
     teller: socket.socket,
-    ask: Callable[[Servant, bytes], None],
+    ask: Callable[[WindowHandler, bytes], None],
 ) -> None:
     agent_id = config.board.agent_id
-    pair = SlotPair(slots, 0, agent_id)
+    pair = RecordPair(slots, 0, agent_id)
     secondary = 1.0 if primary else 0.1
-    pair.birth(resting_on_bottom(0.0, 0.0, config.water.bottom_um / 1e6, primary, secondary))
+    pair.initial_state(resting_on_bottom(0.0, 0.0, config.water.bottom_um / 1e6, primary, secondary))
     cause = ResetCause.POWER_ON
     for epoch in (1, 2):
         slot = pair.newest((epoch, 0))
@@ -143,7 +143,7 @@ def _live(
             raise AssertionError("a slot just written was not found")
         flash.roll_back(slot.physical.samples)
         agent = Agent(config, codec, slot.physical, slot.granted_ms, cause, flash)
-        servant = Servant(agent, pair, teller, slot.key, slot.granted_ms)
+        servant = WindowHandler(agent, pair, teller, slot.key, slot.granted_ms)
         until_ms = slot.granted_ms
         ask(servant, Repeat((epoch, 0)).encode())
         sequence = 0

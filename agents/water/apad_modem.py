@@ -28,7 +28,7 @@ class Unanswered:
     node: int | None
 
 
-class KeelModem:
+class APadModem:
     """Three verbs. What it is asked to send goes out in the order of asking."""
 
     def __init__(self, now_ms: int = 0) -> None:

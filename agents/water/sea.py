@@ -21,7 +21,7 @@ from agents.modem.frames import PAYLOAD_BYTES, SHORT_MS, Frame, FrameKind, Gener
 from agents.mussel.outputs import PingAnswered, SoundSent, Truth, WifiSent
 from agents.mussel.stimuli import ModemSent, PingArrived, SoundArrived, Stimulus
 from agents.water import medium
-from agents.water.apad_modem import KeelModem, Send
+from agents.water.apad_modem import APadModem, Send
 from agents.water.chance import fates
 from agents.water.medium import Began, LinksChanged, Medium, Moved, PacketEnded, ThrustersRan
 from agents.water.places import Place, Sinking, along_m
@@ -89,7 +89,7 @@ class Sea:
             config.sound, config.seed, [(node, address_of(node)) for node in nodes], start_ms
         )
         self.now_ms = start_ms
-        self._keel = KeelModem(start_ms)
+        self._keel = APadModem(start_ms)
         self._modems = (
             SeaModems(
                 _FIRMWARE[config.modems],

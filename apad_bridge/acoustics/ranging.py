@@ -9,7 +9,7 @@ from dataclasses import astuple
 from typing import Any
 
 from apad_bridge.acoustics.locator import Locator, PositionFix, RangeTaken
-from apad_bridge.acoustics.schedule import Talk
+from apad_bridge.acoustics.schedule import AcousticScheduler
 from apad_bridge.beliefs import modes
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.fleet import FleetBeliefs
@@ -24,12 +24,12 @@ from firmware_model.state_groups import DOCKED, UP_AND_UNDOCKED
 _AWAY = DOCKED | UP_AND_UNDOCKED
 
 
-class Ears:
+class RangingService:
     """Owned by the supervisor, which calls it at ticks."""
 
     def __init__(
         self,
-        talk: Talk,
+        talk: AcousticScheduler,
         locator: Locator | None,
         keel_m: float,
         depth_m: float,

@@ -32,7 +32,7 @@ ASK_AGAIN_MS = 600_000
 """Before one that did not answer, or that too little is known of still, is asked again."""
 
 
-class Inquiries:
+class PendingPings:
     """Questions of one kind to many aMussels, one of which is asked at a time."""
 
     def __init__(self) -> None:
@@ -71,7 +71,7 @@ class Inquiries:
 
 
 @dataclass(frozen=True, slots=True)
-class Quiet:
+class TdmaWindow:
     """The first `taken_ms` of each frame are the aMussels'; a frame that is all theirs leaves no choice."""
 
     frame_ms: int
@@ -92,12 +92,12 @@ class Quiet:
         return now_ms + self.frame_ms - into_ms + self.taken_ms
 
 
-ALWAYS = Quiet(1, 0)
+ALWAYS = TdmaWindow(1, 0)
 """Nobody has timeslots."""
 
 
 @dataclass(frozen=True, slots=True)
-class TalkConfig:
+class ScheduleConfig:
     """Periods are agent time but `ping_period_ms`, which is mission time; 0 for never."""
 
     theta: int
@@ -117,11 +117,16 @@ class TalkConfig:
     which it would run, and the echoes of that are in the water still."""
 
 
-class Talk:
+class AcousticScheduler:
     """At mission ticks: `advance` gives what is due, `timed` gives others' words their times."""
 
     def __init__(
-        self, config: TalkConfig, codec: Codec, slots: Slots | None, agent_ids: Iterable[int], now_ms: int = 0
+        self,
+        config: ScheduleConfig,
+        codec: Codec,
+        slots: Slots | None,
+        agent_ids: Iterable[int],
+        now_ms: int = 0,
     ) -> None:
         self._config = config
         self._codec = codec
@@ -129,7 +134,7 @@ class Talk:
         self._agent_ids = sorted(agent_ids)
         self._quiet = ALWAYS
         if config.waits and slots is not None:
-            self._quiet = Quiet(slots.frame_ms, len(self._agent_ids) * slots.slot_ms)
+            self._quiet = TdmaWindow(slots.frame_ms, len(self._agent_ids) * slots.slot_ms)
         agent_ms = config.theta * now_ms
         self._free_ms = agent_ms
         """The agent time from which the air is not yet spoken for."""
@@ -145,8 +150,8 @@ class Talk:
         self._turns = deque(self._agent_ids)
         self.unanswered = 0
         """How many questions how they are brought nothing in time."""
-        self._ranged = Inquiries()
-        self._asked = Inquiries()
+        self._ranged = PendingPings()
+        self._asked = PendingPings()
 
     def kept(self) -> dict[str, Any]:
         """What was learned and done so far, as plain data. Words that wait are left out: they die with their water."""

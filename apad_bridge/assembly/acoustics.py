@@ -6,15 +6,15 @@ from collections.abc import Iterable
 from math import ceil, dist, hypot
 
 from apad_bridge.acoustics.locator import Locator, LocatorConfig
-from apad_bridge.acoustics.ranging import Ears
-from apad_bridge.acoustics.schedule import Talk, TalkConfig
+from apad_bridge.acoustics.ranging import RangingService
+from apad_bridge.acoustics.schedule import AcousticScheduler, ScheduleConfig
 from apad_bridge.assembly.estimator import readings_apart_ms
 from apad_bridge.assembly.water import generation_of
 from apad_bridge.beliefs.pings import WorthItsEnergy, WorthItsWay
 from apad_bridge.beliefs.questions import candidate_below
-from apad_bridge.scenario.board_model import whole_firmware
+from apad_bridge.scenario.board_model import full_firmware
 from apad_bridge.scenario.schema import Scenario
-from firmware_model.config import Whole
+from firmware_model.config import FullFirmware
 from firmware_model.packets.codec import load_codec
 from firmware_model.power.charge import FULL
 from firmware_model.power.rails import Rail, bits, rails_of
@@ -24,17 +24,17 @@ _BREATH_MS = 20
 """And the echoes of the word before are to die away."""
 
 
-def ears_of(scenario: Scenario, agent_ids: Iterable[int]) -> Ears | None:
+def ranging_of(scenario: Scenario, agent_ids: Iterable[int]) -> RangingService | None:
     """What the aPad does by sound; None where the scenario knows no water."""
     water = scenario.water
     if water is None:
         return None
     modems = generation_of(water.modems)
-    whole = whole_firmware(scenario.board, scenario.seed, modems)
+    whole = full_firmware(scenario.board, scenario.seed, modems)
     slots = None if whole is None or whole.cycle is None else whole.cycle.slots
     speed_m_s, corners = water.sound.sound_speed_m_s, scenario.area.polygon_m
     across_m = max(dist(one, other) for one in corners for other in corners) + scenario.area.depth_m
-    talk = TalkConfig(
+    talk = ScheduleConfig(
         theta=scenario.theta,
         sound_speed_m_s=speed_m_s,
         way_ms=ceil(1000 * min(across_m, water.sound.range_limit_m) / speed_m_s),
@@ -55,8 +55,8 @@ def ears_of(scenario: Scenario, agent_ids: Iterable[int]) -> Ears | None:
             LocatorConfig(told.deviation_m, depth_m, told.memory_s, told.apart_m, worst_hdop=told.worst_hdop)
         )
     deviation_m = 1.0 if told is None else told.deviation_m
-    return Ears(
-        Talk(talk, load_codec(scenario.hearing.codec), slots, agent_ids),
+    return RangingService(
+        AcousticScheduler(talk, load_codec(scenario.hearing.codec), slots, agent_ids),
         locator,
         water.sound.keel_m,
         scenario.area.depth_m,
@@ -68,7 +68,7 @@ def ears_of(scenario: Scenario, agent_ids: Iterable[int]) -> Ears | None:
     )
 
 
-def asks_of(scenario: Scenario, worth_answers: float, whole: Whole) -> WorthItsEnergy | None:
+def asks_of(scenario: Scenario, worth_answers: float, whole: FullFirmware) -> WorthItsEnergy | None:
     """Who is asked how it is, on boards of `whole`; None for nobody."""
     model = scenario.beliefs.twin
     if not worth_answers or model is None:
@@ -84,7 +84,7 @@ def asks_of(scenario: Scenario, worth_answers: float, whole: Whole) -> WorthItsE
     )
 
 
-def answer_charge(whole: Whole) -> float:
+def answer_charge(whole: FullFirmware) -> float:
     """What it costs a sleeper to be asked how it is, in charge: to hear the question, to be awake, and to answer."""
     asleep, awake, hearing, sending = (
         whole.power.loads.total(
@@ -106,7 +106,7 @@ def answer_charge(whole: Whole) -> float:
     return drawn / FULL
 
 
-def wrong_plan_charge(whole: Whole) -> float:
+def wrong_plan_charge(whole: FullFirmware) -> float:
     """What a plan costs that fetches one that needs nothing, in charge: its motors' runs up and down.
 
     The same is taken for a plan that leaves one that does: what that costs is samples, which no charge is the price of.

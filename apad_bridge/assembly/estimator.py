@@ -20,9 +20,9 @@ from apad_bridge.beliefs.knowledge import (
 )
 from apad_bridge.beliefs.modes import Mode
 from apad_bridge.scenario.believing import TwinModel
-from apad_bridge.scenario.board_model import charge_model, whole_firmware
+from apad_bridge.scenario.board_model import charge_model, full_firmware
 from apad_bridge.scenario.schema import DriftMode, Scenario
-from firmware_model.config import PATH_UNIT, Whole
+from firmware_model.config import PATH_UNIT, FullFirmware
 from firmware_model.power.charge import FULL, Segments
 from firmware_model.power.rails import Rail, rails_of
 from firmware_model.state_groups import DOCKED
@@ -71,7 +71,7 @@ def _report_ms(scenario: Scenario) -> int:
 
 def schedules_of(scenario: Scenario, agent_ids: Sequence[int]) -> dict[int, Schedule]:
     """What the boards are set to: always awake, as the paper's worst case, or asleep but for the wakes of their cycle."""
-    whole = whole_firmware(scenario.board, scenario.seed)
+    whole = full_firmware(scenario.board, scenario.seed)
     if whole is None or whole.cycle is None:
         return dict.fromkeys(agent_ids, Schedule((0,), (Mode.IDLE,)))
     first_id = scenario.fleet.first_id
@@ -83,7 +83,7 @@ def schedules_of(scenario: Scenario, agent_ids: Sequence[int]) -> dict[int, Sche
 
 def knowledge_of(scenario: Scenario, model: TwinModel) -> Knowledge:
     board, theta = scenario.board, scenario.theta
-    whole = whole_firmware(board, scenario.seed)
+    whole = full_firmware(board, scenario.seed)
     deviations = (model.bias_deviation,) * 4
     drift = scenario.fleet.drift
     step_m = drift.amplitude_m if drift.mode is DriftMode.PAPER else 0.0
@@ -125,7 +125,7 @@ def readings_apart_ms(theta: int) -> int:
     return max(_READING_APART_MS, _MISSION_APART_MS * theta)
 
 
-def _drain(scenario: Scenario, whole: Whole | None) -> Drain:
+def _drain(scenario: Scenario, whole: FullFirmware | None) -> Drain:
     if whole is None:
         # Equation (1) for every state in the water; in a dock equation (2) says it all.
         per_min = scenario.board.discharge_per_min
@@ -148,7 +148,7 @@ def _drain(scenario: Scenario, whole: Whole | None) -> Drain:
     )
 
 
-def _draws(whole: Whole) -> Callable[[State], float]:
+def _draws(whole: FullFirmware) -> Callable[[State], float]:
     """A minute, by state."""
     loads, never_asleep = whole.power.loads, whole.cycle is None
     return lambda state: (
@@ -156,7 +156,7 @@ def _draws(whole: Whole) -> Callable[[State], float]:
     )
 
 
-def _cycle_of(whole: Whole, slot: int) -> Cycle:
+def _cycle_of(whole: FullFirmware, slot: int) -> Cycle:
     """One that sleeps wakes, samples, processes, and with timeslots awaits its own and transmits. The slots' frames begin
     at whole multiples of their length, so it waits as long in every cycle that is a multiple of a frame."""
     firmware, of = whole.cycle, _draws(whole)
@@ -170,7 +170,7 @@ def _cycle_of(whole: Whole, slot: int) -> Cycle:
     return Cycle.of([*lasting, (firmware.alarm_ms, of(State.SLEEPING))], firmware.alarm_ms)
 
 
-def _offsets(whole: Whole | None) -> dict[State, tuple[float, float]]:
+def _offsets(whole: FullFirmware | None) -> dict[State, tuple[float, float]]:
     """Where boards meter, by what a load and a charger move what they read; as firmware_model.power.voltage does.
 
     The primary feeds the board in the water; in the dock so much of its load as the path lets through.

@@ -8,24 +8,24 @@ from agents.fleet import FleetConfig, resting_on_bottom
 from agents.modem.frames import Generation
 from agents.mussel.physical import Physical
 from agents.mussel.reporter import Modem
-from apad_bridge.assembly.acoustics import ears_of
+from apad_bridge.assembly.acoustics import ranging_of
 from apad_bridge.assembly.estimator import fleet_beliefs
 from apad_bridge.assembly.water import agents_water, generation_of
+from apad_bridge.mission.allocation import Allocation
 from apad_bridge.mission.breakdown import Breakdown
-from apad_bridge.mission.call_queue import CalledFront
+from apad_bridge.mission.call_queue import CallQueue
 from apad_bridge.mission.energy_exchange import EnergyExchange
-from apad_bridge.mission.manual import CommandedMission, Front
+from apad_bridge.mission.manual import CommandSource, ManualMission
 from apad_bridge.mission.role import Mission
-from apad_bridge.mission.share import Share
 from apad_bridge.mission.sources import BeliefSource
 from apad_bridge.mission.state import MissionState
-from apad_bridge.mission.takeover import Override
+from apad_bridge.mission.takeover import Takeover
 from apad_bridge.planning import registry
-from apad_bridge.scenario.board_model import charge_model, clock_drift_ppb, whole_firmware
+from apad_bridge.scenario.board_model import charge_model, clock_drift_ppb, full_firmware
 from apad_bridge.scenario.schema import DriftMode, HearingMode, Scenario
 from apad_bridge.scenario.starts import Start
 from apad_bridge.scenario.water import ModemGeneration
-from apad_bridge.supervisor.context import Known
+from apad_bridge.supervisor.context import LearnedState
 from apad_bridge.supervisor.core import Supervisor
 from apad_bridge.supervisor.sample_collection import SampleCollection
 from apad_bridge.vehicle.docking import DockingPort
@@ -66,7 +66,7 @@ def fleet_config(scenario: Scenario) -> FleetConfig:
         oxygen_mg_l=water.oxygen_mg_l,
         temperature_c=water.temperature_c,
         turbidity_ntu=water.turbidity_ntu,
-        whole=whole_firmware(
+        whole=full_firmware(
             board, scenario.seed, Generation.V3 if told is None else generation_of(told.modems)
         ),
         clock_drift_ppb=clock_drift_ppb(board),
@@ -75,7 +75,7 @@ def fleet_config(scenario: Scenario) -> FleetConfig:
     )
 
 
-def births(scenario: Scenario, starts: Sequence[Start]) -> dict[int, Physical]:
+def initial_states(scenario: Scenario, starts: Sequence[Start]) -> dict[int, Physical]:
     """The physical state of every agent at time 0, by id: resting on the bottom."""
     depth_m = scenario.area.depth_m
     return {
@@ -95,47 +95,49 @@ def simulated_apad(scenario: Scenario) -> SimulatedAPad:
     return SimulatedAPad(scenario.apad, misses(scenario))
 
 
-def nothing_known(scenario: Scenario, has_modem: bool = True) -> Known:
+def nothing_known(scenario: Scenario, has_modem: bool = True) -> LearnedState:
     ids = agent_ids(scenario)
-    return Known(fleet_beliefs(scenario, ids), ears_of(scenario, ids) if has_modem else None)
+    return LearnedState(fleet_beliefs(scenario, ids), ranging_of(scenario, ids) if has_modem else None)
 
 
 def supervisor(
     scenario: Scenario,
     state: MissionState | None = None,
     first_command_id: int = 1,
-    fronts: Sequence[Front] = (),
+    command_sources: Sequence[CommandSource] = (),
     samples: SampleCollection | None = None,
-    override: CalledFront | None = None,
+    takeover: CallQueue | None = None,
     has_modem: bool = True,
     docks_by_eye: bool = False,
     breakdown: Breakdown | None = None,
-    share: Share | None = None,
-    known: Known | None = None,
+    allocation: Allocation | None = None,
+    known: LearnedState | None = None,
 ) -> Supervisor:
     """A supervisor that knows nothing yet, or one that goes on with a mission's journaled `state`.
 
-    Its mission is the paper's, which can be taken over by `override`; or, where there are `fronts`, one that does what they
-    say. Without `samples` it leaves the aMussels' logs to others; without a modem, whatever is said by sound of its own
+    Its mission is the paper's, which `takeover` can take over; or, with `command_sources`, a manual one that does what they
+    order. Without `samples` it leaves the aMussels' logs to others; without a modem, whatever is said by sound of its own
     accord. With a `breakdown` it is one of several, who take over from each other. `known` is what was learned already, and
-    `share`, over its beliefs, whom it serves.
+    `allocation`, over its beliefs, whom it serves.
     """
     known = known or nothing_known(scenario, has_modem)
     beliefs = known.beliefs
-    if share is None:
-        share = Share(beliefs, agent_ids(scenario))
+    if allocation is None:
+        allocation = Allocation(beliefs, agent_ids(scenario))
     mission: Mission
-    if fronts:
-        mission = CommandedMission(scenario.mission, scenario.apad.max_speed_m_s, beliefs, fronts, state)
-    elif override is not None:
-        mission = Override(
-            lambda begun: _planned(scenario, share, begun),
-            lambda begun: CommandedMission(scenario.mission, scenario.apad.max_speed_m_s, beliefs, (), begun),
-            override,
+    if command_sources:
+        mission = ManualMission(
+            scenario.mission, scenario.apad.max_speed_m_s, beliefs, command_sources, state
+        )
+    elif takeover is not None:
+        mission = Takeover(
+            lambda begun: _planned(scenario, allocation, begun),
+            lambda begun: ManualMission(scenario.mission, scenario.apad.max_speed_m_s, beliefs, (), begun),
+            takeover,
             state,
         )
     else:
-        mission = _planned(scenario, share, state)
+        mission = _planned(scenario, allocation, state)
     port = DockingPort(scenario.mission.docking, first_command_id=first_command_id, docks_by_eye=docks_by_eye)
     return Supervisor(
         beliefs,
@@ -145,8 +147,8 @@ def supervisor(
         samples,
         round(scenario.duration_s * 1000),
         scenario.mission.end_at_apad_fraction,
-        known.ears,
-        share,
+        known.ranging,
+        allocation,
         breakdown,
     )
 

@@ -16,7 +16,7 @@ from agents.water import sound, wifi
 from agents.water.patches import Waters
 from agents.water.places import Sinking
 from agents.water.sea import Sea, SeaConfig
-from apad_bridge.scenario.board_model import whole_firmware
+from apad_bridge.scenario.board_model import full_firmware
 from apad_bridge.scenario.currents import current_text
 from apad_bridge.scenario.local_frame import LocalFrame
 from apad_bridge.scenario.schema import Scenario
@@ -105,7 +105,7 @@ def fleet_of(
     `opened` are the aMussels whose modems somebody else may talk to, in a scenario with water.
     """
     coordinator = Coordinator(host, granted_ms, scenario.theta, now_ms)
-    whole = whole_firmware(scenario.board)
+    whole = full_firmware(scenario.board)
     slots = None if whole is None or whole.cycle is None else whole.cycle.slots
     water = scenario.water
     if water is None:

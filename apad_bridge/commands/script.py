@@ -18,7 +18,7 @@ from apad_bridge.runs.exits import EXITS, Exit, UserError
 from apad_bridge.runs.flying import fly_here
 from apad_bridge.runs.progress import FlightProgress
 from apad_bridge.scenario.run_options import APadKind, OnDeath, Part, TimeSource
-from apad_bridge.scripting.program import SCRIPT_FAILED, ScriptError, ScriptFront, as_program
+from apad_bridge.scripting.program import SCRIPT_FAILED, ScriptError, ScriptSource, as_program
 
 _SCENARIO = re.compile(r"^# scenario:\s*(\S+)\s*$", re.MULTILINE)
 
@@ -76,10 +76,10 @@ def run(arguments: argparse.Namespace) -> int:
     quiet = arguments.json
     with run_command.peers_may_fail(), FlightProgress(file.name, duration_ms, quiet=quiet) as progress:
         if options.time is TimeSource.ASAP:
-            front = ScriptFront(scenario, program, file.name, progress.say)
-            summary = fly_here(scenario, starts, directory, progress, (front,))
-            front.join()
-            front.print_error()
+            command_source = ScriptSource(scenario, program, file.name, progress.say)
+            summary = fly_here(scenario, starts, directory, progress, (command_source,))
+            command_source.join()
+            command_source.print_error()
         else:
             summary = parent.fly(scenario, starts, options, directory, progress)
     code = report(scenario.name, file.name, directory, summary, arguments.json, progress.said)

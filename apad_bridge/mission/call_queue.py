@@ -10,7 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Protocol, TypeVar
 
-from apad_bridge.mission.manual import CommandedMission
+from apad_bridge.mission.manual import ManualMission
 from apad_bridge.mission.values import Refused, Status
 
 ANSWER_S = 10.0
@@ -32,7 +32,7 @@ class Snapshot:
     paused: bool = False
 
 
-def _snapshot_of(mission: CommandedMission) -> Snapshot:
+def _snapshot_of(mission: ManualMission) -> Snapshot:
     return Snapshot(
         mission.goto,
         mission.docking,
@@ -51,14 +51,14 @@ class Flown(Protocol):
 
 
 class _Call:
-    def __init__(self, act: Callable[[Flown, CommandedMission | None], Any]) -> None:
+    def __init__(self, act: Callable[[Flown, ManualMission | None], Any]) -> None:
         self.act = act
         self.done = threading.Event()
         self.answer: Any = None
         self.taken_back = False
 
 
-class CalledFront:
+class CallQueue:
     """`call` and `wait` are for any thread; the rest is the mission's."""
 
     def __init__(self) -> None:
@@ -68,13 +68,13 @@ class CalledFront:
         self._snapshot = Snapshot()
         self._listeners: list[Callable[[Snapshot], None]] = []
 
-    def call(self, act: Callable[[CommandedMission], T], timeout_s: float = ANSWER_S) -> T:
+    def call(self, act: Callable[[ManualMission], T], timeout_s: float = ANSWER_S) -> T:
         """What `act` gives, or raises.
 
         Refused when a plan flies the aPad, when the mission is over, or when it does not tick within `timeout_s`.
         """
 
-        def by_hand(_: Flown, hand: CommandedMission | None) -> T:
+        def by_hand(_: Flown, hand: ManualMission | None) -> T:
             if hand is None:
                 raise Refused("the mission flies the aPad: call take_over first")
             return act(hand)
@@ -85,7 +85,7 @@ class CalledFront:
         """As `call`, whoever flies."""
         return self._call(lambda flown, _: act(flown), timeout_s)
 
-    def _call(self, act: Callable[[Flown, CommandedMission | None], T], timeout_s: float) -> T:
+    def _call(self, act: Callable[[Flown, ManualMission | None], T], timeout_s: float) -> T:
         call = _Call(act)
         with self._lock:
             if self._closed is not None:
@@ -116,11 +116,11 @@ class CalledFront:
         """Is called after each tick, by the supervisor's thread: it must not wait."""
         self._listeners.append(listener)
 
-    def act(self, mission: CommandedMission, now_ms: int) -> None:
+    def act(self, mission: ManualMission, now_ms: int) -> None:
         self.serve(mission, lambda: mission)
         self.show(mission)
 
-    def serve(self, flown: Flown, hand: Callable[[], CommandedMission | None]) -> None:
+    def serve(self, flown: Flown, hand: Callable[[], ManualMission | None]) -> None:
         """Does what was called since the last tick; each call may change in whose hands the aPad is."""
         with self._lock:
             calls, self._calls = self._calls, []
@@ -134,7 +134,7 @@ class CalledFront:
                     call.answer = refused
                 call.done.set()
 
-    def show(self, hand: CommandedMission | None) -> None:
+    def show(self, hand: ManualMission | None) -> None:
         """The tick is over: whoever waits is told how things stand."""
         snapshot = Snapshot() if hand is None else _snapshot_of(hand)
         with self._lock:

@@ -66,7 +66,7 @@ REACH_M = 3.0
 """An aMussel believed farther away than this (or twice the victory radius) is not within a mechanism's reach."""
 
 
-class DockingDesk:
+class DockingRoutine:
     """Writes its orders and notes into the mission's book. Slots count from 0 here; places are NED metres."""
 
     def __init__(self, config: Mission, beliefs: BeliefSource, book: OrderBook, events: EventLog) -> None:

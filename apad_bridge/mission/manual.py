@@ -1,7 +1,7 @@
 """A mission without a plan of its own: the aPad does what it is told, by a script or by a person's calls.
 
 It stands in the supervisor where the paper's mission stands, so port, beliefs, records and vehicles are the same. All of it
-runs in the supervisor's one thread; who gives the orders is a `Front`, which is asked at every tick.
+runs in the supervisor's one thread; who gives the orders is a `CommandSource`, which is asked at every tick.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Protocol
 
-from apad_bridge.mission.docking_routine import DockingDesk
+from apad_bridge.mission.docking_routine import DockingRoutine
 from apad_bridge.mission.event_log import EventLog
 from apad_bridge.mission.order_book import OrderBook
 from apad_bridge.mission.orders import Order, PermitSurfacing, TellClear
@@ -32,10 +32,10 @@ from apad_bridge.vehicle.primitives import (
 )
 
 
-class Front(Protocol):
+class CommandSource(Protocol):
     """Whoever gives the orders. Moved by the mission, in the supervisor's thread."""
 
-    def act(self, mission: CommandedMission, now_ms: int) -> None:
+    def act(self, mission: ManualMission, now_ms: int) -> None:
         """Gives orders, if it has any, by calling the mission's methods."""
         ...
 
@@ -44,7 +44,7 @@ class Front(Protocol):
         ...
 
 
-class CommandedMission(OrderBook):
+class ManualMission(OrderBook):
     """Orders raise Refused, with one line, and then nothing has changed. Slots count from 0 here; NED metres."""
 
     def __init__(
@@ -52,7 +52,7 @@ class CommandedMission(OrderBook):
         config: Mission,
         max_speed_m_s: float,
         beliefs: Foretelling,
-        fronts: Sequence[Front],
+        command_sources: Sequence[CommandSource],
         state: MissionState | None = None,
     ) -> None:
         self.config = config
@@ -67,8 +67,8 @@ class CommandedMission(OrderBook):
         self.goto_orders = 0
         """How many were given."""
         self.events = EventLog(config.pool_threshold)
-        self._desk = DockingDesk(config, beliefs, self, self.events)
-        self._fronts = fronts
+        self._docking_routine = DockingRoutine(config, beliefs, self, self.events)
+        self._command_sources = command_sources
         self._target: GoToPoint | None = None
         """Of the go-to that is running or paused."""
         self._begun = False
@@ -101,9 +101,9 @@ class CommandedMission(OrderBook):
             self.snapshot()
         self.events.look(self.beliefs.all(), now_ms)
         if not self.paused:
-            self._desk.advance(self.pose, now_ms)
-        for front in self._fronts:
-            front.act(self, now_ms)
+            self._docking_routine.advance(self.pose, now_ms)
+        for command_source in self._command_sources:
+            command_source.act(self, now_ms)
         return self.take_orders()
 
     def stand_down(self, reason: str, now_ms: int) -> list[Order]:
@@ -122,8 +122,8 @@ class CommandedMission(OrderBook):
             self.order(HoldPosition(self.next_id(), *self.pose))
         self.set(phase=Phase.ENDED, since_ms=self.now_ms, ended_by=reason)
         self.snapshot()
-        for front in self._fronts:
-            front.close(reason)
+        for command_source in self._command_sources:
+            command_source.close(reason)
 
     # What a front may order.
 
@@ -135,12 +135,12 @@ class CommandedMission(OrderBook):
     @property
     def docking(self) -> Status:
         """Of the last docking or undocking."""
-        return self._desk.status
+        return self._docking_routine.status
 
     @property
     def docking_orders(self) -> int:
         """How many were given."""
-        return self._desk.given
+        return self._docking_routine.given
 
     @property
     def failure(self) -> str | None:
@@ -156,7 +156,7 @@ class CommandedMission(OrderBook):
 
     def is_full(self, agent_id: int) -> bool:
         """Whether it is believed full, as the scenario means it."""
-        return self._desk.is_full(agent_id)
+        return self._docking_routine.is_full(agent_id)
 
     def go_to(
         self, north_m: float, east_m: float, speed_m_s: float | None = None, radius_m: float | None = None
@@ -174,7 +174,7 @@ class CommandedMission(OrderBook):
             )
         if speed_m_s > self._max_speed_m_s:
             raise Refused(f"a speed of {speed_m_s:g} m/s: apad.max_speed_m_s is {self._max_speed_m_s:g} m/s")
-        self._desk.pre_empt(self.now_ms)
+        self._docking_routine.pre_empt(self.now_ms)
         self.goto_orders += 1
         self._start_going(
             GoToPoint(0, north_m, east_m, speed_m_s, radius_m), math.dist(here, (north_m, east_m))
@@ -187,28 +187,28 @@ class CommandedMission(OrderBook):
         if not all(map(math.isfinite, point)):
             raise Refused("a hold needs finite numbers")
         _refuse_far(*point)
-        self._desk.pre_empt(self.now_ms)
+        self._docking_routine.pre_empt(self.now_ms)
         self.order(HoldPosition(self.next_id(), *point))
 
     def dock(self, slot: int, agent_id: int, manoeuvre: Manoeuvre = AS_THE_SCENARIO_SAYS) -> None:
         """Lets the aMussel surface, waits until it floats, and closes the mechanism around it."""
         here = self._place()
-        self._desk.refuse_dock(slot, agent_id, here)
-        self._desk.pre_empt(self.now_ms)
+        self._docking_routine.refuse_dock(slot, agent_id, here)
+        self._docking_routine.pre_empt(self.now_ms)
         if self.goto is Status.RUNNING:
             self.order(HoldPosition(self.next_id(), *here))
-        self._desk.dock(slot, agent_id, manoeuvre, here, self.now_ms)
+        self._docking_routine.dock(slot, agent_id, manoeuvre, here, self.now_ms)
         self.snapshot()
 
     def undock(self, slot: int, manoeuvre: Manoeuvre = AS_THE_SCENARIO_SAYS) -> None:
         """Opens a mechanism, and tells whom it held that it is clear to sink."""
         self._place()
-        self._desk.undock(slot, manoeuvre, self.now_ms)
+        self._docking_routine.undock(slot, manoeuvre, self.now_ms)
         self.snapshot()
 
     def permit_surfacing(self, agent_id: int) -> None:
         self._place()
-        self._desk.believed(agent_id)
+        self._docking_routine.believed(agent_id)
         self.order(PermitSurfacing(agent_id))
 
     def tell_clear(self, agent_id: int) -> None:
@@ -231,7 +231,7 @@ class CommandedMission(OrderBook):
         if not self.paused:
             return False
         self.paused = False
-        self._desk.paused_for(self.now_ms - self._paused_ms)
+        self._docking_routine.paused_for(self.now_ms - self._paused_ms)
         if self.goto is Status.RUNNING and self._target is not None:
             self._start_going(self._target, 0.0)
         return True
@@ -261,7 +261,7 @@ class CommandedMission(OrderBook):
             self.goto = status
             self.events.tell(self.now_ms, "goto", status=status, reason=reason)
         else:
-            self._desk.ended(primitive_id, status, reason, self.now_ms)
+            self._docking_routine.ended(primitive_id, status, reason, self.now_ms)
 
 
 def _refuse_far(north_m: float, east_m: float) -> None:

@@ -9,8 +9,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
-from apad_bridge.mission.call_queue import CalledFront, Flown
-from apad_bridge.mission.manual import CommandedMission
+from apad_bridge.mission.call_queue import CallQueue, Flown
+from apad_bridge.mission.manual import ManualMission
 from apad_bridge.mission.orders import Note, Order
 from apad_bridge.mission.role import Mission
 from apad_bridge.mission.state import MissionState, Phase
@@ -19,14 +19,14 @@ from apad_bridge.planning.solution import Solution
 from apad_bridge.vehicle.primitives import Outcome
 
 
-class Override:
+class Takeover:
     """`planned` makes the mission that plans, `by_hand` the one that does what it is told, each from a state."""
 
     def __init__(
         self,
         planned: Callable[[MissionState | None], Mission],
-        by_hand: Callable[[MissionState], CommandedMission],
-        calls: CalledFront,
+        by_hand: Callable[[MissionState], ManualMission],
+        calls: CallQueue,
         state: MissionState | None = None,
     ) -> None:
         self._planned = planned
@@ -35,7 +35,7 @@ class Override:
         self._now_ms = 0
         self._pose: tuple[float, float] | None = None
         self._orders: list[Order] = []
-        self._flying: Mission | CommandedMission
+        self._flying: Mission | ManualMission
         # A resumed flight goes on in the hands in which it was.
         self._flying = (
             by_hand(state) if state is not None and state.phase is Phase.COMMANDED else planned(state)
@@ -50,9 +50,9 @@ class Override:
         return self._flying.slots
 
     @property
-    def by_hand(self) -> CommandedMission | None:
+    def by_hand(self) -> ManualMission | None:
         """What does as it is told, while a person has taken over."""
-        return self._flying if isinstance(self._flying, CommandedMission) else None
+        return self._flying if isinstance(self._flying, ManualMission) else None
 
     def moved(self, north_m: float, east_m: float) -> None:
         self._pose = (north_m, east_m)
@@ -102,7 +102,7 @@ class Override:
         )
         return ""
 
-    def _change(self, mission: Mission | CommandedMission, *, taken: bool) -> None:
+    def _change(self, mission: Mission | ManualMission, *, taken: bool) -> None:
         if self.state.phase is Phase.ENDED:
             raise Refused(f"the mission is over: {self.state.ended_by}")
         if (hand := self.by_hand) is not None:
@@ -117,12 +117,12 @@ class Override:
 
 def take_over(flown: Flown) -> str:
     """A person takes the aPad; where it is flown by hand or by a script already, nothing happens but a word."""
-    if isinstance(flown, Override):
+    if isinstance(flown, Takeover):
         return flown.take_over()
     return "no mission plans in this flight: orders are taken without it"
 
 
 def give_back(flown: Flown) -> str:
-    if not isinstance(flown, Override):
+    if not isinstance(flown, Takeover):
         raise Refused("in this flight there is no mission to give the aPad back to")
     return flown.give_back()

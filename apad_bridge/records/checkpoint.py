@@ -44,7 +44,7 @@ class Remembers(Protocol):
     def take_news(self, news: dict[str, Any]) -> None: ...
 
 
-class Notebook:
+class Checkpoint:
     """The diary of `beliefs`, from now on. Rows reach the file at `flush`, which is called at the end of every tick."""
 
     def __init__(
@@ -52,7 +52,7 @@ class Notebook:
         path: Path,
         beliefs: FleetBeliefs,
         now_ms: int,
-        ears: Remembers | None = None,
+        ranging: Remembers | None = None,
         counts: Callable[[], Counter[str]] = Counter,
     ) -> None:
         """Begins with a checkpoint at mission time `now_ms`, which takes the place of a notebook that was there.
@@ -61,7 +61,7 @@ class Notebook:
         """
         self._path = path
         self._beliefs = beliefs
-        self._ears = ears
+        self._ranging = ranging
         self._counts = counts
         self._rows: list[list[Any]] = []
         self._rows_in_file = 0
@@ -81,7 +81,7 @@ class Notebook:
 
     def flush(self, now_ms: int) -> None:
         rows, self._rows = self._rows, []
-        news = None if self._ears is None else self._ears.news()
+        news = None if self._ranging is None else self._ranging.news()
         counts = self._counts()
         counted = counts != self._told_counts
         if not rows and news is None and not counted:
@@ -105,9 +105,9 @@ class Notebook:
         fresh = self._path.with_name(f".{self._path.name}.fresh")
         fresh.unlink(missing_ok=True)
         file = LineFile(fresh)
-        ears = None if self._ears is None else self._ears.kept()
+        ranging = None if self._ranging is None else self._ranging.kept()
         self._told_counts = self._counts()
-        kept = {"beliefs": self._beliefs.kept(), "ears": ears, "counts": self._told_counts}
+        kept = {"beliefs": self._beliefs.kept(), "ears": ranging, "counts": self._told_counts}
         file.append({"t": now_ms, "format": FORMAT} | kept)
         file.flush()
         os.replace(fresh, self._path)
@@ -116,7 +116,7 @@ class Notebook:
 
 
 @dataclass(frozen=True, slots=True)
-class Recalled:
+class Restored:
     """What a notebook gave: as of mission time `until_ms`, by so many rows after its checkpoint.
 
     `whole` is False when it is torn or damaged after that.
@@ -129,38 +129,38 @@ class Recalled:
     """Of what came to nothing; None in a notebook of a version that did not keep them."""
 
 
-class NoNotebook(Exception):
+class NoCheckpoint(Exception):
     """One line: why there is nothing to be recalled."""
 
 
-def recall(path: Path, beliefs: FleetBeliefs, ears: Remembers | None = None) -> Recalled:
-    """Believes and remembers what the notebook's supervisor did; NoNotebook when it cannot be read at all."""
+def restore(path: Path, beliefs: FleetBeliefs, ranging: Remembers | None = None) -> Restored:
+    """Believes and remembers what the notebook's supervisor did; NoCheckpoint when it cannot be read at all."""
     try:
         lines = read_lines(path)
         first = next(lines, None)
         if first is None or first.get("format") != FORMAT:
-            raise NoNotebook(f"{path.name} is of another version, or damaged")
+            raise NoCheckpoint(f"{path.name} is of another version, or damaged")
         beliefs.restore(first["beliefs"])
-        if ears is not None:
-            ears.restore(first["ears"])
+        if ranging is not None:
+            ranging.restore(first["ears"])
         until_ms: int = first["t"]
         counts: Counter[str] | None = Counter(first["counts"]) if "counts" in first else None
     except OSError as error:
-        raise NoNotebook(f"{path.name}: {error.strerror}") from error
+        raise NoCheckpoint(f"{path.name}: {error.strerror}") from error
     except (KeyError, TypeError, ValueError) as error:
-        raise NoNotebook(f"{path.name} is of another version, or damaged ({error})") from error
+        raise NoCheckpoint(f"{path.name} is of another version, or damaged ({error})") from error
     rows = 0
     for line in lines:
         if line is None:
-            return Recalled(until_ms, rows, whole=False, counts=counts)
+            return Restored(until_ms, rows, whole=False, counts=counts)
         for row in line["learned"]:
             _learn(beliefs, row)
-        if ears is not None and "ears" in line:
-            ears.take_news(line["ears"])
+        if ranging is not None and "ears" in line:
+            ranging.take_news(line["ears"])
         if "counts" in line:
             counts = Counter(line["counts"])
         rows, until_ms = rows + len(line["learned"]), line["t"]
-    return Recalled(until_ms, rows, whole=True, counts=counts)
+    return Restored(until_ms, rows, whole=True, counts=counts)
 
 
 def _learn(beliefs: FleetBeliefs, row: list[Any]) -> None:

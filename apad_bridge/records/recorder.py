@@ -12,7 +12,7 @@ from agents.mussel.outputs import Truth
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.records.bag import BagWriter, repair_bag
 from apad_bridge.records.changes import APadChanges, BeliefChanges, differs_in_kind, has_moved
-from apad_bridge.records.checkpoint import Notebook
+from apad_bridge.records.checkpoint import Checkpoint
 from apad_bridge.records.journal import Journal, JournalContents, Line, read_journal
 from apad_bridge.records.packet_lines import sound_rows
 from apad_bridge.records.run_directory import RunDirectory
@@ -24,7 +24,7 @@ from apad_bridge.records.uptime import UptimeMeter
 from apad_bridge.scenario.board_model import takes_samples
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import Start, save_starts
-from apad_bridge.supervisor.context import Known
+from apad_bridge.supervisor.context import LearnedState
 from apad_bridge.supervisor.roster import Presence
 from apad_bridge.vehicle.commands import BatteryReported, PoseReported
 from firmware_model.sampling.sample_record import SampleRecord
@@ -72,7 +72,7 @@ class Recorder:
         self._belief_changes = BeliefChanges()
         self._sampled_ms: int | None = None
         self._record_period_ms = round(scenario.records.record_period_s * 1000)
-        self._notebook: Notebook | None = None
+        self._checkpoint: Checkpoint | None = None
         self._journal = Journal(directory.journal)
         self._bag = BagWriter(directory.next_bag, scenario.theta)
         self._samples = SampleFile(directory.samples)
@@ -136,10 +136,10 @@ class Recorder:
             self._journaled[agent_id] = truth
             self._journal.append(-(-truth.at_ms // self._scenario.theta), "truth", truth_data(truth))
 
-    def keep(self, known: Known, now_ms: int) -> None:
+    def keep(self, known: LearnedState, now_ms: int) -> None:
         """From mission time `now_ms` on what is learned is written down, for one who would go on with the run."""
-        self._notebook = Notebook(
-            self._directory.notebook, known.beliefs, now_ms, known.ears, self._dropped_so_far
+        self._checkpoint = Checkpoint(
+            self._directory.checkpoint, known.beliefs, now_ms, known.ranging, self._dropped_so_far
         )
 
     @property
@@ -174,8 +174,8 @@ class Recorder:
             # A quiet tick leaves its time: a resumed run must know how far the fleet was granted.
             self._journal.append(now_ms, "tick", {})
         # First what was learned: that something is learned twice does no harm, and the mission may have acted on it.
-        if self._notebook is not None:
-            self._notebook.flush(now_ms)
+        if self._checkpoint is not None:
+            self._checkpoint.flush(now_ms)
         self._journal.flush()
 
     def truths_at(self, now_ms: int) -> list[TruthSample]:
@@ -213,7 +213,7 @@ class Recorder:
             save_starts(self._directory.ends, ends, scenario.area.origin)
         self._directory.write_json(self._directory.summary, summary)
         self.close()
-        self._directory.notebook.unlink(missing_ok=True)  # nobody will go on with this run
+        self._directory.checkpoint.unlink(missing_ok=True)  # nobody will go on with this run
         return summary
 
     def close(self) -> None:
@@ -221,8 +221,8 @@ class Recorder:
         self._journal.close()
         self._bag.close()
         self._samples.close()
-        if self._notebook is not None:
-            self._notebook.close()
+        if self._checkpoint is not None:
+            self._checkpoint.close()
 
     def _dropped_so_far(self) -> Counter[str]:
         """What the next supervisor would not count again."""

@@ -82,7 +82,7 @@ class RunDirectory:
         return self.path / "samples.jsonl"
 
     @property
-    def notebook(self) -> Path:
+    def checkpoint(self) -> Path:
         return self.path / "notebook.jsonl"
 
     @property

@@ -9,7 +9,7 @@ from pathlib import Path
 import rospy
 
 from apad_bridge.assembly import parts
-from apad_bridge.mission.share import Share
+from apad_bridge.mission.allocation import Allocation
 from apad_bridge.ros.gateway.agent_topics import Shown
 from apad_bridge.ros.gateway.battery_alerts import BatteryAlerts
 from apad_bridge.ros.gateway.claims import ClaimBoard
@@ -22,8 +22,8 @@ from apad_bridge.ros.gateway.standard_topics import StandardTopics
 from apad_bridge.ros.links.contacts_link import ContactsLink
 from apad_bridge.ros.links.generation_b import GenerationBLink
 from apad_bridge.ros.links.laboratory import Laboratory
-from apad_bridge.ros.links.packet_router import FleetRadio, MissionRadio, RealRadio
-from apad_bridge.ros.links.several_router import SquadRadio
+from apad_bridge.ros.links.packet_router import FleetRelay, MissionRelay, RealAgentRelay
+from apad_bridge.ros.links.several_router import SeveralRelay
 from apad_bridge.ros.links.vehicles import READY_S, APadLink, TruthsAt, is_of_generation_b, open_apad
 from apad_bridge.ros.system.master_watch import MasterWatch, Noticed
 from apad_bridge.ros.system.ros_pace import FollowedClock, OwnMasterClock
@@ -33,9 +33,9 @@ from apad_bridge.scenario.local_frame import LocalFrame
 from apad_bridge.scenario.run_options import APadKind, Part, RunOptions, TimeSource
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.supervisor.clock import Pace, WallClock
-from apad_bridge.supervisor.context import Surroundings, Watcher
+from apad_bridge.supervisor.context import FlightContext, Watcher
 from apad_bridge.supervisor.fleet import Fleet
-from apad_bridge.supervisor.roster import Presences, Roll
+from apad_bridge.supervisor.roster import Presences, Roster
 from apad_bridge.vehicle.errors import PeerFailed, VehicleNotReady
 from apad_bridge.vehicle.listening_link import ListeningLink
 from apad_bridge.vehicle.telemetry import SilenceWatch
@@ -45,7 +45,7 @@ _NODES = {Part.WHOLE: "musselbed", Part.FLEET: "musselbed_fleet", Part.MISSION: 
 
 
 @contextmanager
-def open_surroundings(
+def open_flight_context(
     scenario: Scenario,
     options: RunOptions,
     fleet: Fleet | None,
@@ -55,14 +55,14 @@ def open_surroundings(
     truths_at: TruthsAt,
     presences: Presences,
     tell: Callable[[str], None],
-    share: Share | None = None,
-) -> Iterator[Surroundings]:
+    allocation: Allocation | None = None,
+) -> Iterator[FlightContext]:
     """Everything on the graph while it is entered; PeerFailed, in one line, when something does not come up.
 
     `docked` are agents by slot that a former supervisor knew to be held, `held` those whose bodies feel a dock; `now_ms` is
     the mission time to go on from. `truths_at` is the recorder's, for a scenario that wants the truth on the aMussels' own
-    topics. `tell` is for a person: where the graph contradicts what the journal says of `presences`. `share` is that of one
-    of several aPads that take over from each other.
+    topics. `tell` is for a person: where the graph contradicts what the journal says of `presences`. `allocation` is
+    that of one of several aPads that take over from each other.
     """
     # A mission alone shows nothing as its aMussels': they, or their fleet, do so themselves.
     shown = () if options.part is Part.MISSION else parts.agent_ids(scenario)
@@ -70,13 +70,13 @@ def open_surroundings(
         try:
             gateway = _gateway(scenario, options, shown, presences, truths_at)
             stack.callback(gateway.close)
-            roll = None if fleet is None else _called_roll(stack, presences, options, tell)
+            roster = None if fleet is None else _called_roll(stack, presences, options, tell)
             laboratory = _laboratory(scenario)
             stack.callback(laboratory.close)
             beside = _beside_the_gateway(scenario, options, shown, presences)
             vehicle, watches = _vehicle(scenario, options, docked, now_ms, truths_at)
             stack.callback(vehicle.close)
-            radio = _radio(options, scenario, vehicle, presences, share)
+            radio = _radio(options, scenario, vehicle, presences, allocation)
             stack.callback(radio.close)
             if not isinstance(vehicle, ContactsLink):
                 vehicle.wait_until_ready(READY_S)
@@ -84,7 +84,7 @@ def open_surroundings(
             raise PeerFailed(str(error)) from error
         hears = vehicle if isinstance(vehicle, GenerationBLink) else None
         link = laboratory.beside(vehicle, hears)
-        yield Surroundings(
+        yield FlightContext(
             ListeningLink(link) if options.part is Part.FLEET else link,
             _pace(options, vehicle, now_ms, in_fine_steps=bool(watches)),
             fleet,
@@ -92,7 +92,7 @@ def open_surroundings(
                 gateway.watcher(supervisor),
                 *(it.watcher(supervisor) for it in beside),
                 *watches,
-                *_kept_to(share, vehicle),
+                *_kept_to(allocation, vehicle),
             ),
             gateway.event,
             laboratory.around(radio, link, is_mission=options.part is Part.MISSION),
@@ -100,10 +100,10 @@ def open_surroundings(
             hears is not None,
             lambda: vehicle.dropped + laboratory.dropped + radio.dropped,
             _watched(stack, options, scenario, vehicle),
-            roll=roll,
+            roster=roster,
             keeps_samples=options.part is not Part.FLEET,
-            tell_guest=radio.tell_guest if isinstance(radio, SquadRadio) else None,
-            share=share,
+            tell_served_elsewhere=radio.tell_served_elsewhere if isinstance(radio, SeveralRelay) else None,
+            allocation=allocation,
         )
 
 
@@ -160,7 +160,7 @@ def _called_roll(
     presences: Presences,
     options: RunOptions,
     tell: Callable[[str], None],
-) -> Roll:
+) -> Roster:
     claims = ClaimBoard(rospy.get_name(), lambda: presences.simulated)
     if options.is_resumed:
         for line in claims.come_back(presences):
@@ -169,7 +169,7 @@ def _called_roll(
         claims.refuse_overlap(presences.simulated)
     desk = FleetServices(presences, claims)
     stack.callback(desk.close)
-    return Roll(presences, desk)
+    return Roster(presences, desk)
 
 
 def _radio(
@@ -177,29 +177,29 @@ def _radio(
     scenario: Scenario,
     vehicle: APadLink | ContactsLink,
     presences: Presences,
-    share: Share | None,
-) -> FleetRadio | MissionRadio | RealRadio | SquadRadio:
+    allocation: Allocation | None,
+) -> FleetRelay | MissionRelay | RealAgentRelay | SeveralRelay:
     """What joins this process to aMussels, or to a mission, that are elsewhere."""
     ids, codec = parts.agent_ids(scenario), load_codec(scenario.hearing.codec)
-    if share is not None:
-        return SquadRadio(scenario.fleet.all_ids, share, lambda: presences.simulated)
+    if allocation is not None:
+        return SeveralRelay(scenario.fleet.all_ids, allocation, lambda: presences.simulated)
     if options.part is Part.FLEET:
-        return FleetRadio(ids, codec)
+        return FleetRelay(ids, codec)
     if options.part is Part.MISSION and not isinstance(vehicle, ContactsLink):
-        return MissionRadio(ids, codec, scenario.theta, vehicle.holds)
-    return RealRadio(ids, lambda: presences.simulated)
+        return MissionRelay(ids, codec, scenario.theta, vehicle.holds)
+    return RealAgentRelay(ids, lambda: presences.simulated)
 
 
-def _kept_to(share: Share | None, vehicle: APadLink | ContactsLink) -> tuple[Watcher, ...]:
+def _kept_to(allocation: Allocation | None, vehicle: APadLink | ContactsLink) -> tuple[Watcher, ...]:
     """What tells the vehicle's link whom it may be told to dock, whenever that has changed."""
-    if share is None or isinstance(vehicle, ContactsLink):
+    if allocation is None or isinstance(vehicle, ContactsLink):
         return ()
-    told = share.own
+    told = allocation.own
 
     def watch(now_ms: int) -> None:
         nonlocal told
-        if share.served != told:
-            told = share.served
+        if allocation.served != told:
+            told = allocation.served
             vehicle.serve(told)
 
     return (watch,)

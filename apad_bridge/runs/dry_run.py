@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
-from agents.hosting.in_process import OneProcess
+from agents.hosting.in_process import InProcessHost
 from agents.packet_medium import Medium
 from apad_bridge.assembly import parts
 from apad_bridge.assembly.water import fleet_of
@@ -15,10 +15,10 @@ from apad_bridge.runs.in_memory import MemoryRecorder
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import Start
 from apad_bridge.supervisor.clock import AsFastAsPossible
-from apad_bridge.supervisor.context import Surroundings
+from apad_bridge.supervisor.context import FlightContext
 from apad_bridge.supervisor.core import TICK_MS
 from apad_bridge.supervisor.loop import Flight
-from apad_bridge.supervisor.packet_relay import Ether
+from apad_bridge.supervisor.packet_relay import PacketRelay
 from apad_bridge.vehicle.commands import VehicleCommand
 from apad_bridge.vehicle.link import InProcessVehicle, VehicleLink
 
@@ -37,8 +37,8 @@ class _Unmoved:
 class _Unsaid:
     """An ether that is listened to and never spoken into."""
 
-    def __init__(self, ether: Ether) -> None:
-        self.advance = ether.advance
+    def __init__(self, relay: PacketRelay) -> None:
+        self.advance = relay.advance
 
     def transmit(self, medium: Medium, agent_id: int, data: bytes, now_ms: int) -> None:
         pass
@@ -47,23 +47,27 @@ class _Unsaid:
         pass
 
 
-def dry(surroundings: Surroundings) -> Surroundings:
+def dry(context: FlightContext) -> FlightContext:
     """The same, but neither the vehicle nor a real aMussel hears a word."""
-    ether = surroundings.ether
+    relay = context.relay
     return replace(
-        surroundings,
-        vehicle=_Unmoved(surroundings.vehicle),
-        ether=None if ether is None else _Unsaid(ether),
+        context,
+        vehicle=_Unmoved(context.vehicle),
+        relay=None if relay is None else _Unsaid(relay),
     )
 
 
 def first_plan(scenario: Scenario, starts: Sequence[Start]) -> dict[str, Any] | None:
     """The journal's `plan` event of the first plan, with its time `t` in mission milliseconds; None if none is made."""
-    births = parts.births(scenario, starts)
-    fleet = fleet_of(scenario, OneProcess(parts.fleet_config(scenario), births), dict.fromkeys(births, 0))
+    initial_states = parts.initial_states(scenario, starts)
+    fleet = fleet_of(
+        scenario,
+        InProcessHost(parts.fleet_config(scenario), initial_states),
+        dict.fromkeys(initial_states, 0),
+    )
     vehicle = _Unmoved(InProcessVehicle(parts.simulated_apad(scenario)))
     recorder = _FirstPlan(scenario)
-    flight = Flight(parts.supervisor(scenario), Surroundings(vehicle, AsFastAsPossible(), fleet), recorder)
+    flight = Flight(parts.supervisor(scenario), FlightContext(vehicle, AsFastAsPossible(), fleet), recorder)
     while recorder.plan is None and not flight.supervisor.has_ended:
         flight.tick(flight.now_ms)
         flight.now_ms += TICK_MS

@@ -12,12 +12,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from agents.hosting.in_process import OneProcess
+from agents.hosting.in_process import InProcessHost
 from agents.hosting.process_host import ProcessHost
 from apad_bridge.assembly import parts
 from apad_bridge.assembly.water import fleet_of
-from apad_bridge.mission.call_queue import CalledFront
-from apad_bridge.mission.manual import Front
+from apad_bridge.mission.call_queue import CallQueue
+from apad_bridge.mission.manual import CommandSource
 from apad_bridge.mission.state import MissionState
 from apad_bridge.records.recorder import Recorder
 from apad_bridge.records.run_directory import RunDirectory
@@ -29,7 +29,7 @@ from apad_bridge.runs.status import Status
 from apad_bridge.scenario.schema import Hosting, Scenario
 from apad_bridge.scenario.starts import Start
 from apad_bridge.supervisor.clock import AsFastAsPossible
-from apad_bridge.supervisor.context import Announce, Known, Surroundings
+from apad_bridge.supervisor.context import Announce, FlightContext, LearnedState
 from apad_bridge.supervisor.core import TICK_MS, Supervisor
 from apad_bridge.supervisor.fleet import Fleet
 from apad_bridge.supervisor.loop import Flight
@@ -44,15 +44,15 @@ def fly_here(
     starts: Sequence[Start],
     directory: RunDirectory,
     progress: Shows,
-    fronts: Sequence[Front] = (),
+    command_sources: Sequence[CommandSource] = (),
 ) -> dict[str, Any]:
     """Flies to the end and gives the summary."""
     recorder = Recorder(directory, scenario, parts.agent_ids(scenario))
     flying.journal_start(recorder, scenario, starts)
     fleet = flying.open_fleet(scenario, starts, directory.path / FOLDER)
     try:
-        course = flying.Course(fronts=tuple(fronts))
-        return flying.fly(scenario, flying.in_process(scenario, fleet), recorder, progress.show, course)
+        spec = flying.RunSpec(command_sources=tuple(command_sources))
+        return flying.fly(scenario, flying.in_process(scenario, fleet), recorder, progress.show, spec)
     finally:
         recorder.close()
         fleet.host.close()
@@ -63,7 +63,7 @@ _COMMAND_IDS_PER_EPOCH = 1_000_000
 
 
 @dataclass(frozen=True, slots=True)
-class GoOn:
+class ResumePoint:
     """Where a resumed flight goes on: what the journal last said."""
 
     now_ms: int
@@ -75,16 +75,16 @@ class GoOn:
 
 
 @dataclass(frozen=True, slots=True)
-class Course:
+class RunSpec:
     """What of a mission a flight flies: from where, by whose orders, and how far."""
 
-    go_on: GoOn | None = None
+    resume_point: ResumePoint | None = None
     """None: from its beginning."""
-    known: Known | None = None
+    known: LearnedState | None = None
     """What was learned already; None for nothing."""
-    fronts: tuple[Front, ...] = ()
+    command_sources: tuple[CommandSource, ...] = ()
     """With any there is no mission of our own: the aPad does what these order."""
-    override: CalledFront | None = None
+    takeover: CallQueue | None = None
     """By which the mission can be taken over."""
     until_first_plan: bool = False
     """Ends with the first plan instead of the mission."""
@@ -92,38 +92,38 @@ class Course:
     @property
     def start_ms(self) -> int:
         """The mission time of the flight's first tick."""
-        return 0 if self.go_on is None else self.go_on.now_ms + TICK_MS
+        return 0 if self.resume_point is None else self.resume_point.now_ms + TICK_MS
 
 
-ANEW = Course()
+FROM_START = RunSpec()
 """The scenario's own mission, from its beginning to its end."""
 
 
 def open_fleet(scenario: Scenario, starts: Sequence[Start], folder: Path) -> Fleet:
     """A new fleet, hosted as the scenario says; a process per aMussel keeps its files in `folder`."""
-    config, births = parts.fleet_config(scenario), parts.births(scenario, starts)
+    config, initial_states = parts.fleet_config(scenario), parts.initial_states(scenario, starts)
     if scenario.fleet.hosting is Hosting.ONE_PROCESS:
-        host: OneProcess | ProcessHost = OneProcess(config, births)
+        host: InProcessHost | ProcessHost = InProcessHost(config, initial_states)
     else:
         folder.mkdir()
-        host = ProcessHost.start(str(folder), config, births)
-    return fleet_of(scenario, host, dict.fromkeys(births, 0))
+        host = ProcessHost.start(str(folder), config, initial_states)
+    return fleet_of(scenario, host, dict.fromkeys(initial_states, 0))
 
 
-def in_process(scenario: Scenario, fleet: Fleet) -> Surroundings:
+def in_process(scenario: Scenario, fleet: Fleet) -> FlightContext:
     """Virtual time with the simulated aPad in this process."""
-    return Surroundings(InProcessVehicle(parts.simulated_apad(scenario)), AsFastAsPossible(), fleet)
+    return FlightContext(InProcessVehicle(parts.simulated_apad(scenario)), AsFastAsPossible(), fleet)
 
 
 def fly(
     scenario: Scenario,
-    surroundings: Surroundings,
+    context: FlightContext,
     recorder: Recorder,
     show: Callable[[Status], None],
-    course: Course = ANEW,
+    spec: RunSpec = FROM_START,
 ) -> dict[str, Any]:
     """Flies its course to the end, and gives the summary. SIGINT and SIGTERM end it in order."""
-    flying = prepare(scenario, surroundings, recorder, show, course)
+    flying = prepare(scenario, context, recorder, show, spec)
     with stopped_by_signals(flying.flight):
         flying.flight.run()
     return flying.finish()
@@ -154,57 +154,55 @@ class Prepared:
 
 def prepare(
     scenario: Scenario,
-    surroundings: Surroundings,
+    context: FlightContext,
     recorder: Recorder,
     show: Callable[[Status], None],
-    course: Course = ANEW,
+    spec: RunSpec = FROM_START,
 ) -> Prepared:
     """What `fly` flies."""
-    supervisor = _supervisor(scenario, surroundings, recorder, course)
+    supervisor = _supervisor(scenario, context, recorder, spec)
 
     def show_tick(now_ms: int) -> None:
-        show(Status.of(supervisor, now_ms, surroundings.pace.behind_s))
-        if course.until_first_plan and supervisor.mission.state.plan.steps:
+        show(Status.of(supervisor, now_ms, context.pace.behind_s))
+        if spec.until_first_plan and supervisor.mission.state.plan.steps:
             flight.stop("the dry run's plan")
 
-    told = recorder if surroundings.announce is None else _Announced(recorder, surroundings.announce)
-    flight = Flight(supervisor, surroundings, told, course.start_ms, (show_tick,))
+    told = recorder if context.announce is None else _Announced(recorder, context.announce)
+    flight = Flight(supervisor, context, told, spec.start_ms, (show_tick,))
     recorder.dropped_in_flight = lambda: flight.all_dropped
 
     def finish() -> dict[str, Any]:
         recorder.event(flight.now_ms, "end", reason=flight.ended_by)
-        return recorder.finish(flight.now_ms, _ending(flight, course.go_on))
+        return recorder.finish(flight.now_ms, _ending(flight, spec.resume_point))
 
     return Prepared(flight, finish)
 
 
-def _supervisor(
-    scenario: Scenario, surroundings: Surroundings, recorder: Recorder, course: Course
-) -> Supervisor:
+def _supervisor(scenario: Scenario, context: FlightContext, recorder: Recorder, spec: RunSpec) -> Supervisor:
     """With the docks as the journal last had them."""
-    go_on = course.go_on
+    resume_point = spec.resume_point
     supervisor = parts.supervisor(
         scenario,
-        None if go_on is None else go_on.state,
-        first_command_id=1 + (0 if go_on is None else go_on.epoch * _COMMAND_IDS_PER_EPOCH),
-        samples=_collection(scenario, surroundings, recorder),
-        fronts=course.fronts,
-        override=course.override,
+        None if resume_point is None else resume_point.state,
+        first_command_id=1 + (0 if resume_point is None else resume_point.epoch * _COMMAND_IDS_PER_EPOCH),
+        samples=_collection(scenario, context, recorder),
+        command_sources=spec.command_sources,
+        takeover=spec.takeover,
         # The aPad's modem is where its water is: with the fleet, and not with a mission alone.
-        has_modem=surroundings.fleet is not None,
-        docks_by_eye=surroundings.docks_by_eye,
-        breakdown=surroundings.breakdown,
-        share=surroundings.share,
-        known=course.known,
+        has_modem=context.fleet is not None,
+        docks_by_eye=context.docks_by_eye,
+        breakdown=context.breakdown,
+        allocation=context.allocation,
+        known=spec.known,
     )
-    if go_on is not None:
-        supervisor.port.first_failure = go_on.first_failure
-        for slot, agent_id in go_on.state.docked:
-            supervisor.port.docks.take(DockClosed(go_on.now_ms, slot, agent_id))
+    if resume_point is not None:
+        supervisor.port.first_failure = resume_point.first_failure
+        for slot, agent_id in resume_point.state.docked:
+            supervisor.port.docks.take(DockClosed(resume_point.now_ms, slot, agent_id))
     return supervisor
 
 
-def _ending(flight: Flight, go_on: GoOn | None) -> Ending:
+def _ending(flight: Flight, resume_point: ResumePoint | None) -> Ending:
     supervisor = flight.supervisor
     failure = supervisor.port.first_failure
     return Ending(
@@ -212,7 +210,7 @@ def _ending(flight: Flight, go_on: GoOn | None) -> Ending:
         first_cause=None if failure is None else failure.reason,
         cost_m=supervisor.mission.state.cost_m,
         services=supervisor.mission.state.services,
-        apad_energy_fraction=_fraction_used(supervisor, go_on),
+        apad_energy_fraction=_fraction_used(supervisor, resume_point),
         dropped=flight.all_dropped,
         samples_gone={} if supervisor.samples is None else supervisor.samples.gone,
     )
@@ -258,18 +256,16 @@ def journal_start(recorder: Recorder, scenario: Scenario, starts: Sequence[Start
     )
 
 
-def _collection(
-    scenario: Scenario, surroundings: Surroundings, recorder: Recorder
-) -> SampleCollection | None:
-    if not surroundings.keeps_samples:
+def _collection(scenario: Scenario, context: FlightContext, recorder: Recorder) -> SampleCollection | None:
+    if not context.keeps_samples:
         return None
     return SampleCollection(parts.agent_ids(scenario), recorder.samples_kept)
 
 
-def _fraction_used(supervisor: Supervisor, go_on: GoOn | None) -> float | None:
+def _fraction_used(supervisor: Supervisor, resume_point: ResumePoint | None) -> float | None:
     if supervisor.battery is None or supervisor.battery_at_start is None:
         return None
     at_start = supervisor.battery_at_start.fraction
-    if go_on is not None and go_on.apad_fraction_at_start is not None:
-        at_start = go_on.apad_fraction_at_start
+    if resume_point is not None and resume_point.apad_fraction_at_start is not None:
+        at_start = resume_point.apad_fraction_at_start
     return at_start - supervisor.battery.fraction

@@ -5,23 +5,23 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from agents.hosting.in_process import OneProcess
+from agents.hosting.in_process import InProcessHost
 from agents.mussel.outputs import Truth
 from apad_bridge.assembly import parts
 from apad_bridge.assembly.water import fleet_of
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.mission.breakdown import Breakdown
-from apad_bridge.mission.call_queue import CalledFront
-from apad_bridge.mission.manual import Front
+from apad_bridge.mission.call_queue import CallQueue
+from apad_bridge.mission.manual import CommandSource
 from apad_bridge.records.summary import uptime_figures
 from apad_bridge.records.uptime import UptimeMeter
 from apad_bridge.scenario.board_model import charge_model
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
 from apad_bridge.supervisor.clock import AsFastAsPossible
-from apad_bridge.supervisor.context import Surroundings
+from apad_bridge.supervisor.context import FlightContext
 from apad_bridge.supervisor.loop import Flight
-from apad_bridge.supervisor.packet_relay import Ether, TellGuest
+from apad_bridge.supervisor.packet_relay import PacketRelay, TellServedElsewhere
 from apad_bridge.supervisor.roster import Presence
 from apad_bridge.supervisor.sample_collection import SampleCollection
 from apad_bridge.vehicle.commands import BatteryReported, PoseReported
@@ -68,26 +68,28 @@ class MemoryRecorder:
 
 def open_flight(
     scenario: Scenario,
-    fronts: Sequence[Front] = (),
-    override: CalledFront | None = None,
-    ether: Ether | None = None,
-    tell_guest: TellGuest | None = None,
+    command_sources: Sequence[CommandSource] = (),
+    takeover: CallQueue | None = None,
+    relay: PacketRelay | None = None,
+    tell_served_elsewhere: TellServedElsewhere | None = None,
     breakdown: Breakdown | None = None,
 ) -> tuple[Flight, MemoryRecorder]:
     """A flight that is ready to `run`, and its records.
 
-    With `fronts` the aPad does what these order; by `override` the mission can be taken over. The rest is for several.
+    With `command_sources` the aPad does what these order; `takeover` can take the mission over. The rest is for several.
     """
-    births = parts.births(scenario, starts_of(scenario))
-    host = OneProcess(parts.fleet_config(scenario), births)
-    fleet = fleet_of(scenario, host, dict.fromkeys(births, 0))
+    initial_states = parts.initial_states(scenario, starts_of(scenario))
+    host = InProcessHost(parts.fleet_config(scenario), initial_states)
+    fleet = fleet_of(scenario, host, dict.fromkeys(initial_states, 0))
     vehicle = InProcessVehicle(parts.simulated_apad(scenario))
     samples = SampleCollection(parts.agent_ids(scenario))
     supervisor = parts.supervisor(
-        scenario, fronts=fronts, samples=samples, override=override, breakdown=breakdown
+        scenario, command_sources=command_sources, samples=samples, takeover=takeover, breakdown=breakdown
     )
     recorder = MemoryRecorder(scenario)
-    around = Surroundings(vehicle, AsFastAsPossible(), fleet, ether=ether, tell_guest=tell_guest)
+    around = FlightContext(
+        vehicle, AsFastAsPossible(), fleet, relay=relay, tell_served_elsewhere=tell_served_elsewhere
+    )
     return Flight(supervisor, around, recorder), recorder
 
 

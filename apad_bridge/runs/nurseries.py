@@ -9,7 +9,7 @@ from pathlib import Path
 
 from agents.hosting.nursery_client import Fenced, NurseryDied, NurseryLink
 from agents.hosting.process_host import ProcessHost
-from agents.nursery.launch import NoNursery, launch_nursery, prepare
+from agents.nursery.launch import NurseryFailed, launch_nursery, prepare
 from apad_bridge.assembly import parts
 from apad_bridge.assembly.water import fleet_of
 from apad_bridge.scenario.schema import Scenario
@@ -29,10 +29,10 @@ def start_nursery(scenario: Scenario, starts: Sequence[Start], run_dir: Path) ->
     """A nursery with its fleet prepared in the run's directory; its agents start when a supervisor adopts them."""
     folder = run_dir / FOLDER
     folder.mkdir()
-    prepare(str(folder), parts.fleet_config(scenario), parts.births(scenario, starts))
+    prepare(str(folder), parts.fleet_config(scenario), parts.initial_states(scenario, starts))
     try:
         return launch_nursery(str(folder))
-    except NoNursery as error:
+    except NurseryFailed as error:
         raise PeerFailed(f"the fleet cannot start: {error}; see {folder}/nursery.log") from error
 
 
@@ -56,6 +56,6 @@ def adopt(
     """The run's fleet under supervisor number `epoch`, at mission time `now_ms`, with these aMussels' modems opened."""
     try:
         host = ProcessHost.adopt(str(run_dir / FOLDER), epoch)
-    except (NoNursery, Fenced) as error:
+    except (NurseryFailed, Fenced) as error:
         raise PeerFailed(f"the fleet cannot be taken over: {error}") from error
     return fleet_of(scenario, host, host.granted_ms, now_ms, opened_modems)

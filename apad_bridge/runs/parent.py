@@ -68,7 +68,7 @@ def fly(
                     f"the supervisor died ({signal.Signals(-code).name}), and the script with it: a script cannot go on in "
                     f"the middle; see {directory.path}"
                 )
-            if options.in_squad and options.on_death is OnDeath.WAIT and not options.keeps:
+            if options.is_one_of_several and options.on_death is OnDeath.WAIT and not options.keeps:
                 progress.say(
                     f"the supervisor died ({signal.Signals(-code).name}): another one keeps its aMussels, whom the other "
                     "aPads go on to serve, and orders nothing"

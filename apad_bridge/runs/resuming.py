@@ -13,15 +13,15 @@ from agents.mussel.stimuli import Placed, from_wire, to_wire
 from apad_bridge.assembly import parts
 from apad_bridge.beliefs.fleet import FleetBeliefs
 from apad_bridge.mission.state import MissionState
-from apad_bridge.records.checkpoint import NoNotebook, recall
+from apad_bridge.records.checkpoint import NoCheckpoint, restore
 from apad_bridge.records.journal import JournalContents, Line
 from apad_bridge.records.recorder import Recorder, Resumed
 from apad_bridge.records.run_directory import RunDirectory
-from apad_bridge.runs.flying import GoOn, journal_start
+from apad_bridge.runs.flying import ResumePoint, journal_start
 from apad_bridge.scenario.run_options import Part, RunOptions
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
-from apad_bridge.supervisor.context import Known
+from apad_bridge.supervisor.context import LearnedState
 from apad_bridge.supervisor.core import PRIMITIVE_NAMES
 from apad_bridge.supervisor.roster import Became, Presence, Presences
 from apad_bridge.vehicle.docking import PRE_EMPTED
@@ -44,7 +44,7 @@ def gap_ms(options: RunOptions, journal: Path, now_s: float) -> int:
     return max(0, round((now_s - journal.stat().st_mtime) * 1000))
 
 
-def go_on(journal: JournalContents, epoch: int, gap_ms: int) -> GoOn:
+def resume_point(journal: JournalContents, epoch: int, gap_ms: int) -> ResumePoint:
     """The newest mission snapshot, and the time with the gap granted; PeerFailed when the run has ended."""
     state, fraction = MissionState(), None
     for line in journal.lines:
@@ -61,7 +61,7 @@ def go_on(journal: JournalContents, epoch: int, gap_ms: int) -> GoOn:
             raise PeerFailed("this run has ended: there is nothing to go on with")
     # Ticks stand on whole seconds; the journal's last line may lie between two.
     now_ms = (journal.last_ms + gap_ms) // 1000 * 1000
-    return GoOn(now_ms, state, epoch, fraction, first_failure(journal))
+    return ResumePoint(now_ms, state, epoch, fraction, first_failure(journal))
 
 
 def first_failure(journal: JournalContents) -> PrimitiveFailed | None:
@@ -99,13 +99,13 @@ def _is_placing(line: Line) -> bool:
 
 
 @dataclass(frozen=True, slots=True)
-class Begun:
+class StartState:
     """What a supervisor begins with: the first of a run with nothing, a later one with what the former one left."""
 
     recorder: Recorder
     presences: Presences
-    known: Known
-    go_on: GoOn | None = None
+    known: LearnedState
+    resume_point: ResumePoint | None = None
     journal: JournalContents = field(default_factory=lambda: JournalContents([], 0))
 
     @property
@@ -114,20 +114,20 @@ class Begun:
 
     @property
     def start_ms(self) -> int:
-        return 0 if self.go_on is None else self.go_on.now_ms
+        return 0 if self.resume_point is None else self.resume_point.now_ms
 
 
-def begin(directory: RunDirectory, scenario: Scenario, options: RunOptions) -> Begun:
+def begin(directory: RunDirectory, scenario: Scenario, options: RunOptions) -> StartState:
     """A new run, its journal begun."""
     ids = parts.agent_ids(scenario)
     recorder = Recorder(directory, scenario, ids)
     journal_start(recorder, scenario, starts_of(scenario))
-    return Begun(recorder, Presences(ids, scenario.area.depth_m), _nothing_known(scenario, options))
+    return StartState(recorder, Presences(ids, scenario.area.depth_m), _nothing_known(scenario, options))
 
 
 def resume(
     directory: RunDirectory, scenario: Scenario, options: RunOptions, tell: Callable[[str], None]
-) -> Begun:
+) -> StartState:
     """Takes up a run whose supervisor died; `tell` is told, in lines for a person, what is restored and what is not.
 
     PeerFailed when the run has ended.
@@ -137,17 +137,17 @@ def resume(
     if sum(path.stat().st_size for path in directory.bags) > _LARGE_BYTES:
         tell("reading the records of a long run: this takes some seconds")
     recorder, resumed = Recorder.resume(directory, scenario, ids)
-    start = go_on(resumed.journal, options.epoch, gone_ms)
+    start = resume_point(resumed.journal, options.epoch, gone_ms)
     presences = Presences(ids, scenario.area.depth_m, became(resumed.journal))
     known = _nothing_known(scenario, options)
-    believed, dropped = known_again(directory.notebook, known, start.now_ms)
+    believed, dropped = known_again(directory.checkpoint, known, start.now_ms)
     if dropped is not None:
         recorder.dropped_before = dropped
     lines = [*what_was_lost(resumed, dropped), *who_was_who(presences), believed]
     for words in lines:
         tell(words)
     recorder.event(resumed.journal.last_ms, "restored", told=lines)
-    return Begun(recorder, presences, known, start, resumed.journal)
+    return StartState(recorder, presences, known, start, resumed.journal)
 
 
 def who_was_who(presences: Presences) -> list[str]:
@@ -160,33 +160,31 @@ def who_was_who(presences: Presences) -> list[str]:
     return lines
 
 
-def _nothing_known(scenario: Scenario, options: RunOptions) -> Known:
+def _nothing_known(scenario: Scenario, options: RunOptions) -> LearnedState:
     # The aPad's modem is where its water is: with the fleet, and not with a mission alone.
     return parts.nothing_known(scenario, has_modem=options.part is not Part.MISSION)
 
 
-def known_again(notebook: Path, known: Known, now_ms: int) -> tuple[str, Counter[str] | None]:
+def known_again(checkpoint: Path, known: LearnedState, now_ms: int) -> tuple[str, Counter[str] | None]:
     """Lets `known` be what the former supervisor's was; a line for a person on what came of it by `now_ms`.
 
     And what it had counted as dropped, by reason; None when that is not known.
     """
     try:
-        recalled = recall(notebook, known.beliefs, known.ears)
-    except NoNotebook as reason:
+        restored = restore(checkpoint, known.beliefs, known.ranging)
+    except NoCheckpoint as reason:
         return f"nothing is believed of an aMussel until it is heard again: {reason}", None
     believed = known.beliefs.all()
     if not believed:
-        return "nothing had been heard of any aMussel yet", recalled.counts
+        return "nothing had been heard of any aMussel yet", restored.counts
     oldest_s = max(it.age_s(now_ms) for it in believed)
     line = (
-        f"believed as before: {len(believed)} aMussels, as of {recalled.until_ms / 1000:g} s of mission time; "
+        f"believed as before: {len(believed)} aMussels, as of {restored.until_ms / 1000:g} s of mission time; "
         f"the longest silence is {max(0.0, oldest_s):g} s now"
     )
-    if not recalled.whole:
-        line += (
-            f". What was learned after {recalled.until_ms / 1000:g} s is lost: {notebook.name} is torn there"
-        )
-    return line, recalled.counts
+    if not restored.whole:
+        line += f". What was learned after {restored.until_ms / 1000:g} s is lost: {checkpoint.name} is torn there"
+    return line, restored.counts
 
 
 def what_was_lost(resumed: Resumed, dropped: Counter[str] | None) -> list[str]:

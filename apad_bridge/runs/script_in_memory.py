@@ -11,8 +11,8 @@ from apad_bridge.mission.state import MissionState
 from apad_bridge.runs.in_memory import open_flight
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scripting.api import Api
-from apad_bridge.scripting.handover import AS_FAST_AS_POSSIBLE, Turns
-from apad_bridge.scripting.program import Program, ScriptFront, as_program
+from apad_bridge.scripting.program import Program, ScriptSource, as_program
+from apad_bridge.scripting.rendezvous import AS_FAST_AS_POSSIBLE, Turns
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,15 +35,15 @@ def fly_script(
     program: Program = as_program(script) if isinstance(script, Path) else script
     name = script.name if isinstance(script, Path) else Path(script.__code__.co_filename).name
     said: list[str] = []
-    front = ScriptFront(scenario, program, name, said.append, turns)
-    flight, recorder = open_flight(scenario, (front,))
+    command_source = ScriptSource(scenario, program, name, said.append, turns)
+    flight, recorder = open_flight(scenario, (command_source,))
     ended_by = flight.run()
-    front.join()
+    command_source.join()
     return ScriptFlight(
         ended_by,
         flight.now_ms / 1000,
         tuple(said),
         tuple(recorder.events),
         flight.supervisor.mission.state,
-        front.error,
+        command_source.error,
     )

@@ -27,8 +27,8 @@ class Status:
 
     @classmethod
     def of(cls, supervisor: Supervisor, now_ms: int, behind_s: float) -> Status:
-        share = supervisor.share
-        beliefs = [it for it in supervisor.beliefs.all() if it.agent_id not in share.given]
+        allocation = supervisor.allocation
+        beliefs = [it for it in supervisor.beliefs.all() if it.agent_id not in allocation.served_elsewhere]
         state = supervisor.mission.state
         return cls(
             now_ms,

@@ -14,11 +14,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from apad_bridge.acoustics.serial.lines import open_rims
-from apad_bridge.mission.call_queue import CalledFront
-from apad_bridge.mission.manual import Front
+from apad_bridge.acoustics.serial.lines import open_serial_lines
+from apad_bridge.mission.call_queue import CallQueue
+from apad_bridge.mission.manual import CommandSource
 from apad_bridge.records.run_directory import RunDirectory
-from apad_bridge.ros.context import open_surroundings
+from apad_bridge.ros.context import open_flight_context
 from apad_bridge.ros.gateway.primitive_services import primitives_offered
 from apad_bridge.ros.system.route import why_silent
 from apad_bridge.runs import flying, resuming
@@ -26,13 +26,13 @@ from apad_bridge.runs.children import supervising
 from apad_bridge.runs.dry_run import dry
 from apad_bridge.runs.exits import Exit
 from apad_bridge.runs.nurseries import adopt
-from apad_bridge.runs.several.member import seat_of
+from apad_bridge.runs.several.member import member_parts
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.run_options import Part, RunOptions
 from apad_bridge.scenario.schema import Scenario
-from apad_bridge.scripting.handover import REAL_TIME
-from apad_bridge.scripting.program import ScriptFront, as_program
-from apad_bridge.supervisor.context import Surroundings
+from apad_bridge.scripting.program import ScriptSource, as_program
+from apad_bridge.scripting.rendezvous import REAL_TIME
+from apad_bridge.supervisor.context import FlightContext
 from apad_bridge.supervisor.fleet import Fleet
 from apad_bridge.vehicle.errors import PeerFailed
 
@@ -43,44 +43,49 @@ def say(line: str) -> None:
         print(line, flush=True)
 
 
-def fronts_of(scenario: Scenario, options: RunOptions, called: CalledFront | None) -> tuple[Front, ...]:
+def command_sources_of(
+    scenario: Scenario, options: RunOptions, called: CallQueue | None
+) -> tuple[CommandSource, ...]:
     """Who gives the orders, where it is not the paper's mission: a script, a person's calls, or both."""
     if called is None or not options.without_mission:
         return ()
-    fronts: tuple[Front, ...] = (called,)
+    command_sources: tuple[CommandSource, ...] = (called,)
     if options.script:
         path = Path(options.script)
 
         def tell(line: str) -> None:
             say(json.dumps({"said": line}))
 
-        fronts = (*fronts, ScriptFront(scenario, as_program(path), path.name, tell, REAL_TIME))
-    return fronts
+        command_sources = (
+            *command_sources,
+            ScriptSource(scenario, as_program(path), path.name, tell, REAL_TIME),
+        )
+    return command_sources
 
 
 def fly(run_dir: Path, resume: bool) -> int:
     directory = RunDirectory(run_dir)
     scenario, options = load(directory.scenario), RunOptions.load(run_dir)
-    begun = (
+    start_state = (
         resuming.resume(directory, scenario, options, say)
         if resume
         else resuming.begin(directory, scenario, options)
     )
-    recorder, go_on, start_ms = begun.recorder, begun.go_on, begun.start_ms
-    squad = seat_of(scenario, options, run_dir, begun, say)
-    if squad is not None and go_on is not None and options.keeps:
-        go_on = replace(go_on, state=go_on.state.stood_down())
+    recorder, resume_point, start_ms = start_state.recorder, start_state.resume_point, start_state.start_ms
+    squad = member_parts(scenario, options, run_dir, start_state, say)
+    if squad is not None and resume_point is not None and options.keeps:
+        resume_point = replace(resume_point, state=resume_point.state.stood_down())
         recorder.event(start_ms, "stands_down", reason="its supervisor died")
     try:
-        fleet = None if options.part is Part.MISSION else _adopted(scenario, options, run_dir, begun)
-        docked = {} if go_on is None else dict(go_on.state.docked)
+        fleet = None if options.part is Part.MISSION else _adopted(scenario, options, run_dir, start_state)
+        docked = {} if resume_point is None else dict(resume_point.state.docked)
         # What the bodies felt, not what the mission knows: a contact that was on its way when a supervisor died is told
         # again, and one that was felt is not.
         held = tuple(it.agent_id for it in recorder.truths_at(start_ms) if it.docked)
         if squad is not None:
-            held += tuple(sorted(squad.share.guests & set(docked.values())))
+            held += tuple(sorted(squad.allocation.served_for_others & set(docked.values())))
         with (
-            open_surroundings(
+            open_flight_context(
                 scenario,
                 options,
                 fleet,
@@ -88,17 +93,19 @@ def fly(run_dir: Path, resume: bool) -> int:
                 held,
                 start_ms,
                 recorder.truths_at,
-                begun.presences,
+                start_state.presences,
                 say,
-                None if squad is None else squad.share,
-            ) as surroundings,
+                None if squad is None else squad.allocation,
+            ) as context,
             primitives_offered(scenario, options) as called,
-            open_rims(run_dir, options.open_modems, options.modem, start_ms, say) as rims,
+            open_serial_lines(run_dir, options.open_modems, options.modem, start_ms, say) as serial_lines,
         ):
-            surroundings = replace(surroundings, rims=rims)
+            context = replace(context, serial_lines=serial_lines)
             if squad is not None:
-                surroundings = squad.around(surroundings)
-            summary = _flown(scenario, options, replace(begun, go_on=go_on), surroundings, called)
+                context = squad.around(context)
+            summary = _flown(
+                scenario, options, replace(start_state, resume_point=resume_point), context, called
+            )
     except (PeerFailed, TimeoutError) as error:
         # A node falls silent with its master: the master is then the cause to name.
         why = why_silent(options.master_uri)
@@ -113,43 +120,45 @@ def fly(run_dir: Path, resume: bool) -> int:
     return Exit.DONE
 
 
-def _adopted(scenario: Scenario, options: RunOptions, run_dir: Path, begun: resuming.Begun) -> Fleet:
+def _adopted(
+    scenario: Scenario, options: RunOptions, run_dir: Path, start_state: resuming.StartState
+) -> Fleet:
     """The run's fleet, as it was when the last supervisor left it."""
-    fleet = adopt(scenario, run_dir, options.epoch, begun.start_ms, options.open_modems)
-    begun.recorder.truths(fleet.take_truths())
-    begun.presences.mute_as_before(fleet.coordinator)
-    resuming.place_again(begun.journal, fleet.coordinator, begun.recorder, begun.start_ms)
+    fleet = adopt(scenario, run_dir, options.epoch, start_state.start_ms, options.open_modems)
+    start_state.recorder.truths(fleet.take_truths())
+    start_state.presences.mute_as_before(fleet.coordinator)
+    resuming.place_again(start_state.journal, fleet.coordinator, start_state.recorder, start_state.start_ms)
     return fleet
 
 
 def _flown(
     scenario: Scenario,
     options: RunOptions,
-    begun: resuming.Begun,
-    surroundings: Surroundings,
-    called: CalledFront | None,
+    start_state: resuming.StartState,
+    context: FlightContext,
+    called: CallQueue | None,
 ) -> dict[str, Any]:
     """The summary. A script has ended, with what it had to say."""
-    fronts = fronts_of(scenario, options, called)
+    command_sources = command_sources_of(scenario, options, called)
     if not options.script:  # which cannot go on in the middle
-        begun.recorder.keep(begun.known, begun.start_ms)
+        start_state.recorder.keep(start_state.known, start_state.start_ms)
     summary = flying.fly(
         scenario,
-        dry(surroundings) if options.dry_run else surroundings,
-        begun.recorder,
+        dry(context) if options.dry_run else context,
+        start_state.recorder,
         lambda status: say(status.to_line()),
-        flying.Course(
-            begun.go_on,
-            begun.known,
-            tuple(fronts),
-            override=None if fronts else called,
+        flying.RunSpec(
+            start_state.resume_point,
+            start_state.known,
+            tuple(command_sources),
+            takeover=None if command_sources else called,
             until_first_plan=options.dry_run,
         ),
     )
-    for front in fronts:
-        if isinstance(front, ScriptFront):
-            front.join()
-            front.print_error()
+    for command_source in command_sources:
+        if isinstance(command_source, ScriptSource):
+            command_source.join()
+            command_source.print_error()
     return summary
 
 

@@ -45,12 +45,14 @@ def charge_model(board: Board) -> ChargeModel:
     return _at_its_age(board.whole, _charge_as_new(board.whole.power), None)[0]
 
 
-def whole_firmware(board: Board, seed: int = 0, modems: Generation = Generation.V3) -> config.Whole | None:
+def full_firmware(
+    board: Board, seed: int = 0, modems: Generation = Generation.V3
+) -> config.FullFirmware | None:
     """The whole firmware's numbers, and `seed` for the noise of its readings; None for the paper's worst case."""
     whole = board.whole
     if whole is None:
         return None
-    as_new = config.Whole(
+    as_new = config.FullFirmware(
         _power(whole.power, whole.last_resort, seed),
         None if whole.cycle is None else _cycle(whole.cycle),
         whole.transmit_ms,
@@ -65,8 +67,8 @@ def whole_firmware(board: Board, seed: int = 0, modems: Generation = Generation.
 
 
 def _at_its_age(
-    whole: WholeBoard, charge: ChargeModel, firmware: config.Whole | None
-) -> tuple[ChargeModel, config.Whole | None]:
+    whole: WholeBoard, charge: ChargeModel, firmware: config.FullFirmware | None
+) -> tuple[ChargeModel, config.FullFirmware | None]:
     ageing = whole.power.ageing
     if ageing is None:
         return charge, firmware
@@ -93,7 +95,7 @@ def clock_drift_ppb(board: Board) -> int:
 
 def can_fill(board: Board, start: float, level: float) -> bool:
     """Whether the primary battery of a board in a dock gets from `start` above `level` under what is on there, ever."""
-    whole = whole_firmware(board)
+    whole = full_firmware(board)
     load = 0
     if whole is not None:
         on = rails_of(State.CHARGING, whole.power.kept_on, whole.cycle is None, 0)

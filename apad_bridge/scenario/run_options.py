@@ -67,7 +67,7 @@ class RunOptions:
     """The serial port of a physical modem."""
     remappings: tuple[str, ...] = ()
     """ROS's, FROM:=TO, for all that the supervisor's node names."""
-    in_squad: bool = False
+    is_one_of_several: bool = False
     """One of several aPads that take over from each other."""
     keeps: bool = False
     """Of these: its supervisor died, and this one keeps the fleet and orders nothing."""

@@ -12,15 +12,15 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 
-from apad_bridge.mission.manual import CommandedMission
+from apad_bridge.mission.manual import ManualMission
 from apad_bridge.mission.values import Event, Refused, Status, dock_of, manoeuvre_of, slot_of
 from apad_bridge.planning.costs import CostBreakdown
 from apad_bridge.scenario.local_frame import FARTHEST_M
 from apad_bridge.scripting import planned
 from apad_bridge.scripting.arguments import looks_at_arguments
-from apad_bridge.scripting.handover import Wait
 from apad_bridge.scripting.planned import Plan
-from apad_bridge.scripting.queries import FOR_EVER_S, Known
+from apad_bridge.scripting.queries import FOR_EVER_S, Queries
+from apad_bridge.scripting.rendezvous import Wait
 from apad_bridge.vehicle.commands import Manoeuvre
 
 
@@ -39,7 +39,7 @@ class Behaviour:
 
 
 @looks_at_arguments
-class Api(Known):
+class Api(Queries):
     """What a script calls `api`."""
 
     # Primitives: each of these orders, and returns at once.
@@ -178,7 +178,7 @@ class Api(Known):
     def abort(self, reason: str = "the script") -> None:
         """Ends mission and script here; the aPad holds its position."""
         self._do(lambda mission: mission.finish(reason))
-        self._handover.ask(Wait(None, self._until_ms(FOR_EVER_S)))
+        self._rendezvous.ask(Wait(None, self._until_ms(FOR_EVER_S)))
 
     def note(self, kind: str, **data: object) -> None:
         """An event of your own for the run's journal and bag; plain data only."""
@@ -191,7 +191,7 @@ class Api(Known):
     def say(self, text: str) -> None:
         """To whoever watches the flight, and into the journal; a script's `print` does this."""
 
-        def told(mission: CommandedMission) -> None:
+        def told(mission: ManualMission) -> None:
             for line in text.splitlines():
                 mission.note("script", said=line)
                 self._tell(line)
@@ -227,7 +227,7 @@ class Api(Known):
         """Metres of all go-tos so far, as the paper counts the way: straight from point to point."""
         return self._do(lambda mission: mission.state.cost_m)
 
-    def _undock(self, mission: CommandedMission, slot: int, id: int | None, manoeuvre: Manoeuvre) -> None:
+    def _undock(self, mission: ManualMission, slot: int, id: int | None, manoeuvre: Manoeuvre) -> None:
         holder = mission.slots[slot]
         if id is not None and holder is not None and holder != id:
             raise Refused(f"dock {dock_of(slot)} holds aMussel {holder}, not {id}")

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TypeVar
 
-from apad_bridge.mission.manual import CommandedMission
+from apad_bridge.mission.manual import ManualMission
 from apad_bridge.mission.plans import asked, plan_note
 from apad_bridge.mission.pool import ChargingPool, situation_of, unheard
 from apad_bridge.mission.values import Refused, dock_of
@@ -27,9 +27,7 @@ class Plan:
     situation: Situation
 
 
-def collection(
-    mission: CommandedMission, pool: ChargingPool, batch: int | None, strategy: str | None
-) -> Plan:
+def collection(mission: ManualMission, pool: ChargingPool, batch: int | None, strategy: str | None) -> Plan:
     name = strategy or mission.config.collection
     found = _strategy(registry.collection, name)
     situation = situation_of(mission.state, _pose(mission), pool.candidates(mission.now_ms), {})
@@ -41,7 +39,7 @@ def collection(
     )
 
 
-def redeployment(mission: CommandedMission, strategy: str | None) -> Plan:
+def redeployment(mission: ManualMission, strategy: str | None) -> Plan:
     name = strategy or mission.config.redeployment
     found = _strategy(registry.redeployment, name)
     here = _pose(mission)
@@ -51,12 +49,12 @@ def redeployment(mission: CommandedMission, strategy: str | None) -> Plan:
     return _planned(mission, "redeploy", name, lambda: found.plan(situation), situation, StepKind.DEPLOY)
 
 
-def cost(mission: CommandedMission, plan: Plan) -> CostBreakdown:
+def cost(mission: ManualMission, plan: Plan) -> CostBreakdown:
     return cost_of(plan.solution, plan.situation, mission.config.costs)
 
 
 def _planned(
-    mission: CommandedMission,
+    mission: ManualMission,
     what: str,
     name: str,
     plan: Callable[[], Solution],
@@ -79,7 +77,7 @@ def _strategy(make: Callable[[str], T], name: str) -> T:
         raise Refused(str(error)) from None
 
 
-def _pose(mission: CommandedMission) -> tuple[float, float]:
+def _pose(mission: ManualMission) -> tuple[float, float]:
     if mission.pose is None:
         raise Refused("the aPad's place is not known yet")
     return mission.pose

@@ -17,11 +17,19 @@ from pathlib import Path
 from types import CodeType
 from typing import Any
 
-from apad_bridge.mission.manual import CommandedMission
+from apad_bridge.mission.manual import ManualMission
 from apad_bridge.scenario.local_frame import LocalFrame
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scripting.api import Api
-from apad_bridge.scripting.handover import AS_FAST_AS_POSSIBLE, Aborted, Do, Finished, Handover, Turns, Wait
+from apad_bridge.scripting.rendezvous import (
+    AS_FAST_AS_POSSIBLE,
+    Aborted,
+    Do,
+    Finished,
+    Rendezvous,
+    Turns,
+    Wait,
+)
 
 
 class MissionTime(types.ModuleType):
@@ -63,7 +71,7 @@ def read_script(path: Path) -> CodeType:
         raise ScriptError(f"{path}{line}: {what}") from None
 
 
-class ScriptFront:
+class ScriptSource:
     """Gives a commanded mission the orders of a script, and lets the script stand still while time passes."""
 
     def __init__(
@@ -74,30 +82,30 @@ class ScriptFront:
         tell: Callable[[str], None],
         turns: Turns = AS_FAST_AS_POSSIBLE,
     ) -> None:
-        self._handover = Handover(turns)
+        self._rendezvous = Rendezvous(turns)
         ids = range(scenario.fleet.first_id, scenario.fleet.first_id + scenario.fleet.count)
         frame = LocalFrame.about(scenario.area.origin)
-        self._api = Api(self._handover, frame, scenario.apad.name, ids, tell)
+        self._api = Api(self._rendezvous, frame, scenario.apad.name, ids, tell)
         self._program = program
         self._name = name
         self._thread: threading.Thread | None = None
         self.error: BaseException | None = None
         """What the script raised, for whoever shows its traceback."""
 
-    def act(self, mission: CommandedMission, now_ms: int) -> None:
+    def act(self, mission: ManualMission, now_ms: int) -> None:
         if self._thread is None:
             self._api.attach(mission)
             self._thread = threading.Thread(target=self._run, name=f"script {self._name}", daemon=True)
-            self._handover.begin()
+            self._rendezvous.begin()
             self._thread.start()
-        self._handover.tick()
+        self._rendezvous.tick()
         while not self._is_over(mission):
-            ask = self._handover.next()
+            ask = self._rendezvous.next()
             match ask:
                 case None:
-                    if self._handover.is_stuck:
+                    if self._rendezvous.is_stuck:
                         mission.finish(
-                            f"{SCRIPT_FAILED}: it neither called the API nor slept for {self._handover.busy_s:g} s"
+                            f"{SCRIPT_FAILED}: it neither called the API nor slept for {self._rendezvous.busy_s:g} s"
                         )
                     return
                 case Finished(failure):
@@ -108,12 +116,12 @@ class ScriptFront:
                         mission.finish(SCRIPT_ENDED)
                     return
                 case Do():
-                    self._handover.answer(_outcome(ask.act))
+                    self._rendezvous.answer(_outcome(ask.act))
                 case Wait(condition, until_ms):
                     holds = _outcome(condition) if condition is not None else False
                     if not holds and now_ms < until_ms:
                         return
-                    self._handover.answer(holds if isinstance(holds, BaseException) else bool(holds))
+                    self._rendezvous.answer(holds if isinstance(holds, BaseException) else bool(holds))
 
     def print_error(self) -> None:
         """What the script raised, on stderr, with the traceback of its own lines; nothing when it raised nothing."""
@@ -123,7 +131,7 @@ class ScriptFront:
             print("".join(shown.format()), end="", file=sys.stderr)
 
     def close(self, reason: str) -> None:
-        self._handover.close(reason)
+        self._rendezvous.close(reason)
 
     def join(self) -> bool:
         """After the flight: whether the script's thread has ended; one that still computes is left to the process's end."""
@@ -131,7 +139,7 @@ class ScriptFront:
             self._thread.join(_JOIN_S)
         return self._thread is None or not self._thread.is_alive()
 
-    def _is_over(self, mission: CommandedMission) -> bool:
+    def _is_over(self, mission: ManualMission) -> bool:
         return mission.state.ended_by is not None
 
     def _run(self) -> None:
@@ -145,7 +153,7 @@ class ScriptFront:
         except BaseException as error:
             self.error = error
             failure = _one_line(error, self._name)
-        self._handover.finish(failure)
+        self._rendezvous.finish(failure)
 
 
 def as_program(path: Path) -> Program:

@@ -14,13 +14,13 @@ from typing import TypeVar, cast
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.fleet import Estimator
 from apad_bridge.beliefs.questions import Question, by, candidate_below, full_above, lost, sure_at_ms
-from apad_bridge.mission.manual import CommandedMission
+from apad_bridge.mission.manual import ManualMission
 from apad_bridge.mission.pool import ChargingPool
 from apad_bridge.mission.values import Agent, Location, Refused, dock_of
 from apad_bridge.scenario.local_frame import LocalFrame
 from apad_bridge.scenario.schema import Mission
 from apad_bridge.scripting.arguments import looks_at_arguments
-from apad_bridge.scripting.handover import Do, Handover, Wait
+from apad_bridge.scripting.rendezvous import Do, Rendezvous, Wait
 
 _STEP_MS = 60_000
 _STEPS = 200
@@ -75,12 +75,12 @@ T = TypeVar("T")
 
 
 @looks_at_arguments
-class Known:
+class Queries:
     """Time, aMussels as they are believed to be, and docks. Made by musselbed; see `Api`."""
 
     def __init__(
         self,
-        handover: Handover,
+        rendezvous: Rendezvous,
         frame: LocalFrame,
         id_self: str,
         agent_ids: range,
@@ -89,12 +89,12 @@ class Known:
         self.id_self = id_self
         self._agent_ids = agent_ids
         self._tell = tell
-        self._handover = handover
+        self._rendezvous = rendezvous
         self._frame = frame
-        self._mission: CommandedMission | None = None
+        self._mission: ManualMission | None = None
         self._calls = (0, 0)
 
-    def attach(self, mission: CommandedMission) -> None:
+    def attach(self, mission: ManualMission) -> None:
         """By musselbed, before the script begins."""
         self._mission = mission
         self._pool = ChargingPool(mission.config, mission.beliefs)
@@ -108,11 +108,11 @@ class Known:
     def sleep(self, seconds: float) -> None:
         """Lets mission time pass; it is noticed at ticks, which come once a second."""
         if seconds != 0:
-            self._handover.ask(Wait(None, self._until_ms(seconds)))
+            self._rendezvous.ask(Wait(None, self._until_ms(seconds)))
 
     def wait_until(self, condition: Callable[[], bool], timeout: float) -> bool:
         """Waits until the condition holds, looking once a tick: whether it came to hold in time."""
-        return cast(bool, self._handover.ask(Wait(condition, self._until_ms(timeout))))
+        return cast(bool, self._rendezvous.ask(Wait(condition, self._until_ms(timeout))))
 
     # Who there is, as it is believed.
 
@@ -150,7 +150,7 @@ class Known:
     def home(self, id: int) -> Location:
         """Where an aMussel was first heard in the water, to which it should be brought back."""
 
-        def found(mission: CommandedMission) -> Location:
+        def found(mission: ManualMission) -> Location:
             for agent_id, north_m, east_m in mission.state.homes:
                 if agent_id == id:
                     return self._located(north_m, east_m)
@@ -194,7 +194,7 @@ class Known:
     def _asked(self, id: int, question: str | Question) -> tuple[int, Belief, Estimator, Question]:
         self._hear(id)
 
-        def found(mission: CommandedMission) -> tuple[int, Belief, Estimator, Question]:
+        def found(mission: ManualMission) -> tuple[int, Belief, Estimator, Question]:
             asked = question_of(question, mission.config)
             return mission.now_ms, self._belief(mission, id), mission.beliefs.estimator, asked
 
@@ -202,7 +202,7 @@ class Known:
 
     # In the supervisor's thread.
 
-    def _do(self, act: Callable[[CommandedMission], T]) -> T:
+    def _do(self, act: Callable[[ManualMission], T]) -> T:
         mission = self._mission
         assert mission is not None
 
@@ -216,7 +216,7 @@ class Known:
                 )
             return act(mission)
 
-        return cast(T, self._handover.ask(Do(counted)))
+        return cast(T, self._rendezvous.ask(Do(counted)))
 
     def _until_ms(self, seconds: float) -> int:
         if not seconds >= 0:
@@ -233,13 +233,13 @@ class Known:
         timeout = self._do(lambda mission: mission.config.silence_timeout_s)
         self.wait_until(lambda: self._do(lambda mission: mission.beliefs.get(id)) is not None, timeout)
 
-    def _belief(self, mission: CommandedMission, id: int) -> Belief:
+    def _belief(self, mission: ManualMission, id: int) -> Belief:
         belief = mission.beliefs.get(id)
         if belief is None:
             raise Refused(f"aMussel {id} was never heard")  # not within the time that it was waited for
         return belief
 
-    def _location(self, mission: CommandedMission, id: int | str) -> Location:
+    def _location(self, mission: ManualMission, id: int | str) -> Location:
         if id == self.id_self:
             if mission.pose is None:
                 raise Refused("the aPad's place is not known yet")
@@ -254,7 +254,7 @@ class Known:
     def _located(self, north_m: float, east_m: float) -> Location:
         return Location(*self._frame.to_geographic(north_m, east_m), north_m, east_m)
 
-    def _agent(self, mission: CommandedMission, id: int) -> Agent:
+    def _agent(self, mission: ManualMission, id: int) -> Agent:
         belief = self._belief(mission, id)
         slot = mission.slots.index(id) if id in mission.slots else None
         return Agent(

@@ -10,23 +10,23 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Protocol
 
-from apad_bridge.acoustics.ranging import Ears
-from apad_bridge.acoustics.serial.lines import Rims
+from apad_bridge.acoustics.ranging import RangingService
+from apad_bridge.acoustics.serial.lines import SerialLines
 from apad_bridge.beliefs.fleet import FleetBeliefs
+from apad_bridge.mission.allocation import Allocation
 from apad_bridge.mission.breakdown import Breakdown
-from apad_bridge.mission.share import Share
 from apad_bridge.supervisor.clock import Pace
 from apad_bridge.supervisor.core import Supervisor
 from apad_bridge.supervisor.fleet import Fleet
-from apad_bridge.supervisor.packet_relay import Ether, TellGuest
-from apad_bridge.supervisor.roster import Roll
+from apad_bridge.supervisor.packet_relay import PacketRelay, TellServedElsewhere
+from apad_bridge.supervisor.roster import Roster
 from apad_bridge.vehicle.link import VehicleLink
 
 
 @dataclass(frozen=True, slots=True)
-class Known:
+class LearnedState:
     beliefs: FleetBeliefs
-    ears: Ears | None
+    ranging: RangingService | None
     """None without water, or without a modem in it."""
 
 
@@ -39,7 +39,7 @@ class Announce(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class Surroundings:
+class FlightContext:
     """What a supervisor flies with: the vehicle, what lets time pass, the fleet (or none), and who watches each tick."""
 
     vehicle: VehicleLink
@@ -49,7 +49,7 @@ class Surroundings:
     """Made once, for the supervisor that flies."""
     announce: Announce | None = None
     """Told every event of the flight, as the journal is."""
-    ether: Ether | None = None
+    relay: PacketRelay | None = None
     """Where the other half of the bench is another process: a fleet's packets go there, or a supervisor's."""
     held: tuple[int, ...] = ()
     """aMussels that docks hold already."""
@@ -59,15 +59,15 @@ class Surroundings:
     """What was heard around here and came to nothing, by reason."""
     noticed: Callable[[int], list[tuple[str, dict[str, Any]]]] = lambda now_ms: []
     """Events of the surroundings (kind, data) that were not told yet: a master that is gone, a vehicle that is silent."""
-    rims: Rims | None = None
+    serial_lines: SerialLines | None = None
     """Serial lines, which are looked at between ticks too."""
-    roll: Roll | None = None
+    roster: Roster | None = None
     """By which it may change who of the fleet is simulated."""
     keeps_samples: bool = True
     """False for a fleet whose mission is at the other end of an ether: its samples are uploaded there."""
-    tell_guest: TellGuest | None = None
+    tell_served_elsewhere: TellServedElsewhere | None = None
     """Where one of several aPads may serve another's aMussels."""
     breakdown: Breakdown | None = None
     """What makes one of several aPads stand down; None for one that is alone, or whose work nobody takes over."""
-    share: Share | None = None
+    allocation: Allocation | None = None
     """Whom it serves, over the beliefs that the flight is given; None: its own fleet."""

@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections import Counter, deque
 
 from agents.packet_medium import Medium
-from apad_bridge.acoustics.ranging import Ears
+from apad_bridge.acoustics.ranging import RangingService
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.fleet import FleetBeliefs
 from apad_bridge.beliefs.measurement import Docked, Permitted, Released
+from apad_bridge.mission.allocation import Allocation
 from apad_bridge.mission.breakdown import Breakdown
 from apad_bridge.mission.events import (
     Fact,
@@ -23,7 +24,6 @@ from apad_bridge.mission.events import (
 )
 from apad_bridge.mission.orders import Note, Order, PermitSurfacing, TellClear
 from apad_bridge.mission.role import Mission
-from apad_bridge.mission.share import Share
 from apad_bridge.mission.state import Phase
 from apad_bridge.supervisor.sample_collection import SampleCollection
 from apad_bridge.vehicle.commands import (
@@ -89,14 +89,14 @@ class Supervisor:
         samples: SampleCollection | None,
         duration_ms: int,
         end_at_apad_fraction: float,
-        ears: Ears | None = None,
-        share: Share | None = None,
+        ranging: RangingService | None = None,
+        allocation: Allocation | None = None,
         breakdown: Breakdown | None = None,
     ) -> None:
-        """Without `ears` words by sound are sent at once, and nothing is pinged. Of several aPads, `share` says whom this
-        one serves; with a `breakdown` it stands down, where a single one would try on, or end."""
+        """Without `ranging` the supervisor sends acoustic packets at once and pings nobody. `allocation` names the aMussels
+        that this one of several aPads serves; with a `breakdown` it stands down where a single one would try on, or end."""
         self.beliefs = beliefs
-        self.share = share or Share(beliefs, ())
+        self.allocation = allocation or Allocation(beliefs, ())
         self._breakdown = breakdown
         self.mission = mission
         self.port = port
@@ -109,15 +109,15 @@ class Supervisor:
         """None where the samples are somebody else's to keep, and to acknowledge."""
         self._duration_ms = duration_ms
         self._end_at_apad_fraction = end_at_apad_fraction
-        self._ears = ears
+        self._ranging = ranging
         self._facts: list[tuple[int, int, int, Fact]] = []
         self._counter = 0
         self._now_ms = 0
         self._named: dict[int, Primitive] = {}
 
     @property
-    def ears_dropped(self) -> Counter[str]:
-        return Counter() if self._ears is None else self._ears.dropped
+    def ranging_dropped(self) -> Counter[str]:
+        return Counter() if self._ranging is None else self._ranging.dropped
 
     @property
     def primitive(self) -> str:
@@ -152,13 +152,13 @@ class Supervisor:
         elif (reason := self._reason_to_stand_down()) is not None:
             actions += self._obey(self.mission.stand_down(reason, now_ms), now_ms)
         actions += self._obey(self.mission.advance(now_ms), now_ms)
-        if self._ears is None:
+        if self._ranging is None:
             return actions
-        return [*self._ears.timed(actions, now_ms), *self._ears.advance(self.beliefs.all(), now_ms)]
+        return [*self._ranging.timed(actions, now_ms), *self._ranging.advance(self.beliefs.all(), now_ms)]
 
     def timed(self, word: Send, now_ms: int) -> Send | None:
         """Somebody else's word to an aMussel, with the time at which the modem may say it; None if it waits already."""
-        told = [word] if self._ears is None else self._ears.timed([word], now_ms)
+        told = [word] if self._ranging is None else self._ranging.timed([word], now_ms)
         return next((it for it in told if isinstance(it, Send)), None)
 
     def _handle(self, fact: Fact, now_ms: int) -> list[SupervisorAction]:
@@ -171,7 +171,9 @@ class Supervisor:
                     self.dropped[reason] += 1
                 return []
             case RangeHeard():
-                return [] if self._ears is None else self._ears.hear(fact, self.pose, self.beliefs, now_ms)
+                return (
+                    [] if self._ranging is None else self._ranging.hear(fact, self.pose, self.beliefs, now_ms)
+                )
             case OperatorAsked(_, reason):
                 return self._obey(self.mission.end(reason, now_ms), now_ms)
             case StandDownAsked(_, reason):
@@ -186,7 +188,7 @@ class Supervisor:
         return self._pass_on(self.port.receive(fact, now_ms), now_ms)
 
     def _collect(self, packet: LogRecords) -> list[SupervisorAction]:
-        if self.samples is None or packet.agent_id in self.share.guests:
+        if self.samples is None or packet.agent_id in self.allocation.served_for_others:
             return []  # the samples of a guest are kept, and acknowledged, where it is simulated
         taken = self.samples.take(packet)
         if isinstance(taken, str):
@@ -213,8 +215,8 @@ class Supervisor:
         return self.beliefs.hear(basic_of(packet), at_ms)
 
     def _hear_short(self, packet: ShortStatus, at_ms: int) -> str | None:
-        if self._ears is not None:
-            self._ears.heard_of(packet.agent_id)
+        if self._ranging is not None:
+            self._ranging.heard_of(packet.agent_id)
         return self.beliefs.hear_short(packet, at_ms)
 
     def _reason_to_end(self, now_ms: int) -> str | None:
@@ -235,14 +237,14 @@ class Supervisor:
 
     def take_on(self, agent_id: int, belief: Belief | None) -> None:
         """From now on it is served here; of a guest, `belief` is what who served it before believes."""
-        if agent_id not in self.share.own:
+        if agent_id not in self.allocation.own:
             self.beliefs.admit(agent_id, belief)
-        self.share.take(agent_id)
+        self.allocation.take(agent_id)
 
     def hand_on(self, agent_id: int) -> None:
         """From now on it is served elsewhere. One of this fleet is heard as ever, for its records are kept here."""
-        self.share.give(agent_id)
-        if agent_id not in self.share.own:
+        self.allocation.give(agent_id)
+        if agent_id not in self.allocation.own:
             self.beliefs.dismiss(agent_id)
 
     def _pass_on(self, came: list[VehicleCommand | Outcome], now_ms: int) -> list[SupervisorAction]:
@@ -282,8 +284,8 @@ class Supervisor:
         """What a dock did is known of the aMussel in it, heard or not."""
         if not isinstance(outcome, DockChanged) or self.pose is None:
             return
-        if self._ears is not None:
-            self._ears.moved(outcome.agent_id, outcome.at_ms)
+        if self._ranging is not None:
+            self._ranging.moved(outcome.agent_id, outcome.at_ms)
         if outcome.closed:
             self.beliefs.learn(outcome.agent_id, Docked(outcome.at_ms))
         else:

@@ -37,7 +37,7 @@ from apad_bridge.mission.events import (
 )
 from apad_bridge.mission.orders import Note
 from apad_bridge.supervisor.clock import StopSign
-from apad_bridge.supervisor.context import Surroundings, Watcher
+from apad_bridge.supervisor.context import FlightContext, Watcher
 from apad_bridge.supervisor.core import TICK_MS, Supervisor
 from apad_bridge.supervisor.fleet import Fleet
 from apad_bridge.supervisor.packet_notes import packet_data
@@ -83,7 +83,7 @@ class Flight:
     def __init__(
         self,
         supervisor: Supervisor,
-        surroundings: Surroundings,
+        context: FlightContext,
         recorder: Recorder,
         start_ms: int = 0,
         watchers: tuple[Watcher, ...] = (),
@@ -91,18 +91,18 @@ class Flight:
         self.supervisor = supervisor
         self.dropped: Counter[str] = Counter()
         self.now_ms = start_ms
-        self._around = surroundings
-        self._vehicle = surroundings.vehicle
+        self._around = context
+        self._vehicle = context.vehicle
         self._recorder = recorder
-        self._fleet = surroundings.fleet
-        self._ether = surroundings.ether
-        self._rims = surroundings.rims
-        self._roll = surroundings.roll
+        self._fleet = context.fleet
+        self._relay = context.relay
+        self._serial_lines = context.serial_lines
+        self._roster = context.roster
         self._came: list[SeaResult] = []
         """Of the fleet, between two ticks."""
         self._come_ms = start_ms - 1
-        self._watchers = (*surroundings.watchers(supervisor), self._tell_noticed, *watchers)
-        self._contacts = Contacts(surroundings.held)
+        self._watchers = (*context.watchers(supervisor), self._tell_noticed, *watchers)
+        self._contacts = Contacts(context.held)
         self._stopped = StopSign()
         self._stop_reason = "the operator"
 
@@ -110,7 +110,7 @@ class Flight:
     def all_dropped(self) -> Counter[str]:
         """What came to nothing anywhere in the flight, by reason."""
         supervisor = self.supervisor
-        dropped = self.dropped + supervisor.dropped + supervisor.port.dropped + supervisor.ears_dropped
+        dropped = self.dropped + supervisor.dropped + supervisor.port.dropped + supervisor.ranging_dropped
         dropped += self._around.dropped()
         return dropped if self._fleet is None else dropped + self._fleet.dropped
 
@@ -130,7 +130,9 @@ class Flight:
 
     def step(self) -> bool:
         """The next tick, when it has come; whether the mission has ended with it."""
-        self._around.pace.reach(self.now_ms, self._stopped, None if self._rims is None else self._between)
+        self._around.pace.reach(
+            self.now_ms, self._stopped, None if self._serial_lines is None else self._between
+        )
         self.tick(self.now_ms)
         if self.supervisor.has_ended:
             return True
@@ -142,7 +144,7 @@ class Flight:
         self._hear_fleet(now_ms)
         self._hear_modem(now_ms)
         self._hear_vehicle(now_ms)
-        self._hear_ether(now_ms)
+        self._hear_relay(now_ms)
         if self._stopped.is_set():
             self.supervisor.receive(OperatorAsked(now_ms, self._stop_reason))
         for _ in range(_ROUNDS):
@@ -150,7 +152,7 @@ class Flight:
                 break
             self._hear_vehicle(now_ms)
         # Last: what was heard up to now is believed, whoever said it.
-        self._call_roll(now_ms)
+        self._apply_requests(now_ms)
         supervisor = self.supervisor
         self._recorder.tick(
             now_ms,
@@ -160,8 +162,8 @@ class Flight:
             supervisor.primitive,
             supervisor.mission.slots,
         )
-        if self._roll is not None:
-            self._roll.answer()
+        if self._roster is not None:
+            self._roster.answer()
         for watch in self._watchers:
             watch(now_ms)
 
@@ -180,20 +182,20 @@ class Flight:
             match action:
                 case Note(kind, data):
                     self._recorder.event(now_ms, kind, **data)
-                case Send(Medium.SOUND, agent_id, data) if self._rims is not None and self._rims.command(
-                    agent_id, data, now_ms
+                case Send(Medium.SOUND, agent_id, data) if (
+                    self._serial_lines is not None and self._serial_lines.command(agent_id, data, now_ms)
                 ):
                     pass
                 case KeepSamples(agent_id, records):
                     self._recorder.samples(agent_id, records)
                 case Send(medium, agent_id, data) as send:
-                    if self._fleet is None and self._ether is not None:
-                        self._ether.transmit(medium, agent_id, data, now_ms)
+                    if self._fleet is None and self._relay is not None:
+                        self._relay.transmit(medium, agent_id, data, now_ms)
                     else:
-                        if agent_id not in self.supervisor.share.guests:
+                        if agent_id not in self.supervisor.allocation.served_for_others:
                             self._send(send, now_ms)
-                        if self._ether is not None:
-                            self._ether.said(send, now_ms)
+                        if self._relay is not None:
+                            self._relay.said(send, now_ms)
                 case Ping(agent_id, not_before_ms):
                     if self._fleet is not None and self._fleet.sea is not None:
                         self._fleet.sea.ping(agent_id, not_before_ms)
@@ -212,18 +214,20 @@ class Flight:
     def _live(self, now_ms: int) -> list[SeaResult]:
         """Lets the fleet's time pass, and reads and writes the serial lines."""
         self._come_ms = now_ms
-        written = [] if self._rims is None else self._rims.poll(now_ms)
+        written = [] if self._serial_lines is None else self._serial_lines.poll(now_ms)
         if self._fleet is None:
             return []
         for burst in written:
             if self._fleet.sea is not None:
                 self._fleet.sea.write(burst.agent_id, burst.data)
-        came, rims = self._fleet.advance(now_ms), self._rims
-        return list(came) if rims is None else [it for it in came if not rims.took(it, now_ms)]
+        came, serial_lines = self._fleet.advance(now_ms), self._serial_lines
+        return (
+            list(came) if serial_lines is None else [it for it in came if not serial_lines.took(it, now_ms)]
+        )
 
     def _hear_modem(self, now_ms: int) -> None:
         """What a physical modem has brought, or has sent."""
-        for came in [] if self._rims is None else self._rims.take():
+        for came in [] if self._serial_lines is None else self._serial_lines.take():
             match came:
                 case SoundHeard():
                     self.supervisor.receive(came)
@@ -256,15 +260,15 @@ class Flight:
                     )
                 case Heard(at_ms, agent_id, WifiSent(_, data)):
                     self.supervisor.receive(WifiHeard(at_ms, data))
-                    self._share(Medium.WIFI, agent_id, data, at_ms)
+                    self._allocation(Medium.WIFI, agent_id, data, at_ms)
                 case Heard(at_ms, agent_id, SoundSent(_, data)):
                     self.supervisor.receive(SoundHeard(at_ms, data))
-                    self._share(Medium.SOUND, agent_id, data, at_ms)
+                    self._allocation(Medium.SOUND, agent_id, data, at_ms)
                 case Heard(_, _, Dropped(_, reason)):
                     self.dropped[reason] += 1
                 case SoundReached(at_ms, agent_id, data):
                     self.supervisor.receive(SoundHeard(at_ms, data))
-                    self._share(Medium.SOUND, agent_id, data, at_ms)
+                    self._allocation(Medium.SOUND, agent_id, data, at_ms)
                 case Ranged(at_ms, agent_id, range_m):
                     self.supervisor.receive(RangeHeard(at_ms, agent_id, range_m))
                     self._recorder.event(now_ms, "range", id=agent_id, range_m=round(range_m, 3))
@@ -291,14 +295,14 @@ class Flight:
         rules = None if changed.topology is None else [list(astuple(it)) for it in changed.topology.rules]
         self._recorder.event(now_ms, "links", rules=rules, problem=changed.problem)
 
-    def _share(self, medium: Medium, agent_id: int, data: bytes, at_ms: int) -> None:
-        if self._ether is not None:
-            self._ether.transmit(medium, agent_id, data, at_ms)
+    def _allocation(self, medium: Medium, agent_id: int, data: bytes, at_ms: int) -> None:
+        if self._relay is not None:
+            self._relay.transmit(medium, agent_id, data, at_ms)
 
-    def _hear_ether(self, now_ms: int) -> None:
-        if self._ether is None:
+    def _hear_relay(self, now_ms: int) -> None:
+        if self._relay is None:
             return
-        for came in self._ether.advance(now_ms):
+        for came in self._relay.advance(now_ms):
             if isinstance(came, Send):
                 word = self.supervisor.timed(came, now_ms)
                 if word is not None:
@@ -308,11 +312,11 @@ class Flight:
             else:
                 self.supervisor.receive(came)
 
-    def _call_roll(self, now_ms: int) -> None:
+    def _apply_requests(self, now_ms: int) -> None:
         """Who is simulated, and who is not any more."""
-        if self._roll is None or self._fleet is None:
+        if self._roster is None or self._fleet is None:
             return
-        for done in self._roll.advance(self._fleet.coordinator, self.supervisor.beliefs, now_ms):
+        for done in self._roster.advance(self._fleet.coordinator, self.supervisor.beliefs, now_ms):
             if isinstance(done, Note):
                 self._recorder.event(now_ms, done.kind, **done.data)
             else:
@@ -339,9 +343,12 @@ class Flight:
                 stimulus = self._contacts.take(fact)
                 if stimulus is None:
                     continue
-                tell_guest = self._around.tell_guest
-                if tell_guest is not None and fact.agent_id in self.supervisor.share.guests:
-                    tell_guest(Felt(fact.agent_id, stimulus), now_ms)
+                tell_served_elsewhere = self._around.tell_served_elsewhere
+                if (
+                    tell_served_elsewhere is not None
+                    and fact.agent_id in self.supervisor.allocation.served_for_others
+                ):
+                    tell_served_elsewhere(Felt(fact.agent_id, stimulus), now_ms)
                 else:
                     self._tell_agent(fact.agent_id, stimulus, now_ms)
             else:

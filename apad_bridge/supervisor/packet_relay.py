@@ -20,11 +20,11 @@ class Felt:
 
 
 Came = WifiHeard | SoundHeard | Send | Felt
-TellGuest = Callable[[Felt, int], None]
+TellServedElsewhere = Callable[[Felt, int], None]
 """Lets a guest, which is simulated elsewhere, feel what an aPad's docks do, at a mission time."""
 
 
-class Ether(Protocol):
+class PacketRelay(Protocol):
     def advance(self, now_ms: int) -> Sequence[Came]:
         """What came from the other side by mission time `now_ms`: an aMussel's transmissions, or what reaches one."""
         ...

@@ -91,7 +91,7 @@ class Failed:
 Asked = Moved | Failed
 
 
-class Desk(Protocol):
+class RosterRequests(Protocol):
     """Where it is asked."""
 
     def take(self) -> list[Asked]: ...
@@ -206,10 +206,10 @@ def _no_spawn(asked: Moved) -> str | None:
     return None
 
 
-class Roll:
+class Roster:
     """Who is who in a flight's fleet, and where changes of that are asked for."""
 
-    def __init__(self, presences: Presences, desk: Desk) -> None:
+    def __init__(self, presences: Presences, desk: RosterRequests) -> None:
         self.presences = presences
         self._desk = desk
         self._answers: list[tuple[Asked, str | None]] = []

@@ -36,10 +36,10 @@ class Ear:
 
 def main() -> None:
     rospy.init_node("reader", disable_signals=True)
-    ears = [Ear(int(agent_id)) for agent_id in sys.argv[1:]]
+    ranging = [Ear(int(agent_id)) for agent_id in sys.argv[1:]]
     print("reading", flush=True)
     sys.stdin.read()
-    print(json.dumps([latency for ear in ears for latency in ear.latencies_ms]), flush=True)
+    print(json.dumps([latency for ear in ranging for latency in ear.latencies_ms]), flush=True)
     rospy.signal_shutdown("told to end")
 
 

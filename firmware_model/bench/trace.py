@@ -18,7 +18,7 @@ from firmware_model.actions import (
     StateChanged,
 )
 from firmware_model.power.charge import Battery, ChargeModel, fraction
-from firmware_model.power.feed import Feed
+from firmware_model.power.feed import ActiveBattery
 from firmware_model.power.rails import Rail
 from firmware_model.states import State
 
@@ -77,7 +77,7 @@ def vcd(
             case FeedFrom(at_ms, feed):
                 changes.append((at_ms, f"s{feed.name} F"))
     changes += _charges(courses, model, until_ms, sample_ms)
-    lines = [*_header(), "$dumpvars", f"s{State.OFF.name} S", f"s{Feed.PRIMARY.name} F"]
+    lines = [*_header(), "$dumpvars", f"s{State.OFF.name} S", f"s{ActiveBattery.PRIMARY.name} F"]
     lines += [f"0{_rail_id(rail)}" for rail in Rail] + ["$end"]
     now_ms = -1
     for at_ms, change in sorted(changes, key=lambda it: it[0]):

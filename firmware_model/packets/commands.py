@@ -19,7 +19,7 @@ LATEST_MS = 1 << 53
 _OF_THE_WORST_CASE = frozenset({Kind.PERMISSION, Kind.RELEASE, Kind.PING, Kind.SINK})
 
 
-def understood(data: bytes, codec: Codec, config: BoardConfig) -> Command | str:
+def parse_command(data: bytes, codec: Codec, config: BoardConfig) -> Command | str:
     """The command, or why it cannot be obeyed by a board of `config` in any state."""
     packet = codec.decode(data)
     if not isinstance(packet, Command):

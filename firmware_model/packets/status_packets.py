@@ -10,12 +10,12 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from firmware_model.packets.wire import CHARGE_STEPS, Kind, sealed
-from firmware_model.power.feed import Feed
+from firmware_model.power.feed import ActiveBattery
 from firmware_model.states import State
 from firmware_model.stimuli import ResetCause
 
 _STATES = {int(state): state for state in State}
-_FEEDS = {int(feed): feed for feed in Feed}
+_FEEDS = {int(feed): feed for feed in ActiveBattery}
 _CAUSES = {int(cause): cause for cause in ResetCause}
 
 Counts = tuple[int, int, int, int]
@@ -140,7 +140,7 @@ class WifiStatus:
     torn: int
     """Records that resets tore while they were written; counts to 65535."""
     reset_cause: ResetCause
-    feed: Feed
+    feed: ActiveBattery
     rails: int
     """What is on, as bits by `Rail`."""
     clock_offset_ms: int

@@ -7,7 +7,7 @@ from enum import IntEnum
 from firmware_model.power.charge import Battery, ChargeModel, Flow
 
 
-class Feed(IntEnum):
+class ActiveBattery(IntEnum):
     """The battery that the board lives on."""
 
     PRIMARY = 0
@@ -25,7 +25,7 @@ class WorstCase:
         self.secondary = secondary
         self.due_ms: int | None = None
         """Nothing about the batteries happens by itself: the board watches the one that it uses."""
-        self.feed = Feed.PRIMARY
+        self.feed = ActiveBattery.PRIMARY
 
     def charge(self, charging: bool, now_ms: int) -> None:
         flow = Flow.CHARGING if charging else Flow.DISCHARGING

@@ -6,7 +6,7 @@ from enum import IntEnum
 
 from firmware_model.config import PATH_UNIT, Power
 from firmware_model.power.charge import FULL, Battery, ChargeModel, Flow
-from firmware_model.power.feed import Feed
+from firmware_model.power.feed import ActiveBattery
 from firmware_model.power.voltage import Meter, Watch
 
 
@@ -64,21 +64,25 @@ class PowerPath:
             self._settled_ms = now_ms
             self._sampled = self._read(now_ms // power.metering.period_ms, now_ms)
 
-    def _fed_by(self, now_ms: int) -> Feed:
+    def _fed_by(self, now_ms: int) -> ActiveBattery:
         """What a reset finds: the switch between the batteries stays where it was."""
         if self._model.charge_at(self.secondary, now_ms) > 0 and self.secondary.load > 0:
-            return Feed.SECONDARY
+            return ActiveBattery.SECONDARY
         if self.charging or self._model.charge_at(self.primary, now_ms) > 0:
-            return Feed.PRIMARY
-        return Feed.SECONDARY if self._model.charge_at(self.secondary, now_ms) > 0 else Feed.NEITHER
+            return ActiveBattery.PRIMARY
+        return (
+            ActiveBattery.SECONDARY
+            if self._model.charge_at(self.secondary, now_ms) > 0
+            else ActiveBattery.NEITHER
+        )
 
     def set(self, charging: bool, load: int, now_ms: int) -> None:
         """From `now_ms` on the chargers are on or off, and the board draws `load` grains a millisecond."""
         if (charging, load) == (self.charging, self.load):
             return
         self._close(now_ms)
-        if charging and self.feed is Feed.NEITHER:
-            self.feed = Feed.PRIMARY
+        if charging and self.feed is ActiveBattery.NEITHER:
+            self.feed = ActiveBattery.PRIMARY
         if charging:
             self.safe_ms, self._is_low = None, False
         self.charging, self.load = charging, load
@@ -99,11 +103,13 @@ class PowerPath:
         level = min(found, default=None)
         match level:
             case Level.EMPTIED:
-                full = self.feed is Feed.PRIMARY and self._model.charge_at(self.secondary, now_ms) > 0
-                self.feed = Feed.SECONDARY if full else Feed.NEITHER
+                full = (
+                    self.feed is ActiveBattery.PRIMARY and self._model.charge_at(self.secondary, now_ms) > 0
+                )
+                self.feed = ActiveBattery.SECONDARY if full else ActiveBattery.NEITHER
                 self._watches.clear()
             case Level.SWITCH_BACK:
-                self.feed = Feed.PRIMARY
+                self.feed = ActiveBattery.PRIMARY
                 self._watches.clear()
             case Level.SAFE_LEVEL:
                 self.safe_ms = now_ms
@@ -145,8 +151,12 @@ class PowerPath:
 
     def _settle(self, now_ms: int) -> None:
         load = self.load * self._power.path // PATH_UNIT if self.charging else self.load
-        self.primary = self._flowing(self.primary, load if self.feed is Feed.PRIMARY else 0, 2, now_ms)
-        self.secondary = self._flowing(self.secondary, load if self.feed is Feed.SECONDARY else 0, 1, now_ms)
+        self.primary = self._flowing(
+            self.primary, load if self.feed is ActiveBattery.PRIMARY else 0, 2, now_ms
+        )
+        self.secondary = self._flowing(
+            self.secondary, load if self.feed is ActiveBattery.SECONDARY else 0, 1, now_ms
+        )
         wanted = self._wanted()
         if self._meter is not None:
             self._watches = {
@@ -165,12 +175,12 @@ class PowerPath:
 
     def _wanted(self) -> tuple[Level, ...]:
         """The levels that mean something now."""
-        if self.feed is Feed.NEITHER:
+        if self.feed is ActiveBattery.NEITHER:
             return ()
         if self.charging:
             # Drawn on by more than its charger gives, the primary empties in the dock too: nothing to switch to that lasts.
-            return (Level.SWITCH_BACK,) if self.feed is Feed.SECONDARY else ()
-        if self.feed is Feed.SECONDARY:
+            return (Level.SWITCH_BACK,) if self.feed is ActiveBattery.SECONDARY else ()
+        if self.feed is ActiveBattery.SECONDARY:
             return (Level.EMPTIED, Level.SAFE_LEVEL) if self.safe_ms is None else (Level.EMPTIED,)
         return (
             (Level.EMPTIED, Level.LOW_LEVEL)
@@ -179,7 +189,7 @@ class PowerPath:
         )
 
     def _watched(self, level: Level) -> Battery:
-        if level is Level.SAFE_LEVEL or (level is Level.EMPTIED and self.feed is Feed.SECONDARY):
+        if level is Level.SAFE_LEVEL or (level is Level.EMPTIED and self.feed is ActiveBattery.SECONDARY):
             return self.secondary
         return self.primary
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from firmware_model.actions import SetRail
-from firmware_model.config import Whole
+from firmware_model.config import FullFirmware
 from firmware_model.power.power_path import PowerPath
 from firmware_model.power.rails import Rail, bits, rails_of
 from firmware_model.states import State
@@ -12,7 +12,7 @@ from firmware_model.states import State
 class Switchboard:
     """`due_ms` and `due` as everywhere: when a rail that is on for a time of its own goes off."""
 
-    def __init__(self, whole: Whole, batteries: PowerPath) -> None:
+    def __init__(self, whole: FullFirmware, batteries: PowerPath) -> None:
         self._whole = whole
         self._batteries = batteries
         self.rails = 0

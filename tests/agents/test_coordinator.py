@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from agents.coordinator import Coordinator, Died, Heard
 from agents.fleet import resting_on_bottom
 from agents.hosting.host import Death, Grant, Reply
-from agents.hosting.in_process import OneProcess
+from agents.hosting.in_process import InProcessHost
 from agents.mussel.outputs import Truth, WifiSent
 from agents.mussel.stimuli import ContactClosed, ContactOpened, SoundArrived, Stimulus
 from firmware_model.packets import CommandPacket, Kind
@@ -27,8 +27,8 @@ def fly(
     facts: list[tuple[int, int, Stimulus]], cuts: list[int]
 ) -> tuple[list[Heard | Died], dict[int, list[Truth]]]:
     """What came out by 40 s of mission time, and each aMussel's truths."""
-    births = {agent_id: resting_on_bottom(0.0, agent_id, 3.0, 0.3, 1.0) for agent_id in IDS}
-    host = OneProcess(FLEET, births)
+    initial_states = {agent_id: resting_on_bottom(0.0, agent_id, 3.0, 0.3, 1.0) for agent_id in IDS}
+    host = InProcessHost(FLEET, initial_states)
     coordinator = Coordinator(host, dict.fromkeys(IDS, 0), FLEET.theta)
     came: list[Heard | Died] = []
     for now_ms in sorted({40_000, *cuts, *(fact[0] for fact in facts)}):

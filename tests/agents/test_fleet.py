@@ -10,7 +10,7 @@ from fleets import PAPER
 
 from agents.fleet import FleetConfig
 from agents.water.patches import Waters
-from firmware_model.config import LastResort, Whole
+from firmware_model.config import FullFirmware, LastResort
 from firmware_model.power.charge import FULL
 from firmware_model.power.rails import Rail, bits
 from firmware_model.table_one import FIELD, HOURLY, METERING, MODEL, power
@@ -19,12 +19,14 @@ WORST = PAPER
 POWER = power(LastResort.SURFACE, bits(Rail.PI))
 FLEETS = {
     "worst case": WORST,
-    "field": replace(WORST, charge=MODEL, whole=Whole(POWER, FIELD, 1000, 60_000, 600_000), first_id=5),
-    "hourly": replace(WORST, charge=MODEL, whole=Whole(POWER, HOURLY, 1000, 60_000, 600_000)),
+    "field": replace(
+        WORST, charge=MODEL, whole=FullFirmware(POWER, FIELD, 1000, 60_000, 600_000), first_id=5
+    ),
+    "hourly": replace(WORST, charge=MODEL, whole=FullFirmware(POWER, HOURLY, 1000, 60_000, 600_000)),
     "metered": replace(
         WORST,
         charge=MODEL,
-        whole=Whole(power(LastResort.CALL, 0, METERING, FULL // 3), FIELD, 1000, 60_000, 600_000),
+        whole=FullFirmware(power(LastResort.CALL, 0, METERING, FULL // 3), FIELD, 1000, 60_000, 600_000),
         pin_check_ms=1000,
     ),
     "in the sea": replace(
@@ -34,7 +36,7 @@ FLEETS = {
         current_profile=((0, 1_000_000), (3_000_000, 200_000)),
         oxygen_mg_l=Waters(((0, 8.5), (3_000_000, 6.0)), ((0.2, 1, 2, 3, 4, 5, 6, 7, 8),)),
     ),
-    "never asleep": replace(WORST, charge=MODEL, whole=Whole(POWER, None, 1000, 60_000, 600_000)),
+    "never asleep": replace(WORST, charge=MODEL, whole=FullFirmware(POWER, None, 1000, 60_000, 600_000)),
 }
 
 

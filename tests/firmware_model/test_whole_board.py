@@ -25,7 +25,7 @@ from firmware_model.packets import (
 )
 from firmware_model.packets.codec import MusselbedCodec
 from firmware_model.power.charge import FULL, Battery, Flow, grains
-from firmware_model.power.feed import Feed
+from firmware_model.power.feed import ActiveBattery
 from firmware_model.power.rails import Rail
 from firmware_model.states import State
 from firmware_model.stimuli import (
@@ -396,5 +396,5 @@ def test_charges_stay_on_the_scale_and_what_is_on_is_what_the_batteries_feel(
         drawn = mu.primary.load + mu.secondary.load
         if Flow.CHARGING in (mu.primary.flow, mu.secondary.flow):
             assert drawn == LOADS.total(mu.rails) * 6037 // 10_000
-        elif mu.feed is not Feed.NEITHER:
+        elif mu.feed is not ActiveBattery.NEITHER:
             assert drawn == LOADS.total(mu.rails)

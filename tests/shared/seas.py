@@ -9,7 +9,7 @@ from fleets import PAPER, STILL
 from agents.water.places import Sinking
 from agents.water.sea import SeaConfig
 from agents.water.sound import Sound
-from firmware_model.config import Whole
+from firmware_model.config import FullFirmware
 from firmware_model.table_one import FIELD, MODEL, power
 
 SEA = SeaConfig(
@@ -26,6 +26,6 @@ FLEET = replace(
     theta=1,
     charge=MODEL,
     report_period_ms=600_000,
-    whole=Whole(power(), FIELD, 1000, 60_000, 600_000),
+    whole=FullFirmware(power(), FIELD, 1000, 60_000, 600_000),
     **STILL,
 )

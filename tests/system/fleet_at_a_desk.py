@@ -14,23 +14,23 @@ from pathlib import Path
 from typing import Any
 
 from agents.coordinator import Coordinator
-from agents.hosting.in_process import OneProcess
+from agents.hosting.in_process import InProcessHost
 from apad_bridge.assembly import parts
 from apad_bridge.ros.gateway.battery_alerts import BatteryAlerts
 from apad_bridge.ros.gateway.claims import ClaimBoard
 from apad_bridge.ros.gateway.fleet_guard import SecondFleet
 from apad_bridge.ros.gateway.fleet_services import FleetServices
 from apad_bridge.ros.gateway.gateway import open_gateway
-from apad_bridge.ros.links.packet_router import RealRadio
+from apad_bridge.ros.links.packet_router import RealAgentRelay
 from apad_bridge.scenario.loader import from_data, load, resolve
 from apad_bridge.scenario.local_frame import LocalFrame
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
 from apad_bridge.supervisor.clock import WallClock
-from apad_bridge.supervisor.context import Surroundings
+from apad_bridge.supervisor.context import FlightContext
 from apad_bridge.supervisor.fleet import Fleet
 from apad_bridge.supervisor.loop import Flight
-from apad_bridge.supervisor.roster import Became, Presence, Presences, Roll
+from apad_bridge.supervisor.roster import Became, Presence, Presences, Roster
 from apad_bridge.vehicle.link import InProcessVehicle
 
 SPEED = 20.0
@@ -64,35 +64,35 @@ def scenario(first_id: int) -> Scenario:
 def main() -> None:
     node, first_id, *claimant = sys.argv[1], int(sys.argv[2]), *sys.argv[3:]
     flown = scenario(first_id)
-    births = parts.births(flown, starts_of(flown))
+    initial_states = parts.initial_states(flown, starts_of(flown))
     before = [Became(0, first_id + 2, Presence.REAL, name) for name in claimant]
-    presences = Presences(births, flown.area.depth_m, before)
+    presences = Presences(initial_states, flown.area.depth_m, before)
     gateway = open_gateway([], flown.theta, node_name=node)
     claims = ClaimBoard(f"/{node}", lambda: presences.simulated)
     try:
         if before:
             print(*claims.come_back(presences), sep="\n", flush=True)
         else:
-            claims.refuse_overlap(births)
+            claims.refuse_overlap(initial_states)
     except SecondFleet as refused:
         print(refused, flush=True)
         gateway.close()
         return
     frame, threshold = LocalFrame.about(flown.area.origin), flown.mission.pool_threshold
-    alerts = BatteryAlerts(births, frame, threshold, "", lambda: presences.simulated)
+    alerts = BatteryAlerts(initial_states, frame, threshold, "", lambda: presences.simulated)
     desk = FleetServices(presences, claims)
-    radio = RealRadio(births, lambda: presences.simulated)
-    host = OneProcess(parts.fleet_config(flown), births)
+    radio = RealAgentRelay(initial_states, lambda: presences.simulated)
+    host = InProcessHost(parts.fleet_config(flown), initial_states)
     supervisor = parts.supervisor(flown)
     flight = Flight(
         supervisor,
-        Surroundings(
+        FlightContext(
             InProcessVehicle(parts.simulated_apad(flown)),
             WallClock(SPEED),
-            Fleet(Coordinator(host, dict.fromkeys(births, 0), flown.theta), host),
+            Fleet(Coordinator(host, dict.fromkeys(initial_states, 0), flown.theta), host),
             lambda flying: (gateway.watcher(flying), alerts.watcher(flying)),
-            ether=radio,
-            roll=Roll(presences, desk),
+            relay=radio,
+            roll=Roster(presences, desk),
         ),
         Told(),
     )

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from agents.coordinator import Coordinator
-from agents.hosting.in_process import OneProcess
+from agents.hosting.in_process import InProcessHost
 from apad_bridge.assembly import parts
 from apad_bridge.ros.gateway.gateway import open_gateway
 from apad_bridge.ros.links.generation_a import GenerationALink
@@ -25,7 +25,7 @@ from apad_bridge.scenario import loader
 from apad_bridge.scenario.schema import Generation, Scenario
 from apad_bridge.scenario.starts import starts_of
 from apad_bridge.supervisor.clock import AsFastAsPossible
-from apad_bridge.supervisor.context import Surroundings
+from apad_bridge.supervisor.context import FlightContext
 from apad_bridge.supervisor.fleet import Fleet
 from apad_bridge.supervisor.loop import Flight
 from apad_bridge.vehicle.errors import VehicleNotReady
@@ -65,37 +65,37 @@ class Decisions:
 
 def fly(scenario: Scenario, over_ros: bool, speed: float | None, patience_s: float) -> dict[str, Any]:
     decisions = Decisions()
-    births = parts.births(scenario, starts_of(scenario))
-    host = OneProcess(parts.fleet_config(scenario), births)
-    fleet = Fleet(Coordinator(host, dict.fromkeys(births, 0), scenario.theta), host)
+    initial_states = parts.initial_states(scenario, starts_of(scenario))
+    host = InProcessHost(parts.fleet_config(scenario), initial_states)
+    fleet = Fleet(Coordinator(host, dict.fromkeys(initial_states, 0), scenario.theta), host)
     supervisor = parts.supervisor(scenario)
     with ExitStack() as stack:
         vehicle: VehicleLink
         if over_ros:
             battery = scenario.apad.battery
-            gateway = open_gateway(births, scenario.theta, node_name="musselbed")
+            gateway = open_gateway(initial_states, scenario.theta, node_name="musselbed")
             stack.callback(gateway.close)
             battery_v = (battery.empty_v, battery.full_v)
             link: GenerationALink | GenerationBLink
             if scenario.apad.generation is Generation.B:
                 link = GenerationBLink(
                     scenario.apad.name,
-                    births,
+                    initial_states,
                     battery_v,
                     scenario.mission.docking,
                     parts.misses(scenario),
                     our_clock=True,
                 )
             else:
-                link = GenerationALink(scenario.apad.name, births, battery_v, our_clock=True)
+                link = GenerationALink(scenario.apad.name, initial_states, battery_v, our_clock=True)
             vehicle = link
             stack.callback(link.close)
             link.wait_until_ready(5 * patience_s)
             pace = OwnMasterClock(speed, link, patience_s=patience_s)
-            around = Surroundings(link, pace, fleet, lambda flying: (gateway.watcher(flying), ticked))
+            around = FlightContext(link, pace, fleet, lambda flying: (gateway.watcher(flying), ticked))
         else:
             vehicle = InProcessVehicle(parts.simulated_apad(scenario))
-            around = Surroundings(vehicle, AsFastAsPossible(), fleet)
+            around = FlightContext(vehicle, AsFastAsPossible(), fleet)
         flight = Flight(supervisor, around, decisions)
         begun_s = time.monotonic()
         ended_by = flight.run()

@@ -18,7 +18,7 @@ from agents.mussel.outputs import WifiSent
 from agents.mussel.stimuli import ContactClosed, ContactOpened, SoundArrived, WifiArrived
 from apad_bridge.records.sample_file import SampleFile
 from apad_bridge.supervisor.sample_collection import SampleCollection, Taken
-from firmware_model.config import LastResort, Whole
+from firmware_model.config import FullFirmware, LastResort
 from firmware_model.packets import CommandPacket, Kind, LogRecords
 from firmware_model.packets.codec import MusselbedCodec
 from firmware_model.table_one import HOURLY, MODEL, power
@@ -44,7 +44,7 @@ FLEET = FleetConfig(
     drifts_always=False,
     drift_amplitude_um=0,
     current_csv=None,
-    whole=Whole(power(LastResort.WAIT), CYCLE, transmit_ms=500, call_ms=60_000, hover_ms=120_000),
+    whole=FullFirmware(power(LastResort.WAIT), CYCLE, transmit_ms=500, call_ms=60_000, hover_ms=120_000),
 )
 
 
@@ -62,9 +62,9 @@ def story(clock: Coordinator, now_s: int) -> None:
 
 
 def main(run_dir: Path, epoch: int, until_s: int) -> None:
-    births = {agent_id: resting_on_bottom(agent_id, 0.0, 3.0, 0.9, 1.0) for agent_id in IDS}
+    initial_states = {agent_id: resting_on_bottom(agent_id, 0.0, 3.0, 0.9, 1.0) for agent_id in IDS}
     host = (
-        ProcessHost.start(str(run_dir / "fleet"), FLEET, births)
+        ProcessHost.start(str(run_dir / "fleet"), FLEET, initial_states)
         if epoch == 1
         else ProcessHost.adopt(str(run_dir / "fleet"), epoch)
     )

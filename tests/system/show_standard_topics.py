@@ -14,7 +14,7 @@ from typing import Any
 from apad_bridge.beliefs.belief import Belief, Clock, Source
 from apad_bridge.beliefs.hold_last import HoldLast
 from apad_bridge.beliefs.modes import Mode
-from apad_bridge.mission.share import Share
+from apad_bridge.mission.allocation import Allocation
 from apad_bridge.mission.state import MissionState
 from apad_bridge.planning.solution import Solution, Step, StepKind
 from apad_bridge.ros.gateway.fleet_diagnostics import Limits
@@ -61,7 +61,7 @@ def supervisor() -> SimpleNamespace:
     believed: Any = SimpleNamespace(all=lambda: known, get={it.agent_id: it for it in known}.get)
     return SimpleNamespace(
         beliefs=believed,
-        share=Share(believed, ()),
+        allocation=Allocation(believed, ()),
         pose=PoseReported(1000, 1.0, 2.0, 1.5707963267948966),
         battery=BatteryReported(1000, 15.0, 0.5),
         primitive="go to point",

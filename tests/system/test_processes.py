@@ -20,14 +20,14 @@ from hypothesis import strategies as st
 from agents.coordinator import Coordinator, Died, Heard
 from agents.fleet import resting_on_bottom
 from agents.hosting.host import Grant, Host, Reply
-from agents.hosting.in_process import OneProcess
+from agents.hosting.in_process import InProcessHost
 from agents.hosting.link_protocol import LIMIT_BYTES, Window, readable
 from agents.hosting.process_host import Fenced, ProcessHost
 from agents.mussel.outputs import Truth, WifiSent
 from agents.mussel.stimuli import ContactClosed, ContactOpened, DockMoved, SoundArrived, Stimulus
 from agents.nursery import protocol
-from agents.nursery.fleet_file import Upbringing
-from agents.nursery.launch import NoNursery, launch_nursery, prepare
+from agents.nursery.fleet_file import RestartPolicy
+from agents.nursery.launch import NurseryFailed, launch_nursery, prepare
 from firmware_model.packets import CommandPacket, Kind
 from firmware_model.packets.codec import MusselbedCodec
 from firmware_model.power.charge import Flow
@@ -41,7 +41,7 @@ THETA = 30
 PATIENCE_S = 60.0
 FLEET = PAPER
 BIRTHS = {agent_id: resting_on_bottom(0.0, agent_id, 3.0, 0.3, 1.0) for agent_id in IDS}
-PATIENT = Upbringing(restarts=1000)
+PATIENT = RestartPolicy(restarts=1000)
 
 
 def command(kind: Kind, agent_id: int) -> SoundArrived:
@@ -68,7 +68,7 @@ def gone(pid: int, timeout_s: float = PATIENCE_S) -> bool:
 
 @pytest.fixture
 def host(tmp_path: Path) -> Iterator[ProcessHost]:
-    started = ProcessHost.start(tmp_path, FLEET, BIRTHS, window_timeout_s=1.0, upbringing=PATIENT)
+    started = ProcessHost.start(tmp_path, FLEET, BIRTHS, window_timeout_s=1.0, restart_policy=PATIENT)
     yield started
     started.close()
     assert gone(started.nursery_pid)
@@ -86,7 +86,7 @@ Story = list[tuple[int, int, Stimulus | str]]
 
 
 def fly(
-    host: OneProcess | ProcessHost, story: Story, steps_ms: list[int]
+    host: InProcessHost | ProcessHost, story: Story, steps_ms: list[int]
 ) -> tuple[list[Heard | Died], list[Truth]]:
     """Windows of the given lengths; an event of step k comes before that window, a kill as kill -9."""
     clock = coordinator(host)
@@ -105,8 +105,8 @@ def fly(
     return came, told
 
 
-def kill(host: OneProcess | ProcessHost, agent_id: int) -> None:
-    if isinstance(host, OneProcess):
+def kill(host: InProcessHost | ProcessHost, agent_id: int) -> None:
+    if isinstance(host, InProcessHost):
         host.kill(agent_id)
     elif agent_id in host.pids:
         with suppress(ProcessLookupError):  # killed before, and not granted since
@@ -118,9 +118,9 @@ def kill(host: OneProcess | ProcessHost, agent_id: int) -> None:
 def test_one_process_and_many_give_the_same_trace(
     tmp_path_factory: pytest.TempPathFactory, story: Story, steps_ms: list[int]
 ) -> None:
-    many = ProcessHost.start(tmp_path_factory.mktemp("run"), FLEET, BIRTHS, upbringing=PATIENT)
+    many = ProcessHost.start(tmp_path_factory.mktemp("run"), FLEET, BIRTHS, restart_policy=PATIENT)
     try:
-        assert fly(many, story, steps_ms) == fly(OneProcess(FLEET, BIRTHS), story, steps_ms)
+        assert fly(many, story, steps_ms) == fly(InProcessHost(FLEET, BIRTHS), story, steps_ms)
         assert not many.dropped
     finally:
         many.close()
@@ -191,7 +191,7 @@ def test_a_stopped_agent_is_killed_by_the_watchdog(host: ProcessHost) -> None:
     "data", [b"", b"\xc1garbage", bytes(LIMIT_BYTES + 1)], ids=["empty", "garbage", "oversized"]
 )
 def test_a_bad_message_to_an_agent_disturbs_nothing(host: ProcessHost, data: bytes) -> None:
-    reference = OneProcess(FLEET, BIRTHS)
+    reference = InProcessHost(FLEET, BIRTHS)
     mine, theirs = coordinator(host), coordinator(reference)
     assert mine.advance(1_000) == theirs.advance(1_000)
     host.links.link(3).send(data)
@@ -226,7 +226,7 @@ def test_ids_and_fleets_that_cannot_be(tmp_path: Path) -> None:
 
 
 def test_a_second_nursery_has_no_place_in_a_run_directory(host: ProcessHost, tmp_path: Path) -> None:
-    with pytest.raises(NoNursery, match="another nursery"):
+    with pytest.raises(NurseryFailed, match="another nursery"):
         launch_nursery(tmp_path)
     assert len(coordinator(host).advance(1_000)) == 3
 
@@ -264,7 +264,9 @@ def command_line(process: Path) -> bytes:
 
 
 def test_an_agent_that_dies_too_often_stays_dead(tmp_path: Path) -> None:
-    host = ProcessHost.start(tmp_path, FLEET, BIRTHS, upbringing=Upbringing(restarts=2, within_s=600.0))
+    host = ProcessHost.start(
+        tmp_path, FLEET, BIRTHS, restart_policy=RestartPolicy(restarts=2, within_s=600.0)
+    )
     try:
         clock = coordinator(host)
         gave_up: list[str | None] = []
@@ -293,9 +295,9 @@ sys.stdin.read()
 """
 
 
-def orphaned(run_dir: Path, upbringing: Upbringing) -> tuple[subprocess.Popen[bytes], list[int]]:
+def orphaned(run_dir: Path, restart_policy: RestartPolicy) -> tuple[subprocess.Popen[bytes], list[int]]:
     """A nursery whose supervisor was killed at 10 s of mission time, and its agents' processes."""
-    prepare(run_dir, FLEET, BIRTHS, upbringing)
+    prepare(run_dir, FLEET, BIRTHS, restart_policy)
     supervisor = subprocess.Popen(
         [sys.executable, "-c", SUPERVISOR, run_dir], stdin=subprocess.PIPE, stdout=subprocess.PIPE
     )
@@ -329,7 +331,7 @@ def test_a_new_supervisor_adopts_the_fleet_of_a_killed_one(
     assert {agent_id: [out.at_ms for out in reply.outputs] for agent_id, reply in host.repeated.items()} == (
         {agent_id: [300_000] for agent_id in IDS}
     )
-    reference = OneProcess(FLEET, BIRTHS)
+    reference = InProcessHost(FLEET, BIRTHS)
     theirs = coordinator(reference)
     for second in range(1, 11):
         theirs.advance(second * 1_000)
@@ -401,7 +403,7 @@ def test_a_whole_crash_is_resumed_from_the_file(orphans: subprocess.Popen[bytes]
 
 
 def test_an_orphaned_fleet_ends(tmp_path: Path) -> None:
-    nursery, pids = orphaned(tmp_path, Upbringing(orphan_s=3.0))
+    nursery, pids = orphaned(tmp_path, RestartPolicy(orphan_s=3.0))
     assert nursery.wait(PATIENCE_S) == 0
     assert all(gone(pid) for pid in pids)
     assert "no supervisor for 3 s: the fleet ends" in (tmp_path / "nursery.log").read_text()
@@ -409,7 +411,7 @@ def test_an_orphaned_fleet_ends(tmp_path: Path) -> None:
 
 def test_ending_is_bounded_though_an_agent_is_stopped(tmp_path: Path) -> None:
     ending_s = 0.2
-    host = ProcessHost.start(tmp_path, FLEET, BIRTHS, upbringing=Upbringing(ending_s=ending_s))
+    host = ProcessHost.start(tmp_path, FLEET, BIRTHS, restart_policy=RestartPolicy(ending_s=ending_s))
     pids = dict(host.pids)
     os.kill(pids[8], signal.SIGSTOP)
     began_s = time.monotonic()
@@ -420,7 +422,7 @@ def test_ending_is_bounded_though_an_agent_is_stopped(tmp_path: Path) -> None:
 
 
 def test_a_long_window_travels_in_parts(host: ProcessHost) -> None:
-    reference = OneProcess(FLEET, BIRTHS)
+    reference = InProcessHost(FLEET, BIRTHS)
     grants = {agent_id: Grant(20_000 * THETA * 1_000 // 10) for agent_id in IDS}
     mine, theirs = host.grant(grants), reference.grant(grants)
     assert mine == theirs

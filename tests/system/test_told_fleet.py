@@ -12,12 +12,12 @@ from fleets import PAPER, STILL
 
 from agents.coordinator import Coordinator, Died, Heard
 from agents.fleet import resting_on_bottom
-from agents.hosting.in_process import OneProcess
+from agents.hosting.in_process import InProcessHost
 from agents.hosting.process_host import ProcessHost
 from agents.mussel.outputs import Truth
 from agents.mussel.stimuli import CoilSlipped, ContactClosed, ContactOpened, SoundArrived, Stimulus
-from agents.nursery.fleet_file import Upbringing
-from firmware_model.config import LastResort, Timekeeping, Whole
+from agents.nursery.fleet_file import RestartPolicy
+from firmware_model.config import FullFirmware, LastResort, Timekeeping
 from firmware_model.packets import (
     Beacon,
     Command,
@@ -43,7 +43,7 @@ FLEET = replace(
     seed=11,
     charge=MODEL,
     **STILL,
-    whole=Whole(
+    whole=FullFirmware(
         POWER,
         replace(FIELD, alarm_ms=600_000),
         transmit_ms=1000,
@@ -81,7 +81,7 @@ def story(agent_id: int) -> list[tuple[int, Stimulus | None]]:
     ]
 
 
-def fly(host: OneProcess | ProcessHost) -> tuple[list[Heard | Died], list[Truth]]:
+def fly(host: InProcessHost | ProcessHost) -> tuple[list[Heard | Died], list[Truth]]:
     clock = Coordinator(host, dict.fromkeys(IDS, 0), THETA)
     came, told = list(clock.advance(0)), host.take_truths()
     for now_s in range(1, 301):
@@ -91,7 +91,7 @@ def fly(host: OneProcess | ProcessHost) -> tuple[list[Heard | Died], list[Truth]
                     continue
                 if happens is not None:
                     clock.receive(agent_id, happens, now_s * 1000)
-                elif isinstance(host, OneProcess):
+                elif isinstance(host, InProcessHost):
                     host.kill(agent_id)
                 else:
                     os.kill(host.pids[agent_id], signal.SIGKILL)
@@ -102,13 +102,13 @@ def fly(host: OneProcess | ProcessHost) -> tuple[list[Heard | Died], list[Truth]
 
 def test_what_boards_were_told_outlives_their_processes(tmp_path: Path) -> None:
     host = ProcessHost.start(
-        tmp_path, FLEET, BIRTHS, window_timeout_s=5.0, upbringing=Upbringing(restarts=100)
+        tmp_path, FLEET, BIRTHS, window_timeout_s=5.0, restart_policy=RestartPolicy(restarts=100)
     )
     try:
         came, told = fly(host)
     finally:
         host.close()
-    assert (came, told) == fly(OneProcess(FLEET, BIRTHS))
+    assert (came, told) == fly(InProcessHost(FLEET, BIRTHS))
     states = {truth.state for truth in told}
     assert {
         State.AWAITING_BEACON,

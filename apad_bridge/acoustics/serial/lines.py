@@ -24,7 +24,7 @@ from apad_bridge.mission.orders import Note
 
 
 @dataclass
-class Rims:
+class SerialLines:
     """`tell` hears, in a line for a person, how a physical modem comes and goes."""
 
     opened: OpenedModems | None = None
@@ -95,9 +95,9 @@ def _meant(came: Result) -> SoundHeard | Send | Note:
 
 
 @contextmanager
-def open_rims(
+def open_serial_lines(
     run_dir: Path, opened: tuple[int, ...], port: str, now_ms: int, tell: Callable[[str], None]
-) -> Iterator[Rims | None]:
+) -> Iterator[SerialLines | None]:
     """The lines that a run asks for while it is entered: modems to open, and a physical one's port (or ""); None for none.
 
     The devices' names are in the folder `modems` of the run's directory.
@@ -105,15 +105,15 @@ def open_rims(
     if not opened and not port:
         yield None
         return
-    rims = Rims(
+    serial_lines = SerialLines(
         OpenedModems(run_dir / FOLDER, opened) if opened else None,
         AttachedModem(SerialPort(port), now_ms) if port else None,
         tell,
     )
     try:
-        yield rims
+        yield serial_lines
     finally:
-        if rims.opened is not None:
-            rims.opened.close()
-        if rims.attached is not None:
-            rims.attached.close()
+        if serial_lines.opened is not None:
+            serial_lines.opened.close()
+        if serial_lines.attached is not None:
+            serial_lines.attached.close()

@@ -30,12 +30,12 @@ class FleetMarkers:
 
     def _shown(self, supervisor: Supervisor, now_ms: int) -> list[Marker]:
         # Whom this aPad serves: one that was handed on is drawn by the aPad that serves it.
-        share, pose = supervisor.share, supervisor.pose
-        ids = self._ids | share.guests
+        allocation, pose = supervisor.allocation, supervisor.pose
+        ids = self._ids | allocation.served_for_others
         rows = {it: slot for slot, it in enumerate(supervisor.mission.slots) if it is not None}
         shown = [
             marker
-            for it in share.all()
+            for it in allocation.all()
             if it.agent_id in ids
             for marker in make.agent_markers(it, now_ms, self._world, self._ball_m, rows.get(it.agent_id, 0))
         ]

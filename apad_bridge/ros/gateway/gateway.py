@@ -1,7 +1,7 @@
 """The one ROS node of a supervisor: what a fleet must show and offer to be aMussels to an aPad, and what we tell people.
 
     gateway = open_gateway(agent_ids, theta, node_name="musselbed_1", xmlrpc_port=0, truth=None)
-    Surroundings(..., watchers=lambda supervisor: (gateway.watcher(supervisor),))  # after each tick
+    FlightContext(..., watchers=lambda supervisor: (gateway.watcher(supervisor),))  # after each tick
     gateway.event(at_ms, kind, **data)                       # as a Recorder's: /musselbed/mission
     gateway.close()
 

@@ -8,8 +8,8 @@ from typing import Any
 import actionlib
 import rospy
 
-from apad_bridge.mission.call_queue import CalledFront, Snapshot
-from apad_bridge.mission.manual import CommandedMission
+from apad_bridge.mission.call_queue import CallQueue, Snapshot
+from apad_bridge.mission.manual import ManualMission
 from apad_bridge.mission.values import Refused, Status, manoeuvre_of, slot_of
 from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros_names.names import ours_of_apad
@@ -29,10 +29,10 @@ _LOOK_S = 1.0
 _REPLACED = "another order took its place"
 
 
-def docking_act(request: Any, *, dock: bool) -> Callable[[CommandedMission], None]:
+def docking_act(request: Any, *, dock: bool) -> Callable[[ManualMission], None]:
     """What a goal or request to dock, or undock, asks of the mission."""
 
-    def act(mission: CommandedMission) -> None:
+    def act(mission: ManualMission) -> None:
         slot = slot_of(request.number)
         manoeuvre = manoeuvre_of(request.max_yaw_rate_rad_s or None, request.max_surge_m_s or None)
         if dock:
@@ -46,8 +46,8 @@ def docking_act(request: Any, *, dock: bool) -> Callable[[CommandedMission], Non
 class PrimitiveActions:
     """Each has a thread of actionlib's own, which orders through the front and then looks at every tick how it stands."""
 
-    def __init__(self, front: CalledFront, apad: str) -> None:
-        self._front = front
+    def __init__(self, command_source: CallQueue, apad: str) -> None:
+        self._command_source = command_source
         self._go_to = actionlib.SimpleActionServer(
             ours_of_apad(apad, "go_to"), GoToAction, self._run_go_to, auto_start=False
         )
@@ -58,7 +58,7 @@ class PrimitiveActions:
         self._docking.start()
 
     def _run_go_to(self, goal: Any) -> None:
-        def act(mission: CommandedMission) -> int:
+        def act(mission: ManualMission) -> int:
             mission.go_to(goal.north_m, goal.east_m, goal.speed_m_s or None, goal.victory_radius_m or None)
             return mission.goto_orders
 
@@ -70,7 +70,7 @@ class PrimitiveActions:
         self._run(self._go_to, GoToResult, act, look)
 
     def _run_docking(self, goal: Any) -> None:
-        def act(mission: CommandedMission) -> int:
+        def act(mission: ManualMission) -> int:
             docking_act(goal, dock=goal.dock)(mission)
             return mission.docking_orders
 
@@ -84,17 +84,17 @@ class PrimitiveActions:
         self,
         server: Any,
         result: Any,
-        act: Callable[[CommandedMission], int],
+        act: Callable[[ManualMission], int],
         look: Callable[[Snapshot, int], tuple[Status, bool]],
     ) -> None:
         try:
-            order = self._front.call(act)
+            order = self._command_source.call(act)
         except Refused as refused:
             server.set_aborted(result(status=int(Status.FAILED), message=str(refused)), str(refused))
             return
         while not rospy.is_shutdown():
-            now = self._front.wait(_LOOK_S)
-            if (reason := self._front.ended_by) is not None:
+            now = self._command_source.wait(_LOOK_S)
+            if (reason := self._command_source.ended_by) is not None:
                 server.set_aborted(
                     result(status=int(Status.PREEMPTED), message=f"the mission is over: {reason}")
                 )
@@ -117,6 +117,6 @@ class PrimitiveActions:
 
     def _hold(self) -> None:
         try:
-            self._front.call(lambda mission: mission.hold())
+            self._command_source.call(lambda mission: mission.hold())
         except Refused as refused:
             rospy.logwarn("musselbed: a cancelled action could not stop the aPad: %s", refused)

@@ -15,8 +15,8 @@ from typing import Any
 
 import rospy
 
-from apad_bridge.mission.call_queue import CalledFront, Flown, Snapshot
-from apad_bridge.mission.manual import CommandedMission
+from apad_bridge.mission.call_queue import CallQueue, Flown, Snapshot
+from apad_bridge.mission.manual import ManualMission
 from apad_bridge.mission.takeover import give_back, take_over
 from apad_bridge.mission.values import Refused
 from apad_bridge.ros.gateway.primitive_actions import PrimitiveActions, docking_act
@@ -43,30 +43,30 @@ from musselbed_msgs.srv import (  # noqa: E402
 from std_msgs.msg import Int32  # noqa: E402
 from std_srvs.srv import Trigger, TriggerResponse  # noqa: E402
 
-Act = Callable[[CommandedMission], None]
+Act = Callable[[ManualMission], None]
 
 
 @contextmanager
-def primitives_offered(scenario: Scenario, options: RunOptions) -> Iterator[CalledFront | None]:
+def primitives_offered(scenario: Scenario, options: RunOptions) -> Iterator[CallQueue | None]:
     """The services on the graph, and the front that they order through; None where no aPad is flown, or none may move."""
     if options.part is Part.FLEET or options.dry_run:
         yield None
         return
-    front = CalledFront()
-    services = PrimitiveServices(front, LocalFrame.about(scenario.area.origin), scenario.apad.name)
+    command_source = CallQueue()
+    services = PrimitiveServices(command_source, LocalFrame.about(scenario.area.origin), scenario.apad.name)
     try:
-        yield front
+        yield command_source
     finally:
-        front.close("the flight is over")
+        command_source.close("the flight is over")
         services.close()
 
 
 class PrimitiveServices:
     """On the graph until `close`. Its handlers run in rospy's threads and hand every order to the front."""
 
-    def __init__(self, front: CalledFront, frame: LocalFrame, apad: str) -> None:
+    def __init__(self, command_source: CallQueue, frame: LocalFrame, apad: str) -> None:
         below = partial(ours_of_apad, apad)
-        self._front = front
+        self._command_source = command_source
         self._frame = frame
         self._told = (-1, -1)
         self._goto_status = rospy.Publisher(below("goto_status"), Int32, queue_size=10, latch=True)
@@ -87,8 +87,8 @@ class PrimitiveServices:
             rospy.Service(below("take_over"), Trigger, self._mission_trigger(take_over)),
             rospy.Service(below("give_back"), Trigger, self._mission_trigger(give_back)),
         ]
-        self._actions = PrimitiveActions(front, apad)
-        front.listen(self._show)
+        self._actions = PrimitiveActions(command_source, apad)
+        command_source.listen(self._show)
 
     def close(self) -> None:
         for service in self._services:
@@ -126,16 +126,16 @@ class PrimitiveServices:
 
     def _answered(self, response: Any, act: Act) -> Any:
         try:
-            self._front.call(act)
+            self._command_source.call(act)
         except Refused as refused:
             return response(accepted=False, message=str(refused))
         return response(accepted=True, message="")
 
-    def _trigger(self, act: Callable[[CommandedMission], str]) -> Callable[[Any], Any]:
-        return lambda _: _triggered(lambda: self._front.call(act))
+    def _trigger(self, act: Callable[[ManualMission], str]) -> Callable[[Any], Any]:
+        return lambda _: _triggered(lambda: self._command_source.call(act))
 
     def _mission_trigger(self, act: Callable[[Flown], str]) -> Callable[[Any], Any]:
-        return lambda _: _triggered(lambda: self._front.call_mission(act))
+        return lambda _: _triggered(lambda: self._command_source.call_mission(act))
 
     def _show(self, snapshot: Snapshot) -> None:
         now = (int(snapshot.goto), int(snapshot.docking))
@@ -145,12 +145,12 @@ class PrimitiveServices:
             self._docking_status.publish(Int32(now[1]))
 
 
-def _pause(mission: CommandedMission) -> str:
+def _pause(mission: ManualMission) -> str:
     mission.pause()
     return ""
 
 
-def _resume(mission: CommandedMission) -> str:
+def _resume(mission: ManualMission) -> str:
     return "" if mission.resume() else "nothing was paused"
 
 

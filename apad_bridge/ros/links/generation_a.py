@@ -25,7 +25,7 @@ from auv_msgs.msg import NavSts
 
 from apad_bridge.ros.links.inbox import Inbox
 from apad_bridge.ros.links.legacy_link import LegacyLink
-from apad_bridge.ros.links.legacy_subscribers import POSE_FIELDS, LegacyEars
+from apad_bridge.ros.links.legacy_subscribers import POSE_FIELDS, LegacySubscribers
 from apad_bridge.ros.types.live_types import differing_listeners, unreadable_topics
 from apad_bridge.ros_names.names import AMUSSEL, of_amussel, of_apad
 from apad_bridge.vehicle.commands import CloseDock, MoveArm, OpenDock, VehicleCommand
@@ -45,7 +45,7 @@ _STATUS = ("header.stamp", "status_list")
 _RESULT = ("header.stamp", "status.goal_id.id", "status.status", "status.text")
 
 
-class Ears(LegacyEars):
+class Subscribers(LegacySubscribers):
     """Subscribes to the aPad called `name` and to `position_static` of each aMussel."""
 
     def __init__(self, name: str, agent_ids: Iterable[int], inbox: Inbox[Heard], *, stamped: bool) -> None:
@@ -120,21 +120,21 @@ class GenerationALink(LegacyLink[GenerationACore]):
         super().__init__(name, GenerationACore(ids, battery_v, nonce, docked, now_ms, prefix, sight), now_ms)
         self._answer_s = ANSWER_ON_OUR_CLOCK_S if our_clock else ANSWER_S
         self._mechanism_ms: int | None = None
-        self._ears = Ears(name, ids, self._inbox, stamped=our_clock)
+        self._subscribers = Subscribers(name, ids, self._inbox, stamped=our_clock)
         self._goals = rospy.Publisher(of_apad(name, "action_server") + "/goal", aPadActionGoal, queue_size=20)
         """Twenty: more goals than that are never on their way, and a server that reads none is told nothing new."""
 
     def serve(self, agent_ids: Iterable[int]) -> None:
-        self._ears.listen_to(agent_ids)
+        self._subscribers.listen_to(agent_ids)
         self._core.docks.serve(agent_ids)
 
     def _missing(self) -> list[str]:
         deaf = [] if self._goals.get_num_connections() else [f"nobody listens to {self._goals.resolved_name}"]
-        return self._ears.missing + deaf
+        return self._subscribers.missing + deaf
 
     def _differences(self) -> list[str]:
         goal_types = {self._goals.resolved_name: self._goals.data_class}
-        return [*unreadable_topics(self._ears.needed), *differing_listeners(goal_types)]
+        return [*unreadable_topics(self._subscribers.needed), *differing_listeners(goal_types)]
 
     def advance(self, now_ms: int) -> list[LinkFact]:
         """Facts up to `now_ms`. At the tick of a mechanism's command it waits up to `ANSWER_S` for the answer."""
@@ -157,7 +157,7 @@ class GenerationALink(LegacyLink[GenerationACore]):
             self._goals.publish(_goal_message(order))
 
     def close(self) -> None:
-        self._ears.close()
+        self._subscribers.close()
         self._goals.unregister()
 
     def wait_until_heard(self, now_ms: int, timeout_s: float) -> list[str]:

@@ -28,7 +28,7 @@ from apad_bridge.doctor.graph import Graph
 from apad_bridge.doctor.network import Unreachable
 from apad_bridge.ros.links.inbox import Inbox
 from apad_bridge.ros.links.legacy_link import LegacyLink
-from apad_bridge.ros.links.legacy_subscribers import LegacyEars
+from apad_bridge.ros.links.legacy_subscribers import LegacySubscribers
 from apad_bridge.ros.links.service_calls import ServiceCalls
 from apad_bridge.ros.links.virtual_camera import VirtualCamera
 from apad_bridge.ros.types.live_types import live_services, unreadable_topics
@@ -64,7 +64,7 @@ _OPEN = 0.5
 _DATA = ("data",)
 
 
-class Ears(LegacyEars):
+class Subscribers(LegacySubscribers):
     """Subscribes to the aPad called `name`. Nothing but poses has a stamp."""
 
     def __init__(self, name: str, inbox: Inbox[Heard], *, stamped: bool) -> None:
@@ -127,7 +127,7 @@ class GenerationBLink(LegacyLink[GenerationBCore]):
         super().__init__(
             name, GenerationBCore(agent_ids, battery_v, docking, misses, sight, docked, now_ms), now_ms
         )
-        self._ears = Ears(name, self._inbox, stamped=our_clock)
+        self._subscribers = Subscribers(name, self._inbox, stamped=our_clock)
         self._docking = docking
         self._words_before = 0
         self._statuses_are_silent = False
@@ -144,16 +144,19 @@ class GenerationBLink(LegacyLink[GenerationBCore]):
         try:
             offered = Graph.read(rosgraph.get_master_uri()).services
         except Unreachable as error:
-            return [*self._ears.missing, str(error)]
+            return [*self._subscribers.missing, str(error)]
         needed = (rospy.resolve_name(self._service_name(primitive)) for primitive in SERVICES)
-        return [*self._ears.missing, *(f"nobody offers {name}" for name in needed if name not in offered)]
+        return [
+            *self._subscribers.missing,
+            *(f"nobody offers {name}" for name in needed if name not in offered),
+        ]
 
     def _differences(self) -> list[str]:
         """The services are called from now on by the definitions that were found."""
         by_name = {rospy.resolve_name(self._service_name(primitive)): primitive for primitive in SERVICES}
         chosen, lines = live_services({name: SERVICES[primitive] for name, primitive in by_name.items()})
         self._services = {primitive: chosen[name] for name, primitive in by_name.items()}
-        lines += unreadable_topics(self._ears.needed)
+        lines += unreadable_topics(self._subscribers.needed)
         for name, primitive in by_name.items():
             request = chosen[name]._request_class()
             lines += [f"{name} has no field {it} there" for it in _FIELDS[primitive] if not has(request, it)]
@@ -179,7 +182,7 @@ class GenerationBLink(LegacyLink[GenerationBCore]):
         self._core.hear_dock(word)
 
     def close(self) -> None:
-        self._ears.close()
+        self._subscribers.close()
         self._arms.unregister()
         if self._camera is not None:
             self._camera.close()

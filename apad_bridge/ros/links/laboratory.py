@@ -12,10 +12,10 @@ from typing import Protocol
 
 from agents.packet_medium import Medium
 from apad_bridge.mission.events import Send
-from apad_bridge.ros.links.laboratory_topics import LaboratoryEars, LaboratoryMouths
+from apad_bridge.ros.links.laboratory_topics import LaboratoryPublishers, LaboratorySubscribers
 from apad_bridge.scenario.lab_interface.messages import DockSaid, PacketSaid, Said, What, WordSaid
 from apad_bridge.scenario.lab_interface.names import Names
-from apad_bridge.supervisor.packet_relay import Came, Ether
+from apad_bridge.supervisor.packet_relay import Came, PacketRelay
 from apad_bridge.vehicle.commands import DockClosed, DockOpened, VehicleCommand
 from apad_bridge.vehicle.link import LinkFact, VehicleLink
 from firmware_model.packets import CommandPacket, Kind
@@ -39,24 +39,24 @@ class Laboratory:
     def __init__(self, names: Names, apad: str, agent_ids: Iterable[int], codec: Codec) -> None:
         self.ids = list(agent_ids)
         self.codec = codec
-        self.ears = LaboratoryEars(names, apad, self.ids)
-        self.mouths = LaboratoryMouths(names, apad, self.ids)
+        self.subscribers = LaboratorySubscribers(names, apad, self.ids)
+        self.publishers = LaboratoryPublishers(names, apad, self.ids)
         self.useless: Counter[str] = Counter()
 
     def beside(self, vehicle: VehicleLink, hears: HearsOfDocks | None) -> LaboratoryLink:
         return LaboratoryLink(self, vehicle, hears)
 
-    def around(self, ether: Ether | None, link: LaboratoryLink, *, is_mission: bool) -> LaboratoryEther:
-        return LaboratoryEther(self, ether, link, is_mission=is_mission)
+    def around(self, relay: PacketRelay | None, link: LaboratoryLink, *, is_mission: bool) -> LaboratoryRelay:
+        return LaboratoryRelay(self, relay, link, is_mission=is_mission)
 
     @property
     def dropped(self) -> Counter[str]:
         """Words that came to nothing, by reason."""
-        return self.ears.dropped + self.useless
+        return self.subscribers.dropped + self.useless
 
     def close(self) -> None:
-        self.ears.close()
-        self.mouths.close()
+        self.subscribers.close()
+        self.publishers.close()
 
 
 class LaboratoryLink:
@@ -70,7 +70,7 @@ class LaboratoryLink:
 
     def advance(self, now_ms: int) -> list[LinkFact]:
         laboratory = self._laboratory
-        for word in laboratory.ears.take(now_ms):
+        for word in laboratory.subscribers.take(now_ms):
             if not isinstance(word, DockSaid):
                 self.words.append(word)
             elif self._hears is not None:
@@ -81,7 +81,7 @@ class LaboratoryLink:
         for fact in facts:
             if isinstance(fact, DockClosed | DockOpened):
                 what = What.DOCKED if isinstance(fact, DockClosed) else What.RELEASED
-                laboratory.mouths.tell(what, fact.agent_id, now_ms, slot=fact.slot)
+                laboratory.publishers.tell(what, fact.agent_id, now_ms, slot=fact.slot)
         return facts
 
     def command(self, command: VehicleCommand, now_ms: int) -> None:
@@ -91,14 +91,14 @@ class LaboratoryLink:
         self._vehicle.close()
 
 
-class LaboratoryEther:
+class LaboratoryRelay:
     """What passes between aMussels and supervisors, with the laboratory's topics listening and speaking in.
 
     With `is_mission` the aMussels are elsewhere, and what is transmitted here is a supervisor's; otherwise it is theirs.
     """
 
     def __init__(
-        self, laboratory: Laboratory, inner: Ether | None, link: LaboratoryLink, *, is_mission: bool
+        self, laboratory: Laboratory, inner: PacketRelay | None, link: LaboratoryLink, *, is_mission: bool
     ) -> None:
         self._link = link
         self._laboratory = laboratory
@@ -113,7 +113,7 @@ class LaboratoryEther:
         for agent_id, last_ms in list(self._on_wifi.items()):
             if now_ms - last_ms > WIFI_GONE_MS:
                 del self._on_wifi[agent_id]
-                self._laboratory.mouths.tell(What.WIFI, agent_id, now_ms, on=False)
+                self._laboratory.publishers.tell(What.WIFI, agent_id, now_ms, on=False)
         return heard if self._inner is None else [*heard, *self._inner.advance(now_ms)]
 
     def transmit(self, medium: Medium, agent_id: int, data: bytes, now_ms: int) -> None:
@@ -123,10 +123,10 @@ class LaboratoryEther:
             self._tell_word(agent_id, data, now_ms)
             return
         if medium is Medium.SOUND:
-            self._laboratory.mouths.tell(What.PACKET, agent_id, now_ms, data=data)
+            self._laboratory.publishers.tell(What.PACKET, agent_id, now_ms, data=data)
             return
         if agent_id not in self._on_wifi:
-            self._laboratory.mouths.tell(What.WIFI, agent_id, now_ms, on=True)
+            self._laboratory.publishers.tell(What.WIFI, agent_id, now_ms, on=True)
         self._on_wifi[agent_id] = now_ms
 
     def said(self, send: Send, now_ms: int) -> None:
@@ -137,7 +137,7 @@ class LaboratoryEther:
     def _tell_word(self, agent_id: int, data: bytes, now_ms: int) -> None:
         packet = self._laboratory.codec.decode(data)
         if isinstance(packet, CommandPacket) and (what := _WHATS.get(packet.kind)) is not None:
-            self._laboratory.mouths.tell(what, agent_id, now_ms, data=data)
+            self._laboratory.publishers.tell(what, agent_id, now_ms, data=data)
 
     def _sends(self, word: Said) -> list[Send]:
         laboratory = self._laboratory

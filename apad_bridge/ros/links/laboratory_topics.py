@@ -14,7 +14,7 @@ from apad_bridge.ros.types.any_message import AnyMessages, UnknownType, class_of
 from apad_bridge.ros.types.user_texts import text_folders
 from apad_bridge.scenario.lab_interface.fields import read, write
 from apad_bridge.scenario.lab_interface.messages import DockSaid, PacketSaid, Said, What, WordSaid
-from apad_bridge.scenario.lab_interface.names import Ear, Mouth, Names
+from apad_bridge.scenario.lab_interface.names import Names, Publication, Subscription
 from apad_bridge.vehicle.errors import VehicleNotReady
 
 _QUEUE = 100
@@ -22,13 +22,13 @@ _LARGEST = 1024
 """Bytes; no packet of Wi-Fi or sound here comes near it."""
 
 
-class LaboratoryEars:
+class LaboratorySubscribers:
     """rospy's threads leave raw messages in an inbox; `take` makes out what they say."""
 
     def __init__(self, names: Names, apad: str, agent_ids: Iterable[int]) -> None:
         ids = list(agent_ids)
         self._known = frozenset(ids)
-        self._inbox: Inbox[tuple[Ear, int | None, Any]] = Inbox()
+        self._inbox: Inbox[tuple[Subscription, int | None, Any]] = Inbox()
         self._messages = AnyMessages()
         self._dropped: Counter[str] = Counter()
         self._subscribers = [
@@ -58,7 +58,7 @@ class LaboratoryEars:
         for subscriber in self._subscribers:
             subscriber.unregister()
 
-    def _made_out(self, ear: Ear, topic_id: int | None, message: Any, now_ms: int) -> Said | None:
+    def _made_out(self, ear: Subscription, topic_id: int | None, message: Any, now_ms: int) -> Said | None:
         if ear.when is not None and not ear.when.is_met(message):
             return None
         agent_id = topic_id if topic_id is not None else ear.id_of(message)
@@ -83,15 +83,15 @@ class LaboratoryEars:
             raise ValueError("a packet too large to be one")
         return PacketSaid(ear.medium, agent_id, data)
 
-    def _take(self, message: Any, source: tuple[Ear, int | None]) -> None:
+    def _take(self, message: Any, source: tuple[Subscription, int | None]) -> None:
         self._inbox.put((*source, message), always=True)
 
 
-class LaboratoryMouths:
+class LaboratoryPublishers:
     """Publishers for what is told. VehicleNotReady when a type is known nowhere, or has no such field."""
 
     def __init__(self, names: Names, apad: str, agent_ids: Iterable[int]) -> None:
-        self._out: dict[What, list[tuple[Mouth, int | None, rospy.Publisher]]] = {}
+        self._out: dict[What, list[tuple[Publication, int | None, rospy.Publisher]]] = {}
         ids, folders = list(agent_ids), text_folders()
         kinds: dict[str, Any] = {}
         for mouth in names.tell:
@@ -116,8 +116,8 @@ class LaboratoryMouths:
                 publisher.publish(message)
 
     def close(self) -> None:
-        for mouths in self._out.values():
-            for _, _, publisher in mouths:
+        for publishers in self._out.values():
+            for _, _, publisher in publishers:
                 publisher.unregister()
 
 
@@ -129,7 +129,7 @@ def _topics(topic: str, apad: str, ids: list[int]) -> list[tuple[str, int | None
     return [(named.replace("{id}", str(agent_id)), agent_id) for agent_id in ids]
 
 
-def _fill(message: Any, mouth: Mouth, values: dict[str, Any]) -> None:
+def _fill(message: Any, mouth: Publication, values: dict[str, Any]) -> None:
     for path, said in mouth.fields.items():
         value: Any = said
         if isinstance(said, str):

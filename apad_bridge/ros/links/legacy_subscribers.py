@@ -26,7 +26,7 @@ from auv_msgs.msg import NavSts  # noqa: E402
 POSE_FIELDS = ("header.stamp", "position.north", "position.east", "orientation.yaw")
 
 
-class LegacyEars:
+class LegacySubscribers:
     """Subscribes to the aPad called `name`. With `stamped`, facts carry their messages' stamps; without, UNSTAMPED.
 
     `pose_fields` are those that its NavSts must have.

@@ -74,7 +74,7 @@ class PacketTopics:
         self._inbox.put((message.agent, message.medium, bytes(message.data)))
 
 
-class RealRadio:
+class RealAgentRelay:
     """Real aMussels beside simulated ones: their packets are heard on /musselbed/heard, and what is said to them goes out.
 
     A packet of an aMussel that is simulated here is dropped and counted: two speak for one.
@@ -108,7 +108,7 @@ class RealRadio:
         self._topics.close()
 
 
-class FleetRadio:
+class FleetRelay:
     """The fleet's end: tells what its aMussels transmit, hears what is said to them.
 
     A planner that has no packets calls /amusselN/surface and /amusselN/sink, which become the same packets.
@@ -157,7 +157,7 @@ class FleetRadio:
         return answer
 
 
-class MissionRadio:
+class MissionRelay:
     """The mission's end: hears aMussels, by their packets or by the topics of a fleet that has none, and speaks to them.
 
     One that sends packets is not listened to on its topics. Topics say no state: an aMussel of whom only they are heard is

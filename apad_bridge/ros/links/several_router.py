@@ -16,8 +16,8 @@ import rospy
 
 from agents.mussel.stimuli import from_wire, to_wire
 from agents.packet_medium import Medium
+from apad_bridge.mission.allocation import Allocation
 from apad_bridge.mission.events import Send, SoundHeard, WifiHeard
-from apad_bridge.mission.share import Share
 from apad_bridge.ros.links.inbox import Inbox
 from apad_bridge.ros.links.packet_router import HEARD, SAID, PacketTopics
 from apad_bridge.ros.system.ros_time import to_ros
@@ -35,14 +35,14 @@ _CONTACT = "contact"
 _QUEUE = 1000
 
 
-class SquadRadio:
+class SeveralRelay:
     """`everybody` are the aMussels of all the aPads, `simulated` says which of its own fleet are so at the moment."""
 
     def __init__(
-        self, everybody: Iterable[int], share: Share, simulated: Callable[[], frozenset[int]]
+        self, everybody: Iterable[int], allocation: Allocation, simulated: Callable[[], frozenset[int]]
     ) -> None:
         ids = list(everybody)
-        self._share = share
+        self._share = allocation
         self._simulated = simulated
         self._fleets_end = PacketTopics(HEARD, SAID, ids)
         self._missions_end = PacketTopics(SAID, HEARD, ids)
@@ -56,32 +56,34 @@ class SquadRadio:
         return self._dropped + self._fleets_end.dropped + self._missions_end.dropped + self._felt.dropped
 
     def advance(self, now_ms: int) -> list[Came]:
-        share, simulated, came = self._share, self._simulated(), list[Came]()
+        allocation, simulated, came = self._share, self._simulated(), list[Came]()
         for agent_id, medium, data in self._missions_end.take():
-            if agent_id in share.own & simulated:
-                if agent_id not in share.given:  # of the given ones it is our own word that comes back
+            if agent_id in allocation.own & simulated:
+                if (
+                    agent_id not in allocation.served_elsewhere
+                ):  # of the given ones it is our own word that comes back
                     self._dropped["a packet of a real aMussel whose id is simulated here"] += 1
-            elif agent_id in share.served:
+            elif agent_id in allocation.served:
                 came.append(WifiHeard(now_ms, data) if medium is Medium.WIFI else SoundHeard(now_ms, data))
         came += [
             Send(medium, agent_id, data)
             for agent_id, medium, data in self._fleets_end.take()
-            if agent_id in share.given
+            if agent_id in allocation.served_elsewhere
         ]
         for agent_id, data in self._felt.take():
-            if agent_id in share.own:
+            if agent_id in allocation.own:
                 came += self._made_out(agent_id, data)
         return came
 
     def transmit(self, medium: Medium, agent_id: int, data: bytes, now_ms: int) -> None:
-        if agent_id in self._share.given:
+        if agent_id in self._share.served_elsewhere:
             self._fleets_end.transmit(medium, agent_id, data, now_ms)
 
     def said(self, send: Send, now_ms: int) -> None:
         if send.agent_id not in self._simulated():
             self._missions_end.transmit(send.medium, send.agent_id, send.data, now_ms)
 
-    def tell_guest(self, felt: Felt, now_ms: int) -> None:
+    def tell_served_elsewhere(self, felt: Felt, now_ms: int) -> None:
         data = json.dumps(to_wire(felt.stimulus)).encode()
         message = Packet(mission_time_ms=now_ms, agent=felt.agent_id, medium=_CONTACT, data=data)
         message.header.stamp = to_ros(now_ms)

@@ -79,8 +79,8 @@ class Sharing:
         return sorted(
             (
                 Move(agent_id, owners[agent_id], it.name)
-                for it, share in zip(up, planned, strict=True)
-                for agent_id in share
+                for it, allocation in zip(up, planned, strict=True)
+                for agent_id in allocation
                 if owners[agent_id] != it.name
             ),
             key=lambda move: move.agent_id,
@@ -113,7 +113,7 @@ def seen_of(name: str, start_m: tuple[float, float], supervisor: Supervisor) -> 
     state, pose = supervisor.mission.state, supervisor.pose
     is_down = state.phase is Phase.STANDS_DOWN
     busy = {step.agent_id for step in state.plan.steps} | set(dict(state.docked).values())
-    served = [it for it in supervisor.share.all() if not _is_lost(it)]
+    served = [it for it in supervisor.allocation.all() if not _is_lost(it)]
     return Seen(
         name,
         is_down,

@@ -40,11 +40,11 @@ class Exchange:
     def __init__(self, own: Mapping[str, Iterable[int]]) -> None:
         self.home = {agent_id: name for name, ids in own.items() for agent_id in ids}
         self.server = dict(self.home)
-        self.ethers = {name: MemberEther(name, self) for name in own}
+        self.ethers = {name: MemberRelay(name, self) for name in own}
 
 
-class MemberEther:
-    """One flight's end: an Ether, and what lets guests feel. What comes is handled at this flight's next tick."""
+class MemberRelay:
+    """One flight's end: an PacketRelay, and what lets guests feel. What comes is handled at this flight's next tick."""
 
     def __init__(self, name: str, exchange: Exchange) -> None:
         self._name = name
@@ -90,7 +90,7 @@ class Flown:
     recorder: Recorder
 
 
-class Formation:
+class LockstepRunner:
     """Without a `sharing` each serves its own to the end."""
 
     def __init__(self, flown: Mapping[str, Flown], exchange: Exchange, sharing: Sharing | None) -> None:
@@ -156,15 +156,15 @@ def fly_in_step(
             flying.journal_start(recorder, scenario, member.starts)
             fleet = flying.open_fleet(scenario, member.starts, directory.path / FOLDER)
             stack.callback(fleet.host.close)
-            surroundings = replace(
+            context = replace(
                 flying.in_process(scenario, fleet),
-                ether=exchange.ethers[name],
-                tell_guest=exchange.ethers[name].felt,
+                relay=exchange.ethers[name],
+                tell_served_elsewhere=exchange.ethers[name].felt,
                 breakdown=Breakdown(rules.failed_go_tos),
             )
-            prepared[name] = flying.prepare(scenario, surroundings, recorder, shown_as(name))
+            prepared[name] = flying.prepare(scenario, context, recorder, shown_as(name))
             flown[name] = Flown(scenario.apad.start_m, prepared[name].flight, recorder)
-        formation = Formation(flown, exchange, Sharing(served) if rules.transfers else None)
+        formation = LockstepRunner(flown, exchange, Sharing(served) if rules.transfers else None)
         with flying.stopped_by_signals(*(it.flight for it in flown.values())):
             formation.run()
         return {name: it.finish() for name, it in prepared.items()}, formation.moved

@@ -12,23 +12,23 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from apad_bridge.mission.allocation import Allocation
 from apad_bridge.mission.breakdown import Breakdown
 from apad_bridge.mission.events import StandDownAsked
-from apad_bridge.mission.share import Share
 from apad_bridge.records.journal import JournalContents
-from apad_bridge.runs.resuming import Begun
+from apad_bridge.runs.resuming import StartState
 from apad_bridge.runs.several.assignment import Seen, seen_of
 from apad_bridge.runs.several.lockstep import LOOK_MS
 from apad_bridge.runs.several.protocol import NAME, Handed, Orders, seen_data
 from apad_bridge.scenario.run_options import RunOptions
 from apad_bridge.scenario.schema import DockingProfile, Scenario
-from apad_bridge.supervisor.context import Surroundings, Watcher
+from apad_bridge.supervisor.context import FlightContext, Watcher
 from apad_bridge.supervisor.core import Supervisor
 
 Event = tuple[str, dict[str, Any]]
 
 
-class Seat:
+class MemberLink:
     def __init__(
         self,
         run_dir: Path,
@@ -56,7 +56,7 @@ class Seat:
                 self._obey(orders, supervisor, now_ms)
             self._take_awaited(supervisor, now_ms)
             if orders is not None or now_ms % LOOK_MS == 0:
-                self._tell("seen", seen_data(self._seen(supervisor), supervisor.share))
+                self._tell("seen", seen_data(self._seen(supervisor), supervisor.allocation))
 
         return watch
 
@@ -81,10 +81,10 @@ class Seat:
         if orders.stands_down is not None and not self._stood_down:
             self._stood_down = True
             supervisor.receive(StandDownAsked(now_ms, orders.stands_down))
-        share = supervisor.share
+        allocation = supervisor.allocation
         movable = self._seen(supervisor).movable
         gave, kept = [], []
-        for agent_id in sorted(share.served - orders.serves.keys()):
+        for agent_id in sorted(allocation.served - orders.serves.keys()):
             if agent_id not in movable:
                 kept.append(agent_id)
                 continue
@@ -94,7 +94,7 @@ class Seat:
             )
             supervisor.hand_on(agent_id)
             self._events.append(("handed_on", {"id": agent_id}))
-        self._awaited = {it: handed for it, handed in orders.serves.items() if it not in share.served}
+        self._awaited = {it: handed for it, handed in orders.serves.items() if it not in allocation.served}
         if gave:
             self._tell("gave", gave)
         if kept:
@@ -121,45 +121,49 @@ class Seat:
 
 
 @dataclass(frozen=True, slots=True)
-class Seated:
+class MemberParts:
     """What one of several aPads' supervisors has beside its own: a seat, and whom it serves."""
 
-    seat: Seat
-    share: Share
+    link: MemberLink
+    allocation: Allocation
     failed_go_tos: int
 
-    def around(self, surroundings: Surroundings) -> Surroundings:
+    def around(self, context: FlightContext) -> FlightContext:
         """The same with the seat in them."""
-        watchers, noticed = surroundings.watchers, surroundings.noticed
+        watchers, noticed = context.watchers, context.noticed
         return replace(
-            surroundings,
-            watchers=lambda supervisor: (self.seat.watcher(supervisor), *watchers(supervisor)),
-            noticed=lambda now_ms: [*self.seat.noticed(now_ms), *noticed(now_ms)],
+            context,
+            watchers=lambda supervisor: (self.link.watcher(supervisor), *watchers(supervisor)),
+            noticed=lambda now_ms: [*self.link.noticed(now_ms), *noticed(now_ms)],
             breakdown=Breakdown(self.failed_go_tos),
         )
 
 
-def seat_of(
-    scenario: Scenario, options: RunOptions, run_dir: Path, begun: Begun, say: Callable[[str], None]
-) -> Seated | None:
+def member_parts(
+    scenario: Scenario,
+    options: RunOptions,
+    run_dir: Path,
+    start_state: StartState,
+    say: Callable[[str], None],
+) -> MemberParts | None:
     """None for one that is alone."""
-    if not options.in_squad:
+    if not options.is_one_of_several:
         return None
-    share = Share(begun.beliefs, scenario.fleet.ids)
-    share_again(share, begun.journal)
-    for agent_id in share.guests:
-        begun.beliefs.admit(agent_id, None)
+    allocation = Allocation(start_state.beliefs, scenario.fleet.ids)
+    share_again(allocation, start_state.journal)
+    for agent_id in allocation.served_for_others:
+        start_state.beliefs.admit(agent_id, None)
     apad, profile_of = scenario.apad, scenario.mission.docking.profile_of
     # What a camera would see of them is known beside their fleet alone.
     stays = frozenset(it for it in scenario.fleet.ids if profile_of(it) is DockingProfile.CAMERA)
-    seat = Seat(run_dir, apad.name, apad.start_m, say, stays)
-    return Seated(seat, share, scenario.sharing.failed_go_tos)
+    link = MemberLink(run_dir, apad.name, apad.start_m, say, stays)
+    return MemberParts(link, allocation, scenario.sharing.failed_go_tos)
 
 
-def share_again(share: Share, journal: JournalContents) -> None:
+def share_again(allocation: Allocation, journal: JournalContents) -> None:
     """Whom a former supervisor of the run served, according to its journal."""
     for line in journal.lines:
         if line["kind"] == "took_on":
-            share.take(line["id"])
+            allocation.take(line["id"])
         elif line["kind"] == "handed_on":
-            share.give(line["id"])
+            allocation.give(line["id"])

@@ -24,7 +24,7 @@ from apad_bridge.ros.system.route import environment_for, somebodys_master
 from apad_bridge.runs.children import Child
 from apad_bridge.runs.parent import Interrupts
 from apad_bridge.runs.progress import Shows
-from apad_bridge.runs.several.reassignment import Dispatch
+from apad_bridge.runs.several.reassignment import Reassigner
 from apad_bridge.runs.several.summary import together
 from apad_bridge.runs.status import Status
 from apad_bridge.scenario.another_apad import Sharing as Rules
@@ -49,7 +49,9 @@ def fly_side_by_side(
     """
     folders = {member.name: directory_of(member, whole).path for member in members}
     takes_over = rules.transfers and not options.without_mission
-    dispatch = Dispatch({it.name: it.scenario.fleet.ids for it in members}, folders) if takes_over else None
+    reassigner = (
+        Reassigner({it.name: it.scenario.fleet.ids for it in members}, folders) if takes_over else None
+    )
     with ExitStack() as stack:
         uri, time_source, nodes = _open_ros(stack, members, options, whole)
         children: dict[str, Child] = {}
@@ -62,7 +64,7 @@ def fly_side_by_side(
                 time=time_source,
                 speed=1.0,
                 open_modems=opened,
-                in_squad=takes_over,
+                is_one_of_several=takes_over,
             )
             on_master.on_master(uri).save(directory.path)
             child = Child(
@@ -74,8 +76,8 @@ def fly_side_by_side(
             )
             stack.callback(child.end, 1.0)
             children[member.name] = child
-        summaries, failures = Watch(children, nodes, progress, dispatch).until_all_ended()
-    return summaries, failures, 0 if dispatch is None else len(dispatch.handed_on)
+        summaries, failures = Watch(children, nodes, progress, reassigner).until_all_ended()
+    return summaries, failures, 0 if reassigner is None else len(reassigner.handed_on)
 
 
 def _open_ros(
@@ -115,10 +117,10 @@ class Watch:
         children: Mapping[str, Child],
         nodes: Mapping[str, subprocess.Popen[bytes]],
         progress: Shows,
-        dispatch: Dispatch | None = None,
+        reassigner: Reassigner | None = None,
     ) -> None:
-        """With a `dispatch` the aMussels of one that fails are served by the others."""
-        self._dispatch = dispatch
+        """With a `reassigner` the aMussels of one that fails are served by the others."""
+        self._reassigner = reassigner
         self._broken: dict[str, str] = {}
         """Whose aPad is no more, and why, while its run goes on."""
         self._children = children
@@ -169,20 +171,20 @@ class Watch:
                 continue
             why = f"the simulated aPad's node ended with status {status}"
             self._progress.say(f"{name}: {why}")
-            if self._dispatch is None:
+            if self._reassigner is None:
                 self._failures[name] = why
                 self._children[name].ask_to_end()
                 continue
             self._broken[name] = why
-            self._dispatch.stand_down(name, why)
+            self._reassigner.stand_down(name, why)
             if self._broken.keys() >= self._nodes.keys():
                 for child in self._children.values():
                     child.ask_to_end()
 
     def _lost(self, name: str) -> None:
         """Its run says no more."""
-        if self._dispatch is not None and name not in self._summaries:
-            self._dispatch.gone(name)
+        if self._reassigner is not None and name not in self._summaries:
+            self._reassigner.gone(name)
 
     def _read(self, name: str) -> bool:
         """False at the end of its words."""
@@ -205,8 +207,8 @@ class Watch:
                 self._failures[name] = said["failed"]
             if "broken" in said.get("squad", ()):
                 self._broken[name] = said["squad"]["broken"]
-            if "squad" in said and self._dispatch is not None:
-                self._dispatch.hear(name, said["squad"])
+            if "squad" in said and self._reassigner is not None:
+                self._reassigner.hear(name, said["squad"])
             if "said" in said:
                 self._progress.say(f"{name}: {said['said']}")
         else:

@@ -11,7 +11,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from apad_bridge.mission.share import Share
+from apad_bridge.mission.allocation import Allocation
 from apad_bridge.runs.several.assignment import Seen
 from apad_bridge.scenario.loader import write_atomically
 
@@ -51,8 +51,8 @@ class Orders:
         )
 
 
-def seen_data(seen: Seen, share: Share) -> dict[str, Any]:
-    return {**asdict(seen), "movable": sorted(seen.movable), "served": sorted(share.served)}
+def seen_data(seen: Seen, allocation: Allocation) -> dict[str, Any]:
+    return {**asdict(seen), "movable": sorted(seen.movable), "served": sorted(allocation.served)}
 
 
 def seen_from(data: dict[str, Any]) -> tuple[Seen, frozenset[int]]:

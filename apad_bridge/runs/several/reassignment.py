@@ -15,7 +15,7 @@ from apad_bridge.runs.several.assignment import Move, Seen, Sharing
 from apad_bridge.runs.several.protocol import Handed, Orders, seen_from
 
 
-class Dispatch:
+class Reassigner:
     """`homes` are the aMussels simulated beside each aPad, `folders` the runs' directories."""
 
     def __init__(self, homes: Mapping[str, Iterable[int]], folders: Mapping[str, Path]) -> None:
@@ -63,8 +63,8 @@ class Dispatch:
             elif move.giver == name:
                 self._given(agent_id, Handed())
         if (seen := self._seen.get(name)) is not None:
-            guests = self._sharing.shares[name] - self._homes[name]
-            places_m = {it: at for it, at in seen.places_m.items() if it in guests}
+            served_for_others = self._sharing.shares[name] - self._homes[name]
+            places_m = {it: at for it, at in seen.places_m.items() if it in served_for_others}
             self._seen[name] = Seen(name, True, seen.place_m, places_m, frozenset(places_m))
         self._look()
         self._write()

@@ -11,7 +11,7 @@ from apad_bridge.mission.breakdown import Breakdown
 from apad_bridge.records.summary import uptime_figures
 from apad_bridge.runs.in_memory import MemoryRecorder, open_flight
 from apad_bridge.runs.several.assignment import Sharing
-from apad_bridge.runs.several.lockstep import Exchange, Flown, Formation
+from apad_bridge.runs.several.lockstep import Exchange, Flown, LockstepRunner
 from apad_bridge.scenario.another_apad import Sharing as Rules
 
 
@@ -19,7 +19,7 @@ from apad_bridge.scenario.another_apad import Sharing as Rules
 class Opened:
     """A formation that is ready to `run`, and each one's records."""
 
-    formation: Formation
+    formation: LockstepRunner
     sharing: Sharing
     recorders: dict[str, MemoryRecorder]
     flown: dict[str, Flown]
@@ -34,15 +34,18 @@ class Opened:
         return found
 
 
-def open_formation(members: Sequence[Member], rules: Rules) -> Opened:
+def open_lockstep(members: Sequence[Member], rules: Rules) -> Opened:
     served = {member.name: member.scenario.fleet.ids for member in members}
     exchange, sharing = Exchange(served), Sharing(served)
     recorders, flown = {}, {}
     for member in members:
-        ether = exchange.ethers[member.name]
+        relay = exchange.ethers[member.name]
         flight, recorders[member.name] = open_flight(
-            member.scenario, ether=ether, tell_guest=ether.felt, breakdown=Breakdown(rules.failed_go_tos)
+            member.scenario,
+            relay=relay,
+            tell_served_elsewhere=relay.felt,
+            breakdown=Breakdown(rules.failed_go_tos),
         )
         flown[member.name] = Flown(member.scenario.apad.start_m, flight, recorders[member.name])
-    formation = Formation(flown, exchange, sharing if rules.transfers else None)
+    formation = LockstepRunner(flown, exchange, sharing if rules.transfers else None)
     return Opened(formation, sharing, recorders, flown)

@@ -75,7 +75,7 @@ class Condition:
 
 
 @frozen
-class Ear:
+class Subscription:
     what: What
     topic: Topic
     id: NumberOf | None = None
@@ -107,7 +107,7 @@ class Ear:
 
 
 @frozen
-class Mouth:
+class Publication:
     what: What
     topic: Topic
     type: TypeName
@@ -122,8 +122,8 @@ class Mouth:
 
 @frozen
 class Names:
-    hear: tuple[Ear, ...] = ()
-    tell: tuple[Mouth, ...] = ()
+    hear: tuple[Subscription, ...] = ()
+    tell: tuple[Publication, ...] = ()
 
 
 _NAMES = TypeAdapter(Names)

@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from agents.fleet import resting_on_bottom
-from agents.hosting.agent_process import Servant
+from agents.hosting.agent_process import WindowHandler
 from agents.hosting.host import Grant, Reply
 from agents.hosting.link_protocol import (
     LIMIT_BYTES,
@@ -31,7 +31,7 @@ from agents.mussel.agent import Agent
 from agents.mussel.outputs import Dropped, Output, SoundSent, WifiSent
 from agents.mussel.stimuli import ContactClosed, ContactOpened, DockMoved, SoundArrived, WifiArrived
 from agents.mussel.truths import decode as decode_telling
-from agents.nursery.state_file import SlotPair
+from agents.nursery.state_file import RecordPair
 from firmware_model.packets.codec import MusselbedCodec
 from firmware_model.stimuli import ResetCause
 
@@ -113,21 +113,21 @@ def test_a_window_too_large_for_the_link_is_the_granters_mistake() -> None:
 
 
 @pytest.fixture
-def served() -> Iterator[tuple[Servant, socket.socket, SlotPair]]:
+def served() -> Iterator[tuple[WindowHandler, socket.socket, RecordPair]]:
     """An agent behind its link, the end of its truth socket, and its slots."""
     slots = os.memfd_create("slots")
-    pair = SlotPair(slots, 0, 7)
+    pair = RecordPair(slots, 0, 7)
     physical = resting_on_bottom(1.0, 2.0, 3.0, 0.5, 1.0)
-    pair.birth(physical)
+    pair.initial_state(physical)
     hearer, teller = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     agent = Agent(FLEET.maker().config(7), MusselbedCodec(), physical, 0, ResetCause.POWER_ON)
     with hearer, teller:
-        yield Servant(agent, pair, teller, NEVER, 0), hearer, pair
+        yield WindowHandler(agent, pair, teller, NEVER, 0), hearer, pair
     os.close(slots)
 
 
 def test_the_same_question_gets_the_same_answer_and_happens_once(
-    served: tuple[Servant, socket.socket, SlotPair],
+    served: tuple[WindowHandler, socket.socket, RecordPair],
 ) -> None:
     servant, hearer, pair = served
     window = Window((1, 1), Grant(40_000)).encode()
@@ -145,7 +145,7 @@ def test_the_same_question_gets_the_same_answer_and_happens_once(
 
 
 def test_an_old_epoch_is_fenced_off_and_moves_nothing(
-    served: tuple[Servant, socket.socket, SlotPair],
+    served: tuple[WindowHandler, socket.socket, RecordPair],
 ) -> None:
     servant, _, pair = served
     servant.take(Window((1, 5), Grant(10_000)).encode())
@@ -157,7 +157,7 @@ def test_an_old_epoch_is_fenced_off_and_moves_nothing(
 
 
 def test_repeat_says_the_last_window_again_and_the_present_truth(
-    served: tuple[Servant, socket.socket, SlotPair],
+    served: tuple[WindowHandler, socket.socket, RecordPair],
 ) -> None:
     servant, hearer, _ = served
     last = decode_from_agent(servant.take(Window((1, 5), Grant(40_000)).encode())[0])
@@ -183,7 +183,7 @@ def test_repeat_says_the_last_window_again_and_the_present_truth(
     ],
 )
 def test_a_bad_message_is_refused_and_the_next_good_one_works(
-    served: tuple[Servant, socket.socket, SlotPair], data: bytes, reason: str
+    served: tuple[WindowHandler, socket.socket, RecordPair], data: bytes, reason: str
 ) -> None:
     servant, _, _ = served
     servant.take(Window((1, 1), Grant(10_000)).encode())

@@ -13,7 +13,7 @@ from agents.mussel.outputs import Dropped, Output, SoundSent, WifiSent
 from agents.mussel.reporter import Modem
 from agents.mussel.stimuli import ContactClosed, SoundArrived, WifiArrived
 from agents.water.patches import Waters
-from firmware_model.config import LastResort, Whole
+from firmware_model.config import FullFirmware, LastResort
 from firmware_model.packets import (
     AcousticStatus,
     CommandPacket,
@@ -40,7 +40,7 @@ FLEET = replace(
     theta=1,
     charge=MODEL,
     report_period_ms=60_000,
-    whole=Whole(power(LastResort.CALL), CYCLE, transmit_ms=1000, call_ms=600_000, hover_ms=600_000),
+    whole=FullFirmware(power(LastResort.CALL), CYCLE, transmit_ms=1000, call_ms=600_000, hover_ms=600_000),
     first_id=7,
     oxygen_mg_l=Waters(((0, 6.0),)),
     temperature_c=Waters(((0, 25.0),)),

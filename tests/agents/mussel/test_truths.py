@@ -41,7 +41,7 @@ def test_a_hearer_keeps_answered_windows_and_counts_garbage() -> None:
     dropped: Counter[str] = Counter()
     hearing, telling = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     with hearing, telling:
-        hearer = truths.Hearer(hearing, dropped)
+        hearer = truths.TruthReceiver(hearing, dropped)
         for data in (
             b"no truth",
             b"",

@@ -19,7 +19,7 @@ MESSAGES: list[protocol.Message] = [
     protocol.Kill(2, 7),
     protocol.End(),
     protocol.Welcome(4711, 2),
-    protocol.Roll(((7, 0, 1, 2, 30_000),)),
+    protocol.ChildList(((7, 0, 1, 2, 30_000),)),
     protocol.Started(1, ((7, 4712),)),
     protocol.Killed(2, 7),
     protocol.Ended(),

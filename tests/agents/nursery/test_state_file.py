@@ -10,7 +10,7 @@ import pytest
 from agents.fleet import resting_on_bottom
 from agents.hosting.link_protocol import NEVER
 from agents.mussel.physical import Physical
-from agents.nursery.state_file import SLOT_BYTES, Slot, SlotPair
+from agents.nursery.state_file import SLOT_BYTES, Record, RecordPair
 
 
 def place(north_m: float) -> Physical:
@@ -25,47 +25,47 @@ def file() -> Iterator[int]:
 
 
 def test_an_unanswered_windows_slot_does_not_count(file: int) -> None:
-    pair = SlotPair(file, 1, 7)
-    pair.birth(place(0))
+    pair = RecordPair(file, 1, 7)
+    pair.initial_state(place(0))
     pair.write((1, 1), 10, place(1))
     pair.write((1, 2), 20, place(2))
-    again = SlotPair(file, 1, 7)
-    assert again.newest((1, 1)) == Slot((1, 1), 10, place(1))
-    assert again.newest((1, 2)) == Slot((1, 2), 20, place(2))
-    assert again.newest(None) == Slot((1, 2), 20, place(2))
+    again = RecordPair(file, 1, 7)
+    assert again.newest((1, 1)) == Record((1, 1), 10, place(1))
+    assert again.newest((1, 2)) == Record((1, 2), 20, place(2))
+    assert again.newest(None) == Record((1, 2), 20, place(2))
 
 
 def test_a_restarted_agent_overwrites_what_did_not_count(file: int) -> None:
-    pair = SlotPair(file, 0, 7)
-    pair.birth(place(0))
+    pair = RecordPair(file, 0, 7)
+    pair.initial_state(place(0))
     pair.write((1, 1), 10, place(1))
     pair.write((1, 2), 20, place(2))
-    again = SlotPair(file, 0, 7)
+    again = RecordPair(file, 0, 7)
     again.newest((1, 1))
     again.write((1, 3), 15, place(3))
-    assert SlotPair(file, 0, 7).newest((1, 2)) == Slot((1, 1), 10, place(1))
-    assert SlotPair(file, 0, 7).newest(None) == Slot((1, 3), 15, place(3))
+    assert RecordPair(file, 0, 7).newest((1, 2)) == Record((1, 1), 10, place(1))
+    assert RecordPair(file, 0, 7).newest(None) == Record((1, 3), 15, place(3))
 
 
 @pytest.mark.parametrize("torn_at", [0, 5, 40, 90])
 def test_a_torn_slot_gives_way_to_the_other(file: int, torn_at: int) -> None:
-    pair = SlotPair(file, 0, 7)
-    pair.birth(place(0))
+    pair = RecordPair(file, 0, 7)
+    pair.initial_state(place(0))
     pair.write((1, 1), 10, place(1))
     byte = os.pread(file, 1, SLOT_BYTES + torn_at)[0]
     os.pwrite(file, bytes([byte ^ 0x40]), SLOT_BYTES + torn_at)
-    assert SlotPair(file, 0, 7).newest(None) == Slot(NEVER, 0, place(0))
+    assert RecordPair(file, 0, 7).newest(None) == Record(NEVER, 0, place(0))
 
 
 def test_another_agents_slot_or_none_is_no_slot(file: int) -> None:
-    SlotPair(file, 0, 7).birth(place(0))
-    assert SlotPair(file, 0, 8).newest(None) is None
-    assert SlotPair(file, 5, 7).newest(None) is None
+    RecordPair(file, 0, 7).initial_state(place(0))
+    assert RecordPair(file, 0, 8).newest(None) is None
+    assert RecordPair(file, 5, 7).newest(None) is None
 
 
 def test_the_higher_epoch_is_the_newer_one(file: int) -> None:
-    pair = SlotPair(file, 0, 7)
-    pair.birth(place(0))
+    pair = RecordPair(file, 0, 7)
+    pair.initial_state(place(0))
     pair.write((1, 900), 10, place(1))
     pair.write((2, 1), 20, place(2))
-    assert SlotPair(file, 0, 7).newest(None) == Slot((2, 1), 20, place(2))
+    assert RecordPair(file, 0, 7).newest(None) == Record((2, 1), 20, place(2))

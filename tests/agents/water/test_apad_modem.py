@@ -3,14 +3,14 @@
 import pytest
 
 from agents.modem.frames import Frame, FrameKind
-from agents.water.apad_modem import KeelModem, Send, Unanswered
+from agents.water.apad_modem import APadModem, Send, Unanswered
 
 WORDS = Frame(FrameKind.UNICAST, 255, 3, bytes(16))
 PING = Frame(FrameKind.PING, 255, 3)
 
 
 def test_it_sends_one_after_the_other() -> None:
-    keel = KeelModem()
+    keel = APadModem()
     assert keel.next_due_ms is None
     assert keel.ask(3, WORDS) and keel.ask(4, WORDS)
     assert keel.advance(1000) == [Send(0, 3, WORDS), Send(505, 4, WORDS)]
@@ -20,14 +20,14 @@ def test_it_sends_one_after_the_other() -> None:
 
 
 def test_asked_late_it_sends_at_once() -> None:
-    keel = KeelModem()
+    keel = APadModem()
     keel.advance(700)
     keel.ask(3, WORDS)
     assert keel.advance(700) == [Send(700, 3, WORDS)]
 
 
 def test_nothing_is_sent_while_an_answer_is_awaited() -> None:
-    keel = KeelModem()
+    keel = APadModem()
     keel.ask(3, PING)
     keel.ask(4, WORDS)
     assert keel.advance(1000) == [Send(0, 3, PING)]
@@ -37,7 +37,7 @@ def test_nothing_is_sent_while_an_answer_is_awaited() -> None:
 
 
 def test_an_answer_that_does_not_come_is_given_up_after_four_seconds() -> None:
-    keel = KeelModem()
+    keel = APadModem()
     keel.ask(3, PING)
     keel.ask(4, WORDS)
     assert keel.advance(9000) == [Send(0, 3, PING), Unanswered(4105, 3), Send(4105, 4, WORDS)]
@@ -45,7 +45,7 @@ def test_an_answer_that_does_not_come_is_given_up_after_four_seconds() -> None:
 
 
 def test_it_takes_only_so_much() -> None:
-    keel = KeelModem()
+    keel = APadModem()
     assert [keel.ask(3, WORDS) for _ in range(257)] == [*[True] * 256, False]
     with pytest.raises(ValueError, match="time went back"):
         keel.advance(-1)

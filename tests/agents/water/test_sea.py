@@ -11,7 +11,7 @@ from seas import FLEET, SEA
 
 from agents.coordinator import Coordinator, Died, Heard
 from agents.fleet import FleetConfig, resting_on_bottom
-from agents.hosting.in_process import OneProcess
+from agents.hosting.in_process import InProcessHost
 from agents.mussel.outputs import Truth
 from agents.mussel.stimuli import ContactClosed, SoundArrived
 from agents.water.medium import Outcome, PacketEnded
@@ -33,11 +33,11 @@ class Bench:
     """aMussels 1, 2, ... on the bottom at these metres to the north; the aPad's modem as deep, at 0."""
 
     def __init__(self, *norths_m: float, sea: SeaConfig = SEA, fleet: FleetConfig = FLEET) -> None:
-        births = {
+        initial_states = {
             n: resting_on_bottom(metres, 0, 3.0, 0.9, 1.0) for n, metres in enumerate(norths_m, start=1)
         }
-        self.host = OneProcess(fleet, births)
-        self.coordinator = Coordinator(self.host, dict.fromkeys(births, 0), fleet.theta)
+        self.host = InProcessHost(fleet, initial_states)
+        self.coordinator = Coordinator(self.host, dict.fromkeys(initial_states, 0), fleet.theta)
         self.sea = Sea(sea, self.coordinator, self.host)
         self.sea.carry_apad(0.0, 0.0, 0)
         self.came: list[SeaResult] = []

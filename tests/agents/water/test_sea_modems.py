@@ -9,7 +9,7 @@ from seas import FLEET, SEA
 
 from agents.coordinator import Coordinator
 from agents.fleet import FleetConfig, resting_on_bottom
-from agents.hosting.in_process import OneProcess
+from agents.hosting.in_process import InProcessHost
 from agents.modem.frames import Generation
 from agents.mussel.reporter import Modem
 from agents.mussel.stimuli import ModemSent, PingArrived, SoundArrived
@@ -26,9 +26,11 @@ class Bench:
     """aMussels 1, 2 and 3 at 150, 300 and 450 m north of the aPad, all as deep."""
 
     def __init__(self, *opened: int, fleet: FleetConfig = FLEET, sea: SeaConfig = SEA) -> None:
-        births = {n: resting_on_bottom(150.0 * n, 0, 3.0, 0.9, 1.0) for n in (1, 2, 3)}
-        host = OneProcess(fleet, births)
-        self.sea = Sea(sea, Coordinator(host, dict.fromkeys(births, 0), fleet.theta), host, opened=opened)
+        initial_states = {n: resting_on_bottom(150.0 * n, 0, 3.0, 0.9, 1.0) for n in (1, 2, 3)}
+        host = InProcessHost(fleet, initial_states)
+        self.sea = Sea(
+            sea, Coordinator(host, dict.fromkeys(initial_states, 0), fleet.theta), host, opened=opened
+        )
         self.sea.carry_apad(0.0, 0.0, 0)
         self.now_ms = 0
         self.came: list[SeaResult] = []

@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from apad_bridge.acoustics.locator import Locator, LocatorConfig
-from apad_bridge.acoustics.ranging import Ears
-from apad_bridge.acoustics.schedule import Talk, TalkConfig
+from apad_bridge.acoustics.ranging import RangingService
+from apad_bridge.acoustics.schedule import AcousticScheduler, ScheduleConfig
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.hold_last import HoldLast
 from apad_bridge.mission.events import RangeHeard
@@ -33,9 +33,9 @@ class Always:
         return float(belief.agent_id)
 
 
-def ears() -> Ears:
+def ranging() -> RangingService:
     slots = Slots(frame_ms=60_000, slot_ms=2000, guard_ms=100)
-    config = TalkConfig(
+    config = ScheduleConfig(
         2,
         1500.0,
         100,
@@ -46,7 +46,15 @@ def ears() -> Ears:
         ping_period_ms=30_000,
     )
     locator = Locator(LocatorConfig(0.2, 10.0, 600.0, 5.0))
-    return Ears(Talk(config, MusselbedCodec(), slots, IDS), locator, KEEL_M, 10.0, 0.2, Always(), Always())
+    return RangingService(
+        AcousticScheduler(config, MusselbedCodec(), slots, IDS),
+        locator,
+        KEEL_M,
+        10.0,
+        0.2,
+        Always(),
+        Always(),
+    )
 
 
 def beliefs() -> HoldLast:
@@ -67,7 +75,7 @@ TICKS = st.lists(
 )
 
 
-def tick(it: Ears, known: HoldLast, now_ms: int, agent_id: int, what: object) -> list[object]:
+def tick(it: RangingService, known: HoldLast, now_ms: int, agent_id: int, what: object) -> list[object]:
     said: list[object] = []
     if what == "moved":
         it.moved(agent_id, now_ms)
@@ -83,7 +91,7 @@ def tick(it: Ears, known: HoldLast, now_ms: int, agent_id: int, what: object) ->
 def test_a_checkpoint_and_the_news_since_are_all_that_was_learned(
     ticks: list[tuple[int, int, object]], checkpoint_after: int
 ) -> None:
-    killed, known = ears(), beliefs()
+    killed, known = ranging(), beliefs()
     checkpoint, news, now_ms = json.dumps(killed.kept()), list[str](), 0
     for n, (after_ms, agent_id, what) in enumerate(ticks):
         now_ms += after_ms
@@ -93,7 +101,7 @@ def test_a_checkpoint_and_the_news_since_are_all_that_was_learned(
         elif (came := killed.news()) is not None:
             news.append(json.dumps(came))
 
-    resumed = ears()
+    resumed = ranging()
     resumed.restore(json.loads(checkpoint))
     for line in news:
         resumed.take_news(json.loads(line))
@@ -107,7 +115,7 @@ def test_a_checkpoint_and_the_news_since_are_all_that_was_learned(
 
 
 def test_who_has_learned_nothing_new_tells_nothing() -> None:
-    it = ears()
+    it = ranging()
     assert it.news() is None
     it.advance(beliefs().all(), 0)
     assert it.news() is not None

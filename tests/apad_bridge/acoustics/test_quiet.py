@@ -3,9 +3,9 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from apad_bridge.acoustics.schedule import ALWAYS, Quiet
+from apad_bridge.acoustics.schedule import ALWAYS, TdmaWindow
 
-FRAME = Quiet(300_000, 60_000)
+FRAME = TdmaWindow(300_000, 60_000)
 
 
 def test_by_hand() -> None:
@@ -18,7 +18,7 @@ def test_by_hand() -> None:
 
 
 def test_where_there_is_no_choice_it_is_now() -> None:
-    assert Quiet(300_000, 300_000).first_ms(7, 500) == 7
+    assert TdmaWindow(300_000, 300_000).first_ms(7, 500) == 7
     assert ALWAYS.first_ms(7, 500) == 7
     assert FRAME.first_ms(7, 999_999) == 60_000
 
@@ -27,7 +27,7 @@ def test_where_there_is_no_choice_it_is_now() -> None:
 def test_it_is_the_first_such_time(frame_ms: int, taken_ms: int, now_ms: int, lasting_ms: int) -> None:
     if taken_ms >= frame_ms or lasting_ms > frame_ms - taken_ms:
         return
-    found = Quiet(frame_ms, taken_ms).first_ms(now_ms, lasting_ms)
+    found = TdmaWindow(frame_ms, taken_ms).first_ms(now_ms, lasting_ms)
     tries = range(now_ms, now_ms + 2 * frame_ms + 1)
     assert found == next(
         at for at in tries if all((at + n) % frame_ms >= taken_ms for n in range(lasting_ms))

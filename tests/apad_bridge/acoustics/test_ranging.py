@@ -7,8 +7,8 @@ from math import dist
 import pytest
 
 from apad_bridge.acoustics.locator import Locator, LocatorConfig
-from apad_bridge.acoustics.ranging import Ears
-from apad_bridge.acoustics.schedule import Talk, TalkConfig
+from apad_bridge.acoustics.ranging import RangingService
+from apad_bridge.acoustics.schedule import AcousticScheduler, ScheduleConfig
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.fleet import FleetBeliefs
 from apad_bridge.beliefs.measurement import Fixed, Heard, Measurement, Ranged
@@ -41,9 +41,11 @@ class Learner:
         return belief
 
 
-def ears(locator: Locator | None) -> Ears:
-    talk = Talk(TalkConfig(1, 1500.0, 100, True, False, 0, 0, 5000), MusselbedCodec(), None, [7])
-    return Ears(talk, locator, KEEL_M, MUSSEL_M[2], deviation_m=0.2)
+def ranging(locator: Locator | None) -> RangingService:
+    talk = AcousticScheduler(
+        ScheduleConfig(1, 1500.0, 100, True, False, 0, 0, 5000), MusselbedCodec(), None, [7]
+    )
+    return RangingService(talk, locator, KEEL_M, MUSSEL_M[2], deviation_m=0.2)
 
 
 def believing(state: State = State.SLEEPING) -> tuple[FleetBeliefs, Learner]:
@@ -53,7 +55,7 @@ def believing(state: State = State.SLEEPING) -> tuple[FleetBeliefs, Learner]:
     return beliefs, learner
 
 
-def taken(heard: Ears, beliefs: FleetBeliefs, n: int) -> list[object]:
+def taken(heard: RangingService, beliefs: FleetBeliefs, n: int) -> list[object]:
     north_m, east_m = WAY[n]
     fact = RangeHeard(1000 * n, 7, dist((north_m, east_m, KEEL_M), MUSSEL_M))
     return [*heard.hear(fact, PoseReported(1000 * n, north_m, east_m, 0.0), beliefs, 1000 * n)]
@@ -61,7 +63,7 @@ def taken(heard: Ears, beliefs: FleetBeliefs, n: int) -> list[object]:
 
 def test_ranges_become_a_place_that_the_beliefs_learn_and_the_journal_keeps() -> None:
     locator = Locator(LocatorConfig(0.2, MUSSEL_M[2], 600.0, 5.0))
-    heard, (beliefs, learner) = ears(locator), believing()
+    heard, (beliefs, learner) = ranging(locator), believing()
     assert taken(heard, beliefs, 0) == [] and taken(heard, beliefs, 1) == []
     # Until there is a fix the beliefs learn the range itself, along the bottom: 50 m from each of the corners.
     assert [type(it) for it in learner.told] == [Ranged, Ranged]
@@ -80,7 +82,7 @@ def test_ranges_become_a_place_that_the_beliefs_learn_and_the_journal_keeps() ->
 
 def test_a_dock_makes_what_was_measured_worthless() -> None:
     locator = Locator(LocatorConfig(0.2, MUSSEL_M[2], 600.0, 5.0))
-    heard, (beliefs, learner) = ears(locator), believing()
+    heard, (beliefs, learner) = ranging(locator), believing()
     taken(heard, beliefs, 0)
     taken(heard, beliefs, 1)
     heard.moved(7, 2000)
@@ -91,17 +93,17 @@ def test_a_dock_makes_what_was_measured_worthless() -> None:
 
 def test_without_an_answer_without_a_place_or_without_localisation_nothing_is_learned() -> None:
     beliefs, learner = believing()
-    heard = ears(Locator(LocatorConfig(0.2, MUSSEL_M[2], 600.0, 5.0)))
+    heard = ranging(Locator(LocatorConfig(0.2, MUSSEL_M[2], 600.0, 5.0)))
     assert heard.hear(RangeHeard(0, 7, None), PoseReported(0, 0.0, 0.0, 0.0), beliefs, 0) == []
     assert heard.hear(RangeHeard(0, 7, 50.0), None, beliefs, 0) == []
-    assert taken(ears(None), beliefs, 0) == []
+    assert taken(ranging(None), beliefs, 0) == []
     assert learner.told == []
 
 
 @pytest.mark.parametrize(("state", "pings"), [(State.SLEEPING, 1), (State.FLOATING, 0), (State.CHARGING, 0)])
 def test_only_who_is_believed_to_hear_is_pinged(state: State, pings: int) -> None:
     beliefs, _ = believing(state)
-    assert len(ears(None).advance(beliefs.all(), 0)) == pings
+    assert len(ranging(None).advance(beliefs.all(), 0)) == pings
 
 
 class Always:
@@ -115,9 +117,11 @@ class Always:
 
 
 def test_one_that_too_little_is_known_of_is_pinged_out_of_turn_and_not_again_before_it_could_answer() -> None:
-    silent = TalkConfig(1, 1500.0, 100, True, False, 0, 0, 0)  # by itself it pings nobody
+    silent = ScheduleConfig(1, 1500.0, 100, True, False, 0, 0, 0)  # by itself it pings nobody
     beliefs, _ = believing()
-    asking = Ears(Talk(silent, MusselbedCodec(), None, [7]), None, KEEL_M, MUSSEL_M[2], 0.2, Always())
+    asking = RangingService(
+        AcousticScheduler(silent, MusselbedCodec(), None, [7]), None, KEEL_M, MUSSEL_M[2], 0.2, Always()
+    )
     said = {now_ms: asking.advance(beliefs.all(), now_ms) for now_ms in range(0, 1_900_000, 10_000)}
     assert all(isinstance(word, Ping) and word.agent_id == 7 for words in said.values() for word in words)
     # Ten minutes of its time, as one that did not answer.
@@ -144,9 +148,9 @@ def modes(mode: Mode, share: float) -> tuple[float, ...]:
 def test_who_is_more_probably_deaf_than_not_is_not_asked(
     state: State, probabilities: tuple[float, ...], asked: bool
 ) -> None:
-    quiet = TalkConfig(1, 1500.0, 100, True, False, 0, 0, 0, answer_ms=893)
-    talk = Talk(quiet, MusselbedCodec(), None, [7])
-    asking = Ears(talk, None, KEEL_M, MUSSEL_M[2], 0.2, None, Always())
+    quiet = ScheduleConfig(1, 1500.0, 100, True, False, 0, 0, 0, answer_ms=893)
+    talk = AcousticScheduler(quiet, MusselbedCodec(), None, [7])
+    asking = RangingService(talk, None, KEEL_M, MUSSEL_M[2], 0.2, None, Always())
     belief = Belief(7, 0, state, 0.5, 1.0, 0.0, 0.0, mode_probabilities=probabilities)
     said = asking.advance([belief], 0)
     assert [it.data for it in said if isinstance(it, Note)] == ([{"id": 7}] if asked else [])

@@ -9,7 +9,7 @@ from agents.packet_medium import Medium
 from agents.water import medium as water_medium
 from agents.water.places import Place
 from agents.water.sound import Sound
-from apad_bridge.acoustics.schedule import Talk, TalkConfig
+from apad_bridge.acoustics.schedule import AcousticScheduler, ScheduleConfig
 from apad_bridge.mission.events import Ping, Send
 from apad_bridge.mission.orders import Note
 from firmware_model.config import Slots
@@ -18,7 +18,7 @@ from firmware_model.packets.codec import MusselbedCodec
 
 CODEC = MusselbedCodec()
 SLOTS = Slots(frame_ms=300_000, slot_ms=5000)
-CONFIG = TalkConfig(
+CONFIG = ScheduleConfig(
     theta=1,
     sound_speed_m_s=1500.0,
     way_ms=100,
@@ -38,7 +38,7 @@ def decoded(action: object) -> object:
 
 def test_it_learns_ways_and_then_says_what_time_it_is() -> None:
     """Three slots of 5 s are taken. A ping may take 105 ms and 4 s of waiting; a beacon of 14 bytes lasts 480 ms."""
-    talk = Talk(CONFIG, CODEC, SLOTS, [3, 1, 2])
+    talk = AcousticScheduler(CONFIG, CODEC, SLOTS, [3, 1, 2])
     first, second, third, beacon = talk.advance(0, NOBODY)
     assert [first, second, third] == [Ping(1, 15_000), Ping(2, 19_105), Ping(3, 23_210)]
     assert isinstance(beacon, Send) and beacon.not_before_ms == 27_315
@@ -48,17 +48,17 @@ def test_it_learns_ways_and_then_says_what_time_it_is() -> None:
 
 def test_an_answer_brings_a_slot_with_an_offset_for_both_ways() -> None:
     """150 m are 100 ms: the beacon sets its clock 100 ms late, and its own words take 100 ms."""
-    talk = Talk(CONFIG, CODEC, SLOTS, [1, 2, 3])
+    talk = AcousticScheduler(CONFIG, CODEC, SLOTS, [1, 2, 3])
     talk.advance(0, NOBODY)
     (word,) = talk.hear(2, 150.0, 20_000)
     assert decoded(word) == SlotAssignment(2, 300_000, 5000, 40, 1, -200)
     assert talk.hear(2, 150.0, 21_000) == []
-    alone = Talk(replace(CONFIG, beacon_period_ms=0), CODEC, SLOTS, [1, 2, 3])
+    alone = AcousticScheduler(replace(CONFIG, beacon_period_ms=0), CODEC, SLOTS, [1, 2, 3])
     assert decoded(alone.hear(2, 150.0, 20_000)[0]) == SlotAssignment(2, 300_000, 5000, 40, 1, -100)
 
 
 def test_slots_are_said_again_with_every_beacon() -> None:
-    talk = Talk(CONFIG, CODEC, SLOTS, [1, 2])
+    talk = AcousticScheduler(CONFIG, CODEC, SLOTS, [1, 2])
     talk.advance(0, NOBODY)
     talk.hear(1, 150.0, 20_000)
     said = [decoded(it) for it in talk.advance(3_600_000, NOBODY) if isinstance(it, Send)]
@@ -66,7 +66,7 @@ def test_slots_are_said_again_with_every_beacon() -> None:
 
 
 def test_who_does_not_answer_is_asked_again_and_who_is_away_is_not() -> None:
-    talk = Talk(replace(CONFIG, beacon_period_ms=0), CODEC, SLOTS, [1, 2])
+    talk = AcousticScheduler(replace(CONFIG, beacon_period_ms=0), CODEC, SLOTS, [1, 2])
     talk.advance(0, NOBODY)
     assert talk.advance(500_000, NOBODY) == []
     assert [it.agent_id for it in talk.advance(600_000, frozenset({2})) if isinstance(it, Ping)] == [1]
@@ -75,7 +75,7 @@ def test_who_does_not_answer_is_asked_again_and_who_is_away_is_not() -> None:
 
 
 def test_one_that_was_put_elsewhere_is_measured_again() -> None:
-    talk = Talk(replace(CONFIG, beacon_period_ms=0), CODEC, SLOTS, [1])
+    talk = AcousticScheduler(replace(CONFIG, beacon_period_ms=0), CODEC, SLOTS, [1])
     talk.advance(0, NOBODY)
     talk.hear(1, 10.0, 20_000)
     talk.moved(1, 1_000_000)
@@ -84,7 +84,7 @@ def test_one_that_was_put_elsewhere_is_measured_again() -> None:
 
 
 def test_the_mission_s_words_wait_for_quiet_and_wifi_does_not() -> None:
-    talk = Talk(replace(CONFIG, assigns=False, beacon_period_ms=0), CODEC, SLOTS, [1, 2])
+    talk = AcousticScheduler(replace(CONFIG, assigns=False, beacon_period_ms=0), CODEC, SLOTS, [1, 2])
     sound = Send(Medium.SOUND, 1, bytes(6))  # 105 + 22 x 12.5 = 380 ms
     other = replace(sound, agent_id=2)
     radio = Send(Medium.WIFI, 1, bytes(6))
@@ -108,7 +108,7 @@ def test_two_permissions_in_a_row_do_not_meet_in_the_water() -> None:
     for breath_ms in (20, 120):
         config = replace(CONFIG, assigns=False, beacon_period_ms=0, waits=False, breath_ms=breath_ms)
         words = [Send(Medium.SOUND, it, CODEC.encode(CommandPacket(Kind.PERMISSION, it))) for it in (1, 2)]
-        first, second = Talk(config, CODEC, SLOTS, [1, 2]).timed(words, 1000)
+        first, second = AcousticScheduler(config, CODEC, SLOTS, [1, 2]).timed(words, 1000)
         assert isinstance(first, Send) and isinstance(second, Send) and first.not_before_ms == 1000
         water = water_medium.Medium(echoing, 1, [(0, 0), (1, 1), (2, 2)])
         for node, north_m in enumerate((0, 160, 150)):
@@ -128,7 +128,7 @@ def test_two_permissions_in_a_row_do_not_meet_in_the_water() -> None:
 
 
 def test_pings_go_round_those_who_hear() -> None:
-    talk = Talk(
+    talk = AcousticScheduler(
         replace(CONFIG, assigns=False, beacon_period_ms=0, ping_period_ms=10_000), CODEC, None, [1, 2, 3]
     )
     asked = [talk.advance(now_ms, frozenset({2})) for now_ms in range(0, 40_000, 5000)]
@@ -139,7 +139,9 @@ def test_pings_go_round_those_who_hear() -> None:
 
 def test_places_are_asked_for_before_charges_and_the_air_is_kept_clear_for_each_answer() -> None:
     """A ping claims 105 ms and 4 s; a question of 6 bytes lasts 380 ms, its answer takes 893 and both have ways of 100."""
-    talk = Talk(replace(CONFIG, assigns=False, beacon_period_ms=0, answer_ms=893), CODEC, SLOTS, [1, 2, 3])
+    talk = AcousticScheduler(
+        replace(CONFIG, assigns=False, beacon_period_ms=0, answer_ms=893), CODEC, SLOTS, [1, 2, 3]
+    )
     ping, note, question = talk.advance(10_000, NOBODY, [2, 3], [2, 1])
     assert ping == Ping(2, 15_000)
     assert note == Note("asked", {"id": 2})
@@ -151,13 +153,13 @@ def test_places_are_asked_for_before_charges_and_the_air_is_kept_clear_for_each_
 
 def test_an_answer_that_does_not_fit_before_the_slots_is_asked_for_after_them() -> None:
     config = replace(CONFIG, assigns=False, beacon_period_ms=0, answer_ms=893)
-    said = Talk(config, CODEC, SLOTS, [1]).advance(299_000, NOBODY, [], [1])
+    said = AcousticScheduler(config, CODEC, SLOTS, [1]).advance(299_000, NOBODY, [], [1])
     assert isinstance(said[1], Send) and said[1].not_before_ms == 305_020
 
 
 def test_a_question_without_an_answer_is_told_and_counted_once() -> None:
     config = replace(CONFIG, assigns=False, beacon_period_ms=0, answer_ms=893)
-    talk = Talk(config, CODEC, None, [1, 2])
+    talk = AcousticScheduler(config, CODEC, None, [1, 2])
     talk.advance(0, NOBODY, [], [1])
     assert talk.advance(5000, NOBODY) == []
     # A breath of 20, 380 + 893 + 2 x 100 ms, and 4 s.

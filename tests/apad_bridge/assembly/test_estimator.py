@@ -14,7 +14,7 @@ from apad_bridge.beliefs.hold_last import HoldLast
 from apad_bridge.records.samples import Water
 from apad_bridge.runs.in_memory import open_flight
 from apad_bridge.scenario.believing import Beliefs, Estimator, TwinModel
-from apad_bridge.scenario.board_model import charge_model, whole_firmware
+from apad_bridge.scenario.board_model import charge_model, full_firmware
 from apad_bridge.scenario.loader import from_data, load, resolve
 from apad_bridge.scenario.schema import Scenario
 from firmware_model.bench import Bench
@@ -68,7 +68,7 @@ def test_a_twin_and_its_model_come_together(settings: dict[str, object]) -> None
 def test_a_sleeper_is_told_what_its_board_will_draw(slot: int) -> None:
     """Against the firmware itself, minute by minute through a night."""
     board = WHOLE.board
-    whole = whole_firmware(board)
+    whole = full_firmware(board)
     config = BoardConfig(1 + slot, charge_model(board), 50, 2000, 43_200_000, 120_000, whole, slot)
     bench = Bench(config)
     bench.run(hours=1)
@@ -85,7 +85,7 @@ def test_a_twin_is_told_what_a_metered_board_reads() -> None:
     """Against the battery monitor's own sums; and by hand where there is a figure: 24 of 600 mV of a charger."""
     board = METERED.board
     offsets = knowledge_of(METERED, MODEL).sensor.offsets
-    whole = whole_firmware(board)
+    whole = full_firmware(board)
     assert whole is not None and whole.power.metering is not None
     meter = Meter(charge_model(board), whole.power.metering, 1)
     for state, flow in (

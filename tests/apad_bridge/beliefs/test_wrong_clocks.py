@@ -16,7 +16,7 @@ from apad_bridge.beliefs.hold_last import HoldLast
 from apad_bridge.beliefs.measurement import ClockSet, Permitted
 from apad_bridge.beliefs.measurement_lines import measurement_of, measurement_row
 from apad_bridge.beliefs.modes import Mode
-from apad_bridge.records.checkpoint import Notebook, recall
+from apad_bridge.records.checkpoint import Checkpoint, recall
 from apad_bridge.scenario.believing import Beliefs, Estimator, TwinModel
 from apad_bridge.scenario.loader import load
 from firmware_model.packets import StatusPacket
@@ -167,7 +167,7 @@ def test_a_clock_that_was_set_is_in_the_notebook(made: Made, tmp_path: Path) -> 
     row = measurement_row(5, ClockSet(7, 9))
     assert measurement_of(row) == (5, ClockSet(7, 9))
     fleet, resumed = made(), made()
-    book = Notebook(tmp_path / "notebook.jsonl", fleet, 0)
+    book = Checkpoint(tmp_path / "notebook.jsonl", fleet, 0)
     for at_ms, ahead_ms in ((60, 0), (61, -60 * MINUTE * THETA), (62, -60 * MINUTE * THETA)):
         said(fleet, at_ms * MINUTE, ahead_ms)
         book.flush(at_ms * MINUTE)

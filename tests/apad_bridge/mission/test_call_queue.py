@@ -6,8 +6,8 @@ import pytest
 
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.hold_last import LastPacket
-from apad_bridge.mission.call_queue import CalledFront
-from apad_bridge.mission.manual import CommandedMission
+from apad_bridge.mission.call_queue import CallQueue
+from apad_bridge.mission.manual import ManualMission
 from apad_bridge.mission.orders import Note, PermitSurfacing, TellClear
 from apad_bridge.mission.values import Refused, Status
 from apad_bridge.runs.in_memory import open_flight
@@ -40,26 +40,28 @@ class Believed:
         return [Belief(7, 0, self.state, self.primary, 1.0, 1.0, 0.0)]
 
 
-def commanded(pool: Scenario, state: State = State.ACTIVE) -> tuple[CommandedMission, Believed]:
+def commanded(pool: Scenario, state: State = State.ACTIVE) -> tuple[ManualMission, Believed]:
     believed = Believed(state)
-    mission = CommandedMission(pool.mission, pool.apad.max_speed_m_s, believed, ())
+    mission = ManualMission(pool.mission, pool.apad.max_speed_m_s, believed, ())
     mission.moved(0.0, 0.0)
     mission.advance(1000)
     return mission, believed
 
 
 def test_a_call_is_done_at_the_next_tick_by_the_flight_s_thread(pool: Scenario) -> None:
-    front, told = CalledFront(), []
-    flight, _ = open_flight(pool, (front,))
+    command_source, told = CallQueue(), []
+    flight, _ = open_flight(pool, (command_source,))
 
     def caller() -> None:
-        told.append(front.call(lambda mission: (mission.go_to(14.0, 12.0), threading.current_thread())[1]))
-        while front.wait(20).goto is Status.RUNNING:
+        told.append(
+            command_source.call(lambda mission: (mission.go_to(14.0, 12.0), threading.current_thread())[1])
+        )
+        while command_source.wait(20).goto is Status.RUNNING:
             pass
-        told.append(front.wait(20).goto)
+        told.append(command_source.wait(20).goto)
         with pytest.raises(Refused, match="dock 1 is empty"):
-            front.call(lambda mission: mission.undock(0))
-        front.call(lambda mission: mission.finish("enough"))
+            command_source.call(lambda mission: mission.undock(0))
+        command_source.call(lambda mission: mission.finish("enough"))
 
     thread = threading.Thread(target=caller, daemon=True)
     thread.start()
@@ -67,15 +69,15 @@ def test_a_call_is_done_at_the_next_tick_by_the_flight_s_thread(pool: Scenario) 
     thread.join(60)
     assert told == [threading.current_thread(), Status.DONE]
     with pytest.raises(Refused, match="the mission is over: enough"):
-        front.call(lambda mission: None)
+        command_source.call(lambda mission: None)
 
 
 def test_a_call_that_no_tick_answers_is_taken_back(pool: Scenario) -> None:
-    front, done = CalledFront(), []
+    command_source, done = CallQueue(), []
     with pytest.raises(Refused, match="nothing was ordered"):
-        front.call(lambda mission: done.append(1), timeout_s=0.01)
+        command_source.call(lambda mission: done.append(1), timeout_s=0.01)
     # Nor is it done when a tick comes after all.
-    front.act(commanded(pool)[0], 5000)
+    command_source.act(commanded(pool)[0], 5000)
     assert done == []
 
 

@@ -6,10 +6,10 @@ from typing import Any
 
 import pytest
 
-from apad_bridge.mission.call_queue import CalledFront
-from apad_bridge.mission.manual import CommandedMission
+from apad_bridge.mission.call_queue import CallQueue
+from apad_bridge.mission.manual import ManualMission
 from apad_bridge.mission.state import MissionState, Phase
-from apad_bridge.mission.takeover import Override, give_back, take_over
+from apad_bridge.mission.takeover import Takeover, give_back, take_over
 from apad_bridge.mission.values import Refused, Status
 from apad_bridge.runs.in_memory import MemoryRecorder, open_flight
 from apad_bridge.scenario.schema import Scenario
@@ -20,10 +20,10 @@ class Flying:
     """A flight of the pool that the test moves tick by tick, and calls as a ROS service would."""
 
     def __init__(self, pool: Scenario) -> None:
-        self.calls = CalledFront()
+        self.calls = CallQueue()
         self.flight: Flight
         self.records: MemoryRecorder
-        self.flight, self.records = open_flight(pool, override=self.calls)
+        self.flight, self.records = open_flight(pool, takeover=self.calls)
         self.now_ms = -1000
 
     def until(self, holds: Callable[[], bool], limit_s: int = 1200) -> None:
@@ -37,7 +37,7 @@ class Flying:
         until_ms = self.now_ms + 1000 * count
         self.until(lambda: self.now_ms >= until_ms)
 
-    def call(self, act: Callable[[CommandedMission], Any]) -> Any:
+    def call(self, act: Callable[[ManualMission], Any]) -> Any:
         return self._answered(lambda: self.calls.call(act, 30))
 
     def call_mission(self, act: Callable[[Any], None]) -> None:
@@ -127,17 +127,17 @@ def test_a_call_can_end_the_flight_and_then_nobody_takes_it(pool: Scenario) -> N
 def test_a_resumed_flight_goes_on_in_the_hands_in_which_it_was(pool: Scenario) -> None:
     flying = Flying(pool)
     mission = flying.flight.supervisor.mission
-    assert isinstance(mission, Override) and mission.by_hand is None
-    again = Override(
-        mission._planned, mission._by_hand, CalledFront(), MissionState(phase=Phase.COMMANDED, cost_m=7.0)
+    assert isinstance(mission, Takeover) and mission.by_hand is None
+    again = Takeover(
+        mission._planned, mission._by_hand, CallQueue(), MissionState(phase=Phase.COMMANDED, cost_m=7.0)
     )
     assert again.by_hand is not None
     assert again.state.cost_m == 7.0
 
 
 def test_a_flight_by_hand_has_nobody_to_give_it_back_to(pool: Scenario) -> None:
-    hand = open_flight(pool, (CalledFront(),))[0].supervisor.mission
-    assert isinstance(hand, CommandedMission)
+    hand = open_flight(pool, (CallQueue(),))[0].supervisor.mission
+    assert isinstance(hand, ManualMission)
     assert take_over(hand) == "no mission plans in this flight: orders are taken without it"
     with pytest.raises(Refused, match="no mission to give the aPad back to"):
         give_back(hand)

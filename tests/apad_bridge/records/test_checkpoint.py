@@ -25,7 +25,7 @@ from apad_bridge.beliefs.measurement import (
     SlotSilent,
 )
 from apad_bridge.records import checkpoint
-from apad_bridge.records.checkpoint import NoNotebook, Notebook, recall
+from apad_bridge.records.checkpoint import Checkpoint, NoCheckpoint, restore
 from apad_bridge.scenario.believing import Beliefs, Estimator, TwinModel
 from apad_bridge.scenario.loader import load
 from firmware_model.packets import ShortStatus, StatusPacket
@@ -132,7 +132,7 @@ def test_killed_anywhere_it_goes_on_with_the_same_beliefs_to_the_last_bit(
 ) -> None:
     path = tmp_path_factory.mktemp("run") / "notebook.jsonl"
     uninterrupted, killed = ESTIMATORS[estimator](), ESTIMATORS[estimator]()
-    book, now_ms = Notebook(path, killed, 0), 0
+    book, now_ms = Checkpoint(path, killed, 0), 0
     for event in events[:killed_after]:
         tick(uninterrupted, event, now_ms)
         now_ms = tick(killed, event, now_ms)
@@ -140,8 +140,8 @@ def test_killed_anywhere_it_goes_on_with_the_same_beliefs_to_the_last_bit(
     killed.forget(1)  # the tick in which it dies is not flushed
 
     resumed = ESTIMATORS[estimator]()
-    assert recall(path, resumed).whole
-    book = Notebook(path, resumed, now_ms)
+    assert restore(path, resumed).whole
+    book = Checkpoint(path, resumed, now_ms)
     now_ms += gap_ms
     for event in events[killed_after:]:
         tick(uninterrupted, event, now_ms)
@@ -162,7 +162,7 @@ def test_killed_anywhere_it_goes_on_with_the_same_beliefs_to_the_last_bit(
 def story(path: Path) -> tuple[list[bytes], list[object]]:
     """A notebook's lines, and what was believed after each."""
     beliefs = of_a_twin()
-    book, now_ms, kept = Notebook(path, beliefs, 0), 0, [[]]
+    book, now_ms, kept = Checkpoint(path, beliefs, 0), 0, [[]]
     for n in range(3):
         event = Event(1 + n % 2, 60_000, said(State.ACTIVE, 0.9 - 0.1 * n, 1.0, 3.0, n, 0))
         now_ms = tick(beliefs, event, now_ms)
@@ -180,14 +180,14 @@ def test_torn_at_any_byte_it_gives_what_was_whole(tmp_path: Path) -> None:
         torn.write_bytes(whole[:size])
         beliefs = of_a_twin()
         if size < len(lines[0]):
-            with pytest.raises(NoNotebook, match="another version, or damaged"):
-                recall(torn, beliefs)
+            with pytest.raises(NoCheckpoint, match="another version, or damaged"):
+                restore(torn, beliefs)
             assert beliefs.kept() == []
             continue
         ends = [len(b"".join(lines[: n + 1])) for n in range(len(lines))]
         after = sum(end <= size for end in ends) - 1
-        recalled = recall(torn, beliefs)
-        assert (recalled.whole, recalled.until_ms) == (size in ends, 60_000 * after)
+        restored = restore(torn, beliefs)
+        assert (restored.whole, restored.until_ms) == (size in ends, 60_000 * after)
         assert beliefs.kept() == kept[after]
 
 
@@ -196,19 +196,19 @@ def test_what_follows_damage_is_not_believed(tmp_path: Path) -> None:
     lines, kept = story(path)
     path.write_bytes(lines[0] + lines[1] + b"\0\0\n" + lines[3])
     beliefs = of_a_twin()
-    assert not recall(path, beliefs).whole
+    assert not restore(path, beliefs).whole
     assert beliefs.kept() == kept[1]
 
 
 def test_it_stays_small_and_a_silent_fleet_writes_nothing(tmp_path: Path) -> None:
     path = tmp_path / "notebook.jsonl"
     beliefs = HoldLast(IDS)
-    book = Notebook(path, beliefs, 0)
+    book = Checkpoint(path, beliefs, 0)
     rows = []
     for n in range(50):
         tick(beliefs, Event(1, 1000, said(State.ACTIVE, 0.5, 1.0, 3.0, n, 0)), 1000 * n)
         book.flush(1000 * n + 1000)
-        rows.append(recall(path, HoldLast(IDS)).rows)
+        rows.append(restore(path, HoldLast(IDS)).rows)
     assert max(rows) == checkpoint.ROWS
     before = path.stat()
     book.flush(100_000_000)
@@ -219,23 +219,23 @@ def test_after_ten_minutes_a_checkpoint_is_due(tmp_path: Path) -> None:
     """A twin's day of hourly packets takes longer to replay than to write down."""
     path = tmp_path / "notebook.jsonl"
     beliefs = HoldLast(IDS)
-    book = Notebook(path, beliefs, 0)
+    book = Checkpoint(path, beliefs, 0)
     for now_ms in (599_000, 600_000, 601_000):
         beliefs.hear(StatusPacket(1, 0, State.ACTIVE, 0.5, 1.0, 2.0, 3.0, 3.0, now_ms), now_ms)
         book.flush(now_ms)
-    assert recall(path, HoldLast(IDS)) == checkpoint.Recalled(601_000, 1, whole=True, counts=Counter())
+    assert restore(path, HoldLast(IDS)) == checkpoint.Restored(601_000, 1, whole=True, counts=Counter())
 
 
 def test_another_estimators_notebook_is_refused_and_nothing_is_believed(tmp_path: Path) -> None:
     path = tmp_path / "notebook.jsonl"
     tick(twin := of_a_twin(), Event(1, 1000, said(State.ACTIVE, 0.5, 1.0, 3.0, 0, 0)), 0)
-    Notebook(path, twin, 1000).close()
+    Checkpoint(path, twin, 1000).close()
     beliefs = HoldLast(IDS)
-    with pytest.raises(NoNotebook, match="another version"):
-        recall(path, beliefs)
+    with pytest.raises(NoCheckpoint, match="another version"):
+        restore(path, beliefs)
     assert beliefs.all() == []
-    with pytest.raises(NoNotebook, match="No such file"):
-        recall(tmp_path / "none.jsonl", beliefs)
+    with pytest.raises(NoCheckpoint, match="No such file"):
+        restore(tmp_path / "none.jsonl", beliefs)
 
 
 def test_a_kill_while_a_checkpoint_is_written_leaves_the_former_notebook(tmp_path: Path) -> None:
@@ -244,11 +244,11 @@ def test_a_kill_while_a_checkpoint_is_written_leaves_the_former_notebook(tmp_pat
     (tmp_path / ".notebook.jsonl.fresh").write_bytes(b'{"t":0,"format":1,"bel')
     shutil.copy(path, tmp_path / "before")
     beliefs = of_a_twin()
-    recall(path, beliefs)
+    restore(path, beliefs)
     assert beliefs.kept() == kept[-1]
-    Notebook(path, beliefs, 200_000).close()
+    Checkpoint(path, beliefs, 200_000).close()
     again = of_a_twin()
-    assert recall(path, again).until_ms == 200_000
+    assert restore(path, again).until_ms == 200_000
     assert again.kept() == kept[-1]
 
 
@@ -267,7 +267,7 @@ def test_a_guest_comes_with_what_others_believe_of_it(name: str, tmp_path: Path)
     here.advance(10_000)
     assert here.hear(heard, 10_000) == "a status of an unknown aMussel"
 
-    book = Notebook(tmp_path / "notebook.jsonl", here, 10_000)
+    book = Checkpoint(tmp_path / "notebook.jsonl", here, 10_000)
     handed = elsewhere.get(guest)
     assert handed is not None
     here.admit(guest, here.estimator.restored(guest, elsewhere.estimator.kept(handed)))
@@ -276,11 +276,11 @@ def test_a_guest_comes_with_what_others_believe_of_it(name: str, tmp_path: Path)
         assert beliefs.hear(heard, 20_000) is None
     book.flush(20_000)
     book.close()
-    recalled = ESTIMATORS[name]()
-    recall(tmp_path / "notebook.jsonl", recalled)
+    restored = ESTIMATORS[name]()
+    restore(tmp_path / "notebook.jsonl", restored)
     assert here.get(guest) is not None
     assert here.get(guest) == elsewhere.get(guest)
-    recalled.advance(20_000)
-    assert recalled.get(guest) == here.get(guest)
+    restored.advance(20_000)
+    assert restored.get(guest) == here.get(guest)
     here.dismiss(guest)
     assert here.get(guest) is None

@@ -10,7 +10,7 @@ import pytest
 from rosbags.rosbag1 import Reader
 
 from agents.coordinator import Coordinator
-from agents.hosting.in_process import OneProcess
+from agents.hosting.in_process import InProcessHost
 from agents.mussel.outputs import Truth
 from agents.mussel.physical import Physical
 from apad_bridge.assembly import parts
@@ -22,7 +22,7 @@ from apad_bridge.records.summary import Ending
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.starts import read_starts, starts_of
 from apad_bridge.supervisor.clock import AsFastAsPossible
-from apad_bridge.supervisor.context import Surroundings
+from apad_bridge.supervisor.context import FlightContext
 from apad_bridge.supervisor.fleet import Fleet
 from apad_bridge.supervisor.loop import Flight
 from apad_bridge.vehicle.commands import BatteryReported, PoseReported
@@ -48,11 +48,11 @@ def new_directory(path):
 
 def fly(scenario, recorder, until_ms=None):
     """The whole flight, or its ticks up to `until_ms`."""
-    births = parts.births(scenario, list(starts_of(scenario)))
-    host = OneProcess(parts.fleet_config(scenario), births)
-    fleet = Fleet(Coordinator(host, dict.fromkeys(births, 0), scenario.theta), host)
+    initial_states = parts.initial_states(scenario, list(starts_of(scenario)))
+    host = InProcessHost(parts.fleet_config(scenario), initial_states)
+    fleet = Fleet(Coordinator(host, dict.fromkeys(initial_states, 0), scenario.theta), host)
     vehicle = InProcessVehicle(SimulatedAPad(scenario.apad))
-    flight = Flight(parts.supervisor(scenario), Surroundings(vehicle, AsFastAsPossible(), fleet), recorder)
+    flight = Flight(parts.supervisor(scenario), FlightContext(vehicle, AsFastAsPossible(), fleet), recorder)
     if until_ms is None:
         flight.run()
     else:

@@ -18,7 +18,7 @@ from apad_bridge.records.summary import Ending
 from apad_bridge.runs.resuming import gap_ms, go_on, resume
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.run_options import APadKind, OnDeath, Part, RunOptions, TimeSource
-from apad_bridge.supervisor.context import Known
+from apad_bridge.supervisor.context import LearnedState
 from apad_bridge.vehicle.errors import PeerFailed
 from firmware_model.packets import StatusPacket
 from firmware_model.states import State
@@ -93,7 +93,7 @@ FREE = (None, None, None, None)
 LOST = "lost: words on their way"
 
 
-def a_crash(path: Path) -> tuple[RunDirectory, Known]:
+def a_crash(path: Path) -> tuple[RunDirectory, LearnedState]:
     """What a supervisor left that had heard aMussel 5, handed over 2 and retired 3, and was killed at its third second."""
     recorder, known = third_second(RunDirectory(path / "broken"))
     shutil.copytree(path / "broken", path / "run")
@@ -101,7 +101,7 @@ def a_crash(path: Path) -> tuple[RunDirectory, Known]:
     return RunDirectory(path / "run"), known
 
 
-def third_second(directory: RunDirectory) -> tuple[Recorder, Known]:
+def third_second(directory: RunDirectory) -> tuple[Recorder, LearnedState]:
     directory.path.mkdir()
     recorder, known = Recorder(directory, POOL, POOL.fleet.ids), parts.nothing_known(POOL)
     recorder.keep(known, 0)
@@ -116,7 +116,7 @@ def third_second(directory: RunDirectory) -> tuple[Recorder, Known]:
 def test_what_is_restored_and_what_is_lost_is_told_and_journaled(tmp_path: Path) -> None:
     directory, known = a_crash(tmp_path)
     told: list[str] = []
-    begun = resume(directory, POOL, OPTIONS.on_own_master("http://h:2").next_epoch(), told.append)
+    start_state = resume(directory, POOL, OPTIONS.on_own_master("http://h:2").next_epoch(), told.append)
     assert told == [
         LOST,
         "run.bag was repaired; 3 s of samples are lost",
@@ -124,10 +124,10 @@ def test_what_is_restored_and_what_is_lost_is_told_and_journaled(tmp_path: Path)
         "still retired: aMussel 3",
         "believed as before: 1 aMussels, as of 1 s of mission time; the longest silence is 2 s now",
     ]
-    assert begun.presences.simulated == set(POOL.fleet.ids) - {2, 3}
-    assert begun.beliefs.all() == known.beliefs.all() != []
-    assert begun.start_ms == 3000
-    begun.recorder.close()
+    assert start_state.presences.simulated == set(POOL.fleet.ids) - {2, 3}
+    assert start_state.beliefs.all() == known.beliefs.all() != []
+    assert start_state.start_ms == 3000
+    start_state.recorder.close()
     restored = read_journal(directory.journal).first("restored")
     assert restored is not None and restored["told"] == told
 
@@ -137,16 +137,16 @@ def test_what_is_restored_and_what_is_lost_is_told_and_journaled(tmp_path: Path)
     [(None, "notebook.jsonl: No such file"), (b'{"format":0}\n', "notebook.jsonl is of another version")],
 )
 def test_without_a_notebook_it_goes_on_and_says_that_it_believes_nothing(
-    tmp_path: Path, notebook: bytes | None, why: str
+    tmp_path: Path, checkpoint: bytes | None, why: str
 ) -> None:
     directory, _ = a_crash(tmp_path)
-    directory.notebook.unlink()
-    if notebook is not None:
-        directory.notebook.write_bytes(notebook)
+    directory.checkpoint.unlink()
+    if checkpoint is not None:
+        directory.checkpoint.write_bytes(checkpoint)
     told: list[str] = []
-    begun = resume(directory, POOL, OPTIONS.next_epoch(), told.append)
-    begun.recorder.close()
-    assert begun.beliefs.all() == []
+    start_state = resume(directory, POOL, OPTIONS.next_epoch(), told.append)
+    start_state.recorder.close()
+    assert start_state.beliefs.all() == []
     assert told[-1].startswith(f"nothing is believed of an aMussel until it is heard again: {why}")
 
 
@@ -191,26 +191,26 @@ def test_counts_of_what_was_dropped_go_on_through_two_kills(tmp_path: Path) -> N
 
 def test_a_notebook_that_kept_no_counts_is_read_and_they_are_told_as_lost(tmp_path: Path) -> None:
     directory, known = a_crash(tmp_path)
-    lines = [json.loads(line) for line in directory.notebook.read_text().splitlines()]
+    lines = [json.loads(line) for line in directory.checkpoint.read_text().splitlines()]
     for line in lines:
         line.pop("counts", None)
-    directory.notebook.write_text("".join(json.dumps(line) + "\n" for line in lines))
+    directory.checkpoint.write_text("".join(json.dumps(line) + "\n" for line in lines))
     told: list[str] = []
-    begun = resume(directory, POOL, OPTIONS.next_epoch(), told.append)
-    begun.recorder.close()
+    start_state = resume(directory, POOL, OPTIONS.next_epoch(), told.append)
+    start_state.recorder.close()
     assert told[0] == LOST + ", and the counts of what was dropped so far"
-    assert begun.beliefs.all() == known.beliefs.all() != []
+    assert start_state.beliefs.all() == known.beliefs.all() != []
 
 
 def test_a_torn_notebook_gives_what_was_whole_and_says_so(tmp_path: Path) -> None:
     directory, _ = a_crash(tmp_path)
-    with directory.notebook.open("ab") as file:
+    with directory.checkpoint.open("ab") as file:
         file.write(b'{"t":4000,"lea')
     told: list[str] = []
-    begun = resume(directory, POOL, OPTIONS.next_epoch(), told.append)
-    begun.recorder.close()
+    start_state = resume(directory, POOL, OPTIONS.next_epoch(), told.append)
+    start_state.recorder.close()
     assert told[-1].endswith(". What was learned after 1 s is lost: notebook.jsonl is torn there")
-    assert [it.agent_id for it in begun.beliefs.all()] == [5]
+    assert [it.agent_id for it in start_state.beliefs.all()] == [5]
 
 
 def test_who_ends_a_run_takes_the_notebook_away_and_who_is_stopped_leaves_it(tmp_path: Path) -> None:
@@ -220,7 +220,7 @@ def test_who_ends_a_run_takes_the_notebook_away_and_who_is_stopped_leaves_it(tmp
         if ends:
             recorder.finish(3000, Ending("mission time", 0.0, 0, None, {}))
         recorder.close()
-        assert directory.notebook.exists() is not ends
+        assert directory.checkpoint.exists() is not ends
 
 
 def test_on_a_real_apad_what_is_believed_is_as_old_as_it_is(tmp_path: Path) -> None:
@@ -228,9 +228,9 @@ def test_on_a_real_apad_what_is_believed_is_as_old_as_it_is(tmp_path: Path) -> N
     two_minutes_ago_s = time.time() - 120
     os.utime(directory.journal, (two_minutes_ago_s, two_minutes_ago_s))
     told: list[str] = []
-    begun = resume(directory, POOL, OPTIONS.next_epoch(), told.append)
-    begun.recorder.close()
-    assert 122_000 <= begun.start_ms <= 135_000
-    assert told[-1].endswith(f"the longest silence is {(begun.start_ms - 1000) // 1000} s now")
-    begun.beliefs.advance(begun.start_ms)
-    assert [it.heard_ms for it in begun.beliefs.all()] == [1000]
+    start_state = resume(directory, POOL, OPTIONS.next_epoch(), told.append)
+    start_state.recorder.close()
+    assert 122_000 <= start_state.start_ms <= 135_000
+    assert told[-1].endswith(f"the longest silence is {(start_state.start_ms - 1000) // 1000} s now")
+    start_state.beliefs.advance(start_state.start_ms)
+    assert [it.heard_ms for it in start_state.beliefs.all()] == [1000]

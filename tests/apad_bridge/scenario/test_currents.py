@@ -94,7 +94,7 @@ def test_a_body_drifts_by_its_depth_and_state() -> None:
     data["theta"] = 1
     scenario = from_data(data, "theta 1")
     config = parts.fleet_config(scenario).maker().config(1)
-    born = parts.births(scenario, starts_of(scenario))[1]
+    born = parts.initial_states(scenario, starts_of(scenario))[1]
     body = Body(1, config.water, 0, 0, 0, born.depth_um, born.buoyancy, False, 0)
     assert body.drift_due_ms is None
     body.run_buoyancy(body.buoyancy.FLOAT, 0)

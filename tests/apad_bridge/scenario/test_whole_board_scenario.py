@@ -10,7 +10,7 @@ import pytest
 import yaml
 
 from apad_bridge.assembly import parts
-from apad_bridge.scenario.board_model import charge_model, whole_firmware
+from apad_bridge.scenario.board_model import charge_model, full_firmware
 from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.loader import from_data, load, resolve, with_overrides, write_resolved
 from apad_bridge.scenario.schema import Scenario
@@ -42,12 +42,12 @@ def power_with(keys: str) -> tuple[str, str]:
 
 
 def test_the_profiles_are_table_one_to_the_grain() -> None:
-    whole = whole_firmware(SHIPPED.board)
+    whole = full_firmware(SHIPPED.board)
     assert whole is not None
     assert whole.power == table_one.power(LastResort.CALL)
     assert whole.cycle == table_one.FIELD
     assert charge_model(SHIPPED.board) == table_one.MODEL
-    hourly = whole_firmware(changed((CYCLE_LINE, "cycle: hourly")).board)
+    hourly = full_firmware(changed((CYCLE_LINE, "cycle: hourly")).board)
     assert hourly is not None and hourly.cycle == replace(table_one.HOURLY, report_ms=60_000)
 
 
@@ -61,7 +61,7 @@ def test_one_module_is_overridden_and_the_others_stay() -> None:
     scenario = changed(
         ("power: table-one", "power: {profile: table-one, loads_mw: {gsm: 0, pi: 1200.5}, kept_on: [pi]}")
     )
-    whole = whole_firmware(scenario.board)
+    whole = full_firmware(scenario.board)
     assert whole is not None
     # 1200.5 mW of 7.4 Wh: 1.2005 / 7.4 / 3.6e6 of a battery a millisecond.
     assert whole.power.loads.of[Rail.PI] == round(FULL * 1.2005 / 7.4 / 3_600_000)
@@ -72,7 +72,7 @@ def test_one_module_is_overridden_and_the_others_stay() -> None:
 
 
 def test_twice_the_capacity_lasts_twice_as_long() -> None:
-    whole = whole_firmware(
+    whole = full_firmware(
         changed(("power: table-one", "power: {profile: table-one, capacity_wh: 14.8}")).board
     )
     assert whole is not None
@@ -91,7 +91,7 @@ def test_metering_is_table_one_s_to_the_grain_with_the_scenario_s_seed() -> None
 
 def test_batteries_of_an_age_fill_and_empty_sooner() -> None:
     board = changed(power_with("ageing: {cycles: 250, years: 2}")).board
-    whole = whole_firmware(board)
+    whole = full_firmware(board)
     assert whole is not None
     # 250 cycles take 10 % of the capacity, two years 6 %.
     assert whole.power.loads.of[Rail.PI] == table_one.LOADS.of[Rail.PI] * 10_000 // 8400
@@ -112,7 +112,7 @@ def test_what_lies_between_a_dock_and_a_charger() -> None:
 
 def test_one_number_of_a_cycle_is_overridden() -> None:
     scenario = changed((CYCLE_LINE, "cycle: {profile: field, alarm_s: 1800, slots: null}"))
-    whole = whole_firmware(scenario.board)
+    whole = full_firmware(scenario.board)
     assert whole is not None and whole.cycle is not None
     assert (whole.cycle.alarm_ms, whole.cycle.processing_ms, whole.cycle.slots) == (1_800_000, 60_000, None)
 

@@ -19,7 +19,7 @@ from firmware_model.packets import (
     WifiStatus,
     decode,
 )
-from firmware_model.power.feed import Feed
+from firmware_model.power.feed import ActiveBattery
 from firmware_model.states import State
 from firmware_model.stimuli import ResetCause
 
@@ -121,7 +121,7 @@ def test_every_kind_of_status_is_believed(by: str) -> None:
         "wifi": WifiHeard(
             2000,
             WifiStatus(
-                basic, (1, 2, 3, 4), 9, 0, 0, 0, 0, ResetCause.POWER_ON, Feed.SECONDARY, 0, 0
+                basic, (1, 2, 3, 4), 9, 0, 0, 0, 0, ResetCause.POWER_ON, ActiveBattery.SECONDARY, 0, 0
             ).encode(),
         ),
         "sound": SoundHeard(2000, AcousticStatus(basic, (1, 2, 3, 4), 9, 9).encode()),

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from agents.hosting.in_process import OneProcess
+from agents.hosting.in_process import InProcessHost
 from agents.packet_medium import Medium
 from apad_bridge.assembly import parts
 from apad_bridge.assembly.water import fleet_of
@@ -20,7 +20,7 @@ from apad_bridge.scenario.loader import from_data, load, resolve
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
 from apad_bridge.supervisor.clock import AsFastAsPossible
-from apad_bridge.supervisor.context import Surroundings
+from apad_bridge.supervisor.context import FlightContext
 from apad_bridge.supervisor.loop import Flight
 from apad_bridge.vehicle.link import APadSeen, InProcessVehicle
 from apad_bridge.vehicle.simulated.apad import SimulatedAPad
@@ -157,11 +157,15 @@ def test_links_may_change_while_a_run_flies(tmp_path: Path) -> None:
     path = tmp_path / "links.csv"
     path.write_text("from,to,loss\n")
     scenario = in_water(500, {"links_file": str(path)})
-    births = parts.births(scenario, starts_of(scenario))
-    fleet = fleet_of(scenario, OneProcess(parts.fleet_config(scenario), births), dict.fromkeys(births, 0))
+    initial_states = parts.initial_states(scenario, starts_of(scenario))
+    fleet = fleet_of(
+        scenario,
+        InProcessHost(parts.fleet_config(scenario), initial_states),
+        dict.fromkeys(initial_states, 0),
+    )
     recorder = MemoryRecorder(scenario)
     vehicle = InProcessVehicle(SimulatedAPad(scenario.apad))
-    flight = Flight(parts.supervisor(scenario), Surroundings(vehicle, AsFastAsPossible(), fleet), recorder)
+    flight = Flight(parts.supervisor(scenario), FlightContext(vehicle, AsFastAsPossible(), fleet), recorder)
     for now_ms in range(0, 500_000, 1000):
         if now_ms == 200_000:
             path.write_text("from,to,loss\n*,apad,1\n")
@@ -260,14 +264,18 @@ def test_a_fleet_alone_shares_what_reached_the_aPad_and_hears_what_its_planner_s
     links = tmp_path / "links.csv"
     links.write_text("from,to,loss\n3,apad,1\n")
     scenario = in_water(200, {"links_file": str(links)})
-    births = parts.births(scenario, starts_of(scenario))
-    fleet = fleet_of(scenario, OneProcess(parts.fleet_config(scenario), births), dict.fromkeys(births, 0))
+    initial_states = parts.initial_states(scenario, starts_of(scenario))
+    fleet = fleet_of(
+        scenario,
+        InProcessHost(parts.fleet_config(scenario), initial_states),
+        dict.fromkeys(initial_states, 0),
+    )
     recorder = MemoryRecorder(scenario)
     permission = load_codec("musselbed-1").encode(CommandPacket(Kind.PERMISSION, 7))
     elsewhere = Elsewhere([Send(Medium.SOUND, 7, permission)])
     flight = Flight(
         parts.supervisor(scenario),
-        Surroundings(SeenFromAfar(), AsFastAsPossible(), fleet, ether=elsewhere),
+        FlightContext(SeenFromAfar(), AsFastAsPossible(), fleet, relay=elsewhere),
         recorder,
     )
     for now_ms in range(0, 200_000, 1000):

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from agents.coordinator import Coordinator
 from agents.hosting.host import Grant
-from agents.hosting.in_process import OneProcess
+from agents.hosting.in_process import InProcessHost
 from agents.mussel.outputs import Truth
 from agents.mussel.stimuli import from_wire
 from agents.packet_medium import Medium
@@ -23,7 +23,7 @@ from apad_bridge.scenario.loader import load, resolve
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
 from apad_bridge.supervisor.clock import AsFastAsPossible
-from apad_bridge.supervisor.context import Surroundings
+from apad_bridge.supervisor.context import FlightContext
 from apad_bridge.supervisor.fleet import Fleet
 from apad_bridge.supervisor.loop import Flight
 from apad_bridge.vehicle.link import InProcessVehicle
@@ -63,19 +63,19 @@ class Witness(MemoryRecorder):
 
 
 def new_fleet(scenario: Scenario) -> Fleet:
-    births = parts.births(scenario, starts_of(scenario))
-    host = OneProcess(parts.fleet_config(scenario), births)
-    return Fleet(Coordinator(host, dict.fromkeys(births, 0), scenario.theta), host)
+    initial_states = parts.initial_states(scenario, starts_of(scenario))
+    host = InProcessHost(parts.fleet_config(scenario), initial_states)
+    return Fleet(Coordinator(host, dict.fromkeys(initial_states, 0), scenario.theta), host)
 
 
 def flown(scenario: Scenario, kill_at_ms: dict[int, int] | None = None) -> tuple[Witness, Flight]:
     fleet, witness = new_fleet(scenario), Witness(scenario)
     flight = Flight(
         parts.supervisor(scenario),
-        Surroundings(InProcessVehicle(SimulatedAPad(scenario.apad)), AsFastAsPossible(), fleet),
+        FlightContext(InProcessVehicle(SimulatedAPad(scenario.apad)), AsFastAsPossible(), fleet),
         witness,
     )
-    assert isinstance(fleet.host, OneProcess)
+    assert isinstance(fleet.host, InProcessHost)
     while not flight.supervisor.has_ended:
         for agent_id, at_ms in (kill_at_ms or {}).items():
             if at_ms == flight.now_ms:
@@ -122,11 +122,11 @@ def test_recorded_stimuli_played_again_in_any_windows_give_the_same_truths(
 ) -> None:
     """Only the journal's `stimulus` and `died` lines go in; no mission, no vehicle and no coordinator take part."""
     scenario, recorded = SCENARIOS[board], RECORDED[board]
-    births = parts.births(scenario, starts_of(scenario))
-    host = OneProcess(parts.fleet_config(scenario), births)
+    initial_states = parts.initial_states(scenario, starts_of(scenario))
+    host = InProcessHost(parts.fleet_config(scenario), initial_states)
     assert any(kind == "died" for _, kind, _ in recorded.events)
     end_ms = 120_000 * scenario.theta
-    for agent_id in births:
+    for agent_id in initial_states:
         moments = [
             (data["agent_ms"], data["wire"] if kind == "stimulus" else None)
             for _, kind, data in json.loads(json.dumps(recorded.events))
@@ -214,17 +214,17 @@ def test_a_fleet_alone_and_a_mission_alone_joined_by_an_ether_serve_aMussels() -
     alone = short_scenario(collection="none")
     fleet_side = Flight(
         parts.supervisor(alone),
-        Surroundings(
+        FlightContext(
             vehicle.observer,  # type: ignore[arg-type]
             AsFastAsPossible(),
             new_fleet(alone),
-            ether=FleetEnd(heard, said),
+            relay=FleetEnd(heard, said),
         ),
         Witness(alone),
     )
     mission_side = Flight(
         parts.supervisor(scenario),
-        Surroundings(vehicle, AsFastAsPossible(), None, ether=MissionEnd(said, heard)),
+        FlightContext(vehicle, AsFastAsPossible(), None, relay=MissionEnd(said, heard)),
         Witness(scenario),
     )
     for now_ms in range(0, 120_000, 1000):

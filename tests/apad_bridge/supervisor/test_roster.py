@@ -10,7 +10,7 @@ from typing import Any, cast
 import pytest
 
 from agents.coordinator import Coordinator, Heard
-from agents.hosting.in_process import OneProcess
+from agents.hosting.in_process import InProcessHost
 from agents.mussel.outputs import Truth
 from agents.packet_medium import Medium
 from apad_bridge.assembly import parts
@@ -24,7 +24,7 @@ from apad_bridge.scenario.loader import from_data, load, resolve
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
 from apad_bridge.supervisor.clock import AsFastAsPossible
-from apad_bridge.supervisor.context import Surroundings
+from apad_bridge.supervisor.context import FlightContext
 from apad_bridge.supervisor.fleet import Fleet
 from apad_bridge.supervisor.loop import Flight
 from apad_bridge.supervisor.roster import (
@@ -36,7 +36,7 @@ from apad_bridge.supervisor.roster import (
     Moved,
     Presence,
     Presences,
-    Roll,
+    Roster,
     Trigger,
 )
 from apad_bridge.vehicle.link import InProcessVehicle
@@ -94,23 +94,26 @@ class Witness(MemoryRecorder):
 class Bench:
     def __init__(self, charge: float = 0.95) -> None:
         self.scenario = quiet_scenario(charge)
-        births = parts.births(self.scenario, starts_of(self.scenario))
-        host = OneProcess(parts.fleet_config(self.scenario), births)
+        initial_states = parts.initial_states(self.scenario, starts_of(self.scenario))
+        host = InProcessHost(parts.fleet_config(self.scenario), initial_states)
         self.paper, self.elsewhere = Paper(), Elsewhere()
         self.recorder = Witness(self.scenario)
-        self.presences = Presences(births, self.scenario.area.depth_m)
-        self.host, self.coordinator = host, Coordinator(host, dict.fromkeys(births, 0), self.scenario.theta)
-        self.flight = self.begin(self.recorder, Roll(self.presences, self.paper))
+        self.presences = Presences(initial_states, self.scenario.area.depth_m)
+        self.host, self.coordinator = (
+            host,
+            Coordinator(host, dict.fromkeys(initial_states, 0), self.scenario.theta),
+        )
+        self.flight = self.begin(self.recorder, Roster(self.presences, self.paper))
 
-    def begin(self, recorder: MemoryRecorder, roll: Roll) -> Flight:
+    def begin(self, recorder: MemoryRecorder, roster: Roster) -> Flight:
         return Flight(
             parts.supervisor(self.scenario),
-            Surroundings(
+            FlightContext(
                 InProcessVehicle(parts.simulated_apad(self.scenario)),
                 AsFastAsPossible(),
                 Fleet(self.coordinator, self.host),
-                ether=self.elsewhere,
-                roll=roll,
+                relay=self.elsewhere,
+                roster=roster,
             ),
             recorder,
         )
@@ -278,7 +281,7 @@ def test_what_was_done_is_answered_when_it_is_recorded() -> None:
     bench = Bench()
     order: list[str] = []
 
-    class Desk(Paper):
+    class RosterRequests(Paper):
         def answer(self, asked: Asked, refusal: str | None) -> None:
             order.append("answered")
 
@@ -290,9 +293,9 @@ def test_what_was_done_is_answered_when_it_is_recorded() -> None:
         def tick(self, *_: Any) -> None:
             order.append("on disk")
 
-    desk = Desk()
+    desk = RosterRequests()
     desk.asked = [Moved(THE_ONE, Trigger.HAND_OVER, "a test")]
-    bench.flight = bench.begin(Records(bench.scenario), Roll(bench.presences, desk))
+    bench.flight = bench.begin(Records(bench.scenario), Roster(bench.presences, desk))
     bench.ticks(1)
     assert order == ["said", "on disk", "answered"]
 

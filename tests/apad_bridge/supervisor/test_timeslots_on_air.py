@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from agents.hosting.in_process import OneProcess
+from agents.hosting.in_process import InProcessHost
 from agents.mussel.crystal import drift_of
 from apad_bridge.assembly import parts
 from apad_bridge.assembly.water import fleet_of
@@ -21,7 +21,7 @@ from apad_bridge.scenario.loader import from_data, load, resolve
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
 from apad_bridge.supervisor.clock import AsFastAsPossible
-from apad_bridge.supervisor.context import Surroundings
+from apad_bridge.supervisor.context import FlightContext
 from apad_bridge.supervisor.loop import Flight
 from apad_bridge.vehicle.link import InProcessVehicle
 from apad_bridge.vehicle.simulated.apad import SimulatedAPad
@@ -50,12 +50,12 @@ def scenario(seed: int = 1, **water: Any) -> Scenario:
 
 def statuses(flown: Scenario, drift_ppb: int = 0) -> list[dict[str, Any]]:
     """Every packet of an aMussel's."""
-    births = parts.births(flown, starts_of(flown))
+    initial_states = parts.initial_states(flown, starts_of(flown))
     config = replace(parts.fleet_config(flown), clock_drift_ppb=drift_ppb)
-    fleet = fleet_of(flown, OneProcess(config, births), dict.fromkeys(births, 0))
+    fleet = fleet_of(flown, InProcessHost(config, initial_states), dict.fromkeys(initial_states, 0))
     recorder = MemoryRecorder(flown)
     vehicle = InProcessVehicle(SimulatedAPad(flown.apad))
-    Flight(parts.supervisor(flown), Surroundings(vehicle, AsFastAsPossible(), fleet), recorder).run()
+    Flight(parts.supervisor(flown), FlightContext(vehicle, AsFastAsPossible(), fleet), recorder).run()
     packets = [data for _, kind, data in recorder.events if kind == "packet"]
     return [it for it in packets if it["from"] != 0 and it["what"] == "unicast"]
 

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from agents.coordinator import Coordinator
-from agents.hosting.in_process import OneProcess
+from agents.hosting.in_process import InProcessHost
 from agents.mussel.outputs import Truth
 from apad_bridge.assembly import parts
 from apad_bridge.records.samples import Water
@@ -18,7 +18,7 @@ from apad_bridge.scenario.loader import from_data, load, resolve
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import Start, starts_of
 from apad_bridge.supervisor.clock import AsFastAsPossible
-from apad_bridge.supervisor.context import Surroundings
+from apad_bridge.supervisor.context import FlightContext
 from apad_bridge.supervisor.fleet import Fleet
 from apad_bridge.supervisor.loop import Flight
 from apad_bridge.vehicle.link import InProcessVehicle
@@ -52,12 +52,12 @@ class Witness(MemoryRecorder):
 
 
 def flown(scenario: Scenario, starts: tuple[Start, ...] | None = None) -> tuple[Witness, Flight]:
-    births = parts.births(scenario, starts or starts_of(scenario))
-    host = OneProcess(parts.fleet_config(scenario), births)
-    fleet = Fleet(Coordinator(host, dict.fromkeys(births, 0), scenario.theta), host)
+    initial_states = parts.initial_states(scenario, starts or starts_of(scenario))
+    host = InProcessHost(parts.fleet_config(scenario), initial_states)
+    fleet = Fleet(Coordinator(host, dict.fromkeys(initial_states, 0), scenario.theta), host)
     witness = Witness(scenario)
     vehicle = InProcessVehicle(SimulatedAPad(scenario.apad))
-    flight = Flight(parts.supervisor(scenario), Surroundings(vehicle, AsFastAsPossible(), fleet), witness)
+    flight = Flight(parts.supervisor(scenario), FlightContext(vehicle, AsFastAsPossible(), fleet), witness)
     flight.run()
     return witness, flight
 

@@ -8,7 +8,7 @@ import pytest
 from firmware_model.actions import Dropped, RunBuoyancy, SendAnswer, SendStatus, SetRail, StateChanged
 from firmware_model.bench import Bench
 from firmware_model.bench.trace import line
-from firmware_model.config import Whole
+from firmware_model.config import FullFirmware
 from firmware_model.packets import EVERYONE, CommandPacket, Kind
 from firmware_model.power.charge import FULL
 from firmware_model.power.rails import Rail
@@ -205,6 +205,6 @@ def test_of_the_modes_of_the_mu_and_the_modem_never_two_are_on() -> None:
 @pytest.mark.parametrize("wrong", [{"turnaround_ms": -1}, {"answer_ms": 0}])
 def test_a_turnaround_and_an_answer_take_time(wrong: dict[str, int]) -> None:
     whole = board(HOURLY, power()).whole
-    assert isinstance(whole, Whole)
+    assert isinstance(whole, FullFirmware)
     with pytest.raises(ValueError, match="turnaround_ms must not be negative, and answer_ms positive"):
         replace(whole, **wrong)

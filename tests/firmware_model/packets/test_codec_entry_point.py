@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from agents.coordinator import Coordinator, Heard
-from agents.hosting.in_process import OneProcess
+from agents.hosting.in_process import InProcessHost
 from agents.mussel.outputs import WifiSent
 from agents.mussel.stimuli import SoundArrived
 from apad_bridge.assembly import parts
@@ -76,9 +76,11 @@ def test_a_fleet_that_speaks_it_is_heard_and_obeys(lines: Codec) -> None:
     data = resolve(load(ROOT / "launch_scripts" / "scenarios" / "pool-12.yaml"))
     data["hearing"]["codec"] = "lines"
     scenario = from_data(data, "test")
-    births = parts.births(scenario, starts_of(scenario))
+    initial_states = parts.initial_states(scenario, starts_of(scenario))
     fleet = Coordinator(
-        OneProcess(parts.fleet_config(scenario), births), dict.fromkeys(births, 0), scenario.theta
+        InProcessHost(parts.fleet_config(scenario), initial_states),
+        dict.fromkeys(initial_states, 0),
+        scenario.theta,
     )
     supervisor = parts.supervisor(scenario)
 

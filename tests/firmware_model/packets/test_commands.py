@@ -22,7 +22,7 @@ from firmware_model.packets import (
 )
 from firmware_model.packets.codec import MusselbedCodec
 from firmware_model.packets.commands import TRIGGERS, understood
-from firmware_model.power.feed import Feed
+from firmware_model.power.feed import ActiveBattery
 from firmware_model.states import State, Trigger
 from firmware_model.table_one import FIELD, HOURLY, WORST_CASE, board, power
 
@@ -80,13 +80,13 @@ def test_the_low_level_and_the_safe_level_are_where_they_were_told_to_be() -> No
 def test_the_level_to_switch_back_at_is_where_it_was_told_to_be() -> None:
     bench = asleep(primary=0.0, secondary=0.9)
     bench.hear(SetThreshold(1, Threshold.SWITCH_BACK, 0.02))
-    assert bench.board.feed is Feed.SECONDARY
+    assert bench.board.feed is ActiveBattery.SECONDARY
     bench.charge_pin_rises()
     # 0.02 at 1.2435 times 0.001045 a minute: 15.4 min.
     bench.run(minutes=15.2)
-    assert bench.board.feed is Feed.SECONDARY
+    assert bench.board.feed is ActiveBattery.SECONDARY
     bench.run(minutes=0.4)
-    assert bench.board.feed is Feed.PRIMARY
+    assert bench.board.feed is ActiveBattery.PRIMARY
 
 
 @pytest.mark.parametrize(

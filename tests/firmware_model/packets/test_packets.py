@@ -29,7 +29,7 @@ from firmware_model.packets import (
     WifiStatus,
     decode,
 )
-from firmware_model.power.feed import Feed
+from firmware_model.power.feed import ActiveBattery
 from firmware_model.sampling.sample_record import RECORD_BYTES, SampleRecord
 from firmware_model.states import State
 from firmware_model.stimuli import ResetCause
@@ -51,7 +51,7 @@ GOLDEN: dict[str, tuple[Packet, str]] = {
     ),
     "WIFI_STATUS": (
         WifiStatus(
-            STATUS, COUNTS, 70_000, 69_700, 69_000, 12, 1, ResetCause.BROWN_OUT, Feed.SECONDARY, 1026, -250
+            STATUS, COUNTS, 70_000, 69_700, 69_000, 12, 1, ResetCause.BROWN_OUT, ActiveBattery.SECONDARY, 1026, -250
         ),
         "020e" + _BASIC + _COUNTS
         + "70110100" "44100100" "880d0100" "0c000000" "0100" "01" "01" "0204" "06ffffff",
@@ -206,7 +206,7 @@ PACKETS: st.SearchStrategy[Packet] = st.one_of(
         U32,
         U16,
         st.sampled_from(ResetCause),
-        st.sampled_from(Feed),
+        st.sampled_from(ActiveBattery),
         U16,
         st.integers(-(2**31), 2**31 - 1),
     ),

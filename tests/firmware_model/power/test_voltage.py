@@ -12,7 +12,7 @@ from firmware_model.bench import Bench
 from firmware_model.config import LastResort, Metering, Power
 from firmware_model.packets import Kind
 from firmware_model.power.charge import FULL, Battery, ChargeModel, Flow, grains
-from firmware_model.power.feed import Feed
+from firmware_model.power.feed import ActiveBattery
 from firmware_model.power.power_path import Level, PowerPath
 from firmware_model.power.rails import Loads, Rail
 from firmware_model.power.voltage import Meter
@@ -76,12 +76,12 @@ def test_a_charger_that_touched_for_a_moment_fills_no_battery(metering: Metering
         0,
         1,
     )
-    assert path.feed is Feed.SECONDARY
+    assert path.feed is ActiveBattery.SECONDARY
     path.set(True, 1, 1000)
     found = list(levels(path, 31_000))
     assert (found == [(1500, Level.SWITCH_BACK)]) is switches
     path.set(False, 1, 31_000)
-    assert path.feed is (Feed.PRIMARY if switches else Feed.SECONDARY)
+    assert path.feed is (ActiveBattery.PRIMARY if switches else ActiveBattery.SECONDARY)
 
 
 def test_an_emergency_under_a_steady_load_comes_by_the_voltage_and_before_the_charge_is_gone() -> None:
@@ -146,7 +146,13 @@ class Stepped:
     def __init__(self, metering: Metering, primary: int, secondary: int) -> None:
         self.metering = metering
         self.charges = [primary, secondary]
-        self.feed = Feed.PRIMARY if primary else Feed.SECONDARY if secondary else Feed.NEITHER
+        self.feed = (
+            ActiveBattery.PRIMARY
+            if primary
+            else ActiveBattery.SECONDARY
+            if secondary
+            else ActiveBattery.NEITHER
+        )
         self.charging, self.load = False, 0
         self.runs: dict[Level, int] = {}
         self.told: set[Level] = set()
@@ -154,10 +160,10 @@ class Stepped:
 
     def wanted(self) -> dict[Level, tuple[int, int, int]]:
         """(which battery, level, sign)"""
-        if self.feed is Feed.NEITHER:
+        if self.feed is ActiveBattery.NEITHER:
             return {}
         if self.charging:
-            return {Level.SWITCH_BACK: (0, SWITCH_BACK, 1)} if self.feed is Feed.SECONDARY else {}
+            return {Level.SWITCH_BACK: (0, SWITCH_BACK, 1)} if self.feed is ActiveBattery.SECONDARY else {}
         which = int(self.feed)
         slow = {Level.SAFE_LEVEL: (1, SAFE, -1)} if which else {Level.LOW_LEVEL: (0, LOW, -1)}
         return {
@@ -197,20 +203,20 @@ class Stepped:
 
     def reach(self, reached: list[Level]) -> list[Level]:
         if reached and reached[0] is Level.EMPTIED:
-            was, self.feed = self.feed, Feed.NEITHER
-            if was is Feed.PRIMARY and self.charges[1] > 0:
-                self.feed = Feed.SECONDARY
+            was, self.feed = self.feed, ActiveBattery.NEITHER
+            if was is ActiveBattery.PRIMARY and self.charges[1] > 0:
+                self.feed = ActiveBattery.SECONDARY
             self.runs.clear()
             return [Level.EMPTIED]
         if reached and reached[0] is Level.SWITCH_BACK:
-            self.feed = Feed.PRIMARY
+            self.feed = ActiveBattery.PRIMARY
             self.runs.clear()
         self.told |= set(reached)
         return reached
 
     def set(self, charging: bool, load: int) -> list[Level]:
-        if charging and self.feed is Feed.NEITHER:
-            self.feed = Feed.PRIMARY
+        if charging and self.feed is ActiveBattery.NEITHER:
+            self.feed = ActiveBattery.PRIMARY
         if charging:
             self.told.clear()
         self.charging, self.load = charging, load

@@ -12,9 +12,9 @@ from typing import Any
 import pytest
 import serial
 
-from agents.hosting.in_process import OneProcess
+from agents.hosting.in_process import InProcessHost
 from agents.mussel.stimuli import SoundArrived, to_wire
-from apad_bridge.acoustics.serial.lines import Rims, open_rims
+from apad_bridge.acoustics.serial.lines import SerialLines, open_serial_lines
 from apad_bridge.acoustics.serial.nanomodem import Addressed, AnswerReader, Message, Way
 from apad_bridge.assembly import parts
 from apad_bridge.assembly.water import fleet_of
@@ -23,7 +23,7 @@ from apad_bridge.scenario.loader import from_data, load, resolve
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
 from apad_bridge.supervisor.clock import WallClock
-from apad_bridge.supervisor.context import Surroundings
+from apad_bridge.supervisor.context import FlightContext
 from apad_bridge.supervisor.loop import Flight
 from apad_bridge.vehicle.link import InProcessVehicle
 from firmware_model.packets import AcousticStatus, CommandPacket, Kind, StatusPacket
@@ -45,19 +45,19 @@ def whole_boards(**changes: Any) -> Scenario:
 
 @contextmanager
 def flying(
-    scenario: Scenario, rims: Rims, opened: tuple[int, ...] = ()
+    scenario: Scenario, serial_lines: SerialLines, opened: tuple[int, ...] = ()
 ) -> Iterator[tuple[Flight, MemoryRecorder]]:
     """A flight in a thread of its own, ended in order."""
-    births = parts.births(scenario, starts_of(scenario))
-    host = OneProcess(parts.fleet_config(scenario), births)
+    initial_states = parts.initial_states(scenario, starts_of(scenario))
+    host = InProcessHost(parts.fleet_config(scenario), initial_states)
     recorder = MemoryRecorder(scenario)
     flight = Flight(
         parts.supervisor(scenario),
-        Surroundings(
+        FlightContext(
             InProcessVehicle(parts.simulated_apad(scenario)),
             WallClock(1.0),
-            fleet_of(scenario, host, dict.fromkeys(births, 0), opened=opened),
-            rims=rims,
+            fleet_of(scenario, host, dict.fromkeys(initial_states, 0), opened=opened),
+            serial_lines=serial_lines,
         ),
         recorder,
     )
@@ -90,8 +90,8 @@ def range_in_s(driver: serial.Serial) -> float:
 
 def test_a_driver_talks_to_an_opened_modem_while_the_mission_flies(tmp_path: Path) -> None:
     with (
-        open_rims(tmp_path, (7,), "", 0, print) as rims,
-        flying(whole_boards(water={}), rims, (7,)) as (_, recorder),
+        open_serial_lines(tmp_path, (7,), "", 0, print) as serial_lines,
+        flying(whole_boards(water={}), serial_lines, (7,)) as (_, recorder),
         serial.Serial(str(tmp_path / "modems" / "amussel7"), 9600, timeout=60) as driver,
     ):
         driver.write(b"$?")
@@ -119,8 +119,8 @@ def test_a_physical_modem_brings_words_for_both_sides(physical: Make, tmp_path: 
     modems = physical(speed=1)
     scenario = whole_boards()
     with (
-        open_rims(tmp_path, (), modems.path(1), 0, print) as rims,
-        flying(scenario, rims) as (flight, recorder),
+        open_serial_lines(tmp_path, (), modems.path(1), 0, print) as serial_lines,
+        flying(scenario, serial_lines) as (flight, recorder),
         serial.Serial(modems.path(2), 9600, timeout=60) as elsewhere,
     ):
         until(
@@ -162,8 +162,8 @@ def test_reports_and_commands_go_into_the_water_with_their_ids(physical: Make, t
     data["fleet"].update(count=1, start={"charge": [0.3, 0.4]})
     data["mission"].update(batch=1)
     with (
-        open_rims(tmp_path, (), modems.path(1), 0, print) as rims,
-        flying(from_data(data, "short cycle"), rims) as (flight, recorder),
+        open_serial_lines(tmp_path, (), modems.path(1), 0, print) as serial_lines,
+        flying(from_data(data, "short cycle"), serial_lines) as (flight, recorder),
         serial.Serial(modems.path(2), 9600, timeout=60) as elsewhere,
     ):
         reader, payloads = AnswerReader(), list[bytes]()
@@ -185,6 +185,6 @@ def test_reports_and_commands_go_into_the_water_with_their_ids(physical: Make, t
 
 @pytest.mark.parametrize("opened", [(), (7,)])
 def test_without_anything_to_open_nothing_is_made(tmp_path: Path, opened: tuple[int, ...]) -> None:
-    with open_rims(tmp_path, opened, "", 0, print) as rims:
-        assert (rims is None) == (not opened)
+    with open_serial_lines(tmp_path, opened, "", 0, print) as serial_lines:
+        assert (serial_lines is None) == (not opened)
         assert (tmp_path / "modems").exists() == bool(opened)

@@ -11,7 +11,7 @@ from visualization_msgs.msg import Marker
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.hold_last import HoldLast
 from apad_bridge.beliefs.modes import Mode
-from apad_bridge.mission.share import Share
+from apad_bridge.mission.allocation import Allocation
 from apad_bridge.ros.gateway.fleet_markers import FleetMarkers
 from apad_bridge.supervisor.roster import Moved, Presences, Trigger
 from apad_bridge.vehicle.commands import PoseReported
@@ -45,7 +45,7 @@ class APad:
 
     def __init__(self, *own: int) -> None:
         self.beliefs = HoldLast(own)
-        self.share = Share(self.beliefs, own)
+        self.share = Allocation(self.beliefs, own)
         self.pose = PoseReported(0, 1.0, 2.0, 0.0)
         self.mission = SimpleNamespace(slots=(None,) * 4)
         self.screen = Screen()
@@ -155,7 +155,7 @@ def test_an_ellipse_leaves_with_its_ball_and_without_it() -> None:
     )
     known = [sure]
     apad = APad(7)
-    apad.share = Share(SimpleNamespace(all=lambda: list(known), get=lambda agent_id: None), [7])
+    apad.share = Allocation(SimpleNamespace(all=lambda: list(known), get=lambda agent_id: None), [7])
     apad.tick()
     assert apad.screen.of(7) == BOTH | {"place_95"}
     known[:] = [replace(sure, mode_probabilities=())]

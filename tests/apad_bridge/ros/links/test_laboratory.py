@@ -62,8 +62,8 @@ def topics() -> Topics:
 
 @pytest.fixture
 def laboratory(topics: Topics, monkeypatch: pytest.MonkeyPatch) -> Laboratory:
-    monkeypatch.setattr("apad_bridge.ros.links.laboratory.LaboratoryEars", lambda *_: topics)
-    monkeypatch.setattr("apad_bridge.ros.links.laboratory.LaboratoryMouths", lambda *_: topics)
+    monkeypatch.setattr("apad_bridge.ros.links.laboratory.LaboratorySubscribers", lambda *_: topics)
+    monkeypatch.setattr("apad_bridge.ros.links.laboratory.LaboratoryPublishers", lambda *_: topics)
     return Laboratory(None, "apad1", [3, 4], CODEC)  # type: ignore[arg-type]
 
 
@@ -89,7 +89,7 @@ def test_an_alert_that_the_vehicle_needs_not_is_counted(laboratory: Laboratory, 
 
 def test_words_and_packets_become_what_aMussels_hear(laboratory: Laboratory, topics: Topics) -> None:
     link = laboratory.beside(Vehicle(), None)
-    ether = laboratory.around(None, link, is_mission=False)
+    relay = laboratory.around(None, link, is_mission=False)
     topics.to_hear = [
         WordSaid(What.PERMISSION, 3),
         WordSaid(What.CLEAR, None),
@@ -98,29 +98,29 @@ def test_words_and_packets_become_what_aMussels_hear(laboratory: Laboratory, top
     link.advance(1_000)
     permission = CODEC.encode(CommandPacket(Kind.PERMISSION, 3))
     releases = [CODEC.encode(CommandPacket(Kind.RELEASE, agent_id)) for agent_id in (3, 4)]
-    assert ether.advance(1_000) == [
+    assert relay.advance(1_000) == [
         Send(Medium.SOUND, 3, permission),
         Send(Medium.WIFI, 3, releases[0]),
         Send(Medium.WIFI, 4, releases[1]),
         Send(Medium.SOUND, 4, b"bytes"),
     ]
-    assert ether.advance(2_000) == []
+    assert relay.advance(2_000) == []
 
 
 def test_what_is_said_to_amussels_and_by_them_is_told(laboratory: Laboratory, topics: Topics) -> None:
-    ether = laboratory.around(None, laboratory.beside(Vehicle(), None), is_mission=False)
+    relay = laboratory.around(None, laboratory.beside(Vehicle(), None), is_mission=False)
     data = CODEC.encode(CommandPacket(Kind.RELEASE, 3))
-    ether.said(Send(Medium.WIFI, 3, data), 0)
-    ether.transmit(Medium.SOUND, 4, b"status", 0)
+    relay.said(Send(Medium.WIFI, 3, data), 0)
+    relay.transmit(Medium.SOUND, 4, b"status", 0)
     assert topics.told == [(What.CLEAR, 3, data), (What.PACKET, 4, b"status")]
 
 
 def test_the_wifis_status_is_told_when_it_changes(laboratory: Laboratory, topics: Topics) -> None:
-    ether = laboratory.around(None, laboratory.beside(Vehicle(), None), is_mission=False)
+    relay = laboratory.around(None, laboratory.beside(Vehicle(), None), is_mission=False)
     for now_ms in (0, 1_000, 2_000):
-        ether.transmit(Medium.WIFI, 3, b"status", now_ms)
-        ether.advance(now_ms)
-    ether.advance(2_000 + WIFI_GONE_MS)
+        relay.transmit(Medium.WIFI, 3, b"status", now_ms)
+        relay.advance(now_ms)
+    relay.advance(2_000 + WIFI_GONE_MS)
     assert topics.told == [(What.WIFI, 3, True)]
-    ether.advance(2_001 + WIFI_GONE_MS)
+    relay.advance(2_001 + WIFI_GONE_MS)
     assert topics.told == [(What.WIFI, 3, True), (What.WIFI, 3, False)]

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from apad_bridge.runs.several.protocol import Handed, Orders
-from apad_bridge.runs.several.reassignment import Dispatch
+from apad_bridge.runs.several.reassignment import Reassigner
 
 HOMES = {"a": (1, 2, 3), "b": (4, 5, 6), "c": (7, 8)}
 IDS = tuple(agent_id for ids in HOMES.values() for agent_id in ids)
@@ -48,12 +48,12 @@ class Member:
         self.said.append({"seen": seen})
 
 
-def squad(folder: Path) -> tuple[Dispatch, dict[str, Member]]:
+def squad(folder: Path) -> tuple[Reassigner, dict[str, Member]]:
     members = {}
     for name in HOMES:
         (folder / name).mkdir()
         members[name] = Member(name, folder / name)
-    return Dispatch(HOMES, {name: it.folder for name, it in members.items()}), members
+    return Reassigner(HOMES, {name: it.folder for name, it in members.items()}), members
 
 
 ACTS = st.tuples(

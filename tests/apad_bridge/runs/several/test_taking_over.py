@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from apad_bridge.assembly.division import members
-from apad_bridge.runs.studies.several_in_memory import Opened, open_formation
+from apad_bridge.runs.studies.several_in_memory import Opened, open_lockstep
 from apad_bridge.scenario.loader import from_data, load, resolve
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import Start, save_starts, starts_of
@@ -38,7 +38,7 @@ def squad(folder: Path, *, transfers: bool, battery: float) -> Scenario:
 
 def opened_in(folder: Path, *, transfers: bool, battery: float = 0.005) -> Opened:
     scenario = squad(folder, transfers=transfers, battery=battery)
-    return open_formation(members(scenario, starts_of(scenario)), scenario.sharing)
+    return open_lockstep(members(scenario, starts_of(scenario)), scenario.sharing)
 
 
 def said(opened: Opened, apad: str, kind: str) -> list[dict[str, Any]]:
@@ -84,16 +84,16 @@ def test_at_every_tick_each_is_in_exactly_one_share(tmp_path: Path) -> None:
     tick = opened.flown["apad2"].flight.step
 
     def watched() -> bool:
-        served = sorted(agent_id for it in supervisors for agent_id in it.share.served)
+        served = sorted(agent_id for it in supervisors for agent_id in it.allocation.served)
         assert served == list(range(1, 9))
         # And nobody plans for one of another's.
         for it in supervisors:
-            assert {step.agent_id for step in it.mission.state.plan.steps} <= it.share.served
+            assert {step.agent_id for step in it.mission.state.plan.steps} <= it.allocation.served
         return tick()
 
     opened.flown["apad2"].flight.step = watched  # type: ignore[method-assign]
     opened.formation.run()
-    assert [len(it.share.served) for it in supervisors] == [8, 0]
+    assert [len(it.allocation.served) for it in supervisors] == [8, 0]
 
 
 def test_a_guest_is_handed_on_again_when_its_server_fails(tmp_path: Path) -> None:
@@ -103,15 +103,17 @@ def test_a_guest_is_handed_on_again_when_its_server_fails(tmp_path: Path) -> Non
     data["apads"].append({"name": "apad3", "start_m": [50, 10], "battery_start_fraction": 0.03})
     data["mission"]["collection"] = "none"
     three = from_data(data, "three")
-    opened = open_formation(members(three, starts_of(three)), three.sharing)
+    opened = open_lockstep(members(three, starts_of(three)), three.sharing)
     opened.formation.run()
     downs = [said(opened, name, "stands_down")[0]["t"] for name in ("apad2", "apad3")]
     assert downs[0] < 200_000 and 600_000 < downs[1] < 1_500_000
     first = {it.agent_id: it.taker for at_ms, it in opened.formation.moves if at_ms < downs[1]}
     then = {it.agent_id: it for at_ms, it in opened.formation.moves if at_ms > downs[1]}
-    homes = {name: set(it.flight.supervisor.share.own) for name, it in opened.flown.items()}
-    guests = {it for it in homes["apad2"] if first[it] == "apad3"}
-    assert guests and all(then[it].giver == "apad3" and then[it].taker == "apad1" for it in guests)
+    homes = {name: set(it.flight.supervisor.allocation.own) for name, it in opened.flown.items()}
+    served_for_others = {it for it in homes["apad2"] if first[it] == "apad3"}
+    assert served_for_others and all(
+        then[it].giver == "apad3" and then[it].taker == "apad1" for it in served_for_others
+    )
     assert opened.sharing.shares == {
         "apad1": frozenset(range(1, 9)),
         "apad2": frozenset(),
@@ -139,11 +141,11 @@ def test_whom_its_docks_hold_stay_with_it(tmp_path: Path) -> None:
 def test_while_all_are_well_nothing_differs_from_flying_alone(tmp_path: Path) -> None:
     scenario = squad(tmp_path, transfers=True, battery=1.0)
     each = members(scenario, starts_of(scenario))
-    together = open_formation(each, scenario.sharing)
+    together = open_lockstep(each, scenario.sharing)
     together.formation.run()
     assert together.formation.moved == 0
     for member in each:
-        alone = open_formation([member], scenario.sharing)
+        alone = open_lockstep([member], scenario.sharing)
         alone.formation.run()
         assert alone.recorders[member.name].events == together.recorders[member.name].events
         assert alone.figures()[member.name] == together.figures()[member.name]

@@ -61,7 +61,7 @@ class Finished:
     failure: str | None
 
 
-class Handover:
+class Rendezvous:
     """`ask` and `finish` are for the script's thread, the rest for the supervisor's."""
 
     def __init__(self, turns: Turns) -> None:

@@ -8,54 +8,54 @@ import pytest
 from apad_bridge.runs.script_in_memory import fly_script
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scripting.api import Api
-from apad_bridge.scripting.handover import Aborted, Do, Finished, Handover, Turns, Wait
 from apad_bridge.scripting.program import SCRIPT_FAILED
+from apad_bridge.scripting.rendezvous import Aborted, Do, Finished, Rendezvous, Turns, Wait
 
 PATIENT = Turns(tick_s=20.0, busy_s=20.0)
 
 
 def test_what_is_asked_is_done_by_the_supervisor_s_thread() -> None:
-    handover, threads, answers = Handover(PATIENT), [], []
+    rendezvous, threads, answers = Rendezvous(PATIENT), [], []
 
     def script() -> None:
-        answers.append(handover.ask(Do(lambda: threads.append(threading.current_thread()) or 7)))
+        answers.append(rendezvous.ask(Do(lambda: threads.append(threading.current_thread()) or 7)))
         try:
-            handover.ask(Do(lambda: None))
+            rendezvous.ask(Do(lambda: None))
         except KeyError as error:
             answers.append(str(error))
-        handover.finish(None)
+        rendezvous.finish(None)
 
     thread = threading.Thread(target=script)
-    handover.begin()
+    rendezvous.begin()
     thread.start()
-    asked = handover.next()
+    asked = rendezvous.next()
     assert isinstance(asked, Do)
-    handover.answer(asked.act())
-    assert isinstance(handover.next(), Do)
-    handover.answer(KeyError("raised there"))
-    assert handover.next() == Finished(None)
+    rendezvous.answer(asked.act())
+    assert isinstance(rendezvous.next(), Do)
+    rendezvous.answer(KeyError("raised there"))
+    assert rendezvous.next() == Finished(None)
     thread.join(60)
     assert (threads, answers) == ([threading.current_thread()], [7, "'raised there'"])
 
 
 def test_a_script_that_waits_when_the_mission_ends_is_aborted() -> None:
-    handover, ends = Handover(PATIENT), []
+    rendezvous, ends = Rendezvous(PATIENT), []
 
     def script() -> None:
         try:
-            handover.ask(Wait(None, 1000))
+            rendezvous.ask(Wait(None, 1000))
         except Aborted as aborted:
             ends.append(str(aborted))
         try:
-            handover.ask(Do(lambda: None))
+            rendezvous.ask(Do(lambda: None))
         except Aborted as aborted:
             ends.append(str(aborted))
 
     thread = threading.Thread(target=script)
-    handover.begin()
+    rendezvous.begin()
     thread.start()
-    assert handover.next() == Wait(None, 1000)
-    handover.close("enough")
+    assert rendezvous.next() == Wait(None, 1000)
+    rendezvous.close("enough")
     thread.join(60)
     assert ends == ["enough", "enough"]
 
@@ -81,11 +81,11 @@ def test_a_thread_that_a_script_starts_cannot_take_its_turn(pool: Scenario) -> N
 
 
 def test_a_condition_may_look_but_not_wait() -> None:
-    handover = Handover(PATIENT)
-    handover.begin()
-    assert handover.ask(Do(lambda: 5)) == 5
+    rendezvous = Rendezvous(PATIENT)
+    rendezvous.begin()
+    assert rendezvous.ask(Do(lambda: 5)) == 5
     with pytest.raises(RuntimeError, match="neither sleep nor wait"):
-        handover.ask(Wait(None, 5))
+        rendezvous.ask(Wait(None, 5))
 
 
 def test_a_condition_that_waits_fails_the_script_and_not_the_flight(pool: Scenario) -> None:
@@ -98,12 +98,12 @@ def test_a_script_that_never_comes_back_ends_the_mission_not_the_machine(
 ) -> None:
     monkeypatch.setattr("apad_bridge.scripting.program._JOIN_S", 0.1)
     computes, released = threading.Event(), threading.Event()
-    asked = Handover.next
+    asked = Rendezvous.next
 
-    def patient(handover: Handover) -> object:
+    def patient(rendezvous: Rendezvous) -> object:
         # A thread that waits for a processor is not one that computes: until it says so it is waited for, up to a minute.
         until_s = time.monotonic() + 60.0
-        while (found := asked(handover)) is None and not computes.is_set() and time.monotonic() < until_s:
+        while (found := asked(rendezvous)) is None and not computes.is_set() and time.monotonic() < until_s:
             pass
         return found
 
@@ -112,7 +112,7 @@ def test_a_script_that_never_comes_back_ends_the_mission_not_the_machine(
         computes.set()
         released.wait(60)
 
-    monkeypatch.setattr(Handover, "next", patient)
+    monkeypatch.setattr(Rendezvous, "next", patient)
     flight = fly_script(pool, script, Turns(tick_s=0.05, busy_s=0.05))
     released.set()
     assert flight.ended_by == f"{SCRIPT_FAILED}: it neither called the API nor slept for 0.05 s"
@@ -131,16 +131,16 @@ def test_in_real_time_ticks_go_on_while_a_script_computes(pool: Scenario) -> Non
             assert ticks.acquire(timeout=30)
         seen.append(api.now() - before)
 
-    asked = Handover.next
+    asked = Rendezvous.next
 
-    def counted(handover: Handover) -> object:
-        found = asked(handover)
+    def counted(rendezvous: Rendezvous) -> object:
+        found = asked(rendezvous)
         if found is None:
             ticks.release()
         return found
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(Handover, "next", counted)
+        patch.setattr(Rendezvous, "next", counted)
         flight = fly_script(pool, script, Turns(tick_s=0.01, busy_s=60.0))
     assert flight.error is None
     assert seen[0] >= 2

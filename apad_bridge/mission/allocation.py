@@ -8,15 +8,15 @@ from apad_bridge.beliefs.belief import Belief
 from apad_bridge.mission.sources import BeliefSource
 
 
-class Share:
+class Allocation:
     """A BeliefSource. At first it is the fleet that is simulated beside this mission."""
 
     def __init__(self, beliefs: BeliefSource, own: Iterable[int]) -> None:
         self._beliefs = beliefs
         self.own = self.served = frozenset(own)
-        self.guests: frozenset[int] = frozenset()
+        self.served_for_others: frozenset[int] = frozenset()
         """Of another fleet, and served here."""
-        self.given: frozenset[int] = frozenset()
+        self.served_elsewhere: frozenset[int] = frozenset()
         """Of this fleet, and served elsewhere."""
 
     def take(self, agent_id: int) -> None:
@@ -27,7 +27,7 @@ class Share:
 
     def _serve(self, agent_ids: frozenset[int]) -> None:
         self.served = agent_ids
-        self.guests, self.given = agent_ids - self.own, self.own - agent_ids
+        self.served_for_others, self.served_elsewhere = agent_ids - self.own, self.own - agent_ids
 
     def get(self, agent_id: int) -> Belief | None:
         """Of one that is served elsewhere too: a dock may hold it still."""
@@ -35,6 +35,6 @@ class Share:
 
     def all(self) -> list[Belief]:
         beliefs = self._beliefs.all()
-        if not self.guests and not self.given:
+        if not self.served_for_others and not self.served_elsewhere:
             return beliefs
         return [belief for belief in beliefs if belief.agent_id in self.served]
