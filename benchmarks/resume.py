@@ -38,7 +38,7 @@ CASES = (
 def measure() -> dict[str, Any]:
     """Processor time. A notebook as it is just before a checkpoint is due; `same` says that what is recalled is equal."""
     with tempfile.TemporaryDirectory() as folder:
-        return {"rows": [_measured(Path(folder) / "notebook.jsonl", *case) for case in CASES]}
+        return {"rows": [_measured(Path(folder) / "checkpoint.jsonl", *case) for case in CASES]}
 
 
 def _measured(path: Path, estimator: str, agents: int, theta: int, period_s: int) -> dict[str, Any]:

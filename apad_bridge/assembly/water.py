@@ -109,7 +109,7 @@ def fleet_of(
     slots = None if whole is None or whole.cycle is None else whole.cycle.slots
     water = scenario.water
     if water is None:
-        return Fleet(coordinator, host, slots=slots)
+        return Fleet(coordinator, host, timeslots=slots)
     sea = Sea(sea_config(scenario, water), coordinator, host, now_ms, opened)
     if water.links_file is None:
         return Fleet(coordinator, host, sea, slots)

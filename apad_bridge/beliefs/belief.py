@@ -64,7 +64,7 @@ class Belief:
     """In the order of `Mode`; empty when `state` is simply believed."""
     clock: Clock = EXACT_CLOCK
     learned_from: Source = Source.PACKET
-    silent_slots: int = 0
+    silent_timeslots: int = 0
     """Slots since the newest packet in which one was due and none was heard."""
     parts: tuple[Part, ...] = ()
     """The primary charge as a mixture, before its ends at 0 and 1; empty for one Gaussian."""

@@ -93,9 +93,9 @@ class FleetBeliefs:
         if self._due_every_ms is None:
             return belief
         silent = (belief.at_ms - belief.heard_ms) // self._due_every_ms
-        if silent == belief.silent_slots:
+        if silent == belief.silent_timeslots:
             return belief
-        return replace(belief, silent_slots=silent, learned_from=belief.learned_from | Source.SILENCE)
+        return replace(belief, silent_timeslots=silent, learned_from=belief.learned_from | Source.SILENCE)
 
     def hear(self, packet: StatusPacket, at_ms: int) -> str | None:
         """Believes the packet heard at mission time `at_ms`; or says why not, and nothing has changed."""

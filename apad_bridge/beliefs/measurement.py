@@ -30,7 +30,7 @@ class HeardShort:
 
 
 @dataclass(frozen=True, slots=True)
-class SlotSilent:
+class TimeslotSilent:
     """A slot in which a packet was due ended without one."""
 
     at_ms: int
@@ -88,7 +88,7 @@ class ClockSet:
     agent_ms: int
 
 
-Measurement = Heard | HeardShort | SlotSilent | Permitted | Docked | Released | Fixed | Ranged | ClockSet
+Measurement = Heard | HeardShort | TimeslotSilent | Permitted | Docked | Released | Fixed | Ranged | ClockSet
 
 
 class Rejected(ValueError):

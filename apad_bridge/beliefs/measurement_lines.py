@@ -15,13 +15,13 @@ from apad_bridge.beliefs.measurement import (
     Permitted,
     Ranged,
     Released,
-    SlotSilent,
+    TimeslotSilent,
 )
 from firmware_model.packets import StatusPacket
 from firmware_model.states import State
 
 _KINDS: dict[str, type[Any]] = {
-    "silent": SlotSilent,
+    "silent": TimeslotSilent,
     "permitted": Permitted,
     "docked": Docked,
     "released": Released,

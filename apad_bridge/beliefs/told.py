@@ -23,7 +23,7 @@ def told(
     state: State,
     at_ms: int,
     learned_from: Source,
-    silent_slots: int,
+    silent_timeslots: int,
 ) -> Belief:
     """The belief for mission time `at_ms`, with the memory in it from which the next one is made."""
     if memory.situation is Mode.CHARGING_PRIMARY:
@@ -64,7 +64,7 @@ def told(
         modes,
         memory.clock,
         learned_from,
-        silent_slots,
+        silent_timeslots,
         parts,
         memory,
     )

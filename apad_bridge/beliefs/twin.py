@@ -30,7 +30,7 @@ from apad_bridge.beliefs.measurement import (
     Ranged,
     Rejected,
     Released,
-    SlotSilent,
+    TimeslotSilent,
 )
 from apad_bridge.beliefs.memory import (
     Memory,
@@ -85,8 +85,8 @@ class Twin:
         at_ms = max(measurement.at_ms, belief.at_ms)
         memory = self._carried(belief, at_ms)
         match measurement:
-            case SlotSilent():
-                silent = replace(belief, silent_slots=belief.silent_slots + 1)
+            case TimeslotSilent():
+                silent = replace(belief, silent_timeslots=belief.silent_timeslots + 1)
                 return self._tell(silent, memory, at_ms, belief.learned_from | Source.SILENCE)
             case Permitted():
                 memory = self._permitted(memory, belief.agent_id)
@@ -117,7 +117,7 @@ class Twin:
             "state": int(belief.state),
             "at_ms": belief.at_ms,
             "learned_from": int(belief.learned_from),
-            "silent_slots": belief.silent_slots,
+            "silent_slots": belief.silent_timeslots,
             "memory": memory_data(memory),
         }
 
@@ -161,7 +161,7 @@ class Twin:
             belief.state,
             at_ms,
             learned_from,
-            belief.silent_slots,
+            belief.silent_timeslots,
         )
 
     # What the aPad did.
@@ -233,7 +233,7 @@ class Twin:
         return self._heard(belief, memory, reading, at_ms)
 
     def _heard(self, belief: Belief, memory: Memory, reading: Reading, at_ms: int) -> Belief:
-        heard = replace(belief, heard_ms=at_ms, carried_ms=0, state=reading.state, silent_slots=0)
+        heard = replace(belief, heard_ms=at_ms, carried_ms=0, state=reading.state, silent_timeslots=0)
         return self._tell(heard, memory, at_ms, Source.PACKET)
 
     def _tells_news(self, memory: Memory, agent_id: int, mode: Mode) -> bool:

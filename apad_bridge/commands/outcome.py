@@ -46,7 +46,7 @@ def print_plan(plan: dict[str, Any] | None, as_json: bool) -> int:
     elif plan is None:
         print("no plan: there are never enough candidates")
     else:
-        steps = ", ".join(f"aMussel {step['agent']} into dock {step['slot']}" for step in plan["steps"])
+        steps = ", ".join(f"aMussel {step['agent']} into dock {step['dock']}" for step in plan["steps"])
         costs = plan["costs"]
         print(f"at {plan['t'] / 1000:.0f} s, {plan['strategy']}: {steps}")
         print(

@@ -9,6 +9,7 @@ from typing import Any
 
 from apad_bridge.commands.outcome import report
 from apad_bridge.commands.run import peers_may_fail
+from apad_bridge.records.journal import FORMAT_VERSION, format_of
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
 from apad_bridge.runs.children import supervisor_of
 from apad_bridge.runs.exits import EXITS, UserError
@@ -50,6 +51,11 @@ def run(arguments: argparse.Namespace) -> int:
         )
     if options.script:
         raise UserError(f"a script cannot go on in the middle: musselbed script {options.script} begins anew")
+    if (written := format_of(directory.journal)) != FORMAT_VERSION:
+        raise UserError(
+            f"{directory.journal} has format {written}, and this version goes on with format {FORMAT_VERSION} alone: "
+            f"resume it with the version that began it ({directory.versions})"
+        )
     if (pid := supervisor_of(path)) is not None:
         raise UserError(f"the run's supervisor lives (pid {pid}): there is nothing to resume")
     if directory.summary.exists():

@@ -40,7 +40,7 @@ class GivenUp(Exception):
 class AwaitSurfacing:
     """Asked at every tick what to do next, until it floats or is given up (see `Mission`'s times in the scenario)."""
 
-    slot: int
+    dock_index: int
     agent_id: int
     since_ms: int
     permissions: int = 0
@@ -95,33 +95,33 @@ class DockingRoutine:
         """Whether it is believed full, as the scenario means it."""
         return self._full.is_full(self._beliefs.get(agent_id))
 
-    def refuse_dock(self, slot: int, agent_id: int, here: tuple[float, float]) -> None:
+    def refuse_dock(self, dock_index: int, agent_id: int, here: tuple[float, float]) -> None:
         """Refused for what cannot be docked from here."""
-        belief, slots = self.believed(agent_id), self._book.slots
-        if slots[slot] is not None:
-            raise Refused(f"dock {dock_of(slot)} holds aMussel {slots[slot]}")
-        if agent_id in slots:
-            raise Refused(f"aMussel {agent_id} is in dock {dock_of(slots.index(agent_id))} already")
+        belief, docks = self.believed(agent_id), self._book.docks
+        if docks[dock_index] is not None:
+            raise Refused(f"dock {dock_of(dock_index)} holds aMussel {docks[dock_index]}")
+        if agent_id in docks:
+            raise Refused(f"aMussel {agent_id} is in dock {dock_of(docks.index(agent_id))} already")
         if belief.state in BEYOND_HELP:
             raise Refused(f"aMussel {agent_id} is lost: it can no longer surface")
         self._refuse_beyond_reach(belief, here)
 
     def dock(
-        self, slot: int, agent_id: int, manoeuvre: Manoeuvre, here: tuple[float, float], now_ms: int
+        self, dock_index: int, agent_id: int, manoeuvre: Manoeuvre, here: tuple[float, float], now_ms: int
     ) -> None:
         """Begins, with the permission to surface; `advance` goes on."""
         self._begin()
         self._manoeuvre = manoeuvre
-        self._surfacing = AwaitSurfacing(slot, agent_id, now_ms)
+        self._surfacing = AwaitSurfacing(dock_index, agent_id, now_ms)
         self.advance(here, now_ms)
 
-    def undock(self, slot: int, manoeuvre: Manoeuvre, now_ms: int) -> None:
-        agent_id = self._book.slots[slot]
+    def undock(self, dock_index: int, manoeuvre: Manoeuvre, now_ms: int) -> None:
+        agent_id = self._book.docks[dock_index]
         if agent_id is None:
-            raise Refused(f"dock {dock_of(slot)} is empty")
+            raise Refused(f"dock {dock_of(dock_index)} is empty")
         self.pre_empt(now_ms)
         self._begin()
-        self._mechanism = UndockMussel(self._book.next_id(), slot, agent_id, manoeuvre)
+        self._mechanism = UndockMussel(self._book.next_id(), dock_index, agent_id, manoeuvre)
         self._book.order(self._mechanism)
 
     def advance(self, here: tuple[float, float], now_ms: int) -> None:
@@ -143,7 +143,7 @@ class DockingRoutine:
         elif todo is Next.CLOSE:
             self._surfacing = None
             self._mechanism = DockMussel(
-                self._book.next_id(), waiting.slot, waiting.agent_id, self._manoeuvre
+                self._book.next_id(), waiting.dock_index, waiting.agent_id, self._manoeuvre
             )
             self._book.order(self._mechanism)
 
@@ -163,7 +163,7 @@ class DockingRoutine:
         ended, self._mechanism = self._mechanism, None
         if isinstance(ended, UndockMussel) and status is Status.DONE:
             self._released(ended.agent_id)
-        self._end(status, ended.agent_id, ended.slot, reason, now_ms)
+        self._end(status, ended.agent_id, ended.dock_index, reason, now_ms)
 
     def _begin(self) -> None:
         self.status = Status.RUNNING
@@ -176,13 +176,13 @@ class DockingRoutine:
 
     def _surfacing_ends(self, status: Status, reason: str, now_ms: int) -> None:
         if self._surfacing is not None:
-            slot, agent_id = self._surfacing.slot, self._surfacing.agent_id
+            dock_index, agent_id = self._surfacing.dock_index, self._surfacing.agent_id
             self._surfacing = None
-            self._end(status, agent_id, slot, reason, now_ms)
+            self._end(status, agent_id, dock_index, reason, now_ms)
 
-    def _end(self, status: Status, agent_id: int, slot: int, reason: str | None, now_ms: int) -> None:
+    def _end(self, status: Status, agent_id: int, dock_index: int, reason: str | None, now_ms: int) -> None:
         self.status = status
-        self._events.tell(now_ms, "docking", agent_id, dock_of(slot), status, reason)
+        self._events.tell(now_ms, "docking", agent_id, dock_of(dock_index), status, reason)
 
     def _released(self, agent_id: int) -> None:
         full = self.is_full(agent_id)

@@ -107,8 +107,8 @@ class EnergyExchange(OrderBook):
     def receive(self, outcome: Outcome, now_ms: int) -> list[Order]:
         """Takes an outcome of the port; one of a primitive that is not under way changes nothing."""
         match outcome:
-            case DockChanged(_, slot, agent_id, closed):
-                self.dock_changed(slot, agent_id, closed)
+            case DockChanged(_, dock_index, agent_id, closed):
+                self.dock_changed(dock_index, agent_id, closed)
             case PrimitiveSucceeded(_, primitive_id) if primitive_id == self.state.primitive_id:
                 if self._part.success is not None:
                     self._part.success(self, now_ms)
@@ -206,7 +206,7 @@ class EnergyExchange(OrderBook):
                 self._go_to(belief.north_m, belief.east_m)
                 self._enter(Phase.GO_COLLECT, now_ms, attempts=self.state.attempts + 1)
             else:
-                self.order(DockMussel(self.next_id(), self._step.slot, belief.agent_id))
+                self.order(DockMussel(self.next_id(), self._step.dock_index, belief.agent_id))
                 self._enter(Phase.DOCK, now_ms)
             return
         self._repeat_permission(now_ms)
@@ -235,7 +235,7 @@ class EnergyExchange(OrderBook):
         self._enter(Phase.CHARGE, now_ms, plan=Solution(()))
 
     def _consider_deploying(self, now_ms: int) -> None:
-        docked = {agent_id: slot for slot, agent_id in self.state.docked}
+        docked = {agent_id: dock_index for dock_index, agent_id in self.state.docked}
         beliefs = {agent_id: self._beliefs.get(agent_id) for agent_id in docked}
         for agent_id, reason in self._charging.look(beliefs, now_ms):
             self.note("given_up", agent=agent_id, what="charge", reason=reason)
@@ -271,7 +271,7 @@ class EnergyExchange(OrderBook):
     def _undock(self, now_ms: int) -> None:
         agent_id = self._step.agent_id
         self.set(leaves_full=self._charging.is_full(self._beliefs.get(agent_id)))
-        self.order(UndockMussel(self.next_id(), self._step.slot, agent_id))
+        self.order(UndockMussel(self.next_id(), self._step.dock_index, agent_id))
         self._enter(Phase.UNDOCK, now_ms)
 
     def _released(self, now_ms: int) -> None:
@@ -316,9 +316,9 @@ class EnergyExchange(OrderBook):
     def _step(self) -> Step:
         return self.state.plan.steps[0]
 
-    def _situation(self, beliefs: list[Belief], slots: dict[int, int]) -> Situation:
+    def _situation(self, beliefs: list[Belief], docks: dict[int, int]) -> Situation:
         assert self._pose is not None
-        return situation_of(self.state, self._pose, beliefs, slots)
+        return situation_of(self.state, self._pose, beliefs, docks)
 
     def _homes(self) -> dict[int, tuple[float, float]]:
         return {agent_id: (north_m, east_m) for agent_id, north_m, east_m in self.state.homes}

@@ -81,9 +81,9 @@ class ManualMission(OrderBook):
     def receive(self, outcome: Outcome, now_ms: int) -> list[Order]:
         self.now_ms = now_ms
         match outcome:
-            case DockChanged(_, slot, agent_id, closed):
-                self.dock_changed(slot, agent_id, closed)
-                self.events.tell(now_ms, "docked" if closed else "undocked", agent_id, dock_of(slot))
+            case DockChanged(_, dock_index, agent_id, closed):
+                self.dock_changed(dock_index, agent_id, closed)
+                self.events.tell(now_ms, "docked" if closed else "undocked", agent_id, dock_of(dock_index))
             case PrimitiveSucceeded(_, primitive_id):
                 self._ended(primitive_id, Status.DONE, None)
             case PrimitiveFailed(_, primitive_id, reason):
@@ -190,20 +190,20 @@ class ManualMission(OrderBook):
         self._docking_routine.pre_empt(self.now_ms)
         self.order(HoldPosition(self.next_id(), *point))
 
-    def dock(self, slot: int, agent_id: int, manoeuvre: Manoeuvre = AS_THE_SCENARIO_SAYS) -> None:
+    def dock(self, dock_index: int, agent_id: int, manoeuvre: Manoeuvre = AS_THE_SCENARIO_SAYS) -> None:
         """Lets the aMussel surface, waits until it floats, and closes the mechanism around it."""
         here = self._place()
-        self._docking_routine.refuse_dock(slot, agent_id, here)
+        self._docking_routine.refuse_dock(dock_index, agent_id, here)
         self._docking_routine.pre_empt(self.now_ms)
         if self.goto is Status.RUNNING:
             self.order(HoldPosition(self.next_id(), *here))
-        self._docking_routine.dock(slot, agent_id, manoeuvre, here, self.now_ms)
+        self._docking_routine.dock(dock_index, agent_id, manoeuvre, here, self.now_ms)
         self.snapshot()
 
-    def undock(self, slot: int, manoeuvre: Manoeuvre = AS_THE_SCENARIO_SAYS) -> None:
+    def undock(self, dock_index: int, manoeuvre: Manoeuvre = AS_THE_SCENARIO_SAYS) -> None:
         """Opens a mechanism, and tells whom it held that it is clear to sink."""
         self._place()
-        self._docking_routine.undock(slot, manoeuvre, self.now_ms)
+        self._docking_routine.undock(dock_index, manoeuvre, self.now_ms)
         self.snapshot()
 
     def permit_surfacing(self, agent_id: int) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from apad_bridge.mission.orders import Note, Order
-from apad_bridge.mission.pool import SLOTS
+from apad_bridge.mission.pool import DOCK_COUNT
 from apad_bridge.mission.state import MissionState
 
 
@@ -17,18 +17,18 @@ class OrderBook:
         self._orders: list[Order] = []
 
     @property
-    def slots(self) -> tuple[int | None, ...]:
+    def docks(self) -> tuple[int | None, ...]:
         """The agent in each dock, None for a free one."""
         held = dict(self.state.docked)
-        return tuple(held.get(slot) for slot in range(SLOTS))
+        return tuple(held.get(dock_index) for dock_index in range(DOCK_COUNT))
 
-    def dock_changed(self, slot: int, agent_id: int, closed: bool) -> None:
+    def dock_changed(self, dock_index: int, agent_id: int, closed: bool) -> None:
         """A dock closed around an aMussel, or let it go."""
-        held = {at: agent for at, agent in self.state.docked if at != slot}
+        held = {at: agent for at, agent in self.state.docked if at != dock_index}
         if closed:
-            held[slot] = agent_id
+            held[dock_index] = agent_id
         self.set(docked=tuple(sorted(held.items())))
-        self.note("dock", slot=slot, agent=agent_id, closed=closed)
+        self.note("dock", dock=dock_index, agent=agent_id, closed=closed)
 
     def note(self, kind: str, **data: object) -> None:
         """An event for the journal."""

@@ -30,7 +30,7 @@ def plan_note(what: str, name: str, solution: Solution, situation: Situation, sc
         {
             "what": what,
             "strategy": name,
-            "steps": [{"agent": step.agent_id, "slot": step.slot} for step in solution.steps],
+            "steps": [{"agent": step.agent_id, "dock": step.dock_index} for step in solution.steps],
             "costs": asdict(cost_of(solution, situation, scales)),
             "beliefs": [
                 {"id": c.agent_id, "charge": round(c.charge, 5), "north_m": c.north_m, "east_m": c.east_m}

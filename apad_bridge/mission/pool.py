@@ -37,7 +37,7 @@ def can_be_fetched(belief: Belief) -> bool:
     return belief.state in TO_BE_FETCHED
 
 
-SLOTS = 4
+DOCK_COUNT = 4
 
 
 class ChargingPool:
@@ -91,9 +91,9 @@ def situation_of(
     state: MissionState,
     place_m: tuple[float, float],
     beliefs: Iterable[Belief],
-    slots: Mapping[int, int],
+    docks: Mapping[int, int],
 ) -> Situation:
-    """For a planner: `beliefs` as candidates with their homes, and, for docked ones, the slot of `slots` that holds them.
+    """For a planner: `beliefs` as candidates with their homes, and, for docked ones, the slot of `docks` that holds them.
 
     One whose home is not known yet is let go where the aPad stands.
     """
@@ -106,10 +106,10 @@ def situation_of(
             it.primary,
             it.secondary,
             *homes.get(it.agent_id, place_m),
-            slots.get(it.agent_id),
+            docks.get(it.agent_id),
         )
         for it in beliefs
     )
-    taken = {slot for slot, _ in state.docked}
-    free = tuple(slot for slot in range(SLOTS) if slot not in taken)
+    taken = {dock_index for dock_index, _ in state.docked}
+    free = tuple(dock_index for dock_index in range(DOCK_COUNT) if dock_index not in taken)
     return Situation(*place_m, candidates, free)

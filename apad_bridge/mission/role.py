@@ -16,7 +16,7 @@ class Mission(Protocol):
     def state(self) -> MissionState: ...
 
     @property
-    def slots(self) -> tuple[int | None, ...]:
+    def docks(self) -> tuple[int | None, ...]:
         """The agent in each dock, None for a free one."""
         ...
 

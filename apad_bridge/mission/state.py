@@ -82,7 +82,7 @@ class MissionState:
                 **data,
                 "phase": Phase(data["phase"]),
                 "plan": Solution.decode(data["plan"]),
-                "docked": tuple((slot, agent_id) for slot, agent_id in data["docked"]),
+                "docked": tuple((dock_index, agent_id) for dock_index, agent_id in data["docked"]),
                 "homes": tuple((agent_id, north, east) for agent_id, north, east in data["homes"]),
             }
         )

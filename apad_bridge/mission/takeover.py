@@ -46,8 +46,8 @@ class Takeover:
         return self._flying.state
 
     @property
-    def slots(self) -> tuple[int | None, ...]:
-        return self._flying.slots
+    def docks(self) -> tuple[int | None, ...]:
+        return self._flying.docks
 
     @property
     def by_hand(self) -> ManualMission | None:

@@ -9,10 +9,10 @@ import math
 from dataclasses import dataclass
 from enum import IntEnum
 
-from apad_bridge.mission.pool import SLOTS
+from apad_bridge.mission.pool import DOCK_COUNT
 from apad_bridge.vehicle.commands import Manoeuvre
 
-DOCKS = tuple(range(1, SLOTS + 1))
+DOCKS = tuple(range(1, DOCK_COUNT + 1))
 """As people count them, and the paper's API."""
 
 
@@ -83,13 +83,13 @@ def manoeuvre_of(yaw_rate_rad_s: float | None, surge_m_s: float | None) -> Manoe
     return Manoeuvre(yaw_rate_rad_s, surge_m_s)
 
 
-def slot_of(dock: int) -> int:
+def dock_index_of(dock: int) -> int:
     """The wire's slot (0-3) of a dock's number (1-4). Refused for anything else."""
     if dock not in DOCKS or isinstance(dock, bool):
         raise Refused(f"there is no dock {dock!r}: the docks are {DOCKS[0]} to {DOCKS[-1]}")
     return dock - 1
 
 
-def dock_of(slot: int) -> int:
+def dock_of(dock_index: int) -> int:
     """The number of a slot."""
-    return slot + 1
+    return dock_index + 1

@@ -14,7 +14,7 @@ class Candidate:
     """One agent as the mission believes it to be: in the pool, waiting to be collected, or docked.
 
     Places are local NED metres. `charge` and `secondary` are the two batteries' scaled voltages in [0, 1].
-    Home is where a docked agent goes back to. `slot` (0-3) is the dock that holds it, None while it is in the
+    Home is where a docked agent goes back to. `dock_index` (0-3) is the dock that holds it, None while it is in the
     water.
     """
 
@@ -25,7 +25,7 @@ class Candidate:
     secondary: float
     home_north_m: float
     home_east_m: float
-    slot: int | None = None
+    dock_index: int | None = None
 
     def __post_init__(self) -> None:
         numbers = (
@@ -58,16 +58,16 @@ class Situation:
     apad_north_m: float
     apad_east_m: float
     candidates: tuple[Candidate, ...]
-    free_slots: tuple[int, ...]
+    free_docks: tuple[int, ...]
 
     def __post_init__(self) -> None:
         ids = [candidate.agent_id for candidate in self.candidates]
         if len(set(ids)) != len(ids):
             raise ValueError(f"an aMussel is a candidate twice: {sorted(ids)}")
-        taken = [candidate.slot for candidate in self.candidates if candidate.slot is not None]
-        slots = [*self.free_slots, *taken]
-        if len(set(slots)) != len(slots):
-            raise ValueError(f"a slot is free and taken, or named twice: {sorted(slots)}")
+        taken = [candidate.dock_index for candidate in self.candidates if candidate.dock_index is not None]
+        docks = [*self.free_docks, *taken]
+        if len(set(docks)) != len(docks):
+            raise ValueError(f"a slot is free and taken, or named twice: {sorted(docks)}")
 
     @property
     def apad_m(self) -> tuple[float, float]:

@@ -17,16 +17,16 @@ class GreedyRedeploy:
     plans = StepKind.DEPLOY
 
     def plan(self, situation: Situation) -> Solution:
-        slots: dict[int, int] = {}
+        docks: dict[int, int] = {}
         for agent in situation.candidates:
-            if agent.slot is None:
+            if agent.dock_index is None:
                 raise ValueError(f"aMussel {agent.agent_id} is not docked: it cannot be redeployed")
-            slots[agent.agent_id] = agent.slot
+            docks[agent.agent_id] = agent.dock_index
         homes_m = {agent.agent_id: agent.home_m for agent in situation.candidates}
         place_m = situation.apad_m
         steps: list[Step] = []
         while homes_m:
             agent_id = nearest(place_m, homes_m)
             place_m = homes_m.pop(agent_id)
-            steps.append(Step(StepKind.DEPLOY, agent_id, slots[agent_id]))
+            steps.append(Step(StepKind.DEPLOY, agent_id, docks[agent_id]))
         return Solution(tuple(steps))

@@ -24,7 +24,7 @@ class StepKind(StrEnum):
 class Step:
     kind: StepKind
     agent_id: int
-    slot: int
+    dock_index: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,12 +35,14 @@ class Solution:
 
     def encode(self) -> list[list[str | int]]:
         """As plain lists, `["collect", 7, 0]` for each step: what the journal holds."""
-        return [[step.kind.value, step.agent_id, step.slot] for step in self.steps]
+        return [[step.kind.value, step.agent_id, step.dock_index] for step in self.steps]
 
     @classmethod
     def decode(cls, rows: Iterable[Sequence[str | int]]) -> Solution:
         """The inverse of `encode`. Raises ValueError for an unknown kind or a row of another length."""
-        return cls(tuple(Step(StepKind(str(kind)), int(agent), int(slot)) for kind, agent, slot in rows))
+        return cls(
+            tuple(Step(StepKind(str(kind)), int(agent), int(dock_index)) for kind, agent, dock_index in rows)
+        )
 
 
 def check_solution(solution: Solution, situation: Situation, kind: StepKind) -> None:
@@ -51,17 +53,17 @@ def check_solution(solution: Solution, situation: Situation, kind: StepKind) -> 
     its plans are checked before the vehicle moves.
     """
     candidates = {candidate.agent_id: candidate for candidate in situation.candidates}
-    free = set(situation.free_slots)
+    free = set(situation.free_docks)
     for number, step in enumerate(solution.steps, start=1):
-        where = f"step {number} of the plan ({step.kind} {step.agent_id} with slot {step.slot})"
+        where = f"step {number} of the plan ({step.kind} {step.agent_id} with slot {step.dock_index})"
         if step.kind is not kind:
             raise ValueError(f"{where}: a {kind} plan cannot hold it")
         candidate = candidates.pop(step.agent_id, None)
         if candidate is None:
             raise ValueError(f"{where}: this aMussel is no candidate, or was planned for already")
         if kind is StepKind.COLLECT:
-            if step.slot not in free:
+            if step.dock_index not in free:
                 raise ValueError(f"{where}: this slot is not free, or was planned for already")
-            free.remove(step.slot)
-        elif step.slot != candidate.slot:
-            raise ValueError(f"{where}: slot {candidate.slot} holds this aMussel")
+            free.remove(step.dock_index)
+        elif step.dock_index != candidate.dock_index:
+            raise ValueError(f"{where}: slot {candidate.dock_index} holds this aMussel")

@@ -33,20 +33,20 @@ class RedeploymentStrategy(Protocol):
         """StepKind.DEPLOY: tells the two sorts of strategy apart in the registry."""
 
     def plan(self, situation: Situation) -> Solution:
-        """A DEPLOY step for each candidate; all of them are docked (`slot` is known)."""
+        """A DEPLOY step for each candidate; all of them are docked (`dock_index` is known)."""
 
 
 def places_to_fill(situation: Situation, batch: int) -> int:
     """How many can be collected at most: the batch, the candidates and the free slots each bound it."""
     if batch < 1:
         raise ValueError(f"batch must be 1 or more, not {batch}")
-    return min(batch, len(situation.candidates), len(situation.free_slots))
+    return min(batch, len(situation.candidates), len(situation.free_docks))
 
 
 def collect_in_order(chosen: Iterable[Candidate], situation: Situation) -> Solution:
     """The plan that collects `chosen` in their order, filling the free slots in theirs."""
-    pairs = zip(chosen, situation.free_slots, strict=False)
-    return Solution(tuple(Step(StepKind.COLLECT, agent.agent_id, slot) for agent, slot in pairs))
+    pairs = zip(chosen, situation.free_docks, strict=False)
+    return Solution(tuple(Step(StepKind.COLLECT, agent.agent_id, dock_index) for agent, dock_index in pairs))
 
 
 def nearest(place_m: tuple[float, float], points_m: dict[int, tuple[float, float]]) -> int:

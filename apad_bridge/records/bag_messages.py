@@ -72,9 +72,9 @@ class Messages:
         return self._agent_belief(*agent[:_MODES], probabilities, *agent[_MODES + 1 :])
 
     def apad(self, now_ms: int, apad: APadSample) -> bytes:
-        *numbers, primitive, slots = apad
+        *numbers, primitive, docks = apad
         message = self._apad_status(
-            self._head(now_ms), now_ms, *numbers, primitive, np.array(slots, dtype=np.int32)
+            self._head(now_ms), now_ms, *numbers, primitive, np.array(docks, dtype=np.int32)
         )
         return self._serialize(message, APAD)
 

@@ -142,5 +142,7 @@ def _truth(row: Any) -> TruthSample:
 
 def _belief(row: Any) -> BeliefSample:
     values = {ours: getattr(row, theirs) for ours, theirs in _FIELDS if hasattr(row, theirs)}
+    if hasattr(row, "silent_slots"):  # its name up to 0.1
+        values["silent_timeslots"] = row.silent_slots
     values["mode_probabilities"] = tuple(map(float, values.get("mode_probabilities", ())))
     return BeliefSample(**values)

@@ -56,7 +56,7 @@ class APadChanges:
             "voltage_v": _or_none(apad.voltage_v),
             "battery": _or_none(apad.battery_fraction),
             "primitive": apad.primitive,
-            "slots": list(apad.slots),
+            "docks": list(apad.docks),
         }
 
     def _differs(self, now_ms: int, apad: APadSample, before_ms: int, before: APadSample) -> bool:
@@ -66,7 +66,7 @@ class APadChanges:
             or cos(apad.heading_rad - before.heading_rad) < APAD_TURNED_COS
             or isnan(apad.battery_fraction) is not isnan(before.battery_fraction)
             or abs(apad.battery_fraction - before.battery_fraction) >= APAD_BATTERY
-            or (apad.primitive, apad.slots) != (before.primitive, before.slots)
+            or (apad.primitive, apad.docks) != (before.primitive, before.docks)
         )
 
 

@@ -1,4 +1,4 @@
-"""notebook.jsonl: what a supervisor has learned of its aMussels, so that the next one believes the same if it dies.
+"""checkpoint.jsonl: what a supervisor has learned of its aMussels, so that the next one believes the same if it dies.
 
 The first line is a checkpoint of all beliefs; a line for each tick follows, with what was learned in it. When those have
 become many, a new checkpoint takes the file's place at once: it stays small however long a run is, and is read in seconds.

@@ -11,9 +11,16 @@ from pathlib import Path
 
 from apad_bridge.records.line_file import Line, LineFile, read_lines
 
-__all__ = ["FORMAT_VERSION", "Journal", "JournalContents", "Line", "read_journal"]
+__all__ = ["FORMAT_VERSION", "Journal", "JournalContents", "Line", "format_of", "read_journal"]
 
-FORMAT_VERSION = 1
+FORMAT_VERSION = 2
+_RENAMED_IN_2 = {
+    "apad": {"slots": "docks"},
+    "dock": {"slot": "dock"},
+    "packet": {"slot": "timeslot"},
+    "primitive": {"slot": "dock"},
+}
+"""By kind of line: what a key of format 1 is called since."""
 _QUIET = b',"kind":"tick"}\n'
 
 
@@ -60,12 +67,28 @@ class Journal:
 
 
 def read_journal(path: Path) -> JournalContents:
-    """All lines that can be read, and how many could not; of quiet ticks in a row the last. OSError for no such file."""
+    """Reads all lines, with the keys of today's format; keeps the last of quiet ticks in a row. OSError for no such file."""
     lines: list[Line] = []
-    dropped = 0
+    dropped, is_old = 0, False
     for line in read_lines(path, newest_of=_QUIET):
         if line is None or type(line.get("t")) is not int or type(line.get("kind")) is not str:
             dropped += 1
         else:
-            lines.append(line)
+            is_old = is_old or (line["kind"] == "run" and line.get("format") == 1)
+            lines.append(_of_format_2(line) if is_old else line)
     return JournalContents(lines, dropped)
+
+
+def format_of(path: Path) -> int | None:
+    """The format that a journal's first line states; None when that states none. OSError for no such file."""
+    first = next(iter(read_lines(path)), None)
+    return None if first is None or first.get("kind") != "run" else first.get("format")
+
+
+def _of_format_2(line: Line) -> Line:
+    """A line of format 1 with the keys that format 2 has for it; its `run` line keeps the old number."""
+    renamed = _RENAMED_IN_2.get(line["kind"], {})
+    line = {renamed.get(key, key): value for key, value in line.items()}
+    if line["kind"] == "plan":
+        line["steps"] = [{"agent": step["agent"], "dock": step["slot"]} for step in line["steps"]]
+    return line

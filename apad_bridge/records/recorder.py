@@ -158,10 +158,10 @@ class Recorder:
         pose: PoseReported | None,
         battery: BatteryReported | None,
         primitive: str,
-        slots: tuple[int | None, ...],
+        docks: tuple[int | None, ...],
     ) -> None:
         """The end of a mission tick: samples it, journals what changed, and puts the lines of the tick on disk."""
-        apad = None if pose is None else apad_sample(pose, battery, primitive, slots)
+        apad = None if pose is None else apad_sample(pose, battery, primitive, docks)
         self._beliefs = beliefs
         if apad is not None and (line := self._apad_changes.line(now_ms, apad)) is not None:
             self._journal.append(now_ms, "apad", line)

@@ -83,7 +83,7 @@ class RunDirectory:
 
     @property
     def checkpoint(self) -> Path:
-        return self.path / "notebook.jsonl"
+        return self.path / "checkpoint.jsonl"
 
     @property
     def summary(self) -> Path:

@@ -14,7 +14,7 @@ from apad_bridge.scenario.schema import Scenario
 from apad_bridge.vehicle.commands import BatteryReported, PoseReported
 from firmware_model.power.charge import fraction
 
-_MOST_SLOTS = 0xFFFF
+_MOST_TIMESLOTS = 0xFFFF
 """A bag counts no further."""
 
 
@@ -51,7 +51,7 @@ class BeliefSample(NamedTuple):
     mode_probabilities: tuple[float, ...] = ()
     clock_offset_ms: float = nan
     clock_deviation_ms: float = nan
-    silent_slots: int = 0
+    silent_timeslots: int = 0
     learned_from: int = int(Source.PACKET)
 
 
@@ -62,7 +62,7 @@ class APadSample(NamedTuple):
     voltage_v: float
     battery_fraction: float
     primitive: str
-    slots: tuple[int, ...]
+    docks: tuple[int, ...]
     """-1 for a free one."""
 
 
@@ -116,7 +116,7 @@ def belief_sample(belief: Belief, now_ms: int) -> BeliefSample:
         belief.east_m,
         belief.age_s(now_ms),
     )
-    learned = min(belief.silent_slots, _MOST_SLOTS), int(belief.learned_from)
+    learned = min(belief.silent_timeslots, _MOST_TIMESLOTS), int(belief.learned_from)
     if not belief.is_carried:
         return BeliefSample(*newest, *(nan,) * 8, (), nan, nan, *learned)
     primary, both, secondary = belief.charge_cov
@@ -128,9 +128,9 @@ def belief_sample(belief: Belief, now_ms: int) -> BeliefSample:
 
 
 def apad_sample(
-    pose: PoseReported, battery: BatteryReported | None, primitive: str, slots: tuple[int | None, ...]
+    pose: PoseReported, battery: BatteryReported | None, primitive: str, docks: tuple[int | None, ...]
 ) -> APadSample:
     """The aPad; NaN for a battery of which nothing was heard."""
     voltage_v, left = (float("nan"),) * 2 if battery is None else (battery.voltage_v, battery.fraction)
-    held = tuple(-1 if agent_id is None else agent_id for agent_id in slots)
+    held = tuple(-1 if agent_id is None else agent_id for agent_id in docks)
     return APadSample(pose.north_m, pose.east_m, pose.heading_rad, voltage_v, left, primitive, held)

@@ -197,8 +197,8 @@ def _supervisor(scenario: Scenario, context: FlightContext, recorder: Recorder, 
     )
     if resume_point is not None:
         supervisor.port.first_failure = resume_point.first_failure
-        for slot, agent_id in resume_point.state.docked:
-            supervisor.port.docks.take(DockClosed(resume_point.now_ms, slot, agent_id))
+        for dock_index, agent_id in resume_point.state.docked:
+            supervisor.port.docks.take(DockClosed(resume_point.now_ms, dock_index, agent_id))
     return supervisor
 
 

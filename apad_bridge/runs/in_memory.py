@@ -61,7 +61,7 @@ class MemoryRecorder:
         pose: PoseReported | None,
         battery: BatteryReported | None,
         primitive: str,
-        slots: tuple[int | None, ...],
+        docks: tuple[int | None, ...],
     ) -> None:
         pass
 

@@ -51,9 +51,11 @@ def resume_point(journal: JournalContents, epoch: int, gap_ms: int) -> ResumePoi
         if line["kind"] == "mission":
             state = MissionState.from_json(line["snapshot"])
         elif line["kind"] == "dock":
-            held = {slot: agent_id for slot, agent_id in state.docked if slot != line["slot"]}
+            held = {
+                dock_index: agent_id for dock_index, agent_id in state.docked if dock_index != line["dock"]
+            }
             if line["closed"]:
-                held[line["slot"]] = line["agent"]
+                held[line["dock"]] = line["agent"]
             state = replace(state, docked=tuple(sorted(held.items())))
         elif line["kind"] == "apad" and fraction is None:
             fraction = line["battery"]

@@ -13,7 +13,7 @@ import json
 from collections.abc import Sequence
 
 from apad_bridge.mission.manual import ManualMission
-from apad_bridge.mission.values import Event, Refused, Status, dock_of, manoeuvre_of, slot_of
+from apad_bridge.mission.values import Event, Refused, Status, dock_index_of, dock_of, manoeuvre_of
 from apad_bridge.planning.costs import CostBreakdown
 from apad_bridge.scenario.local_frame import FARTHEST_M
 from apad_bridge.scripting import planned
@@ -83,14 +83,14 @@ class Api(Queries):
 
         Yaw rate (rad/s) and surge speed (m/s) are for an aPad that docks by its own eyes, instead of the scenario's.
         """
-        slot, manoeuvre = slot_of(number), manoeuvre_of(yaw_rate, surge_speed)
+        dock_index, manoeuvre = dock_index_of(number), manoeuvre_of(yaw_rate, surge_speed)
         if not dock:
-            self._do(lambda mission: self._undock(mission, slot, id, manoeuvre))
+            self._do(lambda mission: self._undock(mission, dock_index, id, manoeuvre))
             return
         if id is None:
             raise Refused("docking(True, ...) needs the aMussel's id")
         self._hear(id)
-        self._do(lambda mission: mission.dock(slot, id, manoeuvre))
+        self._do(lambda mission: mission.dock(dock_index, id, manoeuvre))
 
     def docking_status(self, id: str | None = None) -> Status:
         """As `goto_status`, of the last docking or undocking."""
@@ -124,7 +124,7 @@ class Api(Queries):
 
     def collect(self, id: int, dock: int, timeout: float = 3600.0) -> bool:
         """Goes to an aMussel, letting it surface on the way, and docks it: whether it is in the dock at the end."""
-        slot_of(dock)  # Refused now, and not when the way is flown.
+        dock_index_of(dock)  # Refused now, and not when the way is flown.
         until_s = self.now() + timeout
         self.permit_surfacing(id)
         self.go_to_local(*self._place_of(id))
@@ -227,11 +227,11 @@ class Api(Queries):
         """Metres of all go-tos so far, as the paper counts the way: straight from point to point."""
         return self._do(lambda mission: mission.state.cost_m)
 
-    def _undock(self, mission: ManualMission, slot: int, id: int | None, manoeuvre: Manoeuvre) -> None:
-        holder = mission.slots[slot]
+    def _undock(self, mission: ManualMission, dock_index: int, id: int | None, manoeuvre: Manoeuvre) -> None:
+        holder = mission.docks[dock_index]
         if id is not None and holder is not None and holder != id:
-            raise Refused(f"dock {dock_of(slot)} holds aMussel {holder}, not {id}")
-        mission.undock(slot, manoeuvre)
+            raise Refused(f"dock {dock_of(dock_index)} holds aMussel {holder}, not {id}")
+        mission.undock(dock_index, manoeuvre)
 
     def _place_of(self, id: int) -> tuple[float, float]:
         location = self.get_location(id)

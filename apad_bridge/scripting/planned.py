@@ -43,9 +43,9 @@ def redeployment(mission: ManualMission, strategy: str | None) -> Plan:
     name = strategy or mission.config.redeployment
     found = _strategy(registry.redeployment, name)
     here = _pose(mission)
-    slots = {agent: slot for slot, agent in mission.state.docked}
-    beliefs = [mission.beliefs.get(agent) or unheard(agent, here) for agent in slots]
-    situation = situation_of(mission.state, here, beliefs, slots)
+    docks = {agent: dock_index for dock_index, agent in mission.state.docked}
+    beliefs = [mission.beliefs.get(agent) or unheard(agent, here) for agent in docks]
+    situation = situation_of(mission.state, here, beliefs, docks)
     return _planned(mission, "redeploy", name, lambda: found.plan(situation), situation, StepKind.DEPLOY)
 
 
@@ -67,7 +67,9 @@ def _planned(
     if solution.steps:
         note = plan_note(what, name, solution, situation, mission.config.costs)
         mission.note(note.kind, **note.data)
-    return Plan(tuple((step.agent_id, dock_of(step.slot)) for step in solution.steps), solution, situation)
+    return Plan(
+        tuple((step.agent_id, dock_of(step.dock_index)) for step in solution.steps), solution, situation
+    )
 
 
 def _strategy(make: Callable[[str], T], name: str) -> T:

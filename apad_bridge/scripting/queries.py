@@ -160,7 +160,9 @@ class Queries:
 
     def docks(self) -> dict[int, int | None]:
         """Who is in each dock, by the dock's number."""
-        return self._do(lambda mission: {dock_of(slot): agent for slot, agent in enumerate(mission.slots)})
+        return self._do(
+            lambda mission: {dock_of(dock_index): agent for dock_index, agent in enumerate(mission.docks)}
+        )
 
     def free_docks(self) -> list[int]:
         return [dock for dock, agent in self.docks().items() if agent is None]
@@ -256,7 +258,7 @@ class Queries:
 
     def _agent(self, mission: ManualMission, id: int) -> Agent:
         belief = self._belief(mission, id)
-        slot = mission.slots.index(id) if id in mission.slots else None
+        dock_index = mission.docks.index(id) if id in mission.docks else None
         return Agent(
             id,
             belief.state.name,
@@ -264,7 +266,7 @@ class Queries:
             belief.secondary,
             self._located(belief.north_m, belief.east_m),
             (mission.now_ms - belief.heard_ms) / 1000,
-            None if slot is None else dock_of(slot),
+            None if dock_index is None else dock_of(dock_index),
         )
 
 

@@ -308,7 +308,7 @@ class Supervisor:
 def _primitive_note(primitive: Primitive, phase: str, reason: str | None = None) -> Note:
     fields = {
         "agent": getattr(primitive, "agent_id", None),
-        "slot": getattr(primitive, "slot", None),
+        "dock": getattr(primitive, "dock_index", None),
         "north_m": getattr(primitive, "north_m", None),
         "east_m": getattr(primitive, "east_m", None),
     }

@@ -65,14 +65,14 @@ class LinksFile:
 class Fleet:
     """The agents of a flight, where they live, the clock authority over them, and the water that carries their sound.
 
-    Without a `sea` whatever is said is heard. `slots` are the timeslots that packets are counted in, `links`
+    Without a `sea` whatever is said is heard. `timeslots` are those that packets are counted in, `links`
     is looked at at each tick.
     """
 
     coordinator: Coordinator
     host: Host
     sea: Sea | None = None
-    slots: Slots | None = None
+    timeslots: Slots | None = None
     links: LinksFile | None = None
 
     def advance(self, now_ms: int) -> Sequence[SeaResult]:

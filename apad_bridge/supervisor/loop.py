@@ -160,7 +160,7 @@ class Flight:
             supervisor.pose,
             supervisor.battery,
             supervisor.primitive,
-            supervisor.mission.slots,
+            supervisor.mission.docks,
         )
         if self._roster is not None:
             self._roster.answer()
@@ -283,7 +283,7 @@ class Flight:
 
     def _note_packet(self, fleet: Fleet, packet: PacketEnded, now_ms: int) -> None:
         assert fleet.sea is not None  # where else would it come from
-        data = packet_data(packet, fleet.slots, fleet.sea.config.sound.speed_m_s)
+        data = packet_data(packet, fleet.timeslots, fleet.sea.config.sound.speed_m_s)
         self._recorder.event(now_ms, "packet", **data)
 
     def _look_at_links(self, fleet: Fleet, now_ms: int) -> None:

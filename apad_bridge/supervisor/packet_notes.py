@@ -1,4 +1,4 @@
-"""A packet of sound as plain data: who sent what in which slot, and what became of it where."""
+"""A packet of sound as plain data: who sent what in which timeslot, and what became of it where."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from agents.water.medium import PacketEnded, Reception
 from firmware_model.config import Slots
 
 
-def packet_data(packet: PacketEnded, slots: Slots | None, speed_m_s: float) -> dict[str, Any]:
-    """Plain data. `began_ms` and the receptions' ends are agent time; `slot` is the one whose time it began in.
+def packet_data(packet: PacketEnded, timeslots: Slots | None, speed_m_s: float) -> dict[str, Any]:
+    """Plain data. `began_ms` and the receptions' ends are agent time; `timeslot` is the one whose time it began in.
 
     `heard` has a row for each receiver: id (0 is the aPad), outcome, SNR in dB, end, and how long and how far it travelled,
     in ms and m.
@@ -22,7 +22,7 @@ def packet_data(packet: PacketEnded, slots: Slots | None, speed_m_s: float) -> d
         "bytes": len(frame.data),
         "began_ms": packet.began_ms,
         "lasted_ms": frame.duration_ms,
-        "slot": None if slots is None else packet.began_ms % slots.frame_ms // slots.slot_ms,
+        "timeslot": None if timeslots is None else packet.began_ms % timeslots.frame_ms // timeslots.slot_ms,
         "unsent": packet.unsent,
         "heard": [_row(reception, speed_m_s) for reception in packet.receptions],
         "data": frame.data.hex(),

@@ -29,5 +29,5 @@ class Recorder(Protocol):
         pose: PoseReported | None,
         battery: BatteryReported | None,
         primitive: str,
-        slots: tuple[int | None, ...],
+        docks: tuple[int | None, ...],
     ) -> None: ...

@@ -47,30 +47,30 @@ AS_THE_SCENARIO_SAYS = Manoeuvre()
 
 @dataclass(frozen=True, slots=True)
 class CloseDock:
-    """Close docking mechanism `slot` (0-3) around aMussel `agent_id`."""
+    """Close docking mechanism `dock_index` (0-3) around aMussel `agent_id`."""
 
     command_id: int
-    slot: int
+    dock_index: int
     agent_id: int
     manoeuvre: Manoeuvre = AS_THE_SCENARIO_SAYS
 
 
 @dataclass(frozen=True, slots=True)
 class OpenDock:
-    """Open docking mechanism `slot` (0-3) and let aMussel `agent_id` go."""
+    """Open docking mechanism `dock_index` (0-3) and let aMussel `agent_id` go."""
 
     command_id: int
-    slot: int
+    dock_index: int
     agent_id: int
     manoeuvre: Manoeuvre = AS_THE_SCENARIO_SAYS
 
 
 @dataclass(frozen=True, slots=True)
 class MoveArm:
-    """Open or close the arm of dock `slot` for people to see: nothing is caught by it, and nothing is answered."""
+    """Open or close the arm of dock `dock_index` for people to see: nothing is caught by it, and nothing is answered."""
 
     command_id: int
-    slot: int
+    dock_index: int
     is_open: bool
 
 
@@ -112,14 +112,14 @@ class DockClosed:
     """The mechanism closed: contact with the aMussel is made. The slot is the vehicle's word, and may differ."""
 
     at_ms: int
-    slot: int
+    dock_index: int
     agent_id: int
 
 
 @dataclass(frozen=True, slots=True)
 class DockOpened:
     at_ms: int
-    slot: int
+    dock_index: int
     agent_id: int
 
 

@@ -34,7 +34,7 @@ from apad_bridge.vehicle.commands import (
     VehicleCommand,
     VehicleFact,
 )
-from apad_bridge.vehicle.docks import SLOTS, DockTable
+from apad_bridge.vehicle.docks import DOCK_COUNT, DockTable
 from apad_bridge.vehicle.primitives import (
     DockChanged,
     DockMussel,
@@ -171,7 +171,7 @@ class DockingPort:
         """Of the running primitive's mechanism."""
         self._first_reason = ""
         """Why the first of them failed."""
-        self._arm_slot: int | None = None
+        self._arm_dock: int | None = None
         """Of the arm that was opened for people to see."""
         self._act_ms: int | None = None
         self._deadline_ms: int | None = None
@@ -255,7 +255,7 @@ class DockingPort:
     ) -> None:
         self._phase = Phase.WAITING
         self._tries += 1
-        if isinstance(primitive, DockMussel) and self.docks.slot_of(primitive.agent_id) is not None:
+        if isinstance(primitive, DockMussel) and self.docks.dock_index_of(primitive.agent_id) is not None:
             # Asking again would make the public simulator hold it twice.
             self._apply(Event.MECHANISM_DONE, now_ms, actions)
             return
@@ -279,10 +279,10 @@ class DockingPort:
         if (
             self._is_virtual(primitive.agent_id)
             and self._docking.arm is ArmUse.MOVED
-            and self._arm_slot is None
+            and self._arm_dock is None
         ):
-            self._arm_slot = primitive.slot
-            actions.append(MoveArm(self._take_command_id(), primitive.slot, True))
+            self._arm_dock = primitive.dock_index
+            actions.append(MoveArm(self._take_command_id(), primitive.dock_index, True))
 
     def _act(self, actions: list[Action]) -> None:
         primitive = self._running
@@ -292,12 +292,12 @@ class DockingPort:
         self._command_id = self._take_command_id()
         if isinstance(primitive, DockMussel):
             actions.append(
-                CloseDock(self._command_id, primitive.slot, primitive.agent_id, primitive.manoeuvre)
+                CloseDock(self._command_id, primitive.dock_index, primitive.agent_id, primitive.manoeuvre)
             )
             return
-        known_slot = self.docks.slot_of(primitive.agent_id)
-        slot = primitive.slot if known_slot is None else known_slot
-        actions.append(OpenDock(self._command_id, slot, primitive.agent_id, primitive.manoeuvre))
+        known_dock = self.docks.dock_index_of(primitive.agent_id)
+        dock_index = primitive.dock_index if known_dock is None else known_dock
+        actions.append(OpenDock(self._command_id, dock_index, primitive.agent_id, primitive.manoeuvre))
 
     def _answer(
         self, event: Event, command_id: int, now_ms: int, actions: list[Action], reason: str = ""
@@ -317,12 +317,12 @@ class DockingPort:
             self._progress.take(pose, now_ms)
 
     def _take_dock(self, fact: DockClosed | DockOpened, now_ms: int, actions: list[Action]) -> None:
-        if fact.slot not in SLOTS:
+        if fact.dock_index not in DOCK_COUNT:
             self.dropped["dock: no such slot"] += 1
             return
         closed = isinstance(fact, DockClosed)
         self.docks.take(fact)
-        actions.append(DockChanged(fact.at_ms, fact.slot, fact.agent_id, closed))
+        actions.append(DockChanged(fact.at_ms, fact.dock_index, fact.agent_id, closed))
         asked = DockMussel if closed else UndockMussel
         if isinstance(self._running, asked) and self._running.agent_id == fact.agent_id:
             self._apply(Event.MECHANISM_DONE, now_ms, actions)
@@ -365,9 +365,9 @@ class DockingPort:
                 self.first_failure = failure
         if was_going and event is Event.TIMED_OUT:
             self._hold_here(actions)
-        if self._arm_slot is not None:
-            actions.append(MoveArm(self._take_command_id(), self._arm_slot, False))
-            self._arm_slot = None
+        if self._arm_dock is not None:
+            actions.append(MoveArm(self._take_command_id(), self._arm_dock, False))
+            self._arm_dock = None
         if self._queued is not None:
             queued, self._queued = self._queued, None
             self._start(queued, at_ms, actions)

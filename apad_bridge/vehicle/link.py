@@ -69,9 +69,9 @@ class InProcessVehicle:
             if isinstance(fact, DockOpened):
                 told.append(LetGo(fact.at_ms, fact.agent_id))
             elif isinstance(fact, DockClosed):
-                told.append(Carried(fact.at_ms, fact.agent_id, *self.apad.dock_position(fact.slot)))
-        for slot, agent_id in sorted(self.apad.docked.items()):
-            told.append(Carried(now_ms, agent_id, *self.apad.dock_position(slot)))
+                told.append(Carried(fact.at_ms, fact.agent_id, *self.apad.dock_position(fact.dock_index)))
+        for dock_index, agent_id in sorted(self.apad.docked.items()):
+            told.append(Carried(now_ms, agent_id, *self.apad.dock_position(dock_index)))
         return told
 
     def command(self, command: VehicleCommand, now_ms: int) -> None:

@@ -31,20 +31,20 @@ class HoldPosition:
 
 @dataclass(frozen=True, slots=True)
 class DockMussel:
-    """Take aMussel `agent_id` into dock `slot` (0-3), where the vehicle is."""
+    """Take aMussel `agent_id` into dock `dock_index` (0-3), where the vehicle is."""
 
     primitive_id: int
-    slot: int
+    dock_index: int
     agent_id: int
     manoeuvre: Manoeuvre = AS_THE_SCENARIO_SAYS
 
 
 @dataclass(frozen=True, slots=True)
 class UndockMussel:
-    """Let aMussel `agent_id` go. Where the vehicle has named another slot for it than `slot`, its word wins."""
+    """Let aMussel `agent_id` go. Where the vehicle has named another slot for it than `dock_index`, its word wins."""
 
     primitive_id: int
-    slot: int
+    dock_index: int
     agent_id: int
     manoeuvre: Manoeuvre = AS_THE_SCENARIO_SAYS
 
@@ -70,7 +70,7 @@ class DockChanged:
     """A dock closed around an aMussel or opened, asked for or not; all but `closed` is the vehicle's word."""
 
     at_ms: int
-    slot: int
+    dock_index: int
     agent_id: int
     closed: bool
 

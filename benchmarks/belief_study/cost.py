@@ -8,7 +8,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from apad_bridge.beliefs.fleet import FleetBeliefs
-from apad_bridge.beliefs.measurement import Heard, SlotSilent
+from apad_bridge.beliefs.measurement import Heard, TimeslotSilent
 from apad_bridge.beliefs.twin import Twin
 from benchmarks.belief_study.filters import MINUTE, NOMINAL
 from firmware_model.packets import StatusPacket
@@ -39,14 +39,14 @@ def event_costs() -> dict[str, float]:
     assert first is not None
     silent = first
     for hour in range(1, 25):
-        found = twin.update(silent, SlotSilent(hour * HOUR))
+        found = twin.update(silent, TimeslotSilent(hour * HOUR))
         assert found is not None
         silent = found
     in_time = Heard(30 * MINUTE, _packet(1, 1, 30 * MINUTE, 0.897))
     late = Heard(25 * HOUR, _packet(1, 1, 25 * HOUR, 0.6))
     return {
         "us_per_event": _median_us([lambda: twin.update(first, in_time)] * _REPEATS),
-        "us_per_silent_slot": _median_us([lambda: twin.update(silent, SlotSilent(25 * HOUR))] * _REPEATS),
+        "us_per_silent_slot": _median_us([lambda: twin.update(silent, TimeslotSilent(25 * HOUR))] * _REPEATS),
         "us_per_mixture_event": _median_us([lambda: twin.update(silent, late)] * _REPEATS),
     }
 

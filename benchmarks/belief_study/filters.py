@@ -19,7 +19,7 @@ from apad_bridge.beliefs.knowledge import (
     Sensor,
     Water,
 )
-from apad_bridge.beliefs.measurement import Docked, Heard, Permitted, Released, SlotSilent
+from apad_bridge.beliefs.measurement import Docked, Heard, Permitted, Released, TimeslotSilent
 from apad_bridge.beliefs.modes import Mode
 from apad_bridge.beliefs.twin import Twin
 from benchmarks.belief_study.truth import Doing, Event, Life
@@ -127,7 +127,7 @@ def beliefs(life: Life, agent: int, estimator: object, heard: np.ndarray) -> Ite
         if heard[hour]:
             belief = estimator.update(belief, Heard(now_ms, _packet(life, agent, hour, now_ms)))
         elif belief is not None:
-            belief = estimator.update(belief, SlotSilent(now_ms))
+            belief = estimator.update(belief, TimeslotSilent(now_ms))
         if belief is not None:
             yield hour, belief
 

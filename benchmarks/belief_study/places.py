@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from apad_bridge.beliefs.knowledge import Water
-from apad_bridge.beliefs.measurement import Heard, SlotSilent
+from apad_bridge.beliefs.measurement import Heard, TimeslotSilent
 from apad_bridge.beliefs.twin import Twin
 from benchmarks.belief_study.filters import NOMINAL
 from firmware_model.packets import StatusPacket
@@ -51,7 +51,7 @@ def coverage(theta: int, currents: bool, seed: int = 11) -> dict[str, Any]:
                 packet = StatusPacket(agent, number, state, 0.9, 1.0, north_m, east_m, 0.0, agent_ms)
                 belief = twin.update(belief, Heard(now_ms, packet))
             else:
-                belief = twin.update(belief, SlotSilent(now_ms))
+                belief = twin.update(belief, TimeslotSilent(now_ms))
             assert belief is not None
             north, both, east = belief.place_cov
             away = place - (belief.north_m, belief.east_m)

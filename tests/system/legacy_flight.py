@@ -45,7 +45,7 @@ class Decisions:
             wanted = (
                 "purpose",
                 "agent",
-                "slot",
+                "dock",
                 "closed",
                 "name",
                 "phase",

@@ -255,7 +255,7 @@ def main() -> None:
     call("docking", DockingService, action=False, slot=0)
     bench.run(40)
     told["docks"] = [
-        [type(it).__name__, it.slot, it.agent_id]
+        [type(it).__name__, it.dock_index, it.agent_id]
         for it in bench.facts
         if isinstance(it, DockClosed | DockOpened)
     ]

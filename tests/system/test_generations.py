@@ -188,9 +188,9 @@ def test_the_vehicles_own_eyes_dock_simulated_amussels_that_a_camera_shows_them(
 
     def decided(name: str) -> list[Any]:
         _, journal = flights[name]
-        steps = [(step["agent"], step["slot"]) for step in journal.first("plan")["steps"]]
+        steps = [(step["agent"], step["dock"]) for step in journal.first("plan")["steps"]]
         docks = [
-            (line["agent"], line["slot"], line["closed"]) for line in journal.lines if line["kind"] == "dock"
+            (line["agent"], line["dock"], line["closed"]) for line in journal.lines if line["kind"] == "dock"
         ]
         return [steps, docks[:2]]
 
@@ -415,7 +415,7 @@ def test_a_dock_made_by_anothers_planner_reaches_the_aMussels_charge_edge(
     out = tmp_path / "fleet"
     hosted = ("--hosting", "one_process", "--out", str(out))
     fleet = process(*module, "apad_bridge.commands.main", "fleet", str(tmp_path / "auto.yaml"), *hosted)
-    alert = "{agent: 3, slot: 2, closed: true}"
+    alert = "{agent: 3, dock: 2, closed: true}"
     process("/usr/bin/rostopic", "pub", "/musselbed/dock_by_hand", "musselbed_msgs/DockAlert", alert)
     journal, until_s, pause = out / "journal.jsonl", time.monotonic() + PATIENCE_S, threading.Event()
     felt: list[Any] = []

@@ -162,7 +162,7 @@ def test_an_apad_is_flown_by_calls(
     assert told["ended"] is True
     assert finished(flight)["ended_by"] == "a call"
     docks = [
-        (it["slot"], it["agent"], it["closed"])
+        (it["dock"], it["agent"], it["closed"])
         for it in read_journal(run / "journal.jsonl").lines
         if it["kind"] == "dock"
     ]

@@ -89,7 +89,7 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
         recorder.truths(told.get(now_s, []))
         slots: tuple[int | None, ...] = (2, None, None, None) if now_s >= DOCKED_S else (None,) * 4
         if now_s == 10:
-            steps = [{"agent": 2, "slot": 0}, {"agent": 3, "slot": 1}]
+            steps = [{"agent": 2, "dock": 0}, {"agent": 3, "dock": 1}]
             recorder.event(now_ms, "plan", what="collect", strategy="cautious", steps=steps)
             recorder.event(now_ms, "leg", metres=7.5)
             recorder.event(now_ms, "primitive", name="go to point", phase="started", north_m=5.0, east_m=15.0)

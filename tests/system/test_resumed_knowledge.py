@@ -75,7 +75,7 @@ def begin() -> Iterator[Callable[..., subprocess.Popen[str]]]:
 
 def noted(run: Path) -> dict[int, int]:
     """When each was heard last, by what stands in the notebook."""
-    path, heard = run / "notebook.jsonl", dict[int, int]()
+    path, heard = run / "checkpoint.jsonl", dict[int, int]()
     for text in path.read_text().splitlines() if path.exists() else []:
         line = json.loads(text)
         heard |= {agent_id: data["heard_ms"] for agent_id, _, data in line.get("beliefs", ())}
@@ -154,4 +154,4 @@ def test_the_next_supervisor_knows_who_is_real_and_who_sleeps_and_for_how_long(
     )
     lines = read_journal(journal).lines
     assert [line["is"] for line in lines if line["kind"] == "presence"] == ["real"]
-    assert not (run / "notebook.jsonl").exists(), "the run has ended"
+    assert not (run / "checkpoint.jsonl").exists(), "the run has ended"

@@ -13,12 +13,12 @@ from apad_bridge.records.uptime import UptimeMeter
 from apad_bridge.supervisor.roster import Presence
 from firmware_model.power.charge import ChargeModel
 
-SLOTS = 4
+DOCK_COUNT = 4
 
 
 @dataclass(slots=True)
 class PlanView:
-    """The newest plan: steps as (agent, slot), and how many of them are still to be finished."""
+    """The newest plan: steps as (agent, dock), and how many of them are still to be finished."""
 
     what: str
     strategy: str
@@ -34,7 +34,7 @@ class Now:
     beliefs: dict[int, Line] = field(default_factory=dict)
     gone: set[int] = field(default_factory=set)
     apad: Line | None = None
-    slots: tuple[int | None, ...] = (None,) * SLOTS
+    docks: tuple[int | None, ...] = (None,) * DOCK_COUNT
     cost_m: float = 0.0
     phase: str = ""
     primitive: str = ""
@@ -97,12 +97,12 @@ class History:
 
     def _take_apad(self, line: Line) -> None:
         self.now.apad = line
-        self.now.slots = tuple(None if agent_id < 0 else agent_id for agent_id in line["slots"])
+        self.now.docks = tuple(None if agent_id < 0 else agent_id for agent_id in line["docks"])
 
     def _take_dock(self, line: Line) -> None:
-        slots = list(self.now.slots)
-        slots[line["slot"]] = line["agent"] if line["closed"] else None
-        self.now.slots = tuple(slots)
+        docks = list(self.now.docks)
+        docks[line["dock"]] = line["agent"] if line["closed"] else None
+        self.now.docks = tuple(docks)
 
     def _take_leg(self, line: Line) -> None:
         self.now.cost_m += line["metres"]
@@ -113,7 +113,7 @@ class History:
             self.now.plan.left = len(line["snapshot"]["plan"])
 
     def _take_plan(self, line: Line) -> None:
-        steps = tuple((step["agent"], step["slot"]) for step in line["steps"])
+        steps = tuple((step["agent"], step["dock"]) for step in line["steps"])
         self.now.plan = PlanView(line["what"], line["strategy"], steps, len(steps))
 
     def _take_primitive(self, line: Line) -> None:
@@ -128,7 +128,7 @@ def _say_primitive(line: Line) -> str:
     name: str = line["name"]
     agent: Any = line.get("agent")
     if agent is not None:
-        return f"{name} aMussel {agent}, slot {line['slot'] + 1}"
+        return f"{name} aMussel {agent}, dock {line['dock'] + 1}"
     if "north_m" in line:
         return f"{name} {line['north_m']:.1f} m north, {line['east_m']:.1f} m east"
     return name

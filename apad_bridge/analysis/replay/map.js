@@ -1,6 +1,6 @@
 // The map: local NED metres, north up, one scale both ways. `view` is what page.js says is so at one time.
 
-const DOCK_ANGLES = [45, 135, 225, 315]; // slots 1-4, degrees clockwise from the bow
+const DOCK_ANGLES = [45, 135, 225, 315]; // docks 1-4, degrees clockwise from the bow
 const RECENT_MS = 300000;
 
 function drawMap(canvas, data, view, marked) {
@@ -28,7 +28,7 @@ function drawMap(canvas, data, view, marked) {
   }
   drawWay(ctx, view, at);
   for (const agent of view.agents) {
-    if (agent.slot !== null || agent.place === null) continue;
+    if (agent.dock !== null || agent.place === null) continue;
     drawMussel(ctx, at(agent.place), 9, agent, marked);
   }
   if (view.apad) drawApad(ctx, at(view.apad.place), view, marked);
@@ -123,10 +123,10 @@ function drawApad(ctx, [x, y], view, marked) {
   ctx.fill();
   ctx.stroke();
   ctx.restore();
-  DOCK_ANGLES.forEach((degrees, slot) => {
+  DOCK_ANGLES.forEach((degrees, dock) => {
     const angle = heading + degrees * Math.PI / 180;
     const place = [x + 19 * Math.sin(angle), y - 19 * Math.cos(angle)];
-    const agent = view.agents.find((it) => it.slot === slot);
+    const agent = view.agents.find((it) => it.dock === dock);
     if (agent) { drawMussel(ctx, place, 8, agent, marked); return; }
     ctx.beginPath();
     ctx.arc(...place, 5, 0, 7);

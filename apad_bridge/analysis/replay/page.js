@@ -31,13 +31,13 @@ const between = (a, b, share) => (a === null || b === null ? a : a + (b - a) * s
 
 function viewAt(ms) {
   const { i, next, share } = sampleAt(ms);
-  const slots = data.slots[i];
+  const docks = data.docks[i];
   const agents = data.agents.map((agent) => {
-    const slot = slots.indexOf(agent.id);
+    const dock = docks.indexOf(agent.id);
     return {
       id: agent.id,
       status: agent.status[i],
-      slot: slot < 0 ? null : slot,
+      dock: dock < 0 ? null : dock,
       charge: agent.charge[i],
       believed: agent.believed && agent.believed[i],
       within: agent.low && agent.low[i] !== null ? [agent.low[i], agent.high[i]] : null,
@@ -48,7 +48,7 @@ function viewAt(ms) {
   const [a, b] = [data.apad[i], data.apad[next]];
   const apad = a && { place: [between(a[0], b[0], share), between(a[1], b[1], share)], heading: a[2], battery: a[3] };
   const stage = data.stages[data.stage[i]];
-  return { i, nowMs: ms, agents, apad, slots, stage, way: wayOf(stage, agents), active: data.active[i], cost: data.cost[i] };
+  return { i, nowMs: ms, agents, apad, docks, stage, way: wayOf(stage, agents), active: data.active[i], cost: data.cost[i] };
 }
 
 // The places that the rest of the plan leads to.
@@ -56,7 +56,7 @@ function wayOf({ phase, plan }, agents) {
   if (!plan || phase === "ended") return [];
   const places = plan.steps.slice(plan.done).map(([id]) => {
     const agent = agents.find((it) => it.id === id);
-    return plan.what === "collect" ? agent && agent.slot === null && agent.place : data.homes[id];
+    return plan.what === "collect" ? agent && agent.dock === null && agent.place : data.homes[id];
   });
   return places.filter(Boolean);
 }
@@ -74,10 +74,10 @@ function show(ms) {
   drawPlots(view);
 }
 
-function showWords({ stage, slots, agents, active, cost, apad }) {
+function showWords({ stage, docks, agents, active, cost, apad }) {
   $("phase").textContent = stage.phase || "not begun";
   $("primitive").textContent = stage.primitive || "none";
-  $("docks").textContent = slots.map((id) => (id === null ? "free" : id)).join(" · ");
+  $("docks").textContent = docks.map((id) => (id === null ? "free" : id)).join(" · ");
   $("plan").replaceChildren(...planWords(stage.plan));
   const charges = agents.map((it) => it.charge).filter((it) => it !== null);
   const mean = (list) => list.reduce((a, b) => a + b, 0) / list.length;

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import Any
 
-from apad_bridge.analysis.replay.history import SLOTS, History, PlanView
+from apad_bridge.analysis.replay.history import DOCK_COUNT, History, PlanView
 from apad_bridge.records.journal import JournalContents
 from apad_bridge.scenario.board_model import charge_model
 from apad_bridge.scenario.schema import Scenario
@@ -100,7 +100,7 @@ class _Sampler:
         self._active: list[int] = []
         self._cost: list[float] = []
         self._apad: list[list[float | None] | None] = []
-        self._slots: list[list[int | None]] = []
+        self._docks: list[list[int | None]] = []
         self._stages: list[dict[str, Any]] = []
         self._stage: list[int] = []
 
@@ -118,7 +118,7 @@ class _Sampler:
         self._apad.append(
             None if apad is None else [apad[key] for key in ("north_m", "east_m", "heading_rad", "battery")]
         )
-        self._slots.append(list(now.slots))
+        self._docks.append(list(now.docks))
         stage = {"phase": now.phase, "primitive": now.primitive, "plan": _plan_data(now.plan)}
         if not self._stages or stage != self._stages[-1]:
             self._stages.append(stage)
@@ -128,7 +128,7 @@ class _Sampler:
         """From the truth; where there is none, from what was believed."""
         now, agent_id = self._history.now, agent.agent_id
         truth, belief = now.truths.get(agent_id), now.beliefs.get(agent_id)
-        docked = agent_id in now.slots
+        docked = agent_id in now.docks
         if truth is not None:
             physical, charge = truth.physical, self._history.meter.charge
             at_ms = max(self._scenario.theta * now_ms, truth.at_ms)
@@ -162,7 +162,7 @@ class _Sampler:
     def columns(self) -> dict[str, Any]:
         return {
             "has_truth": bool(self._history.meter.agent_ids),
-            "slot_count": SLOTS,
+            "dock_count": DOCK_COUNT,
             "agents": [
                 {
                     "id": agent.agent_id,
@@ -180,7 +180,7 @@ class _Sampler:
             "active": self._active,
             "cost": self._cost,
             "apad": self._apad,
-            "slots": self._slots,
+            "docks": self._docks,
             "stages": self._stages,
             "stage": self._stage,
         }

@@ -83,7 +83,7 @@ def _how_sure(belief: Belief) -> list[KeyValue]:
         secondary_deviation=f"{sqrt(secondary):.4f}",
         place_deviation=f"{sqrt(north):.2f} m north, {sqrt(east):.2f} m east",
         clock=f"{clock.offset_ms / 1000:+.3f} s, deviation {sqrt(clock.offset_var) / 1000:.3f} s",
-        silent_slots=belief.silent_slots,
+        silent_timeslots=belief.silent_timeslots,
         learned_from=" ".join(source.name.lower() for source in belief.learned_from if source.name),
     )
 
@@ -107,7 +107,7 @@ def _apad(supervisor: Supervisor, name: str) -> DiagnosticStatus:
 
 def _mission(supervisor: Supervisor, apad: str) -> DiagnosticStatus:
     state = supervisor.mission.state
-    slots = ("-" if agent_id is None else str(agent_id) for agent_id in supervisor.mission.slots)
+    docks = ("-" if agent_id is None else str(agent_id) for agent_id in supervisor.mission.docks)
     return DiagnosticStatus(
         level=DiagnosticStatus.OK,
         name=f"musselbed: mission {apad}".rstrip(),
@@ -116,7 +116,7 @@ def _mission(supervisor: Supervisor, apad: str) -> DiagnosticStatus:
         values=_values(
             services=state.services,
             way=f"{state.cost_m:.1f} m",
-            docks=" ".join(slots),
+            docks=" ".join(docks),
             dropped_packets=sum(supervisor.dropped.values()),
         ),
     )

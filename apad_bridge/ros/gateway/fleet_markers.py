@@ -32,7 +32,7 @@ class FleetMarkers:
         # Whom this aPad serves: one that was handed on is drawn by the aPad that serves it.
         allocation, pose = supervisor.allocation, supervisor.pose
         ids = self._ids | allocation.served_for_others
-        rows = {it: slot for slot, it in enumerate(supervisor.mission.slots) if it is not None}
+        rows = {it: dock_index for dock_index, it in enumerate(supervisor.mission.docks) if it is not None}
         shown = [
             marker
             for it in allocation.all()

@@ -180,7 +180,7 @@ class Gateway:
         message.north, message.east, message.heading = pose.north_m, pose.east_m, pose.heading_rad
         if battery is not None:
             message.voltage, message.battery_fraction = battery.voltage_v, battery.fraction
-        message.slots = [-1 if agent_id is None else agent_id for agent_id in supervisor.mission.slots]
+        message.docks = [-1 if agent_id is None else agent_id for agent_id in supervisor.mission.docks]
         self._apad.publish(message)
 
     def _answers(self, agent_id: int) -> Callable[[Any], Any]:

@@ -10,7 +10,7 @@ import rospy
 
 from apad_bridge.mission.call_queue import CallQueue, Snapshot
 from apad_bridge.mission.manual import ManualMission
-from apad_bridge.mission.values import Refused, Status, manoeuvre_of, slot_of
+from apad_bridge.mission.values import Refused, Status, dock_index_of, manoeuvre_of
 from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros_names.names import ours_of_apad
 
@@ -33,12 +33,12 @@ def docking_act(request: Any, *, dock: bool) -> Callable[[ManualMission], None]:
     """What a goal or request to dock, or undock, asks of the mission."""
 
     def act(mission: ManualMission) -> None:
-        slot = slot_of(request.number)
+        dock_index = dock_index_of(request.number)
         manoeuvre = manoeuvre_of(request.max_yaw_rate_rad_s or None, request.max_surge_m_s or None)
         if dock:
-            mission.dock(slot, request.id, manoeuvre)
+            mission.dock(dock_index, request.id, manoeuvre)
         else:
-            mission.undock(slot, manoeuvre)
+            mission.undock(dock_index, manoeuvre)
 
     return act
 

@@ -91,8 +91,10 @@ class Subscribers(LegacySubscribers):
         self._inbox.put(PilotHeard(UNSTAMPED, bool(message.data)), always=True)
 
     def _take_arms(self, message: Any) -> None:
-        slot = next((slot for slot, opening in enumerate(message.data) if opening > _OPEN), None)
-        self._inbox.put(ArmHeard(UNSTAMPED, slot), always=True)
+        dock_index = next(
+            (dock_index for dock_index, opening in enumerate(message.data) if opening > _OPEN), None
+        )
+        self._inbox.put(ArmHeard(UNSTAMPED, dock_index), always=True)
 
 
 SERVICES: dict[Primitive, Any] = {
@@ -172,7 +174,7 @@ class GenerationBLink(LegacyLink[GenerationBCore]):
 
     def command(self, command: VehicleCommand, now_ms: int) -> None:
         if isinstance(command, MoveArm):
-            is_open = [float(command.is_open and slot == command.slot) for slot in range(4)]
+            is_open = [float(command.is_open and dock_index == command.dock_index) for dock_index in range(4)]
             self._arms.publish(Float32MultiArray(data=is_open))
         self._core.command(command, now_ms)
         self._send()
@@ -253,7 +255,7 @@ def _fields(order: Order) -> tuple[Primitive, dict[str, Any]]:
         case DockingOrder():
             return Primitive.DOCKING, {
                 "docking_action": order.docks,
-                "docking_slot": order.slot,
+                "docking_slot": order.dock_index,
                 "search_yaw_rate": order.search_yaw_rate_rad_s,
                 "max_yaw_rate": order.max_yaw_rate_rad_s,
                 "max_surge_speed": order.max_surge_m_s,

@@ -81,7 +81,7 @@ class LaboratoryLink:
         for fact in facts:
             if isinstance(fact, DockClosed | DockOpened):
                 what = What.DOCKED if isinstance(fact, DockClosed) else What.RELEASED
-                laboratory.publishers.tell(what, fact.agent_id, now_ms, slot=fact.slot)
+                laboratory.publishers.tell(what, fact.agent_id, now_ms, dock_index=fact.dock_index)
         return facts
 
     def command(self, command: VehicleCommand, now_ms: int) -> None:

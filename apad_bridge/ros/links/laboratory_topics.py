@@ -70,8 +70,8 @@ class LaboratorySubscribers:
             self._dropped[f"{ear.topic}: of an aMussel that is not of this fleet"] += 1
             return None
         if ear.what in (What.DOCKED, What.RELEASED):
-            slot = ear.slot_of(message)
-            known = slot if slot is not None and 0 <= slot < 4 else None
+            dock_index = ear.slot_of(message)
+            known = dock_index if dock_index is not None and 0 <= dock_index < 4 else None
             return DockSaid(now_ms, agent_id, known, ear.what is What.DOCKED)
         if ear.bytes is None:
             if agent_id is None and ear.everyone is None:
@@ -105,12 +105,19 @@ class LaboratoryPublishers:
                 self._out.setdefault(mouth.what, []).append((mouth, agent_id, publisher))
 
     def tell(
-        self, what: What, agent_id: int, now_ms: int, *, slot: int = -1, on: bool = True, data: bytes = b""
+        self,
+        what: What,
+        agent_id: int,
+        now_ms: int,
+        *,
+        dock_index: int = -1,
+        on: bool = True,
+        data: bytes = b"",
     ) -> None:
         for mouth, of_agent, publisher in self._out.get(what, ()):
             if of_agent in (None, agent_id):
                 message = publisher.data_class()
-                _fill(message, mouth, {"id": agent_id, "slot": slot, "on": on, "bytes": data})
+                _fill(message, mouth, {"id": agent_id, "slot": dock_index, "on": on, "bytes": data})
                 if getattr(message, "_has_header", False):
                     message.header.stamp = to_ros(now_ms)
                 publisher.publish(message)

@@ -23,7 +23,7 @@ from apad_bridge.ros.system.ros_time import to_ms
 from apad_bridge.ros.types.any_listener import AnyListener
 from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros_names.names import of_apad
-from apad_bridge.vehicle.generation_b.messages import CAMERA_SERVO, slot_direction_rad
+from apad_bridge.vehicle.generation_b.messages import CAMERA_SERVO, dock_direction_rad
 from apad_bridge.vehicle.simulated.camera import Seen, seen
 
 use_generated_messages()
@@ -69,8 +69,8 @@ class VirtualCamera:
             publisher.unregister()
 
     def _turn(self, message: Any) -> None:
-        slot = min(range(len(CAMERA_SERVO)), key=lambda it: abs(CAMERA_SERVO[it] - message.data))
-        self._direction_rad = slot_direction_rad(slot)
+        dock_index = min(range(len(CAMERA_SERVO)), key=lambda it: abs(CAMERA_SERVO[it] - message.data))
+        self._direction_rad = dock_direction_rad(dock_index)
 
     def _look(self, message: Any) -> None:
         place_m = (message.position.north, message.position.east)

@@ -163,7 +163,7 @@ class GenerationAServer(LegacyServer[GenerationAVehicle]):
     def _tell_docks(self, _: Any) -> Any:
         with self._lock:
             vehicle = self._running()
-            return GetDockingInfoResponse(available_slots=vehicle.free_slots, slots=vehicle.held)
+            return GetDockingInfoResponse(available_slots=vehicle.free_docks, slots=vehicle.held)
 
     def _change_dock(self, request: Any) -> Any:
         with self._lock:
@@ -182,7 +182,7 @@ class GenerationAServer(LegacyServer[GenerationAVehicle]):
         """Whether coil `coil`, which is a slot's, has something to send its energy to. The docks charge by themselves."""
         with self._lock:
             return SendEnergyResponse(
-                request.coil in range(4) and request.coil not in self._running().free_slots
+                request.coil in range(4) and request.coil not in self._running().free_docks
             )
 
     def _tell_battery(self, _: Any) -> Any:

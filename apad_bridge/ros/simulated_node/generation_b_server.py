@@ -106,7 +106,7 @@ class GenerationBServer(LegacyServer[GenerationBVehicle]):
             of_apad(apad, "docking_vertical"), Float32, lambda it, word: it.detect(None, word.data, it.now_ms)
         )
         listen(of_apad(apad, "manual"), Bool, lambda it, word: it.set_manual(word.data, it.now_ms))
-        listen(ours("dock"), DockAlert, lambda it, word: it.load(word.slot, word.closed, it.now_ms))
+        listen(ours("dock"), DockAlert, lambda it, word: it.load(word.dock, word.closed, it.now_ms))
 
     def _takes(self, convert: Conversion, response: Any) -> Callable[[Any], Any]:
         def take(request: Any) -> Any:

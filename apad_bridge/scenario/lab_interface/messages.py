@@ -29,7 +29,7 @@ class DockSaid:
 
     at_ms: int
     agent_id: int | None
-    slot: int | None
+    dock_index: int | None
     closed: bool
 
 

@@ -224,9 +224,9 @@ class GenerationACore:
             case GoTo(command_id):
                 self._facts.append(Arrived(at_ms, command_id))
             case CloseDock(_, _, agent_id):
-                self._facts.append(DockClosed(at_ms, self.docks.slot_of(agent_id), agent_id))
-            case OpenDock(_, slot, agent_id):
-                self._facts.append(DockOpened(at_ms, slot, agent_id))
+                self._facts.append(DockClosed(at_ms, self.docks.dock_index_of(agent_id), agent_id))
+            case OpenDock(_, dock_index, agent_id):
+                self._facts.append(DockOpened(at_ms, dock_index, agent_id))
 
     def _end_waits(self, now_ms: int) -> None:
         for key, sent in list(self._goals.items()):

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from apad_bridge.vehicle.commands import DockClosed, DockOpened
-from apad_bridge.vehicle.docks import SLOTS
+from apad_bridge.vehicle.docks import DOCK_COUNT
 from apad_bridge.vehicle.generation_a.messages import StaticHeard
 from apad_bridge.vehicle.link import Carried, LetGo, LinkFact
 
@@ -20,7 +20,7 @@ aPad itself is heard."""
 
 @dataclass(slots=True)
 class _Holding:
-    slot: int
+    dock_index: int
     heard_ms: int
     place_m: tuple[float, float] | None
     is_new: bool
@@ -40,7 +40,8 @@ class DocksByHearsay:
         self._known = frozenset(agent_ids)
         self._elsewhere: frozenset[int] = frozenset()
         self._held = {
-            agent_id: _Holding(slot, now_ms, None, False) for slot, agent_id in sorted(docked.items())
+            agent_id: _Holding(dock_index, now_ms, None, False)
+            for dock_index, agent_id in sorted(docked.items())
         }
 
     def serve(self, agent_ids: Iterable[int]) -> None:
@@ -52,9 +53,9 @@ class DocksByHearsay:
     def holds(self, agent_id: int) -> bool:
         return agent_id in self._held
 
-    def slot_of(self, agent_id: int) -> int:
+    def dock_index_of(self, agent_id: int) -> int:
         """KeyError for one that is not held."""
-        return self._held[agent_id].slot
+        return self._held[agent_id].dock_index
 
     def unheard(self, now_ms: int) -> list[int]:
         """Agents held whose place up to `now_ms` was not heard; one being released is not waited for."""
@@ -90,8 +91,8 @@ class DocksByHearsay:
         if holding is not None:
             holding.heard_ms, holding.place_m, holding.is_new = heard.at_ms, place_m, True
             return []
-        taken = {other.slot for other in self._held.values()}
-        free = [slot for slot in SLOTS if slot not in taken]
+        taken = {other.dock_index for other in self._held.values()}
+        free = [dock_index for dock_index in DOCK_COUNT if dock_index not in taken]
         if not free:
             self.dropped["position_static of more aMussels than there are docks"] += 1
             return []
@@ -125,4 +126,4 @@ class DocksByHearsay:
 
     def _open(self, agent_id: int, at_ms: int) -> list[LinkFact]:
         holding = self._held.pop(agent_id)
-        return [DockOpened(at_ms, holding.slot, agent_id), LetGo(at_ms, agent_id)]
+        return [DockOpened(at_ms, holding.dock_index, agent_id), LetGo(at_ms, agent_id)]

@@ -56,17 +56,17 @@ class GenerationAVehicle(LegacyVehicle[Shown]):
         self._misses = misses
         self._goal: Goal | None = None
         self._goal_from_m = 0.0
-        self._slots: dict[int, tuple[str, int]] = {}
+        self._docks: dict[int, tuple[str, int]] = {}
         """(object, serial of its perch) by slot."""
 
     @property
-    def free_slots(self) -> list[int]:
-        return [slot for slot in range(len(OFFSETS_M)) if slot not in self._slots]
+    def free_docks(self) -> list[int]:
+        return [dock_index for dock_index in range(len(OFFSETS_M)) if dock_index not in self._docks]
 
     @property
     def held(self) -> list[str]:
         """Objects by slot, the free slots left out."""
-        return [self._slots[slot][0] for slot in sorted(self._slots)]
+        return [self._docks[dock_index][0] for dock_index in sorted(self._docks)]
 
     def receive(self, goal: Goal, now_ms: int) -> list[Shown]:
         """A new goal pre-empts the running one, whatever its kind."""
@@ -92,15 +92,15 @@ class GenerationAVehicle(LegacyVehicle[Shown]):
             shown += self._end(Outcome.PREEMPTED, "cancelled")
         return shown
 
-    def set_dock(self, slot: int, closed: bool, now_ms: int) -> list[Shown]:
+    def set_dock(self, dock_index: int, closed: bool, now_ms: int) -> list[Shown]:
         """A person's hand on a mechanism. ValueError, with the reason, when refused: nothing changed then."""
-        if slot not in range(len(OFFSETS_M)):
-            raise ValueError(f"there is no slot {slot}")
+        if dock_index not in range(len(OFFSETS_M)):
+            raise ValueError(f"there is no slot {dock_index}")
         if closed:
             raise ValueError("a slot closes by a perch, which names what it holds")
-        if slot not in self._slots:
-            raise ValueError(f"slot {slot} is open")
-        return [*self.advance(now_ms), self._let_go(slot)]
+        if dock_index not in self._docks:
+            raise ValueError(f"slot {dock_index} is open")
+        return [*self.advance(now_ms), self._let_go(dock_index)]
 
     def change_battery(self, percent_points: float, now_ms: int) -> list[Shown]:
         """`charging`, or with a minus `draining`; what is no number changes nothing."""
@@ -122,25 +122,28 @@ class GenerationAVehicle(LegacyVehicle[Shown]):
         return self._ended_by(self._apad.receive(command, self._apad_ms))
 
     def _perch(self, goal: Goal) -> list[Shown]:
-        free = self.free_slots
+        free = self.free_docks
         if not free or self._fault is Fault.PERCHES_NOTHING:
             return self._end(Outcome.SUCCEEDED)
         number = _AGENT_NUMBER.search(goal.name)
         if self._misses is not None and number is not None and self._misses.misses(int(number[0])):
             return self._end(Outcome.ABORTED, MISSED)
-        slot, serial = free[0], self._next_serial()
-        facts = self._apad.receive(CloseDock(serial, slot, serial), self._apad_ms)
+        dock_index, serial = free[0], self._next_serial()
+        facts = self._apad.receive(CloseDock(serial, dock_index, serial), self._apad_ms)
         if failed := self._ended_by(facts):
             return failed
-        self._slots[slot] = (goal.name, serial)
-        return [self._held(slot), *self._end(Outcome.SUCCEEDED)]
+        self._docks[dock_index] = (goal.name, serial)
+        return [self._held(dock_index), *self._end(Outcome.SUCCEEDED)]
 
     def _release(self, goal: Goal) -> list[Shown]:
-        slot = next((slot for slot in sorted(self._slots) if self._slots[slot][0] == goal.name), None)
-        if slot is None:
+        dock_index = next(
+            (dock_index for dock_index in sorted(self._docks) if self._docks[dock_index][0] == goal.name),
+            None,
+        )
+        if dock_index is None:
             return self._end(Outcome.ABORTED, f"holds no {goal.name or 'object without a name'}")
         try:
-            last = self._let_go(slot)
+            last = self._let_go(dock_index)
         except ValueError as refused:
             return self._end(Outcome.ABORTED, str(refused))
         if self._fault not in (Fault.RELEASE_SILENT, Fault.RELEASE_CRASHES):
@@ -148,19 +151,19 @@ class GenerationAVehicle(LegacyVehicle[Shown]):
         self._goal = None
         if self._fault is Fault.RELEASE_CRASHES:
             self.has_crashed = True
-            for held in sorted(self._slots):
+            for held in sorted(self._docks):
                 self._let_go(held)
         return []
 
-    def _let_go(self, slot: int) -> Held:
+    def _let_go(self, dock_index: int) -> Held:
         """The last word about what the slot held. ValueError, and nothing changed, when the mechanism refuses."""
-        last = self._held(slot, released=True)
-        _, serial = self._slots[slot]
-        facts = self._apad.receive(OpenDock(self._next_serial(), slot, serial), self._apad_ms)
+        last = self._held(dock_index, released=True)
+        _, serial = self._docks[dock_index]
+        facts = self._apad.receive(OpenDock(self._next_serial(), dock_index, serial), self._apad_ms)
         for fact in facts:
             if isinstance(fact, CommandFailed):
                 raise ValueError(fact.reason)
-        del self._slots[slot]
+        del self._docks[dock_index]
         return last
 
     def _ended_by(self, facts: list[VehicleFact]) -> list[Shown]:
@@ -180,15 +183,15 @@ class GenerationAVehicle(LegacyVehicle[Shown]):
     def _step(self, at_ms: int, shown: list[Shown]) -> None:
         since_ms = at_ms - self._start_ms
         shown += self._ended_by(self._apad.advance(since_ms))
-        shown += [self._held(slot) for slot in sorted(self._slots)]
+        shown += [self._held(dock_index) for dock_index in sorted(self._docks)]
         if since_ms % SLOW_PERIOD_MS == 0:
             key = None if self._goal is None else self._goal.key
             shown.append(SlowShown(at_ms, self.battery_percent, key, self._covered_percent()))
         if since_ms % POSE_PERIOD_MS == 0:
             shown.append(PoseShown(at_ms, self.pose))
 
-    def _held(self, slot: int, *, released: bool = False) -> Held:
-        return Held(self._now_ms, self._slots[slot][0], *self._apad.dock_position(slot), released)
+    def _held(self, dock_index: int, *, released: bool = False) -> Held:
+        return Held(self._now_ms, self._docks[dock_index][0], *self._apad.dock_position(dock_index), released)
 
     def _covered_percent(self) -> float:
         goal, pose = self._goal, self._apad.pose

@@ -87,8 +87,8 @@ class GenerationBCore:
                 self._tasks.hear_status(docking, status, at_ms)
             case PilotHeard(at_ms, steers):
                 self._tasks.hear_pilot(steers, at_ms)
-            case ArmHeard(at_ms, slot) if slot is not None:
-                self._tasks.hear_arm(slot, at_ms)
+            case ArmHeard(at_ms, dock_index) if dock_index is not None:
+                self._tasks.hear_arm(dock_index, at_ms)
             case ArmHeard() | FinishedHeard():
                 pass  # a closed arm, or some primitive's end: the statuses tell what came of it
 

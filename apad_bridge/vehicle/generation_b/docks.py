@@ -11,8 +11,8 @@ from collections.abc import Iterable, Mapping
 
 from apad_bridge.scenario.lab_interface.messages import DockSaid
 from apad_bridge.vehicle.commands import CloseDock, CommandFailed, DockOpened, OpenDock, PoseReported
-from apad_bridge.vehicle.docks import SLOTS
-from apad_bridge.vehicle.generation_b.messages import slot_direction_rad
+from apad_bridge.vehicle.docks import DOCK_COUNT
+from apad_bridge.vehicle.generation_b.messages import dock_direction_rad
 from apad_bridge.vehicle.link import Carried, LetGo, LinkFact
 from apad_bridge.vehicle.simulated.docks import Docks
 from apad_bridge.vehicle.simulated.misses import MISSED, Misses
@@ -35,8 +35,8 @@ class DocksByBench:
         self.dropped: Counter[str] = Counter()
         self._misses = misses
         self._sight = sight
-        for slot, agent_id in docked.items():
-            self._docks.close(CloseDock(0, slot, agent_id), 0)
+        for dock_index, agent_id in docked.items():
+            self._docks.close(CloseDock(0, dock_index, agent_id), 0)
 
     def serve(self, simulated_ids: Iterable[int]) -> None:
         """From now on these are simulated, whoever's they are."""
@@ -59,7 +59,7 @@ class DocksByBench:
         return (
             there_m is not None
             and pose is not None
-            and math.dist(slot_place_m(command.slot, pose), there_m) > REACH_M
+            and math.dist(dock_place_m(command.dock_index, pose), there_m) > REACH_M
         )
 
     def close(self, command: CloseDock, pose: PoseReported | None, now_ms: int) -> list[LinkFact]:
@@ -74,7 +74,7 @@ class DocksByBench:
             return [CommandFailed(now_ms, command.command_id, refused)]
         facts: list[LinkFact] = [self._docks.close(command, now_ms)]
         if is_simulated and pose is not None:
-            facts.append(self._carried(command.slot, command.agent_id, pose, now_ms))
+            facts.append(self._carried(command.dock_index, command.agent_id, pose, now_ms))
         return facts
 
     def open(self, command: OpenDock, now_ms: int) -> list[LinkFact]:
@@ -85,35 +85,35 @@ class DocksByBench:
 
     def take_word(self, word: DockSaid, pose: PoseReported | None) -> list[LinkFact]:
         """A dock that closed or opened by others' hands: whose it was is made out by id, else by place and slot."""
-        agent_id, slot = word.agent_id, word.slot
+        agent_id, dock_index = word.agent_id, word.dock_index
         if not word.closed:
-            if agent_id is None and slot is not None:
-                agent_id = self.held.get(slot)
+            if agent_id is None and dock_index is not None:
+                agent_id = self.held.get(dock_index)
             found = next((it for it, holder in self.held.items() if holder == agent_id), None)
             if agent_id is None or found is None:
                 self.dropped["a release by others: of nothing that is held"] += 1
                 return []
             return self.open(OpenDock(0, found, agent_id), word.at_ms)
         if agent_id is None and pose is not None:
-            agent_id = self._caught(slot, pose, word.at_ms)
+            agent_id = self._caught(dock_index, pose, word.at_ms)
         if agent_id is None:
             self.dropped["a docking by others: no simulated aMussel was near"] += 1
             return []
         if self.holds(agent_id):
             return []
-        if slot is None or slot in self.held:
-            slot = next((it for it in SLOTS if it not in self.held), None)
-        if slot is None:
+        if dock_index is None or dock_index in self.held:
+            dock_index = next((it for it in DOCK_COUNT if it not in self.held), None)
+        if dock_index is None:
             self.dropped["a docking by others: all docks are taken"] += 1
             return []
-        closed: list[LinkFact] = [self._docks.close(CloseDock(0, slot, agent_id), word.at_ms)]
+        closed: list[LinkFact] = [self._docks.close(CloseDock(0, dock_index, agent_id), word.at_ms)]
         if agent_id in self._simulated and pose is not None:
-            closed.append(self._carried(slot, agent_id, pose, word.at_ms))
+            closed.append(self._carried(dock_index, agent_id, pose, word.at_ms))
         return closed
 
-    def _caught(self, slot: int | None, pose: PoseReported, now_ms: int) -> int | None:
-        """The simulated aMussel nearest to where `slot` closed, if one is within reach and in no dock."""
-        place_m = (pose.north_m, pose.east_m) if slot is None else slot_place_m(slot, pose)
+    def _caught(self, dock_index: int | None, pose: PoseReported, now_ms: int) -> int | None:
+        """The simulated aMussel nearest to where `dock_index` closed, if one is within reach and in no dock."""
+        place_m = (pose.north_m, pose.east_m) if dock_index is None else dock_place_m(dock_index, pose)
         near = [
             (math.dist(place_m, there_m), agent_id)
             for agent_id, there_m in self._sight(now_ms).items()
@@ -127,16 +127,16 @@ class DocksByBench:
             return []
         held = sorted(self._docks.docked.items())
         return [
-            self._carried(slot, agent_id, pose, now_ms)
-            for slot, agent_id in held
+            self._carried(dock_index, agent_id, pose, now_ms)
+            for dock_index, agent_id in held
             if agent_id in self._simulated
         ]
 
-    def _carried(self, slot: int, agent_id: int, pose: PoseReported, now_ms: int) -> Carried:
-        return Carried(now_ms, agent_id, *slot_place_m(slot, pose))
+    def _carried(self, dock_index: int, agent_id: int, pose: PoseReported, now_ms: int) -> Carried:
+        return Carried(now_ms, agent_id, *dock_place_m(dock_index, pose))
 
 
-def slot_place_m(slot: int, pose: PoseReported) -> tuple[float, float]:
+def dock_place_m(dock_index: int, pose: PoseReported) -> tuple[float, float]:
     """Where a slot holds its aMussel, (north, east): the hull turns, and its slots with it."""
-    bearing_rad = pose.heading_rad + slot_direction_rad(slot)
+    bearing_rad = pose.heading_rad + dock_direction_rad(dock_index)
     return pose.north_m + DOCK_M * math.cos(bearing_rad), pose.east_m + DOCK_M * math.sin(bearing_rad)

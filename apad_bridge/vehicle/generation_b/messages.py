@@ -23,7 +23,7 @@ from apad_bridge.vehicle.stack_messages import BatteryHeard, PoseHeard, PoseShow
 
 PRIMITIVE_FINISHED = "/PRIMITIVE_FINISHED"
 CAMERA_SERVO = (0.1, 0.46, 0.75, 1.0)
-"""What `kinect_out` says while the camera looks towards each slot."""
+"""What `kinect_out` says while the camera looks towards each dock."""
 PULL_BACK_MS = 8_000
 PULL_BACK_M_S = 0.3
 SERVO_MS = 27_000
@@ -32,9 +32,9 @@ DETECTION_MS = 1_000
 """A detection older than this is none, and the primitive searches."""
 
 
-def slot_direction_rad(slot: int) -> float:
-    """Where a slot is, clockwise from the bow."""
-    return math.remainder(slot * math.pi / 2, math.tau)
+def dock_direction_rad(dock_index: int) -> float:
+    """Where a dock is, clockwise from the bow."""
+    return math.remainder(dock_index * math.pi / 2, math.tau)
 
 
 class Status(IntEnum):
@@ -76,7 +76,7 @@ class DockingOrder:
     """Dock or, without `docks`, undock by the vehicle's own eyes. It names a slot and no aMussel."""
 
     docks: bool
-    slot: int
+    dock_index: int
     search_yaw_rate_rad_s: float
     max_yaw_rate_rad_s: float
     max_surge_m_s: float
@@ -137,7 +137,7 @@ class PilotHeard:
 @dataclass(frozen=True, slots=True)
 class ArmHeard:
     at_ms: int
-    slot: int | None
+    dock_index: int | None
     """The slot whose arm stands open; None while none does."""
 
 
@@ -178,7 +178,7 @@ def simple_go_to(request: Any) -> GoToOrder:
 
 def simple_docking(request: Any) -> DockingOrder:
     """The service `commander/docking`."""
-    return replace(_DOCKING, docks=request.action, slot=request.slot)
+    return replace(_DOCKING, docks=request.action, dock_index=request.slot)
 
 
 def goal(wanted: Any) -> GoToOrder:

@@ -23,7 +23,7 @@ from apad_bridge.vehicle.generation_b.messages import (
     Order,
     PositionOrder,
     Status,
-    slot_direction_rad,
+    dock_direction_rad,
 )
 
 GRACE_MS = 3_000
@@ -95,7 +95,7 @@ class ServoDocking:
         self._stand: PositionOrder | None = None
         self._stand_until_ms = now_ms + STAND_OFF_MS
         if isinstance(command, CloseDock) and pose is not None and goal_m is not None:
-            self._stand = _stand_off(goal_m, pose, command.slot)
+            self._stand = _stand_off(goal_m, pose, command.dock_index)
 
     @property
     def first_order(self) -> Order:
@@ -132,7 +132,7 @@ class ServoDocking:
         config, told = self._config, self.command.manoeuvre
         return DockingOrder(
             isinstance(self.command, CloseDock),
-            self.command.slot,
+            self.command.dock_index,
             config.search_yaw_rate_rad_s,
             config.max_yaw_rate_rad_s if told.yaw_rate_rad_s is None else told.yaw_rate_rad_s,
             config.max_surge_m_s if told.surge_m_s is None else told.surge_m_s,
@@ -140,14 +140,14 @@ class ServoDocking:
         )
 
 
-def _stand_off(goal_m: tuple[float, float], pose: PoseReported, slot: int) -> PositionOrder | None:
+def _stand_off(goal_m: tuple[float, float], pose: PoseReported, dock_index: int) -> PositionOrder | None:
     """Where to wait: off the aMussel, on the vehicle's side, with the slot towards it. None if it is elsewhere."""
     north_m, east_m = pose.north_m - goal_m[0], pose.east_m - goal_m[1]
     distance_m = math.hypot(north_m, east_m)
     if distance_m > _FAR_M:
         return None
     away_rad = math.atan2(east_m, north_m) if distance_m > 0.05 else pose.heading_rad + math.pi
-    heading_rad = math.remainder(away_rad + math.pi - slot_direction_rad(slot), math.tau)
+    heading_rad = math.remainder(away_rad + math.pi - dock_direction_rad(dock_index), math.tau)
     return PositionOrder(
         goal_m[0] + STAND_OFF_M * math.cos(away_rad),
         goal_m[1] + STAND_OFF_M * math.sin(away_rad),

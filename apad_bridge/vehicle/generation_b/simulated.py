@@ -40,7 +40,7 @@ from apad_bridge.vehicle.generation_b.messages import (
     Shown,
     Status,
     StatusShown,
-    slot_direction_rad,
+    dock_direction_rad,
 )
 from apad_bridge.vehicle.simulated.apad import SimulatedAPad
 from apad_bridge.vehicle.simulated.kinematics import STEP_MS
@@ -62,7 +62,7 @@ class Detection:
 
 def servoing(order: DockingOrder, seen: Detection | None, now_ms: int) -> Steer | None:
     """How the boat is steered at `now_ms`; None when it has docked."""
-    towards_rad = slot_direction_rad(order.slot)
+    towards_rad = dock_direction_rad(order.dock_index)
     if seen is None or now_ms - seen.at_ms > DETECTION_MS:
         return Steer(0.0, towards_rad, order.search_yaw_rate_rad_s)
     if CLOSE_ENOUGH[0] < seen.vertical < CLOSE_ENOUGH[1]:
@@ -169,15 +169,15 @@ class GenerationBVehicle(LegacyVehicle[Shown]):
             self._seen = Detection(now_ms, self._horizontal, vertical)
         return shown
 
-    def load(self, slot: int, closed: bool, now_ms: int) -> list[Shown]:
+    def load(self, dock_index: int, closed: bool, now_ms: int) -> list[Shown]:
         """The bench says what a dock holds: charging it costs energy. The stack itself knows nothing of it."""
         shown = self.advance(now_ms)
         serial = self._next_serial()
-        holder = self._apad.docked.get(slot)
+        holder = self._apad.docked.get(dock_index)
         if closed:
-            self._apad.receive(CloseDock(serial, slot, serial), now_ms - self._start_ms)
+            self._apad.receive(CloseDock(serial, dock_index, serial), now_ms - self._start_ms)
         elif holder is not None:
-            self._apad.receive(OpenDock(serial, slot, holder), now_ms - self._start_ms)
+            self._apad.receive(OpenDock(serial, dock_index, holder), now_ms - self._start_ms)
         return shown
 
     def set_manual(self, steers: bool, now_ms: int) -> list[Shown]:
@@ -189,20 +189,20 @@ class GenerationBVehicle(LegacyVehicle[Shown]):
         return shown
 
     def _begin_docking(self, order: DockingOrder, shown: list[Shown]) -> None:
-        if order.slot not in range(len(CAMERA_SERVO)):
+        if order.dock_index not in range(len(CAMERA_SERVO)):
             self.dropped["docking: no such slot"] += 1
             self._order = None
             return
         self._enter(Stage.SERVO)
         self._seen = None
         self._tell_status(True, Status.RUNNING, shown)
-        shown.append(CameraTurned(self._now_ms, CAMERA_SERVO[order.slot]))
+        shown.append(CameraTurned(self._now_ms, CAMERA_SERVO[order.dock_index]))
         if order.docks:
-            self._open_arm(order.slot, shown)
+            self._open_arm(order.dock_index, shown)
         self._command(Coast(), shown)
 
-    def _open_arm(self, slot: int, shown: list[Shown]) -> None:
-        is_open = [it == slot for it in range(4)]
+    def _open_arm(self, dock_index: int, shown: list[Shown]) -> None:
+        is_open = [it == dock_index for it in range(4)]
         shown.append(ArmShown(self._now_ms, Arm((is_open[0], is_open[1], is_open[2], is_open[3]))))
 
     def _step(self, at_ms: int, shown: list[Shown]) -> None:
@@ -232,8 +232,8 @@ class GenerationBVehicle(LegacyVehicle[Shown]):
                 self._enter(Stage.SERVOING)
             else:
                 self._enter(Stage.PULLING)
-                self._open_arm(order.slot, shown)
-                astern_rad = slot_direction_rad(order.slot) + math.pi
+                self._open_arm(order.dock_index, shown)
+                astern_rad = dock_direction_rad(order.dock_index) + math.pi
                 self._command(Steer(PULL_BACK_M_S, astern_rad, 0.0), shown)
         elif self._stage is Stage.PULLING and since_ms >= PULL_BACK_MS:
             self._end(Status.DONE, shown, finished=True)

@@ -37,7 +37,7 @@ class HandDocking:
 
     def __init__(self) -> None:
         self.dropped: Counter[str] = Counter()
-        self._slot: int | None = None
+        self._dock: int | None = None
         self._since_ms: int | None = None
         """When one was first heard to run that was not heard to end."""
 
@@ -49,8 +49,8 @@ class HandDocking:
         """One that runs is not cut short, for as long as a docking of ours would have."""
         return self._since_ms is not None and now_ms - self._since_ms < timeout_s * 1000
 
-    def see_arm(self, slot: int) -> None:
-        self._slot = slot
+    def see_arm(self, dock_index: int) -> None:
+        self._dock = dock_index
 
     def hear(self, status: Status, at_ms: int, held: Mapping[int, int]) -> DockSaid | None:
         """What a word on `docking_status` tells of a dock, when it ends a docking that was seen to run."""
@@ -60,10 +60,10 @@ class HandDocking:
         ended, self._since_ms = self.runs, None
         if not ended or status is not Status.DONE:
             return None
-        if self._slot is None:
+        if self._dock is None:
             self.dropped["docking by hand: no arm was seen to open"] += 1
             return None
-        return DockSaid(at_ms, None, self._slot, self._slot not in held)
+        return DockSaid(at_ms, None, self._dock, self._dock not in held)
 
 
 NOTHING_THERE = "the aPad says it docked, but the aMussel is not there"
@@ -143,13 +143,13 @@ class Tasks:
         if did_run and not self._hand.runs and self._holding is not None:
             self._holding.is_lost = True
 
-    def hear_arm(self, slot: int, at_ms: int) -> None:
-        """The arm of `slot` was seen to open: of an undocking it lets go."""
-        self._hand.see_arm(slot)
+    def hear_arm(self, dock_index: int, at_ms: int) -> None:
+        """The arm of `dock_index` was seen to open: of an undocking it lets go."""
+        self._hand.see_arm(dock_index)
         servo = self._servo
         if servo is None or servo.has_let_go or not isinstance(servo.command, OpenDock):
             return
-        if servo.command.slot == slot:
+        if servo.command.dock_index == dock_index:
             servo.has_let_go = True
             self._facts += self._docks.open(servo.command, at_ms)
 

@@ -229,9 +229,9 @@ class SimulatedAPad:
         """Agent ids by slot, of the closed docks."""
         return self._docks.docked
 
-    def dock_position(self, slot: int) -> tuple[float, float]:
-        """Where dock `slot` (0-3) holds an aMussel: (north, east) in metres."""
-        north_m, east_m = OFFSETS_M[slot]
+    def dock_position(self, dock_index: int) -> tuple[float, float]:
+        """Where dock `dock_index` (0-3) holds an aMussel: (north, east) in metres."""
+        north_m, east_m = OFFSETS_M[dock_index]
         return self.pose.north_m + north_m, self.pose.east_m + east_m
 
 

@@ -16,41 +16,41 @@ class Docks:
     """Mechanisms act at once: the time that docking takes is the docking port's, or a real vehicle's own."""
 
     def __init__(self) -> None:
-        self._agent_by_slot: dict[int, int] = {}
+        self._agent_by_dock: dict[int, int] = {}
 
     @property
     def docked(self) -> Mapping[int, int]:
         """Agent ids by slot, of the closed docks only; a live view."""
-        return MappingProxyType(self._agent_by_slot)
+        return MappingProxyType(self._agent_by_dock)
 
     def refusal(self, command: CloseDock) -> str | None:
         """Why this dock cannot close around this aMussel; None if it can."""
-        slot, agent_id = command.slot, command.agent_id
-        holder = self._agent_by_slot.get(slot)
-        if slot not in range(len(OFFSETS_M)):
-            return f"there is no dock {slot}"
+        dock_index, agent_id = command.dock_index, command.agent_id
+        holder = self._agent_by_dock.get(dock_index)
+        if dock_index not in range(len(OFFSETS_M)):
+            return f"there is no dock {dock_index}"
         if holder is not None:
-            return f"dock {slot} holds aMussel {holder}"
-        if agent_id in self._agent_by_slot.values():
+            return f"dock {dock_index} holds aMussel {holder}"
+        if agent_id in self._agent_by_dock.values():
             return f"aMussel {agent_id} is held in another dock"
         return None
 
     def close(self, command: CloseDock, now_ms: int) -> DockClosed | CommandFailed:
         if (reason := self.refusal(command)) is not None:
             return CommandFailed(now_ms, command.command_id, reason)
-        self._agent_by_slot[command.slot] = command.agent_id
-        return DockClosed(now_ms, command.slot, command.agent_id)
+        self._agent_by_dock[command.dock_index] = command.agent_id
+        return DockClosed(now_ms, command.dock_index, command.agent_id)
 
     def open(self, command: OpenDock, now_ms: int) -> DockOpened | CommandFailed:
-        slot, agent_id = command.slot, command.agent_id
-        holder = self._agent_by_slot.get(slot)
-        if slot not in range(len(OFFSETS_M)):
-            reason = f"there is no dock {slot}"
+        dock_index, agent_id = command.dock_index, command.agent_id
+        holder = self._agent_by_dock.get(dock_index)
+        if dock_index not in range(len(OFFSETS_M)):
+            reason = f"there is no dock {dock_index}"
         elif holder is None:
-            reason = f"dock {slot} is empty"
+            reason = f"dock {dock_index} is empty"
         elif holder != agent_id:
-            reason = f"dock {slot} holds aMussel {holder}"
+            reason = f"dock {dock_index} holds aMussel {holder}"
         else:
-            del self._agent_by_slot[slot]
-            return DockOpened(now_ms, slot, agent_id)
+            del self._agent_by_dock[dock_index]
+            return DockOpened(now_ms, dock_index, agent_id)
         return CommandFailed(now_ms, command.command_id, reason)

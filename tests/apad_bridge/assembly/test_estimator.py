@@ -147,7 +147,7 @@ def test_a_mission_flies_on_twins_through_silence() -> None:
     )
     flight.run()
     beliefs = flight.supervisor.beliefs.all()
-    assert len(beliefs) == 12 and all(belief.silent_slots >= 170 for belief in beliefs)
+    assert len(beliefs) == 12 and all(belief.silent_timeslots >= 170 for belief in beliefs)
     assert len({belief.at_ms for belief in beliefs}) == 1
     released = {data["agent"]: at_ms for at_ms, kind, data in recorder.events if kind == "released"}
     assert len(released) == 4 and min(released.values()) > 240_000

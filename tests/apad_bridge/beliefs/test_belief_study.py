@@ -52,7 +52,7 @@ def test_beliefs_come_at_every_slot_from_the_first_packet_on(life: Life) -> None
     heard[[5, 9]] = True
     found = list(filters.beliefs(life, 2, filters.twin(life, 2, False), heard))
     assert [hour for hour, _ in found] == list(range(5, HOURS))
-    assert found[4][1].silent_slots == 0 and found[3][1].silent_slots == 3
+    assert found[4][1].silent_timeslots == 0 and found[3][1].silent_timeslots == 3
 
 
 def test_the_score_is_counted_by_hand() -> None:

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from apad_bridge.beliefs.hold_last import HoldLast
-from apad_bridge.beliefs.measurement import Docked, Permitted, Released, SlotSilent
+from apad_bridge.beliefs.measurement import Docked, Permitted, Released, TimeslotSilent
 from firmware_model.packets import ShortStatus, StatusPacket
 from firmware_model.states import State
 
@@ -57,10 +57,10 @@ def test_the_order_of_arrival_does_not_matter(order: list[int]) -> None:
 
 def test_it_learns_from_packets_alone_and_stays_as_it_was() -> None:
     beliefs = HoldLast([5])
-    assert beliefs.learn(5, SlotSilent(500)) is None and beliefs.get(5) is None
+    assert beliefs.learn(5, TimeslotSilent(500)) is None and beliefs.get(5) is None
     beliefs.hear(PACKET, 2000)
     before = beliefs.get(5)
-    for measurement in (SlotSilent(2500), Permitted(2500), Docked(2600), Released(2700, 0.0, 0.0)):
+    for measurement in (TimeslotSilent(2500), Permitted(2500), Docked(2600), Released(2700, 0.0, 0.0)):
         assert beliefs.learn(5, measurement) is None
     beliefs.advance(90_000)
     assert beliefs.get(5) is before

@@ -27,7 +27,7 @@ from apad_bridge.beliefs.measurement import (
     Ranged,
     Rejected,
     Released,
-    SlotSilent,
+    TimeslotSilent,
 )
 from apad_bridge.beliefs.memory import Memory
 from apad_bridge.beliefs.modes import Mode
@@ -82,7 +82,7 @@ def hourly(state: State, start: float, drain_per_h: float, hours: int, first: in
 
 def test_nothing_is_believed_of_one_that_was_never_heard() -> None:
     twin = Twin(KNOWLEDGE, {})
-    for measurement in (SlotSilent(0), Docked(0), Released(0, 0.0, 0.0), Fixed(0, 1.0, 2.0, 1.0)):
+    for measurement in (TimeslotSilent(0), Docked(0), Released(0, 0.0, 0.0), Fixed(0, 1.0, 2.0, 1.0)):
         assert twin.update(None, measurement) is None
 
 
@@ -119,11 +119,11 @@ def test_a_silent_slot_moves_the_modes_probabilities() -> None:
     belief = told(twin, heard(0, State.PROCESSING, 0.9))
     shares = [belief.probability_of(Mode.HIGH_LOAD)]
     for hour in range(1, 12):
-        belief = twin.update(belief, SlotSilent(hour * HOUR + 1)) or belief
+        belief = twin.update(belief, TimeslotSilent(hour * HOUR + 1)) or belief
         shares.append(belief.probability_of(Mode.HIGH_LOAD))
     assert shares[0] == 1.0 and shares == sorted(shares, reverse=True)
     assert belief.mode is Mode.ASLEEP and sum(belief.mode_probabilities) == pytest.approx(1.0)
-    assert belief.silent_slots == 11 and Source.SILENCE in belief.learned_from
+    assert belief.silent_timeslots == 11 and Source.SILENCE in belief.learned_from
 
 
 def test_a_packet_in_time_corrects_one_filter_and_the_mode_is_known() -> None:
@@ -131,7 +131,7 @@ def test_a_packet_in_time_corrects_one_filter_and_the_mode_is_known() -> None:
     belief = told(twin, *hourly(State.SLEEPING, 0.9, 60 * ASLEEP, 5), heard(5 * HOUR, State.ACTIVE, 0.87, 5))
     assert belief.mode is Mode.IDLE and belief.probability_of(Mode.IDLE) == 1.0
     assert len(belief.parts) == 1 and len(memory_of(belief).anchors) == 1
-    assert (belief.heard_ms, belief.silent_slots, belief.learned_from) == (5 * HOUR, 0, Source.PACKET)
+    assert (belief.heard_ms, belief.silent_timeslots, belief.learned_from) == (5 * HOUR, 0, Source.PACKET)
 
 
 def test_what_was_not_scheduled_is_found_out_by_the_next_packet() -> None:
@@ -364,7 +364,7 @@ def test_a_short_status_corrects_the_charge_and_says_nothing_of_place_or_time() 
     far = twin.predict(before, 30 * HOUR)
     short = twin.update(before, HeardShort(30 * HOUR, State.SLEEPING, 0.9 - 30 * drained - 0.02, 1.0))
     assert short is not None
-    assert (short.heard_ms, short.silent_slots, short.learned_from) == (30 * HOUR, 0, Source.PACKET)
+    assert (short.heard_ms, short.silent_timeslots, short.learned_from) == (30 * HOUR, 0, Source.PACKET)
     assert short.charge_cov[0] < far.charge_cov[0] / 50
     assert short.primary == pytest.approx(0.754, abs=2 * KNOWLEDGE.sensor.noise)
     assert (short.north_m, short.east_m, short.place_cov) == (far.north_m, far.east_m, far.place_cov)

@@ -167,11 +167,11 @@ def test_a_clock_that_was_set_is_in_the_notebook(made: Made, tmp_path: Path) -> 
     row = measurement_row(5, ClockSet(7, 9))
     assert measurement_of(row) == (5, ClockSet(7, 9))
     fleet, resumed = made(), made()
-    book = Checkpoint(tmp_path / "notebook.jsonl", fleet, 0)
+    book = Checkpoint(tmp_path / "checkpoint.jsonl", fleet, 0)
     for at_ms, ahead_ms in ((60, 0), (61, -60 * MINUTE * THETA), (62, -60 * MINUTE * THETA)):
         said(fleet, at_ms * MINUTE, ahead_ms)
         book.flush(at_ms * MINUTE)
     book.close()
-    assert recall(tmp_path / "notebook.jsonl", resumed).whole
+    assert recall(tmp_path / "checkpoint.jsonl", resumed).whole
     assert resumed.kept() == fleet.kept()
     assert said(resumed, 63 * MINUTE, -60 * MINUTE * THETA) is None

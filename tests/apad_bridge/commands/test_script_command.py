@@ -33,7 +33,7 @@ def test_a_script_leaves_a_run_behind(tmp_path: Path, capsys: pytest.CaptureFixt
     journal = read_journal(run / "journal.jsonl")
     assert [line["said"] for line in journal.lines if line["kind"] == "script"] == ["got 10"]
     dock = journal.first("dock")
-    assert dock is not None and (dock["slot"], dock["agent"]) == (3, 10)
+    assert dock is not None and (dock["dock"], dock["agent"]) == (3, 10)
     assert main(["replay", str(run)]) == Exit.DONE
     assert main(["resume", str(run)]) == Exit.USER_MISTAKE
 

@@ -106,10 +106,10 @@ def test_one_that_comes_up_is_docked_and_one_that_does_not_is_given_up(pool: Sce
     believed.state = State.FLOATING
     (order,) = mission.advance(51_000)
     assert isinstance(order, DockMussel)
-    assert (order.slot, order.agent_id, order.manoeuvre) == (0, 7, Manoeuvre(0.2, 0.1))
+    assert (order.dock_index, order.agent_id, order.manoeuvre) == (0, 7, Manoeuvre(0.2, 0.1))
     mission.receive(DockChanged(52_000, 0, 7, True), 52_000)
     mission.receive(PrimitiveSucceeded(52_000, order.primitive_id), 52_000)
-    assert (mission.docking, mission.slots) == (Status.DONE, (7, None, None, None))
+    assert (mission.docking, mission.docks) == (Status.DONE, (7, None, None, None))
     late, stuck = commanded(pool)
     late.dock(0, 7)
     stuck.state = State.SURFACING

@@ -79,7 +79,9 @@ class Bench:
             self.mission.moved(done.north_m, done.east_m)
         if isinstance(done, DockMussel | UndockMussel):
             closed = isinstance(done, DockMussel)
-            self.mission.receive(DockChanged(self.now_ms, done.slot, done.agent_id, closed), self.now_ms)
+            self.mission.receive(
+                DockChanged(self.now_ms, done.dock_index, done.agent_id, closed), self.now_ms
+            )
         self.orders = self.mission.receive(PrimitiveSucceeded(self.now_ms, done.primitive_id), self.now_ms)
         return done
 
@@ -269,7 +271,7 @@ def test_one_docked_by_hand_and_never_heard_does_not_take_a_slot_for_ever() -> N
     bench.tick(int(MISSION.silence_timeout_s) + 1)
     bench.succeed()
     assert isinstance(bench.succeed(), UndockMussel)
-    assert bench.mission.slots == (None,) * 4
+    assert bench.mission.docks == (None,) * 4
 
 
 def test_a_resumed_step_waits_for_its_aMussel_to_be_heard_again() -> None:

@@ -112,7 +112,7 @@ def test_it_is_not_given_back_in_the_middle_of_a_docking(pool: Scenario) -> None
     flying.call_mission(give_back)
     flying.call_mission(give_back)
     assert flying.phase is Phase.CHARGE
-    assert flying.flight.supervisor.mission.slots == (3, None, None, None)
+    assert flying.flight.supervisor.mission.docks == (3, None, None, None)
 
 
 def test_a_call_can_end_the_flight_and_then_nobody_takes_it(pool: Scenario) -> None:

@@ -13,8 +13,8 @@ COLLECT, DEPLOY = StepKind.COLLECT, StepKind.DEPLOY
 steps = st.builds(Step, st.sampled_from(StepKind), st.integers(1, 20000), st.integers(0, 3))
 
 
-def agent(agent_id: int, slot: int | None = None) -> Candidate:
-    return Candidate(agent_id, 1.0, 2.0, 0.5, 1.0, 1.0, 2.0, slot)
+def agent(agent_id: int, dock_index: int | None = None) -> Candidate:
+    return Candidate(agent_id, 1.0, 2.0, 0.5, 1.0, 1.0, 2.0, dock_index)
 
 
 POOL = Situation(0.0, 0.0, (agent(1), agent(2), agent(3)), (0, 2))

@@ -23,8 +23,8 @@ def floating(agent_id: int, north_m: float, east_m: float, charge: float = 0.5) 
     return Candidate(agent_id, north_m, east_m, charge, 1.0, north_m, east_m)
 
 
-def docked(agent_id: int, home_north_m: float, home_east_m: float, slot: int) -> Candidate:
-    return Candidate(agent_id, 0.0, 0.0, 1.0, 1.0, home_north_m, home_east_m, slot)
+def docked(agent_id: int, home_north_m: float, home_east_m: float, dock_index: int) -> Candidate:
+    return Candidate(agent_id, 0.0, 0.0, 1.0, 1.0, home_north_m, home_east_m, dock_index)
 
 
 @st.composite
@@ -73,7 +73,7 @@ def test_greedy_breaks_ties_by_the_lower_id() -> None:
 def test_greedy_redeploy_goes_to_the_nearest_home_in_turn_and_opens_the_slot_that_holds_the_agent() -> None:
     agents = (docked(1, 40, 0, 0), docked(2, -15, 0, 1), docked(3, 10, 0, 3), docked(4, 30, 0, 2))
     plan = GreedyRedeploy().plan(Situation(0, 0, agents, ()))
-    assert [(step.kind, step.agent_id, step.slot) for step in plan.steps] == [
+    assert [(step.kind, step.agent_id, step.dock_index) for step in plan.steps] == [
         (StepKind.DEPLOY, 3, 3),
         (StepKind.DEPLOY, 4, 2),
         (StepKind.DEPLOY, 1, 0),
@@ -95,7 +95,7 @@ def test_no_collection_never_collects(pool: Situation, batch: int) -> None:
 def test_plans_are_as_large_as_they_can_be_and_can_be_carried_out(pool: Situation, batch: int) -> None:
     for strategy in (Greedy(), Cautious()):
         plan = strategy.plan(pool, batch)
-        assert len(plan.steps) == min(batch, len(pool.candidates), len(pool.free_slots))
+        assert len(plan.steps) == min(batch, len(pool.candidates), len(pool.free_docks))
         check_solution(plan, pool, StepKind.COLLECT)
 
 
@@ -120,7 +120,7 @@ def test_cautious_order_is_sorted_and_nobody_needier_is_left(pool: Situation, ba
 def test_the_order_of_the_candidates_does_not_matter(pool: Situation, batch: int, rng: Random) -> None:
     shuffled = list(pool.candidates)
     rng.shuffle(shuffled)
-    other = Situation(pool.apad_north_m, pool.apad_east_m, tuple(shuffled), pool.free_slots)
+    other = Situation(pool.apad_north_m, pool.apad_east_m, tuple(shuffled), pool.free_docks)
     for strategy in (Greedy(), Cautious()):
         assert strategy.plan(pool, batch) == strategy.plan(other, batch)
 

@@ -37,7 +37,7 @@ def write_ticks(bag, ticks):
 def test_a_sample_comes_back_with_both_clocks(tmp_path):
     bag = BagWriter(tmp_path / "run.bag", theta=30)
     bag.sample(2500, [TRUTH, TRUTH._replace(agent_id=8)], [BELIEF], APAD)
-    bag.event(2500, "dock", '{"slot":0}')
+    bag.event(2500, "dock", '{"dock":0}')
     bag.close()
     (truth, beliefs, apad, event) = [message for _, _, message in read(bag.path)]
     assert [topic for topic, _, _ in read(bag.path)] == [
@@ -60,7 +60,7 @@ def test_a_sample_comes_back_with_both_clocks(tmp_path):
     assert (apad.north, apad.east, apad.heading) == (10.0, 11.0, pi)
     assert (apad.voltage, apad.battery_fraction, apad.primitive) == (15.5, 0.875, "dock")
     assert apad.slots.tolist() == [7, -1, -1, 9]
-    assert (event.kind, event.data) == ("dock", '{"slot":0}')
+    assert (event.kind, event.data) == ("dock", '{"dock":0}')
 
 
 def test_a_packet_is_told_for_each_listener(tmp_path):

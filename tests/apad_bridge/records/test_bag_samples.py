@@ -60,7 +60,7 @@ def test_all_of_a_belief_comes_back(tmp_path: Path) -> None:
     assert it.mode_probabilities[Mode.IDLE] == 0.75 and it.mode_probabilities[Mode.LOST] == 0.25
     assert len(it.mode_probabilities) == len(Mode)
     assert (it.clock_offset_ms, it.clock_deviation_ms) == (250.0, 300.0)
-    assert (it.silent_slots, it.learned_from) == (65_535, 3)
+    assert (it.silent_timeslots, it.learned_from) == (65_535, 3)
 
 
 def test_who_claims_to_be_certain_knows_no_deviation() -> None:
@@ -69,7 +69,7 @@ def test_who_claims_to_be_certain_knows_no_deviation() -> None:
     assert sample[:7] == (7, State.ACTIVE, 0.5, 0.875, 10.0, 20.0, 1.0)
     assert all(map(math.isnan, sample[7:15])) and sample.mode_probabilities == ()
     assert math.isnan(sample.clock_offset_ms) and math.isnan(sample.clock_deviation_ms)
-    assert (sample.silent_slots, sample.learned_from) == (0, 1)
+    assert (sample.silent_timeslots, sample.learned_from) == (0, 1)
 
 
 def test_the_definition_counts_modes_and_sources_as_beliefs_do() -> None:

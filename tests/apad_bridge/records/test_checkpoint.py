@@ -22,7 +22,7 @@ from apad_bridge.beliefs.measurement import (
     Permitted,
     Ranged,
     Released,
-    SlotSilent,
+    TimeslotSilent,
 )
 from apad_bridge.records import checkpoint
 from apad_bridge.records.checkpoint import Checkpoint, NoCheckpoint, restore
@@ -90,7 +90,7 @@ WORDS = st.one_of(
     st.builds(said_shortly, STATES, CHARGES),
     st.sampled_from(
         [
-            learned(SlotSilent),
+            learned(TimeslotSilent),
             learned(Permitted),
             learned(Docked),
             learned(lambda now_ms: Released(now_ms, 3.0, 4.0)),
@@ -130,7 +130,7 @@ def test_killed_anywhere_it_goes_on_with_the_same_beliefs_to_the_last_bit(
     gap_ms: int,
     tmp_path_factory: pytest.TempPathFactory,
 ) -> None:
-    path = tmp_path_factory.mktemp("run") / "notebook.jsonl"
+    path = tmp_path_factory.mktemp("run") / "checkpoint.jsonl"
     uninterrupted, killed = ESTIMATORS[estimator](), ESTIMATORS[estimator]()
     book, now_ms = Checkpoint(path, killed, 0), 0
     for event in events[:killed_after]:
@@ -173,7 +173,7 @@ def story(path: Path) -> tuple[list[bytes], list[object]]:
 
 
 def test_torn_at_any_byte_it_gives_what_was_whole(tmp_path: Path) -> None:
-    lines, kept = story(tmp_path / "notebook.jsonl")
+    lines, kept = story(tmp_path / "checkpoint.jsonl")
     whole = b"".join(lines)
     torn = tmp_path / "torn.jsonl"
     for size in range(0, len(whole), 7):
@@ -192,7 +192,7 @@ def test_torn_at_any_byte_it_gives_what_was_whole(tmp_path: Path) -> None:
 
 
 def test_what_follows_damage_is_not_believed(tmp_path: Path) -> None:
-    path = tmp_path / "notebook.jsonl"
+    path = tmp_path / "checkpoint.jsonl"
     lines, kept = story(path)
     path.write_bytes(lines[0] + lines[1] + b"\0\0\n" + lines[3])
     beliefs = of_a_twin()
@@ -201,7 +201,7 @@ def test_what_follows_damage_is_not_believed(tmp_path: Path) -> None:
 
 
 def test_it_stays_small_and_a_silent_fleet_writes_nothing(tmp_path: Path) -> None:
-    path = tmp_path / "notebook.jsonl"
+    path = tmp_path / "checkpoint.jsonl"
     beliefs = HoldLast(IDS)
     book = Checkpoint(path, beliefs, 0)
     rows = []
@@ -217,7 +217,7 @@ def test_it_stays_small_and_a_silent_fleet_writes_nothing(tmp_path: Path) -> Non
 
 def test_after_ten_minutes_a_checkpoint_is_due(tmp_path: Path) -> None:
     """A twin's day of hourly packets takes longer to replay than to write down."""
-    path = tmp_path / "notebook.jsonl"
+    path = tmp_path / "checkpoint.jsonl"
     beliefs = HoldLast(IDS)
     book = Checkpoint(path, beliefs, 0)
     for now_ms in (599_000, 600_000, 601_000):
@@ -227,7 +227,7 @@ def test_after_ten_minutes_a_checkpoint_is_due(tmp_path: Path) -> None:
 
 
 def test_another_estimators_notebook_is_refused_and_nothing_is_believed(tmp_path: Path) -> None:
-    path = tmp_path / "notebook.jsonl"
+    path = tmp_path / "checkpoint.jsonl"
     tick(twin := of_a_twin(), Event(1, 1000, said(State.ACTIVE, 0.5, 1.0, 3.0, 0, 0)), 0)
     Checkpoint(path, twin, 1000).close()
     beliefs = HoldLast(IDS)
@@ -239,9 +239,9 @@ def test_another_estimators_notebook_is_refused_and_nothing_is_believed(tmp_path
 
 
 def test_a_kill_while_a_checkpoint_is_written_leaves_the_former_notebook(tmp_path: Path) -> None:
-    path = tmp_path / "notebook.jsonl"
+    path = tmp_path / "checkpoint.jsonl"
     _, kept = story(path)
-    (tmp_path / ".notebook.jsonl.fresh").write_bytes(b'{"t":0,"format":1,"bel')
+    (tmp_path / ".checkpoint.jsonl.fresh").write_bytes(b'{"t":0,"format":1,"bel')
     shutil.copy(path, tmp_path / "before")
     beliefs = of_a_twin()
     restore(path, beliefs)
@@ -267,7 +267,7 @@ def test_a_guest_comes_with_what_others_believe_of_it(name: str, tmp_path: Path)
     here.advance(10_000)
     assert here.hear(heard, 10_000) == "a status of an unknown aMussel"
 
-    book = Checkpoint(tmp_path / "notebook.jsonl", here, 10_000)
+    book = Checkpoint(tmp_path / "checkpoint.jsonl", here, 10_000)
     handed = elsewhere.get(guest)
     assert handed is not None
     here.admit(guest, here.estimator.restored(guest, elsewhere.estimator.kept(handed)))
@@ -277,7 +277,7 @@ def test_a_guest_comes_with_what_others_believe_of_it(name: str, tmp_path: Path)
     book.flush(20_000)
     book.close()
     restored = ESTIMATORS[name]()
-    restore(tmp_path / "notebook.jsonl", restored)
+    restore(tmp_path / "checkpoint.jsonl", restored)
     assert here.get(guest) is not None
     assert here.get(guest) == elsewhere.get(guest)
     restored.advance(20_000)

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from apad_bridge.records.journal import Journal, read_journal
+from apad_bridge.records.journal import FORMAT_VERSION, Journal, format_of, read_journal
 
 
 @pytest.fixture
@@ -15,12 +15,12 @@ def path(tmp_path):
 def test_lines_come_back_in_order(path):
     journal = Journal(path)
     journal.append(1000, "leg", {"metres": 3.25})
-    journal.append(500, "plan", {"steps": [{"agent": 3, "slot": 0}], "strategy": "größte"})
+    journal.append(500, "plan", {"steps": [{"agent": 3, "dock": 0}], "strategy": "größte"})
     journal.close()
     contents = read_journal(path)
     assert contents.lines == [
         {"t": 1000, "kind": "leg", "metres": 3.25},
-        {"t": 500, "kind": "plan", "steps": [{"agent": 3, "slot": 0}], "strategy": "größte"},
+        {"t": 500, "kind": "plan", "steps": [{"agent": 3, "dock": 0}], "strategy": "größte"},
     ]
     assert (contents.dropped, contents.last_ms) == (0, 1000)
 
@@ -81,3 +81,30 @@ def test_not_a_number_is_refused(path):
         journal.append(0, "leg", {"metres": math.nan})
     journal.close()
     assert path.read_bytes() == b""
+
+
+def test_a_journal_of_format_1_is_read_with_the_keys_of_today(path):
+    path.write_text(
+        '{"t":0,"kind":"run","format":1}\n'
+        '{"t":1,"kind":"plan","steps":[{"agent":3,"slot":0}],"what":"collect"}\n'
+        '{"t":2,"kind":"primitive","name":"dock","agent":3,"slot":0}\n'
+        '{"t":3,"kind":"dock","slot":0,"agent":3,"closed":true}\n'
+        '{"t":4,"kind":"packet","from":3,"slot":5}\n'
+        '{"t":5,"kind":"apad","slots":[3,-1,-1,-1]}\n'
+    )
+    assert format_of(path) == 1
+    _, plan, primitive, dock, packet, apad = read_journal(path).lines
+    assert plan == {"t": 1, "kind": "plan", "steps": [{"agent": 3, "dock": 0}], "what": "collect"}
+    assert primitive == {"t": 2, "kind": "primitive", "name": "dock", "agent": 3, "dock": 0}
+    assert dock == {"t": 3, "kind": "dock", "dock": 0, "agent": 3, "closed": True}
+    assert packet == {"t": 4, "kind": "packet", "from": 3, "timeslot": 5}
+    assert apad == {"t": 5, "kind": "apad", "docks": [3, -1, -1, -1]}
+
+
+def test_a_journal_says_its_format_in_its_first_line(path):
+    journal = Journal(path)
+    journal.append(0, "run", {"format": FORMAT_VERSION})
+    journal.close()
+    assert format_of(path) == FORMAT_VERSION
+    path.write_text("garbage\n")
+    assert format_of(path) is None

@@ -210,9 +210,9 @@ def test_without_truth_the_summary_says_why(recorder, scenario, tmp_path):
 
 
 def test_the_aPad_is_journaled_when_it_matters(recorder):
-    def tick(now_ms, north_m=0.0, heading_rad=3.14, left=0.9, primitive="hold position", slots=FREE):
+    def tick(now_ms, north_m=0.0, heading_rad=3.14, left=0.9, primitive="hold position", docks=FREE):
         pose = PoseReported(now_ms, north_m, 0.0, heading_rad)
-        recorder.tick(now_ms, [], pose, BatteryReported(now_ms, 15.0, left), primitive, slots)
+        recorder.tick(now_ms, [], pose, BatteryReported(now_ms, 15.0, left), primitive, docks)
 
     tick(0)
     tick(1000, north_m=0.05)
@@ -222,13 +222,13 @@ def test_the_aPad_is_journaled_when_it_matters(recorder):
     tick(5000, north_m=0.06, heading_rad=-3.0, left=0.8951)
     tick(6000, north_m=0.06, heading_rad=-3.0, left=0.8949)
     tick(7000, north_m=0.06, heading_rad=-3.0, left=0.8949, primitive="dock")
-    tick(8000, north_m=0.06, heading_rad=-3.0, left=0.8949, primitive="dock", slots=(3, None, None, None))
+    tick(8000, north_m=0.06, heading_rad=-3.0, left=0.8949, primitive="dock", docks=(3, None, None, None))
     for now_ms in (9000, 67_000, 68_000, 69_000):
         tick(
-            now_ms, north_m=0.06, heading_rad=-3.0, left=0.8949, primitive="dock", slots=(3, None, None, None)
+            now_ms, north_m=0.06, heading_rad=-3.0, left=0.8949, primitive="dock", docks=(3, None, None, None)
         )
     assert [line["t"] for line in lines_of(recorder, "apad")] == [0, 2000, 4000, 6000, 7000, 8000, 68_000]
-    assert lines_of(recorder, "apad")[-1]["slots"] == [3, -1, -1, -1]
+    assert lines_of(recorder, "apad")[-1]["docks"] == [3, -1, -1, -1]
 
 
 def test_a_belief_is_journaled_when_its_charge_moved_or_its_state_changed(recorder):

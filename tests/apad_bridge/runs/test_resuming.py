@@ -50,8 +50,8 @@ def test_it_goes_on_from_the_newest_snapshot_and_the_docks_changed_since() -> No
             {"t": 1000, "kind": "apad", "battery": 0.9},
             {"t": 1000, "kind": "mission", "snapshot": MissionState().to_json()},
             SNAPSHOT,
-            {"t": 44_000, "kind": "dock", "slot": 1, "agent": 7, "closed": True},
-            {"t": 44_500, "kind": "dock", "slot": 0, "agent": 5, "closed": False},
+            {"t": 44_000, "kind": "dock", "dock": 1, "agent": 7, "closed": True},
+            {"t": 44_500, "kind": "dock", "dock": 0, "agent": 5, "closed": False},
             {"t": 44_900, "kind": "apad", "battery": 0.8},
         ),
         epoch=2,
@@ -134,7 +134,7 @@ def test_what_is_restored_and_what_is_lost_is_told_and_journaled(tmp_path: Path)
 
 @pytest.mark.parametrize(
     ("notebook", "why"),
-    [(None, "notebook.jsonl: No such file"), (b'{"format":0}\n', "notebook.jsonl is of another version")],
+    [(None, "checkpoint.jsonl: No such file"), (b'{"format":0}\n', "checkpoint.jsonl is of another version")],
 )
 def test_without_a_notebook_it_goes_on_and_says_that_it_believes_nothing(
     tmp_path: Path, checkpoint: bytes | None, why: str
@@ -209,7 +209,7 @@ def test_a_torn_notebook_gives_what_was_whole_and_says_so(tmp_path: Path) -> Non
     told: list[str] = []
     start_state = resume(directory, POOL, OPTIONS.next_epoch(), told.append)
     start_state.recorder.close()
-    assert told[-1].endswith(". What was learned after 1 s is lost: notebook.jsonl is torn there")
+    assert told[-1].endswith(". What was learned after 1 s is lost: checkpoint.jsonl is torn there")
     assert [it.agent_id for it in start_state.beliefs.all()] == [5]
 
 

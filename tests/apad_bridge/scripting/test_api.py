@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from apad_bridge.mission.values import Refused, Status, dock_of, slot_of
+from apad_bridge.mission.values import Refused, Status, dock_index_of, dock_of
 from apad_bridge.runs.script_in_memory import ScriptFlight, fly_script
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scripting.api import Api
@@ -24,11 +24,11 @@ def told(scenario: Scenario, script: Callable[[Api, list[Any]], object]) -> list
 
 
 def test_docks_count_from_1_in_the_api_and_from_0_on_the_wire() -> None:
-    assert [slot_of(dock) for dock in (1, 2, 3, 4)] == [0, 1, 2, 3]
-    assert [dock_of(slot) for slot in range(4)] == [1, 2, 3, 4]
+    assert [dock_index_of(dock) for dock in (1, 2, 3, 4)] == [0, 1, 2, 3]
+    assert [dock_of(dock_index) for dock_index in range(4)] == [1, 2, 3, 4]
     for wrong in (0, 5, -1, True):
         with pytest.raises(Refused, match="the docks are 1 to 4"):
-            slot_of(wrong)
+            dock_index_of(wrong)
 
 
 def test_who_there_is_and_where(pool: Scenario) -> None:

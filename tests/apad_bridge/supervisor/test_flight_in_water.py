@@ -56,7 +56,7 @@ def test_every_packet_is_told_with_its_slot_its_way_and_its_end() -> None:
         agent_id, ((node, outcome, snr_db, ended_ms, way_ms, range_m),) = packet["from"], packet["heard"]
         # An hour, 70 s of sampling and processing, and then the next frame of 300 s: slot n opens 5 n s later.
         assert packet["began_ms"] == 3_900_000 + 5000 * (agent_id - 1)
-        assert (packet["slot"], packet["what"], packet["bytes"], packet["lasted_ms"]) == (
+        assert (packet["timeslot"], packet["what"], packet["bytes"], packet["lasted_ms"]) == (
             agent_id - 1,
             "unicast",
             45,

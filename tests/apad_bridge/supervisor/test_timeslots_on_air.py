@@ -91,7 +91,7 @@ def test_with_clocks_that_agree_nothing_collides_in_20_hours() -> None:
     heard = statuses(scenario())
     assert len(heard) == AGENTS * HOURS
     assert {outcome(it) for it in heard} == {"received"}
-    assert {it["slot"] for it in heard} == set(range(AGENTS))
+    assert {it["timeslot"] for it in heard} == set(range(AGENTS))
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])

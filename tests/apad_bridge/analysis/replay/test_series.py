@@ -32,7 +32,7 @@ def told(*truths):
     return [{"t": -(-it.at_ms // 10), "kind": "truth", **truth_data(it)} for it in truths]
 
 
-def apad(t, north_m, slots=(-1, -1, -1, -1), battery=0.9):
+def apad(t, north_m, docks=(-1, -1, -1, -1), battery=0.9):
     return {
         "t": t,
         "kind": "apad",
@@ -42,7 +42,7 @@ def apad(t, north_m, slots=(-1, -1, -1, -1), battery=0.9):
         "voltage_v": 15.0,
         "battery": battery,
         "primitive": "hold position",
-        "slots": list(slots),
+        "docks": list(docks),
     }
 
 
@@ -101,12 +101,12 @@ def test_a_docked_one_is_where_the_aPad_is():
     lines = [
         *told(truth(0, 1, 0.5, north_m=7.0), truth(20_000, 1, 0.5, docked=True, north_m=7.0)),
         apad(0, 3.0),
-        apad(3000, 12.0, slots=(-1, 1, -1, -1)),
+        apad(3000, 12.0, docks=(-1, 1, -1, -1)),
         {"t": 4000, "kind": "tick"},
     ]
     data = data_of(run_line(1), *lines)
     assert data["agents"][0]["north"] == [7.0, 7.0, 3.0, 12.0, 12.0]
-    assert data["slots"][-1] == [None, 1, None, None]
+    assert data["docks"][-1] == [None, 1, None, None]
     assert data["apad"][0] == [3.0, 0.0, 0.5, 0.9]
     assert data["trace"] == [[0, 3.0, 0.0], [3000, 12.0, 0.0]]
 
@@ -115,7 +115,7 @@ def test_words_and_cost_follow_the_mission():
     plan = {
         "what": "collect",
         "strategy": "cautious",
-        "steps": [{"agent": 4, "slot": 0}, {"agent": 2, "slot": 1}],
+        "steps": [{"agent": 4, "dock": 0}, {"agent": 2, "dock": 1}],
     }
     lines = [
         {"t": 1000, "kind": "plan", **plan},
@@ -144,10 +144,10 @@ def test_words_and_cost_follow_the_mission():
             "north_m": 1.0,
             "east_m": 2.0,
         },
-        {"t": 3000, "kind": "primitive", "name": "dock", "phase": "started", "agent": 4, "slot": 0},
+        {"t": 3000, "kind": "primitive", "name": "dock", "phase": "started", "agent": 4, "dock": 0},
         {"t": 3000, "kind": "mission", "phase": "dock", "snapshot": {"plan": [["collect", 2, 1]]}},
         {"t": 3000, "kind": "leg", "metres": 1.0},
-        {"t": 3000, "kind": "dock", "slot": 0, "agent": 4, "closed": True},
+        {"t": 3000, "kind": "dock", "dock": 0, "agent": 4, "closed": True},
     ]
     data = data_of(run_line(2, 4), *lines)
     stages = [data["stages"][n] for n in data["stage"]]
@@ -166,7 +166,7 @@ def test_words_and_cost_follow_the_mission():
     }
     assert stages[3]["plan"]["done"] == 1 and stages[3]["phase"] == "dock"
     assert data["cost"] == [0, 2.5, 2.5, 3.5]
-    assert data["slots"][3] == [4, None, None, None]
+    assert data["docks"][3] == [4, None, None, None]
 
 
 def test_without_truth_the_page_shows_what_was_believed():
@@ -181,7 +181,7 @@ def test_without_truth_the_page_shows_what_was_believed():
     lines = [
         {"t": 1000, "id": 1, "charge": 0.9, **belief},
         {"t": 2000, "id": 1, "charge": 0.7, **belief},
-        apad(3000, 9.0, slots=(1, -1, -1, -1)),
+        apad(3000, 9.0, docks=(1, -1, -1, -1)),
     ]
     data = data_of(run_line(1), *lines)
     assert data["has_truth"] is False

@@ -128,7 +128,7 @@ def test_diagnostics_name_the_silent_and_how_sure_one_is() -> None:
     assert values["mode_probability"] == "1.000" and values["primary_deviation"] == "0.1000"
     assert values["place_deviation"] == "2.00 m north, 3.00 m east"
     assert values["clock"] == "+0.250 s, deviation 0.300 s"
-    assert (values["silent_slots"], values["learned_from"]) == ("29", "packet silence")
+    assert (values["silent_timeslots"], values["learned_from"]) == ("29", "packet silence")
     assert told["musselbed: aMussel 8"].message == "never heard"
     assert {"musselbed: aPad", "musselbed: mission"} <= told.keys()
     # One of several on a master names its own, or their lines would take turns under one name.

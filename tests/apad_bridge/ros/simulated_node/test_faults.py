@@ -122,8 +122,8 @@ class WithB:
                 case shown_b.StatusShown(at_ms, docking, status):
                     self.core.hear(StatusHeard(at_ms, docking, status), now_ms)
                 case shown_b.ArmShown(at_ms, arm):
-                    slot = arm.is_open.index(True) if True in arm.is_open else None
-                    self.core.hear(ArmHeard(at_ms, slot), now_ms)
+                    dock_index = arm.is_open.index(True) if True in arm.is_open else None
+                    self.core.hear(ArmHeard(at_ms, dock_index), now_ms)
 
 
 class Bench:
@@ -166,7 +166,7 @@ class Bench:
             if isinstance(self.stack, WithB):
                 self.stack.answer(self.now_ms)
             for fact in self.stack.core.advance(self.now_ms):
-                if not hasattr(fact, "agent_id") or hasattr(fact, "slot"):
+                if not hasattr(fact, "agent_id") or hasattr(fact, "dock_index"):
                     self._pass_on(self.port.receive(fact, self.now_ms))
         self._pass_on(self.port.advance(self.now_ms))
 

@@ -246,8 +246,8 @@ def test_words_of_an_unknown_amussel_disturb_nothing(core: GenerationACore) -> N
 def test_a_fifth_that_is_held_is_counted(core: GenerationACore) -> None:
     for agent_id in range(1, 6):
         shows(core, 0, agent_id)
-    slots = [it.slot for it in tells(core, 0) if isinstance(it, DockClosed)]
-    assert slots == [0, 1, 2, 3]
+    docks = [it.dock_index for it in tells(core, 0) if isinstance(it, DockClosed)]
+    assert docks == [0, 1, 2, 3]
     assert core.dropped.total() == 1
 
 

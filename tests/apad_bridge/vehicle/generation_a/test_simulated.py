@@ -111,7 +111,7 @@ def test_the_same_object_perched_twice_takes_two_slots() -> None:
     apad = vehicle()
     apad.receive(perch("amussel1"), 0)
     apad.receive(perch("amussel1"), 0)
-    assert apad.free_slots == [2, 3]
+    assert apad.free_docks == [2, 3]
 
 
 def test_what_is_held_is_told_at_20_hz_and_follows_the_vehicle() -> None:
@@ -175,7 +175,7 @@ def test_a_hand_may_open_a_slot_but_not_close_one() -> None:
     with pytest.raises(ValueError, match="slot 1 is open"):
         apad.set_dock(1, False, 0)
     assert [it.released for it in held(apad.set_dock(0, False, 0))] == [True]
-    assert apad.free_slots == [0, 1, 2, 3]
+    assert apad.free_docks == [0, 1, 2, 3]
 
 
 @settings(max_examples=50, deadline=None)

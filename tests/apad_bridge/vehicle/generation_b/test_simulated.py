@@ -108,7 +108,7 @@ def test_a_new_order_pre_empts() -> None:
 
 def test_docking_stands_still_for_27_s_and_then_searches_for_ever() -> None:
     apad = vehicle()
-    shown = apad.receive(replace(DOCK, slot=2), 0)
+    shown = apad.receive(replace(DOCK, dock_index=2), 0)
     assert CameraTurned(0, 0.75) in shown
     assert [it.arm.is_open for it in shown if isinstance(it, ArmShown)] == [(False, False, True, False)]
     apad.advance(27_000)
@@ -122,7 +122,7 @@ def test_docking_stands_still_for_27_s_and_then_searches_for_ever() -> None:
 def test_docking_follows_its_law_and_ends_when_the_target_is_low_in_the_image() -> None:
     """Yaw rate max * tanh(h), surge max * exp(-h^2 / (2 * 0.2^2)) towards the slot: here slot 1, to starboard."""
     apad = vehicle()
-    apad.receive(replace(DOCK, slot=1), 0)
+    apad.receive(replace(DOCK, dock_index=1), 0)
     for at_ms in range(26_950, 37_000, 100):
         apad.detect(0.1, 0.5, at_ms)
     apad.advance(37_000)
@@ -192,13 +192,13 @@ def test_a_paused_mission_goes_on_where_it_was() -> None:
 def test_charging_what_the_bench_says_it_holds_costs_energy() -> None:
     """10 W a dock for an hour of a battery of 230 Wh."""
     empty, laden = vehicle(), vehicle()
-    for slot in (0, 1, 1):
-        laden.load(slot, True, 0)
+    for dock_index in (0, 1, 1):
+        laden.load(dock_index, True, 0)
     assert empty.advance(3_600_000) and laden.advance(3_600_000)
     assert empty.battery_percent - laden.battery_percent == pytest.approx(100 * 20 / 230)
     before = laden.battery_percent
-    for slot in (0, 1, 3):
-        laden.load(slot, False, 3_600_000)
+    for dock_index in (0, 1, 3):
+        laden.load(dock_index, False, 3_600_000)
     laden.advance(7_200_000)
     assert before - laden.battery_percent == pytest.approx(100 * POOL.apad.battery.hotel_w / 230)
 
@@ -231,8 +231,8 @@ def test_a_fault_shows_below_the_services_as_it_does_on_the_topics(fault: Fault,
 def test_requests_are_met_by_their_fields() -> None:
     point = SimpleNamespace(x=3.0, y=-4.0)
     assert messages.simple_go_to(SimpleNamespace(point=point, speed=0.4)) == GoToOrder(3.0, -4.0, 0.4, 1.5)
-    simple = messages.simple_docking(SimpleNamespace(action=False, slot=2))
-    assert (simple.docks, simple.slot) == (False, 2) and simple.search_yaw_rate_rad_s > 0
+    simple = messages.simple_docking(SimpleNamespace(action=False, dock_index=2))
+    assert (simple.docks, simple.dock_index) == (False, 2) and simple.search_yaw_rate_rad_s > 0
     goal = SimpleNamespace(T2=SimpleNamespace(point=point), speed=0.4, victory_radius=0.7)
     assert messages.goal(goal) == GoToOrder(3.0, -4.0, 0.4, 0.7)
     hold = SimpleNamespace(north=1.0, east=2.0, heading=0.5, heading_enable=False)

@@ -13,13 +13,13 @@ from apad_bridge.vehicle.commands import CloseDock, GoTo, Hold, OpenDock, Vehicl
 from apad_bridge.vehicle.simulated.apad import SimulatedAPad
 
 metres = st.floats(-6, 6)
-slots = st.integers(0, 4)
+docks = st.integers(0, 4)
 agents = st.integers(1, 3)
 commands = st.one_of(
     st.builds(GoTo, st.just(0), metres, metres, st.floats(0.05, 1.5), st.floats(0.01, 1)),
     st.builds(Hold, st.just(0), metres, metres),
-    st.builds(CloseDock, st.just(0), slots, agents),
-    st.builds(OpenDock, st.just(0), slots, agents),
+    st.builds(CloseDock, st.just(0), docks, agents),
+    st.builds(OpenDock, st.just(0), docks, agents),
 )
 END_MS = 30_000
 histories = st.lists(st.tuples(st.integers(0, END_MS), commands), max_size=8).map(

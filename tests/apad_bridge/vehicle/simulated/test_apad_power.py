@@ -132,7 +132,7 @@ def test_docks_follow_the_vehicle_and_do_not_turn_with_it(config):
     apad = SimulatedAPad(config)
     apad.receive(GoTo(1, 0.0, 5.0, 0.5, 0.5), 0)
     apad.advance(60_000)
-    assert [apad.dock_position(slot) for slot in range(4)] == [
+    assert [apad.dock_position(dock_index) for dock_index in range(4)] == [
         (-0.1, 4.9),
         (-0.1, 5.1),
         (0.1, 4.9),

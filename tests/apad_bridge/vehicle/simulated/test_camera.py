@@ -14,7 +14,7 @@ from apad_bridge.vehicle.generation_b.messages import (
     PositionOrder,
     Status,
     StatusShown,
-    slot_direction_rad,
+    dock_direction_rad,
 )
 from apad_bridge.vehicle.generation_b.simulated import GenerationBVehicle, Stage
 from apad_bridge.vehicle.simulated.apad import SimulatedAPad
@@ -39,12 +39,12 @@ def test_what_is_to_starboard_is_right_in_the_image_and_what_is_nearer_is_lower_
     assert left is not None and left.horizontal == pytest.approx(-far.horizontal)
 
 
-@pytest.mark.parametrize("slot", range(4))
-def test_it_looks_towards_its_slot_however_the_hull_lies(slot: int) -> None:
+@pytest.mark.parametrize("dock_index", range(4))
+def test_it_looks_towards_its_slot_however_the_hull_lies(dock_index: int) -> None:
     for heading_rad in (0.0, 1.0, -2.5):
-        bearing_rad = heading_rad + slot_direction_rad(slot)
+        bearing_rad = heading_rad + dock_direction_rad(dock_index)
         target_m = (3 + math.cos(bearing_rad), 4 + math.sin(bearing_rad))
-        there = seen((3.0, 4.0), heading_rad, slot_direction_rad(slot), target_m)
+        there = seen((3.0, 4.0), heading_rad, dock_direction_rad(dock_index), target_m)
         assert there is not None and there.horizontal == pytest.approx(0.0, abs=1e-9)
 
 
@@ -53,22 +53,24 @@ def test_what_is_behind_beside_underneath_or_too_far_is_not_seen(target_m: tuple
     assert seen((0.0, 0.0), 0.0, 0.0, target_m) is None
 
 
-@pytest.mark.parametrize("slot", range(4))
+@pytest.mark.parametrize("dock_index", range(4))
 @pytest.mark.parametrize("drift_m_s", [(0.0, 0.0), (0.01, -0.02)])
-def test_a_docking_by_the_fields_law_ends_at_the_amussel(slot: int, drift_m_s: tuple[float, float]) -> None:
+def test_a_docking_by_the_fields_law_ends_at_the_amussel(
+    dock_index: int, drift_m_s: tuple[float, float]
+) -> None:
     """From two metres off, through 27 s of the servo's wait in which the water takes the boat, and a search if need be."""
     target_m = (NORTH_M + 2.0, EAST_M + 0.3)
     apad = GenerationBVehicle(SimulatedAPad(replace(POOL.apad, drift_m_s=drift_m_s)))
-    heading_rad = math.atan2(0.3, 2.0) - slot_direction_rad(slot)
+    heading_rad = math.atan2(0.3, 2.0) - dock_direction_rad(dock_index)
     apad.receive(PositionOrder(NORTH_M, EAST_M, heading_rad), 0)
-    apad.receive(DockingOrder(True, slot, 0.2, 0.3, 0.15, 0.2), 20_000)
+    apad.receive(DockingOrder(True, dock_index, 0.2, 0.3, 0.15, 0.2), 20_000)
     for now_ms in range(20_000, 140_000, 100):
         shown = apad.advance(now_ms)
         done = [it for it in shown if isinstance(it, StatusShown) and it.status is Status.DONE]
         if done:
             break
         pose = apad.pose
-        there = seen((pose.north_m, pose.east_m), pose.heading_rad, slot_direction_rad(slot), target_m)
+        there = seen((pose.north_m, pose.east_m), pose.heading_rad, dock_direction_rad(dock_index), target_m)
         if there is not None:
             apad.detect(there.horizontal, there.vertical, now_ms)
     assert done and apad.stage is Stage.OFF
