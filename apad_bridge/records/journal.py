@@ -67,7 +67,7 @@ class Journal:
 
 
 def read_journal(path: Path) -> JournalContents:
-    """Reads all lines, with the keys of today's format; keeps the last of quiet ticks in a row. OSError for no such file."""
+    """Reads all lines, with the keys of today's format; keeps the last of quiet ticks in a row. OSError for no file."""
     lines: list[Line] = []
     dropped, is_old = 0, False
     for line in read_lines(path, newest_of=_QUIET):
