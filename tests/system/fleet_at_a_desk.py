@@ -92,7 +92,7 @@ def main() -> None:
             Fleet(Coordinator(host, dict.fromkeys(initial_states, 0), flown.theta), host),
             lambda flying: (gateway.watcher(flying), alerts.watcher(flying)),
             relay=radio,
-            roll=Roster(presences, desk),
+            roster=Roster(presences, desk),
         ),
         Told(),
     )

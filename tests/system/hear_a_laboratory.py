@@ -28,8 +28,8 @@ def main() -> None:
     now_ms = 0
     while not ended.wait(0.05):
         now_ms += 50
-        laboratory.mouths.tell(What.WIFI, 3, now_ms, on=True)
-        for word in laboratory.ears.take(now_ms):
+        laboratory.publishers.tell(What.WIFI, 3, now_ms, on=True)
+        for word in laboratory.subscribers.take(now_ms):
             print(json.dumps([type(word).__name__, *map(str, astuple(word)[-3:])]), flush=True)
     print(json.dumps(dict(laboratory.dropped)), flush=True)
     laboratory.close()
