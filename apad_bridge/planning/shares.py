@@ -119,9 +119,9 @@ def _cheapest_chain(
                 costs_to[target], predecessors[target], is_settled = through, source, False
     last = min((owner for owner in range(owners) if has_room[owner]), key=lambda owner: costs_to[owner])
     chain, target = [], last
-    while (source := predecessors[target]) is not None:
-        chain.append((int(movers[source, target]), target))
-        target = source
+    while (previous := predecessors[target]) is not None:
+        chain.append((int(movers[previous, target]), target))
+        target = previous
     return last, [*chain, (row, target)]
 
 
