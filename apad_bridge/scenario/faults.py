@@ -12,7 +12,7 @@ class Fault(StrEnum):
     RELEASE_SILENT = "release_silent"
     """A release opens the dock, but the node publishes neither the last position_static message nor a result."""
     RELEASE_CRASHES = "release_crashes"
-    """As published: the action server dies and drops all that it held; another node has position and battery."""
+    """The published action server dies and drops all that it held; another node has position and battery."""
     PERCHES_NOTHING = "perches_nothing"
     """A perch succeeds and holds nothing."""
 
