@@ -70,12 +70,14 @@ def ranging_of(scenario: Scenario, agent_ids: Iterable[int]) -> RangingService |
         WorthItsWay(candidate_below(scenario.mission.pool_threshold), water.talk.ping_worth_m)
         if water.talk.ping_worth_m
         else None,
-        None if firmware is None else asks_of(scenario, water.talk.ask_worth_answers, firmware),
+        None if firmware is None else status_request_policy(scenario, water.talk.ask_worth_answers, firmware),
     )
 
 
-def asks_of(scenario: Scenario, worth_answers: float, firmware: FullFirmware) -> WorthItsEnergy | None:
-    """Builds the choice of aMussels, with boards of `firmware`, to ask for their status; None to ask none."""
+def status_request_policy(
+    scenario: Scenario, worth_answers: float, firmware: FullFirmware
+) -> WorthItsEnergy | None:
+    """Builds the policy of status requests to aMussels with boards of `firmware`; None for no requests."""
     model = scenario.beliefs.twin
     if not worth_answers or model is None:
         return None

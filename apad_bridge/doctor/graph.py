@@ -104,7 +104,7 @@ def check_call_back(uri: str, announced: str, bind: str) -> Finding:
             call(uri, "registerPublisher", topic, "std_msgs/Empty", ours)
             is_called_back = called.wait(TIMEOUT_S)
         finally:
-            _take_back(uri, topic, ours)
+            _unregister(uri, topic, ours)
             server.shutdown()
             serving.join(TIMEOUT_S)
     if is_called_back:
@@ -117,7 +117,7 @@ def check_call_back(uri: str, announced: str, bind: str) -> Finding:
     )
 
 
-def _take_back(uri: str, topic: str, ours: str) -> None:
+def _unregister(uri: str, topic: str, ours: str) -> None:
     for method in ("unregisterPublisher", "unregisterSubscriber"):
         try:
             call_whole(uri, method, topic, ours)

@@ -125,7 +125,7 @@ def _power(power: BoardPower, last_resort: LastResort, seed: int) -> config.Powe
 
 
 def _metering(metering: Metering, capacity_wh: float, seed: int) -> config.Metering:
-    """Converts by milliwatts: one is 1 / 3700 A through the resistance, and some grains a millisecond of this battery."""
+    """Converts the metering: 1 mW is 1 / 3700 A through the resistance, and a number of grains a ms of this battery."""
     mv_per_mw = metering.internal_resistance_ohm * 1000 / _CELL_MV
     grains_per_ms_of_mw = FULL / (capacity_wh * 1000) / _MS_PER_HOUR
     return config.Metering(

@@ -8,7 +8,7 @@ from enum import StrEnum
 class Fault(StrEnum):
     NONE = "none"
 
-    # Of generation A.
+    # Generation A.
     RELEASE_SILENT = "release_silent"
     """A release opens the dock, but the node publishes neither the last position_static message nor a result."""
     RELEASE_CRASHES = "release_crashes"
@@ -16,11 +16,11 @@ class Fault(StrEnum):
     PERCHES_NOTHING = "perches_nothing"
     """A perch succeeds and holds nothing."""
 
-    # Of either.
+    # Both generations.
     STUCK = "stuck"
     """A go-to is accepted and runs, but the vehicle does not move."""
 
-    # Of generation B.
+    # Generation B.
     SILENT = "silent"
     """The node publishes nothing on the status topics and does not report the end of a primitive."""
     REFUSES = "refuses"

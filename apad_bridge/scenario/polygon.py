@@ -32,7 +32,7 @@ def is_simple(corners: Sequence[Point]) -> bool:
 
 
 def contains(corners: Sequence[Point], point: Point) -> bool:
-    """Tests by the parity of the edges to the point's east. Points on an edge may go either way."""
+    """Tests a point by the parity of the edges to its east. Points on an edge may go either way."""
     inside = False
     for (north_a, east_a), (north_b, east_b) in _edges(corners):
         if (north_a > point[0]) != (north_b > point[0]):

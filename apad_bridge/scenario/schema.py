@@ -226,7 +226,7 @@ class Mission:
     """The mission repeats an unanswered permission to surface after this time."""
     surfacing_attempts: Annotated[int, Ge(1)]
     silence_timeout_s: PositiveSeconds
-    """The mission goes on without an aMussel if it received nothing from it for this long."""
+    """The mission stops waiting for an aMussel that has been silent for this long, and goes on without it."""
 
 
 @frozen

@@ -65,7 +65,7 @@ class Metering:
     """The board accepts a level once every sample over this time was beyond it."""
     internal_resistance_ohm: NotNegative
     idle_mw: NotNegative
-    """The load at which voltages were calibrated to charges: the sag counts from here."""
+    """The load at which a voltage was taken for a charge: the sag counts from here."""
     lift_mv: NotNegative
     """The rise while the charger gives current."""
     noise_mv: NotNegative
