@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 from annotated_types import Ge
 
@@ -20,6 +20,7 @@ from apad_bridge.scenario.whole_board import WholeBoard
 class Board:
     """Numbers of the MU board and its body, in agent time: the paper's worst case by its two equations, or `whole`."""
 
+    profile: Literal["worst-case", "mu"] | None = None
     discharge_per_min: RatePerMinute | None = None
     charge_segments: ChargeSegments | None = None
     pin_debounce_ms: Annotated[int, Ge(0)]

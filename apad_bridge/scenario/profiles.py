@@ -68,7 +68,49 @@ def _cycle(cycle: Cycle) -> dict[str, Any]:
     }
 
 
+_HULL = {
+    "pin_debounce_ms": 50,
+    "boot_ms": 2000,
+    "surfacing_s": 60,
+    "sinking_s": 60,
+    "float_timeout_s": 43200,
+    "release_wait_s": 120,
+}
+"""The aMussel's hull and charger contact in agent time; all values are assumed."""
+_WORST_CASE = {
+    "discharge_per_min": table_one.EQUATION_1,
+    "charge_segments": [list(segment) for segment in table_one.EQUATION_2],
+}
+_WHOLE = {
+    "power": "table-one",
+    "cycle": "field",
+    "last_resort": {"action": "call", "safe_level": 0.2, "call_period_s": 600},
+    "transmit_ms": 1000,
+    "hover_period_s": 600,
+}
+"""The paper's heavy run moves every 10 min; the last resort and the transmission are assumed."""
+_PAPER_APAD = {
+    "max_speed_m_s": 1.0,
+    "max_acceleration_m_s2": 0.3,
+    "max_yaw_rate_rad_s": 0.5,
+    "mass_kg": 25,
+    "drag_n_per_m2_s2": 40,
+    "thruster_max_n": 30,
+    "thruster_w_per_n": 6,
+    "battery": {
+        "full_v": 16.0,
+        "empty_v": 10.5,
+        "capacity_wh": 230,
+        "start_fraction": 1.0,
+        "hotel_w": 25,
+        "charging_w_per_dock": 10,
+    },
+}
+"""The voltages are those of Fig. 4 (b); all other values are assumed."""
+
 _PROFILES: dict[tuple[str, ...], dict[str, dict[str, Any]]] = {
+    ("board",): {"worst-case": _HULL | _WORST_CASE, "mu": _HULL | {"whole": _WHOLE}},
+    ("apad",): {"paper": _PAPER_APAD},
     ("board", "whole", "power"): {"table-one": _power()},
     ("board", "whole", "power", "metering"): {"table-one": _metering()},
     ("board", "whole", "cycle"): {"hourly": _cycle(table_one.HOURLY), "field": _cycle(table_one.FIELD)},

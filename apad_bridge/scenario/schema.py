@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from enum import StrEnum
-from typing import Annotated
+from typing import Annotated, Literal
 
 from annotated_types import Ge, Le
 
@@ -257,6 +257,7 @@ class Generation(StrEnum):
 class APad:
     """The simulated aPad. A real aPad needs its name, and its generation if it offers both."""
 
+    profile: Literal["paper"] | None = None
     name: RosNamespace = "apad1"
     generation: Generation = Generation.AUTO
     interface: str | None = None

@@ -13,7 +13,7 @@ from apad_bridge.scenario.loader import load, with_overrides
 from apad_bridge.scenario.schema import RandomStart
 
 SCENARIOS = Path(__file__).parents[3] / "launch_scripts" / "scenarios"
-POOL = (SCENARIOS / "pool-12.yaml").read_text()
+POOL = Path(__file__).with_name("pool.yaml").read_text()
 
 Refusals = Callable[..., list[str]]
 
@@ -233,11 +233,37 @@ def test_a_file_that_cannot_be_read_is_one_line(tmp_path: Path) -> None:
 
 
 def test_numbers_are_read_as_they_look(tmp_path: Path) -> None:
-    text = POOL.replace("duration_s: 2400", "duration_s: 2.4e3").replace(
+    starts = POOL.replace("pool-12.csv", str(SCENARIOS / "pool-12.csv"))
+    (tmp_path / "plain.yaml").write_text(starts)
+    text = starts.replace("duration_s: 2400", "duration_s: 2.4e3").replace(
         "amplitude_m: 0.005", "amplitude_m: 5e-3"
     )
+    (tmp_path / "x.yaml").write_text(text)
+    assert load(tmp_path / "x.yaml") == load(tmp_path / "plain.yaml")
+
+
+@pytest.mark.parametrize(("written", "shipped"), [("pool", "pool-12"), ("whole", "whole-board-12")])
+def test_a_hardware_profile_gives_the_numbers_that_a_scenario_may_write_itself(
+    written: str, shipped: str, tmp_path: Path
+) -> None:
+    text = Path(__file__).with_name(f"{written}.yaml").read_text()
     (tmp_path / "x.yaml").write_text(text.replace("pool-12.csv", str(SCENARIOS / "pool-12.csv")))
-    assert load(tmp_path / "x.yaml") == load(SCENARIOS / "pool-12.yaml")
+    by_hand, by_profile = load(tmp_path / "x.yaml"), load(SCENARIOS / f"{shipped}.yaml")
+    assert (by_profile.board.profile is None, by_profile.apad.profile) == (False, "paper")
+    board, apad = replace(by_profile.board, profile=None), replace(by_profile.apad, profile=None)
+    assert replace(by_profile, board=board, apad=apad) == by_hand
+
+
+def test_a_value_beside_a_profile_wins_and_a_profile_that_is_none_is_one_line(tmp_path: Path) -> None:
+    text = (SCENARIOS / "pool-12.yaml").read_text().replace("pool-12.csv", str(SCENARIOS / "pool-12.csv"))
+    path = tmp_path / "x.yaml"
+    path.write_text(text.replace("start_m: [14, 10.5]", "start_m: [14, 10.5]\n  battery: {capacity_wh: 500}"))
+    battery = load(path).apad.battery
+    assert (battery.capacity_wh, battery.hotel_w) == (500, 25)
+    path.write_text(text.replace("worst-case", "worst"))
+    with pytest.raises(ScenarioError) as caught:
+        load(path)
+    assert caught.value.lines == (f"{path}: board.profile: must be 'worst-case' or 'mu', not 'worst'",)
 
 
 def test_overrides_change_what_they_name_and_nothing_else() -> None:

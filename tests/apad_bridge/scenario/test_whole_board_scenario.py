@@ -21,7 +21,7 @@ from firmware_model.power.charge import FULL
 from firmware_model.power.rails import Rail, bits
 
 SCENARIOS = Path(__file__).parents[3] / "launch_scripts" / "scenarios"
-TEXT = (SCENARIOS / "whole-board-12.yaml").read_text()
+TEXT = Path(__file__).with_name("whole.yaml").read_text()
 SHIPPED = load(SCENARIOS / "whole-board-12.yaml")
 CYCLE_LINE = "cycle: field"
 
