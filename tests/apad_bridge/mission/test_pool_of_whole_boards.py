@@ -9,7 +9,7 @@ import pytest
 
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.mission.charging_watch import ChargingWatch
-from apad_bridge.mission.energy_exchange import EnergyExchange, Strays
+from apad_bridge.mission.energy_exchange import EnergyExchange, SinkReminders
 from apad_bridge.mission.pool import ChargingPool
 from apad_bridge.planning import registry
 from apad_bridge.scenario.loader import load
@@ -69,9 +69,9 @@ def test_one_that_came_up_for_its_life_is_fetched_without_a_batch() -> None:
 def test_it_is_not_told_to_sink_and_others_are() -> None:
     beliefs = told(State.FLOATING, State.RELEASED, State.FLOATING, State.REPORTING, State.SLEEPING)
     beliefs[3] = replace(beliefs[3], primary=0.0)
-    strays = Strays(repeat_ms=10_000)
-    assert strays.to_tell(beliefs.all(), set(), 0) == [1, 2]
-    assert strays.to_tell(beliefs.all(), set(), 0) == []
+    reminders = SinkReminders(repeat_ms=10_000)
+    assert reminders.take_due(beliefs.all(), set(), 0) == [1, 2]
+    assert reminders.take_due(beliefs.all(), set(), 0) == []
 
 
 @pytest.mark.parametrize(("state", "is_home"), [(State.SLEEPING, True), (State.REPORTING, False)])
