@@ -1,4 +1,4 @@
-"""A docking's own yaw rate and surge speed, from the order through the port to what generation B is told."""
+"""A docking's own yaw rate and surge speed, from the order through the port to generation B's order."""
 
 from pathlib import Path
 
