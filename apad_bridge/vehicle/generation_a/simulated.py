@@ -66,7 +66,7 @@ class GenerationAVehicle(LegacyVehicle[Shown]):
 
     @property
     def held(self) -> list[str]:
-        """Held objects in the order of dock indices, without free docks."""
+        """The held objects in the order of dock indices, without free docks."""
         return [self._docks[dock_index][0] for dock_index in sorted(self._docks)]
 
     def receive(self, goal: Goal, now_ms: int) -> list[Shown]:
