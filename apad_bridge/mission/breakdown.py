@@ -13,7 +13,7 @@ class Breakdown:
         """`after` failures in a row are a breakdown."""
         self._after = after
         self._failed = 0
-        self._last = ""
+        self._last_reason = ""
 
     def note(self, primitive: Primitive, outcome: Outcome) -> None:
         if not isinstance(primitive, GoToPoint):
@@ -21,11 +21,11 @@ class Breakdown:
         if not isinstance(outcome, PrimitiveFailed):
             self._failed = 0
         elif outcome.reason != PRE_EMPTED:
-            self._failed, self._last = self._failed + 1, outcome.reason
+            self._failed, self._last_reason = self._failed + 1, outcome.reason
 
     def take(self) -> str | None:
         """The reason of a breakdown, once; the count then starts again. None without a breakdown."""
         if self._failed < self._after:
             return None
         self._failed = 0
-        return f"{self._after} go-tos in a row failed: {self._last}"
+        return f"{self._after} go-tos in a row failed: {self._last_reason}"

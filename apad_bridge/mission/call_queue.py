@@ -74,10 +74,10 @@ class CallQueue:
         Refused when a plan flies the aPad, when the mission is over, or without a tick within `timeout_s`.
         """
 
-        def by_hand(_: Flown, hand: ManualMission | None) -> T:
-            if hand is None:
+        def by_hand(_: Flown, manual: ManualMission | None) -> T:
+            if manual is None:
                 raise Refused("the mission flies the aPad: call take_over first")
-            return act(hand)
+            return act(manual)
 
         return self._call(by_hand, timeout_s)
 
@@ -120,8 +120,8 @@ class CallQueue:
         self.serve(mission, lambda: mission)
         self.show(mission)
 
-    def serve(self, flown: Flown, hand: Callable[[], ManualMission | None]) -> None:
-        """Runs the calls since the last tick; each may change who flies the aPad, so each asks `hand` again."""
+    def serve(self, flown: Flown, manual: Callable[[], ManualMission | None]) -> None:
+        """Runs the calls since the last tick; each may change who flies the aPad, so each asks `manual` again."""
         with self._lock:
             calls, self._calls = self._calls, []
         for call in calls:
@@ -129,14 +129,14 @@ class CallQueue:
                 if call.withdrawn:
                     continue
                 try:
-                    call.answer = call.act(flown, hand())
+                    call.answer = call.act(flown, manual())
                 except Refused as refused:
                     call.answer = refused
                 call.done.set()
 
-    def show(self, hand: ManualMission | None) -> None:
+    def show(self, manual: ManualMission | None) -> None:
         """Ends the tick: passes the new snapshot to waiting threads and listeners."""
-        snapshot = Snapshot() if hand is None else _snapshot_of(hand)
+        snapshot = Snapshot() if manual is None else _snapshot_of(manual)
         with self._lock:
             self._snapshot = snapshot
             self._lock.notify_all()

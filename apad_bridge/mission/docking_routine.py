@@ -38,7 +38,7 @@ class GivenUp(Exception):
 
 
 @dataclass(slots=True)
-class AwaitSurfacing:
+class SurfacingWait:
     """Decides the next step at every tick, until the aMussel floats or the scenario's times (`Mission`) are over."""
 
     dock_index: int
@@ -72,18 +72,18 @@ class DockingRoutine:
 
     def __init__(self, config: Mission, beliefs: BeliefSource, book: OrderBook, events: EventLog) -> None:
         self.status = Status.IDLE
-        self.given = 0
+        self.order_count = 0
         """Number of accepted orders to dock or undock."""
         self._config = config
         self._beliefs = beliefs
         self._book = book
         self._events = events
-        self._full = ChargingWatch(config.full_threshold, config.full_when, 0)
-        self._surfacing: AwaitSurfacing | None = None
+        self._charging_watch = ChargingWatch(config.full_threshold, config.full_when, 0)
+        self._surfacing: SurfacingWait | None = None
         self._mechanism: DockMussel | UndockMussel | None = None
         self._manoeuvre = DEFAULT_MANOEUVRE
 
-    def believed(self, agent_id: int) -> Belief:
+    def belief_of(self, agent_id: int) -> Belief:
         """The belief about an aMussel. Refused when the aMussel was never heard."""
         belief = self._beliefs.get(agent_id)
         if belief is None:
@@ -94,11 +94,11 @@ class DockingRoutine:
 
     def is_full(self, agent_id: int) -> bool:
         """The aMussel is believed full, by the scenario's definition."""
-        return self._full.is_full(self._beliefs.get(agent_id))
+        return self._charging_watch.is_full(self._beliefs.get(agent_id))
 
     def refuse_dock(self, dock_index: int, agent_id: int, here: tuple[float, float]) -> None:
         """Refused for an aMussel that cannot be docked from here."""
-        belief, docks = self.believed(agent_id), self._book.docks
+        belief, docks = self.belief_of(agent_id), self._book.docks
         if docks[dock_index] is not None:
             raise Refused(f"dock {dock_of(dock_index)} holds aMussel {docks[dock_index]}")
         if agent_id in docks:
@@ -113,7 +113,7 @@ class DockingRoutine:
         """Begins a docking with the permission to surface; `advance` continues it."""
         self._begin()
         self._manoeuvre = manoeuvre
-        self._surfacing = AwaitSurfacing(dock_index, agent_id, now_ms)
+        self._surfacing = SurfacingWait(dock_index, agent_id, now_ms)
         self.advance(here, now_ms)
 
     def undock(self, dock_index: int, manoeuvre: Manoeuvre, now_ms: int) -> None:
@@ -137,7 +137,7 @@ class DockingRoutine:
                 self._refuse_beyond_reach(belief, here)
         except (GivenUp, Refused) as given_up:
             self._book.note("given_up", agent=waiting.agent_id, what="dock", reason=str(given_up))
-            self._surfacing_ends(Status.FAILED, str(given_up), now_ms)
+            self._end_surfacing(Status.FAILED, str(given_up), now_ms)
             return
         if step is SurfacingStep.PERMIT:
             self._book.order(PermitSurfacing(waiting.agent_id))
@@ -150,12 +150,12 @@ class DockingRoutine:
 
     def pre_empt(self, now_ms: int) -> None:
         """Ends the wait for another primitive. Once the mechanism is ordered, the port decides instead."""
-        self._surfacing_ends(Status.PREEMPTED, PRE_EMPTED, now_ms)
+        self._end_surfacing(Status.PREEMPTED, PRE_EMPTED, now_ms)
 
-    def paused_for(self, ms: int) -> None:
+    def paused_for(self, pause_ms: int) -> None:
         """Prolongs the wait for an aMussel by a pause, in which the mission sends no permissions."""
         if self._surfacing is not None:
-            self._surfacing.since_ms += ms
+            self._surfacing.since_ms += pause_ms
 
     def ended(self, primitive_id: int, status: Status, reason: str | None, now_ms: int) -> None:
         """Takes the port's outcome; an outcome of another primitive changes nothing."""
@@ -168,14 +168,14 @@ class DockingRoutine:
 
     def _begin(self) -> None:
         self.status = Status.RUNNING
-        self.given += 1
+        self.order_count += 1
 
     def _refuse_beyond_reach(self, belief: Belief, here: tuple[float, float]) -> None:
         away_m = math.dist(here, (belief.north_m, belief.east_m))
         if away_m > max(REACH_M, 2 * self._config.victory_radius_m):
             raise Refused(f"aMussel {belief.agent_id} is believed {away_m:.1f} m away: go there first")
 
-    def _surfacing_ends(self, status: Status, reason: str, now_ms: int) -> None:
+    def _end_surfacing(self, status: Status, reason: str, now_ms: int) -> None:
         if self._surfacing is not None:
             dock_index, agent_id = self._surfacing.dock_index, self._surfacing.agent_id
             self._surfacing = None

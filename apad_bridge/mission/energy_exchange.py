@@ -17,7 +17,7 @@ from apad_bridge.mission.charging_watch import ChargingWatch
 from apad_bridge.mission.order_book import OrderBook
 from apad_bridge.mission.orders import Order, PermitSurfacing, TellClear
 from apad_bridge.mission.plans import asked, plan_note
-from apad_bridge.mission.pool import ChargingPool, comes_up, floats, situation_of, unheard
+from apad_bridge.mission.pool import ChargingPool, floats, is_surfacing_or_floating, situation_of, unheard
 from apad_bridge.mission.sources import BeliefSource
 from apad_bridge.mission.state import MissionState, Phase, with_new_homes
 from apad_bridge.planning.candidates import Situation
@@ -159,17 +159,17 @@ class EnergyExchange(OrderBook):
             return True
         return now_ms - self._began_ms > self._config.silence_timeout_s * 1000
 
-    def _charge_on(self, now_ms: int) -> None:
+    def _hold_and_charge(self, now_ms: int) -> None:
         self._hold(now_ms)
         self._charging.start(now_ms)
 
-    def _collect_on(self, now_ms: int) -> None:
+    def _resume_collecting(self, now_ms: int) -> None:
         if self._is_held(self._step.agent_id):
             self._finish_step(now_ms)
         else:
             self._go_collect(now_ms)
 
-    def _deploy_on(self, now_ms: int) -> None:
+    def _resume_deploying(self, now_ms: int) -> None:
         if self._is_held(self._step.agent_id):
             self._go_deploy(now_ms)
         else:
@@ -219,7 +219,7 @@ class EnergyExchange(OrderBook):
         """Repeats the permission to an aMussel believed under water; after the last attempt gives up the step."""
         belief = self._beliefs.get(self._step.agent_id)
         waited_ms = now_ms - self.state.since_ms
-        if belief is not None and comes_up(belief):
+        if belief is not None and is_surfacing_or_floating(belief):
             if (
                 waited_ms > self._config.silence_timeout_s * 1000
                 and self.state.phase is Phase.AWAIT_SURFACING
@@ -235,7 +235,7 @@ class EnergyExchange(OrderBook):
             self._give_up("it does not answer the permission to surface", now_ms)
 
     def _start_charging(self, now_ms: int) -> None:
-        self._charge_on(now_ms)
+        self._hold_and_charge(now_ms)
         self._enter(Phase.CHARGE, now_ms, plan=Solution(()))
 
     def _consider_deploying(self, now_ms: int) -> None:
@@ -367,13 +367,13 @@ _M = EnergyExchange
 _BEHAVIOURS = {
     Phase.IDLE: _PhaseBehaviour(_M._hold, tick=_M._consider_collecting),
     Phase.GO_COLLECT: _PhaseBehaviour(
-        _M._collect_on, tick=_M._repeat_permission, success=_M._await_surfacing
+        _M._resume_collecting, tick=_M._repeat_permission, success=_M._await_surfacing
     ),
-    Phase.AWAIT_SURFACING: _PhaseBehaviour(_M._collect_on, tick=_M._watch_surfacing),
-    Phase.DOCK: _PhaseBehaviour(_M._collect_on, success=_M._finish_step),
-    Phase.CHARGE: _PhaseBehaviour(_M._charge_on, tick=_M._consider_deploying),
-    Phase.GO_DEPLOY: _PhaseBehaviour(_M._deploy_on, success=_M._undock),
-    Phase.UNDOCK: _PhaseBehaviour(_M._deploy_on, success=_M._released),
+    Phase.AWAIT_SURFACING: _PhaseBehaviour(_M._resume_collecting, tick=_M._watch_surfacing),
+    Phase.DOCK: _PhaseBehaviour(_M._resume_collecting, success=_M._finish_step),
+    Phase.CHARGE: _PhaseBehaviour(_M._hold_and_charge, tick=_M._consider_deploying),
+    Phase.GO_DEPLOY: _PhaseBehaviour(_M._resume_deploying, success=_M._undock),
+    Phase.UNDOCK: _PhaseBehaviour(_M._resume_deploying, success=_M._released),
     Phase.STANDS_DOWN: _PhaseBehaviour(_nothing),
     Phase.ENDED: _PhaseBehaviour(_nothing),
     Phase.COMMANDED: _PhaseBehaviour(_nothing),

@@ -9,14 +9,14 @@ from apad_bridge.beliefs.belief import Belief
 from apad_bridge.mission.values import KINDS, Event, Refused, Status
 from firmware_model.states import State
 
-KEPT = 10_000
+MAX_EVENTS = 10_000
 """The log forgets the oldest events beyond so many."""
 
 
 class EventLog:
     def __init__(self, low: float) -> None:
         self._low = low
-        self._events: deque[Event] = deque(maxlen=KEPT)
+        self._events: deque[Event] = deque(maxlen=MAX_EVENTS)
         self.failure: str | None = None
         """The reason of the last failed primitive."""
         self._seen: dict[int, tuple[State, bool]] = {}
@@ -53,10 +53,12 @@ class EventLog:
         """Removes and returns the events of a kind and an aMussel (None: of all); the others stay."""
         _refuse_unknown(kind)
         wanted: list[Event] = []
-        left: list[Event] = []
+        remaining: list[Event] = []
         for event in self._events:
-            (wanted if kind in (None, event.kind) and agent in (None, event.agent) else left).append(event)
-        self._events = deque(left, maxlen=KEPT)
+            (wanted if kind in (None, event.kind) and agent in (None, event.agent) else remaining).append(
+                event
+            )
+        self._events = deque(remaining, maxlen=MAX_EVENTS)
         return wanted
 
     def take_first(self, kind: str | None = None, agent: int | None = None) -> Event | None:

@@ -85,9 +85,11 @@ class ManualMission(OrderBook):
                 self.dock_changed(dock_index, agent_id, closed)
                 self.events.record(now_ms, "docked" if closed else "undocked", agent_id, dock_of(dock_index))
             case PrimitiveSucceeded(_, primitive_id):
-                self._ended(primitive_id, Status.DONE, None)
+                self._end_primitive(primitive_id, Status.DONE, None)
             case PrimitiveFailed(_, primitive_id, reason):
-                self._ended(primitive_id, Status.PREEMPTED if reason == PRE_EMPTED else Status.FAILED, reason)
+                self._end_primitive(
+                    primitive_id, Status.PREEMPTED if reason == PRE_EMPTED else Status.FAILED, reason
+                )
         return self.take_orders()
 
     def advance(self, now_ms: int) -> list[Order]:
@@ -140,7 +142,7 @@ class ManualMission(OrderBook):
     @property
     def docking_orders(self) -> int:
         """Number of accepted orders to dock or undock."""
-        return self._docking_routine.given
+        return self._docking_routine.order_count
 
     @property
     def failure(self) -> str | None:
@@ -162,7 +164,7 @@ class ManualMission(OrderBook):
         self, north_m: float, east_m: float, speed_m_s: float | None = None, radius_m: float | None = None
     ) -> None:
         """Goes to a point; the scenario gives the default speed and victory radius."""
-        here = self._place_to_act()
+        here = self._require_place()
         speed_m_s = self.config.speed_m_s if speed_m_s is None else speed_m_s
         radius_m = self.config.victory_radius_m if radius_m is None else radius_m
         if not all(map(math.isfinite, (north_m, east_m, speed_m_s, radius_m))):
@@ -176,13 +178,13 @@ class ManualMission(OrderBook):
             raise Refused(f"a speed of {speed_m_s:g} m/s: apad.max_speed_m_s is {self._max_speed_m_s:g} m/s")
         self._docking_routine.pre_empt(self.now_ms)
         self.goto_orders += 1
-        self._start_going(
+        self._start_go_to(
             GoToPoint(0, north_m, east_m, speed_m_s, radius_m), math.dist(here, (north_m, east_m))
         )
 
     def hold(self, north_m: float | None = None, east_m: float | None = None) -> None:
         """Dynamic positioning at a point, or at the aPad's place; it pre-empts any primitive."""
-        here = self._place_to_act()
+        here = self._require_place()
         point = (here[0] if north_m is None else north_m, here[1] if east_m is None else east_m)
         if not all(map(math.isfinite, point)):
             raise Refused("a hold needs finite numbers")
@@ -192,7 +194,7 @@ class ManualMission(OrderBook):
 
     def dock(self, dock_index: int, agent_id: int, manoeuvre: Manoeuvre = DEFAULT_MANOEUVRE) -> None:
         """Permits the aMussel to surface, waits until it floats, and closes the mechanism around it."""
-        here = self._place_to_act()
+        here = self._require_place()
         self._docking_routine.refuse_dock(dock_index, agent_id, here)
         self._docking_routine.pre_empt(self.now_ms)
         if self.goto is Status.RUNNING:
@@ -202,22 +204,22 @@ class ManualMission(OrderBook):
 
     def undock(self, dock_index: int, manoeuvre: Manoeuvre = DEFAULT_MANOEUVRE) -> None:
         """Opens a mechanism, and tells its aMussel that it is clear to sink."""
-        self._place_to_act()
+        self._require_place()
         self._docking_routine.undock(dock_index, manoeuvre, self.now_ms)
         self.snapshot()
 
     def permit_surfacing(self, agent_id: int) -> None:
-        self._place_to_act()
-        self._docking_routine.believed(agent_id)
+        self._require_place()
+        self._docking_routine.belief_of(agent_id)
         self.order(PermitSurfacing(agent_id))
 
     def tell_clear(self, agent_id: int) -> None:
-        self._place_to_act()
+        self._require_place()
         self.order(TellClear(agent_id))
 
     def pause(self) -> None:
         """Holds position. A go-to goes on later; a commanded mechanism is not stopped half-way."""
-        here = self._place_to_act()
+        here = self._require_place()
         self.paused, self._paused_ms = True, self.now_ms
         if self.goto is Status.RUNNING:
             assert self._target is not None
@@ -233,12 +235,12 @@ class ManualMission(OrderBook):
         self.paused = False
         self._docking_routine.paused_for(self.now_ms - self._paused_ms)
         if self.goto is Status.RUNNING and self._target is not None:
-            self._start_going(self._target, 0.0)
+            self._start_go_to(self._target, 0.0)
         return True
 
     # Helpers.
 
-    def _place_to_act(self) -> tuple[float, float]:
+    def _require_place(self) -> tuple[float, float]:
         if self.state.phase is Phase.ENDED:
             raise Refused(f"the mission is over: {self.state.ended_by}")
         if self.paused:
@@ -247,7 +249,7 @@ class ManualMission(OrderBook):
             raise Refused("the aPad's place is not known yet")
         return self.pose
 
-    def _start_going(self, target: GoToPoint, metres: float) -> None:
+    def _start_go_to(self, target: GoToPoint, metres: float) -> None:
         self._target = replace(target, primitive_id=self.next_id())
         self.goto = Status.RUNNING
         self.set(cost_m=self.state.cost_m + metres)
@@ -255,7 +257,7 @@ class ManualMission(OrderBook):
         self.order(self._target)
         self.snapshot()
 
-    def _ended(self, primitive_id: int, status: Status, reason: str | None) -> None:
+    def _end_primitive(self, primitive_id: int, status: Status, reason: str | None) -> None:
         if self._target is not None and primitive_id == self._target.primitive_id:
             self._target = None
             self.goto = status

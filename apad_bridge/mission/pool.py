@@ -23,7 +23,7 @@ def floats(belief: Belief) -> bool:
     return belief.state is State.FLOATING
 
 
-def comes_up(belief: Belief) -> bool:
+def is_surfacing_or_floating(belief: Belief) -> bool:
     """The aMussel floats, or is on its way to the surface."""
     if belief.is_carried:
         return belief.probability_of(Mode.SURFACING, Mode.FLOATING) >= LIKELY

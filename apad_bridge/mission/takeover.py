@@ -94,10 +94,10 @@ class Takeover:
 
     def give_back(self) -> str:
         """Refused while a docking is under way."""
-        hand = self.by_hand
-        if hand is None:
+        manual = self.by_hand
+        if manual is None:
             return "the mission flies the aPad already"
-        if hand.docking is Status.RUNNING:
+        if manual.docking is Status.RUNNING:
             raise Refused("a docking is under way: wait for its end, or order a hold")
         self._change(
             self._planned(replace(self.state, phase=Phase.IDLE, plan=Solution(()), attempts=0)), taken=False
@@ -107,8 +107,8 @@ class Takeover:
     def _change(self, mission: Mission | ManualMission, *, taken: bool) -> None:
         if self.state.phase is Phase.ENDED:
             raise Refused(f"the mission is over: {self.state.ended_by}")
-        if (hand := self.by_hand) is not None:
-            self._orders += hand.take_orders()
+        if (manual := self.by_hand) is not None:
+            self._orders += manual.take_orders()
         self._flying = mission
         if self._pose is not None:
             mission.moved(*self._pose)

@@ -288,7 +288,7 @@ class DockingPort:
             self._arm_dock = primitive.dock_index
             actions.append(MoveArm(self._take_command_id(), primitive.dock_index, True))
 
-    def _act(self, actions: list[Action]) -> None:
+    def _command_mechanism(self, actions: list[Action]) -> None:
         primitive = self._running
         assert isinstance(primitive, DockMussel | UndockMussel)
         self._phase = Phase.ACTING
@@ -337,7 +337,7 @@ class DockingPort:
         if effect is None:
             self.dropped[f"{event.name.lower()}: while {self._phase.name.lower()}"] += 1
         elif effect is Effect.ACT:
-            self._act(actions)
+            self._command_mechanism(actions)
         elif effect is Effect.RETRY:
             self._try_again(event, at_ms, actions, reason)
         elif effect in (Effect.SUCCEED, Effect.FAIL):

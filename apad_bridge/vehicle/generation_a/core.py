@@ -49,7 +49,7 @@ PERCHED_MS = 1_000
 
 
 @dataclass(slots=True)
-class _Sent:
+class _SentGoal:
     """An unfinished goal."""
 
     command: Command
@@ -84,7 +84,7 @@ class GenerationACore:
         self._object_prefix = object_prefix
         self._deferred: DeferredMessages[Heard] = DeferredMessages(now_ms)
         self._facts: list[LinkFact] = []
-        self._goals: dict[str, _Sent] = {}
+        self._goals: dict[str, _SentGoal] = {}
         self._latest_key = ""
         self._silence = SilenceWatch()
         self._is_silent = False
@@ -131,7 +131,7 @@ class GenerationACore:
             case OpenDock(_, _, agent_id):
                 self.docks.order_release(agent_id, now_ms)
                 order = GoalOrder(key, RELEASE, name=f"{self._object_prefix}{agent_id}")
-        self._goals[key] = _Sent(command, order, now_ms)
+        self._goals[key] = _SentGoal(command, order, now_ms)
         self._latest_key = key
         return order
 
@@ -201,7 +201,7 @@ class GenerationACore:
             if sent.is_taken and key not in named_keys and sent.ended_ms is None:
                 self._end_goal(GoalWord(key, GoalCode.LOST, "did it restart?"), sent, message.at_ms)
 
-    def _end_goal(self, status: GoalWord, sent: _Sent, at_ms: int) -> None:
+    def _end_goal(self, status: GoalWord, sent: _SentGoal, at_ms: int) -> None:
         match sent.command, status.code:
             case CloseDock(_, _, agent_id), GoalCode.SUCCEEDED if not self.docks.holds(agent_id):
                 is_over = False

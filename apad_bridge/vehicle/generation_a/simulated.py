@@ -56,7 +56,7 @@ class GenerationAVehicle(LegacyVehicle[Shown]):
         self._victory_radius_m = victory_radius_m
         self._misses = misses
         self._goal: Goal | None = None
-        self._goal_from_m = 0.0
+        self._start_distance_m = 0.0
         self._docks: dict[int, tuple[str, int]] = {}
         """(object, serial of its perch) by dock index."""
 
@@ -114,7 +114,7 @@ class GenerationAVehicle(LegacyVehicle[Shown]):
 
     def _go_to(self, goal: Goal) -> list[Shown]:
         pose = self._apad.pose
-        self._goal_from_m = math.hypot(goal.north_m - pose.north_m, goal.east_m - pose.east_m)
+        self._start_distance_m = math.hypot(goal.north_m - pose.north_m, goal.east_m - pose.east_m)
         if self._fault is Fault.STUCK:
             return []
         command = GoTo(
@@ -196,7 +196,7 @@ class GenerationAVehicle(LegacyVehicle[Shown]):
 
     def _covered_percent(self) -> float:
         goal, pose = self._goal, self._apad.pose
-        if goal is None or goal.kind != GO_TO or self._goal_from_m == 0:
+        if goal is None or goal.kind != GO_TO or self._start_distance_m == 0:
             return 0.0
         left_m = math.hypot(goal.north_m - pose.north_m, goal.east_m - pose.east_m)
-        return 100 * (1 - left_m / self._goal_from_m)
+        return 100 * (1 - left_m / self._start_distance_m)

@@ -82,9 +82,9 @@ class Tasks:
         self._readings = readings
         self._dropped: Counter[str] = Counter()
         self._facts: list[LinkFact] = []
-        self._going: GoToTask | None = None
-        self._servo: ServoTask | None = None
-        self._holding: HoldTask | None = None
+        self._go_to_task: GoToTask | None = None
+        self._servo_task: ServoTask | None = None
+        self._hold_task: HoldTask | None = None
         self._goal_m: tuple[float, float] | None = None
         """The last go-to's goal: the believed place of the aMussel."""
         self._external = ExternalDocking()
@@ -99,8 +99,8 @@ class Tasks:
         return facts
 
     def command(self, command: VehicleCommand, now_ms: int) -> None:
-        if self._servo is not None and self._servo.has_let_go and not isinstance(command, MoveArm):
-            self._servo.next_command = command
+        if self._servo_task is not None and self._servo_task.has_let_go and not isinstance(command, MoveArm):
+            self._servo_task.next_command = command
             return
         match command:
             case GoTo(_, north_m, east_m):
@@ -123,17 +123,19 @@ class Tasks:
         pending = self.calls.pending
         answered = pending is not None and pending.answered_ms is not None
         if docking:
-            if self._servo is None:
+            if self._servo_task is None:
                 self._receive_external(status, at_ms)
-            elif self._servo.receive(status, at_ms, answered=answered):
-                self._servo_done(self._servo, at_ms)
-        elif self._going is not None and self._going.receive(status, at_ms, self._pose, answered=answered):
-            if self._going.is_near(self._pose):
-                self._arrive(self._going.command, at_ms)
+            elif self._servo_task.receive(status, at_ms, answered=answered):
+                self._servo_done(self._servo_task, at_ms)
+        elif self._go_to_task is not None and self._go_to_task.receive(
+            status, at_ms, self._pose, answered=answered
+        ):
+            if self._go_to_task.is_near(self._pose):
+                self._arrive(self._go_to_task.command, at_ms)
             else:
-                distance_m = self._going.distance_m(self._pose)
+                distance_m = self._go_to_task.distance_m(self._pose)
                 self._fail(f"the aPad says it arrived, {distance_m:.1f} m from the goal", at_ms)
-        elif self._holding is not None and self._holding.receive_goto_status(
+        elif self._hold_task is not None and self._hold_task.receive_goto_status(
             status, at_ms, answered=answered
         ):
             self._dropped["goto_status: somebody else sent the aPad away from where it shall hold"] += 1
@@ -143,13 +145,13 @@ class Tasks:
         did_run = self._external.runs
         if (report := self._external.receive(status, at_ms, self._docks.held)) is not None:
             self.hear_dock(report)
-        if did_run and not self._external.runs and self._holding is not None:
-            self._holding.is_lost = True
+        if did_run and not self._external.runs and self._hold_task is not None:
+            self._hold_task.is_lost = True
 
     def receive_arm(self, dock_index: int, at_ms: int) -> None:
         """The arm of `dock_index` opened. An undocking lets its aMussel go then."""
         self._external.note_open_arm(dock_index)
-        servo = self._servo
+        servo = self._servo_task
         if servo is None or servo.has_let_go or not isinstance(servo.command, OpenDock):
             return
         if servo.command.dock_index == dock_index:
@@ -169,21 +171,21 @@ class Tasks:
             if (command := self._under_way) is not None:
                 self._facts.append(CommandFailed(at_ms, command.command_id, PILOT))
                 self._clear()
-        elif self._going is not None:
-            self._go(self._going.command, at_ms)
-        elif self._servo is not None:
-            self._order(self._servo.first_order, at_ms)
-        elif self._holding is not None and self._holding.command is not None:
-            self._hold(hold_task_of(self._holding.command, at_ms))
+        elif self._go_to_task is not None:
+            self._go(self._go_to_task.command, at_ms)
+        elif self._servo_task is not None:
+            self._order(self._servo_task.first_order, at_ms)
+        elif self._hold_task is not None and self._hold_task.command is not None:
+            self._hold(hold_task_of(self._hold_task.command, at_ms))
         else:
             self._hold_here(at_ms)
 
     def resend(self, now_ms: int) -> None:
         """Repeats an order that a rebooted vehicle may have forgotten. A docking has its own time-out."""
-        if self._going is not None:
-            self._go(self._going.command, now_ms)
-        elif self._holding is not None:
-            self._hold_again(self._holding, now_ms)
+        if self._go_to_task is not None:
+            self._go(self._go_to_task.command, now_ms)
+        elif self._hold_task is not None:
+            self._hold_again(self._hold_task, now_ms)
 
     def watch(self, now_ms: int) -> None:
         """Ends tasks by time-out, by silence, or by the vehicle's position."""
@@ -192,22 +194,22 @@ class Tasks:
                 self._fail(cause, now_ms)
             else:
                 self._dropped[f"hold after the end of a primitive: {cause}"] += 1
-                if self._holding is not None:
-                    self._holding.ordered_ms = now_ms
-        if self._going is not None:
-            self._watch_going(self._going, now_ms)
-        elif self._servo is not None:
-            self._watch_servo(self._servo, now_ms)
-        elif self._holding is not None and self._must_hold_again(self._holding, now_ms):
+                if self._hold_task is not None:
+                    self._hold_task.ordered_ms = now_ms
+        if self._go_to_task is not None:
+            self._watch_go_to(self._go_to_task, now_ms)
+        elif self._servo_task is not None:
+            self._watch_servo(self._servo_task, now_ms)
+        elif self._hold_task is not None and self._must_hold_again(self._hold_task, now_ms):
             self._dropped["the aPad did not hold its position, and was told again"] += 1
-            self._hold_again(self._holding, now_ms)
+            self._hold_again(self._hold_task, now_ms)
 
-    def _must_hold_again(self, holding: HoldTask, now_ms: int) -> bool:
+    def _must_hold_again(self, task: HoldTask, now_ms: int) -> bool:
         """Another party's order is not cut short, for as long as a docking of ours may take."""
         timeout_s = self._docking.timeout_s
-        if holding.is_left_alone(now_ms, timeout_s) or self._external.is_left_alone(now_ms, timeout_s):
+        if task.is_left_alone(now_ms, timeout_s) or self._external.is_left_alone(now_ms, timeout_s):
             return False
-        return holding.is_astray(self._pose, now_ms)
+        return task.is_astray(self._pose, now_ms)
 
     @property
     def _pose(self) -> PoseReported | None:
@@ -215,13 +217,13 @@ class Tasks:
 
     @property
     def _under_way(self) -> GoTo | CloseDock | OpenDock | None:
-        if self._going is not None:
-            return self._going.command
-        return None if self._servo is None else self._servo.command
+        if self._go_to_task is not None:
+            return self._go_to_task.command
+        return None if self._servo_task is None else self._servo_task.command
 
     @property
     def _commanded(self) -> GoTo | CloseDock | OpenDock | Hold | None:
-        held = None if self._holding is None else self._holding.command
+        held = None if self._hold_task is None else self._hold_task.command
         return self._under_way or held
 
     def _order(self, order: Order, now_ms: int) -> None:
@@ -230,7 +232,7 @@ class Tasks:
 
     def _clear(self) -> None:
         """Forgets the present task and hold."""
-        self._going = self._servo = self._holding = None
+        self._go_to_task = self._servo_task = self._hold_task = None
 
     def _fail(self, reason: str, at_ms: int) -> None:
         """Reports the present command as failed and holds the vehicle where it is."""
@@ -240,13 +242,13 @@ class Tasks:
 
     # Holding.
 
-    def _hold(self, holding: HoldTask) -> None:
+    def _hold(self, task: HoldTask) -> None:
         self._clear()
-        self._holding = holding
-        self._order(holding.order, holding.ordered_ms)
+        self._hold_task = task
+        self._order(task.order, task.ordered_ms)
 
-    def _hold_again(self, holding: HoldTask, now_ms: int) -> None:
-        self._order(holding.renew(now_ms), now_ms)
+    def _hold_again(self, task: HoldTask, now_ms: int) -> None:
+        self._order(task.renew(now_ms), now_ms)
 
     def _hold_here(self, now_ms: int) -> None:
         """Holds the present position, because the end of a task leaves the controllers off."""
@@ -258,18 +260,18 @@ class Tasks:
 
     def _go(self, command: GoTo, now_ms: int) -> None:
         self._clear()
-        self._going = GoToTask(command)
-        if (order := self._going.order) is None:
+        self._go_to_task = GoToTask(command)
+        if (order := self._go_to_task.order) is None:
             self._fail("the aPad aborts a go-to without a speed, a victory radius or a finite goal", now_ms)
         else:
             self._order(order, now_ms)
 
-    def _watch_going(self, going: GoToTask, now_ms: int) -> None:
-        if (why := going.why_lost(now_ms)) is not None:
+    def _watch_go_to(self, task: GoToTask, now_ms: int) -> None:
+        if (why := task.why_lost(now_ms)) is not None:
             self._fail(why, now_ms)
-        elif going.has_arrived_unreported(self._pose, now_ms):
+        elif task.has_arrived_unreported(self._pose, now_ms):
             self._dropped["goto_status was silent: arrival by position"] += 1
-            self._arrive(going.command, now_ms)
+            self._arrive(task.command, now_ms)
 
     def _arrive(self, command: GoTo, at_ms: int) -> None:
         self._facts.append(Arrived(at_ms, command.command_id))
@@ -285,8 +287,8 @@ class Tasks:
             self._facts.append(CommandFailed(now_ms, command.command_id, refusal or ""))
             return
         self._clear()
-        self._servo = ServoTask(command, self._docking.servo, self._pose, self._goal_m, now_ms)
-        self._order(self._servo.first_order, now_ms)
+        self._servo_task = ServoTask(command, self._docking.servo, self._pose, self._goal_m, now_ms)
+        self._order(self._servo_task.first_order, now_ms)
 
     def _watch_servo(self, servo: ServoTask, now_ms: int) -> None:
         pending = self.calls.pending

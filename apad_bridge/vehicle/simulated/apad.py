@@ -198,7 +198,7 @@ class SimulatedAPad:
 
     @property
     def pose(self) -> Pose:
-        """As of the last grid instant."""
+        """The pose at the last grid instant."""
         return self._motion.pose
 
     @property
