@@ -34,7 +34,7 @@ from apad_bridge.vehicle.commands import (
     VehicleCommand,
     VehicleFact,
 )
-from apad_bridge.vehicle.docks import DOCK_COUNT, DockTable
+from apad_bridge.vehicle.docks import DOCK_INDICES, DockTable
 from apad_bridge.vehicle.primitives import (
     DockChanged,
     DockMussel,
@@ -321,7 +321,7 @@ class DockingPort:
             self._progress.take(pose, now_ms)
 
     def _take_dock(self, fact: DockClosed | DockOpened, now_ms: int, actions: list[Action]) -> None:
-        if fact.dock_index not in DOCK_COUNT:
+        if fact.dock_index not in DOCK_INDICES:
             self.dropped["dock: no such dock"] += 1
             return
         closed = isinstance(fact, DockClosed)

@@ -7,7 +7,7 @@ from types import MappingProxyType
 
 from apad_bridge.vehicle.commands import DockClosed, DockOpened
 
-DOCK_COUNT = range(4)
+DOCK_INDICES = range(4)
 
 
 class DockTable:

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from apad_bridge.vehicle.commands import DockClosed, DockOpened
-from apad_bridge.vehicle.docks import DOCK_COUNT
+from apad_bridge.vehicle.docks import DOCK_INDICES
 from apad_bridge.vehicle.generation_a.messages import StaticHeard
 from apad_bridge.vehicle.link import Carried, LetGo, LinkFact
 
@@ -93,7 +93,7 @@ class DocksByHearsay:
             holding.heard_ms, holding.place_m, holding.is_new = message.at_ms, place_m, True
             return []
         taken = {other.dock_index for other in self._held.values()}
-        free = [dock_index for dock_index in DOCK_COUNT if dock_index not in taken]
+        free = [dock_index for dock_index in DOCK_INDICES if dock_index not in taken]
         if not free:
             self.dropped["position_static of more aMussels than there are docks"] += 1
             return []

@@ -12,7 +12,7 @@ from collections.abc import Iterable, Mapping
 
 from apad_bridge.scenario.lab_interface.messages import DockSaid
 from apad_bridge.vehicle.commands import CloseDock, CommandFailed, DockOpened, OpenDock, PoseReported
-from apad_bridge.vehicle.docks import DOCK_COUNT
+from apad_bridge.vehicle.docks import DOCK_INDICES
 from apad_bridge.vehicle.generation_b.messages import dock_direction_rad
 from apad_bridge.vehicle.link import Carried, LetGo, LinkFact
 from apad_bridge.vehicle.simulated.docks import Docks
@@ -103,7 +103,7 @@ class BenchDocks:
         if self.holds(agent_id):
             return []
         if dock_index is None or dock_index in self.held:
-            dock_index = next((it for it in DOCK_COUNT if it not in self.held), None)
+            dock_index = next((it for it in DOCK_INDICES if it not in self.held), None)
         if dock_index is None:
             self.dropped["a docking by others: all docks are taken"] += 1
             return []
