@@ -1,5 +1,4 @@
-"""The paper's energy-exchange mission (Fig. 7), from beliefs: wait, collect a batch, charge it full, bring it
-back.
+"""The paper's energy-exchange mission (Fig. 7), from beliefs: wait, collect a batch, charge it, bring it back.
 
 One aPad serves the aMussels of its beliefs. The mission acts when the supervisor calls `advance`, at every
 mission tick. Every wait ends: see `Mission` in the scenario for the times, and the journal's notes for the
@@ -45,14 +44,12 @@ class SinkReminders:
         self._reminded_ms: dict[int, int] = {}
 
     def take_due(self, beliefs: Iterable[Belief], expected: Container[int], now_ms: int) -> list[int]:
-        """Ids to tell now: heard at this very time at the surface, not `expected` there, and not told of
-        late.
+        """Ids to tell now: heard at the surface at this very time, not `expected` there, not told of late.
 
         An aMussel that was told at its release and is still at the surface did not get the message, because a
         board asleep in its dock has its Wi-Fi off.
 
-        An empty aMussel is not told: it came up to survive, or would be as empty below, and can be fetched
-        where it is.
+        An empty aMussel is not told: it came up to survive, or would be as empty below, and can be fetched there.
         """
         due_ids = [
             belief.agent_id

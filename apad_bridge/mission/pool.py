@@ -93,8 +93,7 @@ def situation_of(
     beliefs: Iterable[Belief],
     docks: Mapping[int, int],
 ) -> Situation:
-    """The planner's input: `beliefs` as candidates with their homes, and docked candidates with their dock
-    from `docks`.
+    """The planner's input: `beliefs` as candidates with homes, and docked candidates with their dock of `docks`.
 
     An aMussel without a known home is let go at the aPad's place.
     """

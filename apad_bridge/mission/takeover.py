@@ -1,5 +1,4 @@
-"""A mission that a person may take over, fly by hand, and give back, as the paper's scenario (section V-A)
-allows.
+"""A mission that a person may take over, fly by hand, and give back (the paper's scenario, section V-A).
 
 Both missions share one state: the docked aMussels, homes, the distance so far. While a person flies, nobody
 plans. After the person gives the aPad back, the mission begins at the start of its figure and charges the

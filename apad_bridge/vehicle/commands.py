@@ -1,9 +1,8 @@
 """Commands and facts between the docking port and a vehicle, real or simulated.
 
-Positions are local NED metres, headings radians clockwise from north, times integer milliseconds of mission
-time. Commands are imperatives, facts are past tense; every fact carries the mission time at which it became
-true. A simulated aPad has the three verbs (`next_due_ms`, `advance`, `receive`); a ROS link queues the same
-facts.
+Positions are local NED metres, headings radians clockwise from north, times integer ms of mission time.
+Commands are imperatives, facts are past tense; every fact carries the mission time at which it became true.
+A simulated aPad has the three verbs (`next_due_ms`, `advance`, `receive`); a ROS link queues the same facts.
 """
 
 from __future__ import annotations

@@ -1,5 +1,4 @@
-"""The docking port turns mission primitives into vehicle commands, and vehicle facts into outcomes, for ANY
-vehicle.
+"""The docking port turns mission primitives into commands for ANY vehicle, and its facts into outcomes.
 
 The docking profiles live here, so that every stack behind the port behaves alike. `virtual` waits out the
 docking time before it commands the mechanism. `camera` and `visual` command the mechanism at once and leave
@@ -138,8 +137,7 @@ PRE_EMPTED = "pre-empted"
 
 
 class DockingPort:
-    """Runs one primitive at a time. A new primitive pre-empts the running one, but a commanded mechanism
-    finishes first.
+    """Runs one primitive at a time. A new one pre-empts the running one, but a commanded mechanism ends first.
 
     The port tries a failing mechanism `docking.attempts` times and reports the first cause.
 

@@ -1,5 +1,4 @@
-"""Telemetry that aPads of both generations share: position, battery, silence, and messages stamped ahead of
-time.
+"""Telemetry that both generations share: position, battery, silence, and messages stamped ahead of time.
 
 `why_out_of_reach` is here too, because no stack checks that an aMussel is near before it docks: a perch of
 generation A succeeds from a hundred metres away, and nothing in generation B looks for a simulated aMussel.

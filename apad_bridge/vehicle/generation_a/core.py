@@ -1,5 +1,4 @@
-"""Turns the port's commands into goals for a generation A aPad, and the aPad's messages into facts. No ROS,
-no clock.
+"""Turns the port's commands into goals for a generation A aPad, and its messages into facts. No ROS, no clock.
 
 For the docks it trusts `position_static` only: a successful perch may have done nothing (a fifth perch), and
 a release may never answer (the published server crashes in it). Every wait ends, by the constants below, in

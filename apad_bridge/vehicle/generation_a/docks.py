@@ -46,7 +46,7 @@ class DocksByHearsay:
         }
 
     def serve(self, agent_ids: Iterable[int]) -> None:
-        """From now on serves these. Messages about free aMussels that it served before do not count as dropped."""
+        """Serves these from now on. Messages about free aMussels that it served before do not count as dropped."""
         self._served_before |= self._served
         self._served = frozenset(agent_ids)
         self._served_before -= self._served

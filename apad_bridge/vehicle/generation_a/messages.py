@@ -1,5 +1,4 @@
-"""ROS-free messages of generation A: goals, the aPad's answers, and the messages that the simulated aPad
-publishes.
+"""ROS-free messages of generation A: goals, the aPad's answers, and the simulated aPad's messages.
 
 Stamps are mission milliseconds.
 """

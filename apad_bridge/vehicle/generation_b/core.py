@@ -1,5 +1,4 @@
-"""Turns the port's commands into orders for a generation B aPad, and the aPad's messages into facts. No ROS,
-no clock.
+"""Turns the port's commands into orders for a generation B aPad, and its messages into facts. No ROS, no clock.
 
 That stack answers at once and reports the end on topics that name no order. Nothing in it has a time-out, and
 every end leaves the controllers off. `Tasks` keeps the orders and works out their state.
@@ -31,8 +30,7 @@ from apad_bridge.vehicle.telemetry import DeferredMessages, Readings, Sight, Sil
 
 
 class GenerationBCore:
-    """`hear` takes a message, `command` a command of the port, `advance` returns the facts stamped up to its
-    time.
+    """`hear` takes a message, `command` a port's command, `advance` returns the facts stamped up to its time.
 
     `take_calls` returns the calls to send to the vehicle's services. `battery_v` is (empty, full); `docked`
     are the agents by dock index known to be held at `now_ms`; `sight` gives the places of floating simulated

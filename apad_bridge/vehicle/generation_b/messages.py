@@ -1,9 +1,7 @@
-"""ROS-free messages of generation B: orders, the aPad's answers, and the messages that the simulated aPad
-publishes.
+"""ROS-free messages of generation B: orders, the aPad's answers, and the simulated aPad's messages.
 
 The stack's primitives are services that answer at once. Status topics, and an event of one text, tell how
-they end. Requests become orders here, whichever way they came, by reading their fields. Stamps are mission
-milliseconds.
+they end. Requests of any origin become orders here, by their fields alone. Stamps are mission milliseconds.
 """
 
 from __future__ import annotations

@@ -1,5 +1,4 @@
-"""The simulated aPad with generation B's behaviour, without ROS: orders and detections in, messages to
-publish out.
+"""The simulated aPad with generation B's behaviour, without ROS: orders and detections in, messages out.
 
 It copies the published stack, surprises included. The stack takes an order at once and reports its end on
 topics. Nothing has a time-out. The end of any primitive leaves the controllers off, and the water takes the
@@ -58,8 +57,7 @@ class Detection:
 
 
 def servoing(order: DockingOrder, seen: Detection | None, now_ms: int) -> Steer | None:
-    """Generation B's law of visual servoing, as read from its source: the steering at `now_ms`; None when
-    docked.
+    """Generation B's law of visual servoing, read from its source: the steering at `now_ms`; None when docked.
 
     Without a detection younger than a second the boat searches, by turning. With a detection, yaw rate =
     max * tanh(horizontal) and surge = max * exp(-horizontal^2 / (2 * stdev^2)) towards the dock, until

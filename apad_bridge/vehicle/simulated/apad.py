@@ -31,8 +31,7 @@ ARRIVAL_SAMPLES = 1000 // STEP_MS
 
 
 class ArrivalWatch:
-    """The public aPad stack's arrival rule: the mean distance over the last second is below the victory
-    radius.
+    """The public aPad stack's arrival rule: the last second's mean distance is below the victory radius.
 
     A go-to never arrives within its first second.
     """

@@ -1,5 +1,4 @@
-"""The aPad's camera: a pinhole that looks down at the water beside the hull, with a floating simulated
-aMussel.
+"""The aPad's camera: a pinhole that looks down beside the hull at a floating simulated aMussel.
 
 Image coordinates are 0 in the middle and 1 at an edge: `horizontal` to the right, `vertical` down, so that a
 nearer aMussel appears lower. The camera's place is assumed; the numbers are chosen so that an aMussel at the

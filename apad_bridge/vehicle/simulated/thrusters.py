@@ -1,5 +1,4 @@
-"""Four thrusters in X: turns a force in the plane into four saturated thrusts, and these into electrical
-power.
+"""Four thrusters in X: turns a plane force into four saturated thrusts, and these into electrical power.
 
 Order: front left, front right, rear left, rear right. Each stands at 45 degrees to the bow and pushes both
 ways. The model neglects the turning moment (the bow turns for free, at a limited rate), the waves and the
