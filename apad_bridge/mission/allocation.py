@@ -1,4 +1,4 @@
-"""Whom an aPad serves at the moment, where there are several: its mission sees the beliefs of these and of no others."""
+"""The aMussels that one of several aPads serves at present; its mission sees their beliefs and no others."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ from apad_bridge.mission.sources import BeliefSource
 
 
 class Allocation:
-    """A BeliefSource. At first it is the fleet that is simulated beside this mission."""
+    """A BeliefSource. At first it allocates the fleet that is simulated beside this mission."""
 
     def __init__(self, beliefs: BeliefSource, own: Iterable[int]) -> None:
         self._beliefs = beliefs
         self.own = self.served = frozenset(own)
         self.served_for_others: frozenset[int] = frozenset()
-        """Of another fleet, and served here."""
+        """Another fleet's aMussels, served here."""
         self.served_elsewhere: frozenset[int] = frozenset()
-        """Of this fleet, and served elsewhere."""
+        """This fleet's aMussels, served elsewhere."""
 
     def take(self, agent_id: int) -> None:
         self._serve(self.served | {agent_id})
@@ -30,7 +30,7 @@ class Allocation:
         self.served_for_others, self.served_elsewhere = agent_ids - self.own, self.own - agent_ids
 
     def get(self, agent_id: int) -> Belief | None:
-        """Of one that is served elsewhere too: a dock may hold it still."""
+        """The belief, also about an aMussel served elsewhere: a dock here may still hold it."""
         return self._beliefs.get(agent_id)
 
     def all(self) -> list[Belief]:

@@ -1,4 +1,4 @@
-"""When one of several aPads has to leave its aMussels to others: it gets nowhere any more, or its battery ends."""
+"""Detects that one of several aPads is stuck and has to leave its aMussels to others."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ from apad_bridge.vehicle.primitives import GoToPoint, Outcome, Primitive, Primit
 
 
 class Breakdown:
-    """Counts go-tos that failed in a row. Nothing else is proof of a vehicle: a docking may miss, an aMussel be deaf."""
+    """Counts go-tos that failed in a row, and nothing else: a docking may miss, an aMussel may be deaf."""
 
     def __init__(self, after: int) -> None:
-        """So many are a breakdown."""
+        """`after` failures in a row are a breakdown."""
         self._after = after
         self._failed = 0
-        self._last = ""
+        self._last_reason = ""
 
     def note(self, primitive: Primitive, outcome: Outcome) -> None:
         if not isinstance(primitive, GoToPoint):
@@ -21,11 +21,11 @@ class Breakdown:
         if not isinstance(outcome, PrimitiveFailed):
             self._failed = 0
         elif outcome.reason != PRE_EMPTED:
-            self._failed, self._last = self._failed + 1, outcome.reason
+            self._failed, self._last_reason = self._failed + 1, outcome.reason
 
     def take(self) -> str | None:
-        """Why it is one, once; the count then begins anew."""
+        """The reason of a breakdown, once; the count then starts again. None without a breakdown."""
         if self._failed < self._after:
             return None
         self._failed = 0
-        return f"{self._after} go-tos in a row failed: {self._last}"
+        return f"{self._after} go-tos in a row failed: {self._last_reason}"

@@ -1,6 +1,6 @@
-"""Orders that other threads give, one call at a time: what ROS services, or a test, ask of a commanded mission.
+"""Queues calls of other threads, such as ROS services or a test, for a commanded mission.
 
-A call is done by the supervisor's thread at the next tick; its caller waits for the answer, and not without end.
+The supervisor's thread runs a call at the next tick; the caller waits for the answer, for a limited time.
 """
 
 from __future__ import annotations
@@ -14,13 +14,13 @@ from apad_bridge.mission.manual import ManualMission
 from apad_bridge.mission.values import Refused, Status
 
 ANSWER_S = 10.0
-"""A tick comes once a mission second; without one for so many wall seconds a call is taken back."""
+"""A tick comes once a mission second; after so many wall seconds without one the caller withdraws the call."""
 T = TypeVar("T")
 
 
 @dataclass(frozen=True, slots=True)
 class Snapshot:
-    """How things stand after a tick. `goto_order` and `docking_order` count the orders of each kind."""
+    """The mission's state after a tick. `goto_order` and `docking_order` count the orders of each kind."""
 
     goto: Status = Status.IDLE
     docking: Status = Status.IDLE
@@ -45,7 +45,7 @@ def _snapshot_of(mission: ManualMission) -> Snapshot:
 
 
 class Flown(Protocol):
-    """The mission that a flight has: by hand all the time, or one that can be taken over."""
+    """The mission of a flight: flown by hand all the time, or one that can be taken over."""
 
     def finish(self, reason: str) -> None: ...
 
@@ -55,11 +55,11 @@ class _Call:
         self.act = act
         self.done = threading.Event()
         self.answer: Any = None
-        self.taken_back = False
+        self.withdrawn = False
 
 
 class CallQueue:
-    """`call` and `wait` are for any thread; the rest is the mission's."""
+    """`call`, `call_mission` and `wait` are for any thread, the other methods for the mission's thread."""
 
     def __init__(self) -> None:
         self._lock = threading.Condition()
@@ -69,20 +69,20 @@ class CallQueue:
         self._listeners: list[Callable[[Snapshot], None]] = []
 
     def call(self, act: Callable[[ManualMission], T], timeout_s: float = ANSWER_S) -> T:
-        """What `act` gives, or raises.
+        """Runs `act` at the next tick; returns its result or raises its error.
 
-        Refused when a plan flies the aPad, when the mission is over, or when it does not tick within `timeout_s`.
+        Refused when a plan flies the aPad, when the mission is over, or without a tick within `timeout_s`.
         """
 
-        def by_hand(_: Flown, hand: ManualMission | None) -> T:
-            if hand is None:
+        def by_hand(_: Flown, manual: ManualMission | None) -> T:
+            if manual is None:
                 raise Refused("the mission flies the aPad: call take_over first")
-            return act(hand)
+            return act(manual)
 
         return self._call(by_hand, timeout_s)
 
     def call_mission(self, act: Callable[[Flown], T], timeout_s: float = ANSWER_S) -> T:
-        """As `call`, whoever flies."""
+        """Like `call`, but also while a plan flies the aPad."""
         return self._call(lambda flown, _: act(flown), timeout_s)
 
     def _call(self, act: Callable[[Flown, ManualMission | None], T], timeout_s: float) -> T:
@@ -93,8 +93,8 @@ class CallQueue:
             self._calls.append(call)
         if not call.done.wait(timeout_s):
             with self._lock:
-                call.taken_back = not call.done.is_set()
-            if call.taken_back:
+                call.withdrawn = not call.done.is_set()
+            if call.withdrawn:
                 raise Refused(f"no mission tick came within {timeout_s:g} s: nothing was ordered")
         if isinstance(call.answer, Exception):
             raise call.answer
@@ -113,30 +113,30 @@ class CallQueue:
         return self._closed
 
     def listen(self, listener: Callable[[Snapshot], None]) -> None:
-        """Is called after each tick, by the supervisor's thread: it must not wait."""
+        """Registers a listener. The supervisor's thread calls it after each tick, so it must not wait."""
         self._listeners.append(listener)
 
     def act(self, mission: ManualMission, now_ms: int) -> None:
         self.serve(mission, lambda: mission)
         self.show(mission)
 
-    def serve(self, flown: Flown, hand: Callable[[], ManualMission | None]) -> None:
-        """Does what was called since the last tick; each call may change in whose hands the aPad is."""
+    def serve(self, flown: Flown, manual: Callable[[], ManualMission | None]) -> None:
+        """Runs the calls since the last tick; each may change who flies the aPad, so each asks `manual` again."""
         with self._lock:
             calls, self._calls = self._calls, []
         for call in calls:
             with self._lock:
-                if call.taken_back:
+                if call.withdrawn:
                     continue
                 try:
-                    call.answer = call.act(flown, hand())
+                    call.answer = call.act(flown, manual())
                 except Refused as refused:
                     call.answer = refused
                 call.done.set()
 
-    def show(self, hand: ManualMission | None) -> None:
-        """The tick is over: whoever waits is told how things stand."""
-        snapshot = Snapshot() if hand is None else _snapshot_of(hand)
+    def show(self, manual: ManualMission | None) -> None:
+        """Ends the tick: passes the new snapshot to waiting threads and listeners."""
+        snapshot = Snapshot() if manual is None else _snapshot_of(manual)
         with self._lock:
             self._snapshot = snapshot
             self._lock.notify_all()

@@ -1,4 +1,4 @@
-"""Watches a charging batch: full is full; what neither speaks nor gains is not waited for."""
+"""Watches a charging batch; the mission does not wait for aMussels that are silent or whose charge does not rise."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from apad_bridge.scenario.schema import FullWhen
 
 
 class ChargingWatch:
-    """`patience_ms` is mission time: after so long without a gain in believed charge an aMussel is not waited for."""
+    """Gives an aMussel up after `patience_ms` of mission time without a gain in believed charge."""
 
     def __init__(self, full_threshold: float, full_when: FullWhen, patience_ms: int) -> None:
         self._full_threshold = full_threshold
@@ -24,8 +24,8 @@ class ChargingWatch:
         self._best = {}
         self._given_up = set()
 
-    def look(self, docked: Mapping[int, Belief | None], now_ms: int) -> list[tuple[int, str]]:
-        """Takes the beliefs of the docked ones; (agent, reason) for those given up by this look."""
+    def give_up_stalled(self, docked: Mapping[int, Belief | None], now_ms: int) -> list[tuple[int, str]]:
+        """Takes the docked aMussels' beliefs; returns (agent, reason) for each aMussel that it gives up now."""
         given_up: list[tuple[int, str]] = []
         for agent_id, belief in sorted(docked.items()):
             best, gained_ms = self._best.get(agent_id, (-1.0, self._start_ms))
@@ -42,14 +42,14 @@ class ChargingWatch:
         return given_up
 
     def done(self, docked: Mapping[int, Belief | None]) -> bool:
-        """Whether every docked one is believed full, or was given up."""
+        """Every docked aMussel is believed full, or was given up."""
         return all(agent_id in self._given_up or self.is_full(belief) for agent_id, belief in docked.items())
 
     def is_full(self, belief: Belief | None) -> bool:
         return belief is not None and self._level(belief) > self._full_threshold
 
     def _level(self, belief: Belief) -> float:
-        """The charge that counts: where both batteries do, the lower one's."""
+        """The charge that counts: the primary battery's, or the lower of both, as the scenario says."""
         return (
             belief.primary if self._full_when is FullWhen.PRIMARY else min(belief.primary, belief.secondary)
         )

@@ -1,6 +1,7 @@
 """Docking and undocking for a commanded mission: one at a time, from the order to its end.
 
-Taking an aMussel into a dock, as the paper's mission does: let it surface, wait until it floats, then the mechanism.
+A docking follows the paper's mission: permit the aMussel to surface, wait until it floats, then close the
+mechanism.
 """
 
 from __future__ import annotations
@@ -17,87 +18,87 @@ from apad_bridge.mission.orders import PermitSurfacing, TellClear
 from apad_bridge.mission.sources import BeliefSource
 from apad_bridge.mission.values import Refused, Status, dock_of
 from apad_bridge.scenario.schema import Mission
-from apad_bridge.vehicle.commands import AS_THE_SCENARIO_SAYS, Manoeuvre
+from apad_bridge.vehicle.commands import DEFAULT_MANOEUVRE, Manoeuvre
 from apad_bridge.vehicle.docking import PRE_EMPTED
 from apad_bridge.vehicle.primitives import DockMussel, UndockMussel
 from firmware_model.state_groups import BEYOND_HELP
 from firmware_model.states import State
 
 
-class Next(Enum):
+class SurfacingStep(Enum):
     WAIT = auto()
     PERMIT = auto()
-    """Tell it (again) that it may surface."""
+    """Send the permission to surface (again)."""
     CLOSE = auto()
-    """It floats: the mechanism may close."""
+    """The aMussel floats: the mechanism may close."""
 
 
 class GivenUp(Exception):
-    """The routine ends here; its text is why."""
+    """Ends the routine; the text is the reason."""
 
 
 @dataclass(slots=True)
-class AwaitSurfacing:
-    """Asked at every tick what to do next, until it floats or is given up (see `Mission`'s times in the scenario)."""
+class SurfacingWait:
+    """Decides the next step at every tick, until the aMussel floats or the scenario's times (`Mission`) are over."""
 
     dock_index: int
     agent_id: int
     since_ms: int
     permissions: int = 0
 
-    def look(self, belief: Belief | None, config: Mission, now_ms: int) -> Next:
-        """What to do at `now_ms`; raises GivenUp."""
+    def next_step(self, belief: Belief | None, config: Mission, now_ms: int) -> SurfacingStep:
+        """The step at `now_ms`; raises GivenUp."""
         if belief is not None and belief.state is State.FLOATING:
-            return Next.CLOSE
+            return SurfacingStep.CLOSE
         waited_ms = now_ms - self.since_ms
         if belief is not None and belief.state is State.SURFACING:
             if waited_ms > config.silence_timeout_s * 1000:
                 raise GivenUp("it does not come up")
-            return Next.WAIT
+            return SurfacingStep.WAIT
         if waited_ms < config.permission_repeat_s * 1000 * self.permissions:
-            return Next.WAIT
+            return SurfacingStep.WAIT
         if self.permissions >= config.surfacing_attempts:
             raise GivenUp("it does not answer the permission to surface")
         self.permissions += 1
-        return Next.PERMIT
+        return SurfacingStep.PERMIT
 
 
 REACH_M = 3.0
-"""An aMussel believed farther away than this (or twice the victory radius) is not within a mechanism's reach."""
+"""An aMussel believed beyond this (or twice the victory radius) is out of a mechanism's reach."""
 
 
 class DockingRoutine:
-    """Writes its orders and notes into the mission's book. Slots count from 0 here; places are NED metres."""
+    """Writes orders and notes into the mission's book. Dock indices count from 0; places are NED metres."""
 
     def __init__(self, config: Mission, beliefs: BeliefSource, book: OrderBook, events: EventLog) -> None:
         self.status = Status.IDLE
-        self.given = 0
-        """How many orders to dock or undock were taken."""
+        self.order_count = 0
+        """Number of accepted orders to dock or undock."""
         self._config = config
         self._beliefs = beliefs
         self._book = book
         self._events = events
-        self._full = ChargingWatch(config.full_threshold, config.full_when, 0)
-        self._surfacing: AwaitSurfacing | None = None
+        self._charging_watch = ChargingWatch(config.full_threshold, config.full_when, 0)
+        self._surfacing: SurfacingWait | None = None
         self._mechanism: DockMussel | UndockMussel | None = None
-        self._manoeuvre = AS_THE_SCENARIO_SAYS
+        self._manoeuvre = DEFAULT_MANOEUVRE
 
-    def believed(self, agent_id: int) -> Belief:
-        """Refused for one that was never heard."""
+    def belief_of(self, agent_id: int) -> Belief:
+        """The belief about an aMussel. Refused when the aMussel was never heard."""
         belief = self._beliefs.get(agent_id)
         if belief is None:
-            # As ROS 1 has it, what is left out of a call is 0.
+            # In ROS 1 a field that is left out of a call is 0.
             hint = "" if agent_id else ": say the aMussel's id, which is 0 where it is left out"
             raise Refused(f"aMussel {agent_id} was never heard{hint}")
         return belief
 
     def is_full(self, agent_id: int) -> bool:
-        """Whether it is believed full, as the scenario means it."""
-        return self._full.is_full(self._beliefs.get(agent_id))
+        """The aMussel is believed full, by the scenario's definition."""
+        return self._charging_watch.is_full(self._beliefs.get(agent_id))
 
     def refuse_dock(self, dock_index: int, agent_id: int, here: tuple[float, float]) -> None:
-        """Refused for what cannot be docked from here."""
-        belief, docks = self.believed(agent_id), self._book.docks
+        """Refused for an aMussel that cannot be docked from here."""
+        belief, docks = self.belief_of(agent_id), self._book.docks
         if docks[dock_index] is not None:
             raise Refused(f"dock {dock_of(dock_index)} holds aMussel {docks[dock_index]}")
         if agent_id in docks:
@@ -109,10 +110,10 @@ class DockingRoutine:
     def dock(
         self, dock_index: int, agent_id: int, manoeuvre: Manoeuvre, here: tuple[float, float], now_ms: int
     ) -> None:
-        """Begins, with the permission to surface; `advance` goes on."""
+        """Begins a docking with the permission to surface; `advance` continues it."""
         self._begin()
         self._manoeuvre = manoeuvre
-        self._surfacing = AwaitSurfacing(dock_index, agent_id, now_ms)
+        self._surfacing = SurfacingWait(dock_index, agent_id, now_ms)
         self.advance(here, now_ms)
 
     def undock(self, dock_index: int, manoeuvre: Manoeuvre, now_ms: int) -> None:
@@ -125,22 +126,22 @@ class DockingRoutine:
         self._book.order(self._mechanism)
 
     def advance(self, here: tuple[float, float], now_ms: int) -> None:
-        """Looks whether the aMussel has come up."""
+        """Checks whether the aMussel has surfaced, and takes the next step."""
         waiting = self._surfacing
         if waiting is None:
             return
         belief = self._beliefs.get(waiting.agent_id)
         try:
-            todo = waiting.look(belief, self._config, now_ms)
-            if todo is Next.CLOSE and belief is not None:
+            step = waiting.next_step(belief, self._config, now_ms)
+            if step is SurfacingStep.CLOSE and belief is not None:
                 self._refuse_beyond_reach(belief, here)
         except (GivenUp, Refused) as given_up:
             self._book.note("given_up", agent=waiting.agent_id, what="dock", reason=str(given_up))
-            self._surfacing_ends(Status.FAILED, str(given_up), now_ms)
+            self._end_surfacing(Status.FAILED, str(given_up), now_ms)
             return
-        if todo is Next.PERMIT:
+        if step is SurfacingStep.PERMIT:
             self._book.order(PermitSurfacing(waiting.agent_id))
-        elif todo is Next.CLOSE:
+        elif step is SurfacingStep.CLOSE:
             self._surfacing = None
             self._mechanism = DockMussel(
                 self._book.next_id(), waiting.dock_index, waiting.agent_id, self._manoeuvre
@@ -148,16 +149,16 @@ class DockingRoutine:
             self._book.order(self._mechanism)
 
     def pre_empt(self, now_ms: int) -> None:
-        """Another primitive is ordered. (Of one whose mechanism was ordered the port decides, and tells.)"""
-        self._surfacing_ends(Status.PREEMPTED, PRE_EMPTED, now_ms)
+        """Ends the wait for another primitive. Once the mechanism is ordered, the port decides instead."""
+        self._end_surfacing(Status.PREEMPTED, PRE_EMPTED, now_ms)
 
-    def paused_for(self, ms: int) -> None:
-        """Nobody answers while nobody asks: an aMussel has so much longer to come up."""
+    def paused_for(self, pause_ms: int) -> None:
+        """Prolongs the wait for an aMussel by a pause, in which the mission sends no permissions."""
         if self._surfacing is not None:
-            self._surfacing.since_ms += ms
+            self._surfacing.since_ms += pause_ms
 
     def ended(self, primitive_id: int, status: Status, reason: str | None, now_ms: int) -> None:
-        """The port's outcome; one of another primitive changes nothing."""
+        """Takes the port's outcome; an outcome of another primitive changes nothing."""
         if self._mechanism is None or primitive_id != self._mechanism.primitive_id:
             return
         ended, self._mechanism = self._mechanism, None
@@ -167,14 +168,14 @@ class DockingRoutine:
 
     def _begin(self) -> None:
         self.status = Status.RUNNING
-        self.given += 1
+        self.order_count += 1
 
     def _refuse_beyond_reach(self, belief: Belief, here: tuple[float, float]) -> None:
         away_m = math.dist(here, (belief.north_m, belief.east_m))
         if away_m > max(REACH_M, 2 * self._config.victory_radius_m):
             raise Refused(f"aMussel {belief.agent_id} is believed {away_m:.1f} m away: go there first")
 
-    def _surfacing_ends(self, status: Status, reason: str, now_ms: int) -> None:
+    def _end_surfacing(self, status: Status, reason: str, now_ms: int) -> None:
         if self._surfacing is not None:
             dock_index, agent_id = self._surfacing.dock_index, self._surfacing.agent_id
             self._surfacing = None
@@ -182,7 +183,7 @@ class DockingRoutine:
 
     def _end(self, status: Status, agent_id: int, dock_index: int, reason: str | None, now_ms: int) -> None:
         self.status = status
-        self._events.tell(now_ms, "docking", agent_id, dock_of(dock_index), status, reason)
+        self._events.record(now_ms, "docking", agent_id, dock_of(dock_index), status, reason)
 
     def _released(self, agent_id: int) -> None:
         full = self.is_full(agent_id)

@@ -1,9 +1,8 @@
-"""The paper's energy-exchange mission (Fig. 7): wait, collect a batch, charge it full, bring it back. Built from beliefs.
+"""The paper's energy-exchange mission (Fig. 7), from beliefs: wait, collect a batch, charge it, bring it back.
 
-One aPad serves the aMussels it believes in. It acts when `advance` is called, which the supervisor does at every mission
-tick. Every wait ends: see `Mission` in the scenario for the times, and the notes that say what was given up.
-
-An aMussel heard at the surface that nobody comes for: it is told that it may sink, and told again.
+One aPad serves the aMussels of its beliefs. The mission acts when the supervisor calls `advance`, at every
+mission tick. Every wait ends: see `Mission` in the scenario for the times, and the journal's notes for the
+given-up steps.
 """
 
 from __future__ import annotations
@@ -17,7 +16,7 @@ from apad_bridge.mission.charging_watch import ChargingWatch
 from apad_bridge.mission.order_book import OrderBook
 from apad_bridge.mission.orders import Order, PermitSurfacing, TellClear
 from apad_bridge.mission.plans import asked, plan_note
-from apad_bridge.mission.pool import ChargingPool, comes_up, floats, situation_of, unheard
+from apad_bridge.mission.pool import ChargingPool, floats, is_surfacing_or_floating, situation_of, unheard
 from apad_bridge.mission.sources import BeliefSource
 from apad_bridge.mission.state import MissionState, Phase, with_new_homes
 from apad_bridge.planning.candidates import Situation
@@ -37,45 +36,47 @@ from apad_bridge.vehicle.primitives import (
 from firmware_model.state_groups import UP_AND_UNDOCKED
 
 
-class Strays:
+class SinkReminders:
+    """Selects aMussels at the surface that nobody comes for, to be told every `repeat_ms` that they may sink."""
+
     def __init__(self, repeat_ms: int) -> None:
         self._repeat_ms = repeat_ms
-        self._told_ms: dict[int, int] = {}
+        self._reminded_ms: dict[int, int] = {}
 
-    def to_tell(self, beliefs: Iterable[Belief], expected: Container[int], now_ms: int) -> list[int]:
-        """Ids to tell now, to be told: heard at this very time at the surface, not `expected` there, not told of late.
+    def take_due(self, beliefs: Iterable[Belief], expected: Container[int], now_ms: int) -> list[int]:
+        """Ids to tell now: heard at the surface at this very time, not `expected` there, not told of late.
 
-        One that was told at its release and is heard up there did not get the word, for a board asleep in its dock has its
-        Wi-Fi off.
+        An aMussel that was told at its release and is still at the surface did not get the message, because a
+        board asleep in its dock has its Wi-Fi off.
 
-        An empty one is not told: it came up for its life, or would be as empty below, and can be fetched where it is.
+        An empty aMussel is not told: it came up to survive, or would be as empty below, and can be fetched there.
         """
-        found = [
+        due_ids = [
             belief.agent_id
             for belief in beliefs
             if belief.state in UP_AND_UNDOCKED
             and belief.primary > 0
             and belief.agent_id not in expected
             and belief.heard_ms == now_ms
-            and now_ms - self._told_ms.get(belief.agent_id, now_ms - self._repeat_ms) >= self._repeat_ms
+            and now_ms - self._reminded_ms.get(belief.agent_id, now_ms - self._repeat_ms) >= self._repeat_ms
         ]
-        self._told_ms.update(dict.fromkeys(found, now_ms))
-        return found
+        self._reminded_ms.update(dict.fromkeys(due_ids, now_ms))
+        return due_ids
 
 
 @dataclass(frozen=True, slots=True)
-class _Part:
-    """What the mission does in a phase, as its methods."""
+class _PhaseBehaviour:
+    """The mission's behaviour in a phase, as its methods."""
 
     begin: _Act
-    """When it takes the phase up at birth, which may be in the middle of a resumed run."""
+    """Runs when the mission starts in this phase, which may be in the middle of a resumed run."""
     tick: _Act | None = None
     success: _Act | None = None
-    """When the phase's primitive has succeeded. One that fails costs the step."""
+    """Runs when the phase's primitive has succeeded. A failed primitive gives the step up."""
 
 
 class EnergyExchange(OrderBook):
-    """Three verbs in mission time; facts are the port's outcomes. `state` is all that a resumed mission needs."""
+    """Has the three verbs; facts are the port's outcomes. `state` is all that a resumed mission needs."""
 
     def __init__(
         self,
@@ -95,30 +96,30 @@ class EnergyExchange(OrderBook):
             config.full_threshold, config.full_when, round(config.silence_timeout_s * 1000)
         )
         self._pool = ChargingPool(config, beliefs)
-        self._strays = Strays(round(config.permission_repeat_s * 1000))
+        self._sink_reminders = SinkReminders(round(config.permission_repeat_s * 1000))
         self._must_begin = True
-        """The primitive of the state is to be ordered: at birth, and after a resume."""
+        """The primitive of the state must be ordered: at the start, and after a resume."""
         self._began_ms: int | None = None
 
     def moved(self, north_m: float, east_m: float) -> None:
-        """The aPad is here."""
+        """Takes the aPad's position."""
         self._pose = (north_m, east_m)
 
     def receive(self, outcome: Outcome, now_ms: int) -> list[Order]:
-        """Takes an outcome of the port; one of a primitive that is not under way changes nothing."""
+        """Takes an outcome of the port; an outcome of a primitive that is not under way changes nothing."""
         match outcome:
             case DockChanged(_, dock_index, agent_id, closed):
                 self.dock_changed(dock_index, agent_id, closed)
             case PrimitiveSucceeded(_, primitive_id) if primitive_id == self.state.primitive_id:
-                if self._part.success is not None:
-                    self._part.success(self, now_ms)
+                if self._behaviour.success is not None:
+                    self._behaviour.success(self, now_ms)
             case PrimitiveFailed(_, primitive_id, reason) if primitive_id == self.state.primitive_id:
                 if self.state.plan.steps:
                     self._give_up(reason, now_ms)
         return self.take_orders()
 
     def advance(self, now_ms: int) -> list[Order]:
-        """Acts on what is believed at `now_ms`."""
+        """Acts on the beliefs at `now_ms`."""
         self._learn_homes()
         if self._pose is None or self.state.phase is Phase.ENDED:
             return self.take_orders()
@@ -126,10 +127,10 @@ class EnergyExchange(OrderBook):
             if not self._can_begin(now_ms):
                 return self.take_orders()
             self._must_begin = False
-            self._part.begin(self, now_ms)
-        if self._part.tick is not None:
-            self._part.tick(self, now_ms)
-        self._tell_strays(now_ms)
+            self._behaviour.begin(self, now_ms)
+        if self._behaviour.tick is not None:
+            self._behaviour.tick(self, now_ms)
+        self._remind_to_sink(now_ms)
         return self.take_orders()
 
     def stand_down(self, reason: str, now_ms: int) -> list[Order]:
@@ -139,13 +140,13 @@ class EnergyExchange(OrderBook):
         return self.take_orders()
 
     def end(self, reason: str, now_ms: int) -> list[Order]:
-        """Ends the mission where it stands: the aPad holds its position. A second call changes nothing."""
+        """Ends the mission at once: the aPad holds its position. A second call changes nothing."""
         if self.state.phase is not Phase.ENDED:
             self._hold(now_ms)
             self._enter(Phase.ENDED, now_ms, ended_by=reason)
         return self.take_orders()
 
-    # What the aPad is doing, phase by phase.
+    # The phases.
 
     def _can_begin(self, now_ms: int) -> bool:
         """A resumed step waits until its aMussel is heard again, or has been silent for the stated time."""
@@ -155,17 +156,17 @@ class EnergyExchange(OrderBook):
             return True
         return now_ms - self._began_ms > self._config.silence_timeout_s * 1000
 
-    def _charge_on(self, now_ms: int) -> None:
+    def _hold_and_charge(self, now_ms: int) -> None:
         self._hold(now_ms)
         self._charging.start(now_ms)
 
-    def _collect_on(self, now_ms: int) -> None:
+    def _resume_collecting(self, now_ms: int) -> None:
         if self._is_held(self._step.agent_id):
             self._finish_step(now_ms)
         else:
             self._go_collect(now_ms)
 
-    def _deploy_on(self, now_ms: int) -> None:
+    def _resume_deploying(self, now_ms: int) -> None:
         if self._is_held(self._step.agent_id):
             self._go_deploy(now_ms)
         else:
@@ -173,7 +174,7 @@ class EnergyExchange(OrderBook):
 
     def _consider_collecting(self, now_ms: int) -> None:
         if self.state.docked:
-            # Docked by hand, or before a crash: charge what is there first.
+            # Docked by hand, or before a crash: charge the docked aMussels first.
             self._start_charging(now_ms)
             return
         pool = self._pool.candidates(now_ms)
@@ -212,10 +213,10 @@ class EnergyExchange(OrderBook):
         self._repeat_permission(now_ms)
 
     def _repeat_permission(self, now_ms: int) -> None:
-        """An aMussel still believed under water is told again; after so many times the step is given up."""
+        """Repeats the permission to an aMussel believed under water; after the last attempt gives up the step."""
         belief = self._beliefs.get(self._step.agent_id)
         waited_ms = now_ms - self.state.since_ms
-        if belief is not None and comes_up(belief):
+        if belief is not None and is_surfacing_or_floating(belief):
             if (
                 waited_ms > self._config.silence_timeout_s * 1000
                 and self.state.phase is Phase.AWAIT_SURFACING
@@ -231,13 +232,13 @@ class EnergyExchange(OrderBook):
             self._give_up("it does not answer the permission to surface", now_ms)
 
     def _start_charging(self, now_ms: int) -> None:
-        self._charge_on(now_ms)
+        self._hold_and_charge(now_ms)
         self._enter(Phase.CHARGE, now_ms, plan=Solution(()))
 
     def _consider_deploying(self, now_ms: int) -> None:
         docked = {agent_id: dock_index for dock_index, agent_id in self.state.docked}
         beliefs = {agent_id: self._beliefs.get(agent_id) for agent_id in docked}
-        for agent_id, reason in self._charging.look(beliefs, now_ms):
+        for agent_id, reason in self._charging.give_up_stalled(beliefs, now_ms):
             self.note("given_up", agent=agent_id, what="charge", reason=reason)
         if not self._charging.done(beliefs):
             return
@@ -284,7 +285,7 @@ class EnergyExchange(OrderBook):
     def _give_up(self, reason: str, now_ms: int) -> None:
         step = self._step
         self.note("given_up", agent=step.agent_id, what=step.kind.value, reason=reason)
-        self._pool.shun(step.agent_id, now_ms)
+        self._pool.exclude(step.agent_id, now_ms)
         self._finish_step(now_ms)
 
     def _finish_step(self, now_ms: int) -> None:
@@ -303,11 +304,11 @@ class EnergyExchange(OrderBook):
         else:
             self._go_deploy(now_ms)
 
-    # Smaller questions and acts.
+    # Helpers.
 
     @property
-    def _part(self) -> _Part:
-        return _PARTS[self.state.phase]
+    def _behaviour(self) -> _PhaseBehaviour:
+        return _BEHAVIOURS[self.state.phase]
 
     def _is_held(self, agent_id: int) -> bool:
         return agent_id in dict(self.state.docked).values()
@@ -328,9 +329,9 @@ class EnergyExchange(OrderBook):
         if homes is not self.state.homes:
             self.set(homes=homes)
 
-    def _tell_strays(self, now_ms: int) -> None:
+    def _remind_to_sink(self, now_ms: int) -> None:
         expected = {step.agent_id for step in self.state.plan.steps} | set(dict(self.state.docked).values())
-        for agent_id in self._strays.to_tell(self._beliefs.all(), expected, now_ms):
+        for agent_id in self._sink_reminders.take_due(self._beliefs.all(), expected, now_ms):
             self.order(TellClear(agent_id))
 
     def _go_to(self, north_m: float, east_m: float) -> None:
@@ -360,16 +361,18 @@ def _nothing(mission: EnergyExchange, now_ms: int) -> None:
 
 _Act = Callable[[EnergyExchange, int], None]
 _M = EnergyExchange
-_PARTS = {
-    Phase.IDLE: _Part(_M._hold, tick=_M._consider_collecting),
-    Phase.GO_COLLECT: _Part(_M._collect_on, tick=_M._repeat_permission, success=_M._await_surfacing),
-    Phase.AWAIT_SURFACING: _Part(_M._collect_on, tick=_M._watch_surfacing),
-    Phase.DOCK: _Part(_M._collect_on, success=_M._finish_step),
-    Phase.CHARGE: _Part(_M._charge_on, tick=_M._consider_deploying),
-    Phase.GO_DEPLOY: _Part(_M._deploy_on, success=_M._undock),
-    Phase.UNDOCK: _Part(_M._deploy_on, success=_M._released),
-    Phase.STANDS_DOWN: _Part(_nothing),
-    Phase.ENDED: _Part(_nothing),
-    Phase.COMMANDED: _Part(_nothing),
+_BEHAVIOURS = {
+    Phase.IDLE: _PhaseBehaviour(_M._hold, tick=_M._consider_collecting),
+    Phase.GO_COLLECT: _PhaseBehaviour(
+        _M._resume_collecting, tick=_M._repeat_permission, success=_M._await_surfacing
+    ),
+    Phase.AWAIT_SURFACING: _PhaseBehaviour(_M._resume_collecting, tick=_M._watch_surfacing),
+    Phase.DOCK: _PhaseBehaviour(_M._resume_collecting, success=_M._finish_step),
+    Phase.CHARGE: _PhaseBehaviour(_M._hold_and_charge, tick=_M._consider_deploying),
+    Phase.GO_DEPLOY: _PhaseBehaviour(_M._resume_deploying, success=_M._undock),
+    Phase.UNDOCK: _PhaseBehaviour(_M._resume_deploying, success=_M._released),
+    Phase.STANDS_DOWN: _PhaseBehaviour(_nothing),
+    Phase.ENDED: _PhaseBehaviour(_nothing),
+    Phase.COMMANDED: _PhaseBehaviour(_nothing),
 }
-"""The paper's Fig. 7."""
+"""The behaviour in each box of the paper's Fig. 7."""

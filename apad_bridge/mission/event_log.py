@@ -1,4 +1,4 @@
-"""What happened since a script last asked: from the port's outcomes, and from beliefs that changed."""
+"""Keeps events for scripts until they take them: from the port's outcomes and from changed beliefs."""
 
 from __future__ import annotations
 
@@ -9,19 +9,19 @@ from apad_bridge.beliefs.belief import Belief
 from apad_bridge.mission.values import KINDS, Event, Refused, Status
 from firmware_model.states import State
 
-KEPT = 10_000
-"""Of events that nobody asks for, the oldest are forgotten beyond so many."""
+MAX_EVENTS = 10_000
+"""The log forgets the oldest events beyond so many."""
 
 
 class EventLog:
     def __init__(self, low: float) -> None:
         self._low = low
-        self._events: deque[Event] = deque(maxlen=KEPT)
+        self._events: deque[Event] = deque(maxlen=MAX_EVENTS)
         self.failure: str | None = None
-        """Why a primitive failed last."""
+        """The reason of the last failed primitive."""
         self._seen: dict[int, tuple[State, bool]] = {}
 
-    def tell(
+    def record(
         self,
         now_ms: int,
         kind: str,
@@ -34,8 +34,8 @@ class EventLog:
             self.failure = reason
         self._events.append(Event(now_ms / 1000, kind, agent, dock, status, reason))
 
-    def look(self, beliefs: Iterable[Belief], now_ms: int) -> None:
-        """Compares with what was believed at the last look."""
+    def compare(self, beliefs: Iterable[Belief], now_ms: int) -> None:
+        """Compares the beliefs with the beliefs of the last call and records the changes."""
         for belief in beliefs:
             now = (belief.state, belief.primary <= self._low)
             before = self._seen.get(belief.agent_id)
@@ -43,24 +43,26 @@ class EventLog:
                 continue
             self._seen[belief.agent_id] = now
             if before is None:
-                self.tell(now_ms, "heard", belief.agent_id)
+                self.record(now_ms, "heard", belief.agent_id)
             elif before[0] is not now[0]:
-                self.tell(now_ms, "state", belief.agent_id, reason=now[0].name)
+                self.record(now_ms, "state", belief.agent_id, reason=now[0].name)
             if now[1] and (before is None or not before[1]):
-                self.tell(now_ms, "low", belief.agent_id)
+                self.record(now_ms, "low", belief.agent_id)
 
     def take(self, kind: str | None = None, agent: int | None = None) -> list[Event]:
-        """The events of a kind and an aMussel (None: of all), which are then forgotten; the others stay."""
+        """Removes and returns the events of a kind and an aMussel (None: of all); the others stay."""
         _refuse_unknown(kind)
         wanted: list[Event] = []
-        left: list[Event] = []
+        remaining: list[Event] = []
         for event in self._events:
-            (wanted if kind in (None, event.kind) and agent in (None, event.agent) else left).append(event)
-        self._events = deque(left, maxlen=KEPT)
+            (wanted if kind in (None, event.kind) and agent in (None, event.agent) else remaining).append(
+                event
+            )
+        self._events = deque(remaining, maxlen=MAX_EVENTS)
         return wanted
 
     def take_first(self, kind: str | None = None, agent: int | None = None) -> Event | None:
-        """The oldest such event, which is then forgotten."""
+        """Removes and returns the oldest such event."""
         _refuse_unknown(kind)
         for event in self._events:
             if kind in (None, event.kind) and agent in (None, event.agent):

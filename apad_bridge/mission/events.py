@@ -1,4 +1,4 @@
-"""Facts that reach the supervisor, and what it tells the world. Stamps are mission milliseconds."""
+"""Facts that reach the supervisor, and its actions. Stamps are mission milliseconds."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class SoundHeard:
 
 @dataclass(frozen=True, slots=True)
 class RangeHeard:
-    """A ping for an aMussel was answered from `range_m`, or by None in time."""
+    """An aMussel answered a ping from `range_m`; None without an answer in time."""
 
     at_ms: int
     agent_id: int
@@ -41,7 +41,7 @@ class OperatorAsked:
 
 @dataclass(frozen=True, slots=True)
 class StandDownAsked:
-    """One of several aPads shall leave its aMussels to the others."""
+    """One of several aPads must leave its aMussels to the others."""
 
     at_ms: int
     reason: str
@@ -54,7 +54,7 @@ Fact = WifiHeard | SoundHeard | RangeHeard | OperatorAsked | StandDownAsked | Ve
 class Send:
     """Transmit to one aMussel, or by sound to all (EVERYONE).
 
-    By sound it goes out at agent time `not_before_ms`, or as soon as the modem is free.
+    Sound goes out at agent time `not_before_ms`, or as soon as the modem is free.
     """
 
     medium: Medium
@@ -65,7 +65,7 @@ class Send:
 
 @dataclass(frozen=True, slots=True)
 class Ping:
-    """Measure the range to an aMussel by sound: a RangeHeard comes of it."""
+    """Measure the range to an aMussel by sound; a RangeHeard follows."""
 
     agent_id: int
     not_before_ms: int = 0
@@ -73,7 +73,7 @@ class Ping:
 
 @dataclass(frozen=True, slots=True)
 class KeepSamples:
-    """Put an aMussel's samples on disk, before anything else goes out: they are acknowledged next."""
+    """Put an aMussel's samples on disk before anything else goes out: their acknowledgement follows."""
 
     agent_id: int
     records: tuple[SampleRecord, ...]

@@ -1,7 +1,7 @@
-"""A mission without a plan of its own: the aPad does what it is told, by a script or by a person's calls.
+"""A mission without a plan of its own: the aPad follows a script or a person's calls.
 
-It stands in the supervisor where the paper's mission stands, so port, beliefs, records and vehicles are the same. All of it
-runs in the supervisor's one thread; who gives the orders is a `CommandSource`, which is asked at every tick.
+It takes the place of the paper's mission in the supervisor, so port, beliefs, records and vehicles are the
+same. It runs in the supervisor's one thread; a `CommandSource` gives the orders at every tick.
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ from apad_bridge.mission.docking_routine import DockingRoutine
 from apad_bridge.mission.event_log import EventLog
 from apad_bridge.mission.order_book import OrderBook
 from apad_bridge.mission.orders import Order, PermitSurfacing, TellClear
-from apad_bridge.mission.sources import Foretelling
+from apad_bridge.mission.sources import PredictingBeliefSource
 from apad_bridge.mission.state import MissionState, Phase, with_new_homes
 from apad_bridge.mission.values import Refused, Status, dock_of
 from apad_bridge.scenario.local_frame import FARTHEST_M
 from apad_bridge.scenario.schema import Mission
-from apad_bridge.vehicle.commands import AS_THE_SCENARIO_SAYS, Manoeuvre
+from apad_bridge.vehicle.commands import DEFAULT_MANOEUVRE, Manoeuvre
 from apad_bridge.vehicle.docking import PRE_EMPTED
 from apad_bridge.vehicle.primitives import (
     DockChanged,
@@ -33,10 +33,10 @@ from apad_bridge.vehicle.primitives import (
 
 
 class CommandSource(Protocol):
-    """Whoever gives the orders. Moved by the mission, in the supervisor's thread."""
+    """Gives the orders. The mission calls it in the supervisor's thread."""
 
     def act(self, mission: ManualMission, now_ms: int) -> None:
-        """Gives orders, if it has any, by calling the mission's methods."""
+        """Gives orders, if there are any, by calling the mission's methods."""
         ...
 
     def close(self, reason: str) -> None:
@@ -45,13 +45,13 @@ class CommandSource(Protocol):
 
 
 class ManualMission(OrderBook):
-    """Orders raise Refused, with one line, and then nothing has changed. Slots count from 0 here; NED metres."""
+    """Orders raise Refused, with one line, and then change nothing. Dock indices count from 0; NED metres."""
 
     def __init__(
         self,
         config: Mission,
         max_speed_m_s: float,
-        beliefs: Foretelling,
+        beliefs: PredictingBeliefSource,
         command_sources: Sequence[CommandSource],
         state: MissionState | None = None,
     ) -> None:
@@ -65,15 +65,15 @@ class ManualMission(OrderBook):
         self.paused = False
         self._paused_ms = 0
         self.goto_orders = 0
-        """How many were given."""
+        """Number of accepted orders to go somewhere."""
         self.events = EventLog(config.pool_threshold)
         self._docking_routine = DockingRoutine(config, beliefs, self, self.events)
         self._command_sources = command_sources
         self._target: GoToPoint | None = None
-        """Of the go-to that is running or paused."""
+        """The target of the running or paused go-to."""
         self._begun = False
 
-    # What the supervisor asks of a mission.
+    # The supervisor's interface.
 
     def moved(self, north_m: float, east_m: float) -> None:
         self.pose = (north_m, east_m)
@@ -83,11 +83,13 @@ class ManualMission(OrderBook):
         match outcome:
             case DockChanged(_, dock_index, agent_id, closed):
                 self.dock_changed(dock_index, agent_id, closed)
-                self.events.tell(now_ms, "docked" if closed else "undocked", agent_id, dock_of(dock_index))
+                self.events.record(now_ms, "docked" if closed else "undocked", agent_id, dock_of(dock_index))
             case PrimitiveSucceeded(_, primitive_id):
-                self._ended(primitive_id, Status.DONE, None)
+                self._end_primitive(primitive_id, Status.DONE, None)
             case PrimitiveFailed(_, primitive_id, reason):
-                self._ended(primitive_id, Status.PREEMPTED if reason == PRE_EMPTED else Status.FAILED, reason)
+                self._end_primitive(
+                    primitive_id, Status.PREEMPTED if reason == PRE_EMPTED else Status.FAILED, reason
+                )
         return self.take_orders()
 
     def advance(self, now_ms: int) -> list[Order]:
@@ -99,7 +101,7 @@ class ManualMission(OrderBook):
             self._begun = True
             self.order(HoldPosition(self.next_id(), *self.pose))
             self.snapshot()
-        self.events.look(self.beliefs.all(), now_ms)
+        self.events.compare(self.beliefs.all(), now_ms)
         if not self.paused:
             self._docking_routine.advance(self.pose, now_ms)
         for command_source in self._command_sources:
@@ -115,7 +117,7 @@ class ManualMission(OrderBook):
         return self.take_orders()
 
     def finish(self, reason: str) -> None:
-        """As `end`, from within a front: the orders go out with those of this tick."""
+        """Like `end`, from within a command source: the orders go out with those of this tick."""
         if self.state.phase is Phase.ENDED:
             return
         if self.pose is not None:
@@ -125,44 +127,44 @@ class ManualMission(OrderBook):
         for command_source in self._command_sources:
             command_source.close(reason)
 
-    # What a front may order.
+    # The interface of command sources.
 
     @property
     def is_busy(self) -> bool:
-        """Whether a primitive that ends by itself is under way."""
+        """A primitive that ends by itself is under way."""
         return not self.paused and Status.RUNNING in (self.goto, self.docking)
 
     @property
     def docking(self) -> Status:
-        """Of the last docking or undocking."""
+        """The status of the last docking or undocking."""
         return self._docking_routine.status
 
     @property
     def docking_orders(self) -> int:
-        """How many were given."""
-        return self._docking_routine.given
+        """Number of accepted orders to dock or undock."""
+        return self._docking_routine.order_count
 
     @property
     def failure(self) -> str | None:
-        """Why a primitive failed last."""
+        """The reason of the last failed primitive."""
         return self.events.failure
 
     @property
     def metres_to_go(self) -> float | None:
-        """Of the go-to under way, as the crow flies."""
+        """The straight distance to the target of the go-to under way."""
         if self._target is None or self.pose is None:
             return None
         return math.dist(self.pose, (self._target.north_m, self._target.east_m))
 
     def is_full(self, agent_id: int) -> bool:
-        """Whether it is believed full, as the scenario means it."""
+        """The aMussel is believed full, by the scenario's definition."""
         return self._docking_routine.is_full(agent_id)
 
     def go_to(
         self, north_m: float, east_m: float, speed_m_s: float | None = None, radius_m: float | None = None
     ) -> None:
-        """The scenario's speed and victory radius where none are given."""
-        here = self._place()
+        """Goes to a point; the scenario gives the default speed and victory radius."""
+        here = self._require_place()
         speed_m_s = self.config.speed_m_s if speed_m_s is None else speed_m_s
         radius_m = self.config.victory_radius_m if radius_m is None else radius_m
         if not all(map(math.isfinite, (north_m, east_m, speed_m_s, radius_m))):
@@ -176,13 +178,13 @@ class ManualMission(OrderBook):
             raise Refused(f"a speed of {speed_m_s:g} m/s: apad.max_speed_m_s is {self._max_speed_m_s:g} m/s")
         self._docking_routine.pre_empt(self.now_ms)
         self.goto_orders += 1
-        self._start_going(
+        self._start_go_to(
             GoToPoint(0, north_m, east_m, speed_m_s, radius_m), math.dist(here, (north_m, east_m))
         )
 
     def hold(self, north_m: float | None = None, east_m: float | None = None) -> None:
-        """Dynamic positioning at a point, or where the aPad is; whatever was under way is pre-empted."""
-        here = self._place()
+        """Dynamic positioning at a point, or at the aPad's place; it pre-empts any primitive."""
+        here = self._require_place()
         point = (here[0] if north_m is None else north_m, here[1] if east_m is None else east_m)
         if not all(map(math.isfinite, point)):
             raise Refused("a hold needs finite numbers")
@@ -190,9 +192,9 @@ class ManualMission(OrderBook):
         self._docking_routine.pre_empt(self.now_ms)
         self.order(HoldPosition(self.next_id(), *point))
 
-    def dock(self, dock_index: int, agent_id: int, manoeuvre: Manoeuvre = AS_THE_SCENARIO_SAYS) -> None:
-        """Lets the aMussel surface, waits until it floats, and closes the mechanism around it."""
-        here = self._place()
+    def dock(self, dock_index: int, agent_id: int, manoeuvre: Manoeuvre = DEFAULT_MANOEUVRE) -> None:
+        """Permits the aMussel to surface, waits until it floats, and closes the mechanism around it."""
+        here = self._require_place()
         self._docking_routine.refuse_dock(dock_index, agent_id, here)
         self._docking_routine.pre_empt(self.now_ms)
         if self.goto is Status.RUNNING:
@@ -200,45 +202,45 @@ class ManualMission(OrderBook):
         self._docking_routine.dock(dock_index, agent_id, manoeuvre, here, self.now_ms)
         self.snapshot()
 
-    def undock(self, dock_index: int, manoeuvre: Manoeuvre = AS_THE_SCENARIO_SAYS) -> None:
-        """Opens a mechanism, and tells whom it held that it is clear to sink."""
-        self._place()
+    def undock(self, dock_index: int, manoeuvre: Manoeuvre = DEFAULT_MANOEUVRE) -> None:
+        """Opens a mechanism, and tells its aMussel that it is clear to sink."""
+        self._require_place()
         self._docking_routine.undock(dock_index, manoeuvre, self.now_ms)
         self.snapshot()
 
     def permit_surfacing(self, agent_id: int) -> None:
-        self._place()
-        self._docking_routine.believed(agent_id)
+        self._require_place()
+        self._docking_routine.belief_of(agent_id)
         self.order(PermitSurfacing(agent_id))
 
     def tell_clear(self, agent_id: int) -> None:
-        self._place()
+        self._require_place()
         self.order(TellClear(agent_id))
 
     def pause(self) -> None:
-        """Holds position. A go-to goes on later; a mechanism that was commanded is not stopped half-way."""
-        here = self._place()
+        """Holds position. A go-to goes on later; a commanded mechanism is not stopped half-way."""
+        here = self._require_place()
         self.paused, self._paused_ms = True, self.now_ms
         if self.goto is Status.RUNNING:
             assert self._target is not None
-            # What is heard of the pre-empted one is nobody's.
+            # The outcome of the pre-empted primitive must match no target.
             self._target = replace(self._target, primitive_id=0)
             self.order(HoldPosition(self.next_id(), *here))
         self.snapshot()
 
     def resume(self) -> bool:
-        """Goes on where `pause` stopped; without one nothing happens. Whether there was one."""
+        """Goes on where `pause` stopped. False, and nothing happens, when the mission was not paused."""
         if not self.paused:
             return False
         self.paused = False
         self._docking_routine.paused_for(self.now_ms - self._paused_ms)
         if self.goto is Status.RUNNING and self._target is not None:
-            self._start_going(self._target, 0.0)
+            self._start_go_to(self._target, 0.0)
         return True
 
-    # Smaller acts.
+    # Helpers.
 
-    def _place(self) -> tuple[float, float]:
+    def _require_place(self) -> tuple[float, float]:
         if self.state.phase is Phase.ENDED:
             raise Refused(f"the mission is over: {self.state.ended_by}")
         if self.paused:
@@ -247,7 +249,7 @@ class ManualMission(OrderBook):
             raise Refused("the aPad's place is not known yet")
         return self.pose
 
-    def _start_going(self, target: GoToPoint, metres: float) -> None:
+    def _start_go_to(self, target: GoToPoint, metres: float) -> None:
         self._target = replace(target, primitive_id=self.next_id())
         self.goto = Status.RUNNING
         self.set(cost_m=self.state.cost_m + metres)
@@ -255,17 +257,17 @@ class ManualMission(OrderBook):
         self.order(self._target)
         self.snapshot()
 
-    def _ended(self, primitive_id: int, status: Status, reason: str | None) -> None:
+    def _end_primitive(self, primitive_id: int, status: Status, reason: str | None) -> None:
         if self._target is not None and primitive_id == self._target.primitive_id:
             self._target = None
             self.goto = status
-            self.events.tell(self.now_ms, "goto", status=status, reason=reason)
+            self.events.record(self.now_ms, "goto", status=status, reason=reason)
         else:
             self._docking_routine.ended(primitive_id, status, reason, self.now_ms)
 
 
 def _refuse_far(north_m: float, east_m: float) -> None:
-    """A place left out of a call is 0 degrees north and east, and one in the wrong unit is as far: both are refused."""
+    """Refuses far places, which come from a call without a place (0 degrees north and east) or in a wrong unit."""
     if math.hypot(north_m, east_m) > FARTHEST_M:
         raise Refused(
             f"the goal lies {math.hypot(north_m, east_m):.0f} m from the scenario's origin: is it [latitude, longitude] "

@@ -1,4 +1,4 @@
-"""What every mission keeps and hands over: its state, and the orders and notes of this tick."""
+"""The base of every mission: its state, and the orders and notes of this tick."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from apad_bridge.mission.state import MissionState
 
 
 class OrderBook:
-    """`state` is one frozen value; it is in the journal whenever `snapshot` says so."""
+    """`state` is one frozen value; `snapshot` writes it into the journal."""
 
     def __init__(self, state: MissionState) -> None:
         self.state = state
@@ -23,7 +23,7 @@ class OrderBook:
         return tuple(held.get(dock_index) for dock_index in range(DOCK_COUNT))
 
     def dock_changed(self, dock_index: int, agent_id: int, closed: bool) -> None:
-        """A dock closed around an aMussel, or let it go."""
+        """Notes that a dock closed around an aMussel, or let it go."""
         held = {at: agent for at, agent in self.state.docked if at != dock_index}
         if closed:
             held[dock_index] = agent_id
@@ -44,7 +44,7 @@ class OrderBook:
         self.state = replace(self.state, **changes)  # type: ignore[arg-type]
 
     def next_id(self) -> int:
-        """Of a new primitive."""
+        """The id for a new primitive."""
         self.set(primitive_id=self.state.primitive_id + 1)
         return self.state.primitive_id
 

@@ -1,4 +1,4 @@
-"""What the mission orders besides primitives, and what it tells the journal."""
+"""The mission's orders besides primitives, and its notes for the journal."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from apad_bridge.vehicle.primitives import Primitive
 
 @dataclass(frozen=True, slots=True)
 class PermitSurfacing:
-    """Tell the aMussel, by sound, that an aPad comes for it: it may surface."""
+    """Tell the aMussel, by sound, that it may surface because an aPad comes for it."""
 
     agent_id: int
 

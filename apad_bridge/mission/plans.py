@@ -1,4 +1,4 @@
-"""Plans as the mission gets them from a strategy, which may be a user's, and as it tells them to the journal."""
+"""Checks plans of a strategy, which may be a user's, and writes plans into the journal."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from apad_bridge.planning.costs import Scales, cost_of
 from apad_bridge.planning.solution import Solution, StepKind, check_solution
 
 STRATEGY_FAILED = "failure of strategy"
-"""How a reason begins when a strategy raised, or gave a plan that cannot be flown."""
+"""The start of the reason when a strategy raised an error or gave a plan that cannot be flown."""
 
 
 def asked(name: str, plan: Callable[[], Solution], situation: Situation, kind: StepKind) -> Solution | str:
-    """The strategy's plan if it can be flown; or, for one that fails, why not: it is not ours, and the vehicle is out."""
+    """The strategy's plan if it can be flown, else the reason. A user's error must not raise while a vehicle is out."""
     try:
         solution = plan()
         check_solution(solution, situation, kind)

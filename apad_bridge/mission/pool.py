@@ -1,6 +1,6 @@
-"""Who may be collected, and what a planner is told of them: both from beliefs.
+"""Selects aMussels for collection and describes them for a planner. Both use beliefs only.
 
-Where an aMussel seems to be: by its last packet, or by a belief that is carried past it.
+An aMussel's believed state is that of its last packet, or of a belief that is carried past that packet.
 """
 
 from __future__ import annotations
@@ -23,15 +23,15 @@ def floats(belief: Belief) -> bool:
     return belief.state is State.FLOATING
 
 
-def comes_up(belief: Belief) -> bool:
-    """It floats, or is on its way."""
+def is_surfacing_or_floating(belief: Belief) -> bool:
+    """The aMussel floats, or is on its way to the surface."""
     if belief.is_carried:
         return belief.probability_of(Mode.SURFACING, Mode.FLOATING) >= LIKELY
     return belief.state in (State.FLOATING, State.SURFACING)
 
 
 def can_be_fetched(belief: Belief) -> bool:
-    """An aPad that goes there and permits it to surface finds it."""
+    """An aPad that goes there and permits surfacing finds the aMussel."""
     if belief.is_carried:
         return belief.probability_of(*DOCKED, Mode.LOST) < LIKELY
     return belief.state in TO_BE_FETCHED
@@ -41,22 +41,22 @@ DOCK_COUNT = 4
 
 
 class ChargingPool:
-    """The paper's charging selection pool. One that a step was given up for is left out for a while."""
+    """The paper's charging selection pool. An aMussel whose step was given up stays excluded for a while."""
 
     def __init__(self, config: Mission, beliefs: BeliefSource) -> None:
         self._config = config
         self._beliefs = beliefs
-        self._shunned_until_ms: dict[int, int] = {}
+        self._excluded_until_ms: dict[int, int] = {}
 
     def candidates(self, now_ms: int) -> list[Belief]:
-        """Those heard of late, in the water, at or below the pool's threshold and not lost, by id."""
+        """The aMussels heard of late, in the water, at or below the pool's threshold and not lost, by id."""
         return [belief for belief in self._beliefs.all() if self._is_candidate(belief, now_ms)]
 
     def batch_of(self, candidates: Sequence[Belief]) -> int:
-        """How many of them to collect now; 0: wait for more.
+        """The number of candidates to collect now; 0 means to wait for more.
 
-        Never waited for are more than there are aMussels that can still come up, nor anybody while one that came up for its
-        life lies at the surface with its primary battery empty.
+        The batch is never larger than the number of aMussels that can still come up. The mission does not
+        wait at all while an aMussel that surfaced to survive floats with its primary battery empty.
         """
         left = sum(belief.state not in BEYOND_HELP for belief in self._beliefs.all())
         batch = min(self._config.batch, max(1, left))
@@ -65,8 +65,8 @@ class ChargingPool:
         urgent = any(it.state is State.FLOATING and it.primary <= 0 for it in candidates)
         return len(candidates) if urgent else 0
 
-    def shun(self, agent_id: int, now_ms: int) -> None:
-        self._shunned_until_ms[agent_id] = now_ms + self._silence_ms
+    def exclude(self, agent_id: int, now_ms: int) -> None:
+        self._excluded_until_ms[agent_id] = now_ms + self._silence_ms
 
     @property
     def _silence_ms(self) -> int:
@@ -77,13 +77,13 @@ class ChargingPool:
             belief.probability_at_most(self._config.pool_threshold) >= LIKELY
             and can_be_fetched(belief)
             and (belief.primary > 0 or belief.secondary > 0)
-            and self._shunned_until_ms.get(belief.agent_id, now_ms) <= now_ms
+            and self._excluded_until_ms.get(belief.agent_id, now_ms) <= now_ms
             and (belief.is_carried or now_ms - belief.heard_ms <= self._silence_ms)
         )
 
 
 def unheard(agent_id: int, place_m: tuple[float, float]) -> Belief:
-    """One that a dock holds though it was never heard: it is let go where the aPad stands, and no slot stays taken."""
+    """A placeholder for a docked, never heard aMussel: it is let go at the aPad's place, which frees its dock."""
     return Belief(agent_id, 0, State.CHARGING, 0.0, 0.0, *place_m)
 
 
@@ -93,9 +93,9 @@ def situation_of(
     beliefs: Iterable[Belief],
     docks: Mapping[int, int],
 ) -> Situation:
-    """For a planner: `beliefs` as candidates with their homes, and, for docked ones, the slot of `docks` that holds them.
+    """The planner's input: `beliefs` as candidates with homes, and docked candidates with their dock of `docks`.
 
-    One whose home is not known yet is let go where the aPad stands.
+    An aMussel without a known home is let go at the aPad's place.
     """
     homes = {agent_id: (north_m, east_m) for agent_id, north_m, east_m in state.homes}
     candidates = tuple(

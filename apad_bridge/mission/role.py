@@ -1,4 +1,4 @@
-"""What the supervisor asks of a mission, whichever it is: the paper's, a script's, or one that does what it is told."""
+"""The supervisor's interface to a mission: the paper's, a script's, or one that follows a person's calls."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from apad_bridge.vehicle.primitives import Outcome
 
 
 class Mission(Protocol):
-    """Moved at mission ticks. `state` is one frozen value, journaled in every note of kind `mission`."""
+    """Acts at mission ticks. `state` is one frozen value, journaled in every note of kind `mission`."""
 
     @property
     def state(self) -> MissionState: ...
@@ -21,7 +21,7 @@ class Mission(Protocol):
         ...
 
     def moved(self, north_m: float, east_m: float) -> None:
-        """The aPad is here, in local NED metres."""
+        """Takes the aPad's position, in local NED metres."""
         ...
 
     def receive(self, outcome: Outcome, now_ms: int) -> list[Order]: ...
@@ -29,12 +29,12 @@ class Mission(Protocol):
     def advance(self, now_ms: int) -> list[Order]: ...
 
     def stand_down(self, reason: str, now_ms: int) -> list[Order]:
-        """One of several aPads can do no more: it plans nothing and goes nowhere. Whom its docks hold they go on holding.
+        """One of several aPads can do no more: it plans nothing, goes nowhere and keeps its docked aMussels.
 
-        A second call changes nothing; so does one where somebody else gives the orders.
+        A second call changes nothing, and neither does any call to a mission that follows somebody's orders.
         """
         ...
 
     def end(self, reason: str, now_ms: int) -> list[Order]:
-        """Ends it where it stands; a second call changes nothing."""
+        """Ends the mission at once; a second call changes nothing."""
         ...

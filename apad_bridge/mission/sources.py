@@ -1,4 +1,4 @@
-"""Where a mission's knowledge comes from. There is no way from here to the truth."""
+"""Sources of a mission's beliefs. They give no access to the truth."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ class BeliefSource(Protocol):
     def get(self, agent_id: int) -> Belief | None: ...
 
     def all(self) -> list[Belief]:
-        """Every aMussel that anything is believed of, by id."""
+        """The beliefs about all known aMussels, by id."""
         ...
 
 
-class Foretelling(BeliefSource, Protocol):
+class PredictingBeliefSource(BeliefSource, Protocol):
     @property
     def estimator(self) -> Estimator:
-        """Which carries beliefs on."""
+        """The estimator, which predicts beliefs."""
         ...

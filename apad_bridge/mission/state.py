@@ -1,7 +1,4 @@
-"""The mission's whole state: one frozen value, journaled whenever it changes, from which a resumed run goes on.
-
-Where each aMussel was first heard in the water, which is where it is brought back to.
-"""
+"""The mission's whole state: one frozen value, journaled at every change, from which a resumed run goes on."""
 
 from __future__ import annotations
 
@@ -14,23 +11,9 @@ from apad_bridge.beliefs.belief import Belief
 from apad_bridge.planning.solution import Solution
 from firmware_model.state_groups import DOCKED
 
-Homes = tuple[tuple[int, float, float], ...]
-"""(agent, north, east), by agent."""
-
-
-def with_new_homes(homes: Homes, beliefs: Iterable[Belief]) -> Homes:
-    """The same, and those heard for the first time."""
-    known = {agent_id for agent_id, _, _ in homes}
-    new = [
-        (b.agent_id, b.north_m, b.east_m)
-        for b in beliefs
-        if b.agent_id not in known and b.state not in DOCKED
-    ]
-    return tuple(sorted((*homes, *new))) if new else homes
-
 
 class Phase(StrEnum):
-    """The boxes of the paper's Fig. 7, with each routine's parts apart."""
+    """The boxes of the paper's Fig. 7, with each routine split into its parts."""
 
     IDLE = "idle wait"
     GO_COLLECT = "go to aMussel"
@@ -40,9 +23,9 @@ class Phase(StrEnum):
     GO_DEPLOY = "go to deployment"
     UNDOCK = "undock"
     COMMANDED = "as it is told"
-    """No box of the figure: a script or a person orders what is done."""
+    """No box of the figure: a script or a person gives the orders."""
     STANDS_DOWN = "stands down"
-    """Nor this: one of several aPads cannot go on, and others take over whom it serves."""
+    """No box either: one of several aPads cannot go on, and others take over its aMussels."""
     ENDED = "ended"
 
 
@@ -54,24 +37,24 @@ class MissionState:
     since_ms: int = 0
     plan: Solution = field(default_factory=lambda: Solution(()))
     docked: tuple[tuple[int, int], ...] = ()
-    """(slot, agent) of the closed docks, by slot."""
+    """(dock index, agent) of the closed docks, by dock index."""
     homes: tuple[tuple[int, float, float], ...] = ()
-    """(agent, north, east): where each was first heard, and is brought back to."""
+    """(agent, north, east): the place where each aMussel was first heard and is brought back to."""
     primitive_id: int = 0
-    """Of the primitive under way."""
+    """The id of the primitive under way."""
     attempts: int = 0
     """Permissions sent for the step under way, beyond the first."""
     cost_m: float = 0.0
     services: int = 0
     leaves_full: bool = False
-    """Whether the one whose dock is being opened was believed full when that was ordered: its way down costs charge."""
+    """The aMussel being undocked was believed full at the order, which counts because sinking costs charge."""
     ended_by: str | None = None
 
     def to_json(self) -> dict[str, Any]:
         return {**asdict(self), "plan": self.plan.encode()}
 
     def stood_down(self) -> MissionState:
-        """The same, but that nothing is planned any more, and nothing under way."""
+        """The same state without a plan and with nothing under way."""
         return replace(self, phase=Phase.STANDS_DOWN, plan=Solution(()))
 
     @classmethod
@@ -86,3 +69,18 @@ class MissionState:
                 "homes": tuple((agent_id, north, east) for agent_id, north, east in data["homes"]),
             }
         )
+
+
+Homes = tuple[tuple[int, float, float], ...]
+"""(agent, north, east), by agent: where each aMussel was first heard in the water, and is brought back to."""
+
+
+def with_new_homes(homes: Homes, beliefs: Iterable[Belief]) -> Homes:
+    """Adds the places of aMussels heard for the first time."""
+    known = {agent_id for agent_id, _, _ in homes}
+    new = [
+        (b.agent_id, b.north_m, b.east_m)
+        for b in beliefs
+        if b.agent_id not in known and b.state not in DOCKED
+    ]
+    return tuple(sorted((*homes, *new))) if new else homes

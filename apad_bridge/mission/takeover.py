@@ -1,7 +1,8 @@
-"""A mission that a person may take over, fly by hand, and give back, as the paper's scenario (section V-A) allows.
+"""A mission that a person may take over, fly by hand, and give back (the paper's scenario, section V-A).
 
-Both missions share one state: who is docked, homes, the way so far. While a person flies, nothing is planned; given back,
-the mission begins where its figure begins, with the aMussels aboard charged first.
+Both missions share one state: the docked aMussels, homes, the distance so far. While a person flies, nobody
+plans. After the person gives the aPad back, the mission begins at the start of its figure and charges the
+aMussels aboard first.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from apad_bridge.vehicle.primitives import Outcome
 
 
 class Takeover:
-    """`planned` makes the mission that plans, `by_hand` the one that does what it is told, each from a state."""
+    """`planned` makes the mission that plans, `by_hand` the mission that follows calls, each from a state."""
 
     def __init__(
         self,
@@ -36,7 +37,7 @@ class Takeover:
         self._pose: tuple[float, float] | None = None
         self._orders: list[Order] = []
         self._flying: Mission | ManualMission
-        # A resumed flight goes on in the hands in which it was.
+        # A resumed flight goes on as it was flown, by hand or by the plan.
         self._flying = (
             by_hand(state) if state is not None and state.phase is Phase.COMMANDED else planned(state)
         )
@@ -51,7 +52,7 @@ class Takeover:
 
     @property
     def by_hand(self) -> ManualMission | None:
-        """What does as it is told, while a person has taken over."""
+        """The mission that follows calls, while a person has taken over; else None."""
         return self._flying if isinstance(self._flying, ManualMission) else None
 
     def moved(self, north_m: float, east_m: float) -> None:
@@ -77,13 +78,13 @@ class Takeover:
         return self._flying.end(reason, now_ms)
 
     def finish(self, reason: str) -> None:
-        """As `end`, from within a call."""
+        """Like `end`, from within a call."""
         self._orders += self.end(reason, self._now_ms)
 
     def take_over(self) -> str:
-        """The aPad holds its position and waits for orders; a mechanism that was commanded is not stopped half-way.
+        """The aPad holds its position and waits for orders; a commanded mechanism is not stopped half-way.
 
-        A word for the caller where that is nothing new, else none; so does `give_back`.
+        Like `give_back`, it returns a message when nothing changes, else an empty text.
         """
         if self.by_hand is not None:
             return "the aPad was taken over already"
@@ -92,10 +93,10 @@ class Takeover:
 
     def give_back(self) -> str:
         """Refused while a docking is under way."""
-        hand = self.by_hand
-        if hand is None:
+        manual = self.by_hand
+        if manual is None:
             return "the mission flies the aPad already"
-        if hand.docking is Status.RUNNING:
+        if manual.docking is Status.RUNNING:
             raise Refused("a docking is under way: wait for its end, or order a hold")
         self._change(
             self._planned(replace(self.state, phase=Phase.IDLE, plan=Solution(()), attempts=0)), taken=False
@@ -105,24 +106,24 @@ class Takeover:
     def _change(self, mission: Mission | ManualMission, *, taken: bool) -> None:
         if self.state.phase is Phase.ENDED:
             raise Refused(f"the mission is over: {self.state.ended_by}")
-        if (hand := self.by_hand) is not None:
-            self._orders += hand.take_orders()
+        if (manual := self.by_hand) is not None:
+            self._orders += manual.take_orders()
         self._flying = mission
         if self._pose is not None:
             mission.moved(*self._pose)
         self._orders.append(Note("override", {"taken": taken}))
-        # What the new one begins with goes out before what is ordered of it within the same tick.
+        # The new mission's first orders go out before those that callers give within the same tick.
         self._orders += mission.advance(self._now_ms)
 
 
-def take_over(flown: Flown) -> str:
-    """A person takes the aPad; where it is flown by hand or by a script already, nothing happens but a word."""
-    if isinstance(flown, Takeover):
-        return flown.take_over()
+def take_over(mission: Flown) -> str:
+    """A person takes the aPad over. A flight by hand or by a script needs nothing, and the answer states so."""
+    if isinstance(mission, Takeover):
+        return mission.take_over()
     return "no mission plans in this flight: orders are taken without it"
 
 
-def give_back(flown: Flown) -> str:
-    if not isinstance(flown, Takeover):
+def give_back(mission: Flown) -> str:
+    if not isinstance(mission, Takeover):
         raise Refused("in this flight there is no mission to give the aPad back to")
-    return flown.give_back()
+    return mission.give_back()

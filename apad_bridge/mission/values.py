@@ -1,6 +1,6 @@
-"""What a script is given and told: places, aMussels as they are believed to be, events, statuses. Docks count from 1 here.
+"""Values of the script API: places, believed aMussels, events, statuses. Docks have numbers from 1 here.
 
-The one place where a dock's number becomes the wire's slot, and back, is in this file too.
+Only this file converts a dock's number to its index on the wire, and back.
 """
 
 from __future__ import annotations
@@ -13,19 +13,19 @@ from apad_bridge.mission.pool import DOCK_COUNT
 from apad_bridge.vehicle.commands import Manoeuvre
 
 DOCKS = tuple(range(1, DOCK_COUNT + 1))
-"""As people count them, and the paper's API."""
+"""Dock numbers, as people and the paper's API count them."""
 
 
 KINDS = ("goto", "docking", "docked", "undocked", "heard", "state", "low")
-"""Of events: see `Event`."""
+"""Kinds of events: see `Event`."""
 
 
 class Refused(ValueError):
-    """The API cannot do what it was asked: one line, with the mend. Nothing has changed."""
+    """The API cannot do the request. One line states the reason and the remedy. Nothing has changed."""
 
 
 class Status(IntEnum):
-    """Of a primitive. 0 to 3 are the numbers of the field's aPads (`goto_status`, `docking_status`); 4 is ours."""
+    """Status of a primitive. Field aPads define 0 to 3 (`goto_status`, `docking_status`); 4 is ours."""
 
     IDLE = 0
     RUNNING = 1
@@ -46,7 +46,7 @@ class Location:
 
 @dataclass(frozen=True, slots=True)
 class Agent:
-    """An aMussel as it is believed to be. Charges are the paper's scaled voltage; `age_s` is since it was last heard."""
+    """The belief about an aMussel. Charges are the paper's scaled voltage; `age_s` is since it was last heard."""
 
     id: int
     state: str
@@ -55,16 +55,16 @@ class Agent:
     location: Location
     age_s: float
     dock: int | None
-    """1 to 4, or None for one in the water."""
+    """1 to 4, or None in the water."""
 
 
 @dataclass(frozen=True, slots=True)
 class Event:
-    """Something that happened at mission time `at_s`.
+    """An event at mission time `at_s`.
 
-    `kind` is "goto" or "docking" (a primitive's status changed: see `status`, and `reason` when it failed), "docked",
-    "undocked" (a mechanism closed or opened, asked for or not), "heard" (for the first time), "state" (it is believed in
-    another state, `reason`), "low" (its charge fell to the pool's threshold).
+    `kind` is "goto" or "docking" (a primitive's status changed: see `status`, and `reason` when it failed),
+    "docked", "undocked" (a mechanism closed or opened, ordered or not), "heard" (for the first time), "state"
+    (the aMussel's believed state changed to `reason`), "low" (its charge fell to the pool's threshold).
     """
 
     at_s: float
@@ -76,7 +76,7 @@ class Event:
 
 
 def manoeuvre_of(yaw_rate_rad_s: float | None, surge_m_s: float | None) -> Manoeuvre:
-    """Refused for what is not above 0; None is what the scenario says."""
+    """A Manoeuvre from a script's values; None means the scenario's value. Refused for values not above 0."""
     for what, value in (("yaw rate", yaw_rate_rad_s), ("surge speed", surge_m_s)):
         if value is not None and not 0 < value < math.inf:
             raise Refused(f"a {what} of {value}: it must be above 0, or left out")
@@ -84,12 +84,12 @@ def manoeuvre_of(yaw_rate_rad_s: float | None, surge_m_s: float | None) -> Manoe
 
 
 def dock_index_of(dock: int) -> int:
-    """The wire's slot (0-3) of a dock's number (1-4). Refused for anything else."""
+    """The dock index on the wire (0-3) of a dock's number (1-4). Refused for anything else."""
     if dock not in DOCKS or isinstance(dock, bool):
         raise Refused(f"there is no dock {dock!r}: the docks are {DOCKS[0]} to {DOCKS[-1]}")
     return dock - 1
 
 
 def dock_of(dock_index: int) -> int:
-    """The number of a slot."""
+    """The number (1-4) of a dock index (0-3)."""
     return dock_index + 1

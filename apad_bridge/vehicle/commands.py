@@ -1,8 +1,8 @@
-"""What is said between the docking port and a vehicle, real or simulated.
+"""Commands and facts between the docking port and a vehicle, real or simulated.
 
-Positions are local NED metres, headings radians clockwise from north, times integer milliseconds of mission time.
+Positions are local NED metres, headings radians clockwise from north, times integer ms of mission time.
 Commands are imperatives, facts are past tense; every fact carries the mission time at which it became true.
-A simulated aPad has the three verbs (`next_due_ms`, `advance`, `receive`); a ROS one queues the same facts.
+A simulated aPad has the three verbs (`next_due_ms`, `advance`, `receive`); a ROS link queues the same facts.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class GoTo:
-    """Go to a point and then stay there. `command_id` comes back in `Arrived` or `CommandFailed`."""
+    """Go to a point and then stay there. `Arrived` or `CommandFailed` repeats `command_id`."""
 
     command_id: int
     north_m: float
@@ -23,7 +23,7 @@ class GoTo:
 
 @dataclass(frozen=True, slots=True)
 class Hold:
-    """Hold position dynamically at a point until the next command; it never completes. Without a heading, any will do."""
+    """Hold position dynamically at a point until the next command; never completes. No heading means any heading."""
 
     command_id: int
     north_m: float
@@ -33,16 +33,13 @@ class Hold:
 
 @dataclass(frozen=True, slots=True)
 class Manoeuvre:
-    """How fast a vehicle that docks by its own eyes may turn and approach; None is what the scenario says.
-
-    Other ways of docking have no use for it.
-    """
+    """Limits of turning and approach in a visual docking, ignored by others; None means the scenario's value."""
 
     yaw_rate_rad_s: float | None = None
     surge_m_s: float | None = None
 
 
-AS_THE_SCENARIO_SAYS = Manoeuvre()
+DEFAULT_MANOEUVRE = Manoeuvre()
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +49,7 @@ class CloseDock:
     command_id: int
     dock_index: int
     agent_id: int
-    manoeuvre: Manoeuvre = AS_THE_SCENARIO_SAYS
+    manoeuvre: Manoeuvre = DEFAULT_MANOEUVRE
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,12 +59,12 @@ class OpenDock:
     command_id: int
     dock_index: int
     agent_id: int
-    manoeuvre: Manoeuvre = AS_THE_SCENARIO_SAYS
+    manoeuvre: Manoeuvre = DEFAULT_MANOEUVRE
 
 
 @dataclass(frozen=True, slots=True)
 class MoveArm:
-    """Open or close the arm of dock `dock_index` for people to see: nothing is caught by it, and nothing is answered."""
+    """Open or close the arm of dock `dock_index` for people to see; it catches nothing and gets no answer."""
 
     command_id: int
     dock_index: int
@@ -109,7 +106,7 @@ class CommandFailed:
 
 @dataclass(frozen=True, slots=True)
 class DockClosed:
-    """The mechanism closed: contact with the aMussel is made. The slot is the vehicle's word, and may differ."""
+    """The mechanism closed and made contact. The vehicle reports the dock, which may differ from the command."""
 
     at_ms: int
     dock_index: int

@@ -1,15 +1,14 @@
-"""The docking port: mission primitives in, vehicle commands out; vehicle facts in, outcomes out. Before ANY vehicle.
+"""The docking port turns mission primitives into commands for ANY vehicle, and its facts into outcomes.
 
-The docking profiles live here, so that every stack behind the port behaves alike: `virtual` waits out the docking time
-before it commands the mechanism, `camera` and `visual` command it at once and leave the time to the vehicle. `camera` needs
-a vehicle that docks by its own eyes (`docks_by_eye`), and is `virtual` before any other.
+The docking profiles live here, so that every stack behind the port behaves alike. `virtual` waits out the
+docking time before it commands the mechanism. `camera` and `visual` command the mechanism at once and leave
+the time to the vehicle. `camera` needs a vehicle with visual servoing (`docks_by_eye`); on any other vehicle
+it is `virtual`.
 
-What each event does in each phase of a primitive: one table, two rules.
+`TABLE` alone decides what a primitive does next. The port drops and counts an event that the table does not
+name in the present phase and never raises: such an event is a late or wrong report from the vehicle.
 
-An event that the table does not name in the present phase is dropped and counted, never raised: it is a late or a wrong
-word from the vehicle. Nothing else decides what a primitive does next.
-
-Whether a go-to still gets nearer: vehicles do not say when they are stuck.
+A go-to has a stall watch (`GoToProgress`), because vehicles do not report when they are stuck.
 """
 
 from __future__ import annotations
@@ -34,7 +33,7 @@ from apad_bridge.vehicle.commands import (
     VehicleCommand,
     VehicleFact,
 )
-from apad_bridge.vehicle.docks import DOCK_COUNT, DockTable
+from apad_bridge.vehicle.docks import DOCK_INDICES, DockTable
 from apad_bridge.vehicle.primitives import (
     DockChanged,
     DockMussel,
@@ -55,7 +54,7 @@ class Phase(Enum):
     WAITING = auto()
     """A dock or undock before its mechanism is commanded: the virtual profile's time."""
     ACTING = auto()
-    """The mechanism was commanded; only the vehicle's word or the time-out ends this."""
+    """The mechanism was commanded; only a vehicle's report or the time-out ends this phase."""
 
 
 class Event(Enum):
@@ -76,8 +75,8 @@ class Effect(Enum):
     """Command the mechanism."""
     QUEUE = auto()
     """Keep the new primitive until the running one ends."""
-    AGAIN = auto()
-    """Try the mechanism once more, or fail when it was tried often enough."""
+    RETRY = auto()
+    """Try the mechanism once more, or fail after the last allowed attempt."""
     START = auto()
 
 
@@ -93,7 +92,7 @@ TABLE: dict[tuple[Phase, Event], Effect] = {
     (Phase.WAITING, Event.WAIT_OVER): Effect.ACT,
     (Phase.WAITING, Event.REPLACED): Effect.FAIL,
     (Phase.ACTING, Event.MECHANISM_DONE): Effect.SUCCEED,
-    (Phase.ACTING, Event.COMMAND_FAILED): Effect.AGAIN,
+    (Phase.ACTING, Event.COMMAND_FAILED): Effect.RETRY,
     (Phase.ACTING, Event.TIMED_OUT): Effect.FAIL,
     (Phase.ACTING, Event.REPLACED): Effect.QUEUE,
 }
@@ -102,8 +101,8 @@ TABLE: dict[tuple[Phase, Event], Effect] = {
 PROGRESS_M = 0.5
 
 
-class Progress:
-    """Stalled at `deadline_ms`: `stall_ms` after the distance last shrank by `PROGRESS_M` since it last counted."""
+class GoToProgress:
+    """Watches a go-to, which is stalled at `deadline_ms`: `stall_ms` after its last progress of `PROGRESS_M`."""
 
     def __init__(
         self, north_m: float, east_m: float, stall_ms: int, now_ms: int, pose: PoseReported | None
@@ -112,19 +111,19 @@ class Progress:
         self._stall_ms = stall_ms
         self._nearest_m = math.inf
         self.deadline_ms = now_ms + stall_ms
-        self._heard_ms: int | None = None
+        self._pose_ms: int | None = None
         if pose is not None:
             self._nearest_m = self._distance_m(pose)
 
     def take(self, pose: PoseReported, now_ms: int) -> None:
         distance_m = self._distance_m(pose)
-        self._heard_ms = now_ms
+        self._pose_ms = now_ms
         if distance_m <= self._nearest_m - PROGRESS_M:
             self._nearest_m = distance_m
             self.deadline_ms = now_ms + self._stall_ms
 
-    def why(self) -> str:
-        if self._heard_ms is None or self._heard_ms + self._stall_ms <= self.deadline_ms:
+    def stall_reason(self) -> str:
+        if self._pose_ms is None or self._pose_ms + self._stall_ms <= self.deadline_ms:
             return f"stalled: no pose of the vehicle was heard for {self._stall_ms / 1000:g} s"
         return f"stalled: not {PROGRESS_M:g} m nearer within {self._stall_ms / 1000:g} s, {self._nearest_m:.1f} m to go"
 
@@ -138,13 +137,14 @@ PRE_EMPTED = "pre-empted"
 
 
 class DockingPort:
-    """One primitive at a time; a new one pre-empts the running one, but a mechanism that was commanded is waited for.
+    """Runs one primitive at a time. A new one pre-empts the running one, but a commanded mechanism ends first.
 
-    A mechanism that fails is tried `docking.attempts` times; the first cause is told.
+    The port tries a failing mechanism `docking.attempts` times and reports the first cause.
 
-    Every wait ends: each try of a dock or undock `docking.timeout_s` after it began, a go-to `stall_s` after it last got
-    0.5 m nearer (the vehicle is then told to hold where it was last heard). `first_command_id` lets a port that follows
-    another one on the same vehicle number its commands beyond the other's, so that late words to that one match nothing.
+    Every wait ends. Each try of a dock or undock ends `docking.timeout_s` after it began. A go-to ends
+    `stall_s` after it last got 0.5 m nearer; the port then orders the vehicle to hold at its last known
+    position. A port that follows another port on the same vehicle numbers its commands from
+    `first_command_id`, beyond the other's, so that late answers to the old commands match nothing.
     """
 
     def __init__(
@@ -166,22 +166,22 @@ class DockingPort:
         self._running: Primitive | None = None
         self._queued: Primitive | None = None
         self._command_id: int | None = None
-        """Of the running primitive's command; facts that name another one are late."""
+        """The running primitive's command; facts that name another command are late."""
         self._tries = 0
-        """Of the running primitive's mechanism."""
-        self._first_reason = ""
-        """Why the first of them failed."""
+        """Attempts of the running primitive's mechanism."""
+        self._first_cause = ""
+        """The cause of the first failed attempt."""
         self._arm_dock: int | None = None
-        """Of the arm that was opened for people to see."""
+        """The dock whose arm was opened for people to see."""
         self._act_ms: int | None = None
         self._deadline_ms: int | None = None
-        self._progress: Progress | None = None
+        self._progress: GoToProgress | None = None
         self._pose: PoseReported | None = None
         self.docks = DockTable()
         self.dropped: Counter[str] = Counter()
-        """Words of the vehicle that were of no use, by reason."""
+        """Unusable reports of the vehicle, by reason."""
         self.first_failure: PrimitiveFailed | None = None
-        """The first cause since a go-to, dock or undock last succeeded; pre-emption is none."""
+        """The first cause since a go-to, dock or undock last succeeded. A pre-emption does not count."""
 
     @property
     def running(self) -> Primitive | None:
@@ -194,7 +194,7 @@ class DockingPort:
         return min(dues) if dues else None
 
     def advance(self, now_ms: int) -> list[Action]:
-        """Fire the timers due up to and with `now_ms`. Raises ValueError when time went back."""
+        """Fire the timers due at or before `now_ms`. Raises ValueError when time went back."""
         if now_ms < self._now_ms:
             raise ValueError(f"time went back from {self._now_ms} to {now_ms} ms")
         actions: list[Action] = []
@@ -205,7 +205,7 @@ class DockingPort:
         return actions
 
     def receive(self, stimulus: Primitive | VehicleFact, now_ms: int) -> list[Action]:
-        """Take a primitive from the mission or a fact from the vehicle, after what was due until then."""
+        """Take a primitive from the mission or a fact from the vehicle, after the timers due until then."""
         actions = self.advance(now_ms)
         match stimulus:
             case GoToPoint() | HoldPosition() | DockMussel() | UndockMussel():
@@ -213,13 +213,15 @@ class DockingPort:
             case PoseReported():
                 self._take_pose(stimulus, now_ms)
             case Arrived():
-                self._answer(Event.ARRIVED, stimulus.command_id, now_ms, actions)
+                self._receive_answer(Event.ARRIVED, stimulus.command_id, now_ms, actions)
             case CommandFailed():
-                self._answer(Event.COMMAND_FAILED, stimulus.command_id, now_ms, actions, stimulus.reason)
+                self._receive_answer(
+                    Event.COMMAND_FAILED, stimulus.command_id, now_ms, actions, stimulus.reason
+                )
             case DockClosed() | DockOpened():
                 self._take_dock(stimulus, now_ms, actions)
             case BatteryReported():
-                pass  # the mission's business, which hears it from the vehicle directly
+                pass  # the mission takes the battery's state from the vehicle directly
         return actions
 
     def _order(self, primitive: Primitive, now_ms: int, actions: list[Action]) -> None:
@@ -236,11 +238,11 @@ class DockingPort:
 
     def _start(self, primitive: Primitive, now_ms: int, actions: list[Action]) -> None:
         self._running = primitive
-        self._tries, self._first_reason = 0, ""
+        self._tries, self._first_cause = 0, ""
         match primitive:
             case GoToPoint(_, north_m, east_m, speed_m_s, victory_radius_m):
                 self._phase = Phase.GOING
-                self._progress = Progress(north_m, east_m, self._stall_ms, now_ms, self._pose)
+                self._progress = GoToProgress(north_m, east_m, self._stall_ms, now_ms, self._pose)
                 self._command_id = self._take_command_id()
                 actions.append(GoTo(self._command_id, north_m, east_m, speed_m_s, victory_radius_m))
             case HoldPosition(_, north_m, east_m):
@@ -256,7 +258,7 @@ class DockingPort:
         self._phase = Phase.WAITING
         self._tries += 1
         if isinstance(primitive, DockMussel) and self.docks.dock_index_of(primitive.agent_id) is not None:
-            # Asking again would make the public simulator hold it twice.
+            # A second request would make the public simulator hold the aMussel twice.
             self._apply(Event.MECHANISM_DONE, now_ms, actions)
             return
         self._open_arm(primitive, actions)
@@ -269,7 +271,7 @@ class DockingPort:
             self._apply(Event.WAIT_OVER, now_ms, actions)
 
     def _is_virtual(self, agent_id: int) -> bool:
-        """Of a vehicle without eyes, what a camera would show is docked virtually, in the scenario's time."""
+        """A vehicle without a camera docks `camera` aMussels virtually, in the scenario's time."""
         profile = self._docking.profile_of(agent_id)
         return profile is DockingProfile.VIRTUAL or (
             profile is DockingProfile.CAMERA and not self._docks_by_eye
@@ -284,7 +286,7 @@ class DockingPort:
             self._arm_dock = primitive.dock_index
             actions.append(MoveArm(self._take_command_id(), primitive.dock_index, True))
 
-    def _act(self, actions: list[Action]) -> None:
+    def _command_mechanism(self, actions: list[Action]) -> None:
         primitive = self._running
         assert isinstance(primitive, DockMussel | UndockMussel)
         self._phase = Phase.ACTING
@@ -299,10 +301,10 @@ class DockingPort:
         dock_index = primitive.dock_index if known_dock is None else known_dock
         actions.append(OpenDock(self._command_id, dock_index, primitive.agent_id, primitive.manoeuvre))
 
-    def _answer(
+    def _receive_answer(
         self, event: Event, command_id: int, now_ms: int, actions: list[Action], reason: str = ""
     ) -> None:
-        """A word of the vehicle about one of our commands."""
+        """The vehicle answers one of our commands."""
         if command_id != self._command_id:
             self.dropped[f"{event.name.lower()}: not of the running primitive"] += 1
             return
@@ -317,24 +319,24 @@ class DockingPort:
             self._progress.take(pose, now_ms)
 
     def _take_dock(self, fact: DockClosed | DockOpened, now_ms: int, actions: list[Action]) -> None:
-        if fact.dock_index not in DOCK_COUNT:
-            self.dropped["dock: no such slot"] += 1
+        if fact.dock_index not in DOCK_INDICES:
+            self.dropped["dock: no such dock"] += 1
             return
         closed = isinstance(fact, DockClosed)
         self.docks.take(fact)
         actions.append(DockChanged(fact.at_ms, fact.dock_index, fact.agent_id, closed))
-        asked = DockMussel if closed else UndockMussel
-        if isinstance(self._running, asked) and self._running.agent_id == fact.agent_id:
+        wanted = DockMussel if closed else UndockMussel
+        if isinstance(self._running, wanted) and self._running.agent_id == fact.agent_id:
             self._apply(Event.MECHANISM_DONE, now_ms, actions)
 
     def _apply(self, event: Event, at_ms: int, actions: list[Action], reason: str = "") -> None:
-        """Do what the table says of this event in the present phase."""
+        """Apply the table's effect of this event in the present phase."""
         effect = TABLE.get((self._phase, event))
         if effect is None:
             self.dropped[f"{event.name.lower()}: while {self._phase.name.lower()}"] += 1
         elif effect is Effect.ACT:
-            self._act(actions)
-        elif effect is Effect.AGAIN:
+            self._command_mechanism(actions)
+        elif effect is Effect.RETRY:
             self._try_again(event, at_ms, actions, reason)
         elif effect in (Effect.SUCCEED, Effect.FAIL):
             self._end(effect, event, at_ms, actions, reason)
@@ -342,9 +344,9 @@ class DockingPort:
     def _try_again(self, event: Event, at_ms: int, actions: list[Action], reason: str) -> None:
         primitive = self._running
         assert isinstance(primitive, DockMussel | UndockMussel)
-        self._first_reason = self._first_reason or reason
+        self._first_cause = self._first_cause or reason
         if self._queued is not None or self._tries >= self._docking.attempts:
-            self._end(Effect.FAIL, event, at_ms, actions, self._first_reason)
+            self._end(Effect.FAIL, event, at_ms, actions, self._first_cause)
         else:
             self._command_id = None
             self._start_mechanism(primitive, at_ms, actions)
@@ -374,11 +376,11 @@ class DockingPort:
 
     def _time_out_reason(self) -> str:
         if self._progress is not None:
-            return self._progress.why()
+            return self._progress.stall_reason()
         return f"the vehicle did not answer within {self._docking.timeout_s:g} s"
 
     def _hold_here(self, actions: list[Action]) -> None:
-        """Stop a vehicle that is under way: those of the field keep going to the old goal until told otherwise."""
+        """Stop a vehicle under way: field vehicles keep going to the old goal until the next command."""
         if self._pose is None:
             self.dropped["hold: no pose was ever heard"] += 1
             return

@@ -1,4 +1,4 @@
-"""What the vehicle has said of its docks. Its word wins over what was asked for, and a later word over an earlier one."""
+"""Dock occupancy as the vehicle reports it. Reports override commands, and later reports earlier ones."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from types import MappingProxyType
 
 from apad_bridge.vehicle.commands import DockClosed, DockOpened
 
-DOCK_COUNT = range(4)
+DOCK_INDICES = range(4)
 
 
 class DockTable:
@@ -16,13 +16,13 @@ class DockTable:
 
     @property
     def docked(self) -> Mapping[int, int]:
-        """Agent ids by slot; a live view."""
+        """Agent ids by dock index; a live view."""
         return MappingProxyType(self._agent_by_dock)
 
     def take(self, fact: DockClosed | DockOpened) -> None:
-        """An aMussel is in one dock at most: closing moves it, opening frees it wherever it was thought to be."""
-        if (old := self.dock_index_of(fact.agent_id)) is not None:
-            del self._agent_by_dock[old]
+        """An aMussel is in one dock at most: closing moves it there, opening frees it wherever it was."""
+        if (previous := self.dock_index_of(fact.agent_id)) is not None:
+            del self._agent_by_dock[previous]
         if isinstance(fact, DockClosed):
             self._agent_by_dock[fact.dock_index] = fact.agent_id
 

@@ -1,14 +1,11 @@
-"""What a vehicle link raises when it cannot be flown with.
-
-Failures that are nobody's mistake in what was asked: a peer that died or fell silent.
-"""
+"""Errors of a vehicle link, none a mistake of the caller: a vehicle is not ready, a peer died or fell silent."""
 
 from __future__ import annotations
 
 
 class PeerFailed(RuntimeError):
-    """Something that the run needs failed: one line that says what, what follows from it, and where to look."""
+    """A peer that the run needs failed. One line names the peer, the consequence and the place to look."""
 
 
 class VehicleNotReady(Exception):
-    """One line: which part of the aPad is missing, and what to do."""
+    """A part of the aPad is missing. One line names the part and the remedy."""

@@ -1,4 +1,4 @@
-"""How a flight reaches a vehicle and the docks' contacts: the same for the simulated aPad in-process and for one on ROS."""
+"""A flight's interface to its vehicle and the docks' contacts, alike for an in-process aPad and an aPad on ROS."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from apad_bridge.vehicle.simulated.apad import SimulatedAPad
 
 @dataclass(frozen=True, slots=True)
 class Carried:
-    """A dock holds the aMussel at this place: the world's word to its body, not the mission's."""
+    """A dock holds the aMussel at this place. The fact goes to the aMussel's body, not to the mission."""
 
     at_ms: int
     agent_id: int
@@ -27,7 +27,7 @@ class LetGo:
 
 @dataclass(frozen=True, slots=True)
 class APadSeen:
-    """Where an aPad is that is somebody else's: the world's word to the water, in which its modem hangs."""
+    """The position of an aPad that somebody else commands. It goes to the water, where the aPad's modem hangs."""
 
     at_ms: int
     north_m: float
@@ -39,15 +39,15 @@ LinkFact = VehicleFact | Carried | LetGo | APadSeen
 
 class VehicleLink(Protocol):
     def advance(self, now_ms: int) -> list[LinkFact]:
-        """What became true by mission time `now_ms` and was not told before, each stamped at or before it.
+        """New facts up to mission time `now_ms`, each stamped at or before it and returned once.
 
-        May be called again at the same time: after a docking mechanism was commanded it waits a short, stated wall time
-        for the answer.
+        The caller may repeat the call at the same time: after a command to a docking mechanism it waits a
+        short, stated wall time for the answer.
         """
         ...
 
     def command(self, command: VehicleCommand, now_ms: int) -> None:
-        """Passes the command on; what it brings about comes with a later `advance`."""
+        """Passes the command on; a later `advance` returns its consequences."""
         ...
 
     def close(self) -> None: ...
@@ -63,16 +63,18 @@ class InProcessVehicle:
     def advance(self, now_ms: int) -> list[LinkFact]:
         facts = [*self._facts, *self.apad.advance(now_ms)]
         self._facts = []
-        told: list[LinkFact] = []
+        link_facts: list[LinkFact] = []
         for fact in facts:
-            told.append(fact)
+            link_facts.append(fact)
             if isinstance(fact, DockOpened):
-                told.append(LetGo(fact.at_ms, fact.agent_id))
+                link_facts.append(LetGo(fact.at_ms, fact.agent_id))
             elif isinstance(fact, DockClosed):
-                told.append(Carried(fact.at_ms, fact.agent_id, *self.apad.dock_position(fact.dock_index)))
+                link_facts.append(
+                    Carried(fact.at_ms, fact.agent_id, *self.apad.dock_position(fact.dock_index))
+                )
         for dock_index, agent_id in sorted(self.apad.docked.items()):
-            told.append(Carried(now_ms, agent_id, *self.apad.dock_position(dock_index)))
-        return told
+            link_facts.append(Carried(now_ms, agent_id, *self.apad.dock_position(dock_index)))
+        return link_facts
 
     def command(self, command: VehicleCommand, now_ms: int) -> None:
         self._facts += self.apad.receive(command, now_ms)

@@ -1,4 +1,4 @@
-"""A VehicleLink of a fleet alone: what the vehicle's link tells is passed on as the world's, not as a mission's."""
+"""A VehicleLink for a fleet alone, which passes contacts and the aPad's position to the world, not to a mission."""
 
 from __future__ import annotations
 
@@ -7,20 +7,20 @@ from apad_bridge.vehicle.link import APadSeen, Carried, LetGo, LinkFact, Vehicle
 
 
 class ListeningLink:
-    """For generation B, whose docks are the bench's to know: somebody else's planner docks its aMussels."""
+    """For a generation B aPad: only the bench tracks its docks, while somebody else's planner docks."""
 
     def __init__(self, link: VehicleLink) -> None:
         self._link = link
 
     def advance(self, now_ms: int) -> list[LinkFact]:
-        """The docks' contacts, and where the aPad is."""
-        told: list[LinkFact] = []
+        """The docks' contacts, and the aPad's position."""
+        facts: list[LinkFact] = []
         for fact in self._link.advance(now_ms):
             if isinstance(fact, PoseReported):
-                told.append(APadSeen(fact.at_ms, fact.north_m, fact.east_m))
+                facts.append(APadSeen(fact.at_ms, fact.north_m, fact.east_m))
             elif isinstance(fact, Carried | LetGo | APadSeen):
-                told.append(fact)
-        return told
+                facts.append(fact)
+        return facts
 
     def command(self, command: VehicleCommand, now_ms: int) -> None:
         raise RuntimeError("a fleet alone commands no vehicle")

@@ -1,14 +1,14 @@
-"""What the mission orders of a docking port, and what it hears back.
+"""Primitives that a mission orders from a docking port, and the port's outcomes.
 
-Positions are local NED metres, times integer milliseconds of mission time. `primitive_id` is the mission's own and
-comes back in the outcome.
+Positions are local NED metres, times integer milliseconds of mission time. The mission chooses
+`primitive_id`, and the outcome repeats it.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-from apad_bridge.vehicle.commands import AS_THE_SCENARIO_SAYS, Manoeuvre
+from apad_bridge.vehicle.commands import DEFAULT_MANOEUVRE, Manoeuvre
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,7 +22,7 @@ class GoToPoint:
 
 @dataclass(frozen=True, slots=True)
 class HoldPosition:
-    """Never completes by itself: it succeeds when the next primitive replaces it."""
+    """Hold a position. It never completes by itself and succeeds when the next primitive replaces it."""
 
     primitive_id: int
     north_m: float
@@ -36,17 +36,17 @@ class DockMussel:
     primitive_id: int
     dock_index: int
     agent_id: int
-    manoeuvre: Manoeuvre = AS_THE_SCENARIO_SAYS
+    manoeuvre: Manoeuvre = DEFAULT_MANOEUVRE
 
 
 @dataclass(frozen=True, slots=True)
 class UndockMussel:
-    """Let aMussel `agent_id` go. Where the vehicle has named another slot for it than `dock_index`, its word wins."""
+    """Let aMussel `agent_id` go. A dock that the vehicle reported for it overrides `dock_index`."""
 
     primitive_id: int
     dock_index: int
     agent_id: int
-    manoeuvre: Manoeuvre = AS_THE_SCENARIO_SAYS
+    manoeuvre: Manoeuvre = DEFAULT_MANOEUVRE
 
 
 Primitive = GoToPoint | HoldPosition | DockMussel | UndockMussel
@@ -67,7 +67,7 @@ class PrimitiveFailed:
 
 @dataclass(frozen=True, slots=True)
 class DockChanged:
-    """A dock closed around an aMussel or opened, asked for or not; all but `closed` is the vehicle's word."""
+    """A dock closed or opened, ordered or not. The vehicle reports time, dock and aMussel."""
 
     at_ms: int
     dock_index: int

@@ -1,4 +1,4 @@
-"""What the simulated aPad is behind the manners of either generation: it lives on a grid, and shows what to publish."""
+"""The base of both generations' simulated stacks: a time grid around the simulated aPad, messages out."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from apad_bridge.scenario.faults import Fault
 from apad_bridge.vehicle.simulated.apad import SimulatedAPad
 from apad_bridge.vehicle.simulated.kinematics import Pose
 
-Shown = TypeVar("Shown")
+PublishedT = TypeVar("PublishedT")
 
 
-class LegacyVehicle(ABC, Generic[Shown]):
-    """In mission time, from `start_ms` on. The simulated aPad inside is told times from 0."""
+class LegacyVehicle(ABC, Generic[PublishedT]):
+    """Steps every `grid_ms` in mission time, from `start_ms` on. The times of the aPad inside start at 0."""
 
     def __init__(self, apad: SimulatedAPad, start_ms: int, grid_ms: int, fault: Fault) -> None:
         self.dropped: Counter[str] = Counter()
@@ -23,9 +23,9 @@ class LegacyVehicle(ABC, Generic[Shown]):
         self._fault = fault
         self._now_ms = start_ms
         self._grid_ms = grid_ms
-        self._instant_ms = start_ms - grid_ms
+        self._grid_instant_ms = start_ms - grid_ms
         self._serial = 0
-        """Names commands and what is docked to the aPad inside."""
+        """Numbers the commands to the aPad inside, and the objects docked to it."""
 
     @property
     def now_ms(self) -> int:
@@ -33,7 +33,7 @@ class LegacyVehicle(ABC, Generic[Shown]):
 
     @property
     def next_due_ms(self) -> int:
-        return self._instant_ms + self._grid_ms
+        return self._grid_instant_ms + self._grid_ms
 
     @property
     def pose(self) -> Pose:
@@ -43,24 +43,24 @@ class LegacyVehicle(ABC, Generic[Shown]):
     def battery_percent(self) -> float:
         return 100 * self._apad.battery_fraction
 
-    def advance(self, now_ms: int) -> list[Shown]:
-        """What is to be published up to and with `now_ms`, in order. ValueError when time went back."""
+    def advance(self, now_ms: int) -> list[PublishedT]:
+        """The messages to publish up to and including `now_ms`, in order. ValueError when time went back."""
         if now_ms < self._now_ms:
             raise ValueError(f"time went back from {self._now_ms} to {now_ms} ms")
-        shown: list[Shown] = []
+        published: list[PublishedT] = []
         while (due_ms := self.next_due_ms) <= now_ms:
-            self._instant_ms = self._now_ms = due_ms
-            self._step(due_ms, shown)
+            self._grid_instant_ms = self._now_ms = due_ms
+            self._step(due_ms, published)
         self._now_ms = now_ms
-        return shown
+        return published
 
     @abstractmethod
-    def _step(self, at_ms: int, shown: list[Shown]) -> None:
-        """One instant of the grid: what happened up to it, and what is shown by the clock."""
+    def _step(self, at_ms: int, published: list[PublishedT]) -> None:
+        """One grid instant: appends the messages of events up to `at_ms`, and the periodic messages."""
 
     @property
     def _apad_ms(self) -> int:
-        """What the aPad inside calls now."""
+        """The present time on the clock of the aPad inside."""
         return self._now_ms - self._start_ms
 
     def _next_serial(self) -> int:

@@ -1,6 +1,6 @@
-"""What is heard from an aPad of either generation, freed of ROS. Stamps are mission milliseconds.
+"""ROS-free messages that both generations share, from a real aPad and to publish by the simulated one.
 
-What the simulated aPad of either generation shows, freed of ROS. Stamps are mission milliseconds.
+Stamps are mission milliseconds.
 """
 
 from __future__ import annotations
@@ -9,15 +9,8 @@ from dataclasses import dataclass
 
 from apad_bridge.vehicle.simulated.kinematics import Pose
 
-
-@dataclass(frozen=True, slots=True)
-class PoseShown:
-    at_ms: int
-    pose: Pose
-
-
 UNSTAMPED = -1
-"""Instead of a stamp: whoever empties the inbox knows the time."""
+"""Replaces a missing stamp: the reader of the inbox knows the time."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,14 +23,20 @@ class PoseHeard:
 
 @dataclass(frozen=True, slots=True)
 class StateHeard:
-    """`stateRef`: of ours, the word that everything due by its stamp was handled."""
+    """`stateRef`. Our simulated aPad publishes it when it has handled everything due by its stamp."""
 
     at_ms: int
 
 
 @dataclass(frozen=True, slots=True)
 class BatteryHeard:
-    """Nobody stamps it: `at_ms` is the time of arrival."""
+    """The battery message has no stamp: `at_ms` is the time of arrival."""
 
     at_ms: int
     percent: float
+
+
+@dataclass(frozen=True, slots=True)
+class PoseShown:
+    at_ms: int
+    pose: Pose

@@ -1,4 +1,4 @@
-"""Which aMussels an aPad of generation A holds, made out from `position_static` alone: the only thing it says of docks."""
+"""Derives a generation A aPad's dock occupancy from `position_static`, the only topic about docks."""
 
 from __future__ import annotations
 
@@ -7,15 +7,16 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from apad_bridge.vehicle.commands import DockClosed, DockOpened
-from apad_bridge.vehicle.docks import DOCK_COUNT
+from apad_bridge.vehicle.docks import DOCK_INDICES
 from apad_bridge.vehicle.generation_a.messages import StaticHeard
 from apad_bridge.vehicle.link import Carried, LetGo, LinkFact
 
 RELEASE_SILENCE_MS = 2_000
-"""After a release was ordered, `position_static` silent for so long is the release: the published server crashes in it."""
+"""After a release order, so long a silence of `position_static` counts as the release, because the published
+server crashes in it."""
 SILENCE_MS = 10_000
-"""Without an order. Longer, because a gap in the Wi-Fi is no release; for the same reason silence counts only as far as the
-aPad itself is heard."""
+"""The same without an order. It is longer, because a gap in the Wi-Fi is no release. For the same reason
+silence counts only up to the aPad's own last message."""
 
 
 @dataclass(slots=True)
@@ -24,41 +25,41 @@ class _Holding:
     heard_ms: int
     place_m: tuple[float, float] | None
     is_new: bool
-    """Whether the place was not told yet."""
+    """The place was not returned by `places` yet."""
     release_ms: int | None = None
-    """When its release was ordered."""
+    """The time of the release order."""
 
 
 class DocksByHearsay:
-    """Slots are in the order of perches: the vehicle takes the first free one, whatever was asked.
+    """Docks fill in the order of perches: the vehicle takes the first free dock, whatever the command named.
 
-    `docked`: agents by slot that are known to be held already, at `now_ms`, as after a resume.
+    `docked` are the agents by dock index that the vehicle is known to hold at `now_ms`, as after a resume.
     """
 
     def __init__(self, agent_ids: Iterable[int], docked: Mapping[int, int], now_ms: int = 0) -> None:
         self.dropped: Counter[str] = Counter()
-        self._known = frozenset(agent_ids)
-        self._elsewhere: frozenset[int] = frozenset()
+        self._served = frozenset(agent_ids)
+        self._served_before: frozenset[int] = frozenset()
         self._held = {
             agent_id: _Holding(dock_index, now_ms, None, False)
             for dock_index, agent_id in sorted(docked.items())
         }
 
     def serve(self, agent_ids: Iterable[int]) -> None:
-        """From now on these are of this fleet, or guests; a word of one that no more is, is somebody else's affair."""
-        self._elsewhere |= self._known
-        self._known = frozenset(agent_ids)
-        self._elsewhere -= self._known
+        """Serves these from now on. Messages about free aMussels that it served before do not count as dropped."""
+        self._served_before |= self._served
+        self._served = frozenset(agent_ids)
+        self._served_before -= self._served
 
     def holds(self, agent_id: int) -> bool:
         return agent_id in self._held
 
     def dock_index_of(self, agent_id: int) -> int:
-        """KeyError for one that is not held."""
+        """KeyError for an aMussel that is not held."""
         return self._held[agent_id].dock_index
 
-    def unheard(self, now_ms: int) -> list[int]:
-        """Agents held whose place up to `now_ms` was not heard; one being released is not waited for."""
+    def unreported_ids(self, now_ms: int) -> list[int]:
+        """Held agents without a position up to `now_ms`, except those under release."""
         return [
             agent_id
             for agent_id, holding in self._held.items()
@@ -70,40 +71,40 @@ class DocksByHearsay:
             holding.release_ms = now_ms
 
     def withdraw_release(self, agent_id: int) -> None:
-        """The vehicle refused."""
+        """The vehicle refused the release."""
         if (holding := self._held.get(agent_id)) is not None:
             holding.release_ms = None
 
-    def hear(self, heard: StaticHeard) -> list[LinkFact]:
-        """What changed by it. A place that only moved is told by `places`."""
-        holding = self._held.get(heard.agent_id)
-        if heard.agent_id in self._elsewhere and holding is None:
+    def hear(self, message: StaticHeard) -> list[LinkFact]:
+        """The changes at the docks. A position that only moved comes with `places`."""
+        holding = self._held.get(message.agent_id)
+        if message.agent_id in self._served_before and holding is None:
             return []
-        if heard.agent_id not in self._known | self._elsewhere:
+        if message.agent_id not in self._served | self._served_before:
             self.dropped["position_static of an aMussel that is not of this fleet"] += 1
             return []
-        if heard.released:
+        if message.released:
             if holding is None:
                 self.dropped["release of an aMussel that was not held"] += 1
                 return []
-            return self._open(heard.agent_id, heard.at_ms)
-        place_m = (heard.north_m, heard.east_m)
+            return self._open(message.agent_id, message.at_ms)
+        place_m = (message.north_m, message.east_m)
         if holding is not None:
-            holding.heard_ms, holding.place_m, holding.is_new = heard.at_ms, place_m, True
+            holding.heard_ms, holding.place_m, holding.is_new = message.at_ms, place_m, True
             return []
         taken = {other.dock_index for other in self._held.values()}
-        free = [dock_index for dock_index in DOCK_COUNT if dock_index not in taken]
+        free = [dock_index for dock_index in DOCK_INDICES if dock_index not in taken]
         if not free:
             self.dropped["position_static of more aMussels than there are docks"] += 1
             return []
-        self._held[heard.agent_id] = _Holding(free[0], heard.at_ms, place_m, False)
+        self._held[message.agent_id] = _Holding(free[0], message.at_ms, place_m, False)
         return [
-            DockClosed(heard.at_ms, free[0], heard.agent_id),
-            Carried(heard.at_ms, heard.agent_id, *place_m),
+            DockClosed(message.at_ms, free[0], message.agent_id),
+            Carried(message.at_ms, message.agent_id, *place_m),
         ]
 
     def silent(self, vehicle_heard_ms: int) -> list[LinkFact]:
-        """Opens the docks of those of whom nothing is said any more, though the aPad spoke up to `vehicle_heard_ms`."""
+        """Opens the docks of silent aMussels, while the aPad itself was heard up to `vehicle_heard_ms`."""
         facts: list[LinkFact] = []
         for agent_id, holding in list(self._held.items()):
             if holding.release_ms is None:
@@ -116,13 +117,13 @@ class DocksByHearsay:
         return facts
 
     def places(self) -> list[Carried]:
-        """The newest place of each that was heard since it was last asked for."""
-        told = []
+        """The newest position of each held aMussel that has one since the last call."""
+        carried = []
         for agent_id, holding in sorted(self._held.items()):
             if holding.is_new and holding.place_m is not None:
                 holding.is_new = False
-                told.append(Carried(holding.heard_ms, agent_id, *holding.place_m))
-        return told
+                carried.append(Carried(holding.heard_ms, agent_id, *holding.place_m))
+        return carried
 
     def _open(self, agent_id: int, at_ms: int) -> list[LinkFact]:
         holding = self._held.pop(agent_id)

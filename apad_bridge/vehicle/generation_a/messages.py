@@ -1,6 +1,6 @@
-"""What is heard from, and sent to, an aPad of generation A, freed of ROS. Stamps are mission milliseconds.
+"""ROS-free messages of generation A: goals, the aPad's answers, and the simulated aPad's messages.
 
-What the simulated aPad of generation A is told and shows, freed of ROS. Stamps are mission milliseconds.
+Stamps are mission milliseconds.
 """
 
 from __future__ import annotations
@@ -10,61 +10,12 @@ from enum import Enum, IntEnum
 
 from apad_bridge.vehicle.stack_messages import BatteryHeard, PoseHeard, PoseShown, StateHeard
 
-
-class Outcome(Enum):
-    SUCCEEDED = "succeeded"
-    PREEMPTED = "pre-empted"
-    ABORTED = "aborted"
-
-
-@dataclass(frozen=True, slots=True)
-class Goal:
-    key: str
-    kind: int
-    north_m: float
-    east_m: float
-    name: str
-    """Of the object to perch or release: a bare namespace, as `amussel7`."""
-
-
-@dataclass(frozen=True, slots=True)
-class Held:
-    """Where `name` is held; with `released`, for the last time."""
-
-    at_ms: int
-    name: str
-    north_m: float
-    east_m: float
-    released: bool = False
-
-
-@dataclass(frozen=True, slots=True)
-class SlowShown:
-    """Battery in percent, and for a running go-to the percentage covered, which is negative when it got farther away."""
-
-    at_ms: int
-    battery_percent: float
-    goal_key: str | None
-    covered_percent: float
-
-
-@dataclass(frozen=True, slots=True)
-class Ended:
-    at_ms: int
-    key: str
-    outcome: Outcome
-    reason: str = ""
-
-
-Shown = PoseShown | Held | SlowShown | Ended
-
-
 GO_TO, PERCH, RELEASE = 0, 1, 2
 """Kinds of goals, by their id."""
 
 
 class GoalCode(IntEnum):
-    """Of actionlib_msgs/GoalStatus; LOST is the client's own word."""
+    """Codes of actionlib_msgs/GoalStatus; only the client sets LOST."""
 
     PENDING = 0
     ACTIVE = 1
@@ -88,11 +39,15 @@ ENDS = frozenset(
         GoalCode.LOST,
     }
 )
+"""The codes that end a goal."""
+
+
+# Messages between the bridge and an aPad.
 
 
 @dataclass(frozen=True, slots=True)
 class GoalOrder:
-    """A goal to send: `kind` 0 go to (north, east), 1 perch `name`, 2 release `name`."""
+    """A goal to send: `kind` 0 goes to (north, east), 1 perches `name`, 2 releases `name`."""
 
     key: str
     kind: int
@@ -114,6 +69,8 @@ class StaticHeard:
 
 @dataclass(frozen=True, slots=True)
 class GoalWord:
+    """One goal's status in a GoalsHeard."""
+
     key: str
     code: GoalCode
     text: str = ""
@@ -121,7 +78,7 @@ class GoalWord:
 
 @dataclass(frozen=True, slots=True)
 class GoalsHeard:
-    """The server's status array (`whole`: a goal that is not in it is lost), or one result."""
+    """The server's status array (`whole`: a goal that is missing from it is lost), or one result."""
 
     at_ms: int
     words: tuple[GoalWord, ...]
@@ -129,3 +86,54 @@ class GoalsHeard:
 
 
 Heard = PoseHeard | StateHeard | BatteryHeard | StaticHeard | GoalsHeard
+
+
+# Messages of the simulated aPad: the goals that it takes, and the messages that it publishes.
+
+
+class Outcome(Enum):
+    SUCCEEDED = "succeeded"
+    PREEMPTED = "pre-empted"
+    ABORTED = "aborted"
+
+
+@dataclass(frozen=True, slots=True)
+class Goal:
+    key: str
+    kind: int
+    north_m: float
+    east_m: float
+    name: str
+    """The object to perch or release: a bare namespace, as `amussel7`."""
+
+
+@dataclass(frozen=True, slots=True)
+class Held:
+    """The position at which the aPad holds `name`; with `released`, the last one."""
+
+    at_ms: int
+    name: str
+    north_m: float
+    east_m: float
+    released: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class SlowShown:
+    """Battery in percent, and a running go-to's covered percentage, negative when the distance has grown."""
+
+    at_ms: int
+    battery_percent: float
+    goal_key: str | None
+    covered_percent: float
+
+
+@dataclass(frozen=True, slots=True)
+class Ended:
+    at_ms: int
+    key: str
+    outcome: Outcome
+    reason: str = ""
+
+
+Shown = PoseShown | Held | SlowShown | Ended

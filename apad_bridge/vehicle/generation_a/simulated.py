@@ -1,9 +1,10 @@
-"""The simulated aPad behind generation A's manners, without ROS: goals in, what is to be published out.
+"""The simulated aPad with generation A's behaviour, without ROS: goals in, messages to publish out.
 
-What the published stack does was observed on a running graph; where it surprises, so does this: a perch asks for no
-nearness and takes the first free slot, a fifth one succeeds and does nothing, a cancelled go-to keeps moving, a goal of
-an unknown kind stays active for ever. A goal of generation A carries neither speed nor victory radius: both are this
-vehicle's own. One thing is ours: with `misses`, a perch may abort because the mechanism missed.
+It copies the published stack as observed on a running graph, surprises included: a perch requires no nearness
+and takes the first free dock, a fifth perch succeeds and does nothing, a cancelled go-to keeps moving, and a
+goal of an unknown kind stays active for ever. A goal of generation A carries neither speed nor victory
+radius: both are settings of this vehicle. One behaviour is ours: with `misses`, a perch may abort because the
+mechanism missed.
 """
 
 from __future__ import annotations
@@ -33,12 +34,12 @@ from apad_bridge.vehicle.stack_messages import PoseShown
 HELD_PERIOD_MS = 50
 POSE_PERIOD_MS = 100
 SLOW_PERIOD_MS = 1000
-"""Of battery, feedback and goal status."""
+"""Period of battery, feedback and goal status."""
 _AGENT_NUMBER = re.compile(r"\d+$", re.ASCII)
 
 
 class GenerationAVehicle(LegacyVehicle[Shown]):
-    """Three verbs in mission time, from `start_ms` on."""
+    """The simulated stack of generation A. It has the three verbs in mission time, from `start_ms` on."""
 
     def __init__(
         self,
@@ -55,9 +56,9 @@ class GenerationAVehicle(LegacyVehicle[Shown]):
         self._victory_radius_m = victory_radius_m
         self._misses = misses
         self._goal: Goal | None = None
-        self._goal_from_m = 0.0
+        self._start_distance_m = 0.0
         self._docks: dict[int, tuple[str, int]] = {}
-        """(object, serial of its perch) by slot."""
+        """(object, serial of its perch) by dock index."""
 
     @property
     def free_docks(self) -> list[int]:
@@ -65,61 +66,61 @@ class GenerationAVehicle(LegacyVehicle[Shown]):
 
     @property
     def held(self) -> list[str]:
-        """Objects by slot, the free slots left out."""
+        """The held objects in the order of dock indices, without free docks."""
         return [self._docks[dock_index][0] for dock_index in sorted(self._docks)]
 
     def receive(self, goal: Goal, now_ms: int) -> list[Shown]:
         """A new goal pre-empts the running one, whatever its kind."""
-        shown = self.advance(now_ms)
+        published = self.advance(now_ms)
         if self.has_crashed:
             self.dropped["goal: the action server has crashed"] += 1
-            return shown
-        shown += self._end(Outcome.PREEMPTED, "a new goal came")
+            return published
+        published += self._end(Outcome.PREEMPTED, "a new goal came")
         self._goal = goal
         if goal.kind == GO_TO:
-            return shown + self._go_to(goal)
+            return published + self._go_to(goal)
         if goal.kind == PERCH:
-            return shown + self._perch(goal)
+            return published + self._perch(goal)
         if goal.kind == RELEASE:
-            return shown + self._release(goal)
+            return published + self._release(goal)
         self.dropped["goal: of no known kind, active for ever"] += 1
-        return shown
+        return published
 
     def cancel(self, key: str, now_ms: int) -> list[Shown]:
-        """The goal ends; the vehicle goes on to where it was told to go."""
-        shown = self.advance(now_ms)
+        """Ends the goal; the vehicle still moves to the old target."""
+        published = self.advance(now_ms)
         if self._goal is not None and self._goal.key == key and not self.has_crashed:
-            shown += self._end(Outcome.PREEMPTED, "cancelled")
-        return shown
+            published += self._end(Outcome.PREEMPTED, "cancelled")
+        return published
 
     def set_dock(self, dock_index: int, closed: bool, now_ms: int) -> list[Shown]:
-        """A person's hand on a mechanism. ValueError, with the reason, when refused: nothing changed then."""
+        """A person operates a mechanism. A refusal is a ValueError with its reason and changes nothing."""
         if dock_index not in range(len(OFFSETS_M)):
-            raise ValueError(f"there is no slot {dock_index}")
+            raise ValueError(f"there is no dock {dock_index}")
         if closed:
-            raise ValueError("a slot closes by a perch, which names what it holds")
+            raise ValueError("a dock closes by a perch, which names what it holds")
         if dock_index not in self._docks:
-            raise ValueError(f"slot {dock_index} is open")
+            raise ValueError(f"dock {dock_index} is open")
         return [*self.advance(now_ms), self._let_go(dock_index)]
 
     def change_battery(self, percent_points: float, now_ms: int) -> list[Shown]:
-        """`charging`, or with a minus `draining`; what is no number changes nothing."""
-        shown = self.advance(now_ms)
+        """`charging`, or `draining` with a minus sign. A number that is not finite changes nothing."""
+        published = self.advance(now_ms)
         if math.isfinite(percent_points):
             self._apad.change_battery(percent_points / 100, now_ms - self._start_ms)
         else:
             self.dropped["charging or draining: not finite"] += 1
-        return shown
+        return published
 
     def _go_to(self, goal: Goal) -> list[Shown]:
         pose = self._apad.pose
-        self._goal_from_m = math.hypot(goal.north_m - pose.north_m, goal.east_m - pose.east_m)
+        self._start_distance_m = math.hypot(goal.north_m - pose.north_m, goal.east_m - pose.east_m)
         if self._fault is Fault.STUCK:
             return []
         command = GoTo(
             self._next_serial(), goal.north_m, goal.east_m, self._speed_m_s, self._victory_radius_m
         )
-        return self._ended_by(self._apad.receive(command, self._apad_ms))
+        return self._goal_end(self._apad.receive(command, self._apad_ms))
 
     def _perch(self, goal: Goal) -> list[Shown]:
         free = self.free_docks
@@ -130,7 +131,7 @@ class GenerationAVehicle(LegacyVehicle[Shown]):
             return self._end(Outcome.ABORTED, MISSED)
         dock_index, serial = free[0], self._next_serial()
         facts = self._apad.receive(CloseDock(serial, dock_index, serial), self._apad_ms)
-        if failed := self._ended_by(facts):
+        if failed := self._goal_end(facts):
             return failed
         self._docks[dock_index] = (goal.name, serial)
         return [self._held(dock_index), *self._end(Outcome.SUCCEEDED)]
@@ -156,7 +157,7 @@ class GenerationAVehicle(LegacyVehicle[Shown]):
         return []
 
     def _let_go(self, dock_index: int) -> Held:
-        """The last word about what the slot held. ValueError, and nothing changed, when the mechanism refuses."""
+        """Opens a dock and returns its object's last message. A refusal is a ValueError and changes nothing."""
         last = self._held(dock_index, released=True)
         _, serial = self._docks[dock_index]
         facts = self._apad.receive(OpenDock(self._next_serial(), dock_index, serial), self._apad_ms)
@@ -166,36 +167,36 @@ class GenerationAVehicle(LegacyVehicle[Shown]):
         del self._docks[dock_index]
         return last
 
-    def _ended_by(self, facts: list[VehicleFact]) -> list[Shown]:
-        """Ends of the running goal, which is always the last that the aPad inside was given."""
-        shown: list[Shown] = []
+    def _goal_end(self, facts: list[VehicleFact]) -> list[Shown]:
+        """Ends the running goal if `facts` say so; it is always the last goal that the aPad inside was given."""
+        published: list[Shown] = []
         for fact in facts:
             if isinstance(fact, Arrived) and self._goal is not None and self._goal.kind == GO_TO:
-                shown += self._end(Outcome.SUCCEEDED)
+                published += self._end(Outcome.SUCCEEDED)
             elif isinstance(fact, CommandFailed):
-                shown += self._end(Outcome.ABORTED, fact.reason)
-        return shown
+                published += self._end(Outcome.ABORTED, fact.reason)
+        return published
 
     def _end(self, outcome: Outcome, reason: str = "") -> list[Shown]:
         goal, self._goal = self._goal, None
         return [] if goal is None else [Ended(self._now_ms, goal.key, outcome, reason)]
 
-    def _step(self, at_ms: int, shown: list[Shown]) -> None:
+    def _step(self, at_ms: int, published: list[Shown]) -> None:
         since_ms = at_ms - self._start_ms
-        shown += self._ended_by(self._apad.advance(since_ms))
-        shown += [self._held(dock_index) for dock_index in sorted(self._docks)]
+        published += self._goal_end(self._apad.advance(since_ms))
+        published += [self._held(dock_index) for dock_index in sorted(self._docks)]
         if since_ms % SLOW_PERIOD_MS == 0:
             key = None if self._goal is None else self._goal.key
-            shown.append(SlowShown(at_ms, self.battery_percent, key, self._covered_percent()))
+            published.append(SlowShown(at_ms, self.battery_percent, key, self._covered_percent()))
         if since_ms % POSE_PERIOD_MS == 0:
-            shown.append(PoseShown(at_ms, self.pose))
+            published.append(PoseShown(at_ms, self.pose))
 
     def _held(self, dock_index: int, *, released: bool = False) -> Held:
         return Held(self._now_ms, self._docks[dock_index][0], *self._apad.dock_position(dock_index), released)
 
     def _covered_percent(self) -> float:
         goal, pose = self._goal, self._apad.pose
-        if goal is None or goal.kind != GO_TO or self._goal_from_m == 0:
+        if goal is None or goal.kind != GO_TO or self._start_distance_m == 0:
             return 0.0
         left_m = math.hypot(goal.north_m - pose.north_m, goal.east_m - pose.east_m)
-        return 100 * (1 - left_m / self._goal_from_m)
+        return 100 * (1 - left_m / self._start_distance_m)

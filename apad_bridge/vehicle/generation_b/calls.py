@@ -1,4 +1,4 @@
-"""The one order that counts, until its service has answered: time-outs, and the same order again."""
+"""Sends orders to generation B's services, with time-outs and repeats. Only the last order counts."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from apad_bridge.vehicle.generation_b.messages import Answered, Call, Order
 
 ANSWER_MS = 5_000
-"""A service that has not answered for so long has failed: its node is gone, or its callback hangs."""
-AGAIN_MS = 1_000
+"""A service without an answer for so long has failed: its node is gone, or its callback hangs."""
+RETRY_MS = 1_000
 TRIES = 3
 
 
@@ -19,12 +19,12 @@ class Pending:
     sent_ms: int
     tries: int = 1
     answered_ms: int | None = None
-    again_ms: int | None = None
+    retry_ms: int | None = None
     first_cause: str | None = None
 
 
 class Calls:
-    """Numbers orders and sends each up to `TRIES` times. A new order ends the waiting for the one before."""
+    """Numbers orders and sends each up to `TRIES` times. A new order ends the wait for the previous one."""
 
     def __init__(self) -> None:
         self._number = 0
@@ -33,9 +33,9 @@ class Calls:
 
     @property
     def unanswered(self) -> list[str]:
-        """The order whose service has still to answer, if there is one."""
+        """The order that still waits for its service's answer, if there is one."""
         pending = self.pending
-        if pending is None or pending.answered_ms is not None or pending.again_ms is not None:
+        if pending is None or pending.answered_ms is not None or pending.retry_ms is not None:
             return []
         return [f"order {pending.number}"]
 
@@ -46,12 +46,12 @@ class Calls:
         self.pending, self._to_send = None, []
 
     def take(self) -> list[Call]:
-        """What is to be sent, told once."""
+        """The calls to send, returned once."""
         calls, self._to_send = self._to_send, []
         return calls
 
-    def hear(self, answer: Answered) -> None:
-        """Answers to orders that were replaced meanwhile change nothing."""
+    def receive(self, answer: Answered) -> None:
+        """Takes a service's answer. Answers to replaced orders change nothing."""
         pending = self.pending
         if pending is None or answer.number != pending.number or pending.answered_ms is not None:
             return
@@ -60,25 +60,25 @@ class Calls:
         else:
             self._refuse(pending, answer.refused, answer.at_ms)
 
-    def failed(self, now_ms: int) -> str | None:
-        """Sends again what is due; the first cause, when the order was tried often enough."""
+    def retry_or_fail(self, now_ms: int) -> str | None:
+        """Repeats a due call; after the last try returns the first cause."""
         pending = self.pending
         if pending is None or pending.answered_ms is not None:
             return None
-        if pending.again_ms is None and now_ms - pending.sent_ms >= ANSWER_MS:
+        if pending.retry_ms is None and now_ms - pending.sent_ms >= ANSWER_MS:
             self._refuse(pending, f"its service did not answer within {ANSWER_MS / 1000:g} s", now_ms)
-        if pending.again_ms is None or now_ms < pending.again_ms:
+        if pending.retry_ms is None or now_ms < pending.retry_ms:
             return None
         if pending.tries >= TRIES:
             self.pending = None
             return pending.first_cause
         pending.tries += 1
-        pending.number, pending.sent_ms, pending.again_ms = self._send(pending.order), now_ms, None
+        pending.number, pending.sent_ms, pending.retry_ms = self._send(pending.order), now_ms, None
         return None
 
     def _refuse(self, pending: Pending, reason: str, at_ms: int) -> None:
         pending.first_cause = pending.first_cause or reason
-        pending.again_ms = at_ms + AGAIN_MS
+        pending.retry_ms = at_ms + RETRY_MS
 
     def _send(self, order: Order) -> int:
         self._number += 1

@@ -1,6 +1,7 @@
-"""Which aMussels the docks of an aPad of generation B hold. That stack says nothing of it: here the bench is the world.
+"""Dock occupancy of a generation B aPad. The stack reports none, so the bench keeps it.
 
-A simulated aMussel is held where the slot is, at the aPad's side, and is carried along. A real one is only noted.
+The bench holds a simulated aMussel at its dock, beside the aPad, and carries it along. It only notes a real
+aMussel.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ from collections.abc import Iterable, Mapping
 
 from apad_bridge.scenario.lab_interface.messages import DockSaid
 from apad_bridge.vehicle.commands import CloseDock, CommandFailed, DockOpened, OpenDock, PoseReported
-from apad_bridge.vehicle.docks import DOCK_COUNT
+from apad_bridge.vehicle.docks import DOCK_INDICES
 from apad_bridge.vehicle.generation_b.messages import dock_direction_rad
 from apad_bridge.vehicle.link import Carried, LetGo, LinkFact
 from apad_bridge.vehicle.simulated.docks import Docks
@@ -19,13 +20,13 @@ from apad_bridge.vehicle.simulated.misses import MISSED, Misses
 from apad_bridge.vehicle.telemetry import Sight, why_out_of_reach
 
 DOCK_M = 0.4
-"""From the aPad's middle to an aMussel in a slot: assumed, a little more than half the hull."""
+"""From the aPad's middle to an aMussel in a dock: assumed, a little more than half the hull."""
 REACH_M = 1.5
-"""An aMussel farther from the aPad than this was not caught by a docking that nobody named it for."""
+"""A docking that names no aMussel catches none beyond this distance."""
 
 
-class DocksByBench:
-    """`docked` are agents by slot that are known to be held already, as after a resume."""
+class BenchDocks:
+    """`docked` are the agents by dock index that are known to be held already, as after a resume."""
 
     def __init__(
         self, simulated_ids: Iterable[int], docked: Mapping[int, int], misses: Misses, sight: Sight
@@ -39,12 +40,12 @@ class DocksByBench:
             self._docks.close(CloseDock(0, dock_index, agent_id), 0)
 
     def serve(self, simulated_ids: Iterable[int]) -> None:
-        """From now on these are simulated, whoever's they are."""
+        """From now on these aMussels are simulated, whichever fleet they belong to."""
         self._simulated = sorted(simulated_ids)
 
     @property
     def held(self) -> Mapping[int, int]:
-        """Agents by slot; a live view."""
+        """Agents by dock index; a live view."""
         return self._docks.docked
 
     def holds(self, agent_id: int) -> bool:
@@ -54,7 +55,7 @@ class DocksByBench:
         return self._docks.refusal(command)
 
     def is_out_of_reach(self, command: CloseDock, pose: PoseReported | None, now_ms: int) -> bool:
-        """Whether a simulated aMussel is known to float elsewhere than where the slot closed."""
+        """A simulated aMussel is known to float elsewhere than at the closed dock."""
         there_m = self._sight(now_ms).get(command.agent_id)
         return (
             there_m is not None
@@ -63,15 +64,15 @@ class DocksByBench:
         )
 
     def close(self, command: CloseDock, pose: PoseReported | None, now_ms: int) -> list[LinkFact]:
-        """The contact is made, or missed."""
-        refused = self._docks.refusal(command)
+        """Makes the contact, or fails as `misses`, the distance or the docks require."""
+        refusal_reason = self._docks.refusal(command)
         is_simulated = command.agent_id in self._simulated
-        if refused is None and is_simulated:
-            refused = why_out_of_reach(command.agent_id, pose, self._sight, now_ms)
-        if refused is None and is_simulated and self._misses.misses(command.agent_id):
-            refused = MISSED
-        if refused is not None:
-            return [CommandFailed(now_ms, command.command_id, refused)]
+        if refusal_reason is None and is_simulated:
+            refusal_reason = why_out_of_reach(command.agent_id, pose, self._sight, now_ms)
+        if refusal_reason is None and is_simulated and self._misses.misses(command.agent_id):
+            refusal_reason = MISSED
+        if refusal_reason is not None:
+            return [CommandFailed(now_ms, command.command_id, refusal_reason)]
         facts: list[LinkFact] = [self._docks.close(command, now_ms)]
         if is_simulated and pose is not None:
             facts.append(self._carried(command.dock_index, command.agent_id, pose, now_ms))
@@ -83,36 +84,36 @@ class DocksByBench:
             return [fact, LetGo(now_ms, command.agent_id)]
         return [fact]
 
-    def take_word(self, word: DockSaid, pose: PoseReported | None) -> list[LinkFact]:
-        """A dock that closed or opened by others' hands: whose it was is made out by id, else by place and slot."""
-        agent_id, dock_index = word.agent_id, word.dock_index
-        if not word.closed:
+    def apply_report(self, report: DockSaid, pose: PoseReported | None) -> list[LinkFact]:
+        """Applies a report that others docked or undocked an aMussel, found by its id or else by place and dock."""
+        agent_id, dock_index = report.agent_id, report.dock_index
+        if not report.closed:
             if agent_id is None and dock_index is not None:
                 agent_id = self.held.get(dock_index)
             found = next((it for it, holder in self.held.items() if holder == agent_id), None)
             if agent_id is None or found is None:
                 self.dropped["a release by others: of nothing that is held"] += 1
                 return []
-            return self.open(OpenDock(0, found, agent_id), word.at_ms)
+            return self.open(OpenDock(0, found, agent_id), report.at_ms)
         if agent_id is None and pose is not None:
-            agent_id = self._caught(dock_index, pose, word.at_ms)
+            agent_id = self._caught(dock_index, pose, report.at_ms)
         if agent_id is None:
             self.dropped["a docking by others: no simulated aMussel was near"] += 1
             return []
         if self.holds(agent_id):
             return []
         if dock_index is None or dock_index in self.held:
-            dock_index = next((it for it in DOCK_COUNT if it not in self.held), None)
+            dock_index = next((it for it in DOCK_INDICES if it not in self.held), None)
         if dock_index is None:
             self.dropped["a docking by others: all docks are taken"] += 1
             return []
-        closed: list[LinkFact] = [self._docks.close(CloseDock(0, dock_index, agent_id), word.at_ms)]
+        closed: list[LinkFact] = [self._docks.close(CloseDock(0, dock_index, agent_id), report.at_ms)]
         if agent_id in self._simulated and pose is not None:
-            closed.append(self._carried(dock_index, agent_id, pose, word.at_ms))
+            closed.append(self._carried(dock_index, agent_id, pose, report.at_ms))
         return closed
 
     def _caught(self, dock_index: int | None, pose: PoseReported, now_ms: int) -> int | None:
-        """The simulated aMussel nearest to where `dock_index` closed, if one is within reach and in no dock."""
+        """The free simulated aMussel nearest to the closed dock, if one is within reach."""
         place_m = (pose.north_m, pose.east_m) if dock_index is None else dock_place_m(dock_index, pose)
         near = [
             (math.dist(place_m, there_m), agent_id)
@@ -137,6 +138,6 @@ class DocksByBench:
 
 
 def dock_place_m(dock_index: int, pose: PoseReported) -> tuple[float, float]:
-    """Where a slot holds its aMussel, (north, east): the hull turns, and its slots with it."""
+    """The place at which a dock holds its aMussel, (north, east): the docks turn with the hull."""
     bearing_rad = pose.heading_rad + dock_direction_rad(dock_index)
     return pose.north_m + DOCK_M * math.cos(bearing_rad), pose.east_m + DOCK_M * math.sin(bearing_rad)

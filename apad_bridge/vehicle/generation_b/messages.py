@@ -1,14 +1,7 @@
-"""What is sent to, and heard from, an aPad of generation B, freed of ROS. Stamps are mission milliseconds.
+"""ROS-free messages of generation B: orders, the aPad's answers, and the simulated aPad's messages.
 
-Its primitives are services that answer at once; how they end is told by status topics, and by an event of one text.
-
-What is asked of an aPad of generation B, by whichever road, as orders. Requests are met by their fields: no ROS in here.
-
-The simulated vehicle moves alike in all directions, straight to where it shall be. So of a go-to it takes place, speed and
-victory radius; which axes are enabled, whether it is fully actuated, depth, altitude, and topics to take heading or speed
-from mean nothing to it.
-
-What the simulated aPad of generation B shows, freed of ROS. Stamps are mission milliseconds.
+The stack's primitives are services that answer at once. Status topics, and an event of one text, tell how
+they end. Requests of any origin become orders here, by their fields alone. Stamps are mission milliseconds.
 """
 
 from __future__ import annotations
@@ -23,22 +16,22 @@ from apad_bridge.vehicle.stack_messages import BatteryHeard, PoseHeard, PoseShow
 
 PRIMITIVE_FINISHED = "/PRIMITIVE_FINISHED"
 CAMERA_SERVO = (0.1, 0.46, 0.75, 1.0)
-"""What `kinect_out` says while the camera looks towards each dock."""
+"""The values of `kinect_out` while the camera looks towards each dock."""
 PULL_BACK_MS = 8_000
 PULL_BACK_M_S = 0.3
 SERVO_MS = 27_000
-"""So long docking and undocking stand still in their own callback, before anything else, while the boat drifts."""
+"""Docking and undocking first stand still for so long in their own callback, while the boat drifts."""
 DETECTION_MS = 1_000
-"""A detection older than this is none, and the primitive searches."""
+"""The primitive ignores older detections and searches."""
 
 
 def dock_direction_rad(dock_index: int) -> float:
-    """Where a dock is, clockwise from the bow."""
+    """The direction of a dock, clockwise from the bow."""
     return math.remainder(dock_index * math.pi / 2, math.tau)
 
 
 class Status(IntEnum):
-    """Of `goto_status` and `docking_status`."""
+    """Values of `goto_status` and `docking_status`."""
 
     IDLE = 0
     RUNNING = 1
@@ -54,6 +47,9 @@ class Primitive(StrEnum):
     DOCKING = "docking"
 
 
+# Orders.
+
+
 @dataclass(frozen=True, slots=True)
 class GoToOrder:
     north_m: float
@@ -64,7 +60,7 @@ class GoToOrder:
 
 @dataclass(frozen=True, slots=True)
 class PositionOrder:
-    """Hold there until something else is asked; without a heading, any will do."""
+    """Hold a position until the next order; no heading means any heading."""
 
     north_m: float
     east_m: float
@@ -73,7 +69,7 @@ class PositionOrder:
 
 @dataclass(frozen=True, slots=True)
 class DockingOrder:
-    """Dock or, without `docks`, undock by the vehicle's own eyes. It names a slot and no aMussel."""
+    """Dock or, without `docks`, undock by visual servoing. The order names a dock and no aMussel."""
 
     docks: bool
     dock_index: int
@@ -88,22 +84,18 @@ Order = GoToOrder | PositionOrder | DockingOrder
 
 @dataclass(frozen=True, slots=True)
 class Call:
-    """An order under a number that its answer comes back with."""
+    """An order under a number, which its answer repeats."""
 
     number: int
     order: Order
 
 
-@dataclass(frozen=True, slots=True)
-class Arm:
-    """`dock_out`: which arms stand open, by slot."""
-
-    is_open: tuple[bool, bool, bool, bool]
+# Messages from the aPad.
 
 
 @dataclass(frozen=True, slots=True)
 class Answered:
-    """A service's answer: it only says that the order was taken, or why not."""
+    """A service's answer: it took the order, or `refused` states why not."""
 
     at_ms: int
     number: int
@@ -112,7 +104,7 @@ class Answered:
 
 @dataclass(frozen=True, slots=True)
 class StatusHeard:
-    """`goto_status`, or with `docking` the other one."""
+    """`goto_status`, or `docking_status` with `docking`."""
 
     at_ms: int
     docking: bool
@@ -128,7 +120,7 @@ class FinishedHeard:
 
 @dataclass(frozen=True, slots=True)
 class PilotHeard:
-    """`manual`: whether a person steers."""
+    """`manual`: a person steers, or no longer does."""
 
     at_ms: int
     steers: bool
@@ -138,15 +130,21 @@ class PilotHeard:
 class ArmHeard:
     at_ms: int
     dock_index: int | None
-    """The slot whose arm stands open; None while none does."""
+    """The dock whose arm stands open; None while all arms are closed."""
 
 
 Heard = PoseHeard | StateHeard | BatteryHeard | Answered | StatusHeard | FinishedHeard | PilotHeard | ArmHeard
 
 
+# Requests to the simulated aPad, as orders.
+#
+# The simulated vehicle moves alike in all directions, straight to its goal. So it takes place, speed and victory
+# radius of a go-to, and ignores the enabled axes, full actuation, depth, altitude, and the topics for references of
+# heading or speed.
+
 SIMPLE_VICTORY_RADIUS_M = 1.5
 _DOCKING = DockingOrder(True, 0, 0.2, 0.3, 0.15, 0.2)
-"""A simple docking names no rates. Assumed, for the laboratory's own are not public."""
+"""A simple docking names no rates. Assumed, because the laboratory's own are not public."""
 
 
 def go_to(request: Any) -> GoToOrder:
@@ -184,11 +182,22 @@ def simple_docking(request: Any) -> DockingOrder:
 def goal(wanted: Any) -> GoToOrder:
     """A goal of the action `go2point`: to T2, in the local frame whatever its header names.
 
-    T1, where the line to be followed begins, is not looked at: this vehicle goes straight from where it is. Neither are
-    `subtype` and `heading` (under- or fully actuated, with or without a heading): it moves in all directions, and its bow
-    turns towards T2. Nor are `ref_type` and `topics`: nobody publishes references here, and the goal's own speed holds.
+    The function ignores T1, where the line to be followed begins, because this vehicle goes straight from
+    where it is. It ignores `subtype` and `heading` (under- or fully actuated, with or without a heading),
+    because the vehicle moves in all directions and turns its bow towards T2. It ignores `ref_type` and
+    `topics`, because nobody publishes references here and the goal's own speed holds.
     """
     return GoToOrder(wanted.T2.point.x, wanted.T2.point.y, wanted.speed, wanted.victory_radius)
+
+
+# Messages that the simulated aPad publishes.
+
+
+@dataclass(frozen=True, slots=True)
+class Arm:
+    """`dock_out`: the state of the arms, by dock index."""
+
+    is_open: tuple[bool, bool, bool, bool]
 
 
 @dataclass(frozen=True, slots=True)
@@ -227,7 +236,7 @@ class Finished:
 
 @dataclass(frozen=True, slots=True)
 class GoToBegun:
-    """Of what lies below the services: whoever ordered, and by whichever road."""
+    """A go-to began below the services, whoever ordered it and whichever way the order came."""
 
     at_ms: int
     order: GoToOrder
@@ -235,7 +244,7 @@ class GoToBegun:
 
 @dataclass(frozen=True, slots=True)
 class GoToLeft:
-    """What is left of the way: metres, and the direction clockwise from north."""
+    """The rest of the way: metres, and the direction clockwise from north."""
 
     at_ms: int
     distance_m: float
@@ -244,7 +253,7 @@ class GoToLeft:
 
 @dataclass(frozen=True, slots=True)
 class GoToEnded:
-    """DONE, PREEMPTED, or IDLE for one that was aborted."""
+    """`status` is DONE, PREEMPTED, or IDLE for an aborted go-to."""
 
     status: Status
     pose: Pose

@@ -1,14 +1,10 @@
-"""The simulated aPad behind generation B's manners, without ROS: orders and detections in, what is to be published out.
+"""The simulated aPad with generation B's behaviour, without ROS: orders and detections in, messages out.
 
-Where the published stack surprises, so does this. An order is taken at once and its end told by topics. Nothing has a
-time-out. Whatever ends leaves the controllers off, and the water takes the boat. Dynamic positioning holds until something
-else is asked. Docking and undocking first stand still for 27 s; docking then searches, for ever if need be, and approaches
-what it sees (`generation_b_servoing`). It holds no aMussel by itself: whether one was caught, the stack never says.
-
-The law of generation B's visual servoing, as read from its source: what the camera says turns the boat and drives it.
-
-Without a detection younger than a second it searches, by turning. With one: yaw rate = max * tanh(horizontal), surge =
-max * exp(-horizontal^2 / (2 * stdev^2)) towards the slot, until `docking_vertical` lies in (0.8, 0.9), which is the end.
+It copies the published stack, surprises included. The stack takes an order at once and reports its end on
+topics. Nothing has a time-out. The end of any primitive leaves the controllers off, and the water takes the
+boat. Dynamic positioning holds until the next order. Docking and undocking first stand still for 27 s;
+docking then searches, for ever if need be, and approaches the detected aMussel (`servoing`). It holds no
+aMussel by itself: the stack never reports whether it caught one.
 """
 
 from __future__ import annotations
@@ -53,7 +49,7 @@ CLOSE_ENOUGH = (0.8, 0.9)
 
 @dataclass(frozen=True, slots=True)
 class Detection:
-    """What the camera says of an aMussel: in image coordinates, 0 the middle and 1 an edge."""
+    """The camera's detection of an aMussel: in image coordinates, 0 the middle and 1 an edge."""
 
     at_ms: int
     horizontal: float
@@ -61,7 +57,12 @@ class Detection:
 
 
 def servoing(order: DockingOrder, seen: Detection | None, now_ms: int) -> Steer | None:
-    """How the boat is steered at `now_ms`; None when it has docked."""
+    """Generation B's law of visual servoing, read from its source: the steering at `now_ms`; None when docked.
+
+    Without a detection younger than a second the boat searches, by turning. With a detection, yaw rate =
+    max * tanh(horizontal) and surge = max * exp(-horizontal^2 / (2 * stdev^2)) towards the dock, until
+    `docking_vertical` lies in (0.8, 0.9), which is the end.
+    """
     towards_rad = dock_direction_rad(order.dock_index)
     if seen is None or now_ms - seen.at_ms > DETECTION_MS:
         return Steer(0.0, towards_rad, order.search_yaw_rate_rad_s)
@@ -73,9 +74,9 @@ def servoing(order: DockingOrder, seen: Detection | None, now_ms: int) -> Steer 
 
 
 SLOW_PERIOD_MS = 1000
-"""Of battery and statuses, which are told whenever they change, too."""
+"""Period of battery and statuses; a changed status goes out at once, too."""
 _AT_ONCE = {Fault.DROPS: Status.PREEMPTED, Fault.LIES: Status.DONE}
-"""How a go-to ends as soon as it is begun."""
+"""The status with which a go-to ends as soon as it begins."""
 _WANDERS_MS = 5_000
 _CLOSED = Arm((False, False, False, False))
 
@@ -88,12 +89,12 @@ class Stage(Enum):
     SERVO = auto()
     """Docking or undocking, standing still in its own callback."""
     SERVOING = auto()
-    """Docking: searching, or approaching what is seen."""
+    """Docking: searching, or approaching the detected aMussel."""
     PULLING = auto()
 
 
 class GenerationBVehicle(LegacyVehicle[Shown]):
-    """Three verbs in mission time, from `start_ms` on."""
+    """The simulated stack of generation B. It has the three verbs in mission time, from `start_ms` on."""
 
     def __init__(self, apad: SimulatedAPad, start_ms: int = 0, fault: Fault = Fault.NONE) -> None:
         super().__init__(apad, start_ms, STEP_MS, fault)
@@ -102,7 +103,7 @@ class GenerationBVehicle(LegacyVehicle[Shown]):
         self._order: Order | None = None
         self._paused: Order | None = None
         self._statuses = {False: Status.IDLE, True: Status.IDLE}
-        """By whether it is the docking's."""
+        """The status of go-tos under False, of dockings under True."""
         self._horizontal = 0.0
         self._seen: Detection | None = None
         self._is_manual = False
@@ -113,172 +114,172 @@ class GenerationBVehicle(LegacyVehicle[Shown]):
 
     @property
     def takes(self) -> bool | None:
-        """What its services answer; None when they never do."""
+        """The services' answer to an order; None when they never answer."""
         return {Fault.REFUSES: False, Fault.HANGS: None}.get(self._fault, True)
 
     def receive(self, order: Order, now_ms: int) -> list[Shown]:
-        """Takes an order, whatever is under way. One that names what cannot be is taken too, and aborted."""
+        """Takes an order, whatever is under way. The stack takes an impossible order too, and aborts it."""
         if not self.takes:
             return self.advance(now_ms)
-        shown = self.advance(now_ms)
-        self._end(Status.PREEMPTED, shown, finished=self._stage is not Stage.OFF)
+        published = self.advance(now_ms)
+        self._end(Status.PREEMPTED, published, finished=self._stage is not Stage.OFF)
         self._order = order
         match order:
             case GoToOrder(north_m, east_m, speed_m_s, victory_radius_m):
                 self._enter(Stage.GOING)
-                self._tell(GoToBegun(self._now_ms, order), shown)
-                self._tell_status(False, Status.RUNNING, shown)
+                self._publish(GoToBegun(self._now_ms, order), published)
+                self._publish_status(False, Status.RUNNING, published)
                 if self._fault in _AT_ONCE:
-                    self._end(_AT_ONCE[self._fault], shown, finished=True)
+                    self._end(_AT_ONCE[self._fault], published, finished=True)
                 elif not (speed_m_s > 0 and victory_radius_m > 0):
                     self.dropped["go2point: speed or victory radius is not above 0"] += 1
-                    self._end(Status.IDLE, shown, finished=True)
+                    self._end(Status.IDLE, published, finished=True)
                 elif self._fault is not Fault.STUCK:
                     self._command(
-                        GoTo(self._next_serial(), north_m, east_m, speed_m_s, victory_radius_m), shown
+                        GoTo(self._next_serial(), north_m, east_m, speed_m_s, victory_radius_m), published
                     )
             case PositionOrder(north_m, east_m, heading_rad):
                 self._enter(Stage.POSITIONING)
-                self._command(Hold(self._next_serial(), north_m, east_m, heading_rad), shown)
+                self._command(Hold(self._next_serial(), north_m, east_m, heading_rad), published)
             case DockingOrder():
-                self._begin_docking(order, shown)
-        return shown
+                self._begin_docking(order, published)
+        return published
 
     def stop(self, now_ms: int) -> list[Shown]:
         """`stop_mission`: the primitive ends, and with it the controllers."""
-        shown = self.advance(now_ms)
-        self._end(Status.PREEMPTED, shown, finished=self._stage is not Stage.OFF)
-        return shown
+        published = self.advance(now_ms)
+        self._end(Status.PREEMPTED, published, finished=self._stage is not Stage.OFF)
+        return published
 
     def pause(self, now_ms: int) -> list[Shown]:
-        """`pause_mission`: as a stop, but `go_on` begins the same primitive again."""
+        """`pause_mission`: a stop after which `go_on` begins the same primitive again."""
         self._paused = self._order
         return self.stop(now_ms)
 
     def go_on(self, now_ms: int) -> list[Shown]:
-        """`continue_mission`: of nothing that was paused it makes nothing."""
+        """`continue_mission`: begins the paused primitive again; without one nothing happens."""
         order, self._paused = self._paused, None
         return self.advance(now_ms) if order is None else self.receive(order, now_ms)
 
     def detect(self, horizontal: float | None, vertical: float | None, now_ms: int) -> list[Shown]:
-        """A word of the camera: each of the two comes on a topic of its own. A detection is whole with the second."""
-        shown = self.advance(now_ms)
+        """Takes a camera message. Each coordinate has its own topic; `vertical`, the second, ends a detection."""
+        published = self.advance(now_ms)
         if horizontal is not None:
             self._horizontal = horizontal
         if vertical is not None:
             self._seen = Detection(now_ms, self._horizontal, vertical)
-        return shown
+        return published
 
     def load(self, dock_index: int, closed: bool, now_ms: int) -> list[Shown]:
-        """The bench says what a dock holds: charging it costs energy. The stack itself knows nothing of it."""
-        shown = self.advance(now_ms)
+        """The bench, not the stack, sets a dock's occupancy, because charging costs energy."""
+        published = self.advance(now_ms)
         serial = self._next_serial()
         holder = self._apad.docked.get(dock_index)
         if closed:
             self._apad.receive(CloseDock(serial, dock_index, serial), now_ms - self._start_ms)
         elif holder is not None:
             self._apad.receive(OpenDock(serial, dock_index, holder), now_ms - self._start_ms)
-        return shown
+        return published
 
     def set_manual(self, steers: bool, now_ms: int) -> list[Shown]:
-        """A pilot's joystick: while it is in use, primitives are pre-empted and none is begun."""
-        shown = self.advance(now_ms)
+        """A pilot takes or leaves the joystick. It pre-empts primitives, and none begins while it is in use."""
+        published = self.advance(now_ms)
         if steers and not self._is_manual:
-            self._end(Status.PREEMPTED, shown, finished=self._stage is not Stage.OFF)
+            self._end(Status.PREEMPTED, published, finished=self._stage is not Stage.OFF)
         self._is_manual = steers
-        return shown
+        return published
 
-    def _begin_docking(self, order: DockingOrder, shown: list[Shown]) -> None:
+    def _begin_docking(self, order: DockingOrder, published: list[Shown]) -> None:
         if order.dock_index not in range(len(CAMERA_SERVO)):
-            self.dropped["docking: no such slot"] += 1
+            self.dropped["docking: no such dock"] += 1
             self._order = None
             return
         self._enter(Stage.SERVO)
         self._seen = None
-        self._tell_status(True, Status.RUNNING, shown)
-        shown.append(CameraTurned(self._now_ms, CAMERA_SERVO[order.dock_index]))
+        self._publish_status(True, Status.RUNNING, published)
+        published.append(CameraTurned(self._now_ms, CAMERA_SERVO[order.dock_index]))
         if order.docks:
-            self._open_arm(order.dock_index, shown)
-        self._command(Coast(), shown)
+            self._open_arm(order.dock_index, published)
+        self._command(Coast(), published)
 
-    def _open_arm(self, dock_index: int, shown: list[Shown]) -> None:
+    def _open_arm(self, dock_index: int, published: list[Shown]) -> None:
         is_open = [it == dock_index for it in range(4)]
-        shown.append(ArmShown(self._now_ms, Arm((is_open[0], is_open[1], is_open[2], is_open[3]))))
+        published.append(ArmShown(self._now_ms, Arm((is_open[0], is_open[1], is_open[2], is_open[3]))))
 
-    def _step(self, at_ms: int, shown: list[Shown]) -> None:
-        """One instant of the grid: what the boat did, what the primitive makes of it, what is told by the clock."""
+    def _step(self, at_ms: int, published: list[Shown]) -> None:
+        """One grid instant: the boat's events, the primitive's reaction, and the periodic messages."""
         for fact in self._apad.advance(at_ms - self._start_ms):
             if isinstance(fact, Arrived) and self._stage is Stage.GOING:
-                self._end(Status.DONE, shown, finished=True)
+                self._end(Status.DONE, published, finished=True)
             elif isinstance(fact, CommandFailed):
-                self._end(Status.IDLE, shown, finished=True)
+                self._end(Status.IDLE, published, finished=True)
         wanders = self._fault is Fault.WANDERS and self._stage is Stage.POSITIONING
         if wanders and at_ms - self._stage_ms >= _WANDERS_MS:
-            self._end(Status.IDLE, shown, finished=True)
+            self._end(Status.IDLE, published, finished=True)
         if isinstance(self._order, DockingOrder):
-            self._servo(self._order, at_ms, shown)
+            self._servo(self._order, at_ms, published)
         elif isinstance(self._order, GoToOrder):
-            self._tell(self._left(self._order), shown)
-        shown.append(PoseShown(at_ms, self.pose))
+            self._publish(self._left(self._order), published)
+        published.append(PoseShown(at_ms, self.pose))
         if (at_ms - self._start_ms) % SLOW_PERIOD_MS == 0:
-            shown.append(BatteryShown(at_ms, self.battery_percent))
+            published.append(BatteryShown(at_ms, self.battery_percent))
             for docking in (False, True):
-                self._tell_status(docking, self._statuses[docking], shown)
+                self._publish_status(docking, self._statuses[docking], published)
 
-    def _servo(self, order: DockingOrder, at_ms: int, shown: list[Shown]) -> None:
+    def _servo(self, order: DockingOrder, at_ms: int, published: list[Shown]) -> None:
         since_ms = at_ms - self._stage_ms
         if self._stage is Stage.SERVO and since_ms >= SERVO_MS:
             if order.docks:
                 self._enter(Stage.SERVOING)
             else:
                 self._enter(Stage.PULLING)
-                self._open_arm(order.dock_index, shown)
+                self._open_arm(order.dock_index, published)
                 astern_rad = dock_direction_rad(order.dock_index) + math.pi
-                self._command(Steer(PULL_BACK_M_S, astern_rad, 0.0), shown)
+                self._command(Steer(PULL_BACK_M_S, astern_rad, 0.0), published)
         elif self._stage is Stage.PULLING and since_ms >= PULL_BACK_MS:
-            self._end(Status.DONE, shown, finished=True)
+            self._end(Status.DONE, published, finished=True)
         if self._stage is Stage.SERVOING:
             steered = servoing(order, self._seen, at_ms)
             if steered is None:
-                self._end(Status.DONE, shown, finished=True)
+                self._end(Status.DONE, published, finished=True)
             else:
-                self._command(steered, shown)
+                self._command(steered, published)
 
-    def _end(self, status: Status, shown: list[Shown], *, finished: bool) -> None:
-        """Whatever is under way is over: its status, its event, its arm, and the controllers off."""
+    def _end(self, status: Status, published: list[Shown], *, finished: bool) -> None:
+        """Ends the primitive under way: publishes its status and event, closes the arm, turns the controllers off."""
         stage, order, self._order = self._stage, self._order, None
         self._enter(Stage.OFF)
         if stage is Stage.GOING:
             if isinstance(order, GoToOrder):
-                self._tell(GoToEnded(status, self.pose, self._left(order)), shown)
-            self._tell_status(False, status, shown)
+                self._publish(GoToEnded(status, self.pose, self._left(order)), published)
+            self._publish_status(False, status, published)
         elif stage in (Stage.SERVO, Stage.SERVOING, Stage.PULLING):
-            shown.append(ArmShown(self._now_ms, _CLOSED))
-            self._tell_status(True, status, shown)
+            published.append(ArmShown(self._now_ms, _CLOSED))
+            self._publish_status(True, status, published)
         if finished:
-            self._tell(Finished(self._now_ms), shown)
+            self._publish(Finished(self._now_ms), published)
             self._apad.receive(Coast(), self._apad_ms)
 
-    def _command(self, command: GoTo | Hold | Coast | Steer, shown: list[Shown]) -> None:
+    def _command(self, command: GoTo | Hold | Coast | Steer, published: list[Shown]) -> None:
         if self._is_manual and not isinstance(command, Coast):
             self.dropped["order: a pilot steers"] += 1
-            self._end(Status.PREEMPTED, shown, finished=True)
+            self._end(Status.PREEMPTED, published, finished=True)
             return
         for fact in self._apad.receive(command, self._apad_ms):
             if isinstance(fact, CommandFailed):
-                self._end(Status.IDLE, shown, finished=True)
+                self._end(Status.IDLE, published, finished=True)
 
     def _enter(self, stage: Stage) -> None:
         self._stage, self._stage_ms = stage, self._now_ms
 
-    def _tell_status(self, docking: bool, status: Status, shown: list[Shown]) -> None:
+    def _publish_status(self, docking: bool, status: Status, published: list[Shown]) -> None:
         self._statuses[docking] = status
-        self._tell(StatusShown(self._now_ms, docking, status), shown)
+        self._publish(StatusShown(self._now_ms, docking, status), published)
 
-    def _tell(self, word: Shown, shown: list[Shown]) -> None:
-        """A word of how a primitive stands."""
+    def _publish(self, message: Shown, published: list[Shown]) -> None:
+        """Publishes a primitive's state, unless the fault silences it."""
         if self._fault is not Fault.SILENT:
-            shown.append(word)
+            published.append(message)
 
     def _left(self, order: GoToOrder) -> GoToLeft:
         north_m, east_m = order.north_m - self.pose.north_m, order.east_m - self.pose.east_m

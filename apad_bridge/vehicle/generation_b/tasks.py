@@ -1,9 +1,7 @@
-"""What an aPad of generation B was told to do, and how it goes: one go-to, hold or docking by its own eyes at a time.
+"""Runs the tasks of a generation B aPad: one go-to, hold or visual docking at a time.
 
-Each order has its tries and its time-outs, a vehicle that dropped one is noticed, and whatever ends is followed by dynamic
-positioning. While a pilot steers nothing is ordered.
-
-Dockings of generation B that nobody here ordered: by a person's hand, or another's planner. They name no aMussel.
+Each order has its tries and time-outs. The bridge notices a vehicle that dropped an order, and it orders
+dynamic positioning after the end of every task. It orders nothing while a pilot steers.
 """
 
 from __future__ import annotations
@@ -25,35 +23,38 @@ from apad_bridge.vehicle.commands import (
     VehicleCommand,
 )
 from apad_bridge.vehicle.generation_b.calls import Calls
-from apad_bridge.vehicle.generation_b.docks import DocksByBench
+from apad_bridge.vehicle.generation_b.docks import BenchDocks
 from apad_bridge.vehicle.generation_b.messages import Order, PositionOrder, Status
-from apad_bridge.vehicle.generation_b.primitives import Going, Holding, ServoDocking, holding_of
+from apad_bridge.vehicle.generation_b.primitives import GoToTask, HoldTask, ServoTask, hold_task_of
 from apad_bridge.vehicle.link import LinkFact
 from apad_bridge.vehicle.telemetry import Readings
 
 
-class HandDocking:
-    """Its slot is the one whose arm was last seen to open; whether it docks or undocks follows from what the slot holds."""
+class ExternalDocking:
+    """Follows dockings that nobody here ordered: a person's, or another planner's. They name no aMussel.
+
+    The dock is the last dock whose arm opened. A full dock means an undocking, a free dock a docking.
+    """
 
     def __init__(self) -> None:
         self.dropped: Counter[str] = Counter()
         self._dock: int | None = None
         self._since_ms: int | None = None
-        """When one was first heard to run that was not heard to end."""
+        """The time of the first RUNNING of the present docking; None without one."""
 
     @property
     def runs(self) -> bool:
         return self._since_ms is not None
 
     def is_left_alone(self, now_ms: int, timeout_s: float) -> bool:
-        """One that runs is not cut short, for as long as a docking of ours would have."""
+        """A running docking is not cut short, for as long as a docking of ours may take."""
         return self._since_ms is not None and now_ms - self._since_ms < timeout_s * 1000
 
-    def see_arm(self, dock_index: int) -> None:
+    def note_open_arm(self, dock_index: int) -> None:
         self._dock = dock_index
 
-    def hear(self, status: Status, at_ms: int, held: Mapping[int, int]) -> DockSaid | None:
-        """What a word on `docking_status` tells of a dock, when it ends a docking that was seen to run."""
+    def receive(self, status: Status, at_ms: int, held: Mapping[int, int]) -> DockSaid | None:
+        """The change of a dock, when this message of `docking_status` ends a docking that was running."""
         if status is Status.RUNNING:
             self._since_ms = at_ms if self._since_ms is None else self._since_ms
             return None
@@ -71,9 +72,9 @@ PILOT = "a pilot steers the aPad"
 
 
 class Tasks:
-    """Orders go to `calls`; what became of the commands is in `take`. Poses are read from `readings`."""
+    """Sends orders through `calls`, reads poses from `readings`, returns results of commands from `take`."""
 
-    def __init__(self, docking: Docking, docks: DocksByBench, readings: Readings) -> None:
+    def __init__(self, docking: Docking, docks: BenchDocks, readings: Readings) -> None:
         self.calls = Calls()
         self.pilot_steers = False
         self._docking = docking
@@ -81,33 +82,33 @@ class Tasks:
         self._readings = readings
         self._dropped: Counter[str] = Counter()
         self._facts: list[LinkFact] = []
-        self._going: Going | None = None
-        self._servo: ServoDocking | None = None
-        self._holding: Holding | None = None
+        self._go_to_task: GoToTask | None = None
+        self._servo_task: ServoTask | None = None
+        self._hold_task: HoldTask | None = None
         self._goal_m: tuple[float, float] | None = None
-        """Where the last go-to led: there the aMussel was believed to be."""
-        self._hand = HandDocking()
+        """The last go-to's goal: the believed place of the aMussel."""
+        self._external = ExternalDocking()
 
     @property
     def dropped(self) -> Counter[str]:
-        return self._dropped + self._hand.dropped
+        return self._dropped + self._external.dropped
 
     def take(self) -> list[LinkFact]:
-        """What became true, told once."""
+        """New facts, returned once."""
         facts, self._facts = self._facts, []
         return facts
 
     def command(self, command: VehicleCommand, now_ms: int) -> None:
-        if self._servo is not None and self._servo.has_let_go and not isinstance(command, MoveArm):
-            self._servo.waits = command
+        if self._servo_task is not None and self._servo_task.has_let_go and not isinstance(command, MoveArm):
+            self._servo_task.next_command = command
             return
         match command:
             case GoTo(_, north_m, east_m):
                 self._goal_m = (north_m, east_m)
                 self._go(command, now_ms)
             case Hold():
-                self._hold(holding_of(command, now_ms))
-            case MoveArm():  # the link's: nothing is answered
+                self._hold(hold_task_of(command, now_ms))
+            case MoveArm():  # the link moves arms; they give no answer
                 pass
             case CloseDock(_, _, agent_id) | OpenDock(_, _, agent_id):
                 if self._docking.profile_of(agent_id) is not DockingProfile.VIRTUAL:
@@ -115,49 +116,53 @@ class Tasks:
                 elif isinstance(command, OpenDock):
                     self._facts += self._docks.open(command, now_ms)
                 else:
-                    # The port has waited out the time, and the bench makes the contact.
+                    # The port has waited out the docking time, and the bench makes the contact.
                     self._facts += self._docks.close(command, self._pose, now_ms)
 
-    def hear_status(self, docking: bool, status: Status, at_ms: int) -> None:
+    def receive_status(self, docking: bool, status: Status, at_ms: int) -> None:
         pending = self.calls.pending
         answered = pending is not None and pending.answered_ms is not None
         if docking:
-            if self._servo is None:
-                self._hear_hand(status, at_ms)
-            elif self._servo.hear(status, at_ms, answered=answered):
-                self._servo_done(self._servo, at_ms)
-        elif self._going is not None and self._going.hear(status, at_ms, self._pose, answered=answered):
-            if self._going.is_near(self._pose):
-                self._arrive(self._going.command, at_ms)
+            if self._servo_task is None:
+                self._receive_external(status, at_ms)
+            elif self._servo_task.receive(status, at_ms, answered=answered):
+                self._servo_done(self._servo_task, at_ms)
+        elif self._go_to_task is not None and self._go_to_task.receive(
+            status, at_ms, self._pose, answered=answered
+        ):
+            if self._go_to_task.is_near(self._pose):
+                self._arrive(self._go_to_task.command, at_ms)
             else:
-                distance_m = self._going.distance_m(self._pose)
+                distance_m = self._go_to_task.distance_m(self._pose)
                 self._fail(f"the aPad says it arrived, {distance_m:.1f} m from the goal", at_ms)
-        elif self._holding is not None and self._holding.hear_going(status, at_ms, answered=answered):
+        elif self._hold_task is not None and self._hold_task.receive_goto_status(
+            status, at_ms, answered=answered
+        ):
             self._dropped["goto_status: somebody else sent the aPad away from where it shall hold"] += 1
 
-    def _hear_hand(self, status: Status, at_ms: int) -> None:
-        """A docking that nobody here ordered: it is let end, and has then left the controllers off."""
-        did_run = self._hand.runs
-        if (word := self._hand.hear(status, at_ms, self._docks.held)) is not None:
-            self.hear_dock(word)
-        if did_run and not self._hand.runs and self._holding is not None:
-            self._holding.is_lost = True
+    def _receive_external(self, status: Status, at_ms: int) -> None:
+        """Lets a docking that nobody here ordered end; it then leaves the controllers off."""
+        did_run = self._external.runs
+        if (report := self._external.receive(status, at_ms, self._docks.held)) is not None:
+            self.hear_dock(report)
+        if did_run and not self._external.runs and self._hold_task is not None:
+            self._hold_task.is_lost = True
 
-    def hear_arm(self, dock_index: int, at_ms: int) -> None:
-        """The arm of `dock_index` was seen to open: of an undocking it lets go."""
-        self._hand.see_arm(dock_index)
-        servo = self._servo
+    def receive_arm(self, dock_index: int, at_ms: int) -> None:
+        """The arm of `dock_index` opened. An undocking lets its aMussel go then."""
+        self._external.note_open_arm(dock_index)
+        servo = self._servo_task
         if servo is None or servo.has_let_go or not isinstance(servo.command, OpenDock):
             return
         if servo.command.dock_index == dock_index:
             servo.has_let_go = True
             self._facts += self._docks.open(servo.command, at_ms)
 
-    def hear_dock(self, word: DockSaid) -> None:
-        self._facts += self._docks.take_word(word, self._pose)
+    def hear_dock(self, report: DockSaid) -> None:
+        self._facts += self._docks.apply_report(report, self._pose)
 
-    def hear_pilot(self, steers: bool, at_ms: int) -> None:
-        """A pilot is never fought: what was under way has failed, and nothing is ordered until the sticks are let go."""
+    def receive_pilot(self, steers: bool, at_ms: int) -> None:
+        """A pilot takes or leaves the controls. The bridge never fights a pilot: it fails the running command and waits."""
         if steers == self.pilot_steers:
             return
         self.pilot_steers = steers
@@ -165,46 +170,46 @@ class Tasks:
             self.calls.forget()
             if (command := self._under_way) is not None:
                 self._facts.append(CommandFailed(at_ms, command.command_id, PILOT))
-                self._begin()
-        elif self._going is not None:
-            self._go(self._going.command, at_ms)
-        elif self._servo is not None:
-            self._order(self._servo.first_order, at_ms)
-        elif self._holding is not None and self._holding.command is not None:
-            self._hold(holding_of(self._holding.command, at_ms))
+                self._clear()
+        elif self._go_to_task is not None:
+            self._go(self._go_to_task.command, at_ms)
+        elif self._servo_task is not None:
+            self._order(self._servo_task.first_order, at_ms)
+        elif self._hold_task is not None and self._hold_task.command is not None:
+            self._hold(hold_task_of(self._hold_task.command, at_ms))
         else:
             self._hold_here(at_ms)
 
-    def tell_again(self, now_ms: int) -> None:
-        """The vehicle may have been rebooted, and know of nothing any more. A docking has its own time-out."""
-        if self._going is not None:
-            self._go(self._going.command, now_ms)
-        elif self._holding is not None:
-            self._hold_again(self._holding, now_ms)
+    def resend(self, now_ms: int) -> None:
+        """Repeats an order that a rebooted vehicle may have forgotten. A docking has its own time-out."""
+        if self._go_to_task is not None:
+            self._go(self._go_to_task.command, now_ms)
+        elif self._hold_task is not None:
+            self._hold_again(self._hold_task, now_ms)
 
     def watch(self, now_ms: int) -> None:
-        """What is over by its time, by silence, or by where the vehicle is."""
-        if (cause := self.calls.failed(now_ms)) is not None:
+        """Ends tasks by time-out, by silence, or by the vehicle's position."""
+        if (cause := self.calls.retry_or_fail(now_ms)) is not None:
             if self._commanded is not None:
                 self._fail(cause, now_ms)
             else:
                 self._dropped[f"hold after the end of a primitive: {cause}"] += 1
-                if self._holding is not None:
-                    self._holding.told_ms = now_ms
-        if self._going is not None:
-            self._watch_going(self._going, now_ms)
-        elif self._servo is not None:
-            self._watch_servo(self._servo, now_ms)
-        elif self._holding is not None and self._shall_hold_again(self._holding, now_ms):
+                if self._hold_task is not None:
+                    self._hold_task.ordered_ms = now_ms
+        if self._go_to_task is not None:
+            self._watch_go_to(self._go_to_task, now_ms)
+        elif self._servo_task is not None:
+            self._watch_servo(self._servo_task, now_ms)
+        elif self._hold_task is not None and self._must_hold_again(self._hold_task, now_ms):
             self._dropped["the aPad did not hold its position, and was told again"] += 1
-            self._hold_again(self._holding, now_ms)
+            self._hold_again(self._hold_task, now_ms)
 
-    def _shall_hold_again(self, holding: Holding, now_ms: int) -> bool:
-        """What another ordered is not cut short, for as long as a docking of ours would have."""
+    def _must_hold_again(self, task: HoldTask, now_ms: int) -> bool:
+        """Another party's order is not cut short, for as long as a docking of ours may take."""
         timeout_s = self._docking.timeout_s
-        if holding.is_left_alone(now_ms, timeout_s) or self._hand.is_left_alone(now_ms, timeout_s):
+        if task.is_left_alone(now_ms, timeout_s) or self._external.is_left_alone(now_ms, timeout_s):
             return False
-        return holding.is_astray(self._pose, now_ms)
+        return task.is_astray(self._pose, now_ms)
 
     @property
     def _pose(self) -> PoseReported | None:
@@ -212,80 +217,80 @@ class Tasks:
 
     @property
     def _under_way(self) -> GoTo | CloseDock | OpenDock | None:
-        if self._going is not None:
-            return self._going.command
-        return None if self._servo is None else self._servo.command
+        if self._go_to_task is not None:
+            return self._go_to_task.command
+        return None if self._servo_task is None else self._servo_task.command
 
     @property
     def _commanded(self) -> GoTo | CloseDock | OpenDock | Hold | None:
-        held = None if self._holding is None else self._holding.command
+        held = None if self._hold_task is None else self._hold_task.command
         return self._under_way or held
 
     def _order(self, order: Order, now_ms: int) -> None:
         if not self.pilot_steers:
             self.calls.order(order, now_ms)
 
-    def _begin(self) -> None:
-        """Nothing is under way, and nothing held."""
-        self._going = self._servo = self._holding = None
+    def _clear(self) -> None:
+        """Forgets the present task and hold."""
+        self._go_to_task = self._servo_task = self._hold_task = None
 
     def _fail(self, reason: str, at_ms: int) -> None:
-        """The command under way has failed; the vehicle is held where it is."""
+        """Reports the present command as failed and holds the vehicle where it is."""
         if (command := self._commanded) is not None:
             self._facts.append(CommandFailed(at_ms, command.command_id, reason))
         self._hold_here(at_ms)
 
     # Holding.
 
-    def _hold(self, holding: Holding) -> None:
-        self._begin()
-        self._holding = holding
-        self._order(holding.order, holding.told_ms)
+    def _hold(self, task: HoldTask) -> None:
+        self._clear()
+        self._hold_task = task
+        self._order(task.order, task.ordered_ms)
 
-    def _hold_again(self, holding: Holding, now_ms: int) -> None:
-        self._order(holding.tell_again(now_ms), now_ms)
+    def _hold_again(self, task: HoldTask, now_ms: int) -> None:
+        self._order(task.renew(now_ms), now_ms)
 
     def _hold_here(self, now_ms: int) -> None:
-        """Whatever ended left the controllers off."""
-        self._begin()
+        """Holds the present position, because the end of a task leaves the controllers off."""
+        self._clear()
         if self._pose is not None:
-            self._hold(Holding(PositionOrder(self._pose.north_m, self._pose.east_m), now_ms))
+            self._hold(HoldTask(PositionOrder(self._pose.north_m, self._pose.east_m), now_ms))
 
     # Going.
 
     def _go(self, command: GoTo, now_ms: int) -> None:
-        self._begin()
-        self._going = Going(command)
-        if (order := self._going.order) is None:
+        self._clear()
+        self._go_to_task = GoToTask(command)
+        if (order := self._go_to_task.order) is None:
             self._fail("the aPad aborts a go-to without a speed, a victory radius or a finite goal", now_ms)
         else:
             self._order(order, now_ms)
 
-    def _watch_going(self, going: Going, now_ms: int) -> None:
-        if (why := going.why_lost(now_ms)) is not None:
+    def _watch_go_to(self, task: GoToTask, now_ms: int) -> None:
+        if (why := task.why_lost(now_ms)) is not None:
             self._fail(why, now_ms)
-        elif going.has_arrived_unsaid(self._pose, now_ms):
+        elif task.has_arrived_unreported(self._pose, now_ms):
             self._dropped["goto_status was silent: arrival by position"] += 1
-            self._arrive(going.command, now_ms)
+            self._arrive(task.command, now_ms)
 
     def _arrive(self, command: GoTo, at_ms: int) -> None:
         self._facts.append(Arrived(at_ms, command.command_id))
-        self._hold(Holding(PositionOrder(command.north_m, command.east_m), at_ms))
+        self._hold(HoldTask(PositionOrder(command.north_m, command.east_m), at_ms))
 
-    # Docking by its own eyes.
+    # Visual docking.
 
     def _begin_servo(self, command: CloseDock | OpenDock, now_ms: int) -> None:
-        refused = self._docks.refusal(command) if isinstance(command, CloseDock) else None
+        refusal = self._docks.refusal(command) if isinstance(command, CloseDock) else None
         if self._docking.servo is None:
-            refused = "mission.docking.servo is missing in the scenario"
-        if refused is not None or self._docking.servo is None:
-            self._facts.append(CommandFailed(now_ms, command.command_id, refused or ""))
+            refusal = "mission.docking.servo is missing in the scenario"
+        if refusal is not None or self._docking.servo is None:
+            self._facts.append(CommandFailed(now_ms, command.command_id, refusal or ""))
             return
-        self._begin()
-        self._servo = ServoDocking(command, self._docking.servo, self._pose, self._goal_m, now_ms)
-        self._order(self._servo.first_order, now_ms)
+        self._clear()
+        self._servo_task = ServoTask(command, self._docking.servo, self._pose, self._goal_m, now_ms)
+        self._order(self._servo_task.first_order, now_ms)
 
-    def _watch_servo(self, servo: ServoDocking, now_ms: int) -> None:
+    def _watch_servo(self, servo: ServoTask, now_ms: int) -> None:
         pending = self.calls.pending
         answered_ms = None if pending is None else pending.answered_ms
         order = servo.next_order(self._pose, answered_ms, now_ms)
@@ -296,7 +301,7 @@ class Tasks:
         elif why is not None:
             self._fail(why, now_ms)
 
-    def _servo_done(self, servo: ServoDocking, at_ms: int) -> None:
+    def _servo_done(self, servo: ServoTask, at_ms: int) -> None:
         if isinstance(servo.command, CloseDock):
             if self._docks.is_out_of_reach(servo.command, self._pose, at_ms):
                 self._fail(NOTHING_THERE, at_ms)
@@ -305,8 +310,8 @@ class Tasks:
                 self._facts += self._docks.close(servo.command, self._pose, at_ms)
         elif not servo.has_let_go:
             self._facts += self._docks.open(servo.command, at_ms)
-        self._begin()
-        if servo.waits is None:
+        self._clear()
+        if servo.next_command is None:
             self._hold_here(at_ms)
         else:
-            self.command(servo.waits, at_ms)
+            self.command(servo.next_command, at_ms)

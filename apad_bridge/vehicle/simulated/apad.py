@@ -1,7 +1,4 @@
-"""The simulated aPad: three verbs in mission time, the same commands and facts as a real one behind a port.
-
-When a go-to has arrived: the public aPad stack's rule.
-"""
+"""The simulated aPad: three verbs in mission time, with a real aPad's commands and facts."""
 
 from __future__ import annotations
 
@@ -30,26 +27,29 @@ from apad_bridge.vehicle.simulated.motion import Coast, Motion, Steer
 from apad_bridge.vehicle.simulated.power import Battery
 from apad_bridge.vehicle.simulated.thrusters import Forces
 
-SAMPLES = 1000 // STEP_MS
+ARRIVAL_SAMPLES = 1000 // STEP_MS
 
 
 class ArrivalWatch:
-    """Arrived when the mean distance over the last second is below the victory radius, never within the first second."""
+    """The public aPad stack's arrival rule: the last second's mean distance is below the victory radius.
+
+    A go-to never arrives within its first second.
+    """
 
     def __init__(self, command: GoTo) -> None:
         self.command = command
-        self._distances_m: deque[float] = deque(maxlen=SAMPLES)
+        self._distances_m: deque[float] = deque(maxlen=ARRIVAL_SAMPLES)
 
     def has_arrived(self, pose: Pose) -> bool:
-        """Take the pose at the end of a step as a sample."""
+        """Takes the pose at the end of a step as a sample."""
         north_m, east_m = self.command.north_m - pose.north_m, self.command.east_m - pose.east_m
         self._distances_m.append((north_m * north_m + east_m * east_m) ** 0.5)
-        full = len(self._distances_m) == SAMPLES
-        return full and sum(self._distances_m) / SAMPLES < self.command.victory_radius_m
+        full = len(self._distances_m) == ARRIVAL_SAMPLES
+        return full and sum(self._distances_m) / ARRIVAL_SAMPLES < self.command.victory_radius_m
 
 
-Motive = GoTo | Hold | Coast | Steer
-"""What says how the vehicle is to move; one at a time."""
+MotionCommand = GoTo | Hold | Coast | Steer
+"""The commands that move the vehicle; one at a time."""
 REPORT_MS = 1000
 BATTERY_EMPTY = "the aPad's battery is empty"
 
@@ -57,14 +57,14 @@ BATTERY_EMPTY = "the aPad's battery is empty"
 class SimulatedAPad:
     """Starts at rest at `start_m`, bow north, docks open, holding; time starts at 0.
 
-    It lives on an absolute grid of 100 ms. A command given between two grid instants acts from the later one, so that how
-    time is cut never shows; docks act at the very millisecond. It reports its battery every second, its pose every 100 ms
-    while moving and every second at rest.
+    It lives on an absolute grid of 100 ms. A command between two grid instants acts from the later one, so
+    that the cuts of time never show; docks act at the very millisecond. The aPad reports its battery every
+    second, its pose every 100 ms while moving and every second at rest.
 
-    With an empty battery the thrusters and the mechanisms stop: the running go-to or hold fails, closed docks stay closed,
-    drag brings the vehicle to rest, every further command fails, and it goes on reporting.
+    With an empty battery the thrusters and the mechanisms stop: the running go-to or hold fails, closed docks
+    stay closed, drag brings the vehicle to rest, every further command fails, and the aPad goes on reporting.
 
-    `misses` decides which dockings fail; without it, none does.
+    `misses` decides which dockings fail; without it, no docking fails.
     """
 
     def __init__(self, config: APad, misses: Misses | None = None) -> None:
@@ -74,10 +74,10 @@ class SimulatedAPad:
         self._misses = misses
         self._now_ms = 0
         self._instant_ms = -STEP_MS
-        """The last grid instant that was worked; at rest those without anything to do are passed over."""
-        self._running: Motive | None = None
-        self._accepted: Motive | None = None
-        """Given between two grid instants, and not yet acted upon."""
+        """The last processed grid instant; at rest the aPad passes over instants without work."""
+        self._running: MotionCommand | None = None
+        self._accepted: MotionCommand | None = None
+        """A command between two grid instants that does not act yet."""
         self._arrival: ArrivalWatch | None = None
         self._has_power = True
 
@@ -88,17 +88,17 @@ class SimulatedAPad:
         return (self._instant_ms // REPORT_MS + 1) * REPORT_MS
 
     def advance(self, now_ms: int) -> list[VehicleFact]:
-        """Let time pass up to and with `now_ms`. Raises ValueError when it went back."""
+        """Let time pass up to and including `now_ms`. Raises ValueError when time went back."""
         if now_ms < self._now_ms:
             raise ValueError(f"time went back from {self._now_ms} to {now_ms} ms")
         facts: list[VehicleFact] = []
         while (due_ms := self.next_due_ms) <= now_ms:
-            self._work(due_ms, facts)
+            self._process_instant(due_ms, facts)
         self._now_ms = now_ms
         return facts
 
     def receive(self, command: VehicleCommand | Coast | Steer, now_ms: int) -> list[VehicleFact]:
-        """Take a command at `now_ms`, after what was due until then. A new one that moves replaces the old one silently."""
+        """Take a command, after the work due until `now_ms`. A motion command silently replaces the previous one."""
         facts = self.advance(now_ms)
         self._battery.settle(now_ms)
         if isinstance(command, Coast | Steer):
@@ -121,21 +121,21 @@ class SimulatedAPad:
         return facts
 
     def change_battery(self, fraction: float, now_ms: int) -> list[VehicleFact]:
-        """Somebody charges the battery by so much of a full one, or with a minus drains it."""
+        """Somebody charges the battery by a fraction of a full one, or with a minus drains it."""
         facts = self.advance(now_ms)
         self._battery.settle(now_ms)
         self._battery.add(fraction)
         return facts
 
     def _close(self, command: CloseDock, now_ms: int) -> VehicleFact:
-        refused = self._docks.refusal(command)
-        if refused is None and self._misses is not None and self._misses.misses(command.agent_id):
-            refused = MISSED
-        if refused is not None:
-            return CommandFailed(now_ms, command.command_id, refused)
+        reason = self._docks.refusal(command)
+        if reason is None and self._misses is not None and self._misses.misses(command.agent_id):
+            reason = MISSED
+        if reason is not None:
+            return CommandFailed(now_ms, command.command_id, reason)
         return self._docks.close(command, now_ms)
 
-    def _accept(self, command: Motive) -> None:
+    def _accept(self, command: MotionCommand) -> None:
         self._arrival = None
         self._accepted = command
         self._instant_ms = max(self._instant_ms, self._now_ms // STEP_MS * STEP_MS)
@@ -161,8 +161,8 @@ class SimulatedAPad:
             case Coast():
                 self._motion.cut_power()
 
-    def _work(self, at_ms: int, facts: list[VehicleFact]) -> None:
-        """One grid instant: the step before it ends, facts come out, the step after it is planned."""
+    def _process_instant(self, at_ms: int, facts: list[VehicleFact]) -> None:
+        """One grid instant: end the step before it, report facts, plan the step after it."""
         self._battery.settle(at_ms)
         was_moving = self._motion.is_moving
         self._motion.end_step()
@@ -197,22 +197,22 @@ class SimulatedAPad:
 
     @property
     def pose(self) -> Pose:
-        """As of the last grid instant."""
+        """The pose at the last grid instant."""
         return self._motion.pose
 
     @property
     def thruster_forces_n(self) -> Forces:
-        """Front left, front right, rear left, rear right; over the present step."""
+        """Front left, front right, rear left, rear right, over the present step."""
         return self._motion.forces_n
 
     @property
     def power_w(self) -> float:
-        """All that is drawn from the battery over the present step."""
+        """The whole load of the battery over the present step."""
         return self._battery.power_w
 
     @property
     def battery_fraction(self) -> float:
-        """Of a full battery, in [0, 1], as of the last instant or command."""
+        """The charge as a fraction of a full battery, in [0, 1], as of the last instant or command."""
         return self._battery.fraction
 
     @property
@@ -221,22 +221,22 @@ class SimulatedAPad:
 
     @property
     def energy_used_fraction(self) -> float:
-        """Drawn since the start, as a fraction of a FULL battery, in [0, 1]."""
+        """The energy drawn since the start, as a fraction of a FULL battery, in [0, 1]."""
         return self._battery.used_fraction
 
     @property
     def docked(self) -> Mapping[int, int]:
-        """Agent ids by slot, of the closed docks."""
+        """Agent ids by dock index, of the closed docks."""
         return self._docks.docked
 
     def dock_position(self, dock_index: int) -> tuple[float, float]:
-        """Where dock `dock_index` (0-3) holds an aMussel: (north, east) in metres."""
+        """The place at which dock `dock_index` (0-3) holds an aMussel: (north, east) in metres."""
         north_m, east_m = OFFSETS_M[dock_index]
         return self.pose.north_m + north_m, self.pose.east_m + east_m
 
 
 def _refusal(command: GoTo | Hold) -> str | None:
-    """Why a go-to or hold is not taken (the field stack aborts at speed 0 and at radius 0 likewise)."""
+    """The reason to refuse a go-to or hold (the field stack aborts at speed 0 and at radius 0 likewise)."""
     if not (math.isfinite(command.north_m) and math.isfinite(command.east_m)):
         return "the goal is not a finite position"
     if isinstance(command, GoTo):

@@ -1,4 +1,4 @@
-"""The four docking mechanisms: who is in which, and what is refused."""
+"""The four docking mechanisms: their occupancy and their refusals."""
 
 from __future__ import annotations
 
@@ -8,23 +8,23 @@ from types import MappingProxyType
 from apad_bridge.vehicle.commands import CloseDock, CommandFailed, DockClosed, DockOpened, OpenDock
 
 OFFSETS_M = ((-0.1, -0.1), (-0.1, 0.1), (0.1, -0.1), (0.1, 0.1))
-"""(north, east) of each slot from the aPad. They do NOT turn with the heading: the public simulator's aPad holds its
-aMussels so, and those who compare with it should see the same places."""
+"""(north, east) of each dock from the aPad. The offsets do NOT turn with the heading: the public simulator's
+aPad holds its aMussels so, and a comparison with it should show the same places."""
 
 
 class Docks:
-    """Mechanisms act at once: the time that docking takes is the docking port's, or a real vehicle's own."""
+    """Mechanisms act at once: the docking port, or a real vehicle, accounts for the docking time."""
 
     def __init__(self) -> None:
         self._agent_by_dock: dict[int, int] = {}
 
     @property
     def docked(self) -> Mapping[int, int]:
-        """Agent ids by slot, of the closed docks only; a live view."""
+        """Agent ids by dock index, of the closed docks only; a live view."""
         return MappingProxyType(self._agent_by_dock)
 
     def refusal(self, command: CloseDock) -> str | None:
-        """Why this dock cannot close around this aMussel; None if it can."""
+        """The reason why this dock cannot close around this aMussel; None if it can."""
         dock_index, agent_id = command.dock_index, command.agent_id
         holder = self._agent_by_dock.get(dock_index)
         if dock_index not in range(len(OFFSETS_M)):

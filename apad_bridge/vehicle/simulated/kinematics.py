@@ -1,7 +1,8 @@
 """Three degrees of freedom on a 100 ms grid: straight to the goal, accelerate, cruise, brake, stay.
 
-The vehicle is omnidirectional (thrusters in X), so it moves towards the goal whatever its heading; the bow turns towards
-the goal beside that. Speeds change linearly within a step, so positions are trapezoids and exact for the profile.
+The vehicle is omnidirectional (thrusters in X), so it moves towards the goal at any heading, while the bow
+turns towards the goal. Speeds change linearly within a step, so positions are trapezoids and exact for the
+profile.
 """
 
 from __future__ import annotations
@@ -39,7 +40,7 @@ class Goal:
         return math.hypot(self.north_m - pose.north_m, self.east_m - pose.east_m)
 
     def is_held_by(self, pose: Pose) -> bool:
-        """At rest exactly at the goal: `within_reach` lets the last step end there, so equality is meant."""
+        """At rest exactly at the goal: `within_reach` lets the last step end there, so equality is correct."""
         return (
             pose.north_m == self.north_m
             and pose.east_m == self.east_m
@@ -60,7 +61,7 @@ def braking_speed_m_s(distance_m: float, speed_m_s: float, acceleration_m_s2: fl
 
 
 def within_reach(pose: Pose, goal: Goal, acceleration_m_s2: float) -> bool:
-    """Whether one step can end at rest at the goal: a few millimetres away, and slow enough to stop."""
+    """One step can end at rest at the goal: a few millimetres away, and slow enough to stop."""
     reach_m = acceleration_m_s2 * STEP_S * STEP_S
     return goal.distance_m(pose) <= reach_m and pose.speed_m_s <= acceleration_m_s2 * STEP_S
 
@@ -68,8 +69,8 @@ def within_reach(pose: Pose, goal: Goal, acceleration_m_s2: float) -> bool:
 def wanted_velocity(pose: Pose, goal: Goal, acceleration_m_s2: float) -> tuple[float, float]:
     """Velocity (north, east) at the end of the step, within the acceleration limit.
 
-    Towards the goal at the goal's speed or the braking speed, the lower; across that line none, so that a vehicle that
-    was on its way elsewhere turns in.
+    It points towards the goal, at the lower of the goal's speed and the braking speed. It has no component
+    across that line, so that a vehicle on its way elsewhere turns in.
     """
     distance_m = goal.distance_m(pose)
     if distance_m > 0.0:
@@ -90,7 +91,7 @@ def wanted_velocity(pose: Pose, goal: Goal, acceleration_m_s2: float) -> tuple[f
 
 
 def turned(heading_rad: float, goal_rad: float, yaw_rate_rad_s: float) -> float:
-    """Heading one step later, the short way round at no more than `yaw_rate_rad_s`."""
+    """The heading one step later, the short way round at no more than `yaw_rate_rad_s`."""
     error_rad = wrapped(goal_rad - heading_rad)
     step_rad = yaw_rate_rad_s * STEP_S
     if abs(error_rad) <= step_rad:

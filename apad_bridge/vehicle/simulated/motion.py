@@ -1,8 +1,7 @@
-"""Motion under power: each step's pose and thrusts are planned when the step begins, and taken when it ends.
+"""Motion under power: plans each step's pose and thrusts when the step begins, and takes them when it ends.
 
-What the manners of a stack tell the simulated aPad beyond the port's commands: its controllers off, or a body velocity.
-
-Neither has an id and neither ever ends by itself; a later go-to or hold replaces them, as they replace it.
+Simulated stacks use two commands beyond the port's: `Coast` (controllers off) and `Steer` (a body velocity).
+They have no id and never end by themselves; a later go-to or hold replaces them, as they replace it.
 """
 
 from __future__ import annotations
@@ -26,12 +25,12 @@ from apad_bridge.vehicle.simulated.thrusters import NO_FORCES, allocate, electri
 
 @dataclass(frozen=True, slots=True)
 class Coast:
-    """Controllers off: drag stops what moves, and the water carries the vehicle along."""
+    """Controllers off: drag stops the vehicle's own motion, and the water carries it along."""
 
 
 @dataclass(frozen=True, slots=True)
 class Steer:
-    """Keep to a velocity: `speed_m_s` towards `direction_rad` clockwise from the bow, turning at `yaw_rate_rad_s`."""
+    """Keep a velocity: `speed_m_s` towards `direction_rad` clockwise from the bow, turning at `yaw_rate_rad_s`."""
 
     speed_m_s: float
     direction_rad: float
@@ -39,17 +38,18 @@ class Steer:
 
 
 _TURNING_DISTANCE_M = 0.1
-"""Nearer than this the bow stays where it is: a bearing to a point underneath means nothing."""
+"""Nearer than this the bow keeps its heading: a bearing to a point underneath means nothing."""
 _COASTING_ENDS_M_S = 0.02
-"""Quadratic drag alone never stops anything; waves would hide a speed below this."""
+"""Quadratic drag alone never stops a vehicle; waves would hide a speed below this."""
 
 
 class Motion:
     """The vehicle's pose, its goal and its thrusters.
 
-    The limits are what the thrusters give in EVERY direction, so that braking never takes longer than planned: the
-    acceleration is at most 2 thruster_max / mass, the speed at most sqrt(2 thruster_max / drag). Between those, drag and
-    acceleration together may saturate a thruster; then the vehicle accelerates more slowly.
+    The limits are the forces that the thrusters give in EVERY direction, so that braking never takes longer
+    than planned: the acceleration is at most 2 thruster_max / mass, the speed at most sqrt(2 thruster_max /
+    drag). Within these limits, drag and acceleration together may saturate a thruster; then the vehicle
+    accelerates more slowly.
     """
 
     def __init__(self, config: APad) -> None:
@@ -64,33 +64,33 @@ class Motion:
         self.pose = Pose(north_m, east_m)
         self.forces_n = NO_FORCES
         self._goal: Goal | None = Goal(north_m, east_m, 0.0, self.top_speed_m_s)
-        self._course: Steer | None = None
+        self._steering: Steer | None = None
         self._planned = self.pose
 
     def set_goal(self, north_m: float, east_m: float, speed_m_s: float) -> None:
-        """Go there from the present pose on; the bow turns to the bearing that the goal has now."""
+        """Go to a point from the present pose on; the bow turns to the point's present bearing."""
         pose = self.pose
         heading_rad = pose.heading_rad
         if math.hypot(north_m - pose.north_m, east_m - pose.east_m) > _TURNING_DISTANCE_M:
             heading_rad = wrapped(math.atan2(east_m - pose.east_m, north_m - pose.north_m))
-        self._course = None
+        self._steering = None
         self._goal = Goal(north_m, east_m, heading_rad, min(speed_m_s, self.top_speed_m_s))
 
     def turn_to(self, heading_rad: float) -> None:
-        """Face this way at the goal, instead of along the way to it."""
+        """Take this heading at the goal, instead of the bearing to it."""
         if self._goal is not None:
             self._goal = replace(self._goal, heading_rad=wrapped(heading_rad))
 
-    def steer(self, course: Steer) -> None:
-        self._goal, self._course = None, course
+    def steer(self, steering: Steer) -> None:
+        self._goal, self._steering = None, steering
 
     def cut_power(self) -> None:
-        """No goal and no thrust any more: drag brings the vehicle to rest, and the water carries it along."""
-        self._goal = self._course = None
+        """Remove goal and thrust: drag brings the vehicle to rest, and the water carries it along."""
+        self._goal = self._steering = None
 
     @property
     def is_moving(self) -> bool:
-        """Whether the planned step differs from standing still."""
+        """The planned step differs from standing still."""
         return self._planned is not self.pose
 
     @property
@@ -101,10 +101,10 @@ class Motion:
         self.pose = self._planned
 
     def plan_step(self) -> None:
-        """Decide the step that begins now. Holding at the goal costs nothing: the water here is still."""
+        """Plan the step that begins now. Holding at the goal costs nothing: the water here is still."""
         goal, pose = self._goal, self.pose
-        if self._course is not None:
-            self._planned = self._steered(self._course)
+        if self._steering is not None:
+            self._planned = self._steered(self._steering)
         elif goal is None:
             self.forces_n = NO_FORCES
             self._planned = self._coasted()
@@ -121,28 +121,28 @@ class Motion:
             self._planned = moved(pose, velocity_m_s, heading_rad)
 
     def _push(self, wanted_m_s: tuple[float, float]) -> tuple[float, float]:
-        """Set the thrusts F = m a + drag |v| v for a wanted velocity; give the velocity that they reach."""
+        """Set the thrusts F = m a + drag |v| v for a wanted velocity; return the velocity that they reach."""
         pose, mass_kg = self.pose, self._config.mass_kg
         drag_n_s_m = self._config.drag_n_per_m2_s2 * pose.speed_m_s
         drag_north_n, drag_east_n = drag_n_s_m * pose.north_m_s, drag_n_s_m * pose.east_m_s
         north_n = mass_kg * (wanted_m_s[0] - pose.north_m_s) / STEP_S + drag_north_n
         east_n = mass_kg * (wanted_m_s[1] - pose.east_m_s) / STEP_S + drag_east_n
-        self.forces_n, part = allocate(north_n, east_n, pose.heading_rad, self._config.thruster_max_n)
-        if part == 1.0:
+        self.forces_n, fraction = allocate(north_n, east_n, pose.heading_rad, self._config.thruster_max_n)
+        if fraction == 1.0:
             return wanted_m_s
         return (
-            pose.north_m_s + (part * north_n - drag_north_n) / mass_kg * STEP_S,
-            pose.east_m_s + (part * east_n - drag_east_n) / mass_kg * STEP_S,
+            pose.north_m_s + (fraction * north_n - drag_north_n) / mass_kg * STEP_S,
+            pose.east_m_s + (fraction * east_n - drag_east_n) / mass_kg * STEP_S,
         )
 
-    def _steered(self, course: Steer) -> Pose:
-        """One step towards the velocity that is asked for, within what the vehicle can."""
+    def _steered(self, steering: Steer) -> Pose:
+        """One step towards the commanded velocity, within the vehicle's limits."""
         pose, config = self.pose, self._config
         yaw_rate_rad_s = max(
-            -config.max_yaw_rate_rad_s, min(config.max_yaw_rate_rad_s, course.yaw_rate_rad_s)
+            -config.max_yaw_rate_rad_s, min(config.max_yaw_rate_rad_s, steering.yaw_rate_rad_s)
         )
-        speed_m_s = min(course.speed_m_s, self.top_speed_m_s)
-        bearing_rad = pose.heading_rad + course.direction_rad
+        speed_m_s = min(steering.speed_m_s, self.top_speed_m_s)
+        bearing_rad = pose.heading_rad + steering.direction_rad
         change_north = speed_m_s * math.cos(bearing_rad) - pose.north_m_s
         change_east = speed_m_s * math.sin(bearing_rad) - pose.east_m_s
         change_m_s = math.hypot(change_north, change_east)
@@ -153,7 +153,7 @@ class Motion:
         return moved(pose, velocity_m_s, wrapped(pose.heading_rad + yaw_rate_rad_s * STEP_S))
 
     def _coasted(self) -> Pose:
-        """One step under quadratic drag in the water that moves: v1 = v0 / (1 + drag v0 dt / m), in closed form."""
+        """One step under quadratic drag in moving water: v1 = v0 / (1 + drag v0 dt / m), in closed form."""
         pose = self.pose
         speed_m_s = pose.speed_m_s
         drift_north_m_s, drift_east_m_s = self._config.drift_m_s

@@ -1,4 +1,4 @@
-"""The battery, counted in integers: microwatts times milliseconds are nanojoules, so no cut of time rounds anything."""
+"""The battery, in integers: microwatts times milliseconds are nanojoules, so no cut of time rounds."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ def microwatts(power_w: float) -> int:
 
 
 class Battery:
-    """Linear in energy; its voltage runs linearly from `empty_v` to `full_v` (the scale of the paper's Fig. 4 b)."""
+    """Linear in energy; the voltage is linear from `empty_v` to `full_v` (the scale of the paper's Fig. 4 b)."""
 
     def __init__(self, config: APadBattery) -> None:
         self._config = config
@@ -25,17 +25,17 @@ class Battery:
         self._settled_ms = 0
 
     def settle(self, now_ms: int) -> None:
-        """Take what was drawn since the last call; at zero it stays at zero."""
+        """Subtract the energy drawn since the last call; an empty battery stays at zero."""
         drawn_nj = self._power_uw * (now_ms - self._settled_ms)
         self._energy_nj = max(0, self._energy_nj - drawn_nj)
         self._settled_ms = now_ms
 
     def set_load(self, thrusters_w: float, closed_docks: int) -> None:
-        """What is drawn from the settled time on, beside the hotel load."""
+        """Set the load from the settled time on, beside the hotel load."""
         self._power_uw = self._hotel_uw + closed_docks * self._dock_uw + microwatts(thrusters_w)
 
     def add(self, fraction: float) -> None:
-        """What somebody put in at the settled time, or with a minus took out; it is never fuller than full."""
+        """Add a fraction of a full battery at the settled time (a negative one drains); the charge stays in [0, full]."""
         self._energy_nj = min(self._full_nj, max(0, self._energy_nj + round(fraction * self._full_nj)))
 
     @property

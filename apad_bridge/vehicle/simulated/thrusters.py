@@ -1,7 +1,8 @@
-"""Four thrusters in X: a force in the plane becomes four thrusts, saturated; thrust becomes electrical power.
+"""Four thrusters in X: turns a plane force into four saturated thrusts, and these into electrical power.
 
-Order: front left, front right, rear left, rear right. Each stands at 45 degrees to the bow and pushes both ways. The moment
-that turns the vehicle is neglected (the bow turns for free, at a limited rate), as are the waves and the mutual wash.
+Order: front left, front right, rear left, rear right. Each stands at 45 degrees to the bow and pushes both
+ways. The model neglects the turning moment (the bow turns for free, at a limited rate), the waves and the
+mutual wash.
 """
 
 from __future__ import annotations
@@ -14,17 +15,17 @@ _HALF_DIAGONAL = 1 / (2 * math.sqrt(2))
 
 
 def weakest_force_n(thruster_max_n: float) -> float:
-    """The force available in every direction: along a diagonal only two of the four push."""
+    """The force available in every direction: along a diagonal only two of the four thrusters push."""
     return 2 * thruster_max_n
 
 
 def allocate(
     force_north_n: float, force_east_n: float, heading_rad: float, max_n: float
 ) -> tuple[Forces, float]:
-    """Thrusts for a force, and the part of that force in (0, 1] that they give.
+    """The thrusts for a force, and the fraction of that force in (0, 1] that they give.
 
-    The minimum-norm solution f_i = (F . d_i) / 2 for unit directions d_i, scaled as a whole when one of them would
-    exceed `max_n`, so that the force keeps its direction.
+    The minimum-norm solution f_i = (F . d_i) / 2 for unit directions d_i, scaled as a whole when one thrust
+    would exceed `max_n`, so that the force keeps its direction.
     """
     bow_north, bow_east = math.cos(heading_rad), math.sin(heading_rad)
     surge_n = force_north_n * bow_north + force_east_n * bow_east
@@ -32,9 +33,9 @@ def allocate(
     one = (surge_n + sway_n) * _HALF_DIAGONAL
     other = (surge_n - sway_n) * _HALF_DIAGONAL
     largest = max(abs(one), abs(other))
-    part = max_n / largest if largest > max_n else 1.0
-    one, other = one * part, other * part
-    return (one, other, other, one), part
+    fraction = max_n / largest if largest > max_n else 1.0
+    one, other = one * fraction, other * fraction
+    return (one, other, other, one), fraction
 
 
 def electrical_w(forces: Forces, w_per_n: float) -> float:

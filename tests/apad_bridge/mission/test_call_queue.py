@@ -1,4 +1,4 @@
-"""Calls of other threads: done at a tick, answered, refused, taken back when no tick comes."""
+"""Calls of other threads: run at a tick, answered, refused, or withdrawn when no tick comes."""
 
 import threading
 
@@ -25,7 +25,7 @@ from firmware_model.states import State
 
 
 class Believed:
-    """A fleet of one, 1 m off, that is what the test says."""
+    """A fleet of one aMussel, 1 m off, in the state that the test sets."""
 
     estimator = LastPacket()
 
@@ -72,11 +72,11 @@ def test_a_call_is_done_at_the_next_tick_by_the_flight_s_thread(pool: Scenario) 
         command_source.call(lambda mission: None)
 
 
-def test_a_call_that_no_tick_answers_is_taken_back(pool: Scenario) -> None:
+def test_a_call_that_no_tick_answers_is_withdrawn(pool: Scenario) -> None:
     command_source, done = CallQueue(), []
     with pytest.raises(Refused, match="nothing was ordered"):
         command_source.call(lambda mission: done.append(1), timeout_s=0.01)
-    # Nor is it done when a tick comes after all.
+    # A later tick does not run it either.
     command_source.act(commanded(pool)[0], 5000)
     assert done == []
 
@@ -87,7 +87,7 @@ def test_the_permission_is_repeated_and_then_the_docking_fails(pool: Scenario) -
     said = [1.0] * mission.advance(1000).count(PermitSurfacing(7))
     for second in range(2, 120):
         said += [float(second)] * mission.advance(second * 1000).count(PermitSurfacing(7))
-    # Every 10 s, six times in all, as the scenario says; then it is given up.
+    # Every 10 s, six times in all, as the scenario says; then the mission gives it up.
     assert said == [1.0, 11.0, 21.0, 31.0, 41.0, 51.0]
     assert (mission.docking, mission.failure) == (
         Status.FAILED,

@@ -1,4 +1,4 @@
-"""The energy-exchange mission, told by hand what is believed and what the port answers."""
+"""The energy-exchange mission, with beliefs and port answers set by the test."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -28,7 +28,7 @@ MISSION = load(Path(__file__).parents[3] / "launch_scripts/scenarios/pool-12.yam
 
 
 class Told(dict[int, Belief]):
-    """Beliefs as this test says they are."""
+    """Beliefs that the test sets."""
 
     def all(self) -> list[Belief]:
         return [self[agent_id] for agent_id in sorted(self)]
@@ -40,7 +40,7 @@ class Told(dict[int, Belief]):
 
 
 class Bench:
-    """A mission and the test's hand on it."""
+    """A mission that the test drives."""
 
     def __init__(
         self, agents: int = 4, collection: str = "cautious", state: MissionState | None = None
@@ -60,7 +60,7 @@ class Bench:
             self.told.say(agent_id, 0, State.ACTIVE, 0.5 + agent_id / 100)
 
     def tick(self, seconds: int = 1) -> list[Order]:
-        """One tick after so many seconds, with every aMussel heard anew as it was."""
+        """One tick after so many seconds, with every aMussel heard again in its old state."""
         self.now_ms += 1000 * seconds
         for agent_id, belief in self.told.items():
             self.told[agent_id] = replace(belief, heard_ms=self.now_ms)
@@ -73,7 +73,7 @@ class Bench:
         return found[0]
 
     def succeed(self) -> Primitive:
-        """The primitive just ordered succeeds; gives it."""
+        """Lets the primitive just ordered succeed, and returns it."""
         done = self.primitive()
         if isinstance(done, GoToPoint):
             self.mission.moved(done.north_m, done.east_m)
@@ -264,7 +264,7 @@ def test_a_resumed_charging_wait_gives_nobody_up_before_it_was_heard_for_long_en
     assert [note["agent"] for note in bench.notes("given_up")] == [1, 2]
 
 
-def test_one_docked_by_hand_and_never_heard_does_not_take_a_slot_for_ever() -> None:
+def test_one_docked_by_hand_and_never_heard_does_not_take_a_dock_for_ever() -> None:
     bench = Bench(agents=1)
     bench.mission.receive(DockChanged(0, 2, 77, True), 0)
     bench.tick()
@@ -319,7 +319,7 @@ def test_a_strategy_that_fails_ends_the_mission_holding(strategy: object, why: s
 
 
 def ready_state() -> MissionState:
-    """Two docked, two more to come, as a journal would have it."""
+    """A journal's state with two docked and two more to come."""
     bench = Bench()
     bench.tick()
     bench.orders = [o for o in bench.orders if not isinstance(o, HoldPosition)]

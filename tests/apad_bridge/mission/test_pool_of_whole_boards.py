@@ -1,4 +1,4 @@
-"""Who may be collected, who is waited for and who is told to sink, in every state that a whole board knows."""
+"""Collection, waiting and the advice to sink, in every state that a whole board knows."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import pytest
 
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.mission.charging_watch import ChargingWatch
-from apad_bridge.mission.energy_exchange import EnergyExchange, Strays
+from apad_bridge.mission.energy_exchange import EnergyExchange, SinkReminders
 from apad_bridge.mission.pool import ChargingPool
 from apad_bridge.planning import registry
 from apad_bridge.scenario.loader import load
@@ -18,7 +18,7 @@ from firmware_model.states import TABLE, State, Trigger
 
 MISSION = load(Path(__file__).parents[3] / "launch_scripts/scenarios/whole-board-12.yaml").mission
 DEAF = {State.TRANSMITTING, State.CALLING}
-"""They hear no permission now, but will in a moment."""
+"""In these states a board receives no permission now, but will in a moment."""
 
 
 class Told(dict[int, Belief]):
@@ -39,7 +39,7 @@ def told(*states: State, primary: float = 0.5, secondary: float = 1.0) -> Told:
 def test_who_can_be_made_to_come_up_is_a_candidate(state: State) -> None:
     beliefs = told(state)
     candidates = ChargingPool(MISSION, beliefs).candidates(0)
-    # By the firmware's own table; one that is on its way down or is being let go is not sent for.
+    # By the firmware's own table; an aMussel on its way down or being let go is not fetched.
     comes_up = (state, Trigger.PERMISSION_HEARD) in TABLE and state is not State.SINKING
     is_up = state in (State.SURFACING, State.FLOATING)
     assert [it.agent_id for it in candidates] == ([1] if comes_up or is_up or state in DEAF else [])
@@ -69,9 +69,9 @@ def test_one_that_came_up_for_its_life_is_fetched_without_a_batch() -> None:
 def test_it_is_not_told_to_sink_and_others_are() -> None:
     beliefs = told(State.FLOATING, State.RELEASED, State.FLOATING, State.REPORTING, State.SLEEPING)
     beliefs[3] = replace(beliefs[3], primary=0.0)
-    strays = Strays(repeat_ms=10_000)
-    assert strays.to_tell(beliefs.all(), set(), 0) == [1, 2]
-    assert strays.to_tell(beliefs.all(), set(), 0) == []
+    reminders = SinkReminders(repeat_ms=10_000)
+    assert reminders.take_due(beliefs.all(), set(), 0) == [1, 2]
+    assert reminders.take_due(beliefs.all(), set(), 0) == []
 
 
 @pytest.mark.parametrize(("state", "is_home"), [(State.SLEEPING, True), (State.REPORTING, False)])
@@ -99,7 +99,7 @@ def test_full_is_what_the_scenario_says(
     watch = ChargingWatch(0.99, full_when, patience_ms=1000)
     docked = told(State.REPORTING, primary=primary, secondary=secondary)
     watch.start(0)
-    assert watch.look(docked, 0) == []
+    assert watch.give_up_stalled(docked, 0) == []
     assert watch.done(docked) is full
 
 
@@ -108,6 +108,6 @@ def test_who_gains_in_the_battery_that_is_waited_for_is_not_given_up() -> None:
     watch.start(0)
     for now_ms in range(0, 5001, 1000):
         docked = told(State.CHARGING, primary=1.0, secondary=0.5 + now_ms / 20_000)
-        assert watch.look(docked, now_ms) == []
-    assert watch.look(docked, 6500) == [(1, "its believed charge does not rise")]
+        assert watch.give_up_stalled(docked, now_ms) == []
+    assert watch.give_up_stalled(docked, 6500) == [(1, "its believed charge does not rise")]
     assert watch.done(docked)

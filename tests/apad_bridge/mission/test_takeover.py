@@ -1,4 +1,4 @@
-"""A mission that is taken over in flight, flown by hand, and given back."""
+"""A mission is taken over in flight, flown by hand, and given back."""
 
 import threading
 from collections.abc import Callable
@@ -81,7 +81,7 @@ def test_taken_over_it_does_as_it_is_told_and_given_back_it_plans_again(pool: Sc
     assert flying.phase is Phase.COMMANDED
     flying.call(lambda hand: hand.go_to(14.0, 10.5))
     flying.until(lambda: flying.calls.wait(0).goto is Status.DONE)
-    # It stays there with whom it had, and plans nothing, for as long as it is in somebody's hands.
+    # It stays there with its aMussels, and plans nothing, for as long as somebody flies it.
     flying.seconds(120)
     pose = flying.flight.supervisor.pose
     assert pose is not None and abs(pose.north_m - 14) + abs(pose.east_m - 10.5) < 1
@@ -90,7 +90,7 @@ def test_taken_over_it_does_as_it_is_told_and_given_back_it_plans_again(pool: Sc
     flying.call_mission(give_back)
     flying.until(lambda: flying.flight.supervisor.mission.state.services >= 2)
     assert [it["taken"] for it in flying.events("override")] == [True, False]
-    # Whom it held was charged and brought home first, then the next were collected.
+    # It charged the held aMussels and brought them home first, then collected the next.
     first, second = flying.events("plan")[plans : plans + 2]
     assert (first["what"], [step["agent"] for step in first["steps"]]) == ("redeploy", [docked[0][1]])
     assert second["what"] == "collect"

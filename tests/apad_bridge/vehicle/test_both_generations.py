@@ -1,4 +1,4 @@
-"""What holds of the cores, and of the simulated vehicles, of both generations alike."""
+"""Properties that the cores and the simulated vehicles of both generations share."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def core(request: pytest.FixtureRequest) -> Core:
 
 @pytest.fixture(params=["a", "b"])
 def made_at(request: pytest.FixtureRequest) -> Callable[[int], Vehicle]:
-    """A vehicle whose time begins there."""
+    """A vehicle whose time begins at `start_ms`."""
     if request.param == "a":
         return lambda start_ms: GenerationAVehicle(SimulatedAPad(POOL.apad), 0.5, 0.5, start_ms)
     return lambda start_ms: GenerationBVehicle(SimulatedAPad(POOL.apad), start_ms)
@@ -69,7 +69,7 @@ def test_of_poses_only_the_newest_is_told_and_an_overtaken_one_is_counted(core: 
 
 def test_what_is_stamped_later_waits_for_its_time_but_stateRef_counts_at_once(core: Core) -> None:
     core.hear(PoseHeard(1_500, 4.0, 5.0, 0.0), 1_000)
-    core.hear(StateHeard(2_000), 1_000)  # of a node that is ahead
+    core.hear(StateHeard(2_000), 1_000)  # from a node that is ahead
     assert core.readings.state_ms == 2_000
     assert core.advance(1_000) == []
     assert core.advance(2_000) == [PoseReported(1_500, 4.0, 5.0, 0.0)]

@@ -1,4 +1,4 @@
-"""A docking's own yaw rate and surge speed, from the order through the port to what generation B is told."""
+"""A docking's own yaw rate and surge speed, from the order through the port to generation B's order."""
 
 from pathlib import Path
 
@@ -6,10 +6,10 @@ import pytest
 
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.schema import Servo
-from apad_bridge.vehicle.commands import AS_THE_SCENARIO_SAYS, CloseDock, DockClosed, Manoeuvre, OpenDock
+from apad_bridge.vehicle.commands import DEFAULT_MANOEUVRE, CloseDock, DockClosed, Manoeuvre, OpenDock
 from apad_bridge.vehicle.docking import DockingPort
 from apad_bridge.vehicle.generation_b.messages import DockingOrder
-from apad_bridge.vehicle.generation_b.primitives import ServoDocking
+from apad_bridge.vehicle.generation_b.primitives import ServoTask
 from apad_bridge.vehicle.primitives import DockMussel, UndockMussel
 
 SERVO = Servo(
@@ -21,14 +21,14 @@ DOCKING = load(Path(__file__).parents[3] / "launch_scripts/scenarios/pool-12.yam
 @pytest.mark.parametrize(
     ("manoeuvre", "yaw_rate", "surge"),
     [
-        (AS_THE_SCENARIO_SAYS, 0.4, 0.25),
+        (DEFAULT_MANOEUVRE, 0.4, 0.25),
         (Manoeuvre(yaw_rate_rad_s=0.1), 0.1, 0.25),
         (Manoeuvre(surge_m_s=0.05), 0.4, 0.05),
     ],
 )
 def test_what_is_not_said_is_the_scenario_s(manoeuvre: Manoeuvre, yaw_rate: float, surge: float) -> None:
     for command in (CloseDock(1, 2, 7, manoeuvre), OpenDock(1, 2, 7, manoeuvre)):
-        order = ServoDocking(command, SERVO, None, None, 0).first_order
+        order = ServoTask(command, SERVO, None, None, 0).first_order
         assert isinstance(order, DockingOrder)
         assert (order.search_yaw_rate_rad_s, order.max_yaw_rate_rad_s, order.max_surge_m_s) == (
             0.3,

@@ -1,4 +1,4 @@
-"""Every phase with every event, against a table written here by hand; and the law of cuts."""
+"""Every phase with every event, against a table written by hand here; and the law of cuts."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ EXPECTED = {
     Phase.WAITING: {Event.MECHANISM_DONE: OK, Event.WAIT_OVER: ACT, Event.REPLACED: BAD},
     Phase.ACTING: {Event.MECHANISM_DONE: OK, Event.COMMAND_FAILED: BAD, Event.TIMED_OUT: BAD},
 }
-# A wait cannot time out: the schema has timeout_s longer than it, so it ends in acting first.
+# A wait cannot time out: the schema requires a longer timeout_s, so the wait ends in acting first.
 PAIRS = [pair for pair in itertools.product(Phase, Event) if pair != (Phase.WAITING, Event.TIMED_OUT)]
 
 
@@ -56,7 +56,7 @@ def port_in(phase: Phase) -> DockingPort:
 
 
 def happens(port: DockingPort, event: Event) -> list[object]:
-    """What the port says to `event`; the timers' events are reached by waiting, a little or long."""
+    """The port's actions after `event`; waiting, a little or long, produces the timers' events."""
     match event:
         case Event.ARRIVED:
             return list(port.receive(Arrived(20_001, 1), 20_001))

@@ -1,4 +1,4 @@
-"""The port before a vehicle that the test plays by hand: profiles, pre-emption, time-outs, stalls, wrong and late words."""
+"""The port with a vehicle that the test plays: profiles, pre-emption, time-outs, stalls, wrong and late reports."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ def test_visual_docking_adds_no_time():
     assert port.receive(UndockMussel(5, 2, 9), 50_000) == [OpenDock(2, 2, 9)]
 
 
-def test_the_vehicles_word_for_the_slot_wins():
+def test_the_vehicles_report_of_the_dock_wins():
     port = DockingPort(VISUAL)
     port.receive(DockMussel(4, 2, 9), 0)
     assert port.receive(DockClosed(10, 0, 9), 10) == [DockChanged(10, 0, 9, True), PrimitiveSucceeded(10, 4)]
@@ -132,7 +132,7 @@ def test_a_silent_vehicle_ends_a_docking_at_the_time_out(docking, primitive):
     assert port.next_due_ms is None
 
 
-def test_a_late_word_after_the_time_out_still_tells_of_the_dock():
+def test_a_late_report_after_the_time_out_still_tells_of_the_dock():
     port = DockingPort(VISUAL)
     port.receive(DockMussel(4, 2, 9), 0)
     port.advance(60_000)
@@ -242,7 +242,7 @@ def test_the_first_cause_of_a_run_of_failures_is_kept_until_something_succeeds()
     port = DockingPort(VISUAL)
     assert port.first_failure is None
     port.receive(GO, 0)
-    port.receive(replace(GO, primitive_id=2), 1)  # pre-emption is no failure of anything
+    port.receive(replace(GO, primitive_id=2), 1)  # a pre-emption is no failure
     assert port.first_failure is None
     port.receive(CommandFailed(2, 2, "no GPS"), 2)
     port.receive(DockMussel(3, 0, 9), 3)
@@ -250,7 +250,7 @@ def test_the_first_cause_of_a_run_of_failures_is_kept_until_something_succeeds()
     assert port.first_failure == PrimitiveFailed(2, 2, "no GPS")
     port.receive(HoldPosition(5, 0.0, 0.0), 100_000)
     port.receive(replace(GO, primitive_id=4), 100_000)
-    assert port.first_failure == PrimitiveFailed(2, 2, "no GPS")  # holding mends nothing
+    assert port.first_failure == PrimitiveFailed(2, 2, "no GPS")  # a hold does not clear the cause
     port.receive(Arrived(100_001, 5), 100_001)
     assert port.first_failure is None
 
@@ -259,13 +259,13 @@ def test_the_first_cause_of_a_run_of_failures_is_kept_until_something_succeeds()
     ("fact", "reason"),
     [
         (pose(10, math.nan), "pose: not finite"),
-        (DockClosed(10, 4, 1), "dock: no such slot"),
-        (DockOpened(10, -1, 1), "dock: no such slot"),
+        (DockClosed(10, 4, 1), "dock: no such dock"),
+        (DockOpened(10, -1, 1), "dock: no such dock"),
         (Arrived(10, 1), "arrived: while acting"),
         (CommandFailed(10, 0, "?"), "command_failed: not of the running primitive"),
     ],
 )
-def test_a_word_that_makes_no_sense_is_dropped_and_counted(fact, reason):
+def test_a_report_that_makes_no_sense_is_dropped_and_counted(fact, reason):
     port = DockingPort(VISUAL)
     port.receive(DockMussel(2, 0, 9), 0)
     assert port.receive(fact, 10) == []
@@ -332,7 +332,7 @@ def test_a_virtual_docking_may_open_the_arm_meanwhile() -> None:
     assert told[1:] == [PrimitiveSucceeded(15_000, 1), MoveArm(3, 2, False)]
 
 
-def test_an_amussel_by_itself_may_be_docked_by_eye() -> None:
+def test_a_single_amussel_may_be_docked_visually() -> None:
     port = DockingPort(replace(VIRTUAL, camera_ids=(9,), visual_ids=(8,)), docks_by_eye=True)
     for agent_id in (8, 9):
         assert isinstance(port.receive(DockMussel(agent_id, 2, agent_id), 0)[-1], CloseDock)
@@ -340,7 +340,7 @@ def test_an_amussel_by_itself_may_be_docked_by_eye() -> None:
     assert port.receive(DockMussel(7, 2, 7), 0) == []
 
 
-def test_before_a_vehicle_without_eyes_a_camera_is_virtual() -> None:
+def test_for_a_vehicle_without_a_camera_the_camera_profile_is_virtual() -> None:
     port = DockingPort(replace(VIRTUAL, camera_ids=(9,)))
     assert port.receive(DockMussel(1, 2, 9), 0) == []
     assert port.advance(15_000) == [CloseDock(1, 2, 9)]

@@ -1,4 +1,4 @@
-"""The port before the simulated aPad: one collection and one release, from primitive to outcome."""
+"""The port with the simulated aPad: one collection and one release, from primitive to outcome."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class Bench:
         self.apad, self.port, self.now_ms = SimulatedAPad(APAD), DockingPort(VIRTUAL), 0
 
     def outcome_of(self, primitive, until_ms: int):
-        """Run until the primitive has ended: its outcome, and the dock changes on the way."""
+        """Run until the primitive has ended; return its outcome and the dock changes on the way."""
         changes = []
         pending = list(self.port.receive(primitive, self.now_ms))
         while True:

@@ -1,4 +1,4 @@
-"""A vehicle that falls silent and is heard again is told of once each."""
+"""The silence watch reports a silence and its end once each."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""An aPad of generation A, its surprises included, as the facts and failures that the docking port gets."""
+"""The facts and failures that the docking port gets from a generation A aPad, its surprises included."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def is_at(core: GenerationACore, at_ms: int) -> None:
 
 
 def tells(core: GenerationACore, now_ms: int) -> list[LinkFact]:
-    """What became true, without readings of pose and battery."""
+    """The new facts, without readings of pose and battery."""
     return [it for it in core.advance(now_ms) if not isinstance(it, PoseReported | BatteryReported)]
 
 
@@ -115,10 +115,10 @@ def test_a_server_that_restarted_has_lost_the_goal(core: GenerationACore) -> Non
     assert isinstance(failed, CommandFailed) and "LOST" in failed.reason
 
 
-def test_the_first_word_of_position_static_is_the_contact_and_the_slot_the_vehicles(
+def test_the_first_position_static_is_the_contact_and_the_vehicle_chooses_the_dock(
     core: GenerationACore,
 ) -> None:
-    core.command(CloseDock(1, 3, 7), 0)  # slot 3 is asked for, the first free is taken
+    core.command(CloseDock(1, 3, 7), 0)  # the command names dock 3, the vehicle takes the first free dock
     says(core, 0, "run-1", GoalCode.SUCCEEDED)
     assert tells(core, 0) == []
     shows(core, 50, 7)
@@ -155,7 +155,7 @@ def test_of_places_only_the_newest_is_told(core: GenerationACore) -> None:
     assert tells(core, 1_000) == []
 
 
-def test_the_last_word_opens_the_dock(core: GenerationACore) -> None:
+def test_the_last_message_opens_the_dock(core: GenerationACore) -> None:
     shows(core, 0, 7)
     tells(core, 0)
     core.command(OpenDock(1, 0, 7), 1_000)
@@ -224,7 +224,7 @@ def test_after_a_resume_the_docks_are_as_they_were() -> None:
     assert tells(core, 5_000) == [Carried(5_000, 7, 2.0, 3.0)]
     shows(core, 6_000, 9)
     assert DockClosed(6_000, 0, 9) in tells(core, 6_000)
-    for at_ms in range(6_000, 16_000, 1_000):  # nothing is ever said of 8
+    for at_ms in range(6_000, 16_000, 1_000):  # no message ever concerns 8
         shows(core, at_ms, 7)
         shows(core, at_ms, 9)
         is_at(core, at_ms)
@@ -237,7 +237,7 @@ def test_a_place_that_is_not_finite_is_dropped_and_counted(core: GenerationACore
     assert core.dropped == {"position_static: not finite": 1}
 
 
-def test_words_of_an_unknown_amussel_disturb_nothing(core: GenerationACore) -> None:
+def test_messages_of_an_unknown_amussel_disturb_nothing(core: GenerationACore) -> None:
     shows(core, 0, 99)
     assert core.advance(0) == []
     assert core.dropped.total() == 1
@@ -261,7 +261,7 @@ def test_a_tick_is_heard_when_every_topic_has_spoken_up_to_it(core: GenerationAC
 
 
 def test_a_perch_from_afar_is_not_ordered() -> None:
-    """The vehicle would take it, and the aMussel would be held where it is not."""
+    """The vehicle would take it, and would hold the aMussel at a place where the aMussel is not."""
     core = GenerationACore(range(1, 10), (10.5, 16.0), "run", sight=lambda _: {7: (2.1, 13.1), 8: (2.1, 4.1)})
     is_at(core, 0)
     assert core.command(CloseDock(1, 0, 7), 0) is None

@@ -1,4 +1,4 @@
-"""What was observed of the published stack of generation A, of our simulated aPad behind its manners."""
+"""Our simulated aPad shows the behaviour that was observed of generation A's published stack."""
 
 from __future__ import annotations
 
@@ -47,19 +47,19 @@ def release(name: str) -> Goal:
     return Goal(f"release {name}", RELEASE, 0.0, 0.0, name)
 
 
-def ends(shown: list[Shown]) -> list[tuple[str, Outcome]]:
-    return [(it.key, it.outcome) for it in shown if isinstance(it, Ended)]
+def ends(published: list[Shown]) -> list[tuple[str, Outcome]]:
+    return [(it.key, it.outcome) for it in published if isinstance(it, Ended)]
 
 
-def held(shown: list[Shown]) -> list[Held]:
-    return [it for it in shown if isinstance(it, Held)]
+def held(published: list[Shown]) -> list[Held]:
+    return [it for it in published if isinstance(it, Held)]
 
 
 def test_a_go_to_succeeds_once_the_mean_distance_of_a_second_is_below_the_radius() -> None:
     apad = vehicle()
     apad.receive(go_to("there", NORTH_M + 5), 0)
-    shown = apad.advance(30_000)
-    (ended,) = [it for it in shown if isinstance(it, Ended)]
+    published = apad.advance(30_000)
+    (ended,) = [it for it in published if isinstance(it, Ended)]
     assert (ended.key, ended.outcome) == ("there", Outcome.SUCCEEDED)
     # 5 m at 0.5 m/s, half a metre early, half a second for the mean, and the start from rest.
     assert 9_000 < ended.at_ms < 12_500
@@ -79,20 +79,20 @@ def test_a_cancelled_go_to_is_pre_empted_and_keeps_moving() -> None:
     apad = vehicle()
     apad.receive(go_to("there", NORTH_M + 5), 0)
     assert ends(apad.cancel("there", 2_000)) == [("there", Outcome.PREEMPTED)]
-    shown = apad.advance(30_000)
-    assert ends(shown) == []
+    published = apad.advance(30_000)
+    assert ends(published) == []
     assert apad.pose.north_m == pytest.approx(NORTH_M + 5)
 
 
-def test_a_perch_asks_for_no_nearness_and_takes_the_first_free_slot() -> None:
+def test_a_perch_asks_for_no_nearness_and_takes_the_first_free_dock() -> None:
     apad = vehicle()
     offsets = [(-0.1, -0.1), (-0.1, 0.1), (0.1, -0.1), (0.1, 0.1)]
     for number, (north_m, east_m) in enumerate(offsets):
-        shown = apad.receive(perch(f"amussel{number}"), 0)
-        (word,) = held(shown)
-        assert (word.name, word.at_ms) == (f"amussel{number}", 0)
-        assert (word.north_m, word.east_m) == pytest.approx((NORTH_M + north_m, EAST_M + east_m))
-        assert ends(shown) == [(f"perch amussel{number}", Outcome.SUCCEEDED)]
+        published = apad.receive(perch(f"amussel{number}"), 0)
+        (message,) = held(published)
+        assert (message.name, message.at_ms) == (f"amussel{number}", 0)
+        assert (message.north_m, message.east_m) == pytest.approx((NORTH_M + north_m, EAST_M + east_m))
+        assert ends(published) == [(f"perch amussel{number}", Outcome.SUCCEEDED)]
     apad.receive(release("amussel1"), 0)
     apad.receive(perch("amussel9"), 0)
     assert apad.held == ["amussel0", "amussel9", "amussel2", "amussel3"]
@@ -102,12 +102,12 @@ def test_a_fifth_perch_succeeds_and_does_nothing() -> None:
     apad = vehicle()
     for number in range(4):
         apad.receive(perch(f"amussel{number}"), 0)
-    shown = apad.receive(perch("amussel9"), 0)
-    assert ends(shown) == [("perch amussel9", Outcome.SUCCEEDED)]
-    assert "amussel9" not in {it.name for it in held(shown + apad.advance(2_000))}
+    published = apad.receive(perch("amussel9"), 0)
+    assert ends(published) == [("perch amussel9", Outcome.SUCCEEDED)]
+    assert "amussel9" not in {it.name for it in held(published + apad.advance(2_000))}
 
 
-def test_the_same_object_perched_twice_takes_two_slots() -> None:
+def test_the_same_object_perched_twice_takes_two_docks() -> None:
     apad = vehicle()
     apad.receive(perch("amussel1"), 0)
     apad.receive(perch("amussel1"), 0)
@@ -123,12 +123,12 @@ def test_what_is_held_is_told_at_20_hz_and_follows_the_vehicle() -> None:
     assert (told[-1].north_m, told[-1].east_m) == pytest.approx((NORTH_M + 4.9, EAST_M - 0.1))
 
 
-def test_a_release_has_a_last_word_and_a_result() -> None:
+def test_a_release_has_a_last_message_and_a_result() -> None:
     apad = vehicle()
     apad.receive(perch("amussel1"), 0)
-    shown = apad.receive(release("amussel1"), 1_020)
-    assert (held(shown)[-1].at_ms, held(shown)[-1].released) == (1_020, True)
-    assert ends(shown) == [("release amussel1", Outcome.SUCCEEDED)]
+    published = apad.receive(release("amussel1"), 1_020)
+    assert (held(published)[-1].at_ms, held(published)[-1].released) == (1_020, True)
+    assert ends(published) == [("release amussel1", Outcome.SUCCEEDED)]
     assert held(apad.advance(3_000)) == []
 
 
@@ -140,7 +140,7 @@ def test_a_release_of_what_is_not_held_is_aborted(name: str) -> None:
     assert apad.held == ["amussel1"]
 
 
-def test_a_silent_release_lets_go_without_a_word() -> None:
+def test_a_silent_release_lets_go_without_a_message() -> None:
     apad = vehicle(fault=Fault.RELEASE_SILENT)
     apad.receive(perch("amussel1"), 0)
     assert apad.receive(release("amussel1"), 0) == []
@@ -153,9 +153,9 @@ def test_a_crash_in_release_silences_all_that_is_held_but_not_the_position() -> 
     for number in (1, 2):
         apad.receive(perch(f"amussel{number}"), 0)
     apad.receive(release("amussel1"), 0)
-    shown = apad.advance(2_000)
-    assert held(shown) == [] and ends(shown) == []
-    assert [it.at_ms for it in shown if isinstance(it, PoseShown)] == list(range(100, 2_100, 100))
+    published = apad.advance(2_000)
+    assert held(published) == [] and ends(published) == []
+    assert [it.at_ms for it in published if isinstance(it, PoseShown)] == list(range(100, 2_100, 100))
     assert ends(apad.receive(go_to("there", NORTH_M), 2_000)) == []
     assert apad.dropped.total() == 1
 
@@ -167,12 +167,12 @@ def test_a_goal_of_an_unknown_kind_is_active_until_pre_empted() -> None:
     assert ends(apad.receive(go_to("there", NORTH_M), 60_000)) == [("what", Outcome.PREEMPTED)]
 
 
-def test_a_hand_may_open_a_slot_but_not_close_one() -> None:
+def test_a_person_may_open_a_dock_but_not_close_one() -> None:
     apad = vehicle()
     apad.receive(perch("amussel1"), 0)
-    with pytest.raises(ValueError, match="a slot closes by a perch"):
+    with pytest.raises(ValueError, match="a dock closes by a perch"):
         apad.set_dock(1, True, 0)
-    with pytest.raises(ValueError, match="slot 1 is open"):
+    with pytest.raises(ValueError, match="dock 1 is open"):
         apad.set_dock(1, False, 0)
     assert [it.released for it in held(apad.set_dock(0, False, 0))] == [True]
     assert apad.free_docks == [0, 1, 2, 3]
@@ -184,10 +184,10 @@ def test_how_time_is_cut_never_shows(cuts: list[int]) -> None:
     orders = {0: perch("amussel1"), 1_730: go_to("there", NORTH_M + 3), 9_000: release("amussel1")}
 
     def flown(instants: set[int]) -> list[Shown]:
-        apad, shown = vehicle(), []
+        apad, published = vehicle(), []
         for at_ms in sorted(instants | set(orders)):
-            shown += apad.receive(orders[at_ms], at_ms) if at_ms in orders else apad.advance(at_ms)
-        return shown + apad.advance(20_000)
+            published += apad.receive(orders[at_ms], at_ms) if at_ms in orders else apad.advance(at_ms)
+        return published + apad.advance(20_000)
 
     assert flown(set(cuts)) == flown(set())
 

@@ -1,4 +1,4 @@
-"""An aPad of generation B, its silences included, as the facts, orders and failures that the docking port gets."""
+"""The facts, orders and failures that the docking port gets from a generation B aPad, its silences included."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ BY_EYE = DockingOrder(True, 2, 0.3, 0.4, 0.2, 0.25)
 
 
 class Apad:
-    """A core, and what a vehicle would do to it."""
+    """A core, with methods for a vehicle's messages."""
 
     def __init__(
         self, floating: Mapping[int, tuple[float, float]] | None = None, probability: float = 0.0
@@ -69,7 +69,7 @@ class Apad:
         self.core.hear(PoseHeard(at_ms, north_m, east_m, heading_rad), at_ms)
 
     def answers(self, at_ms: int, refused: str | None = None) -> list[Order]:
-        """Answers all that was ordered; the orders."""
+        """Answers all orders and returns them."""
         calls = self.core.take_calls()
         for call in calls:
             self.core.hear(Answered(at_ms, call.number, refused), at_ms)
@@ -82,7 +82,7 @@ class Apad:
         self.core.hear(StatusHeard(at_ms, True, status), at_ms)
 
     def tells(self, now_ms: int) -> list[LinkFact]:
-        """What became true, without readings of pose and battery, and without places that only moved."""
+        """The new facts, without readings of pose and battery, and without places that only moved."""
         return [
             it
             for it in self.core.advance(now_ms)
@@ -152,7 +152,7 @@ def test_a_go_to_said_to_be_done_far_from_its_goal_has_failed() -> None:
     assert failed == CommandFailed(2_000, 1, "the aPad says it arrived, 4.2 m from the goal")
 
 
-def test_without_any_word_on_goto_status_the_position_tells() -> None:
+def test_without_any_message_on_goto_status_the_position_decides() -> None:
     apad = Apad()
     apad.core.command(THERE, 0)
     apad.answers(0)
@@ -205,7 +205,7 @@ def test_a_vehicle_that_does_not_hold_is_told_again() -> None:
 
 
 def holding(still_running_ms: int = 0) -> Apad:
-    """A hold that was taken at 0, and a late word about the go-to that it pre-empted."""
+    """A hold that was taken at 0, and a late status of the go-to that it pre-empted."""
     apad = Apad()
     apad.core.command(Hold(1, 2.0, 3.0), 0)
     assert apad.answers(0) == [PositionOrder(2.0, 3.0)]
@@ -223,10 +223,10 @@ def test_a_go_to_of_anothers_during_a_hold_is_noticed_and_let_end() -> None:
     assert apad.tells(30_000) == [] and apad.answers(30_000) == []
     assert apad.core.dropped["goto_status: somebody else sent the aPad away from where it shall hold"] == 1
     apad.goes(31_000, Status.DONE)
-    # It has arrived wherever that is, and its controllers are off since.
+    # That go-to has ended somewhere, and the controllers are off since.
     apad.is_at(31_000, 2.5, 3.0)
     assert apad.tells(31_000) == [] and apad.answers(31_000) == [PositionOrder(2.0, 3.0)]
-    # Told every ten seconds at most; what still runs a moment later is a late word.
+    # Ordered every ten seconds at most; a go-to that still runs a moment later is a late status.
     apad.goes(31_500, Status.RUNNING)
     apad.goes(32_000, Status.PREEMPTED)
     assert apad.tells(60_000) == [] and apad.answers(60_000) == []
@@ -270,12 +270,12 @@ def test_a_virtual_docking_is_the_benchs_contact_and_is_carried_along() -> None:
         DockClosed(0, 1, 7),
         Carried(0, 7, pytest.approx(2.0), pytest.approx(3.4)),
     ]
-    apad.is_at(1_000, 4.0, 5.0, math.pi / 2)  # facing east: slot 1, to starboard, is south
+    apad.is_at(1_000, 4.0, 5.0, math.pi / 2)  # facing east: dock 1, to starboard, is south
     carried = [it for it in apad.core.advance(1_000) if isinstance(it, Carried)]
     assert carried == [Carried(1_000, 7, pytest.approx(3.6), pytest.approx(5.0))]
     apad.core.command(OpenDock(2, 1, 7), 2_000)
     assert apad.tells(2_000) == [DockOpened(2_000, 1, 7), LetGo(2_000, 7)]
-    assert apad.answers(2_000) == []  # nothing of it is the vehicle's business
+    assert apad.answers(2_000) == []  # a virtual docking orders nothing of the vehicle
 
 
 def test_a_docking_can_miss() -> None:
@@ -284,7 +284,7 @@ def test_a_docking_can_miss() -> None:
     assert apad.tells(0) == [CommandFailed(0, 1, MISSED)]
 
 
-def test_docking_by_eye_stands_off_orders_and_ends_by_its_status() -> None:
+def test_visual_docking_stands_off_orders_and_ends_by_its_status() -> None:
     apad = Apad()
     apad.core.command(GoTo(1, 2.0, 4.0, 0.5, 0.5), 0)
     apad.answers(0)
@@ -294,7 +294,7 @@ def test_docking_by_eye_stands_off_orders_and_ends_by_its_status() -> None:
     apad.answers(0)
     apad.core.command(CloseDock(2, 2, 8), 1_000)
     (stand,) = apad.answers(1_000)
-    # The aMussel is believed at (2, 4), the boat is west of it: two metres west, with slot 2, the stern, towards it.
+    # The aMussel is believed at (2, 4), the boat is west of it: two metres west, with dock 2, the stern, towards it.
     assert stand == PositionOrder(pytest.approx(2.0), pytest.approx(2.0), pytest.approx(-math.pi / 2))
     apad.docks(1_000, Status.DONE)  # of an earlier docking
     apad.is_at(5_000, 2.0, 2.1, -1.5)
@@ -348,7 +348,7 @@ def test_a_search_that_finds_nothing_is_given_up() -> None:
     assert apad.answers(90_000) == [PositionOrder(2.0, 3.0)]
 
 
-def test_a_real_amussel_takes_a_slot_and_no_simulated_one_does_then() -> None:
+def test_a_real_amussel_takes_a_dock_and_no_simulated_one_does_then() -> None:
     apad = Apad()
     apad.core.command(CloseDock(1, 2, 20), 0)
     apad.answers(0)
@@ -407,7 +407,7 @@ def test_an_answer_to_an_order_that_was_replaced_changes_nothing() -> None:
 
 
 def test_a_vehicle_that_is_heard_again_after_a_silence_is_told_again() -> None:
-    """It may have been rebooted, and a go-to that nobody runs would stall."""
+    """The vehicle may have rebooted, and a go-to that nobody runs would stall."""
     apad = Apad()
     apad.core.command(THERE, 0)
     apad.answers(0)

@@ -1,4 +1,4 @@
-"""What was read of the published stack of generation B, of our simulated aPad behind its manners."""
+"""Our simulated aPad shows the behaviour that was read from generation B's published stack."""
 
 from __future__ import annotations
 
@@ -43,10 +43,10 @@ def vehicle(drift_m_s: tuple[float, float] = (0.0, 0.0), start_ms: int = 0) -> G
     return made
 
 
-def words(shown: list[Shown], docking: bool = False) -> list[tuple[int, Status]]:
+def status_changes(published: list[Shown], docking: bool = False) -> list[tuple[int, Status]]:
     """Changes of a status, with their times."""
     told: list[tuple[int, Status]] = []
-    for it in shown:
+    for it in published:
         if (
             isinstance(it, StatusShown)
             and it.docking is docking
@@ -58,20 +58,20 @@ def words(shown: list[Shown], docking: bool = False) -> list[tuple[int, Status]]
 
 def test_a_go_to_is_taken_at_once_and_its_end_told_by_topics() -> None:
     apad = vehicle()
-    shown = apad.receive(GoToOrder(NORTH_M + 5, EAST_M, 0.5, 0.5), 0)
-    assert words(shown) == [(0, Status.RUNNING)]
-    shown = apad.advance(30_000)
-    (_, running), (done_ms, done) = words(shown)
+    published = apad.receive(GoToOrder(NORTH_M + 5, EAST_M, 0.5, 0.5), 0)
+    assert status_changes(published) == [(0, Status.RUNNING)]
+    published = apad.advance(30_000)
+    (_, running), (done_ms, done) = status_changes(published)
     assert (running, done) == (Status.RUNNING, Status.DONE)
     # 5 m at 0.5 m/s, half a metre early, half a second for the mean, and the start from rest.
     assert 9_000 < done_ms < 12_500
-    assert [it.at_ms for it in shown if isinstance(it, Finished)] == [done_ms]
+    assert [it.at_ms for it in published if isinstance(it, Finished)] == [done_ms]
 
 
 def test_after_the_end_of_a_primitive_the_water_takes_the_boat() -> None:
     apad = vehicle(drift_m_s=(0.1, -0.2))
     apad.receive(GoToOrder(NORTH_M + 1, EAST_M, 0.5, 0.5), 0)
-    done_ms = words(apad.advance(30_000))[-1][0]
+    done_ms = status_changes(apad.advance(30_000))[-1][0]
     assert done_ms < 20_000
     before = apad.pose
     apad.advance(40_000)
@@ -83,18 +83,18 @@ def test_after_the_end_of_a_primitive_the_water_takes_the_boat() -> None:
 def test_dynamic_positioning_holds_against_the_water_and_never_ends() -> None:
     apad = vehicle(drift_m_s=(0.1, -0.2))
     apad.receive(PositionOrder(NORTH_M, EAST_M + 1, 1.0), 0)
-    shown = apad.advance(600_000)
+    published = apad.advance(600_000)
     assert (apad.pose.north_m, apad.pose.east_m, apad.pose.heading_rad) == pytest.approx(
         (NORTH_M, EAST_M + 1, 1.0)
     )
-    assert not [it for it in shown if isinstance(it, Finished)]
+    assert not [it for it in published if isinstance(it, Finished)]
 
 
 @pytest.mark.parametrize(("speed_m_s", "radius_m"), [(0.0, 0.5), (0.5, 0.0), (0.5, -1.0)])
 def test_without_a_speed_or_a_radius_a_go_to_aborts(speed_m_s: float, radius_m: float) -> None:
     apad = vehicle()
-    shown = apad.receive(GoToOrder(NORTH_M + 5, EAST_M, speed_m_s, radius_m), 0)
-    assert words(shown) == [(0, Status.RUNNING), (0, Status.IDLE)]
+    published = apad.receive(GoToOrder(NORTH_M + 5, EAST_M, speed_m_s, radius_m), 0)
+    assert status_changes(published) == [(0, Status.RUNNING), (0, Status.IDLE)]
     apad.advance(10_000)
     assert apad.pose.north_m == NORTH_M
 
@@ -102,25 +102,25 @@ def test_without_a_speed_or_a_radius_a_go_to_aborts(speed_m_s: float, radius_m: 
 def test_a_new_order_pre_empts() -> None:
     apad = vehicle()
     apad.receive(GoToOrder(NORTH_M + 5, EAST_M, 0.5, 0.5), 0)
-    shown = apad.receive(PositionOrder(NORTH_M, EAST_M), 2_000)
-    assert words(shown)[-1] == (2_000, Status.PREEMPTED)
+    published = apad.receive(PositionOrder(NORTH_M, EAST_M), 2_000)
+    assert status_changes(published)[-1] == (2_000, Status.PREEMPTED)
 
 
 def test_docking_stands_still_for_27_s_and_then_searches_for_ever() -> None:
     apad = vehicle()
-    shown = apad.receive(replace(DOCK, dock_index=2), 0)
-    assert CameraTurned(0, 0.75) in shown
-    assert [it.arm.is_open for it in shown if isinstance(it, ArmShown)] == [(False, False, True, False)]
+    published = apad.receive(replace(DOCK, dock_index=2), 0)
+    assert CameraTurned(0, 0.75) in published
+    assert [it.arm.is_open for it in published if isinstance(it, ArmShown)] == [(False, False, True, False)]
     apad.advance(27_000)
     assert apad.pose.heading_rad == 0.0
     apad.advance(37_000)
     assert apad.pose.heading_rad == pytest.approx(3.0)  # 0.3 rad/s for 10 s
-    shown = apad.advance(1_000_000)
-    assert words(shown, docking=True) == [(38_000, Status.RUNNING)]
+    published = apad.advance(1_000_000)
+    assert status_changes(published, docking=True) == [(38_000, Status.RUNNING)]
 
 
 def test_docking_follows_its_law_and_ends_when_the_target_is_low_in_the_image() -> None:
-    """Yaw rate max * tanh(h), surge max * exp(-h^2 / (2 * 0.2^2)) towards the slot: here slot 1, to starboard."""
+    """Yaw rate max * tanh(h), surge max * exp(-h^2 / (2 * 0.2^2)) towards the dock: here dock 1, to starboard."""
     apad = vehicle()
     apad.receive(replace(DOCK, dock_index=1), 0)
     for at_ms in range(26_950, 37_000, 100):
@@ -134,9 +134,9 @@ def test_docking_follows_its_law_and_ends_when_the_target_is_low_in_the_image() 
     apad.detect(0.0, 0.8, 37_000)
     assert apad.stage is Stage.SERVOING  # (0.8, 0.9) is open
     apad.detect(0.0, 0.85, 37_000)
-    shown = apad.advance(37_100)
-    assert words(shown, docking=True)[-1][1] is Status.DONE
-    assert [it.arm.is_open for it in shown if isinstance(it, ArmShown)] == [(False,) * 4]
+    published = apad.advance(37_100)
+    assert status_changes(published, docking=True)[-1][1] is Status.DONE
+    assert [it.arm.is_open for it in published if isinstance(it, ArmShown)] == [(False,) * 4]
 
 
 def test_a_detection_older_than_a_second_is_none() -> None:
@@ -152,9 +152,9 @@ def test_a_detection_older_than_a_second_is_none() -> None:
 def test_undocking_pulls_back_for_8_s() -> None:
     apad = vehicle()
     apad.receive(UNDOCK, 0)
-    shown = apad.advance(35_000)
-    assert words(shown, docking=True)[-1] == (35_000, Status.DONE)
-    arms = [(it.at_ms, it.arm.is_open[0]) for it in shown if isinstance(it, ArmShown)]
+    published = apad.advance(35_000)
+    assert status_changes(published, docking=True)[-1] == (35_000, Status.DONE)
+    arms = [(it.at_ms, it.arm.is_open[0]) for it in published if isinstance(it, ArmShown)]
     assert arms == [(27_000, True), (35_000, False)]
     # 0.3 m/s for 8 s, less the start from rest.
     assert -2.4 < apad.pose.north_m - NORTH_M < -2.1
@@ -163,34 +163,36 @@ def test_undocking_pulls_back_for_8_s() -> None:
 def test_a_pilot_pre_empts_and_nothing_is_begun_meanwhile() -> None:
     apad = vehicle()
     apad.receive(GoToOrder(NORTH_M + 5, EAST_M, 0.5, 0.5), 0)
-    assert words(apad.set_manual(True, 1_000))[-1][1] is Status.PREEMPTED
-    assert words(apad.receive(GoToOrder(NORTH_M, EAST_M, 0.5, 0.5), 2_000))[-1][1] is Status.PREEMPTED
+    assert status_changes(apad.set_manual(True, 1_000))[-1][1] is Status.PREEMPTED
+    assert (
+        status_changes(apad.receive(GoToOrder(NORTH_M, EAST_M, 0.5, 0.5), 2_000))[-1][1] is Status.PREEMPTED
+    )
     apad.set_manual(False, 3_000)
-    assert words(apad.receive(GoToOrder(NORTH_M, EAST_M, 0.5, 0.5), 3_000))[-1][1] is Status.RUNNING
+    assert status_changes(apad.receive(GoToOrder(NORTH_M, EAST_M, 0.5, 0.5), 3_000))[-1][1] is Status.RUNNING
 
 
 def test_stop_mission_ends_what_is_under_way() -> None:
     apad = vehicle()
     apad.receive(DOCK, 0)
-    shown = apad.stop(5_000)
-    assert words(shown, docking=True)[-1] == (5_000, Status.PREEMPTED)
+    published = apad.stop(5_000)
+    assert status_changes(published, docking=True)[-1] == (5_000, Status.PREEMPTED)
     assert apad.stage is Stage.OFF
 
 
 def test_a_paused_mission_goes_on_where_it_was() -> None:
     apad = vehicle()
     apad.receive(GoToOrder(NORTH_M + 9, EAST_M, 0.5, 0.5), 0)
-    assert words(apad.pause(4_000))[-1][1] is Status.PREEMPTED
+    assert status_changes(apad.pause(4_000))[-1][1] is Status.PREEMPTED
     apad.advance(60_000)
     assert apad.pose.north_m < NORTH_M + 6  # coasting only
-    assert words(apad.go_on(60_000))[-1][1] is Status.RUNNING
-    assert words(apad.advance(90_000))[-1][1] is Status.DONE
+    assert status_changes(apad.go_on(60_000))[-1][1] is Status.RUNNING
+    assert status_changes(apad.advance(90_000))[-1][1] is Status.DONE
     apad.go_on(91_000)  # nothing is paused any more
     assert apad.stage is Stage.OFF
 
 
 def test_charging_what_the_bench_says_it_holds_costs_energy() -> None:
-    """10 W a dock for an hour of a battery of 230 Wh."""
+    """10 W a dock for an hour, from a battery of 230 Wh."""
     empty, laden = vehicle(), vehicle()
     for dock_index in (0, 1, 1):
         laden.load(dock_index, True, 0)
@@ -207,13 +209,13 @@ def test_what_lies_below_the_services_tells_of_each_go_to_ten_times_a_second() -
     apad = vehicle()
     order = GoToOrder(NORTH_M, EAST_M - 4, 0.5, 0.5)
     assert apad.receive(order, 50)[0] == GoToBegun(50, order)
-    shown = apad.advance(30_000)
-    (ended,) = [it for it in shown if isinstance(it, GoToEnded)]
+    published = apad.advance(30_000)
+    (ended,) = [it for it in published if isinstance(it, GoToEnded)]
     assert ended.status is Status.DONE and ended.pose.east_m == pytest.approx(EAST_M - 4, abs=0.5)
-    # West, and what is left is what its own place says.
+    # West, and the rest of the way agrees with its own place.
     assert ended.left.bearing_rad == pytest.approx(-math.pi / 2)
     assert ended.left.distance_m == pytest.approx(ended.pose.east_m - (EAST_M - 4))
-    told_ms = [it.at_ms for it in shown if isinstance(it, GoToLeft)]
+    told_ms = [it.at_ms for it in published if isinstance(it, GoToLeft)]
     assert told_ms == list(range(100, ended.left.at_ms, 100))
 
 
@@ -223,9 +225,9 @@ def test_what_lies_below_the_services_tells_of_each_go_to_ten_times_a_second() -
 )
 def test_a_fault_shows_below_the_services_as_it_does_on_the_topics(fault: Fault, ends: list[Status]) -> None:
     apad = GenerationBVehicle(SimulatedAPad(POOL.apad), 0, fault)
-    shown = apad.receive(GoToOrder(NORTH_M + 2, EAST_M, 0.5, 0.5), 0) + apad.advance(20_000)
-    assert [it.status for it in shown if isinstance(it, GoToEnded)] == ends
-    assert any(isinstance(it, GoToBegun) for it in shown) is (fault is not Fault.SILENT)
+    published = apad.receive(GoToOrder(NORTH_M + 2, EAST_M, 0.5, 0.5), 0) + apad.advance(20_000)
+    assert [it.status for it in published if isinstance(it, GoToEnded)] == ends
+    assert any(isinstance(it, GoToBegun) for it in published) is (fault is not Fault.SILENT)
 
 
 def test_requests_are_met_by_their_fields() -> None:
@@ -244,10 +246,10 @@ def test_requests_are_met_by_their_fields() -> None:
 def test_however_time_is_cut_the_same_is_shown(cuts: list[int]) -> None:
     def flown(instants: list[int]) -> tuple[list[Shown], tuple[float, float]]:
         apad = vehicle(drift_m_s=(0.05, 0.02))
-        shown = apad.receive(GoToOrder(NORTH_M + 2, EAST_M + 1, 0.5, 0.5), 0)
+        published = apad.receive(GoToOrder(NORTH_M + 2, EAST_M + 1, 0.5, 0.5), 0)
         for at_ms in instants:
-            shown += apad.advance(at_ms)
-        shown += apad.receive(UNDOCK, 9_000) + apad.advance(50_000)
-        return shown, (apad.pose.north_m, apad.pose.east_m)
+            published += apad.advance(at_ms)
+        published += apad.receive(UNDOCK, 9_000) + apad.advance(50_000)
+        return published, (apad.pose.north_m, apad.pose.east_m)
 
     assert flown(sorted(cuts)) == flown([])

@@ -1,4 +1,4 @@
-"""Travel against the trapezoidal profile worked by hand, and the rule of arrival."""
+"""Travel against a trapezoidal profile worked by hand, and the rule of arrival."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def distance_left_m(t_s: float, way_m: float, speed_m_s: float, acceleration_m_s
 
 
 def rest_ms(facts) -> int:
-    """When the last pose off the whole seconds, or the last change of pose, was reported."""
+    """The time of the last reported pose off the whole seconds, or of the last change of pose."""
     poses = [fact for fact in facts if isinstance(fact, PoseReported)]
     changes = [
         b.at_ms for a, b in itertools.pairwise(poses) if (a.north_m, a.east_m) != (b.north_m, b.east_m)
@@ -97,7 +97,7 @@ def test_a_new_go_to_replaces_the_old_one_silently(config):
 def test_the_old_go_to_does_not_arrive_once_the_new_command_is_given(config):
     apad = SimulatedAPad(config)
     apad.receive(GoTo(1, 0.0, 0.0, 0.5, 0.5), 0)
-    facts = apad.receive(Hold(2, 0.0, 0.0), 950)  # 50 ms before the first would have arrived
+    facts = apad.receive(Hold(2, 0.0, 0.0), 950)  # 50 ms before the first go-to would have arrived
     assert arrivals(facts + apad.advance(5000)) == []
 
 
@@ -168,7 +168,7 @@ def test_saturated_thrusters_accelerate_more_slowly_yet_it_stops_at_the_goal(con
     for vehicle in (apad, strong):
         vehicle.receive(GoTo(1, 20.0, 0.0, 1.0, 0.5), 0)
         vehicle.advance(1000)
-    # 2 * 6 N on 25 kg: 0.48 m/s2 are there for the 0.3 that are wanted
+    # 2 * 6 N on 25 kg: 0.48 m/s2 are available for the wanted 0.3
     assert apad.pose.speed_m_s == pytest.approx(0.3)
     weaker = SimulatedAPad(replace(weak, thruster_max_n=2.5))
     weaker.receive(GoTo(1, 20.0, 0.0, 1.0, 0.5), 0)

@@ -1,4 +1,4 @@
-"""The battery against sums worked by hand, what happens when it is empty, and the table of docks."""
+"""The battery against sums worked by hand, the empty battery, and the table of docks."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def test_an_empty_battery_stops_thrusters_and_mechanisms_and_says_so(small_batte
     assert apad.battery_fraction == 0.0
     assert apad.battery_voltage_v == 10.5
     assert apad.thruster_forces_n == (0.0, 0.0, 0.0, 0.0)
-    # it coasted on, slower and slower, and lies still; the dock stays closed and no command is taken
+    # it coasted to a stop; the dock stays closed, and every command fails
     stopped = [fact for fact in facts if isinstance(fact, PoseReported)]
     assert stopped[-1].north_m > next(p.north_m for p in stopped if p.at_ms == failures[0].at_ms)
     assert apad.pose.speed_m_s == 0.0
@@ -89,7 +89,7 @@ def test_an_empty_battery_stops_thrusters_and_mechanisms_and_says_so(small_batte
 def test_a_hold_fails_too_when_the_battery_empties_and_a_finished_go_to_does_not(small_battery):
     holding = SimulatedAPad(small_battery)
     facts = holding.receive(Hold(1, 0.0, 0.0), 0) + holding.advance(20_000)
-    # 360 J at 25 W last 14.4 s; at rest that is found at the next report
+    # 360 J at 25 W last 14.4 s; at rest the aPad notices it at the next report
     assert [fact for fact in facts if isinstance(fact, CommandFailed)] == [
         CommandFailed(15_000, 1, "the aPad's battery is empty")
     ]

@@ -1,4 +1,4 @@
-"""The camera's geometry by hand, and the field's docking law before it: it comes to its end where an aMussel is docked."""
+"""The camera's geometry by hand, and the field's docking law with it, which ends where an aMussel is docked."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def test_what_is_to_starboard_is_right_in_the_image_and_what_is_nearer_is_lower_
 
 
 @pytest.mark.parametrize("dock_index", range(4))
-def test_it_looks_towards_its_slot_however_the_hull_lies(dock_index: int) -> None:
+def test_it_looks_towards_its_dock_however_the_hull_lies(dock_index: int) -> None:
     for heading_rad in (0.0, 1.0, -2.5):
         bearing_rad = heading_rad + dock_direction_rad(dock_index)
         target_m = (3 + math.cos(bearing_rad), 4 + math.sin(bearing_rad))
@@ -58,7 +58,7 @@ def test_what_is_behind_beside_underneath_or_too_far_is_not_seen(target_m: tuple
 def test_a_docking_by_the_fields_law_ends_at_the_amussel(
     dock_index: int, drift_m_s: tuple[float, float]
 ) -> None:
-    """From two metres off, through 27 s of the servo's wait in which the water takes the boat, and a search if need be."""
+    """From two metres off, through the servo's wait of 27 s, in which the boat drifts, and a search if need be."""
     target_m = (NORTH_M + 2.0, EAST_M + 0.3)
     apad = GenerationBVehicle(SimulatedAPad(replace(POOL.apad, drift_m_s=drift_m_s)))
     heading_rad = math.atan2(0.3, 2.0) - dock_direction_rad(dock_index)

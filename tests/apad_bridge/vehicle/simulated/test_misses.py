@@ -1,4 +1,4 @@
-"""Which dockings miss: as often as is said, and the same ones for every stack."""
+"""Dockings miss with the stated probability, and alike for every stack."""
 
 from __future__ import annotations
 
