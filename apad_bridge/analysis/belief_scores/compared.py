@@ -15,7 +15,7 @@ from pathlib import Path
 
 from apad_bridge.analysis.replay.history import History
 from apad_bridge.beliefs.modes import Mode, mode_of
-from apad_bridge.records.bag_samples import BagUnreadable, Instant, instants, tells_deviations
+from apad_bridge.records.bag_samples import BagUnreadable, Instant, instants, has_deviations
 from apad_bridge.records.journal import Line, read_journal
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
 from apad_bridge.records.samples import BeliefSample, TruthSample, Water
@@ -62,7 +62,7 @@ class Compared:
 def best_record(run_dir: Path) -> Record:
     """The bag, if all of the run's bags are closed and say how sure beliefs were. RunDirectoryError for no run."""
     bags = RunDirectory.open(run_dir).bags
-    return Record.BAG if bags and all(map(tells_deviations, bags)) else Record.JOURNAL
+    return Record.BAG if bags and all(map(has_deviations, bags)) else Record.JOURNAL
 
 
 def compared_in(run_dir: Path, period_ms: int, record: Record) -> Iterator[Compared]:

@@ -90,7 +90,7 @@ class History:
     def _take_death(self, line: Line) -> None:
         if line["gave_up"] is not None:
             self.now.gone.add(line["id"])
-            self.meter.gone(line["id"], line["agent_ms"])
+            self.meter.ended(line["id"], line["agent_ms"])
 
     def _take_presence(self, line: Line) -> None:
         self.meter.is_now(line["id"], Presence(line["is"]), self._theta * line["t"])

@@ -1,4 +1,4 @@
-"""run.bag without ROS: what is written is what is read, and a bag that was never closed gives back what is whole."""
+"""Tests run.bag without ROS: reading gives what was written, and the repair of an unclosed bag keeps all whole messages."""
 
 import os
 import signal
@@ -21,7 +21,7 @@ APAD = APadSample(10.0, 11.0, pi, 15.5, 0.875, "dock", (7, -1, -1, 9))
 
 
 def read(path):
-    """(topic, stamp in ms, message) of every message."""
+    """Every message as (topic, stamp in ms, message)."""
     with Reader(path) as reader:
         return [
             (connection.topic, stamp_ns / 1e6, typestore().deserialize_ros1(data, connection.msgtype))
@@ -59,7 +59,7 @@ def test_a_sample_comes_back_with_both_clocks(tmp_path):
     assert (belief.id, belief.state, belief.charge, belief.secondary, belief.age_s) == (7, 2, 0.5, 0.75, 4.5)
     assert (apad.north, apad.east, apad.heading) == (10.0, 11.0, pi)
     assert (apad.voltage, apad.battery_fraction, apad.primitive) == (15.5, 0.875, "dock")
-    assert apad.slots.tolist() == [7, -1, -1, 9]
+    assert apad.docks.tolist() == [7, -1, -1, 9]
     assert (event.kind, event.data) == ("dock", '{"dock":0}')
 
 
