@@ -36,7 +36,7 @@ def truth(at_ms: int, state: State, docked: bool, primary: BatteryIs, secondary:
 def literal(truths: list[Truth], ticks: int, is_now: dict[int, Presence] | None = None) -> AgentUptime:
     """Equation (3)'s sum, taken literally: it steps every millisecond of agent time and counts at every tick.
 
-    `is_now` has, by tick, the presence after that tick; while the aMussel is not simulated, nothing that happens is counted.
+    `is_now` has, by tick, the presence after that tick; while the aMussel is not simulated, nothing is counted.
     """
     is_now, presence, other_ticks = is_now or {}, Presence.SIMULATED, dict.fromkeys(Presence, 0)
     at_last = None
@@ -177,7 +177,7 @@ def test_what_a_twin_does_is_told_apart():
         "retired_s": 0,
         "samples_taken": 4,
     }
-    # Sequences 5 to 8 are the twin's. Of the others 0, 1, 2 and 10 were uploaded; a real aMussel's uploads under its id do not count.
+    # Sequences 5 to 8 are the twin's. Of the others 0, 1, 2 and 10 were uploaded; 400 is a real aMussel's upload.
     apart = {it.agent_id: it.apart for it in meter.at(10 * TICK_MS)}
     kept = {7: {0, 1, 2, 6, 10, 400}}
     assert sample_figures({7: 11, 8: 0}, kept, {7: {3, 7}}, apart) == {

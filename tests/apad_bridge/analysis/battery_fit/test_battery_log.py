@@ -1,4 +1,4 @@
-"""Logs as people have them: what is read from each form, and the one line for each that cannot be."""
+"""Tests reading logs in users' formats, and the one line for each log that cannot be read."""
 
 from pathlib import Path
 
