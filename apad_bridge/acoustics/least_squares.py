@@ -20,7 +20,7 @@ Floats = NDArray[np.float64]
 ITERATIONS = 50
 _STILL_M = 1e-5
 _FLAT = 1e-9
-"""With a determinant of J^T J below this the geometry gives no fix."""
+"""The least determinant of J^T J with which the geometry gives a fix."""
 
 
 @dataclass(frozen=True, slots=True)

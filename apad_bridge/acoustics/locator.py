@@ -56,7 +56,7 @@ class LocatorConfig:
     memory_s: float
     """Ranges older than this are dropped, because the aMussel may have moved."""
     apart_m: float
-    """Of ranges taken nearer to each other than this, only the newest is used."""
+    """The least distance between used ranges: of ranges taken nearer to each other only the newest is used."""
     at_least: int = 3
     worst_hdop: float = 5.0
     gate: float = 16.0

@@ -46,7 +46,7 @@ class ScheduleConfig:
     ping_period_ms: int
     modems: Generation = Generation.V3
     answer_ms: int = 0
-    """From the end of a status request to the end of the answer, without the propagation delays."""
+    """The time from the end of a status request to the end of the answer, without the propagation delays."""
     breath_ms: int = 20
     """The pause before a status request, and between packets of the mission. A moving aPad may send the second packet from
     nearer, so that it would run into the first packet, whose echoes are also still in the water."""

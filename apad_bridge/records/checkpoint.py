@@ -132,7 +132,7 @@ class Restored:
     rows: int
     whole: bool
     counts: Counter[str] | None
-    """How much was dropped, by reason; None in a file of a version that did not write these counts."""
+    """Counts of what was dropped, by reason; None from a file of a version without these counts."""
 
 
 class NoCheckpoint(Exception):

@@ -20,7 +20,7 @@ _RENAMED_IN_2 = {
     "packet": {"slot": "timeslot"},
     "primitive": {"slot": "dock"},
 }
-"""By kind of line: the new names of keys of format 1."""
+"""The new names of keys of format 1, by kind of line."""
 _QUIET_TICK = b',"kind":"tick"}\n'
 
 

@@ -145,7 +145,7 @@ class Recorder:
 
     @property
     def samples_kept(self) -> Mapping[int, Set[int]]:
-        """By aMussel, the sequence numbers of the samples on disk."""
+        """The sequence numbers of the samples on disk, by aMussel."""
         return self._samples.kept
 
     def samples(self, agent_id: int, records: Sequence[SampleRecord]) -> None:

@@ -28,7 +28,7 @@ class SampleFile:
         self._path = path
         self._file: LineFile | None = None
         self.kept: dict[int, set[int]] = {}
-        """By aMussel, the sequence numbers in the file."""
+        """The sequence numbers in the file, by aMussel."""
         self.unreadable = 0
         """The number of damaged lines: their samples are accepted again, if the aMussels still have them."""
         if path.exists():

@@ -34,7 +34,7 @@ class Ending:
     first_cause: str | None = None
     """The first failure of a run in which something failed."""
     samples_gone: Mapping[int, Set[int]] = field(default_factory=dict)
-    """By aMussel, the sequence numbers of samples that can no longer be uploaded."""
+    """The sequence numbers of samples that can no longer be uploaded, by aMussel."""
 
 
 def uptime_figures(meter: UptimeMeter, now_ms: int, tick_ms: int = 1000) -> dict[str, Any]:

@@ -33,7 +33,7 @@ class Score:
     place_coverage: float | None
     """The share of places in the believed ellipse of 95 %. This and `place_nees` are None without deviations of places."""
     place_nees: float | None
-    """As `nees`, for both axes of the place, divided by two."""
+    """The same as `nees` for both axes of the place, divided by two."""
 
 
 @dataclass(frozen=True, slots=True)

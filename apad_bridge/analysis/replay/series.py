@@ -28,7 +28,7 @@ class Status(IntEnum):
     ABOVE = 0
     """Above the pool's threshold."""
     CANDIDATE = 1
-    """At or below it."""
+    """At or below the pool's threshold."""
     CHARGING = 2
     """In a dock."""
     LOST = 3

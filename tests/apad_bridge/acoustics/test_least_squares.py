@@ -28,7 +28,7 @@ def test_exact_ranges_give_the_exact_place(north_m: float, east_m: float, depth_
 
 
 def test_dilution_by_hand() -> None:
-    """In the middle of four anchors at the same depth every unit vector is (+-1, +-1)/sqrt 2, so J^T J = 2 I: HDOP 1."""
+    """The place is amid four anchors at its depth: every unit vector is (+-1, +-1)/sqrt 2, so J^T J = 2 I and HDOP is 1."""
     flat = SQUARE.copy()
     flat[:, 2] = 5.0
     found = solve(flat, ranges_to((50, 50, 5), flat), np.full(4, 0.2), 5.0, (40.0, 45.0))

@@ -140,7 +140,7 @@ def test_pings_go_round_those_who_hear() -> None:
     ]  # fmt: skip
 
 
-def test_places_are_asked_for_before_charges_and_the_air_is_kept_clear_for_each_answer() -> None:
+def test_pings_come_before_status_requests_and_nothing_is_sent_before_each_answer() -> None:
     """A ping reserves 105 ms and 4 s; a request of 6 bytes lasts 380 ms, its answer 893 ms, and each delay is 100 ms."""
     scheduler = AcousticScheduler(
         replace(CONFIG, assigns=False, beacon_period_ms=0, answer_ms=893), CODEC, SLOTS, [1, 2, 3]
@@ -154,7 +154,7 @@ def test_places_are_asked_for_before_charges_and_the_air_is_kept_clear_for_each_
     assert isinstance(permission, Send) and permission.not_before_ms == 19_125 + 380 + 893 + 200 + 20
 
 
-def test_an_answer_that_does_not_fit_before_the_slots_is_asked_for_after_them() -> None:
+def test_an_answer_that_does_not_fit_before_the_timeslots_is_requested_after_them() -> None:
     config = replace(CONFIG, assigns=False, beacon_period_ms=0, answer_ms=893)
     actions = AcousticScheduler(config, CODEC, SLOTS, [1]).advance(299_000, NOBODY, [], [1])
     assert isinstance(actions[1], Send) and actions[1].not_before_ms == 305_020

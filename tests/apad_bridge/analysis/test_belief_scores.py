@@ -184,8 +184,8 @@ def test_a_run_whose_bag_is_torn_is_compared_by_its_journal(
     assert main(["beliefs", str(run), "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["record"] == "journal"
     assert main(["beliefs", str(run), "--from", "bag"]) == 2
-    told = capsys.readouterr().err
-    assert told.count("\n") == 1 and told.endswith("try --from journal\n")
+    errors = capsys.readouterr().err
+    assert errors.count("\n") == 1 and errors.endswith("try --from journal\n")
 
 
 def test_a_journal_of_another_version_is_told_in_one_line(
@@ -199,8 +199,8 @@ def test_a_journal_of_another_version_is_told_in_one_line(
     assert count > 0
     journal.write_text(shorter)
     assert main(["beliefs", str(run), "--from", "journal"]) == 2
-    told = capsys.readouterr().err
-    assert told.count("\n") == 1 and "a line that this version does not read" in told
+    errors = capsys.readouterr().err
+    assert errors.count("\n") == 1 and "a line that this version does not read" in errors
 
 
 def test_a_run_with_a_bag_of_means_is_scored(
@@ -225,5 +225,5 @@ def test_mistakes_are_told_in_one_line(tmp_path: Path, capsys: pytest.CaptureFix
         [str(tmp_path), "--figure", "beliefs.jpeg"],
     ):
         assert main(["beliefs", *arguments]) == 2
-        told = capsys.readouterr().err
-        assert told.count("\n") == 1 and told.startswith("musselbed beliefs: ")
+        errors = capsys.readouterr().err
+        assert errors.count("\n") == 1 and errors.startswith("musselbed beliefs: ")

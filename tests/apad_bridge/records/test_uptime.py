@@ -132,10 +132,10 @@ def test_only_a_simulated_one_in_the_water_is_counted(events, ticks, is_now):
         at_ms += gap_ms
     until_ms = ticks * TICK_MS * THETA
     truths = [it for it in truths if it.at_ms <= until_ms]
-    told = [(it.at_ms, 0, it) for it in truths]
-    told += [(n * TICK_MS * THETA, 1, presence) for n, presence in is_now.items() if n <= ticks]
+    stimuli = [(it.at_ms, 0, it) for it in truths]
+    stimuli += [(n * TICK_MS * THETA, 1, presence) for n, presence in is_now.items() if n <= ticks]
     meter = UptimeMeter(THETA, MODEL, TICK_MS)
-    for at_ms, _, it in sorted(told, key=lambda it: it[:2]):
+    for at_ms, _, it in sorted(stimuli, key=lambda it: it[:2]):
         if isinstance(it, Truth):
             meter.take(it)
         else:

@@ -114,7 +114,7 @@ def status(agent_id: int) -> bytes:
     return MusselbedCodec().encode(packet)
 
 
-def test_a_physical_modem_brings_words_for_both_sides(physical: Make, tmp_path: Path) -> None:
+def test_a_physical_modem_brings_packets_for_both_sides(physical: Make, tmp_path: Path) -> None:
     """Modem 1 is the fleet's; modem 2 belongs to others in the same water."""
     modems = physical(speed=1)
     scenario = whole_boards()

@@ -109,7 +109,7 @@ def test_residuals_are_those_of_each_segment() -> None:
 
 
 @pytest.mark.parametrize(
-    ("scaled", "segments", "direction", "told"),
+    ("scaled", "segments", "direction", "message"),
     [
         (np.array([0.1, 0.2, 0.3]), None, None, "3 rows are too few"),
         (np.linspace(0.1, 0.9, 9), 3, None, "of 9 rows 9 lie on the scale; 9 rows are too few for 3 segments: 10"),
@@ -120,7 +120,7 @@ def test_residuals_are_those_of_each_segment() -> None:
     ],
 )  # fmt: skip
 def test_what_a_log_lacks_is_one_line(
-    scaled: Floats, segments: int | None, direction: Direction | None, told: str
+    scaled: Floats, segments: int | None, direction: Direction | None, message: str
 ) -> None:
-    with pytest.raises(LogError, match=told):
+    with pytest.raises(LogError, match=message):
         fit_log(log(scaled), segments, direction)

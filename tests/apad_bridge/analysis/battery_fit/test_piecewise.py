@@ -93,7 +93,7 @@ def test_every_segment_keeps_its_rows() -> None:
 
 
 @pytest.mark.parametrize(
-    ("x", "segments", "told"),
+    ("x", "segments", "message"),
     [
         ([0.0, 1.0, 2.0], 1, "3 rows are too few for 1 segments: 4 at least"),
         ([2.0] * 9, 1, "too few"),
@@ -102,6 +102,6 @@ def test_every_segment_keeps_its_rows() -> None:
         ([0.0, 1.0, 2.0, 3.0], 0, "one segment or more"),
     ],
 )
-def test_what_cannot_be_fitted_is_refused(x: list[float], segments: int, told: str) -> None:
-    with pytest.raises(ValueError, match=told):
+def test_what_cannot_be_fitted_is_refused(x: list[float], segments: int, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
         fit(np.array(x), np.zeros(len(x)), segments)

@@ -83,7 +83,7 @@ def rqt_plots(fleet: LayoutFleet) -> list[list[str]]:
 
 
 def plotjuggler_curves(fleet: LayoutFleet) -> dict[str, list[str]]:
-    """By tab, the names that its curves read."""
+    """The names that the curves of each tab read."""
     root = ElementTree.fromstring(KINDS["plotjuggler"].write(fleet))
     return {
         tab.attrib["tab_name"]: [
@@ -100,7 +100,7 @@ def plotjuggler_curves(fleet: LayoutFleet) -> dict[str, list[str]]:
 
 
 def foxglove_paths(fleet: LayoutFleet) -> dict[str, list[str]]:
-    """By tab, the paths that its plots read; panels of the layout and configurations match one to one."""
+    """The paths that the plots of each tab read; panels of the layout and configurations match one to one."""
     data = json.loads(KINDS["foxglove"].write(fleet))
     panels = data["configById"]
     tabs = {tab["title"]: leaves(tab["layout"]) for tab in panels["Tab!plots"]["tabs"]}

@@ -113,7 +113,7 @@ def test_a_docked_one_is_where_the_aPad_is():
     assert data["trace"] == [[0, 3.0, 0.0], [3000, 12.0, 0.0]]
 
 
-def test_words_and_cost_follow_the_mission():
+def test_texts_and_cost_follow_the_mission():
     plan = {
         "what": "collect",
         "strategy": "cautious",
