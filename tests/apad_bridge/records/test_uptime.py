@@ -33,12 +33,18 @@ def truth(at_ms: int, state: State, docked: bool, primary: BatteryIs, secondary:
     return Truth(at_ms, 7, state, physical)
 
 
-def literal(truths: list[Truth], ticks: int, is_now: dict[int, Presence] | None = None) -> AgentUptime:
+def literal(
+    truths: list[Truth], ticks: int, presence_by_tick: dict[int, Presence] | None = None
+) -> AgentUptime:
     """Equation (3)'s sum, taken literally: it steps every millisecond of agent time and counts at every tick.
 
-    `is_now` has, by tick, the presence after that tick; while the aMussel is not simulated, nothing is counted.
+    `presence_by_tick` has the presence after that tick; while the aMussel is not simulated, nothing is counted.
     """
-    is_now, presence, other_ticks = is_now or {}, Presence.SIMULATED, dict.fromkeys(Presence, 0)
+    presence_by_tick, presence, other_ticks = (
+        presence_by_tick or {},
+        Presence.SIMULATED,
+        dict.fromkeys(Presence, 0),
+    )
     at_last = None
     paper = submerged = dead = 0
     emptied = lost = False
@@ -66,7 +72,7 @@ def literal(truths: list[Truth], ticks: int, is_now: dict[int, Presence] | None 
         elif is_tick:
             other_ticks[presence] += 1
         if is_tick:
-            presence = is_now.get(ms // (TICK_MS * THETA), presence)
+            presence = presence_by_tick.get(ms // (TICK_MS * THETA), presence)
     return AgentUptime(
         7,
         paper,
@@ -77,7 +83,9 @@ def literal(truths: list[Truth], ticks: int, is_now: dict[int, Presence] | None 
         at_last,
         beside_real=other_ticks[Presence.REAL],
         retired=other_ticks[Presence.RETIRED],
-        presence=is_now.get(max([n for n in is_now if n <= ticks], default=-1), Presence.SIMULATED),
+        presence=presence_by_tick.get(
+            max([n for n in presence_by_tick if n <= ticks], default=-1), Presence.SIMULATED
+        ),
     )
 
 
@@ -123,8 +131,8 @@ def test_the_meter_counts_what_a_literal_stepper_counts(first_ms, events, ticks)
 presences = st.dictionaries(st.integers(0, 20), st.sampled_from(Presence), max_size=4)
 
 
-@given(events=events, ticks=st.integers(0, 20), is_now=presences)
-def test_only_a_simulated_one_in_the_water_is_counted(events, ticks, is_now):
+@given(events=events, ticks=st.integers(0, 20), presence_by_tick=presences)
+def test_only_a_simulated_one_in_the_water_is_counted(events, ticks, presence_by_tick):
     """The counts without `charge`, which is that of the last time when it was simulated."""
     truths, at_ms = [], 0
     for gap_ms, *rest in events:
@@ -133,7 +141,7 @@ def test_only_a_simulated_one_in_the_water_is_counted(events, ticks, is_now):
     until_ms = ticks * TICK_MS * THETA
     truths = [it for it in truths if it.at_ms <= until_ms]
     stimuli = [(it.at_ms, 0, it) for it in truths]
-    stimuli += [(n * TICK_MS * THETA, 1, presence) for n, presence in is_now.items() if n <= ticks]
+    stimuli += [(n * TICK_MS * THETA, 1, presence) for n, presence in presence_by_tick.items() if n <= ticks]
     meter = UptimeMeter(THETA, MODEL, TICK_MS)
     for at_ms, _, it in sorted(stimuli, key=lambda it: it[:2]):
         if isinstance(it, Truth):
@@ -141,7 +149,7 @@ def test_only_a_simulated_one_in_the_water_is_counted(events, ticks, is_now):
         else:
             meter.is_now(7, it, at_ms)
     counted = [replace(it, charge=0) for it in meter.at(ticks * TICK_MS)]
-    assert counted == ([replace(literal(truths, ticks, is_now), charge=0)] if truths else [])
+    assert counted == ([replace(literal(truths, ticks, presence_by_tick), charge=0)] if truths else [])
 
 
 def test_what_a_twin_does_is_told_apart():
