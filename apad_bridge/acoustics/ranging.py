@@ -50,7 +50,7 @@ class RangingService:
         self._depth_m = depth_m
         self._deviation_m = deviation_m
         self._rows: list[tuple[Any, ...]] = []
-        """Since the last `full_state` or `updates`: ranges, and moved aMussels, whose id is alone in its row."""
+        """Changes since the last `full_state` or `updates`: ranges, and moved aMussels, whose id is alone in its row."""
         self._last_scheduler_state: dict[str, Any] = scheduler.full_state()
 
     @property

@@ -137,10 +137,10 @@ class Recorder:
             self._journaled[agent_id] = truth
             self._journal.append(-(-truth.at_ms // self._scenario.theta), "truth", truth_data(truth))
 
-    def keep(self, known: LearnedState, now_ms: int) -> None:
+    def keep(self, learned: LearnedState, now_ms: int) -> None:
         """Writes the checkpoint from mission time `now_ms` on, so that another supervisor can resume the run."""
         self._checkpoint = Checkpoint(
-            self._directory.checkpoint, known.beliefs, now_ms, known.ranging, self._dropped_so_far
+            self._directory.checkpoint, learned.beliefs, now_ms, learned.ranging, self._dropped_so_far
         )
 
     @property

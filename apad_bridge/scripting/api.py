@@ -48,7 +48,11 @@ class Behaviour:
 
 @checks_arguments
 class Api(Queries):
-    """A script's access to the mission: its variable `api`."""
+    """A script's access to the mission: its variable `api`.
+
+    A point `[lat, lon]` is in degrees, a name that ends in `_m` is in metres, times are seconds of mission time, and docks
+    are numbered from 1. A call that cannot be done raises `Refused` and changes nothing.
+    """
 
     # Primitives: each call gives an order and returns at once.
 
@@ -123,7 +127,7 @@ class Api(Queries):
 
     @property
     def failure(self) -> str | None:
-        """The reason why a primitive failed last."""
+        """The reason of the last failure of a primitive; None if none has failed."""
         return self._do(lambda mission: mission.failure)
 
     # Waiting for primitives.
@@ -189,6 +193,7 @@ class Api(Queries):
         self._do(lambda mission: mission.pause())
 
     def resume(self) -> None:
+        """Continues after `pause`; does nothing if the mission is not paused."""
         self._do(lambda mission: mission.resume())
 
     def abort(self, reason: str = "the script") -> None:

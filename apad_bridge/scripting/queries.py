@@ -61,7 +61,7 @@ class Queries:
         return self._do(lambda mission: mission.now_ms / 1000)
 
     def sleep(self, seconds: float) -> None:
-        """Lets mission time pass; the script continues at a tick, and ticks are one second apart."""
+        """Waits until the first tick at or after `seconds` from now in mission time; ticks are one second apart."""
         if seconds != 0:
             self._rendezvous.request(Wait(None, self._until_ms(seconds)))
 
