@@ -1,11 +1,11 @@
-"""A place from ranges: weighted least squares in the plane, iterated (Gauss-Newton), with what the geometry makes of it.
+"""Finds a place from ranges by iterated weighted least squares in the plane (Gauss-Newton), with its covariance and HDOP.
 
-An aMussel's depth is known, from its pressure sensor or because it lies on the bottom, so only north and east are sought.
+An aMussel's depth is known, from its pressure sensor or because it lies on the bottom, so only north and east are found.
 With anchors a_i (metres, depth positive down), ranges r_i of variance s_i^2 and a place x at the known depth,
 
     minimise sum_i ((r_i - |x - a_i|) / s_i)^2,   J_i = (x - a_i)_horizontal / |x - a_i|,   cov(x) = (J^T W J)^-1
 
-and the horizontal dilution of precision is sqrt(trace((J^T J)^-1)): what a range's error is multiplied by.
+and the horizontal dilution of precision is sqrt(trace((J^T J)^-1)), the factor by which a range's error grows.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ Floats = NDArray[np.float64]
 ITERATIONS = 50
 _STILL_M = 1e-5
 _FLAT = 1e-9
-"""A determinant of J^T J below this is a geometry that fixes nothing."""
+"""The least determinant of J^T J with which the geometry gives a fix."""
 
 
 @dataclass(frozen=True, slots=True)
 class Solution:
-    """`covariance` is (north, north-east, east) in square metres, `residuals_m` in the order of the ranges.
+    """A place. `covariance` is (north, north-east, east) in square metres, `residuals_m` is in the order of the ranges.
 
     `chi2` is the weighted sum of squared residuals: with n ranges about n - 2 if their variances are true.
     """
@@ -40,15 +40,16 @@ class Solution:
 
 
 class NoFix(ValueError):
-    """The ranges do not give a place; the text says why."""
+    """The ranges give no place; the message has the reason."""
 
 
 def solve(
     anchors_m: Floats, ranges_m: Floats, deviations_m: Floats, depth_m: float, start_m: tuple[float, float]
 ) -> Solution:
-    """From anchors (n, 3: north, east, depth), ranges (n) and their standard deviations (n), beginning at `start_m`.
+    """Solves for the place, beginning at `start_m`.
 
-    Raises NoFix when the geometry fixes nothing or the iteration does not come to rest.
+    The anchors are (n, 3: north, east, depth), the ranges (n) and their standard deviations (n). Raises NoFix when the
+    geometry gives no fix or the iteration does not converge.
     """
     weights = 1 / deviations_m**2
     place = np.array(start_m, dtype=np.float64)
@@ -76,7 +77,7 @@ def solve(
 
 
 def mirrored(anchors_m: Floats, place_m: tuple[float, float]) -> tuple[float, float]:
-    """The place on the other side of the line that goes best through the anchors, which ranges tell badly from this one."""
+    """The place mirrored at the line that best fits the anchors. Ranges separate the two places badly."""
     centre = anchors_m[:, :2].mean(axis=0)
     _, _, axes = np.linalg.svd(anchors_m[:, :2] - centre)
     across = axes[1]
@@ -87,11 +88,11 @@ def mirrored(anchors_m: Floats, place_m: tuple[float, float]) -> tuple[float, fl
 
 def _linear(place: Floats, anchors_m: Floats, ranges_m: Floats, depth_m: float) -> tuple[Floats, Floats]:
     """Residuals (n) and the horizontal part of the unit vectors from the anchors (n, 2)."""
-    ways = np.column_stack(
+    vectors = np.column_stack(
         (place[0] - anchors_m[:, 0], place[1] - anchors_m[:, 1], depth_m - anchors_m[:, 2])
     )
-    lengths = np.maximum(np.linalg.norm(ways, axis=1), 1e-9)
-    return ranges_m - lengths, ways[:, :2] / lengths[:, None]
+    lengths = np.maximum(np.linalg.norm(vectors, axis=1), 1e-9)
+    return ranges_m - lengths, vectors[:, :2] / lengths[:, None]
 
 
 def _solution(

@@ -1,4 +1,4 @@
-"""Where aMussels are, from ranges that aPads took on their ways: every place from which one was taken is an anchor."""
+"""Locates aMussels from ranges that aPads took on their ways: each place from which a range was taken is an anchor."""
 
 from __future__ import annotations
 
@@ -11,14 +11,15 @@ import numpy as np
 from apad_bridge.acoustics.least_squares import Floats, NoFix, Solution, mirrored, solve
 
 AMBIGUOUS = 9.0
-"""Two places whose weighted squared residuals differ by less, three standard deviations, are not told apart by ranges."""
+"""Ranges do not separate two places whose weighted squared residuals differ by less: three standard deviations."""
 
 
 @dataclass(frozen=True, slots=True)
 class RangeTaken:
-    """At mission time `at_ms` an aPad's modem at this place (metres, depth positive down) was `range_m` from the aMussel's.
+    """A range: at mission time `at_ms` an aPad's modem at this place was `range_m` from the aMussel's modem.
 
-    Never a physical modem's range: that is to the jetty where it hangs.
+    Places are metres, depth positive down. A physical modem's range is never used, because it is to the jetty where that
+    modem hangs.
     """
 
     at_ms: int
@@ -33,7 +34,7 @@ class RangeTaken:
 class PositionFix:
     """A place measured by sound. `covariance` is (north, north-east, east) in square metres.
 
-    `hdop` is the geometry's dilution of precision, `residual_m` the root mean square of what the ranges disagree by.
+    `hdop` is the geometry's dilution of precision, `residual_m` the root mean square of the ranges' residuals.
     """
 
     at_ms: int
@@ -49,21 +50,21 @@ class PositionFix:
 @dataclass(frozen=True, slots=True)
 class LocatorConfig:
     deviation_m: float
-    """Of a range: what is measured badly, and how well the aPad knows its own place."""
+    """The standard deviation of a range, from the measurement and from the aPad's own place."""
     depth_m: float
-    """Of the bottom, on which they lie."""
+    """The depth of the bottom, on which the aMussels lie."""
     memory_s: float
-    """Ranges older than this are forgotten: the aMussel may have moved."""
+    """Ranges older than this are dropped, because the aMussel may have moved."""
     apart_m: float
-    """Of ranges taken nearer to each other than this, the newest counts."""
+    """The least distance between used ranges: of ranges taken nearer to each other only the newest is used."""
     at_least: int = 3
     worst_hdop: float = 5.0
     gate: float = 16.0
-    """A range whose squared residual is so many variances is an outlier: the fix is made without the worst."""
+    """A range whose squared residual exceeds so many variances is an outlier; a fix leaves out the worst one."""
 
 
 class Locator:
-    """Ranges in, fixes out. `dropped` counts, by reason, ranges that gave none."""
+    """Turns ranges into fixes. `dropped` counts, by reason, the ranges that gave none."""
 
     def __init__(self, config: LocatorConfig) -> None:
         self.dropped: Counter[str] = Counter()
@@ -71,11 +72,11 @@ class Locator:
         self._ranges: dict[int, list[RangeTaken]] = {}
 
     def forget(self, agent_id: int) -> None:
-        """It was carried away, or swam: what was measured before says nothing any more."""
+        """Drops an aMussel's ranges, because it was moved and they are no longer valid."""
         self._ranges.pop(agent_id, None)
 
     def take(self, taken: RangeTaken, near_m: tuple[float, float] | None = None) -> PositionFix | None:
-        """What the ranges of this aMussel say now, `near_m` being where it is believed to be; None for no fix."""
+        """Takes a range and returns the fix from all ranges of this aMussel, or None. `near_m` is its believed place."""
         numbers = (taken.range_m, taken.north_m, taken.east_m, taken.depth_m)
         if not all(map(math.isfinite, numbers)) or taken.range_m < 0:
             self.dropped["a range that is no length"] += 1
@@ -98,21 +99,21 @@ class Locator:
         )
 
     def remember(self, taken: RangeTaken) -> None:
-        """Keeps a range for later, and forgets those that it makes old."""
+        """Stores a range, and drops the ranges that it makes obsolete."""
         kept = [
             it
             for it in self._ranges.get(taken.agent_id, ())
-            if it.at_ms >= taken.at_ms - 1000 * self._config.memory_s and self._apart(it, taken)
+            if it.at_ms >= taken.at_ms - 1000 * self._config.memory_s and self._are_apart(it, taken)
         ]
         self._ranges[taken.agent_id] = [*kept, taken]
 
     @property
     def ranges(self) -> list[RangeTaken]:
-        """All that is remembered, in an order in which it can be remembered again."""
+        """All stored ranges, in an order in which they can be stored again."""
         return [taken for ranges in self._ranges.values() for taken in ranges]
 
-    def _apart(self, one: RangeTaken, other: RangeTaken) -> bool:
-        return math.dist((one.north_m, one.east_m), (other.north_m, other.east_m)) >= self._config.apart_m
+    def _are_apart(self, old: RangeTaken, new: RangeTaken) -> bool:
+        return math.dist((old.north_m, old.east_m), (new.north_m, new.east_m)) >= self._config.apart_m
 
     def _solve(self, ranges: list[RangeTaken], near_m: tuple[float, float] | None) -> tuple[Solution, int]:
         if len(ranges) < self._config.at_least:
@@ -130,32 +131,32 @@ class Locator:
         return solution, len(ranges)
 
     def _best(self, ranges: list[RangeTaken], near_m: tuple[float, float] | None) -> Solution:
-        """The place that fits best, of the two on either side of the anchors' line."""
+        """The better fit of the two places on either side of the anchors' line."""
         anchors = np.array([(it.north_m, it.east_m, it.depth_m) for it in ranges])
         lengths = np.array([it.range_m for it in ranges])
         deviations = np.full(len(ranges), self._config.deviation_m)
         start = near_m or _beside(anchors, float(lengths.mean()))
-        found: list[Solution] = []
+        solutions: list[Solution] = []
         for begin in (start, mirrored(anchors, start)):
             try:
-                found.append(solve(anchors, lengths, deviations, self._config.depth_m, begin))
+                solutions.append(solve(anchors, lengths, deviations, self._config.depth_m, begin))
             except NoFix as reason:
                 failure = reason
-        if not found:
+        if not solutions:
             raise failure
-        found.sort(key=lambda it: it.chi2)
-        best, other = found[0], found[-1]
+        solutions.sort(key=lambda it: it.chi2)
+        best, other = solutions[0], solutions[-1]
         apart_m = math.dist((best.north_m, best.east_m), (other.north_m, other.east_m))
         if apart_m > 6 * self._config.deviation_m and other.chi2 - best.chi2 < AMBIGUOUS:
             if near_m is None:
                 raise NoFix("the anchors lie on a line, and both its sides fit")
-            return min(found, key=lambda it: math.dist((it.north_m, it.east_m), near_m))
+            return min(solutions, key=lambda it: math.dist((it.north_m, it.east_m), near_m))
         return best
 
 
-def _beside(anchors: Floats, metres: float) -> tuple[float, float]:
-    """A place to begin at, off the line through the anchors."""
+def _beside(anchors: Floats, distance_m: float) -> tuple[float, float]:
+    """A start for the iteration, off the line through the anchors."""
     centre = anchors[:, :2].mean(axis=0)
     _, _, axes = np.linalg.svd(anchors[:, :2] - centre)
-    north, east = centre + metres * axes[1]
+    north, east = centre + distance_m * axes[1]
     return float(north), float(east)

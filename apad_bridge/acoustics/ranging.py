@@ -1,4 +1,4 @@
-"""All that an aPad does by sound beside its mission: plans what it says, and turns answered pings into places."""
+"""The aPad's acoustic service beside its mission: schedules its packets, and turns answered pings into places."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ _AWAY = DOCKED | UP_AND_UNDOCKED
 
 
 class RangingService:
-    """Owned by the supervisor, which calls it at ticks."""
+    """Ranges aMussels and asks for their status. The supervisor owns it and calls it at ticks."""
 
     def __init__(
         self,
-        talk: AcousticScheduler,
+        scheduler: AcousticScheduler,
         locator: Locator | None,
         keel_m: float,
         depth_m: float,
@@ -37,51 +37,52 @@ class RangingService:
         places: PingPolicy | None = None,
         charges: PingPolicy | None = None,
     ) -> None:
-        """`deviation_m`: of a range. Without a `locator` pings tell ways, and no places.
+        """`deviation_m` is the standard deviation of a range. Without a `locator` pings give delays and no places.
 
-        `places` says whose range is taken because too little is known of where it is, `charges` who is asked how it is.
+        `places` decides which aMussels are pinged because their place is too uncertain, `charges` which are asked for their
+        status.
         """
         self._places = places
         self._charges = charges
-        self._talk = talk
+        self._scheduler = scheduler
         self._locator = locator
         self._keel_m = keel_m
         self._depth_m = depth_m
         self._deviation_m = deviation_m
         self._rows: list[tuple[Any, ...]] = []
-        """Since it was asked last: ranges, and, alone in its row, who was moved."""
-        self._told_talk: dict[str, Any] = talk.kept()
+        """Changes since the last `full_state` or `updates`: ranges, and moved aMussels, whose id is alone in its row."""
+        self._last_scheduler_state: dict[str, Any] = scheduler.full_state()
 
     @property
     def dropped(self) -> Counter[str]:
-        told = Counter() if self._locator is None else self._locator.dropped.copy()
-        if self._talk.unanswered:
-            told["sound: asked how it was, and no answer came in time"] = self._talk.unanswered
-        return told
+        counts = Counter() if self._locator is None else self._locator.dropped.copy()
+        if self._scheduler.unanswered:
+            counts["sound: asked how it was, and no answer came in time"] = self._scheduler.unanswered
+        return counts
 
-    def kept(self) -> dict[str, Any]:
-        """All that was learned, as plain data; `news` are what comes after it."""
-        self._rows, self._told_talk = [], self._talk.kept()
+    def full_state(self) -> dict[str, Any]:
+        """Everything that was learned, as plain data; `updates` returns the later changes."""
+        self._rows, self._last_scheduler_state = [], self._scheduler.full_state()
         ranges = [] if self._locator is None else [astuple(it) for it in self._locator.ranges]
-        return {"talk": self._told_talk, "ranges": ranges}
+        return {"talk": self._last_scheduler_state, "ranges": ranges}
 
-    def news(self) -> dict[str, Any] | None:
-        """What was learned since `kept` or `news` was asked last; None for nothing."""
-        talk = self._talk.kept()
-        if talk == self._told_talk and not self._rows:
+    def updates(self) -> dict[str, Any] | None:
+        """The changes since the last call of `full_state` or `updates`; None if there are none."""
+        scheduler_state = self._scheduler.full_state()
+        if scheduler_state == self._last_scheduler_state and not self._rows:
             return None
-        rows, self._rows, self._told_talk = self._rows, [], talk
-        return {"talk": talk, "rows": rows}
+        rows, self._rows, self._last_scheduler_state = self._rows, [], scheduler_state
+        return {"talk": scheduler_state, "rows": rows}
 
-    def restore(self, kept: dict[str, Any]) -> None:
-        """Knows what another's `kept` said; KeyError, TypeError or ValueError for anything else."""
-        self._talk.restore(kept["talk"])
-        self.take_news({"talk": kept["talk"], "rows": kept["ranges"]})
+    def restore(self, state: dict[str, Any]) -> None:
+        """Takes over another service's `full_state`; KeyError, TypeError or ValueError for any other data."""
+        self._scheduler.restore(state["talk"])
+        self.apply_updates({"talk": state["talk"], "rows": state["ranges"]})
 
-    def take_news(self, news: dict[str, Any]) -> None:
-        """As another's `news` told it."""
-        self._talk.restore(news["talk"])
-        for row in news["rows"]:
+    def apply_updates(self, updates: dict[str, Any]) -> None:
+        """Applies another service's `updates`."""
+        self._scheduler.restore(updates["talk"])
+        for row in updates["rows"]:
             if self._locator is None:
                 continue
             if len(row) == 1:
@@ -96,18 +97,18 @@ class RangingService:
             [] if policy is None else to_ping(policy, near, now_ms)
             for policy in (self._places, self._charges)
         )
-        return self._talk.advance(now_ms, away, whereabouts, charges)
+        return self._scheduler.advance(now_ms, away, whereabouts, charges)
 
     def heard_of(self, agent_id: int) -> None:
-        """It said in short how it is, whether it was asked or not."""
-        self._talk.heard_of(agent_id)
+        """Called for each short status of an aMussel, requested or not."""
+        self._scheduler.short_status_received(agent_id)
 
     def timed(self, actions: Sequence[SupervisorAction], now_ms: int) -> list[SupervisorAction]:
-        return self._talk.timed(actions, now_ms)
+        return self._scheduler.schedule_sends(actions, now_ms)
 
     def moved(self, agent_id: int, now_ms: int) -> None:
-        """A dock closed around it or let it go."""
-        self._talk.moved(agent_id, now_ms)
+        """Called when a dock closed around an aMussel or released it."""
+        self._scheduler.moved(agent_id, now_ms)
         if self._locator is not None:
             self._locator.forget(agent_id)
             self._rows.append((agent_id,))
@@ -115,10 +116,10 @@ class RangingService:
     def hear(
         self, fact: RangeHeard, pose: PoseReported | None, beliefs: FleetBeliefs, now_ms: int
     ) -> list[SupervisorAction]:
-        """What a ping's outcome means: perhaps a slot, and perhaps a place, of which `beliefs` learn."""
+        """Takes a ping's outcome, which may give a timeslot, and a place or range that `beliefs` learn."""
         if fact.range_m is None:
             return []
-        actions = self._talk.hear(fact.agent_id, fact.range_m, now_ms)
+        actions = self._scheduler.ping_answered(fact.agent_id, fact.range_m, now_ms)
         if self._locator is None or pose is None:
             return actions
         taken = RangeTaken(fact.at_ms, fact.agent_id, fact.range_m, pose.north_m, pose.east_m, self._keel_m)
@@ -140,14 +141,14 @@ class RangingService:
 
 
 def _is_away(belief: Belief) -> bool:
-    """In a dock or afloat, and so deaf; of a belief that goes on by itself, more probably so than not."""
+    """True if an aMussel is docked or afloat, and cannot receive: for a carried belief, more probably than not."""
     if belief.is_carried:
         return belief.probability_of(*modes.DOCKED, Mode.FLOATING) > 0.5
     return belief.state in _AWAY
 
 
 def fix_data(fix: PositionFix) -> dict[str, object]:
-    """As the journal keeps it; metres and square metres."""
+    """A fix as the journal has it; metres and square metres."""
     return {
         "id": fix.agent_id,
         "north_m": round(fix.north_m, 3),

@@ -1,7 +1,7 @@
-"""run.bag: samples of a run as a ROS 1 bag, written without ROS, and the repair of one that was never closed.
+"""Writes run.bag, a ROS 1 bag with the samples of a run, without ROS; and repairs a bag that was never closed.
 
 Stamps are mission time; the messages carry both clocks. A bag is written in chunks, each compressed by LZ4, which ROS's
-tools read too, and flushed to the file: what a kill loses is the chunk that was being filled.
+tools can read, and flushed to the file: a kill loses only the chunk that was being filled.
 """
 
 from __future__ import annotations
@@ -25,11 +25,11 @@ from apad_bridge.ros_names.names import in_full, ours
 
 CHUNK_BYTES = 256 * 1024
 CHUNK_MS = 10_000
-"""A chunk ends with the first sample after so much mission time, however little is in it: what a kill loses at most,
-unless samples are rarer. At 60 s the bag of pool-12 is 11 % smaller. By mission time and not by the wall's, so that the
-same flight leaves the same bag."""
+"""A chunk ends with the first sample after so much mission time, however little it holds. A kill loses no more than that,
+unless samples are rarer. At 60 s the bag of pool-12 would be 11 % smaller. Mission time and not wall time decides, so that
+the same flight writes the same bag."""
 _PADDING_AT = 13 + 4 + 69
-"""Where the length of the file header's padding stands: after the magic line, a length, and fields of fixed size."""
+"""The offset of the file header's padding length: after the magic line, a length, and fields of fixed size."""
 _PADDING_BYTES = 4096 - 69
 _TOPICS = {
     TRUTH: ours("truth"),
@@ -38,15 +38,17 @@ _TOPICS = {
     EVENT: ours("mission"),
     SOUND: ours("sound"),
 }
-"""In every run's bag, whatever the namespace on the graph was, or the aPad among several: a bag is of one run."""
+"""The topics of every run's bag. They depend neither on the namespace on the graph nor on the aPad: a bag is of one run."""
 
 
 class _ChunkedWriter(Writer):
-    """Keeps of a written chunk how many messages of each connection it held, and forgets where in it they are: the
-    library keeps that for the whole bag, which grows without bound.
+    """A bag writer with bounded memory and ROS's header size.
 
-    The padding of the file header is as long as ROS's own, which is 8 bytes more than the library's: `rosbag reindex`
-    writes a header of that size anew, and would write over the beginning of the first chunk.
+    After writing a chunk it keeps only the number of messages of each connection. The library keeps every message's place
+    in its chunk for the whole bag, and that grows without bound.
+
+    The file header's padding is as long as ROS's own, 8 bytes more than the library's: `rosbag reindex` rewrites a header
+    of ROS's size, and would overwrite the beginning of the first chunk.
     """
 
     def open(self) -> None:
@@ -71,7 +73,7 @@ class _ChunkedWriter(Writer):
 
 
 class BagWriter:
-    """Writes a new bag; `path` must not exist. Closed it is valid; killed, `repair_bag` makes it so."""
+    """Writes a new bag; `path` must not exist. `close` makes the bag valid; after a kill `repair_bag` does."""
 
     def __init__(self, path: Path, theta: int) -> None:
         self.path = path
@@ -87,7 +89,7 @@ class BagWriter:
     def sample(
         self, now_ms: int, truths: list[TruthSample], beliefs: list[BeliefSample], apad: APadSample | None
     ) -> None:
-        """One instant; empty lists and None write nothing."""
+        """Writes the samples of one instant; nothing for empty lists and None."""
         if truths:
             self._write(TRUTH, now_ms, self._messages.truth(now_ms, truths))
         if beliefs:
@@ -102,7 +104,7 @@ class BagWriter:
         self._write(EVENT, now_ms, self._messages.event(now_ms, kind, data))
 
     def sound(self, now_ms: int, row: SoundRow) -> None:
-        """A packet at one listener."""
+        """Writes a packet as one listener received it."""
         self._write(SOUND, now_ms, self._messages.sound(now_ms, row))
 
     def close(self) -> None:
@@ -111,13 +113,13 @@ class BagWriter:
             self._writer.close()
 
     def _write(self, name: str, now_ms: int, data: bytes) -> None:
-        # ROS takes a stamp of 0 for "no time": the earliest is a nanosecond.
+        # ROS reads a stamp of 0 as "no time", so the earliest stamp is one nanosecond.
         self._writer.write(self._connections[name], max(1, now_ms * 1_000_000), data)
 
 
 @dataclass(frozen=True, slots=True)
 class BagRepair:
-    """What was saved of a bag that was never closed. `last_ms` is the newest saved mission time (0 if there is none)."""
+    """The result of a repair. `last_ms` is the newest saved mission time (0 if there is none)."""
 
     messages: int
     last_ms: int
@@ -125,9 +127,9 @@ class BagRepair:
 
 
 def repair_bag(path: Path) -> BagRepair | None:
-    """Gives an unclosed bag its index, in place, with every message that is whole; None when the bag was closed.
+    """Repairs an unclosed bag in place: writes its index and keeps every whole message. None when the bag was closed.
 
-    The new bag is written beside it and renamed over it, so that a second kill loses nothing more.
+    The new bag is written beside the old one and renamed over it, so that a second kill loses nothing more.
     """
     if _is_closed(path):
         return None
@@ -135,12 +137,12 @@ def repair_bag(path: Path) -> BagRepair | None:
     fresh.unlink(missing_ok=True)
     writer = _new_writer(fresh)
     connections: dict[int, Connection] = {}
-    messages = last_ns = whole = 0
+    messages = last_ns = whole_bytes = 0
     for record in _whole_records(path):
-        whole = record.end
+        whole_bytes = record.end
         if record.header.get("op") == bytes([RecordType.CONNECTION]):
             if record.header.get_uint32("conn") in connections:
-                continue  # killed while the index was written, which names them again
+                continue  # the kill came while the index was written, which repeats the connections
             fields = Header.read(BytesIO(_as_header(record.data)))
             connections[record.header.get_uint32("conn")] = writer.add_connection(
                 record.header.get_string("topic"),
@@ -153,7 +155,7 @@ def repair_bag(path: Path) -> BagRepair | None:
             writer.write(connections[record.header.get_uint32("conn")], stamp_ns, record.data)
             messages, last_ns = messages + 1, max(last_ns, stamp_ns)
     writer.close()
-    torn_bytes = path.stat().st_size - whole
+    torn_bytes = path.stat().st_size - whole_bytes
     os.replace(fresh, path)
     return BagRepair(messages, last_ns // 1_000_000, torn_bytes)
 
@@ -163,7 +165,7 @@ class _Record:
     header: Header
     data: bytes
     end: int
-    """Where in the file the next one begins."""
+    """The offset of the next record in the file."""
 
 
 def _new_writer(path: Path) -> _ChunkedWriter:
@@ -181,7 +183,7 @@ def _pad(file: BinaryIO) -> None:
 
 
 def _compressed(chunk: bytes) -> bytes:
-    """What roslz4 reads: it takes blocks that stand alone, a checksum at the end, and no size at the beginning."""
+    """Compresses a chunk as roslz4 needs it: independent blocks, a checksum at the end, and no size at the beginning."""
     packed: bytes = lz4.frame.compress(chunk, block_linked=False, content_checksum=True, store_size=False)
     return packed
 
@@ -196,7 +198,7 @@ def _is_closed(path: Path) -> bool:
 
 
 def _whole_records(path: Path) -> Iterator[_Record]:
-    """Every record up to the first that is torn, those in chunks included."""
+    """Every record before the first torn one, including the records in chunks."""
     with path.open("rb") as file:
         file.readline()
         try:
@@ -211,7 +213,7 @@ def _read_record(file: BinaryIO) -> _Record:
     header = Header.read(file)
     size = read_uint32(file)
     if _is_chunk(header) and header.get_string("compression") == "none":
-        size = 0  # it is entered, not skipped, so that the whole messages of a torn one are found too
+        size = 0  # its records are read one by one, so that the whole messages of a torn chunk are found too
     return _Record(header, read_bytes(file, size), file.tell())
 
 
@@ -220,7 +222,7 @@ def _is_chunk(header: Header) -> bool:
 
 
 def _in_chunk(chunk: _Record) -> Iterator[_Record]:
-    """Nothing of one that is not compressed: its records come next in the file."""
+    """The records in a compressed chunk; none for an uncompressed chunk, whose records come next in the file."""
     compression = chunk.header.get_string("compression")
     if compression == "none":
         return

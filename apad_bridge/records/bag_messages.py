@@ -1,4 +1,4 @@
-"""Our ROS messages without ROS: read from the same .msg texts that genpy generates from, for the bags."""
+"""Serializes our ROS messages for the bags without ROS, from the same .msg texts that genpy uses."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _MODES = BeliefSample._fields.index("mode_probabilities")
 
 @cache
 def typestore() -> Typestore:
-    """ROS 1's standard messages, ours, and those of the laboratory that a bag holds."""
+    """The types of ROS 1's standard messages, of ours, and of the laboratory's messages in a bag."""
     store = get_typestore(Stores.ROS1_NOETIC)
     ours: dict[str, Any] = {}
     for package in _PACKAGES:
@@ -39,7 +39,7 @@ def typestore() -> Typestore:
 
 
 class Messages:
-    """Samples as serialized ROS 1 messages, stamped in mission time."""
+    """Serializes samples as ROS 1 messages, stamped in mission time."""
 
     def __init__(self, theta: int) -> None:
         self._theta = theta
@@ -82,7 +82,7 @@ class Messages:
         return self._serialize(self._mission_event(self._head(now_ms), now_ms, kind, data), EVENT)
 
     def sound(self, now_ms: int, row: SoundRow) -> bytes:
-        """Places are left out: the truth has them."""
+        """A packet at one listener, without places: the truth has them."""
         message = self._transmission(
             self._head(now_ms),
             row.message,

@@ -1,6 +1,6 @@
-"""What a run's bags hold of beliefs and truths, read by the definitions that each bag brings along.
+"""Reads beliefs and truths from a run's bags, by the message definitions in each bag.
 
-So bags of other versions can be read: what their definition did not have is not known, and is NaN.
+So bags of other versions can be read: a field that their definition did not have is NaN.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from rosbags.typesys.store import Typestore
 from apad_bridge.records.bag_messages import BELIEFS, TRUTH
 from apad_bridge.records.samples import BeliefSample, TruthSample
 
-_SAID = {
+_MESSAGE_NAMES = {
     "agent_id": "id",
     "north_m": "north",
     "east_m": "east",
@@ -28,12 +28,12 @@ _SAID = {
     "east_deviation_m": "east_deviation",
     "place_covariance_m2": "place_covariance",
 }
-"""How AgentBelief calls what a BeliefSample calls otherwise."""
-_FIELDS = tuple((name, _SAID.get(name, name)) for name in BeliefSample._fields)
+"""AgentBelief's names of the fields that have another name in a BeliefSample."""
+_FIELDS = tuple((name, _MESSAGE_NAMES.get(name, name)) for name in BeliefSample._fields)
 
 
 class BagUnreadable(Exception):
-    """One line: which bag, and why."""
+    """A bag cannot be read; the message is one line with its path and the reason."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,20 +47,20 @@ class Instant:
 
 
 def instants(paths: list[Path], period_ms: int) -> Iterator[Instant]:
-    """The first sample with both at or after each whole multiple of `period_ms` of mission time, of a run's bags in their
-    order; none from before the first multiple in them.
+    """Yields samples with truths and beliefs from a run's bags in their order, about `period_ms` of mission time apart.
 
-    BagUnreadable when one was never closed, or is none.
+    They are the first such samples at or after each whole multiple of `period_ms`; none are from before the first one.
+    BagUnreadable when a bag was never closed, or is no bag.
     """
     grid = _Grid(period_ms)
     for path in paths:
-        yield from _in(path, grid)
+        yield from _instants_in(path, grid)
 
 
-def tells_deviations(path: Path) -> bool:
-    """Whether the beliefs in a bag say how sure they are; false too when it has none, or cannot be read."""
+def has_deviations(path: Path) -> bool:
+    """True if a bag's beliefs have deviations; false too for a bag without beliefs, or that cannot be read."""
     try:
-        with closing(_opened(path)) as reader:
+        with closing(_open(path)) as reader:
             return any(
                 "charge_deviation" in it.msgdef.data for it in reader.connections if it.msgtype == BELIEFS
             )
@@ -70,7 +70,7 @@ def tells_deviations(path: Path) -> bool:
 
 @dataclass(slots=True)
 class _Grid:
-    """When the next sample is due; None before anything was found."""
+    """The time at which the next sample is due; None before the first sample."""
 
     period_ms: int
     due_ms: int | None = None
@@ -78,8 +78,8 @@ class _Grid:
     def is_due(self, at_ms: int) -> bool:
         return self.due_ms is None or at_ms >= self.due_ms
 
-    def takes(self, at_ms: int) -> bool:
-        """Whether a sample with all that is wanted is one to take."""
+    def accept(self, at_ms: int) -> bool:
+        """True if a sample with truths and beliefs is due; the next multiple is then due next."""
         if self.due_ms is None:
             self.due_ms = -(-at_ms // self.period_ms) * self.period_ms
         if at_ms < self.due_ms:
@@ -88,25 +88,25 @@ class _Grid:
         return True
 
 
-def _in(path: Path, grid: _Grid) -> Iterator[Instant]:
-    with closing(_opened(path)) as reader:
+def _instants_in(path: Path, grid: _Grid) -> Iterator[Instant]:
+    with closing(_open(path)) as reader:
         wanted = [it for it in reader.connections if it.msgtype in (TRUTH, BELIEFS)]
         store = _definitions(path, wanted)
         truths: tuple[int, tuple[TruthSample, ...]] | None = None
         for connection, stamp_ns, data in reader.messages(wanted) if wanted else ():
-            # The earliest stamp is a nanosecond: 0 is no time to ROS. What is not due is not unpacked.
+            # The earliest stamp is a nanosecond, as ROS reads 0 as no time. A message that is not due is not unpacked.
             if not grid.is_due(stamp_ns // 1_000_000):
                 continue
             message: Any = store.deserialize_ros1(data, connection.msgtype)
             at_ms = message.mission_time_ms
             if connection.msgtype == TRUTH:
                 truths = at_ms, tuple(_truth(row) for row in message.agents)
-            elif truths is not None and truths[0] == at_ms and grid.takes(at_ms):
+            elif truths is not None and truths[0] == at_ms and grid.accept(at_ms):
                 beliefs = tuple(_belief(row) for row in message.agents)
                 yield Instant(at_ms, message.agent_time_ms, truths[1], beliefs)
 
 
-def _opened(path: Path) -> Reader:
+def _open(path: Path) -> Reader:
     reader = Reader(path)
     try:
         reader.open()
@@ -119,10 +119,10 @@ def _definitions(path: Path, connections: list[Connection]) -> Typestore:
     store = get_typestore(Stores.ROS1_NOETIC)
     for connection in connections:
         try:
-            known = get_types_from_msg(connection.msgdef.data, connection.msgtype)
+            types = get_types_from_msg(connection.msgdef.data, connection.msgtype)
         except Exception as error:
             raise BagUnreadable(f"{path}: its definition of {connection.msgtype} makes no sense") from error
-        store.register({name: fields for name, fields in known.items() if name not in store.types})
+        store.register({name: fields for name, fields in types.items() if name not in store.types})
     return store
 
 
@@ -141,8 +141,8 @@ def _truth(row: Any) -> TruthSample:
 
 
 def _belief(row: Any) -> BeliefSample:
-    values = {ours: getattr(row, theirs) for ours, theirs in _FIELDS if hasattr(row, theirs)}
-    if hasattr(row, "silent_slots"):  # its name up to 0.1
+    values = {name: getattr(row, field) for name, field in _FIELDS if hasattr(row, field)}
+    if hasattr(row, "silent_slots"):  # the field's name up to version 0.1
         values["silent_timeslots"] = row.silent_slots
     values["mode_probabilities"] = tuple(map(float, values.get("mode_probabilities", ())))
     return BeliefSample(**values)

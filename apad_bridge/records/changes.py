@@ -1,4 +1,4 @@
-"""What is worth a line in the journal: changes, so that a long run's journal stays small."""
+"""Decides which changes get a line in the journal, so that a long run's journal stays small."""
 
 from __future__ import annotations
 
@@ -16,31 +16,31 @@ APAD_BATTERY = 0.005
 APAD_PERIOD_MS = 60_000
 BELIEVED_CHARGE = 0.01
 HEARD_AGAIN_MS = 60_000
-"""A carried belief is journaled again when the packet behind it is so much newer."""
+"""A carried belief is journaled again when its newest packet is newer by this."""
 
 
 def differs_in_kind(now: Truth, before: Truth) -> bool:
-    """Something that counts changed: the state, a battery's anchor, its log, or whether a dock holds it."""
-    one, other = now.physical, before.physical
+    """True if the state, a battery's anchor, the log, or being in a dock changed."""
+    new, old = now.physical, before.physical
     return (
         now.state is not before.state
-        or one.docked is not other.docked
-        or (one.samples, one.acknowledged) != (other.samples, other.acknowledged)
-        or one.primary != other.primary
-        or one.secondary != other.secondary
+        or new.docked is not old.docked
+        or (new.samples, new.acknowledged) != (old.samples, old.acknowledged)
+        or new.primary != old.primary
+        or new.secondary != old.secondary
     )
 
 
 def has_moved(now: Truth, before: Truth) -> bool:
-    """It moved by more than a quarter of a metre by itself: a docked one is where the aPad is."""
-    one, other = now.physical, before.physical
-    if one.docked:
+    """True if it moved by more than a quarter of a metre by itself: a docked aMussel moves with the aPad."""
+    new, old = now.physical, before.physical
+    if new.docked:
         return False
-    return hypot(one.north_um - other.north_um, one.east_um - other.east_um) > MUSSEL_MOVED_UM
+    return hypot(new.north_um - old.north_um, new.east_um - old.east_um) > MUSSEL_MOVED_UM
 
 
 class APadChanges:
-    """Journals the aPad when it moved, turned, used energy, changed what it does, or was silent for a minute."""
+    """Journals the aPad when it moved, turned, used energy, changed its primitive or docks, or had no line for a minute."""
 
     def __init__(self) -> None:
         self._last: tuple[int, APadSample] | None = None
@@ -108,7 +108,7 @@ class BeliefChanges:
 
 
 def _differs(before: Belief, belief: Belief) -> bool:
-    """What others are told changed. Of a carried one that is also its mode, its deviation, and how old it is."""
+    """True if a belief changed enough for a line. A carried belief's mode, deviation and packet time count too."""
     if not belief.is_carried:
         return before.state is not belief.state or abs(before.primary - belief.primary) >= BELIEVED_CHARGE
     sds = before.charge_cov[0] ** 0.5, belief.charge_cov[0] ** 0.5

@@ -1,9 +1,9 @@
-"""checkpoint.jsonl: what a supervisor has learned of its aMussels, so that the next one believes the same if it dies.
+"""checkpoint.jsonl: everything a supervisor has learned about its aMussels, so that its successor believes the same.
 
-The first line is a checkpoint of all beliefs; a line for each tick follows, with what was learned in it. When those have
-become many, a new checkpoint takes the file's place at once: it stays small however long a run is, and is read in seconds.
-It is written by beliefs and read into beliefs, and knows no truth. A run that ends takes it away. Beside what was learned
-stand the counts of what came to nothing.
+The file's first line is a full record of all beliefs. An update follows for each tick in which something was learned. After
+many updates a new file with a full record replaces the old one atomically, so that the file stays small in a long run
+and is read within seconds. The file is written from beliefs and read into beliefs, and holds no truth. It also holds the
+counts of what was dropped. The end of a run deletes it.
 """
 
 from __future__ import annotations
@@ -23,41 +23,44 @@ from apad_bridge.records.line_file import LineFile, read_lines
 FORMAT = 2
 ROWS = 10_000
 PERIOD_MS = 600_000
-"""A checkpoint is due after so many rows, or so much mission time: what a resumed supervisor replays at most."""
+"""A full record is due after so many rows, or so much mission time: a resumed supervisor replays no more than that."""
 _FORGOT = "forgot"
 _ADMITTED = "admitted"
 
 
-class Remembers(Protocol):
-    """Somebody else who learns: the aPad's ears."""
+class CheckpointedState(Protocol):
+    """State that is checkpointed beside the beliefs: that of the RangingService."""
 
-    def kept(self) -> dict[str, Any]:
-        """All of it, as plain data."""
+    def full_state(self) -> dict[str, Any]:
+        """The full state, as plain data."""
         ...
 
-    def news(self) -> dict[str, Any] | None:
-        """What came since `kept` or `news` was asked last; None for nothing."""
+    def updates(self) -> dict[str, Any] | None:
+        """The changes since the last call of `full_state` or `updates`, as plain data; None if there are none."""
         ...
 
-    def restore(self, kept: dict[str, Any]) -> None: ...
+    def restore(self, state: dict[str, Any]) -> None: ...
 
-    def take_news(self, news: dict[str, Any]) -> None: ...
+    def apply_updates(self, updates: dict[str, Any]) -> None: ...
 
 
 class Checkpoint:
-    """The diary of `beliefs`, from now on. Rows reach the file at `flush`, which is called at the end of every tick."""
+    """Writes the checkpoint file of `beliefs` from now on.
+
+    Updates reach the file at `flush`, which is called at the end of every tick.
+    """
 
     def __init__(
         self,
         path: Path,
         beliefs: FleetBeliefs,
         now_ms: int,
-        ranging: Remembers | None = None,
+        ranging: CheckpointedState | None = None,
         counts: Callable[[], Counter[str]] = Counter,
     ) -> None:
-        """Begins with a checkpoint at mission time `now_ms`, which takes the place of a notebook that was there.
+        """Writes a full record at mission time `now_ms`, which replaces a checkpoint file that was there.
 
-        `counts` says what came to nothing so far, by reason.
+        `counts` returns how much was dropped so far, by reason.
         """
         self._path = path
         self._beliefs = beliefs
@@ -65,9 +68,9 @@ class Checkpoint:
         self._counts = counts
         self._rows: list[list[Any]] = []
         self._rows_in_file = 0
-        self._begun_ms = now_ms
-        self._told_counts: Counter[str] = Counter()
-        self._file = self._begun(now_ms)
+        self._full_record_ms = now_ms
+        self._written_counts: Counter[str] = Counter()
+        self._file = self._write_full_record(now_ms)
         beliefs.diary = self
 
     def learned(self, agent_id: int, measurement: Measurement) -> None:
@@ -80,20 +83,23 @@ class Checkpoint:
         self._rows.append([_ADMITTED, agent_id, kept])
 
     def flush(self, now_ms: int) -> None:
+        """Writes an update if anything was learned since the last call, or a full record if one is due."""
         rows, self._rows = self._rows, []
-        news = None if self._ranging is None else self._ranging.news()
+        updates = None if self._ranging is None else self._ranging.updates()
         counts = self._counts()
-        counted = counts != self._told_counts
-        if not rows and news is None and not counted:
+        counts_changed = counts != self._written_counts
+        if not rows and updates is None and not counts_changed:
             return
-        self._rows_in_file += len(rows) + (news is not None) + counted
-        if self._rows_in_file > ROWS or now_ms >= self._begun_ms + PERIOD_MS:
+        self._rows_in_file += len(rows) + (updates is not None) + counts_changed
+        if self._rows_in_file > ROWS or now_ms >= self._full_record_ms + PERIOD_MS:
             self._file.close()
-            self._file = self._begun(now_ms)
+            self._file = self._write_full_record(now_ms)
             return
-        more = ({} if news is None else {"ears": news}) | ({"counts": counts} if counted else {})
-        self._told_counts = counts
-        self._file.append({"t": now_ms, "learned": rows} | more)
+        extra = ({} if updates is None else {"ears": updates}) | (
+            {"counts": counts} if counts_changed else {}
+        )
+        self._written_counts = counts
+        self._file.append({"t": now_ms, "learned": rows} | extra)
         self._file.flush()
 
     def close(self) -> None:
@@ -101,40 +107,40 @@ class Checkpoint:
         self._beliefs.diary = None
         self._file.close()
 
-    def _begun(self, now_ms: int) -> LineFile:
+    def _write_full_record(self, now_ms: int) -> LineFile:
         fresh = self._path.with_name(f".{self._path.name}.fresh")
         fresh.unlink(missing_ok=True)
         file = LineFile(fresh)
-        ranging = None if self._ranging is None else self._ranging.kept()
-        self._told_counts = self._counts()
-        kept = {"beliefs": self._beliefs.kept(), "ears": ranging, "counts": self._told_counts}
-        file.append({"t": now_ms, "format": FORMAT} | kept)
+        ranging = None if self._ranging is None else self._ranging.full_state()
+        self._written_counts = self._counts()
+        state = {"beliefs": self._beliefs.kept(), "ears": ranging, "counts": self._written_counts}
+        file.append({"t": now_ms, "format": FORMAT} | state)
         file.flush()
         os.replace(fresh, self._path)
-        self._begun_ms, self._rows_in_file = now_ms, 0
+        self._full_record_ms, self._rows_in_file = now_ms, 0
         return file
 
 
 @dataclass(frozen=True, slots=True)
 class Restored:
-    """What a notebook gave: as of mission time `until_ms`, by so many rows after its checkpoint.
+    """The result of `restore`: the state as of mission time `until_ms`, from so many `rows` after the full record.
 
-    `whole` is False when it is torn or damaged after that.
+    `whole` is False when the file is torn or damaged after that time.
     """
 
     until_ms: int
     rows: int
     whole: bool
     counts: Counter[str] | None
-    """Of what came to nothing; None in a notebook of a version that did not keep them."""
+    """Counts of what was dropped, by reason; None from a file of a version without these counts."""
 
 
 class NoCheckpoint(Exception):
-    """One line: why there is nothing to be recalled."""
+    """The checkpoint cannot be read; the message is one line with the reason."""
 
 
-def restore(path: Path, beliefs: FleetBeliefs, ranging: Remembers | None = None) -> Restored:
-    """Believes and remembers what the notebook's supervisor did; NoCheckpoint when it cannot be read at all."""
+def restore(path: Path, beliefs: FleetBeliefs, ranging: CheckpointedState | None = None) -> Restored:
+    """Restores the former supervisor's `beliefs` and `ranging`. NoCheckpoint when the file cannot be read at all."""
     try:
         lines = read_lines(path)
         first = next(lines, None)
@@ -156,7 +162,7 @@ def restore(path: Path, beliefs: FleetBeliefs, ranging: Remembers | None = None)
         for row in line["learned"]:
             _learn(beliefs, row)
         if ranging is not None and "ears" in line:
-            ranging.take_news(line["ears"])
+            ranging.apply_updates(line["ears"])
         if "counts" in line:
             counts = Counter(line["counts"])
         rows, until_ms = rows + len(line["learned"]), line["t"]

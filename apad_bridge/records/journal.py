@@ -1,7 +1,7 @@
-"""journal.jsonl: what a run IS. One JSON object a line, `{"t": mission ms, "kind": ..., ...}`; events, not samples.
+"""journal.jsonl: the authoritative record of a run. One JSON object a line, `{"t": mission ms, "kind": ..., ...}`.
 
-Lines stand in the order in which things became known, which is not strictly that of `t`: what an aMussel did between two
-ticks is known at the second one.
+It holds events, not samples. Lines are in the order in which events became known, which is not strictly the order of `t`:
+an aMussel's events between two ticks are known at the second tick.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ _RENAMED_IN_2 = {
     "packet": {"slot": "timeslot"},
     "primitive": {"slot": "dock"},
 }
-"""By kind of line: what a key of format 1 is called since."""
-_QUIET = b',"kind":"tick"}\n'
+"""The new names of keys of format 1, by kind of line."""
+_QUIET_TICK = b',"kind":"tick"}\n'
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,21 +41,21 @@ class JournalContents:
 
 
 class Journal:
-    """Append-only. Lines reach the file at `flush`, which is called at the end of every tick, all in one write."""
+    """Appends to the journal. Lines reach the file at `flush`, at the end of every tick, all in one write."""
 
     def __init__(self, path: Path) -> None:
-        """Opens the file at its end, making it if there is none; a torn last line is cut off."""
+        """Opens the file at its end and creates it if needed; cuts off a torn last line."""
         self._file = LineFile(path)
         self.last_ms = -1
-        """The newest mission time that was appended; -1 for none."""
+        """The newest mission time of an appended line; -1 for none."""
 
     @property
     def torn_bytes(self) -> int:
-        """How long the torn last line was that was found."""
+        """The length of the torn last line that was cut off."""
         return self._file.torn_bytes
 
     def append(self, at_ms: int, kind: str, data: Line) -> None:
-        """ValueError for a value that JSON does not have (NaN); TypeError for one that is not plain data."""
+        """Appends a line. ValueError for a value that JSON lacks (NaN); TypeError for data that is not plain."""
         self._file.append({"t": at_ms, "kind": kind, **data})
         self.last_ms = max(self.last_ms, at_ms)
 
@@ -68,10 +68,10 @@ class Journal:
 
 
 def read_journal(path: Path) -> JournalContents:
-    """Reads all lines, with the keys of today's format; keeps the last of quiet ticks in a row. OSError for no file."""
+    """Reads all lines, with the current format's keys; of quiet ticks in a row only the last. OSError for no file."""
     lines: list[Line] = []
     dropped, is_old = 0, False
-    for line in read_lines(path, newest_of=_QUIET):
+    for line in read_lines(path, newest_of=_QUIET_TICK):
         if line is None or type(line.get("t")) is not int or type(line.get("kind")) is not str:
             dropped += 1
         else:
@@ -81,7 +81,7 @@ def read_journal(path: Path) -> JournalContents:
 
 
 def format_of(path: Path) -> int | None:
-    """The format that a journal's first line states; None when that states none. OSError for no such file."""
+    """The format that a journal's first line states, or None. OSError for no such file."""
     first = next(iter(read_lines(path)), None)
     return None if first is None or first.get("kind") != "run" else first.get("format")
 

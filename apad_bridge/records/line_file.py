@@ -1,4 +1,4 @@
-"""A file of JSON objects, one a line, that only grows: lines reach it whole, and a kill tears the last one at most."""
+"""A growing file of JSON objects, one a line. A kill can tear only the last line."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ _encode = json.JSONEncoder(separators=(",", ":"), allow_nan=False).encode
 
 
 class LineFile:
-    """Lines reach the file at `flush`."""
+    """Appends lines to a file; they reach it at `flush`."""
 
     def __init__(self, path: Path) -> None:
-        """Opens the file at its end, making it if there is none; a torn last line is cut off."""
+        """Opens the file at its end and creates it if needed; cuts off a torn last line."""
         self._descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC, 0o644)
         self._waiting: list[str] = []
         self.torn_bytes = _cut_torn_line(self._descriptor)
 
     def append(self, line: Line) -> None:
-        """ValueError for a value that JSON does not have (NaN); TypeError for one that is not plain data."""
+        """Appends a line. ValueError for a value that JSON lacks (NaN); TypeError for data that is not plain."""
         self._waiting.append(_encode(line))
 
     def flush(self) -> None:
@@ -43,9 +43,9 @@ class LineFile:
 
 
 def read_lines(path: Path, newest_of: bytes = b"") -> Iterator[Line | None]:
-    """Each line in order; None for one that is no whole JSON object. OSError when there is no such file.
+    """Yields each line in order; None for a line that is no whole JSON object. OSError when there is no such file.
 
-    Of lines in a row that end in `newest_of` only the last is given, which costs next to nothing.
+    Of successive lines that end in `newest_of` it yields only the last; skipping the others costs next to nothing.
     """
     waiting = b""
     with path.open("rb") as file:
@@ -72,7 +72,7 @@ def _decode(raw: bytes) -> Line | None:
 
 
 def _cut_torn_line(descriptor: int) -> int:
-    """Cuts what follows the last line's end; how many bytes that were. The next line would else be glued to it."""
+    """Cuts the bytes after the last line's end, to which the next line would be joined; returns their number."""
     end = size = os.fstat(descriptor).st_size
     while end > 0:
         start = max(0, end - 65536)

@@ -1,4 +1,4 @@
-"""A packet of sound as the journal and the bag keep it: who sent what in which slot, and what became of it where."""
+"""Rows of the bag for an acoustic packet: its sender, its bytes, and its outcome at each listener."""
 
 from __future__ import annotations
 
@@ -17,9 +17,10 @@ _CONFLICTS = frozenset(it.name.lower() for it in (Outcome.COLLIDED, Outcome.TRAN
 
 
 class SoundRow(NamedTuple):
-    """One packet at one listener, as underwater_msgs/MediumTransmission tells it; nodes are ids, 0 is the aPad.
+    """One packet at one listener, with the fields of underwater_msgs/MediumTransmission; nodes are ids, 0 is the aPad.
 
-    `message` is the outcome and then the bytes in hexadecimal; `conflict`, that others were in its way.
+    `message` is the outcome and then the bytes in hexadecimal; `conflict` is True when it collided or the listener was
+    transmitting.
     """
 
     message: str
@@ -33,7 +34,7 @@ class SoundRow(NamedTuple):
 
 
 def sound_rows(packet: Mapping[str, Any]) -> list[SoundRow]:
-    """Of what `packet_data` made: a row for each listener; none of a packet that was never sent."""
+    """A row for each listener of a journal's `packet` line; no rows for a packet that was never sent."""
     everybody = packet["what"] in _TO_ALL
     return [
         SoundRow(

@@ -1,4 +1,4 @@
-"""Everything that a flight leaves behind, through one object: journal, bag, ends and summary."""
+"""Writes all records of a flight: journal, bag, checkpoint, uploaded samples, ends and summary."""
 
 from __future__ import annotations
 
@@ -31,43 +31,44 @@ from firmware_model.packets.sample_record import SampleRecord
 
 DAY_MS = 86_400_000
 _JOURNAL_ONLY = frozenset({"stimulus"})
-"""Too many for the bag, where nobody looks for them."""
+"""Kinds of events with too many lines for the bag, where nobody looks for them."""
 
 
 @dataclass(frozen=True, slots=True)
 class Resumed:
-    """What was found of the run that a resumed one goes on with, and what of it was lost."""
+    """The records of the run that is resumed, and the losses in them."""
 
     journal: JournalContents
     journal_torn_bytes: int
     bag: str | None
-    """The bag that was never closed, if there was one."""
+    """The name of the bag that was never closed, if there was one."""
     bag_lost_ms: int
-    """From the last sample that was saved of it to the journal's last line."""
+    """The time from that bag's last saved sample to the journal's last line."""
 
 
 class Recorder:
-    """The flight's one witness. `truths` may never be called: then there are no uptimes, and summary.json says why.
+    """The one object that writes a flight's records.
 
-    Lines and samples reach the files at the end of each `tick`; `finish` writes the ends and the summary and closes;
-    `close` alone leaves a valid bag and a journal without an end.
+    Without any call of `truths` there are no uptimes, and summary.json gives the reason. Lines and samples reach the files
+    at the end of each `tick`. `finish` writes the ends and the summary and closes the files; `close` alone leaves a valid
+    bag and a journal without an end.
     """
 
     def __init__(self, directory: RunDirectory, scenario: Scenario, agent_ids: Iterable[int]) -> None:
         self.dropped: Counter[str] = Counter()
         self.dropped_before: Counter[str] = Counter()
-        """By supervisors of this run that died, as far as it is known."""
+        """The counts of this run's former supervisors, as far as they are known."""
         self.dropped_in_flight: Callable[[], Counter[str]] = Counter
-        """By the flight that is recorded, so far."""
+        """Returns the counts of the recorded flight so far."""
         self._directory = directory
         self._scenario = scenario
-        self._known = frozenset(agent_ids)
+        self._agent_ids = frozenset(agent_ids)
         self._water = Water(scenario)
         self.meter = UptimeMeter(scenario.theta, self._water.charge)
         self._newest: dict[int, Truth] = {}
         self._journaled: dict[int, Truth] = {}
         self._beliefs: Sequence[Belief] = ()
-        self._gave_up: set[int] = set()
+        self._given_up: set[int] = set()
         self._apad_changes = APadChanges()
         self._belief_changes = BeliefChanges()
         self._sampled_ms: int | None = None
@@ -81,15 +82,15 @@ class Recorder:
     def resume(
         cls, directory: RunDirectory, scenario: Scenario, agent_ids: Iterable[int]
     ) -> tuple[Recorder, Resumed]:
-        """Goes on with a run whose supervisor died: its bag is repaired, another is begun, the uptimes are rebuilt.
+        """Continues the records of a run whose supervisor died: repairs its bag, begins another, and rebuilds the uptimes.
 
-        What was lost is in the answer and in the journal's line `resumed`.
+        The losses are in the result and in the journal's line `resumed`.
         """
         contents = read_journal(directory.journal)
         bags = directory.bags
         repair = repair_bag(bags[-1]) if bags else None
         recorder = cls(directory, scenario, agent_ids)
-        recorder._remember(contents)
+        recorder._replay(contents)
         torn_bytes = recorder._journal.torn_bytes
         lost_ms = 0 if repair is None else max(0, contents.last_ms - repair.last_ms)
         recorder.event(
@@ -104,10 +105,10 @@ class Recorder:
         return recorder, Resumed(contents, torn_bytes, None if repair is None else bags[-1].name, lost_ms)
 
     def event(self, at_ms: int, kind: str, **data: Any) -> None:
-        """Something that happened, at mission time `at_ms`; plain data only."""
+        """Records an event at mission time `at_ms`; plain data only."""
         self._journal.append(at_ms, kind, data)
         if kind == "died" and data.get("gave_up") is not None:
-            self._give_up(data)
+            self._count_given_up(data)
         if kind == "presence":
             self._note_presence(at_ms, data)
         if kind == "packet":
@@ -117,10 +118,10 @@ class Recorder:
             self._bag.event(at_ms, kind, json.dumps(data, separators=(",", ":")))
 
     def truths(self, truths: Sequence[Truth]) -> None:
-        """Truths in order of time for each aMussel; one that is not is dropped and counted."""
+        """Takes truths, for each aMussel in order of time; a truth out of order is dropped and counted."""
         for truth in truths:
             agent_id = truth.agent_id
-            if agent_id not in self._known:
+            if agent_id not in self._agent_ids:
                 self.dropped["a truth of an unknown aMussel"] += 1
                 continue
             newest, journaled = self._newest.get(agent_id), self._journaled.get(agent_id)
@@ -128,7 +129,7 @@ class Recorder:
                 self.dropped["a truth that a newer one overtook"] += 1
                 continue
             self._newest[agent_id] = truth
-            # What the meter counts moves with what is journaled, so that a resumed run counts the same.
+            # The meter takes only truths that are journaled, so that a resumed run counts the same.
             if journaled is None or differs_in_kind(truth, journaled):
                 self.meter.take(truth)
             elif not has_moved(truth, journaled):
@@ -136,19 +137,19 @@ class Recorder:
             self._journaled[agent_id] = truth
             self._journal.append(-(-truth.at_ms // self._scenario.theta), "truth", truth_data(truth))
 
-    def keep(self, known: LearnedState, now_ms: int) -> None:
-        """From mission time `now_ms` on what is learned is written down, for one who would go on with the run."""
+    def keep(self, learned: LearnedState, now_ms: int) -> None:
+        """Writes the checkpoint from mission time `now_ms` on, so that another supervisor can resume the run."""
         self._checkpoint = Checkpoint(
-            self._directory.checkpoint, known.beliefs, now_ms, known.ranging, self._dropped_so_far
+            self._directory.checkpoint, learned.beliefs, now_ms, learned.ranging, self._dropped_so_far
         )
 
     @property
     def samples_kept(self) -> Mapping[int, Set[int]]:
-        """By aMussel, the sequences of the samples that are on disk."""
+        """The sequence numbers of the samples on disk, by aMussel."""
         return self._samples.kept
 
     def samples(self, agent_id: int, records: Sequence[SampleRecord]) -> None:
-        """Samples that an aMussel uploaded: on disk when it returns, so that they can be acknowledged."""
+        """Writes samples that an aMussel uploaded; they are on disk when it returns, so that they can be acknowledged."""
         self._samples.append(agent_id, records)
 
     def tick(
@@ -160,7 +161,7 @@ class Recorder:
         primitive: str,
         docks: tuple[int | None, ...],
     ) -> None:
-        """The end of a mission tick: samples it, journals what changed, and puts the lines of the tick on disk."""
+        """Ends a mission tick: samples it, journals the changes, and writes the tick's lines to disk."""
         apad = None if pose is None else apad_sample(pose, battery, primitive, docks)
         self._beliefs = beliefs
         if apad is not None and (line := self._apad_changes.line(now_ms, apad)) is not None:
@@ -168,35 +169,35 @@ class Recorder:
         for line in self._belief_changes.lines(list(beliefs)):
             self._journal.append(now_ms, "belief", line)
         if self._is_sampled(now_ms):
-            believed = [belief_sample(belief, now_ms) for belief in beliefs]
-            self._bag.sample(now_ms, self.truths_at(now_ms), believed, apad)
+            belief_samples = [belief_sample(belief, now_ms) for belief in beliefs]
+            self._bag.sample(now_ms, self.truths_at(now_ms), belief_samples, apad)
         if self._journal.last_ms < now_ms:
-            # A quiet tick leaves its time: a resumed run must know how far the fleet was granted.
+            # A quiet tick leaves its time, because a resumed run must know up to which time the fleet was granted.
             self._journal.append(now_ms, "tick", {})
-        # First what was learned: that something is learned twice does no harm, and the mission may have acted on it.
+        # The checkpoint is written first: learning an update twice does no harm, and the mission may have acted on it.
         if self._checkpoint is not None:
             self._checkpoint.flush(now_ms)
         self._journal.flush()
 
     def truths_at(self, now_ms: int) -> list[TruthSample]:
-        """What every aMussel is at mission time `now_ms`, by id: the newest truth of each, carried on."""
+        """Every aMussel's newest truth, extrapolated to mission time `now_ms`, by id."""
         agent_ms = self._scenario.theta * now_ms
         return [
             self._water.sample(truth, max(agent_ms, truth.at_ms)) for _, truth in sorted(self._newest.items())
         ]
 
     def flush(self) -> None:
-        """Puts what was said since the last tick on disk, before something that cannot be taken back."""
+        """Writes the lines since the last tick to disk, before an act that cannot be undone."""
         self._journal.flush()
 
     def finish(self, at_ms: int, ending: Ending) -> Line:
-        """The run ended at mission time `at_ms`: writes ends.csv and summary.json, closes all; gives the summary."""
+        """Ends the run at mission time `at_ms`: writes ends.csv and summary.json, closes all files, returns the summary."""
         scenario = self._scenario
         summary: Line = {
             "name": scenario.name,
             "theta": scenario.theta,
             "seed": scenario.seed,
-            "agents": len(self._known),
+            "agents": len(self._agent_ids),
             "mission_s": at_ms / 1000,
             "ended_by": ending.ended_by,
             "first_cause": ending.first_cause,
@@ -205,7 +206,7 @@ class Recorder:
             "services": ending.services,
             "apad_energy_fraction": ending.apad_energy_fraction,
             **self._sample_figures(ending, at_ms),
-            "gave_up": len(self._gave_up),
+            "gave_up": len(self._given_up),
             "dropped": dict(sorted(self._all_dropped(ending).items())),
         }
         ends = self._ends(at_ms)
@@ -213,11 +214,11 @@ class Recorder:
             save_starts(self._directory.ends, ends, scenario.area.origin)
         self._directory.write_json(self._directory.summary, summary)
         self.close()
-        self._directory.checkpoint.unlink(missing_ok=True)  # nobody will go on with this run
+        self._directory.checkpoint.unlink(missing_ok=True)  # an ended run cannot be resumed
         return summary
 
     def close(self) -> None:
-        """Closes the journal and the bag; a second call does nothing."""
+        """Closes all files; a second call does nothing."""
         self._journal.close()
         self._bag.close()
         self._samples.close()
@@ -225,7 +226,7 @@ class Recorder:
             self._checkpoint.close()
 
     def _dropped_so_far(self) -> Counter[str]:
-        """What the next supervisor would not count again."""
+        """The counts that the next supervisor would not count again."""
         return self.dropped_before + self.dropped_in_flight() + self.dropped
 
     def _all_dropped(self, ending: Ending) -> Counter[str]:
@@ -240,41 +241,44 @@ class Recorder:
         return sample_figures(taken, self._samples.kept, ending.samples_gone, apart)
 
     def _is_sampled(self, now_ms: int) -> bool:
-        """Per tick through the first day of mission time, then at the scenario's period."""
+        """True at every tick of the first day of mission time, then at the scenario's period."""
         last_ms = self._sampled_ms
         if now_ms > DAY_MS and last_ms is not None and now_ms < last_ms + self._record_period_ms:
             return False
         self._sampled_ms = now_ms
         return True
 
-    def _give_up(self, died: Line) -> None:
-        self._gave_up.add(died["id"])
-        self.meter.gone(died["id"], died["agent_ms"])
+    def _count_given_up(self, died: Line) -> None:
+        self._given_up.add(died["id"])
+        self.meter.ended(died["id"], died["agent_ms"])
 
-    def _note_presence(self, at_ms: int, told: Line) -> None:
-        self.meter.is_now(told["id"], Presence(told["is"]), self._scenario.theta * at_ms)
+    def _note_presence(self, at_ms: int, presence: Line) -> None:
+        self.meter.is_now(presence["id"], Presence(presence["is"]), self._scenario.theta * at_ms)
 
-    def _remember(self, contents: JournalContents) -> None:
+    def _replay(self, contents: JournalContents) -> None:
+        """Rebuilds the uptimes and the newest truths from the lines of the journal."""
         for line in contents.lines:
             if line["kind"] == "truth":
                 truth = truth_of(line)
                 self.meter.take(truth)
                 self._newest[truth.agent_id] = self._journaled[truth.agent_id] = truth
             elif line["kind"] == "died" and line["gave_up"] is not None:
-                self._give_up(line)
+                self._count_given_up(line)
             elif line["kind"] == "presence":
                 self._note_presence(line["t"], line)
         self._sampled_ms = contents.last_ms
 
     def _ends(self, at_ms: int) -> list[Start]:
-        """Where the aMussels are and what they hold: the truth, or where there is none what is believed."""
+        """The aMussels' places and charges: from the truth, or from the beliefs where there is none."""
         ends = {
             belief.agent_id: Start(
                 belief.agent_id, belief.north_m, belief.east_m, belief.primary, belief.secondary
             )
             for belief in self._beliefs
-            if belief.agent_id in self._known
+            if belief.agent_id in self._agent_ids
         }
-        for now in self.truths_at(at_ms):
-            ends[now.agent_id] = Start(now.agent_id, now.north_m, now.east_m, now.primary, now.secondary)
+        for truth in self.truths_at(at_ms):
+            ends[truth.agent_id] = Start(
+                truth.agent_id, truth.north_m, truth.east_m, truth.primary, truth.secondary
+            )
         return [ends[agent_id] for agent_id in sorted(ends)]

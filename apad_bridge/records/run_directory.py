@@ -1,6 +1,6 @@
-"""A run's directory: made for this run alone, never written over, and where everything in it is called what.
+"""A run's directory: the names of its files. It is made for one run alone and never written over.
 
-Everything but the journal and the bags, which grow, appears whole or not at all.
+Every file appears whole or not at all, except the journal and the bags, which grow.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ _PACKAGES = ("musselbed", "numpy", "rosbags", "rospy")
 
 
 class RunDirectoryError(ValueError):
-    """The directory cannot be used; the text is one line with the mend."""
+    """The directory cannot be used; the message is one line with the remedy."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,7 +32,10 @@ class RunDirectory:
 
     @classmethod
     def create(cls, scenario_name: str, now_utc: datetime, out: Path | None = None) -> RunDirectory:
-        """`out`, which must be new or empty, or else `runs/<scenario>-<UTC stamp>`, with -2, -3 ... if that is taken."""
+        """Makes a new directory.
+
+        It is `out`, which must be new or empty, or `runs/<scenario>-<UTC stamp>`, with -2, -3 ... if that exists.
+        """
         if out is not None:
             return cls(_claim(out))
         stem = f"{scenario_name}-{now_utc:%Y%m%dT%H%M%SZ}"
@@ -50,10 +53,10 @@ class RunDirectory:
 
     @classmethod
     def open(cls, path: Path) -> RunDirectory:
-        """A former run's; RunDirectoryError when there is no journal in it."""
+        """Opens a former run's directory; RunDirectoryError when there is no journal in it."""
         if not (path / "journal.jsonl").is_file():
-            of_each = sorted(str(journal.parent) for journal in path.glob("*/journal.jsonl"))
-            mend = f"; a run of several aPads has one for each: {', '.join(of_each)}" if of_each else ""
+            apad_runs = sorted(str(journal.parent) for journal in path.glob("*/journal.jsonl"))
+            mend = f"; a run of several aPads has one for each: {', '.join(apad_runs)}" if apad_runs else ""
             raise RunDirectoryError(f"{path}: no run: there is no journal.jsonl in it{mend}")
         return cls(path)
 
@@ -95,7 +98,7 @@ class RunDirectory:
 
     @property
     def bags(self) -> list[Path]:
-        """In the order in which they were begun: run.bag, then one for each resume."""
+        """The bags in the order in which they were begun: run.bag, then one for each resume."""
         found: list[Path] = []
         while self._bag(len(found)).exists():
             found.append(self._bag(len(found)))
@@ -106,7 +109,7 @@ class RunDirectory:
         return self._bag(len(self.bags))
 
     def write_inputs(self, scenario: Scenario, starts: Iterable[Start]) -> None:
-        """What the run depends on: scenario.yaml, starts.csv and versions.json."""
+        """Writes the run's inputs: scenario.yaml, starts.csv and versions.json."""
         save_starts(self.starts, starts, scenario.area.origin)
         write_resolved(self.scenario, scenario)
         self.write_json(self.versions, versions())
@@ -119,7 +122,7 @@ class RunDirectory:
 
 
 def versions() -> dict[str, str | None]:
-    """Versions of what decides a run's figures; None for what is not installed."""
+    """The versions of the software that decides a run's figures; None for a package that is not installed."""
     found: dict[str, str | None] = {"python": platform.python_version()}
     for name in _PACKAGES:
         try:

@@ -1,4 +1,4 @@
-"""What a bag holds of one instant, as plain rows in the order of our messages' fields."""
+"""Samples of one instant for the bag, as plain rows in the order of our messages' fields."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from apad_bridge.vehicle.commands import BatteryReported, PoseReported
 from firmware_model.power.charge import fraction
 
 _MOST_TIMESLOTS = 0xFFFF
-"""A bag counts no further."""
+"""The largest count of silent timeslots in a bag."""
 
 
 class TruthSample(NamedTuple):
@@ -31,7 +31,7 @@ class TruthSample(NamedTuple):
 
 
 class BeliefSample(NamedTuple):
-    """NaN, and no mode, where an estimator that claims to be certain says nothing; units as in AgentBelief.msg."""
+    """A belief; NaN, and no modes, where an estimator gives no uncertainty. Units are those of AgentBelief.msg."""
 
     agent_id: int
     state: int
@@ -63,11 +63,11 @@ class APadSample(NamedTuple):
     battery_fraction: float
     primitive: str
     docks: tuple[int, ...]
-    """-1 for a free one."""
+    """The aMussel in each dock; -1 for a free dock."""
 
 
 class Water:
-    """How a Truth goes on until the next one: batteries and depth are linear from their anchors."""
+    """Extrapolates a Truth until the next one: batteries and depth are linear from their anchors."""
 
     def __init__(self, scenario: Scenario) -> None:
         board = scenario.board
@@ -106,7 +106,7 @@ class Water:
 
 
 def belief_sample(belief: Belief, now_ms: int) -> BeliefSample:
-    """What is believed at mission time `now_ms`, as the bag and /musselbed/beliefs tell it."""
+    """The belief at mission time `now_ms`, as the bag and /musselbed/beliefs publish it."""
     newest = (
         belief.agent_id,
         int(belief.state),
@@ -130,7 +130,7 @@ def belief_sample(belief: Belief, now_ms: int) -> BeliefSample:
 def apad_sample(
     pose: PoseReported, battery: BatteryReported | None, primitive: str, docks: tuple[int | None, ...]
 ) -> APadSample:
-    """The aPad; NaN for a battery of which nothing was heard."""
+    """The aPad's sample; NaN for a battery that was never reported."""
     voltage_v, left = (float("nan"),) * 2 if battery is None else (battery.voltage_v, battery.fraction)
     held = tuple(-1 if agent_id is None else agent_id for agent_id in docks)
     return APadSample(pose.north_m, pose.east_m, pose.heading_rad, voltage_v, left, primitive, held)

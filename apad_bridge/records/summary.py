@@ -1,4 +1,4 @@
-"""What a run comes to: the figures of summary.json that are counted from the truth."""
+"""The figures of summary.json that are counted from the truth."""
 
 from __future__ import annotations
 
@@ -20,7 +20,10 @@ NO_TRUTH = "no truth was recorded: real aMussels, or another's fleet"
 
 @dataclass(frozen=True, slots=True)
 class Ending:
-    """What the flight knows at its end and the records do not. Metres; `apad_energy_fraction` is of its battery, used."""
+    """Facts about the end of a flight that the records do not hold.
+
+    The cost is in metres; `apad_energy_fraction` is the used fraction of the aPad's battery.
+    """
 
     ended_by: str
     cost_m: float
@@ -29,16 +32,16 @@ class Ending:
     dropped: Mapping[str, int]
     """Counts of what was dropped, by reason."""
     first_cause: str | None = None
-    """Of a run in which something failed: what failed first."""
+    """The first failure of a run in which something failed."""
     samples_gone: Mapping[int, Set[int]] = field(default_factory=dict)
-    """By aMussel, the sequences of samples that never will come."""
+    """The sequence numbers of samples that can no longer be uploaded, by aMussel."""
 
 
 def uptime_figures(meter: UptimeMeter, now_ms: int, tick_ms: int = 1000) -> dict[str, Any]:
-    """The keys of summary.json that come from the truth; None, and `uptime_missing` why, where there is none.
+    """The keys of summary.json that come from the truth; without a truth they are None, and `uptime_missing` is the reason.
 
-    An aMussel counts for as long as it was simulated and in the water: `counted_s`, summed over them. `apart` says what is
-    left out.
+    An aMussel counts while it is simulated and in the water: `counted_s` is that time, summed over all aMussels. `apart`
+    holds what is left out.
     """
     uptimes, ticks = meter.at(now_ms), meter.ticks(now_ms)
     spans = {uptime.agent_id: ticks - uptime.beside_real - uptime.retired for uptime in uptimes}
@@ -69,7 +72,7 @@ def uptime_figures(meter: UptimeMeter, now_ms: int, tick_ms: int = 1000) -> dict
 
 
 def _apart(uptimes: Sequence[AgentUptime], tick_ms: int) -> dict[str, Any] | None:
-    """What the figures leave out; None where that is nothing. Seconds are summed over aMussels."""
+    """The part that the figures leave out, or None. Seconds are summed over aMussels."""
     others = [it for it in uptimes if it.beside_real or it.retired]
     if not others:
         return None
@@ -82,7 +85,10 @@ def _apart(uptimes: Sequence[AgentUptime], tick_ms: int) -> dict[str, Any] | Non
 
 
 def _spread(counts: Sequence[tuple[int, int]]) -> dict[str, float]:
-    """Of (ticks counted, ticks in the water) of each aMussel, in percent; the mean is over all ticks of all of them."""
+    """Mean, maximum and minimum in percent, from each aMussel's (ticks counted, ticks in the water).
+
+    The mean is over all ticks of all aMussels.
+    """
     shares = [100 * counted / ticks for counted, ticks in counts if ticks]
     return {
         "mean": 100 * sum(counted for counted, _ in counts) / sum(ticks for _, ticks in counts),

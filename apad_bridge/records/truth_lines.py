@@ -1,4 +1,4 @@
-"""A Truth as a line of the journal and back, in exact integers: a resumed run counts on as if nothing had happened."""
+"""Converts a Truth to a line of the journal and back, in exact integers, so that a resumed run counts on exactly."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ from firmware_model.states import State
 
 
 def truth_data(truth: Truth) -> Line:
-    """Batteries are [anchor ms, grains, flow, load, coils], `depth` is [anchor ms, micrometres]; agent time.
+    """The line of a Truth. Batteries are [anchor ms, grains, flow, load, coils], `depth` is [anchor ms, micrometres].
 
-    Where there are any: `hover_um` is the depth that one that hovers moves to, `pin_due` is when the coils will be aligned,
-    `log` is [samples taken, acknowledged below].
+    Times are agent time. Optional keys: `hover_um`, the depth to which a hovering aMussel moves; `pin_due`, the time when
+    the coils will be aligned; `log`, [samples taken, acknowledged below].
     """
     physical = truth.physical
-    more: Line = {}
+    optional: Line = {}
     if physical.buoyancy is Buoyancy.HOVER:
-        more["hover_um"] = physical.hover_um
+        optional["hover_um"] = physical.hover_um
     if physical.pin_due_ms:
-        more["pin_due"] = physical.pin_due_ms
+        optional["pin_due"] = physical.pin_due_ms
     if physical.samples:
-        more["log"] = [physical.samples, physical.acknowledged]
+        optional["log"] = [physical.samples, physical.acknowledged]
     return {
         "id": truth.agent_id,
         "agent_ms": truth.at_ms,
@@ -35,7 +35,7 @@ def truth_data(truth: Truth) -> Line:
         "depth": [physical.depth_anchor_ms, physical.depth_um],
         "buoyancy": physical.buoyancy.name,
         "docked": physical.docked,
-        **more,
+        **optional,
     }
 
 

@@ -1,16 +1,16 @@
-"""Uptime, counted tick by tick as the paper does, but in closed form: exact integers, and no work at a tick.
+"""Counts uptime tick by tick as the paper does, but in closed form: exact integers, and no work at a tick.
 
-Tick k (k = 1, 2, ...) is at mission time k * tick_ms, that is agent time theta * k * tick_ms. At a tick an aMussel is
-what its newest Truth up to that time (inclusive) says. Two meanings of "active" are counted side by side:
+Tick k (k = 1, 2, ...) is at mission time k * tick_ms, that is agent time theta * k * tick_ms. The newest Truth up to that
+time (inclusive) gives an aMussel's state at the tick. Two meanings of "active" are counted side by side:
 
 - paper: not docked and the primary battery above 0. An aMussel counts as active until it is docked (section V);
 - submerged: under water with the primary battery in use, asleep between two samples or not.
 
-An aMussel that is LOST can no longer surface: both batteries at 0, or, of a board that reads its batteries, both read so
+A LOST aMussel can no longer surface: both batteries are at 0, or a board that reads its batteries has read both as empty
 for long enough.
 
-All of this is of simulated aMussels in the water. The ticks of one that goes on beside a real one, or is out of the water,
-are counted apart, and whatever happens to it then counts as nothing.
+These counts are of simulated aMussels in the water. An aMussel that runs as a real one's twin, or is out of the water, has
+its ticks counted apart, and nothing that happens to it then is counted.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from firmware_model.state_groups import AT_WORK, BEYOND_HELP
 
 @dataclass(frozen=True, slots=True)
 class AgentUptime:
-    """Ticks so far of one aMussel. `charge` is its primary battery's now, in grains."""
+    """The ticks of one aMussel so far. `charge` is its primary battery's present charge, in grains."""
 
     agent_id: int
     paper: int = 0
@@ -33,34 +33,34 @@ class AgentUptime:
     dead: int = 0
     """Ticks with the primary battery at 0."""
     emptied: bool = False
-    """The primary battery stood at 0 at some time."""
+    """True if the primary battery was ever at 0."""
     lost: bool = False
-    """It was LOST at some time."""
+    """True if it was ever LOST."""
     charge: int = 0
     samples: int = 0
-    """Which its sensors have ever taken, without those of `apart`."""
+    """Samples that its sensors have taken, without those in `apart`."""
     apart: tuple[range, ...] = ()
-    """Sequences of the samples that it took as a real one's twin, or out of the water."""
+    """Sequence numbers of the samples that it took as a real aMussel's twin, or out of the water."""
     beside_real: int = 0
-    """Ticks as a real one's twin; the counts above have none of them."""
+    """Ticks as a real aMussel's twin; the counts above exclude them."""
     retired: int = 0
-    """Ticks out of the water; as before."""
+    """Ticks out of the water; the counts above exclude them."""
     presence: Presence = Presence.SIMULATED
-    """Now."""
+    """Its present presence."""
 
 
 @dataclass(slots=True)
 class _Ledger:
-    """The newest truth, and what was counted before `since_ms` (agent time, at or after the truth's)."""
+    """The newest truth, and the counts before `since_ms` (agent time, at or after the truth's)."""
 
     truth: Truth
     counted: AgentUptime
     since_ms: int
-    gone_ms: int | None = None
+    ended_ms: int | None = None
 
 
 class UptimeMeter:
-    """Is fed every Truth, in order of time for each aMussel; answers for any mission time from the last one on."""
+    """Takes every Truth, for each aMussel in order of time; gives the counts for any mission time from the last one on."""
 
     def __init__(self, theta: int, charge: ChargeModel, tick_ms: int = 1000) -> None:
         self._theta = theta
@@ -72,11 +72,11 @@ class UptimeMeter:
 
     @property
     def agent_ids(self) -> list[int]:
-        """Those of whom a Truth was taken."""
+        """The aMussels of which a Truth was taken."""
         return sorted(self._ledgers)
 
     def take(self, truth: Truth) -> None:
-        """The next Truth of its aMussel. ValueError, and nothing changed, when it is older than the one before."""
+        """Takes the next Truth of its aMussel. ValueError, and no change, when it is older than the one before."""
         ledger = self._ledgers.get(truth.agent_id)
         if ledger is None:
             self._ledgers[truth.agent_id] = _Ledger(truth, AgentUptime(truth.agent_id), truth.at_ms)
@@ -89,17 +89,17 @@ class UptimeMeter:
             taken = range(ledger.truth.physical.samples, truth.physical.samples)
             ledger.counted = replace(ledger.counted, apart=_joined(ledger.counted.apart, taken))
         ledger.truth = truth
-        if _is_past(ledger.gone_ms, truth.at_ms - 1):
-            ledger.gone_ms = None  # it lives again: somebody started it by hand
+        if _has_ended(ledger.ended_ms, truth.at_ms - 1):
+            ledger.ended_ms = None  # it runs again: somebody started it by hand
 
-    def gone(self, agent_id: int, at_ms: int) -> None:
-        """The simulation of this aMussel ended for good at agent time `at_ms`: it is active at no later tick."""
+    def ended(self, agent_id: int, at_ms: int) -> None:
+        """Ends this aMussel's simulation for good at agent time `at_ms`: it is active at no later tick."""
         ledger = self._ledgers.get(agent_id)
-        if ledger is not None and ledger.gone_ms is None:
-            ledger.gone_ms = max(at_ms, ledger.truth.at_ms)
+        if ledger is not None and ledger.ended_ms is None:
+            ledger.ended_ms = max(at_ms, ledger.truth.at_ms)
 
     def is_now(self, agent_id: int, presence: Presence, at_ms: int) -> None:
-        """After the tick at agent time `at_ms`, the time of no older call, this aMussel is what `presence` says."""
+        """Sets an aMussel's presence after the tick at agent time `at_ms`; the times of calls must not fall."""
         ledger = self._ledgers.get(agent_id)
         if ledger is not None:
             ledger.counted = self._count(ledger, at_ms + 1)
@@ -107,7 +107,7 @@ class UptimeMeter:
         self._presences[agent_id] = presence
 
     def ticks(self, now_ms: int) -> int:
-        """How many ticks there were by mission time `now_ms`."""
+        """The number of ticks up to mission time `now_ms`."""
         return now_ms // self._tick_ms
 
     def at(self, now_ms: int) -> list[AgentUptime]:
@@ -117,12 +117,12 @@ class UptimeMeter:
         return [self._count(self._ledgers[agent_id], until_ms) for agent_id in self.agent_ids]
 
     def active_now(self, now_ms: int) -> int:
-        """How many are active at mission time `now_ms`, in the paper's meaning, as they stand now."""
+        """The number of active aMussels at mission time `now_ms`, in the paper's meaning, by their newest truths."""
         agent_ms = self._theta * now_ms
         active = 0
         for agent_id, ledger in self._ledgers.items():
-            physical, is_there = ledger.truth.physical, self._presence(agent_id) is Presence.SIMULATED
-            if is_there and not physical.docked and not _is_past(ledger.gone_ms, agent_ms):
+            physical, is_simulated = ledger.truth.physical, self._presence(agent_id) is Presence.SIMULATED
+            if is_simulated and not physical.docked and not _has_ended(ledger.ended_ms, agent_ms):
                 active += self.charge.charge_at(physical.primary, max(agent_ms, ledger.truth.at_ms)) > 0
         return active
 
@@ -130,7 +130,7 @@ class UptimeMeter:
         return self._presences.get(agent_id, Presence.SIMULATED)
 
     def _count(self, ledger: _Ledger, until_ms: int) -> AgentUptime:
-        """What was counted, and the span from the ledger's time up to but not including agent time `until_ms`."""
+        """The counts, with the span from `ledger.since_ms` up to but not including agent time `until_ms` added."""
         truth, counted = ledger.truth, ledger.counted
         start_ms = ledger.since_ms
         presence = self._presence(truth.agent_id)
@@ -138,7 +138,7 @@ class UptimeMeter:
             ticks = self._ticks_between(start_ms, max(start_ms, until_ms))
             key = "retired" if presence is Presence.RETIRED else "beside_real"
             return replace(counted, presence=presence, **{key: getattr(counted, key) + ticks})
-        end_ms = max(start_ms, until_ms if ledger.gone_ms is None else min(until_ms, ledger.gone_ms))
+        end_ms = max(start_ms, until_ms if ledger.ended_ms is None else min(until_ms, ledger.ended_ms))
         primary = truth.physical.primary
         empty_ms = self._span_at_zero(primary, start_ms, end_ms)
         backup_empty_ms = self._span_at_zero(truth.physical.secondary, start_ms, end_ms)
@@ -164,23 +164,23 @@ class UptimeMeter:
         return max(0, max(0, (end_ms - 1) // self._step_ms) - max(0, (start_ms - 1) // self._step_ms))
 
     def _span_at_zero(self, battery: Battery, start_ms: int, end_ms: int) -> tuple[int, int]:
-        """The part of [start, end) in which the battery stands at 0; it is always one piece."""
+        """The part of [start, end) in which the battery is at 0; it is always one piece."""
         empty_at_ms = self.charge.falls_to_at_ms(battery, 0)
         if empty_at_ms is None:
             return end_ms, end_ms
-        # One that falls to 0 stays there; one that begins there leaves it once more comes in than goes out.
+        # A battery that falls to 0 stays there; a battery that begins at 0 leaves it once it gains more than it loses.
         leaves_at_ms = self.charge.reaches_at_ms(battery, 1) if battery.charge == 0 else None
         until_ms = end_ms if leaves_at_ms is None else min(end_ms, leaves_at_ms)
         from_ms = max(start_ms, empty_at_ms)
         return (from_ms, until_ms) if from_ms < until_ms else (end_ms, end_ms)
 
 
-def _is_past(gone_ms: int | None, agent_ms: int) -> bool:
-    return gone_ms is not None and agent_ms >= gone_ms
+def _has_ended(ended_ms: int | None, agent_ms: int) -> bool:
+    return ended_ms is not None and agent_ms >= ended_ms
 
 
 def _joined(spans: tuple[range, ...], new: range) -> tuple[range, ...]:
-    """With `new`, which begins no earlier than the last of them ends."""
+    """The spans with `new`, which begins no earlier than the last span ends."""
     if not new:
         return spans
     if spans and spans[-1].stop == new.start:

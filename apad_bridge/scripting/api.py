@@ -1,10 +1,12 @@
 """The aPad's API for mission scripts (paper, section III and Listing 1).
 
-Everything that is known here is believed, never the truth. Places are degrees where they come as `[lat, lon]`, metres where
-a name ends in `_m`; times are seconds of mission time; docks count from 1. A call that cannot be done raises `Refused` with
-one line, and nothing has changed. What is asked of an aMussel that was not heard yet waits for its first word, as long as
-the scenario's `silence_timeout_s`; every other wait has a time-out as well. When the mission ends (its time is over, the
-aPad's battery, a person, `abort`), whatever the script calls next ends the script.
+The API knows beliefs, never the truth. A point `[lat, lon]` is in degrees, a name that ends in `_m` is in metres, times
+are seconds of mission time, and docks are numbered from 1.
+
+A call that cannot be done raises `Refused` with a message of one line, and changes nothing. A call about an aMussel that
+has not reported yet waits for its first packet, at most for the scenario's `silence_timeout_s`; every other wait has a
+timeout too. After the mission's end (its time is over, the aPad's battery, a person, `abort`), the script's next call
+ends the script.
 """
 
 from __future__ import annotations
@@ -17,7 +19,7 @@ from apad_bridge.mission.values import Event, Refused, Status, dock_index_of, do
 from apad_bridge.planning.costs import CostBreakdown
 from apad_bridge.scenario.local_frame import FARTHEST_M
 from apad_bridge.scripting import planned
-from apad_bridge.scripting.arguments import looks_at_arguments
+from apad_bridge.scripting.arguments import checks_arguments
 from apad_bridge.scripting.planned import Plan
 from apad_bridge.scripting.queries import FOR_EVER_S, Queries
 from apad_bridge.scripting.rendezvous import Wait
@@ -25,35 +27,49 @@ from apad_bridge.vehicle.commands import Manoeuvre
 
 
 class Behaviour:
-    """Derive from it and say what `tick` does. What a behaviour remembers is its own, so it can be run again or nested."""
+    """A base class for behaviours: derive from it, define `tick`, and give an instance to `api.run`.
+
+    A behaviour keeps its state in its own attributes, so that it can be run again or inside another behaviour.
+    """
 
     def begin(self, api: Api) -> None:
-        """Before the first tick."""
+        """Prepares the behaviour; called once, before the first tick."""
 
     def tick(self, api: Api) -> bool:
-        """Once a mission second; True when it is done. It may also sleep and wait, which takes as long as it takes."""
+        """Acts; called once a mission second. Return True when the behaviour is done.
+
+        It may also sleep and wait; the next tick comes after that.
+        """
         raise NotImplementedError
 
     def event(self, api: Api, event: Event) -> None:
-        """Each event since the tick before, in order."""
+        """Handles an event; called for each event since the last tick, in order."""
 
 
-@looks_at_arguments
+@checks_arguments
 class Api(Queries):
-    """What a script calls `api`."""
+    """A script's access to the mission: its variable `api`.
 
-    # Primitives: each of these orders, and returns at once.
+    A point `[lat, lon]` is in degrees, a name that ends in `_m` is in metres, times are seconds of mission time, and docks
+    are numbered from 1. A call that cannot be done raises `Refused` and changes nothing.
+    """
+
+    # Primitives: each call gives an order and returns at once.
 
     def go_to(
         self, point: Sequence[float], speed: float | None = None, victory_radius: float | None = None
     ) -> None:
-        """To `[lat, lon]` in degrees; speed in m/s and victory radius in m are the scenario's unless given."""
+        """Sends the aPad to `[lat, lon]` in degrees.
+
+        `speed` (m/s) and `victory_radius` (m) default to the scenario's.
+        """
         latitude, longitude = point
         self.go_to_local(*self._frame.to_local(latitude, longitude), speed, victory_radius)
 
     def go_to_local(
         self, north_m: float, east_m: float, speed: float | None = None, victory_radius: float | None = None
     ) -> None:
+        """Sends the aPad to a point in metres north and east of the scenario's origin; otherwise as `go_to`."""
         if not abs(north_m) + abs(east_m) < FARTHEST_M:
             raise Refused(
                 f"the goal lies {abs(north_m) + abs(east_m):.0f} m from the scenario's origin: go_to takes [latitude, "
@@ -62,12 +78,12 @@ class Api(Queries):
         self._do(lambda mission: mission.go_to(north_m, east_m, speed, victory_radius))
 
     def goto_status(self, id: str | None = None) -> Status:
-        """0 idle, 1 running, 2 pre-empted, 3 done, 4 failed."""
+        """The last go-to's status: 0 idle, 1 running, 2 pre-empted, 3 done, 4 failed."""
         self._refuse_others(id)
         return self._do(lambda mission: mission.goto)
 
     def hold(self, point: Sequence[float] | None = None) -> None:
-        """Hold position at `[lat, lon]`, or here; what was under way is pre-empted."""
+        """Holds the position at `[lat, lon]`, or where the aPad is; pre-empts the primitive under way."""
         place = (None, None) if point is None else self._frame.to_local(*point)
         self._do(lambda mission: mission.hold(*place))
 
@@ -79,9 +95,12 @@ class Api(Queries):
         yaw_rate: float | None = None,
         surge_speed: float | None = None,
     ) -> None:
-        """True: let aMussel `id` surface if it is not up, and take it into dock `number`. False: let go who is in it.
+        """Docks or undocks an aMussel.
 
-        Yaw rate (rad/s) and surge speed (m/s) are for an aPad that docks by its own eyes, instead of the scenario's.
+        With `dock` True: lets aMussel `id` surface if it is not at the surface, and takes it into dock `number`.
+        With `dock` False: releases the aMussel that is in dock `number`.
+
+        `yaw_rate` (rad/s) and `surge_speed` (m/s) replace the scenario's for an aPad that docks by visual servoing.
         """
         dock_index, manoeuvre = dock_index_of(number), manoeuvre_of(yaw_rate, surge_speed)
         if not dock:
@@ -89,42 +108,43 @@ class Api(Queries):
             return
         if id is None:
             raise Refused("docking(True, ...) needs the aMussel's id")
-        self._hear(id)
+        self._await_first_packet(id)
         self._do(lambda mission: mission.dock(dock_index, id, manoeuvre))
 
     def docking_status(self, id: str | None = None) -> Status:
-        """As `goto_status`, of the last docking or undocking."""
+        """The status of the last docking or undocking, with the numbers of `goto_status`."""
         self._refuse_others(id)
         return self._do(lambda mission: mission.docking)
 
     def permit_surfacing(self, id: int) -> None:
-        """By sound, once. `docking` does this too, and again until the aMussel obeys."""
-        self._hear(id)
+        """Permits an aMussel by sound to surface, once. `docking` does so too, and repeats it until the aMussel obeys."""
+        self._await_first_packet(id)
         self._do(lambda mission: mission.permit_surfacing(id))
 
     def tell_clear(self, id: int) -> None:
-        """By Wi-Fi: a floating aMussel may sink. An undocking says it by itself."""
+        """Tells a floating aMussel by Wi-Fi that it may sink. An undocking does so by itself."""
         self._do(lambda mission: mission.tell_clear(id))
 
     @property
     def failure(self) -> str | None:
-        """Why a primitive failed last."""
+        """The reason of the last failure of a primitive; None if none has failed."""
         return self._do(lambda mission: mission.failure)
 
-    # Waiting for them.
+    # Waiting for primitives.
 
     def wait_goto(self, timeout: float = 3600.0) -> Status:
-        """Waits until the go-to is no longer running; RUNNING when that takes longer."""
+        """Waits until the go-to is no longer running and returns its status: RUNNING after the timeout."""
         self.wait_until(lambda: self.goto_status() is not Status.RUNNING, timeout)
         return self.goto_status()
 
     def wait_docking(self, timeout: float = 3600.0) -> Status:
+        """Waits until the docking or undocking is no longer running, as `wait_goto` does."""
         self.wait_until(lambda: self.docking_status() is not Status.RUNNING, timeout)
         return self.docking_status()
 
     def collect(self, id: int, dock: int, timeout: float = 3600.0) -> bool:
-        """Goes to an aMussel, letting it surface on the way, and docks it: whether it is in the dock at the end."""
-        dock_index_of(dock)  # Refused now, and not when the way is flown.
+        """Goes to an aMussel, letting it surface on the way, and docks it. True if it is in the dock at the end."""
+        dock_index_of(dock)  # A wrong dock is refused now, and not after the go-to.
         until_s = self.now() + timeout
         self.permit_surfacing(id)
         self.go_to_local(*self._place_of(id))
@@ -134,7 +154,7 @@ class Api(Queries):
         return self.wait_docking(max(0.0, until_s - self.now())) is Status.DONE
 
     def deploy(self, id: int, timeout: float = 3600.0) -> bool:
-        """Brings a docked aMussel home and lets it go: whether it was let go there."""
+        """Takes a docked aMussel to its home and undocks it. True if it was undocked there."""
         until_s = self.now() + timeout
         dock = next((dock for dock, agent in self.docks().items() if agent == id), None)
         if dock is None:
@@ -149,13 +169,13 @@ class Api(Queries):
     # Events.
 
     def events(self, kind: str | None = None, agent: int | None = None) -> list[Event]:
-        """What has happened since it was last asked for (see `Event`), oldest first."""
+        """The events since the last call (see `Event`), oldest first; only those of a kind or an aMussel, if given."""
         return self._do(lambda mission: mission.events.take(kind, agent))
 
     def wait_event(
         self, kind: str | None = None, agent: int | None = None, timeout: float = 60.0
     ) -> Event | None:
-        """The oldest such event, waiting for one if there is none; None when none came in time."""
+        """The oldest such event; waits if there is none yet. None after the timeout."""
         found: list[Event] = []
 
         def look() -> bool:
@@ -169,19 +189,20 @@ class Api(Queries):
     # The mission as a whole.
 
     def pause(self) -> None:
-        """The aPad holds its position; a go-to goes on with `resume`."""
+        """Pauses the mission: the aPad holds its position, and `resume` continues a go-to."""
         self._do(lambda mission: mission.pause())
 
     def resume(self) -> None:
+        """Continues after `pause`; does nothing if the mission is not paused."""
         self._do(lambda mission: mission.resume())
 
     def abort(self, reason: str = "the script") -> None:
-        """Ends mission and script here; the aPad holds its position."""
+        """Ends the mission and the script at this call; the aPad holds its position."""
         self._do(lambda mission: mission.finish(reason))
-        self._rendezvous.ask(Wait(None, self._until_ms(FOR_EVER_S)))
+        self._rendezvous.request(Wait(None, self._until_ms(FOR_EVER_S)))
 
     def note(self, kind: str, **data: object) -> None:
-        """An event of your own for the run's journal and bag; plain data only."""
+        """Writes an event of your own into the run's journal and bag; plain data only."""
         try:
             json.dumps(data)
         except (TypeError, ValueError) as error:
@@ -189,17 +210,17 @@ class Api(Queries):
         self._do(lambda mission: mission.note("script", what=kind, **data))
 
     def say(self, text: str) -> None:
-        """To whoever watches the flight, and into the journal; a script's `print` does this."""
+        """Shows a text to the person who watches the flight, and writes it into the journal. `print` does the same."""
 
-        def told(mission: ManualMission) -> None:
+        def show_lines(mission: ManualMission) -> None:
             for line in text.splitlines():
                 mission.note("script", said=line)
                 self._tell(line)
 
-        self._do(told)
+        self._do(show_lines)
 
     def run(self, behaviour: Behaviour, timeout: float = FOR_EVER_S) -> bool:
-        """Lets a behaviour act at every tick until it is done: whether it was done in time."""
+        """Calls a behaviour's `tick` once a second until it is done. True if it was done in time."""
         until_s = self.now() + timeout
         behaviour.begin(self)
         while not behaviour.tick(self):
@@ -213,18 +234,25 @@ class Api(Queries):
     # Plans and costs.
 
     def plan_collection(self, batch: int | None = None, strategy: str | None = None) -> Plan:
-        """Whom to collect into which dock, by the scenario's strategy unless another is named."""
+        """Plans which aMussels to collect into which docks.
+
+        `batch` (how many) and `strategy` (its name) default to the scenario's.
+        """
         return self._do(lambda mission: planned.collection(mission, self._pool, batch, strategy))
 
     def plan_redeployment(self, strategy: str | None = None) -> Plan:
+        """Plans in which order to redeploy the docked aMussels, by the scenario's strategy unless another is named."""
         return self._do(lambda mission: planned.redeployment(mission, strategy))
 
     def cost_of(self, plan: Plan) -> CostBreakdown:
-        """From where the aPad is: metres, demand in batteries, and both with the scenario's factors."""
+        """A plan's cost, from the aPad's place when it was made.
+
+        Distance in metres, demand in whole batteries, and both with the scenario's factors.
+        """
         return self._do(lambda mission: planned.cost(mission, plan))
 
     def cost(self) -> float:
-        """Metres of all go-tos so far, as the paper counts the way: straight from point to point."""
+        """The distance of all go-tos so far in metres, straight from point to point, as the paper counts it."""
         return self._do(lambda mission: mission.state.cost_m)
 
     def _undock(self, mission: ManualMission, dock_index: int, id: int | None, manoeuvre: Manoeuvre) -> None:

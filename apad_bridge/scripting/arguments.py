@@ -1,5 +1,6 @@
-"""What a script gives the API is looked at before anything is done: one line that names the argument, in place of an error
-from somewhere within.
+"""Checks the arguments of a script's API calls before anything is done.
+
+A wrong argument gives one line that names the argument, in place of an error from deep inside the API.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from typing import Any, TypeVar
 from apad_bridge.mission.values import Refused
 
 C = TypeVar("C", bound=type)
-_WORDS: dict[Any, str] = {
+_KIND_NAMES: dict[Any, str] = {
     float: "a number",
     int: "a whole number",
     str: "a text",
@@ -25,24 +26,24 @@ _WORDS: dict[Any, str] = {
 }
 
 
-def looks_at_arguments(of: C) -> C:
-    """A class whose public methods raise Refused for arguments of a kind that their annotations do not allow."""
-    for name, method in list(vars(of).items()):
+def checks_arguments(cls: C) -> C:
+    """Decorates a class: its public methods raise Refused for arguments of a kind that their annotations do not allow."""
+    for name, method in list(vars(cls).items()):
         if inspect.isfunction(method) and not name.startswith("_"):
-            setattr(of, name, _looking(method))
-    return of
+            setattr(cls, name, _checked(method))
+    return cls
 
 
-def _looking(method: Callable[..., Any]) -> Callable[..., Any]:
+def _checked(method: Callable[..., Any]) -> Callable[..., Any]:
     signature = inspect.signature(method)
     allowed: dict[str, tuple[Any, ...]] = {}
 
     @wraps(method)
-    def looking(*given: Any, **named: Any) -> Any:
-        if not allowed:  # At the first call: by then every module that an annotation names is there.
+    def checked(*args: Any, **kwargs: Any) -> Any:
+        if not allowed:  # Resolved at the first call, when every module that an annotation names is imported.
             allowed.update((name, _kinds(hint)) for name, hint in typing.get_type_hints(method).items())
         try:
-            bound = signature.bind(*given, **named).arguments
+            bound = signature.bind(*args, **kwargs).arguments
         except TypeError as error:
             raise Refused(f"{method.__name__}: {error}") from None
         for name, value in bound.items():
@@ -51,17 +52,17 @@ def _looking(method: Callable[..., Any]) -> Callable[..., Any]:
                 _is_of(value, kind) for kind in kinds
             ):
                 continue
-            words = " or ".join(
-                _WORDS.get(kind, f"a {kind.__name__}") for kind in kinds if kind is not NoneType
+            kind_names = " or ".join(
+                _KIND_NAMES.get(kind, f"a {kind.__name__}") for kind in kinds if kind is not NoneType
             )
-            raise Refused(f"{method.__name__}: {name} must be {words}, not {value!r}")
-        return method(*given, **named)
+            raise Refused(f"{method.__name__}: {name} must be {kind_names}, not {value!r}")
+        return method(*args, **kwargs)
 
-    return looking
+    return checked
 
 
 def _kinds(hint: Any) -> tuple[Any, ...]:
-    """The kinds of a union, each without what is in its brackets."""
+    """The members of a union, each without its type arguments."""
     parts = typing.get_args(hint) if typing.get_origin(hint) in (UnionType, typing.Union) else (hint,)
     origins = [typing.get_origin(part) or part for part in parts]
     return tuple(Callable if it is typing.get_origin(Callable[[], None]) else it for it in origins)
@@ -82,7 +83,7 @@ def _is_of(value: Any, kind: Any) -> bool:
 
 
 def _is_place(value: Any) -> bool:
-    """Two numbers in whatever can be gone through, as an array is."""
+    """True for two numbers in any iterable with a length, such as an array."""
     try:
         return len(value) == 2 and all(_is_of(it, float) for it in value)
     except TypeError:

@@ -1,4 +1,4 @@
-"""Whole behaviours, to derive from: classes that act at every mission tick until they are done, run by `api.run(...)`."""
+"""The base class of behaviours, which act at every mission tick until they are done; `api.run(...)` runs them."""
 
 from apad_bridge.scripting.api import Behaviour
 

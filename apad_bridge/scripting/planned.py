@@ -1,4 +1,4 @@
-"""The planner for scripts: the same strategies, checks and costs that the paper's mission uses."""
+"""Plans for scripts, with the same strategies, checks and costs that the paper's mission uses."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """(aMussel, dock's number) in the order in which they are to be served. The situation is what it was made for."""
+    """Steps (aMussel, dock's number) in the order of service, and the `situation` for which they were planned."""
 
     steps: tuple[tuple[int, int], ...]
     solution: Solution
@@ -29,24 +29,24 @@ class Plan:
 
 def collection(mission: ManualMission, pool: ChargingPool, batch: int | None, strategy: str | None) -> Plan:
     name = strategy or mission.config.collection
-    found = _strategy(registry.collection, name)
+    collector = _strategy(registry.collection, name)
     situation = situation_of(mission.state, _pose(mission), pool.candidates(mission.now_ms), {})
     wanted = mission.config.batch if batch is None else batch
     if wanted < 1:
         raise Refused(f"a batch of {wanted}: 1 or more")
     return _planned(
-        mission, "collect", name, lambda: found.plan(situation, wanted), situation, StepKind.COLLECT
+        mission, "collect", name, lambda: collector.plan(situation, wanted), situation, StepKind.COLLECT
     )
 
 
 def redeployment(mission: ManualMission, strategy: str | None) -> Plan:
     name = strategy or mission.config.redeployment
-    found = _strategy(registry.redeployment, name)
+    redeployer = _strategy(registry.redeployment, name)
     here = _pose(mission)
     docks = {agent: dock_index for dock_index, agent in mission.state.docked}
     beliefs = [mission.beliefs.get(agent) or unheard(agent, here) for agent in docks]
     situation = situation_of(mission.state, here, beliefs, docks)
-    return _planned(mission, "redeploy", name, lambda: found.plan(situation), situation, StepKind.DEPLOY)
+    return _planned(mission, "redeploy", name, lambda: redeployer.plan(situation), situation, StepKind.DEPLOY)
 
 
 def cost(mission: ManualMission, plan: Plan) -> CostBreakdown:
@@ -55,7 +55,7 @@ def cost(mission: ManualMission, plan: Plan) -> CostBreakdown:
 
 def _planned(
     mission: ManualMission,
-    what: str,
+    purpose: str,
     name: str,
     plan: Callable[[], Solution],
     situation: Situation,
@@ -65,7 +65,7 @@ def _planned(
     if isinstance(solution, str):
         raise Refused(solution)
     if solution.steps:
-        note = plan_note(what, name, solution, situation, mission.config.costs)
+        note = plan_note(purpose, name, solution, situation, mission.config.costs)
         mission.note(note.kind, **note.data)
     return Plan(
         tuple((step.agent_id, dock_of(step.dock_index)) for step in solution.steps), solution, situation

@@ -1,6 +1,7 @@
-"""A script's file: read and compiled before anything starts, run in a thread of its own, its failure as one line.
+"""Runs a mission script: compiles its file, gives it its globals, and runs it in a thread of its own.
 
-The `time` that a script is given: its sleep follows mission time, its clocks show mission time, the rest is Python's.
+The file is compiled before anything else starts, and a failure is reported in one line. The script's `time` module sleeps
+and counts in mission time.
 """
 
 from __future__ import annotations
@@ -31,9 +32,37 @@ from apad_bridge.scripting.rendezvous import (
     Wait,
 )
 
+SCRIPT_FAILED = "failure of the script"
+"""The start of the ending's reason when the script raised or was stuck."""
+SCRIPT_ENDED = "the script's end"
+Program = Callable[[Api], object]
+"""The function that runs in the script's thread."""
+_JOIN_S = 2.0
+
+
+class ScriptError(ValueError):
+    """The file is not a script; the message is one line."""
+
+
+def read_script(path: Path) -> CodeType:
+    """Compiles the file. Raises ScriptError with the number of the wrong line."""
+    try:
+        return compile(path.read_text(encoding="utf-8"), str(path), "exec")
+    except OSError as error:
+        raise ScriptError(f"{path}: {error.strerror}") from None
+    except UnicodeDecodeError:
+        raise ScriptError(f"{path}: is not UTF-8 text") from None
+    except (SyntaxError, ValueError) as error:
+        line = f", line {error.lineno}" if isinstance(error, SyntaxError) and error.lineno else ""
+        message = error.msg if isinstance(error, SyntaxError) else str(error)
+        raise ScriptError(f"{path}{line}: {message}") from None
+
 
 class MissionTime(types.ModuleType):
-    """Stands where a script says `time` or `import time`: seconds since the flight began."""
+    """Replaces the module `time` in a script: its sleep and clocks follow mission time, in seconds since the flight began.
+
+    Everything else in it is Python's.
+    """
 
     def __init__(self, api: Api) -> None:
         super().__init__("time", "Mission time, for a script of an aPad.")
@@ -45,34 +74,44 @@ class MissionTime(types.ModuleType):
         return getattr(time, name)
 
 
-SCRIPT_FAILED = "failure of the script"
-"""How a reason begins when the script raised, or was stuck."""
-SCRIPT_ENDED = "the script's end"
-Program = Callable[[Api], object]
-"""What runs in the script's thread."""
-_JOIN_S = 2.0
+def as_program(path: Path) -> Program:
+    """The file as a program: gets `api`, `id_self` and `time`, and prints through the API."""
+    code = read_script(path)
 
+    def program(api: Api) -> None:
+        clock = MissionTime(api)
 
-class ScriptError(ValueError):
-    """The file cannot be a script: one line."""
+        def import_(name: str, *args: Any, **kwargs: Any) -> Any:
+            return clock if name == "time" else builtins.__import__(name, *args, **kwargs)
 
+        def print_(*values: object, **options: Any) -> None:
+            if options.get("file") is not None:
+                builtins.print(*values, **options)
+                return
+            text = io.StringIO()
+            builtins.print(*values, **{**options, "file": text, "flush": False})
+            api.say(text.getvalue())
 
-def read_script(path: Path) -> CodeType:
-    """Compiles the file. Raises ScriptError with the line at fault."""
-    try:
-        return compile(path.read_text(encoding="utf-8"), str(path), "exec")
-    except OSError as error:
-        raise ScriptError(f"{path}: {error.strerror}") from None
-    except UnicodeDecodeError:
-        raise ScriptError(f"{path}: is not UTF-8 text") from None
-    except (SyntaxError, ValueError) as error:
-        line = f", line {error.lineno}" if isinstance(error, SyntaxError) and error.lineno else ""
-        what = error.msg if isinstance(error, SyntaxError) else str(error)
-        raise ScriptError(f"{path}{line}: {what}") from None
+        folder = str(path.parent.absolute())
+        if folder not in sys.path:
+            sys.path.insert(0, folder)
+        script_globals = {
+            "api": api,
+            "id_self": api.id_self,
+            "time": clock,
+            "__name__": "__main__",
+            "__file__": str(path),
+        }
+        exec(
+            code,
+            {**script_globals, "__builtins__": {**vars(builtins), "__import__": import_, "print": print_}},
+        )
+
+    return program
 
 
 class ScriptSource:
-    """Gives a commanded mission the orders of a script, and lets the script stand still while time passes."""
+    """Gives the orders of a script to a commanded mission. The script stands still while mission time passes."""
 
     def __init__(
         self,
@@ -90,7 +129,7 @@ class ScriptSource:
         self._name = name
         self._thread: threading.Thread | None = None
         self.error: BaseException | None = None
-        """What the script raised, for whoever shows its traceback."""
+        """The exception that the script raised, for its traceback."""
 
     def act(self, mission: ManualMission, now_ms: int) -> None:
         if self._thread is None:
@@ -100,8 +139,8 @@ class ScriptSource:
             self._thread.start()
         self._rendezvous.tick()
         while not self._is_over(mission):
-            ask = self._rendezvous.next()
-            match ask:
+            request = self._rendezvous.next()
+            match request:
                 case None:
                     if self._rendezvous.is_stuck:
                         mission.finish(
@@ -112,11 +151,11 @@ class ScriptSource:
                     if failure is not None:
                         mission.finish(f"{SCRIPT_FAILED}: {failure}")
                     elif not mission.is_busy:
-                        # What it ordered last is finished first: a script may end with a docking.
+                        # Its last order is finished first: a script may end with a docking.
                         mission.finish(SCRIPT_ENDED)
                     return
                 case Do():
-                    self._rendezvous.answer(_outcome(ask.act))
+                    self._rendezvous.answer(_outcome(request.act))
                 case Wait(condition, until_ms):
                     holds = _outcome(condition) if condition is not None else False
                     if not holds and now_ms < until_ms:
@@ -124,17 +163,20 @@ class ScriptSource:
                     self._rendezvous.answer(holds if isinstance(holds, BaseException) else bool(holds))
 
     def print_error(self) -> None:
-        """What the script raised, on stderr, with the traceback of its own lines; nothing when it raised nothing."""
+        """Prints the script's exception, if there was one, to stderr with the traceback of its own lines."""
         if self.error is not None:
-            shown = traceback.TracebackException.from_exception(self.error)
-            shown.stack = _authors(shown.stack)
-            print("".join(shown.format()), end="", file=sys.stderr)
+            report = traceback.TracebackException.from_exception(self.error)
+            report.stack = _without_api_frames(report.stack)
+            print("".join(report.format()), end="", file=sys.stderr)
 
     def close(self, reason: str) -> None:
         self._rendezvous.close(reason)
 
     def join(self) -> bool:
-        """After the flight: whether the script's thread has ended; one that still computes is left to the process's end."""
+        """Waits after the flight for the script's thread, and returns True if it has ended.
+
+        A thread that still computes is left until the process ends.
+        """
         if self._thread is not None:
             self._thread.join(_JOIN_S)
         return self._thread is None or not self._thread.is_alive()
@@ -156,59 +198,26 @@ class ScriptSource:
         self._rendezvous.finish(failure)
 
 
-def as_program(path: Path) -> Program:
-    """The file as a program: `api`, `id_self` and `time` are given to it, and what it prints is said through the API."""
-    code = read_script(path)
-
-    def program(api: Api) -> None:
-        clock = MissionTime(api)
-
-        def import_(name: str, *rest: Any, **named: Any) -> Any:
-            return clock if name == "time" else builtins.__import__(name, *rest, **named)
-
-        def print_(*words: object, **how: Any) -> None:
-            if how.get("file") is not None:
-                builtins.print(*words, **how)
-                return
-            text = io.StringIO()
-            builtins.print(*words, **{**how, "file": text, "flush": False})
-            api.say(text.getvalue())
-
-        folder = str(path.parent.absolute())
-        if folder not in sys.path:
-            sys.path.insert(0, folder)
-        given = {
-            "api": api,
-            "id_self": api.id_self,
-            "time": clock,
-            "__name__": "__main__",
-            "__file__": str(path),
-        }
-        exec(code, {**given, "__builtins__": {**vars(builtins), "__import__": import_, "print": print_}})
-
-    return program
-
-
 def _outcome(act: Callable[[], Any]) -> Any:
-    """What it gives, or what it raises: the script shall hear of that, not the supervisor."""
+    """The function's result or its exception, which is raised in the script and not in the supervisor."""
     try:
         return act()
     except Exception as error:
         return error
 
 
-def _authors(stack: traceback.StackSummary) -> traceback.StackSummary:
-    """Without the API's insides before and after, which an author of missions can do nothing about."""
-    ours = str(Path(__file__).parent)
-    theirs = [frame for frame in stack if str(Path(frame.filename).parent) != ours]
-    return traceback.StackSummary.from_list(theirs) if theirs else stack
+def _without_api_frames(stack: traceback.StackSummary) -> traceback.StackSummary:
+    """The stack without the API's own frames, which an author of scripts cannot change."""
+    api_folder = str(Path(__file__).parent)
+    frames = [frame for frame in stack if str(Path(frame.filename).parent) != api_folder]
+    return traceback.StackSummary.from_list(frames) if frames else stack
 
 
 def _one_line(error: BaseException, name: str) -> str:
-    """The error with the script's line that led to it."""
+    """The error in one line, with the script's line that led to it."""
     lines = [
         frame for frame in traceback.extract_tb(error.__traceback__) if Path(frame.filename).name == name
     ]
     where = f"{name}, line {lines[-1].lineno}: " if lines else ""
-    told = " ".join(str(error).split())
-    return f"{where}{type(error).__name__}: {told}"
+    message = " ".join(str(error).split())
+    return f"{where}{type(error).__name__}: {message}"

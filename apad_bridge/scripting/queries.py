@@ -1,8 +1,7 @@
-"""What a script can know, and how it asks: the part of the API that only looks.
+"""The part of the script API that only reads: time, beliefs, docks and forecasts.
 
-What a script asks of the time to come: how probable something is by then, and from when on it is sure.
-
-The answers are the estimator's, were nothing more heard and nothing more done until then.
+A forecast says how probable something is at a later mission time, or from when on it is sure. The estimator computes it
+as if nothing more were received and nothing more done until then.
 """
 
 from __future__ import annotations
@@ -19,64 +18,20 @@ from apad_bridge.mission.pool import ChargingPool
 from apad_bridge.mission.values import Agent, Location, Refused, dock_of
 from apad_bridge.scenario.local_frame import LocalFrame
 from apad_bridge.scenario.schema import Mission
-from apad_bridge.scripting.arguments import looks_at_arguments
+from apad_bridge.scripting.arguments import checks_arguments
 from apad_bridge.scripting.rendezvous import Do, Rendezvous, Wait
 
 _STEP_MS = 60_000
 _STEPS = 200
-"""At most: who looks far ahead looks in longer steps."""
-
-
-def question_of(question: str | Question, config: Mission) -> Question:
-    """A question by its name, as the scenario means it; or one of the script's own. Refused for another name."""
-    if not isinstance(question, str):
-        return question
-    named = {
-        "low": candidate_below(config.pool_threshold),
-        "full": full_above(config.full_threshold),
-        "lost": lost,
-    }
-    if question not in named:
-        raise Refused(f"there is no question {question!r}: ask {', '.join(named)}, or a function of a belief")
-    return named[question]
-
-
-def chance(estimator: Estimator, belief: Belief, question: Question, at_ms: int, now_ms: int) -> float:
-    """The probability at mission time `at_ms`, `now_ms` or later; 0 or 1 of what is simply believed."""
-    if at_ms < now_ms:
-        raise Refused(f"{at_ms / 1000:.0f} s are over: it is {now_ms / 1000:.0f} s")
-    if at_ms > now_ms:
-        _refuse_held(belief)
-    return by(estimator, belief, question, at_ms)
-
-
-def sure_at(
-    estimator: Estimator, belief: Belief, question: Question, share: float, now_ms: int, within_ms: int
-) -> float | None:
-    """Mission seconds from which on the answer is `share` or more; None if that is not so within `within_ms`."""
-    if not 0 < share <= 1:
-        raise Refused(f"a share of {share}: it must be above 0 and at most 1")
-    _refuse_held(belief)
-    step_ms = max(_STEP_MS, math.ceil(within_ms / _STEPS))
-    found_ms = sure_at_ms(estimator, belief, question, share, now_ms + within_ms, step_ms)
-    return None if found_ms is None else found_ms / 1000
-
-
-def _refuse_held(belief: Belief) -> None:
-    if not belief.is_carried:
-        raise Refused(
-            "this scenario's estimator believes the last packet and foretells nothing: say beliefs: {estimator: twin} in it"
-        )
-
-
+"""The most steps in which `sure_at` searches: a longer search has longer steps."""
 FOR_EVER_S = 1e9
 CALLS_PER_TICK = 5_000
 T = TypeVar("T")
 
 
-@looks_at_arguments
+@checks_arguments
 class Queries:
-    """Time, aMussels as they are believed to be, and docks. Made by musselbed; see `Api`."""
+    """Queries about mission time, aMussels as the aPad believes them to be, and docks. musselbed makes it; see `Api`."""
 
     def __init__(
         self,
@@ -95,7 +50,7 @@ class Queries:
         self._calls = (0, 0)
 
     def attach(self, mission: ManualMission) -> None:
-        """By musselbed, before the script begins."""
+        """Connects the API to its mission; musselbed calls it before the script begins."""
         self._mission = mission
         self._pool = ChargingPool(mission.config, mission.beliefs)
 
@@ -106,109 +61,115 @@ class Queries:
         return self._do(lambda mission: mission.now_ms / 1000)
 
     def sleep(self, seconds: float) -> None:
-        """Lets mission time pass; it is noticed at ticks, which come once a second."""
+        """Waits until the first tick at or after `seconds` from now in mission time; ticks are one second apart."""
         if seconds != 0:
-            self._rendezvous.ask(Wait(None, self._until_ms(seconds)))
+            self._rendezvous.request(Wait(None, self._until_ms(seconds)))
 
     def wait_until(self, condition: Callable[[], bool], timeout: float) -> bool:
-        """Waits until the condition holds, looking once a tick: whether it came to hold in time."""
-        return cast(bool, self._rendezvous.ask(Wait(condition, self._until_ms(timeout))))
+        """Waits until the condition holds, which is checked once a tick. True if it held before the timeout."""
+        return cast(bool, self._rendezvous.request(Wait(condition, self._until_ms(timeout))))
 
-    # Who there is, as it is believed.
+    # aMussels and docks, as the aPad believes them to be.
 
     def agents(self) -> list[int]:
-        """Ids of all aMussels that were heard, rising."""
+        """The ids of all aMussels that have reported, in rising order."""
         return self._do(lambda mission: [belief.agent_id for belief in mission.beliefs.all()])
 
     def agent(self, id: int) -> Agent:
-        self._hear(id)
+        """An aMussel's state, charges, place, age of the last report and dock, in one object."""
+        self._await_first_packet(id)
         return self._do(lambda mission: self._agent(mission, id))
 
     def battery(self, id: int) -> float:
-        """Of the primary battery, the paper's scaled voltage."""
-        self._hear(id)
+        """The charge of an aMussel's primary battery as the paper's scaled voltage: 0 is empty, 1 is full."""
+        self._await_first_packet(id)
         return self._do(lambda mission: self._belief(mission, id).primary)
 
     def belief(self, id: int) -> Belief:
-        """All that is believed of an aMussel, with how sure that is."""
-        self._hear(id)
+        """The full belief about an aMussel, with its uncertainty."""
+        self._await_first_packet(id)
         return self._do(lambda mission: self._belief(mission, id))
 
     def beliefs(self) -> dict[int, Belief]:
+        """The beliefs about all aMussels that have reported, by id."""
         return self._do(lambda mission: {belief.agent_id: belief for belief in mission.beliefs.all()})
 
     def get_location(self, id: int | str) -> Location:
-        """Of an aMussel, where it was last heard or is believed now; or of the aPad, by `id_self`."""
+        """The place of an aMussel, as it last reported or as it is believed now; or of the aPad, for `id_self`."""
         if isinstance(id, str) and id != self.id_self:
             raise Refused(
                 f"{id!r} is not this aPad, which is called {self.id_self!r}, and no aMussel's number"
             )
         if not isinstance(id, str):
-            self._hear(id)
+            self._await_first_packet(id)
         return self._do(lambda mission: self._location(mission, id))
 
     def home(self, id: int) -> Location:
-        """Where an aMussel was first heard in the water, to which it should be brought back."""
+        """The place from which an aMussel first reported in the water, to which it should be returned."""
 
-        def found(mission: ManualMission) -> Location:
+        def find_home(mission: ManualMission) -> Location:
             for agent_id, north_m, east_m in mission.state.homes:
                 if agent_id == id:
                     return self._located(north_m, east_m)
             raise Refused(f"aMussel {id} was never heard in the water")
 
-        return self._do(found)
+        return self._do(find_home)
 
     def docks(self) -> dict[int, int | None]:
-        """Who is in each dock, by the dock's number."""
+        """The aMussel in each dock, by the dock's number; None for an empty dock."""
         return self._do(
             lambda mission: {dock_of(dock_index): agent for dock_index, agent in enumerate(mission.docks)}
         )
 
     def free_docks(self) -> list[int]:
+        """The numbers of the empty docks."""
         return [dock for dock, agent in self.docks().items() if agent is None]
 
     def is_full(self, id: int) -> bool:
-        """Whether an aMussel is believed charged above the scenario's threshold."""
-        self._hear(id)
+        """True if an aMussel's believed charge is above the scenario's threshold for full."""
+        self._await_first_packet(id)
         return self._do(lambda mission: mission.is_full(id))
 
     def pool(self) -> list[int]:
-        """Ids of the charging candidates: heard of late, in the water, at or below the scenario's threshold."""
+        """The ids of the charging candidates: recently heard, in the water, at or below the scenario's threshold."""
         return self._do(lambda mission: [it.agent_id for it in self._pool.candidates(mission.now_ms)])
 
-    # What will be, were nothing more heard.
+    # Forecasts, as if nothing more were received.
 
     def chance(self, id: int, question: str | Question, at: float | None = None) -> float:
-        """How probable it is that an aMussel is "low", "full" or "lost" at mission time `at` (s), or now.
+        """The probability that an aMussel is "low", "full" or "lost" at mission time `at` (s); now if not given.
 
-        Low and full by the scenario's thresholds; a question may also be a function of a belief.
+        The scenario's thresholds define low and full. A question may also be a function of a belief.
         """
-        now_ms, belief, estimator, asked = self._asked(id, question)
-        return chance(estimator, belief, asked, now_ms if at is None else _ms(at), now_ms)
+        now_ms, belief, estimator, resolved = self._forecast_inputs(id, question)
+        return chance(estimator, belief, resolved, now_ms if at is None else _ms(at), now_ms)
 
     def sure_at(
         self, id: int, question: str | Question, share: float = 0.9, within: float = 3600.0
     ) -> float | None:
-        """From which mission time on (s) `chance` is `share` or more; None if that is not so `within` seconds from now."""
-        now_ms, belief, estimator, asked = self._asked(id, question)
-        return sure_at(estimator, belief, asked, share, now_ms, _ms(within))
+        """The mission time (s) from which on `chance` is `share` or more.
 
-    def _asked(self, id: int, question: str | Question) -> tuple[int, Belief, Estimator, Question]:
-        self._hear(id)
+        None if that time is more than `within` seconds away.
+        """
+        now_ms, belief, estimator, resolved = self._forecast_inputs(id, question)
+        return sure_at(estimator, belief, resolved, share, now_ms, _ms(within))
 
-        def found(mission: ManualMission) -> tuple[int, Belief, Estimator, Question]:
-            asked = question_of(question, mission.config)
-            return mission.now_ms, self._belief(mission, id), mission.beliefs.estimator, asked
+    def _forecast_inputs(self, id: int, question: str | Question) -> tuple[int, Belief, Estimator, Question]:
+        self._await_first_packet(id)
 
-        return self._do(found)
+        def read(mission: ManualMission) -> tuple[int, Belief, Estimator, Question]:
+            resolved = question_of(question, mission.config)
+            return mission.now_ms, self._belief(mission, id), mission.beliefs.estimator, resolved
 
-    # In the supervisor's thread.
+        return self._do(read)
+
+    # Calls into the supervisor's thread.
 
     def _do(self, act: Callable[[ManualMission], T]) -> T:
         mission = self._mission
         assert mission is not None
 
-        def counted() -> T:
+        def act_counted() -> T:
             tick_ms, calls = self._calls
             self._calls = (mission.now_ms, calls + 1 if tick_ms == mission.now_ms else 1)
             if self._calls[1] > CALLS_PER_TICK:
@@ -218,15 +179,18 @@ class Queries:
                 )
             return act(mission)
 
-        return cast(T, self._rendezvous.ask(Do(counted)))
+        return cast(T, self._rendezvous.request(Do(act_counted)))
 
     def _until_ms(self, seconds: float) -> int:
         if not seconds >= 0:
             raise Refused(f"a time of {seconds} s cannot be waited for")
         return self._do(lambda mission: mission.now_ms) + round(min(seconds, FOR_EVER_S) * 1000)
 
-    def _hear(self, id: int) -> None:
-        """Waits for the aMussel's first word, as long as the scenario's `silence_timeout_s`. Refused for a stranger."""
+    def _await_first_packet(self, id: int) -> None:
+        """Waits for the aMussel's first packet, at most the scenario's `silence_timeout_s`.
+
+        Raises Refused for an id that is not in the scenario.
+        """
         if id not in self._agent_ids:
             ids = f"{self._agent_ids.start} to {self._agent_ids.stop - 1}" if self._agent_ids else "none"
             raise Refused(f"aMussel {id!r} is not of this scenario; there are {ids}")
@@ -238,7 +202,7 @@ class Queries:
     def _belief(self, mission: ManualMission, id: int) -> Belief:
         belief = mission.beliefs.get(id)
         if belief is None:
-            raise Refused(f"aMussel {id} was never heard")  # not within the time that it was waited for
+            raise Refused(f"aMussel {id} was never heard")  # the wait for its first packet timed out
         return belief
 
     def _location(self, mission: ManualMission, id: int | str) -> Location:
@@ -274,3 +238,52 @@ def _ms(seconds: float) -> int:
     if not 0 <= seconds <= FOR_EVER_S:
         raise Refused(f"a time of {seconds} s cannot be foretold")
     return round(seconds * 1000)
+
+
+def question_of(question: str | Question, config: Mission) -> Question:
+    """The question with a name, by the scenario's thresholds; a function is returned as it is.
+
+    Raises Refused for an unknown name.
+    """
+    if not isinstance(question, str):
+        return question
+    named = {
+        "low": candidate_below(config.pool_threshold),
+        "full": full_above(config.full_threshold),
+        "lost": lost,
+    }
+    if question not in named:
+        raise Refused(f"there is no question {question!r}: ask {', '.join(named)}, or a function of a belief")
+    return named[question]
+
+
+def chance(estimator: Estimator, belief: Belief, question: Question, at_ms: int, now_ms: int) -> float:
+    """The probability at mission time `at_ms`, which is `now_ms` or later.
+
+    It is 0 or 1 for a belief that repeats the last packet.
+    """
+    if at_ms < now_ms:
+        raise Refused(f"{at_ms / 1000:.0f} s are over: it is {now_ms / 1000:.0f} s")
+    if at_ms > now_ms:
+        _refuse_held(belief)
+    return by(estimator, belief, question, at_ms)
+
+
+def sure_at(
+    estimator: Estimator, belief: Belief, question: Question, share: float, now_ms: int, within_ms: int
+) -> float | None:
+    """The mission time (s) from which on the probability is `share` or more; None if not within `within_ms`."""
+    if not 0 < share <= 1:
+        raise Refused(f"a share of {share}: it must be above 0 and at most 1")
+    _refuse_held(belief)
+    step_ms = max(_STEP_MS, math.ceil(within_ms / _STEPS))
+    found_ms = sure_at_ms(estimator, belief, question, share, now_ms + within_ms, step_ms)
+    return None if found_ms is None else found_ms / 1000
+
+
+def _refuse_held(belief: Belief) -> None:
+    """Raises Refused for a belief that repeats the last packet and is not carried on in time."""
+    if not belief.is_carried:
+        raise Refused(
+            "this scenario's estimator believes the last packet and foretells nothing: say beliefs: {estimator: twin} in it"
+        )

@@ -22,20 +22,22 @@ MEANS_ONLY = {
     "musselbed_msgs/msg/FleetTruth": "std_msgs/Header header\nuint64 mission_time_ms\n"
     "uint64 agent_time_ms\nmusselbed_msgs/AgentTruth[] agents",
 }
-"""The definitions of 0.1.0 before deviations were recorded, as a bag of that time brings them along."""
+"""The message definitions in a bag of 0.1.0, from before deviations were recorded."""
 THETA = 30
 
 
 @pytest.fixture(scope="session")
 def pool() -> Scenario:
-    """12 aMussels in the paper's pool, the simulated aPad in their midst."""
+    """12 aMussels in the paper's pool, with the simulated aPad among them."""
     return load(Path(__file__).parents[2] / "launch_scripts/scenarios/pool-12.yaml")
 
 
 @pytest.fixture
 def bag_of_means() -> Callable[..., Path]:
-    """Writes a bag as a version did that recorded no deviations and did not compress: one aMussel, ACTIVE at 1.5 m north
-    with a charge of 0.5, believed at 1 m with 0.75; a sample a second."""
+    """Writes an uncompressed bag as a version without deviations did, with a sample a second.
+
+    It has one aMussel, ACTIVE at 1.5 m north with a charge of 0.5, believed at 1 m with 0.75.
+    """
     return _written
 
 

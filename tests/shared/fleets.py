@@ -1,4 +1,4 @@
-"""The fleet that tests start from; each says what is different in its own."""
+"""The fleet from which tests start; each test changes what it needs."""
 
 from __future__ import annotations
 
@@ -23,6 +23,6 @@ PAPER = FleetConfig(
     drift_amplitude_um=5000,
     current_csv=None,
 )
-"""The worst case, the paper's hearing and its drift."""
+"""The worst case, with the paper's reception and drift."""
 STILL = {"heard_always": False, "drifts_always": False, "drift_amplitude_um": 0}
-"""For `dataclasses.replace`: heard as it is, in still water."""
+"""Changes for `dataclasses.replace`: still water, and aMussels that are not always heard."""

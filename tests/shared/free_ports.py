@@ -1,4 +1,4 @@
-"""A port for a program that must be told one before it binds it."""
+"""Finds a free port for a program that needs its number before it binds it."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import socket
 from contextlib import suppress
 
 _BELOW_THE_KERNELS_OWN = range(20_000, 32_000)
-"""The kernel hands out higher ones to whoever connects: one found free there may be taken before it is used."""
+"""Below the ports that the kernel gives to connections: a free port above may be taken before it is used."""
 
 
 def free_port() -> int:

@@ -1,4 +1,4 @@
-"""The live topics that a layout names, whichever program it is for."""
+"""Finds the live topics in a layout of any program."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ TYPES = {
     "apad": "musselbed_msgs/APadStatus",
     "diagnostics": "diagnostic_msgs/DiagnosticArray",
 }
-"""By the last part of a topic's name."""
+"""The message types, by the last part of a topic's name."""
 
 
 def named_topics(text: str) -> set[str]:

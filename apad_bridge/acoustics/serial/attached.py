@@ -1,73 +1,73 @@
-"""A physical nanomodem on a serial port, which carries what a fleet and an aPad say to each other by sound.
+"""A physical nanomodem on a serial port, which carries the acoustic packets between a fleet and an aPad.
 
-Who hosts it calls `poll` every few tens of milliseconds of real time. What it sends cannot reach the simulated ones by
-itself, because a modem does not hear itself: so a packet counts as heard by them when its last sound has left.
+Its host calls `poll` every few tens of milliseconds of real time. A modem does not receive its own packets, so a packet
+counts as received by the simulated side when its last sound has left.
 """
 
 from __future__ import annotations
 
 from apad_bridge.acoustics.serial.nanomodem import (
     Action,
-    Addressed,
-    Carried,
+    Direction,
     Dropped,
     Heard,
     ModemQueue,
     Priority,
     Reported,
-    Way,
+    RoutedPacket,
+    Sent,
     Write,
 )
-from apad_bridge.acoustics.serial.serial_port import Came, Lost, Opened, SerialPort
+from apad_bridge.acoustics.serial.serial_port import BytesRead, Lost, Opened, SerialPort
 
-Result = Carried | Heard | Dropped | Reported
+Result = Sent | Heard | Dropped | Reported
 
 
 class AttachedModem:
-    """Times are mission milliseconds; they must run as fast as real ones."""
+    """The modem with its port and queue. Times are mission milliseconds, which must run as fast as real ones."""
 
     def __init__(self, port: SerialPort, now_ms: int = 0) -> None:
         self.port = port
         self.queue = ModemQueue(now_ms)
-        self._told_closed = False
+        self._has_reported_closed = False
 
     def poll(self, now_ms: int) -> list[Result]:
-        """All that came of it up to `now_ms`."""
+        """Reads the port and advances the queue; returns all results up to `now_ms`."""
         actions: list[Action] = []
         for event in self.port.poll():
             match event:
                 case Opened():
-                    actions += self.queue.port_came(now_ms)
+                    actions += self.queue.port_opened(now_ms)
                 case Lost(why):
-                    self._told_closed = True
-                    actions += self.queue.port_went(why, now_ms)
-                case Came(data):
+                    self._has_reported_closed = True
+                    actions += self.queue.port_lost(why, now_ms)
+                case BytesRead(data):
                     actions += self.queue.read(data, now_ms)
         actions += self.queue.advance(now_ms)
-        if not self.port.is_open and not self._told_closed:
-            self._told_closed = True
-            what = f"{self.port.path} cannot be opened, and is tried again: {self.port.why_closed}"
-            actions.append(Reported(now_ms, what))
-        return self._written(actions)
+        if not self.port.is_open and not self._has_reported_closed:
+            self._has_reported_closed = True
+            message = f"{self.port.path} cannot be opened, and is tried again: {self.port.why_closed}"
+            actions.append(Reported(now_ms, message))
+        return self._write_out(actions)
 
     def report(self, agent_id: int, data: bytes, now_ms: int) -> list[Result]:
-        """An aMussel's word about itself."""
-        packet = Addressed(Way.FROM_AMUSSEL, agent_id, data)
-        return self._written(self.queue.ask(packet, Priority.REPORT, now_ms))
+        """Queues an aMussel's packet to the aPad."""
+        packet = RoutedPacket(Direction.FROM_AMUSSEL, agent_id, data)
+        return self._write_out(self.queue.send(packet, Priority.REPORT, now_ms))
 
     def command(self, agent_id: int, data: bytes, now_ms: int) -> list[Result]:
-        """The aPad's word to an aMussel, which goes before all reports."""
-        packet = Addressed(Way.TO_AMUSSEL, agent_id, data)
-        return self._written(self.queue.ask(packet, Priority.COMMAND, now_ms))
+        """Queues the aPad's packet to an aMussel, which has priority over all reports."""
+        packet = RoutedPacket(Direction.TO_AMUSSEL, agent_id, data)
+        return self._write_out(self.queue.send(packet, Priority.COMMAND, now_ms))
 
     def close(self) -> None:
         self.port.close()
 
-    def _written(self, actions: list[Action]) -> list[Result]:
-        rest: list[Result] = []
+    def _write_out(self, actions: list[Action]) -> list[Result]:
+        results: list[Result] = []
         for action in actions:
             if isinstance(action, Write):
                 self.port.write(action.data)
             else:
-                rest.append(action)
-        return rest
+                results.append(action)
+        return results

@@ -1,7 +1,7 @@
-"""A flight's serial lines: opened modems of its aMussels, and a physical modem that carries all sound.
+"""A flight's serial lines: opened modems of its aMussels, and a physical modem that carries all acoustic packets.
 
-A flight looks at them at each tick and, where real time passes, every few tens of milliseconds in between. What a physical
-modem brings is kept for the tick.
+A flight polls them at each tick and, in real time, every few tens of milliseconds in between. Results of a physical modem
+are kept for the tick.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from agents.mussel.outputs import SoundSent
 from agents.packet_medium import Medium
 from agents.water.sea_events import Printed, SeaResult
 from apad_bridge.acoustics.serial.attached import AttachedModem, Result
-from apad_bridge.acoustics.serial.nanomodem import Carried, Dropped, Heard, Reported, Way
+from apad_bridge.acoustics.serial.nanomodem import Direction, Dropped, Heard, Reported, Sent
 from apad_bridge.acoustics.serial.pty import FOLDER, Burst, OpenedModems
 from apad_bridge.acoustics.serial.serial_port import SerialPort
 from apad_bridge.mission.events import Send, SoundHeard
@@ -25,22 +25,22 @@ from apad_bridge.mission.orders import Note
 
 @dataclass
 class SerialLines:
-    """`tell` hears, in a line for a person, how a physical modem comes and goes."""
+    """The serial lines of a flight. `tell` gets a line for a person when a physical modem comes or goes."""
 
     opened: OpenedModems | None = None
     attached: AttachedModem | None = None
-    tell: Callable[[str], None] = lambda words: None
-    _came: list[Result] = field(default_factory=list)
+    tell: Callable[[str], None] = lambda line: None
+    _results: list[Result] = field(default_factory=list)
 
     def poll(self, now_ms: int) -> list[Burst]:
-        """Reads all lines at mission time `now_ms`; what was written to opened modems."""
+        """Reads all lines at mission time `now_ms`; returns the bytes written to opened modems."""
         if self.attached is not None:
-            self._keep(self.attached.poll(now_ms))
+            self._store(self.attached.poll(now_ms))
         return [] if self.opened is None else self.opened.take()
 
-    def took(self, came: SeaResult, now_ms: int) -> bool:
-        """Whether what came of the fleet was for a serial line, and went there."""
-        match came:
+    def took(self, result: SeaResult, now_ms: int) -> bool:
+        """Passes a result of the fleet to a serial line; False if it is not for one."""
+        match result:
             case Printed(_, agent_id, data):
                 self.printed(agent_id, data)
                 return True
@@ -49,43 +49,43 @@ class SerialLines:
         return False
 
     def printed(self, agent_id: int, data: bytes) -> None:
-        """An opened modem's answer, for whoever opened it."""
+        """Writes an opened modem's output to the host that opened it."""
         if self.opened is not None:
             self.opened.write(agent_id, data)
 
     def report(self, agent_id: int, data: bytes, now_ms: int) -> bool:
-        """Sends an aMussel's packet by the physical modem; False without one."""
+        """Sends an aMussel's packet by the physical modem; False if there is none."""
         if self.attached is None:
             return False
-        self._keep(self.attached.report(agent_id, data, now_ms))
+        self._store(self.attached.report(agent_id, data, now_ms))
         return True
 
     def command(self, agent_id: int, data: bytes, now_ms: int) -> bool:
-        """Sends a word to an aMussel by the physical modem; False without one."""
+        """Sends a packet to an aMussel by the physical modem; False if there is none."""
         if self.attached is None:
             return False
-        self._keep(self.attached.command(agent_id, data, now_ms))
+        self._store(self.attached.command(agent_id, data, now_ms))
         return True
 
     def take(self) -> list[SoundHeard | Send | Note]:
-        """What came of the physical modem since the last call: words of aMussels, words to them, and what to record.
+        """The physical modem's results since the last call: packets from and to aMussels, and notes for the journal.
 
-        What it has sent is among the words: it does not hear itself, and here all are within its hearing.
+        Packets that it has sent are included: it does not receive its own packets, and here all are within its reach.
         """
-        came, self._came = self._came, []
-        return [_meant(it) for it in came]
+        results, self._results = self._results, []
+        return [_action_of(it) for it in results]
 
-    def _keep(self, came: list[Result]) -> None:
-        self._came += came
-        for result in came:
+    def _store(self, results: list[Result]) -> None:
+        self._results += results
+        for result in results:
             if isinstance(result, Reported):
                 self.tell(result.what)
 
 
-def _meant(came: Result) -> SoundHeard | Send | Note:
-    match came:
-        case Heard(at_ms, packet) | Carried(at_ms, packet):
-            if packet.way is Way.FROM_AMUSSEL:
+def _action_of(result: Result) -> SoundHeard | Send | Note:
+    match result:
+        case Heard(at_ms, packet) | Sent(at_ms, packet):
+            if packet.direction is Direction.FROM_AMUSSEL:
                 return SoundHeard(at_ms, packet.data)
             return Send(Medium.SOUND, packet.agent_id, packet.data)
         case Dropped(_, reason, of):
@@ -98,9 +98,10 @@ def _meant(came: Result) -> SoundHeard | Send | Note:
 def open_serial_lines(
     run_dir: Path, opened: tuple[int, ...], port: str, now_ms: int, tell: Callable[[str], None]
 ) -> Iterator[SerialLines | None]:
-    """The lines that a run asks for while it is entered: modems to open, and a physical one's port (or ""); None for none.
+    """Opens a run's serial lines while it is entered; None if there are none.
 
-    The devices' names are in the folder `modems` of the run's directory.
+    `opened` are the aMussels whose modems to open, `port` is a physical modem's port or "". The devices' names are in the
+    folder `modems` of the run's directory.
     """
     if not opened and not port:
         yield None

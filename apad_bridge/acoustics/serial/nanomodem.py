@@ -1,18 +1,15 @@
-"""The one queue before a physical nanomodem, which speaks for a whole fleet: three verbs, bytes and packets.
+"""Drives a physical V3 nanomodem that sends and receives for a whole fleet: its packets, its queue and its answers.
 
-The modem is asked for one thing at a time: a broadcast with the aMussel's id in its payload. Nothing is addressed to one
-modem, because a unicast to aMussel 24 would be heard by a modem with address 24 alone. Its own address is read and shown,
-and never written; ranges are not asked for, and those that it prints are kept out of everything, because they are to where
-the modem hangs.
+The modem has one address of its own, and a unicast that it receives names no sender. So a header of three bytes precedes
+each packet: the direction (from or to the aMussel), and the aMussel's id, little-endian.
 
-    GONE -> ASKED_WHO -> FREE -> ASKED_TO_SEND -> SENDING -> FREE        any -> GONE when the port is lost
+The queue gives the modem one command at a time: a broadcast. It sends no unicasts, because only a modem with address 24
+would receive a unicast to aMussel 24. The modem's address is read and shown, and never written. The queue requests no
+ranges, and drops those that the modem prints, because they are to the place where it hangs.
 
-What a V3 nanomodem prints, read as it must be: by counting, because the data of a message may hold any byte.
+    CLOSED -> IDENTIFYING -> READY -> AWAITING_ACCEPTANCE -> SENDING -> READY     any -> CLOSED when the port is lost
 
-Three bytes before a packet that travels by a modem which is nobody's in particular: which way, and of whom it is.
-
-One physical modem speaks for a whole fleet. It has one address of its own, and what it hears as a unicast names no sender:
-so the aMussel's id travels in the payload, little-endian after a byte that says whether the aMussel speaks or is spoken to.
+The modem's answers are read by counting bytes, because the data of a message may hold any byte.
 """
 
 from __future__ import annotations
@@ -25,16 +22,292 @@ from enum import Enum, IntEnum
 
 from agents.modem.frames import PAYLOAD_BYTES, Generation, duration_ms
 
+_FORMAT = struct.Struct("<BH")
+HEADER_BYTES = _FORMAT.size
+MAX_WAITING = 64
+"""The most packets that wait, of all priorities: at half a second each, a packet behind more would be sent too late."""
+WAIT_MS = 30_000
+"""A packet that has waited longer is dropped."""
+ANSWER_MS = 1_000
+"""The timeout of an answer; a modem answers within some 80 ms."""
+ATTEMPTS = 3
+_TURNAROUND_MS = 20
+_FEWEST, _MOST = PAYLOAD_BYTES[Generation.V3]
+MOST_BYTES = _MOST - HEADER_BYTES
 _LINE_BYTES = 120
-"""Longer than any answer that is all text, help apart, which nobody asks for here."""
+"""Longer than any answer that is only text, except the help, which is never requested here."""
 _QUALITY = re.compile(rb"Q\d\d(D[+-]\d{3})?")
 _TIME = re.compile(rb"T\d{14}")
 _MESSAGE = re.compile(rb"#(?:B(\d{3})|U)(\d\d)")
 
 
+class Direction(IntEnum):
+    FROM_AMUSSEL = 0xB1
+    TO_AMUSSEL = 0xB2
+
+
+_DIRECTIONS = {int(direction): direction for direction in Direction}
+
+
+@dataclass(frozen=True, slots=True)
+class RoutedPacket:
+    """A packet with its aMussel and direction; `agent_id` is up to 65535."""
+
+    direction: Direction
+    agent_id: int
+    data: bytes
+
+    def encode(self) -> bytes:
+        return _FORMAT.pack(self.direction, self.agent_id) + self.data
+
+
+def decode(payload: bytes) -> RoutedPacket | None:
+    """The packet in a received payload; None for bytes without the header."""
+    if len(payload) <= HEADER_BYTES:
+        return None
+    direction, agent_id = _FORMAT.unpack_from(payload)
+    known = _DIRECTIONS.get(direction)
+    return None if known is None else RoutedPacket(known, agent_id, payload[HEADER_BYTES:])
+
+
+class Priority(IntEnum):
+    """Orders the waiting packets; within a priority the oldest goes first."""
+
+    COMMAND = 0
+    REPORT = 1
+
+
+class Stage(Enum):
+    CLOSED = "closed"
+    IDENTIFYING = "identifying"
+    READY = "ready"
+    AWAITING_ACCEPTANCE = "awaiting acceptance"
+    SENDING = "sending"
+
+
+@dataclass(frozen=True, slots=True)
+class Write:
+    """Bytes for the serial port."""
+
+    data: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class Sent:
+    """The packet was sent completely: its last sound left at `at_ms`."""
+
+    at_ms: int
+    packet: RoutedPacket
+
+
+@dataclass(frozen=True, slots=True)
+class Heard:
+    """A packet was received."""
+
+    at_ms: int
+    packet: RoutedPacket
+
+
+@dataclass(frozen=True, slots=True)
+class Dropped:
+    """A packet, or an answer of the modem, was dropped."""
+
+    at_ms: int
+    reason: str
+    packet: RoutedPacket | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Reported:
+    """A line for a person: the modem was found with its address, or was lost."""
+
+    at_ms: int
+    what: str
+
+
+Action = Write | Sent | Heard | Dropped | Reported
+
+
+@dataclass(slots=True)
+class _Waiting:
+    priority: Priority
+    number: int
+    since_ms: int
+    packet: RoutedPacket
+    attempts: int = 0
+
+
+class ModemQueue:
+    """The queue of packets for the modem. It begins without a port.
+
+    Times are mission milliseconds, which are real ones: sound cannot be accelerated.
+    """
+
+    def __init__(self, now_ms: int = 0) -> None:
+        self.stage = Stage.CLOSED
+        self.address: int | None = None
+        """The modem's own address, as it reported it."""
+        self.dropped: Counter[str] = Counter()
+        self._now_ms = now_ms
+        self._reader = AnswerReader()
+        self._waiting: list[_Waiting] = []
+        self._sending: _Waiting | None = None
+        self._until_ms: int | None = None
+        """The timeout of the present stage; the end of SENDING."""
+        self._number = 0
+
+    @property
+    def waiting(self) -> int:
+        """The number of waiting packets, without the packet that is being sent."""
+        return len(self._waiting)
+
+    @property
+    def next_due_ms(self) -> int | None:
+        dues = [it.since_ms + WAIT_MS for it in self._waiting]
+        if self._until_ms is not None:
+            dues.append(self._until_ms)
+        return max(self._now_ms, min(dues)) if dues else None
+
+    def advance(self, now_ms: int) -> list[Action]:
+        """Lets time pass to `now_ms`, in order (ValueError if it went back)."""
+        if now_ms < self._now_ms:
+            raise ValueError(f"time went back: {now_ms} before {self._now_ms}")
+        actions: list[Action] = []
+        while (due_ms := self.next_due_ms) is not None and due_ms <= now_ms:
+            self._now_ms = due_ms
+            if self._until_ms is not None and self._until_ms <= due_ms:
+                actions += self._stage_ended()
+            for late in [it for it in self._waiting if it.since_ms + WAIT_MS <= due_ms]:
+                self._waiting.remove(late)
+                actions.append(self._drop("sound: waited too long for the modem", late.packet))
+        self._now_ms = now_ms
+        return actions
+
+    def send(self, packet: RoutedPacket, priority: Priority, now_ms: int) -> list[Action]:
+        """Queues a packet. A report replaces an older waiting report of the same aMussel."""
+        actions = self.advance(now_ms)
+        if not _FEWEST <= len(packet.encode()) <= _MOST:
+            reason = f"sound: {len(packet.data)} bytes, and a modem carries {MOST_BYTES} besides the id"
+            return [*actions, self._drop(reason, packet)]
+        if priority is Priority.REPORT:
+            for older in [it for it in self._waiting if _is_superseded_by(it, packet)]:
+                self._waiting.remove(older)
+                actions.append(self._drop("sound: overtaken by a newer report", older.packet))
+        self._number += 1
+        self._waiting.append(_Waiting(priority, self._number, now_ms, packet))
+        self._waiting.sort(key=lambda it: (it.priority, it.number))
+        if len(self._waiting) > MAX_WAITING:
+            actions.append(self._drop("sound: the modem's queue is full", self._waiting.pop().packet))
+        return actions + self._send_next()
+
+    def port_opened(self, now_ms: int) -> list[Action]:
+        """The port was opened, perhaps again: asks the modem for its address."""
+        return self.advance(now_ms) + self._identify()
+
+    def port_lost(self, why: str, now_ms: int) -> list[Action]:
+        """The port was lost. The packet being sent is retried when the port is back; waiting packets stay queued."""
+        actions = self.advance(now_ms)
+        if self.stage is Stage.CLOSED:
+            return actions
+        self._enter(Stage.CLOSED)
+        actions.append(Reported(now_ms, f"the modem is gone, and its port is tried again: {why}"))
+        return actions + self._retry()
+
+    def read(self, data: bytes, now_ms: int) -> list[Action]:
+        """Takes bytes that the modem has printed."""
+        actions = self.advance(now_ms)
+        for answer in self._reader.take(data):
+            actions += self._receive(answer) if isinstance(answer, Message) else self._answer(answer)
+        return actions
+
+    def _receive(self, message: Message) -> list[Action]:
+        packet = decode(message.data)
+        if packet is None:
+            return [self._drop("sound: without an aMussel's id", None)]
+        return [Heard(self._now_ms, packet)]
+
+    def _answer(self, line: Line) -> list[Action]:
+        text = line.text
+        if text.startswith(b"#A") and text[2:5].isdigit():
+            self.address = int(text[2:5])
+            if self.stage is not Stage.IDENTIFYING:
+                return []
+            self._enter(Stage.READY)
+            return [
+                Reported(self._now_ms, f"the modem is there, with address {self.address}"),
+                *self._send_next(),
+            ]
+        if text.startswith(b"$B") and self.stage is Stage.AWAITING_ACCEPTANCE and self._sending is not None:
+            size = len(self._sending.packet.encode())
+            if text == b"$B%02d" % size:
+                self._enter(Stage.SENDING, duration_ms(Generation.V3, size) + _TURNAROUND_MS)
+                return []
+        if text == b"E" and self.stage is Stage.AWAITING_ACCEPTANCE:
+            self._enter(Stage.READY)
+            return [*self._retry(), *self._send_next()]
+        if text == b"$W" and self.stage is Stage.IDENTIFYING:
+            return []
+        if text.startswith(b"#R") or text == b"#TO":
+            return [self._drop("sound: a range to where the modem hangs", None)]
+        return [self._drop("modem: an answer to nothing that was asked", None)]
+
+    def _stage_ended(self) -> list[Action]:
+        """Acts on the end of the present stage's time."""
+        if self.stage is Stage.SENDING and self._sending is not None:
+            sent = Sent(self._now_ms - _TURNAROUND_MS, self._sending.packet)
+            self._sending = None
+            self._enter(Stage.READY)
+            return [sent, *self._send_next()]
+        # Without an answer, the modem may have been exchanged, or may sleep.
+        return [*self._retry(), *self._identify()]
+
+    def _identify(self) -> list[Action]:
+        """Asks the modem for its address. `$W`, repeated, wakes a sleeping modem. An incomplete answer is dropped."""
+        self._reader.forget()
+        self._enter(Stage.IDENTIFYING, ANSWER_MS)
+        return [Write(b"$W"), Write(b"$?")]
+
+    def _send_next(self) -> list[Action]:
+        if self.stage is not Stage.READY or not self._waiting:
+            return []
+        self._sending = self._waiting.pop(0)
+        self._sending.attempts += 1
+        payload = self._sending.packet.encode()
+        self._enter(Stage.AWAITING_ACCEPTANCE, ANSWER_MS)
+        return [Write(b"$B%02d" % len(payload) + payload)]
+
+    def _retry(self) -> list[Action]:
+        """Puts the packet being sent back to the head of its priority, or drops it after the last attempt."""
+        failed, self._sending = self._sending, None
+        if failed is None:
+            return []
+        if failed.attempts >= ATTEMPTS:
+            return [self._drop(f"sound: the modem did not take it, {ATTEMPTS} times", failed.packet)]
+        self._waiting.append(failed)
+        self._waiting.sort(key=lambda it: (it.priority, it.number))
+        return []
+
+    def _enter(self, stage: Stage, for_ms: int | None = None) -> None:
+        self.stage = stage
+        self._until_ms = None if for_ms is None else self._now_ms + for_ms
+
+    def _drop(self, reason: str, packet: RoutedPacket | None) -> Dropped:
+        self.dropped[reason] += 1
+        return Dropped(self._now_ms, reason, packet)
+
+
+def _is_superseded_by(waiting: _Waiting, packet: RoutedPacket) -> bool:
+    other = waiting.packet
+    return (
+        waiting.priority is Priority.REPORT
+        and other.agent_id == packet.agent_id
+        and other.direction is packet.direction is Direction.FROM_AMUSSEL
+    )
+
+
 @dataclass(frozen=True, slots=True)
 class Message:
-    """Data from the water; a unicast does not say of whom."""
+    """Data from the water; a unicast has no source."""
 
     source: int | None
     data: bytes
@@ -42,28 +315,28 @@ class Message:
 
 @dataclass(frozen=True, slots=True)
 class Line:
-    """Anything else, without its CR LF."""
+    """Any other answer, without its CR LF."""
 
     text: bytes
 
 
 class AnswerReader:
-    """Takes chunks as they come; bytes that are no answer are counted in `skipped_bytes`."""
+    """Splits chunks of bytes into answers; `skipped_bytes` counts the bytes that belong to none."""
 
     def __init__(self) -> None:
         self.skipped_bytes = 0
         self._bytes = bytearray()
 
     def forget(self) -> None:
-        """What was begun will not go on."""
+        """Drops an incomplete answer, which will not be continued."""
         self._bytes.clear()
 
     def take(self, data: bytes) -> list[Message | Line]:
         self._bytes += data
-        came: list[Message | Line] = []
+        answers: list[Message | Line] = []
         while (found := self._next()) is not None:
-            came.append(found)
-        return came
+            answers.append(found)
+        return answers
 
     def _next(self) -> Message | Line | None:
         self._skip_noise()
@@ -81,7 +354,7 @@ class AnswerReader:
         return Line(taken[:end])
 
     def _message(self, taken: bytes, head: re.Match[bytes]) -> Message | None:
-        """The message once its end is there: its data may be followed by its quality and a time."""
+        """The message, once its end is there. Its quality and a time may follow its data."""
         size = int(head[2])
         rest = taken[head.end() + size :]
         at = 0
@@ -91,7 +364,7 @@ class AnswerReader:
         if rest[at : at + 2] == b"\r\n":
             del self._bytes[: head.end() + size + at + 2]
             return Message(None if head[1] is None else int(head[1]), taken[head.end() : head.end() + size])
-        # Enough bytes are there for the longest message, but not its end: they are no message.
+        # There are enough bytes for the longest message but no end of it, so they are no message.
         if len(rest) >= 8 + 15 + 2:
             self._drop(1)
             return self._next_message()
@@ -111,280 +384,3 @@ class AnswerReader:
     def _drop(self, count: int) -> None:
         self.skipped_bytes += count
         del self._bytes[:count]
-
-
-_FORMAT = struct.Struct("<BH")
-HEADER_BYTES = _FORMAT.size
-
-
-class Way(IntEnum):
-    FROM_AMUSSEL = 0xB1
-    TO_AMUSSEL = 0xB2
-
-
-_WAYS = {int(way): way for way in Way}
-
-
-@dataclass(frozen=True, slots=True)
-class Addressed:
-    """A packet with whom it concerns; `agent_id` is up to 65535."""
-
-    way: Way
-    agent_id: int
-    data: bytes
-
-    def encode(self) -> bytes:
-        return _FORMAT.pack(self.way, self.agent_id) + self.data
-
-
-def decode(payload: bytes) -> Addressed | None:
-    """What was heard; None for bytes without the header."""
-    if len(payload) <= HEADER_BYTES:
-        return None
-    way, agent_id = _FORMAT.unpack_from(payload)
-    known = _WAYS.get(way)
-    return None if known is None else Addressed(known, agent_id, payload[HEADER_BYTES:])
-
-
-ROOM = 64
-"""Packets that wait, of all priorities: at half a second each, what is behind more than these is old when it is sent."""
-WAIT_MS = 30_000
-"""A packet that has waited for longer is not worth sending."""
-ANSWER_MS = 1_000
-"""A modem answers within some 80 ms; after this it has not."""
-ATTEMPTS = 3
-_TURNAROUND_MS = 20
-_FEWEST, _MOST = PAYLOAD_BYTES[Generation.V3]
-MOST_BYTES = _MOST - HEADER_BYTES
-
-
-class Priority(IntEnum):
-    """What goes first. Of one priority what was asked first goes first."""
-
-    COMMAND = 0
-    REPORT = 1
-
-
-class Stage(Enum):
-    GONE = "gone"
-    ASKED_WHO = "asked who it is"
-    FREE = "free"
-    ASKED_TO_SEND = "asked to send"
-    SENDING = "sending"
-
-
-@dataclass(frozen=True, slots=True)
-class Write:
-    """Bytes for the serial port."""
-
-    data: bytes
-
-
-@dataclass(frozen=True, slots=True)
-class Carried:
-    """The packet has been sent whole: its last sound left at `at_ms`."""
-
-    at_ms: int
-    packet: Addressed
-
-
-@dataclass(frozen=True, slots=True)
-class Heard:
-    """A packet came from the water."""
-
-    at_ms: int
-    packet: Addressed
-
-
-@dataclass(frozen=True, slots=True)
-class Dropped:
-    """A packet, or something from the modem, came to nothing."""
-
-    at_ms: int
-    reason: str
-    packet: Addressed | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class Reported:
-    """Something for a person: the modem came, was lost, or has an address."""
-
-    at_ms: int
-    what: str
-
-
-Action = Write | Carried | Heard | Dropped | Reported
-
-
-@dataclass(slots=True)
-class _Waiting:
-    priority: Priority
-    number: int
-    since_ms: int
-    packet: Addressed
-    attempts: int = 0
-
-
-class ModemQueue:
-    """Begins without a port. Times are mission milliseconds, which are real ones: sound cannot be accelerated."""
-
-    def __init__(self, now_ms: int = 0) -> None:
-        self.stage = Stage.GONE
-        self.address: int | None = None
-        """The modem's own, as it said."""
-        self.dropped: Counter[str] = Counter()
-        self._now_ms = now_ms
-        self._reader = AnswerReader()
-        self._waiting: list[_Waiting] = []
-        self._sending: _Waiting | None = None
-        self._until_ms: int | None = None
-        """When the present stage has lasted too long, or, SENDING, when it is over."""
-        self._number = 0
-
-    @property
-    def waiting(self) -> int:
-        """How many packets wait, the one that is being sent not among them."""
-        return len(self._waiting)
-
-    @property
-    def next_due_ms(self) -> int | None:
-        dues = [it.since_ms + WAIT_MS for it in self._waiting]
-        if self._until_ms is not None:
-            dues.append(self._until_ms)
-        return max(self._now_ms, min(dues)) if dues else None
-
-    def advance(self, now_ms: int) -> list[Action]:
-        """Lets time pass to `now_ms`, in order (ValueError if it went back)."""
-        if now_ms < self._now_ms:
-            raise ValueError(f"time went back: {now_ms} before {self._now_ms}")
-        actions: list[Action] = []
-        while (due_ms := self.next_due_ms) is not None and due_ms <= now_ms:
-            self._now_ms = due_ms
-            if self._until_ms is not None and self._until_ms <= due_ms:
-                actions += self._run_out()
-            for late in [it for it in self._waiting if it.since_ms + WAIT_MS <= due_ms]:
-                self._waiting.remove(late)
-                actions.append(self._drop("sound: waited too long for the modem", late.packet))
-        self._now_ms = now_ms
-        return actions
-
-    def ask(self, packet: Addressed, priority: Priority, now_ms: int) -> list[Action]:
-        """Queues a packet. A report takes the place of an older one of the same aMussel that still waits."""
-        actions = self.advance(now_ms)
-        if not _FEWEST <= len(packet.encode()) <= _MOST:
-            reason = f"sound: {len(packet.data)} bytes, and a modem carries {MOST_BYTES} besides the id"
-            return [*actions, self._drop(reason, packet)]
-        if priority is Priority.REPORT:
-            for older in [it for it in self._waiting if _same(it, packet)]:
-                self._waiting.remove(older)
-                actions.append(self._drop("sound: overtaken by a newer report", older.packet))
-        self._number += 1
-        self._waiting.append(_Waiting(priority, self._number, now_ms, packet))
-        self._waiting.sort(key=lambda it: (it.priority, it.number))
-        if len(self._waiting) > ROOM:
-            actions.append(self._drop("sound: the modem's queue is full", self._waiting.pop().packet))
-        return actions + self._send_next()
-
-    def port_came(self, now_ms: int) -> list[Action]:
-        """The port is open, perhaps again: who is there?"""
-        return self.advance(now_ms) + self._ask_who()
-
-    def port_went(self, why: str, now_ms: int) -> list[Action]:
-        """The port is gone. What was being sent is tried again when it is back; what waits goes on waiting."""
-        actions = self.advance(now_ms)
-        if self.stage is Stage.GONE:
-            return actions
-        self._enter(Stage.GONE)
-        actions.append(Reported(now_ms, f"the modem is gone, and its port is tried again: {why}"))
-        return actions + self._try_again()
-
-    def read(self, data: bytes, now_ms: int) -> list[Action]:
-        """Bytes that the modem has printed."""
-        actions = self.advance(now_ms)
-        for came in self._reader.take(data):
-            actions += self._hear(came) if isinstance(came, Message) else self._answer(came)
-        return actions
-
-    def _hear(self, message: Message) -> list[Action]:
-        packet = decode(message.data)
-        if packet is None:
-            return [self._drop("sound: without an aMussel's id", None)]
-        return [Heard(self._now_ms, packet)]
-
-    def _answer(self, line: Line) -> list[Action]:
-        text = line.text
-        if text.startswith(b"#A") and text[2:5].isdigit():
-            self.address = int(text[2:5])
-            if self.stage is not Stage.ASKED_WHO:
-                return []
-            self._enter(Stage.FREE)
-            return [
-                Reported(self._now_ms, f"the modem is there, with address {self.address}"),
-                *self._send_next(),
-            ]
-        if text.startswith(b"$B") and self.stage is Stage.ASKED_TO_SEND and self._sending is not None:
-            size = len(self._sending.packet.encode())
-            if text == b"$B%02d" % size:
-                self._enter(Stage.SENDING, duration_ms(Generation.V3, size) + _TURNAROUND_MS)
-                return []
-        if text == b"E" and self.stage is Stage.ASKED_TO_SEND:
-            self._enter(Stage.FREE)
-            return [*self._try_again(), *self._send_next()]
-        if text == b"$W" and self.stage is Stage.ASKED_WHO:
-            return []
-        if text.startswith(b"#R") or text == b"#TO":
-            return [self._drop("sound: a range to where the modem hangs", None)]
-        return [self._drop("modem: an answer to nothing that was asked", None)]
-
-    def _run_out(self) -> list[Action]:
-        """The stage's time is over."""
-        if self.stage is Stage.SENDING and self._sending is not None:
-            done = Carried(self._now_ms - _TURNAROUND_MS, self._sending.packet)
-            self._sending = None
-            self._enter(Stage.FREE)
-            return [done, *self._send_next()]
-        # No answer: whoever was there may have been changed for another, or sleeps.
-        return [*self._try_again(), *self._ask_who()]
-
-    def _ask_who(self) -> list[Action]:
-        """A modem that was put to sleep wakes by `$W`, repeated. What it began to print has had its time."""
-        self._reader.forget()
-        self._enter(Stage.ASKED_WHO, ANSWER_MS)
-        return [Write(b"$W"), Write(b"$?")]
-
-    def _send_next(self) -> list[Action]:
-        if self.stage is not Stage.FREE or not self._waiting:
-            return []
-        self._sending = self._waiting.pop(0)
-        self._sending.attempts += 1
-        payload = self._sending.packet.encode()
-        self._enter(Stage.ASKED_TO_SEND, ANSWER_MS)
-        return [Write(b"$B%02d" % len(payload) + payload)]
-
-    def _try_again(self) -> list[Action]:
-        """What was being sent goes back to the head of its priority, or is given up."""
-        failed, self._sending = self._sending, None
-        if failed is None:
-            return []
-        if failed.attempts >= ATTEMPTS:
-            return [self._drop(f"sound: the modem did not take it, {ATTEMPTS} times", failed.packet)]
-        self._waiting.append(failed)
-        self._waiting.sort(key=lambda it: (it.priority, it.number))
-        return []
-
-    def _enter(self, stage: Stage, for_ms: int | None = None) -> None:
-        self.stage = stage
-        self._until_ms = None if for_ms is None else self._now_ms + for_ms
-
-    def _drop(self, reason: str, packet: Addressed | None) -> Dropped:
-        self.dropped[reason] += 1
-        return Dropped(self._now_ms, reason, packet)
-
-
-def _same(waiting: _Waiting, packet: Addressed) -> bool:
-    other = waiting.packet
-    return (
-        waiting.priority is Priority.REPORT
-        and other.agent_id == packet.agent_id
-        and other.way is packet.way is Way.FROM_AMUSSEL
-    )

@@ -1,9 +1,9 @@
-"""Modems of simulated aMussels, opened as serial devices: a pty each, under a name in the run's directory that stays.
+"""Opens modems of simulated aMussels as serial devices: a pty each, under a fixed name in the run's directory.
 
     RUN/modems/amussel7 -> /dev/pts/4
 
-A thread reads them and puts bursts on a queue; a burst is what follows without a pause, so that how a modem judges slow
-bytes does not depend on how often a flight looks. What is printed while nobody has the device open is lost, as on any line.
+A thread reads the devices and puts bursts on a queue. A burst is a row of bytes without a pause, so that a modem judges
+slow bytes independently of the flight's polling. Output is lost while nobody has the device open, as on any serial line.
 """
 
 from __future__ import annotations
@@ -20,33 +20,33 @@ from pathlib import Path
 
 FOLDER = "modems"
 _PAUSE_MS = 5
-"""A host writes a command at once; what its kernel makes of that stays together within this."""
+"""The pause that ends a burst. A host writes a command at once, and its kernel passes it on with shorter pauses."""
 _BURST_BYTES = 4096
-_NOBODY_S = 0.05
+_UNOPENED_POLL_S = 0.05
 
 
 @dataclass(frozen=True, slots=True)
 class Burst:
-    """Somebody wrote this to an aMussel's modem; there was a pause before it."""
+    """Bytes that a host wrote to an aMussel's modem after a pause."""
 
     agent_id: int
     data: bytes
 
 
 class OpenedModems:
-    """Owned by one thread but for its reader. Closes ptys and takes the names away when it is closed."""
+    """The opened modems, owned by one thread beside the reader thread. `close` closes the ptys and removes their names."""
 
     def __init__(self, folder: Path, agent_ids: Iterable[int]) -> None:
-        """`folder` is made if it is not there; names that a former supervisor left are taken over."""
+        """Creates `folder` if needed; replaces the names that a former supervisor left."""
         folder.mkdir(exist_ok=True)
         self.lost_bytes = 0
-        """Printed for a host that has the device open and does not read."""
+        """The output lost because a host has the device open and does not read."""
         self._bursts: queue.SimpleQueue[Burst] = queue.SimpleQueue()
         self._masters: dict[int, int] = {}
         self._names: dict[int, Path] = {}
         for agent_id in agent_ids:
             self._masters[agent_id], device = _open_pty()
-            self._names[agent_id] = _name(folder / f"amussel{agent_id}", device)
+            self._names[agent_id] = _link(folder / f"amussel{agent_id}", device)
         self._wake_reader, self._waker = os.pipe()
         self._thread = threading.Thread(target=self._read, name="modems", daemon=True)
         self._thread.start()
@@ -59,7 +59,7 @@ class OpenedModems:
         return self._names[agent_id]
 
     def take(self) -> list[Burst]:
-        """What was written since the last call, in the order in which it came."""
+        """The bursts since the last call, in order."""
         bursts = []
         while True:
             try:
@@ -68,9 +68,9 @@ class OpenedModems:
                 return bursts
 
     def write(self, agent_id: int, data: bytes) -> None:
-        """Prints to whoever has the device open."""
+        """Writes to the host that has the device open."""
         master = self._masters[agent_id]
-        if _has_nobody(master):
+        if _is_unopened(master):
             return
         try:
             written = os.write(master, data)
@@ -90,15 +90,18 @@ class OpenedModems:
         self._masters.clear()
 
     def _read(self) -> None:
-        """The reader's whole life. A device that nobody has open is always ready to say so: then it is asked less often."""
+        """Runs the reader thread.
+
+        A device that nobody has open always polls as hung up, so it is left out and checked again at intervals.
+        """
         agents = {master: agent_id for agent_id, master in self._masters.items()}
         while True:
             poll = select.poll()
             poll.register(self._wake_reader, select.POLLIN)
             for master in agents:
-                if not _has_nobody(master) or _has_bytes(master):
+                if not _is_unopened(master) or _has_bytes(master):
                     poll.register(master, select.POLLIN)
-            for descriptor, event in poll.poll(_NOBODY_S * 1000):
+            for descriptor, event in poll.poll(_UNOPENED_POLL_S * 1000):
                 if descriptor == self._wake_reader:
                     return
                 if event & select.POLLIN and (data := _burst(descriptor)):
@@ -115,7 +118,7 @@ def _open_pty() -> tuple[int, str]:
     return master, device
 
 
-def _name(name: Path, device: str) -> Path:
+def _link(name: Path, device: str) -> Path:
     fresh = name.with_name(f".{name.name}.new")
     fresh.unlink(missing_ok=True)
     fresh.symlink_to(device)
@@ -123,7 +126,7 @@ def _name(name: Path, device: str) -> Path:
     return name
 
 
-def _has_nobody(master: int) -> bool:
+def _is_unopened(master: int) -> bool:
     poll = select.poll()
     poll.register(master, 0)
     return any(event & select.POLLHUP for _, event in poll.poll(0))
@@ -136,7 +139,7 @@ def _has_bytes(master: int) -> bool:
 
 
 def _burst(master: int) -> bytes:
-    """What can be read until there is a pause."""
+    """Reads until there is a pause."""
     taken = b""
     poll = select.poll()
     poll.register(master, select.POLLIN)

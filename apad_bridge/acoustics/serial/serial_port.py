@@ -1,4 +1,4 @@
-"""A serial port that comes and goes: read and written without waiting, and opened again, ever later, when it is lost."""
+"""A serial port that may disappear: it is read and written without blocking, and a lost port is reopened with back-off."""
 
 from __future__ import annotations
 
@@ -25,15 +25,15 @@ class Lost:
 
 
 @dataclass(frozen=True, slots=True)
-class Came:
+class BytesRead:
     data: bytes
 
 
-Event = Opened | Lost | Came
+Event = Opened | Lost | BytesRead
 
 
 class SerialPort:
-    """Owned by one thread, which calls `poll` as often as it likes. `clock` gives wall seconds, for the back-off alone."""
+    """A port owned by one thread, which calls `poll` at any rate. `clock` gives wall seconds, for the back-off alone."""
 
     def __init__(self, path: str, clock: Callable[[], float] = time.monotonic) -> None:
         self.path = path
@@ -42,30 +42,30 @@ class SerialPort:
         self._port: Any = None
         self._retry_s = _FIRST_RETRY_S
         self._next_try_s = clock()
-        self._told: list[Event] = []
+        self._events: list[Event] = []
 
     @property
     def is_open(self) -> bool:
         return self._port is not None
 
     def poll(self) -> list[Event]:
-        """What happened since the last call; opens the port if it is time to."""
+        """The events since the last call; opens the port if it is time to."""
         if self._port is None and self._clock() >= self._next_try_s:
             self._open()
         if self._port is not None:
             try:
                 if data := self._port.read(4096):
-                    self._told.append(Came(data))
+                    self._events.append(BytesRead(data))
             except (
                 OSError,
                 TypeError,
-            ) as error:  # TypeError: pyserial's, for a port that goes while it is read
+            ) as error:  # pyserial raises TypeError for a port that disappears in a read
                 self._lose(str(error))
-        told, self._told = self._told, []
-        return told
+        events, self._events = self._events, []
+        return events
 
     def write(self, data: bytes) -> None:
-        """Bytes for a port that is closed, or is lost now, are nobody's: `poll` says Lost, once."""
+        """Writes bytes; they are lost if the port is closed, or lost now. `poll` then returns Lost, once."""
         if self._port is None:
             return
         try:
@@ -84,17 +84,17 @@ class SerialPort:
             self._port = serial.Serial(self.path, BAUD, timeout=0, write_timeout=1.0, exclusive=True)
         except (OSError, ValueError) as error:
             self.why_closed = str(error)
-            self._later()
+            self._schedule_retry()
             return
         self._retry_s = _FIRST_RETRY_S
-        self._told.append(Opened())
+        self._events.append(Opened())
 
     def _lose(self, why: str) -> None:
         self.why_closed = why
         self.close()
-        self._told.append(Lost(why))
-        self._later()
+        self._events.append(Lost(why))
+        self._schedule_retry()
 
-    def _later(self) -> None:
+    def _schedule_retry(self) -> None:
         self._next_try_s = self._clock() + self._retry_s
         self._retry_s = min(2 * self._retry_s, _LAST_RETRY_S)

@@ -1,4 +1,4 @@
-"""From a battery's log to the numbers of a scenario's board block, as the paper's section IV-A did with its recordings."""
+"""Fits a battery's log to the numbers of a scenario's board block, as section IV-A of the paper did with its recordings."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from apad_bridge.analysis.battery_fit.battery_log import BatteryLog, Floats, Log
 from apad_bridge.analysis.battery_fit.piecewise import Piecewise, fit
 
 DEFAULT_SEGMENTS = {"charging": 3, "discharging": 1}
-"""What equations (2) and (1) have."""
+"""The segments of equations (2) and (1)."""
 _RATE_DECIMALS = 10
-"""What the board's arithmetic takes."""
+"""The decimals that the board's arithmetic accepts."""
 _END_DECIMALS = 5
 _LEAST_RISE = 0.02
-"""On [0, 1], of a straight line over the whole log: what is less is neither a charge nor a discharge."""
+"""The least change on [0, 1] of a straight line over a whole charge or discharge; less is neither."""
 _GAP = 10
-"""Rows stand this many times farther apart than they usually do."""
+"""Rows this many times farther apart than usual have a gap between them."""
 
 
 class Direction(StrEnum):
@@ -29,7 +29,7 @@ class Direction(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Segment:
-    """A straight piece: minutes and scaled voltage at its ends, its rate a minute, and how the rows lie about it."""
+    """A straight piece: minutes and scaled voltage at its ends, its rate a minute, and the rows' residuals."""
 
     from_min: float
     to_min: float
@@ -43,7 +43,7 @@ class Segment:
 
 @dataclass(frozen=True, slots=True)
 class BatteryFit:
-    """A fitted log. `minutes` and `scaled` are the rows used; `curve` is over minutes."""
+    """A fitted log. `minutes` and `scaled` are the used rows; `curve` is a function of minutes."""
 
     log: str
     direction: Direction
@@ -54,27 +54,27 @@ class BatteryFit:
     rmse: float
     max_abs: float
     outside: int
-    """Rows before and after the part of the log that lies on the scale."""
+    """The number of rows before and after the part of the log that lies on the scale."""
     left_out: int
     gaps: tuple[tuple[float, float], ...]
     """(from, to) in minutes where rows are missing."""
 
     @property
     def discharge_per_min(self) -> float:
-        """One rate, which is all that equation (1) has: the straight line's through all rows."""
+        """The one rate of equation (1): that of a straight line through all rows."""
         return round(-fit(self.minutes, self.scaled, 1).slopes[0], _RATE_DECIMALS)
 
     @property
     def charge_segments(self) -> tuple[tuple[float, float], ...]:
-        """(upper end, rate a minute), the first from 0 and the last to 1, whether or not the log reaches that far."""
-        found: list[tuple[float, float]] = []
+        """(upper end, rate a minute) of each segment, the first from 0 and the last to 1, however far the log reaches."""
+        ends: list[tuple[float, float]] = []
         for segment in self.segments:
             end = round(segment.to_scaled, _END_DECIMALS)
             if end > 0:
-                found.append((min(end, 1.0), round(segment.per_min, _RATE_DECIMALS)))
+                ends.append((min(end, 1.0), round(segment.per_min, _RATE_DECIMALS)))
             if end >= 1:
                 break
-        return (*found[:-1], (1.0, found[-1][1]))
+        return (*ends[:-1], (1.0, ends[-1][1]))
 
     def to_json(self) -> dict[str, Any]:
         return {
@@ -91,11 +91,11 @@ class BatteryFit:
 
 
 def fit_log(log: BatteryLog, segments: int | None = None, direction: Direction | None = None) -> BatteryFit:
-    """Fits the part of a log that lies on [0, 1]. LogError says what the log lacks and how to mend it."""
+    """Fits the part of a log that lies on [0, 1]. LogError has the fault of the log and its remedy."""
     if len(log.minutes) < 4:
         raise LogError(f"{log.name}: {len(log.minutes)} rows are too few: 4 at least")
-    found = _direction(log, direction)
-    used = _on_the_scale(log, found)
+    found = _direction_of(log, direction)
+    used = _span_on_scale(log, found)
     minutes, scaled = log.minutes[used], log.scaled[used]
     wanted = segments or DEFAULT_SEGMENTS[found]
     try:
@@ -123,36 +123,36 @@ def fit_log(log: BatteryLog, segments: int | None = None, direction: Direction |
 
 
 def minutes_to_full(segments: tuple[tuple[float, float], ...]) -> float:
-    """From 0 to 1 along a scenario's `charge_segments`."""
+    """The minutes from 0 to 1 along a scenario's `charge_segments`."""
     starts = (0.0, *(end for end, _ in segments[:-1]))
     return sum((end - start) / rate for start, (end, rate) in zip(starts, segments, strict=True))
 
 
-def _direction(log: BatteryLog, told: Direction | None) -> Direction:
+def _direction_of(log: BatteryLog, given: Direction | None) -> Direction:
     slope = np.polynomial.Polynomial.fit(log.minutes - log.minutes[0], log.scaled, 1).convert().coef
     rise = float(slope[1]) * float(log.minutes[-1] - log.minutes[0]) if len(slope) > 1 else 0.0
     if abs(rise) < _LEAST_RISE:
-        if told is None:
+        if given is None:
             raise LogError(
                 f"{log.name}: neither rises nor falls as a whole: cut it to one charge or one discharge, or give "
                 "--direction"
             )
-        return told
+        return given
     found = Direction.CHARGING if rise > 0 else Direction.DISCHARGING
-    if told is not None and told is not found:
+    if given is not None and given is not found:
         raise LogError(
-            f"{log.name}: goes the wrong way for {told}: as a whole it {'rises' if rise > 0 else 'falls'}"
+            f"{log.name}: goes the wrong way for {given}: as a whole it {'rises' if rise > 0 else 'falls'}"
         )
     return found
 
 
-def _on_the_scale(log: BatteryLog, direction: Direction) -> slice:
-    """From the last row at the end that it starts from to the first at the other one; rests there are not part of it."""
+def _span_on_scale(log: BatteryLog, direction: Direction) -> slice:
+    """The rows from the last one at the scale's starting end to the first one at its other end, without rests there."""
     up = log.scaled if direction is Direction.CHARGING else 1 - log.scaled
-    there = np.flatnonzero(up >= 1)
-    stop = int(there[0]) + 1 if len(there) else len(up)
-    before = np.flatnonzero(up[:stop] <= 0)
-    start = int(before[-1]) if len(before) else 0
+    at_end = np.flatnonzero(up >= 1)
+    stop = int(at_end[0]) + 1 if len(at_end) else len(up)
+    at_start = np.flatnonzero(up[:stop] <= 0)
+    start = int(at_start[-1]) if len(at_start) else 0
     return slice(start, stop)
 
 

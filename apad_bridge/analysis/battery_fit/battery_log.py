@@ -1,8 +1,8 @@
-"""A battery's log as it comes from a user's file: minutes and the paper's scaled voltage, or one line on what is wrong.
+"""Reads a battery's log from a user's file as minutes and the paper's scaled voltage, or reports its fault in one line.
 
-Time may be seconds, minutes, hours, milliseconds, nanoseconds (as `rostopic echo -p` writes them) or ISO stamps; the
-value mV, V, percent, or scaled already. What a column's name ends in says its unit; where it does not, an option has to
-for time, and the values' size does for voltage, where only one unit is possible.
+Time may be seconds, minutes, hours, milliseconds, nanoseconds (as `rostopic echo -p` writes them) or ISO stamps; the value
+may be mV, V, percent, or scaled already. The end of a column's name gives its unit. Otherwise an option has to give the
+unit of time, and the size of the values gives the unit of voltage if only one unit is possible.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ Floats = npt.NDArray[np.float64]
 
 MINUTES_IN = {"ns": 1 / 60e9, "ms": 1 / 60e3, "s": 1 / 60, "min": 1.0, "h": 60.0}
 VALUE_UNITS = ("mv", "v", "percent", "scaled")
-_WORDS = {
+_UNIT_WORDS = {
     "sec": "s", "secs": "s", "second": "s", "seconds": "s", "minute": "min", "minutes": "min", "mins": "min",
     "hour": "h", "hours": "h", "msec": "ms", "stamp": "", "volt": "v", "volts": "v", "millivolts": "mv",
     "fraction": "scaled", "%": "percent", "pct": "percent",
@@ -34,12 +34,12 @@ _VALUE_NAMES = re.compile(
 
 
 class LogError(ValueError):
-    """The log cannot be used: one line, with the mend."""
+    """The log cannot be used; the message is one line with the remedy."""
 
 
 @dataclass(frozen=True, slots=True)
 class LogFormat:
-    """What the user said of the file; None is what the file has to say itself."""
+    """The user's description of the file; None is read from the file itself."""
 
     time_column: str | None = None
     value_column: str | None = None
@@ -51,17 +51,17 @@ class LogFormat:
 
 @dataclass(frozen=True, slots=True)
 class BatteryLog:
-    """`minutes` (n,) from the first row on, never falling; `scaled` (n,), 0 at `empty_mv` and 1 at `full_mv`."""
+    """A log: `minutes` (n,) from the first row on, never falling; `scaled` (n,), 0 at `empty_mv` and 1 at `full_mv`."""
 
     name: str
     minutes: Floats
     scaled: Floats
     left_out: int
-    """Rows without a value."""
+    """The number of rows without a value."""
 
 
-def read_log(path: Path, how: LogFormat) -> BatteryLog:
-    """Reads a CSV file (comma, semicolon or tab; with or without a line of names). LogError with the file's line."""
+def read_log(path: Path, log_format: LogFormat) -> BatteryLog:
+    """Reads a CSV file (comma, semicolon or tab; with or without a line of names). LogError names the file's line."""
     try:
         text = path.read_text(encoding="utf-8-sig")
     except OSError as error:
@@ -72,56 +72,58 @@ def read_log(path: Path, how: LogFormat) -> BatteryLog:
     if not rows:
         raise LogError(f"{path}: holds no rows")
     try:
-        return _log(path, rows, how)
+        return _log(path, rows, log_format)
     except LogError as error:
         raise LogError(f"{path}: {error}") from None
 
 
 def _rows(text: str) -> Iterator[tuple[int, list[str]]]:
-    """(line, cells) of every line that is neither empty nor a comment."""
+    """Yields (line, cells) of every line that is neither empty nor a comment."""
     lines = text.splitlines()
     first = next((line for line in lines if line.strip()), "")
     delimiter = next((mark for mark in ";\t" if mark in first), ",")
     for number, cells in enumerate(csv.reader(lines, delimiter=delimiter), 1):
         if any(cell.strip() for cell in cells) and not cells[0].startswith("#"):
-            # Where commas do not part the cells they are a decimal sign.
+            # A comma is a decimal sign unless it separates the cells.
             yield (
                 number,
                 [cell.strip() if delimiter == "," else cell.strip().replace(",", ".") for cell in cells],
             )
 
 
-def _log(path: Path, rows: list[tuple[int, list[str]]], how: LogFormat) -> BatteryLog:
+def _log(path: Path, rows: list[tuple[int, list[str]]], log_format: LogFormat) -> BatteryLog:
     names = rows[0][1]
     named = not any(_is_number(cell) or _stamp(cell) is not None for cell in names)
     if not named:
         names = [f"{n}" for n in range(1, len(names) + 1)]
-    time_at = _column(names, how.time_column, _TIME_NAMES, "--time-column", 0 if not named else None)
+    time_at = _column(names, log_format.time_column, _TIME_NAMES, "--time-column", 0 if not named else None)
     value_at = _column(
-        names, how.value_column, _VALUE_NAMES, "--value-column", 1 if not named else None, but=time_at
+        names, log_format.value_column, _VALUE_NAMES, "--value-column", 1 if not named else None, but=time_at
     )
     body = rows[1:] if named else rows
-    times, values, numbers, left_out = _cells(body, time_at, value_at)
+    times, values, line_numbers, left_out = _cells(body, time_at, value_at)
     if not times:
         raise LogError("holds no rows with a value")
-    minutes = _minutes(times, numbers, how.time_unit or _unit_in(names[time_at], tuple(MINUTES_IN)))
-    unit = how.value_unit or _unit_in(names[value_at], VALUE_UNITS) or _unit_by_size(values)
-    return BatteryLog(path.name, minutes, _scaled(values, unit, how), left_out)
+    minutes = _minutes(
+        times, line_numbers, log_format.time_unit or _unit_in(names[time_at], tuple(MINUTES_IN))
+    )
+    unit = log_format.value_unit or _unit_in(names[value_at], VALUE_UNITS) or _unit_by_size(values)
+    return BatteryLog(path.name, minutes, _scaled(values, unit, log_format), left_out)
 
 
 def _column(
     names: list[str],
-    told: str | None,
+    given: str | None,
     known: re.Pattern[str],
     option: str,
     default: int | None,
     but: int = -1,
 ) -> int:
-    """Which column: by its name as told, else by what such columns are called, else by its place."""
-    if told is not None:
-        if told not in names:
-            raise LogError(f"no column is called {told!r}; there are {', '.join(names)}")
-        return names.index(told)
+    """The index of a column: by the given name, else by the usual names of such columns, else by its place."""
+    if given is not None:
+        if given not in names:
+            raise LogError(f"no column is called {given!r}; there are {', '.join(names)}")
+        return names.index(given)
     if default is not None:
         if default >= len(names):
             raise LogError("needs two columns, time and voltage")
@@ -141,7 +143,7 @@ def _cells(
     rows: list[tuple[int, list[str]]], time_at: int, value_at: int
 ) -> tuple[list[str], Floats, list[int], int]:
     """(times as text, values, line numbers, rows left out because they have no value)."""
-    times, values, numbers = [], [], []
+    times, values, line_numbers = [], [], []
     left_out = 0
     for number, cells in rows:
         if max(time_at, value_at) >= len(cells):
@@ -154,11 +156,11 @@ def _cells(
             raise LogError(f"line {number}: {cell!r} is no number")
         times.append(cells[time_at])
         values.append(float(cell))
-        numbers.append(number)
-    return times, np.array(values), numbers, left_out
+        line_numbers.append(number)
+    return times, np.array(values), line_numbers, left_out
 
 
-def _minutes(times: list[str], numbers: list[int], unit: str | None) -> Floats:
+def _minutes(times: list[str], line_numbers: list[int], unit: str | None) -> Floats:
     stamps = not _is_number(times[0])
     if not stamps and unit is None:
         raise LogError(
@@ -166,7 +168,7 @@ def _minutes(times: list[str], numbers: list[int], unit: str | None) -> Floats:
         )
     found: list[float] = []
     first: datetime | None = None
-    for number, cell in zip(numbers, times, strict=True):
+    for number, cell in zip(line_numbers, times, strict=True):
         if stamps:
             stamp = _stamp(cell)
             if stamp is None:
@@ -185,23 +187,23 @@ def _minutes(times: list[str], numbers: list[int], unit: str | None) -> Floats:
     return np.array(found)
 
 
-def _scaled(values: Floats, unit: str, how: LogFormat) -> Floats:
+def _scaled(values: Floats, unit: str, log_format: LogFormat) -> Floats:
     if unit == "scaled":
         return values
     if unit == "percent":
         return values / 100
     scale = 1000 if unit == "v" else 1
-    scaled: Floats = (values * scale - how.empty_mv) / (how.full_mv - how.empty_mv)
+    scaled: Floats = (values * scale - log_format.empty_mv) / (log_format.full_mv - log_format.empty_mv)
     return scaled
 
 
 def _unit_in(name: str, units: tuple[str, ...]) -> str | None:
-    """The unit that a column's name says: time_s, "t [min]", Voltage (mV), seconds; `%time` is ROS's nanoseconds."""
+    """The unit in a column's name: time_s, "t [min]", Voltage (mV), seconds; `%time` is ROS's nanoseconds."""
     if name == "%time":
         return "ns" if "ns" in units else None
     words: list[str] = re.findall(r"[a-z]+|%", name.lower())
     for word in reversed(words):
-        unit = _WORDS.get(word, word)
+        unit = _UNIT_WORDS.get(word, word)
         if unit in units:
             return unit
     return None

@@ -1,4 +1,4 @@
-"""A fitted log as one SVG picture: the rows, the curve with its breakpoints, and below them what the curve misses."""
+"""Draws a fitted log as one SVG picture: the rows, the curve with its breakpoints, and the residuals below."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _STYLE = (
 
 
 class _Panel:
-    """A rectangle of the picture, and what it shows: [x0, x1] by [y0, y1]."""
+    """A rectangle of the picture, which shows [x0, x1] by [y0, y1]."""
 
     def __init__(self, top: float, height: float, x: tuple[float, float], y: tuple[float, float]) -> None:
         self.top, self.bottom = top, top + height
@@ -59,7 +59,7 @@ class _Panel:
 
 
 def svg(fitted: BatteryFit) -> str:
-    """The picture, a file of its own that any browser shows."""
+    """The picture, as the text of a file that any browser shows."""
     residuals = fitted.scaled - fitted.curve.at(fitted.minutes)
     span = (float(fitted.minutes[0]), float(fitted.minutes[-1]))
     values = np.concatenate((fitted.scaled, fitted.curve.values))
@@ -67,11 +67,11 @@ def svg(fitted: BatteryFit) -> str:
     worst = max(fitted.max_abs, 1e-6) * 1.1
     upper = _Panel(_TOP, _CURVE, span, (low - 0.02, high + 0.02))
     lower = _Panel(upper.bottom + _BETWEEN, _RESIDUALS, span, (-worst, worst))
-    shown = _thinned(fitted.minutes, np.abs(residuals))
+    indices = _thinned(fitted.minutes, np.abs(residuals))
     height = lower.bottom + _BOTTOM
     curve = " ".join(f"{x:.1f},{y:.1f}" for x, y in map(upper.at, fitted.curve.knots, fitted.curve.values))
     box = f"0 0 {_WIDTH} {height}"
-    told = f"{fitted.direction}, RMSE {fitted.rmse:.4f}, largest residual {fitted.max_abs:.4f}"
+    subtitle = f"{fitted.direction}, RMSE {fitted.rmse:.4f}, largest residual {fitted.max_abs:.4f}"
     return (
         "\n".join(
             [
@@ -79,12 +79,12 @@ def svg(fitted: BatteryFit) -> str:
                 f"<style>{_STYLE}</style>",
                 f'<rect width="{_WIDTH}" height="{height}" fill="#fff"/>',
                 f'<text class="title" x="{_LEFT}" y="20">{escape(fitted.log)}</text>',
-                f'<text class="small" x="{_LEFT}" y="38">{told}, {len(fitted.minutes)} rows</text>',
+                f'<text class="small" x="{_LEFT}" y="38">{subtitle}, {len(fitted.minutes)} rows</text>',
                 *upper.frame("scaled voltage", x_labels=False),
                 *lower.frame("residual", x_labels=True),
                 f'<text x="{_WIDTH / 2}" y="{height - 10}" text-anchor="middle">minutes</text>',
-                *_dots(upper, fitted.minutes[shown], fitted.scaled[shown]),
-                *_dots(lower, fitted.minutes[shown], residuals[shown]),
+                *_dots(upper, fitted.minutes[indices], fitted.scaled[indices]),
+                *_dots(lower, fitted.minutes[indices], residuals[indices]),
                 *_cuts(fitted, upper, lower),
                 f'<polyline class="curve" points="{curve}"/>',
                 *_knots(fitted, upper),
@@ -96,7 +96,7 @@ def svg(fitted: BatteryFit) -> str:
 
 
 def ticks(low: float, high: float, about: int) -> list[float]:
-    """Round numbers within [low, high], some `about` of them."""
+    """About so many round numbers within [low, high]."""
     raw = (high - low) / about
     power = 10.0 ** floor(log10(raw))
     step = next(step for step in (1, 2, 5, 10) if step * power >= raw) * power
@@ -106,7 +106,7 @@ def ticks(low: float, high: float, about: int) -> list[float]:
 
 
 def _thinned(minutes: Floats, weight: Floats) -> np.ndarray[tuple[int], np.dtype[np.intp]]:
-    """At most some rows: of each span of time the one that lies farthest from the curve, so that no outlier is hidden."""
+    """The indices of the drawn rows: in each span of time the row farthest from the curve, so that no outlier is hidden."""
     if len(minutes) <= _SHOWN_ROWS:
         return np.arange(len(minutes))
     parts = np.array_split(np.arange(len(minutes)), _SHOWN_ROWS)

@@ -1,10 +1,10 @@
-"""Least squares fit of a continuous piecewise-linear curve whose breakpoints are sought as well.
+"""Fits a continuous piecewise-linear curve by least squares, including its breakpoints.
 
 For given breakpoints the values at them follow from linear least squares in hat functions: a tridiagonal system whose
-entries are sums over a segment's rows, differences of running sums. A trial of breakpoints so costs the same however
-long the log is, and many can be tried: one is added at a time where it helps most, each is then moved wherever on the
-whole axis it helps more, and all are refined in ever smaller steps. The sum of squares has many hollows, so this finds
-the deepest in all but contrived cases; tests compare it with an exhaustive search.
+entries are sums over a segment's rows, computed as differences of running sums. So a trial of breakpoints costs the same
+for any length of the log, and many can be tried. Breakpoints are added one at a time where they help most, each is then
+moved to wherever on the whole axis it helps more, and all are refined in ever smaller steps. The sum of squares has many
+local minima; this finds the deepest in all but contrived cases. Tests compare it with an exhaustive search.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ import numpy.typing as npt
 Floats = npt.NDArray[np.float64]
 
 MIN_ROWS = 3
-"""In each segment."""
+"""The least number of rows in a segment."""
 _GRID = 48
 _FIRST_STEP, _LAST_STEP = 0.02, 1e-7
 _GAIN = 1 - 1e-9
-"""A trial has to be better by more than rounding."""
+"""A trial is accepted only if it is better by more than rounding."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,7 +33,7 @@ class Piecewise:
 
     @property
     def slopes(self) -> tuple[float, ...]:
-        """Of each segment."""
+        """The slope of each segment."""
         return tuple(
             (self.values[n + 1] - self.values[n]) / (self.knots[n + 1] - self.knots[n])
             for n in range(len(self.knots) - 1)
@@ -44,7 +44,7 @@ class Piecewise:
 
 
 def fit(x: Floats, y: Floats, segments: int) -> Piecewise:
-    """The curve with `segments` pieces, `x` (n,) never falling and `y` (n,).
+    """Fits the curve with `segments` pieces to `x` (n,), never falling, and `y` (n,).
 
     ValueError when there are too few rows for that many pieces, or all at the same x.
     """
@@ -83,7 +83,7 @@ class _Trial:
         self._sums = tuple(np.concatenate((zero, np.cumsum(it))) for it in (x, x * x, y, x * y, y * y))
 
     def solve(self, knots: Floats) -> tuple[float, Floats]:
-        """(sum of squares, values at the knots); the sum is infinite where a segment holds too few rows."""
+        """Returns (sum of squares, values at the knots); the sum is infinite if a segment has too few rows."""
         cut = np.searchsorted(self.x, knots)
         cut[-1] = len(self.x)
         count = np.diff(cut).astype(float)
@@ -128,9 +128,9 @@ class _Trial:
 
 
 def _with_one_more(trial: _Trial, inner: tuple[float, ...]) -> tuple[float, ...]:
-    """One breakpoint more, where it helps most on a grid; the same when no place is left for it."""
-    tried = [tuple(sorted((*inner, float(at)))) for at in _grid(trial)]
-    best = min(tried, key=trial.squares, default=inner)
+    """Adds one breakpoint where it helps most on a grid; returns the same breakpoints when no place is left for it."""
+    trials = [tuple(sorted((*inner, float(at)))) for at in _grid(trial)]
+    best = min(trials, key=trial.squares, default=inner)
     return best if trial.squares(best) < np.inf else inner
 
 
@@ -158,7 +158,7 @@ def _as_separate_lines(trial: _Trial, segments: int) -> tuple[float, ...] | None
 
 
 def _exchange(trial: _Trial, inner: tuple[float, ...]) -> tuple[float, ...]:
-    """Takes each breakpoint out and puts it back where it helps most, until none moves."""
+    """Removes each breakpoint and adds it again where it helps most, until none moves."""
     best = trial.squares(inner)
     moved = True
     while moved:
@@ -172,15 +172,15 @@ def _exchange(trial: _Trial, inner: tuple[float, ...]) -> tuple[float, ...]:
 
 
 def _refine(trial: _Trial, inner: tuple[float, ...]) -> tuple[float, ...]:
-    """Moves each breakpoint, and neighbours together, by steps that grow smaller until none helps."""
+    """Moves single breakpoints and pairs of neighbours, by ever smaller steps until no step helps."""
     best = trial.squares(inner)
     step = _FIRST_STEP
-    together = [(n,) for n in range(len(inner))] + [(n, n + 1) for n in range(len(inner) - 1)]
+    groups = [(n,) for n in range(len(inner))] + [(n, n + 1) for n in range(len(inner) - 1)]
     while step > _LAST_STEP:
         moved = False
-        for which in together:
+        for group in groups:
             for by in (step, -step):
-                other = tuple(at + by if n in which else at for n, at in enumerate(inner))
+                other = tuple(at + by if n in group else at for n, at in enumerate(inner))
                 if not all(a < b for a, b in zip((0.0, *other), (*other, 1.0), strict=True)):
                     continue
                 squares = trial.squares(other)
@@ -192,7 +192,7 @@ def _refine(trial: _Trial, inner: tuple[float, ...]) -> tuple[float, ...]:
 
 
 def _grid(trial: _Trial) -> Floats:
-    """Half of the places evenly in x, half evenly in rows: a log may be dense in one part and thin in another."""
+    """The grid of trial places: half evenly in x, half evenly in rows, because the density of a log may vary."""
     even = np.linspace(0, 1, _GRID // 2 + 2)[1:-1]
     by_row = trial.x[np.linspace(0, len(trial.x) - 1, _GRID // 2 + 2).astype(int)[1:-1]]
     places: Floats = np.unique(np.concatenate((even, by_row)))

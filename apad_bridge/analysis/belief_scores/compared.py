@@ -1,8 +1,8 @@
-"""Beliefs beside truth in a recorded run, at times a period apart: by its bags, or by its journal.
+"""Compares beliefs with the truth in a recorded run, at times a period apart: from its bags, or from its journal.
 
-A bag holds what was believed at each of its samples, and how sure that was. A journal names a belief again when it has
-changed noticeably, and knows no deviation of a place: it is for runs that still fly, whose bag is not closed yet, and for
-bags of versions that held the means alone.
+A bag has the beliefs and their deviations at each of its samples. A journal repeats a belief only when it has changed
+noticeably, and has no deviation of a place. The journal is for runs that still fly, whose bag is not closed yet, and for
+bags of versions that recorded the means only.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from pathlib import Path
 
 from apad_bridge.analysis.replay.history import History
 from apad_bridge.beliefs.modes import Mode, mode_of
-from apad_bridge.records.bag_samples import BagUnreadable, Instant, instants, tells_deviations
+from apad_bridge.records.bag_samples import BagUnreadable, Instant, has_deviations, instants
 from apad_bridge.records.journal import Line, read_journal
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
 from apad_bridge.records.samples import BeliefSample, TruthSample, Water
@@ -27,7 +27,7 @@ from firmware_model.states import State
 
 _HALF_RESTS = 0.683
 _CERTAIN = 1e-6
-"""What is believed to so much is believed to be full, or empty."""
+"""A belief with a smaller deviation rests at full or at empty."""
 
 
 class Record(StrEnum):
@@ -36,44 +36,49 @@ class Record(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Compared:
-    """One aMussel at one time. Ages are agent time since the newest packet; `deviation` is None for a belief that claims to
-    be certain."""
+class Comparison:
+    """One aMussel's belief and truth at one time.
+
+    The age is agent time since the newest packet; `deviation` is None for a belief without uncertainty.
+    """
 
     agent_id: int
     at_ms: int
     age_h: float
     mode: Mode
-    """What it was."""
+    """The true mode."""
     mode_right: bool
     error: float
-    """Of the primary charge, believed less true."""
+    """The believed minus the true primary charge."""
     deviation: float | None
     covered: bool | None
-    """Whether the truth lay in the interval of 95 %."""
+    """True if the truth lay in the interval of 95 %."""
     clamped: bool
-    """The truth rests at 0 or 1, or more than half of what is believed does."""
+    """True if the truth rests at 0 or 1, or more than half of the belief does."""
     place_error_m: float | None
-    """None in a dock: it is where the aPad is."""
+    """None in a dock, where the place is the aPad's."""
     place_square: float | None = None
-    """Square of that error in deviations, of two dimensions; None where nobody claims any."""
+    """The square of that error in deviations, in two dimensions; None without deviations."""
 
 
 def best_record(run_dir: Path) -> Record:
-    """The bag, if all of the run's bags are closed and say how sure beliefs were. RunDirectoryError for no run."""
+    """The bag, if all of the run's bags are closed and have deviations; else the journal. RunDirectoryError for no run."""
     bags = RunDirectory.open(run_dir).bags
-    return Record.BAG if bags and all(map(tells_deviations, bags)) else Record.JOURNAL
+    return Record.BAG if bags and all(map(has_deviations, bags)) else Record.JOURNAL
 
 
-def compared_in(run_dir: Path, period_ms: int, record: Record) -> Iterator[Compared]:
-    """Of every aMussel of which `record` has both. RunDirectoryError, one line, when the directory holds no such run."""
+def compared_in(run_dir: Path, period_ms: int, record: Record) -> Iterator[Comparison]:
+    """Yields a comparison for every aMussel with belief and truth in `record`.
+
+    RunDirectoryError, one line, when the directory holds no such run.
+    """
     directory = RunDirectory.open(run_dir)
     if record is Record.BAG:
         if not directory.bags:
             raise RunDirectoryError(f"{run_dir} holds no bag")
         try:
             for instant in instants(directory.bags, period_ms):
-                yield from _at_instant(instant)
+                yield from _in_bag_at(instant)
         except BagUnreadable as error:
             raise RunDirectoryError(f"{error}; try --from journal") from error
         return
@@ -91,27 +96,27 @@ def compared_in(run_dir: Path, period_ms: int, record: Record) -> Iterator[Compa
                 f"{directory.journal} has a line that this version does not read ({error!r}): "
                 "look at the run with the version that flew it"
             ) from error
-        yield from _at(history, water, scenario, now_ms)
+        yield from _in_journal_at(history, water, scenario, now_ms)
 
 
-def _at_instant(instant: Instant) -> Iterator[Compared]:
+def _in_bag_at(instant: Instant) -> Iterator[Comparison]:
     truths = {truth.agent_id: truth for truth in instant.truths}
-    # Agent time for each second of mission time; nothing is older than the run.
+    # Agent time per second of mission time.
     theta = round(instant.agent_ms / instant.at_ms) if instant.at_ms else 1
     for belief in instant.beliefs:
         truth = truths.get(belief.agent_id)
         if truth is None:
             continue
-        sure = not math.isnan(belief.charge_deviation)
-        yield Compared(
+        has_deviation = not math.isnan(belief.charge_deviation)
+        yield Comparison(
             belief.agent_id,
             instant.at_ms,
             theta * belief.age_s / 3600,
             (mode := _true_mode(truth)),
             _believed_mode(belief) is mode,
             belief.charge - truth.primary,
-            belief.charge_deviation if sure else None,
-            belief.charge_low <= truth.primary <= belief.charge_high if sure else None,
+            belief.charge_deviation if has_deviation else None,
+            belief.charge_low <= truth.primary <= belief.charge_high if has_deviation else None,
             not 0 < truth.primary < 1 or _rests(belief.charge, belief.charge_deviation),
             None
             if truth.docked
@@ -131,13 +136,15 @@ def _believed_mode(belief: BeliefSample) -> Mode:
 
 
 def _rests(charge: float, deviation: float) -> bool:
-    """Whether more than half of a Gaussian that is held at 0 and 1 rests at one of them, by its moments as held: half of it
-    does at a mean of 1, which leaves a mean of 1 - 0.399 and a deviation of 0.584 of the Gaussian's."""
+    """True if more than half of a Gaussian clamped to [0, 1] rests at 0 or 1, by its moments after clamping.
+
+    Half of it does at a mean of 1, and clamping leaves a mean of 1 - 0.399 and a deviation of 0.584 of the Gaussian's.
+    """
     return min(charge, 1 - charge) < _HALF_RESTS * deviation or deviation < _CERTAIN
 
 
 def _place_square(belief: BeliefSample, truth: TruthSample) -> float | None:
-    """Mahalanobis' distance, squared; None for a place without deviations, or with none to speak of."""
+    """The squared Mahalanobis distance; None for a place without deviations, or with negligible ones."""
     north, east = belief.north_deviation_m**2, belief.east_deviation_m**2
     across = belief.place_covariance_m2
     determinant = north * east - across * across
@@ -147,7 +154,7 @@ def _place_square(belief: BeliefSample, truth: TruthSample) -> float | None:
     return (east * d_north**2 - 2 * across * d_north * d_east + north * d_east**2) / determinant
 
 
-def _at(history: History, water: Water, scenario: Scenario, now_ms: int) -> Iterator[Compared]:
+def _in_journal_at(history: History, water: Water, scenario: Scenario, now_ms: int) -> Iterator[Comparison]:
     for agent_id, line in sorted(history.now.beliefs.items()):
         truth = history.now.truths.get(agent_id)
         if truth is None:
@@ -155,7 +162,7 @@ def _at(history: History, water: Water, scenario: Scenario, now_ms: int) -> Iter
         sample = water.sample(truth, max(scenario.theta * now_ms, truth.at_ms))
         mode = _true_mode(sample)
         deviation = line.get("sd")
-        yield Compared(
+        yield Comparison(
             agent_id,
             now_ms,
             scenario.theta * (now_ms - line["heard"]) / 3_600_000,

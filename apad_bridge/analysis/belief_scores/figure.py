@@ -1,4 +1,4 @@
-"""The scores of a run's beliefs as a picture: error and coverage by age, mode and aMussel, with the samples of each bin."""
+"""Draws the scores of a run's beliefs: error and coverage by age, mode and aMussel, with the number of samples in a bin."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ from typing import Any
 
 from apad_bridge.analysis.belief_scores.scored import Score, Scores
 
-_ERROR, _COVERAGE, _ALOOF = "#3b6ea5", "#b5542c", "#888888"
+_ERROR, _COVERAGE, _COUNT = "#3b6ea5", "#b5542c", "#888888"
 _WANTED = 0.95
-_SHOWN = 40
-"""More aMussels than this are drawn without their numbers: nobody could read them."""
+_MAX_LABELS = 40
+"""More aMussels than this are drawn without their ids, which would be unreadable."""
 
 
 def draw(scores: Scores, path: Path, title: str) -> None:
-    """Writes what the file's ending says: .png, .svg or .pdf. ValueError for another ending."""
+    """Writes the picture in the format of the file's ending: .png, .svg or .pdf. ValueError for another ending."""
     import matplotlib
 
     matplotlib.use("Agg")
@@ -40,7 +40,7 @@ def _panel(panel: Any, name: str, bins: dict[str, Score]) -> None:
     panel.set_ylabel("error of the charge (rms)", color=_ERROR)
     panel.set_ylim(0, 1.3 * max([*errors, 1e-3]))
     panel.set_xlabel(name)
-    many = len(bins) > _SHOWN
+    many = len(bins) > _MAX_LABELS
     panel.set_xticks([] if many else list(places), [] if many else list(bins))
     if not many:
         for place, score in zip(places, bins.values(), strict=True):
@@ -51,7 +51,7 @@ def _panel(panel: Any, name: str, bins: dict[str, Score]) -> None:
                 textcoords="offset points",
                 ha="center",
                 fontsize=7,
-                color=_ALOOF,
+                color=_COUNT,
             )
     covered = [(place, score.coverage) for place, score in zip(places, bins.values(), strict=True)]
     known = [(place, coverage) for place, coverage in covered if coverage is not None]

@@ -1,4 +1,4 @@
-"""Error, coverage and consistency of beliefs, by the age of the last packet, by mode and by aMussel."""
+"""Scores beliefs: error, coverage and consistency by the age of the last packet, by mode and by aMussel."""
 
 from __future__ import annotations
 
@@ -7,33 +7,33 @@ from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from apad_bridge.analysis.belief_scores.compared import Compared
+from apad_bridge.analysis.belief_scores.compared import Comparison
 
 AGES_H = ((1 / 60, "a minute"), (1.0, "1 h"), (6.0, "6 h"), (12.0, "12 h"), (24.0, "24 h"), (48.0, "48 h"))
-"""Upper ends of the bins, of agent time, and their names; what is older is in one of its own."""
+"""The bins' upper ends, in agent time, and names; older samples have a bin of their own."""
 OLDER = "older"
 _CERTAIN = 1e-9
 _ELLIPSE_95 = -2 * math.log(0.05)
-"""Of the squared deviation in two dimensions, what 95 % lie below."""
+"""The squared deviation in two dimensions below which 95 % lie."""
 
 
 @dataclass(frozen=True, slots=True)
 class Score:
-    """Of one bin. None where nobody claims an interval, or nothing is free of the ends."""
+    """The scores of one bin. None without an interval, or if every charge rests at 0 or 1."""
 
     samples: int
     rmse: float
     bias: float
     coverage: float | None
-    """Share of samples in the interval of 95 %."""
+    """The share of samples in the interval of 95 %."""
     nees: float | None
-    """Mean square of the error in deviations, 1 for one that knows itself; charges that rest at 0 or 1 apart."""
+    """The mean square of the error in deviations, without charges that rest at 0 or 1; it is 1 for consistent beliefs."""
     mode_right: float
     place_rmse_m: float | None
     place_coverage: float | None
-    """Share of places in the believed ellipse of 95 %; None, as below, where no deviation of a place is recorded."""
+    """The share of places in the believed ellipse of 95 %. This and `place_nees` are None without deviations of places."""
     place_nees: float | None
-    """Of both axes, divided by two."""
+    """The same as `nees` for both axes of the place, divided by two."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,17 +47,17 @@ class Scores:
         return asdict(self)
 
 
-def scores_of(rows: Iterable[Compared]) -> Scores | None:
-    """None when there is nothing to compare."""
-    found = list(rows)
-    if not found:
+def scores_of(rows: Iterable[Comparison]) -> Scores | None:
+    """The scores of all comparisons; None when there are none."""
+    comparisons = list(rows)
+    if not comparisons:
         return None
     names = [name for _, name in AGES_H] + [OLDER]
     return Scores(
-        _score(found),
-        _by(found, lambda row: age_bin(row.age_h), names.index),
-        _by(found, lambda row: row.mode.name.lower().replace("_", " "), str),
-        _by(found, lambda row: str(row.agent_id), int),
+        _score(comparisons),
+        _by(comparisons, lambda row: age_bin(row.age_h), names.index),
+        _by(comparisons, lambda row: row.mode.name.lower().replace("_", " "), str),
+        _by(comparisons, lambda row: str(row.agent_id), int),
     )
 
 
@@ -66,17 +66,17 @@ def age_bin(age_h: float) -> str:
 
 
 def _by(
-    rows: list[Compared], key: Callable[[Compared], str], order: Callable[[str], Any]
+    rows: list[Comparison], key: Callable[[Comparison], str], order: Callable[[str], Any]
 ) -> dict[str, Score]:
-    bins: dict[str, list[Compared]] = {}
+    bins: dict[str, list[Comparison]] = {}
     for row in rows:
         bins.setdefault(key(row), []).append(row)
     return {name: _score(bins[name]) for name in sorted(bins, key=order)}
 
 
-def _score(rows: list[Compared]) -> Score:
+def _score(rows: list[Comparison]) -> Score:
     covered = [row.covered for row in rows if row.covered is not None]
-    free = [
+    unclamped = [
         (row.error / row.deviation) ** 2
         for row in rows
         if row.deviation is not None and row.deviation > _CERTAIN and not row.clamped
@@ -89,7 +89,7 @@ def _score(rows: list[Compared]) -> Score:
         math.sqrt(math.fsum(row.error**2 for row in rows) / count),
         math.fsum(row.error for row in rows) / count,
         sum(covered) / len(covered) if covered else None,
-        math.fsum(free) / len(free) if free else None,
+        math.fsum(unclamped) / len(unclamped) if unclamped else None,
         sum(row.mode_right for row in rows) / count,
         math.sqrt(math.fsum(places) / len(places)) if places else None,
         sum(square <= _ELLIPSE_95 for square in squares) / len(squares) if squares else None,

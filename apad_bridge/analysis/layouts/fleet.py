@@ -1,4 +1,4 @@
-"""What a layout shows: a scenario's aPads, whom each serves at first, the names of their topics, and the area."""
+"""The content of a layout: a scenario's aPads, the aMussels that each serves at first, their topics, and the area."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import Start
 
 _GOLDEN = 0.618033988749895
-"""Hues so far apart on the circle of 1 stay apart however many there are."""
+"""The step between hues on the circle of 1: any number of hues stay apart."""
 
 
 @dataclass(frozen=True, slots=True)
-class APadShown:
+class LayoutAPad:
     """An aPad and the aMussels that it serves at first."""
 
     name: str
@@ -28,25 +28,25 @@ class APadShown:
     is_one_of_several: bool
 
     def topic(self, leaf: str) -> str:
-        """What of the bench is of this aPad alone, by its name below `musselbed`."""
+        """The full name of a topic of this aPad alone, from its name below `musselbed`."""
         name = ours(leaf)
         return f"{self.namespace}/{below_apad(name, self.name) if self.is_one_of_several else name}"
 
 
 @dataclass(frozen=True, slots=True)
-class FleetShown:
-    """Bounds of the area are (north, east) metres, as are all places in a scenario."""
+class LayoutFleet:
+    """A scenario's fleet. The area's bounds are (north, east) metres, like all places in a scenario."""
 
     name: str
     namespace: str
-    apads: tuple[APadShown, ...]
+    apads: tuple[LayoutAPad, ...]
     south_west_m: tuple[float, float]
     north_east_m: tuple[float, float]
     duration_s: float
 
     @property
     def ids(self) -> tuple[int, ...]:
-        """Of all aMussels, rising."""
+        """The ids of all aMussels, in rising order."""
         return tuple(sorted(agent_id for apad in self.apads for agent_id in apad.ids))
 
     @property
@@ -63,17 +63,17 @@ class FleetShown:
     def frames(self) -> Frames:
         return Frames(self.namespace.strip("/"))
 
-    def batteries(self, apad: APadShown) -> dict[int, str]:
-        """The topic of each battery of the aMussels that this aPad serves at first, by id."""
+    def batteries(self, apad: LayoutAPad) -> dict[int, str]:
+        """The battery topics of the aMussels that this aPad serves at first, by id."""
         return {
             agent_id: f"{self.namespace}/{of_amussel(agent_id, 'battery_state')}" for agent_id in apad.ids
         }
 
 
-def shown(scenario: Scenario, starts: Sequence[Start], namespace: str = "") -> FleetShown:
-    """`namespace` is empty, or a name of ROS with its leading slash and none at its end."""
+def shown(scenario: Scenario, starts: Sequence[Start], namespace: str = "") -> LayoutFleet:
+    """A scenario's fleet for a layout. `namespace` is empty, or a ROS name with a leading slash and none at its end."""
     apads = [
-        APadShown(
+        LayoutAPad(
             member.name,
             namespace,
             tuple(start.agent_id for start in member.starts),
@@ -82,20 +82,20 @@ def shown(scenario: Scenario, starts: Sequence[Start], namespace: str = "") -> F
         for member in members(scenario, starts)
     ]
     south_west, north_east = bounding_box(scenario.area.polygon_m)
-    return FleetShown(scenario.name, namespace, tuple(apads), south_west, north_east, scenario.duration_s)
+    return LayoutFleet(scenario.name, namespace, tuple(apads), south_west, north_east, scenario.duration_s)
 
 
 def in_bag(leaf: str) -> str:
-    """The topic of the bench in a run's bag, where names are the same whatever they were on the graph."""
+    """The name of a topic in a run's bag, which does not depend on the names on the graph."""
     return f"/{ours(leaf)}"
 
 
 def colour(number: int) -> tuple[int, int, int]:
-    """Red, green and blue in [0, 255] of the curve or line of this number: neighbours differ."""
+    """Red, green and blue in [0, 255] for the curve or line of this number; neighbours differ."""
     red, green, blue = colorsys.hsv_to_rgb(number * _GOLDEN % 1.0, 0.65, 0.95)
     return round(255 * red), round(255 * green), round(255 * blue)
 
 
 def hexadecimal(number: int) -> str:
-    """The same as #rrggbb."""
+    """The colour of this number as #rrggbb."""
     return "#{:02x}{:02x}{:02x}".format(*colour(number))

@@ -1,4 +1,4 @@
-"""Foxglove: the scene from above, /diagnostics, and plots in tabs: one for each aPad, one for what a run's bag holds."""
+"""The layout for Foxglove: the scene from above, /diagnostics, and tabs of plots for each aPad and for a run's bag."""
 
 from __future__ import annotations
 
@@ -6,21 +6,21 @@ import json
 from collections.abc import Iterable
 from typing import Any
 
-from apad_bridge.analysis.layouts.fleet import APadShown, FleetShown, hexadecimal, in_bag
+from apad_bridge.analysis.layouts.fleet import LayoutAPad, LayoutFleet, hexadecimal, in_bag
 from apad_bridge.analysis.layouts.grid import grid_of
 from apad_bridge.ros_names.names import DIAGNOSTICS, plain
 
-_LEGEND_OF = 24
+_MAX_LEGEND = 24
 """A legend with more lines than this would hide its plot."""
 _MARGIN = 1.4
 _WIDER = 1.2
-"""The scene's panel is so many times as wide as it is high on a common screen."""
+"""The width of the scene's panel over its height on a common screen."""
 _THIN = 500
-"""A line's width in metres, over the area: about a pixel and a half."""
+"""The area's span over a line's width: the line is about a pixel and a half wide."""
 Panels = dict[str, Any]
 
 
-def layout(fleet: FleetShown) -> str:
+def layout(fleet: LayoutFleet) -> str:
     panels: Panels = {"3D!scene": _scene(fleet)}
     tabs = [
         *({"title": apad.name, "layout": _plots_of(panels, fleet, apad)} for apad in fleet.apads),
@@ -44,21 +44,21 @@ def layout(fleet: FleetShown) -> str:
     return json.dumps(data, indent=2) + "\n"
 
 
-def _scene(fleet: FleetShown) -> dict[str, Any]:
+def _scene(fleet: LayoutFleet) -> dict[str, Any]:
     topics: dict[str, Any] = {}
     thin_m = round(max(fleet.span_m) / _THIN, 3)
     for number, apad in enumerate(fleet.apads):
-        of_one = [hexadecimal(number) + "ff"] * 2 if len(fleet.apads) > 1 else None
+        own_colour = [hexadecimal(number) + "ff"] * 2 if len(fleet.apads) > 1 else None
         topics[apad.topic("markers")] = {"visible": True}
-        topics[apad.topic("plan")] = _line(2 * thin_m, of_one or ["#ffc800ff"] * 2)
-        topics[apad.topic("apad/path")] = _line(thin_m, of_one or ["#b4b4b4ff"] * 2)
+        topics[apad.topic("plan")] = _line(2 * thin_m, own_colour or ["#ffc800ff"] * 2)
+        topics[apad.topic("apad/path")] = _line(thin_m, own_colour or ["#b4b4b4ff"] * 2)
     north_m, east_m = fleet.centre_m
     tall_m, wide_m = fleet.span_m
     return {
         "followTf": fleet.frames.enu,
         "followMode": "follow-none",
         "topics": topics,
-        # Frames are where the markers are: axes, names and lines to the origin would only hide them.
+        # Frames are at the same places as the markers, and their axes, names and lines would only hide the markers.
         "transforms": {f"frame:{frame}": {"visible": False} for frame in _frames(fleet)},
         "scene": {"backgroundColor": "#14283c"},
         "layers": {"grid": _grid(fleet)},
@@ -74,13 +74,13 @@ def _scene(fleet: FleetShown) -> dict[str, Any]:
     }
 
 
-def _frames(fleet: FleetShown) -> list[str]:
+def _frames(fleet: LayoutFleet) -> list[str]:
     frames = fleet.frames
     bodies = [*map(frames.agent, fleet.ids), *(frames.apad(apad.name) for apad in fleet.apads)]
     return [frames.enu, frames.ned, *bodies]
 
 
-def _grid(fleet: FleetShown) -> dict[str, Any]:
+def _grid(fleet: LayoutFleet) -> dict[str, Any]:
     grid = grid_of(fleet)
     return {
         "layerId": "foxglove.Grid",
@@ -102,8 +102,8 @@ def _line(width_m: float, gradient: list[str]) -> dict[str, Any]:
     return {"visible": True, "type": "line", "lineWidth": width_m, "gradient": gradient}
 
 
-def _plots_of(panels: Panels, fleet: FleetShown, apad: APadShown) -> dict[str, Any]:
-    charges, battery = (f"Plot!{plain(apad.name)}-{what}" for what in ("amussels", "battery"))
+def _plots_of(panels: Panels, fleet: LayoutFleet, apad: LayoutAPad) -> dict[str, Any]:
+    charges, battery = (f"Plot!{plain(apad.name)}-{plot}" for plot in ("amussels", "battery"))
     panels[charges] = _plot(
         f"Batteries of {apad.name}'s aMussels" if len(fleet.apads) > 1 else "Batteries of the aMussels",
         ((str(agent_id), f"{topic}.percentage") for agent_id, topic in fleet.batteries(apad).items()),
@@ -114,8 +114,8 @@ def _plots_of(panels: Panels, fleet: FleetShown, apad: APadShown) -> dict[str, A
     return _column(charges, battery, 70)
 
 
-def _plots_of_bag(panels: Panels, fleet: FleetShown) -> dict[str, Any]:
-    """In every run's bag, whatever the names on the graph were: with several aPads each has a bag of its own."""
+def _plots_of_bag(panels: Panels, fleet: LayoutFleet) -> dict[str, Any]:
+    """Plots of a run's bag, whose names do not depend on the graph. With several aPads each one has a bag of its own."""
     for panel, title, topic, field in (
         ("Plot!bag-truth", "Charges as they are", in_bag("truth"), "primary"),
         ("Plot!bag-beliefs", "Charges as believed", in_bag("beliefs"), "charge"),
@@ -127,8 +127,8 @@ def _plots_of_bag(panels: Panels, fleet: FleetShown) -> dict[str, Any]:
 
 
 def _plot(title: str, paths: Iterable[tuple[str, str]]) -> dict[str, Any]:
-    """Of fractions; each path with its label."""
-    shown = [
+    """A plot of fractions; each path comes with its label."""
+    curves = [
         {
             "value": path,
             "label": label,
@@ -140,10 +140,10 @@ def _plot(title: str, paths: Iterable[tuple[str, str]]) -> dict[str, Any]:
     ]
     return {
         "foxglovePanelTitle": title,
-        "paths": shown,
+        "paths": curves,
         "minYValue": 0,
         "maxYValue": 1,
-        "showLegend": len(shown) <= _LEGEND_OF,
+        "showLegend": len(curves) <= _MAX_LEGEND,
         "legendDisplay": "left",
         "showPlotValuesInLegend": False,
         "showXAxisLabels": True,

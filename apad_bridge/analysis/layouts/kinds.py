@@ -1,4 +1,4 @@
-"""The programs that a layout is written for."""
+"""The programs for which a layout can be written."""
 
 from __future__ import annotations
 
@@ -6,16 +6,16 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from apad_bridge.analysis.layouts import foxglove, plotjuggler, rqt, rviz
-from apad_bridge.analysis.layouts.fleet import FleetShown
+from apad_bridge.analysis.layouts.fleet import LayoutFleet
 
 
 @dataclass(frozen=True, slots=True)
 class Kind:
-    """`ending` is what the program expects a file's name to end in, `opened` how it is opened, with FILE for its name."""
+    """A program's layouts: the `ending` of their files' names, and how to open one, with FILE for its name."""
 
     ending: str
     opened: str
-    write: Callable[[FleetShown], str]
+    write: Callable[[LayoutFleet], str]
 
 
 KINDS = {

@@ -1,6 +1,6 @@
-"""PlotJuggler 3: a tab for each aPad with batteries and the way from above, and one for what a run's bag holds.
+"""The layout for PlotJuggler 3: a tab for each aPad with batteries and the track from above, and a tab for a run's bag.
 
-Curves are named as its ROS plugins name them: topic, then fields, with [n] for a place in a list.
+Curves have the names of its ROS plugins: the topic, then the fields, with [n] for an index in a list.
 """
 
 from __future__ import annotations
@@ -8,12 +8,12 @@ from __future__ import annotations
 from collections.abc import Iterable
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
-from apad_bridge.analysis.layouts.fleet import APadShown, FleetShown, hexadecimal, in_bag
+from apad_bridge.analysis.layouts.fleet import LayoutAPad, LayoutFleet, hexadecimal, in_bag
 
 _OF_BAG = ("truth", "beliefs", "apad")
 
 
-def layout(fleet: FleetShown) -> str:
+def layout(fleet: LayoutFleet) -> str:
     root = Element("root")
     tabs = SubElement(root, "tabbed_widget", {"parent": "main_window", "name": "Main Window"})
     for apad in fleet.apads:
@@ -30,11 +30,11 @@ def layout(fleet: FleetShown) -> str:
     return f"<?xml version='1.0' encoding='UTF-8'?>\n{tostring(root, encoding='unicode')}\n"
 
 
-def _streamed(fleet: FleetShown, apad: APadShown) -> list[str]:
+def _streamed(fleet: LayoutFleet, apad: LayoutAPad) -> list[str]:
     return [apad.topic("apad"), apad.topic("apad/battery_state"), *fleet.batteries(apad).values()]
 
 
-def _tab_of(tabs: Element, fleet: FleetShown, apad: APadShown) -> None:
+def _tab_of(tabs: Element, fleet: LayoutFleet, apad: LayoutAPad) -> None:
     splitter = _tab(tabs, apad.name, "-", (0.6, 0.4))
     charges = _time_plot(splitter, f"{apad.name}: aMussels", fleet.duration_s)
     for number, topic in enumerate(fleet.batteries(apad).values()):
@@ -45,8 +45,8 @@ def _tab_of(tabs: Element, fleet: FleetShown, apad: APadShown) -> None:
     _seen_from_above(below, fleet, apad)
 
 
-def _tab_of_bag(tabs: Element, fleet: FleetShown) -> None:
-    """The bag's lists are in the order of ids; with several aPads each has a bag of its own, with its aMussels alone."""
+def _tab_of_bag(tabs: Element, fleet: LayoutFleet) -> None:
+    """The tab for a bag, whose lists are in the order of ids. Each of several aPads has a bag of its own aMussels."""
     splitter = _tab(tabs, "run.bag", "-", (0.7, 0.3))
     charges = _time_plot(splitter, "true charges, by rising id", fleet.duration_s)
     for number in range(max((len(apad.ids) for apad in fleet.apads), default=0)):
@@ -69,14 +69,14 @@ def _tab(tabs: Element, title: str, orientation: str, sizes: tuple[float, ...]) 
 
 
 def _time_plot(parent: Element, title: str, duration_s: float) -> Element:
-    """Of fractions, over the mission's time."""
+    """A plot of fractions over mission time."""
     plot = SubElement(SubElement(parent, "DockArea", name=title), "plot", mode="TimeSeries", style="Lines")
     SubElement(plot, "range", left="0", right=f"{duration_s:g}", bottom="0", top="1")
     SubElement(plot, "limitY", min="0", max="1")
     return plot
 
 
-def _seen_from_above(parent: Element, fleet: FleetShown, apad: APadShown) -> None:
+def _seen_from_above(parent: Element, fleet: LayoutFleet, apad: LayoutAPad) -> None:
     (south, west), (north, east) = fleet.south_west_m, fleet.north_east_m
     area = SubElement(parent, "DockArea", name=f"{apad.name}: way, east and north in m")
     plot = SubElement(area, "plot", mode="XYPlot", style="Lines")
@@ -95,7 +95,7 @@ def _seen_from_above(parent: Element, fleet: FleetShown, apad: APadShown) -> Non
 
 def _plugin(plugins: Element, name: str, topics: Iterable[str], longest: int) -> None:
     plugin = SubElement(plugins, "plugin", ID=name)
-    # Mission time is that of the message's arrival, on /clock and in a bag; headers hold when a report was made.
+    # A message's arrival has mission time, on /clock and in a bag; its header has the time of the report.
     SubElement(plugin, "use_header_stamp", value="false")
     SubElement(plugin, "discard_large_arrays", value="true")
     SubElement(plugin, "max_array_size", value=str(max(100, longest)))

@@ -1,7 +1,7 @@
-"""A main window of Qt 5 with docks side by side, as the bytes that `QMainWindow.saveState` and `saveGeometry` give.
+"""A main window of Qt 5 with docks side by side, as the bytes that `QMainWindow.saveState` and `saveGeometry` return.
 
-rqt keeps both in a perspective. Numbers are big-endian (QDataStream, version Qt_5_0); sizes are pixels. Qt takes sizes as
-shares of the window that it has.
+rqt keeps both in a perspective. Numbers are big-endian (QDataStream, version Qt_5_0); sizes are pixels. Qt reads sizes as
+shares of the window's real size.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ _GEOMETRY_MAGIC = 0x01D9D0CB
 
 @dataclass(frozen=True, slots=True)
 class Dock:
-    """By the object name of its QDockWidget."""
+    """A dock, by the object name of its QDockWidget."""
 
     name: str
 
 
 @dataclass(frozen=True, slots=True)
 class Tabs:
-    """Docks upon each other; the first is on top."""
+    """Docks on top of each other; the first one is visible."""
 
     docks: tuple[Dock, ...]
 
@@ -42,7 +42,7 @@ class Column:
 
 
 def state(columns: tuple[tuple[Column, float], ...], width_px: int, height_px: int) -> bytes:
-    """Of a window that has nothing but these columns, from left to right, each with its share of the width."""
+    """The state of a window with only these columns, from left to right, each with its share of the width."""
     row = bytes([_SPLIT, _HORIZONTAL]) + pack(">i", len(columns))
     left_px = 0
     for column, share in columns:
@@ -53,14 +53,14 @@ def state(columns: tuple[tuple[Column, float], ...], width_px: int, height_px: i
         pack(">iiBii", _MARKER, _VERSION, _DOCKS, 1, _BOTTOM)
         + pack(">ii", width_px, height_px)
         + row
-        + pack(">ii", width_px, 0)  # the central widget's
+        + pack(">ii", width_px, 0)  # the central widget's size
         + pack(">4i", *_CORNERS)
         + pack(">Bi", _TOOL_BARS, 0)
     )
 
 
 def geometry(width_px: int, height_px: int) -> bytes:
-    """Of a window at the screen's upper left corner."""
+    """The geometry of a window at the screen's upper left corner."""
     corners = pack(">4i", 0, 0, width_px - 1, height_px - 1)
     return pack(">IHH", _GEOMETRY_MAGIC, 1, 0) + 2 * corners + pack(">iBB", 0, 0, 0)
 

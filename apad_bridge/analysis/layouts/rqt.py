@@ -1,6 +1,6 @@
-"""rqt: a perspective with batteries in rqt_plot, /diagnostics in rqt_runtime_monitor, and rqt_topic and rqt_console.
+"""The layout for rqt: batteries in rqt_plot, /diagnostics in rqt_runtime_monitor, and rqt_topic and rqt_console.
 
-A perspective is JSON: groups of keys, whose values are Python's repr of what rqt's settings hold.
+A perspective is JSON: groups of keys, whose values are Python's repr of rqt's settings.
 """
 
 from __future__ import annotations
@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 from typing import Any
 
-from apad_bridge.analysis.layouts.fleet import APadShown, FleetShown
+from apad_bridge.analysis.layouts.fleet import LayoutAPad, LayoutFleet
 from apad_bridge.analysis.layouts.qt_window import Column, Dock, Tabs, geometry, state
 
 _WIDTH_PX, _HEIGHT_PX = 1600, 900
@@ -23,7 +23,7 @@ _WIDGETS = {
 Group = dict[str, Any]
 
 
-def layout(fleet: FleetShown) -> str:
+def layout(fleet: LayoutFleet) -> str:
     plots = range(1, 1 + len(fleet.apads))
     plugins = {
         _name(_PLOT, number): _plot(fleet, apad) for number, apad in zip(plots, fleet.apads, strict=True)
@@ -44,13 +44,13 @@ def layout(fleet: FleetShown) -> str:
 
 
 def _docks(plots: list[Dock]) -> bytes:
-    """Plots upon each other to the left, a tab for each aPad; what is wrong to the upper right."""
+    """The docks: plots to the left, a tab for each aPad; diagnostics to the upper right, console and topics below them."""
     left = Column(((Tabs(tuple(plots)) if len(plots) > 1 else plots[0], 1.0),))
     right = Column(((_dock(_MONITOR, 1), 0.5), (Tabs((_dock(_CONSOLE, 1), _dock(_TOPICS, 1))), 0.5)))
     return state(((left, 0.6), (right, 0.4)), _WIDTH_PX, _HEIGHT_PX)
 
 
-def _plot(fleet: FleetShown, apad: APadShown) -> Group:
+def _plot(fleet: LayoutFleet, apad: LayoutAPad) -> Group:
     topics = [apad.topic("apad/battery_state"), *fleet.batteries(apad).values()]
     settings = {
         "autoscroll": _value(True),
@@ -62,7 +62,7 @@ def _plot(fleet: FleetShown, apad: APadShown) -> Group:
 
 
 def _name(plugin: str, number: int) -> str:
-    """Of the group that holds what this instance of the plugin keeps."""
+    """The name of the group with the settings of this instance of a plugin."""
     return f"plugin__{plugin.replace('/', '__')}__{number}"
 
 
@@ -79,7 +79,7 @@ def _value(value: Any) -> dict[str, str]:
 
 
 def _bytes(data: bytes) -> dict[str, str]:
-    """As rqt evaluates it: hexadecimal digits in a QByteArray."""
+    """Bytes as rqt evaluates them: hexadecimal digits in a QByteArray."""
     return {
         "type": "repr(QByteArray.hex)",
         "repr(QByteArray.hex)": f"QtCore.QByteArray({data.hex().encode()!r})",

@@ -1,4 +1,4 @@
-"""RViz: a display for each aPad's markers, plan and way, seen from above, north up."""
+"""The layout for RViz: displays for each aPad's markers, plan and track, seen from above, north up."""
 
 from __future__ import annotations
 
@@ -6,22 +6,22 @@ from typing import Any
 
 import yaml
 
-from apad_bridge.analysis.layouts.fleet import APadShown, FleetShown, colour
+from apad_bridge.analysis.layouts.fleet import LayoutAPad, LayoutFleet, colour
 from apad_bridge.analysis.layouts.grid import grid_of
 
 _WIDTH_PX, _HEIGHT_PX = 1360, 860
 _WATER_WIDTH_PX, _WATER_HEIGHT_PX = 1320, 760
-"""What menus, tools and the state's line leave of it."""
+"""The part of the window that menus, tools and the status line leave free."""
 _MARGIN = 0.9
 
 
-def layout(fleet: FleetShown) -> str:
+def layout(fleet: LayoutFleet) -> str:
     displays = [_grid(fleet)]
     for number, apad in enumerate(fleet.apads):
         displays += _displays(apad, number, alone=len(fleet.apads) == 1)
     displays.append({"Class": "rviz/TF", "Name": "Frames", "Enabled": False, "Value": False})
     data = {
-        "Panels": [],  # the menu Panels brings the list of displays and the time
+        "Panels": [],  # the menu Panels opens the list of displays and the time
         "Visualization Manager": {
             "Class": "",
             "Enabled": True,
@@ -40,7 +40,7 @@ def layout(fleet: FleetShown) -> str:
     return text
 
 
-def _displays(apad: APadShown, number: int, *, alone: bool) -> list[dict[str, Any]]:
+def _displays(apad: LayoutAPad, number: int, *, alone: bool) -> list[dict[str, Any]]:
     of = "" if alone else f" of {apad.name}"
     plan, way = ((255, 200, 0), (180, 180, 180)) if alone else (colour(number),) * 2
     return [
@@ -69,7 +69,7 @@ def _path(name: str, topic: str, rgb: tuple[int, int, int], alpha: float) -> dic
     }
 
 
-def _grid(fleet: FleetShown) -> dict[str, Any]:
+def _grid(fleet: LayoutFleet) -> dict[str, Any]:
     grid = grid_of(fleet)
     return {
         "Class": "rviz/Grid",
@@ -83,7 +83,7 @@ def _grid(fleet: FleetShown) -> dict[str, Any]:
     }
 
 
-def _from_above(fleet: FleetShown) -> dict[str, Any]:
+def _from_above(fleet: LayoutFleet) -> dict[str, Any]:
     (north_m, east_m), (tall_m, wide_m) = fleet.centre_m, fleet.span_m
     return {
         "Class": "rviz/TopDownOrtho",

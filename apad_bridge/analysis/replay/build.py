@@ -1,4 +1,4 @@
-"""replay.html of a run: one file that opens from disk, without a network and without the rest of the run."""
+"""Builds a run's replay.html: one file that opens from disk, without a network and without the run's other files."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from apad_bridge.scenario.loader import load, write_atomically
 
 
 def build_replay(run_dir: Path) -> Path:
-    """Writes the run's replay.html, of what its journal says so far; gives its path.
+    """Writes the run's replay.html from its journal so far, and returns its path.
 
     RunDirectoryError, one line, when the directory holds no run that can be shown.
     """
@@ -33,8 +33,8 @@ def build_replay(run_dir: Path) -> Path:
 
 
 def render(data: dict[str, Any]) -> str:
-    """The page with everything in it."""
-    # "<" is written as an escape, so that no text of a scenario can end the script that holds the data.
+    """The page, with styles, data and scripts in it."""
+    # "<" is escaped, so that no text of a scenario can end the script element that holds the data.
     encoded = json.dumps(data, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
     parts = {
         "TITLE": escape(f"{data['name']} - musselbed replay"),
@@ -50,7 +50,7 @@ def render(data: dict[str, Any]) -> str:
 
 
 def _summary(directory: RunDirectory) -> dict[str, Any] | None:
-    """None for a run that has not ended."""
+    """The run's summary; None for a run that has not ended."""
     if not directory.summary.is_file():
         return None
     summary: dict[str, Any] = json.loads(directory.summary.read_text(encoding="utf-8"))

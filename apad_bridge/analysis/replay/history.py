@@ -1,4 +1,4 @@
-"""A run as its journal tells it: read forward once, it says at any mission time what was so."""
+"""Replays a run's journal forward once, and gives the run's state at each mission time on the way."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ DOCK_COUNT = 4
 
 @dataclass(slots=True)
 class PlanView:
-    """The newest plan: steps as (agent, dock), and how many of them are still to be finished."""
+    """The newest plan: its steps as (agent, dock), and the number of unfinished steps."""
 
     what: str
     strategy: str
@@ -27,8 +27,8 @@ class PlanView:
 
 
 @dataclass(slots=True)
-class Now:
-    """What was so at the time that the history was last advanced to."""
+class RunState:
+    """The run's state at the time to which the history was last advanced."""
 
     truths: dict[int, Truth] = field(default_factory=dict)
     beliefs: dict[int, Line] = field(default_factory=dict)
@@ -42,17 +42,17 @@ class Now:
 
 
 class History:
-    """`advance` takes all lines up to a mission time; `now` and `meter` then stand there."""
+    """A run's history. `advance` takes all lines up to a mission time; `now` and `meter` are then as of that time."""
 
     def __init__(self, journal: JournalContents, theta: int, charge: ChargeModel) -> None:
-        # By time; lines of one time stay in the order in which they became known.
+        # Sorted by time; lines of the same time stay in the order in which they became known.
         self._lines = sorted(journal.lines, key=lambda line: line["t"])
         self._next = 0
         self.end_ms = journal.last_ms
-        self.now = Now()
+        self.now = RunState()
         self._theta = theta
         self.meter = UptimeMeter(theta, charge)
-        self._takers: dict[str, Callable[[Line], None]] = {
+        self._handlers: dict[str, Callable[[Line], None]] = {
             "truth": self._take_truth,
             "belief": self._take_belief,
             "died": self._take_death,
@@ -69,12 +69,12 @@ class History:
         while self._next < len(self._lines) and self._lines[self._next]["t"] <= now_ms:
             line = self._lines[self._next]
             self._next += 1
-            taker = self._takers.get(line["kind"])
-            if taker is not None:
-                taker(line)
+            handler = self._handlers.get(line["kind"])
+            if handler is not None:
+                handler(line)
 
     def trace(self) -> list[tuple[int, float, float]]:
-        """(mission ms, north, east) of the aPad, everywhere that it was seen."""
+        """The aPad's track as (mission ms, north, east), one for each line of it."""
         return [
             (line["t"], line["north_m"], line["east_m"]) for line in self._lines if line["kind"] == "apad"
         ]
@@ -90,7 +90,7 @@ class History:
     def _take_death(self, line: Line) -> None:
         if line["gave_up"] is not None:
             self.now.gone.add(line["id"])
-            self.meter.gone(line["id"], line["agent_ms"])
+            self.meter.ended(line["id"], line["agent_ms"])
 
     def _take_presence(self, line: Line) -> None:
         self.meter.is_now(line["id"], Presence(line["is"]), self._theta * line["t"])
@@ -117,14 +117,16 @@ class History:
         self.now.plan = PlanView(line["what"], line["strategy"], steps, len(steps))
 
     def _take_primitive(self, line: Line) -> None:
-        said = _say_primitive(line)
+        text = _primitive_text(line)
         if line["phase"] == "started":
-            self.now.primitive = said
-        elif said == self.now.primitive:  # not when another has replaced it, as go-to does with holding
+            self.now.primitive = text
+        elif (
+            text == self.now.primitive
+        ):  # not if another primitive has replaced it, as a go-to replaces holding
             self.now.primitive = ""
 
 
-def _say_primitive(line: Line) -> str:
+def _primitive_text(line: Line) -> str:
     name: str = line["name"]
     agent: Any = line.get("agent")
     if agent is not None:

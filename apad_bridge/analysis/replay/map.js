@@ -1,4 +1,4 @@
-// The map: local NED metres, north up, one scale both ways. `view` is what page.js says is so at one time.
+// The map: local NED metres, north up, one scale both ways. `view` is the run at one time, from page.js.
 
 const DOCK_ANGLES = [45, 135, 225, 315]; // docks 1-4, degrees clockwise from the bow
 const RECENT_MS = 300000;
@@ -70,7 +70,7 @@ function drawGrid(ctx, toScreen, width, height) {
   ctx.fillText("north, m", 3, 8);
 }
 
-// All of the way so far, pale; the last five minutes of it, clear.
+// The aPad's whole track so far, pale; its last five minutes, clear.
 function drawTrace(ctx, trace, nowMs, at) {
   const so_far = trace.filter(([ms]) => ms <= nowMs);
   const recent = so_far.filter(([ms]) => ms >= nowMs - RECENT_MS);
@@ -104,7 +104,7 @@ function drawMussel(ctx, [x, y], radius, agent, marked) {
   ctx.font = FONT;
 }
 
-// A hull with its bow, four docks, and in them the docked aMussels. Larger than life.
+// The aPad's hull with its bow, its four docks and the docked aMussels, larger than in reality.
 function drawApad(ctx, [x, y], view, marked) {
   const heading = view.apad.heading;
   ctx.save();

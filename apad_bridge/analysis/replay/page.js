@@ -1,5 +1,5 @@
-// What the page shows at one mission time, and what moves that time: the scrubber, play, and the address's #t=SECONDS,
-// or #t=SECONDS&aMussel=ID, which marks one as pointing at it does.
+// Shows the run at one mission time, which the scrubber, the play button and the address change: #t=SECONDS, or
+// #t=SECONDS&aMussel=ID, which also marks an aMussel as pointing at it does.
 
 const data = JSON.parse(document.getElementById("data").textContent);
 const $ = (id) => document.getElementById(id);
@@ -15,7 +15,7 @@ function clock(ms) {
   return (days ? days + " d " : "") + pad(Math.floor(s / 3600) % 24) + ":" + pad(Math.floor(s / 60) % 60) + ":" + pad(s % 60);
 }
 
-// The last sample at or before a time, and how far the time is on the way to the next.
+// The last sample at or before a time, and the fraction of the way to the next sample.
 function sampleAt(ms) {
   let low = 0, high = data.times_ms.length - 1;
   while (low < high) {
@@ -51,7 +51,7 @@ function viewAt(ms) {
   return { i, nowMs: ms, agents, apad, docks, stage, way: wayOf(stage, agents), active: data.active[i], cost: data.cost[i] };
 }
 
-// The places that the rest of the plan leads to.
+// The places of the plan's unfinished steps.
 function wayOf({ phase, plan }, agents) {
   if (!plan || phase === "ended") return [];
   const places = plan.steps.slice(plan.done).map(([id]) => {

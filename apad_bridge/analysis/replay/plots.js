@@ -1,5 +1,5 @@
 "use strict";
-// Plots on canvases. A chart is drawn as a whole whenever the time changes: at most 60 000 points.
+// Draws plots on canvases. Each change of the time redraws a whole chart, of at most 60 000 points.
 
 const STATUSES = ["above", "candidate", "charging", "lost", "unknown"];
 const css = getComputedStyle(document.documentElement);
@@ -39,8 +39,8 @@ function timeTicks(endMs) {
   return ticks;
 }
 
-// Lines over mission time. series: [{values, colour, width, step, dash}] or [{low, high, colour, alpha}], a band, drawn in
-// order; null is a gap.
+// Draws lines over mission time. series: [{values, colour, width, step, dash}] or [{low, high, colour, alpha}] for a band, drawn
+// in order; null is a gap.
 function drawLines(canvas, timesMs, nowMs, series, { min, max, format, threshold }) {
   const { ctx, width, height } = fresh(canvas);
   const box = { left: 40, right: width - 10, top: 6, bottom: height - 18 };
@@ -89,7 +89,7 @@ function drawLines(canvas, timesMs, nowMs, series, { min, max, format, threshold
   stroke(ctx, INK, [[x(nowMs), box.top - 4], [x(nowMs), box.bottom]]);
 }
 
-// What lies between two rows of heights; where `low` is null there is none.
+// Fills the band between two rows of heights; where `low` is null there is a gap.
 function fillBand(ctx, xs, low, high, colour, alpha) {
   ctx.fillStyle = colour;
   ctx.globalAlpha = alpha;
@@ -106,7 +106,7 @@ function fillBand(ctx, xs, low, high, colour, alpha) {
   ctx.globalAlpha = 1;
 }
 
-// Vertical bars in percent. bars: [{label, value, full, colour}]; `full`, the value at the run's end, is drawn pale.
+// Draws vertical bars in percent. bars: [{label, value, full, colour}]; `full`, the value at the run's end, is drawn pale.
 function drawBars(canvas, bars, marked) {
   const { ctx, width, height } = fresh(canvas);
   const box = { left: 40, right: width - 10, top: 6, bottom: height - 18 };

@@ -1,5 +1,7 @@
-"""A history as the page wants it: everything sampled on one grid of mission times, so that a page stays small however
-long the run was. Charges come from the anchors in closed form, not from samples."""
+"""Samples a history for the page on one grid of mission times, so that the page of a long run stays small too.
+
+Charges come from the anchors in closed form, not from samples.
+"""
 
 from __future__ import annotations
 
@@ -15,24 +17,24 @@ from firmware_model.power.charge import fraction
 
 MAX_SAMPLES = 600
 MAX_VALUES = 60_000
-"""Samples times aMussels: a large fleet is sampled more coarsely."""
+"""The most samples times aMussels: a large fleet is sampled more coarsely."""
 MAX_TRACE = 5000
 _TICK_MS = 1000
 
 
 class Status(IntEnum):
-    """What an aMussel's colour says."""
+    """The meaning of an aMussel's colour."""
 
     ABOVE = 0
     """Above the pool's threshold."""
     CANDIDATE = 1
-    """At or below it."""
+    """At or below the pool's threshold."""
     CHARGING = 2
     """In a dock."""
     LOST = 3
     """Both batteries empty, or its simulation has ended."""
     UNKNOWN = 4
-    """Never heard of."""
+    """It never reported."""
 
 
 @dataclass(slots=True)
@@ -46,14 +48,14 @@ class _Agent:
     status: list[int]
     uptime: list[float]
     believed: list[float | None]
-    """Beside a truth: the believed charge."""
+    """The believed charge, if there is also a truth."""
     low: list[float | None]
     high: list[float | None]
-    """Where the charge is believed to lie with 95 %."""
+    """The ends of the charge's believed interval of 95 %."""
 
 
 def sample_times(end_ms: int, agents: int) -> list[int]:
-    """Whole ticks from 0 to the last one, which is always among them."""
+    """The times of the samples: whole ticks from 0 on, always with the last one."""
     last_ms = end_ms // _TICK_MS * _TICK_MS
     samples = min(MAX_SAMPLES, max(60, MAX_VALUES // max(1, agents)))
     step_ms = max(1, -(-last_ms // _TICK_MS // (samples - 1))) * _TICK_MS
@@ -62,7 +64,7 @@ def sample_times(end_ms: int, agents: int) -> list[int]:
 
 
 def page_data(scenario: Scenario, journal: JournalContents, summary: dict[str, Any] | None) -> dict[str, Any]:
-    """All that the page shows, as plain data. ValueError when the journal has no line `run`."""
+    """The page's data, as plain data. ValueError when the journal has no line `run`."""
     start = journal.first("run")
     if start is None:
         raise ValueError("the journal has no line `run`: the flight never began")
@@ -125,7 +127,7 @@ class _Sampler:
         self._stage.append(len(self._stages) - 1)
 
     def _sample_agent(self, agent: _Agent, now_ms: int, *, lost: bool) -> None:
-        """From the truth; where there is none, from what was believed."""
+        """Samples an aMussel from the truth, or from the belief where there is no truth."""
         now, agent_id = self._history.now, agent.agent_id
         truth, belief = now.truths.get(agent_id), now.beliefs.get(agent_id)
         docked = agent_id in now.docks
@@ -145,10 +147,10 @@ class _Sampler:
         agent.east.append(_rounded(place[1], 2))
         agent.charge.append(_rounded(left, 4))
         agent.status.append(self._status(left, docked, lost or agent_id in now.gone))
-        told = belief or {}
-        agent.believed.append(None if truth is None else _rounded(told.get("charge"), 4))
-        agent.low.append(_rounded(told.get("low"), 4))
-        agent.high.append(_rounded(told.get("high"), 4))
+        believed = belief or {}
+        agent.believed.append(None if truth is None else _rounded(believed.get("charge"), 4))
+        agent.low.append(_rounded(believed.get("low"), 4))
+        agent.high.append(_rounded(believed.get("high"), 4))
 
     def _status(self, charge: float | None, docked: bool, lost: bool) -> int:
         if charge is None:

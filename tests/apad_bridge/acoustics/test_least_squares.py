@@ -1,4 +1,4 @@
-"""Places from ranges against geometry done by hand, and against many draws of noise."""
+"""Tests places from ranges against geometry by hand, and against many draws of noise."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def test_exact_ranges_give_the_exact_place(north_m: float, east_m: float, depth_
 
 
 def test_dilution_by_hand() -> None:
-    """In the middle of four anchors at the same depth every unit vector is (+-1, +-1)/sqrt 2, so J^T J = 2 I: HDOP 1."""
+    """The place is amid four anchors at its depth: every unit vector is (+-1, +-1)/sqrt 2, so J^T J = 2 I and HDOP is 1."""
     flat = SQUARE.copy()
     flat[:, 2] = 5.0
     found = solve(flat, ranges_to((50, 50, 5), flat), np.full(4, 0.2), 5.0, (40.0, 45.0))
@@ -37,7 +37,7 @@ def test_dilution_by_hand() -> None:
 
 
 def test_two_anchors_at_a_right_angle_by_hand() -> None:
-    """Each fixes one axis alone: HDOP sqrt 2, and each variance is that of its own range."""
+    """Each range fixes one axis: HDOP is sqrt 2, and each variance is that of its own range."""
     anchors = np.array([(0.0, 0.0, 2.0), (30.0, 40.0, 2.0)])
     found = solve(anchors, ranges_to((30, 0, 2), anchors), np.array([0.1, 0.3]), 2.0, (28.0, 3.0))
     assert (found.north_m, found.east_m) == pytest.approx((30, 0), abs=1e-6)
@@ -46,8 +46,10 @@ def test_two_anchors_at_a_right_angle_by_hand() -> None:
 
 
 def test_a_better_range_counts_for_more() -> None:
-    """Two ranges of one aMussel, from the south 1 m too long and from the north right; the good one has a tenth of the
-    deviation. On the line the place is the weighted mean: (1 * 101 + 100 * 100) / 101."""
+    """Two ranges: from the south 1 m too long, from the north exact with a tenth of the deviation.
+
+    On the line the place is the weighted mean: (1 * 101 + 100 * 100) / 101.
+    """
     anchors = np.array([(0.0, 0.0, 0.0), (200.0, 0.0, 0.0), (100.0, 300.0, 0.0), (100.0, -300.0, 0.0)])
     found = solve(anchors, np.array([101.0, 100.0, 300.0, 300.0]), np.array([1, 0.1, 1, 1]), 0.0, (95.0, 5.0))
     assert found.north_m == pytest.approx((101 + 100 * 100) / 101, abs=1e-3)

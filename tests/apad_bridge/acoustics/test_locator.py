@@ -1,4 +1,4 @@
-"""Fixes from ranges that a moving aPad takes: when there is one, which side of a line, outliers, and what is forgotten."""
+"""Tests fixes from a moving aPad's ranges: when there is one, the side of a line, outliers, and dropped ranges."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def test_ranges_from_one_place_count_once() -> None:
 
 
 def test_from_a_straight_way_only_what_is_believed_says_which_side() -> None:
-    """The way along east 0; 40 m east and 40 m west fit alike."""
+    """The aPad moves along east 0, so 40 m east and 40 m west fit equally."""
     for near_m, expected in (((28.0, 30.0), 40.0), ((28.0, -35.0), -40.0)):
         locator = Locator(CONFIG)
         fixes = [locator.take(taken(n, 20.0 * n, 0.0), near_m) for n in range(4)]
@@ -75,7 +75,7 @@ def test_what_is_old_or_from_before_a_move_is_forgotten() -> None:
 
 
 def test_a_flat_geometry_is_no_fix() -> None:
-    """From 2, 4 and 6 m along the line of sight 40 m away nothing is known across it."""
+    """Ranges from 2, 4 and 6 m along the line of sight 40 m away give nothing across that line."""
     locator = Locator(CONFIG)
     ways = [(taken(n, 30.0 + 0.05 * n, 2.5 * n)) for n in range(3)]
     assert [locator.take(it, (30.0, 40.0)) for it in ways] == [None] * 3

@@ -1,4 +1,4 @@
-"""What an aPad's ears make of answered pings: places and ranges that the beliefs learn, and notes for the journal."""
+"""Tests that answered pings become places and ranges that the beliefs learn, and notes for the journal."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ WAY = ((0.0, 0.0), (60.0, 0.0), (60.0, 80.0), (0.0, 80.0))
 
 
 class Learner:
-    """Keeps what it is told, and believes the last packet."""
+    """An estimator that lists the measurements it learns, and believes the last packet."""
 
     def __init__(self) -> None:
-        self.told: list[Measurement] = []
+        self.learned: list[Measurement] = []
 
     def predict(self, belief: Belief, to_ms: int) -> Belief:
         return belief
@@ -37,44 +37,44 @@ class Learner:
         if isinstance(measurement, Heard):
             packet = measurement.packet
             return Belief(7, measurement.at_ms, packet.state, 0.9, 1.0, packet.north_m, packet.east_m)
-        self.told.append(measurement)
+        self.learned.append(measurement)
         return belief
 
 
 def ranging(locator: Locator | None) -> RangingService:
-    talk = AcousticScheduler(
+    scheduler = AcousticScheduler(
         ScheduleConfig(1, 1500.0, 100, True, False, 0, 0, 5000), MusselbedCodec(), None, [7]
     )
-    return RangingService(talk, locator, KEEL_M, MUSSEL_M[2], deviation_m=0.2)
+    return RangingService(scheduler, locator, KEEL_M, MUSSEL_M[2], deviation_m=0.2)
 
 
-def believing(state: State = State.SLEEPING) -> tuple[FleetBeliefs, Learner]:
+def fleet_with(state: State = State.SLEEPING) -> tuple[FleetBeliefs, Learner]:
     learner = Learner()
     beliefs = FleetBeliefs(learner, [7])
     beliefs.hear(StatusPacket(7, 0, state, 0.9, 1.0, 29.0, 41.0, 10.0, 0), 0)
     return beliefs, learner
 
 
-def taken(heard: RangingService, beliefs: FleetBeliefs, n: int) -> list[object]:
+def taken(service: RangingService, beliefs: FleetBeliefs, n: int) -> list[object]:
     north_m, east_m = WAY[n]
     fact = RangeHeard(1000 * n, 7, dist((north_m, east_m, KEEL_M), MUSSEL_M))
-    return [*heard.hear(fact, PoseReported(1000 * n, north_m, east_m, 0.0), beliefs, 1000 * n)]
+    return [*service.hear(fact, PoseReported(1000 * n, north_m, east_m, 0.0), beliefs, 1000 * n)]
 
 
 def test_ranges_become_a_place_that_the_beliefs_learn_and_the_journal_keeps() -> None:
     locator = Locator(LocatorConfig(0.2, MUSSEL_M[2], 600.0, 5.0))
-    heard, (beliefs, learner) = ranging(locator), believing()
-    assert taken(heard, beliefs, 0) == [] and taken(heard, beliefs, 1) == []
+    service, (beliefs, learner) = ranging(locator), fleet_with()
+    assert taken(service, beliefs, 0) == [] and taken(service, beliefs, 1) == []
     # Until there is a fix the beliefs learn the range itself, along the bottom: 50 m from each of the corners.
-    assert [type(it) for it in learner.told] == [Ranged, Ranged]
-    first = learner.told[0]
+    assert [type(it) for it in learner.learned] == [Ranged, Ranged]
+    first = learner.learned[0]
     assert isinstance(first, Ranged)
     assert (first.range_m, first.variance_m2) == pytest.approx((50.0, 0.04))
-    (note,) = taken(heard, beliefs, 2)
+    (note,) = taken(service, beliefs, 2)
     assert isinstance(note, Note) and note.kind == "fix"
     assert (note.data["id"], note.data["ranges"]) == (7, 3)
     assert (note.data["north_m"], note.data["east_m"]) == pytest.approx((30, 40), abs=1e-3)
-    fixed = learner.told[-1]
+    fixed = learner.learned[-1]
     assert isinstance(fixed, Fixed) and (fixed.north_m, fixed.east_m) == pytest.approx((30, 40), abs=1e-3)
     covariance = note.data["covariance"]
     assert fixed.variance_m2 == pytest.approx((covariance[0] + covariance[2]) / 2, abs=1e-5)
@@ -82,27 +82,27 @@ def test_ranges_become_a_place_that_the_beliefs_learn_and_the_journal_keeps() ->
 
 def test_a_dock_makes_what_was_measured_worthless() -> None:
     locator = Locator(LocatorConfig(0.2, MUSSEL_M[2], 600.0, 5.0))
-    heard, (beliefs, learner) = ranging(locator), believing()
-    taken(heard, beliefs, 0)
-    taken(heard, beliefs, 1)
-    heard.moved(7, 2000)
-    assert taken(heard, beliefs, 2) == []
-    assert isinstance(learner.told[-1], Ranged)
-    assert heard.dropped["no fix: too few ranges from places apart"] == 3
+    service, (beliefs, learner) = ranging(locator), fleet_with()
+    taken(service, beliefs, 0)
+    taken(service, beliefs, 1)
+    service.moved(7, 2000)
+    assert taken(service, beliefs, 2) == []
+    assert isinstance(learner.learned[-1], Ranged)
+    assert service.dropped["no fix: too few ranges from places apart"] == 3
 
 
 def test_without_an_answer_without_a_place_or_without_localisation_nothing_is_learned() -> None:
-    beliefs, learner = believing()
-    heard = ranging(Locator(LocatorConfig(0.2, MUSSEL_M[2], 600.0, 5.0)))
-    assert heard.hear(RangeHeard(0, 7, None), PoseReported(0, 0.0, 0.0, 0.0), beliefs, 0) == []
-    assert heard.hear(RangeHeard(0, 7, 50.0), None, beliefs, 0) == []
+    beliefs, learner = fleet_with()
+    service = ranging(Locator(LocatorConfig(0.2, MUSSEL_M[2], 600.0, 5.0)))
+    assert service.hear(RangeHeard(0, 7, None), PoseReported(0, 0.0, 0.0, 0.0), beliefs, 0) == []
+    assert service.hear(RangeHeard(0, 7, 50.0), None, beliefs, 0) == []
     assert taken(ranging(None), beliefs, 0) == []
-    assert learner.told == []
+    assert learner.learned == []
 
 
 @pytest.mark.parametrize(("state", "pings"), [(State.SLEEPING, 1), (State.FLOATING, 0), (State.CHARGING, 0)])
 def test_only_who_is_believed_to_hear_is_pinged(state: State, pings: int) -> None:
-    beliefs, _ = believing(state)
+    beliefs, _ = fleet_with(state)
     assert len(ranging(None).advance(beliefs.all(), 0)) == pings
 
 
@@ -117,28 +117,35 @@ class Always:
 
 
 def test_one_that_too_little_is_known_of_is_pinged_out_of_turn_and_not_again_before_it_could_answer() -> None:
-    silent = ScheduleConfig(1, 1500.0, 100, True, False, 0, 0, 0)  # by itself it pings nobody
-    beliefs, _ = believing()
-    asking = RangingService(
+    silent = ScheduleConfig(1, 1500.0, 100, True, False, 0, 0, 0)  # without a policy it pings nobody
+    beliefs, _ = fleet_with()
+    service = RangingService(
         AcousticScheduler(silent, MusselbedCodec(), None, [7]), None, KEEL_M, MUSSEL_M[2], 0.2, Always()
     )
-    said = {now_ms: asking.advance(beliefs.all(), now_ms) for now_ms in range(0, 1_900_000, 10_000)}
-    assert all(isinstance(word, Ping) and word.agent_id == 7 for words in said.values() for word in words)
-    # Ten minutes of its time, as one that did not answer.
-    assert [now_ms for now_ms, words in said.items() if words] == [0, 600_000, 1_200_000, 1_800_000]
-    docked, _ = believing(State.CHARGING)
-    assert asking.advance(docked.all(), 3_000_000) == []
+    actions = {now_ms: service.advance(beliefs.all(), now_ms) for now_ms in range(0, 1_900_000, 10_000)}
+    assert all(
+        isinstance(action, Ping) and action.agent_id == 7 for batch in actions.values() for action in batch
+    )
+    # Ten minutes of agent time apart, as for an aMussel that did not answer.
+    assert [now_ms for now_ms, batch in actions.items() if batch] == [
+        0,
+        600_000,
+        1_200_000,
+        1_800_000,
+    ]
+    docked, _ = fleet_with(State.CHARGING)
+    assert service.advance(docked.all(), 3_000_000) == []
 
 
 def modes(mode: Mode, share: float) -> tuple[float, ...]:
-    """The rest is asleep."""
+    """Mode probabilities: `share` for one mode, the rest for asleep."""
     return tuple(share if it is mode else 1 - share if it is Mode.ASLEEP else 0.0 for it in Mode)
 
 
 @pytest.mark.parametrize(
     ("state", "probabilities", "asked"),
     [
-        # It was last heard in the dock; that it sank since is as good as certain, and so it hears.
+        # It last reported from the dock, but almost certainly sank since then, and so it can receive.
         (State.CHARGING, modes(Mode.FULL, 0.01), True),
         (State.SLEEPING, modes(Mode.FLOATING, 0.6), False),
         (State.SLEEPING, modes(Mode.CHARGING_PRIMARY, 0.9), False),
@@ -149,11 +156,11 @@ def test_who_is_more_probably_deaf_than_not_is_not_asked(
     state: State, probabilities: tuple[float, ...], asked: bool
 ) -> None:
     quiet = ScheduleConfig(1, 1500.0, 100, True, False, 0, 0, 0, answer_ms=893)
-    talk = AcousticScheduler(quiet, MusselbedCodec(), None, [7])
-    asking = RangingService(talk, None, KEEL_M, MUSSEL_M[2], 0.2, None, Always())
+    scheduler = AcousticScheduler(quiet, MusselbedCodec(), None, [7])
+    service = RangingService(scheduler, None, KEEL_M, MUSSEL_M[2], 0.2, None, Always())
     belief = Belief(7, 0, state, 0.5, 1.0, 0.0, 0.0, mode_probabilities=probabilities)
-    said = asking.advance([belief], 0)
-    assert [it.data for it in said if isinstance(it, Note)] == ([{"id": 7}] if asked else [])
-    assert len([it for it in said if isinstance(it, Send)]) == asked
-    asking.advance([], 60_000)
-    assert asking.dropped == ({"sound: asked how it was, and no answer came in time": 1} if asked else {})
+    actions = service.advance([belief], 0)
+    assert [it.data for it in actions if isinstance(it, Note)] == ([{"id": 7}] if asked else [])
+    assert len([it for it in actions if isinstance(it, Send)]) == asked
+    service.advance([], 60_000)
+    assert service.dropped == ({"sound: asked how it was, and no answer came in time": 1} if asked else {})

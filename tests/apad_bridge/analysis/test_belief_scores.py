@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from apad_bridge.analysis.belief_scores.compared import Compared, Record, compared_in
+from apad_bridge.analysis.belief_scores.compared import Comparison, Record, compared_in
 from apad_bridge.analysis.belief_scores.scored import age_bin, scores_of
 from apad_bridge.beliefs.modes import Mode
 from apad_bridge.commands.main import main
@@ -25,9 +25,9 @@ TWIN = """beliefs:
 
 def row(
     agent_id: int, age_h: float, error: float, deviation: float | None, clamped: bool = False
-) -> Compared:
+) -> Comparison:
     covered = None if deviation is None else abs(error) <= 1.96 * deviation
-    return Compared(agent_id, 0, age_h, Mode.IDLE, True, error, deviation, covered, clamped, None)
+    return Comparison(agent_id, 0, age_h, Mode.IDLE, True, error, deviation, covered, clamped, None)
 
 
 def test_scores_are_counted_by_hand() -> None:
@@ -102,16 +102,16 @@ def test_the_bag_and_the_journal_of_a_run_say_the_same(
     for key, it in bag.items():
         other = journal[key]
         assert (it.mode, it.mode_right, it.clamped) == (other.mode, other.mode_right, other.clamped)
-        # The journal names a belief again when it has moved by a third of its deviation.
+        # The journal repeats a belief when it has moved by a third of its deviation.
         assert it.deviation is not None and other.deviation is not None
         assert it.error == pytest.approx(other.error, abs=max(0.0015, it.deviation))
         assert it.deviation == pytest.approx(other.deviation, abs=0.0011)
         assert it.place_square is not None and other.place_square is None
     for record in Record:
         assert main(["beliefs", str(run), "--json", "--from", record]) == 0
-        said = json.loads(capsys.readouterr().out)
-        assert said["record"] == record and said["overall"]["samples"] == 3 * 9
-        assert (said["overall"]["place_coverage"] is None) is (record is Record.JOURNAL)
+        output = json.loads(capsys.readouterr().out)
+        assert output["record"] == record and output["overall"]["samples"] == 3 * 9
+        assert (output["overall"]["place_coverage"] is None) is (record is Record.JOURNAL)
 
 
 def test_an_instant_of_a_bag_is_scored_by_hand(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -119,7 +119,7 @@ def test_an_instant_of_a_bag_is_scored_by_hand(tmp_path: Path, capsys: pytest.Ca
     (run / "run.bag").unlink()
     bag = BagWriter(run / "run.bag", theta=30)
     truth = TruthSample(7, int(State.ACTIVE), 0.5, 1.0, 10.0, 20.0, 3.0, False, 0)
-    # Deviations of 2 m north and 1 m east that go together by a half: 4 m off to the north is (4 / 2)^2 / (1 - 0.5^2).
+    # Deviations of 2 m north and 1 m east with a correlation of 0.5: 4 m off to the north is (4 / 2)^2 / (1 - 0.5^2).
     belief = BeliefSample(
         7,
         int(State.ACTIVE),
@@ -151,14 +151,14 @@ def test_an_instant_of_a_bag_is_scored_by_hand(tmp_path: Path, capsys: pytest.Ca
     assert second.place_error_m is None and second.place_square is None
     scores = scores_of([first, second])
     assert scores is not None and scores.overall.nees == pytest.approx(2.25, rel=1e-4)
-    # 5.33 is below the 5.99 that 95 % of two dimensions lie below.
+    # 5.33 is below 5.99, the limit of 95 % in two dimensions.
     assert (scores.overall.place_coverage, scores.overall.place_nees) == (1.0, pytest.approx(8 / 3))
 
 
 def test_what_mostly_rests_at_an_end_is_told_by_its_moments(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The moments are those of many charges drawn from a Gaussian and held, not the closed form's."""
+    """The moments are of many charges drawn from a Gaussian and clamped, not from the closed form."""
     run = fly(tmp_path, False, capsys)
     (run / "run.bag").unlink()
     bag = BagWriter(run / "run.bag", theta=30)
@@ -184,8 +184,8 @@ def test_a_run_whose_bag_is_torn_is_compared_by_its_journal(
     assert main(["beliefs", str(run), "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["record"] == "journal"
     assert main(["beliefs", str(run), "--from", "bag"]) == 2
-    told = capsys.readouterr().err
-    assert told.count("\n") == 1 and told.endswith("try --from journal\n")
+    errors = capsys.readouterr().err
+    assert errors.count("\n") == 1 and errors.endswith("try --from journal\n")
 
 
 def test_a_journal_of_another_version_is_told_in_one_line(
@@ -199,8 +199,8 @@ def test_a_journal_of_another_version_is_told_in_one_line(
     assert count > 0
     journal.write_text(shorter)
     assert main(["beliefs", str(run), "--from", "journal"]) == 2
-    told = capsys.readouterr().err
-    assert told.count("\n") == 1 and "a line that this version does not read" in told
+    errors = capsys.readouterr().err
+    assert errors.count("\n") == 1 and "a line that this version does not read" in errors
 
 
 def test_a_run_with_a_bag_of_means_is_scored(
@@ -213,7 +213,7 @@ def test_a_run_with_a_bag_of_means_is_scored(
     assert json.loads(capsys.readouterr().out)["record"] == "journal"
     assert main(["beliefs", str(run), "--json", "--from", "bag"]) == 0
     overall = json.loads(capsys.readouterr().out)["overall"]
-    # It holds 0.75 for a true 0.5, and 1 m north for 1.5 m.
+    # It believes 0.75 for a true 0.5, and 1 m north for 1.5 m.
     assert (overall["samples"], overall["rmse"], overall["place_rmse_m"]) == (4, 0.25, 0.5)
     assert overall["coverage"] is None and overall["nees"] is None and overall["place_coverage"] is None
 
@@ -225,5 +225,5 @@ def test_mistakes_are_told_in_one_line(tmp_path: Path, capsys: pytest.CaptureFix
         [str(tmp_path), "--figure", "beliefs.jpeg"],
     ):
         assert main(["beliefs", *arguments]) == 2
-        told = capsys.readouterr().err
-        assert told.count("\n") == 1 and told.startswith("musselbed beliefs: ")
+        errors = capsys.readouterr().err
+        assert errors.count("\n") == 1 and errors.startswith("musselbed beliefs: ")

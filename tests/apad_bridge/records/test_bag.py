@@ -1,4 +1,4 @@
-"""run.bag without ROS: what is written is what is read, and a bag that was never closed gives back what is whole."""
+"""Tests run.bag without ROS: reading gives what was written, and the repair of an unclosed bag keeps all whole messages."""
 
 import os
 import signal
@@ -21,7 +21,7 @@ APAD = APadSample(10.0, 11.0, pi, 15.5, 0.875, "dock", (7, -1, -1, 9))
 
 
 def read(path):
-    """(topic, stamp in ms, message) of every message."""
+    """Every message as (topic, stamp in ms, message)."""
     with Reader(path) as reader:
         return [
             (connection.topic, stamp_ns / 1e6, typestore().deserialize_ros1(data, connection.msgtype))

@@ -1,4 +1,4 @@
-"""What bags hold of beliefs, of this version and of one that recorded the means alone."""
+"""Tests reading beliefs from bags of this version, and of a version that recorded the means alone."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from apad_bridge.beliefs.belief import Belief, Clock, Source
 from apad_bridge.beliefs.modes import Mode
 from apad_bridge.records.bag import BagWriter, repair_bag
 from apad_bridge.records.bag_messages import typestore
-from apad_bridge.records.bag_samples import BagUnreadable, instants, tells_deviations
+from apad_bridge.records.bag_samples import BagUnreadable, has_deviations, instants
 from apad_bridge.records.samples import BeliefSample, TruthSample, belief_sample
 from firmware_model.states import State
 
@@ -45,7 +45,7 @@ def test_all_of_a_belief_comes_back(tmp_path: Path) -> None:
     bag = BagWriter(tmp_path / "run.bag", THETA)
     bag.sample(61_500, [TRUTH], [belief_sample(carried(), 61_500)], None)
     bag.close()
-    assert tells_deviations(bag.path)
+    assert has_deviations(bag.path)
     (instant,) = instants([bag.path], 500)
     assert (instant.at_ms, instant.agent_ms) == (61_500, THETA * 61_500)
     assert instant.truths == (TRUTH,)
@@ -94,7 +94,7 @@ def test_a_bag_of_means_is_read_by_its_own_definitions(
     tmp_path: Path, bag_of_means: Callable[..., Path]
 ) -> None:
     path = bag_of_means(tmp_path / "run.bag", 31)
-    assert not tells_deviations(path)
+    assert not has_deviations(path)
     found = list(instants([path], 10_000))
     assert [it.at_ms for it in found] == [0, 10_000, 20_000, 30_000]
     assert found[1].truths == (TRUTH,)
@@ -109,7 +109,7 @@ def test_an_unclosed_bag_of_means_is_repaired_and_stays_one(
     path = bag_of_means(tmp_path / "run.bag", 5, closed=False)
     with pytest.raises(BagUnreadable, match=r"run\.bag: not a bag"):
         list(instants([path], 1000))
-    assert not tells_deviations(path)
+    assert not has_deviations(path)
     whole = path.read_bytes()
     path.write_bytes(whole[:-250])
     repair = repair_bag(path)
@@ -119,9 +119,9 @@ def test_an_unclosed_bag_of_means_is_repaired_and_stays_one(
 
 def test_what_is_no_bag_is_told_in_a_line(tmp_path: Path) -> None:
     (tmp_path / "run.bag").write_bytes(b"not at all")
-    with pytest.raises(BagUnreadable) as told:
+    with pytest.raises(BagUnreadable) as caught:
         list(instants([tmp_path / "run.bag"], 1000))
-    assert "\n" not in str(told.value)
+    assert "\n" not in str(caught.value)
 
 
 def test_a_sample_has_a_place_for_each_field_of_the_message() -> None:

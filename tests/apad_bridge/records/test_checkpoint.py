@@ -1,4 +1,4 @@
-"""The law of the notebook: kill a supervisor anywhere, and the next one believes the same, for the same events after it."""
+"""Tests the checkpoint: a supervisor may be killed anywhere, and its successor believes the same after the same events."""
 
 from __future__ import annotations
 
@@ -58,10 +58,10 @@ class Event:
     agent_id: int
     after_ms: int
     do: Callable[[FleetBeliefs, int, int], object]
-    """Given the beliefs, an id and the time."""
+    """Its arguments are the beliefs, an id and the time."""
 
 
-def said(
+def status(
     state: State, primary: float, secondary: float, east_m: float, sequence: int, late_ms: int
 ) -> object:
     def do(beliefs: FleetBeliefs, agent_id: int, now_ms: int) -> None:
@@ -72,43 +72,45 @@ def said(
     return do
 
 
-def said_shortly(state: State, charge: float) -> object:
+def short_status(state: State, charge: float) -> object:
     def do(beliefs: FleetBeliefs, agent_id: int, now_ms: int) -> None:
         beliefs.hear_short(ShortStatus(agent_id, state, charge, charge), now_ms)
 
     return do
 
 
-def learned(measure: Callable[[int], Measurement]) -> object:
+def measured(measure: Callable[[int], Measurement]) -> object:
     return lambda beliefs, agent_id, now_ms: beliefs.learn(agent_id, measure(now_ms))
 
 
 CHARGES, METRES = st.floats(0, 1), st.floats(-50, 50)
 STATES = st.sampled_from(list(State))
-WORDS = st.one_of(
-    st.builds(said, STATES, CHARGES, CHARGES, METRES, st.integers(0, 3), st.sampled_from((0, 0, 0, 60_000))),
-    st.builds(said_shortly, STATES, CHARGES),
+ACTIONS = st.one_of(
+    st.builds(
+        status, STATES, CHARGES, CHARGES, METRES, st.integers(0, 3), st.sampled_from((0, 0, 0, 60_000))
+    ),
+    st.builds(short_status, STATES, CHARGES),
     st.sampled_from(
         [
-            learned(TimeslotSilent),
-            learned(Permitted),
-            learned(Docked),
-            learned(lambda now_ms: Released(now_ms, 3.0, 4.0)),
-            learned(lambda now_ms: Fixed(now_ms, 1.0, 2.0, 0.25)),
+            measured(TimeslotSilent),
+            measured(Permitted),
+            measured(Docked),
+            measured(lambda now_ms: Released(now_ms, 3.0, 4.0)),
+            measured(lambda now_ms: Fixed(now_ms, 1.0, 2.0, 0.25)),
             lambda beliefs, agent_id, now_ms: beliefs.forget(agent_id),
         ]
     ),
-    METRES.map(lambda m: learned(lambda now_ms: Ranged(now_ms, abs(m), 1.0, 2.0, 0.25))),
+    METRES.map(lambda m: measured(lambda now_ms: Ranged(now_ms, abs(m), 1.0, 2.0, 0.25))),
 )
 EVENTS = st.lists(
-    st.builds(Event, st.sampled_from(IDS), st.sampled_from((0, 1000, 30_000, 900_000)), WORDS),
+    st.builds(Event, st.sampled_from(IDS), st.sampled_from((0, 1000, 30_000, 900_000)), ACTIONS),
     min_size=1,
     max_size=30,
 )
 
 
 @pytest.fixture(autouse=True)
-def checkpoints_come_soon(monkeypatch: pytest.MonkeyPatch) -> None:
+def full_records_come_soon(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(checkpoint, "ROWS", 4)
 
 
@@ -116,7 +118,7 @@ def tick(beliefs: FleetBeliefs, event: Event, now_ms: int) -> int:
     now_ms += event.after_ms
     beliefs.advance(now_ms)
     event.do(beliefs, event.agent_id, now_ms)
-    beliefs.all()  # somebody looks at each tick, and that changes nothing
+    beliefs.all()  # reading the beliefs at each tick changes nothing
     return now_ms
 
 
@@ -132,48 +134,48 @@ def test_killed_anywhere_it_goes_on_with_the_same_beliefs_to_the_last_bit(
 ) -> None:
     path = tmp_path_factory.mktemp("run") / "checkpoint.jsonl"
     uninterrupted, killed = ESTIMATORS[estimator](), ESTIMATORS[estimator]()
-    book, now_ms = Checkpoint(path, killed, 0), 0
+    writer, now_ms = Checkpoint(path, killed, 0), 0
     for event in events[:killed_after]:
         tick(uninterrupted, event, now_ms)
         now_ms = tick(killed, event, now_ms)
-        book.flush(now_ms)
+        writer.flush(now_ms)
     killed.forget(1)  # the tick in which it dies is not flushed
 
     resumed = ESTIMATORS[estimator]()
     assert restore(path, resumed).whole
-    book = Checkpoint(path, resumed, now_ms)
+    writer = Checkpoint(path, resumed, now_ms)
     now_ms += gap_ms
     for event in events[killed_after:]:
         tick(uninterrupted, event, now_ms)
         now_ms = tick(resumed, event, now_ms)
-        book.flush(now_ms)
+        writer.flush(now_ms)
     for beliefs in (uninterrupted, resumed):
         beliefs.advance(now_ms + gap_ms)
     assert resumed.kept() == uninterrupted.kept()
     assert resumed.all() == uninterrupted.all()
-    # It would take an old packet for new, if it did not remember when the newest was said.
-    late = said(State.ACTIVE, 0.5, 0.5, 0.0, 9, 600_000)
+    # It would take an old packet for new if it did not remember the newest packet's time.
+    late = status(State.ACTIVE, 0.5, 0.5, 0.0, 9, 600_000)
     for beliefs in (uninterrupted, resumed):
         for agent_id in IDS:
             late(beliefs, agent_id, now_ms + gap_ms)
     assert resumed.kept() == uninterrupted.kept()
 
 
-def story(path: Path) -> tuple[list[bytes], list[object]]:
-    """A notebook's lines, and what was believed after each."""
+def written_checkpoint(path: Path) -> tuple[list[bytes], list[object]]:
+    """The lines of a checkpoint file, and the beliefs after each line."""
     beliefs = of_a_twin()
-    book, now_ms, kept = Checkpoint(path, beliefs, 0), 0, [[]]
+    writer, now_ms, kept = Checkpoint(path, beliefs, 0), 0, [[]]
     for n in range(3):
-        event = Event(1 + n % 2, 60_000, said(State.ACTIVE, 0.9 - 0.1 * n, 1.0, 3.0, n, 0))
+        event = Event(1 + n % 2, 60_000, status(State.ACTIVE, 0.9 - 0.1 * n, 1.0, 3.0, n, 0))
         now_ms = tick(beliefs, event, now_ms)
-        book.flush(now_ms)
+        writer.flush(now_ms)
         kept.append(beliefs.kept())
-    book.close()
+    writer.close()
     return path.read_bytes().splitlines(keepends=True), kept
 
 
 def test_torn_at_any_byte_it_gives_what_was_whole(tmp_path: Path) -> None:
-    lines, kept = story(tmp_path / "checkpoint.jsonl")
+    lines, kept = written_checkpoint(tmp_path / "checkpoint.jsonl")
     whole = b"".join(lines)
     torn = tmp_path / "torn.jsonl"
     for size in range(0, len(whole), 7):
@@ -193,7 +195,7 @@ def test_torn_at_any_byte_it_gives_what_was_whole(tmp_path: Path) -> None:
 
 def test_what_follows_damage_is_not_believed(tmp_path: Path) -> None:
     path = tmp_path / "checkpoint.jsonl"
-    lines, kept = story(path)
+    lines, kept = written_checkpoint(path)
     path.write_bytes(lines[0] + lines[1] + b"\0\0\n" + lines[3])
     beliefs = of_a_twin()
     assert not restore(path, beliefs).whole
@@ -203,32 +205,32 @@ def test_what_follows_damage_is_not_believed(tmp_path: Path) -> None:
 def test_it_stays_small_and_a_silent_fleet_writes_nothing(tmp_path: Path) -> None:
     path = tmp_path / "checkpoint.jsonl"
     beliefs = HoldLast(IDS)
-    book = Checkpoint(path, beliefs, 0)
+    writer = Checkpoint(path, beliefs, 0)
     rows = []
     for n in range(50):
-        tick(beliefs, Event(1, 1000, said(State.ACTIVE, 0.5, 1.0, 3.0, n, 0)), 1000 * n)
-        book.flush(1000 * n + 1000)
+        tick(beliefs, Event(1, 1000, status(State.ACTIVE, 0.5, 1.0, 3.0, n, 0)), 1000 * n)
+        writer.flush(1000 * n + 1000)
         rows.append(restore(path, HoldLast(IDS)).rows)
     assert max(rows) == checkpoint.ROWS
     before = path.stat()
-    book.flush(100_000_000)
+    writer.flush(100_000_000)
     assert (path.stat().st_size, path.stat().st_ino) == (before.st_size, before.st_ino)
 
 
-def test_after_ten_minutes_a_checkpoint_is_due(tmp_path: Path) -> None:
-    """A twin's day of hourly packets takes longer to replay than to write down."""
+def test_after_ten_minutes_a_full_record_is_due(tmp_path: Path) -> None:
+    """Replaying a twin's day of hourly packets takes longer than writing a full record."""
     path = tmp_path / "checkpoint.jsonl"
     beliefs = HoldLast(IDS)
-    book = Checkpoint(path, beliefs, 0)
+    writer = Checkpoint(path, beliefs, 0)
     for now_ms in (599_000, 600_000, 601_000):
         beliefs.hear(StatusPacket(1, 0, State.ACTIVE, 0.5, 1.0, 2.0, 3.0, 3.0, now_ms), now_ms)
-        book.flush(now_ms)
+        writer.flush(now_ms)
     assert restore(path, HoldLast(IDS)) == checkpoint.Restored(601_000, 1, whole=True, counts=Counter())
 
 
-def test_another_estimators_notebook_is_refused_and_nothing_is_believed(tmp_path: Path) -> None:
+def test_another_estimators_checkpoint_is_refused_and_nothing_is_believed(tmp_path: Path) -> None:
     path = tmp_path / "checkpoint.jsonl"
-    tick(twin := of_a_twin(), Event(1, 1000, said(State.ACTIVE, 0.5, 1.0, 3.0, 0, 0)), 0)
+    tick(twin := of_a_twin(), Event(1, 1000, status(State.ACTIVE, 0.5, 1.0, 3.0, 0, 0)), 0)
     Checkpoint(path, twin, 1000).close()
     beliefs = HoldLast(IDS)
     with pytest.raises(NoCheckpoint, match="another version"):
@@ -238,9 +240,9 @@ def test_another_estimators_notebook_is_refused_and_nothing_is_believed(tmp_path
         restore(tmp_path / "none.jsonl", beliefs)
 
 
-def test_a_kill_while_a_checkpoint_is_written_leaves_the_former_notebook(tmp_path: Path) -> None:
+def test_a_kill_while_a_full_record_is_written_leaves_the_former_file(tmp_path: Path) -> None:
     path = tmp_path / "checkpoint.jsonl"
-    _, kept = story(path)
+    _, kept = written_checkpoint(path)
     (tmp_path / ".checkpoint.jsonl.fresh").write_bytes(b'{"t":0,"format":1,"bel')
     shutil.copy(path, tmp_path / "before")
     beliefs = of_a_twin()
@@ -253,34 +255,34 @@ def test_a_kill_while_a_checkpoint_is_written_leaves_the_former_notebook(tmp_pat
 
 
 @pytest.mark.parametrize("name", ESTIMATORS)
-def test_a_guest_comes_with_what_others_believe_of_it(name: str, tmp_path: Path) -> None:
-    """Elsewhere it was heard twice. From then on both believe the same, and so does who comes after a death."""
+def test_an_admitted_aMussel_comes_with_the_beliefs_of_others(name: str, tmp_path: Path) -> None:
+    """It reported twice elsewhere. Afterwards both aPads believe the same, and so does a resumed supervisor."""
     elsewhere, here = ESTIMATORS[name](), ESTIMATORS[name]()
-    guest = 3
-    here.dismiss(guest)
+    newcomer = 3
+    here.dismiss(newcomer)
     for at_ms in (1000, 9000):
         elsewhere.advance(at_ms)
         elsewhere.hear(
-            StatusPacket(guest, 0, State.ACTIVE, 0.5, 1.0, 4.0, 5.0, 3.0, POOL.theta * at_ms), at_ms
+            StatusPacket(newcomer, 0, State.ACTIVE, 0.5, 1.0, 4.0, 5.0, 3.0, POOL.theta * at_ms), at_ms
         )
-    heard = StatusPacket(guest, 1, State.ACTIVE, 0.4, 1.0, 4.0, 6.0, 3.0, POOL.theta * 20_000)
+    heard = StatusPacket(newcomer, 1, State.ACTIVE, 0.4, 1.0, 4.0, 6.0, 3.0, POOL.theta * 20_000)
     here.advance(10_000)
     assert here.hear(heard, 10_000) == "a status of an unknown aMussel"
 
-    book = Checkpoint(tmp_path / "checkpoint.jsonl", here, 10_000)
-    handed = elsewhere.get(guest)
+    writer = Checkpoint(tmp_path / "checkpoint.jsonl", here, 10_000)
+    handed = elsewhere.get(newcomer)
     assert handed is not None
-    here.admit(guest, here.estimator.restored(guest, elsewhere.estimator.kept(handed)))
+    here.admit(newcomer, here.estimator.restored(newcomer, elsewhere.estimator.kept(handed)))
     for beliefs in (elsewhere, here):
         beliefs.advance(20_000)
         assert beliefs.hear(heard, 20_000) is None
-    book.flush(20_000)
-    book.close()
+    writer.flush(20_000)
+    writer.close()
     restored = ESTIMATORS[name]()
     restore(tmp_path / "checkpoint.jsonl", restored)
-    assert here.get(guest) is not None
-    assert here.get(guest) == elsewhere.get(guest)
+    assert here.get(newcomer) is not None
+    assert here.get(newcomer) == elsewhere.get(newcomer)
     restored.advance(20_000)
-    assert restored.get(guest) == here.get(guest)
-    here.dismiss(guest)
-    assert here.get(guest) is None
+    assert restored.get(newcomer) == here.get(newcomer)
+    here.dismiss(newcomer)
+    assert here.get(newcomer) is None

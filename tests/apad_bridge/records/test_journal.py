@@ -1,4 +1,4 @@
-"""The journal: lines survive as they were, and a kill costs the line that it tore, no more."""
+"""Tests the journal: lines are read as they were written, and a kill costs only the line that it tore."""
 
 import math
 

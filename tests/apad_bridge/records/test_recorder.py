@@ -1,4 +1,4 @@
-"""The recorder on a real flight in virtual time, and on hand-made ticks where a story is wanted."""
+"""Tests the recorder on a real flight in virtual time, and on ticks made by hand."""
 
 import json
 import shutil
@@ -47,7 +47,7 @@ def new_directory(path):
 
 
 def fly(scenario, recorder, until_ms=None):
-    """The whole flight, or its ticks up to `until_ms`."""
+    """Flies the whole flight, or its ticks up to `until_ms`."""
     initial_states = parts.initial_states(scenario, list(starts_of(scenario)))
     host = InProcessHost(parts.fleet_config(scenario), initial_states)
     fleet = Fleet(Coordinator(host, dict.fromkeys(initial_states, 0), scenario.theta), host)
@@ -61,7 +61,7 @@ def fly(scenario, recorder, until_ms=None):
 
 
 class Tee:
-    """The same to two recorders; the second dies and is resumed at `resume_ms`."""
+    """Passes the same calls to two recorders; the second dies and is resumed at `resume_ms`."""
 
     def __init__(self, whole, broken, resume, resume_ms):
         self.whole, self.broken, self._resume, self._resume_ms = whole, broken, resume, resume_ms
@@ -108,7 +108,7 @@ def test_a_resumed_run_counts_as_if_nothing_had_happened(tmp_path, scenario):
     resumed = []
 
     def die_and_resume():
-        # What a kill leaves: the files as they are now. The dead recorder's own are closed elsewhere.
+        # A kill leaves the files as they are now; the dead recorder's own files are closed elsewhere.
         shutil.copytree(tmp_path / "broken", tmp_path / "resumed")
         with (tmp_path / "resumed" / "journal.jsonl").open("ab") as journal:
             journal.write(b'{"t":30')
@@ -169,7 +169,7 @@ def test_truth_is_journaled_when_it_changed_or_moved(recorder):
     recorder.truths([hand_made(120_001, docked=True, state=State.CHARGING)])
     recorder.truths([hand_made(150_000, east_um=9_000_000, docked=True, state=State.CHARGING)])
     recorder.truths([hand_made(180_000, east_um=9_000_000)])
-    # Carried by a dock it is where the aPad is; the release says where that was. Mission time is rounded up.
+    # In a dock it moves with the aPad; the truth at its release has the place. Mission time is rounded up.
     assert [(line["t"], line["agent_ms"], line["east_um"]) for line in lines_of(recorder, "truth")] == [
         (0, 0, 0),
         (2000, 60_000, 250_001),
@@ -249,7 +249,7 @@ def test_a_quiet_tick_leaves_its_time(recorder):
     recorder.tick(3000, [], None, None, "none", FREE)
     assert [line["t"] for line in lines_of(recorder, "tick")] == [
         2000
-    ]  # of quiet ticks in a row the last is read
+    ]  # only the last of quiet ticks in a row is read
 
 
 def test_after_a_day_samples_are_as_rare_as_the_scenario_says(tmp_path, scenario):

@@ -1,4 +1,4 @@
-"""A run's directory is its own: nothing is written over, and what cannot be used is said in one line."""
+"""Tests that a run's directory is its own: no file is overwritten, and an unusable directory is reported in one line."""
 
 import json
 from datetime import UTC, datetime

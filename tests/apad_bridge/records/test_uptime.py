@@ -1,4 +1,4 @@
-"""The meter's closed forms against a literal stepper that knows nothing of them: one millisecond after another."""
+"""Tests the meter's closed forms against an independent stepper that goes through every millisecond."""
 
 from dataclasses import replace
 
@@ -23,7 +23,7 @@ PAPER = ChargeModel.from_minutes(0.0010427134, ((0.16197, 0.001045), (0.5634, 0.
 
 
 BatteryIs = tuple[int, Flow] | tuple[int, Flow, int]
-"""Grains, flow, and what is drawn by modules."""
+"""Grains, flow, and the modules' load."""
 
 
 def truth(at_ms: int, state: State, docked: bool, primary: BatteryIs, secondary: BatteryIs) -> Truth:
@@ -33,12 +33,18 @@ def truth(at_ms: int, state: State, docked: bool, primary: BatteryIs, secondary:
     return Truth(at_ms, 7, state, physical)
 
 
-def literal(truths: list[Truth], ticks: int, is_now: dict[int, Presence] | None = None) -> AgentUptime:
-    """Equation (3)'s sum, taken literally: every millisecond of agent time, and a look at every tick.
+def literal(
+    truths: list[Truth], ticks: int, presence_by_tick: dict[int, Presence] | None = None
+) -> AgentUptime:
+    """Equation (3)'s sum, taken literally: it steps every millisecond of agent time and counts at every tick.
 
-    `is_now` says, by tick, what it is from after that tick on; while it is not simulated, nothing that happens counts.
+    `presence_by_tick` has the presence after that tick; while the aMussel is not simulated, nothing is counted.
     """
-    is_now, presence, other_ticks = is_now or {}, Presence.SIMULATED, dict.fromkeys(Presence, 0)
+    presence_by_tick, presence, other_ticks = (
+        presence_by_tick or {},
+        Presence.SIMULATED,
+        dict.fromkeys(Presence, 0),
+    )
     at_last = None
     paper = submerged = dead = 0
     emptied = lost = False
@@ -66,7 +72,7 @@ def literal(truths: list[Truth], ticks: int, is_now: dict[int, Presence] | None 
         elif is_tick:
             other_ticks[presence] += 1
         if is_tick:
-            presence = is_now.get(ms // (TICK_MS * THETA), presence)
+            presence = presence_by_tick.get(ms // (TICK_MS * THETA), presence)
     return AgentUptime(
         7,
         paper,
@@ -77,7 +83,9 @@ def literal(truths: list[Truth], ticks: int, is_now: dict[int, Presence] | None 
         at_last,
         beside_real=other_ticks[Presence.REAL],
         retired=other_ticks[Presence.RETIRED],
-        presence=is_now.get(max([n for n in is_now if n <= ticks], default=-1), Presence.SIMULATED),
+        presence=presence_by_tick.get(
+            max([n for n in presence_by_tick if n <= ticks], default=-1), Presence.SIMULATED
+        ),
     )
 
 
@@ -123,29 +131,29 @@ def test_the_meter_counts_what_a_literal_stepper_counts(first_ms, events, ticks)
 presences = st.dictionaries(st.integers(0, 20), st.sampled_from(Presence), max_size=4)
 
 
-@given(events=events, ticks=st.integers(0, 20), is_now=presences)
-def test_only_a_simulated_one_in_the_water_is_counted(events, ticks, is_now):
-    """`charge` aside, which is that of the last time at which it was."""
+@given(events=events, ticks=st.integers(0, 20), presence_by_tick=presences)
+def test_only_a_simulated_one_in_the_water_is_counted(events, ticks, presence_by_tick):
+    """The counts without `charge`, which is that of the last time when it was simulated."""
     truths, at_ms = [], 0
     for gap_ms, *rest in events:
         truths.append(truth(at_ms, *rest))
         at_ms += gap_ms
     until_ms = ticks * TICK_MS * THETA
     truths = [it for it in truths if it.at_ms <= until_ms]
-    told = [(it.at_ms, 0, it) for it in truths]
-    told += [(n * TICK_MS * THETA, 1, presence) for n, presence in is_now.items() if n <= ticks]
+    stimuli = [(it.at_ms, 0, it) for it in truths]
+    stimuli += [(n * TICK_MS * THETA, 1, presence) for n, presence in presence_by_tick.items() if n <= ticks]
     meter = UptimeMeter(THETA, MODEL, TICK_MS)
-    for at_ms, _, it in sorted(told, key=lambda it: it[:2]):
+    for at_ms, _, it in sorted(stimuli, key=lambda it: it[:2]):
         if isinstance(it, Truth):
             meter.take(it)
         else:
             meter.is_now(7, it, at_ms)
     counted = [replace(it, charge=0) for it in meter.at(ticks * TICK_MS)]
-    assert counted == ([replace(literal(truths, ticks, is_now), charge=0)] if truths else [])
+    assert counted == ([replace(literal(truths, ticks, presence_by_tick), charge=0)] if truths else [])
 
 
 def test_what_a_twin_does_is_told_apart():
-    """Ten ticks: three in the water, four as a real one's twin that is empty in the end, three back in the water."""
+    """Ten ticks: three in the water, four as a real aMussel's twin that ends empty, three back in the water."""
     meter = UptimeMeter(THETA, MODEL, TICK_MS)
     tick_ms = TICK_MS * THETA
 
@@ -177,7 +185,7 @@ def test_what_a_twin_does_is_told_apart():
         "retired_s": 0,
         "samples_taken": 4,
     }
-    # Sequences 5 to 8 are the twin's: of the others 0, 1, 2 and 10 came, and of what a real one sent by its name nothing.
+    # Sequences 5 to 8 are the twin's. Of the others 0, 1, 2 and 10 were uploaded; 400 is a real aMussel's upload.
     apart = {it.agent_id: it.apart for it in meter.at(10 * TICK_MS)}
     kept = {7: {0, 1, 2, 6, 10, 400}}
     assert sample_figures({7: 11, 8: 0}, kept, {7: {3, 7}}, apart) == {
@@ -236,7 +244,7 @@ def test_active_now_follows_the_dock_and_the_battery():
 def test_an_aMussel_that_is_gone_is_active_no_more():
     meter = UptimeMeter(THETA, MODEL, TICK_MS)
     meter.take(truth(0, State.ACTIVE, False, (FULL, Flow.RESTING), (FULL, Flow.RESTING)))
-    meter.gone(7, 4 * TICK_MS * THETA)
+    meter.ended(7, 4 * TICK_MS * THETA)
     assert [uptime.paper for uptime in meter.at(10 * TICK_MS)] == [3]
     assert meter.active_now(3 * TICK_MS) == 1 and meter.active_now(4 * TICK_MS) == 0
 

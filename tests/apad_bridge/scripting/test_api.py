@@ -1,4 +1,4 @@
-"""The API's calls, flown in memory: what they tell, what they order, what they refuse, and that every wait ends."""
+"""Tests the API's calls in flights in memory: answers, orders, refusals, and the end of every wait."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -15,8 +15,8 @@ from apad_bridge.scripting.behaviours import Behaviour
 from apad_bridge.scripting.program import SCRIPT_ENDED, SCRIPT_FAILED
 
 
-def told(scenario: Scenario, script: Callable[[Api, list[Any]], object]) -> list[Any]:
-    """What the script put on its list, by a flight that went well."""
+def results_of(scenario: Scenario, script: Callable[[Api, list[Any]], object]) -> list[Any]:
+    """The list that the script filled, in a flight without an error."""
     found: list[Any] = []
     flight = fly_script(scenario, lambda api: script(api, found))
     assert flight.error is None, flight.ended_by
@@ -43,10 +43,12 @@ def test_who_there_is_and_where(pool: Scenario) -> None:
             sorted(api.pool()) == [i for i in api.agents() if api.battery(i) <= 0.8],
         ]
 
-    now, agents, same, state, dock, age, here, moved, docks, free, three, pool_is_low = told(pool, script)
+    now, agents, same, state, dock, age, here, moved, docks, free, three, pool_is_low = results_of(
+        pool, script
+    )
     assert (now, agents, same, state, dock, age) == (5.0, list(range(1, 13)), True, "ACTIVE", None, 0.0)
     assert here == pytest.approx((14, 10.5))
-    # It drifts by at most half a centimetre a second, and has done so for five.
+    # It drifts by at most half a centimetre a second, and five seconds have passed.
     assert abs(moved) <= 0.025
     assert (docks, free) == ({1: None, 2: None, 3: None, 4: None}, [1, 2, 3, 4])
     assert (three, pool_is_low) == (3, True)
@@ -68,7 +70,7 @@ def test_a_go_to_runs_and_ends_and_another_pre_empts_it(pool: Scenario) -> None:
         found.append([(it.kind, it.status) for it in api.events("goto")])
         found.append(api.cost())
 
-    idle, running, early, late, near, events, cost = told(pool, script)
+    idle, running, early, late, near, events, cost = results_of(pool, script)
     assert (idle, running, early, late, near) == (0, 1, Status.RUNNING, Status.DONE, True)
     assert events == [("goto", Status.DONE), ("goto", Status.DONE)]
     assert cost > 5
@@ -82,7 +84,7 @@ def test_a_go_to_by_degrees_is_the_same_place(pool: Scenario) -> None:
         here = api.get_location(api.id_self)
         found.append(((here.north_m - there.north_m) ** 2 + (here.east_m - there.east_m) ** 2) ** 0.5)
 
-    assert told(pool, script)[0] <= pool.mission.victory_radius_m
+    assert results_of(pool, script)[0] <= pool.mission.victory_radius_m
 
 
 def test_collect_and_deploy_bring_one_up_and_home(pool: Scenario) -> None:
@@ -102,7 +104,7 @@ def test_collect_and_deploy_bring_one_up_and_home(pool: Scenario) -> None:
         found.append(abs(there.north_m - home.north_m) + abs(there.east_m - home.east_m) < 2)
         found.append([(it.kind, it.dock) for it in api.events(agent=5) if it.kind in ("docked", "undocked")])
 
-    collected, docked, state, rose, let_go, free, sank, at_home, events = told(pool, script)
+    collected, docked, state, rose, let_go, free, sank, at_home, events = results_of(pool, script)
     assert (collected, docked, state, rose) == (True, (5, 3), "CHARGING", True)
     assert (let_go, free, sank, at_home) == (True, None, True, True)
     assert events == [("docked", 3), ("undocked", 3)]
@@ -126,7 +128,7 @@ def test_pausing_holds_and_resuming_goes_on(pool: Scenario) -> None:
         found.append(api.wait_goto())
         found.append(abs(api.get_location(api.id_self).east_m - 20.5))
 
-    moved, paused_at, status, ended, missed = told(pool, script)
+    moved, paused_at, status, ended, missed = results_of(pool, script)
     assert (status, ended) == (Status.RUNNING, Status.DONE)
     assert moved < 0.05
     assert 11 < paused_at < 16
@@ -144,7 +146,7 @@ def test_a_held_place_is_held(pool: Scenario) -> None:
         api.sleep(10)
         found.append(abs(api.get_location(api.id_self).east_m - first.east_m))
 
-    status, moved = told(pool, script)
+    status, moved = results_of(pool, script)
     assert status is Status.PREEMPTED
     assert moved < 0.05
 
@@ -191,7 +193,7 @@ def test_events_are_waited_for_and_given_up(pool: Scenario) -> None:
         api.tell_clear(4)
         found.append(up and api.wait_until(lambda: api.agent(4).state == "ACTIVE", timeout=60))
 
-    heard, nothing, at_s, first, sank = told(pool, script)
+    heard, nothing, at_s, first, sank = results_of(pool, script)
     assert (heard.kind, heard.agent) == ("heard", 4)
     assert (nothing, at_s) == (None, heard.at_s + 3)
     assert first in (("SURFACING", "state"), ("FLOATING", "state"))
@@ -222,7 +224,7 @@ def test_a_behaviour_acts_once_a_second_until_it_is_done_or_late(pool: Scenario)
         found.append((api.run(quick), api.now() - quick.began_s, len(quick.heard)))
         found.append((api.run(slow, timeout=10), api.now() - slow.began_s))
 
-    assert told(pool, script) == [(True, 4.0, 12), (False, 10.0)]
+    assert results_of(pool, script) == [(True, 4.0, 12), (False, 10.0)]
 
 
 def test_plans_and_costs_are_the_mission_s(pool: Scenario) -> None:
@@ -235,7 +237,7 @@ def test_plans_and_costs_are_the_mission_s(pool: Scenario) -> None:
         found.append((len(greedy.steps), api.cost_of(greedy).distance_m, api.cost_of(plan).distance_m))
         found.append(api.plan_redeployment().steps)
 
-    (agents, worst, docks), (count, short_m, long_m), nobody = told(pool, script)
+    (agents, worst, docks), (count, short_m, long_m), nobody = results_of(pool, script)
     assert (agents, docks) == (worst, [1, 2, 3, 4])
     assert count == 2
     assert short_m < long_m

@@ -1,4 +1,4 @@
-"""What the API cannot do, or was asked in the wrong words, is refused in one line, and the script may go on."""
+"""Tests that the API refuses impossible calls and wrong arguments in one line, and that the script may go on."""
 
 from collections.abc import Callable
 
@@ -12,7 +12,7 @@ from apad_bridge.scripting.program import SCRIPT_ENDED
 
 
 @pytest.mark.parametrize(
-    ("script", "told"),
+    ("script", "message"),
     [
         (lambda api: api.battery(99), "aMussel 99 is not of this scenario; there are 1 to 12"),
         (lambda api: api.get_location("apad9"), "'apad9' is not this aPad, which is called 'apad1'"),
@@ -62,10 +62,10 @@ from apad_bridge.scripting.program import SCRIPT_ENDED
     ],
 )
 def test_what_cannot_be_done_is_refused_in_one_line(
-    pool: Scenario, script: Callable[[Api], object], told: str
+    pool: Scenario, script: Callable[[Api], object], message: str
 ) -> None:
     def caught(api: Api) -> None:
-        with pytest.raises(Refused, match=told) as raised:
+        with pytest.raises(Refused, match=message) as raised:
             script(api)
         assert "\n" not in str(raised.value)
 

@@ -1,4 +1,6 @@
-"""Taking turns: a tick waits for the script; one that does not come back does not stop the world; ends are heard."""
+"""Tests the turns: a tick waits for the script, a script that never calls back stops nothing, and each side learns of the
+other's end.
+"""
 
 import threading
 import time
@@ -18,9 +20,9 @@ def test_what_is_asked_is_done_by_the_supervisor_s_thread() -> None:
     rendezvous, threads, answers = Rendezvous(PATIENT), [], []
 
     def script() -> None:
-        answers.append(rendezvous.ask(Do(lambda: threads.append(threading.current_thread()) or 7)))
+        answers.append(rendezvous.request(Do(lambda: threads.append(threading.current_thread()) or 7)))
         try:
-            rendezvous.ask(Do(lambda: None))
+            rendezvous.request(Do(lambda: None))
         except KeyError as error:
             answers.append(str(error))
         rendezvous.finish(None)
@@ -28,9 +30,9 @@ def test_what_is_asked_is_done_by_the_supervisor_s_thread() -> None:
     thread = threading.Thread(target=script)
     rendezvous.begin()
     thread.start()
-    asked = rendezvous.next()
-    assert isinstance(asked, Do)
-    rendezvous.answer(asked.act())
+    request = rendezvous.next()
+    assert isinstance(request, Do)
+    rendezvous.answer(request.act())
     assert isinstance(rendezvous.next(), Do)
     rendezvous.answer(KeyError("raised there"))
     assert rendezvous.next() == Finished(None)
@@ -43,11 +45,11 @@ def test_a_script_that_waits_when_the_mission_ends_is_aborted() -> None:
 
     def script() -> None:
         try:
-            rendezvous.ask(Wait(None, 1000))
+            rendezvous.request(Wait(None, 1000))
         except Aborted as aborted:
             ends.append(str(aborted))
         try:
-            rendezvous.ask(Do(lambda: None))
+            rendezvous.request(Do(lambda: None))
         except Aborted as aborted:
             ends.append(str(aborted))
 
@@ -83,9 +85,9 @@ def test_a_thread_that_a_script_starts_cannot_take_its_turn(pool: Scenario) -> N
 def test_a_condition_may_look_but_not_wait() -> None:
     rendezvous = Rendezvous(PATIENT)
     rendezvous.begin()
-    assert rendezvous.ask(Do(lambda: 5)) == 5
+    assert rendezvous.request(Do(lambda: 5)) == 5
     with pytest.raises(RuntimeError, match="neither sleep nor wait"):
-        rendezvous.ask(Wait(None, 5))
+        rendezvous.request(Wait(None, 5))
 
 
 def test_a_condition_that_waits_fails_the_script_and_not_the_flight(pool: Scenario) -> None:
@@ -98,12 +100,16 @@ def test_a_script_that_never_comes_back_ends_the_mission_not_the_machine(
 ) -> None:
     monkeypatch.setattr("apad_bridge.scripting.program._JOIN_S", 0.1)
     computes, released = threading.Event(), threading.Event()
-    asked = Rendezvous.next
+    original_next = Rendezvous.next
 
     def patient(rendezvous: Rendezvous) -> object:
-        # A thread that waits for a processor is not one that computes: until it says so it is waited for, up to a minute.
+        # A thread that waits for a processor does not compute yet: this waits until it does, for a minute at most.
         until_s = time.monotonic() + 60.0
-        while (found := asked(rendezvous)) is None and not computes.is_set() and time.monotonic() < until_s:
+        while (
+            (found := original_next(rendezvous)) is None
+            and not computes.is_set()
+            and time.monotonic() < until_s
+        ):
             pass
         return found
 
@@ -116,7 +122,7 @@ def test_a_script_that_never_comes_back_ends_the_mission_not_the_machine(
     flight = fly_script(pool, script, Turns(tick_s=0.05, busy_s=0.05))
     released.set()
     assert flight.ended_by == f"{SCRIPT_FAILED}: it neither called the API nor slept for 0.05 s"
-    # Virtual time ran on for no longer than it took to be sure.
+    # Virtual time ran on only until the script was judged stuck.
     assert flight.mission_s == pytest.approx(3, abs=2)
 
 
@@ -126,15 +132,15 @@ def test_in_real_time_ticks_go_on_while_a_script_computes(pool: Scenario) -> Non
 
     def script(api: Api) -> None:
         before = api.now()
-        # It computes until three ticks have gone by without it.
+        # It computes until three ticks have passed without it.
         for _ in range(3):
             assert ticks.acquire(timeout=30)
         seen.append(api.now() - before)
 
-    asked = Rendezvous.next
+    original_next = Rendezvous.next
 
     def counted(rendezvous: Rendezvous) -> object:
-        found = asked(rendezvous)
+        found = original_next(rendezvous)
         if found is None:
             ticks.release()
         return found

@@ -1,4 +1,4 @@
-"""Physical modems for tests: our own machines behind real ptys, in water of their own, on the wall clock."""
+"""Physical modems for tests: our modem models behind real ptys, in water of their own, on the wall clock."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ PROPAGATION_US = 20_000
 
 
 class PhysicalModems:
-    """Modems with addresses 1, 2, ... that hear each other, each behind a device that pyserial opens.
+    """Modems with addresses 1, 2, ... that receive each other, each behind a device that pyserial opens.
 
-    Their time runs `speed` times the wall clock's, and so must that of whoever talks to them.
+    Their time runs at `speed` times the wall clock, and so must the time of their hosts.
     """
 
     def __init__(self, folder: Path, count: int, speed: int) -> None:
@@ -29,12 +29,12 @@ class PhysicalModems:
         self.modems = {address: Modem(ModemConfig(), address) for address in range(1, count + 1)}
         self.sent: list[Frame] = []
         self.mute = False
-        """Answers nothing, as a modem whose supply is off."""
+        """When True, no modem answers, as if their supply were off."""
         self._devices = OpenedModems(folder, self.modems)
         self._began_s = time.monotonic()
-        self._coming: list[tuple[int, int, Frame]] = []
+        self._in_flight: list[tuple[int, int, Frame]] = []
         self._stop = threading.Event()
-        self._thread = threading.Thread(target=self._live, daemon=True)
+        self._thread = threading.Thread(target=self._run, daemon=True)
         self._thread.start()
 
     def path(self, address: int) -> str:
@@ -49,30 +49,30 @@ class PhysicalModems:
             self._thread.join(5)
             self._devices.close()
 
-    def _live(self) -> None:
+    def _run(self) -> None:
         while not self._stop.wait(0.001):
             now_ms = self.now_ms()
             for burst in self._devices.take():
-                self._note(burst.agent_id, SerialBytes(burst.data, 0, paused=True), now_ms)
-            for due in sorted(it for it in self._coming if it[0] <= now_ms):
-                self._coming.remove(due)
+                self._deliver(burst.agent_id, SerialBytes(burst.data, 0, paused=True), now_ms)
+            for due in sorted(it for it in self._in_flight if it[0] <= now_ms):
+                self._in_flight.remove(due)
                 for address in self.modems:
                     if address != due[1]:
-                        self._note(address, FrameArrived(due[2], PROPAGATION_US), now_ms)
+                        self._deliver(address, FrameArrived(due[2], PROPAGATION_US), now_ms)
             for address, modem in self.modems.items():
-                self._act(address, modem.advance(now_ms))
+                self._apply(address, modem.advance(now_ms))
 
-    def _note(self, address: int, stimulus: SerialBytes | FrameArrived, now_ms: int) -> None:
-        self._act(address, self.modems[address].receive(stimulus, now_ms))
+    def _deliver(self, address: int, stimulus: SerialBytes | FrameArrived, now_ms: int) -> None:
+        self._apply(address, self.modems[address].receive(stimulus, now_ms))
 
-    def _act(self, address: int, actions: list[Action]) -> None:
+    def _apply(self, address: int, actions: list[Action]) -> None:
         for action in actions:
             if isinstance(action, SerialOut) and not self.mute:
                 self._devices.write(address, action.data)
             elif isinstance(action, EmitFrame):
                 self.sent.append(action.frame)
                 arrives_ms = action.at_ms + action.frame.duration_ms + PROPAGATION_US // 1000
-                self._coming.append((arrives_ms, address, action.frame))
+                self._in_flight.append((arrives_ms, address, action.frame))
 
 
 Make = Callable[..., PhysicalModems]

@@ -1,4 +1,4 @@
-"""A physical modem (ours, behind a real pty) carries packets through pyserial; it is unplugged and comes back."""
+"""Tests a physical modem (our model behind a real pty) through pyserial: carrying packets, unplugging, plugging in."""
 
 from __future__ import annotations
 
@@ -10,42 +10,52 @@ from typing import Any
 
 from agents.modem.frames import FrameKind
 from apad_bridge.acoustics.serial.attached import AttachedModem, Result
-from apad_bridge.acoustics.serial.nanomodem import Addressed, Carried, Dropped, Heard, Reported, Stage, Way
+from apad_bridge.acoustics.serial.nanomodem import (
+    Direction,
+    Dropped,
+    Heard,
+    Reported,
+    RoutedPacket,
+    Sent,
+    Stage,
+)
 from apad_bridge.acoustics.serial.serial_port import SerialPort
 
 Make = Callable[..., Any]
 
 
 class Host:
-    """Polls attached modems on the wall clock until something has come."""
+    """Polls attached modems on the wall clock until a result has come."""
 
     def __init__(self, now_ms: Callable[[], int], **modems: AttachedModem) -> None:
         self.now_ms = now_ms
         self.modems = modems
         self._pause = threading.Event()
-        self.came: list[tuple[str, Result]] = []
+        self.results: list[tuple[str, Result]] = []
 
-    def until(self, what: Callable[[str, Result], bool], timeout_s: float = 60.0) -> Result:
+    def until(self, predicate: Callable[[str, Result], bool], timeout_s: float = 60.0) -> Result:
         deadline_s = time.monotonic() + timeout_s
-        for name, result in self.came:
-            if what(name, result):
+        for name, result in self.results:
+            if predicate(name, result):
                 return result
         while time.monotonic() < deadline_s:
             for name, modem in self.modems.items():
                 for result in modem.poll(self.now_ms()):
-                    self.came.append((name, result))
-            for name, result in self.came:
-                if what(name, result):
+                    self.results.append((name, result))
+            for name, result in self.results:
+                if predicate(name, result):
                     return result
             self._pause.wait(0.002)
-        raise AssertionError(f"it did not come within {timeout_s} s; what came: {self.came}")
+        raise AssertionError(f"it did not come within {timeout_s} s; results: {self.results}")
 
 
 def ready(host: Host) -> None:
-    for name in host.modems:
-        if host.modems[name].queue.stage is not Stage.FREE:
+    for modem in host.modems:
+        if host.modems[modem].queue.stage is not Stage.READY:
             host.until(
-                lambda who, it, name=name: who == name and isinstance(it, Reported) and "address" in it.what
+                lambda name, it, modem=modem: (
+                    name == modem and isinstance(it, Reported) and "address" in it.what
+                )
             )
 
 
@@ -54,15 +64,15 @@ def test_packets_go_both_ways_with_their_ids(physical: Make) -> None:
     fleet, apad = AttachedModem(SerialPort(modems.path(1))), AttachedModem(SerialPort(modems.path(2)))
     host = Host(modems.now_ms, fleet=fleet, apad=apad)
     ready(host)
-    host.came += [("fleet", it) for it in fleet.report(300, b"a report", modems.now_ms())]
-    heard = host.until(lambda who, it: isinstance(it, Heard))
+    host.results += [("fleet", it) for it in fleet.report(300, b"a report", modems.now_ms())]
+    heard = host.until(lambda name, it: isinstance(it, Heard))
     assert isinstance(heard, Heard)
-    assert heard.packet == Addressed(Way.FROM_AMUSSEL, 300, b"a report")
-    host.until(lambda who, it: isinstance(it, Carried))
+    assert heard.packet == RoutedPacket(Direction.FROM_AMUSSEL, 300, b"a report")
+    host.until(lambda name, it: isinstance(it, Sent))
     apad.command(7, b"come up", modems.now_ms())
-    answer = host.until(lambda who, it: who == "fleet" and isinstance(it, Heard))
-    assert isinstance(answer, Heard) and answer.packet == Addressed(Way.TO_AMUSSEL, 7, b"come up")
-    # What the modem itself was told: broadcasts alone, and its address is what it was.
+    answer = host.until(lambda name, it: name == "fleet" and isinstance(it, Heard))
+    assert isinstance(answer, Heard) and answer.packet == RoutedPacket(Direction.TO_AMUSSEL, 7, b"come up")
+    # The modem was given broadcasts only, and its address did not change.
     assert {frame.kind for frame in modems.sent} == {FrameKind.BROADCAST}
     assert [modem.address for modem in modems.modems.values()] == [1, 2]
     fleet.close()
@@ -76,13 +86,13 @@ def test_a_modem_that_is_not_there_is_told_once_and_found_when_it_comes(
     attached = AttachedModem(SerialPort(str(path)))
     began_s = time.monotonic()
     host = Host(lambda: int((time.monotonic() - began_s) * 1000 * 8), fleet=attached)
-    told = host.until(lambda who, it: isinstance(it, Reported))
-    assert isinstance(told, Reported) and str(path) in told.what
+    reported = host.until(lambda name, it: isinstance(it, Reported))
+    assert isinstance(reported, Reported) and str(path) in reported.what
     attached.report(7, b"a report", host.now_ms())
     physical(folder="late")
-    carried = host.until(lambda who, it: isinstance(it, Carried))
-    assert isinstance(carried, Carried) and carried.packet.agent_id == 7
-    assert sum("cannot be opened" in it.what for _, it in host.came if isinstance(it, Reported)) == 1
+    sent = host.until(lambda name, it: isinstance(it, Sent))
+    assert isinstance(sent, Sent) and sent.packet.agent_id == 7
+    assert sum("cannot be opened" in it.what for _, it in host.results if isinstance(it, Reported)) == 1
     attached.close()
 
 
@@ -92,12 +102,12 @@ def test_it_is_unplugged_and_plugged_in_again(physical: Make) -> None:
     host = Host(first.now_ms, fleet=attached)
     ready(host)
     first.close()
-    gone = host.until(lambda who, it: isinstance(it, Reported) and "gone" in it.what)
-    assert isinstance(gone, Reported)
+    lost = host.until(lambda name, it: isinstance(it, Reported) and "gone" in it.what)
+    assert isinstance(lost, Reported)
     attached.report(9, b"while it was away", host.now_ms())
     physical(count=1, folder="usb")
-    carried = host.until(lambda who, it: isinstance(it, Carried))
-    assert isinstance(carried, Carried) and carried.packet.data == b"while it was away"
+    sent = host.until(lambda name, it: isinstance(it, Sent))
+    assert isinstance(sent, Sent) and sent.packet.data == b"while it was away"
     attached.close()
 
 
@@ -108,7 +118,7 @@ def test_a_modem_that_says_nothing_loses_packets_loudly(physical: Make) -> None:
     ready(host)
     modems.mute = True
     attached.report(7, b"unheard", host.now_ms())
-    dropped = host.until(lambda who, it: isinstance(it, Dropped) and it.packet is not None)
+    dropped = host.until(lambda name, it: isinstance(it, Dropped) and it.packet is not None)
     assert isinstance(dropped, Dropped) and "waited too long" in dropped.reason
     attached.close()
 

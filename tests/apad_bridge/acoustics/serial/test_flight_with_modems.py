@@ -1,4 +1,4 @@
-"""Flights on the wall clock whose modems are serial devices: opened ones, and a physical one that carries the sound."""
+"""Tests flights on the wall clock with modems as serial devices: opened modems, and a physical modem that carries sound."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ import serial
 from agents.hosting.in_process import InProcessHost
 from agents.mussel.stimuli import SoundArrived, to_wire
 from apad_bridge.acoustics.serial.lines import SerialLines, open_serial_lines
-from apad_bridge.acoustics.serial.nanomodem import Addressed, AnswerReader, Message, Way
+from apad_bridge.acoustics.serial.nanomodem import AnswerReader, Direction, Message, RoutedPacket
 from apad_bridge.assembly import parts
 from apad_bridge.assembly.water import fleet_of
 from apad_bridge.runs.in_memory import MemoryRecorder
@@ -71,21 +71,21 @@ def flying(
         assert not thread.is_alive()
 
 
-def until(what: Callable[[], bool], timeout_s: float = 60.0) -> None:
+def until(condition: Callable[[], bool], timeout_s: float = 60.0) -> None:
     deadline_s, pause = time.monotonic() + timeout_s, threading.Event()
-    while not what():
+    while not condition():
         assert time.monotonic() < deadline_s, "it did not come"
         pause.wait(0.02)
 
 
 def range_in_s(driver: serial.Serial) -> float:
-    """How long aMussel 3's answer to a ping takes."""
-    asked_s = time.monotonic()
+    """The time of aMussel 3's answer to a ping, in seconds."""
+    began_s = time.monotonic()
     driver.write(b"$P003")
     assert driver.read_until(b"\r\n") == b"$P003\r\n"
     answer = driver.read_until(b"\r\n")
     assert answer.startswith(b"#R003T") and answer[6:11].isdigit()
-    return time.monotonic() - asked_s
+    return time.monotonic() - began_s
 
 
 def test_a_driver_talks_to_an_opened_modem_while_the_mission_flies(tmp_path: Path) -> None:
@@ -96,8 +96,8 @@ def test_a_driver_talks_to_an_opened_modem_while_the_mission_flies(tmp_path: Pat
     ):
         driver.write(b"$?")
         assert driver.read_until(b"\r\n").startswith(b"#A007V")
-        # Two frames of 105 ms and the serial line; a flight that looked at its lines at ticks alone would take a second
-        # each time, a machine that is busy now and then only sometimes.
+        # It takes two frames of 105 ms and the serial line. A flight that polled its lines only at ticks would take a
+        # second each time, a busy machine only sometimes.
         assert any(range_in_s(driver) < 0.9 for _ in range(20))
         permission = MusselbedCodec().encode(CommandPacket(Kind.PERMISSION, 3))
         driver.write(b"$U003%02d" % len(permission) + permission)
@@ -114,8 +114,8 @@ def status(agent_id: int) -> bytes:
     return MusselbedCodec().encode(packet)
 
 
-def test_a_physical_modem_brings_words_for_both_sides(physical: Make, tmp_path: Path) -> None:
-    """Modem 1 is the fleet's; at modem 2 somebody else is in the water."""
+def test_a_physical_modem_brings_packets_for_both_sides(physical: Make, tmp_path: Path) -> None:
+    """Modem 1 is the fleet's; modem 2 belongs to others in the same water."""
     modems = physical(speed=1)
     scenario = whole_boards()
     with (
@@ -128,15 +128,15 @@ def test_a_physical_modem_brings_words_for_both_sides(physical: Make, tmp_path: 
                 kind == "modem" and "address 1" in it.get("what", "") for _, kind, it in recorder.events
             )
         )
-        # A real aMussel elsewhere speaks, and somebody permits a simulated one to surface.
-        heard = Addressed(Way.FROM_AMUSSEL, 4, status(4)).encode()
-        elsewhere.write(b"$B%02d" % len(heard) + heard)
-        assert elsewhere.read_until(b"\r\n") == b"$B%02d\r\n" % len(heard)
+        # A real aMussel reports through modem 2, and a command permits a simulated one to surface.
+        report_bytes = RoutedPacket(Direction.FROM_AMUSSEL, 4, status(4)).encode()
+        elsewhere.write(b"$B%02d" % len(report_bytes) + report_bytes)
+        assert elsewhere.read_until(b"\r\n") == b"$B%02d\r\n" % len(report_bytes)
         until(lambda: flight.supervisor.beliefs.get(4) is not None)
         permission = MusselbedCodec().encode(CommandPacket(Kind.PERMISSION, 5))
-        said = Addressed(Way.TO_AMUSSEL, 5, permission).encode()
-        elsewhere.write(b"$B%02d" % len(said) + said)
-        assert elsewhere.read_until(b"\r\n") == b"$B%02d\r\n" % len(said)
+        command_bytes = RoutedPacket(Direction.TO_AMUSSEL, 5, permission).encode()
+        elsewhere.write(b"$B%02d" % len(command_bytes) + command_bytes)
+        assert elsewhere.read_until(b"\r\n") == b"$B%02d\r\n" % len(command_bytes)
         wire = [it.hex() if isinstance(it, bytes) else it for it in to_wire(SoundArrived(permission))]
         until(
             lambda: any(
@@ -147,7 +147,7 @@ def test_a_physical_modem_brings_words_for_both_sides(physical: Make, tmp_path: 
 
 
 def test_reports_and_commands_go_into_the_water_with_their_ids(physical: Make, tmp_path: Path) -> None:
-    """One aMussel that wakes every 3 s and is low: it reports by sound, and the mission permits it to surface."""
+    """One aMussel wakes every 3 s with a low battery: it reports by sound, and the mission permits it to surface."""
     modems = physical(speed=1)
     data = resolve(whole_boards())
     data["board"].update(boot_ms=500)
@@ -168,14 +168,14 @@ def test_reports_and_commands_go_into_the_water_with_their_ids(physical: Make, t
     ):
         reader, payloads = AnswerReader(), list[bytes]()
 
-        def said(way: bytes) -> bool:
+        def has_received(direction: bytes) -> bool:
             messages = reader.take(elsewhere.read(elsewhere.in_waiting or 1))
             payloads.extend(it.data for it in messages if isinstance(it, Message))
-            return any(it.startswith(way + b"\x01\x00") for it in payloads)
+            return any(it.startswith(direction + b"\x01\x00") for it in payloads)
 
-        until(lambda: said(b"\xb1"))
-        # It is known here only when its last sound has left, and then the mission speaks.
-        until(lambda: said(b"\xb2"))
+        until(lambda: has_received(b"\xb1"))
+        # The report counts only when its last sound has left, and then the mission answers.
+        until(lambda: has_received(b"\xb2"))
         assert flight.supervisor.beliefs.get(1) is not None
     packets = [MusselbedCodec().decode(it[3:]) for it in payloads]
     assert any(isinstance(it, AcousticStatus) and it.basic.agent_id == 1 for it in packets)

@@ -1,4 +1,4 @@
-"""The queue before a physical modem, told everything by hand."""
+"""Tests the queue before a physical modem, with its input by hand."""
 
 from __future__ import annotations
 
@@ -7,12 +7,11 @@ from hypothesis import strategies as st
 
 from apad_bridge.acoustics.serial.nanomodem import (
     ANSWER_MS,
-    ROOM,
+    MAX_WAITING,
     WAIT_MS,
     Action,
-    Addressed,
     AnswerReader,
-    Carried,
+    Direction,
     Dropped,
     Heard,
     Line,
@@ -20,27 +19,28 @@ from apad_bridge.acoustics.serial.nanomodem import (
     ModemQueue,
     Priority,
     Reported,
+    RoutedPacket,
+    Sent,
     Stage,
-    Way,
     Write,
     decode,
 )
 
-WHO = b"#A001V21845R001.006.000B2024-02-15T00:00:00\r\n"
+IDENTITY = b"#A001V21845R001.006.000B2024-02-15T00:00:00\r\n"
 
 
-def report(agent_id: int, data: bytes = b"status") -> Addressed:
-    return Addressed(Way.FROM_AMUSSEL, agent_id, data)
+def report(agent_id: int, data: bytes = b"status") -> RoutedPacket:
+    return RoutedPacket(Direction.FROM_AMUSSEL, agent_id, data)
 
 
-def command(agent_id: int) -> Addressed:
-    return Addressed(Way.TO_AMUSSEL, agent_id, b"rise!!")
+def command(agent_id: int) -> RoutedPacket:
+    return RoutedPacket(Direction.TO_AMUSSEL, agent_id, b"rise!!")
 
 
 def ready() -> ModemQueue:
     queue = ModemQueue()
-    queue.port_came(0)
-    queue.read(WHO, 50)
+    queue.port_opened(0)
+    queue.read(IDENTITY, 50)
     return queue
 
 
@@ -54,33 +54,33 @@ def reasons(actions: list[Action]) -> list[str]:
 
 def test_it_asks_who_is_there_and_never_sets_an_address() -> None:
     queue = ModemQueue()
-    assert written(queue.port_came(0)) == b"$W$?"
-    # A modem that slept answers the second word only; one that was awake answers both.
+    assert written(queue.port_opened(0)) == b"$W$?"
+    # A sleeping modem answers only the second command; a modem that is awake answers both.
     assert queue.read(b"$W\r\n", 20) == []
-    (told,) = queue.read(WHO, 60)
-    assert isinstance(told, Reported) and "address 1" in told.what
-    assert (queue.stage, queue.address) == (Stage.FREE, 1)
+    (reported,) = queue.read(IDENTITY, 60)
+    assert isinstance(reported, Reported) and "address 1" in reported.what
+    assert (queue.stage, queue.address) == (Stage.READY, 1)
 
 
 def test_one_packet_at_a_time_with_its_id_and_commands_first() -> None:
     queue = ready()
-    first = queue.ask(report(7), Priority.REPORT, 100)
+    first = queue.send(report(7), Priority.REPORT, 100)
     assert written(first) == b"$B09\xb1\x07\x00status"
-    assert queue.ask(report(8), Priority.REPORT, 110) == []
-    assert queue.ask(command(300), Priority.COMMAND, 120) == []
+    assert queue.send(report(8), Priority.REPORT, 110) == []
+    assert queue.send(command(300), Priority.COMMAND, 120) == []
     assert queue.read(b"$B09\r\n", 130) == []
     # 105 + (9 + 16) x 12.5 = 417.5 ms of sound, and 20 ms of turnaround.
     assert queue.next_due_ms == 130 + 418 + 20
-    done = queue.advance(600)
-    assert done[0] == Carried(548, report(7))
-    assert written(done) == b"$B09\xb2\x2c\x01rise!!"
+    actions = queue.advance(600)
+    assert actions[0] == Sent(548, report(7))
+    assert written(actions) == b"$B09\xb2\x2c\x01rise!!"
 
 
 def test_a_newer_report_takes_the_place_of_one_that_waits() -> None:
     queue = ready()
-    queue.ask(report(1), Priority.REPORT, 100)
-    queue.ask(report(2, b"old"), Priority.REPORT, 100)
-    assert reasons(queue.ask(report(2, b"new"), Priority.REPORT, 200)) == [
+    queue.send(report(1), Priority.REPORT, 100)
+    queue.send(report(2, b"old"), Priority.REPORT, 100)
+    assert reasons(queue.send(report(2, b"new"), Priority.REPORT, 200)) == [
         "sound: overtaken by a newer report"
     ]
     queue.read(b"$B09\r\n", 210)
@@ -89,12 +89,12 @@ def test_a_newer_report_takes_the_place_of_one_that_waits() -> None:
 
 def test_no_answer_is_tried_again_and_then_given_up() -> None:
     queue = ready()
-    queue.ask(report(7), Priority.REPORT, 100)
+    queue.send(report(7), Priority.REPORT, 100)
     now_ms = 100
     for _ in range(2):
         now_ms += ANSWER_MS
         assert written(queue.advance(now_ms)) == b"$W$?"
-        assert b"status" in written(queue.read(WHO, now_ms + 10))
+        assert b"status" in written(queue.read(IDENTITY, now_ms + 10))
         now_ms += 10
     given_up = queue.advance(now_ms + ANSWER_MS)
     assert reasons(given_up) == ["sound: the modem did not take it, 3 times"]
@@ -103,7 +103,7 @@ def test_no_answer_is_tried_again_and_then_given_up() -> None:
 
 def test_an_error_is_tried_again_at_once() -> None:
     queue = ready()
-    queue.ask(report(7), Priority.REPORT, 100)
+    queue.send(report(7), Priority.REPORT, 100)
     assert b"status" in written(queue.read(b"E\r\n", 120))
     assert b"status" in written(queue.read(b"E\r\n", 140))
     assert reasons(queue.read(b"E\r\n", 160)) == ["sound: the modem did not take it, 3 times"]
@@ -111,18 +111,18 @@ def test_an_error_is_tried_again_at_once() -> None:
 
 def test_a_full_queue_drops_the_last_of_the_lowest_priority() -> None:
     queue = ready()
-    for agent_id in range(ROOM + 1):  # one is being sent
-        assert reasons(queue.ask(report(agent_id), Priority.REPORT, 100)) == []
-    full = queue.ask(command(5), Priority.COMMAND, 100)
+    for agent_id in range(MAX_WAITING + 1):  # one is being sent
+        assert reasons(queue.send(report(agent_id), Priority.REPORT, 100)) == []
+    full = queue.send(command(5), Priority.COMMAND, 100)
     assert [(it.reason, it.packet) for it in full if isinstance(it, Dropped)] == [
-        ("sound: the modem's queue is full", report(ROOM))
+        ("sound: the modem's queue is full", report(MAX_WAITING))
     ]
-    assert queue.waiting == ROOM
+    assert queue.waiting == MAX_WAITING
 
 
 def test_what_waits_too_long_is_dropped_and_told() -> None:
     queue = ModemQueue()
-    queue.ask(report(7), Priority.REPORT, 100)
+    queue.send(report(7), Priority.REPORT, 100)
     assert queue.next_due_ms == 100 + WAIT_MS
     (late,) = queue.advance(100 + WAIT_MS)
     assert isinstance(late, Dropped) and late.packet == report(7)
@@ -130,13 +130,13 @@ def test_what_waits_too_long_is_dropped_and_told() -> None:
 
 def test_a_lost_port_is_told_and_what_was_being_sent_is_sent_again() -> None:
     queue = ready()
-    queue.ask(report(7), Priority.REPORT, 100)
+    queue.send(report(7), Priority.REPORT, 100)
     queue.read(b"$B09\r\n", 120)
-    (gone,) = queue.port_went("unplugged", 200)
-    assert isinstance(gone, Reported) and "unplugged" in gone.what
+    (lost,) = queue.port_lost("unplugged", 200)
+    assert isinstance(lost, Reported) and "unplugged" in lost.what
     assert queue.advance(5000) == []
-    assert written(queue.port_came(5000)) == b"$W$?"
-    assert b"status" in written(queue.read(WHO, 5050))
+    assert written(queue.port_opened(5000)) == b"$W$?"
+    assert b"status" in written(queue.read(IDENTITY, 5050))
 
 
 @given(
@@ -144,19 +144,19 @@ def test_a_lost_port_is_told_and_what_was_being_sent_is_sent_again() -> None:
 )
 def test_after_any_noise_a_modem_is_found_again(noise: list[bytes]) -> None:
     queue = ready()
-    queue.ask(report(7), Priority.REPORT, 100)
+    queue.send(report(7), Priority.REPORT, 100)
     now_ms = 100
     for data in noise:
         now_ms += 10
         queue.read(data, now_ms)
     for _ in range(4):
         now_ms += 2 * ANSWER_MS
-        asked = written(queue.advance(now_ms))
-        if asked.endswith(b"$?"):
-            queue.read(WHO, now_ms)
-    assert queue.stage is not Stage.ASKED_WHO and queue.address == 1
-    queue.port_went("unplugged", now_ms)
-    assert queue.stage is Stage.GONE
+        command_bytes = written(queue.advance(now_ms))
+        if command_bytes.endswith(b"$?"):
+            queue.read(IDENTITY, now_ms)
+    assert queue.stage is not Stage.IDENTIFYING and queue.address == 1
+    queue.port_lost("unplugged", now_ms)
+    assert queue.stage is Stage.CLOSED
 
 
 def test_packets_from_the_water_carry_their_ids_and_the_rest_is_dropped() -> None:
@@ -165,19 +165,19 @@ def test_packets_from_the_water_carry_their_ids_and_the_rest_is_dropped() -> Non
     assert queue.read(b"#U09\xb2\x07\x00rise!!\r\n", 310) == [Heard(310, command(7))]
     assert reasons(queue.read(b"#B00902hi\r\n", 320)) == ["sound: without an aMussel's id"]
     assert reasons(queue.read(b"#R007T03200\r\n", 330)) == ["sound: a range to where the modem hangs"]
-    assert queue.stage is Stage.FREE
+    assert queue.stage is Stage.READY
 
 
 def test_too_many_bytes_are_dropped_with_what_would_fit() -> None:
     queue = ready()
-    (dropped,) = queue.ask(report(7, bytes(62)), Priority.REPORT, 100)
+    (dropped,) = queue.send(report(7, bytes(62)), Priority.REPORT, 100)
     assert isinstance(dropped, Dropped) and "carries 61" in dropped.reason
-    assert b"$B64" in written(queue.ask(report(7, bytes(61)), Priority.REPORT, 100))
+    assert b"$B64" in written(queue.send(report(7, bytes(61)), Priority.REPORT, 100))
 
 
-@given(st.sampled_from(Way), st.integers(0, 65535), st.binary(min_size=1, max_size=61))
-def test_the_header_goes_and_comes(way: Way, agent_id: int, data: bytes) -> None:
-    packet = Addressed(way, agent_id, data)
+@given(st.sampled_from(Direction), st.integers(0, 65535), st.binary(min_size=1, max_size=61))
+def test_the_header_goes_and_comes(direction: Direction, agent_id: int, data: bytes) -> None:
+    packet = RoutedPacket(direction, agent_id, data)
     assert decode(packet.encode()) == packet
 
 
@@ -202,17 +202,17 @@ def test_answers_are_counted_however_they_are_cut(
         else:
             head = b"#U" if it.source is None else b"#B%03d" % it.source
             data += head + b"%02d" % len(it.data) + it.data + appended + b"\r\n"
-    reader, came = AnswerReader(), []
+    reader, answers = AnswerReader(), []
     while data:
         size = random.randint(1, 30)  # type: ignore[attr-defined]
-        came += reader.take(data[:size])
+        answers += reader.take(data[:size])
         data = data[size:]
-    assert came == sent
+    assert answers == sent
     assert reader.skipped_bytes == 0
 
 
 def test_noise_between_answers_is_skipped_and_counted() -> None:
     reader = AnswerReader()
-    came = reader.take(b"\x00\xffboot" + WHO + b"noise\r\n#TO\r\n")
-    assert came == [Line(WHO[:-2]), Line(b"#TO")]
+    answers = reader.take(b"\x00\xffboot" + IDENTITY + b"noise\r\n#TO\r\n")
+    assert answers == [Line(IDENTITY[:-2]), Line(b"#TO")]
     assert reader.skipped_bytes == 6 + 7

@@ -1,4 +1,4 @@
-"""Opened modems: what a driver sees that knows nothing of us, through pyserial on a real pty."""
+"""Tests opened modems with an independent driver, through pyserial on a real pty."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def test_names_are_stable_and_go_with_the_run(tmp_path: Path) -> None:
     first = OpenedModems(folder, [7, 12])
     assert sorted(it.name for it in folder.iterdir()) == ["amussel12", "amussel7"]
     assert first.path(7).resolve().is_char_device()
-    # A supervisor that died took nothing away: the next one takes the names over.
+    # A supervisor that died left its names: the next one replaces them.
     second = OpenedModems(folder, [7])
     assert second.path(7) == first.path(7)
     with driver(str(second.path(7))) as host:

@@ -1,4 +1,4 @@
-"""Logs made by equations (1) and (2), step by step, and what the fit makes of them."""
+"""Tests the fit on logs made by equations (1) and (2), step by step."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ EQUATION_2 = ((0.16197, 0.001045), (0.5634, 0.00223), (1.0, 0.002911))
 def charged(
     rates: tuple[tuple[float, float], ...], step_min: float, noise: float = 0.0, seed: int = 0
 ) -> Floats:
-    """The difference equation of the paper, a row a step, until it is clamped at 1."""
+    """A log by the paper's difference equation, a row a step, until it is clamped at 1."""
     u, rows = 0.0, [0.0]
     while u < 1:
         u += step_min * next(rate for end, rate in rates if u <= end)
@@ -109,7 +109,7 @@ def test_residuals_are_those_of_each_segment() -> None:
 
 
 @pytest.mark.parametrize(
-    ("scaled", "segments", "direction", "told"),
+    ("scaled", "segments", "direction", "message"),
     [
         (np.array([0.1, 0.2, 0.3]), None, None, "3 rows are too few"),
         (np.linspace(0.1, 0.9, 9), 3, None, "of 9 rows 9 lie on the scale; 9 rows are too few for 3 segments: 10"),
@@ -120,7 +120,7 @@ def test_residuals_are_those_of_each_segment() -> None:
     ],
 )  # fmt: skip
 def test_what_a_log_lacks_is_one_line(
-    scaled: Floats, segments: int | None, direction: Direction | None, told: str
+    scaled: Floats, segments: int | None, direction: Direction | None, message: str
 ) -> None:
-    with pytest.raises(LogError, match=told):
+    with pytest.raises(LogError, match=message):
         fit_log(log(scaled), segments, direction)

@@ -1,4 +1,4 @@
-"""Logs as people have them: what is read from each form, and the one line for each that cannot be."""
+"""Tests reading logs in users' formats, and the one line for each log that cannot be read."""
 
 from pathlib import Path
 
@@ -39,7 +39,7 @@ def test_every_form_of_a_log_says_the_same(tmp_path: Path, text: str, how: dict[
 
 
 @pytest.mark.parametrize(
-    ("text", "how", "told"),
+    ("text", "how", "message"),
     [
         ("", {}, "holds no rows"),
         ("time_s,u\n", {}, "no rows with a value"),
@@ -67,9 +67,9 @@ def test_every_form_of_a_log_says_the_same(tmp_path: Path, text: str, how: dict[
     ],
 )
 def test_a_log_that_cannot_be_read_is_one_line_that_says_why(
-    tmp_path: Path, text: str, how: dict[str, object], told: str
+    tmp_path: Path, text: str, how: dict[str, object], message: str
 ) -> None:
-    with pytest.raises(LogError, match=told) as raised:
+    with pytest.raises(LogError, match=message) as raised:
         read(tmp_path, text, **how)
     assert str(raised.value).startswith(str(tmp_path / "a.csv"))
     assert "\n" not in str(raised.value)

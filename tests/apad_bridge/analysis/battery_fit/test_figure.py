@@ -1,4 +1,4 @@
-"""The picture of a fit: what is in it, at the places where it has to be."""
+"""Tests the picture of a fit: its elements and their places."""
 
 import xml.etree.ElementTree as ET
 

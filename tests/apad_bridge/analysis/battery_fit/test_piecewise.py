@@ -1,4 +1,4 @@
-"""The fit against curves that are known, against the curve that made the noise, and against an exhaustive search."""
+"""Tests the fit against known curves, against the curve under added noise, and against an exhaustive search."""
 
 from itertools import combinations
 
@@ -11,7 +11,7 @@ from apad_bridge.analysis.battery_fit.piecewise import MIN_ROWS, Floats, fit
 
 
 def polyline(x: Floats, knots: list[float], start: float, slopes: list[float]) -> Floats:
-    """By summing hinges, not by interpolation."""
+    """The curve at `x`, by summing hinges and not by interpolation."""
     y = start + slopes[0] * (x - knots[0])
     for knot, before, after in zip(knots[1:-1], slopes, slopes[1:], strict=False):
         y = y + (after - before) * np.maximum(0.0, x - knot)
@@ -20,7 +20,7 @@ def polyline(x: Floats, knots: list[float], start: float, slopes: list[float]) -
 
 @st.composite
 def curves(draw: st.DrawFn) -> tuple[list[float], list[float]]:
-    """(knots from 0 to 100 at least 10 apart, slopes of which neighbours differ clearly)"""
+    """Draws (knots from 0 to 100 at least 10 apart, slopes with clearly different neighbours)."""
     count = draw(st.integers(1, 5))
     widths = [draw(st.floats(1, 3)) for _ in range(count)]
     knots = [0.0, *(float(k) for k in np.cumsum(widths) / sum(widths) * 100)]
@@ -64,7 +64,7 @@ def test_no_curve_of_as_many_pieces_fits_better_than_the_fit(
 def test_the_fit_is_as_good_as_trying_every_breakpoint(segments: int, seed: int) -> None:
     random = np.random.default_rng(seed)
     x = np.sort(random.uniform(0, 10, 40))
-    y = np.cumsum(random.normal(0, 1, 40))  # a random walk: no curve is behind it
+    y = np.cumsum(random.normal(0, 1, 40))  # a random walk, which follows no curve
     best = np.inf
     for chosen in combinations(np.linspace(0, 10, 81)[1:-1], segments - 1):
         edges = np.searchsorted(x, [x[0], *chosen])
@@ -94,7 +94,7 @@ def test_every_segment_keeps_its_rows() -> None:
 
 
 @pytest.mark.parametrize(
-    ("x", "segments", "told"),
+    ("x", "segments", "message"),
     [
         ([0.0, 1.0, 2.0], 1, "3 rows are too few for 1 segments: 4 at least"),
         ([2.0] * 9, 1, "too few"),
@@ -103,6 +103,6 @@ def test_every_segment_keeps_its_rows() -> None:
         ([0.0, 1.0, 2.0, 3.0], 0, "one segment or more"),
     ],
 )
-def test_what_cannot_be_fitted_is_refused(x: list[float], segments: int, told: str) -> None:
-    with pytest.raises(ValueError, match=told):
+def test_what_cannot_be_fitted_is_refused(x: list[float], segments: int, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
         fit(np.array(x), np.zeros(len(x)), segments)

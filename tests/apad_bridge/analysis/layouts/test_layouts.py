@@ -1,4 +1,4 @@
-"""Layouts: whom they show, under which names, and that each field that is plotted is one of the messages."""
+"""Tests the layouts: their aPads and aMussels, the topics' names, and that each plotted field is one of the messages."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ import yaml
 from rosbags.interfaces import Nodetype
 from rosbags.rosbag1 import Reader
 
-from apad_bridge.analysis.layouts.fleet import FleetShown, hexadecimal, shown
+from apad_bridge.analysis.layouts.fleet import LayoutFleet, hexadecimal, shown
 from apad_bridge.analysis.layouts.kinds import KINDS
 from apad_bridge.assembly.division import Member, members
 from apad_bridge.commands.main import main
@@ -36,16 +36,16 @@ def bay() -> Scenario:
 
 
 @pytest.fixture(scope="module")
-def squad(bay: Scenario) -> tuple[Member, ...]:
+def bay_members(bay: Scenario) -> tuple[Member, ...]:
     return members(bay, starts_of(bay))
 
 
 @pytest.fixture(scope="module")
-def pool() -> FleetShown:
+def pool() -> LayoutFleet:
     return of_scenario("pool-12")
 
 
-def of_scenario(name: str, namespace: str = "") -> FleetShown:
+def of_scenario(name: str, namespace: str = "") -> LayoutFleet:
     scenario = load(LAUNCH / "scenarios" / f"{name}.yaml")
     return shown(scenario, starts_of(scenario), namespace)
 
@@ -58,14 +58,14 @@ def test_what_is_shipped_is_what_is_written_for_the_pool(
     assert capsys.readouterr().out == (SHIPPED / f"musselbed{KINDS[kind].ending}").read_text()
 
 
-def rviz_topics(fleet: FleetShown) -> list[str]:
+def rviz_topics(fleet: LayoutFleet) -> list[str]:
     data = yaml.safe_load(KINDS["rviz"].write(fleet))
     displays = data["Visualization Manager"]["Displays"]
     return [it.get("Topic") or it["Marker Topic"] for it in displays if "Topic" in it or "Marker Topic" in it]
 
 
-def rqt_plots(fleet: FleetShown) -> list[list[str]]:
-    """By plot what it draws: values are Python's repr, as rqt evaluates them."""
+def rqt_plots(fleet: LayoutFleet) -> list[list[str]]:
+    """The topics of each plot; values are Python's repr, as rqt evaluates them."""
     perspective = json.loads(KINDS["rqt"].write(fleet))
     manager = perspective["groups"]["pluginmanager"]
     running = ast.literal_eval(manager["keys"]["running-plugins"]["repr"])
@@ -82,8 +82,8 @@ def rqt_plots(fleet: FleetShown) -> list[list[str]]:
     ]
 
 
-def plotjuggler_curves(fleet: FleetShown) -> dict[str, list[str]]:
-    """By tab what its curves read."""
+def plotjuggler_curves(fleet: LayoutFleet) -> dict[str, list[str]]:
+    """The names that the curves of each tab read."""
     root = ElementTree.fromstring(KINDS["plotjuggler"].write(fleet))
     return {
         tab.attrib["tab_name"]: [
@@ -99,8 +99,8 @@ def plotjuggler_curves(fleet: FleetShown) -> dict[str, list[str]]:
     }
 
 
-def foxglove_paths(fleet: FleetShown) -> dict[str, list[str]]:
-    """By tab what its plots read; every panel of the layout has its configuration, and the other way round."""
+def foxglove_paths(fleet: LayoutFleet) -> dict[str, list[str]]:
+    """The paths that the plots of each tab read; panels of the layout and configurations match one to one."""
     data = json.loads(KINDS["foxglove"].write(fleet))
     panels = data["configById"]
     tabs = {tab["title"]: leaves(tab["layout"]) for tab in panels["Tab!plots"]["tabs"]}
@@ -117,14 +117,14 @@ def leaves(node: Any) -> list[str]:
 
 
 def battery_ids(names: list[str]) -> list[int]:
-    """Of the aMussels whose batteries are among these."""
+    """The ids of the aMussels whose batteries are among these names."""
     found = (re.fullmatch(r".*/amussel(\d+)/battery_state[./]percentage", name) for name in names)
     return [int(it[1]) for it in found if it]
 
 
-def test_each_aPad_is_shown_with_whom_it_serves(bay: Scenario, squad: tuple[Member, ...]) -> None:
+def test_each_aPad_is_shown_with_whom_it_serves(bay: Scenario, bay_members: tuple[Member, ...]) -> None:
     fleet = shown(bay, starts_of(bay))
-    wanted = {member.name: list(member.scenario.fleet.ids) for member in squad}
+    wanted = {member.name: list(member.scenario.fleet.ids) for member in bay_members}
     assert len(wanted) == 5
     curves, paths = plotjuggler_curves(fleet), foxglove_paths(fleet)
     for number, (name, ids) in enumerate(wanted.items()):
@@ -138,15 +138,15 @@ def test_each_aPad_is_shown_with_whom_it_serves(bay: Scenario, squad: tuple[Memb
     ]
 
 
-def test_one_of_several_by_itself_keeps_its_names(squad: tuple[Member, ...]) -> None:
-    second = squad[1]
+def test_one_of_several_by_itself_keeps_its_names(bay_members: tuple[Member, ...]) -> None:
+    second = bay_members[1]
     fleet = shown(second.scenario, second.starts)
     (apad,) = fleet.apads
     assert apad.ids == second.scenario.fleet.ids
     assert rviz_topics(fleet)[0] == "/musselbed/apad2/markers"
 
 
-def test_an_aPad_of_a_global_name(pool: FleetShown) -> None:
+def test_an_aPad_of_a_global_name(pool: LayoutFleet) -> None:
     data = resolve(load(LAUNCH / "scenarios" / "pool-12.yaml"))
     data["apad"]["name"] = "/lab/boat"
     scenario = from_data(data, "pool-12")
@@ -188,13 +188,13 @@ TYPES = {
 
 
 def topic_and_field(name: str) -> tuple[str, str]:
-    """Split where the topic ends, whichever sign the program puts there."""
+    """The topic and the field of a name, whichever sign the program puts between them."""
     found = re.fullmatch(r"(/.*/(?:battery_state|truth|beliefs|apad))[./](.*)", name)
     assert found is not None, name
     return found[1], found[2].replace("/", ".")
 
 
-def test_every_field_that_is_plotted_is_a_number_in_its_message(pool: FleetShown) -> None:
+def test_every_field_that_is_plotted_is_a_number_in_its_message(pool: LayoutFleet) -> None:
     tabs = [*plotjuggler_curves(pool).values(), *foxglove_paths(pool).values(), *rqt_plots(pool)]
     seen = set()
     for name in (name for tab in tabs for name in tab):
@@ -210,7 +210,7 @@ def test_fields_are_told_from_no_fields() -> None:
         field_type(FLEET_TRUTH, "agents[0].charge")
 
 
-def test_a_runs_bag_has_what_is_shown_of_it(pool: FleetShown, tmp_path: Path) -> None:
+def test_a_runs_bag_has_what_is_shown_of_it(pool: LayoutFleet, tmp_path: Path) -> None:
     BagWriter(tmp_path / "run.bag", theta=30).close()
     with Reader(tmp_path / "run.bag") as bag:
         in_bag = {connection.topic: connection.msgtype for connection in bag.connections}
@@ -221,7 +221,7 @@ def test_a_runs_bag_has_what_is_shown_of_it(pool: FleetShown, tmp_path: Path) ->
         assert in_bag[topic] == TYPES[topic.rpartition("/")[2]]
 
 
-def test_plotjuggler_is_told_to_take_what_it_plots(pool: FleetShown) -> None:
+def test_plotjuggler_is_told_to_take_what_it_plots(pool: LayoutFleet) -> None:
     root = ElementTree.fromstring(KINDS["plotjuggler"].write(pool))
     plugins = {it.attrib["ID"]: it for it in root.iter("plugin")}
     curves = plotjuggler_curves(pool)
@@ -248,7 +248,7 @@ def test_neighbours_have_colours_of_their_own() -> None:
 def test_the_area_fits_into_rviz(bay: Scenario) -> None:
     data = yaml.safe_load(KINDS["rviz"].write(shown(bay, starts_of(bay))))["Visualization Manager"]
     view = data["Views"]["Current"]
-    # 60 m by 200 m, north first, in a window of 1360 x 860, of which RViz 1.14 draws on 1327 x 768: the width decides.
+    # The area is 60 m by 200 m, north first; RViz 1.14 draws on 1327 x 768 of a 1360 x 860 window, so the width decides.
     assert (view["X"], view["Y"]) == (100, 30)
     assert 0.8 * 1327 < view["Scale"] * 200 < 0.95 * 1327 and view["Scale"] * 60 < 0.95 * 768
     grid = data["Displays"][0]

@@ -1,4 +1,4 @@
-"""The bytes of a main window of Qt 5, against what Qt wrote of the same docks."""
+"""Tests the bytes of a main window of Qt 5 against the bytes that Qt wrote for the same docks."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 from apad_bridge.analysis.layouts.qt_window import Column, Dock, Tabs, geometry, state
 
 # Qt 5.15 (PyQt5 5.15.11, 1600 x 900, dock nesting enabled, all docks added at the bottom, one hidden tool bar) was given
-# `state(COLUMNS, 1600, 900)`, took it, showed the docks so, and wrote this of them.
+# `state(COLUMNS, 1600, 900)`, restored it, showed the docks accordingly, and saved these bytes.
 COLUMNS = (
     (Column(((Tabs((Dock("p"), Dock("q"), Dock("r"))), 1.0),)), 0.6),
     (Column(((Dock("m"), 0.5), (Tabs((Dock("t"), Dock("c"))), 0.5))), 0.4),
@@ -22,7 +22,7 @@ OF_QT = bytes.fromhex(
     "8fc00000001000000030000000100000036004d0069006e0069006d0069007a006500640044006f0063006b0057006900640067006500740073"
     "0054006f006f006c0062006100720000000000ffffffff0000000000000000"
 )
-# Of a window of 1604 x 904 with its frame, at the corner of a screen that is 800 pixels wide.
+# The geometry of a window of 1604 x 904 with its frame, at the corner of a screen that is 800 pixels wide.
 GEOMETRY_OF_QT = bytes.fromhex(
     "01d9d0cb0003000000000000000000000000064300000387000000020000000200000641000003850000000000000000032000000002000000020000"
     "064100000385"
@@ -30,13 +30,13 @@ GEOMETRY_OF_QT = bytes.fromhex(
 
 
 class Reader:
-    """What QMainWindow.restoreState reads, as nested lists: ("row" | "column", [(size, part), ...])."""
+    """Reads the bytes as QMainWindow.restoreState does, into nested lists: ("row" | "column", [(size, part), ...])."""
 
     def __init__(self, data: bytes) -> None:
         self._data, self._at = data, 0
 
     def window(self) -> tuple[Any, bytes]:
-        """The docks, and what follows them: tool bars."""
+        """Reads the docks and the tool bars after them."""
         assert self._take(">iiB") == (0xFF, 0, 0xFD)
         areas, area, _, _ = self._take(">iiii")
         assert (areas, area) == (1, 3)
@@ -94,7 +94,7 @@ def test_docks_are_where_qt_writes_them() -> None:
             ("column", ["m", ("tabs", 0, ["t", "c"])]),
         ],
     )
-    # Between docks Qt has handles of some pixels.
+    # Qt puts handles of some pixels between docks.
     for (size, _), (qts, _) in zip(ours[1], of_qt[1], strict=True):
         assert abs(size - qts) <= 4
     assert after_ours == b"\xfc\0\0\0\0", "no tool bars"

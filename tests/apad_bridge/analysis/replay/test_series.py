@@ -1,4 +1,4 @@
-"""What the page is given, from hand-written journals whose answers can be worked out on paper."""
+"""Tests the page's data on journals written by hand, whose figures can be computed on paper."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -28,7 +28,7 @@ def truth(at_ms, agent_id, charge, flow=Flow.RESTING, *, docked=False, secondary
     return Truth(at_ms, agent_id, state, physical)
 
 
-def told(*truths):
+def truth_lines(*truths):
     return [{"t": -(-it.at_ms // 10), "kind": "truth", **truth_data(it)} for it in truths]
 
 
@@ -63,7 +63,7 @@ def test_a_truth_line_is_exact():
 
 
 def test_colours_say_what_a_threshold_a_dock_and_two_batteries_say():
-    lines = told(
+    lines = truth_lines(
         truth(0, 1, 0.81),
         truth(0, 2, 0.80),
         truth(0, 3, 0.5),
@@ -82,15 +82,17 @@ def test_colours_say_what_a_threshold_a_dock_and_two_batteries_say():
         5: [Status.CANDIDATE] * 3 + [Status.LOST] * 2,
         6: [Status.UNKNOWN] * 5,
     }
-    # Of 4 ticks: 1 and 2 always; 3 until it was docked at the second; 4 and 5 never.
+    # In 4 ticks 1 and 2 are always active, 3 until it is docked at the second tick, 4 and 5 never.
     assert [agent["uptime"][-1] for agent in data["agents"]] == [100, 100, 25, 0, 0, 0]
     assert data["active"] == [3, 3, 2, 2, 2]
     assert data["ended_by"] == "mission time"
 
 
 def test_charge_follows_equation_1_between_truths():
-    data = data_of(run_line(1), *told(truth(0, 1, 0.9, Flow.DISCHARGING)), {"t": 600_000, "kind": "tick"})
-    # A mission minute is ten of the aMussel's: 0.0010427134 a minute.
+    data = data_of(
+        run_line(1), *truth_lines(truth(0, 1, 0.9, Flow.DISCHARGING)), {"t": 600_000, "kind": "tick"}
+    )
+    # A mission minute is ten minutes of agent time: 0.0010427134 a minute.
     charge = dict(zip(data["times_ms"], data["agents"][0]["charge"], strict=True))
     assert charge[0] == 0.9
     for minute in (1, 5, 10):
@@ -99,7 +101,7 @@ def test_charge_follows_equation_1_between_truths():
 
 def test_a_docked_one_is_where_the_aPad_is():
     lines = [
-        *told(truth(0, 1, 0.5, north_m=7.0), truth(20_000, 1, 0.5, docked=True, north_m=7.0)),
+        *truth_lines(truth(0, 1, 0.5, north_m=7.0), truth(20_000, 1, 0.5, docked=True, north_m=7.0)),
         apad(0, 3.0),
         apad(3000, 12.0, docks=(-1, 1, -1, -1)),
         {"t": 4000, "kind": "tick"},
@@ -111,7 +113,7 @@ def test_a_docked_one_is_where_the_aPad_is():
     assert data["trace"] == [[0, 3.0, 0.0], [3000, 12.0, 0.0]]
 
 
-def test_words_and_cost_follow_the_mission():
+def test_texts_and_cost_follow_the_mission():
     plan = {
         "what": "collect",
         "strategy": "cautious",
@@ -193,7 +195,7 @@ def test_without_truth_the_page_shows_what_was_believed():
 
 def test_one_that_was_given_up_is_grey():
     died = {"t": 2000, "kind": "died", "id": 1, "agent_ms": 20_000, "gave_up": "it died too often"}
-    data = data_of(run_line(1), *told(truth(0, 1, 0.9)), died, {"t": 4000, "kind": "tick"})
+    data = data_of(run_line(1), *truth_lines(truth(0, 1, 0.9)), died, {"t": 4000, "kind": "tick"})
     assert data["agents"][0]["status"] == [Status.ABOVE] * 2 + [Status.LOST] * 3
     assert data["active"] == [1, 1, 0, 0, 0]
 
@@ -234,7 +236,7 @@ def test_an_estimate_stands_beside_the_truth_with_its_interval():
         return {**line, "secondary": 1.0, "north_m": 1.0, "east_m": 2.0, **more}
 
     lines = [
-        *told(truth(0, 1, 0.8), truth(0, 2, 0.8)),
+        *truth_lines(truth(0, 1, 0.8), truth(0, 2, 0.8)),
         believed(0, 2, 0.8),
         believed(1000, 1, 0.75, sd=0.02, low=0.71, high=0.79, mode="IDLE"),
         believed(2000, 3, 0.6, sd=0.01, low=0.58, high=0.62, mode="IDLE"),
@@ -246,7 +248,7 @@ def test_an_estimate_stands_beside_the_truth_with_its_interval():
     assert agents[1]["believed"] == [None, 0.75, 0.75, 0.7, 0.7]
     assert agents[1]["low"] == [None, 0.71, 0.71, 0.66, 0.66]
     assert agents[1]["high"] == [None, 0.79, 0.79, 0.74, 0.74]
-    # Of the second nobody claims an interval; of the third there is no truth to stand beside.
+    # The second has no interval; the third has no truth.
     assert (agents[2]["believed"], agents[2]["low"], agents[2]["high"]) == ([0.8] * 5, None, None)
     assert agents[3]["believed"] is None and agents[3]["charge"] == [None, None, 0.6, 0.6, 0.6]
     assert agents[3]["low"] == [None, None, 0.58, 0.58, 0.58]

@@ -1,4 +1,4 @@
-"""Killed anywhere, an aPad goes on with the ways, ranges and turns that it had: by a checkpoint and what came since."""
+"""Tests that a killed aPad goes on with its delays, ranges and ping order, from a full state and the updates after it."""
 
 from __future__ import annotations
 
@@ -58,10 +58,10 @@ def ranging() -> RangingService:
 
 
 def beliefs() -> HoldLast:
-    known = HoldLast(IDS)
+    fleet = HoldLast(IDS)
     for agent_id, (north_m, east_m, _) in MUSSELS_M.items():
-        known.hear(StatusPacket(agent_id, 0, State.SLEEPING, 0.9, 1.0, north_m + 1, east_m, 10.0, 0), 0)
-    return known
+        fleet.hear(StatusPacket(agent_id, 0, State.SLEEPING, 0.9, 1.0, north_m + 1, east_m, 10.0, 0), 0)
+    return fleet
 
 
 WHERE = st.tuples(st.sampled_from((0.0, 20.0, 60.0)), st.sampled_from((0.0, 40.0, 80.0)))
@@ -75,48 +75,50 @@ TICKS = st.lists(
 )
 
 
-def tick(it: RangingService, known: HoldLast, now_ms: int, agent_id: int, what: object) -> list[object]:
-    said: list[object] = []
+def tick(it: RangingService, fleet: HoldLast, now_ms: int, agent_id: int, what: object) -> list[object]:
+    actions: list[object] = []
     if what == "moved":
         it.moved(agent_id, now_ms)
     elif isinstance(what, tuple):
         north_m, east_m = what
         fact = RangeHeard(now_ms, agent_id, dist((north_m, east_m, KEEL_M), MUSSELS_M[agent_id]))
-        said += it.hear(fact, PoseReported(now_ms, north_m, east_m, 0.0), known, now_ms)
-    return [*said, *it.advance(known.all(), now_ms)]
+        actions += it.hear(fact, PoseReported(now_ms, north_m, east_m, 0.0), fleet, now_ms)
+    return [*actions, *it.advance(fleet.all(), now_ms)]
 
 
 @settings(deadline=None, max_examples=60)
 @given(ticks=TICKS, checkpoint_after=st.integers(0, 25))
-def test_a_checkpoint_and_the_news_since_are_all_that_was_learned(
+def test_a_full_state_and_the_updates_since_are_all_that_was_learned(
     ticks: list[tuple[int, int, object]], checkpoint_after: int
 ) -> None:
-    killed, known = ranging(), beliefs()
-    checkpoint, news, now_ms = json.dumps(killed.kept()), list[str](), 0
+    killed, fleet = ranging(), beliefs()
+    checkpoint, updates, now_ms = json.dumps(killed.full_state()), list[str](), 0
     for n, (after_ms, agent_id, what) in enumerate(ticks):
         now_ms += after_ms
-        tick(killed, known, now_ms, agent_id, what)
+        tick(killed, fleet, now_ms, agent_id, what)
         if n == checkpoint_after:
-            checkpoint, news = json.dumps(killed.kept()), []
-        elif (came := killed.news()) is not None:
-            news.append(json.dumps(came))
+            checkpoint, updates = json.dumps(killed.full_state()), []
+        elif (update := killed.updates()) is not None:
+            updates.append(json.dumps(update))
 
     resumed = ranging()
     resumed.restore(json.loads(checkpoint))
-    for line in news:
-        resumed.take_news(json.loads(line))
-    assert killed.news() is None
-    assert json.dumps(resumed.kept()) == json.dumps(killed.kept())
-    # Half an hour later the air is free again for both. What the dead one had asked is awaited by nobody else.
+    for line in updates:
+        resumed.apply_updates(json.loads(line))
+    assert killed.updates() is None
+    assert json.dumps(resumed.full_state()) == json.dumps(killed.full_state())
+    # Half an hour later nothing is scheduled in either. Only the dead one still awaits its answers.
     now_ms += 1_800_000
     for agent_id in IDS:
-        said = [tick(it, beliefs(), now_ms, agent_id, (60.0, 0.0)) for it in (killed, resumed)]
-        assert [word for word in said[0] if getattr(word, "kind", None) != "unanswered"] == said[1]
+        actions = [tick(it, beliefs(), now_ms, agent_id, (60.0, 0.0)) for it in (killed, resumed)]
+        assert [action for action in actions[0] if getattr(action, "kind", None) != "unanswered"] == actions[
+            1
+        ]
 
 
-def test_who_has_learned_nothing_new_tells_nothing() -> None:
+def test_without_anything_new_there_are_no_updates() -> None:
     it = ranging()
-    assert it.news() is None
+    assert it.updates() is None
     it.advance(beliefs().all(), 0)
-    assert it.news() is not None
-    assert it.news() is None
+    assert it.updates() is not None
+    assert it.updates() is None

@@ -1,5 +1,5 @@
-"""A mission on twins that pings whom it may have to look for, and asks how they are those whose charge it is unsure of:
-flights in memory."""
+"""Tests flights in memory on twins: the aPad pings aMussels with an uncertain place, and asks aMussels with an uncertain
+charge for their status."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ TWIN = {
 
 
 def scenario(**talk: float) -> dict[str, Any]:
-    """Half an hour of the pool by sound, on batteries low enough that all have to be fetched some time."""
+    """Fifteen minutes of the pool with sound, on batteries so low that every aMussel has to be collected at some time."""
     data = resolve(load(Path(__file__).parents[3] / "launch_scripts/scenarios/sound-12.yaml"))
     data.update(name="asking", duration_s=900)
     data["fleet"].update(count=4, start={"charge": [0.55, 0.62]})
@@ -37,8 +37,8 @@ def scenario(**talk: float) -> dict[str, Any]:
     return dict(data)
 
 
-def heard_of(data: dict[str, Any], links: Path, *rules: str) -> dict[str, Any]:
-    """With links that fail."""
+def with_failing_links(data: dict[str, Any], links: Path, *rules: str) -> dict[str, Any]:
+    """The data with links that fail."""
     links.write_text("\n".join(["from, to, loss, since_s", *rules]))
     data["water"]["links_file"] = str(links)
     return data
@@ -59,8 +59,8 @@ def ranges(data: dict[str, Any]) -> list[int]:
     return [event["id"] for _, event in events(recorder, "range")]
 
 
-def words(recorder: MemoryRecorder) -> list[tuple[str, int, dict[str, Any]]]:
-    """Questions and answers that went into the water: (which, whose, the journal's line)."""
+def requests_and_answers(recorder: MemoryRecorder) -> list[tuple[str, int, dict[str, Any]]]:
+    """The status requests and answers in the water, as (kind, aMussel, the journal's line)."""
     found = []
     for _, event in events(recorder, "packet"):
         packet = MusselbedCodec().decode(bytes.fromhex(event["data"]))
@@ -81,31 +81,31 @@ def test_whom_it_may_have_to_look_for_is_pinged_and_nobody_without_need() -> Non
 def test_whose_charge_it_is_unsure_of_is_asked_and_answers_into_the_quiet() -> None:
     recorder, dropped = flown(scenario(ask_worth_answers=1))
     asked = [event["id"] for _, event in events(recorder, "asked")]
-    said = words(recorder)
-    assert asked and [who for which, who, _ in said if which == "question"] == asked
-    # Everyone answers whoever is asked, in the order of asking, and nothing else is on the air meanwhile.
-    assert [who for which, who, _ in said if which == "answer"] == asked
+    packets = requests_and_answers(recorder)
+    assert asked and [agent_id for kind, agent_id, _ in packets if kind == "question"] == asked
+    # Every request is answered, in order, and nothing else is on the air meanwhile.
+    assert [agent_id for kind, agent_id, _ in packets if kind == "answer"] == asked
     assert events(recorder, "unanswered") == []
     assert not any("asked" in reason or "overtook" in reason for reason in dropped)
-    assert [which for which, _, _ in said] == ["question", "answer"] * len(asked)
-    assert {outcome for _, _, event in said for _, outcome, *_ in event["heard"]} == {"received"}
-    slots_ms = 4 * 5000  # of every frame of five minutes; each answer has come before the next
-    assert all(event["began_ms"] % 300_000 >= slots_ms for _, _, event in said)
-    assert words(flown(scenario())[0]) == []
+    assert [kind for kind, _, _ in packets] == ["question", "answer"] * len(asked)
+    assert {outcome for _, _, event in packets for _, outcome, *_ in event["heard"]} == {"received"}
+    slots_ms = 4 * 5000  # of every frame of five minutes; each answer has arrived before the next one
+    assert all(event["began_ms"] % 300_000 >= slots_ms for _, _, event in packets)
+    assert requests_and_answers(flown(scenario())[0]) == []
 
 
 def test_without_an_answer_it_asks_again_after_ten_minutes_of_its_time_and_counts_it(tmp_path: Path) -> None:
     data = scenario(ask_worth_answers=1)
-    heard_of(data, tmp_path / "links.csv", "1, apad, 1, 300", "2, apad, 1, 300")
+    with_failing_links(data, tmp_path / "links.csv", "1, apad, 1, 300", "2, apad, 1, 300")
     data["duration_s"] = 1600
     recorder, dropped = flown(data)
     asked = {
-        who: [at for at, it in events(recorder, "asked") if it["id"] == who and at > 300_000]
-        for who in (1, 2)
+        agent_id: [at for at, it in events(recorder, "asked") if it["id"] == agent_id and at > 300_000]
+        for agent_id in (1, 2)
     }
     unanswered = [it["id"] for _, it in events(recorder, "unanswered")]
     assert set(unanswered) == {1, 2}
-    # The last of each may still be awaited.
+    # The last answer of each may still be awaited.
     assert sum(map(len, asked.values())) - len(unanswered) in (0, 1, 2)
     assert dropped["sound: asked how it was, and no answer came in time"] == len(unanswered)
     for times in asked.values():

@@ -1,4 +1,4 @@
-"""What scripts are told of the time to come, on twins by hand calculation and on an estimator that foretells nothing."""
+"""Tests a script's forecasts: on twins against a calculation by hand, and on an estimator that forecasts nothing."""
 
 from __future__ import annotations
 
@@ -35,15 +35,15 @@ def twins(pool: Scenario) -> Scenario:
     return replace(pool, beliefs=Beliefs(estimator=Estimator.TWIN, twin=model))
 
 
-def told(scenario: Scenario, script: Callable[[Api], object]) -> list[Any]:
+def results_of(scenario: Scenario, script: Callable[[Api], object]) -> list[Any]:
     found: list[Any] = []
     flight = fly_script(scenario, lambda api: found.append(script(api)))
     assert flight.error is None, flight.error
     return found
 
 
-def by_hand(belief: Belief, elapsed_s: float) -> float:
-    """A Gaussian that sinks by equation (1), and grows wider by the drain that nobody knows better than to a tenth."""
+def expected_chance(belief: Belief, elapsed_s: float) -> float:
+    """P(charge <= LOW) of a Gaussian that sinks by equation (1) and widens, as the drain is known to a tenth only."""
     spent = A_SECOND * elapsed_s
     sd = math.sqrt(belief.charge_cov[0] + (DRAIN_DEVIATION * spent) ** 2)
     return NormalDist(belief.primary - spent, sd).cdf(LOW)
@@ -58,15 +58,15 @@ def test_a_chance_is_that_of_the_equation_and_its_doubts(twins: Scenario) -> Non
         assert crossing_s > 120, "a start that is too low for this test"
         assert api.chance(fullest, "low", now_s + crossing_s) == pytest.approx(0.5, abs=0.01)
         for share in (0.5, 0.8, 1.0, 1.1, 1.4):
-            expected = by_hand(belief, share * crossing_s)
+            expected = expected_chance(belief, share * crossing_s)
             assert api.chance(fullest, "low", now_s + share * crossing_s) == pytest.approx(expected, abs=0.01)
         sure_s = api.sure_at(fullest, "low", share=0.95, within=2 * crossing_s)
         assert sure_s is not None
-        assert by_hand(belief, sure_s - now_s) == pytest.approx(0.95, abs=0.01)
+        assert expected_chance(belief, sure_s - now_s) == pytest.approx(0.95, abs=0.01)
         assert api.sure_at(fullest, "low", share=0.95, within=crossing_s) is None
-        assert api.now() == now_s, "to ask takes no mission time"
+        assert api.now() == now_s, "a forecast takes no mission time"
 
-    told(twins, script)
+    results_of(twins, script)
 
 
 def test_what_is_so_now_is_sure_now_and_a_function_is_a_question_too(twins: Scenario) -> None:
@@ -82,7 +82,7 @@ def test_what_is_so_now_is_sure_now_and_a_function_is_a_question_too(twins: Scen
             api.chance(neediest, lambda belief: belief.probability_at_most(1.0)),
         ]
 
-    assert told(twins, script) == [[True, True, pytest.approx(0.0, abs=1e-6), 0.0, 1.0]]
+    assert results_of(twins, script) == [[True, True, pytest.approx(0.0, abs=1e-6), 0.0, 1.0]]
 
 
 def test_who_holds_the_last_packet_says_what_is_now_and_refuses_the_rest(pool: Scenario) -> None:
@@ -95,13 +95,13 @@ def test_who_holds_the_last_packet_says_what_is_now_and_refuses_the_rest(pool: S
         with pytest.raises(Refused, match="foretells nothing"):
             api.sure_at(1, "low")
 
-    told(pool, script)
+    results_of(pool, script)
 
 
 def test_what_cannot_be_asked_is_refused_in_one_line(twins: Scenario) -> None:
     def script(api: Api) -> None:
         api.sleep(10)
-        for ask, words in (
+        for call, message in (
             (lambda: api.chance(1, "hungry"), "no question 'hungry': ask low, full, lost"),
             (lambda: api.chance(1, "low", 3), "3 s are over: it is 10 s"),
             (lambda: api.chance(1, "low", math.nan), "nan s cannot be foretold"),
@@ -109,7 +109,7 @@ def test_what_cannot_be_asked_is_refused_in_one_line(twins: Scenario) -> None:
             (lambda: api.sure_at(1, "low", share=1.5), "a share of 1.5"),
             (lambda: api.chance(99, "low"), "not of this scenario"),
         ):
-            with pytest.raises(Refused, match=words):
-                ask()
+            with pytest.raises(Refused, match=message):
+                call()
 
-    told(twins, script)
+    results_of(twins, script)

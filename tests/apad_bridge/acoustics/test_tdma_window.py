@@ -1,4 +1,4 @@
-"""When it is quiet: by hand, and against trying every millisecond."""
+"""Tests the aPad's TDMA window by hand, and against a search through every millisecond."""
 
 from hypothesis import given
 from hypothesis import strategies as st
