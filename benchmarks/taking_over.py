@@ -54,7 +54,7 @@ def _flown(scenario: Scenario, transfers: bool) -> dict[str, float]:
     data["sharing"]["transfers"] = transfers
     failing = from_data(data, "taking over")
     opened = open_lockstep(members(failing, starts_of(failing)), failing.sharing)
-    opened.formation.run()
+    opened.runner.run()
     figures = opened.figures().values()
     counted_s = sum(it["counted_s"] for it in figures)
     return {
@@ -63,5 +63,5 @@ def _flown(scenario: Scenario, transfers: bool) -> dict[str, float]:
         "cost_m": sum(it["cost_m"] for it in figures),
         "emptied": sum(it["emptied"] for it in figures),
         "services": sum(it["services"] for it in figures),
-        "handed_on": opened.formation.moved,
+        "handed_on": opened.runner.handed_on_count,
     }

@@ -71,7 +71,7 @@ def run(arguments: argparse.Namespace) -> int:
         if summary is None:
             raise PeerFailed(f"the supervisor ended with status {code}; see {path}/supervisor.log")
     flown_by = "by hand" if options.manual else scenario.mission.collection
-    return report(scenario.name, flown_by, directory, summary, arguments.json, progress.said)
+    return report(scenario.name, flown_by, directory, summary, arguments.json, progress.messages)
 
 
 def _ask_whether_it_may_move() -> None:

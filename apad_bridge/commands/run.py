@@ -21,7 +21,7 @@ from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
 from apad_bridge.runs import parent
 from apad_bridge.runs.dry_run import first_plan
 from apad_bridge.runs.exits import EXITS, Exit, UserError
-from apad_bridge.runs.flying import fly_here
+from apad_bridge.runs.flying import fly_in_process
 from apad_bridge.runs.progress import FlightProgress
 from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.loader import load, with_overrides
@@ -219,13 +219,13 @@ def run(arguments: argparse.Namespace) -> int:
     duration_ms = round(scenario.duration_s * 1000)
     with peers_may_fail(), FlightProgress(scenario.name, duration_ms, quiet=arguments.json) as progress:
         if options.time is TimeSource.ASAP:
-            summary = fly_here(scenario, starts, directory, progress)
+            summary = fly_in_process(scenario, starts, directory, progress)
         else:
             summary = parent.fly(scenario, starts, options, directory, progress)
     if options.dry_run:
         return print_plan(read_journal(directory.journal).first("plan"), arguments.json)
     flown_by = "by hand" if options.manual else scenario.mission.collection
-    return report(scenario.name, flown_by, directory, summary, arguments.json, progress.said)
+    return report(scenario.name, flown_by, directory, summary, arguments.json, progress.messages)
 
 
 @contextmanager

@@ -15,7 +15,7 @@ from apad_bridge.runs.exits import Exit, UserError
 from apad_bridge.runs.progress import FlightProgress
 from apad_bridge.runs.several.lockstep import fly_in_step
 from apad_bridge.runs.several.parent import directory_of, fly_side_by_side
-from apad_bridge.runs.several.summary import of_all
+from apad_bridge.runs.several.summary import combined_summary
 from apad_bridge.scenario.run_options import APadKind, Part, RunOptions, TimeSource
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import Start, read_starts, save_starts
@@ -53,11 +53,11 @@ def run(
             flown, failures, moved = fly_side_by_side(squad, scenario.sharing, options, whole, progress)
     if not flown:
         raise PeerFailed(_why(failures))
-    summary = of_all(scenario.name, flown, moved)
+    summary = combined_summary(scenario.name, flown, moved)
     whole.write_json(whole.summary, summary)
     save_starts(whole.ends, _ends(squad, whole), scenario.area.origin)
     flown_by = "by hand" if options.manual else scenario.mission.collection
-    code = report(scenario.name, flown_by, whole, summary, as_json, progress.said)
+    code = report(scenario.name, flown_by, whole, summary, as_json, progress.messages)
     if failures:
         raise PeerFailed(_why(failures))
     return code

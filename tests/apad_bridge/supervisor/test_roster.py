@@ -19,7 +19,7 @@ from apad_bridge.records.journal import JournalContents
 from apad_bridge.records.recorder import Recorder
 from apad_bridge.records.summary import uptime_figures
 from apad_bridge.runs.in_memory import MemoryRecorder
-from apad_bridge.runs.resuming import became, place_again
+from apad_bridge.runs.resuming import presence_changes, repeat_placements
 from apad_bridge.scenario.loader import from_data, load, resolve
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
@@ -308,7 +308,7 @@ def test_another_supervisor_knows_who_is_real_and_who_is_retired() -> None:
     lines = [{"t": at_ms, "kind": kind, **data} for at_ms, kind, data in bench.recorder.events]
     journal = JournalContents(json.loads(json.dumps(lines)), 0)
 
-    again = Presences([1, 2, 3, 4], 3.0, became(journal))
+    again = Presences([1, 2, 3, 4], 3.0, presence_changes(journal))
     assert [again.of(it) for it in (1, 2, 3, 4)] == [
         Presence.SIMULATED,
         Presence.RETIRED,
@@ -333,7 +333,7 @@ def test_one_that_was_placed_as_the_supervisor_died_is_placed_once(felt: bool) -
     lines = [{"t": at_ms, "kind": kind, **data} for at_ms, kind, data in bench.recorder.events]
     coordinator = Coordinator(bench.host, bench.coordinator.granted_ms, bench.scenario.theta)
     before = len(bench.recorder.events)
-    place_again(
+    repeat_placements(
         JournalContents(lines, 0), coordinator, cast(Recorder, bench.recorder), bench.flight.now_ms - 1000
     )
     told = bench.recorder.events[before:]
