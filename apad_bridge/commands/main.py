@@ -43,7 +43,7 @@ def parser() -> argparse.ArgumentParser:
         try:
             import_module(f"apad_bridge.commands.{name}").add_parser(commands)
         except ImportError as error:
-            # Something that shadows a package of ours must not keep the doctor from saying so.
+            # A package that shadows ours must not keep the doctor from reporting it.
             _add_unloadable(commands, name, error)
     return top
 
@@ -58,7 +58,7 @@ def _add_unloadable(commands: Any, name: str, error: ImportError) -> None:
 
 
 def _in_namespace(arguments: list[str]) -> list[str]:
-    """Without ROS's own __ns:=, which counts for all that is started from here, as ROS_NAMESPACE does."""
+    """Removes ROS's own __ns:= and sets ROS_NAMESPACE from it, so that it counts for all processes started from here."""
     for word in arguments:
         if word.startswith(_NS):
             os.environ["ROS_NAMESPACE"] = word.removeprefix(_NS)

@@ -80,13 +80,13 @@ def add_apad_argument(parser: argparse.ArgumentParser) -> None:
 
 
 def add_scenario_arguments(parser: argparse.ArgumentParser) -> None:
-    """What `run`, `fleet` and `mission` share."""
+    """The arguments that `run`, `fleet` and `mission` share."""
     parser.add_argument("scenario", type=Path, metavar="SCENARIO.yaml")
     add_flight_arguments(parser)
 
 
 def add_flight_arguments(parser: argparse.ArgumentParser) -> None:
-    """How a scenario is flown, and what of it is changed."""
+    """The arguments for the manner of flying a scenario, and for changes to it."""
     parser.add_argument(
         "--time", choices=[source.value for source in TimeSource], default="wall", help=_TIMES
     )
@@ -194,11 +194,11 @@ def options_of(arguments: argparse.Namespace) -> RunOptions:
 
 
 def _namespace() -> str:
-    """That of ROS_NAMESPACE, which roslaunch sets for the nodes of a group."""
-    said = os.environ.get("ROS_NAMESPACE", "")
-    if not _NAMESPACE.fullmatch(said):
-        raise UserError(f"ROS_NAMESPACE={said}: it is a name of ROS, as basin or /lab/basin")
-    return said.strip("/")
+    """The namespace in ROS_NAMESPACE, which roslaunch sets for the nodes of a group."""
+    namespace = os.environ.get("ROS_NAMESPACE", "")
+    if not _NAMESPACE.fullmatch(namespace):
+        raise UserError(f"ROS_NAMESPACE={namespace}: it is a name of ROS, as basin or /lab/basin")
+    return namespace.strip("/")
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -230,7 +230,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 @contextmanager
 def peers_may_fail() -> Iterator[None]:
-    """A peer's failure becomes one line on stderr and its exit code."""
+    """Turns a peer's failure into one line on stderr and its exit code."""
     try:
         yield
     except PeerFailed as error:
