@@ -1,7 +1,7 @@
-"""A million seeded inputs to the modem's serial line, to its ear and to the packets: no exception, no state lost.
+"""A million seeded inputs to the modem's serial line, to its receiver and to the packets: no exception, no state lost.
 
 Inputs are noise, commands and packets that are whole, cut, mutated or run together, and frames. After each the modem must
-still answer a valid command with the address that it should have; a packet that decodes must encode to the same bytes.
+still answer a valid command with the correct address; a packet that decodes must encode to the same bytes.
 """
 
 from __future__ import annotations
@@ -37,13 +37,13 @@ SEED = 20260101
 _KINDS = [*(int(kind) for kind in Kind), 0, 255]
 _STATES = [int(state) for state in State]
 _SIZES = (2, 4, 5, 6, 7, 8, 12, 13, 20, 29, 41, 43, AcousticStatus.SIZE, WifiStatus.SIZE, 130)
-"""Of bodies: most of them some packet's, the others nobody's."""
+"""Sizes of bodies: most of them of some packet, the others of none."""
 _SETTLED_MS = 10_000
-"""Longer than any transmission, its putting off and the wait for an answer."""
+"""Longer than any transmission with its deferral and the wait for an answer."""
 
 
 class Broken(AssertionError):
-    """What an input did that no input may do."""
+    """An input had an effect that no input may have."""
 
 
 def measure(inputs: int = INPUTS, seed: int = SEED) -> dict[str, Any]:
@@ -70,7 +70,7 @@ def measure(inputs: int = INPUTS, seed: int = SEED) -> dict[str, Any]:
 
 
 class _Fuzzed:
-    """One modem that lives through all of its inputs."""
+    """One modem that gets a sequence of inputs."""
 
     def __init__(self, firmware: Firmware, rng: random.Random) -> None:
         self._rng = rng
@@ -149,7 +149,7 @@ def _serial(rng: random.Random, generation: Generation) -> bytes:
 
 
 def _spoiled(rng: random.Random, data: bytes) -> bytes:
-    """The bytes as they are, cut, with one changed, with some in between, or noise instead."""
+    """The bytes unchanged, cut, with one changed, with some inserted, or noise instead."""
     match rng.randrange(6):
         case 0:
             return data[: rng.randrange(len(data) + 1)]
@@ -204,7 +204,7 @@ def _packet(rng: random.Random, came: Counter[str]) -> None:
 
 
 def _sealed_noise(rng: random.Random) -> bytes:
-    """Any bytes of any kind under a right check: what stands in a packet then decides."""
+    """Any bytes of any kind with a correct checksum, so that the packet's content decides."""
     body = bytes([rng.choice((1, 2, rng.randrange(256))), rng.choice(_KINDS)])
     body += rng.randbytes(max(0, rng.choice(_SIZES) - len(body)))
     if rng.random() < 0.5 and len(body) > 6:

@@ -1,4 +1,4 @@
-"""The flight loop in memory: that it repeats itself, that its recorded stimuli do, and that an ether joins two halves."""
+"""The flight loop in memory: repeats give the same trace, recorded stimuli replay it, and a relay joins two halves."""
 
 import json
 from collections.abc import Iterable
@@ -130,7 +130,7 @@ def test_recorded_stimuli_played_again_in_any_windows_give_the_same_truths(
         moments = [
             (data["agent_ms"], data["wire"] if kind == "stimulus" else None)
             for _, kind, data in json.loads(json.dumps(recorded.events))
-            # What is told at the last tick is for a window that is never granted.
+            # Stimuli of the last tick are for a window that is never granted.
             if kind in ("stimulus", "died") and data["id"] == agent_id and data["agent_ms"] < end_ms
         ]
         # A death stands at the end of the last answered window: before the stimuli of that very time.
@@ -155,7 +155,7 @@ def test_recorded_stimuli_played_again_in_any_windows_give_the_same_truths(
 
 
 class Wire:
-    """Two ends of an ether, joined by lists."""
+    """Two ends of a relay, joined by lists."""
 
     def __init__(self, out: list[Any], into: list[Any]) -> None:
         self._out, self._into = out, into
@@ -182,7 +182,7 @@ class MissionEnd(Wire):
 
 
 class Observed:
-    """The mission's vehicle as a fleet alone sees it: contacts, no poses, no commands."""
+    """The mission's vehicle as a fleet without a mission sees it: contacts, no poses, no commands."""
 
     def __init__(self, vehicle: InProcessVehicle) -> None:
         self._vehicle = vehicle
@@ -194,7 +194,7 @@ class Observed:
 
 
 class Shared(InProcessVehicle):
-    """Tells the contacts to an observer too."""
+    """Passes the contacts to an observer too."""
 
     def __init__(self, apad: SimulatedAPad) -> None:
         super().__init__(apad)

@@ -1,4 +1,4 @@
-"""Simulated aMussels that make room for real ones and come back, leave the water, or are hurt: in a flight in memory."""
+"""Simulated aMussels that are handed over to real ones and taken back, retired, or get faults, in a flight in memory."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ THE_ONE = 3
 
 
 class Paper:
-    """A desk where the test asks."""
+    """A queue for the test's requests."""
 
     def __init__(self) -> None:
         self.asked: list[Asked] = []
@@ -63,7 +63,7 @@ class Paper:
 
 
 class Elsewhere:
-    """An ether by which a real aMussel is heard."""
+    """A relay by which a real aMussel's packets arrive."""
 
     def __init__(self) -> None:
         self.packets: list[StatusPacket] = []
@@ -136,7 +136,7 @@ class Bench:
         self.ticks(1)
 
     def truth(self) -> tuple[State, float]:
-        """The simulated one's state, and where it is north, in metres."""
+        """The simulated aMussel's state, and its place north in metres."""
         truth = self.recorder.newest[THE_ONE]
         return truth.state, truth.physical.north_um / 1e6
 
@@ -164,7 +164,7 @@ def test_a_real_one_is_believed_while_its_twin_goes_on_unheard_and_takes_over_wh
     beliefs = bench.flight.supervisor.beliefs
     assert bench.ask(Moved(THE_ONE, Trigger.HAND_OVER, "a test")) == [None]
     bench.ticks(5)
-    assert beliefs.get(THE_ONE) is None  # its twin reports every second, and is not heard
+    assert beliefs.get(THE_ONE) is None  # its twin reports every second, and is muted
     _, twin_m = bench.truth()
     bench.real_one_says(north_m=twin_m + 4.0, primary=0.5)
     belief = beliefs.get(THE_ONE)
@@ -176,7 +176,7 @@ def test_a_real_one_is_believed_while_its_twin_goes_on_unheard_and_takes_over_wh
     assert bench.truth()[1] == pytest.approx(twin_m + 4.0, abs=0.01)
     heard = beliefs.get(THE_ONE)
     assert heard is not None and heard.heard_ms > belief.heard_ms
-    # 30 times faster, it has lost a minute's charge every two ticks.
+    # At theta 30 it loses a minute's charge every two ticks.
     assert 0.48 < heard.primary < 0.5
     assert [data["is"] for _, kind, data in bench.recorder.events if kind == "presence"] == [
         "real",
@@ -190,7 +190,7 @@ def test_uptimes_are_of_the_simulated_ones_and_others_are_told_apart() -> None:
     bench.ask(Moved(THE_ONE, Trigger.HAND_OVER, "a test"), Moved(1, Trigger.RETIRE, "a test"))
     bench.ticks(8)
     figures = uptime_figures(bench.recorder.meter, bench.flight.now_ms - 1000)
-    # Ticks 1 to 19 of two aMussels, and of two those up to tick 11, at whose end they became others.
+    # Ticks 1 to 19 of two aMussels, and ticks 1 to 11 of the two whose presence changed at the end of tick 11.
     assert figures["counted_s"] == 2 * 19 + 2 * 11
     assert figures["uptime_paper"] == {"mean": 100.0, "max": 100.0, "min": 100.0}
     assert figures["active_mean"] == (2 * 19 + 2 * 11) / 19
@@ -277,7 +277,7 @@ def test_one_in_a_dock_is_left_alone() -> None:
 
 
 def test_what_was_done_is_answered_when_it_is_recorded() -> None:
-    """Who was told that an id is real may rely on it, whatever dies next."""
+    """A caller that got the answer that an id is real may rely on it, whatever process dies next."""
     bench = Bench()
     order: list[str] = []
 
