@@ -169,7 +169,7 @@ class Scoring(MemoryRecorder):
     def __init__(self, scenario: Scenario) -> None:
         super().__init__(scenario)
         self._model = charge_model(scenario.board)
-        self._held: dict[int, Battery] = {}
+        self._batteries: dict[int, Battery] = {}
         self._squares: list[float] = []
 
     @property
@@ -179,14 +179,14 @@ class Scoring(MemoryRecorder):
 
     def truths(self, truths: list[Truth]) -> None:
         super().truths(truths)
-        self._held.update({it.agent_id: it.physical.primary for it in truths})
+        self._batteries.update({it.agent_id: it.physical.primary for it in truths})
 
     def tick(self, now_ms: int, beliefs: list[Belief], *rest: Any) -> None:
         if now_ms % 60_000:
             return
         for it in beliefs:
-            held = self._model.charge_at(self._held[it.agent_id], self._theta * now_ms)
-            self._squares.append((it.primary - fraction(held)) ** 2)
+            charge = self._model.charge_at(self._batteries[it.agent_id], self._theta * now_ms)
+            self._squares.append((it.primary - fraction(charge)) ** 2)
 
 
 def _flown(thought: Scenario, truth: Scenario) -> dict[str, float]:
@@ -236,5 +236,5 @@ def show(result: dict[str, Any], console: Console) -> None:
         table.add_row(*(it if isinstance(it := row[name], str) else f"{it:.4g}" for name in names))
     console.print(table)
     for gain in result["gains"]:
-        told = ", ".join(f"{key} {gain[key][0]:+.3g} +- {gain[key][1]:.2g}" for key in FIGURES)
-        console.print(f"{gain['case']}, asking at {gain['asking']:g}: {told}")
+        gains = ", ".join(f"{key} {gain[key][0]:+.3g} +- {gain[key][1]:.2g}" for key in FIGURES)
+        console.print(f"{gain['case']}, asking at {gain['asking']:g}: {gains}")

@@ -1,4 +1,4 @@
-"""Beliefs of aMussels that cannot be heard: error, coverage and consistency of the twin, its peers and an oracle."""
+"""Beliefs of aMussels in times without packets: error, coverage and consistency of the twin, its peers and an oracle."""
 
 from __future__ import annotations
 

@@ -84,10 +84,10 @@ def _on_beliefs(scenario: Scenario, seed: int) -> dict[str, Any]:
     def thinned(fact: Fact) -> None:
         # The first packet of each is received: an aPad knows the aMussels that it has deployed.
         if isinstance(fact, WifiHeard | SoundHeard):
-            who = fact.data[2:4]
-            if who in first and luck.random() >= HEARD:
+            sender = fact.data[2:4]
+            if sender in first and luck.random() >= HEARD:
                 return
-            first.add(who)
+            first.add(sender)
         receive(fact)
 
     flight.supervisor.receive = thinned  # type: ignore[method-assign]

@@ -94,7 +94,7 @@ def row(*, stalled: bool) -> dict[str, Any]:
             )
             assert stopped.line() == "reading"
             os.kill(stopped.process.pid, signal.SIGSTOP)
-        gateway.say(f"tick {STALLED_TICKS if stalled else TICKS}")
+        gateway.write_line(f"tick {STALLED_TICKS if stalled else TICKS}")
         assert gateway.line() == "ticked"
         published = json.loads(gateway.end())
         received = json.loads(reader.end())
@@ -188,7 +188,7 @@ class Node:
             raise RuntimeError(f"{self.process.args!r} said nothing for {TIMEOUT_S:g} s")
         return self.process.stdout.readline().strip()
 
-    def say(self, line: str) -> None:
+    def write_line(self, line: str) -> None:
         assert self.process.stdin is not None
         print(line, file=self.process.stdin, flush=True)
 

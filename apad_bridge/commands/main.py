@@ -59,10 +59,10 @@ def _add_unloadable(commands: Any, name: str, error: ImportError) -> None:
 
 def _in_namespace(arguments: list[str]) -> list[str]:
     """Removes ROS's own __ns:= and sets ROS_NAMESPACE from it, so that it counts for all processes started from here."""
-    for word in arguments:
-        if word.startswith(_NS):
-            os.environ["ROS_NAMESPACE"] = word.removeprefix(_NS)
-    return [word for word in arguments if not word.startswith(_NS)]
+    for argument in arguments:
+        if argument.startswith(_NS):
+            os.environ["ROS_NAMESPACE"] = argument.removeprefix(_NS)
+    return [argument for argument in arguments if not argument.startswith(_NS)]
 
 
 def main(arguments: list[str] | None = None) -> int:

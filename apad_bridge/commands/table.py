@@ -15,7 +15,7 @@ _PAPER = {
     ("demo", "cautious"): _CAUTIOUS,
     ("no-charging", "none"): ("67.36", "79.56", "56.64", "0", "8.08"),
 }
-"""By scenario and collection strategy: only the shipped pool is the paper's."""
+"""The paper's rows by scenario and collection strategy: only the shipped pool is the paper's."""
 
 
 def print_table(console: Console, name: str, collection: str, summary: dict[str, Any]) -> None:

@@ -30,7 +30,7 @@ from apad_bridge.vehicle.primitives import HoldPosition, PrimitiveFailed
 
 _PLACED = to_wire(Placed(0, 0, 0, 0, 0))[0]
 _LARGE_BYTES = 100_000_000
-"""Of bags; a gigabyte is repaired in about ten seconds."""
+"""Size of bags; the repair of a gigabyte takes about ten seconds."""
 
 
 def gap_ms(options: RunOptions, journal: Path, now_s: float) -> int:

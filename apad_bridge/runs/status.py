@@ -11,8 +11,8 @@ from firmware_model.state_groups import DOCKED
 
 @dataclass(frozen=True, slots=True)
 class Status:
-    """`agents` is the number of aMussels ever heard and served here; `active` is the number of these that are believed
-    to be in the water with charge left."""
+    """`agents` is the number of aMussels served here of which a packet was received; `active` is the number of these
+    that are believed to be in the water with charge left."""
 
     now_ms: int
     phase: str

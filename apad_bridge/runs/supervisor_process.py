@@ -1,7 +1,7 @@
 """The supervisor of a run over ROS, a process of its own: python -m apad_bridge.runs.supervisor_process RUN [--resume]
 
 Its standard output is for the parent: a JSON line a tick (`Status`), lines for a person, and at last the summary. The
-process continues when nobody reads its output.
+process continues without a reader of its output.
 """
 
 from __future__ import annotations

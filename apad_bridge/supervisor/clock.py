@@ -65,7 +65,7 @@ class Pace(Protocol):
 
     @property
     def behind_s(self) -> float:
-        """How many wall seconds the flight is behind its time; 0 when it keeps up."""
+        """The wall seconds that the flight is behind its time; 0 when it keeps up."""
         ...
 
 

@@ -239,13 +239,13 @@ class Supervisor:
 
     # With several aPads: the aMussels that this one serves.
 
-    def take_on(self, agent_id: int, belief: Belief | None) -> None:
+    def start_serving(self, agent_id: int, belief: Belief | None) -> None:
         """Serves the aMussel from now on; for another fleet's aMussel, `belief` is the former server's belief."""
         if agent_id not in self.allocation.own:
             self.beliefs.admit(agent_id, belief)
         self.allocation.take(agent_id)
 
-    def hand_on(self, agent_id: int) -> None:
+    def stop_serving(self, agent_id: int) -> None:
         """Leaves the aMussel to another aPad from now on.
 
         One of this fleet still updates the beliefs here, because its records are kept here.

@@ -56,7 +56,7 @@ class Contacts:
 
     def __init__(self, held: Iterable[int] = ()) -> None:
         self._places: dict[int, tuple[int, int] | None] = dict.fromkeys(held)
-        """By agent; None for an aMussel that was docked before the first stimulus here."""
+        """The last place by agent; None for an aMussel that was docked before the first stimulus here."""
 
     def take(self, fact: Carried | LetGo) -> Stimulus | None:
         """The stimulus for the aMussel's body; None when nothing changed for it."""

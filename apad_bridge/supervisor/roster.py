@@ -118,7 +118,7 @@ class Presences:
         self.before = {it.agent_id: it for it in before if it.agent_id in self._now}
         """The newest change before this supervisor, by aMussel."""
         self._now |= {it.agent_id: it.presence for it in self.before.values()}
-        self.simulated = self._who_is_simulated()
+        self.simulated = self._simulated_ids()
 
     def mute_as_before(self, coordinator: Coordinator) -> None:
         """Mutes twins and retired aMussels under a new supervisor. Call it before any time passes."""
@@ -168,10 +168,10 @@ class Presences:
         if request.trigger is not Trigger.TAKE_BACK:
             beliefs.forget(request.agent_id)
         self._now[request.agent_id] = after
-        self.simulated = self._who_is_simulated()
+        self.simulated = self._simulated_ids()
         return stimuli, Note("presence", {"id": request.agent_id, "is": after.value, "by": request.by})
 
-    def _who_is_simulated(self) -> frozenset[int]:
+    def _simulated_ids(self) -> frozenset[int]:
         return frozenset(it for it, presence in self._now.items() if presence is Presence.SIMULATED)
 
     def _placed(self, request: Moved, beliefs: FleetBeliefs) -> Placed | None:

@@ -81,7 +81,7 @@ def oracle(life: Life, agent: int, knows_schedule: bool) -> Twin:
     drain = knowledge.drain
     factor = float(life.drain[agent])
     sag = life.sag[agent]
-    told = replace(
+    known = replace(
         knowledge,
         drain=replace(
             drain,
@@ -95,7 +95,7 @@ def oracle(life: Life, agent: int, knows_schedule: bool) -> Twin:
         ),
         drain_deviation=1e-3,
     )
-    return Twin(told, _schedules(life, agent, knows_schedule))
+    return Twin(known, _schedules(life, agent, knows_schedule))
 
 
 def hold_last(life: Life, agent: int, knows_schedule: bool) -> LastPacket:

@@ -114,9 +114,9 @@ def _corrected(
     likelihood = np.exp(-0.5 * away**2 / total) / np.sqrt(total) + 1e-300
     modes = modes * likelihood
     if modes.shape[1] > 1:
-        said = np.full(modes.shape, 0.01)
-        said[np.arange(len(z)), stated] = 0.97
-        modes = modes * said
+        stated_likelihood = np.full(modes.shape, 0.01)
+        stated_likelihood[np.arange(len(z)), stated] = 0.97
+        modes = modes * stated_likelihood
     modes /= modes.sum(axis=1, keepdims=True)
     return x + gain * away[:, :, None], cov - gain[..., None] * cov[:, :, None, 0, :], modes
 
@@ -154,9 +154,9 @@ def like_filterpy(peer: Peer, life: Life, heard: np.ndarray, agent: int) -> floa
 
 def _state(theirs: IMMEstimator, stated: int) -> None:
     """Updates filterpy's estimator with a packet that states its mode."""
-    said = np.full(theirs.N, 0.01)
-    said[stated] = 0.97
-    theirs.mu = theirs.mu * said / (theirs.mu * said).sum()
+    likelihood = np.full(theirs.N, 0.01)
+    likelihood[stated] = 0.97
+    theirs.mu = theirs.mu * likelihood / (theirs.mu * likelihood).sum()
     theirs._compute_mixing_probabilities()
     theirs._compute_state_estimate()
 

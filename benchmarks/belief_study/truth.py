@@ -99,7 +99,7 @@ class Life:
     dark: np.ndarray
     """(agents, hours): within a blackout."""
     events: list[Events]
-    """By agent."""
+    """The events of each agent."""
     drain: np.ndarray
     sag: np.ndarray
     """(agents, modes): the true voltage bias."""
@@ -139,8 +139,8 @@ def live(seed: int, agents: int = AGENTS, hours: int = HOURS) -> Life:
             _turn(rng, i, minute, by_itself[i, hour], now, events[i])
         here = timeslot_minute == minute % 60
         if here.any():
-            for kept, of_now in zip(at_timeslot, (now.primary, now.secondary, now.doing), strict=True):
-                kept[here, hour] = of_now[here]
+            for target, source in zip(at_timeslot, (now.primary, now.secondary, now.doing), strict=True):
+                target[here, hour] = source[here]
         _pass_a_minute(rng, minute, scheduled[:, hour], 1 + ageing * minute, now)
     noise = rng.normal(0, NOISE, (agents, hours, 2))
     bias = np.take_along_axis(sag, at_timeslot[2], axis=1)

@@ -33,8 +33,8 @@ from apad_bridge.supervisor.loop import Flight
 from apad_bridge.supervisor.packet_relay import Came, Felt
 
 ASSIGNMENT_PERIOD_MS = 10_000
-"""Mission time between two looks at the assignment. An aPad that stood down gets so much time to hear the aMussels that it
-called up."""
+"""Mission time between two looks at the assignment. In this time an aPad that stood down can still receive packets from
+the aMussels that it called up."""
 
 
 class Exchange:
@@ -62,7 +62,7 @@ class MemberRelay:
         return waiting
 
     def transmit(self, medium: Medium, agent_id: int, data: bytes, now_ms: int) -> None:
-        """Passes a packet that was heard from an aMussel of this fleet to the aPad that serves it."""
+        """Passes a received packet of an aMussel of this fleet to the aPad that serves it."""
         server = self._exchange.server[agent_id]
         if server != self._name:
             packet = WifiHeard(now_ms, data) if medium is Medium.WIFI else SoundHeard(now_ms, data)
@@ -125,8 +125,8 @@ class LockstepRunner:
         for move in assignment.plan_moves(views):
             giver, taker = self._flights[move.giver], self._flights[move.taker]
             belief = giver.flight.supervisor.beliefs.get(move.agent_id)
-            giver.flight.supervisor.hand_on(move.agent_id)
-            taker.flight.supervisor.take_on(move.agent_id, belief)
+            giver.flight.supervisor.stop_serving(move.agent_id)
+            taker.flight.supervisor.start_serving(move.agent_id, belief)
             self._exchange.server[move.agent_id] = move.taker
             assignment.record_move(move)
             self.moves.append((now_ms, move))

@@ -94,7 +94,7 @@ class MemberLink:
             gave.append(
                 [agent_id, now_ms, None if belief is None else supervisor.beliefs.estimator.kept(belief)]
             )
-            supervisor.hand_on(agent_id)
+            supervisor.stop_serving(agent_id)
             self._events.append(("handed_on", {"id": agent_id}))
         self._pending = {
             it: transfer for it, transfer in orders.serves.items() if it not in allocation.served
@@ -114,7 +114,7 @@ class MemberLink:
                 continue
             del self._pending[agent_id]
             estimator = supervisor.beliefs.estimator
-            supervisor.take_on(
+            supervisor.start_serving(
                 agent_id,
                 None if transfer.estimate is None else estimator.restored(agent_id, transfer.estimate),
             )

@@ -1,7 +1,7 @@
 """The parent of one aPad's run among several, a process of its own: python -m apad_bridge.runs.several.member_process RUN
 
 Its standard output is for the parent of all, in the format of a supervisor's: a JSON line a tick, lines for a person, and
-at last the summary or the failure. The process continues when nobody reads its output.
+at last the summary or the failure. The process continues without a reader of its output.
 """
 
 from __future__ import annotations

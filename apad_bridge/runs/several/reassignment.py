@@ -56,7 +56,7 @@ class Reassigner:
         self._write()
 
     def member_ended(self, name: str) -> None:
-        """Handles the end of a member's run: its own fleet ended with it; nobody serves the others that it served."""
+        """Handles the end of a member's run: its own fleet ended with it; no aPad serves the others that it served."""
         self._ended.add(name)
         for agent_id, move in list(self._pending_moves.items()):
             if move.taker == name:

@@ -30,7 +30,7 @@ WHOLE_BOARDS = Path(__file__).parents[3] / "launch_scripts" / "scenarios" / "who
 AGENTS, HOURS = 24, 20
 SLOT_MS, FRAME_MS, PACKET_MS = 1700, 60_000, 868
 PPM_50 = 50_000
-"""In parts of 10^9."""
+"""Parts of 10^9."""
 APAD_M = (100.0, 100.0, 0.5)
 
 
