@@ -161,8 +161,8 @@ class Wire:
         self._out, self._into = out, into
 
     def advance(self, now_ms: int) -> list[Any]:
-        came, self._into[:] = list(self._into), []
-        return came
+        items, self._into[:] = list(self._into), []
+        return items
 
     def transmit(self, medium: Medium, agent_id: int, data: bytes, now_ms: int) -> None:
         self._out.append((medium, agent_id, data, now_ms))
@@ -201,15 +201,15 @@ class Shared(InProcessVehicle):
         self.observer = Observed(self)
 
     def advance(self, now_ms: int) -> list[Any]:
-        told = super().advance(now_ms)
-        self.observer.facts += [fact for fact in told if type(fact).__name__ in ("Carried", "LetGo")]
-        return told
+        facts = super().advance(now_ms)
+        self.observer.facts += [fact for fact in facts if type(fact).__name__ in ("Carried", "LetGo")]
+        return facts
 
 
-def test_a_fleet_alone_and_a_mission_alone_joined_by_an_ether_serve_aMussels() -> None:
+def test_a_fleet_alone_and_a_mission_alone_joined_by_a_relay_serve_aMussels() -> None:
     scenario = short_scenario()
-    said: list[Any] = []
-    heard: list[Any] = []
+    to_fleet: list[Any] = []
+    to_mission: list[Any] = []
     vehicle = Shared(SimulatedAPad(scenario.apad))
     alone = short_scenario(collection="none")
     fleet_side = Flight(
@@ -218,13 +218,13 @@ def test_a_fleet_alone_and_a_mission_alone_joined_by_an_ether_serve_aMussels() -
             vehicle.observer,  # type: ignore[arg-type]
             AsFastAsPossible(),
             new_fleet(alone),
-            relay=FleetEnd(heard, said),
+            relay=FleetEnd(to_mission, to_fleet),
         ),
         Witness(alone),
     )
     mission_side = Flight(
         parts.supervisor(scenario),
-        FlightContext(vehicle, AsFastAsPossible(), None, relay=MissionEnd(said, heard)),
+        FlightContext(vehicle, AsFastAsPossible(), None, relay=MissionEnd(to_fleet, to_mission)),
         Witness(scenario),
     )
     for now_ms in range(0, 120_000, 1000):

@@ -260,8 +260,8 @@ def test_what_is_left_out_of_a_spawning_is_refused(
     bench = Bench()
     bench.ticks(2)
     bench.ask(Moved(1, Trigger.RETIRE, "a test"))
-    (told,) = bench.ask(Moved(1, Trigger.SPAWN, "a test", at, charges))
-    assert told is not None and refusal in told
+    (answer,) = bench.ask(Moved(1, Trigger.SPAWN, "a test", at, charges))
+    assert answer is not None and refusal in answer
     assert bench.ask(Moved(1, Trigger.SPAWN, "a test", (5.0, 5.0), (0.5, 1.0))) == [None]
 
 
@@ -293,9 +293,9 @@ def test_what_was_done_is_answered_when_it_is_recorded() -> None:
         def tick(self, *_: Any) -> None:
             order.append("on disk")
 
-    desk = RosterRequests()
-    desk.asked = [Moved(THE_ONE, Trigger.HAND_OVER, "a test")]
-    bench.flight = bench.begin(Records(bench.scenario), Roster(bench.presences, desk))
+    requests = RosterRequests()
+    requests.asked = [Moved(THE_ONE, Trigger.HAND_OVER, "a test")]
+    bench.flight = bench.begin(Records(bench.scenario), Roster(bench.presences, requests))
     bench.ticks(1)
     assert order == ["said", "on disk", "answered"]
 
@@ -336,8 +336,8 @@ def test_one_that_was_placed_as_the_supervisor_died_is_placed_once(felt: bool) -
     repeat_placements(
         JournalContents(lines, 0), coordinator, cast(Recorder, bench.recorder), bench.flight.now_ms - 1000
     )
-    told = bench.recorder.events[before:]
-    assert [(kind, data["id"]) for _, kind, data in told] == ([] if felt else [("stimulus", 1)])
+    events = bench.recorder.events[before:]
+    assert [(kind, data["id"]) for _, kind, data in events] == ([] if felt else [("stimulus", 1)])
     coordinator.advance(bench.flight.now_ms)
     newest = {it.agent_id: it.physical for it in bench.host.take_truths()}
     assert felt or (newest[1].north_um, newest[1].east_um) == (7_000_000, 8_000_000)
