@@ -1,10 +1,10 @@
-"""Does it pay to ask by sound how an aMussel is? The pool by sound on twins that hear little, asking and not, paired.
+"""The gain from asking aMussels for their status by sound: the pool on twins that receive little, paired with no asking.
 
-The boards draw up to 30 % more or less than the twins think. Of the hourly statuses one in ten is heard: either nine of ten
-packets from the bottom are lost whatever they are ("lossy"), so that answers are as well; or everyone is at the edge of the
-range, at an SNR of -0.6 dB ("noisy"), where 90 % of the statuses, 45 bytes, are lost, and 29 % of words as short as a
-question and its answer. "late" is "noisy" with a mission that fetches at 15 % instead of 60, from charges to match.
-`asking` is `water.talk.ask_worth_answers`; `answers_charge` is what all the aMussels that answered spent on it, in
+The boards draw up to 30 % more or less than the twins assume. One in ten of the hourly statuses is received: either nine
+of ten packets from the bottom are lost, whatever they are ("lossy"), and so are answers; or all aMussels are at the edge
+of the range, at an SNR of -0.6 dB ("noisy"), where 90 % of the statuses (45 bytes) are lost, and 29 % of packets as short
+as a question and its answer. "late" is "noisy" with a mission that fetches at 15 % instead of 60, from charges to match.
+`asking` is `water.talk.ask_worth_answers`; `answers_charge` is the charge that all answering aMussels spent on it, in
 batteries.
 """
 
@@ -67,8 +67,7 @@ FIGURES = ("lost", "emptied", "uptime", "least_uptime", "samples", "cost_m", "er
 
 
 def measure(configurations: int = CONFIGURATIONS) -> dict[str, Any]:
-    """`rows`: a mean for each case and way of asking; `gains`: how much asking adds to it, paired, with its
-    interval of 95 %."""
+    """`rows`: a mean for each case and way of asking; `gains`: the paired gain from asking, with its interval of 95 %."""
     flights = [
         (case, asking, seed) for seed in range(1, configurations + 1) for case in CASES for asking in ASKING
     ]
@@ -145,7 +144,7 @@ def _scenario(case: str, asking: float, seed: int, directory: Path) -> Scenario:
 
 
 def _as_it_is(thought: Scenario, seed: int) -> Scenario:
-    """The same, but that the boards draw something else asleep and awake; the same for one seed whatever is asked."""
+    """The same scenario with other loads of the boards, asleep and awake; they depend on the seed alone, not on asking."""
     factor = 1 + random.Random(seed).uniform(-OFF_BY, OFF_BY)
     data = resolve(thought)
     loads = data["board"]["whole"]["power"]["loads_mw"]
@@ -155,7 +154,7 @@ def _as_it_is(thought: Scenario, seed: int) -> Scenario:
 
 
 def _sown(initial_states: dict[int, Physical]) -> Iterator[StatusPacket]:
-    """An aPad knows whom it has sown, and where."""
+    """Reports of the aMussels that the aPad has deployed, and of their places, which it knows."""
     for agent_id, it in initial_states.items():
         charges, place = (
             (fraction(it.primary.charge), fraction(it.secondary.charge)),
@@ -165,12 +164,12 @@ def _sown(initial_states: dict[int, Physical]) -> Iterator[StatusPacket]:
 
 
 class Scoring(MemoryRecorder):
-    """Compares what is believed of the primary batteries with what they hold, once a minute."""
+    """Compares the believed charges of the primary batteries with the true ones, once a minute."""
 
     def __init__(self, scenario: Scenario) -> None:
         super().__init__(scenario)
         self._model = charge_model(scenario.board)
-        self._held: dict[int, Battery] = {}
+        self._batteries: dict[int, Battery] = {}
         self._squares: list[float] = []
 
     @property
@@ -180,14 +179,14 @@ class Scoring(MemoryRecorder):
 
     def truths(self, truths: list[Truth]) -> None:
         super().truths(truths)
-        self._held.update({it.agent_id: it.physical.primary for it in truths})
+        self._batteries.update({it.agent_id: it.physical.primary for it in truths})
 
     def tick(self, now_ms: int, beliefs: list[Belief], *rest: Any) -> None:
         if now_ms % 60_000:
             return
         for it in beliefs:
-            held = self._model.charge_at(self._held[it.agent_id], self._theta * now_ms)
-            self._squares.append((it.primary - fraction(held)) ** 2)
+            charge = self._model.charge_at(self._batteries[it.agent_id], self._theta * now_ms)
+            self._squares.append((it.primary - fraction(charge)) ** 2)
 
 
 def _flown(thought: Scenario, truth: Scenario) -> dict[str, float]:
@@ -237,5 +236,5 @@ def show(result: dict[str, Any], console: Console) -> None:
         table.add_row(*(it if isinstance(it := row[name], str) else f"{it:.4g}" for name in names))
     console.print(table)
     for gain in result["gains"]:
-        told = ", ".join(f"{key} {gain[key][0]:+.3g} +- {gain[key][1]:.2g}" for key in FIGURES)
-        console.print(f"{gain['case']}, asking at {gain['asking']:g}: {told}")
+        gains = ", ".join(f"{key} {gain[key][0]:+.3g} +- {gain[key][1]:.2g}" for key in FIGURES)
+        console.print(f"{gain['case']}, asking at {gain['asking']:g}: {gains}")

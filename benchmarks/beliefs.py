@@ -1,4 +1,4 @@
-"""Beliefs of aMussels that cannot be heard: error, coverage and consistency of the twin, its peers and an oracle."""
+"""Beliefs of aMussels in times without packets: error, coverage and consistency of the twin, its peers and an oracle."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ PEERS = ("kalman", "imm")
 
 
 def measure(agents: int = AGENTS, seeds: tuple[int, ...] = study.REPORTED) -> dict[str, Any]:
-    """`rows` by what is known, share heard and filter, on the same lives; `place`, `cost` and `tick_ms` besides.
+    """`rows` by knowledge, share of packets received and filter, on the same lives; also `place`, `cost` and `tick_ms`.
 
-    Peers know neither schedule nor dockings: they stand in both blocks alike. hold_last claims to be certain, so it has no
-    coverage. `mode_delay_packets` is the median of how many packets after the first one heard since an unscheduled switch
-    the mode was right.
+    Peers know neither schedule nor dockings: they are the same in both blocks. hold_last claims to be certain, so it has
+    no coverage. `mode_delay_packets` is a median: the packets after the first one received since an unscheduled switch
+    until the mode was right.
     """
     cells = [
         (name, knows, heard)
@@ -38,7 +38,7 @@ def measure(agents: int = AGENTS, seeds: tuple[int, ...] = study.REPORTED) -> di
         if name in study.OURS
         for seed in seeds
     ]
-    # Costs first: nothing else runs yet.
+    # Measure costs first, while nothing else runs.
     costs = cost.event_costs()
     ticks = [cost.tick_ms(count, theta) for count in (120, 1000) for theta in (1, 30)]
     found: dict[tuple[str, bool, float], list[tuple[np.ndarray, list[int]]]] = {}

@@ -1,4 +1,4 @@
-"""The pool's mission on twins that hear one hourly packet in ten, beside the same flown on perfect knowledge, paired."""
+"""The pool's mission on twins that receive one hourly packet in ten, paired with the same flown on perfect knowledge."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ MODEL = TwinModel(
 
 def measure(configurations: int = CONFIGURATIONS) -> dict[str, Any]:
     """`uptime_kept`: mean over configurations of uptime on beliefs over uptime on perfect knowledge, with its interval
-    of 95 %. Perfect knowledge: a report of every aMussel each second, all heard, without noise."""
+    of 95 %. Perfect knowledge: a report of every aMussel each second, all received, without noise."""
     pairs = []
     with (
         Progress(console=Console(stderr=True), transient=True) as progress,
@@ -82,12 +82,12 @@ def _on_beliefs(scenario: Scenario, seed: int) -> dict[str, Any]:
     first: set[bytes] = set()
 
     def thinned(fact: Fact) -> None:
-        # The first word of each is heard: an aPad knows whom it has sown.
+        # The first packet of each is received: an aPad knows the aMussels that it has deployed.
         if isinstance(fact, WifiHeard | SoundHeard):
-            who = fact.data[2:4]
-            if who in first and luck.random() >= HEARD:
+            sender = fact.data[2:4]
+            if sender in first and luck.random() >= HEARD:
                 return
-            first.add(who)
+            first.add(sender)
         receive(fact)
 
     flight.supervisor.receive = thinned  # type: ignore[method-assign]

@@ -17,7 +17,7 @@ REPEATS = 50
 
 
 def measure() -> dict[str, Any]:
-    """Medians of 20-hour runs of a fresh board, its trace kept and its energy booked; an event is a change of state."""
+    """Medians of 20-hour runs of a fresh board with its trace and energy ledger; an event is a change of state."""
     took_s, events = [], 0
     for _ in range(REPEATS):
         began_s = time.perf_counter()

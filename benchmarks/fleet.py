@@ -1,14 +1,14 @@
-"""What an aMussel costs as a process of its own, beside a bare rospy node: memory at two moments, and time to be ready.
+"""The cost of an aMussel as a process of its own, beside a bare rospy node: memory at two moments, and time to be ready.
 
 `pss_mb_per_agent` is the proportional set size of all agents' processes and of their nursery, divided by the agents;
-`kernel_mb_per_agent` is by how much the machine's kernel memory (slab, page tables, stacks) rose since before the first of
+`kernel_mb_per_agent` is the rise of the machine's kernel memory (slab, page tables, stacks) since before the first of
 them, divided likewise, so that a busy machine blurs it; `ready_s` is from the exec of the nursery to the last agent's first
-reply. Flown are 20 hours of agent time at theta 30 with the paper's reports, one a mission second, and its drift; each
+reply. The flight is 20 hours of agent time at theta 30 with the paper's reports, one a mission second, and its drift; each
 aMussel is charged once. A thousand of them are granted ten reports at once, because one at a time takes minutes. A full
-log is uploaded in the dock, to nobody: it stays full.
-Where the kernel merges same pages (`merging`: /sys/kernel/mm/ksm/run is 1), each row is read after it has looked at all of
-them; a merged page is counted in parts, as any shared one.
-A bare rospy node publishes as many statuses, with nobody listening, in one go; the master is not counted.
+log is uploaded in the dock without a receiver: it stays full.
+Where the kernel merges equal pages (`merging`: /sys/kernel/mm/ksm/run is 1), each row is read after the kernel has scanned
+all of them; a merged page is counted in parts, as any shared page.
+A bare rospy node publishes as many statuses, without subscribers, in one go; the master is not counted.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ ROSPY_NODES = (24, 100)
 THETA = 30
 MISSION_S = 20 * 3600 // THETA
 SERVICE_S = (0, 10, 100, 200)
-"""Permission, contact, release and the word to sink, in seconds from an aMussel's turn."""
+"""Permission, contact, release and the command to sink, in seconds from an aMussel's turn."""
 MERGING = Path("/sys/kernel/mm/ksm/run")
 MERGING_TIMEOUT_S = 120.0
 NODE = Path(__file__).parent / "nodes" / "bare_rospy.py"
@@ -79,7 +79,7 @@ FLEET = FleetConfig(
     current_csv=None,
 )
 WAKES = replace(FIELD, slots=Slots(frame_ms=300_000, slot_ms=300))
-"""Every hour: sample, process, await the timeslot and transmit; with a slot for each of a thousand."""
+"""Every hour: sample, process, await the timeslot and transmit; with a timeslot for each of a thousand."""
 WHOLE = FullFirmware(power(LastResort.CALL), WAKES, transmit_ms=300, call_ms=600_000, hover_ms=600_000)
 _WHOLE_FLEET = replace(FLEET, charge=MODEL, whole=WHOLE)
 FULL_LOG = "whole board, full log"
@@ -155,12 +155,12 @@ def musselbed_rows(run_dir: str, board: str, agents: int, window_s: int) -> Iter
 
 
 def merges() -> bool:
-    """Whether this kernel keeps same pages once."""
+    """True if this kernel keeps equal pages once."""
     return MERGING.exists() and MERGING.read_text().strip() == "1"
 
 
 def wait_for_merging() -> None:
-    """Until every page was looked at twice: what has not changed in between is then merged."""
+    """Waits until the kernel has scanned every page twice: pages without a change in between are then merged."""
     if not merges():
         return
     scans = MERGING.with_name("full_scans")
@@ -170,7 +170,7 @@ def wait_for_merging() -> None:
 
 
 def fill_logs(run_dir: str, agents: int) -> None:
-    """Writes a fleet's flash file in which every log is full, and nothing of it was ever acknowledged."""
+    """Writes a fleet's flash file in which every log is full, without any acknowledged record."""
     descriptor = os.open(os.path.join(run_dir, FLASH_NAME), os.O_RDWR | os.O_CREAT, 0o644)
     for index in range(agents):
         log = FlashLog(FlashRegion(descriptor, index), 0, 0)

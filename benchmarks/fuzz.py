@@ -1,7 +1,7 @@
-"""A million seeded inputs to the modem's serial line, to its ear and to the packets: no exception, no state lost.
+"""A million seeded inputs to the modem's serial line, to its receiver and to the packets: no exception, no state lost.
 
 Inputs are noise, commands and packets that are whole, cut, mutated or run together, and frames. After each the modem must
-still answer a valid command with the address that it should have; a packet that decodes must encode to the same bytes.
+still answer a valid command with the correct address; a packet that decodes must encode to the same bytes.
 """
 
 from __future__ import annotations
@@ -37,27 +37,27 @@ SEED = 20260101
 _KINDS = [*(int(kind) for kind in Kind), 0, 255]
 _STATES = [int(state) for state in State]
 _SIZES = (2, 4, 5, 6, 7, 8, 12, 13, 20, 29, 41, 43, AcousticStatus.SIZE, WifiStatus.SIZE, 130)
-"""Of bodies: most of them some packet's, the others nobody's."""
+"""Sizes of bodies: most of them of some packet, the others of none."""
 _SETTLED_MS = 10_000
-"""Longer than any transmission, its putting off and the wait for an answer."""
+"""Longer than any transmission with its deferral and the wait for an answer."""
 
 
 class Broken(AssertionError):
-    """What an input did that no input may do."""
+    """An input had an effect that no input may have."""
 
 
 def measure(inputs: int = INPUTS, seed: int = SEED) -> dict[str, Any]:
     """Three fifths of the inputs go to modems of every firmware, the rest to the packets. Broken at the first failure."""
     rng = random.Random(seed)
     began_s = time.perf_counter()
-    came: Counter[str] = Counter()
+    counts: Counter[str] = Counter()
     to_modems = inputs * 3 // 5
     modems = [_Fuzzed(firmware, rng) for firmware in Firmware]
     for n in range(to_modems):
-        modems[n % len(modems)].once(came)
+        modems[n % len(modems)].once(counts)
     modems_s = time.perf_counter() - began_s
     for _ in range(inputs - to_modems):
-        _packet(rng, came)
+        _packet(rng, counts)
     packets_s = time.perf_counter() - began_s - modems_s
     return {
         "inputs": inputs,
@@ -65,12 +65,12 @@ def measure(inputs: int = INPUTS, seed: int = SEED) -> dict[str, Any]:
         "failures": 0,
         "modem_inputs_per_s": to_modems / modems_s,
         "packet_inputs_per_s": (inputs - to_modems) / packets_s,
-        "came": dict(sorted(came.items())),
+        "came": dict(sorted(counts.items())),
     }
 
 
 class _Fuzzed:
-    """One modem that lives through all of its inputs."""
+    """One modem that gets a sequence of inputs."""
 
     def __init__(self, firmware: Firmware, rng: random.Random) -> None:
         self._rng = rng
@@ -79,53 +79,53 @@ class _Fuzzed:
         self._now_ms = 0
         self._address = 1
 
-    def once(self, came: Counter[str]) -> None:
+    def once(self, counts: Counter[str]) -> None:
         rng, modem = self._rng, self._modem
         printed: list[bytes] = []
         kind = rng.choice(("bytes", "bytes", "bytes", "frame", "power"))
-        came[f"modem: {kind}"] += 1
+        counts[f"modem: {kind}"] += 1
         if kind == "bytes":
             data = b"".join(_serial(rng, self._generation) for _ in range(rng.randint(1, 3)))
             cut = rng.randrange(len(data) + 1)
-            self._tell(SerialBytes(data[:cut]), printed)
+            self._stimulate(SerialBytes(data[:cut]), printed)
             self._now_ms += rng.choice((0, 1, 2, 3, 30, 400))
-            self._tell(SerialBytes(data[cut:]), printed)
+            self._stimulate(SerialBytes(data[cut:]), printed)
         elif kind == "frame":
             frame = _frame(rng)
-            self._tell(SoundBegan(frame.duration_ms), printed)
+            self._stimulate(SoundBegan(frame.duration_ms), printed)
             self._now_ms += rng.choice((0, 50, frame.duration_ms, 3000))
             arrived = FrameArrived(frame, rng.randrange(2_000_000), rng.uniform(-90, 200), rng.randrange(99))
-            self._tell(arrived, printed)
+            self._stimulate(arrived, printed)
         else:
-            self._tell(PowerWent(), printed)
-            self._tell(SerialBytes(_serial(rng, self._generation)), printed)
-            self._tell(PowerCame(), printed)
+            self._stimulate(PowerWent(), printed)
+            self._stimulate(SerialBytes(_serial(rng, self._generation)), printed)
+            self._stimulate(PowerCame(), printed)
         self._now_ms += _SETTLED_MS
         self._note(modem.advance(self._now_ms), printed)
-        self._address = _told_address(printed, self._address)
-        self._answers(came)
+        self._address = _confirmed_address(printed, self._address)
+        self._answers(counts)
 
-    def _tell(self, stimulus: Any, printed: list[bytes]) -> None:
+    def _stimulate(self, stimulus: Any, printed: list[bytes]) -> None:
         self._note(self._modem.receive(stimulus, self._now_ms), printed)
 
     def _note(self, actions: list[Any], printed: list[bytes]) -> None:
         printed += [action.data for action in actions if isinstance(action, SerialOut)]
 
-    def _answers(self, came: Counter[str]) -> None:
+    def _answers(self, counts: Counter[str]) -> None:
         printed: list[bytes] = []
         wakes = (b"$W", b"$W") if self._generation is Generation.V3 else ()
         for command in (*wakes, b"$?"):
-            self._tell(SerialBytes(command), printed)
+            self._stimulate(SerialBytes(command), printed)
             self._now_ms += 100
             self._note(self._modem.advance(self._now_ms), printed)
         if not printed or not printed[-1].startswith(b"#A%03dV" % self._address):
             raise Broken(f"$? is answered with {printed[-1:]}, the address being {self._address}")
         if not all(answer.endswith(b"\r\n") for answer in printed):
             raise Broken(f"an answer without its end: {printed}")
-        came["modem: answered afterwards"] += 1
+        counts["modem: answered afterwards"] += 1
 
 
-def _told_address(printed: list[bytes], address: int) -> int:
+def _confirmed_address(printed: list[bytes], address: int) -> int:
     """The address that the modem has confirmed last: #Axxx alone on its line."""
     for answer in printed:
         if len(answer) == 7 and answer.startswith(b"#A"):
@@ -149,7 +149,7 @@ def _serial(rng: random.Random, generation: Generation) -> bytes:
 
 
 def _spoiled(rng: random.Random, data: bytes) -> bytes:
-    """The bytes as they are, cut, with one changed, with some in between, or noise instead."""
+    """The bytes unchanged, cut, with one changed, with some inserted, or noise instead."""
     match rng.randrange(6):
         case 0:
             return data[: rng.randrange(len(data) + 1)]
@@ -179,7 +179,7 @@ def _frame(rng: random.Random) -> Frame:
     )
 
 
-def _packet(rng: random.Random, came: Counter[str]) -> None:
+def _packet(rng: random.Random, counts: Counter[str]) -> None:
     if rng.random() < 0.5:
         whole = CommandPacket(rng.choice((Kind.PERMISSION, Kind.RELEASE)), rng.randrange(65536)).encode()
     else:
@@ -196,7 +196,7 @@ def _packet(rng: random.Random, came: Counter[str]) -> None:
         ).encode()
     data = _sealed_noise(rng) if rng.random() < 0.5 else _spoiled(rng, whole)
     packet = packets.decode(data)
-    came["packet: none" if packet is None else f"packet: {type(packet).__name__}"] += 1
+    counts["packet: none" if packet is None else f"packet: {type(packet).__name__}"] += 1
     if data == whole and packet is None:
         raise Broken(f"a whole packet does not decode: {data.hex()}")
     if packet is not None and packet.encode() != data:
@@ -204,7 +204,7 @@ def _packet(rng: random.Random, came: Counter[str]) -> None:
 
 
 def _sealed_noise(rng: random.Random) -> bytes:
-    """Any bytes of any kind under a right check: what stands in a packet then decides."""
+    """Any bytes of any kind with a correct checksum, so that the packet's content decides."""
     body = bytes([rng.choice((1, 2, rng.randrange(256))), rng.choice(_KINDS)])
     body += rng.randbytes(max(0, rng.choice(_SIZES) - len(body)))
     if rng.random() < 0.5 and len(body) > 6:

@@ -1,14 +1,15 @@
-"""A thousand aMussels on ROS: what a gateway publishes, what readers lose, and how late a report comes.
+"""A thousand aMussels on ROS: messages that a gateway publishes, messages that readers lose, and the reports' latency.
 
-Each aMussel's position goes out ten times a second and its battery once, over TCPROS on a master of our own; all of it is
-read off the wire by one process, and some of it by an ordinary rospy node, whose callbacks say the latencies. `lost` is
-what was published and did not come to the reader of everything. In the row with a stalled reader another reader of
-everything is stopped with SIGSTOP once it is connected; `stalled_disconnected_s` is from the first message that found a
-socket full to that connection's end.
+Each aMussel's position is published ten times a second and its battery once, over TCPROS on a master of our own; one
+process reads all of it off the wire, and an ordinary rospy node reads some of it and measures latencies in its callbacks.
+`lost` counts messages that were published and did not arrive at the reader of everything. In the row with a stalled
+reader, another reader of everything is stopped with SIGSTOP once it is connected; `stalled_disconnected_s` is the time
+from the first message that found a socket full to that connection's end.
 
-`ticks` is another thing: a flight at real time with 100 aMussels, a process each, at theta 30, beside the simulated aPad's
-node at wall time and a control process that works for 20 ms ten times a second. A tick's lateness is when a rospy node
-hears its beliefs, against a grid of seconds through the earliest of them; the control process's is its own.
+`ticks` is a separate measurement: a flight at real time with 100 aMussels, a process each, at theta 30, beside the
+simulated aPad's node at wall time and a control process that works for 20 ms ten times a second. A tick's lateness is
+the time at which a rospy node receives its beliefs, against a grid of seconds through the earliest of them; the control
+process measures its own lateness.
 """
 
 from __future__ import annotations
@@ -93,7 +94,7 @@ def row(*, stalled: bool) -> dict[str, Any]:
             )
             assert stopped.line() == "reading"
             os.kill(stopped.process.pid, signal.SIGSTOP)
-        gateway.say(f"tick {STALLED_TICKS if stalled else TICKS}")
+        gateway.write_line(f"tick {STALLED_TICKS if stalled else TICKS}")
         assert gateway.line() == "ticked"
         published = json.loads(gateway.end())
         received = json.loads(reader.end())
@@ -169,7 +170,7 @@ def lateness_ms(heard: list[tuple[float, float]]) -> list[float]:
 
 
 class Node:
-    """One Python program as a process; its lines are awaited with a time-out."""
+    """One Python program as a process; reads its lines with a time-out."""
 
     def __init__(self, stack: ExitStack, environment: dict[str, str], *arguments: str) -> None:
         self.process = subprocess.Popen(
@@ -187,7 +188,7 @@ class Node:
             raise RuntimeError(f"{self.process.args!r} said nothing for {TIMEOUT_S:g} s")
         return self.process.stdout.readline().strip()
 
-    def say(self, line: str) -> None:
+    def write_line(self, line: str) -> None:
         assert self.process.stdin is not None
         print(line, file=self.process.stdin, flush=True)
 

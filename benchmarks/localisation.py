@@ -15,11 +15,11 @@ from apad_bridge.scenario.starts import starts_of
 SEEDS = range(1, 7)
 SCENARIO = Path(__file__).parents[1] / "launch_scripts" / "scenarios" / "sound-12.yaml"
 HOURS = 60
-"""Of agent time: two hours of the aPad's."""
+"""Agent time: two hours of the aPad's."""
 
 
 def measure() -> dict[str, Any]:
-    """Of fixes before an aMussel was first moved, when its place is known; `nees` is 2 if the covariances are true."""
+    """Scores fixes before an aMussel was first moved, when its place is known; `nees` is 2 if the covariances are true."""
     errors_m, nees, hdops = [], [], []
     for seed in SEEDS:
         data = resolve(load(SCENARIO))

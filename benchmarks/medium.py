@@ -26,7 +26,7 @@ PACKETS = 3000
 BROADCASTS = 30
 REPEATS = 5
 SPAN_MS = 1500
-"""Between the begins of two packets, on average: a slot's length for packets of 16 bytes."""
+"""Mean time between the begins of two packets: the length of a timeslot for packets of 16 bytes."""
 
 
 def _filled(agents: int, range_limit_m: float) -> tuple[Medium, random.Random]:
@@ -84,7 +84,7 @@ def _floor() -> float:
 
 
 def _flight_s(agents: int, *, by_sound: bool) -> float:
-    """Wall seconds of `HOURS` of agent time, hourly reports in timeslots, all in one process; nobody is collected."""
+    """Wall seconds of `HOURS` of agent time, hourly reports in timeslots, all in one process; no aMussel is collected."""
     data = resolve(load(SCENARIO))
     side_m, frame_s = 60 * agents**0.5, 60 * (agents * 1.7 // 60 + 2)
     data.update(duration_s=HOURS * 3600 / data["theta"])
@@ -102,7 +102,7 @@ def _flight_s(agents: int, *, by_sound: bool) -> float:
 
 
 def measure() -> dict[str, Any]:
-    """Medians of fresh media; `of_floor` is the share of what drawing and queueing alone would reach."""
+    """Medians of fresh media; `of_floor` is the share of the rate that drawing and queueing alone would reach."""
     floor = statistics.median(_floor() for _ in range(REPEATS))
     result: dict[str, Any] = {
         "floor_packets_per_s": floor,

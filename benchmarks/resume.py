@@ -1,4 +1,4 @@
-"""What it costs to be able to resume: writing down what is learned, and recalling it after a crash, against learning it."""
+"""The cost of being able to resume: writing learned state to the checkpoint, and restoring it, against learning it."""
 
 from __future__ import annotations
 
@@ -36,49 +36,49 @@ CASES = (
 
 
 def measure() -> dict[str, Any]:
-    """Processor time. A notebook as it is just before a checkpoint is due; `same` says that what is recalled is equal."""
+    """Processor time, with a checkpoint file just before its next full write; `same`: the restored state is equal."""
     with tempfile.TemporaryDirectory() as folder:
         return {"rows": [_measured(Path(folder) / "checkpoint.jsonl", *case) for case in CASES]}
 
 
 def _measured(path: Path, estimator: str, agents: int, theta: int, period_s: int) -> dict[str, Any]:
     scenario = _scenario(estimator, agents, theta)
-    plain, noted = (parts.nothing_known(scenario).beliefs for _ in range(2))
-    learning_s = _heard(plain, agents, theta, period_s)
+    plain, checkpointed = (parts.nothing_known(scenario).beliefs for _ in range(2))
+    learning_s = _learn(plain, agents, theta, period_s)
     begun_s = process_time()
-    book = Checkpoint(path, noted, 0)
+    checkpoint = Checkpoint(path, checkpointed, 0)
     writing_s = 0.0
     for packets, now_ms in _ticks(agents, theta, period_s):
         for packet in packets:
-            noted.hear(packet, now_ms)
+            checkpointed.hear(packet, now_ms)
         before_s = process_time()
-        book.flush(now_ms)
+        checkpoint.flush(now_ms)
         writing_s += process_time() - before_s
-    noting_s = process_time() - begun_s
-    recalled = parts.nothing_known(scenario).beliefs
+    checkpointing_s = process_time() - begun_s
+    restored = parts.nothing_known(scenario).beliefs
     before_s = process_time()
-    found = restore(path, recalled)
-    recall_s = process_time() - before_s
-    book.close()
+    result = restore(path, restored)
+    restore_s = process_time() - before_s
+    checkpoint.close()
     before_s = process_time()
-    Checkpoint(path, noted, 0).close()
+    Checkpoint(path, checkpointed, 0).close()
     return {
         "estimator": estimator,
         "agents": agents,
         "theta": theta,
         "period_s": period_s,
-        "rows": found.rows,
+        "rows": result.rows,
         "learning_s": learning_s,
-        "noting_to_learning": noting_s / learning_s,
-        "writing_us_per_row": 1e6 * writing_s / found.rows,
-        "recall_s": recall_s,
-        "recall_to_learning": recall_s / learning_s,
+        "noting_to_learning": checkpointing_s / learning_s,
+        "writing_us_per_row": 1e6 * writing_s / result.rows,
+        "recall_s": restore_s,
+        "recall_to_learning": restore_s / learning_s,
         "checkpoint_ms": 1e3 * (process_time() - before_s),
-        "same": recalled.kept() == noted.kept() == plain.kept(),
+        "same": restored.kept() == checkpointed.kept() == plain.kept(),
     }
 
 
-def _heard(beliefs: FleetBeliefs, agents: int, theta: int, period_s: int) -> float:
+def _learn(beliefs: FleetBeliefs, agents: int, theta: int, period_s: int) -> float:
     before_s = process_time()
     for packets, now_ms in _ticks(agents, theta, period_s):
         for packet in packets:
@@ -87,7 +87,7 @@ def _heard(beliefs: FleetBeliefs, agents: int, theta: int, period_s: int) -> flo
 
 
 def _ticks(agents: int, theta: int, period_s: int) -> Iterator[tuple[list[StatusPacket], int]]:
-    """Rounds of packets, until a checkpoint would be due."""
+    """Rounds of packets, until a full write of the checkpoint would be due."""
     noise = random.Random(1)
     for n in range(ROWS // agents):
         now_ms = 1000 * n * period_s

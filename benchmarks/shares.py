@@ -1,4 +1,4 @@
-"""Who serves whom: planned shares against "whoever starts nearest" and against ids in order, in a crowded bay.
+"""Shares of several aPads in a crowded bay: planned, by the nearest start, and in the order of ids.
 
 Five aPads of bay-120 and 60 aMussels for an hour, half of them in the fifth of the bay where the first aPad starts.
 """
@@ -45,7 +45,7 @@ DIVISIONS: dict[str, Division] = {"planned": shares, "nearest": nearest, "in ord
 
 
 def measure() -> dict[str, Any]:
-    """Means over seeds; uptimes in percent over all aMussels, the least one's, metres, and the largest share."""
+    """Means over seeds: uptimes in percent over all aMussels and the least, metres, and the largest share."""
     with tempfile.TemporaryDirectory() as folder:
         bays = [crowded(seed, Path(folder), COUNT) for seed in SEEDS]
         flown = {name: [_flown(it, division) for it in bays] for name, division in DIVISIONS.items()}

@@ -1,4 +1,4 @@
-"""Cautious collection on 200 random configurations beside the paper's Table II: where its values lie among ours."""
+"""Cautious collection on 200 random configurations beside the paper's Table II: the percentiles of the paper's values."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ SCENARIO = Path(__file__).parents[1] / "launch_scripts/scenarios/pool-12.yaml"
 
 
 def measure() -> dict[str, Any]:
-    """One row a column of Table II; the paper's Greedy rows contradict themselves and are not compared with."""
+    """One row a column of Table II; the paper's Greedy rows contradict themselves and are not compared."""
     flown = track(
         configurations(load(SCENARIO), COUNT),
         "flying",

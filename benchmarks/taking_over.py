@@ -1,6 +1,6 @@
-"""What it is worth that aPads take over from each other: one of five fails in the first minutes of an hour.
+"""The worth of aPads taking over from each other: one of five aPads fails in the first minutes of an hour.
 
-In a bay where five aPads have room for more, and in one where they have far too much to do already.
+Flown in a bay where five aPads have room for more work, and in one where they have far too much already.
 """
 
 from __future__ import annotations
@@ -23,19 +23,19 @@ from benchmarks.shares import crowded
 SEEDS = (1, 2)
 COUNTS = (25, 60)
 BATTERY = 0.01
-"""What the third aPad's battery holds at the start."""
+"""The charge of the third aPad's battery at the start."""
 
 
 def measure() -> dict[str, Any]:
-    """By "count, how": means over seeds of uptimes in percent over all aMussels, the least one's, metres and services."""
-    found = {}
+    """Means over seeds by "count, how": uptimes in percent over all aMussels and the least, metres, services."""
+    results = {}
     with tempfile.TemporaryDirectory() as folder:
         for count in COUNTS:
             for transfers in (True, False):
                 flights = [_flown(crowded(seed, Path(folder), count), transfers) for seed in SEEDS]
                 name = f"{count}, {'taken over' if transfers else 'left alone'}"
-                found[name] = {key: float(np.mean([it[key] for it in flights])) for key in flights[0]}
-    return found
+                results[name] = {key: float(np.mean([it[key] for it in flights])) for key in flights[0]}
+    return results
 
 
 def show(result: dict[str, Any], console: Console) -> None:
@@ -54,7 +54,7 @@ def _flown(scenario: Scenario, transfers: bool) -> dict[str, float]:
     data["sharing"]["transfers"] = transfers
     failing = from_data(data, "taking over")
     opened = open_lockstep(members(failing, starts_of(failing)), failing.sharing)
-    opened.formation.run()
+    opened.runner.run()
     figures = opened.figures().values()
     counted_s = sum(it["counted_s"] for it in figures)
     return {
@@ -63,5 +63,5 @@ def _flown(scenario: Scenario, transfers: bool) -> dict[str, float]:
         "cost_m": sum(it["cost_m"] for it in figures),
         "emptied": sum(it["emptied"] for it in figures),
         "services": sum(it["services"] for it in figures),
-        "handed_on": opened.formation.moved,
+        "handed_on": opened.runner.handed_on_count,
     }

@@ -1,11 +1,11 @@
-# Makes rostopic, rosmsg, rosservice, rosbag and roslaunch know musselbed's messages, and the shell know `musselbed`.
+# Makes musselbed's messages known to rostopic, rosmsg, rosservice, rosbag and roslaunch, and `musselbed` to the shell.
 # Use: source launch_scripts/setup.bash     (bash; as often as you like)
 #
 # Everything goes to the END of its list: a workspace that was sourced before keeps its own auv_msgs and its own python3.
 _musselbed_root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 _musselbed_messages=$_musselbed_root/.venv/share/musselbed/ros
 
-# $1: the name of a list, $2: what it should hold
+# $1: the name of a list, $2: the entry to add
 _musselbed_append() {
   local list=${!1:-}
   case ":$list:" in
@@ -15,7 +15,7 @@ _musselbed_append() {
 }
 
 if [ -d "$_musselbed_messages" ]; then
-  # Debian's tools run /usr/bin/python3: they look for code on PYTHONPATH and for texts on ROS_PACKAGE_PATH, nowhere else.
+  # Debian's tools run /usr/bin/python3: they search code on PYTHONPATH and definitions on ROS_PACKAGE_PATH, nowhere else.
   _musselbed_append PYTHONPATH "$_musselbed_messages"
   _musselbed_append ROS_PACKAGE_PATH "$_musselbed_messages"
   _musselbed_append ROS_PACKAGE_PATH "$_musselbed_root/launch_scripts"

@@ -1,4 +1,4 @@
-"""`musselbed beliefs RUN`: how good a run's beliefs were."""
+"""`musselbed beliefs RUN`: measures how good a run's beliefs were."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ def _show(scores: Scores, record: Record, console: Console) -> None:
     )
     table.add_column("", min_width=12)
     for name in ("samples", "rmse", "bias", "cover", "nees", "mode", "place", "cover"):
-        # On a narrow screen the names of the rows fold, and no figure is cut.
+        # On a narrow screen the row names fold; the figures are not cut.
         table.add_column(name, justify="right", no_wrap=True, min_width=5)
     _row(table, "all", scores.overall)
     for head, bins in (

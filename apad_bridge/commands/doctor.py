@@ -1,4 +1,4 @@
-"""`musselbed doctor`: what is wrong with this machine, its network or a scenario, a line each with the mend."""
+"""`musselbed doctor`: checks this machine, its network and a scenario, and prints a line for each with the mend."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`musselbed fit battery`: the numbers of a board from a battery's own log."""
+"""`musselbed fit battery`: fits the numbers of a board to a battery's own log."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def add_parser(commands: Any) -> None:
 
 def run_battery(arguments: argparse.Namespace) -> int:
     _refuse_contradictions(arguments)
-    how = LogFormat(
+    log_format = LogFormat(
         arguments.time_column,
         arguments.value_column,
         arguments.time_unit,
@@ -79,7 +79,7 @@ def run_battery(arguments: argparse.Namespace) -> int:
     )
     direction = Direction(arguments.direction) if arguments.direction else None
     try:
-        fits = [fit_log(read_log(path, how), arguments.segments, direction) for path in arguments.logs]
+        fits = [fit_log(read_log(path, log_format), arguments.segments, direction) for path in arguments.logs]
     except LogError as error:
         raise UserError(str(error)) from None
     if len({fitted.direction for fitted in fits}) < len(fits):
@@ -111,7 +111,7 @@ def _refuse_contradictions(arguments: argparse.Namespace) -> None:
 
 
 def block_of(fits: list[BatteryFit]) -> dict[str, Any]:
-    """The keys of a scenario's `board` that these logs tell."""
+    """The keys of a scenario's `board` that follow from these logs."""
     block: dict[str, Any] = {}
     for fitted in sorted(fits, key=lambda it: it.direction, reverse=True):
         if fitted.direction is Direction.DISCHARGING:
@@ -136,7 +136,7 @@ def _show(fits: list[BatteryFit], console: Console) -> None:
         )
         for note in _notes(fitted):
             console.print(f"note: {note}", highlight=False)
-    # Plain, so that it can be copied: a terminal's width must not fold it.
+    # Plain print, so that the block can be copied: a terminal's width must not fold it.
     print("\nboard: # agent time")
     for key, value in block_of(fits).items():
         print(f"  {key}: {_yaml(value)}")
@@ -188,7 +188,7 @@ def _notes(fitted: BatteryFit) -> list[str]:
 
 
 def _yaml(value: Any) -> str:
-    """A number or list in the decimals that the scenario's reader takes: never with an exponent."""
+    """A number or list in the decimals that the scenario's reader accepts: never with an exponent."""
     if isinstance(value, list):
         return f"[{', '.join(map(_yaml, value))}]"
     digits = f"{value:.10f}".rstrip("0")

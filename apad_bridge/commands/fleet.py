@@ -1,4 +1,4 @@
-"""`musselbed fleet`: aMussels on ROS only, for somebody else's planner."""
+"""`musselbed fleet`: simulated aMussels on ROS without a mission, for another planner."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`musselbed layout KIND SCENARIO`: what RViz, rqt, PlotJuggler or Foxglove opens to show a scenario's fleet."""
+"""`musselbed layout KIND SCENARIO`: writes a layout with which RViz, rqt, PlotJuggler or Foxglove shows a fleet."""
 
 from __future__ import annotations
 
@@ -45,18 +45,18 @@ def add_parser(commands: Any) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     out: Path | None = arguments.out
-    text = _written(arguments)
+    text = _layout_text(arguments)
     if out is not None:
         _save(out, text, force=arguments.force)
     if arguments.json:
-        where = {"text": text} if out is None else {"file": str(out), "bytes": len(text.encode())}
-        print(json.dumps({"kind": arguments.kind, **where}))
+        result = {"text": text} if out is None else {"file": str(out), "bytes": len(text.encode())}
+        print(json.dumps({"kind": arguments.kind, **result}))
     else:
         print(text if out is None else out, end="" if out is None else "\n")
     return Exit.DONE
 
 
-def _written(arguments: argparse.Namespace) -> str:
+def _layout_text(arguments: argparse.Namespace) -> str:
     namespace: str = arguments.namespace
     if namespace.strip("/") and not _NAMESPACE.fullmatch(namespace):
         raise UserError(

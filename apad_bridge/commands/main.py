@@ -43,7 +43,7 @@ def parser() -> argparse.ArgumentParser:
         try:
             import_module(f"apad_bridge.commands.{name}").add_parser(commands)
         except ImportError as error:
-            # Something that shadows a package of ours must not keep the doctor from saying so.
+            # A package that shadows ours must not keep the doctor from reporting it.
             _add_unloadable(commands, name, error)
     return top
 
@@ -58,11 +58,11 @@ def _add_unloadable(commands: Any, name: str, error: ImportError) -> None:
 
 
 def _in_namespace(arguments: list[str]) -> list[str]:
-    """Without ROS's own __ns:=, which counts for all that is started from here, as ROS_NAMESPACE does."""
-    for word in arguments:
-        if word.startswith(_NS):
-            os.environ["ROS_NAMESPACE"] = word.removeprefix(_NS)
-    return [word for word in arguments if not word.startswith(_NS)]
+    """Removes ROS's own __ns:= and sets ROS_NAMESPACE from it, so that it counts for all processes started from here."""
+    for argument in arguments:
+        if argument.startswith(_NS):
+            os.environ["ROS_NAMESPACE"] = argument.removeprefix(_NS)
+    return [argument for argument in arguments if not argument.startswith(_NS)]
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -1,4 +1,4 @@
-"""`musselbed mission`: the supervisor's mission and planner without a fleet, for real aMussels or another's fleet."""
+"""`musselbed mission`: the supervisor's mission and planner without a fleet, for real aMussels or another fleet."""
 
 from __future__ import annotations
 

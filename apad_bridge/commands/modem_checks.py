@@ -1,4 +1,4 @@
-"""What a run that opens modems, or attaches a physical one, must be: checked before anything starts."""
+"""Checks the options of a run that opens modems, or attaches a physical one, before anything starts."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from apad_bridge.scenario.schema import Scenario
 
 
 def check_modems(options: RunOptions, scenario: Scenario) -> None:
-    """UserError, with the mend, for the first thing that cannot be."""
+    """UserError, with the mend, for the first option that cannot be used."""
     if options.open_modems:
         _check_opened(options, scenario)
     if options.modem:

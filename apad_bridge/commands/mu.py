@@ -1,4 +1,4 @@
-"""`musselbed mu`: one MU board by itself: Table I run on it, its energy budget for a script, the diagram of its states."""
+"""`musselbed mu`: runs Table I on one MU board, prints its energy budget for a script, and the diagram of its states."""
 
 from __future__ import annotations
 
@@ -66,9 +66,9 @@ def run_table1(arguments: argparse.Namespace) -> int:
 
 
 def table_one() -> dict[str, Any]:
-    """`rows` as the paper has them and as the board runs them, and the model's numbers with their sources.
+    """The `rows` of the paper and of the board, and the model's numbers with their sources.
 
-    `metered_min` is of a board that reads its batteries' voltage instead of knowing their charge.
+    `metered_min` is the run of a board that reads its batteries' voltage instead of knowing their charge.
     """
     table = []
     for row, metered in zip(ROWS, rows(METERING), strict=True):
@@ -135,8 +135,8 @@ def run_script(arguments: argparse.Namespace) -> int:
     if arguments.json:
         print(json.dumps(budget.to_json() | ({} if trace is None else {"trace": trace}), indent=1))
         return Exit.DONE
-    for told in trace or ():
-        print(told)
+    for text in trace or ():
+        print(text)
     _show_budget(budget, Console())
     return Exit.DONE
 
@@ -154,7 +154,7 @@ def _show_budget(budget: Budget, console: Console) -> None:
     ):
         by_state.add_row(name, f"{budget.by_state.get(name, 0.0) * scale:.3f}", f"{hours:.3f}")
     console.print(by_rail, by_state)
-    # A terminal may fold these lines, a pipe gets them whole.
+    # A terminal may fold these lines; a pipe gets whole lines.
     console.print(
         f"after {budget.hours:g} h: {budget.state}, primary {budget.primary:.4f}, secondary {budget.secondary:.4f}, "
         f"{budget.samples} samples, {budget.dropped} stimuli dropped",

@@ -1,4 +1,4 @@
-"""A small script for one board, what it is told when, and the energy budget that comes of it."""
+"""A small script of timed stimuli for one board, and the energy budget of its run."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ _STRICT = ConfigDict(extra="forbid", allow_inf_nan=False)
 
 
 class ScriptError(ValueError):
-    """The script cannot be used: one line a fault."""
+    """The script cannot be used: the text names every fault, in one line."""
 
 
 @dataclass(frozen=True, kw_only=True, config=_STRICT)
@@ -53,21 +53,21 @@ class MuScript:
     secondary: Fraction
     last_resort: Literal["wait", "call", "surface"] = "wait"
     kept_on: tuple[str, ...] = ()
-    """Names of rails that nothing switches off."""
+    """Names of rails that are never switched off."""
     capacity_mwh: Annotated[float, Gt(0)] | None = None
-    """Of each battery; without it energy is printed as a share of one."""
+    """The capacity of each battery; without it energy is printed as a fraction of one battery."""
     metered: bool = False
-    """Levels are concluded from readings that sag under load and are lifted by a charger, instead of from the charge."""
+    """The board takes levels from readings, which sag under load and rise with a charger, instead of from the charge."""
     low_level: Fraction = 0.0
-    """Where a sleeping board wakes; 0 for no such level."""
+    """The level at which a sleeping board wakes; 0 for no such level."""
     cycles: Annotated[int, Ge(0)] = 0
-    """Full charge cycles that the batteries have behind them."""
+    """The number of full charge cycles of the batteries so far."""
     years: Annotated[float, Ge(0)] = 0.0
-    """How old the batteries are."""
+    """The age of the batteries."""
     clock_drift_ppm: Annotated[float, Ge(-1000), Le(1000)] = 0.0
-    """What the board's clock gains; a beacon sets it."""
+    """The gain of the board's clock; a beacon sets the clock."""
     tell: tuple[tuple[Annotated[float, Ge(0)], Fact], ...] = field(default=())
-    """(hours, what happens), in any order."""
+    """(hours, stimulus), in any order."""
 
     def __post_init__(self) -> None:
         capacity_left(self.cycles, self.years)
@@ -80,7 +80,7 @@ class MuScript:
 
 @dataclass(frozen=True)
 class Budget:
-    """What a run came to; energies are shares of one battery."""
+    """The energy budget of a run; energies are fractions of one battery."""
 
     hours: float
     capacity_mwh: float | None
@@ -93,16 +93,16 @@ class Budget:
     samples: int
     dropped: int
     life_hours: float | None
-    """How long a full primary lasts at the mean rate of this run; None when nothing was drawn."""
+    """The life of a full primary at the mean rate of this run; None when nothing was drawn."""
     life_samples: int | None
-    """How many samples that makes; None likewise."""
+    """The number of samples in that life; None likewise."""
 
     def to_json(self) -> dict[str, Any]:
         return asdict(self)
 
 
 def read_script(path: Path) -> MuScript:
-    """The script in a YAML file; ScriptError names every fault and its key."""
+    """Reads a script from a YAML file; ScriptError names every fault and its key."""
     try:
         raw = yaml.safe_load(path.read_text())
     except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
@@ -119,26 +119,28 @@ def read_script(path: Path) -> MuScript:
 def config_of(script: MuScript) -> BoardConfig:
     kept_on = bits(*(Rail[name.upper()] for name in set(script.kept_on)))
     metering = METERING if script.metered else None
-    a_power = power(LastResort[script.last_resort.upper()], kept_on, metering, grains(script.low_level))
-    made = replace(board(CYCLES[script.sleep], a_power), drift_ppb=round(script.clock_drift_ppm * 1000))
-    return aged(made, capacity_left(script.cycles, script.years))
+    power_config = power(LastResort[script.last_resort.upper()], kept_on, metering, grains(script.low_level))
+    config = replace(
+        board(CYCLES[script.sleep], power_config), drift_ppb=round(script.clock_drift_ppm * 1000)
+    )
+    return aged(config, capacity_left(script.cycles, script.years))
 
 
 def play(script: MuScript) -> Bench:
-    """Runs the script from power-on on the bottom. What is told after the end is not told."""
+    """Runs the script from power-on on the bottom. Stimuli after the end are left out."""
     bench = Bench(config_of(script), primary=script.primary, secondary=script.secondary)
     end_ms = round(script.hours * 3_600_000)
     for hours, fact in sorted(script.tell, key=lambda it: it[0]):
         at_ms = round(hours * 3_600_000)
         if at_ms <= end_ms:
             bench.run_until(at_ms)
-            _tell(bench, fact)
+            _stimulate(bench, fact)
     bench.run_until(end_ms)
     return bench
 
 
 def budget_of(script: MuScript, bench: Bench) -> Budget:
-    """What the board of a played script came to."""
+    """The budget of a board after its script was played."""
     assert bench.ledger is not None
     bench.ledger.settle(bench.now_ms)
     by_rail = {rail.name: fraction(drawn) for rail, drawn in bench.ledger.by_rail().items()}
@@ -160,8 +162,8 @@ def budget_of(script: MuScript, bench: Bench) -> Budget:
     )
 
 
-def _tell(bench: Bench, fact: Fact) -> None:
-    tellers: dict[str, Callable[[], object]] = {
+def _stimulate(bench: Bench, fact: Fact) -> None:
+    stimuli: dict[str, Callable[[], object]] = {
         "permission": lambda: bench.command(Kind.PERMISSION),
         "release": lambda: bench.command(Kind.RELEASE),
         "ping": lambda: bench.command(Kind.PING),
@@ -173,4 +175,4 @@ def _tell(bench: Bench, fact: Fact) -> None:
         "brown_out": lambda: bench.reset(ResetCause.BROWN_OUT),
         "watchdog": lambda: bench.reset(ResetCause.WATCHDOG),
     }
-    tellers[fact]()
+    stimuli[fact]()

@@ -1,4 +1,4 @@
-"""Prints what came of a run, or would come, for a person or as JSON."""
+"""Prints the outcome of a run, or the plan of a dry run, for a person or as JSON."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ def report(
     directory: RunDirectory,
     summary: dict[str, Any],
     as_json: bool,
-    said: Sequence[str] = (),
+    messages: Sequence[str] = (),
 ) -> int:
-    """What came of a run; the exit code. `flown_by` is a strategy's name, or who else gave the orders.
+    """Prints a run's outcome; returns the exit code. `flown_by` names the strategy, or another source of commands.
 
-    People were told what was `said` while it flew; programs find it beside the summary, as `events`.
+    A person saw the `messages` during the flight; the JSON has them beside the summary, as `events`.
     """
     if as_json:
-        print(json.dumps({**summary, "run": str(directory.path), "events": list(said)}))
+        print(json.dumps({**summary, "run": str(directory.path), "events": list(messages)}))
     else:
         console = Console(markup=False)
         print_table(console, name, flown_by, summary)
@@ -40,7 +40,7 @@ def report(
 
 
 def print_plan(plan: dict[str, Any] | None, as_json: bool) -> int:
-    """Of a dry run."""
+    """Prints the plan of a dry run."""
     if as_json:
         print(json.dumps(plan))
     elif plan is None:

@@ -1,4 +1,4 @@
-"""`musselbed resume`: another supervisor goes on with a run whose supervisor died."""
+"""`musselbed resume`: another supervisor continues a run whose supervisor died."""
 
 from __future__ import annotations
 
@@ -51,9 +51,9 @@ def run(arguments: argparse.Namespace) -> int:
         )
     if options.script:
         raise UserError(f"a script cannot go on in the middle: musselbed script {options.script} begins anew")
-    if (written := format_of(directory.journal)) != FORMAT_VERSION:
+    if (run_format := format_of(directory.journal)) != FORMAT_VERSION:
         raise UserError(
-            f"{directory.journal} has format {written}, and this version goes on with format {FORMAT_VERSION} alone: "
+            f"{directory.journal} has format {run_format}, and this version goes on with format {FORMAT_VERSION} alone: "
             f"resume it with the version that began it ({directory.versions})"
         )
     if (pid := supervisor_of(path)) is not None:
@@ -71,7 +71,7 @@ def run(arguments: argparse.Namespace) -> int:
         if summary is None:
             raise PeerFailed(f"the supervisor ended with status {code}; see {path}/supervisor.log")
     flown_by = "by hand" if options.manual else scenario.mission.collection
-    return report(scenario.name, flown_by, directory, summary, arguments.json, progress.said)
+    return report(scenario.name, flown_by, directory, summary, arguments.json, progress.messages)
 
 
 def _ask_whether_it_may_move() -> None:

@@ -21,7 +21,7 @@ from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
 from apad_bridge.runs import parent
 from apad_bridge.runs.dry_run import first_plan
 from apad_bridge.runs.exits import EXITS, Exit, UserError
-from apad_bridge.runs.flying import fly_here
+from apad_bridge.runs.flying import fly_in_process
 from apad_bridge.runs.progress import FlightProgress
 from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.loader import load, with_overrides
@@ -80,13 +80,13 @@ def add_apad_argument(parser: argparse.ArgumentParser) -> None:
 
 
 def add_scenario_arguments(parser: argparse.ArgumentParser) -> None:
-    """What `run`, `fleet` and `mission` share."""
+    """The arguments that `run`, `fleet` and `mission` share."""
     parser.add_argument("scenario", type=Path, metavar="SCENARIO.yaml")
     add_flight_arguments(parser)
 
 
 def add_flight_arguments(parser: argparse.ArgumentParser) -> None:
-    """How a scenario is flown, and what of it is changed."""
+    """The arguments for the manner of flying a scenario, and for changes to it."""
     parser.add_argument(
         "--time", choices=[source.value for source in TimeSource], default="wall", help=_TIMES
     )
@@ -194,11 +194,11 @@ def options_of(arguments: argparse.Namespace) -> RunOptions:
 
 
 def _namespace() -> str:
-    """That of ROS_NAMESPACE, which roslaunch sets for the nodes of a group."""
-    said = os.environ.get("ROS_NAMESPACE", "")
-    if not _NAMESPACE.fullmatch(said):
-        raise UserError(f"ROS_NAMESPACE={said}: it is a name of ROS, as basin or /lab/basin")
-    return said.strip("/")
+    """The namespace in ROS_NAMESPACE, which roslaunch sets for the nodes of a group."""
+    namespace = os.environ.get("ROS_NAMESPACE", "")
+    if not _NAMESPACE.fullmatch(namespace):
+        raise UserError(f"ROS_NAMESPACE={namespace}: it is a name of ROS, as basin or /lab/basin")
+    return namespace.strip("/")
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -219,18 +219,18 @@ def run(arguments: argparse.Namespace) -> int:
     duration_ms = round(scenario.duration_s * 1000)
     with peers_may_fail(), FlightProgress(scenario.name, duration_ms, quiet=arguments.json) as progress:
         if options.time is TimeSource.ASAP:
-            summary = fly_here(scenario, starts, directory, progress)
+            summary = fly_in_process(scenario, starts, directory, progress)
         else:
             summary = parent.fly(scenario, starts, options, directory, progress)
     if options.dry_run:
         return print_plan(read_journal(directory.journal).first("plan"), arguments.json)
     flown_by = "by hand" if options.manual else scenario.mission.collection
-    return report(scenario.name, flown_by, directory, summary, arguments.json, progress.said)
+    return report(scenario.name, flown_by, directory, summary, arguments.json, progress.messages)
 
 
 @contextmanager
 def peers_may_fail() -> Iterator[None]:
-    """A peer's failure becomes one line on stderr and its exit code."""
+    """Turns a peer's failure into one line on stderr and its exit code."""
     try:
         yield
     except PeerFailed as error:

@@ -15,7 +15,7 @@ from apad_bridge.commands.outcome import report
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
 from apad_bridge.runs import parent
 from apad_bridge.runs.exits import EXITS, Exit, UserError
-from apad_bridge.runs.flying import fly_here
+from apad_bridge.runs.flying import fly_in_process
 from apad_bridge.runs.progress import FlightProgress
 from apad_bridge.scenario.run_options import APadKind, OnDeath, Part, TimeSource
 from apad_bridge.scripting.program import SCRIPT_FAILED, ScriptError, ScriptSource, as_program
@@ -76,13 +76,13 @@ def run(arguments: argparse.Namespace) -> int:
     quiet = arguments.json
     with run_command.peers_may_fail(), FlightProgress(file.name, duration_ms, quiet=quiet) as progress:
         if options.time is TimeSource.ASAP:
-            command_source = ScriptSource(scenario, program, file.name, progress.say)
-            summary = fly_here(scenario, starts, directory, progress, (command_source,))
+            command_source = ScriptSource(scenario, program, file.name, progress.print_message)
+            summary = fly_in_process(scenario, starts, directory, progress, (command_source,))
             command_source.join()
             command_source.print_error()
         else:
             summary = parent.fly(scenario, starts, options, directory, progress)
-    code = report(scenario.name, file.name, directory, summary, arguments.json, progress.said)
+    code = report(scenario.name, file.name, directory, summary, arguments.json, progress.messages)
     if not summary["ended_by"].startswith(SCRIPT_FAILED):
         return code
     print(f"musselbed script: {summary['ended_by']}", file=sys.stderr)

@@ -15,27 +15,27 @@ _PAPER = {
     ("demo", "cautious"): _CAUTIOUS,
     ("no-charging", "none"): ("67.36", "79.56", "56.64", "0", "8.08"),
 }
-"""By scenario and collection strategy: only the shipped pool is the paper's."""
+"""The paper's rows by scenario and collection strategy: only the shipped pool is the paper's."""
 
 
 def print_table(console: Console, name: str, collection: str, summary: dict[str, Any]) -> None:
-    """Prints the row, the paper's row where there is one to compare with, and what the row does not say."""
+    """Prints the row, the paper's row if there is one for comparison, and the figures outside the row."""
     table = Table(title=f"{name}: a row of the paper's Table II")
     for column in ("", "Avg %", "Max %", "Min %", "Cost [m]", "Active"):
         table.add_column(column, justify="left" if not column else "right")
     if summary["uptime_paper"] is not None:
         table.add_row(f"{collection} (this run)", *_figures(summary))
-    for apad, of_one in summary.get("apads", {}).items():
-        if of_one["uptime_paper"] is not None:
-            table.add_row(f"{apad}, {of_one['agents']} aMussels", *_figures(of_one), style="dim")
+    for apad, apad_summary in summary.get("apads", {}).items():
+        if apad_summary["uptime_paper"] is not None:
+            table.add_row(f"{apad}, {apad_summary['agents']} aMussels", *_figures(apad_summary), style="dim")
     if (paper := _PAPER.get((name, collection))) is not None:
         table.add_row(f"{collection} (paper)", *paper, style="dim")
     if table.row_count > 0:
         console.print(table)
     if summary["samples_uploaded"] is not None:
         console.print(
-            f"{_word(summary['samples_taken'])} samples taken, {summary['samples_uploaded']} uploaded, "
-            f"{_word(summary['samples_waiting'])} still aboard, {summary['samples_lost']} lost",
+            f"{_count_text(summary['samples_taken'])} samples taken, {summary['samples_uploaded']} uploaded, "
+            f"{_count_text(summary['samples_waiting'])} still aboard, {summary['samples_lost']} lost",
             highlight=False,
             soft_wrap=True,
         )
@@ -47,7 +47,7 @@ def print_table(console: Console, name: str, collection: str, summary: dict[str,
             soft_wrap=True,
         )
     console.print(
-        f"lost {_word(summary['amussels_lost'])}, emptied {_word(summary['emptied'])}, "
+        f"lost {_count_text(summary['amussels_lost'])}, emptied {_count_text(summary['emptied'])}, "
         f"{summary['services']} served, "
         f"aPad used {_percent(summary['apad_energy_fraction'])} of its battery; "
         f"ended by {summary['ended_by']}",
@@ -66,5 +66,5 @@ def _percent(fraction: float | None) -> str:
     return "an unknown part" if fraction is None else f"{100 * fraction:.1f} %"
 
 
-def _word(count: int | None) -> str:
+def _count_text(count: int | None) -> str:
     return "unknown" if count is None else str(count)

@@ -1,13 +1,11 @@
-"""Child processes in sessions of their own, none the parent of another: each can die alone, and all are ended in order.
+"""Child processes of a run in sessions of their own, none the parent of another, so that each can die alone.
 
-Which process supervises a run: its pid and the kernel's start time of it, so that a pid used again names nobody.
-
-SIGTERM as Ctrl-C: whoever is asked to end, at whatever moment, first ends what it has started.
+A file in the run's directory names the supervisor: its pid and the kernel's start time of that process, so that a reused
+pid names no supervisor. SIGTERM acts as Ctrl-C: a process that is asked to end, at any moment, first ends its children.
 """
 
 from __future__ import annotations
 
-import contextlib
 import os
 import signal
 import subprocess
@@ -17,50 +15,11 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import IO
 
-_NAME = "supervisor.pid"
-
-
-def supervisor_of(run_dir: Path) -> int | None:
-    """The pid of the run's living supervisor; None when there is none."""
-    try:
-        pid, started = (int(word) for word in (run_dir / _NAME).read_text().split())
-    except (OSError, ValueError):
-        return None
-    return pid if _start_time(pid) == started else None
-
-
-@contextlib.contextmanager
-def supervising(run_dir: Path) -> Iterator[None]:
-    """Names this process as the run's supervisor while it lasts."""
-    path = run_dir / _NAME
-    path.write_text(f"{os.getpid()} {_start_time(os.getpid())}\n")
-    try:
-        yield
-    finally:
-        path.unlink(missing_ok=True)
-
-
-def _start_time(pid: int) -> int | None:
-    """Clock ticks since boot at which it started; None for a process that is gone or a zombie (proc(5), fields 3, 22)."""
-    try:
-        after_name = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
-    except OSError:
-        return None
-    return None if after_name[0] in "ZX" else int(after_name[19])
-
-
-@contextmanager
-def terminated_as_interrupted() -> Iterator[None]:
-    """SIGTERM raises KeyboardInterrupt while this is entered. For the main thread alone (ValueError elsewhere)."""
-    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, before)
+_PID_FILE = "supervisor.pid"
 
 
 class Child:
-    """One child, its standard error kept in `log`. A context is not enough: the order of ending is the caller's."""
+    """One child process; `log` receives its standard error. No context manager: the caller chooses the order of ending."""
 
     def __init__(
         self, name: str, module: str, arguments: list[str], log: Path, environment: dict[str, str]
@@ -85,7 +44,7 @@ class Child:
         return self._process.pid
 
     def ask_to_end(self) -> None:
-        """SIGINT: end in order."""
+        """Sends SIGINT: end in order."""
         if self._process.poll() is None:
             self._process.send_signal(signal.SIGINT)
 
@@ -97,7 +56,7 @@ class Child:
             return None
 
     def end(self, timeout_s: float) -> None:
-        """SIGTERM, and SIGKILL for one that does not end in time."""
+        """Sends SIGTERM, and SIGKILL when the child does not end in time."""
         if self._process.poll() is None:
             self._process.terminate()
             if self.wait(timeout_s) is None:
@@ -105,7 +64,46 @@ class Child:
                 self.wait(timeout_s)
         self.lines.close()
 
-    def last_words(self) -> str:
+    def last_log_line(self) -> str:
         """The last line of its log, for an error message."""
         lines = self.log.read_text(errors="replace").strip().splitlines()
         return lines[-1] if lines else "it said nothing"
+
+
+@contextmanager
+def terminated_as_interrupted() -> Iterator[None]:
+    """SIGTERM raises KeyboardInterrupt while this is entered. For the main thread alone (ValueError elsewhere)."""
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
+@contextmanager
+def supervising(run_dir: Path) -> Iterator[None]:
+    """Names this process as the run's supervisor while this context is entered."""
+    path = run_dir / _PID_FILE
+    path.write_text(f"{os.getpid()} {_start_time(os.getpid())}\n")
+    try:
+        yield
+    finally:
+        path.unlink(missing_ok=True)
+
+
+def supervisor_of(run_dir: Path) -> int | None:
+    """The pid of the run's living supervisor; None when there is none."""
+    try:
+        pid, started = (int(field) for field in (run_dir / _PID_FILE).read_text().split())
+    except (OSError, ValueError):
+        return None
+    return pid if _start_time(pid) == started else None
+
+
+def _start_time(pid: int) -> int | None:
+    """The process's start in clock ticks since boot; None if it is gone or a zombie (proc(5), fields 3, 22)."""
+    try:
+        after_name = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    except OSError:
+        return None
+    return None if after_name[0] in "ZX" else int(after_name[19])

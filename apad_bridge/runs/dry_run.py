@@ -1,4 +1,4 @@
-"""The first plan of a mission, with nothing commanded: neither the vehicle nor an aMussel hears a word."""
+"""Makes the first plan of a mission, and commands neither the vehicle nor an aMussel."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ from apad_bridge.vehicle.commands import VehicleCommand
 from apad_bridge.vehicle.link import InProcessVehicle, VehicleLink
 
 
-class _Unmoved:
-    """A vehicle that is listened to and never commanded."""
+class _UncommandedVehicle:
+    """A vehicle that reports its state and is never commanded."""
 
     def __init__(self, vehicle: VehicleLink) -> None:
         self.advance = vehicle.advance
@@ -34,8 +34,8 @@ class _Unmoved:
         pass
 
 
-class _Unsaid:
-    """An ether that is listened to and never spoken into."""
+class _SilentRelay:
+    """A packet relay that receives and never transmits."""
 
     def __init__(self, relay: PacketRelay) -> None:
         self.advance = relay.advance
@@ -47,26 +47,26 @@ class _Unsaid:
         pass
 
 
-def dry(context: FlightContext) -> FlightContext:
-    """The same, but neither the vehicle nor a real aMussel hears a word."""
+def without_commands(context: FlightContext) -> FlightContext:
+    """The same context, but neither the vehicle nor a real aMussel is commanded."""
     relay = context.relay
     return replace(
         context,
-        vehicle=_Unmoved(context.vehicle),
-        relay=None if relay is None else _Unsaid(relay),
+        vehicle=_UncommandedVehicle(context.vehicle),
+        relay=None if relay is None else _SilentRelay(relay),
     )
 
 
 def first_plan(scenario: Scenario, starts: Sequence[Start]) -> dict[str, Any] | None:
-    """The journal's `plan` event of the first plan, with its time `t` in mission milliseconds; None if none is made."""
+    """The journal's `plan` event of the first plan, with its time `t` in mission milliseconds; None if there is no plan."""
     initial_states = parts.initial_states(scenario, starts)
     fleet = fleet_of(
         scenario,
         InProcessHost(parts.fleet_config(scenario), initial_states),
         dict.fromkeys(initial_states, 0),
     )
-    vehicle = _Unmoved(InProcessVehicle(parts.simulated_apad(scenario)))
-    recorder = _FirstPlan(scenario)
+    vehicle = _UncommandedVehicle(InProcessVehicle(parts.simulated_apad(scenario)))
+    recorder = _FirstPlanRecorder(scenario)
     flight = Flight(parts.supervisor(scenario), FlightContext(vehicle, AsFastAsPossible(), fleet), recorder)
     while recorder.plan is None and not flight.supervisor.has_ended:
         flight.tick(flight.now_ms)
@@ -74,7 +74,7 @@ def first_plan(scenario: Scenario, starts: Sequence[Start]) -> dict[str, Any] | 
     return recorder.plan
 
 
-class _FirstPlan(MemoryRecorder):
+class _FirstPlanRecorder(MemoryRecorder):
     def __init__(self, scenario: Scenario) -> None:
         super().__init__(scenario)
         self.plan: dict[str, Any] | None = None

@@ -1,4 +1,4 @@
-"""What the exit codes mean, for all commands."""
+"""The exit codes of all commands, and their meaning."""
 
 from __future__ import annotations
 
@@ -20,4 +20,4 @@ EXITS = (
 
 
 class UserError(Exception):
-    """A mistake in what was asked: its text is one clear line, with the mend."""
+    """A mistake of the user's: the text is one clear line, with the mend."""

@@ -1,6 +1,6 @@
-"""One supervisor's flight, from the parts that the options name to the summary on disk.
+"""Flies one supervisor's mission, from the parts that the options name to the summary on disk.
 
-A flight in virtual time with the supervisor and the simulated aPad in this process, and with its records.
+`fly_in_process` flies in virtual time, with the supervisor, the simulated aPad and the recorder in this process.
 """
 
 from __future__ import annotations
@@ -23,9 +23,8 @@ from apad_bridge.records.journal import FORMAT_VERSION
 from apad_bridge.records.recorder import Recorder
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.records.summary import Ending
-from apad_bridge.runs import flying
 from apad_bridge.runs.nurseries import FOLDER
-from apad_bridge.runs.progress import Shows
+from apad_bridge.runs.progress import ProgressDisplay
 from apad_bridge.runs.status import Status
 from apad_bridge.scenario.schema import Hosting, Scenario
 from apad_bridge.scenario.starts import Start
@@ -39,55 +38,35 @@ from apad_bridge.vehicle.commands import DockClosed
 from apad_bridge.vehicle.link import InProcessVehicle
 from apad_bridge.vehicle.primitives import PrimitiveFailed
 
-
-def fly_here(
-    scenario: Scenario,
-    starts: Sequence[Start],
-    directory: RunDirectory,
-    progress: Shows,
-    command_sources: Sequence[CommandSource] = (),
-) -> dict[str, Any]:
-    """Flies to the end and gives the summary."""
-    recorder = Recorder(directory, scenario, parts.agent_ids(scenario))
-    flying.journal_start(recorder, scenario, starts)
-    fleet = flying.open_fleet(scenario, starts, directory.path / FOLDER)
-    try:
-        spec = flying.RunSpec(command_sources=tuple(command_sources))
-        return flying.fly(scenario, flying.in_process(scenario, fleet), recorder, progress.show, spec)
-    finally:
-        recorder.close()
-        fleet.host.close()
-
-
 _COMMAND_IDS_PER_EPOCH = 1_000_000
 
 
 @dataclass(frozen=True, slots=True)
 class ResumePoint:
-    """Where a resumed flight goes on: what the journal last said."""
+    """The point at which a resumed flight continues, from the newest lines of the journal."""
 
     now_ms: int
     state: MissionState
     epoch: int
     apad_fraction_at_start: float | None
     first_failure: PrimitiveFailed | None = None
-    """As the port had latched it."""
+    """The failure that the docking port had latched."""
 
 
 @dataclass(frozen=True, slots=True)
 class RunSpec:
-    """What of a mission a flight flies: from where, by whose orders, and how far."""
+    """The start, the sources of commands and the end of a flight."""
 
     resume_point: ResumePoint | None = None
-    """None: from its beginning."""
-    known: LearnedState | None = None
-    """What was learned already; None for nothing."""
+    """None: the flight starts at the mission's beginning."""
+    learned: LearnedState | None = None
+    """State that a former supervisor learned; None for none."""
     command_sources: tuple[CommandSource, ...] = ()
-    """With any there is no mission of our own: the aPad does what these order."""
+    """If there are any, they command the aPad, and no mission of our own runs."""
     takeover: CallQueue | None = None
-    """By which the mission can be taken over."""
+    """The queue of calls that can take the mission over."""
     until_first_plan: bool = False
-    """Ends with the first plan instead of the mission."""
+    """The flight ends with the first plan instead of the mission."""
 
     @property
     def start_ms(self) -> int:
@@ -99,140 +78,27 @@ FROM_START = RunSpec()
 """The scenario's own mission, from its beginning to its end."""
 
 
-def open_fleet(scenario: Scenario, starts: Sequence[Start], folder: Path) -> Fleet:
-    """A new fleet, hosted as the scenario says; a process per aMussel keeps its files in `folder`."""
-    config, initial_states = parts.fleet_config(scenario), parts.initial_states(scenario, starts)
-    if scenario.fleet.hosting is Hosting.ONE_PROCESS:
-        host: InProcessHost | ProcessHost = InProcessHost(config, initial_states)
-    else:
-        folder.mkdir()
-        host = ProcessHost.start(str(folder), config, initial_states)
-    return fleet_of(scenario, host, dict.fromkeys(initial_states, 0))
-
-
-def in_process(scenario: Scenario, fleet: Fleet) -> FlightContext:
-    """Virtual time with the simulated aPad in this process."""
-    return FlightContext(InProcessVehicle(parts.simulated_apad(scenario)), AsFastAsPossible(), fleet)
-
-
-def fly(
+def fly_in_process(
     scenario: Scenario,
-    context: FlightContext,
-    recorder: Recorder,
-    show: Callable[[Status], None],
-    spec: RunSpec = FROM_START,
+    starts: Sequence[Start],
+    directory: RunDirectory,
+    progress: ProgressDisplay,
+    command_sources: Sequence[CommandSource] = (),
 ) -> dict[str, Any]:
-    """Flies its course to the end, and gives the summary. SIGINT and SIGTERM end it in order."""
-    flying = prepare(scenario, context, recorder, show, spec)
-    with stopped_by_signals(flying.flight):
-        flying.flight.run()
-    return flying.finish()
-
-
-@contextmanager
-def stopped_by_signals(*flights: Flight) -> Iterator[None]:
-    """SIGINT and SIGTERM end them in order."""
-
-    def stop(*_: object) -> None:
-        for flight in flights:
-            flight.stop("the operator")
-
-    with ExitStack() as stack:
-        for number in (signal.SIGINT, signal.SIGTERM):
-            stack.callback(signal.signal, number, signal.signal(number, stop))
-        yield
-
-
-@dataclass(frozen=True, slots=True)
-class Prepared:
-    """A flight that is ready to be flown, and what makes its summary."""
-
-    flight: Flight
-    finish: Callable[[], dict[str, Any]]
-    """After its end: writes the last of its records, and gives the summary."""
-
-
-def prepare(
-    scenario: Scenario,
-    context: FlightContext,
-    recorder: Recorder,
-    show: Callable[[Status], None],
-    spec: RunSpec = FROM_START,
-) -> Prepared:
-    """What `fly` flies."""
-    supervisor = _supervisor(scenario, context, recorder, spec)
-
-    def show_tick(now_ms: int) -> None:
-        show(Status.of(supervisor, now_ms, context.pace.behind_s))
-        if spec.until_first_plan and supervisor.mission.state.plan.steps:
-            flight.stop("the dry run's plan")
-
-    told = recorder if context.announce is None else _Announced(recorder, context.announce)
-    flight = Flight(supervisor, context, told, spec.start_ms, (show_tick,))
-    recorder.dropped_in_flight = lambda: flight.all_dropped
-
-    def finish() -> dict[str, Any]:
-        recorder.event(flight.now_ms, "end", reason=flight.ended_by)
-        return recorder.finish(flight.now_ms, _ending(flight, spec.resume_point))
-
-    return Prepared(flight, finish)
-
-
-def _supervisor(scenario: Scenario, context: FlightContext, recorder: Recorder, spec: RunSpec) -> Supervisor:
-    """With the docks as the journal last had them."""
-    resume_point = spec.resume_point
-    supervisor = parts.supervisor(
-        scenario,
-        None if resume_point is None else resume_point.state,
-        first_command_id=1 + (0 if resume_point is None else resume_point.epoch * _COMMAND_IDS_PER_EPOCH),
-        samples=_collection(scenario, context, recorder),
-        command_sources=spec.command_sources,
-        takeover=spec.takeover,
-        # The aPad's modem is where its water is: with the fleet, and not with a mission alone.
-        has_modem=context.fleet is not None,
-        docks_by_eye=context.docks_by_eye,
-        breakdown=context.breakdown,
-        allocation=context.allocation,
-        known=spec.known,
-    )
-    if resume_point is not None:
-        supervisor.port.first_failure = resume_point.first_failure
-        for dock_index, agent_id in resume_point.state.docked:
-            supervisor.port.docks.take(DockClosed(resume_point.now_ms, dock_index, agent_id))
-    return supervisor
-
-
-def _ending(flight: Flight, resume_point: ResumePoint | None) -> Ending:
-    supervisor = flight.supervisor
-    failure = supervisor.port.first_failure
-    return Ending(
-        ended_by=flight.ended_by,
-        first_cause=None if failure is None else failure.reason,
-        cost_m=supervisor.mission.state.cost_m,
-        services=supervisor.mission.state.services,
-        apad_energy_fraction=_fraction_used(supervisor, resume_point),
-        dropped=flight.all_dropped,
-        samples_gone={} if supervisor.samples is None else supervisor.samples.gone,
-    )
-
-
-class _Announced:
-    """The records, and a listener that hears the same events."""
-
-    def __init__(self, recorder: Recorder, announce: Announce) -> None:
-        self.truths = recorder.truths
-        self.samples = recorder.samples
-        self.tick = recorder.tick
-        self._recorder = recorder
-        self._announce = announce
-
-    def event(self, at_ms: int, kind: str, **data: Any) -> None:
-        self._recorder.event(at_ms, kind, **data)
-        self._announce(at_ms, kind, **data)
+    """Flies to the end and returns the summary."""
+    recorder = Recorder(directory, scenario, parts.agent_ids(scenario))
+    journal_start(recorder, scenario, starts)
+    fleet = open_fleet(scenario, starts, directory.path / FOLDER)
+    try:
+        spec = RunSpec(command_sources=tuple(command_sources))
+        return fly(scenario, in_process_context(scenario, fleet), recorder, progress.show_status, spec)
+    finally:
+        recorder.close()
+        fleet.host.close()
 
 
 def journal_start(recorder: Recorder, scenario: Scenario, starts: Sequence[Start]) -> None:
-    """The journal's first line: what a reader needs before anything else."""
+    """Writes the journal's first line, which a reader needs before anything else."""
     recorder.event(
         0,
         "run",
@@ -256,10 +122,129 @@ def journal_start(recorder: Recorder, scenario: Scenario, starts: Sequence[Start
     )
 
 
+def open_fleet(scenario: Scenario, starts: Sequence[Start], folder: Path) -> Fleet:
+    """Starts a new fleet, hosted as the scenario states; a process per aMussel keeps its files in `folder`."""
+    config, initial_states = parts.fleet_config(scenario), parts.initial_states(scenario, starts)
+    if scenario.fleet.hosting is Hosting.ONE_PROCESS:
+        host: InProcessHost | ProcessHost = InProcessHost(config, initial_states)
+    else:
+        folder.mkdir()
+        host = ProcessHost.start(str(folder), config, initial_states)
+    return fleet_of(scenario, host, dict.fromkeys(initial_states, 0))
+
+
+def in_process_context(scenario: Scenario, fleet: Fleet) -> FlightContext:
+    """Virtual time with the simulated aPad in this process."""
+    return FlightContext(InProcessVehicle(parts.simulated_apad(scenario)), AsFastAsPossible(), fleet)
+
+
+def fly(
+    scenario: Scenario,
+    context: FlightContext,
+    recorder: Recorder,
+    show_status: Callable[[Status], None],
+    spec: RunSpec = FROM_START,
+) -> dict[str, Any]:
+    """Flies to the end and returns the summary. SIGINT and SIGTERM end the flight in order."""
+    prepared = prepare(scenario, context, recorder, show_status, spec)
+    with stopped_by_signals(prepared.flight):
+        prepared.flight.run()
+    return prepared.finish()
+
+
+@contextmanager
+def stopped_by_signals(*flights: Flight) -> Iterator[None]:
+    """SIGINT and SIGTERM end the flights in order while this context is entered."""
+
+    def stop(*_: object) -> None:
+        for flight in flights:
+            flight.stop("the operator")
+
+    with ExitStack() as stack:
+        for number in (signal.SIGINT, signal.SIGTERM):
+            stack.callback(signal.signal, number, signal.signal(number, stop))
+        yield
+
+
+@dataclass(frozen=True, slots=True)
+class PreparedFlight:
+    """A flight that is ready to run, and the function that makes its summary."""
+
+    flight: Flight
+    finish: Callable[[], dict[str, Any]]
+    """Writes the last records after the flight's end, and returns the summary."""
+
+
+def prepare(
+    scenario: Scenario,
+    context: FlightContext,
+    recorder: Recorder,
+    show_status: Callable[[Status], None],
+    spec: RunSpec = FROM_START,
+) -> PreparedFlight:
+    """Builds the flight that `fly` runs."""
+    supervisor = _supervisor(scenario, context, recorder, spec)
+
+    def show_tick(now_ms: int) -> None:
+        show_status(Status.of(supervisor, now_ms, context.pace.behind_s))
+        if spec.until_first_plan and supervisor.mission.state.plan.steps:
+            flight.stop("the dry run's plan")
+
+    flight_recorder = (
+        recorder if context.announce is None else _AnnouncingRecorder(recorder, context.announce)
+    )
+    flight = Flight(supervisor, context, flight_recorder, spec.start_ms, (show_tick,))
+    recorder.dropped_in_flight = lambda: flight.all_dropped
+
+    def finish() -> dict[str, Any]:
+        recorder.event(flight.now_ms, "end", reason=flight.ended_by)
+        return recorder.finish(flight.now_ms, _ending(flight, spec.resume_point))
+
+    return PreparedFlight(flight, finish)
+
+
+def _supervisor(scenario: Scenario, context: FlightContext, recorder: Recorder, spec: RunSpec) -> Supervisor:
+    """Builds the supervisor, with the docks in their last state in the journal."""
+    resume_point = spec.resume_point
+    supervisor = parts.supervisor(
+        scenario,
+        None if resume_point is None else resume_point.state,
+        first_command_id=1 + (0 if resume_point is None else resume_point.epoch * _COMMAND_IDS_PER_EPOCH),
+        samples=_collection(scenario, context, recorder),
+        command_sources=spec.command_sources,
+        takeover=spec.takeover,
+        # The aPad's modem is simulated with the water, and so with the fleet. A mission alone has none.
+        has_modem=context.fleet is not None,
+        docks_by_eye=context.docks_by_eye,
+        breakdown=context.breakdown,
+        allocation=context.allocation,
+        known=spec.learned,
+    )
+    if resume_point is not None:
+        supervisor.port.first_failure = resume_point.first_failure
+        for dock_index, agent_id in resume_point.state.docked:
+            supervisor.port.docks.take(DockClosed(resume_point.now_ms, dock_index, agent_id))
+    return supervisor
+
+
 def _collection(scenario: Scenario, context: FlightContext, recorder: Recorder) -> SampleCollection | None:
     if not context.keeps_samples:
         return None
     return SampleCollection(parts.agent_ids(scenario), recorder.samples_kept)
+
+
+def _ending(flight: Flight, resume_point: ResumePoint | None) -> Ending:
+    supervisor = flight.supervisor
+    failure = supervisor.port.first_failure
+    return Ending(
+        ended_by=flight.ended_by,
+        first_cause=None if failure is None else failure.reason,
+        cost_m=supervisor.mission.state.cost_m,
+        services=supervisor.mission.state.services,
+        apad_energy_fraction=_fraction_used(supervisor, resume_point),
+        dropped=flight.all_dropped,
+        samples_gone={} if supervisor.samples is None else supervisor.samples.gone,
+    )
 
 
 def _fraction_used(supervisor: Supervisor, resume_point: ResumePoint | None) -> float | None:
@@ -269,3 +254,18 @@ def _fraction_used(supervisor: Supervisor, resume_point: ResumePoint | None) -> 
     if resume_point is not None and resume_point.apad_fraction_at_start is not None:
         at_start = resume_point.apad_fraction_at_start
     return at_start - supervisor.battery.fraction
+
+
+class _AnnouncingRecorder:
+    """Passes each event of the flight to the recorder and to a listener."""
+
+    def __init__(self, recorder: Recorder, announce: Announce) -> None:
+        self.truths = recorder.truths
+        self.samples = recorder.samples
+        self.tick = recorder.tick
+        self._recorder = recorder
+        self._announce = announce
+
+    def event(self, at_ms: int, kind: str, **data: Any) -> None:
+        self._recorder.event(at_ms, kind, **data)
+        self._announce(at_ms, kind, **data)

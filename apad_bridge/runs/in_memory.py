@@ -1,4 +1,4 @@
-"""A whole flight in virtual time and in this process, without files: for studies of many configurations."""
+"""Flies a whole mission in virtual time and in this process, without files: for studies of many configurations."""
 
 from __future__ import annotations
 
@@ -30,16 +30,16 @@ from firmware_model.packets.sample_record import SampleRecord
 
 
 class MemoryRecorder:
-    """Keeps the events, and counts uptimes from the truths."""
+    """Keeps the events and the uploaded samples, and counts uptimes from the truths."""
 
     def __init__(self, scenario: Scenario) -> None:
         self._theta = scenario.theta
         self.meter = UptimeMeter(scenario.theta, charge_model(scenario.board))
         self.events: list[tuple[int, str, dict[str, Any]]] = []
         self.taken: dict[int, int] = {}
-        """By aMussel, how many samples it has ever taken."""
+        """The number of samples that each aMussel has ever taken, by id."""
         self.uploaded: dict[int, list[SampleRecord]] = {}
-        """By aMussel, the samples that were uploaded, as they came."""
+        """The uploaded samples by aMussel, in the order of their arrival."""
 
     def event(self, at_ms: int, kind: str, **data: Any) -> None:
         self.events.append((at_ms, kind, data))
@@ -74,9 +74,10 @@ def open_flight(
     tell_served_elsewhere: TellServedElsewhere | None = None,
     breakdown: Breakdown | None = None,
 ) -> tuple[Flight, MemoryRecorder]:
-    """A flight that is ready to `run`, and its records.
+    """Opens a flight that is ready to `run`; returns it and its recorder.
 
-    With `command_sources` the aPad does what these order; `takeover` can take the mission over. The rest is for several.
+    With `command_sources` these command the aPad; `takeover` can take the mission over. The other options are for one of
+    several aPads.
     """
     initial_states = parts.initial_states(scenario, starts_of(scenario))
     host = InProcessHost(parts.fleet_config(scenario), initial_states)
@@ -87,14 +88,14 @@ def open_flight(
         scenario, command_sources=command_sources, samples=samples, takeover=takeover, breakdown=breakdown
     )
     recorder = MemoryRecorder(scenario)
-    around = FlightContext(
+    context = FlightContext(
         vehicle, AsFastAsPossible(), fleet, relay=relay, tell_served_elsewhere=tell_served_elsewhere
     )
-    return Flight(supervisor, around, recorder), recorder
+    return Flight(supervisor, context, recorder), recorder
 
 
 def fly_in_memory(scenario: Scenario) -> tuple[dict[str, Any], MemoryRecorder]:
-    """The summary's figures (those of `uptime_figures`, `cost_m` and `services`), and what was recorded."""
+    """Returns the summary's figures (those of `uptime_figures`, `cost_m` and `services`), and the recorder."""
     flight, recorder = open_flight(scenario)
     flight.run()
     state = flight.supervisor.mission.state

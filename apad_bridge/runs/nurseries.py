@@ -1,4 +1,4 @@
-"""The nursery of a run: started by the parent, adopted by each of its supervisors in turn."""
+"""Starts, adopts and ends the nursery of a run: the parent starts it, and each supervisor adopts it in turn."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ from apad_bridge.vehicle.errors import PeerFailed
 
 FOLDER = "fleet"
 _LAST_EPOCH = 2**31
-"""Above that of any supervisor: who ends a run is refused by nobody."""
+"""Above the epoch of any supervisor, so that the nursery does not refuse the process that ends a run."""
 _END_S = 1.0
 _REAP_S = 10.0
-"""One that was killed is gone as soon as the machine comes to it."""
+"""Time for the machine to end a process that was killed."""
 
 
 def start_nursery(scenario: Scenario, starts: Sequence[Start], run_dir: Path) -> subprocess.Popen[bytes]:
-    """A nursery with its fleet prepared in the run's directory; its agents start when a supervisor adopts them."""
+    """Starts a nursery with its fleet prepared in the run's directory; a supervisor that adopts them starts its agents."""
     folder = run_dir / FOLDER
     folder.mkdir()
     prepare(str(folder), parts.fleet_config(scenario), parts.initial_states(scenario, starts))
@@ -37,9 +37,9 @@ def start_nursery(scenario: Scenario, starts: Sequence[Start], run_dir: Path) ->
 
 
 def end_fleet(run_dir: Path, nursery: subprocess.Popen[bytes]) -> None:
-    """Ends the run's fleet if a supervisor has not done so, and reaps `nursery`, the first one that it had.
+    """Ends the run's fleet if a supervisor has not done so, and reaps `nursery`, the first nursery of the run.
 
-    The one that lives now may be another: a supervisor starts it when one dies.
+    The nursery that lives now may be another: when a nursery dies, a supervisor starts the next one.
     """
     with contextlib.suppress(OSError, NurseryDied, Fenced):
         link = NurseryLink(str(run_dir / FOLDER), _LAST_EPOCH)
@@ -53,7 +53,7 @@ def end_fleet(run_dir: Path, nursery: subprocess.Popen[bytes]) -> None:
 def adopt(
     scenario: Scenario, run_dir: Path, epoch: int, now_ms: int, opened_modems: tuple[int, ...] = ()
 ) -> Fleet:
-    """The run's fleet under supervisor number `epoch`, at mission time `now_ms`, with these aMussels' modems opened."""
+    """Adopts the run's fleet for supervisor number `epoch` at mission time `now_ms`, with the `opened_modems`."""
     try:
         host = ProcessHost.adopt(str(run_dir / FOLDER), epoch)
     except (NurseryFailed, Fenced) as error:

@@ -1,6 +1,7 @@
-"""The thin parent of a run over ROS: starts master, aPad node, nursery and supervisor, shows, and ends them in order.
+"""The thin parent of a run over ROS: starts master, aPad node, nursery and supervisor, shows progress, ends all in order.
 
-It holds no state of the flight. If the supervisor dies, the fleet is suspended and whole, and another one goes on with it.
+The parent holds no state of the flight. If the supervisor dies, the fleet is suspended and whole, and another supervisor
+continues with it.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from apad_bridge.ros.system.master import MasterFailed, start_master
 from apad_bridge.ros.system.route import environment_for, free_port, somebodys_master
 from apad_bridge.runs.children import Child, supervisor_of
 from apad_bridge.runs.nurseries import end_fleet, start_nursery
-from apad_bridge.runs.progress import Shows
+from apad_bridge.runs.progress import ProgressDisplay
 from apad_bridge.runs.status import Status
 from apad_bridge.scenario.run_options import APadKind, OnDeath, Part, RunOptions
 from apad_bridge.scenario.schema import Scenario
@@ -30,10 +31,10 @@ from apad_bridge.scenario.starts import Start
 from apad_bridge.vehicle.errors import PeerFailed
 
 _END_S = 4.0
-"""A supervisor that was asked to end in order is killed after so long; all is over within 5 s."""
+"""A supervisor that was asked to end in order is killed after this time; everything ends within 5 s."""
 _MASTER_S = 10.0
 WAIT_FOR_RESUME_S = 600.0
-"""So long a fleet without a supervisor is kept for `musselbed resume`."""
+"""A fleet without a supervisor is kept for `musselbed resume` for this time."""
 
 
 def fly(
@@ -41,12 +42,12 @@ def fly(
     starts: Sequence[Start],
     options: RunOptions,
     directory: RunDirectory,
-    progress: Shows,
+    progress: ProgressDisplay,
     relay: Callable[[str], None] | None = None,
 ) -> dict[str, Any]:
-    """Flies the run with processes of its own and gives its summary. PeerFailed when something that it needs fails.
+    """Flies the run with processes of its own and returns its summary. PeerFailed when something that it needs fails.
 
-    Of one of several aPads `relay` is handed the lines that its supervisor says to the parent of all.
+    For one of several aPads, `relay` takes the lines that its supervisor writes for the parent of all.
     """
     with ExitStack() as stack:
         options = _open_ros(stack, options, directory.path).at_port(free_port())
@@ -69,17 +70,17 @@ def fly(
                     f"the middle; see {directory.path}"
                 )
             if options.is_one_of_several and options.on_death is OnDeath.WAIT and not options.keeps:
-                progress.say(
+                progress.print_message(
                     f"the supervisor died ({signal.Signals(-code).name}): another one keeps its aMussels, whom the other "
                     "aPads go on to serve, and orders nothing"
                 )
                 if relay is not None:
-                    died = f"its supervisor died ({signal.Signals(-code).name})"
-                    relay(json.dumps({"squad": {"broken": died}}))
+                    failure = f"its supervisor died ({signal.Signals(-code).name})"
+                    relay(json.dumps({"squad": {"broken": failure}}))
                 options = replace(options.next_epoch(), keeps=True)
                 options.save(directory.path)
                 continue
-            progress.say(
+            progress.print_message(
                 f"the supervisor died ({signal.Signals(-code).name}); the fleet is suspended and whole. "
                 f"To go on: musselbed resume {directory.path}"
             )
@@ -100,19 +101,19 @@ def start_supervisor(run_dir: Path, options: RunOptions, *, resume: bool) -> Chi
 
 
 def watch_supervisor(
-    child: Child, progress: Shows, relay: Callable[[str], None] | None = None
+    child: Child, progress: ProgressDisplay, relay: Callable[[str], None] | None = None
 ) -> tuple[int, dict[str, Any] | None]:
-    """Shows what the supervisor says until it ends; its exit code, and the summary if it gave one.
+    """Shows the supervisor's output until it ends; returns its exit code, and the summary if it wrote one.
 
-    PeerFailed when it says that something it needs failed. Ctrl-C and SIGTERM here ask it to end in order;
-    KeyboardInterrupt when it then ends without a summary.
+    PeerFailed when the supervisor reports that something it needs failed. Ctrl-C and SIGTERM here ask it to end in
+    order; KeyboardInterrupt when it then ends without a summary.
     """
     result: dict[str, Any] | None = None
     failed: str | None = None
     deadline_s: float | None = None
     with Interrupts() as interrupts:
         while True:
-            if interrupts.came and deadline_s is None:
+            if interrupts.interrupted and deadline_s is None:
                 deadline_s = time.monotonic() + _END_S
                 child.ask_to_end()
             if deadline_s is not None and time.monotonic() > deadline_s:
@@ -128,24 +129,24 @@ def watch_supervisor(
                 break
             status = Status.from_line(line)
             if status is not None:
-                progress.show(status)
+                progress.show_status(status)
             elif line.startswith("{"):
-                said = json.loads(line)
-                result = said.get("summary", result)
-                failed = said.get("failed", failed)
-                if "said" in said:
-                    progress.say(said["said"])
-                if "squad" in said and relay is not None:
+                message = json.loads(line)
+                result = message.get("summary", result)
+                failed = message.get("failed", failed)
+                if "said" in message:
+                    progress.print_message(message["said"])
+                if "squad" in message and relay is not None:
                     relay(line.rstrip())
             else:
-                progress.say(line.rstrip())
+                progress.print_message(line.rstrip())
     code = child.wait(_END_S)
     child.end(1.0)
     if failed is not None:
         raise PeerFailed(failed)
-    if interrupts.came and result is None:
-        # It was just starting, or ending, and could not do so in order: nobody wants another one.
-        progress.say(f"the supervisor ended without a summary; see {child.log.parent}")
+    if interrupts.interrupted and result is None:
+        # It was just starting, or ending, and could not do so in order: do not start another one.
+        progress.print_message(f"the supervisor ended without a summary; see {child.log.parent}")
         raise KeyboardInterrupt
     return (-signal.SIGKILL if code is None else code), result
 
@@ -154,24 +155,24 @@ class Interrupts:
     """Notes SIGINT and SIGTERM while it is entered, so that the parent ends things in order instead of dying."""
 
     def __init__(self) -> None:
-        self.came = False
+        self.interrupted = False
         self._buffer = b""
-        self._before: dict[int, Any] = {}
+        self._handlers_before: dict[int, Any] = {}
 
     def __enter__(self) -> Interrupts:
         for number in (signal.SIGINT, signal.SIGTERM):
-            self._before[number] = signal.signal(number, self._note)
+            self._handlers_before[number] = signal.signal(number, self._note)
         return self
 
     def __exit__(self, *_: object) -> None:
-        for number, handler in self._before.items():
+        for number, handler in self._handlers_before.items():
             signal.signal(number, handler)
 
     def _note(self, *_: object) -> None:
-        self.came = True
+        self.interrupted = True
 
     def read_line(self, child: Child, timeout_s: float) -> str | None:
-        """A line of the child; empty at its end, None when none came in time."""
+        """Returns a line of the child; empty at its end, None when there was no line in time."""
         if b"\n" not in self._buffer:
             readable, _, _ = select.select([child.lines], [], [], timeout_s)
             if not readable:
@@ -187,7 +188,7 @@ class Interrupts:
 
 
 def _open_ros(stack: ExitStack, options: RunOptions, run_dir: Path) -> RunOptions:
-    """Starts what ROS needs of its own: a master, and on it the simulated aPad. Ended in reverse order."""
+    """Starts a master of our own, and the simulated aPad on it; `stack` ends them in reverse order."""
     if options.apad is APadKind.ROS:
         return options.on_master(somebodys_master())
     try:
@@ -202,12 +203,12 @@ def _open_ros(stack: ExitStack, options: RunOptions, run_dir: Path) -> RunOption
     return options.on_own_master(master.uri)
 
 
-def _wait_for_resume(run_dir: Path, progress: Shows) -> dict[str, Any]:
-    """Waits, a stated time, for a resumed supervisor to finish this run."""
+def _wait_for_resume(run_dir: Path, progress: ProgressDisplay) -> dict[str, Any]:
+    """Waits for a resumed supervisor to finish this run; at most WAIT_FOR_RESUME_S without a living one."""
     summary = run_dir / "summary.json"
     until_s = time.monotonic() + WAIT_FOR_RESUME_S
     with Interrupts() as interrupts:
-        while not interrupts.came and time.monotonic() < until_s:
+        while not interrupts.interrupted and time.monotonic() < until_s:
             if summary.exists():
                 found: dict[str, Any] = json.loads(summary.read_text())
                 return found

@@ -13,24 +13,24 @@ from apad_bridge.runs.status import Status
 _LINE_EVERY_MS = 300_000
 
 
-class Shows(Protocol):
-    """Who is told how a flight goes."""
+class ProgressDisplay(Protocol):
+    """Shows a flight's progress to a person, or passes it on."""
 
-    def say(self, text: str) -> None: ...
+    def print_message(self, text: str) -> None: ...
 
-    def show(self, status: Status) -> None: ...
+    def show_status(self, status: Status) -> None: ...
 
 
 class FlightProgress:
-    """A context manager; `show` takes each status. Goes to stderr, so that stdout stays the result's.
+    """A context manager; `show_status` takes each status. It writes to stderr, so that stdout is for the result alone.
 
-    A `quiet` one shows nothing, and keeps what it was told in `said` like any other.
+    A `quiet` one shows nothing, and keeps its `messages` like any other.
     """
 
     def __init__(self, name: str, duration_ms: int, quiet: bool = False) -> None:
-        self.said: list[str] = []
-        """The lines for people, in order; how far the flight is is not among them."""
-        # No markup: what is said here is others' text, and a script that prints "[lat, lon]" means just that.
+        self.messages: list[str] = []
+        """The lines for people, in order, without the status lines."""
+        # No markup: the text comes from others, and a script that prints "[lat, lon]" means just that.
         self._console = Console(stderr=True, quiet=quiet, markup=False)
         self._duration_ms = duration_ms
         self._progress = Progress(
@@ -57,12 +57,12 @@ class FlightProgress:
     ) -> None:
         self._progress.stop()
 
-    def say(self, text: str) -> None:
-        """A line of its own, above the bar."""
-        self.said.append(text)
+    def print_message(self, text: str) -> None:
+        """Prints a line of its own, above the bar."""
+        self.messages.append(text)
         self._print(text)
 
-    def show(self, status: Status) -> None:
+    def show_status(self, status: Status) -> None:
         clock = f"{_clock(status.now_ms)} / {_clock(self._duration_ms)}"
         doing = (
             f"{status.phase}: {status.active}/{status.agents} active, {status.docked} docked, "

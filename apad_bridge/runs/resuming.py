@@ -1,4 +1,4 @@
-"""What a supervisor begins with, above all one that goes on with a run: what the journal and the notebook say to it."""
+"""Builds a supervisor's start state; for one that resumes a run, from the journal and the checkpoint."""
 
 from __future__ import annotations
 
@@ -30,44 +30,44 @@ from apad_bridge.vehicle.primitives import HoldPosition, PrimitiveFailed
 
 _PLACED = to_wire(Placed(0, 0, 0, 0, 0))[0]
 _LARGE_BYTES = 100_000_000
-"""Of bags; a gigabyte is repaired in about ten seconds."""
+"""Size of bags; the repair of a gigabyte takes about ten seconds."""
 
 
 def gap_ms(options: RunOptions, journal: Path, now_s: float) -> int:
-    """Mission time that went by without a supervisor, to be granted to the fleet at once; `now_s` is since the epoch.
+    """Mission time that passed without a supervisor, to be granted to the fleet at once; `now_s` is since the Unix epoch.
 
-    A real vehicle's time went on, for as long as the journal, which every tick writes to, has stood still. On a master of
-    our own /clock stood still with the supervisor.
+    A real vehicle's time continued for as long as the journal, which every tick writes to, did not change. On a master
+    of our own, /clock stopped with the supervisor.
     """
     if options.owns_master:
         return 0
     return max(0, round((now_s - journal.stat().st_mtime) * 1000))
 
 
-def resume_point(journal: JournalContents, epoch: int, gap_ms: int) -> ResumePoint:
+def find_resume_point(journal: JournalContents, epoch: int, gap_ms: int) -> ResumePoint:
     """The newest mission snapshot, and the time with the gap granted; PeerFailed when the run has ended."""
     state, fraction = MissionState(), None
     for line in journal.lines:
         if line["kind"] == "mission":
             state = MissionState.from_json(line["snapshot"])
         elif line["kind"] == "dock":
-            held = {
+            agent_in_dock = {
                 dock_index: agent_id for dock_index, agent_id in state.docked if dock_index != line["dock"]
             }
             if line["closed"]:
-                held[line["dock"]] = line["agent"]
-            state = replace(state, docked=tuple(sorted(held.items())))
+                agent_in_dock[line["dock"]] = line["agent"]
+            state = replace(state, docked=tuple(sorted(agent_in_dock.items())))
         elif line["kind"] == "apad" and fraction is None:
             fraction = line["battery"]
         elif line["kind"] == "end":
             raise PeerFailed("this run has ended: there is nothing to go on with")
-    # Ticks stand on whole seconds; the journal's last line may lie between two.
+    # Ticks are at whole seconds; the journal's last line may lie between two ticks.
     now_ms = (journal.last_ms + gap_ms) // 1000 * 1000
     return ResumePoint(now_ms, state, epoch, fraction, first_failure(journal))
 
 
 def first_failure(journal: JournalContents) -> PrimitiveFailed | None:
-    """What a port has latched that did what the journal says. Which primitive's it was is not kept: its id is 0."""
+    """The failure that a docking port had latched, from the journal, which does not keep the primitive's id: it is 0."""
     latched: PrimitiveFailed | None = None
     for line in journal.lines:
         if line["kind"] != "primitive":
@@ -79,19 +79,21 @@ def first_failure(journal: JournalContents) -> PrimitiveFailed | None:
     return latched
 
 
-def became(journal: JournalContents) -> Iterator[Became]:
-    """Who became real, retired or simulated again, in the order in which it happened."""
+def presence_changes(journal: JournalContents) -> Iterator[Became]:
+    """The changes of aMussels to real, retired or simulated, in the order in which they happened."""
     for line in journal.lines:
         if line["kind"] == "presence":
             yield Became(line["t"], line["id"], Presence(line["is"]), line["by"])
 
 
-def place_again(journal: JournalContents, coordinator: Coordinator, recorder: Recorder, now_ms: int) -> None:
-    """Puts those where they were put whose bodies had not felt it when the supervisor died."""
-    lived_ms = coordinator.granted_ms
+def repeat_placements(
+    journal: JournalContents, coordinator: Coordinator, recorder: Recorder, now_ms: int
+) -> None:
+    """Repeats the placements that had not reached the aMussels' bodies when the supervisor died."""
+    granted_ms = coordinator.granted_ms
     placed = {line["id"]: line for line in journal.lines if _is_placing(line)}
     for agent_id, line in placed.items():
-        if line["agent_ms"] >= lived_ms.get(agent_id, line["agent_ms"] + 1):
+        if line["agent_ms"] >= granted_ms.get(agent_id, line["agent_ms"] + 1):
             agent_ms = coordinator.receive(agent_id, from_wire(line["wire"]), now_ms)
             recorder.event(now_ms, "stimulus", id=agent_id, agent_ms=agent_ms, wire=line["wire"])
 
@@ -102,81 +104,82 @@ def _is_placing(line: Line) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class StartState:
-    """What a supervisor begins with: the first of a run with nothing, a later one with what the former one left."""
+    """The state in which a supervisor starts: empty for the first of a run, else the state that the former one left."""
 
     recorder: Recorder
     presences: Presences
-    known: LearnedState
+    learned: LearnedState
     resume_point: ResumePoint | None = None
     journal: JournalContents = field(default_factory=lambda: JournalContents([], 0))
 
     @property
     def beliefs(self) -> FleetBeliefs:
-        return self.known.beliefs
+        return self.learned.beliefs
 
     @property
     def start_ms(self) -> int:
         return 0 if self.resume_point is None else self.resume_point.now_ms
 
 
-def begin(directory: RunDirectory, scenario: Scenario, options: RunOptions) -> StartState:
-    """A new run, its journal begun."""
+def begin_run(directory: RunDirectory, scenario: Scenario, options: RunOptions) -> StartState:
+    """Starts a new run and its journal."""
     ids = parts.agent_ids(scenario)
     recorder = Recorder(directory, scenario, ids)
     journal_start(recorder, scenario, starts_of(scenario))
-    return StartState(recorder, Presences(ids, scenario.area.depth_m), _nothing_known(scenario, options))
+    return StartState(recorder, Presences(ids, scenario.area.depth_m), _nothing_learned(scenario, options))
 
 
-def resume(
-    directory: RunDirectory, scenario: Scenario, options: RunOptions, tell: Callable[[str], None]
+def resume_run(
+    directory: RunDirectory, scenario: Scenario, options: RunOptions, report: Callable[[str], None]
 ) -> StartState:
-    """Takes up a run whose supervisor died; `tell` is told, in lines for a person, what is restored and what is not.
+    """Resumes a run whose supervisor died; `report` takes lines for a person on the state that is restored or lost.
 
     PeerFailed when the run has ended.
     """
-    gone_ms = gap_ms(options, directory.journal, time.time())
+    without_supervisor_ms = gap_ms(options, directory.journal, time.time())
     ids = parts.agent_ids(scenario)
     if sum(path.stat().st_size for path in directory.bags) > _LARGE_BYTES:
-        tell("reading the records of a long run: this takes some seconds")
+        report("reading the records of a long run: this takes some seconds")
     recorder, resumed = Recorder.resume(directory, scenario, ids)
-    start = resume_point(resumed.journal, options.epoch, gone_ms)
-    presences = Presences(ids, scenario.area.depth_m, became(resumed.journal))
-    known = _nothing_known(scenario, options)
-    believed, dropped = known_again(directory.checkpoint, known, start.now_ms)
+    start = find_resume_point(resumed.journal, options.epoch, without_supervisor_ms)
+    presences = Presences(ids, scenario.area.depth_m, presence_changes(resumed.journal))
+    learned = _nothing_learned(scenario, options)
+    beliefs_line, dropped = restore_learned(directory.checkpoint, learned, start.now_ms)
     if dropped is not None:
         recorder.dropped_before = dropped
-    lines = [*what_was_lost(resumed, dropped), *who_was_who(presences), believed]
-    for words in lines:
-        tell(words)
+    lines = [*loss_lines(resumed, dropped), *presence_lines(presences), beliefs_line]
+    for line in lines:
+        report(line)
     recorder.event(resumed.journal.last_ms, "restored", told=lines)
-    return StartState(recorder, presences, known, start, resumed.journal)
+    return StartState(recorder, presences, learned, start, resumed.journal)
 
 
-def who_was_who(presences: Presences) -> list[str]:
-    """A line for a person for what is restored of who was real, and who retired."""
+def presence_lines(presences: Presences) -> list[str]:
+    """Lines for a person on the restored aMussels that are real or retired."""
     lines = []
     for presence in (Presence.REAL, Presence.RETIRED):
-        those = sorted(it.agent_id for it in presences.before.values() if it.presence is presence)
-        if those:
-            lines.append(f"still {presence}: aMussel {', '.join(map(str, those))}")
+        ids = sorted(it.agent_id for it in presences.before.values() if it.presence is presence)
+        if ids:
+            lines.append(f"still {presence}: aMussel {', '.join(map(str, ids))}")
     return lines
 
 
-def _nothing_known(scenario: Scenario, options: RunOptions) -> LearnedState:
-    # The aPad's modem is where its water is: with the fleet, and not with a mission alone.
+def _nothing_learned(scenario: Scenario, options: RunOptions) -> LearnedState:
+    # The aPad's modem is simulated with the water, and so with the fleet. A mission alone has none.
     return parts.nothing_known(scenario, has_modem=options.part is not Part.MISSION)
 
 
-def known_again(checkpoint: Path, known: LearnedState, now_ms: int) -> tuple[str, Counter[str] | None]:
-    """Lets `known` be what the former supervisor's was; a line for a person on what came of it by `now_ms`.
+def restore_learned(checkpoint: Path, learned: LearnedState, now_ms: int) -> tuple[str, Counter[str] | None]:
+    """Restores the former supervisor's learned state into `learned`.
 
-    And what it had counted as dropped, by reason; None when that is not known.
+    Returns a line for a person on the result as of `now_ms`, and the former supervisor's counts of dropped items by
+    reason; None when these are not known.
     """
     try:
-        restored = restore(checkpoint, known.beliefs, known.ranging)
+        restored = restore(checkpoint, learned.beliefs, learned.ranging)
     except NoCheckpoint as reason:
         return f"nothing is believed of an aMussel until it is heard again: {reason}", None
-    believed = known.beliefs.all()
+    believed = learned.beliefs.all()
     if not believed:
         return "nothing had been heard of any aMussel yet", restored.counts
     oldest_s = max(it.age_s(now_ms) for it in believed)
@@ -189,8 +192,8 @@ def known_again(checkpoint: Path, known: LearnedState, now_ms: int) -> tuple[str
     return line, restored.counts
 
 
-def what_was_lost(resumed: Resumed, dropped: Counter[str] | None) -> list[str]:
-    """Lines for a person, one for each thing that the crash took."""
+def loss_lines(resumed: Resumed, dropped: Counter[str] | None) -> list[str]:
+    """Lines for a person, one for each kind of data that the crash lost."""
     lost = ["lost: words on their way"]
     if dropped is None:
         lost[0] += ", and the counts of what was dropped so far"

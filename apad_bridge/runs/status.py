@@ -1,4 +1,4 @@
-"""What a running flight says of itself, once a tick: a JSON line from the supervisor to whoever shows it to a person."""
+"""The status of a running flight: a JSON line once a tick, from the supervisor to the process that shows it to a person."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from firmware_model.state_groups import DOCKED
 
 @dataclass(frozen=True, slots=True)
 class Status:
-    """`active` is the number believed in the water with charge left, of `agents` ever heard
-    and served here."""
+    """`agents` is the number of aMussels served here of which a packet was received; `active` is the number of these
+    that are believed to be in the water with charge left."""
 
     now_ms: int
     phase: str
@@ -48,7 +48,7 @@ class Status:
 
     @classmethod
     def from_line(cls, line: str) -> Status | None:
-        """None for a line that is no status."""
+        """None for a line that is not a status."""
         try:
             return cls(**json.loads(line))
         except (ValueError, TypeError):

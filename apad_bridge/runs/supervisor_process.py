@@ -1,7 +1,7 @@
 """The supervisor of a run over ROS, a process of its own: python -m apad_bridge.runs.supervisor_process RUN [--resume]
 
-Its standard output is for the parent: a JSON line a tick (`Status`), words for a person, and at last the summary. It goes
-on when nobody reads it.
+Its standard output is for the parent: a JSON line a tick (`Status`), lines for a person, and at last the summary. The
+process continues without a reader of its output.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from apad_bridge.ros.gateway.primitive_services import primitives_offered
 from apad_bridge.ros.system.route import why_silent
 from apad_bridge.runs import flying, resuming
 from apad_bridge.runs.children import supervising
-from apad_bridge.runs.dry_run import dry
+from apad_bridge.runs.dry_run import without_commands
 from apad_bridge.runs.exits import Exit
 from apad_bridge.runs.nurseries import adopt
 from apad_bridge.runs.several.member import member_parts
@@ -37,28 +37,28 @@ from apad_bridge.supervisor.fleet import Fleet
 from apad_bridge.vehicle.errors import PeerFailed
 
 
-def say(line: str) -> None:
-    """To the parent, if there still is one."""
+def write_line(line: str) -> None:
+    """Writes a line to the parent, if there still is one."""
     with contextlib.suppress(BrokenPipeError):
         print(line, flush=True)
 
 
 def command_sources_of(
-    scenario: Scenario, options: RunOptions, called: CallQueue | None
+    scenario: Scenario, options: RunOptions, call_queue: CallQueue | None
 ) -> tuple[CommandSource, ...]:
-    """Who gives the orders, where it is not the paper's mission: a script, a person's calls, or both."""
-    if called is None or not options.without_mission:
+    """The sources of commands in place of the paper's mission: a person's calls, and a script if there is one."""
+    if call_queue is None or not options.without_mission:
         return ()
-    command_sources: tuple[CommandSource, ...] = (called,)
+    command_sources: tuple[CommandSource, ...] = (call_queue,)
     if options.script:
         path = Path(options.script)
 
-        def tell(line: str) -> None:
-            say(json.dumps({"said": line}))
+        def write_message(line: str) -> None:
+            write_line(json.dumps({"said": line}))
 
         command_sources = (
             *command_sources,
-            ScriptSource(scenario, as_program(path), path.name, tell, REAL_TIME),
+            ScriptSource(scenario, as_program(path), path.name, write_message, REAL_TIME),
         )
     return command_sources
 
@@ -67,91 +67,97 @@ def fly(run_dir: Path, resume: bool) -> int:
     directory = RunDirectory(run_dir)
     scenario, options = load(directory.scenario), RunOptions.load(run_dir)
     start_state = (
-        resuming.resume(directory, scenario, options, say)
+        resuming.resume_run(directory, scenario, options, write_line)
         if resume
-        else resuming.begin(directory, scenario, options)
+        else resuming.begin_run(directory, scenario, options)
     )
     recorder, resume_point, start_ms = start_state.recorder, start_state.resume_point, start_state.start_ms
-    squad = member_parts(scenario, options, run_dir, start_state, say)
-    if squad is not None and resume_point is not None and options.keeps:
+    member = member_parts(scenario, options, run_dir, start_state, write_line)
+    if member is not None and resume_point is not None and options.keeps:
         resume_point = replace(resume_point, state=resume_point.state.stood_down())
         recorder.event(start_ms, "stands_down", reason="its supervisor died")
     try:
-        fleet = None if options.part is Part.MISSION else _adopted(scenario, options, run_dir, start_state)
+        fleet = (
+            None if options.part is Part.MISSION else _adopt_fleet(scenario, options, run_dir, start_state)
+        )
         docked = {} if resume_point is None else dict(resume_point.state.docked)
-        # What the bodies felt, not what the mission knows: a contact that was on its way when a supervisor died is told
-        # again, and one that was felt is not.
-        held = tuple(it.agent_id for it in recorder.truths_at(start_ms) if it.docked)
-        if squad is not None:
-            held += tuple(sorted(squad.allocation.served_for_others & set(docked.values())))
+        # The bodies' state, not the mission's: a contact that was on its way when a supervisor died is delivered again,
+        # and one that a body has felt is not.
+        docked_ids = tuple(it.agent_id for it in recorder.truths_at(start_ms) if it.docked)
+        if member is not None:
+            docked_ids += tuple(sorted(member.allocation.served_for_others & set(docked.values())))
         with (
             open_flight_context(
                 scenario,
                 options,
                 fleet,
                 docked,
-                held,
+                docked_ids,
                 start_ms,
                 recorder.truths_at,
                 start_state.presences,
-                say,
-                None if squad is None else squad.allocation,
+                write_line,
+                None if member is None else member.allocation,
             ) as context,
-            primitives_offered(scenario, options) as called,
-            open_serial_lines(run_dir, options.open_modems, options.modem, start_ms, say) as serial_lines,
+            primitives_offered(scenario, options) as call_queue,
+            open_serial_lines(
+                run_dir, options.open_modems, options.modem, start_ms, write_line
+            ) as serial_lines,
         ):
             context = replace(context, serial_lines=serial_lines)
-            if squad is not None:
-                context = squad.around(context)
-            summary = _flown(
-                scenario, options, replace(start_state, resume_point=resume_point), context, called
+            if member is not None:
+                context = member.extend(context)
+            summary = _fly_mission(
+                scenario, options, replace(start_state, resume_point=resume_point), context, call_queue
             )
     except (PeerFailed, TimeoutError) as error:
         # A node falls silent with its master: the master is then the cause to name.
         why = why_silent(options.master_uri)
         cause = str(error) if why is None else f"the ROS master at {options.master_uri} is gone ({why})"
-        say(json.dumps({"failed": cause}))
+        write_line(json.dumps({"failed": cause}))
         return Exit.PEER_FAILED
     finally:
         recorder.close()
     if fleet is not None:
         fleet.host.close()
-    say(json.dumps({"summary": summary}))
+    write_line(json.dumps({"summary": summary}))
     return Exit.DONE
 
 
-def _adopted(
+def _adopt_fleet(
     scenario: Scenario, options: RunOptions, run_dir: Path, start_state: resuming.StartState
 ) -> Fleet:
-    """The run's fleet, as it was when the last supervisor left it."""
+    """Adopts the run's fleet in the state in which the last supervisor left it."""
     fleet = adopt(scenario, run_dir, options.epoch, start_state.start_ms, options.open_modems)
     start_state.recorder.truths(fleet.take_truths())
     start_state.presences.mute_as_before(fleet.coordinator)
-    resuming.place_again(start_state.journal, fleet.coordinator, start_state.recorder, start_state.start_ms)
+    resuming.repeat_placements(
+        start_state.journal, fleet.coordinator, start_state.recorder, start_state.start_ms
+    )
     return fleet
 
 
-def _flown(
+def _fly_mission(
     scenario: Scenario,
     options: RunOptions,
     start_state: resuming.StartState,
     context: FlightContext,
-    called: CallQueue | None,
+    call_queue: CallQueue | None,
 ) -> dict[str, Any]:
-    """The summary. A script has ended, with what it had to say."""
-    command_sources = command_sources_of(scenario, options, called)
-    if not options.script:  # which cannot go on in the middle
-        start_state.recorder.keep(start_state.known, start_state.start_ms)
+    """Flies, and returns the summary. A script has ended by then, and its error is printed."""
+    command_sources = command_sources_of(scenario, options, call_queue)
+    if not options.script:  # a script cannot be resumed in the middle
+        start_state.recorder.keep(start_state.learned, start_state.start_ms)
     summary = flying.fly(
         scenario,
-        dry(context) if options.dry_run else context,
+        without_commands(context) if options.dry_run else context,
         start_state.recorder,
-        lambda status: say(status.to_line()),
+        lambda status: write_line(status.to_line()),
         flying.RunSpec(
             start_state.resume_point,
-            start_state.known,
+            start_state.learned,
             tuple(command_sources),
-            takeover=None if command_sources else called,
+            takeover=None if command_sources else call_queue,
             until_first_plan=options.dry_run,
         ),
     )

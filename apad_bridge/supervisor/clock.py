@@ -1,11 +1,4 @@
-"""What lets mission time pass: as fast as the machine goes, or not before its wall-clock time.
-
-A sign to stop that a signal handler may set.
-
-threading.Event may not be set by one: a handler runs in the middle of whatever its own thread does, and when that is the
-first step of a wait, the handler waits for a lock that only its own thread could release. This one's lock is re-entrant.
-A sign that is set in that very moment is seen when the wait's time is over, not before: so every wait has one.
-"""
+"""The pace of mission time: as fast as the machine goes, or not before its wall-clock time; and a sign to stop it."""
 
 from __future__ import annotations
 
@@ -16,16 +9,23 @@ from typing import Protocol
 
 
 class Stopped(Protocol):
-    """What a waiting thread needs of the sign."""
+    """A stop sign as a waiting thread sees it."""
 
     def is_set(self) -> bool: ...
 
     def wait(self, timeout_s: float, /) -> bool:
-        """Whether it was set within `timeout_s` wall seconds."""
+        """True if it was set within `timeout_s` wall seconds."""
         ...
 
 
 class StopSign:
+    """A stop sign that a signal handler may set.
+
+    A handler may not set a threading.Event: it runs in the middle of its own thread's work, and when that is the first
+    step of a wait, the handler waits for a lock that only its own thread could release. This sign's lock is re-entrant.
+    A sign that is set in that very moment is seen when the wait's timeout is over, not before: so every wait has one.
+    """
+
     def __init__(self) -> None:
         self._wake = threading.Condition(threading.RLock())
         self._is_set = False
@@ -46,26 +46,26 @@ class StopSign:
 
 
 Between = Callable[[int], None]
-"""Told a mission time that has come, on the way to the next tick."""
+"""Called with a mission time that has come, between two ticks."""
 
 BEAT_S = 0.03
-"""Wall seconds between two such words: what talks to a serial line is not kept waiting for a tick."""
+"""Wall seconds between two such calls: a device on a serial line does not wait for a tick."""
 
 
 class Pace(Protocol):
     def reach(self, now_ms: int, stopped: Stopped, between: Between | None = None) -> None:
-        """Returns when mission time `now_ms` has come for everybody, or at once when `stopped` is set.
+        """Returns when mission time `now_ms` has come for all participants, or at once when `stopped` is set.
 
-        Calls `between` on the way, about every `BEAT_S`, with times before `now_ms` that have come; one that has no wall
-        clock does not.
+        Calls `between` about every `BEAT_S`, with times before `now_ms` that have come; a pace without a wall clock does
+        not call it.
 
-        TimeoutError, saying who, when somebody whose word is waited for does not give it in the stated time.
+        TimeoutError, with the name, when a participant's confirmation does not come in the stated time.
         """
         ...
 
     @property
     def behind_s(self) -> float:
-        """How many wall seconds the flight is behind its time; 0 when it keeps up."""
+        """The wall seconds that the flight is behind its time; 0 when it keeps up."""
         ...
 
 
@@ -77,10 +77,10 @@ class AsFastAsPossible:
 
 
 class WallClock:
-    """Mission time runs `speed` times as fast as the wall clock, from where it stood at the first call.
+    """Mission time runs `speed` times as fast as the wall clock, from its value at the first call.
 
-    A flight that falls more than `bound_s` behind does not try to make that up: the schedule moves, and `slipped_s` says
-    by how much in all.
+    A flight that falls more than `bound_s` behind does not catch up: the schedule moves, and `slipped_s` is the sum of
+    these moves.
     """
 
     def __init__(
@@ -105,9 +105,9 @@ class WallClock:
                 min(due_s - now_s, BEAT_S) if between else due_s - now_s
             ):
                 now_s = self._clock()
-                come_ms = start_ms + int((now_s - start_s) * 1000 * self._speed)
-                if between is not None and come_ms < now_ms:
-                    between(come_ms)
+                reached_ms = start_ms + int((now_s - start_s) * 1000 * self._speed)
+                if between is not None and reached_ms < now_ms:
+                    between(reached_ms)
                     now_s = self._clock()
             return
         self.behind_s = now_s - due_s

@@ -1,7 +1,4 @@
-"""What is around a supervisor that flies, in one value: whoever runs a flight puts it together, the flight lives in it.
-
-What a supervisor has learned, and the next one goes on with.
-"""
+"""The context of a flight in one value, which the caller of the flight builds; and the state that a supervisor learns."""
 
 from __future__ import annotations
 
@@ -25,6 +22,8 @@ from apad_bridge.vehicle.link import VehicleLink
 
 @dataclass(frozen=True, slots=True)
 class LearnedState:
+    """The state that a supervisor learns, and that the next supervisor of the run continues with."""
+
     beliefs: FleetBeliefs
     ranging: RangingService | None
     """None without water, or without a modem in it."""
@@ -40,34 +39,34 @@ class Announce(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class FlightContext:
-    """What a supervisor flies with: the vehicle, what lets time pass, the fleet (or none), and who watches each tick."""
+    """The parts that a supervisor flies with: the vehicle, the pace of time, the fleet (or none), the tick's watchers."""
 
     vehicle: VehicleLink
     pace: Pace
     fleet: Fleet | None
     watchers: Callable[[Supervisor], tuple[Watcher, ...]] = lambda supervisor: ()
-    """Made once, for the supervisor that flies."""
+    """Makes the watchers, once, for the flight's supervisor."""
     announce: Announce | None = None
-    """Told every event of the flight, as the journal is."""
+    """Receives every event of the flight, as the journal does."""
     relay: PacketRelay | None = None
-    """Where the other half of the bench is another process: a fleet's packets go there, or a supervisor's."""
+    """Passes packets to another process that holds the other half of the bench: a fleet, or a supervisor."""
     held: tuple[int, ...] = ()
-    """aMussels that docks hold already."""
+    """The aMussels that docks hold already."""
     docks_by_eye: bool = False
-    """Whether the vehicle has a visual servoing that a camera can show something to."""
+    """True if the vehicle has visual servoing, which a simulated camera can feed."""
     dropped: Callable[[], Counter[str]] = Counter
-    """What was heard around here and came to nothing, by reason."""
+    """The counts of messages that the context dropped, by reason."""
     noticed: Callable[[int], list[tuple[str, dict[str, Any]]]] = lambda now_ms: []
-    """Events of the surroundings (kind, data) that were not told yet: a master that is gone, a vehicle that is silent."""
+    """Returns the context's new events (kind, data): a master that is gone, a vehicle that is silent."""
     serial_lines: SerialLines | None = None
-    """Serial lines, which are looked at between ticks too."""
+    """Serial lines, which are polled between ticks too."""
     roster: Roster | None = None
-    """By which it may change who of the fleet is simulated."""
+    """Changes which aMussels of the fleet are simulated."""
     keeps_samples: bool = True
-    """False for a fleet whose mission is at the other end of an ether: its samples are uploaded there."""
+    """False for a fleet whose mission is at the other end of a relay: its samples are uploaded there."""
     tell_served_elsewhere: TellServedElsewhere | None = None
-    """Where one of several aPads may serve another's aMussels."""
+    """Delivers contacts to aMussels of other fleets, where one of several aPads may serve these."""
     breakdown: Breakdown | None = None
-    """What makes one of several aPads stand down; None for one that is alone, or whose work nobody takes over."""
+    """The conditions in which one of several aPads stands down; None for a single aPad, or when no aPad takes over."""
     allocation: Allocation | None = None
-    """Whom it serves, over the beliefs that the flight is given; None: its own fleet."""
+    """The aMussels that the aPad serves, over the beliefs that the flight is given; None: its own fleet."""

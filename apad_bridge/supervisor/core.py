@@ -1,4 +1,4 @@
-"""The supervisor's pure core: facts in, beliefs kept, the mission moved at ticks, commands and packets out."""
+"""The supervisor's pure core: takes facts, keeps beliefs, advances the mission at ticks, returns commands and packets."""
 
 from __future__ import annotations
 
@@ -75,9 +75,9 @@ PRIMITIVE_NAMES: dict[type, str] = {
 
 
 class Supervisor:
-    """Three verbs in mission time. `receive` only keeps a fact; `advance`, called at ticks, acts on all that are due.
+    """Supervises one aPad in mission time. `receive` only keeps a fact; `advance`, called at ticks, acts on all due facts.
 
-    Facts of one tick are handled in the order (time, kind, arrival), so that how they came in between does not matter.
+    Facts of one tick are handled in the order (time, kind, arrival), so that their interleaving does not matter.
     """
 
     def __init__(
@@ -93,8 +93,9 @@ class Supervisor:
         allocation: Allocation | None = None,
         breakdown: Breakdown | None = None,
     ) -> None:
-        """Without `ranging` the supervisor sends acoustic packets at once and pings nobody. `allocation` names the aMussels
-        that this one of several aPads serves; with a `breakdown` it stands down where a single one would try on, or end."""
+        """Without `ranging` the supervisor sends acoustic packets at once and sends no pings. `allocation` names the
+        aMussels that this one of several aPads serves; with a `breakdown` it stands down where a single aPad would try
+        again, or end."""
         self.beliefs = beliefs
         self.allocation = allocation or Allocation(beliefs, ())
         self._breakdown = breakdown
@@ -106,7 +107,7 @@ class Supervisor:
         self.dropped: Counter[str] = Counter()
         self._codec = codec
         self.samples = samples
-        """None where the samples are somebody else's to keep, and to acknowledge."""
+        """None where another process keeps and acknowledges the samples."""
         self._duration_ms = duration_ms
         self._end_at_apad_fraction = end_at_apad_fraction
         self._ranging = ranging
@@ -121,7 +122,7 @@ class Supervisor:
 
     @property
     def primitive(self) -> str:
-        """The primitive under way, by the name that people use."""
+        """The running primitive, by the name that people use."""
         running = self.port.running
         return "none" if running is None else PRIMITIVE_NAMES[type(running)]
 
@@ -130,7 +131,7 @@ class Supervisor:
         return self.mission.state.phase is Phase.ENDED
 
     def receive(self, fact: Fact) -> None:
-        """Keeps the fact for the tick at or after its stamp."""
+        """Keeps the fact for the first tick at or after its stamp."""
         self._counter += 1
         self._facts.append((fact.at_ms, _PRIORITY[type(fact)], self._counter, fact))
 
@@ -148,26 +149,29 @@ class Supervisor:
         actions += self._acknowledge()
         actions += self._pass_on(self.port.advance(now_ms), now_ms)
         if (reason := self._reason_to_end(now_ms)) is not None:
-            actions += self._obey(self.mission.end(reason, now_ms), now_ms)
+            actions += self._carry_out(self.mission.end(reason, now_ms), now_ms)
         elif (reason := self._reason_to_stand_down()) is not None:
-            actions += self._obey(self.mission.stand_down(reason, now_ms), now_ms)
-        actions += self._obey(self.mission.advance(now_ms), now_ms)
+            actions += self._carry_out(self.mission.stand_down(reason, now_ms), now_ms)
+        actions += self._carry_out(self.mission.advance(now_ms), now_ms)
         if self._ranging is None:
             return actions
         return [*self._ranging.timed(actions, now_ms), *self._ranging.advance(self.beliefs.all(), now_ms)]
 
-    def timed(self, word: Send, now_ms: int) -> Send | None:
-        """Somebody else's word to an aMussel, with the time at which the modem may say it; None if it waits already."""
-        told = [word] if self._ranging is None else self._ranging.timed([word], now_ms)
-        return next((it for it in told if isinstance(it, Send)), None)
+    def timed(self, send: Send, now_ms: int) -> Send | None:
+        """Another supervisor's packet to an aMussel, with the time at which the modem may send it.
+
+        None if the same packet waits already.
+        """
+        timed = [send] if self._ranging is None else self._ranging.timed([send], now_ms)
+        return next((it for it in timed if isinstance(it, Send)), None)
 
     def _handle(self, fact: Fact, now_ms: int) -> list[SupervisorAction]:
         match fact:
             case WifiHeard(at_ms, data) | SoundHeard(at_ms, data):
                 packet = self._codec.decode(data)
                 if isinstance(packet, LogRecords):
-                    return self._collect(packet)
-                if (reason := self._hear(packet, at_ms)) is not None:
+                    return self._collect_samples(packet)
+                if (reason := self._believe_status(packet, at_ms)) is not None:
                     self.dropped[reason] += 1
                 return []
             case RangeHeard():
@@ -175,9 +179,9 @@ class Supervisor:
                     [] if self._ranging is None else self._ranging.hear(fact, self.pose, self.beliefs, now_ms)
                 )
             case OperatorAsked(_, reason):
-                return self._obey(self.mission.end(reason, now_ms), now_ms)
+                return self._carry_out(self.mission.end(reason, now_ms), now_ms)
             case StandDownAsked(_, reason):
-                return self._obey(self.mission.stand_down(reason, now_ms), now_ms)
+                return self._carry_out(self.mission.stand_down(reason, now_ms), now_ms)
             case PoseReported():
                 self.pose = fact
                 self.mission.moved(fact.north_m, fact.east_m)
@@ -187,9 +191,9 @@ class Supervisor:
                     self.battery_at_start = fact
         return self._pass_on(self.port.receive(fact, now_ms), now_ms)
 
-    def _collect(self, packet: LogRecords) -> list[SupervisorAction]:
+    def _collect_samples(self, packet: LogRecords) -> list[SupervisorAction]:
         if self.samples is None or packet.agent_id in self.allocation.served_for_others:
-            return []  # the samples of a guest are kept, and acknowledged, where it is simulated
+            return []  # another fleet's aMussel: its samples are kept and acknowledged where it is simulated
         taken = self.samples.take(packet)
         if isinstance(taken, str):
             self.dropped[taken] += 1
@@ -198,23 +202,23 @@ class Supervisor:
         if taken.records:
             actions.append(KeepSamples(packet.agent_id, taken.records))
         if taken.gone:
-            span = {"count": len(taken.gone), "first": min(taken.gone), "last": max(taken.gone)}
-            actions.append(Note("samples_gone", {"id": packet.agent_id, **span}))
+            sequences = {"count": len(taken.gone), "first": min(taken.gone), "last": max(taken.gone)}
+            actions.append(Note("samples_gone", {"id": packet.agent_id, **sequences}))
         return actions
 
     def _acknowledge(self) -> list[SupervisorAction]:
         acks = [] if self.samples is None else self.samples.acknowledgements()
         return [Send(Medium.WIFI, ack.agent_id, self._codec.encode(ack)) for ack in acks]
 
-    def _hear(self, packet: Packet | None, at_ms: int) -> str | None:
-        """Believes what the packet says; or says why not."""
+    def _believe_status(self, packet: Packet | None, at_ms: int) -> str | None:
+        """Updates the beliefs from the packet; returns the reason when it is dropped."""
         if isinstance(packet, ShortStatus):
-            return self._hear_short(packet, at_ms)
+            return self._believe_short_status(packet, at_ms)
         if not isinstance(packet, Status):
             return "bytes that are no status packet"
         return self.beliefs.hear(basic_of(packet), at_ms)
 
-    def _hear_short(self, packet: ShortStatus, at_ms: int) -> str | None:
+    def _believe_short_status(self, packet: ShortStatus, at_ms: int) -> str | None:
         if self._ranging is not None:
             self._ranging.heard_of(packet.agent_id)
         return self.beliefs.hear_short(packet, at_ms)
@@ -233,35 +237,38 @@ class Supervisor:
         is_empty = battery is not None and battery.fraction <= self._end_at_apad_fraction
         return "the aPad's battery" if is_empty else None
 
-    # Of several aPads: whom this one serves.
+    # With several aPads: the aMussels that this one serves.
 
-    def take_on(self, agent_id: int, belief: Belief | None) -> None:
-        """From now on it is served here; of a guest, `belief` is what who served it before believes."""
+    def start_serving(self, agent_id: int, belief: Belief | None) -> None:
+        """Serves the aMussel from now on; for another fleet's aMussel, `belief` is the former server's belief."""
         if agent_id not in self.allocation.own:
             self.beliefs.admit(agent_id, belief)
         self.allocation.take(agent_id)
 
-    def hand_on(self, agent_id: int) -> None:
-        """From now on it is served elsewhere. One of this fleet is heard as ever, for its records are kept here."""
+    def stop_serving(self, agent_id: int) -> None:
+        """Leaves the aMussel to another aPad from now on.
+
+        One of this fleet still updates the beliefs here, because its records are kept here.
+        """
         self.allocation.give(agent_id)
         if agent_id not in self.allocation.own:
             self.beliefs.dismiss(agent_id)
 
-    def _pass_on(self, came: list[VehicleCommand | Outcome], now_ms: int) -> list[SupervisorAction]:
-        """Commands go out; outcomes go to the mission, and what that orders goes to the port, until all is quiet."""
+    def _pass_on(self, items: list[VehicleCommand | Outcome], now_ms: int) -> list[SupervisorAction]:
+        """Passes commands out and outcomes to the mission, and the mission's orders to the port, until none is left."""
         actions: list[SupervisorAction] = []
-        waiting = deque(came)
+        waiting = deque(items)
         while waiting:
             item = waiting.popleft()
             if isinstance(item, (PrimitiveSucceeded, PrimitiveFailed, DockChanged)):
-                self._learn(item)
+                self._learn_from_dock(item)
                 actions += self._note_outcome(item)
-                actions += self._obey(self.mission.receive(item, now_ms), now_ms)
+                actions += self._carry_out(self.mission.receive(item, now_ms), now_ms)
             else:
                 actions.append(item)
         return actions
 
-    def _obey(self, orders: list[Order], now_ms: int) -> list[SupervisorAction]:
+    def _carry_out(self, orders: list[Order], now_ms: int) -> list[SupervisorAction]:
         actions: list[SupervisorAction] = []
         for order in orders:
             match order:
@@ -280,8 +287,8 @@ class Supervisor:
                     actions += self._pass_on(self.port.receive(order, now_ms), now_ms)
         return actions
 
-    def _learn(self, outcome: Outcome) -> None:
-        """What a dock did is known of the aMussel in it, heard or not."""
+    def _learn_from_dock(self, outcome: Outcome) -> None:
+        """Updates the belief of the aMussel in a dock that opened or closed, without a packet from it."""
         if not isinstance(outcome, DockChanged) or self.pose is None:
             return
         if self._ranging is not None:

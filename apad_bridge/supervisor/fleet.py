@@ -1,7 +1,4 @@
-"""A flight's aMussels: where they live, who lets their time pass, and the water between them.
-
-A file of links that a person may change while a run flies.
-"""
+"""A flight's aMussels with their host, their coordinator and the water between them; and the file of acoustic links."""
 
 from __future__ import annotations
 
@@ -22,14 +19,17 @@ from firmware_model.config import Slots
 
 @dataclass(frozen=True, slots=True)
 class Changed:
-    """The file says something else now; `topology` is None, and `problem` says why, where it cannot be read."""
+    """A change of the links file; if it cannot be read, `topology` is None and `problem` gives the reason."""
 
     topology: Topology | None
     problem: str | None
 
 
 class LinksFile:
-    """Looks at the file's time and size; a file that cannot be read leaves the links as they were."""
+    """A file of links that a person may change during a run.
+
+    A change shows in the file's time and size; a file that cannot be read leaves the links as they were.
+    """
 
     def __init__(self, path: Path, theta: int) -> None:
         self.path = path
@@ -37,11 +37,11 @@ class LinksFile:
         self._seen = self._stamp()
 
     def read(self) -> Topology:
-        """OSError, or ValueError, `line N: ...`."""
+        """Reads the links. OSError, or ValueError with `line N: ...`."""
         return read_links(self.path, self._theta)
 
     def look(self) -> Changed | None:
-        """What changed since the last look, if anything did."""
+        """The change since the last look; None without one."""
         stamp = self._stamp()
         if stamp == self._seen:
             return None
@@ -63,10 +63,9 @@ class LinksFile:
 
 @dataclass(frozen=True, slots=True)
 class Fleet:
-    """The agents of a flight, where they live, the clock authority over them, and the water that carries their sound.
+    """The agents of a flight, their host, the clock authority over them, and the water that carries their sound.
 
-    Without a `sea` whatever is said is heard. `timeslots` are those that packets are counted in, `links`
-    is looked at at each tick.
+    Without a `sea` every packet is received. Packets are counted in `timeslots`; `links` is checked at each tick.
     """
 
     coordinator: Coordinator
@@ -80,7 +79,7 @@ class Fleet:
 
     @property
     def dropped(self) -> Counter[str]:
-        """What the water swallowed that is no packet's outcome."""
+        """Counts of losses in the water that are not the outcome of a packet."""
         return Counter() if self.sea is None else self.sea.dropped
 
     def take_truths(self) -> list[Truth]:

@@ -1,9 +1,8 @@
-"""One flight: the loop that lets mission time pass tick by tick for the fleet, the vehicle, the supervisor and the records.
+"""Runs one flight: advances fleet, vehicle, supervisor and records through mission time, tick by tick.
 
-At each tick: the agents are granted time up to it, the vehicle tells what became true, the world's contacts go to the
-bodies, the supervisor acts, and what it says goes out, to be met in the next window. Nothing else moves anything.
-
-The docks' contacts as the bodies feel them: closing, being carried, opening. The world's business, not the mission's.
+At each tick the agents are granted time up to it, the vehicle reports facts, the docks' contacts go to the bodies, the
+supervisor acts, and its packets and commands go out; the agents receive them in the next window. Nothing else moves
+anything.
 """
 
 from __future__ import annotations
@@ -49,14 +48,18 @@ from firmware_model.packets.wire import EVERYONE
 
 
 class Contacts:
-    """Remembers where each docked aMussel was last carried, so that only what changes is told."""
+    """Turns the docks' contacts into stimuli of the bodies: closing, being carried, opening.
+
+    Contacts belong to the simulated world, not to the mission. The last place of each docked aMussel is kept, so that
+    only changes become stimuli.
+    """
 
     def __init__(self, held: Iterable[int] = ()) -> None:
         self._places: dict[int, tuple[int, int] | None] = dict.fromkeys(held)
-        """By agent; None for one that was docked before anything was told here."""
+        """The last place by agent; None for an aMussel that was docked before the first stimulus here."""
 
     def take(self, fact: Carried | LetGo) -> Stimulus | None:
-        """The stimulus that the aMussel's body gets; None when nothing changed for it."""
+        """The stimulus for the aMussel's body; None when nothing changed for it."""
         if isinstance(fact, LetGo):
             if fact.agent_id not in self._places:
                 return None
@@ -71,11 +74,11 @@ class Contacts:
 
 
 _ROUNDS = 8
-"""More answers than this within one tick wait for the next."""
+"""Rounds of acting within one tick; further answers wait for the next tick."""
 
 
 class Flight:
-    """Flies from `start_ms` to the mission's end, in its surroundings; `watchers` come after those of the surroundings.
+    """Flies from `start_ms` to the mission's end in its context; `watchers` are called after the context's watchers.
 
     `stop` may be called from a signal handler or another thread.
     """
@@ -91,27 +94,27 @@ class Flight:
         self.supervisor = supervisor
         self.dropped: Counter[str] = Counter()
         self.now_ms = start_ms
-        self._around = context
+        self._context = context
         self._vehicle = context.vehicle
         self._recorder = recorder
         self._fleet = context.fleet
         self._relay = context.relay
         self._serial_lines = context.serial_lines
         self._roster = context.roster
-        self._came: list[SeaResult] = []
-        """Of the fleet, between two ticks."""
-        self._come_ms = start_ms - 1
-        self._watchers = (*context.watchers(supervisor), self._tell_noticed, *watchers)
+        self._fleet_results: list[SeaResult] = []
+        """Results of the fleet between two ticks."""
+        self._fleet_ms = start_ms - 1
+        self._watchers = (*context.watchers(supervisor), self._record_noticed, *watchers)
         self._contacts = Contacts(context.held)
         self._stopped = StopSign()
         self._stop_reason = "the operator"
 
     @property
     def all_dropped(self) -> Counter[str]:
-        """What came to nothing anywhere in the flight, by reason."""
+        """The counts of everything that was dropped in the flight, by reason."""
         supervisor = self.supervisor
         dropped = self.dropped + supervisor.dropped + supervisor.port.dropped + supervisor.ranging_dropped
-        dropped += self._around.dropped()
+        dropped += self._context.dropped()
         return dropped if self._fleet is None else dropped + self._fleet.dropped
 
     def stop(self, reason: str) -> None:
@@ -119,7 +122,7 @@ class Flight:
         self._stopped.set()
 
     def run(self) -> str:
-        """Flies until the mission has ended; gives the reason."""
+        """Flies until the mission has ended; returns the reason."""
         while not self.step():
             pass
         return self.ended_by
@@ -129,8 +132,8 @@ class Flight:
         return self.supervisor.mission.state.ended_by or ""
 
     def step(self) -> bool:
-        """The next tick, when it has come; whether the mission has ended with it."""
-        self._around.pace.reach(
+        """Waits for the next tick and runs it; True if the mission has ended with it."""
+        self._context.pace.reach(
             self.now_ms, self._stopped, None if self._serial_lines is None else self._between
         )
         self.tick(self.now_ms)
@@ -140,18 +143,18 @@ class Flight:
         return False
 
     def tick(self, now_ms: int) -> None:
-        """One tick of mission time: everything stamped up to `now_ms` is handled."""
-        self._hear_fleet(now_ms)
-        self._hear_modem(now_ms)
-        self._hear_vehicle(now_ms)
-        self._hear_relay(now_ms)
+        """Runs one tick of mission time: handles everything stamped up to `now_ms`."""
+        self._receive_from_fleet(now_ms)
+        self._receive_from_modem(now_ms)
+        self._receive_from_vehicle(now_ms)
+        self._receive_from_relay(now_ms)
         if self._stopped.is_set():
             self.supervisor.receive(OperatorAsked(now_ms, self._stop_reason))
         for _ in range(_ROUNDS):
             if not self._act(now_ms):
                 break
-            self._hear_vehicle(now_ms)
-        # Last: what was heard up to now is believed, whoever said it.
+            self._receive_from_vehicle(now_ms)
+        # Last: packets received up to now are believed, whatever their sender becomes.
         self._apply_requests(now_ms)
         supervisor = self.supervisor
         self._recorder.tick(
@@ -167,17 +170,17 @@ class Flight:
         for watch in self._watchers:
             watch(now_ms)
 
-    def _tell_noticed(self, now_ms: int) -> None:
-        for kind, data in self._around.noticed(now_ms):
+    def _record_noticed(self, now_ms: int) -> None:
+        for kind, data in self._context.noticed(now_ms):
             self._recorder.event(now_ms, kind, **data)
 
     def _act(self, now_ms: int) -> bool:
-        """Lets the supervisor act, and passes on what it says; whether a docking mechanism was commanded.
+        """Lets the supervisor act, and passes its actions on; True if a docking mechanism was commanded.
 
         A mechanism answers within the tick in which it is commanded, so that docking takes the scenario's time and not a
         tick more.
         """
-        mechanism = False
+        mechanism_commanded = False
         for action in self.supervisor.advance(now_ms):
             match action:
                 case Note(kind, data):
@@ -202,52 +205,54 @@ class Flight:
                     else:
                         self.dropped["a ping without water to send it through"] += 1
                 case _:
-                    mechanism |= isinstance(action, CloseDock | OpenDock)
+                    mechanism_commanded |= isinstance(action, CloseDock | OpenDock)
                     self._vehicle.command(action, now_ms)
-        return mechanism
+        return mechanism_commanded
 
     def _between(self, now_ms: int) -> None:
-        """A time before the next tick has come: only who talks to a serial line notices."""
-        if now_ms > self._come_ms:
-            self._came += self._live(now_ms)
+        """Advances the fleet to a time before the next tick, for the serial lines' sake."""
+        if now_ms > self._fleet_ms:
+            self._fleet_results += self._advance_fleet(now_ms)
 
-    def _live(self, now_ms: int) -> list[SeaResult]:
-        """Lets the fleet's time pass, and reads and writes the serial lines."""
-        self._come_ms = now_ms
+    def _advance_fleet(self, now_ms: int) -> list[SeaResult]:
+        """Advances the fleet's time, and reads and writes the serial lines."""
+        self._fleet_ms = now_ms
         written = [] if self._serial_lines is None else self._serial_lines.poll(now_ms)
         if self._fleet is None:
             return []
         for burst in written:
             if self._fleet.sea is not None:
                 self._fleet.sea.write(burst.agent_id, burst.data)
-        came, serial_lines = self._fleet.advance(now_ms), self._serial_lines
+        results, serial_lines = self._fleet.advance(now_ms), self._serial_lines
         return (
-            list(came) if serial_lines is None else [it for it in came if not serial_lines.took(it, now_ms)]
+            list(results)
+            if serial_lines is None
+            else [it for it in results if not serial_lines.took(it, now_ms)]
         )
 
-    def _hear_modem(self, now_ms: int) -> None:
-        """What a physical modem has brought, or has sent."""
-        for came in [] if self._serial_lines is None else self._serial_lines.take():
-            match came:
+    def _receive_from_modem(self, now_ms: int) -> None:
+        """Handles packets that a physical modem has received or sent."""
+        for item in [] if self._serial_lines is None else self._serial_lines.take():
+            match item:
                 case SoundHeard():
-                    self.supervisor.receive(came)
+                    self.supervisor.receive(item)
                 case Send(_, agent_id, data) if self._fleet is not None:
                     ids = self._fleet.coordinator.agent_ids if agent_id == EVERYONE else [agent_id]
                     for each in ids:
-                        self._tell_agent(each, SoundArrived(data), now_ms)
-                case Note(kind, told):
-                    self._recorder.event(now_ms, kind, **told)
-                    if "dropped" in told:
-                        self.dropped[told["dropped"]] += 1
+                        self._stimulate(each, SoundArrived(data), now_ms)
+                case Note(kind, fields):
+                    self._recorder.event(now_ms, kind, **fields)
+                    if "dropped" in fields:
+                        self.dropped[fields["dropped"]] += 1
 
-    def _hear_fleet(self, now_ms: int) -> None:
+    def _receive_from_fleet(self, now_ms: int) -> None:
         if self._fleet is None:
-            self._live(now_ms)
+            self._advance_fleet(now_ms)
             return
-        self._look_at_links(self._fleet, now_ms)
-        came_before, self._came = self._came, []
-        for came in [*came_before, *self._live(now_ms)]:
-            match came:
+        self._update_links(self._fleet, now_ms)
+        results_before, self._fleet_results = self._fleet_results, []
+        for result in [*results_before, *self._advance_fleet(now_ms)]:
+            match result:
                 case Died(_, agent_id, agent_ms, cause, reason, gave_up):
                     self._recorder.event(
                         now_ms,
@@ -260,15 +265,15 @@ class Flight:
                     )
                 case Heard(at_ms, agent_id, WifiSent(_, data)):
                     self.supervisor.receive(WifiHeard(at_ms, data))
-                    self._allocation(Medium.WIFI, agent_id, data, at_ms)
+                    self._relay_transmission(Medium.WIFI, agent_id, data, at_ms)
                 case Heard(at_ms, agent_id, SoundSent(_, data)):
                     self.supervisor.receive(SoundHeard(at_ms, data))
-                    self._allocation(Medium.SOUND, agent_id, data, at_ms)
+                    self._relay_transmission(Medium.SOUND, agent_id, data, at_ms)
                 case Heard(_, _, Dropped(_, reason)):
                     self.dropped[reason] += 1
                 case SoundReached(at_ms, agent_id, data):
                     self.supervisor.receive(SoundHeard(at_ms, data))
-                    self._allocation(Medium.SOUND, agent_id, data, at_ms)
+                    self._relay_transmission(Medium.SOUND, agent_id, data, at_ms)
                 case Ranged(at_ms, agent_id, range_m):
                     self.supervisor.receive(RangeHeard(at_ms, agent_id, range_m))
                     self._recorder.event(now_ms, "range", id=agent_id, range_m=round(range_m, 3))
@@ -282,11 +287,11 @@ class Flight:
         self._recorder.truths(self._fleet.take_truths())
 
     def _note_packet(self, fleet: Fleet, packet: PacketEnded, now_ms: int) -> None:
-        assert fleet.sea is not None  # where else would it come from
+        assert fleet.sea is not None  # only the water reports packets
         data = packet_data(packet, fleet.timeslots, fleet.sea.config.sound.speed_m_s)
         self._recorder.event(now_ms, "packet", **data)
 
-    def _look_at_links(self, fleet: Fleet, now_ms: int) -> None:
+    def _update_links(self, fleet: Fleet, now_ms: int) -> None:
         changed = None if fleet.links is None else fleet.links.look()
         if changed is None or fleet.sea is None:
             return
@@ -295,32 +300,32 @@ class Flight:
         rules = None if changed.topology is None else [list(astuple(it)) for it in changed.topology.rules]
         self._recorder.event(now_ms, "links", rules=rules, problem=changed.problem)
 
-    def _allocation(self, medium: Medium, agent_id: int, data: bytes, at_ms: int) -> None:
+    def _relay_transmission(self, medium: Medium, agent_id: int, data: bytes, at_ms: int) -> None:
         if self._relay is not None:
             self._relay.transmit(medium, agent_id, data, at_ms)
 
-    def _hear_relay(self, now_ms: int) -> None:
+    def _receive_from_relay(self, now_ms: int) -> None:
         if self._relay is None:
             return
-        for came in self._relay.advance(now_ms):
-            if isinstance(came, Send):
-                word = self.supervisor.timed(came, now_ms)
-                if word is not None:
-                    self._send(word, now_ms)
-            elif isinstance(came, Felt):
-                self._tell_agent(came.agent_id, came.stimulus, now_ms)
+        for item in self._relay.advance(now_ms):
+            if isinstance(item, Send):
+                send = self.supervisor.timed(item, now_ms)
+                if send is not None:
+                    self._send(send, now_ms)
+            elif isinstance(item, Felt):
+                self._stimulate(item.agent_id, item.stimulus, now_ms)
             else:
-                self.supervisor.receive(came)
+                self.supervisor.receive(item)
 
     def _apply_requests(self, now_ms: int) -> None:
-        """Who is simulated, and who is not any more."""
+        """Applies requests to make aMussels simulated, real or retired, and to cause faults."""
         if self._roster is None or self._fleet is None:
             return
-        for done in self._roster.advance(self._fleet.coordinator, self.supervisor.beliefs, now_ms):
-            if isinstance(done, Note):
-                self._recorder.event(now_ms, done.kind, **done.data)
+        for action in self._roster.advance(self._fleet.coordinator, self.supervisor.beliefs, now_ms):
+            if isinstance(action, Note):
+                self._recorder.event(now_ms, action.kind, **action.data)
             else:
-                self._tell_agent(*done, now_ms)
+                self._stimulate(*action, now_ms)
 
     def _send(self, send: Send, now_ms: int) -> None:
         sea = None if self._fleet is None else self._fleet.sea
@@ -329,10 +334,10 @@ class Flight:
             return
         if sea is not None and not sea.wifi_reaches(send.agent_id, now_ms):
             return
-        arrived = SoundArrived(send.data) if send.medium is Medium.SOUND else WifiArrived(send.data)
-        self._tell_agent(send.agent_id, arrived, now_ms)
+        stimulus = SoundArrived(send.data) if send.medium is Medium.SOUND else WifiArrived(send.data)
+        self._stimulate(send.agent_id, stimulus, now_ms)
 
-    def _hear_vehicle(self, now_ms: int) -> None:
+    def _receive_from_vehicle(self, now_ms: int) -> None:
         sea = None if self._fleet is None else self._fleet.sea
         for fact in self._vehicle.advance(now_ms):
             if sea is not None and isinstance(fact, PoseReported | APadSeen):
@@ -343,18 +348,18 @@ class Flight:
                 stimulus = self._contacts.take(fact)
                 if stimulus is None:
                     continue
-                tell_served_elsewhere = self._around.tell_served_elsewhere
+                tell_served_elsewhere = self._context.tell_served_elsewhere
                 if (
                     tell_served_elsewhere is not None
                     and fact.agent_id in self.supervisor.allocation.served_for_others
                 ):
                     tell_served_elsewhere(Felt(fact.agent_id, stimulus), now_ms)
                 else:
-                    self._tell_agent(fact.agent_id, stimulus, now_ms)
+                    self._stimulate(fact.agent_id, stimulus, now_ms)
             else:
                 self.supervisor.receive(fact)
 
-    def _tell_agent(self, agent_id: int, stimulus: Stimulus, now_ms: int) -> None:
+    def _stimulate(self, agent_id: int, stimulus: Stimulus, now_ms: int) -> None:
         if self._fleet is None:
             return
         agent_ms = self._fleet.coordinator.receive(agent_id, stimulus, now_ms)

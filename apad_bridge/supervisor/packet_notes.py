@@ -1,4 +1,4 @@
-"""A packet of sound as plain data: who sent what in which timeslot, and what became of it where."""
+"""An acoustic packet as plain data for the journal: sender, content, timeslot, and the outcome at each receiver."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from firmware_model.config import Slots
 
 
 def packet_data(packet: PacketEnded, timeslots: Slots | None, speed_m_s: float) -> dict[str, Any]:
-    """Plain data. `began_ms` and the receptions' ends are agent time; `timeslot` is the one whose time it began in.
+    """Plain data. `began_ms` and the receptions' ends are agent time; `timeslot` is the timeslot in which it began.
 
-    `heard` has a row for each receiver: id (0 is the aPad), outcome, SNR in dB, end, and how long and how far it travelled,
-    in ms and m.
+    `heard` has a row for each receiver: id (0 is the aPad), outcome, SNR in dB, end, travel time in ms, travel distance
+    in m.
     """
     frame = packet.frame
     return {

@@ -1,4 +1,4 @@
-"""Packets between aMussels and a supervisor that live in different processes: a fleet without a mission, or the reverse."""
+"""Relays packets between aMussels and a supervisor in different processes: a fleet without a mission, or the reverse."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from apad_bridge.mission.events import Send, SoundHeard, WifiHeard
 
 @dataclass(frozen=True, slots=True)
 class Felt:
-    """Something that an aMussel of this fleet felt of an aPad whose supervisor is elsewhere."""
+    """A stimulus that an aMussel of this fleet gets from an aPad whose supervisor is elsewhere."""
 
     agent_id: int
     stimulus: Stimulus
@@ -21,18 +21,18 @@ class Felt:
 
 Came = WifiHeard | SoundHeard | Send | Felt
 TellServedElsewhere = Callable[[Felt, int], None]
-"""Lets a guest, which is simulated elsewhere, feel what an aPad's docks do, at a mission time."""
+"""Delivers a stimulus of an aPad's docks to an aMussel that is simulated elsewhere, at a mission time."""
 
 
 class PacketRelay(Protocol):
     def advance(self, now_ms: int) -> Sequence[Came]:
-        """What came from the other side by mission time `now_ms`: an aMussel's transmissions, or what reaches one."""
+        """Returns the items from the other side up to mission time `now_ms`: packets from aMussels, or items for them."""
         ...
 
     def transmit(self, medium: Medium, agent_id: int, data: bytes, now_ms: int) -> None:
-        """Sends a packet to the other side: of this aMussel, or for it."""
+        """Sends a packet from or to this aMussel to the other side."""
         ...
 
     def said(self, send: Send, now_ms: int) -> None:
-        """The supervisor of this process said this, to an aMussel of this process or to a guest."""
+        """Handles a packet that the supervisor of this process sent, to an aMussel of this fleet or of another."""
         ...

@@ -1,4 +1,4 @@
-"""The records as a flight sees them: on disk, in memory, or with a listener beside them."""
+"""The interface of a flight's records: on disk, in memory, or with a listener beside them."""
 
 from __future__ import annotations
 
@@ -12,14 +12,12 @@ from firmware_model.packets.sample_record import SampleRecord
 
 
 class Recorder(Protocol):
-    """What a flight needs of the records."""
-
     def event(self, at_ms: int, kind: str, **data: Any) -> None: ...
 
     def truths(self, truths: list[Truth]) -> None: ...
 
     def samples(self, agent_id: int, records: Sequence[SampleRecord]) -> None:
-        """On disk when it returns: an acknowledgement follows."""
+        """The samples are on disk when this returns, because an acknowledgement follows."""
         ...
 
     def tick(

@@ -1,10 +1,10 @@
-"""Who an aMussel is at the moment: simulated, a real one, or none; and what people may ask of a fleet while it flies.
+"""The presence of each aMussel (simulated, real or retired), and the requests that change a fleet in flight.
 
-A simulated aMussel that is handed over to a real one goes on beside it, unheard, as its twin: it feels the same docks, and
-its truth is recorded beside what is believed of the real one. Taken back, it begins where the real one is believed to be.
-A retired one is out of the water.
+A simulated aMussel that is handed over to a real one continues beside it as its muted twin: it feels the same docks, and
+its truth is recorded beside the belief of the real one. Taken back, it begins at the believed place of the real one. A
+retired one is out of the water.
 
-What claims on the graph mean for a fleet that was there before and comes back: the graph goes before the journal.
+Nodes claim aMussels on the ROS graph. When a run is resumed, these claims take precedence over its journal.
 """
 
 from __future__ import annotations
@@ -46,12 +46,12 @@ TABLE: dict[tuple[Presence, Trigger], Presence] = {
     (Presence.RETIRED, Trigger.SPAWN): Presence.SIMULATED,
     (Presence.RETIRED, Trigger.HAND_OVER): Presence.REAL,
 }
-"""A pair that is missing is refused, with a word for who asked."""
+"""A missing pair is refused, with a reason for the caller."""
 
 
 @dataclass(frozen=True, slots=True)
 class Became:
-    """What an aMussel became at mission time `at_ms`, and at whose word, as the journal of a run tells it."""
+    """A change of an aMussel's presence at mission time `at_ms`, from a run's journal; `by` names the caller."""
 
     at_ms: int
     agent_id: int
@@ -60,7 +60,7 @@ class Became:
 
 
 class Fault(StrEnum):
-    """What can be done to a simulated aMussel to see what follows."""
+    """A fault that can be injected into a simulated aMussel."""
 
     BROWN_OUT = "brown_out"
     WATCHDOG = "watchdog"
@@ -69,20 +69,20 @@ class Fault(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Moved:
-    """Somebody asked that the aMussel be another. `by` is for the journal."""
+    """A request to change an aMussel's presence. `by` is for the journal."""
 
     agent_id: int
     trigger: Trigger
     by: str
     at: tuple[float, float] | None = None
-    """(north, east) in local metres, for one that is spawned."""
+    """(north, east) in local metres, to spawn an aMussel at."""
     charges: tuple[float, float] = (1.0, 1.0)
-    """Primary and secondary in [0, 1], for one that is spawned."""
+    """Primary and secondary in [0, 1], to spawn an aMussel with."""
 
 
 @dataclass(frozen=True, slots=True)
 class Failed:
-    """Somebody asked for a fault."""
+    """A request for a fault."""
 
     agent_id: int
     fault: Fault
@@ -92,12 +92,12 @@ Asked = Moved | Failed
 
 
 class RosterRequests(Protocol):
-    """Where it is asked."""
+    """The queue of requests, and the way back for the answers."""
 
     def take(self) -> list[Asked]: ...
 
-    def answer(self, asked: Asked, refusal: str | None) -> None:
-        """What became of it; None when it was done."""
+    def answer(self, request: Asked, refusal: str | None) -> None:
+        """Answers a request with the reason for its refusal; None when it was done."""
         ...
 
 
@@ -109,19 +109,19 @@ _STIMULI: dict[Fault, Stimulus] = {
 
 
 class Presences:
-    """Of a fleet's aMussels. Its thread is the flight's; `simulated` may be asked by any."""
+    """The presences of a fleet's aMussels. It belongs to the flight's thread; any thread may read `simulated`."""
 
     def __init__(self, agent_ids: Iterable[int], bottom_m: float, before: Iterable[Became] = ()) -> None:
-        """All are simulated, but for what they became under a former supervisor of the run; the newest comes last."""
+        """All are simulated, except for changes under a former supervisor of the run; the newest change comes last."""
         self._bottom_m = bottom_m
         self._now = dict.fromkeys(agent_ids, Presence.SIMULATED)
         self.before = {it.agent_id: it for it in before if it.agent_id in self._now}
-        """By aMussel, the newest change before this supervisor."""
+        """The newest change before this supervisor, by aMussel."""
         self._now |= {it.agent_id: it.presence for it in self.before.values()}
-        self.simulated = self._who_is_simulated()
+        self.simulated = self._simulated_ids()
 
     def mute_as_before(self, coordinator: Coordinator) -> None:
-        """To be said before any time passes: twins and retired ones go on unheard under a new supervisor."""
+        """Mutes twins and retired aMussels under a new supervisor. Call it before any time passes."""
         for it in self.before.values():
             if it.presence is Presence.SIMULATED:
                 coordinator.unmute(it.agent_id, it.at_ms)
@@ -129,60 +129,62 @@ class Presences:
                 coordinator.mute(it.agent_id)
 
     def of(self, agent_id: int) -> Presence | None:
-        """None for an id that is not of this fleet."""
+        """The presence; None for an id that is not of this fleet."""
         return self._now.get(agent_id)
 
     def do(
-        self, asked: Asked, coordinator: Coordinator, beliefs: FleetBeliefs, now_ms: int
+        self, request: Asked, coordinator: Coordinator, beliefs: FleetBeliefs, now_ms: int
     ) -> tuple[list[tuple[int, Stimulus]], Note] | str:
-        """What the aMussels feel of it, and the line for the journal; or why it is refused, and nothing has changed."""
-        before = self._now.get(asked.agent_id)
+        """Returns the aMussels' stimuli and the note for the journal; or the reason for a refusal, without a change."""
+        before = self._now.get(request.agent_id)
         if before is None:
-            return f"aMussel {asked.agent_id} is not of this fleet"
-        if isinstance(asked, Failed):
+            return f"aMussel {request.agent_id} is not of this fleet"
+        if isinstance(request, Failed):
             if before is not Presence.SIMULATED:
-                return f"aMussel {asked.agent_id} is {before}: faults are for simulated ones"
-            if asked.fault is Fault.COIL_SLIP and not _is_docked(beliefs, asked.agent_id):
-                return f"aMussel {asked.agent_id} is in no dock, as far as is heard: a coil slips only there"
-            return [(asked.agent_id, _STIMULI[asked.fault])], Note(
-                "fault", {"id": asked.agent_id, "fault": asked.fault.value}
+                return f"aMussel {request.agent_id} is {before}: faults are for simulated ones"
+            if request.fault is Fault.COIL_SLIP and not _is_docked(beliefs, request.agent_id):
+                return (
+                    f"aMussel {request.agent_id} is in no dock, as far as is heard: a coil slips only there"
+                )
+            return [(request.agent_id, _STIMULI[request.fault])], Note(
+                "fault", {"id": request.agent_id, "fault": request.fault.value}
             )
-        if _is_docked(beliefs, asked.agent_id):
-            return f"aMussel {asked.agent_id} is in a dock: undock it first"
-        after = TABLE.get((before, asked.trigger))
+        if _is_docked(beliefs, request.agent_id):
+            return f"aMussel {request.agent_id} is in a dock: undock it first"
+        after = TABLE.get((before, request.trigger))
         if after is None:
-            return f"aMussel {asked.agent_id} is {before}: it cannot {asked.trigger}"
-        if asked.trigger is Trigger.SPAWN and (why := _no_spawn(asked)) is not None:
+            return f"aMussel {request.agent_id} is {before}: it cannot {request.trigger}"
+        if request.trigger is Trigger.SPAWN and (why := _no_spawn(request)) is not None:
             return why
         stimuli: list[tuple[int, Stimulus]] = []
         if after is Presence.SIMULATED:
-            placed = self._placed(asked, beliefs)
+            placed = self._placed(request, beliefs)
             if placed is None:
-                return f"nothing was heard of the real aMussel {asked.agent_id}: retire it, and spawn it somewhere"
-            stimuli.append((asked.agent_id, placed))
-            coordinator.unmute(asked.agent_id, now_ms)
+                return f"nothing was heard of the real aMussel {request.agent_id}: retire it, and spawn it somewhere"
+            stimuli.append((request.agent_id, placed))
+            coordinator.unmute(request.agent_id, now_ms)
         else:
-            coordinator.mute(asked.agent_id)
-        if asked.trigger is not Trigger.TAKE_BACK:
-            beliefs.forget(asked.agent_id)
-        self._now[asked.agent_id] = after
-        self.simulated = self._who_is_simulated()
-        return stimuli, Note("presence", {"id": asked.agent_id, "is": after.value, "by": asked.by})
+            coordinator.mute(request.agent_id)
+        if request.trigger is not Trigger.TAKE_BACK:
+            beliefs.forget(request.agent_id)
+        self._now[request.agent_id] = after
+        self.simulated = self._simulated_ids()
+        return stimuli, Note("presence", {"id": request.agent_id, "is": after.value, "by": request.by})
 
-    def _who_is_simulated(self) -> frozenset[int]:
+    def _simulated_ids(self) -> frozenset[int]:
         return frozenset(it for it, presence in self._now.items() if presence is Presence.SIMULATED)
 
-    def _placed(self, asked: Moved, beliefs: FleetBeliefs) -> Placed | None:
-        """On the bottom: where it was asked for, or where the real one is believed to be."""
-        if asked.trigger is Trigger.TAKE_BACK:
-            belief = beliefs.get(asked.agent_id)
+    def _placed(self, request: Moved, beliefs: FleetBeliefs) -> Placed | None:
+        """On the bottom, at the requested place or at the believed place of the real one; None without a belief."""
+        if request.trigger is Trigger.TAKE_BACK:
+            belief = beliefs.get(request.agent_id)
             if belief is None:
                 return None
             north_m, east_m = belief.north_m, belief.east_m
             charges = belief.primary, belief.secondary
         else:
-            north_m, east_m = asked.at or (0.0, 0.0)
-            charges = asked.charges
+            north_m, east_m = request.at or (0.0, 0.0)
+            charges = request.charges
         return Placed(
             round(north_m * 1e6),
             round(east_m * 1e6),
@@ -197,60 +199,60 @@ def _is_docked(beliefs: FleetBeliefs, agent_id: int) -> bool:
     return belief is not None and belief.state in DOCKED
 
 
-def _no_spawn(asked: Moved) -> str | None:
-    """Why it cannot be put into the water so, or None. ROS 1 has 0 for what is left out: nobody spawns an empty one."""
-    if not all(0.0 < charge <= 1.0 for charge in asked.charges):
+def _no_spawn(request: Moved) -> str | None:
+    """The reason for refusing to spawn, or None. Charge 0 is refused: ROS 1 fills a field that is left out with 0."""
+    if not all(0.0 < charge <= 1.0 for charge in request.charges):
         return "primary and secondary are charges above 0 and up to 1 (one that is left out is 0): say both"
-    if not math.hypot(*(asked.at or (0.0, 0.0))) <= FARTHEST_M:
+    if not math.hypot(*(request.at or (0.0, 0.0))) <= FARTHEST_M:
         return f"a place is metres north and east of the scenario's origin, {FARTHEST_M:.0f} m away at most"
     return None
 
 
 class Roster:
-    """Who is who in a flight's fleet, and where changes of that are asked for."""
+    """The presences of a flight's fleet, and the requests that change them."""
 
-    def __init__(self, presences: Presences, desk: RosterRequests) -> None:
+    def __init__(self, presences: Presences, requests: RosterRequests) -> None:
         self.presences = presences
-        self._desk = desk
+        self._requests = requests
         self._answers: list[tuple[Asked, str | None]] = []
 
     def advance(
         self, coordinator: Coordinator, beliefs: FleetBeliefs, now_ms: int
     ) -> list[tuple[int, Stimulus] | Note]:
-        """Does what was asked since the last tick. Nobody is told so before `answer`."""
-        done: list[tuple[int, Stimulus] | Note] = []
-        for asked in self._desk.take():
-            outcome = self.presences.do(asked, coordinator, beliefs, now_ms)
+        """Applies the requests since the last tick. No caller gets an answer before `answer`."""
+        actions: list[tuple[int, Stimulus] | Note] = []
+        for request in self._requests.take():
+            outcome = self.presences.do(request, coordinator, beliefs, now_ms)
             if isinstance(outcome, str):
-                self._answers.append((asked, outcome))
+                self._answers.append((request, outcome))
                 continue
             stimuli, note = outcome
-            done += [*stimuli, note]
-            self._answers.append((asked, None))
-        return done
+            actions += [*stimuli, note]
+            self._answers.append((request, None))
+        return actions
 
     def answer(self) -> None:
-        """To be called when what was done is on disk: what was accepted outlives a crash."""
+        """Answers the requests. Call it when the changes are on disk, so that an accepted request outlives a crash."""
         answers, self._answers = self._answers, []
-        for asked, refusal in answers:
-            self._desk.answer(asked, refusal)
+        for request, refusal in answers:
+            self._requests.answer(request, refusal)
 
 
 @dataclass(frozen=True, slots=True)
 class Claim:
-    """A node's word that it speaks for these aMussels, `real` ones or simulated ones."""
+    """A node's claim to these aMussels, as `real` or as simulated ones."""
 
     node: str
     real: bool
     since_s: float
-    """Of the wall clock."""
+    """Wall-clock time."""
     ids: frozenset[int]
     until_s: float
-    """Of the monotonic clock."""
+    """Monotonic-clock time."""
 
 
 def given_back(before: Mapping[int, Became], claims: Iterable[Claim]) -> dict[int, str]:
-    """The real aMussels that their claimant, which still claims real ones, claims no more; and who that is."""
+    """The real aMussels missing from the live claim of real ones of the node that had claimed them; and its name."""
     real = {claim.node: claim.ids for claim in claims if claim.real}
     return {
         agent_id: it.by
@@ -262,7 +264,7 @@ def given_back(before: Mapping[int, Became], claims: Iterable[Claim]) -> dict[in
 def conflicts(
     presence_of: Callable[[int], Presence | None], before: Mapping[int, Became], claims: Iterable[Claim]
 ) -> list[str]:
-    """A line for a person on each aMussel of which living claims say something else than the journal does."""
+    """A line for a person on each aMussel for which living claims contradict the journal."""
     claims = list(claims)
     lines = [
         f"aMussel {agent_id} was real by {node}, which claims it no more: it is taken back"
@@ -285,4 +287,4 @@ _OUTCOMES: dict[tuple[Presence | None, bool], str] = {
     (Presence.SIMULATED, False): "ours is retired",
     (Presence.REAL, False): "here it stays real",
 }
-"""By what an aMussel was and whether the claim is of a real one; a retired one that others simulate is as it should be."""
+"""The outcome by presence and by the claim's `real`; a retired aMussel that another node simulates is no conflict."""

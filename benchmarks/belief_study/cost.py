@@ -1,4 +1,4 @@
-"""What beliefs cost, in time of the processor: an event of one aMussel, and a tick of a fleet that reports every second."""
+"""The processor time of beliefs: an event of one aMussel, and a tick of a fleet that reports every second."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def _median_us(events: list[Callable[[], object]]) -> float:
 
 
 def event_costs() -> dict[str, float]:
-    """Medians in microseconds: a packet in time, a slot of silence, and a packet after a day of silence."""
+    """Medians in microseconds: a packet in time, a silent timeslot, and a packet after a day of silence."""
     twin = Twin(NOMINAL, {})
     first = twin.update(None, Heard(0, _packet(1, 0, 0, 0.9)))
     assert first is not None
@@ -52,7 +52,7 @@ def event_costs() -> dict[str, float]:
 
 
 def tick_ms(agents: int, theta: int) -> dict[str, float]:
-    """A second's packets of the whole fleet, and then what is believed of all of them: median and worst of a minute."""
+    """A second's packets of the whole fleet, then the beliefs of all: median and worst of a minute."""
     sensor = replace(
         NOMINAL.sensor, apart_ms=max(NOMINAL.sensor.apart_ms, 20_000 * theta)
     )  # as missions have it

@@ -68,7 +68,7 @@ NOMINAL = Knowledge(
     sinking_ms=4 * MINUTE,
     float_timeout_ms=12 * 60 * MINUTE,
 )
-"""What is told to a filter of the study's aMussels: the kind, not the one."""
+"""A filter's knowledge of the study's aMussels: the nominal kind, not the individual."""
 
 
 def twin(life: Life, agent: int, knows_schedule: bool) -> Twin:
@@ -76,12 +76,12 @@ def twin(life: Life, agent: int, knows_schedule: bool) -> Twin:
 
 
 def oracle(life: Life, agent: int, knows_schedule: bool) -> Twin:
-    """The same filter, told the true drain and the true biases of this aMussel."""
+    """The same filter with the true drain and the true biases of this aMussel."""
     knowledge = NOMINAL
     drain = knowledge.drain
     factor = float(life.drain[agent])
     sag = life.sag[agent]
-    told = replace(
+    known = replace(
         knowledge,
         drain=replace(
             drain,
@@ -95,7 +95,7 @@ def oracle(life: Life, agent: int, knows_schedule: bool) -> Twin:
         ),
         drain_deviation=1e-3,
     )
-    return Twin(told, _schedules(life, agent, knows_schedule))
+    return Twin(known, _schedules(life, agent, knows_schedule))
 
 
 def hold_last(life: Life, agent: int, knows_schedule: bool) -> LastPacket:
@@ -114,16 +114,16 @@ def _schedules(life: Life, agent: int, knows_schedule: bool) -> dict[int, Schedu
 
 
 def beliefs(life: Life, agent: int, estimator: object, heard: np.ndarray) -> Iterator[tuple[int, Belief]]:
-    """(hour, belief) at each slot, from the first packet on; `heard` says in which hours the packet came."""
+    """(hour, belief) at each timeslot, from the first packet on; `heard` marks the hours in which the packet arrived."""
     belief: Belief | None = None
     events = iter([*life.events[agent], (1 << 60, Event.RELEASED)])
     at_min, event = next(events)
     for hour in range(life.primary.shape[1]):
-        slot_min = 60 * hour + int(life.slot[agent])
-        while at_min <= slot_min:
+        timeslot_min = 60 * hour + int(life.timeslot_minute[agent])
+        while at_min <= timeslot_min:
             belief = estimator.update(belief, _done(event, at_min * MINUTE))
             at_min, event = next(events)
-        now_ms = slot_min * MINUTE
+        now_ms = timeslot_min * MINUTE
         if heard[hour]:
             belief = estimator.update(belief, Heard(now_ms, _packet(life, agent, hour, now_ms)))
         elif belief is not None:

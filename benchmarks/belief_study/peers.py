@@ -1,8 +1,8 @@
 """The peers: a plain Kalman filter and a plain interacting-multiple-model filter, over all aMussels at once.
 
 They know neither schedule nor dockings, only packets, with the mode that each states. Both are filterpy's, written over
-arrays of aMussels for speed: `like_filterpy` runs filterpy's own classes on the same packets, and the run says by how
-much they differ. Their numbers are tuned in the run, on a seed that is not reported.
+arrays of aMussels for speed: `like_filterpy` runs filterpy's own classes on the same packets, and the run reports the
+difference. Their numbers are tuned in the run, on a seed that is not reported.
 """
 
 from __future__ import annotations
@@ -114,15 +114,15 @@ def _corrected(
     likelihood = np.exp(-0.5 * away**2 / total) / np.sqrt(total) + 1e-300
     modes = modes * likelihood
     if modes.shape[1] > 1:
-        said = np.full(modes.shape, 0.01)
-        said[np.arange(len(z)), stated] = 0.97
-        modes = modes * said
+        stated_likelihood = np.full(modes.shape, 0.01)
+        stated_likelihood[np.arange(len(z)), stated] = 0.97
+        modes = modes * stated_likelihood
     modes /= modes.sum(axis=1, keepdims=True)
     return x + gain * away[:, :, None], cov - gain[..., None] * cov[:, :, None, 0, :], modes
 
 
 def like_filterpy(peer: Peer, life: Life, heard: np.ndarray, agent: int) -> float:
-    """By how much `run` and filterpy's own classes differ on one aMussel: the largest difference of the means."""
+    """The largest difference of the means between `run` and filterpy's own classes on one aMussel."""
     mean, _, _ = run(peer, life, heard)
     filters = []
     for transition, noise in zip(peer.transitions, peer.noise, strict=True):
@@ -143,7 +143,7 @@ def like_filterpy(peer: Peer, life: Life, heard: np.ndarray, agent: int) -> floa
             if len(filters) > 1:
                 _state(theirs, int(_SEEN_AS[life.doing[agent, hour]]))
         elif len(filters) > 1:
-            # Its predict() leaves the probabilities of the modes where they were: that step is ours to make.
+            # filterpy's predict() does not update the mode probabilities: do that step here.
             theirs.mu = theirs.cbar.copy()
             theirs._compute_mixing_probabilities()
             theirs._compute_state_estimate()
@@ -153,14 +153,14 @@ def like_filterpy(peer: Peer, life: Life, heard: np.ndarray, agent: int) -> floa
 
 
 def _state(theirs: IMMEstimator, stated: int) -> None:
-    """A packet that states its mode, to filterpy's estimator."""
-    said = np.full(theirs.N, 0.01)
-    said[stated] = 0.97
-    theirs.mu = theirs.mu * said / (theirs.mu * said).sum()
+    """Updates filterpy's estimator with a packet that states its mode."""
+    likelihood = np.full(theirs.N, 0.01)
+    likelihood[stated] = 0.97
+    theirs.mu = theirs.mu * likelihood / (theirs.mu * likelihood).sum()
     theirs._compute_mixing_probabilities()
     theirs._compute_state_estimate()
 
 
 def modes_right(models: np.ndarray, life: Life) -> np.ndarray:
-    """Where the most probable model is what the aMussel does; on the way up or down nothing is claimed."""
+    """True where the most probable model is the aMussel's mode; on the way up or down no mode is claimed."""
     return (models == _SEEN_AS[life.doing]) & (life.doing != Doing.SURFACING) & (life.doing != Doing.FLOATING)

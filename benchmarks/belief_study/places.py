@@ -1,7 +1,7 @@
-"""Where aMussels drift to, and whether the believed ellipse of 95 % holds them: with and without currents, at any theta.
+"""The drift of aMussels, and the coverage of the believed ellipse of 95 %: with and without currents, at any theta.
 
-The water knows mission time alone. The true amplitude of the drift and the true current differ from what the filter is
-told by up to a tenth.
+The water knows mission time alone. The true amplitude of the drift and the true current differ from the filter's values
+by up to a tenth.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ _CHI_95 = 5.991
 
 
 def coverage(theta: int, currents: bool, seed: int = 11) -> dict[str, Any]:
-    """Share of reports' times at which the true place lay in the ellipse. Without a current it lies on the bottom."""
+    """The share of report times at which the true place was in the ellipse. Without a current it is on the bottom."""
     rng = np.random.default_rng(seed)
     water = Water(AMPLITUDE_M**2 / 3, CURRENT_M_S if currents else 0.0, LASTS_S, FIX_M)
     twin = Twin(replace(NOMINAL, theta=theta, water=water, float_timeout_ms=10**12), {})

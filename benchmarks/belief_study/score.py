@@ -1,4 +1,4 @@
-"""How good beliefs were: error, coverage of the 95 % interval, consistency, by the age of the last packet."""
+"""Scores beliefs: error, coverage of the 95 % interval, and consistency, by the age of the last packet."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ AGES = (
     ("49-", 49, 1 << 30),
 )
 COLUMNS = ("age_h", "truth", "mean", "variance", "low", "high", "right", "ends")
-"""Of a row: age of the last packet, true and believed charge, variance, the probability of so little and of less, whether
-the mode is right, and how much of the belief rests at 0 or 1."""
+"""The columns of a row: age of the last packet, true and believed charge, variance, the probability of at most the true
+charge and of less, 1 if the mode is right, and the part of the belief at exactly 0 or 1."""
 
 
 def score(rows: np.ndarray, certain: bool = False) -> dict[str, Any]:
-    """Of rows as in `COLUMNS`. A filter that claims to be `certain` has neither coverage nor consistency."""
+    """Scores rows as in `COLUMNS`. A filter that claims to be `certain` has neither coverage nor consistency."""
     age, truth, mean, variance, low, high, right, ends = rows.T
     error = mean - truth
     bins = {name: (age >= first) & (age <= last) for name, first, last in AGES}
@@ -37,7 +37,7 @@ def score(rows: np.ndarray, certain: bool = False) -> dict[str, Any]:
     if certain:
         return found
     covered = (low >= 0.025) & (high <= 0.975)
-    # Clamped: the truth rests at an end, or more than half of the belief does.
+    # Clamped: the truth, or more than half of the belief, is exactly 0 or 1.
     clamped = (truth <= 0) | (truth >= 1) | (ends > 0.5) | (variance <= 0)
     square = np.where(clamped, 0.0, error**2 / np.maximum(variance, 1e-12))
     found |= {

@@ -1,4 +1,4 @@
-"""Rows for the score: every filter on every share of packets heard, on the same lives."""
+"""Makes rows for the score: every filter at every share of packets received, on the same lives."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from benchmarks.belief_study.truth import Doing, Life, live
 
 REPORTED = (11, 12, 13)
 TUNED_ON = 901
-"""Peers are tuned on it in the run; the twin's numbers were on this one and the two that follow."""
+"""The peers are tuned on this seed in the run; the twin's numbers were tuned on this seed and the two that follow."""
 HEARD = (1.0, 0.5, 0.1, 0.01)
 OURS: dict[str, Callable[[Life, int, bool], Any]] = {
     "twin": filters.twin,
@@ -82,9 +82,9 @@ def _row(belief: Belief, truth: float, doing: Doing) -> tuple[float, ...]:
 
 
 def mode_delays(life: Life, agent: int, right_at: dict[int, bool]) -> list[int]:
-    """For each unscheduled switch: how many packets after the first one heard since then the mode was right.
+    """For each unscheduled switch: the number of packets after the first one received since then until the mode is right.
 
-    0 is the first one itself. A switch after which nothing is heard is no sample.
+    0 is the first packet itself. A switch after which no packet is received is not counted.
     """
     alone = life.doing[agent] <= Doing.HIGH
     switched = np.flatnonzero(life.unscheduled[agent] & alone)
@@ -100,7 +100,7 @@ def mode_delays(life: Life, agent: int, right_at: dict[int, bool]) -> list[int]:
 def peer_rows(
     name: str, seeds: tuple[int, ...], agents: int, share: float
 ) -> tuple[np.ndarray, dict[str, Any]]:
-    """Rows of a peer on all seeds, and how it was tuned and checked."""
+    """Rows of a peer on all seeds, and its tuning and check."""
     make, grid = (peers.kalman, peers.KALMAN_GRID) if name == "kalman" else (peers.imm, peers.IMM_GRID)
     other = life_of(TUNED_ON, agents)
     peer = peers.tuned(make, grid, other, heard_in(other, share))

@@ -1,9 +1,9 @@
-"""What 100 aMussels do for 20 days, stepped minute by minute: the truth that no filter here may look at.
+"""Simulates 100 aMussels for 20 days, minute by minute: the truth, which no filter here may read.
 
-It shares no code with the filters and departs from their model: every aMussel draws up to 10 % more or less than it
-should, and ages; its voltage sags and lifts by mode, by amounts of its own; docks charge a little faster or slower each
-time; 3 % of the hours go otherwise than scheduled; a sensor adds noise; and for 6 to 48 hours, about every three days,
-nothing is heard. Loads are those of the paper's Table I (scaled voltage a minute) as fitted in
+It shares no code with the filters and departs from their model: every aMussel draws up to 10 % more or less than the
+nominal kind, and ages; its voltage sags and lifts by mode, by amounts of its own; docks charge a little faster or slower
+each time; 3 % of the hours depart from the schedule; a sensor adds noise; and for 6 to 48 hours, about every three days,
+no packet is received. Loads are those of the paper's Table I (scaled voltage a minute) as fitted in
 firmware_model/table_one.py, written down again here.
 """
 
@@ -40,11 +40,11 @@ PER_MIN = np.array(
 """Asleep: MU and modem, hourly wakes aside. High load: the Pi besides, a third of the time. Floating: Wi-Fi, GSM and
 Bluetooth besides."""
 ASLEEP_IN_DOCK = 0.6037
-"""Of the load, what reaches a battery that is being charged."""
+"""The fraction of the load that reaches a battery during charging."""
 CURVE = ((0.16197, 0.001045), (0.5634, 0.00223), (1.0, 0.002911))
 TWO_COILS = 1.2435
 SAG = np.array([0.0, -0.010, -0.030, -0.010, -0.028, +0.030, -0.010, 0.0])
-"""Mean voltage bias by what it does."""
+"""Mean voltage bias by mode."""
 
 
 ALONE = (Doing.ASLEEP, Doing.IDLE, Doing.HIGH)
@@ -63,7 +63,7 @@ Events = list[tuple[int, Event]]
 
 @dataclass
 class Now:
-    """All aMussels at one minute; `until`, `called` are minutes, `planned` what an aPad takes the charges for."""
+    """All aMussels at one minute; `until`, `called` are minutes, `planned` the charges that an aPad assumes."""
 
     doing: np.ndarray
     primary: np.ndarray
@@ -80,25 +80,26 @@ class Now:
 
 @dataclass(frozen=True)
 class Life:
-    """Of one seed; times in minutes, hours as the second index. `slot` is the minute of the hour of each agent's packet."""
+    """The lives of one seed; times in minutes, hours as the second index. `timeslot_minute` is the minute of the hour of
+    each agent's packet."""
 
-    slot: np.ndarray
+    timeslot_minute: np.ndarray
     scheduled: np.ndarray
     """(agents, hours): the mode commanded for the hour, known to a filter that knows the schedule."""
     unscheduled: np.ndarray
-    """(agents, hours): the hour went otherwise."""
+    """(agents, hours): the hour departed from the schedule."""
     doing: np.ndarray
     primary: np.ndarray
     secondary: np.ndarray
-    """(agents, hours): at the slot."""
+    """(agents, hours): at the timeslot."""
     measured: np.ndarray
-    """(agents, hours, 2): what a packet would say of the two charges."""
+    """(agents, hours, 2): the two charges in a packet of that hour."""
     luck: np.ndarray
-    """(agents, hours) in [0, 1): a packet is lost when this is above the share that is heard."""
+    """(agents, hours) in [0, 1): a packet is lost when this is above the share of packets received."""
     dark: np.ndarray
     """(agents, hours): within a blackout."""
     events: list[Events]
-    """By agent."""
+    """The events of each agent."""
     drain: np.ndarray
     sag: np.ndarray
     """(agents, modes): the true voltage bias."""
@@ -109,7 +110,7 @@ def live(seed: int, agents: int = AGENTS, hours: int = HOURS) -> Life:
     drain = rng.uniform(1 - DRAIN_SPREAD, 1 + DRAIN_SPREAD, agents)
     ageing = rng.uniform(0.0, 0.002, agents) / 1440  # of the capacity, a minute
     sag = SAG * rng.uniform(0.4, 1.6, (agents, 1)) + rng.normal(0, 0.003, (agents, len(SAG)))
-    slot = 1 + np.arange(agents) % 8
+    timeslot_minute = 1 + np.arange(agents) % 8
     scheduled = _schedules(rng, agents, hours)
     unscheduled = rng.random((agents, hours)) < UNSCHEDULED
     other = (scheduled + rng.integers(1, 3, (agents, hours))) % 3
@@ -129,29 +130,29 @@ def live(seed: int, agents: int = AGENTS, hours: int = HOURS) -> Life:
         wait=rng.integers(30, 600, agents),
     )
     events: list[Events] = [[] for _ in range(agents)]
-    at_slot = (np.zeros((agents, hours)), np.zeros((agents, hours)), np.zeros((agents, hours), int))
+    at_timeslot = (np.zeros((agents, hours)), np.zeros((agents, hours)), np.zeros((agents, hours), int))
     for minute in range(60 * hours):
         hour = minute // 60
         if minute % 60 == 0:
             now.doing = np.where(now.doing <= Doing.HIGH, by_itself[:, hour], now.doing)
         for i in np.flatnonzero((now.called == minute) | (now.until == minute)):
             _turn(rng, i, minute, by_itself[i, hour], now, events[i])
-        here = slot == minute % 60
+        here = timeslot_minute == minute % 60
         if here.any():
-            for kept, of_now in zip(at_slot, (now.primary, now.secondary, now.doing), strict=True):
-                kept[here, hour] = of_now[here]
+            for target, source in zip(at_timeslot, (now.primary, now.secondary, now.doing), strict=True):
+                target[here, hour] = source[here]
         _pass_a_minute(rng, minute, scheduled[:, hour], 1 + ageing * minute, now)
     noise = rng.normal(0, NOISE, (agents, hours, 2))
-    bias = np.take_along_axis(sag, at_slot[2], axis=1)
-    lift = np.where(at_slot[2] == Doing.DOCKED, bias, 0.0)
-    measured = np.stack([at_slot[0] + bias, at_slot[1] + lift], axis=2) + noise
+    bias = np.take_along_axis(sag, at_timeslot[2], axis=1)
+    lift = np.where(at_timeslot[2] == Doing.DOCKED, bias, 0.0)
+    measured = np.stack([at_timeslot[0] + bias, at_timeslot[1] + lift], axis=2) + noise
     return Life(
-        slot,
+        timeslot_minute,
         scheduled,
         unscheduled,
-        at_slot[2],
-        at_slot[0],
-        at_slot[1],
+        at_timeslot[2],
+        at_timeslot[0],
+        at_timeslot[1],
         np.clip(measured, 0, 1),
         rng.random((agents, hours)),
         _blackouts(rng, agents, hours),
@@ -168,8 +169,8 @@ def _pass_a_minute(
     now.primary, now.secondary = _step(
         now.doing, now.primary, now.secondary, now.drain * age, now.coils * age
     )
-    # An aPad comes when one of the nominal kind that keeps to its schedule would be low, and lets it go some hours after
-    # that one would be full: it cannot see the truth.
+    # An aPad cannot see the truth: it comes when a nominal aMussel on schedule would be low, and releases the aMussel
+    # some hours after the nominal one would be full.
     alone = (now.doing <= Doing.HIGH) | (now.doing == Doing.EMPTY)
     nominally, nominal = np.where(alone, scheduled, now.doing), np.ones(len(alone))
     now.planned, now.planned_secondary = _step(
@@ -206,7 +207,7 @@ def _turn(rng: np.random.Generator, i: int, minute: int, by_itself: int, now: No
     elif doing == Doing.FLOATING:
         events.append((minute, Event.DOCKED))
         now.doing[i], now.coils[i] = Doing.DOCKED, rng.normal(1.0, 0.03)
-        # Some are let go early.
+        # Some are released early.
         now.until[i] = minute + int(rng.integers(60, 300)) if rng.random() < 0.2 else -1
     elif doing == Doing.DOCKED:
         events.append((minute, Event.RELEASED))

@@ -1,4 +1,4 @@
-"""A rospy node that does next to nothing: one status topic. Its lines on stdin are commands, those on stdout their ends.
+"""A rospy node with one status topic and no other work. It reads commands on stdin, and prints a line when each is done.
 
 Use: bare_rospy.py NUMBER; "publish N" publishes N statuses; the end of stdin ends the node.
 """

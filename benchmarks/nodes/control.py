@@ -1,6 +1,6 @@
-"""A vehicle's control process, as far as the machine feels it: ten times a second it works for 20 ms.
+"""Loads the machine as a vehicle's control process does: ten times a second it works for 20 ms.
 
-Use: control.py; at the end of stdin it prints a line of JSON: how late each of its periods began, in milliseconds.
+Use: control.py; at the end of stdin it prints a line of JSON: the lateness of each period's begin, in milliseconds.
 """
 
 from __future__ import annotations

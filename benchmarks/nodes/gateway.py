@@ -1,8 +1,8 @@
 """A gateway with N aMussels that ticks once a second, as a supervisor's does. For `benchmarks/run gateway`.
 
 Use: gateway.py AGENTS; prints `open SECONDS XMLRPC_URI`. A line "tick N" on stdin makes N ticks and prints `ticked`; the
-end of stdin closes the gateway and prints a line of JSON: what was published, and what readers missed. Of each aMussel,
-north is the monotonic clock's seconds at the tick.
+end of stdin closes the gateway and prints a line of JSON: counts of published messages, and of those that readers missed.
+The north of each aMussel is the monotonic clock's seconds at the tick.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ NODE = "musselbed_1"
 
 
 class Supervisor:
-    """As much of one as a gateway shows."""
+    """The part of a supervisor that a gateway publishes."""
 
     pose = battery = None
     primitive = "none"

@@ -1,4 +1,4 @@
-"""An ordinary rospy node that hears some aMussels' positions, and how long after their tick each report first came.
+"""An ordinary rospy node that subscribes to some aMussels' positions and measures each report's delay after its tick.
 
 Use: rospy_reader.py AGENT_ID...; prints `reading`; at the end of stdin a line of JSON with the latencies in milliseconds.
 """
@@ -19,15 +19,15 @@ use_generated_messages()
 from auv_msgs.msg import NavSts  # noqa: E402
 
 
-class Ear:
+class PositionReader:
     def __init__(self, agent_id: int) -> None:
         self.latencies_ms: list[float] = []
         self._stamp: Any = None
         self._subscriber = rospy.Subscriber(
-            f"/amussel{agent_id}/position", NavSts, self._hear, tcp_nodelay=True
+            f"/amussel{agent_id}/position", NavSts, self._receive, tcp_nodelay=True
         )
 
-    def _hear(self, message: Any) -> None:
+    def _receive(self, message: Any) -> None:
         now_s = time.monotonic()
         if message.header.stamp != self._stamp:
             self._stamp = message.header.stamp
@@ -36,10 +36,10 @@ class Ear:
 
 def main() -> None:
     rospy.init_node("reader", disable_signals=True)
-    ranging = [Ear(int(agent_id)) for agent_id in sys.argv[1:]]
+    readers = [PositionReader(int(agent_id)) for agent_id in sys.argv[1:]]
     print("reading", flush=True)
     sys.stdin.read()
-    print(json.dumps([latency for ear in ranging for latency in ear.latencies_ms]), flush=True)
+    print(json.dumps([latency for reader in readers for latency in reader.latencies_ms]), flush=True)
     rospy.signal_shutdown("told to end")
 
 

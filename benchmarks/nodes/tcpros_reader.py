@@ -1,8 +1,8 @@
-"""Reads a fleet's topics off the wire with one selector, as a quick node would; rospy's own reader is a thread a topic.
+"""Reads a fleet's topics off the wire with one selector, as a quick node would; rospy's own reader has a thread a topic.
 
 Use: tcpros_reader.py XMLRPC_URI NAME AGENTS [RECEIVE_BUFFER_BYTES]; prints `reading` when all are connected. It reads until
-its stdin ends, then prints a line of JSON: messages, how many the header's sequence shows to be missing, and how many
-connections the publisher ended.
+its stdin ends, then prints a line of JSON: the number of messages, of messages missing by the header's sequence, and of
+connections that the publisher ended.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _TIMEOUT_S = 30.0
 
 @dataclass(slots=True)
 class Stream:
-    """One topic's connection; `sequence` is the header's, which a Float64 has not."""
+    """One topic's connection; `sequence` is the header's, which a Float64 does not have."""
 
     has_header: bool
     rest: bytes = b""
@@ -98,14 +98,14 @@ def main() -> None:
             selector.register(sock, selectors.EVENT_READ, stream)
     selector.register(sys.stdin, selectors.EVENT_READ)
     print("reading", flush=True)
-    told_to_end = False
+    stdin_ended = False
     while True:
-        ready = selector.select(0.5 if told_to_end else None)
-        if told_to_end and not ready:
+        ready = selector.select(0.5 if stdin_ended else None)
+        if stdin_ended and not ready:
             break
         for key, _ in ready:
             if key.fileobj is sys.stdin:
-                told_to_end = True
+                stdin_ended = True
                 selector.unregister(sys.stdin)
             elif data := key.fileobj.recv(65536):  # type: ignore[union-attr]
                 key.data.take(data)

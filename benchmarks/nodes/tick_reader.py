@@ -1,4 +1,4 @@
-"""An ordinary rospy node that hears when each tick's beliefs come.
+"""An ordinary rospy node that notes when each tick's beliefs arrive.
 
 Use: tick_reader.py; prints `reading`; at the end of stdin a line of JSON: [mission second, monotonic second] for each tick.
 """
@@ -23,10 +23,10 @@ def main() -> None:
     rospy.init_node("tick_reader", disable_signals=True)
     ticks: list[tuple[float, float]] = []
 
-    def hear(message: Any) -> None:
+    def receive(message: Any) -> None:
         ticks.append((message.mission_time_ms / 1000, time.monotonic()))
 
-    rospy.Subscriber("/musselbed/beliefs", FleetBeliefs, hear, tcp_nodelay=True)
+    rospy.Subscriber("/musselbed/beliefs", FleetBeliefs, receive, tcp_nodelay=True)
     print("reading", flush=True)
     sys.stdin.read()
     print(json.dumps(ticks), flush=True)

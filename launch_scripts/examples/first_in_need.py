@@ -1,4 +1,4 @@
-# A behaviour: whoever falls below the threshold first is fetched, charged to 90 % and brought home; two are served.
+# A behaviour: fetches the first aMussel that falls below the threshold, charges it to 90 % and brings it home; serves two.
 # scenario: ../scenarios/pool-12.yaml
 from apad_bridge.scripting.behaviours import Behaviour
 

@@ -1,10 +1,10 @@
-"""Who serves whom while several aPads fly: planned again when one of them stands down. Pure; built from beliefs.
+"""Assigns aMussels to several aPads in flight, and plans anew when one aPad stands down. Pure; built from beliefs.
 
-Every aMussel is in exactly one share at any time. Nobody is moved while a dock holds it, while an aPad comes for it, or on
-its way up or down. One that a failed aPad called up is moved once it is down again, or lies empty at the surface; one in
-a dock of it stays with it.
+Every aMussel is in exactly one share at any time. It is not moved while a dock holds it, while an aPad comes for it, or
+on its way up or down. An aMussel that a failed aPad called up is moved once it is submerged again, or lies empty at the
+surface; an aMussel in a dock of the failed aPad stays with it.
 
-What the planner of several aPads sees of one of them: what its supervisor believes, and nothing else.
+The planner knows of each aPad what its supervisor believes, and nothing else.
 """
 
 from __future__ import annotations
@@ -22,16 +22,16 @@ from firmware_model.state_groups import AT_WORK, BEYOND_HELP, STRANDED
 
 
 @dataclass(frozen=True, slots=True)
-class Seen:
-    """An aPad and those that it serves, as they are believed to be; metres."""
+class APadView:
+    """An aPad and the aMussels that it serves, as its supervisor believes; metres."""
 
     name: str
     is_down: bool
     place_m: Point
     places_m: Mapping[int, Point] = field(default_factory=dict)
-    """Of those that may need somebody: believed in, and not lost."""
+    """The aMussels that may need service: there is a belief of them, and they are not lost."""
     movable: frozenset[int] = frozenset()
-    """Of these, who may be moved."""
+    """Those of `places_m` that may be moved."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,41 +41,46 @@ class Move:
     taker: str
 
 
-class Sharing:
-    """Keeps the book. `look` says who shall be moved, `moved` that one was."""
+class Assignment:
+    """Records which aPad serves which aMussel. `plan_moves` proposes moves; `record_move` records one that was made."""
 
     def __init__(self, served: Mapping[str, Iterable[int]]) -> None:
-        """ValueError when two serve the same."""
-        self._of = {name: frozenset(ids) for name, ids in served.items()}
-        everybody = [agent_id for ids in self._of.values() for agent_id in ids]
+        """ValueError when two aPads serve the same aMussel."""
+        self._shares = {name: frozenset(ids) for name, ids in served.items()}
+        everybody = [agent_id for ids in self._shares.values() for agent_id in ids]
         if len(set(everybody)) < len(everybody):
             raise ValueError("an aMussel is in two shares")
         self._planned_without: frozenset[str] = frozenset()
 
     @property
     def shares(self) -> Mapping[str, frozenset[int]]:
-        return dict(self._of)
+        return dict(self._shares)
 
-    def look(self, seen: Sequence[Seen]) -> list[Move]:
-        """By id. All who can be moved are planned anew when an aPad has stood down; later, only who it still had."""
-        up = [it for it in seen if not it.is_down]
-        stranded = {it.name: self._stranded(it) for it in seen if it.is_down}
+    def plan_moves(self, views: Sequence[APadView]) -> list[Move]:
+        """Returns the moves, sorted by id.
+
+        When an aPad has stood down, all movable aMussels are planned anew; later, only those that it still serves.
+        """
+        up = [it for it in views if not it.is_down]
+        stranded = {it.name: self._movable_of(it) for it in views if it.is_down}
         if not up or not any(stranded.values()):
             return []
         down = frozenset(stranded)
-        is_new = not down <= self._planned_without
+        is_first_plan = not down <= self._planned_without
         self._planned_without |= down
-        owners = {agent_id: it.name for it in seen for agent_id in self._of[it.name] & it.places_m.keys()}
+        owners = {
+            agent_id: it.name for it in views for agent_id in self._shares[it.name] & it.places_m.keys()
+        }
         places_m = {
-            agent_id: it.places_m[agent_id] for it in seen for agent_id in it.places_m.keys() & owners
+            agent_id: it.places_m[agent_id] for it in views for agent_id in it.places_m.keys() & owners
         }
         index = {it.name: n for n, it in enumerate(up)}
         free = {agent_id for ids in stranded.values() for agent_id in ids}
-        if is_new:
+        if is_first_plan:
             free |= {agent_id for it in up for agent_id in it.movable}
-        asked = {i: at for i, at in places_m.items() if owners[i] in index or i in free}
-        stays = {i: index[owners[i]] for i in asked.keys() - free}
-        planned = shares([_centre(it, self._of[it.name]) for it in up], asked, stays)
+        planned_m = {i: at for i, at in places_m.items() if owners[i] in index or i in free}
+        stays = {i: index[owners[i]] for i in planned_m.keys() - free}
+        planned = shares([_centre(it, self._shares[it.name]) for it in up], planned_m, stays)
         return sorted(
             (
                 Move(agent_id, owners[agent_id], it.name)
@@ -86,35 +91,35 @@ class Sharing:
             key=lambda move: move.agent_id,
         )
 
-    def moved(self, move: Move) -> None:
-        """ValueError, and nothing changed, when the giver does not serve it."""
-        if move.agent_id not in self._of[move.giver]:
+    def record_move(self, move: Move) -> None:
+        """ValueError, without a change, when the giver does not serve the aMussel."""
+        if move.agent_id not in self._shares[move.giver]:
             raise ValueError(f"{move.giver} does not serve aMussel {move.agent_id}")
-        self._of[move.giver] -= {move.agent_id}
-        self._of[move.taker] |= {move.agent_id}
+        self._shares[move.giver] -= {move.agent_id}
+        self._shares[move.taker] |= {move.agent_id}
 
-    def _stranded(self, seen: Seen) -> Collection[int]:
-        return seen.movable & self._of[seen.name]
+    def _movable_of(self, view: APadView) -> Collection[int]:
+        return view.movable & self._shares[view.name]
 
 
-def _centre(seen: Seen, served: frozenset[int]) -> Point:
-    """The middle of those that it serves, so that shares change no more than they must; where it is, if it serves none."""
-    places_m = [at for agent_id, at in seen.places_m.items() if agent_id in served]
+def _centre(view: APadView, served: frozenset[int]) -> Point:
+    """The mean place of the aMussels served, so that shares change no more than they must; else the aPad's place."""
+    places_m = [at for agent_id, at in view.places_m.items() if agent_id in served]
     if not places_m:
-        return seen.place_m
+        return view.place_m
     return (
         sum(north_m for north_m, _ in places_m) / len(places_m),
         sum(east_m for _, east_m in places_m) / len(places_m),
     )
 
 
-def seen_of(name: str, start_m: tuple[float, float], supervisor: Supervisor) -> Seen:
-    """`start_m` is where it is taken to be before it was ever heard."""
+def view_of(name: str, start_m: tuple[float, float], supervisor: Supervisor) -> APadView:
+    """`start_m` stands for the aPad's place until a pose was reported."""
     state, pose = supervisor.mission.state, supervisor.pose
     is_down = state.phase is Phase.STANDS_DOWN
     busy = {step.agent_id for step in state.plan.steps} | set(dict(state.docked).values())
     served = [it for it in supervisor.allocation.all() if not _is_lost(it)]
-    return Seen(
+    return APadView(
         name,
         is_down,
         start_m if pose is None else (pose.north_m, pose.east_m),
@@ -130,7 +135,10 @@ def _is_lost(belief: Belief) -> bool:
 
 
 def _is_free(belief: Belief, is_down: bool) -> bool:
-    """It rests below. One that floats is told to sink if nobody comes for it, unless it is empty, and cannot (`Strays`)."""
+    """True if the aMussel rests submerged, or floats empty while its aPad stands down.
+
+    The mission orders a floating aMussel to sink if no aPad comes for it (`Strays`); an empty one cannot sink.
+    """
     if is_down and belief.primary <= 0 and floats(belief):
         return True
     if belief.is_carried:

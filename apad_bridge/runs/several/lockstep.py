@@ -1,11 +1,10 @@
-"""Several aPads' flights in step: a tick of mission time is flown by one after another, then it is seen who serves whom.
+"""Several aPads' flights in virtual time and in this process, tick by tick side by side.
 
-What passes between the flights of several aPads in one process, because one serves another's aMussels.
+A tick of mission time is flown by one flight after another; then the assignment of aMussels to aPads is looked at.
 
-An aMussel stays where it is simulated, and its truth and its samples are recorded there and nowhere else. What changes is
-who serves it: its packets are handed on to that flight, whose words, and what its docks do, come back.
-
-Several aPads' flights in virtual time and in this process, tick by tick side by side.
+An aMussel stays where it is simulated, and its truth and its samples are recorded there and nowhere else. If another
+aPad serves it, the exchange passes its packets to that aPad's flight, and passes that flight's packets, and the contacts
+of its docks, back.
 """
 
 from __future__ import annotations
@@ -20,31 +19,38 @@ from apad_bridge.assembly import parts
 from apad_bridge.assembly.division import Member
 from apad_bridge.mission.breakdown import Breakdown
 from apad_bridge.mission.events import Send, SoundHeard, WifiHeard
-from apad_bridge.records.recorder import Recorder as RunRecorder
+from apad_bridge.records.recorder import Recorder
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.runs import flying
 from apad_bridge.runs.nurseries import FOLDER
-from apad_bridge.runs.progress import Shows
-from apad_bridge.runs.several.assignment import Move, Sharing, seen_of
-from apad_bridge.runs.several.summary import together
+from apad_bridge.runs.progress import ProgressDisplay
+from apad_bridge.runs.several.assignment import Assignment, Move, view_of
+from apad_bridge.runs.several.summary import combined_status
 from apad_bridge.runs.status import Status
-from apad_bridge.scenario.another_apad import Sharing as Rules
+from apad_bridge.scenario.another_apad import Sharing
+from apad_bridge.supervisor import recorder_interface
 from apad_bridge.supervisor.loop import Flight
 from apad_bridge.supervisor.packet_relay import Came, Felt
-from apad_bridge.supervisor.recorder_interface import Recorder
+
+ASSIGNMENT_PERIOD_MS = 10_000
+"""Mission time between two looks at the assignment. In this time an aPad that stood down can still receive packets from
+the aMussels that it called up."""
 
 
 class Exchange:
-    """`own` are the aMussels simulated beside each aPad."""
+    """Passes packets and contacts between flights. `own` names the aMussels simulated beside each aPad."""
 
     def __init__(self, own: Mapping[str, Iterable[int]]) -> None:
         self.home = {agent_id: name for name, ids in own.items() for agent_id in ids}
         self.server = dict(self.home)
-        self.ethers = {name: MemberRelay(name, self) for name in own}
+        self.relays = {name: MemberRelay(name, self) for name in own}
 
 
 class MemberRelay:
-    """One flight's end: an PacketRelay, and what lets guests feel. What comes is handled at this flight's next tick."""
+    """One flight's end of the exchange: a PacketRelay that also delivers contacts to aMussels of other fleets.
+
+    The flight handles what the relay receives at its next tick.
+    """
 
     def __init__(self, name: str, exchange: Exchange) -> None:
         self._name = name
@@ -56,115 +62,119 @@ class MemberRelay:
         return waiting
 
     def transmit(self, medium: Medium, agent_id: int, data: bytes, now_ms: int) -> None:
-        """An aMussel of this fleet was heard: so is it by who serves it."""
+        """Passes a received packet of an aMussel of this fleet to the aPad that serves it."""
         server = self._exchange.server[agent_id]
         if server != self._name:
-            heard = WifiHeard(now_ms, data) if medium is Medium.WIFI else SoundHeard(now_ms, data)
-            self._exchange.ethers[server].put(heard)
+            packet = WifiHeard(now_ms, data) if medium is Medium.WIFI else SoundHeard(now_ms, data)
+            self._exchange.relays[server].put(packet)
 
     def said(self, send: Send, now_ms: int) -> None:
         self._pass_on(send.agent_id, send)
 
-    def felt(self, felt: Felt, now_ms: int) -> None:
+    def deliver(self, felt: Felt, now_ms: int) -> None:
         self._pass_on(felt.agent_id, felt)
 
-    def put(self, came: Came) -> None:
-        self._waiting.append(came)
+    def put(self, item: Came) -> None:
+        self._waiting.append(item)
 
-    def _pass_on(self, agent_id: int, word: Send | Felt) -> None:
+    def _pass_on(self, agent_id: int, item: Send | Felt) -> None:
         home = self._exchange.home.get(agent_id)
         if home is not None and home != self._name:
-            self._exchange.ethers[home].put(word)
-
-
-LOOK_MS = 10_000
-"""So often, in mission time, it is seen who serves whom. One that stood down is so given time to hear whom it called up."""
+            self._exchange.relays[home].put(item)
 
 
 @dataclass(frozen=True, slots=True)
-class Flown:
-    """One of them: where it starts, its flight over the exchange's ether, and its records."""
+class MemberFlight:
+    """One aPad's start, its flight over the exchange's relay, and its records."""
 
     start_m: tuple[float, float]
     flight: Flight
-    recorder: Recorder
+    recorder: recorder_interface.Recorder
 
 
 class LockstepRunner:
-    """Without a `sharing` each serves its own to the end."""
+    """Runs the flights. Without an `assignment` each aPad serves its own aMussels to the end."""
 
-    def __init__(self, flown: Mapping[str, Flown], exchange: Exchange, sharing: Sharing | None) -> None:
-        self._flown = dict(flown)
+    def __init__(
+        self, flights: Mapping[str, MemberFlight], exchange: Exchange, assignment: Assignment | None
+    ) -> None:
+        self._flights = dict(flights)
         self._exchange = exchange
-        self._sharing = sharing
+        self._assignment = assignment
         self.moves: list[tuple[int, Move]] = []
-        """(mission ms, move), as they were made."""
+        """(mission ms, move), in the order in which they were made."""
 
     @property
-    def moved(self) -> int:
-        """How many aMussels were handed on at least once."""
+    def handed_on_count(self) -> int:
+        """The number of aMussels that were handed on at least once."""
         return len({move.agent_id for _, move in self.moves})
 
     def run(self) -> None:
-        """To the end of every mission."""
-        flying = dict(self._flown)
-        while flying:
-            now_ms = min(it.flight.now_ms for it in flying.values())
-            ended = [name for name, it in flying.items() if it.flight.step()]
+        """Runs to the end of every mission."""
+        running = dict(self._flights)
+        while running:
+            now_ms = min(it.flight.now_ms for it in running.values())
+            ended = [name for name, it in running.items() if it.flight.step()]
             for name in ended:
-                del flying[name]
-            if self._sharing is not None and now_ms % LOOK_MS == 0:
-                self._share(self._sharing, flying, now_ms)
+                del running[name]
+            if self._assignment is not None and now_ms % ASSIGNMENT_PERIOD_MS == 0:
+                self._reassign(self._assignment, running, now_ms)
 
-    def _share(self, sharing: Sharing, flying: Mapping[str, Flown], now_ms: int) -> None:
-        seen = [seen_of(name, it.start_m, it.flight.supervisor) for name, it in flying.items()]
-        for move in sharing.look(seen):
-            giver, taker = self._flown[move.giver], self._flown[move.taker]
+    def _reassign(self, assignment: Assignment, running: Mapping[str, MemberFlight], now_ms: int) -> None:
+        views = [view_of(name, it.start_m, it.flight.supervisor) for name, it in running.items()]
+        for move in assignment.plan_moves(views):
+            giver, taker = self._flights[move.giver], self._flights[move.taker]
             belief = giver.flight.supervisor.beliefs.get(move.agent_id)
-            giver.flight.supervisor.hand_on(move.agent_id)
-            taker.flight.supervisor.take_on(move.agent_id, belief)
+            giver.flight.supervisor.stop_serving(move.agent_id)
+            taker.flight.supervisor.start_serving(move.agent_id, belief)
             self._exchange.server[move.agent_id] = move.taker
-            sharing.moved(move)
+            assignment.record_move(move)
             self.moves.append((now_ms, move))
             giver.recorder.event(now_ms, "handed_on", id=move.agent_id, to=move.taker)
             taker.recorder.event(now_ms, "took_on", id=move.agent_id, of=move.giver)
 
 
 def fly_in_step(
-    members: Sequence[Member], rules: Rules, directories: Mapping[str, RunDirectory], progress: Shows
+    members: Sequence[Member],
+    sharing: Sharing,
+    directories: Mapping[str, RunDirectory],
+    progress: ProgressDisplay,
 ) -> tuple[dict[str, dict[str, Any]], int]:
-    """By aPad the summaries; and how many aMussels were handed on to another one. SIGINT and SIGTERM end all in order."""
+    """Returns the summaries by aPad, and the number of aMussels that were handed on to another aPad.
+
+    SIGINT and SIGTERM end all flights in order.
+    """
     served = {member.name: member.scenario.fleet.ids for member in members}
     exchange = Exchange(served)
-    now: dict[str, Status] = {}
+    statuses: dict[str, Status] = {}
 
-    def shown_as(name: str) -> Callable[[Status], None]:
-        def show(status: Status) -> None:
-            now[name] = status
+    def status_listener(name: str) -> Callable[[Status], None]:
+        def take(status: Status) -> None:
+            statuses[name] = status
             if name == members[-1].name:
-                progress.show(together(list(now.values()), len(members)))
+                progress.show_status(combined_status(list(statuses.values()), len(members)))
 
-        return show
+        return take
 
     with ExitStack() as stack:
-        prepared, flown = {}, {}
+        prepared, flights = {}, {}
         for member in members:
             name, scenario = member.name, member.scenario
             directory = directories[name]
-            recorder = RunRecorder(directory, scenario, parts.agent_ids(scenario))
+            recorder = Recorder(directory, scenario, parts.agent_ids(scenario))
             stack.callback(recorder.close)
             flying.journal_start(recorder, scenario, member.starts)
             fleet = flying.open_fleet(scenario, member.starts, directory.path / FOLDER)
             stack.callback(fleet.host.close)
             context = replace(
-                flying.in_process(scenario, fleet),
-                relay=exchange.ethers[name],
-                tell_served_elsewhere=exchange.ethers[name].felt,
-                breakdown=Breakdown(rules.failed_go_tos),
+                flying.in_process_context(scenario, fleet),
+                relay=exchange.relays[name],
+                tell_served_elsewhere=exchange.relays[name].deliver,
+                breakdown=Breakdown(sharing.failed_go_tos),
             )
-            prepared[name] = flying.prepare(scenario, context, recorder, shown_as(name))
-            flown[name] = Flown(scenario.apad.start_m, prepared[name].flight, recorder)
-        formation = LockstepRunner(flown, exchange, Sharing(served) if rules.transfers else None)
-        with flying.stopped_by_signals(*(it.flight for it in flown.values())):
-            formation.run()
-        return {name: it.finish() for name, it in prepared.items()}, formation.moved
+            prepared[name] = flying.prepare(scenario, context, recorder, status_listener(name))
+            flights[name] = MemberFlight(scenario.apad.start_m, prepared[name].flight, recorder)
+        runner = LockstepRunner(flights, exchange, Assignment(served) if sharing.transfers else None)
+        with flying.stopped_by_signals(*(it.flight for it in flights.values())):
+            runner.run()
+        return {name: it.finish() for name, it in prepared.items()}, runner.handed_on_count

@@ -1,7 +1,7 @@
-"""One of several aPads over ROS: does what the parent of all orders about whom it serves, and says whom it could spare.
+"""The link of one of several aPads' supervisors to the parent of all, over ROS: applies its orders, reports to it.
 
-A line of JSON, `{"squad": ...}`, is what it says: `seen` for the planner, `gave` with what is believed of those that it has
-handed on, `kept` for those that it cannot hand on at the moment. Its thread is the flight's.
+The orders name the aMussels to serve. A report is a line of JSON, `{"squad": ...}`: `seen` is the view for the planner,
+`gave` holds the beliefs of the aMussels that were handed on, `kept` names those that cannot be handed on at the moment.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ from apad_bridge.mission.breakdown import Breakdown
 from apad_bridge.mission.events import StandDownAsked
 from apad_bridge.records.journal import JournalContents
 from apad_bridge.runs.resuming import StartState
-from apad_bridge.runs.several.assignment import Seen, seen_of
-from apad_bridge.runs.several.lockstep import LOOK_MS
-from apad_bridge.runs.several.protocol import NAME, Handed, Orders, seen_data
+from apad_bridge.runs.several.assignment import APadView, view_of
+from apad_bridge.runs.several.lockstep import ASSIGNMENT_PERIOD_MS
+from apad_bridge.runs.several.protocol import ORDERS_FILE, Orders, TransferredBelief, view_data
 from apad_bridge.scenario.run_options import RunOptions
 from apad_bridge.scenario.schema import DockingProfile, Scenario
 from apad_bridge.supervisor.context import FlightContext, Watcher
@@ -29,46 +29,48 @@ Event = tuple[str, dict[str, Any]]
 
 
 class MemberLink:
+    """Runs in the flight's thread, as a watcher of its ticks."""
+
     def __init__(
         self,
         run_dir: Path,
         name: str,
         start_m: tuple[float, float],
-        say: Callable[[str], None],
-        stays: frozenset[int] = frozenset(),
+        write_line: Callable[[str], None],
+        cannot_move: frozenset[int] = frozenset(),
     ) -> None:
-        """`stays` are those that cannot be served elsewhere."""
-        self._stays = stays
+        """`cannot_move` are the aMussels that no other aPad can serve."""
+        self._cannot_move = cannot_move
         self._run_dir = run_dir
         self._name = name
         self._start_m = start_m
-        self._say = say
+        self._write_line = write_line
         self._stamp: tuple[int, int] | None = None
-        self._awaited: dict[int, Handed] = {}
-        """To be taken on when this mission's time has come as far as what is believed of them."""
+        self._pending: dict[int, TransferredBelief] = {}
+        """aMussels to take on when this mission's time reaches the time of the transferred belief."""
         self._stood_down = False
         self._events: list[Event] = []
 
     def watcher(self, supervisor: Supervisor) -> Watcher:
         def watch(now_ms: int) -> None:
-            orders = self._look()
+            orders = self._new_orders()
             if orders is not None:
-                self._obey(orders, supervisor, now_ms)
-            self._take_awaited(supervisor, now_ms)
-            if orders is not None or now_ms % LOOK_MS == 0:
-                self._tell("seen", seen_data(self._seen(supervisor), supervisor.allocation))
+                self._apply_orders(orders, supervisor, now_ms)
+            self._take_pending(supervisor, now_ms)
+            if orders is not None or now_ms % ASSIGNMENT_PERIOD_MS == 0:
+                self._report("seen", view_data(self._view(supervisor), supervisor.allocation))
 
         return watch
 
-    def noticed(self, now_ms: int) -> list[Event]:
-        """What was done since it was last asked, for the journal."""
+    def take_events(self, now_ms: int) -> list[Event]:
+        """Returns the events since the last call, for the journal."""
         events, self._events = self._events, []
         return events
 
-    def _look(self) -> Orders | None:
-        """The orders, when they are new. They are replaced whole, so what is there can be read."""
+    def _new_orders(self) -> Orders | None:
+        """The orders, when they are new. The parent replaces the file as a whole, so it can be read at any time."""
         try:
-            status = (self._run_dir / NAME).stat()
+            status = (self._run_dir / ORDERS_FILE).stat()
         except FileNotFoundError:
             return None
         stamp = (status.st_mtime_ns, status.st_ino)
@@ -77,12 +79,12 @@ class MemberLink:
         self._stamp = stamp
         return Orders.load(self._run_dir)
 
-    def _obey(self, orders: Orders, supervisor: Supervisor, now_ms: int) -> None:
+    def _apply_orders(self, orders: Orders, supervisor: Supervisor, now_ms: int) -> None:
         if orders.stands_down is not None and not self._stood_down:
             self._stood_down = True
             supervisor.receive(StandDownAsked(now_ms, orders.stands_down))
         allocation = supervisor.allocation
-        movable = self._seen(supervisor).movable
+        movable = self._view(supervisor).movable
         gave, kept = [], []
         for agent_id in sorted(allocation.served - orders.serves.keys()):
             if agent_id not in movable:
@@ -92,49 +94,55 @@ class MemberLink:
             gave.append(
                 [agent_id, now_ms, None if belief is None else supervisor.beliefs.estimator.kept(belief)]
             )
-            supervisor.hand_on(agent_id)
+            supervisor.stop_serving(agent_id)
             self._events.append(("handed_on", {"id": agent_id}))
-        self._awaited = {it: handed for it, handed in orders.serves.items() if it not in allocation.served}
+        self._pending = {
+            it: transfer for it, transfer in orders.serves.items() if it not in allocation.served
+        }
         if gave:
-            self._tell("gave", gave)
+            self._report("gave", gave)
         if kept:
-            self._tell("kept", kept)
+            self._report("kept", kept)
 
-    def _take_awaited(self, supervisor: Supervisor, now_ms: int) -> None:
-        """Missions of several aPads begin within some seconds of each other, so another's now may be to come here."""
-        for agent_id, handed in list(self._awaited.items()):
-            if now_ms < handed.at_ms:
+    def _take_pending(self, supervisor: Supervisor, now_ms: int) -> None:
+        """Takes on the aMussels whose transferred belief is not in the future.
+
+        Missions of several aPads begin within some seconds of each other, so another aPad's time may be ahead.
+        """
+        for agent_id, transfer in list(self._pending.items()):
+            if now_ms < transfer.at_ms:
                 continue
-            del self._awaited[agent_id]
+            del self._pending[agent_id]
             estimator = supervisor.beliefs.estimator
-            supervisor.take_on(
-                agent_id, None if handed.kept is None else estimator.restored(agent_id, handed.kept)
+            supervisor.start_serving(
+                agent_id,
+                None if transfer.estimate is None else estimator.restored(agent_id, transfer.estimate),
             )
             self._events.append(("took_on", {"id": agent_id}))
 
-    def _seen(self, supervisor: Supervisor) -> Seen:
-        seen = seen_of(self._name, self._start_m, supervisor)
-        return replace(seen, movable=seen.movable - self._stays)
+    def _view(self, supervisor: Supervisor) -> APadView:
+        view = view_of(self._name, self._start_m, supervisor)
+        return replace(view, movable=view.movable - self._cannot_move)
 
-    def _tell(self, kind: str, data: Any) -> None:
-        self._say(json.dumps({"squad": {kind: data}}))
+    def _report(self, kind: str, data: Any) -> None:
+        self._write_line(json.dumps({"squad": {kind: data}}))
 
 
 @dataclass(frozen=True, slots=True)
 class MemberParts:
-    """What one of several aPads' supervisors has beside its own: a seat, and whom it serves."""
+    """The additional parts of one of several aPads' supervisors: its link, and its allocation."""
 
     link: MemberLink
     allocation: Allocation
     failed_go_tos: int
 
-    def around(self, context: FlightContext) -> FlightContext:
-        """The same with the seat in them."""
+    def extend(self, context: FlightContext) -> FlightContext:
+        """The same context with the link in it."""
         watchers, noticed = context.watchers, context.noticed
         return replace(
             context,
             watchers=lambda supervisor: (self.link.watcher(supervisor), *watchers(supervisor)),
-            noticed=lambda now_ms: [*self.link.noticed(now_ms), *noticed(now_ms)],
+            noticed=lambda now_ms: [*self.link.take_events(now_ms), *noticed(now_ms)],
             breakdown=Breakdown(self.failed_go_tos),
         )
 
@@ -144,24 +152,24 @@ def member_parts(
     options: RunOptions,
     run_dir: Path,
     start_state: StartState,
-    say: Callable[[str], None],
+    write_line: Callable[[str], None],
 ) -> MemberParts | None:
-    """None for one that is alone."""
+    """None for an aPad that flies alone."""
     if not options.is_one_of_several:
         return None
     allocation = Allocation(start_state.beliefs, scenario.fleet.ids)
-    share_again(allocation, start_state.journal)
+    restore_allocation(allocation, start_state.journal)
     for agent_id in allocation.served_for_others:
         start_state.beliefs.admit(agent_id, None)
     apad, profile_of = scenario.apad, scenario.mission.docking.profile_of
-    # What a camera would see of them is known beside their fleet alone.
-    stays = frozenset(it for it in scenario.fleet.ids if profile_of(it) is DockingProfile.CAMERA)
-    link = MemberLink(run_dir, apad.name, apad.start_m, say, stays)
+    # Only the run that simulates an aMussel knows what a camera would see of it.
+    cannot_move = frozenset(it for it in scenario.fleet.ids if profile_of(it) is DockingProfile.CAMERA)
+    link = MemberLink(run_dir, apad.name, apad.start_m, write_line, cannot_move)
     return MemberParts(link, allocation, scenario.sharing.failed_go_tos)
 
 
-def share_again(allocation: Allocation, journal: JournalContents) -> None:
-    """Whom a former supervisor of the run served, according to its journal."""
+def restore_allocation(allocation: Allocation, journal: JournalContents) -> None:
+    """Restores the allocation that a former supervisor of the run had, from its journal."""
     for line in journal.lines:
         if line["kind"] == "took_on":
             allocation.take(line["id"])

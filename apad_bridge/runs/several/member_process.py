@@ -1,7 +1,7 @@
 """The parent of one aPad's run among several, a process of its own: python -m apad_bridge.runs.several.member_process RUN
 
-Its standard output is for the parent of all, in the words of a supervisor's: a JSON line a tick, words for a person, and at
-last the summary or why there is none. It goes on when nobody reads it.
+Its standard output is for the parent of all, in the format of a supervisor's: a JSON line a tick, lines for a person, and
+at last the summary or the failure. The process continues without a reader of its output.
 """
 
 from __future__ import annotations
@@ -22,15 +22,17 @@ from apad_bridge.scenario.starts import starts_of
 from apad_bridge.vehicle.errors import PeerFailed
 
 
-class _Relay:
-    def say(self, text: str) -> None:
-        _tell(json.dumps({"said": text}))
+class _ParentRelay:
+    """A ProgressDisplay that writes lines for the parent of all."""
 
-    def show(self, status: Status) -> None:
-        _tell(status.to_line())
+    def print_message(self, text: str) -> None:
+        _write_line(json.dumps({"said": text}))
+
+    def show_status(self, status: Status) -> None:
+        _write_line(status.to_line())
 
 
-def _tell(line: str) -> None:
+def _write_line(line: str) -> None:
     with contextlib.suppress(BrokenPipeError):
         print(line, flush=True)
 
@@ -40,13 +42,15 @@ def main() -> int:
     scenario, options = load(directory.scenario), RunOptions.load(directory.path)
     try:
         with terminated_as_interrupted():
-            summary = parent.fly(scenario, starts_of(scenario), options, directory, _Relay(), _tell)
+            summary = parent.fly(
+                scenario, starts_of(scenario), options, directory, _ParentRelay(), _write_line
+            )
     except PeerFailed as error:
-        _tell(json.dumps({"failed": str(error)}))
+        _write_line(json.dumps({"failed": str(error)}))
         return Exit.PEER_FAILED
     except KeyboardInterrupt:
         return Exit.INTERRUPTED
-    _tell(json.dumps({"summary": summary}))
+    _write_line(json.dumps({"summary": summary}))
     return Exit.DONE
 
 

@@ -1,7 +1,7 @@
 """Several aPads' flights over ROS, side by side on one master.
 
 Each aPad's run has a parent, a nursery and a supervisor of its own. On a master of our own, one node publishes the /clock
-that simulated aPads and supervisors follow; each mission's time begins when its supervisor first hears it.
+that simulated aPads and supervisors follow; each mission's time begins when its supervisor first receives it.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ from apad_bridge.ros.system.master import MasterFailed, start_master
 from apad_bridge.ros.system.route import environment_for, somebodys_master
 from apad_bridge.runs.children import Child
 from apad_bridge.runs.parent import Interrupts
-from apad_bridge.runs.progress import Shows
+from apad_bridge.runs.progress import ProgressDisplay
 from apad_bridge.runs.several.reassignment import Reassigner
-from apad_bridge.runs.several.summary import together
+from apad_bridge.runs.several.summary import combined_status
 from apad_bridge.runs.status import Status
-from apad_bridge.scenario.another_apad import Sharing as Rules
+from apad_bridge.scenario.another_apad import Sharing
 from apad_bridge.scenario.run_options import APadKind, RunOptions, TimeSource
 from apad_bridge.vehicle.errors import PeerFailed
 
@@ -41,14 +41,18 @@ def directory_of(member: Member, whole: RunDirectory) -> RunDirectory:
 
 
 def fly_side_by_side(
-    members: Sequence[Member], rules: Rules, options: RunOptions, whole: RunDirectory, progress: Shows
+    members: Sequence[Member],
+    sharing: Sharing,
+    options: RunOptions,
+    whole: RunDirectory,
+    progress: ProgressDisplay,
 ) -> tuple[dict[str, dict[str, Any]], dict[str, str], int]:
-    """By aPad the summaries, and what failed of which; and how many aMussels were handed on to another one.
+    """Returns the summaries and the failures by aPad, and the number of aMussels that were handed on to another aPad.
 
-    PeerFailed when master or a simulated aPad do not come up.
+    PeerFailed when the master or a simulated aPad does not start.
     """
     folders = {member.name: directory_of(member, whole).path for member in members}
-    takes_over = rules.transfers and not options.without_mission
+    takes_over = sharing.transfers and not options.without_mission
     reassigner = (
         Reassigner({it.name: it.scenario.fleet.ids for it in members}, folders) if takes_over else None
     )
@@ -76,14 +80,14 @@ def fly_side_by_side(
             )
             stack.callback(child.end, 1.0)
             children[member.name] = child
-        summaries, failures = Watch(children, nodes, progress, reassigner).until_all_ended()
+        summaries, failures = MemberWatch(children, nodes, progress, reassigner).read_until_all_ended()
     return summaries, failures, 0 if reassigner is None else len(reassigner.handed_on)
 
 
 def _open_ros(
     stack: ExitStack, members: Sequence[Member], options: RunOptions, whole: RunDirectory
 ) -> tuple[str, TimeSource, dict[str, subprocess.Popen[bytes]]]:
-    """The master, and what of the graph is ours: simulated aPads, by name, and the /clock that they follow."""
+    """The master's URI, the time source, and the nodes of our simulated aPads by name; starts their /clock too."""
     if options.apad is APadKind.ROS:
         return somebodys_master(), options.time, {}
     nodes: dict[str, subprocess.Popen[bytes]] = {}
@@ -109,36 +113,39 @@ def _open_ros(
     return master.uri, TimeSource.ROS, nodes
 
 
-class Watch:
-    """Reads what the members say until all have ended. Ctrl-C and SIGTERM here ask them to end in order."""
+class MemberWatch:
+    """Reads the members' output until all have ended. Ctrl-C and SIGTERM here ask them to end in order."""
 
     def __init__(
         self,
         children: Mapping[str, Child],
         nodes: Mapping[str, subprocess.Popen[bytes]],
-        progress: Shows,
+        progress: ProgressDisplay,
         reassigner: Reassigner | None = None,
     ) -> None:
-        """With a `reassigner` the aMussels of one that fails are served by the others."""
+        """With a `reassigner` the other aPads serve the aMussels of an aPad that fails."""
         self._reassigner = reassigner
         self._broken: dict[str, str] = {}
-        """Whose aPad is no more, and why, while its run goes on."""
+        """The members whose aPad failed while their run continues, with the reason."""
         self._children = children
         self._nodes = nodes
         self._progress = progress
         self._unread = dict.fromkeys(children, b"")
-        self._now: dict[str, Status] = {}
+        self._statuses: dict[str, Status] = {}
         self._summaries: dict[str, dict[str, Any]] = {}
         self._failures: dict[str, str] = {}
 
-    def until_all_ended(self) -> tuple[dict[str, dict[str, Any]], dict[str, str]]:
-        """By aPad the summaries, and why there is none; KeyboardInterrupt when it was told to end before there was any."""
+    def read_until_all_ended(self) -> tuple[dict[str, dict[str, Any]], dict[str, str]]:
+        """Returns the summaries and the failures by aPad.
+
+        KeyboardInterrupt when it was asked to end before there was a summary or a failure.
+        """
         deadline_s: float | None = None
         with Interrupts() as interrupts, selectors.DefaultSelector() as selector:
             for name, child in self._children.items():
                 selector.register(child.lines, selectors.EVENT_READ, name)
             while selector.get_map():
-                if interrupts.came and deadline_s is None:
+                if interrupts.interrupted and deadline_s is None:
                     deadline_s = time.monotonic() + _END_S
                     for child in self._children.values():
                         child.ask_to_end()
@@ -148,29 +155,32 @@ class Watch:
                 for key, _ in selector.select(0.2):
                     if not self._read(key.data):
                         selector.unregister(key.fileobj)
-                        self._lost(key.data)
+                        self._output_closed(key.data)
         if deadline_s is not None and not self._summaries and not self._failures:
-            # Told to end while all were starting: whoever started them ends them.
-            self._progress.say("ended before a mission began")
+            # Asked to end while all were starting: the caller, which started them, ends them.
+            self._progress.print_message("ended before a mission began")
             raise KeyboardInterrupt
         for name, child in self._children.items():
             if name not in self._summaries and name not in self._failures:
                 child.end(1.0)
                 self._failures[name] = (
-                    f"ended without a summary: {child.last_words()}; see {child.log.parent}"
+                    f"ended without a summary: {child.last_log_line()}; see {child.log.parent}"
                 )
         return {
             name: self._summaries[name] for name in self._children if name in self._summaries
         }, self._broken | self._failures
 
     def _end_without_apad(self) -> None:
-        """A simulated aPad of ours that died comes not back: its run ends, or keeps its aMussels for the others."""
+        """Handles the death of a simulated aPad of ours, which is not restarted.
+
+        Its run ends; with a reassigner it continues, and keeps its aMussels for the other aPads.
+        """
         for name, node in self._nodes.items():
             ended = self._broken | self._failures | self._summaries
             if name in ended or (status := node.poll()) is None:
                 continue
             why = f"the simulated aPad's node ended with status {status}"
-            self._progress.say(f"{name}: {why}")
+            self._progress.print_message(f"{name}: {why}")
             if self._reassigner is None:
                 self._failures[name] = why
                 self._children[name].ask_to_end()
@@ -181,35 +191,35 @@ class Watch:
                 for child in self._children.values():
                     child.ask_to_end()
 
-    def _lost(self, name: str) -> None:
-        """Its run says no more."""
+    def _output_closed(self, name: str) -> None:
+        """Handles the end of a member's output."""
         if self._reassigner is not None and name not in self._summaries:
-            self._reassigner.gone(name)
+            self._reassigner.member_ended(name)
 
     def _read(self, name: str) -> bool:
-        """False at the end of its words."""
-        came = os.read(self._children[name].lines.fileno(), 65536)
-        *lines, self._unread[name] = (self._unread[name] + came).split(b"\n")
+        """Handles the lines that a member wrote; False at the end of its output."""
+        chunk = os.read(self._children[name].lines.fileno(), 65536)
+        *lines, self._unread[name] = (self._unread[name] + chunk).split(b"\n")
         for line in lines:
-            self._hear(name, line.decode(errors="replace"))
-        return bool(came)
+            self._handle_line(name, line.decode(errors="replace"))
+        return bool(chunk)
 
-    def _hear(self, name: str, line: str) -> None:
+    def _handle_line(self, name: str, line: str) -> None:
         status = Status.from_line(line)
         if status is not None:
-            self._now[name] = status
-            self._progress.show(together(list(self._now.values()), len(self._children)))
+            self._statuses[name] = status
+            self._progress.show_status(combined_status(list(self._statuses.values()), len(self._children)))
         elif line.startswith("{"):
-            said = json.loads(line)
-            if "summary" in said:
-                self._summaries[name] = said["summary"]
-            if "failed" in said:
-                self._failures[name] = said["failed"]
-            if "broken" in said.get("squad", ()):
-                self._broken[name] = said["squad"]["broken"]
-            if "squad" in said and self._reassigner is not None:
-                self._reassigner.hear(name, said["squad"])
-            if "said" in said:
-                self._progress.say(f"{name}: {said['said']}")
+            message = json.loads(line)
+            if "summary" in message:
+                self._summaries[name] = message["summary"]
+            if "failed" in message:
+                self._failures[name] = message["failed"]
+            if "broken" in message.get("squad", ()):
+                self._broken[name] = message["squad"]["broken"]
+            if "squad" in message and self._reassigner is not None:
+                self._reassigner.receive(name, message["squad"])
+            if "said" in message:
+                self._progress.print_message(f"{name}: {message['said']}")
         else:
-            self._progress.say(f"{name}: {line}")
+            self._progress.print_message(f"{name}: {line}")

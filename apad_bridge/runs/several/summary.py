@@ -1,7 +1,4 @@
-"""What several aPads' flights come to together: the figures of summary.json over all aMussels.
-
-What several aPads' flights say of themselves, as one.
-"""
+"""Combines several aPads' flights: the live status of all, and the figures of summary.json over all aMussels."""
 
 from __future__ import annotations
 
@@ -12,8 +9,8 @@ from typing import Any
 from apad_bridge.runs.status import Status
 
 
-def together(each: Sequence[Status], apads: int) -> Status:
-    """The sums; of times the last one's, for the run ends with it."""
+def combined_status(each: Sequence[Status], apads: int) -> Status:
+    """Sums the figures; the time is that of the slowest flight, because the run ends with it."""
     return Status(
         min(it.now_ms for it in each),
         f"{apads} aPads",
@@ -35,11 +32,12 @@ _SUMS = (
 )
 
 
-def of_all(name: str, of_each: Mapping[str, Summary], handed_on: int = 0) -> dict[str, Any]:
-    """The summary of the whole from those of its aPads, by name; each percentage is of its own flight's time.
+def combined_summary(name: str, of_each: Mapping[str, Summary], handed_on: int = 0) -> dict[str, Any]:
+    """The summary of the whole run from its aPads' summaries, by name; each percentage is of its own flight's time.
 
-    An aMussel is counted where it is simulated, whoever serves it; `handed_on` is how many were served by another aPad
-    than at the start. A figure that one of them does not know is None. `apad_energy_fraction` is the aPads' mean.
+    An aMussel is counted where it is simulated, whichever aPad serves it; `handed_on` is the number of aMussels that
+    another aPad served than at the start. A figure that is None for one aPad is None here. `apad_energy_fraction` is the
+    aPads' mean.
     """
     flights = list(of_each.values())
     dropped: Counter[str] = Counter()
@@ -50,30 +48,30 @@ def of_all(name: str, of_each: Mapping[str, Summary], handed_on: int = 0) -> dic
         "theta": flights[0]["theta"],
         "seed": flights[0]["seed"],
         "mission_s": max(flight["mission_s"] for flight in flights),
-        "ended_by": _said(of_each, "ended_by"),
-        "first_cause": _said(of_each, "first_cause"),
-        **{key: _over(flights, key, sum) for key in ("counted_s", "counted_at_end")},
+        "ended_by": _common_text(of_each, "ended_by"),
+        "first_cause": _common_text(of_each, "first_cause"),
+        **{key: _combined(flights, key, sum) for key in ("counted_s", "counted_at_end")},
         "uptime_paper": _spread(flights, "uptime_paper"),
         "uptime_submerged": _spread(flights, "uptime_submerged"),
         "final_charge_mean": _mean(flights, "counted_at_end", lambda flight: flight["final_charge_mean"]),
-        "apad_energy_fraction": _over(
+        "apad_energy_fraction": _combined(
             flights, "apad_energy_fraction", lambda values: sum(values) / len(values)
         ),
-        **{key: _over(flights, key, sum) for key in _SUMS},
+        **{key: _combined(flights, key, sum) for key in _SUMS},
         "handed_on": handed_on,
-        "apart": _apart(flights),
+        "apart": _excluded(flights),
         "dropped": dict(sorted(dropped.items())),
         "apads": {apad: dict(flight) for apad, flight in of_each.items()},
     }
 
 
-def _over(flights: list[Summary], key: str, taken: Callable[[list[Any]], Any]) -> Any:
+def _combined(flights: list[Summary], key: str, combine: Callable[[list[Any]], Any]) -> Any:
     values = [flight[key] for flight in flights]
-    return None if None in values else taken(values)
+    return None if None in values else combine(values)
 
 
 def _mean(flights: list[Summary], weight: str, figure: Callable[[Summary], float]) -> float | None:
-    """Over aMussels, or their seconds, and not over aPads. A flight that counted nobody weighs nothing."""
+    """The mean over aMussels, or their seconds, not over aPads. A flight that counted no aMussel has no weight."""
     if any(flight[weight] is None and flight["agents"] for flight in flights):
         return None
     counted = [flight for flight in flights if flight[weight]]
@@ -89,17 +87,17 @@ def _spread(flights: list[Summary], key: str) -> dict[str, float | None] | None:
     return {"mean": mean, "max": max(it["max"] for it in spreads), "min": min(it["min"] for it in spreads)}
 
 
-def _apart(flights: list[Summary]) -> dict[str, float] | None:
-    """What the figures leave out, of all."""
+def _excluded(flights: list[Summary]) -> dict[str, float] | None:
+    """The time that the figures leave out, over all flights."""
     apart: Counter[str] = Counter()
     for flight in flights:
         apart.update(flight["apart"] or {})
     return dict(apart) or None
 
 
-def _said(of_each: Mapping[str, Summary], key: str) -> str | None:
-    """What all say; or, where they differ, what each says that says anything."""
-    words: dict[str, str | None] = {apad: flight[key] for apad, flight in of_each.items()}
-    if len(set(words.values())) == 1:
-        return next(iter(words.values()))
-    return "; ".join(f"{apad}: {word}" for apad, word in words.items() if word is not None)
+def _common_text(of_each: Mapping[str, Summary], key: str) -> str | None:
+    """The text that all share; where they differ, the text of each aPad that has one."""
+    texts: dict[str, str | None] = {apad: flight[key] for apad, flight in of_each.items()}
+    if len(set(texts.values())) == 1:
+        return next(iter(texts.values()))
+    return "; ".join(f"{apad}: {text}" for apad, text in texts.items() if text is not None)

@@ -1,8 +1,8 @@
 """The paper's Table II as a study: one scenario on many random configurations, and where the paper's values lie among them.
 
-One run proves little: between configurations average uptime alone varies by a point or more. The two Greedy rows are
-reported as the paper prints them and never compared with: their Active column contradicts their Avg (Active should be
-N * Avg / 100; the ratios are 1.032 and 0.940).
+One run proves little: average uptime alone varies by a point or more between configurations. The two Greedy rows are
+reported as the paper prints them, and are not used for comparison: their Active column contradicts their Avg (Active
+should be N * Avg / 100; the ratios are 1.032 and 0.940).
 """
 
 from __future__ import annotations
@@ -40,5 +40,5 @@ def row_of(figures: dict[str, Any]) -> dict[str, float]:
 
 
 def percentile_of(value: float, sample: list[float]) -> float:
-    """The share of `sample` that is at most `value`, in percent."""
+    """The fraction of `sample` that is at most `value`, in percent."""
     return 100 * bisect_right(sorted(sample), value) / len(sample)

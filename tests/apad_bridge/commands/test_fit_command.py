@@ -1,4 +1,4 @@
-"""`musselbed fit battery`: its block goes into a scenario, what it refuses it says in one line, and the page is true."""
+"""`musselbed fit battery`: its block goes into a scenario, each refusal is one line, and the page is true."""
 
 import json
 import re
@@ -53,7 +53,7 @@ def test_json_has_the_fit_the_residuals_and_the_block(logs: Path, capsys: pytest
     told = json.loads(capsys.readouterr().out)
     (fit,) = told["fits"]
     assert (fit["direction"], len(fit["segments"])) == ("charging", 2)
-    assert fit["rmse"] > 0.005  # two pieces do not bend as three do; the noise alone is 0.005
+    assert fit["rmse"] > 0.005  # two pieces do not fit three; the noise alone is 0.005
     assert list(told["board"]) == ["charge_segments"]
     assert sum(segment["rows"] for segment in fit["segments"]) == fit["rows"]
 

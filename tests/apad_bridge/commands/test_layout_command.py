@@ -1,4 +1,4 @@
-"""`musselbed layout`: where it writes, and what it refuses."""
+"""`musselbed layout`: its output files, and its refusals."""
 
 from __future__ import annotations
 

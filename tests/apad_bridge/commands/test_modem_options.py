@@ -1,4 +1,4 @@
-"""What a run with modems on serial lines must be is said in one line before anything starts."""
+"""A run with modems on serial lines refuses wrong options in one line before anything starts."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`musselbed mu`: what it prints, what it refuses, and the budgets against hand calculation."""
+"""`musselbed mu`: its output, its refusals, and the budgets against hand calculation."""
 
 import json
 import re

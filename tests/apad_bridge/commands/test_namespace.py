@@ -1,4 +1,4 @@
-"""The namespace of ROS that a run is in: from the environment or __ns:=, kept with the run, handed to every node of it."""
+"""The ROS namespace of a run: from the environment or __ns:=, kept with the run, passed to each of its nodes."""
 
 from __future__ import annotations
 

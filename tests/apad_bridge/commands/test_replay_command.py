@@ -1,4 +1,4 @@
-"""`musselbed replay`, as a person types it: the page's path, or one line with what is wrong."""
+"""`musselbed replay`, as a person types it: the page's path, or one line with the fault."""
 
 import argparse
 import json

@@ -1,4 +1,4 @@
-"""`musselbed script`, and what its page says: every script on it is flown, every command on it runs."""
+"""`musselbed script`, and its page: every script on the page is flown, every command on it runs."""
 
 import json
 import re

@@ -1,4 +1,4 @@
-"""The first plan of a mission, flown with nothing commanded."""
+"""The first plan of a mission, without commands to the vehicle or the aMussels."""
 
 from __future__ import annotations
 

@@ -33,10 +33,10 @@ def test_listing_1_runs_as_the_paper_prints_it() -> None:
     assert (comment[0], listing) == ("#", LISTING_1)
     flight = fly_script(load(ROOT / "launch_scripts/scenarios/bay-24.yaml"), EXAMPLES / "listing_1.py")
     assert (flight.ended_by, flight.error) == (SCRIPT_ENDED, None)
-    # The second docking mechanism is slot 1 on the wire.
+    # The second docking mechanism is dock 1 on the wire.
     assert flight.state.docked == ((1, 24),)
     assert flight.said[-1] == "Goal reached. Docking start."
-    # From (30, 20) to where it lies it is 26.6 m, at 0.5 m/s and with some acceleration: a word each second of the way.
+    # It lies 26.6 m from (30, 20); at 0.5 m/s, with some acceleration, the script prints a line each second of the way.
     assert flight.said.count("GoTo in progress.") == pytest.approx(26.6 / 0.5, abs=4)
 
 

@@ -1,4 +1,4 @@
-"""A supervisor that is killed at any tick of a flight with failures is followed by one that names the same first cause."""
+"""A supervisor is killed at any tick of a flight with failures: the next supervisor names the same first cause."""
 
 from __future__ import annotations
 

@@ -15,7 +15,7 @@ from apad_bridge.records.journal import JournalContents, read_journal
 from apad_bridge.records.recorder import Recorder
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.records.summary import Ending
-from apad_bridge.runs.resuming import gap_ms, resume, resume_point
+from apad_bridge.runs.resuming import find_resume_point, gap_ms, resume_run
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.run_options import APadKind, OnDeath, Part, RunOptions, TimeSource
 from apad_bridge.supervisor.context import LearnedState
@@ -45,7 +45,7 @@ SNAPSHOT = {"t": 41_000, "kind": "mission", "snapshot": STATE.to_json()}
 
 
 def test_it_goes_on_from_the_newest_snapshot_and_the_docks_changed_since() -> None:
-    found = resume_point(
+    found = find_resume_point(
         journal(
             {"t": 1000, "kind": "apad", "battery": 0.9},
             {"t": 1000, "kind": "mission", "snapshot": MissionState().to_json()},
@@ -64,7 +64,7 @@ def test_it_goes_on_from_the_newest_snapshot_and_the_docks_changed_since() -> No
 
 def test_a_run_that_has_ended_is_not_gone_on_with() -> None:
     with pytest.raises(PeerFailed, match="has ended"):
-        resume_point(journal(SNAPSHOT, {"t": 50_000, "kind": "end"}), 2, 0)
+        find_resume_point(journal(SNAPSHOT, {"t": 50_000, "kind": "end"}), 2, 0)
 
 
 def test_with_a_real_vehicle_the_time_without_a_supervisor_is_granted(tmp_path: Path) -> None:
@@ -72,7 +72,7 @@ def test_with_a_real_vehicle_the_time_without_a_supervisor_is_granted(tmp_path: 
     path.write_text("")
     os.utime(path, (1000.0, 1000.0))
     assert gap_ms(OPTIONS, path, 1090.4) == 90_400
-    assert resume_point(journal(SNAPSHOT), 2, 90_400).now_ms == 131_000
+    assert find_resume_point(journal(SNAPSHOT), 2, 90_400).now_ms == 131_000
     assert gap_ms(OPTIONS.on_own_master("http://h:2"), path, 1090.4) == 0
 
 
@@ -94,30 +94,30 @@ LOST = "lost: words on their way"
 
 
 def a_crash(path: Path) -> tuple[RunDirectory, LearnedState]:
-    """What a supervisor left that had heard aMussel 5, handed over 2 and retired 3, and was killed at its third second."""
-    recorder, known = third_second(RunDirectory(path / "broken"))
+    """The records of a supervisor that received from aMussel 5, handed over 2, retired 3, and was killed at second 3."""
+    recorder, learned = third_second(RunDirectory(path / "broken"))
     shutil.copytree(path / "broken", path / "run")
     recorder.close()
-    return RunDirectory(path / "run"), known
+    return RunDirectory(path / "run"), learned
 
 
 def third_second(directory: RunDirectory) -> tuple[Recorder, LearnedState]:
     directory.path.mkdir()
-    recorder, known = Recorder(directory, POOL, POOL.fleet.ids), parts.nothing_known(POOL)
-    recorder.keep(known, 0)
-    known.beliefs.hear(StatusPacket(5, 0, State.ACTIVE, 0.5, 1.0, 2.0, 3.0, 3.0, 1000), 1000)
+    recorder, learned = Recorder(directory, POOL, POOL.fleet.ids), parts.nothing_known(POOL)
+    recorder.keep(learned, 0)
+    learned.beliefs.hear(StatusPacket(5, 0, State.ACTIVE, 0.5, 1.0, 2.0, 3.0, 3.0, 1000), 1000)
     recorder.event(1000, "presence", id=2, by="/lab", **{"is": "real"})
     recorder.event(2000, "presence", id=3, by="a service call", **{"is": "retired"})
     for now_ms in (1000, 2000, 3000):
-        recorder.tick(now_ms, known.beliefs.all(), None, None, "none", FREE)
-    return recorder, known
+        recorder.tick(now_ms, learned.beliefs.all(), None, None, "none", FREE)
+    return recorder, learned
 
 
 def test_what_is_restored_and_what_is_lost_is_told_and_journaled(tmp_path: Path) -> None:
-    directory, known = a_crash(tmp_path)
-    told: list[str] = []
-    start_state = resume(directory, POOL, OPTIONS.on_own_master("http://h:2").next_epoch(), told.append)
-    assert told == [
+    directory, learned = a_crash(tmp_path)
+    lines: list[str] = []
+    start_state = resume_run(directory, POOL, OPTIONS.on_own_master("http://h:2").next_epoch(), lines.append)
+    assert lines == [
         LOST,
         "run.bag was repaired; 3 s of samples are lost",
         "still real: aMussel 2",
@@ -125,29 +125,29 @@ def test_what_is_restored_and_what_is_lost_is_told_and_journaled(tmp_path: Path)
         "believed as before: 1 aMussels, as of 1 s of mission time; the longest silence is 2 s now",
     ]
     assert start_state.presences.simulated == set(POOL.fleet.ids) - {2, 3}
-    assert start_state.beliefs.all() == known.beliefs.all() != []
+    assert start_state.beliefs.all() == learned.beliefs.all() != []
     assert start_state.start_ms == 3000
     start_state.recorder.close()
     restored = read_journal(directory.journal).first("restored")
-    assert restored is not None and restored["told"] == told
+    assert restored is not None and restored["told"] == lines
 
 
 @pytest.mark.parametrize(
     ("checkpoint", "why"),
     [(None, "checkpoint.jsonl: No such file"), (b'{"format":0}\n', "checkpoint.jsonl is of another version")],
 )
-def test_without_a_notebook_it_goes_on_and_says_that_it_believes_nothing(
+def test_without_a_checkpoint_it_goes_on_and_says_that_it_believes_nothing(
     tmp_path: Path, checkpoint: bytes | None, why: str
 ) -> None:
     directory, _ = a_crash(tmp_path)
     directory.checkpoint.unlink()
     if checkpoint is not None:
         directory.checkpoint.write_bytes(checkpoint)
-    told: list[str] = []
-    start_state = resume(directory, POOL, OPTIONS.next_epoch(), told.append)
+    lines: list[str] = []
+    start_state = resume_run(directory, POOL, OPTIONS.next_epoch(), lines.append)
     start_state.recorder.close()
     assert start_state.beliefs.all() == []
-    assert told[-1].startswith(f"nothing is believed of an aMussel until it is heard again: {why}")
+    assert lines[-1].startswith(f"nothing is believed of an aMussel until it is heard again: {why}")
 
 
 def ticked(recorder: Recorder, now_ms: int, dropped: dict[str, int]) -> None:
@@ -156,7 +156,7 @@ def ticked(recorder: Recorder, now_ms: int, dropped: dict[str, int]) -> None:
 
 
 def killed(directory: RunDirectory, path: Path) -> RunDirectory:
-    """What is on disk of a run now."""
+    """A copy of a run's directory as it is now."""
     shutil.copytree(directory.path, path)
     return RunDirectory(path)
 
@@ -164,56 +164,56 @@ def killed(directory: RunDirectory, path: Path) -> RunDirectory:
 def test_counts_of_what_was_dropped_go_on_through_two_kills(tmp_path: Path) -> None:
     directory = RunDirectory(tmp_path / "first")
     directory.path.mkdir()
-    first, known = Recorder(directory, POOL, POOL.fleet.ids), parts.nothing_known(POOL)
-    first.keep(known, 0)
+    first, learned = Recorder(directory, POOL, POOL.fleet.ids), parts.nothing_known(POOL)
+    first.keep(learned, 0)
     ticked(first, 1000, {"echo": 1})
     ticked(first, 2000, {"echo": 2, "late": 1})
-    first.dropped_in_flight = lambda: Counter(echo=9)  # in the tick that it does not live to end
+    first.dropped_in_flight = lambda: Counter(echo=9)  # in the tick in which it is killed
     left = killed(directory, tmp_path / "second")
     first.close()
 
-    told: list[str] = []
+    lines: list[str] = []
     options = OPTIONS.on_own_master("http://h:2").next_epoch()
-    second = resume(left, POOL, options, told.append)
-    assert told[0] == LOST
-    second.recorder.keep(second.known, second.start_ms)
+    second = resume_run(left, POOL, options, lines.append)
+    assert lines[0] == LOST
+    second.recorder.keep(second.learned, second.start_ms)
     at_once = killed(left, tmp_path / "at_once")
     ticked(second.recorder, 3000, {"echo": 4})
     later = killed(left, tmp_path / "later")
     second.recorder.close()
 
     for left, more in ((at_once, 0), (later, 4)):
-        third = resume(left, POOL, options, told.append)
-        third.recorder.keep(third.known, third.start_ms)
+        third = resume_run(left, POOL, options, lines.append)
+        third.recorder.keep(third.learned, third.start_ms)
         summary = third.recorder.finish(4000, Ending("mission time", 0.0, 0, None, {"echo": 10}))
         assert summary["dropped"] == {"echo": 2 + more + 10, "late": 1}
 
 
-def test_a_notebook_that_kept_no_counts_is_read_and_they_are_told_as_lost(tmp_path: Path) -> None:
-    directory, known = a_crash(tmp_path)
+def test_a_checkpoint_that_kept_no_counts_is_read_and_they_are_told_as_lost(tmp_path: Path) -> None:
+    directory, learned = a_crash(tmp_path)
     lines = [json.loads(line) for line in directory.checkpoint.read_text().splitlines()]
     for line in lines:
         line.pop("counts", None)
     directory.checkpoint.write_text("".join(json.dumps(line) + "\n" for line in lines))
     told: list[str] = []
-    start_state = resume(directory, POOL, OPTIONS.next_epoch(), told.append)
+    start_state = resume_run(directory, POOL, OPTIONS.next_epoch(), told.append)
     start_state.recorder.close()
     assert told[0] == LOST + ", and the counts of what was dropped so far"
-    assert start_state.beliefs.all() == known.beliefs.all() != []
+    assert start_state.beliefs.all() == learned.beliefs.all() != []
 
 
-def test_a_torn_notebook_gives_what_was_whole_and_says_so(tmp_path: Path) -> None:
+def test_a_torn_checkpoint_gives_what_was_whole_and_says_so(tmp_path: Path) -> None:
     directory, _ = a_crash(tmp_path)
     with directory.checkpoint.open("ab") as file:
         file.write(b'{"t":4000,"lea')
-    told: list[str] = []
-    start_state = resume(directory, POOL, OPTIONS.next_epoch(), told.append)
+    lines: list[str] = []
+    start_state = resume_run(directory, POOL, OPTIONS.next_epoch(), lines.append)
     start_state.recorder.close()
-    assert told[-1].endswith(". What was learned after 1 s is lost: checkpoint.jsonl is torn there")
+    assert lines[-1].endswith(". What was learned after 1 s is lost: checkpoint.jsonl is torn there")
     assert [it.agent_id for it in start_state.beliefs.all()] == [5]
 
 
-def test_who_ends_a_run_takes_the_notebook_away_and_who_is_stopped_leaves_it(tmp_path: Path) -> None:
+def test_who_ends_a_run_takes_the_checkpoint_away_and_who_is_stopped_leaves_it(tmp_path: Path) -> None:
     for name, ends in (("ended", True), ("stopped", False)):
         directory = RunDirectory(tmp_path / name)
         recorder, _ = third_second(directory)
@@ -227,10 +227,10 @@ def test_on_a_real_apad_what_is_believed_is_as_old_as_it_is(tmp_path: Path) -> N
     directory, _ = a_crash(tmp_path)
     two_minutes_ago_s = time.time() - 120
     os.utime(directory.journal, (two_minutes_ago_s, two_minutes_ago_s))
-    told: list[str] = []
-    start_state = resume(directory, POOL, OPTIONS.next_epoch(), told.append)
+    lines: list[str] = []
+    start_state = resume_run(directory, POOL, OPTIONS.next_epoch(), lines.append)
     start_state.recorder.close()
     assert 122_000 <= start_state.start_ms <= 135_000
-    assert told[-1].endswith(f"the longest silence is {(start_state.start_ms - 1000) // 1000} s now")
+    assert lines[-1].endswith(f"the longest silence is {(start_state.start_ms - 1000) // 1000} s now")
     start_state.beliefs.advance(start_state.start_ms)
     assert [it.heard_ms for it in start_state.beliefs.all()] == [1000]

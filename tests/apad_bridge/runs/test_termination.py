@@ -1,4 +1,4 @@
-"""A command that is asked to end by SIGTERM ends as one by Ctrl-C does."""
+"""A command that SIGTERM asks to end ends as with Ctrl-C."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the graph says of a fleet whose supervisor died, against what its journal does."""
+"""The graph's claims about a fleet whose supervisor died, against its journal."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def claim(node: str, real: bool, *ids: int) -> Claim:
 
 
 @pytest.mark.parametrize(
-    ("claims", "said"),
+    ("claims", "lines"),
     [
         ([], []),
         ([claim("/lab", True, 2)], []),
@@ -41,8 +41,8 @@ def claim(node: str, real: bool, *ids: int) -> Claim:
         ([claim("/else", True, 77)], []),
     ],
 )
-def test_each_difference_is_told_in_a_line(claims: list[Claim], said: list[str]) -> None:
-    assert conflicts(PRESENCES.of, PRESENCES.before, claims) == said
+def test_each_difference_is_told_in_a_line(claims: list[Claim], lines: list[str]) -> None:
+    assert conflicts(PRESENCES.of, PRESENCES.before, claims) == lines
 
 
 def test_a_real_one_is_given_back_by_its_claimant_alone() -> None:

@@ -1,4 +1,4 @@
-"""The supervisor's core on its own: ticks, orders of facts, what is dropped, and how a flight ends."""
+"""The supervisor's core on its own: ticks, the order of facts, dropped packets, and the end of a flight."""
 
 import random
 from pathlib import Path
@@ -31,8 +31,8 @@ def status(agent_id: int, charge: float, agent_ms: int = 30_000) -> bytes:
     return StatusPacket(agent_id, 0, State.ACTIVE, charge, 1.0, *place, 3.0, agent_ms).encode()
 
 
-def heard(*more: Fact) -> list[Fact]:
-    """What a tick brings: four candidates, a pose and a battery."""
+def facts_of_tick(*more: Fact) -> list[Fact]:
+    """The facts of a tick: four candidates, a pose and a battery."""
     return [
         *(WifiHeard(1000, status(agent_id, 0.5)) for agent_id in (1, 2, 3, 4)),
         PoseReported(900, 0.0, 0.0, 0.0),
@@ -49,7 +49,7 @@ def acts(facts: list[Fact], now_ms: int = 1000) -> list[SupervisorAction]:
 
 
 def test_it_plans_goes_and_permits_at_the_tick() -> None:
-    actions = acts(heard())
+    actions = acts(facts_of_tick())
     goto = next(action for action in actions if isinstance(action, GoTo))
     assert (goto.north_m, goto.east_m, goto.speed_m_s) == (1.0, 2.0, 0.5)
     sent = [action for action in actions if isinstance(action, Send)]
@@ -59,7 +59,7 @@ def test_it_plans_goes_and_permits_at_the_tick() -> None:
 
 
 def test_facts_of_one_tick_act_alike_in_whatever_order_they_came() -> None:
-    facts = heard()
+    facts = facts_of_tick()
     expected = acts(list(facts))
     for seed in range(10):
         random.Random(seed).shuffle(facts)
@@ -117,7 +117,7 @@ def test_time_going_back_is_refused() -> None:
 @pytest.mark.parametrize("by", ["wifi", "sound", "short"])
 def test_every_kind_of_status_is_believed(by: str) -> None:
     basic = StatusPacket(1, 8, State.EMPTY, 0.0, 0.8, 1.0, 2.0, 3.0, 60_000)
-    said: dict[str, Fact] = {
+    fact_by_medium: dict[str, Fact] = {
         "wifi": WifiHeard(
             2000,
             WifiStatus(
@@ -129,7 +129,7 @@ def test_every_kind_of_status_is_believed(by: str) -> None:
     }
     supervisor = parts.supervisor(SCENARIO)
     supervisor.receive(WifiHeard(1000, status(1, 0.5)))
-    supervisor.receive(said[by])
+    supervisor.receive(fact_by_medium[by])
     supervisor.advance(2000)
     belief = supervisor.beliefs.get(1)
     assert belief is not None

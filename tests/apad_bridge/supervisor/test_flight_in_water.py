@@ -1,4 +1,4 @@
-"""Flights whose words go through the water: what the supervisor hears is what reached the aPad, when it did."""
+"""Flights whose packets go through the water: the supervisor receives the packets that reached the aPad, at their time."""
 
 from __future__ import annotations
 
@@ -49,12 +49,12 @@ def test_every_packet_is_told_with_its_slot_its_way_and_its_end() -> None:
     """Two hours at theta 30 are 240 s. The aPad waits where it began, its modem 0.5 m deep; the bottom is at 3 m."""
     scenario = in_water(250, {})
     _, recorder = fly_in_memory(scenario)
-    told = packets(recorder)
-    assert len(told) == 12 * 1
+    ended = packets(recorder)
+    assert len(ended) == 12 * 1
     places = {it.agent_id: (it.north_m, it.east_m, 3.0) for it in starts_of(scenario)}
-    for packet in told:
+    for packet in ended:
         agent_id, ((node, outcome, snr_db, ended_ms, way_ms, range_m),) = packet["from"], packet["heard"]
-        # An hour, 70 s of sampling and processing, and then the next frame of 300 s: slot n opens 5 n s later.
+        # An hour, 70 s of sampling and processing, and then the next frame of 300 s: timeslot n opens 5 n s later.
         assert packet["began_ms"] == 3_900_000 + 5000 * (agent_id - 1)
         assert (packet["timeslot"], packet["what"], packet["bytes"], packet["lasted_ms"]) == (
             agent_id - 1,
@@ -69,7 +69,7 @@ def test_every_packet_is_told_with_its_slot_its_way_and_its_end() -> None:
         assert (node, outcome) == (0, "received") and snr_db > 50
         status = load_codec("musselbed-1").decode(bytes.fromhex(packet["data"]))
         assert isinstance(status, AcousticStatus) and status.basic.agent_id == agent_id
-    assert json.loads(json.dumps(told)) == told
+    assert json.loads(json.dumps(ended)) == ended
 
 
 def test_the_mission_is_flown_by_sound_alone() -> None:
@@ -103,7 +103,7 @@ def test_links_are_cut_by_a_file(tmp_path: Path) -> None:
 
 
 def test_a_dock_is_not_closed_around_one_that_never_heard_the_permission(tmp_path: Path) -> None:
-    """On twins, which believe in what they told: four permissions in five are lost. A dock that is empty gains nothing."""
+    """On twins, which assume that commands arrive: four permissions in five are lost. An empty dock gains nothing."""
     links = tmp_path / "links.csv"
     links.write_text("from, to, loss, since_s, until_s\napad, *, 0.8, ,\n")
     data = resolve(in_water(3600, {"wifi": {}, "links_file": str(links)}))
@@ -153,7 +153,7 @@ def test_a_file_of_links_that_is_none_is_refused_with_its_line(tmp_path: Path) -
 
 
 def test_links_may_change_while_a_run_flies(tmp_path: Path) -> None:
-    """Cut for all from the second hour on; then a file that is none leaves the links as they were."""
+    """All links are cut from the second hour on; then an unreadable file leaves the links as they were."""
     path = tmp_path / "links.csv"
     path.write_text("from,to,loss\n")
     scenario = in_water(500, {"links_file": str(path)})
@@ -176,14 +176,14 @@ def test_links_may_change_while_a_run_flies(tmp_path: Path) -> None:
     for packet in packets(recorder):
         by_hour.setdefault(packet["began_ms"] // 3_600_000, set()).add(packet["heard"][0][1])
     assert by_hour == {1: {"received"}, 2: {"cut"}, 3: {"cut"}, 4: {"cut"}}
-    told = [(at_ms, data) for at_ms, kind, data in recorder.events if kind == "links"]
-    assert told[0] == (200_000, {"rules": [[None, 0, 1.0, 0, None]], "problem": None})
-    assert told[1][0] == 300_000 and "line 1: the columns" in told[1][1]["problem"]
-    assert len(told) == 2
+    changes = [(at_ms, data) for at_ms, kind, data in recorder.events if kind == "links"]
+    assert changes[0] == (200_000, {"rules": [[None, 0, 1.0, 0, None]], "problem": None})
+    assert changes[1][0] == 300_000 and "line 1: the columns" in changes[1][1]["problem"]
+    assert len(changes) == 2
 
 
 def test_an_aPad_learns_ways_assigns_slots_and_finds_its_aMussels() -> None:
-    """What it says keeps out of the 12 slots of 5 s; one that was never moved is found where it began."""
+    """The aPad's packets keep out of the 12 timeslots of 5 s; an aMussel that was never moved is found at its start."""
     talk = {"assigns": True, "ping_period_s": 5}
     scenario = in_water(1800, {"talk": talk, "localisation": {"apart_m": 2.0, "deviation_m": 0.2}})
     figures, recorder = fly_in_memory(scenario)
@@ -232,7 +232,7 @@ def test_sensors_meet_an_anoxic_patch_that_grows_and_say_so_by_sound() -> None:
 
 
 class Elsewhere:
-    """The other half of the bench, and somebody else's aPad, which stands still."""
+    """The other half of the bench, with another aPad, which stands still."""
 
     def __init__(self, said: list[Send]) -> None:
         self.heard: list[tuple[Medium, int]] = []
@@ -281,7 +281,7 @@ def test_a_fleet_alone_shares_what_reached_the_aPad_and_hears_what_its_planner_s
     for now_ms in range(0, 200_000, 1000):
         flight.tick(now_ms)
     by_sound = {agent_id for medium, agent_id in elsewhere.heard if medium is Medium.SOUND}
-    # 7 was permitted to surface before its first slot, and speaks by Wi-Fi since.
+    # 7 was permitted to surface before its first timeslot, and sends by Wi-Fi since.
     assert by_sound == set(range(1, 13)) - {3, 7}
     assert (Medium.WIFI, 7) in elsewhere.heard
     (word,) = [packet for packet in packets(recorder) if packet["from"] == 0]
@@ -291,6 +291,6 @@ def test_a_fleet_alone_shares_what_reached_the_aPad_and_hears_what_its_planner_s
 def test_the_error_curve_is_the_scenario_s() -> None:
     """At any SNR half of all packets are lost: 36 of three hours, within 4 standard deviations of 18."""
     curve = {"snrs_db": [-1000, 1000], "sizes": [1], "rates": [[0.5, 0.5]]}
-    told = packets(fly_in_memory(in_water(380, {"sound": {"error_curve": curve}}))[1])
-    lost = sum(packet["heard"][0][1] == "noise" for packet in told)
-    assert len(told) == 36 and abs(lost - 18) <= 12
+    ended = packets(fly_in_memory(in_water(380, {"sound": {"error_curve": curve}}))[1])
+    lost = sum(packet["heard"][0][1] == "noise" for packet in ended)
+    assert len(ended) == 36 and abs(lost - 18) <= 12

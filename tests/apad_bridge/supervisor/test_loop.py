@@ -1,4 +1,4 @@
-"""The flight loop in memory: that it repeats itself, that its recorded stimuli do, and that an ether joins two halves."""
+"""The flight loop in memory: repeats give the same trace, recorded stimuli replay it, and a relay joins two halves."""
 
 import json
 from collections.abc import Iterable
@@ -130,7 +130,7 @@ def test_recorded_stimuli_played_again_in_any_windows_give_the_same_truths(
         moments = [
             (data["agent_ms"], data["wire"] if kind == "stimulus" else None)
             for _, kind, data in json.loads(json.dumps(recorded.events))
-            # What is told at the last tick is for a window that is never granted.
+            # Stimuli of the last tick are for a window that is never granted.
             if kind in ("stimulus", "died") and data["id"] == agent_id and data["agent_ms"] < end_ms
         ]
         # A death stands at the end of the last answered window: before the stimuli of that very time.
@@ -155,14 +155,14 @@ def test_recorded_stimuli_played_again_in_any_windows_give_the_same_truths(
 
 
 class Wire:
-    """Two ends of an ether, joined by lists."""
+    """Two ends of a relay, joined by lists."""
 
     def __init__(self, out: list[Any], into: list[Any]) -> None:
         self._out, self._into = out, into
 
     def advance(self, now_ms: int) -> list[Any]:
-        came, self._into[:] = list(self._into), []
-        return came
+        items, self._into[:] = list(self._into), []
+        return items
 
     def transmit(self, medium: Medium, agent_id: int, data: bytes, now_ms: int) -> None:
         self._out.append((medium, agent_id, data, now_ms))
@@ -182,7 +182,7 @@ class MissionEnd(Wire):
 
 
 class Observed:
-    """The mission's vehicle as a fleet alone sees it: contacts, no poses, no commands."""
+    """The mission's vehicle as a fleet without a mission sees it: contacts, no poses, no commands."""
 
     def __init__(self, vehicle: InProcessVehicle) -> None:
         self._vehicle = vehicle
@@ -194,22 +194,22 @@ class Observed:
 
 
 class Shared(InProcessVehicle):
-    """Tells the contacts to an observer too."""
+    """Passes the contacts to an observer too."""
 
     def __init__(self, apad: SimulatedAPad) -> None:
         super().__init__(apad)
         self.observer = Observed(self)
 
     def advance(self, now_ms: int) -> list[Any]:
-        told = super().advance(now_ms)
-        self.observer.facts += [fact for fact in told if type(fact).__name__ in ("Carried", "LetGo")]
-        return told
+        facts = super().advance(now_ms)
+        self.observer.facts += [fact for fact in facts if type(fact).__name__ in ("Carried", "LetGo")]
+        return facts
 
 
-def test_a_fleet_alone_and_a_mission_alone_joined_by_an_ether_serve_aMussels() -> None:
+def test_a_fleet_alone_and_a_mission_alone_joined_by_a_relay_serve_aMussels() -> None:
     scenario = short_scenario()
-    said: list[Any] = []
-    heard: list[Any] = []
+    to_fleet: list[Any] = []
+    to_mission: list[Any] = []
     vehicle = Shared(SimulatedAPad(scenario.apad))
     alone = short_scenario(collection="none")
     fleet_side = Flight(
@@ -218,13 +218,13 @@ def test_a_fleet_alone_and_a_mission_alone_joined_by_an_ether_serve_aMussels() -
             vehicle.observer,  # type: ignore[arg-type]
             AsFastAsPossible(),
             new_fleet(alone),
-            relay=FleetEnd(heard, said),
+            relay=FleetEnd(to_mission, to_fleet),
         ),
         Witness(alone),
     )
     mission_side = Flight(
         parts.supervisor(scenario),
-        FlightContext(vehicle, AsFastAsPossible(), None, relay=MissionEnd(said, heard)),
+        FlightContext(vehicle, AsFastAsPossible(), None, relay=MissionEnd(to_fleet, to_mission)),
         Witness(scenario),
     )
     for now_ms in range(0, 120_000, 1000):

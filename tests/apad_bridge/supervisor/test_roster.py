@@ -1,4 +1,4 @@
-"""Simulated aMussels that make room for real ones and come back, leave the water, or are hurt: in a flight in memory."""
+"""Simulated aMussels that are handed over to real ones and taken back, retired, or get faults, in a flight in memory."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from apad_bridge.records.journal import JournalContents
 from apad_bridge.records.recorder import Recorder
 from apad_bridge.records.summary import uptime_figures
 from apad_bridge.runs.in_memory import MemoryRecorder
-from apad_bridge.runs.resuming import became, place_again
+from apad_bridge.runs.resuming import presence_changes, repeat_placements
 from apad_bridge.scenario.loader import from_data, load, resolve
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
@@ -48,7 +48,7 @@ THE_ONE = 3
 
 
 class Paper:
-    """A desk where the test asks."""
+    """A queue for the test's requests."""
 
     def __init__(self) -> None:
         self.asked: list[Asked] = []
@@ -63,7 +63,7 @@ class Paper:
 
 
 class Elsewhere:
-    """An ether by which a real aMussel is heard."""
+    """A relay by which a real aMussel's packets arrive."""
 
     def __init__(self) -> None:
         self.packets: list[StatusPacket] = []
@@ -136,7 +136,7 @@ class Bench:
         self.ticks(1)
 
     def truth(self) -> tuple[State, float]:
-        """The simulated one's state, and where it is north, in metres."""
+        """The simulated aMussel's state, and its place north in metres."""
         truth = self.recorder.newest[THE_ONE]
         return truth.state, truth.physical.north_um / 1e6
 
@@ -164,7 +164,7 @@ def test_a_real_one_is_believed_while_its_twin_goes_on_unheard_and_takes_over_wh
     beliefs = bench.flight.supervisor.beliefs
     assert bench.ask(Moved(THE_ONE, Trigger.HAND_OVER, "a test")) == [None]
     bench.ticks(5)
-    assert beliefs.get(THE_ONE) is None  # its twin reports every second, and is not heard
+    assert beliefs.get(THE_ONE) is None  # its twin reports every second, and is muted
     _, twin_m = bench.truth()
     bench.real_one_says(north_m=twin_m + 4.0, primary=0.5)
     belief = beliefs.get(THE_ONE)
@@ -176,7 +176,7 @@ def test_a_real_one_is_believed_while_its_twin_goes_on_unheard_and_takes_over_wh
     assert bench.truth()[1] == pytest.approx(twin_m + 4.0, abs=0.01)
     heard = beliefs.get(THE_ONE)
     assert heard is not None and heard.heard_ms > belief.heard_ms
-    # 30 times faster, it has lost a minute's charge every two ticks.
+    # At theta 30 it loses a minute's charge every two ticks.
     assert 0.48 < heard.primary < 0.5
     assert [data["is"] for _, kind, data in bench.recorder.events if kind == "presence"] == [
         "real",
@@ -190,7 +190,7 @@ def test_uptimes_are_of_the_simulated_ones_and_others_are_told_apart() -> None:
     bench.ask(Moved(THE_ONE, Trigger.HAND_OVER, "a test"), Moved(1, Trigger.RETIRE, "a test"))
     bench.ticks(8)
     figures = uptime_figures(bench.recorder.meter, bench.flight.now_ms - 1000)
-    # Ticks 1 to 19 of two aMussels, and of two those up to tick 11, at whose end they became others.
+    # Ticks 1 to 19 of two aMussels, and ticks 1 to 11 of the two whose presence changed at the end of tick 11.
     assert figures["counted_s"] == 2 * 19 + 2 * 11
     assert figures["uptime_paper"] == {"mean": 100.0, "max": 100.0, "min": 100.0}
     assert figures["active_mean"] == (2 * 19 + 2 * 11) / 19
@@ -260,8 +260,8 @@ def test_what_is_left_out_of_a_spawning_is_refused(
     bench = Bench()
     bench.ticks(2)
     bench.ask(Moved(1, Trigger.RETIRE, "a test"))
-    (told,) = bench.ask(Moved(1, Trigger.SPAWN, "a test", at, charges))
-    assert told is not None and refusal in told
+    (answer,) = bench.ask(Moved(1, Trigger.SPAWN, "a test", at, charges))
+    assert answer is not None and refusal in answer
     assert bench.ask(Moved(1, Trigger.SPAWN, "a test", (5.0, 5.0), (0.5, 1.0))) == [None]
 
 
@@ -277,7 +277,7 @@ def test_one_in_a_dock_is_left_alone() -> None:
 
 
 def test_what_was_done_is_answered_when_it_is_recorded() -> None:
-    """Who was told that an id is real may rely on it, whatever dies next."""
+    """A caller that got the answer that an id is real may rely on it, whatever process dies next."""
     bench = Bench()
     order: list[str] = []
 
@@ -293,9 +293,9 @@ def test_what_was_done_is_answered_when_it_is_recorded() -> None:
         def tick(self, *_: Any) -> None:
             order.append("on disk")
 
-    desk = RosterRequests()
-    desk.asked = [Moved(THE_ONE, Trigger.HAND_OVER, "a test")]
-    bench.flight = bench.begin(Records(bench.scenario), Roster(bench.presences, desk))
+    requests = RosterRequests()
+    requests.asked = [Moved(THE_ONE, Trigger.HAND_OVER, "a test")]
+    bench.flight = bench.begin(Records(bench.scenario), Roster(bench.presences, requests))
     bench.ticks(1)
     assert order == ["said", "on disk", "answered"]
 
@@ -308,7 +308,7 @@ def test_another_supervisor_knows_who_is_real_and_who_is_retired() -> None:
     lines = [{"t": at_ms, "kind": kind, **data} for at_ms, kind, data in bench.recorder.events]
     journal = JournalContents(json.loads(json.dumps(lines)), 0)
 
-    again = Presences([1, 2, 3, 4], 3.0, became(journal))
+    again = Presences([1, 2, 3, 4], 3.0, presence_changes(journal))
     assert [again.of(it) for it in (1, 2, 3, 4)] == [
         Presence.SIMULATED,
         Presence.RETIRED,
@@ -333,11 +333,11 @@ def test_one_that_was_placed_as_the_supervisor_died_is_placed_once(felt: bool) -
     lines = [{"t": at_ms, "kind": kind, **data} for at_ms, kind, data in bench.recorder.events]
     coordinator = Coordinator(bench.host, bench.coordinator.granted_ms, bench.scenario.theta)
     before = len(bench.recorder.events)
-    place_again(
+    repeat_placements(
         JournalContents(lines, 0), coordinator, cast(Recorder, bench.recorder), bench.flight.now_ms - 1000
     )
-    told = bench.recorder.events[before:]
-    assert [(kind, data["id"]) for _, kind, data in told] == ([] if felt else [("stimulus", 1)])
+    events = bench.recorder.events[before:]
+    assert [(kind, data["id"]) for _, kind, data in events] == ([] if felt else [("stimulus", 1)])
     coordinator.advance(bench.flight.now_ms)
     newest = {it.agent_id: it.physical for it in bench.host.take_truths()}
     assert felt or (newest[1].north_um, newest[1].east_um) == (7_000_000, 8_000_000)

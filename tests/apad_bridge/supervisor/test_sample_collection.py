@@ -129,7 +129,7 @@ def read(path: Path) -> list[dict[str, object]]:
 
 
 class Story:
-    """An aMussel, a supervisor with a real file, and air between them that may do anything to a packet."""
+    """An aMussel, a supervisor with a real file, and a radio link that may do anything to a packet."""
 
     def __init__(self, path: Path, pages: int) -> None:
         self.path = path
@@ -162,7 +162,7 @@ class Story:
         self.air += [it.encode() for it in self.book.begin_upload()]
 
     def tick(self, tear_at: float | None) -> None:
-        """The supervisor hears all that is in the air; `tear_at` kills it in its last write, before it acknowledges."""
+        """The supervisor receives all packets in the air; `tear_at` kills it in its last write, before it acknowledges."""
         said, self.air = self.air, []
         before = self.path.stat().st_size if self.path.exists() else 0
         for data in said:
@@ -173,7 +173,7 @@ class Story:
             self.file.append(AGENT, found.records)
         if tear_at is not None:
             if self.file._file is not None:
-                os.close(self.file._file._descriptor)  # what was not flushed dies with it
+                os.close(self.file._file._descriptor)  # buffered bytes are lost with it
             if self.path.exists():
                 size = self.path.stat().st_size
                 os.truncate(self.path, before + round(tear_at * (size - before)))
@@ -187,7 +187,7 @@ class Story:
             self.air += [it.encode() for it in follow]
 
     def end(self) -> list[dict[str, object]]:
-        """Nothing is lost any more: a wake that goes on until all is acknowledged."""
+        """No more packets are lost: the wake lasts until all records are acknowledged."""
         self.air.clear()
         for _ in range(100):
             if self.book.log.waiting == 0:

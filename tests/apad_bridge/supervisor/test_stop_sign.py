@@ -1,4 +1,4 @@
-"""A sign that a signal handler sets in the middle of a wait of its own thread."""
+"""A stop sign that a signal handler sets in the middle of a wait of its own thread."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pathlib import Path
 
 from apad_bridge.supervisor.clock import StopSign
 
-# A handler every 50 us, and waits hardly longer: with a threading.Event this does not come through.
+# A handler every 50 us, and waits hardly longer: with a threading.Event this deadlocks.
 STORM = """
 import signal
 from apad_bridge.supervisor.clock import StopSign

@@ -1,6 +1,6 @@
-"""24 aMussels in hourly timeslots for 20 simulated hours, through the water: what collides and what is delivered.
+"""24 aMussels in hourly timeslots for 20 simulated hours, through the water: collisions and deliveries.
 
-What is predicted here knows slots, drifts and places, and neither boards nor the medium.
+The predictions here use timeslots, drifts and places, and neither boards nor the medium.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ WHOLE_BOARDS = Path(__file__).parents[3] / "launch_scripts" / "scenarios" / "who
 AGENTS, HOURS = 24, 20
 SLOT_MS, FRAME_MS, PACKET_MS = 1700, 60_000, 868
 PPM_50 = 50_000
-"""In parts of 10^9."""
+"""Parts of 10^9."""
 APAD_M = (100.0, 100.0, 0.5)
 
 
@@ -65,13 +65,13 @@ def outcome(packet: dict[str, Any]) -> str:
 
 
 def predicted_collisions(flown: Scenario, drift_ppb: int) -> set[tuple[int, int]]:
-    """(aMussel, hour) of each packet that meets another at the aPad: from slots, drifts and distances."""
+    """(aMussel, hour) of each packet that meets another at the aPad: from timeslots, drifts and distances."""
     heard = []
     for start in starts_of(flown):
         drift = drift_of(flown.seed, start.agent_id, drift_ppb)
         way_ms = -(-dist((start.north_m, start.east_m, 3.0), APAD_M) // 1.5)
         for hour in range(1, HOURS + 1):
-            # Awake at the hour, 10 s of samples and 60 s of work; then the next frame's slot, all by its own clock.
+            # Awake at the hour, 10 s of samples and 60 s of work; then the next frame's timeslot, all by its own clock.
             reading_ms = hour * 3_600_000 + 70_000
             frame_ms = -(-reading_ms // FRAME_MS) * FRAME_MS + (start.agent_id - 1) * SLOT_MS
             if frame_ms - FRAME_MS >= reading_ms:
@@ -107,9 +107,9 @@ def test_with_50_ppm_and_no_beacon_as_many_collide_as_predicted(seed: int) -> No
 
 
 def test_the_expected_number_of_collisions_is_that_of_the_triangle() -> None:
-    """Drifts are uniform within +-b, so what one gains on another in t is a triangle of half width w = 2 b t, and exceeds x
-    with probability (1 - x / w)^2 / 2. Two that are n slots apart meet while it lies within a packet's length of n slots.
-    Over 200 fleets the mean number of meetings is that, within four standard errors."""
+    """Drifts are uniform within +-b, so the gain of one clock on another in t is triangular with half width w = 2 b t, and
+    exceeds x with probability (1 - x / w)^2 / 2. Packets n timeslots apart meet while the gain lies within a packet's
+    length of n timeslots. The mean number of meetings over 200 fleets agrees within four standard errors."""
     expected = 0.0
     for apart in range(1, AGENTS):
         for hour in range(1, HOURS + 1):
@@ -146,12 +146,12 @@ def test_what_is_delivered_under_loss(loss: float, tmp_path: Path) -> None:
 
 
 def test_with_50_ppm_and_a_beacon_an_hour_nothing_collides() -> None:
-    """A clock is off by 180 ms at most when it hears the next beacon, and slots leave 832 ms between packets."""
+    """A clock is off by 180 ms at most when the next beacon arrives, and timeslots leave 832 ms between packets."""
     heard = statuses(scenario(talk={"assigns": True, "beacon_period_s": 3600.0}), PPM_50)
     assert len(heard) == AGENTS * HOURS
     assert {outcome(it) for it in heard} == {"received"}
     for it in heard:
-        # Its way is made up for: what it says arrives where its slot opens, but for an hour's drift.
+        # Travel time is compensated: its packets arrive when its timeslot opens, except for an hour's drift.
         late_ms = (it["heard"][0][3] - PACKET_MS - (it["from"] - 1) * SLOT_MS) % FRAME_MS
         assert min(late_ms, FRAME_MS - late_ms) <= 190
 
@@ -160,8 +160,8 @@ def test_with_50_ppm_and_a_beacon_an_hour_nothing_collides() -> None:
 def test_boards_that_doubt_their_clocks_speak_while_beacons_come(
     beacon_period_s: float, expected: int
 ) -> None:
-    """50 ppm for 65 minutes are 195 ms, within a guard of 250; for 125 minutes they are 375. Without a beacon they so fall
-    silent after the first hour, and with one an hour they never do."""
+    """50 ppm for 65 minutes are 195 ms, within a guard of 250; for 125 minutes they are 375. So without a beacon the
+    aMussels fall silent after the first hour, and with a beacon an hour they never do."""
     data = resolve(scenario(talk={"assigns": True, "beacon_period_s": beacon_period_s}))
     whole = data["board"]["whole"]
     whole.update(clock_drift_ppm=50.0, timekeeping={"bound_ppm": 50.0, "beacon_wait_s": 60.0})

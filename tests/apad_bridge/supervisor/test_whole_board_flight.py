@@ -1,4 +1,4 @@
-"""Fleets of whole boards in flight: one docking as a story, and aMussels that run out of both batteries."""
+"""Fleets of whole boards in flight: the trace of one docking, and aMussels that run out of both batteries."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class Witness(MemoryRecorder):
         self.kept += truths
 
     def states_of(self, agent_id: int) -> list[Truth]:
-        """The first truth of each state that it came into."""
+        """The first truth of each state that the aMussel entered."""
         of_it = [truth for truth in self.kept if truth.agent_id == agent_id]
         return [
             now
@@ -48,7 +48,7 @@ class Witness(MemoryRecorder):
         ]
 
     def said(self, kind: str) -> list[dict[str, Any]]:
-        return [data for _, told, data in self.events if told == kind]
+        return [data for _, it, data in self.events if it == kind]
 
 
 def flown(scenario: Scenario, starts: tuple[Start, ...] | None = None) -> tuple[Witness, Flight]:
@@ -77,7 +77,7 @@ def clock(agent_ms: int) -> str:
 
 
 LAST_RESORT = {"action": "surface", "safe_level": 0.2, "call_period_s": 600}
-# Alarms at full hours: 10 s of sampling, 60 s of processing, slot 4 of a frame of 5 min opens at 15 s, 1 s of sending.
+# Alarms at full hours: 10 s of sampling, 60 s of processing, timeslot 4 of a frame of 5 min opens at 15 s, 1 s of sending.
 STORY = """\
 13:00:00.000 SAMPLING
 13:00:10.000 PROCESSING
@@ -107,7 +107,7 @@ def test_the_story_of_a_docking() -> None:
     truths = [truth for truth in witness.states_of(4) if truth.at_ms >= 13 * 3_600_000]
     assert "\n".join(f"{clock(truth.at_ms)} {truth.state.name}" for truth in truths) == STORY
     assert [note["agent"] for note in witness.said("released")] == [6, 10, 4, 7]
-    # The release packet that goes with the opened dock finds its Wi-Fi asleep; the aMussels are told again when heard.
+    # The release packet that goes with the opened dock finds its Wi-Fi asleep; it is repeated when a packet arrives.
     assert flight.dropped == {"Wi-Fi is off": 4}
     assert {note["full"] for note in witness.said("released")} == {True}
     # At every alarm until it surfaced, and at none in the dock.
@@ -128,7 +128,7 @@ def test_in_the_dock_the_primary_charges_by_two_coils_less_what_the_load_takes_o
     at_start = docked.physical.primary.charge / FULL
     recorded = Water(scenario).sample(docked, 1679 * 30_000).primary
     assert recorded == pytest.approx(at_start + minutes * net, abs=1e-6)
-    # What it last said is from the last report, at most 10 s of mission time ago.
+    # Its last packet is the last report, at most 10 s of mission time ago.
     assert recorded - 5 * net <= believed.primary + 1e-4 and believed.primary <= recorded + 1e-4
 
 
@@ -171,10 +171,10 @@ def test_by_sound_alone_the_same_are_served_a_little_later() -> None:
     data.update(duration_s=2400, beliefs={"estimator": "hold_last"})
     flight, witness = open_flight(from_data(data, "sound"))
     flight.run()
-    released = [(at_ms, told["agent"]) for at_ms, kind, told in witness.events if kind == "released"]
-    # With the paper's hearing they are all released by 2072 s; here a charge is known when its bearer speaks, every 120 s.
+    released = [(at_ms, data["agent"]) for at_ms, kind, data in witness.events if kind == "released"]
+    # With the paper's hearing all are released by 2072 s; here a charge is known when the aMussel reports, every 120 s.
     assert {agent for _, agent in released} == {4, 6, 7, 10}
     assert 2_072_000 < max(released)[0] < 2_072_000 + 4 * 120_000
     assert all(flight.now_ms - it.heard_ms <= 133_000 for it in flight.supervisor.beliefs.all())
-    by_sound = [told for _, kind, told in witness.events if kind == "packet" and told["from"] != "apad"]
+    by_sound = [data for _, kind, data in witness.events if kind == "packet" and data["from"] != "apad"]
     assert len(by_sound) > 200

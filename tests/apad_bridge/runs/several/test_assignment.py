@@ -1,4 +1,4 @@
-"""Who serves whom while aPads fail: by laws, over squads that nobody thought of."""
+"""The assignment of aMussels while aPads fail: laws, over generated groups of aPads."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from apad_bridge.mission.breakdown import Breakdown
-from apad_bridge.runs.several.assignment import Seen, Sharing
+from apad_bridge.runs.several.assignment import APadView, Assignment
 from apad_bridge.vehicle.docking import PRE_EMPTED
 from apad_bridge.vehicle.primitives import DockMussel, GoToPoint, PrimitiveFailed, PrimitiveSucceeded
 
@@ -19,7 +19,7 @@ IDS = tuple(range(1, 17))
 
 @st.composite
 def looks(draw: st.DrawFn) -> list[tuple[frozenset[str], frozenset[int], frozenset[int]]]:
-    """At each look: who is down, which only grows; who is believed in; and who of these can be moved."""
+    """At each look: the aPads that are down, which only grow; the aMussels with a belief; those of them that can move."""
     down: frozenset[str] = frozenset()
     found = []
     for _ in range(draw(st.integers(1, 4))):
@@ -40,12 +40,14 @@ def test_everybody_is_served_once_whatever_happens(
     told: list[tuple[frozenset[str], frozenset[int], frozenset[int]]],
 ) -> None:
     at = dict(zip(IDS, places_m, strict=True))
-    sharing = Sharing({n: [i for i, owner in zip(IDS, owners, strict=True) if owner == n] for n in NAMES})
+    assignment = Assignment(
+        {n: [i for i, owner in zip(IDS, owners, strict=True) if owner == n] for n in NAMES}
+    )
     known_down: frozenset[str] = frozenset()
     for down, heard, movable in told:
-        before = sharing.shares
+        before = assignment.shares
         seen = [
-            Seen(
+            APadView(
                 name,
                 name in down,
                 (0.0, 0.0),
@@ -54,13 +56,13 @@ def test_everybody_is_served_once_whatever_happens(
             )
             for name in NAMES
         ]
-        moves = sharing.look(seen)
+        moves = assignment.plan_moves(seen)
         for move in moves:
             assert move.agent_id in before[move.giver] & movable and move.taker not in down
-            # Who is served by an aPad that is well is moved only when another one fails.
+            # An aMussel that a working aPad serves is moved only when another aPad fails.
             assert move.giver in down or not down <= known_down
-            sharing.moved(move)
-        after = sharing.shares
+            assignment.record_move(move)
+        after = assignment.shares
         assert sorted(agent_id for ids in after.values() for agent_id in ids) == list(IDS)
         stranded = {agent_id for name in down for agent_id in before[name] & movable}
         if down != frozenset(NAMES):
@@ -69,9 +71,9 @@ def test_everybody_is_served_once_whatever_happens(
             assert moves == []
         if stranded:
             known_down |= down
-        # What was planned is planned: another look at the same changes nothing.
+        # A second look at the same views moves nothing.
         again = [
-            Seen(
+            APadView(
                 it.name,
                 it.is_down,
                 it.place_m,
@@ -80,47 +82,47 @@ def test_everybody_is_served_once_whatever_happens(
             )
             for it in seen
         ]
-        assert sharing.look(again) == []
+        assert assignment.plan_moves(again) == []
 
 
 def test_shares_are_even_over_those_that_are_left_and_shift_along_the_bay() -> None:
     """Three aPads along 300 m with four each. The first fails: the second takes what lay nearest, and passes two on."""
     places_m = {n: (25.0 * n, 0.0) for n in range(12)}
-    sharing = Sharing({"a": range(4), "b": range(4, 8), "c": range(8, 12)})
+    assignment = Assignment({"a": range(4), "b": range(4, 8), "c": range(8, 12)})
 
-    def seen(name: str, *, is_down: bool = False) -> Seen:
-        ids = sharing.shares[name]
-        return Seen(name, is_down, (0.0, 0.0), {it: places_m[it] for it in ids}, ids)
+    def seen(name: str, *, is_down: bool = False) -> APadView:
+        ids = assignment.shares[name]
+        return APadView(name, is_down, (0.0, 0.0), {it: places_m[it] for it in ids}, ids)
 
-    assert sharing.look([seen("a"), seen("b"), seen("c")]) == []
-    for move in sharing.look([seen("a", is_down=True), seen("b"), seen("c")]):
-        sharing.moved(move)
-    assert sharing.shares == {"a": frozenset(), "b": frozenset(range(6)), "c": frozenset(range(6, 12))}
+    assert assignment.plan_moves([seen("a"), seen("b"), seen("c")]) == []
+    for move in assignment.plan_moves([seen("a", is_down=True), seen("b"), seen("c")]):
+        assignment.record_move(move)
+    assert assignment.shares == {"a": frozenset(), "b": frozenset(range(6)), "c": frozenset(range(6, 12))}
 
 
 def test_who_cannot_be_moved_yet_is_moved_later_and_by_itself() -> None:
-    sharing = Sharing({"a": [1, 2], "b": [3, 4], "c": [5, 6]})
+    assignment = Assignment({"a": [1, 2], "b": [3, 4], "c": [5, 6]})
     places_m = {1: (0.0, 0.0), 2: (0.0, 50.0), 3: (0.0, 10.0), 4: (0.0, 20.0), 5: (0.0, 60.0), 6: (0.0, 70.0)}
 
-    def look(*movable: int) -> list[tuple[int, str]]:
+    def moves_of(*movable: int) -> list[tuple[int, str]]:
         seen = [
-            Seen(name, name == "a", (0.0, 0.0), {it: places_m[it] for it in ids}, ids & set(movable))
-            for name, ids in sharing.shares.items()
+            APadView(name, name == "a", (0.0, 0.0), {it: places_m[it] for it in ids}, ids & set(movable))
+            for name, ids in assignment.shares.items()
         ]
-        moves = sharing.look(seen)
+        moves = assignment.plan_moves(seen)
         for move in moves:
-            sharing.moved(move)
+            assignment.record_move(move)
         return [(move.agent_id, move.taker) for move in moves]
 
-    assert look() == []
-    assert look(1) == [(1, "b")]
-    # 4 lies nearer to c's now than 2 does to b's, and is left alone all the same.
-    assert look(1, 2, 3, 4, 5, 6) == [(2, "c")]
+    assert moves_of() == []
+    assert moves_of(1) == [(1, "b")]
+    # 4 is now nearer to c's aMussels than 2 is to b's, but is not moved.
+    assert moves_of(1, 2, 3, 4, 5, 6) == [(2, "c")]
 
 
 def test_an_aMussel_in_two_shares_is_refused() -> None:
     with pytest.raises(ValueError, match="in two shares"):
-        Sharing({"a": [1, 2], "b": [2]})
+        Assignment({"a": [1, 2], "b": [2]})
 
 
 def test_a_breakdown_is_go_tos_that_fail_in_a_row() -> None:

@@ -1,4 +1,4 @@
-"""First given, then taken: the parent of several aPads and their seats, whatever is late, kept back or gone."""
+"""First given, then taken: the parent of several aPads and its members, with late, refused and lost transfers."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from apad_bridge.runs.several.protocol import Handed, Orders
+from apad_bridge.runs.several.protocol import Orders, TransferredBelief
 from apad_bridge.runs.several.reassignment import Reassigner
 
 HOMES = {"a": (1, 2, 3), "b": (4, 5, 6), "c": (7, 8)}
@@ -18,13 +18,13 @@ IDS = tuple(agent_id for ids in HOMES.values() for agent_id in ids)
 
 
 class Member:
-    """A supervisor with its seat: it reads its orders when it is let, and says what it did when it is asked."""
+    """A supervisor with its link: `obey` reads and applies its orders, `report` adds a view to its reports."""
 
     def __init__(self, name: str, folder: Path) -> None:
         self.name, self.folder = name, folder
         self.served = set(HOMES[name])
         self.is_down = False
-        self.said: list[dict[str, Any]] = []
+        self.reports: list[dict[str, Any]] = []
 
     def obey(self, busy: frozenset[int]) -> None:
         orders = Orders.load(self.folder)
@@ -32,12 +32,12 @@ class Member:
             return
         self.is_down |= orders.stands_down is not None
         gave = sorted(self.served - orders.serves.keys() - busy)
-        kept = sorted((self.served - orders.serves.keys()) & busy)
-        self.served = (self.served & orders.serves.keys()) | set(kept) | orders.serves.keys()
-        self.said += [{"gave": [[it, 0, {"of": it}] for it in gave]}, {"kept": kept}]
+        estimate = sorted((self.served - orders.serves.keys()) & busy)
+        self.served = (self.served & orders.serves.keys()) | set(estimate) | orders.serves.keys()
+        self.reports += [{"gave": [[it, 0, {"of": it}] for it in gave]}, {"kept": estimate}]
 
-    def tell(self, busy: frozenset[int]) -> None:
-        seen = {
+    def report(self, busy: frozenset[int]) -> None:
+        view = {
             "name": self.name,
             "is_down": self.is_down,
             "place_m": [0.0, 0.0],
@@ -45,10 +45,10 @@ class Member:
             "movable": sorted(self.served - busy),
             "served": sorted(self.served),
         }
-        self.said.append({"seen": seen})
+        self.reports.append({"seen": view})
 
 
-def squad(folder: Path) -> tuple[Reassigner, dict[str, Member]]:
+def opened(folder: Path) -> tuple[Reassigner, dict[str, Member]]:
     members = {}
     for name in HOMES:
         (folder / name).mkdir()
@@ -58,54 +58,54 @@ def squad(folder: Path) -> tuple[Reassigner, dict[str, Member]]:
 
 ACTS = st.tuples(
     st.sampled_from(list(HOMES)),
-    st.sampled_from(["obey", "tell", "hear", "down", "gone"]),
+    st.sampled_from(["obey", "report", "receive", "down", "end"]),
     st.frozensets(st.sampled_from(IDS), max_size=3),
 )
 
 
-# Orders are files that are synced to a disk, and what else that disk does is not the law's.
+# Orders are files that are synced to a disk, and a busy disk must not fail this test.
 @settings(deadline=None)
 @given(st.lists(ACTS, max_size=40))
 def test_nobody_is_ever_served_twice_and_in_the_end_everybody_once(
     acts: list[tuple[str, str, frozenset[int]]],
 ) -> None:
     with tempfile.TemporaryDirectory() as path:
-        dispatch, members = squad(Path(path))
-        gone: set[str] = set()
+        reassigner, members = opened(Path(path))
+        ended: set[str] = set()
 
         def act(name: str, what: str, busy: frozenset[int]) -> None:
             member = members[name]
-            if name in gone:
+            if name in ended:
                 return
             if what == "obey":
                 member.obey(busy)
-            elif what == "tell":
-                member.tell(busy)
-            elif what == "hear" and member.said:
-                dispatch.hear(name, member.said.pop(0))
+            elif what == "report":
+                member.report(busy)
+            elif what == "receive" and member.reports:
+                reassigner.receive(name, member.reports.pop(0))
             elif what == "down":
-                dispatch.stand_down(name, "a test")
-            elif what == "gone" and name == "c":
-                # What it said before it ended was heard, as of a pipe.
-                while member.said:
-                    dispatch.hear(name, member.said.pop(0))
-                gone.add(name)
+                reassigner.stand_down(name, "a test")
+            elif what == "end" and name == "c":
+                # A pipe still delivers the reports that were written before the end.
+                while member.reports:
+                    reassigner.receive(name, member.reports.pop(0))
+                ended.add(name)
                 member.served = set()
-                dispatch.gone(name)
+                reassigner.member_ended(name)
             served = [agent_id for it in members.values() for agent_id in it.served]
             assert len(served) == len(set(served))
-            assert sorted(it for ids in dispatch.shares.values() for it in ids) == list(IDS)
+            assert sorted(it for ids in reassigner.shares.values() for it in ids) == list(IDS)
 
         for it in acts:
             act(*it)
-        # Then all is quiet: orders are obeyed, and what was said is heard.
+        # Then there are no more faults: all orders are obeyed, and all reports are received.
         for _ in range(4):
             for name in HOMES:
-                for what in ("obey", "tell", *["hear"] * (len(members[name].said) + 3)):
+                for what in ("obey", "report", *["receive"] * (len(members[name].reports) + 3)):
                     act(name, what, frozenset())
-        alive = [it for it in members.values() if it.name not in gone]
-        assert all(it.served == dispatch.shares[it.name] for it in alive)
-        lost = set(HOMES["c"]) if gone else set()
+        alive = [it for it in members.values() if it.name not in ended]
+        assert all(it.served == reassigner.shares[it.name] for it in alive)
+        lost = set(HOMES["c"]) if ended else set()
         served = {agent_id for it in alive for agent_id in it.served}
         assert set(IDS) - served <= lost
         if any(not it.is_down for it in alive):
@@ -113,20 +113,22 @@ def test_nobody_is_ever_served_twice_and_in_the_end_everybody_once(
 
 
 def test_what_was_believed_goes_with_it(tmp_path: Path) -> None:
-    dispatch, members = squad(tmp_path)
-    dispatch.stand_down("a", "its node ended")
+    reassigner, members = opened(tmp_path)
+    reassigner.stand_down("a", "its node ended")
     for _ in range(3):
         for name, member in members.items():
             member.obey(frozenset({2}))
-            member.tell(frozenset({2}))
-            while member.said:
-                dispatch.hear(name, member.said.pop(0))
-    assert members["a"].served == {2} and dispatch.handed_on >= {1, 3}
+            member.report(frozenset({2}))
+            while member.reports:
+                reassigner.receive(name, member.reports.pop(0))
+    assert members["a"].served == {2} and reassigner.handed_on >= {1, 3}
     taken = {
-        it: handed for name in ("b", "c") for it, handed in Orders.load(members[name].folder).serves.items()
+        it: transfer
+        for name in ("b", "c")
+        for it, transfer in Orders.load(members[name].folder).serves.items()
     }  # type: ignore[union-attr]
-    assert taken[1] == Handed(0, {"of": 1}) and 2 not in taken
-    assert Orders.load(members["a"].folder) == Orders({2: Handed()}, "its node ended")
+    assert taken[1] == TransferredBelief(0, {"of": 1}) and 2 not in taken
+    assert Orders.load(members["a"].folder) == Orders({2: TransferredBelief()}, "its node ended")
 
 
 def test_orders_of_another_version_are_an_error(tmp_path: Path) -> None:

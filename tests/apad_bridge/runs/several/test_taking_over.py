@@ -1,4 +1,4 @@
-"""One of two aPads fails and the other takes over: who is lost with and without that, in flights in memory."""
+"""One of two aPads fails and the other takes over: the aMussels lost with and without that, in flights in memory."""
 
 from __future__ import annotations
 
@@ -6,19 +6,19 @@ from pathlib import Path
 from typing import Any
 
 from apad_bridge.assembly.division import members
-from apad_bridge.runs.studies.several_in_memory import Opened, open_lockstep
+from apad_bridge.runs.studies.several_in_memory import OpenedLockstep, open_lockstep
 from apad_bridge.scenario.loader import from_data, load, resolve
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import Start, save_starts, starts_of
 
 SHIPPED = Path(__file__).parents[4] / "launch_scripts" / "scenarios" / "whole-board-12.yaml"
 NEEDY = (5, 6, 7)
-"""They lie in the north, where apad2 comes for them."""
+"""These lie in the north, where apad2 fetches them."""
 DURATION_S = 6000
 
 
-def squad(folder: Path, *, transfers: bool, battery: float) -> Scenario:
-    """Whole boards in two heaps of four; apad2, whose battery is as good as empty, starts between them."""
+def two_apads(folder: Path, *, transfers: bool, battery: float) -> Scenario:
+    """Two heaps of four aMussels with the whole board; apad2, with a nearly empty battery, starts between them."""
     data = resolve(load(SHIPPED))
     data.update(name="two", theta=10, duration_s=DURATION_S, sharing={"transfers": transfers})
     data["area"]["polygon_m"] = [[0, 0], [60, 0], [60, 20], [0, 20]]
@@ -36,38 +36,38 @@ def squad(folder: Path, *, transfers: bool, battery: float) -> Scenario:
     return from_data(data, "two")
 
 
-def opened_in(folder: Path, *, transfers: bool, battery: float = 0.005) -> Opened:
-    scenario = squad(folder, transfers=transfers, battery=battery)
+def open_in(folder: Path, *, transfers: bool, battery: float = 0.005) -> OpenedLockstep:
+    scenario = two_apads(folder, transfers=transfers, battery=battery)
     return open_lockstep(members(scenario, starts_of(scenario)), scenario.sharing)
 
 
-def said(opened: Opened, apad: str, kind: str) -> list[dict[str, Any]]:
+def events_of(opened: OpenedLockstep, apad: str, kind: str) -> list[dict[str, Any]]:
     return [{"t": at_ms, **data} for at_ms, it, data in opened.recorders[apad].events if it == kind]
 
 
 def test_who_would_have_been_lost_is_fetched_by_the_other(tmp_path: Path) -> None:
-    alone, together = (opened_in(tmp_path, transfers=transfers) for transfers in (False, True))
-    alone.formation.run()
-    together.formation.run()
+    alone, together = (open_in(tmp_path, transfers=transfers) for transfers in (False, True))
+    alone.runner.run()
+    together.runner.run()
     before, after = alone.figures(), together.figures()
 
-    (down,) = said(together, "apad2", "stands_down")
+    (down,) = events_of(together, "apad2", "stands_down")
     assert down["reason"] == "the aPad's battery" and down["t"] < 60_000
-    assert [it["id"] for it in said(together, "apad2", "handed_on")] == [7, 8, 5, 6]
-    assert [it["id"] for it in said(together, "apad1", "took_on")] == [7, 8, 5, 6]
-    assert (alone.formation.moved, together.formation.moved) == (0, 4)
-    assert together.sharing.shares == {"apad1": frozenset(range(1, 9)), "apad2": frozenset()}
+    assert [it["id"] for it in events_of(together, "apad2", "handed_on")] == [7, 8, 5, 6]
+    assert [it["id"] for it in events_of(together, "apad1", "took_on")] == [7, 8, 5, 6]
+    assert (alone.runner.handed_on_count, together.runner.handed_on_count) == (0, 4)
+    assert together.assignment.shares == {"apad1": frozenset(range(1, 9)), "apad2": frozenset()}
 
-    # Two of the needy are lost without help. With it they are charged by apad1, and brought back to where they were.
+    # Two of the needy are lost without help. With it, apad1 charges them and brings them back to their places.
     assert [it["apad2"]["amussels_lost"] for it in (before, after)] == [2, 0]
-    assert {it["agent"] for it in said(together, "apad1", "released") if it["full"]} == set(NEEDY)
+    assert {it["agent"] for it in events_of(together, "apad1", "released") if it["full"]} == set(NEEDY)
     assert [it["apad1"]["services"] for it in (before, after)] == [0, 3]
     assert before["apad2"]["uptime_paper"]["mean"] < 40 < 65 < after["apad2"]["uptime_paper"]["mean"]
-    # 45 m there and 45 m back, for apad1 has some of its own to fetch.
+    # 45 m there and 45 m back, because apad1 has some aMussels of its own to fetch.
     assert before["apad1"]["cost_m"] < 10 and 90 < after["apad1"]["cost_m"] < 110
     assert before["apad2"]["cost_m"] == after["apad2"]["cost_m"]
 
-    # An aMussel is counted where it is simulated, and only there; its samples are, too, though another's docks held it.
+    # An aMussel and its samples are counted only where it is simulated, though another aPad's docks held it.
     for it in (before, after):
         assert it["apad1"]["counted_s"] == it["apad2"]["counted_s"] == 4 * DURATION_S
     assert before["apad2"]["samples_taken"] < 80 < 120 < after["apad2"]["samples_taken"]
@@ -75,77 +75,79 @@ def test_who_would_have_been_lost_is_fetched_by_the_other(tmp_path: Path) -> Non
     assert uploaded[0].keys() <= {1, 2, 3, 4} and 8 in uploaded[1] and uploaded[1].keys() <= {5, 6, 7, 8}
     for records in uploaded[1].values():
         assert [record.sequence for record in records] == list(range(len(records)))
-    assert all(it.flight.all_dropped.keys() <= {"Wi-Fi is off"} for it in together.flown.values())
+    assert all(it.flight.all_dropped.keys() <= {"Wi-Fi is off"} for it in together.flights.values())
 
 
 def test_at_every_tick_each_is_in_exactly_one_share(tmp_path: Path) -> None:
-    opened = opened_in(tmp_path, transfers=True)
-    supervisors = [it.flight.supervisor for it in opened.flown.values()]
-    tick = opened.flown["apad2"].flight.step
+    opened = open_in(tmp_path, transfers=True)
+    supervisors = [it.flight.supervisor for it in opened.flights.values()]
+    tick = opened.flights["apad2"].flight.step
 
     def watched() -> bool:
         served = sorted(agent_id for it in supervisors for agent_id in it.allocation.served)
         assert served == list(range(1, 9))
-        # And nobody plans for one of another's.
+        # And no aPad plans for an aMussel that another serves.
         for it in supervisors:
             assert {step.agent_id for step in it.mission.state.plan.steps} <= it.allocation.served
         return tick()
 
-    opened.flown["apad2"].flight.step = watched  # type: ignore[method-assign]
-    opened.formation.run()
+    opened.flights["apad2"].flight.step = watched  # type: ignore[method-assign]
+    opened.runner.run()
     assert [len(it.allocation.served) for it in supervisors] == [8, 0]
 
 
 def test_a_guest_is_handed_on_again_when_its_server_fails(tmp_path: Path) -> None:
-    """apad2 fails first, apad3 a quarter of an hour later: whoever came to it of apad2's goes to apad1 with its own."""
-    data = resolve(squad(tmp_path, transfers=True, battery=0.005))
+    """apad2 fails first, apad3 a quarter of an hour later: aMussels that apad3 took from apad2 go to apad1 with its own."""
+    data = resolve(two_apads(tmp_path, transfers=True, battery=0.005))
     data["duration_s"] = 2400
     data["apads"].append({"name": "apad3", "start_m": [50, 10], "battery_start_fraction": 0.03})
     data["mission"]["collection"] = "none"
     three = from_data(data, "three")
     opened = open_lockstep(members(three, starts_of(three)), three.sharing)
-    opened.formation.run()
-    downs = [said(opened, name, "stands_down")[0]["t"] for name in ("apad2", "apad3")]
+    opened.runner.run()
+    downs = [events_of(opened, name, "stands_down")[0]["t"] for name in ("apad2", "apad3")]
     assert downs[0] < 200_000 and 600_000 < downs[1] < 1_500_000
-    first = {it.agent_id: it.taker for at_ms, it in opened.formation.moves if at_ms < downs[1]}
-    then = {it.agent_id: it for at_ms, it in opened.formation.moves if at_ms > downs[1]}
-    homes = {name: set(it.flight.supervisor.allocation.own) for name, it in opened.flown.items()}
+    first = {it.agent_id: it.taker for at_ms, it in opened.runner.moves if at_ms < downs[1]}
+    then = {it.agent_id: it for at_ms, it in opened.runner.moves if at_ms > downs[1]}
+    homes = {name: set(it.flight.supervisor.allocation.own) for name, it in opened.flights.items()}
     served_for_others = {it for it in homes["apad2"] if first[it] == "apad3"}
     assert served_for_others and all(
         then[it].giver == "apad3" and then[it].taker == "apad1" for it in served_for_others
     )
-    assert opened.sharing.shares == {
+    assert opened.assignment.shares == {
         "apad1": frozenset(range(1, 9)),
         "apad2": frozenset(),
         "apad3": frozenset(),
     }
-    # apad3 knows nothing of its former guests any more; apad1 believes what is true.
-    beliefs = opened.flown["apad3"].flight.supervisor.beliefs
+    # apad3 has no beliefs of the aMussels that it served for apad2; apad1 has beliefs of all.
+    beliefs = opened.flights["apad3"].flight.supervisor.beliefs
     assert {it.agent_id for it in beliefs.all()} == homes["apad3"]
-    assert {it.agent_id for it in opened.flown["apad1"].flight.supervisor.beliefs.all()} == set(range(1, 9))
+    assert {it.agent_id for it in opened.flights["apad1"].flight.supervisor.beliefs.all()} == set(range(1, 9))
     assert sum(it["counted_s"] for it in opened.figures().values()) == 8 * 2400
 
 
 def test_whom_its_docks_hold_stay_with_it(tmp_path: Path) -> None:
     """With a little more in its battery apad2 has docked all three before it comes to an end."""
-    opened = opened_in(tmp_path, transfers=True, battery=0.03)
-    opened.formation.run()
-    (down,) = said(opened, "apad2", "stands_down")
-    docked = [it["agent"] for it in said(opened, "apad2", "dock") if it["closed"] and it["t"] < down["t"]]
+    opened = open_in(tmp_path, transfers=True, battery=0.03)
+    opened.runner.run()
+    (down,) = events_of(opened, "apad2", "stands_down")
+    docked = [
+        it["agent"] for it in events_of(opened, "apad2", "dock") if it["closed"] and it["t"] < down["t"]
+    ]
     assert sorted(docked) == list(NEEDY)
-    assert [it["id"] for it in said(opened, "apad2", "handed_on")] == [8]
-    assert opened.sharing.shares["apad2"] == frozenset(NEEDY)
+    assert [it["id"] for it in events_of(opened, "apad2", "handed_on")] == [8]
+    assert opened.assignment.shares["apad2"] == frozenset(NEEDY)
     assert opened.figures()["apad2"]["amussels_lost"] == 0
 
 
 def test_while_all_are_well_nothing_differs_from_flying_alone(tmp_path: Path) -> None:
-    scenario = squad(tmp_path, transfers=True, battery=1.0)
+    scenario = two_apads(tmp_path, transfers=True, battery=1.0)
     each = members(scenario, starts_of(scenario))
     together = open_lockstep(each, scenario.sharing)
-    together.formation.run()
-    assert together.formation.moved == 0
+    together.runner.run()
+    assert together.runner.handed_on_count == 0
     for member in each:
         alone = open_lockstep([member], scenario.sharing)
-        alone.formation.run()
+        alone.runner.run()
         assert alone.recorders[member.name].events == together.recorders[member.name].events
         assert alone.figures()[member.name] == together.figures()[member.name]

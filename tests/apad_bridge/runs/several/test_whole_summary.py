@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from apad_bridge.runs.several.summary import of_all
+from apad_bridge.runs.several.summary import combined_summary
 
 
 def flight(agents: int, mean: float, **more: Any) -> dict[str, Any]:
@@ -23,7 +23,9 @@ def flight(agents: int, mean: float, **more: Any) -> dict[str, Any]:
 
 
 def test_every_aMussel_counts_alike() -> None:
-    whole = of_all("two", {"a": flight(3, 60.0), "b": flight(1, 80.0, mission_s=90.0, dropped={"late": 2})})
+    whole = combined_summary(
+        "two", {"a": flight(3, 60.0), "b": flight(1, 80.0, mission_s=90.0, dropped={"late": 2})}
+    )
     assert whole["uptime_paper"] == {"mean": pytest.approx(65.0), "max": 90.0, "min": 50.0}
     assert whole["final_charge_mean"] == pytest.approx(0.65)
     assert whole["active_mean"] == pytest.approx(2.6)
@@ -35,19 +37,23 @@ def test_every_aMussel_counts_alike() -> None:
 def test_who_was_a_twin_for_half_the_time_counts_half() -> None:
     apart = {"amussels": 1, "beside_real_s": 50.0, "retired_s": 0.0, "samples_taken": 0}
     twin = flight(1, 80.0, counted_s=50.0, counted_at_end=0, final_charge_mean=None, apart=apart)
-    whole = of_all("two", {"a": flight(3, 60.0), "b": twin})
+    whole = combined_summary("two", {"a": flight(3, 60.0), "b": twin})
     assert whole["uptime_paper"]["mean"] == pytest.approx((3 * 60 + 80 / 2) / 3.5)
     assert whole["final_charge_mean"] == pytest.approx(0.6)
     assert whole["apart"] == apart
 
 
 def test_what_one_does_not_know_nobody_knows() -> None:
-    whole = of_all("two", {"a": flight(3, 60.0), "b": flight(1, 80.0, counted_s=None, emptied=None)})
+    whole = combined_summary(
+        "two", {"a": flight(3, 60.0), "b": flight(1, 80.0, counted_s=None, emptied=None)}
+    )
     assert whole["uptime_paper"] is None and whole["emptied"] is None
     assert whole["services"] == 8
 
 
 def test_words_stand_with_whom_they_are_of() -> None:
-    whole = of_all("two", {"a": flight(3, 60.0), "b": flight(1, 80.0, ended_by="x", first_cause="stalled")})
+    whole = combined_summary(
+        "two", {"a": flight(3, 60.0), "b": flight(1, 80.0, ended_by="x", first_cause="stalled")}
+    )
     assert whole["ended_by"] == "a: mission time; b: x"
     assert whole["first_cause"] == "b: stalled"

@@ -1,4 +1,4 @@
-"""What the parent of several aPads makes of what their runs say, and of their ends."""
+"""The parent of several aPads handles the lines that their runs write, and their ends."""
 
 from __future__ import annotations
 
@@ -8,20 +8,20 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-from apad_bridge.runs.several.parent import Watch
+from apad_bridge.runs.several.parent import MemberWatch
 from apad_bridge.runs.status import Status
 
 
 class Run:
-    """A run of one aPad: what it says comes through a real pipe; asked to end, it says `last` and ends."""
+    """A run of one aPad: it writes its lines to a real pipe; asked to end, it writes `last` and ends."""
 
-    def __init__(self, *said: dict[str, Any] | str, last: dict[str, Any] | None = None) -> None:
+    def __init__(self, *message: dict[str, Any] | str, last: dict[str, Any] | None = None) -> None:
         reader, self._writer = os.pipe()
         self.lines = os.fdopen(reader)
         self.log = Path("somewhere/parent.log")
         self._last = last
         self.asked = 0
-        for it in said:
+        for it in message:
             self._say(it)
         if last is None:
             os.close(self._writer)
@@ -35,23 +35,23 @@ class Run:
     def end(self, timeout_s: float) -> None:
         pass
 
-    def last_words(self) -> str:
+    def last_log_line(self) -> str:
         return "its last words"
 
-    def _say(self, said: dict[str, Any] | str) -> None:
-        text = said if isinstance(said, str) else json.dumps(said)
+    def _say(self, message: dict[str, Any] | str) -> None:
+        text = message if isinstance(message, str) else json.dumps(message)
         os.write(self._writer, f"{text}\n".encode())
 
 
-class Shown:
+class ProgressLog:
     def __init__(self) -> None:
-        self.said: list[str] = []
+        self.message: list[str] = []
         self.statuses: list[Status] = []
 
-    def say(self, text: str) -> None:
-        self.said.append(text)
+    def print_message(self, text: str) -> None:
+        self.message.append(text)
 
-    def show(self, status: Status) -> None:
+    def show_status(self, status: Status) -> None:
         self.statuses.append(status)
 
 
@@ -59,38 +59,38 @@ def status(now_ms: int, served: int, way_m: float) -> str:
     return Status(now_ms, "dock", "dock", 4, 3, 1, served, way_m, 0.9, 0.0).to_line()
 
 
-def watched(runs: dict[str, Run], nodes: dict[str, Any], shown: Shown) -> Any:
+def read_all(runs: dict[str, Run], nodes: dict[str, Any], progress: ProgressLog) -> Any:
     try:
-        return Watch(runs, nodes, shown).until_all_ended()  # type: ignore[arg-type]
+        return MemberWatch(runs, nodes, progress).read_until_all_ended()  # type: ignore[arg-type]
     finally:
         for run in runs.values():
             run.lines.close()
 
 
 def test_statuses_are_added_and_words_stand_with_their_aPad() -> None:
-    shown = Shown()
+    progress = ProgressLog()
     runs = {
         "a": Run(status(9000, 2, 10.0), {"said": "hello"}, {"summary": {"services": 2}}),
         "b": Run(status(7000, 1, 5.0), {"summary": {"services": 1}}),
     }
-    assert watched(runs, {}, shown) == ({"a": {"services": 2}, "b": {"services": 1}}, {})
-    last = shown.statuses[-1]
+    assert read_all(runs, {}, progress) == ({"a": {"services": 2}, "b": {"services": 1}}, {})
+    last = progress.statuses[-1]
     assert (last.now_ms, last.phase, last.agents, last.services, last.cost_m) == (7000, "2 aPads", 8, 3, 15.0)
-    assert shown.said == ["a: hello"]
+    assert progress.message == ["a: hello"]
 
 
 def test_one_that_fails_leaves_the_others_their_summaries() -> None:
     runs = {"a": Run({"summary": {}}), "b": Run({"failed": "no fleet"}), "c": Run()}
-    summaries, failures = watched(runs, {}, Shown())
+    summaries, failures = read_all(runs, {}, ProgressLog())
     assert summaries == {"a": {}}
     assert failures == {"b": "no fleet", "c": "ended without a summary: its last words; see somewhere"}
 
 
 def test_a_simulated_aPad_that_died_ends_its_own_run_only() -> None:
-    """Run `a` waits for nothing: it has said its summary. Run `b` would fly on without its vehicle."""
+    """Run `a` has written its summary and needs no end. Run `b` would fly on without its vehicle."""
     runs = {"a": Run({"summary": {}}), "b": Run(last={"summary": {"services": 1}})}
     nodes = {"a": SimpleNamespace(poll=lambda: None), "b": SimpleNamespace(poll=lambda: -9)}
-    summaries, failures = watched(runs, nodes, Shown())
+    summaries, failures = read_all(runs, nodes, ProgressLog())
     assert summaries == {"a": {}, "b": {"services": 1}}
     assert failures == {"b": "the simulated aPad's node ended with status -9"}
     assert (runs["a"].asked, runs["b"].asked) == (0, 1)
