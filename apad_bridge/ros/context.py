@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
+from typing import Any
 
 import rospy
 
@@ -20,11 +21,11 @@ from apad_bridge.ros.gateway.gateway import Gateway, GatewayFailed, TruthSource,
 from apad_bridge.ros.gateway.standard_messages import ball_size_m
 from apad_bridge.ros.gateway.standard_topics import StandardTopics
 from apad_bridge.ros.links.contacts_link import ContactsLink
-from apad_bridge.ros.links.generation_b import GenerationBLink
-from apad_bridge.ros.links.laboratory import Laboratory
+from apad_bridge.ros.links.laboratory import HearsOfDocks, Laboratory
+from apad_bridge.ros.links.legacy_link import LegacyLink
 from apad_bridge.ros.links.packet_router import FleetRelay, MissionRelay, RealAgentRelay
 from apad_bridge.ros.links.several_router import SeveralRelay
-from apad_bridge.ros.links.vehicles import READY_S, APadLink, TruthsAt, is_of_generation_b, open_apad
+from apad_bridge.ros.links.vehicles import READY_S, TruthsAt, open_apad, publishes_contacts
 from apad_bridge.ros.system.master_watch import MasterWatch, Noticed
 from apad_bridge.ros.system.ros_pace import FollowedClock, OwnMasterClock
 from apad_bridge.ros_names.namespaces import beside_others, is_one_of_several
@@ -41,6 +42,7 @@ from apad_bridge.vehicle.listening_link import ListeningLink
 from apad_bridge.vehicle.telemetry import SilenceWatch
 from firmware_model.packets.codec import load_codec
 
+APadLink = LegacyLink[Any]
 _NODES = {Part.WHOLE: "musselbed", Part.FLEET: "musselbed_fleet", Part.MISSION: "musselbed_mission"}
 
 
@@ -82,7 +84,7 @@ def open_flight_context(
                 vehicle.wait_until_ready(READY_S)
         except (SecondFleet, GatewayFailed, VehicleNotReady) as error:
             raise PeerFailed(str(error)) from error
-        hears = vehicle if isinstance(vehicle, GenerationBLink) else None
+        hears = vehicle if isinstance(vehicle, HearsOfDocks) else None
         link = laboratory.beside(vehicle, hears)
         yield FlightContext(
             ListeningLink(link) if options.part is Part.FLEET else link,
@@ -149,7 +151,7 @@ def _vehicle(
     scenario: Scenario, options: RunOptions, docked: Mapping[int, int], now_ms: int, truths_at: TruthsAt
 ) -> tuple[APadLink | ContactsLink, tuple[Watcher, ...]]:
     """The link to the aPad, or a fleet's ears for somebody else's; and what has to look at each tick because of it."""
-    if options.part is Part.FLEET and not is_of_generation_b(scenario):
+    if options.part is Part.FLEET and publishes_contacts(scenario):
         return ContactsLink(scenario.apad.name, parts.agent_ids(scenario), docked, now_ms), ()
     opened = open_apad(scenario, options, docked, now_ms, truths_at)
     return opened.link, () if opened.watch is None else (opened.watch,)

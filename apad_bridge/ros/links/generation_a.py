@@ -17,17 +17,15 @@ from typing import Any
 
 import rospy
 from actionlib_msgs.msg import GoalStatusArray
-from apad.msg import (
-    aPadActionGoal,
-    aPadActionResult,
-)
-from auv_msgs.msg import NavSts
 
+from apad_bridge.assembly import parts
 from apad_bridge.ros.links.inbox import Inbox
-from apad_bridge.ros.links.legacy_link import LegacyLink
+from apad_bridge.ros.links.legacy_link import LegacyLink, OpenedAPad
 from apad_bridge.ros.links.legacy_subscribers import POSE_FIELDS, LegacySubscribers
 from apad_bridge.ros.types.live_types import differing_listeners, unreadable_topics
+from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros_names.names import AMUSSEL, of_amussel, of_apad
+from apad_bridge.scenario.schema import Scenario
 from apad_bridge.vehicle.commands import CloseDock, MoveArm, OpenDock, VehicleCommand
 from apad_bridge.vehicle.generation_a.core import GenerationACore
 from apad_bridge.vehicle.generation_a.messages import (
@@ -40,6 +38,11 @@ from apad_bridge.vehicle.generation_a.messages import (
 )
 from apad_bridge.vehicle.link import LinkFact
 from apad_bridge.vehicle.telemetry import Sight
+
+use_generated_messages()
+
+from apad.msg import aPadActionGoal, aPadActionResult  # noqa: E402
+from auv_msgs.msg import NavSts  # noqa: E402
 
 _STATUS = ("header.stamp", "status_list")
 _RESULT = ("header.stamp", "status.goal_id.id", "status.status", "status.text")
@@ -185,3 +188,20 @@ def _goal_message(order: GoalOrder) -> Any:
     message.goal.pose.orientation.w = 1.0
     message.goal.object = order.name
     return message
+
+
+def open_link(
+    scenario: Scenario, sight: Sight, docked: Mapping[int, int], now_ms: int, *, our_clock: bool
+) -> OpenedAPad:
+    battery, ids = scenario.apad.battery, parts.agent_ids(scenario)
+    return OpenedAPad(
+        GenerationALink(
+            scenario.apad.name,
+            ids,
+            (battery.empty_v, battery.full_v),
+            our_clock=our_clock,
+            docked=docked,
+            now_ms=now_ms,
+            sight=sight,
+        )
+    )

@@ -17,25 +17,22 @@ from typing import Any
 
 import rosgraph
 import rospy
-from misc_msgs.srv import (
-    DockingPrimitiveService,
-    DynamicPositioningPrimitiveService,
-    Go2pointPrimitiveService,
-)
 from std_msgs.msg import Bool, Float32MultiArray, Int32, String
 
+from apad_bridge.assembly import parts
 from apad_bridge.doctor.graph import Graph
 from apad_bridge.doctor.network import Unreachable
 from apad_bridge.ros.links.inbox import Inbox
-from apad_bridge.ros.links.legacy_link import LegacyLink
+from apad_bridge.ros.links.legacy_link import LegacyLink, OpenedAPad
 from apad_bridge.ros.links.legacy_subscribers import LegacySubscribers
 from apad_bridge.ros.links.service_calls import ServiceCalls
 from apad_bridge.ros.links.virtual_camera import VirtualCamera
 from apad_bridge.ros.types.live_types import live_services, unreadable_topics
+from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros_names.names import of_apad
 from apad_bridge.scenario.lab_interface.fields import has, write
 from apad_bridge.scenario.lab_interface.messages import DockSaid
-from apad_bridge.scenario.schema import Docking, DockingProfile
+from apad_bridge.scenario.schema import Docking, DockingProfile, Scenario
 from apad_bridge.vehicle.commands import MoveArm, VehicleCommand
 from apad_bridge.vehicle.generation_b.core import GenerationBCore
 from apad_bridge.vehicle.generation_b.messages import (
@@ -58,6 +55,14 @@ from apad_bridge.vehicle.link import LinkFact
 from apad_bridge.vehicle.simulated.misses import Misses
 from apad_bridge.vehicle.stack_messages import UNSTAMPED
 from apad_bridge.vehicle.telemetry import Sight
+
+use_generated_messages()
+
+from misc_msgs.srv import (  # noqa: E402
+    DockingPrimitiveService,
+    DynamicPositioningPrimitiveService,
+    Go2pointPrimitiveService,
+)
 
 _OPEN = 0.5
 """`dock_out` is 1.0 for an arm that stands open, and 0.0."""
@@ -270,3 +275,31 @@ _ALL_ORDERS: tuple[Order, ...] = (
 )
 _FIELDS = {primitive: tuple(fields) for primitive, fields in map(_fields, _ALL_ORDERS)}
 """What a service's request must have: all that is ever written into it."""
+
+
+def open_link(
+    scenario: Scenario, sight: Sight, docked: Mapping[int, int], now_ms: int, *, our_clock: bool
+) -> OpenedAPad:
+    apad, docking, ids = scenario.apad, scenario.mission.docking, parts.agent_ids(scenario)
+    simulated_ids = [it for it in ids if docking.profile_of(it) is not DockingProfile.VISUAL]
+    seen_ids = frozenset(it for it in ids if docking.profile_of(it) is DockingProfile.CAMERA)
+    camera = VirtualCamera(apad.name) if seen_ids else None
+    link = GenerationBLink(
+        apad.name,
+        simulated_ids,
+        (apad.battery.empty_v, apad.battery.full_v),
+        docking,
+        parts.misses(scenario),
+        our_clock=our_clock,
+        sight=sight,
+        camera=camera,
+        docked=docked,
+        now_ms=now_ms,
+    )
+    if camera is None:
+        return OpenedAPad(link)
+
+    def watch(at_ms: int) -> None:
+        camera.show({agent_id: place_m for agent_id, place_m in sight(at_ms).items() if agent_id in seen_ids})
+
+    return OpenedAPad(link, watch)

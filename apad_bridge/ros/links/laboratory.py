@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from agents.packet_medium import Medium
 from apad_bridge.mission.events import Send
@@ -27,6 +27,7 @@ _KINDS = {What.PERMISSION: (Kind.PERMISSION, Medium.SOUND), What.CLEAR: (Kind.RE
 _WHATS = {kind: what for what, (kind, _) in _KINDS.items()}
 
 
+@runtime_checkable
 class HearsOfDocks(Protocol):
     """A link whose vehicle does not tell itself what its docks hold."""
 

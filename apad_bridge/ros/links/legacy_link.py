@@ -9,16 +9,19 @@ from __future__ import annotations
 import time
 from abc import ABC, abstractmethod
 from collections import Counter
-from collections.abc import Callable, Iterable
-from dataclasses import replace
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Generic, Protocol, TypeVar
 
 import rospy
 
 from apad_bridge.ros.links.inbox import Inbox
+from apad_bridge.scenario.schema import Scenario
+from apad_bridge.vehicle.commands import VehicleCommand
 from apad_bridge.vehicle.errors import VehicleNotReady
+from apad_bridge.vehicle.link import LinkFact
 from apad_bridge.vehicle.stack_messages import UNSTAMPED
-from apad_bridge.vehicle.telemetry import Readings
+from apad_bridge.vehicle.telemetry import Readings, Sight
 
 
 class Docks(Protocol):
@@ -88,6 +91,22 @@ class LegacyLink(ABC, Generic[Core]):
         return self._core.docks.holds(agent_id)
 
     @abstractmethod
+    def advance(self, now_ms: int) -> list[LinkFact]:
+        """Facts up to `now_ms`."""
+
+    @abstractmethod
+    def command(self, command: VehicleCommand, now_ms: int) -> None:
+        """Passes the command on to the vehicle."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """Unregisters all that the link has on the graph."""
+
+    @abstractmethod
+    def wait_until_heard(self, now_ms: int, timeout_s: float) -> list[str]:
+        """Waits until each topic has come up to `now_ms`. Returns those that have not."""
+
+    @abstractmethod
     def _missing(self) -> list[str]:
         """What is not connected, or not offered, of that which a flight cannot do without, for a person."""
 
@@ -152,3 +171,18 @@ class LegacyLink(ABC, Generic[Core]):
             if heard.at_ms == UNSTAMPED:
                 heard = replace(heard, at_ms=self._now_ms)
             self._core.hear(heard, self._now_ms)
+
+
+@dataclass(frozen=True, slots=True)
+class OpenedAPad:
+    link: LegacyLink[Any]
+    watch: Callable[[int], None] | None = None
+    """To be called after each tick with the mission time: shows the virtual camera the floating aMussels."""
+
+
+class OpenLink(Protocol):
+    """Opens a generation's link. `docked` maps the index of a dock to the aMussel that it is known to hold."""
+
+    def __call__(
+        self, scenario: Scenario, sight: Sight, docked: Mapping[int, int], now_ms: int, *, our_clock: bool
+    ) -> OpenedAPad: ...

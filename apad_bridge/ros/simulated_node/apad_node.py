@@ -17,49 +17,26 @@ import signal
 import sys
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import rospy
 
-from apad_bridge.assembly import parts
 from apad_bridge.assembly.division import with_apad
+from apad_bridge.assembly.stacks import load as load_part
+from apad_bridge.assembly.stacks import stack_of
 from apad_bridge.ros.types.messages import MessagesUnusable, use_generated_messages
 from apad_bridge.ros_names.names import plain
 from apad_bridge.ros_names.namespaces import beside_others, is_one_of_several
 from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.loader import load, with_overrides
-from apad_bridge.scenario.schema import Generation, Scenario
+from apad_bridge.scenario.schema import Generation
 from apad_bridge.supervisor.clock import StopSign
-from apad_bridge.vehicle.simulated.apad import SimulatedAPad
 
 if TYPE_CHECKING:
-    from apad_bridge.ros.simulated_node.generation_a_server import GenerationAServer
-    from apad_bridge.ros.simulated_node.generation_b_server import GenerationBServer
+    from apad_bridge.ros.simulated_node.legacy_server import LegacyServer
 
 _WALL_STEP_S = 0.05
 """On the wall clock: the period of its fastest topic."""
-
-
-def _make_node(scenario: Scenario) -> GenerationAServer | GenerationBServer:
-    """The node's server; the ROS node is initialised before. ImportError when our messages are unusable."""
-    apad, mission = scenario.apad, scenario.mission
-    if apad.generation is Generation.B:
-        from apad_bridge.ros.simulated_node.generation_b_server import GenerationBServer
-        from apad_bridge.vehicle.generation_b.simulated import GenerationBVehicle
-
-        return GenerationBServer(
-            apad.name, lambda start_ms: GenerationBVehicle(SimulatedAPad(apad), start_ms, apad.fault)
-        )
-    from apad_bridge.ros.simulated_node.generation_a_server import GenerationAServer
-    from apad_bridge.vehicle.generation_a.simulated import GenerationAVehicle
-
-    misses = parts.misses(scenario)
-    return GenerationAServer(
-        apad.name,
-        lambda start_ms: GenerationAVehicle(
-            SimulatedAPad(apad), mission.speed_m_s, mission.victory_radius_m, start_ms, apad.fault, misses
-        ),
-    )
 
 
 def main() -> int:
@@ -96,7 +73,8 @@ def main() -> int:
     rospy.init_node(
         f"{name}_simulated", argv=remappings, disable_signals=True, xmlrpc_port=arguments.xmlrpc_port
     )
-    node = _make_node(scenario)
+    server: type[LegacyServer[Any]] = load_part(stack_of(scenario.apad.generation).server)
+    node = server.of_scenario(scenario)
     if follows_clock:
         node.follow_clock()
     print("ready", flush=True)

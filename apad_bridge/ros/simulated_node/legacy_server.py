@@ -6,7 +6,7 @@ import threading
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from typing import Any, Generic, TypeVar
+from typing import Any, Generic, Self, TypeVar
 
 import rospy
 from rosgraph_msgs.msg import Clock
@@ -14,6 +14,7 @@ from rosgraph_msgs.msg import Clock
 from apad_bridge.ros.system.ros_time import to_ms, to_ros
 from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros_names.names import CLOCK, of_apad
+from apad_bridge.scenario.schema import Scenario
 from apad_bridge.vehicle.simulated.kinematics import Pose
 from apad_bridge.vehicle.simulated_stack import LegacyVehicle
 
@@ -36,6 +37,11 @@ class LegacyServer(ABC, Generic[Vehicle]):
         self._lock = lock
         self._position = rospy.Publisher(of_apad(name, "position"), NavSts, queue_size=QUEUE)
         self._state = rospy.Publisher(of_apad(name, "stateRef"), NavSts, queue_size=QUEUE)
+
+    @classmethod
+    @abstractmethod
+    def of_scenario(cls, scenario: Scenario) -> Self:
+        """The server around the simulated vehicle of this scenario. The node is initialised before."""
 
     @abstractmethod
     def _show(self, shown: list[Any]) -> None:

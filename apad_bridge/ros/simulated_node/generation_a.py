@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Self
 
 import rospy
 from actionlib.action_server import ActionServer
 from std_msgs.msg import Float64
 from std_srvs.srv import Trigger, TriggerResponse
 
+from apad_bridge.assembly import parts
 from apad_bridge.ros.simulated_node.legacy_server import QUEUE, LegacyServer, publish_pose
 from apad_bridge.ros.system.ros_time import to_ros
 from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros_names.names import of_apad
+from apad_bridge.scenario.schema import Scenario
 from apad_bridge.vehicle.generation_a.messages import Ended, Goal, Held, Outcome, Shown, SlowShown
 from apad_bridge.vehicle.generation_a.simulated import GenerationAVehicle
+from apad_bridge.vehicle.simulated.apad import SimulatedAPad
 from apad_bridge.vehicle.stack_messages import PoseShown
 
 use_generated_messages()
@@ -62,6 +65,22 @@ class GenerationAServer(LegacyServer[GenerationAVehicle]):
         self._battery = rospy.Publisher(of_apad(name, "battery_level"), Float64, queue_size=QUEUE)
         self._server.start()
         self._offer_services(name)
+
+    @classmethod
+    def of_scenario(cls, scenario: Scenario) -> Self:
+        """A goal of generation A has no field for speed or victory radius: both are the scenario's mission's."""
+        apad, mission, misses = scenario.apad, scenario.mission, parts.misses(scenario)
+        return cls(
+            apad.name,
+            lambda start_ms: GenerationAVehicle(
+                SimulatedAPad(apad),
+                mission.speed_m_s,
+                mission.victory_radius_m,
+                start_ms,
+                apad.fault,
+                misses,
+            ),
+        )
 
     def _offer_services(self, apad: str) -> None:
         """Enabling, configuring and anchoring succeed and change nothing: this vehicle always holds by itself."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Self
 
 import rospy
 from std_msgs.msg import Bool, Float32, Float32MultiArray, Float64, Int32, String
@@ -15,6 +15,7 @@ from apad_bridge.ros.simulated_node.legacy_server import QUEUE, LegacyServer, pu
 from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros.types.their_services import service_to_offer
 from apad_bridge.ros_names.names import of_apad, ours
+from apad_bridge.scenario.schema import Scenario
 from apad_bridge.vehicle.generation_b import messages
 from apad_bridge.vehicle.generation_b.messages import (
     PRIMITIVE_FINISHED,
@@ -30,6 +31,7 @@ from apad_bridge.vehicle.generation_b.messages import (
     StatusShown,
 )
 from apad_bridge.vehicle.generation_b.simulated import GenerationBVehicle
+from apad_bridge.vehicle.simulated.apad import SimulatedAPad
 from apad_bridge.vehicle.stack_messages import PoseShown
 
 use_generated_messages()
@@ -68,6 +70,11 @@ class GenerationBServer(LegacyServer[GenerationBVehicle]):
         self._go2point.start()
         self._offer_services(name)
         self._listen(name)
+
+    @classmethod
+    def of_scenario(cls, scenario: Scenario) -> Self:
+        apad = scenario.apad
+        return cls(apad.name, lambda start_ms: GenerationBVehicle(SimulatedAPad(apad), start_ms, apad.fault))
 
     def _offer_services(self, apad: str) -> None:
         """Each by the text in the user's workspace, where that has what is read of it."""
