@@ -1,4 +1,4 @@
-"""What a supervisor flies with over ROS: the gateway's node, the aPad's link, and what lets time pass."""
+"""Opens the parts of a flight over ROS: the gateway's node, the aPad's link, the packet relay and the pace."""
 
 from __future__ import annotations
 
@@ -21,10 +21,9 @@ from apad_bridge.ros.gateway.gateway import Gateway, GatewayFailed, TruthSource,
 from apad_bridge.ros.gateway.standard_messages import ball_size_m
 from apad_bridge.ros.gateway.standard_topics import StandardTopics
 from apad_bridge.ros.links.contacts_link import ContactsLink
-from apad_bridge.ros.links.laboratory import HearsOfDocks, Laboratory
+from apad_bridge.ros.links.laboratory import DockAlertReceiver, Laboratory
 from apad_bridge.ros.links.legacy_link import LegacyLink
-from apad_bridge.ros.links.packet_router import FleetRelay, MissionRelay, RealAgentRelay
-from apad_bridge.ros.links.several_router import SeveralRelay
+from apad_bridge.ros.links.packet_relay import FleetRelay, MissionRelay, RealAgentRelay, SeveralRelay
 from apad_bridge.ros.links.vehicles import READY_S, TruthsAt, open_apad, publishes_contacts
 from apad_bridge.ros.system.master_watch import MasterWatch, Noticed
 from apad_bridge.ros.system.ros_pace import FollowedClock, OwnMasterClock
@@ -59,33 +58,33 @@ def open_flight_context(
     tell: Callable[[str], None],
     allocation: Allocation | None = None,
 ) -> Iterator[FlightContext]:
-    """Everything on the graph while it is entered; PeerFailed, in one line, when something does not come up.
+    """Keeps everything on the graph while it is entered. PeerFailed, in one line, when a part does not come up.
 
-    `docked` are agents by slot that a former supervisor knew to be held, `held` those whose bodies feel a dock; `now_ms` is
-    the mission time to go on from. `truths_at` is the recorder's, for a scenario that wants the truth on the aMussels' own
-    topics. `tell` is for a person: where the graph contradicts what the journal says of `presences`. `allocation` is
-    that of one of several aPads that take over from each other.
+    `docked` maps the index of a dock to the aMussel that a former supervisor knew it to hold; `held` are the aMussels whose
+    bodies feel a dock; `now_ms` is the mission time to go on from. `truths_at` is the recorder's, for a scenario that
+    publishes the truth on the aMussels' own topics. `tell` prints a line for a person where the graph contradicts the
+    journal's `presences`. `allocation` belongs to one of several aPads that take over from each other.
     """
-    # A mission alone shows nothing as its aMussels': they, or their fleet, do so themselves.
+    # A mission alone publishes none of its aMussels' topics: they, or their fleet, do so themselves.
     shown = () if options.part is Part.MISSION else parts.agent_ids(scenario)
     with ExitStack() as stack:
         try:
             gateway = _gateway(scenario, options, shown, presences, truths_at)
             stack.callback(gateway.close)
-            roster = None if fleet is None else _called_roll(stack, presences, options, tell)
+            roster = None if fleet is None else _roster(stack, presences, options, tell)
             laboratory = _laboratory(scenario)
             stack.callback(laboratory.close)
             beside = _beside_the_gateway(scenario, options, shown, presences)
             vehicle, watches = _vehicle(scenario, options, docked, now_ms, truths_at)
             stack.callback(vehicle.close)
-            radio = _radio(options, scenario, vehicle, presences, allocation)
-            stack.callback(radio.close)
+            relay = _relay(options, scenario, vehicle, presences, allocation)
+            stack.callback(relay.close)
             if not isinstance(vehicle, ContactsLink):
                 vehicle.wait_until_ready(READY_S)
         except (SecondFleet, GatewayFailed, VehicleNotReady) as error:
             raise PeerFailed(str(error)) from error
-        hears = vehicle if isinstance(vehicle, HearsOfDocks) else None
-        link = laboratory.beside(vehicle, hears)
+        docks = vehicle if isinstance(vehicle, DockAlertReceiver) else None
+        link = laboratory.beside(vehicle, docks)
         yield FlightContext(
             ListeningLink(link) if options.part is Part.FLEET else link,
             _pace(options, vehicle, now_ms, in_fine_steps=bool(watches)),
@@ -94,17 +93,17 @@ def open_flight_context(
                 gateway.watcher(supervisor),
                 *(it.watcher(supervisor) for it in beside),
                 *watches,
-                *_kept_to(allocation, vehicle),
+                *_allocation_watcher(allocation, vehicle),
             ),
             gateway.event,
-            laboratory.around(radio, link, is_mission=options.part is Part.MISSION),
+            laboratory.around(relay, link, is_mission=options.part is Part.MISSION),
             held,
-            hears is not None,
-            lambda: vehicle.dropped + laboratory.dropped + radio.dropped,
-            _watched(stack, options, scenario, vehicle),
+            docks is not None,
+            lambda: vehicle.dropped + laboratory.dropped + relay.dropped,
+            _graph_events(stack, options, scenario, vehicle),
             roster=roster,
             keeps_samples=options.part is not Part.FLEET,
-            tell_served_elsewhere=radio.tell_served_elsewhere if isinstance(radio, SeveralRelay) else None,
+            tell_served_elsewhere=relay.tell_served_elsewhere if isinstance(relay, SeveralRelay) else None,
             allocation=allocation,
         )
 
@@ -143,21 +142,21 @@ def _laboratory(scenario: Scenario) -> Laboratory:
 
 
 def _remappings(scenario: Scenario, options: RunOptions) -> list[str]:
-    """The user's come last: ROS takes the later one of two for the same name."""
+    """The user's come last: of two for the same name ROS takes the later one."""
     return [*(beside_others(scenario.apad.name) if is_one_of_several(scenario) else ()), *options.remappings]
 
 
 def _vehicle(
     scenario: Scenario, options: RunOptions, docked: Mapping[int, int], now_ms: int, truths_at: TruthsAt
 ) -> tuple[APadLink | ContactsLink, tuple[Watcher, ...]]:
-    """The link to the aPad, or a fleet's ears for somebody else's; and what has to look at each tick because of it."""
+    """The link to the aPad, or to somebody else's dock contacts for a fleet alone; and the watchers that it needs."""
     if options.part is Part.FLEET and publishes_contacts(scenario):
         return ContactsLink(scenario.apad.name, parts.agent_ids(scenario), docked, now_ms), ()
     opened = open_apad(scenario, options, docked, now_ms, truths_at)
     return opened.link, () if opened.watch is None else (opened.watch,)
 
 
-def _called_roll(
+def _roster(
     stack: ExitStack,
     presences: Presences,
     options: RunOptions,
@@ -169,19 +168,19 @@ def _called_roll(
             tell(line)
     else:
         claims.refuse_overlap(presences.simulated)
-    desk = FleetServices(presences, claims)
-    stack.callback(desk.close)
-    return Roster(presences, desk)
+    services = FleetServices(presences, claims)
+    stack.callback(services.close)
+    return Roster(presences, services)
 
 
-def _radio(
+def _relay(
     options: RunOptions,
     scenario: Scenario,
     vehicle: APadLink | ContactsLink,
     presences: Presences,
     allocation: Allocation | None,
 ) -> FleetRelay | MissionRelay | RealAgentRelay | SeveralRelay:
-    """What joins this process to aMussels, or to a mission, that are elsewhere."""
+    """Joins this process to aMussels, or to a mission, that are elsewhere."""
     ids, codec = parts.agent_ids(scenario), load_codec(scenario.hearing.codec)
     if allocation is not None:
         return SeveralRelay(scenario.fleet.all_ids, allocation, lambda: presences.simulated)
@@ -192,17 +191,19 @@ def _radio(
     return RealAgentRelay(ids, lambda: presences.simulated)
 
 
-def _kept_to(allocation: Allocation | None, vehicle: APadLink | ContactsLink) -> tuple[Watcher, ...]:
-    """What tells the vehicle's link whom it may be told to dock, whenever that has changed."""
+def _allocation_watcher(
+    allocation: Allocation | None, vehicle: APadLink | ContactsLink
+) -> tuple[Watcher, ...]:
+    """Passes a changed allocation on to the vehicle's link, which docks no other aMussels."""
     if allocation is None or isinstance(vehicle, ContactsLink):
         return ()
-    told = allocation.own
+    served = allocation.own
 
     def watch(now_ms: int) -> None:
-        nonlocal told
-        if allocation.served != told:
-            told = allocation.served
-            vehicle.serve(told)
+        nonlocal served
+        if allocation.served != served:
+            served = allocation.served
+            vehicle.serve(served)
 
     return (watch,)
 
@@ -223,17 +224,17 @@ def _standard_topics(
     )
 
 
-def _watched(
+def _graph_events(
     stack: ExitStack, options: RunOptions, scenario: Scenario, vehicle: APadLink | ContactsLink
 ) -> Callable[[int], list[Noticed]]:
-    """Somebody else's master and vehicle may go and come back; with ours a run ends."""
+    """Reports when somebody else's master or vehicle goes and comes back. With ours the run ends."""
     if options.apad is APadKind.SIM:
         return lambda now_ms: []
     master = MasterWatch(options.master_uri)
     stack.callback(master.close)
     silence, name = SilenceWatch(), scenario.apad.name
 
-    def noticed(now_ms: int) -> list[Noticed]:
+    def take(now_ms: int) -> list[Noticed]:
         events = master.take()
         if not isinstance(vehicle, ContactsLink) and (changed := silence.look(vehicle.heard_ms, now_ms)):
             kind = "vehicle_silent" if changed.is_silent else "vehicle_heard"
@@ -241,7 +242,7 @@ def _watched(
             master.ask_again()
         return events
 
-    return noticed
+    return take
 
 
 def _shown_truth(truths_at: TruthsAt) -> TruthSource:

@@ -21,7 +21,7 @@ from apad_bridge.ros.gateway.claims import ClaimBoard
 from apad_bridge.ros.gateway.fleet_guard import SecondFleet
 from apad_bridge.ros.gateway.fleet_services import FleetServices
 from apad_bridge.ros.gateway.gateway import open_gateway
-from apad_bridge.ros.links.packet_router import RealAgentRelay
+from apad_bridge.ros.links.packet_relay import RealAgentRelay
 from apad_bridge.scenario.loader import from_data, load, resolve
 from apad_bridge.scenario.local_frame import LocalFrame
 from apad_bridge.scenario.schema import Scenario

@@ -45,9 +45,9 @@ class APad:
 
     def __init__(self, *own: int) -> None:
         self.beliefs = HoldLast(own)
-        self.share = Allocation(self.beliefs, own)
+        self.allocation = Allocation(self.beliefs, own)
         self.pose = PoseReported(0, 1.0, 2.0, 0.0)
-        self.mission = SimpleNamespace(slots=(None,) * 4)
+        self.mission = SimpleNamespace(docks=(None,) * 4)
         self.screen = Screen()
         self._markers = FleetMarkers(own, "musselbed/enu", 0.5)
         self.now_ms = 0
@@ -126,15 +126,15 @@ def test_one_that_is_handed_on_is_drawn_by_who_serves_it() -> None:
     for apad in (giver, taker):
         apad.tick()
     assert giver.screen.of(7) == BOTH and taker.screen.of(7) == set(), "not served there yet"
-    giver.share.give(7)
-    taker.share.take(7)
+    giver.allocation.give(7)
+    taker.allocation.take(7)
     for apad in (giver, taker):
         apad.hear(7)
         apad.tick()
     assert giver.screen.of(7) == set() and taker.screen.of(7) == BOTH
-    taker.share.give(7)
+    taker.allocation.give(7)
     taker.beliefs.dismiss(7)
-    giver.share.take(7)
+    giver.allocation.take(7)
     for apad in (giver, taker):
         apad.tick()
     assert giver.screen.of(7) == BOTH and taker.screen.of(7) == set() and taker.screen.of(8) == BOTH
@@ -155,7 +155,7 @@ def test_an_ellipse_leaves_with_its_ball_and_without_it() -> None:
     )
     known = [sure]
     apad = APad(7)
-    apad.share = Allocation(SimpleNamespace(all=lambda: list(known), get=lambda agent_id: None), [7])
+    apad.allocation = Allocation(SimpleNamespace(all=lambda: list(known), get=lambda agent_id: None), [7])
     apad.tick()
     assert apad.screen.of(7) == BOTH | {"place_95"}
     known[:] = [replace(sure, mode_probabilities=())]
