@@ -2,12 +2,10 @@
 
     python -m apad_bridge.ros.simulated_node.apad_node --scenario RESOLVED.yaml [--apad NAME] [--time clock|wall]
 
-A thin shell around `GenerationAVehicle` or `GenerationBVehicle`. It follows /clock and has no time of its own; or, to
-stand in for a real vehicle on somebody's master, it follows the wall clock. When it has handled all that is due by a
-/clock of T it publishes `stateRef` stamped T, last: its word that T was handled. It prints `ready` when it is on the
-graph, ends on SIGTERM or SIGINT, and ends by itself when /clock was silent for `--orphan-s` wall seconds.
-
-A goal of generation A has no field for speed or victory radius; both are the node's own, from the scenario's mission.
+A thin shell around the simulated vehicle of a generation. It follows /clock and has no time of its own; or, to stand in for
+a real vehicle on somebody's master, it follows the wall clock. When it has handled all that is due by a /clock of T, it
+publishes `stateRef` stamped T, last, to confirm that T was handled. It prints `ready` when it is on the graph, ends on
+SIGTERM or SIGINT, and ends by itself when /clock was silent for `--orphan-s` wall seconds.
 """
 
 from __future__ import annotations
@@ -36,7 +34,7 @@ if TYPE_CHECKING:
     from apad_bridge.ros.simulated_node.legacy_server import LegacyServer
 
 _WALL_STEP_S = 0.05
-"""On the wall clock: the period of its fastest topic."""
+"""The period of its fastest topic, for steps on the wall clock."""
 
 
 def main() -> int:
@@ -68,7 +66,7 @@ def main() -> int:
         return 1
     name = plain(scenario.apad.name)
     follows_clock = arguments.time == "clock"
-    # It hears of its docks from its own supervisor.
+    # Its own supervisor publishes the changes of its docks.
     remappings = beside_others(scenario.apad.name) if is_one_of_several(whole) else []
     rospy.init_node(
         f"{name}_simulated", argv=remappings, disable_signals=True, xmlrpc_port=arguments.xmlrpc_port
@@ -81,7 +79,7 @@ def main() -> int:
     while not follows_clock and not stop.wait(_WALL_STEP_S) and not rospy.is_shutdown():
         node.advance_to(time.time_ns() // 1_000_000)
     while not stop.wait(1.0) and not rospy.is_shutdown():
-        if time.monotonic() - node.heard_clock_s > arguments.orphan_s:
+        if time.monotonic() - node.clock_arrived_s > arguments.orphan_s:
             print(f"musselbed: no /clock for {arguments.orphan_s:g} s: the aPad's node ends", file=sys.stderr)
             break
     rospy.signal_shutdown("asked to end")
