@@ -1,8 +1,8 @@
 """Mission primitives as services and actions of ours, over any aPad: for a person's command line, and for programs.
 
 They are below /musselbed/NAME, the aPad's name, and take orders while no planner does: in a flight by hand (`--manual`),
-beside a script, or when a person has taken the mission over (`take_over`, and `give_back`). A service answers when the order
-is taken, at the next mission tick; `goto_status` and `docking_status`, or the actions, report the end. Zeros, which
+beside a script, or when a person has taken the mission over (`take_over`, and `give_back`). A service answers when the
+order is taken, at the next mission tick; `goto_status` and `docking_status`, or the actions, report the end. Zeros, which
 `rosservice call` sends for fields left out, mean the scenario's own numbers.
 """
 
