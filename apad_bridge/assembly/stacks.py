@@ -24,9 +24,9 @@ class Stack:
     publishes_contacts: bool
     """The vehicle itself publishes, on `position_static`, which aMussels its docks hold."""
     actions: tuple[str, ...] = ()
-    """It offers these actions, below the aPad's namespace: a node subscribes to their `goal` ..."""
+    """Names below the aPad's namespace of actions that it offers: a node subscribes to their `goal` ..."""
     services: tuple[str, ...] = ()
-    """... and these services. On a graph that lacks one of either the generation is not recognised."""
+    """... and of services. The generation is recognised where the graph has all of both."""
 
 
 STACKS = (

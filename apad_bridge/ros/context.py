@@ -11,7 +11,7 @@ import rospy
 
 from apad_bridge.assembly import parts
 from apad_bridge.mission.allocation import Allocation
-from apad_bridge.ros.gateway.agent_topics import Shown
+from apad_bridge.ros.gateway.agent_topics import AgentReport
 from apad_bridge.ros.gateway.battery_alerts import BatteryAlerts
 from apad_bridge.ros.gateway.claims import ClaimBoard
 from apad_bridge.ros.gateway.fleet_diagnostics import Limits
@@ -25,7 +25,7 @@ from apad_bridge.ros.links.laboratory import DockAlertReceiver, Laboratory
 from apad_bridge.ros.links.legacy_link import LegacyLink
 from apad_bridge.ros.links.packet_relay import FleetRelay, MissionRelay, RealAgentRelay, SeveralRelay
 from apad_bridge.ros.links.vehicles import READY_S, TruthsAt, open_apad, publishes_contacts
-from apad_bridge.ros.system.master_watch import MasterWatch, Noticed
+from apad_bridge.ros.system.master_watch import GraphEvent, MasterWatch
 from apad_bridge.ros.system.ros_pace import FollowedClock, OwnMasterClock
 from apad_bridge.ros_names.namespaces import beside_others, is_one_of_several
 from apad_bridge.scenario.lab_interface.names import DEFAULT, load_names
@@ -84,7 +84,7 @@ def open_flight_context(
         except (SecondFleet, GatewayFailed, VehicleNotReady) as error:
             raise PeerFailed(str(error)) from error
         docks = vehicle if isinstance(vehicle, DockAlertReceiver) else None
-        link = laboratory.beside(vehicle, docks)
+        link = laboratory.wrap_link(vehicle, docks)
         yield FlightContext(
             ListeningLink(link) if options.part is Part.FLEET else link,
             _pace(options, vehicle, now_ms, in_fine_steps=bool(watches)),
@@ -96,7 +96,7 @@ def open_flight_context(
                 *_allocation_watcher(allocation, vehicle),
             ),
             gateway.event,
-            laboratory.around(relay, link, is_mission=options.part is Part.MISSION),
+            laboratory.wrap_relay(relay, link, is_mission=options.part is Part.MISSION),
             held,
             docks is not None,
             lambda: vehicle.dropped + laboratory.dropped + relay.dropped,
@@ -120,7 +120,7 @@ def _gateway(
         remappings=_remappings(scenario, options),
         simulated=lambda: presences.simulated,
         truth=_shown_truth(truths_at) if scenario.records.truth_on_agent_topics else None,
-        comes_back=options.is_resumed,
+        is_resumed=options.is_resumed,
         frame=LocalFrame.about(scenario.area.origin),
     )
 
@@ -164,7 +164,7 @@ def _roster(
 ) -> Roster:
     claims = ClaimBoard(rospy.get_name(), lambda: presences.simulated)
     if options.is_resumed:
-        for line in claims.come_back(presences):
+        for line in claims.resume(presences):
             tell(line)
     else:
         claims.refuse_overlap(presences.simulated)
@@ -226,7 +226,7 @@ def _standard_topics(
 
 def _graph_events(
     stack: ExitStack, options: RunOptions, scenario: Scenario, vehicle: APadLink | ContactsLink
-) -> Callable[[int], list[Noticed]]:
+) -> Callable[[int], list[GraphEvent]]:
     """Reports when somebody else's master or vehicle goes and comes back. With ours the run ends."""
     if options.apad is APadKind.SIM:
         return lambda now_ms: []
@@ -234,12 +234,12 @@ def _graph_events(
     stack.callback(master.close)
     silence, name = SilenceWatch(), scenario.apad.name
 
-    def take(now_ms: int) -> list[Noticed]:
+    def take(now_ms: int) -> list[GraphEvent]:
         events = master.take()
         if not isinstance(vehicle, ContactsLink) and (changed := silence.look(vehicle.heard_ms, now_ms)):
             kind = "vehicle_silent" if changed.is_silent else "vehicle_heard"
             events.append((kind, {"name": name, "since_ms": changed.since_ms}))
-            master.ask_again()
+            master.request_registration()
         return events
 
     return take
@@ -247,7 +247,7 @@ def _graph_events(
 
 def _shown_truth(truths_at: TruthsAt) -> TruthSource:
     return lambda now_ms: {
-        it.agent_id: Shown(it.north_m, it.east_m, it.depth_m, it.primary) for it in truths_at(now_ms)
+        it.agent_id: AgentReport(it.north_m, it.east_m, it.depth_m, it.primary) for it in truths_at(now_ms)
     }
 
 

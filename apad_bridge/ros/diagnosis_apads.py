@@ -9,8 +9,8 @@ from apad_bridge.doctor.definitions import Md5s, python_md5s
 from apad_bridge.doctor.finding import Finding, fail, ok, warn
 from apad_bridge.doctor.graph import Graph
 from apad_bridge.ros.types.messages import generated_folder
-from apad_bridge.ros.types.their_services import service_by_text
 from apad_bridge.ros.types.wire_probe import NotTold, service_md5, stamp_offset_s, topic_md5
+from apad_bridge.ros.types.workspace_services import service_by_text
 
 _ACTION = "action_server"
 _PRIMITIVE = "commander/primitive"

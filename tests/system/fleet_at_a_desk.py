@@ -71,7 +71,7 @@ def main() -> None:
     claims = ClaimBoard(f"/{node}", lambda: presences.simulated)
     try:
         if before:
-            print(*claims.come_back(presences), sep="\n", flush=True)
+            print(*claims.resume(presences), sep="\n", flush=True)
         else:
             claims.refuse_overlap(initial_states)
     except SecondFleet as refused:

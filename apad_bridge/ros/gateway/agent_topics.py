@@ -32,7 +32,7 @@ _END_S = 5.0
 
 
 @dataclass(frozen=True, slots=True)
-class Shown:
+class AgentReport:
     """The content of an aMussel's own topics and services: local NED metres, the active battery's charge in [0, 1]."""
 
     north_m: float
@@ -41,7 +41,7 @@ class Shown:
     charge: float
 
     @classmethod
-    def of_belief(cls, belief: Belief) -> Shown:
+    def of_belief(cls, belief: Belief) -> AgentReport:
         """A report has no depth: it is published as 0."""
         return cls(belief.north_m, belief.east_m, 0.0, belief.primary)
 
@@ -58,13 +58,13 @@ class AgentTopics:
         self._positions = {it: self._publisher(it, "position", NavSts) for it in ids}
         self._batteries = {it: self._publisher(it, "battery_level", Float64) for it in ids}
         self._changed = threading.Condition()
-        self._newest: tuple[int, Mapping[int, Shown]] | None = None
+        self._newest: tuple[int, Mapping[int, AgentReport]] | None = None
         self._ended = False
         self._failure: Exception | None = None
         self._thread = threading.Thread(target=self._run, name="aMussels' topics", daemon=True)
         self._thread.start()
 
-    def show(self, now_ms: int, shown: Mapping[int, Shown]) -> None:
+    def show(self, now_ms: int, shown: Mapping[int, AgentReport]) -> None:
         """Publishes `shown`, which must not change any more, from now on. Raises the error that ended the thread."""
         with self._changed:
             if self._failure is not None:
@@ -107,7 +107,7 @@ class AgentTopics:
                 self._send("battery_level", self._batteries, charges)
             self._send("position", self._positions, positions)
 
-    def _wait(self, due_s: float) -> tuple[int, Mapping[int, Shown]] | None:
+    def _wait(self, due_s: float) -> tuple[int, Mapping[int, AgentReport]] | None:
         """Waits for new reports. None when it is time to repeat the former ones."""
         with self._changed:
             while self._newest is None and not self._ended and (wait_s := due_s - time.monotonic()) > 0:
@@ -124,8 +124,8 @@ class AgentTopics:
                 self.published[name] += 1
 
 
-def nav_sts(shown: Shown, now_ms: int, frame: LocalFrame | None) -> NavSts:
-    """Without a `frame` its place on the globe is not known: global_position and origin are 0, as status states."""
+def nav_sts(shown: AgentReport, now_ms: int, frame: LocalFrame | None) -> NavSts:
+    """Leaves global_position and origin at 0, with a status to that effect, without a `frame` on the globe."""
     message = NavSts()
     message.header.stamp = to_ros(now_ms)
     message.header.frame_id = "local"

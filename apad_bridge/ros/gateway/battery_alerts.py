@@ -12,7 +12,7 @@ import rospy
 
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.modes import LIKELY
-from apad_bridge.ros.gateway.agent_topics import Shown, nav_sts
+from apad_bridge.ros.gateway.agent_topics import AgentReport, nav_sts
 from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros_names.names import BATTERY_ALERT, amussel_in_full
 from apad_bridge.scenario.local_frame import LocalFrame
@@ -99,6 +99,6 @@ class BatteryAlerts:
 
 def alert(belief: Belief, frame: LocalFrame, namespace: str = "") -> NavSts:
     """The believed place of the aMussel, stamped with the mission time of its newest packet."""
-    message = nav_sts(Shown.of_belief(belief), belief.heard_ms, frame)
+    message = nav_sts(AgentReport.of_belief(belief), belief.heard_ms, frame)
     message.header.frame_id = f"{amussel_in_full(namespace, belief.agent_id)}/"
     return message

@@ -64,7 +64,7 @@ class ClaimBoard:
                 )
         self._thread.start()
 
-    def come_back(self, presences: Presences) -> list[str]:
+    def resume(self, presences: Presences) -> list[str]:
         """Begins to publish the claim of a fleet that was on the graph before its supervisor died.
 
         Nothing is refused: others' present claims override what was. Returns a line for a person on each difference.

@@ -27,7 +27,7 @@ import rospy
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.records.packet_lines import SoundRow, sound_rows
 from apad_bridge.records.samples import belief_sample
-from apad_bridge.ros.gateway.agent_topics import AgentTopics, Shown
+from apad_bridge.ros.gateway.agent_topics import AgentReport, AgentTopics
 from apad_bridge.ros.gateway.fleet_guard import refuse_second_fleet
 from apad_bridge.ros.system.ros_time import to_ros
 from apad_bridge.ros.types.messages import use_generated_messages
@@ -46,7 +46,7 @@ _FLEET_QUEUE = 10
 _EVENT_QUEUE = 1000
 """Events are not repeated: a slow reader should still receive those of a whole mission."""
 
-TruthSource = Callable[[int], Mapping[int, Shown]]
+TruthSource = Callable[[int], Mapping[int, AgentReport]]
 """The truth of each aMussel at a mission time, which `records.truth_on_agent_topics` publishes instead of the beliefs."""
 
 
@@ -63,20 +63,20 @@ def open_gateway(
     truth: TruthSource | None = None,
     simulated: Callable[[], frozenset[int]] | None = None,
     remappings: Sequence[str] = (),
-    comes_back: bool = False,
+    is_resumed: bool = False,
     frame: LocalFrame | None = None,
 ) -> Gateway:
     """Puts the node on the graph, with the aMussels' topics and services. Raises SecondFleet or GatewayFailed.
 
     `frame` gives the aMussels' topics their place on the globe; without one they have none. `remappings` are ROS's,
-    `FROM:=TO`, for all names of the process. A fleet that `comes_back` is not refused where another node publishes its
+    `FROM:=TO`, for all names of the process. A resumed fleet (`is_resumed`) is not refused where another node publishes its
     aMussels: the claims settle that.
     """
     ids = list(agent_ids)
     raise_descriptor_limit()
     master_uri = rosgraph.get_master_uri()
     try:
-        refuse_second_fleet(rospy.resolve_name(node_name), [] if comes_back else ids, master_uri)
+        refuse_second_fleet(rospy.resolve_name(node_name), [] if is_resumed else ids, master_uri)
         rospy.init_node(
             node_name,
             argv=list(remappings),
@@ -115,7 +115,7 @@ class Gateway:
         self._theta = theta
         self._simulated = simulated
         self._truth = truth
-        self._shown: Mapping[int, Shown] = MappingProxyType({})
+        self._shown: Mapping[int, AgentReport] = MappingProxyType({})
         ids = list(agent_ids)
         self.agent_topics = AgentTopics(ids, frame)
         self._beliefs = _publisher(ours("beliefs"), FleetBeliefs, _FLEET_QUEUE)
@@ -134,7 +134,7 @@ class Gateway:
         def watch(now_ms: int) -> None:
             beliefs = supervisor.beliefs.all()
             if self._truth is None:
-                shown: Mapping[int, Shown] = {it.agent_id: Shown.of_belief(it) for it in beliefs}
+                shown: Mapping[int, AgentReport] = {it.agent_id: AgentReport.of_belief(it) for it in beliefs}
             else:
                 shown = self._truth(now_ms)
             if self._simulated is not None:

@@ -27,7 +27,7 @@ _UNKNOWN = math.nan
 """BatteryState demands NaN for values that are not measured."""
 _SMALLEST_BALL_M = 0.5
 _BALLS_ACROSS = 100
-"""So many balls side by side are as long as the area: seen from above, each is some pixels wide on a common screen."""
+"""The area is as long as so many balls side by side: seen from above, each is some pixels wide on a common screen."""
 _LABEL = 1.2
 """The height of a label, and its distance north of the ball, in diameters of the ball."""
 _DISC_M = 0.02

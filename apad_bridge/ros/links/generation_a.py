@@ -1,7 +1,7 @@
 """A vehicle link to ANY aPad of generation A on ROS, ours or a real one.
 
     link = GenerationALink("apad1", agent_ids, (empty_v, full_v), our_clock=True, docked={}, now_ms=0)
-    link.wait_until_ready(10.0)        # VehicleNotReady, one line that says what is missing
+    link.wait_until_ready(10.0)        # VehicleNotReady, one line that names the missing parts
 
 Stamps: with `our_clock` (our master, our simulated aPad) facts carry those of their messages, which are mission time.
 Without, a fact is stamped with the tick that receives it, because the clocks of a vehicle at sea are not ours.

@@ -1,7 +1,7 @@
 """A vehicle link to ANY aPad of generation B on ROS, ours or a real one.
 
     link = GenerationBLink("apad1", agent_ids, (empty_v, full_v), docking, misses, our_clock=True)
-    link.wait_until_ready(10.0)        # VehicleNotReady, one line that says what is missing
+    link.wait_until_ready(10.0)        # VehicleNotReady, one line that names the missing parts
 
 Stamps are as in generation A: with `our_clock` poses carry those of their messages; a fact without a stamp became true at
 the tick that receives it.
@@ -310,7 +310,7 @@ _ALL_ORDERS: tuple[Order, ...] = (
     DockingOrder(True, 0, 0.0, 0.0, 0.0, 0.0),
 )
 _FIELDS = {primitive: tuple(fields) for primitive, fields in map(_fields, _ALL_ORDERS)}
-"""What a service's request must have: all that is ever written into it."""
+"""The fields that a service's request must have: all those ever written into it."""
 
 
 def open_link(

@@ -1,8 +1,8 @@
 """Exchanges a laboratory's own messages with a flight: alerts of docks, permissions, releases, packets, Wi-Fi.
 
 laboratory = Laboratory(names, "apad1", agent_ids, codec)
-link = laboratory.beside(vehicle, None)
-relay = laboratory.around(relay, link, is_mission=False)
+link = laboratory.wrap_link(vehicle, None)
+relay = laboratory.wrap_relay(relay, link, is_mission=False)
 """
 
 from __future__ import annotations
@@ -45,10 +45,12 @@ class Laboratory:
         self.publishers = LaboratoryPublishers(names, apad, self.ids)
         self.ignored: Counter[str] = Counter()
 
-    def beside(self, vehicle: VehicleLink, docks: DockAlertReceiver | None) -> LaboratoryLink:
+    def wrap_link(self, vehicle: VehicleLink, docks: DockAlertReceiver | None) -> LaboratoryLink:
         return LaboratoryLink(self, vehicle, docks)
 
-    def around(self, relay: PacketRelay | None, link: LaboratoryLink, *, is_mission: bool) -> LaboratoryRelay:
+    def wrap_relay(
+        self, relay: PacketRelay | None, link: LaboratoryLink, *, is_mission: bool
+    ) -> LaboratoryRelay:
         return LaboratoryRelay(self, relay, link, is_mission=is_mission)
 
     @property
@@ -107,7 +109,7 @@ class LaboratoryRelay:
         self._inner = inner
         self._is_mission = is_mission
         self._on_wifi: dict[int, int] = {}
-        """When each aMussel that is on the Wi-Fi last sent a packet by it."""
+        """The time of the last packet by Wi-Fi of each aMussel that is on it."""
 
     def advance(self, now_ms: int) -> list[Came]:
         messages, self._link.messages = self._link.messages, []

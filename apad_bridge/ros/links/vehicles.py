@@ -39,7 +39,7 @@ def publishes_contacts(scenario: Scenario) -> bool:
 def open_apad(
     scenario: Scenario, options: RunOptions, docked: Mapping[int, int], now_ms: int, truths_at: TruthsAt
 ) -> OpenedAPad:
-    """Of the scenario's generation, or of the one on the graph. VehicleNotReady when the graph shows none or several.
+    """Opens the link of the scenario's generation, or of the one on the graph. VehicleNotReady for none or several.
 
     `truths_at` is the world's: docks and the virtual camera read it, and no mission does.
     """

@@ -13,7 +13,7 @@ from std_srvs.srv import Trigger, TriggerResponse
 from apad_bridge.ros.simulated_node.generation_b_go2point import Go2Point
 from apad_bridge.ros.simulated_node.legacy_server import QUEUE, LegacyServer, publish_pose
 from apad_bridge.ros.types.messages import use_generated_messages
-from apad_bridge.ros.types.their_services import service_to_offer
+from apad_bridge.ros.types.workspace_services import service_to_offer
 from apad_bridge.ros_names.names import of_apad, ours
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.vehicle.generation_b import messages

@@ -30,7 +30,7 @@ _CALL_S = 5.0
 _AT_ONCE = 200
 """Registrations in one call to the master."""
 
-Noticed = tuple[str, dict[str, Any]]
+GraphEvent = tuple[str, dict[str, Any]]
 """An event's kind and data, for the journal."""
 
 
@@ -40,17 +40,17 @@ class MasterWatch:
     def __init__(self, master_uri: str, period_s: float = PERIOD_S) -> None:
         self._uri = master_uri
         self._period_s = period_s
-        self._events: Inbox[Noticed] = Inbox()
+        self._events: Inbox[GraphEvent] = Inbox()
         self._gone_since_s: float | None = None
         self._requested = threading.Event()
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._watch, name="watch of the master", daemon=True)
         self._thread.start()
 
-    def take(self) -> list[Noticed]:
+    def take(self) -> list[GraphEvent]:
         return self._events.take()
 
-    def ask_again(self) -> None:
+    def request_registration(self) -> None:
         """Registers everything again: the master's announcement of a missing publisher may have failed to reach us."""
         self._requested.set()
 

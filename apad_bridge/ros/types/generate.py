@@ -44,7 +44,7 @@ PACKAGE_XML = """\
 
 
 class GenerationFailed(Exception):
-    """One line that a user can act on."""
+    """The text is one line that a user can act on."""
 
 
 def generate(destination: Path, definitions: Path = DEFINITIONS) -> list[Path]:

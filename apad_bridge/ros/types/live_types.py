@@ -10,8 +10,8 @@ import rosgraph
 from apad_bridge.doctor.graph import Graph
 from apad_bridge.doctor.network import Unreachable
 from apad_bridge.ros.types.any_message import AnyMessages
-from apad_bridge.ros.types.their_services import service_by_text
 from apad_bridge.ros.types.wire_probe import NotTold, service_md5, topic_definition
+from apad_bridge.ros.types.workspace_services import service_by_text
 from apad_bridge.scenario.lab_interface.fields import has
 
 Needed = Mapping[str, tuple[Any, tuple[str, ...]]]

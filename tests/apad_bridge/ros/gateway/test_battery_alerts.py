@@ -9,7 +9,7 @@ import pytest
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.hold_last import HoldLast
 from apad_bridge.beliefs.modes import Mode
-from apad_bridge.ros.gateway.agent_topics import Shown, nav_sts
+from apad_bridge.ros.gateway.agent_topics import AgentReport, nav_sts
 from apad_bridge.ros.gateway.battery_alerts import Falls, alert
 from apad_bridge.scenario.local_frame import LocalFrame
 from firmware_model.packets import ShortStatus, StatusPacket
@@ -133,5 +133,5 @@ def test_an_alert_says_whose_it_is_and_where(namespace: str, frame_id: str) -> N
 
 
 def test_a_position_without_an_origin_does_not_claim_a_global_frame() -> None:
-    message = nav_sts(Shown(10.0, 20.0, 3.0, 0.5), 1000, None)
+    message = nav_sts(AgentReport(10.0, 20.0, 3.0, 0.5), 1000, None)
     assert (message.global_position.latitude, message.status, message.header.frame_id) == (0.0, 57, "local")

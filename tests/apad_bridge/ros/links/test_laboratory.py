@@ -71,7 +71,7 @@ def test_docks_by_others_reach_the_vehicle_and_its_own_are_told(
     laboratory: Laboratory, topics: Topics
 ) -> None:
     vehicle = Vehicle()
-    link = laboratory.beside(vehicle, vehicle)
+    link = laboratory.wrap_link(vehicle, vehicle)
     alert = DockSaid(1_000, None, 2, True)
     topics.to_receive = [alert]
     vehicle.facts = [DockClosed(1_000, 2, 3), DockOpened(1_000, 1, 4)]
@@ -81,15 +81,15 @@ def test_docks_by_others_reach_the_vehicle_and_its_own_are_told(
 
 
 def test_an_alert_that_the_vehicle_needs_not_is_counted(laboratory: Laboratory, topics: Topics) -> None:
-    link = laboratory.beside(Vehicle(), None)
+    link = laboratory.wrap_link(Vehicle(), None)
     topics.to_receive = [DockSaid(1_000, 3, 2, True)]
     link.advance(1_000)
     assert laboratory.ignored.total() == 1
 
 
 def test_words_and_packets_become_what_aMussels_hear(laboratory: Laboratory, topics: Topics) -> None:
-    link = laboratory.beside(Vehicle(), None)
-    relay = laboratory.around(None, link, is_mission=False)
+    link = laboratory.wrap_link(Vehicle(), None)
+    relay = laboratory.wrap_relay(None, link, is_mission=False)
     topics.to_receive = [
         WordSaid(What.PERMISSION, 3),
         WordSaid(What.CLEAR, None),
@@ -108,7 +108,7 @@ def test_words_and_packets_become_what_aMussels_hear(laboratory: Laboratory, top
 
 
 def test_what_is_said_to_amussels_and_by_them_is_told(laboratory: Laboratory, topics: Topics) -> None:
-    relay = laboratory.around(None, laboratory.beside(Vehicle(), None), is_mission=False)
+    relay = laboratory.wrap_relay(None, laboratory.wrap_link(Vehicle(), None), is_mission=False)
     data = CODEC.encode(CommandPacket(Kind.RELEASE, 3))
     relay.said(Send(Medium.WIFI, 3, data), 0)
     relay.transmit(Medium.SOUND, 4, b"status", 0)
@@ -116,7 +116,7 @@ def test_what_is_said_to_amussels_and_by_them_is_told(laboratory: Laboratory, to
 
 
 def test_the_wifis_status_is_told_when_it_changes(laboratory: Laboratory, topics: Topics) -> None:
-    relay = laboratory.around(None, laboratory.beside(Vehicle(), None), is_mission=False)
+    relay = laboratory.wrap_relay(None, laboratory.wrap_link(Vehicle(), None), is_mission=False)
     for now_ms in (0, 1_000, 2_000):
         relay.transmit(Medium.WIFI, 3, b"status", now_ms)
         relay.advance(now_ms)
