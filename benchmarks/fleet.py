@@ -38,8 +38,8 @@ from agents.nursery.launch import launch_nursery, prepare
 from firmware_model.config import FullFirmware, LastResort, Slots
 from firmware_model.packets import CommandPacket, Kind
 from firmware_model.packets.codec import MusselbedCodec
+from firmware_model.packets.sample_record import SampleRecord
 from firmware_model.sampling.flash_log import FlashLog
-from firmware_model.sampling.sample_record import SampleRecord
 from firmware_model.table_one import FIELD, MODEL, WORST_CASE, power
 
 MUSSELBED_FLEETS = (

@@ -6,6 +6,7 @@ import ast
 import subprocess
 import sys
 from collections.abc import Iterator
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -79,6 +80,37 @@ def test_the_search_finds_an_import_that_hides_in_a_function(tmp_path: Path) -> 
 def test_imports_run_one_way() -> None:
     # By its own code and not its script: a script's first line names the place where its environment was made.
     run_tool(sys.executable, "-c", "from importlinter.cli import lint_imports_command as main; main()")
+
+
+def module_imports(root: Path = ROOT) -> dict[str, set[str]]:
+    """The modules that each module of ours imports, wherever in its file, also for types alone."""
+    paths = [path.relative_to(root) for room in ROOMS for path in sorted((root / room).rglob("*.py"))]
+    names = {".".join(path.with_suffix("").parts).removesuffix(".__init__"): path for path in paths}
+    found: dict[str, set[str]] = {name: set() for name in names}
+    for name, path in names.items():
+        for node in ast.walk(ast.parse((root / path).read_text())):
+            if isinstance(node, ast.Import):
+                found[name] |= {alias.name for alias in node.names} & names.keys()
+            elif isinstance(node, ast.ImportFrom) and node.module:
+                within = {f"{node.module}.{alias.name}" for alias in node.names} & names.keys()
+                found[name] |= within or {node.module} & names.keys()
+    return found
+
+
+def test_no_two_modules_import_each_other_in_a_circle() -> None:
+    try:
+        list(TopologicalSorter(module_imports()).static_order())
+    except CycleError as error:
+        pytest.fail(f"a circle of imports: {' -> '.join(error.args[1])}")
+
+
+def test_the_search_finds_a_circle_that_is_for_types_alone(tmp_path: Path) -> None:
+    for room in ROOMS:
+        (tmp_path / room).mkdir()
+    (tmp_path / "agents" / "one.py").write_text("from agents import two\n")
+    (tmp_path / "agents" / "two.py").write_text("if TYPE_CHECKING:\n    from agents.one import One\n")
+    with pytest.raises(CycleError):
+        list(TopologicalSorter(module_imports(tmp_path)).static_order())
 
 
 def test_types_are_strict() -> None:

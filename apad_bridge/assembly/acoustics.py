@@ -1,4 +1,4 @@
-"""Builds what an aPad does by sound beside its mission from the scenario's block `water`."""
+"""Builds an aPad's acoustic services beside its mission from the scenario's block `water`."""
 
 from __future__ import annotations
 
@@ -20,43 +20,49 @@ from firmware_model.power.charge import FULL
 from firmware_model.power.rails import Rail, bits, rails_of
 from firmware_model.states import State
 
-_BREATH_MS = 20
-"""And the echoes of the word before are to die away."""
+_PAUSE_MS = 20
+"""The pause between two packets, beside the time in which the echoes of the first die away."""
 
 
 def ranging_of(scenario: Scenario, agent_ids: Iterable[int]) -> RangingService | None:
-    """What the aPad does by sound; None where the scenario knows no water."""
+    """Builds the aPad's ranging service; None if the scenario has no water."""
     water = scenario.water
     if water is None:
         return None
     modems = generation_of(water.modems)
-    whole = full_firmware(scenario.board, scenario.seed, modems)
-    slots = None if whole is None or whole.cycle is None else whole.cycle.slots
+    firmware = full_firmware(scenario.board, scenario.seed, modems)
+    timeslots = None if firmware is None or firmware.cycle is None else firmware.cycle.slots
     speed_m_s, corners = water.sound.sound_speed_m_s, scenario.area.polygon_m
     across_m = max(dist(one, other) for one in corners for other in corners) + scenario.area.depth_m
-    talk = ScheduleConfig(
+    schedule = ScheduleConfig(
         theta=scenario.theta,
         sound_speed_m_s=speed_m_s,
         way_ms=ceil(1000 * min(across_m, water.sound.range_limit_m) / speed_m_s),
         waits=water.talk.waits,
         assigns=water.talk.assigns,
-        guard_ms=0 if slots is None else slots.guard_ms,
+        guard_ms=0 if timeslots is None else timeslots.guard_ms,
         beacon_period_ms=round(water.talk.beacon_period_s * 1000),
         ping_period_ms=round(water.talk.ping_period_s * 1000),
         modems=modems,
-        breath_ms=_BREATH_MS + round(1000 * water.sound.reverberation_s),
-        answer_ms=0 if whole is None else whole.turnaround_ms + whole.answer_ms,
+        breath_ms=_PAUSE_MS + round(1000 * water.sound.reverberation_s),
+        answer_ms=0 if firmware is None else firmware.turnaround_ms + firmware.answer_ms,
     )
-    told = water.localisation
+    localisation = water.localisation
     locator = None
-    if told is not None:
+    if localisation is not None:
         depth_m = scenario.area.depth_m
         locator = Locator(
-            LocatorConfig(told.deviation_m, depth_m, told.memory_s, told.apart_m, worst_hdop=told.worst_hdop)
+            LocatorConfig(
+                localisation.deviation_m,
+                depth_m,
+                localisation.memory_s,
+                localisation.apart_m,
+                worst_hdop=localisation.worst_hdop,
+            )
         )
-    deviation_m = 1.0 if told is None else told.deviation_m
+    deviation_m = 1.0 if localisation is None else localisation.deviation_m
     return RangingService(
-        AcousticScheduler(talk, load_codec(scenario.hearing.codec), slots, agent_ids),
+        AcousticScheduler(schedule, load_codec(scenario.hearing.codec), timeslots, agent_ids),
         locator,
         water.sound.keel_m,
         scenario.area.depth_m,
@@ -64,19 +70,21 @@ def ranging_of(scenario: Scenario, agent_ids: Iterable[int]) -> RangingService |
         WorthItsWay(candidate_below(scenario.mission.pool_threshold), water.talk.ping_worth_m)
         if water.talk.ping_worth_m
         else None,
-        None if whole is None else asks_of(scenario, water.talk.ask_worth_answers, whole),
+        None if firmware is None else status_request_policy(scenario, water.talk.ask_worth_answers, firmware),
     )
 
 
-def asks_of(scenario: Scenario, worth_answers: float, whole: FullFirmware) -> WorthItsEnergy | None:
-    """Who is asked how it is, on boards of `whole`; None for nobody."""
+def status_request_policy(
+    scenario: Scenario, worth_answers: float, firmware: FullFirmware
+) -> WorthItsEnergy | None:
+    """Builds the policy of status requests to aMussels with boards of `firmware`; None for no requests."""
     model = scenario.beliefs.twin
     if not worth_answers or model is None:
         return None
-    answer = answer_charge(whole)
+    answer = answer_charge(firmware)
     return WorthItsEnergy(
         candidate_below(scenario.mission.pool_threshold),
-        wrong_plan_charge(whole),
+        wrong_plan_charge(firmware),
         answer * worth_answers,
         not_before_ms=readings_apart_ms(scenario.theta) // scenario.theta,
         spare_charge=answer,
@@ -84,11 +92,11 @@ def asks_of(scenario: Scenario, worth_answers: float, whole: FullFirmware) -> Wo
     )
 
 
-def answer_charge(whole: FullFirmware) -> float:
-    """What it costs a sleeper to be asked how it is, in charge: to hear the question, to be awake, and to answer."""
-    asleep, awake, hearing, sending = (
-        whole.power.loads.total(
-            rails_of(State.SLEEPING, whole.power.kept_on, whole.cycle is None, bits(*pulsed))
+def answer_charge(firmware: FullFirmware) -> float:
+    """Computes a sleeping board's cost of a status request, in charge: to receive it, to be awake, and to answer."""
+    asleep, awake, receiving, sending = (
+        firmware.power.loads.total(
+            rails_of(State.SLEEPING, firmware.power.kept_on, firmware.cycle is None, bits(*pulsed))
         )
         for pulsed in (
             (),
@@ -97,18 +105,18 @@ def answer_charge(whole: FullFirmware) -> float:
             (Rail.MU_ACTIVE, Rail.MODEM_TRANSMITTING),
         )
     )
-    heard_ms = min(whole.power.receive_ms, whole.turnaround_ms)
+    receive_ms = min(firmware.power.receive_ms, firmware.turnaround_ms)
     drawn = (
-        heard_ms * (hearing - awake)
-        + whole.turnaround_ms * (awake - asleep)
-        + whole.answer_ms * (sending - asleep)
+        receive_ms * (receiving - awake)
+        + firmware.turnaround_ms * (awake - asleep)
+        + firmware.answer_ms * (sending - asleep)
     )
     return drawn / FULL
 
 
-def wrong_plan_charge(whole: FullFirmware) -> float:
-    """What a plan costs that fetches one that needs nothing, in charge: its motors' runs up and down.
+def wrong_plan_charge(firmware: FullFirmware) -> float:
+    """Computes the cost of a plan that collects an aMussel without need, in charge: its motors' runs up and down.
 
-    The same is taken for a plan that leaves one that does: what that costs is samples, which no charge is the price of.
+    A plan that leaves out an aMussel in need is taken to cost the same: it costs samples, which have no price in charge.
     """
-    return 2 * whole.power.loads.of[Rail.MOTORS] * whole.power.motor_run_ms / FULL
+    return 2 * firmware.power.loads.of[Rail.MOTORS] * firmware.power.motor_run_ms / FULL

@@ -1,4 +1,4 @@
-"""A scenario with several aPads, taken apart: for each of them a scenario with its share of the fleet."""
+"""Divides a scenario with several aPads into a scenario for each, with the aPad's share of the fleet."""
 
 from __future__ import annotations
 
@@ -24,27 +24,27 @@ class Member:
 
 
 def members(scenario: Scenario, starts: Sequence[Start]) -> tuple[Member, ...]:
-    """In the scenario's order of aPads, each with the share that is planned for it."""
+    """Returns the members in the scenario's order of aPads, each with its planned share."""
     places_m = {start.agent_id: (start.north_m, start.east_m) for start in starts}
     return divided(scenario, starts, shares([apad.start_m for apad in _apads(scenario)], places_m))
 
 
 def divided(
-    scenario: Scenario, starts: Sequence[Start], served: Sequence[tuple[int, ...]]
+    scenario: Scenario, starts: Sequence[Start], shares_of_apads: Sequence[tuple[int, ...]]
 ) -> tuple[Member, ...]:
-    """The same with these shares. Ids, seed, timeslots and starts are those of the whole; only who serves is new."""
+    """Returns the members with the given shares. They keep the whole scenario's ids, seed, timeslots and starts."""
     return tuple(
         Member(
             apad.name,
-            _of_one(scenario, apad, share),
-            tuple(start for start in starts if start.agent_id in share),
+            _of_one(scenario, apad, ids),
+            tuple(start for start in starts if start.agent_id in ids),
         )
-        for apad, share in zip(_apads(scenario), served, strict=True)
+        for apad, ids in zip(_apads(scenario), shares_of_apads, strict=True)
     )
 
 
 def with_apad(scenario: Scenario, name: str) -> Scenario:
-    """The scenario with this one of its aPads alone, over the whole fleet. ScenarioError when it has none of this name."""
+    """Returns the scenario with this aPad alone, over the whole fleet. Raises ScenarioError if it has no such aPad."""
     apads = {apad.name: apad for apad in _apads(scenario)}
     if name not in apads:
         raise ScenarioError([f"{scenario.name} has no aPad {name}: its aPads are {', '.join(apads)}"])
@@ -52,14 +52,14 @@ def with_apad(scenario: Scenario, name: str) -> Scenario:
 
 
 def _apads(scenario: Scenario) -> list[APad | AnotherAPad]:
-    """`apad` first."""
+    """Lists all aPads, `apad` first."""
     return [scenario.apad, *scenario.apads]
 
 
-def _of_one(scenario: Scenario, apad: APad | AnotherAPad, share: tuple[int, ...]) -> Scenario:
+def _of_one(scenario: Scenario, apad: APad | AnotherAPad, ids: tuple[int, ...]) -> Scenario:
     data = resolve(scenario)
     data.update(name=f"{scenario.name}-{plain(apad.name)}", apads=[])
-    data["fleet"]["share"] = list(share)
+    data["fleet"]["share"] = list(ids)
     data["apad"].update(name=apad.name, start_m=list(apad.start_m))
     if isinstance(apad, AnotherAPad):
         if apad.battery_start_fraction is not None:

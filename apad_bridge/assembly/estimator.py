@@ -1,4 +1,4 @@
-"""What a scenario tells its estimator: the kind of board, the water, and how far to trust both."""
+"""Builds a scenario's estimator and its knowledge: the kind of board, the water, and the trust in both."""
 
 from __future__ import annotations
 
@@ -43,10 +43,11 @@ _STATES = {
 _NOT_ON_THE_PRIMARY = (State.OFF, State.EMPTY, State.CALLING, State.LOST)
 _READING_APART_MS = 300_000
 _MISSION_APART_MS = 20_000
-"""Readings of one aMussel are used so far apart, in agent and in mission time: fleets that report each second cost less."""
+"""The least time between used readings of one aMussel, in agent and in mission time. Because of it, fleets that report each
+second cost less."""
 _MISSED = 0.1
-"""Of the reports by Wi-Fi from the surface, at most, to an aPad that stands beside. One that is farther off hears nothing,
-takes an aMussel to have stayed below, and tells it again: it is heard when the aPad has come."""
+"""The largest fraction of Wi-Fi reports from the surface that an aPad beside the aMussel misses. An aPad farther off
+receives none, assumes that the aMussel stayed below, and repeats the permission; it receives them when it has come."""
 _COIL_DEVIATION = 0.02
 _MOTOR_DEVIATION = 0.003
 _AGEING_PER_DAY = 0.001
@@ -54,7 +55,7 @@ _STEADY_CURRENT_S = 3600.0
 
 
 def fleet_beliefs(scenario: Scenario, agent_ids: Sequence[int]) -> FleetBeliefs:
-    """As the scenario says. Only twins import filterpy, which takes half a second."""
+    """Builds the scenario's estimator. Only twins import filterpy, which takes half a second."""
     model = scenario.beliefs.twin
     if model is None:
         return HoldLast(agent_ids, scenario.theta)
@@ -65,39 +66,39 @@ def fleet_beliefs(scenario: Scenario, agent_ids: Sequence[int]) -> FleetBeliefs:
 
 
 def _report_ms(scenario: Scenario) -> int:
-    """Mission time."""
+    """Returns the report period in mission time."""
     return round(scenario.hearing.report_period_s * 1000)
 
 
 def schedules_of(scenario: Scenario, agent_ids: Sequence[int]) -> dict[int, Schedule]:
-    """What the boards are set to: always awake, as the paper's worst case, or asleep but for the wakes of their cycle."""
-    whole = full_firmware(scenario.board, scenario.seed)
-    if whole is None or whole.cycle is None:
+    """Builds the boards' schedules: always awake, as the paper's worst case, or asleep but for the wakes of their cycle."""
+    firmware = full_firmware(scenario.board, scenario.seed)
+    if firmware is None or firmware.cycle is None:
         return dict.fromkeys(agent_ids, Schedule((0,), (Mode.IDLE,)))
     first_id = scenario.fleet.first_id
     return {
-        agent_id: Schedule((0,), (Mode.ASLEEP,), _cycle_of(whole, agent_id - first_id))
+        agent_id: Schedule((0,), (Mode.ASLEEP,), _cycle_of(firmware, agent_id - first_id))
         for agent_id in agent_ids
     }
 
 
 def knowledge_of(scenario: Scenario, model: TwinModel) -> Knowledge:
     board, theta = scenario.board, scenario.theta
-    whole = full_firmware(board, scenario.seed)
+    firmware = full_firmware(board, scenario.seed)
     deviations = (model.bias_deviation,) * 4
     drift = scenario.fleet.drift
     step_m = drift.amplitude_m if drift.mode is DriftMode.PAPER else 0.0
     return Knowledge(
         theta=theta,
-        drain=_drain(scenario, whole),
+        drain=_drain(scenario, firmware),
         charger=_charger(scenario),
         sensor=Sensor(
             model.sensor_noise,
             (0.0,) * 4,
             deviations,
             readings_apart_ms(theta),
-            _offsets(whole),
-            saturates=whole is not None and whole.power.metering is not None,
+            _offsets(firmware),
+            saturates=firmware is not None and firmware.power.metering is not None,
         ),
         habits=Habits(
             every_ms=_HOUR_MS,
@@ -121,13 +122,13 @@ def knowledge_of(scenario: Scenario, model: TwinModel) -> Knowledge:
 
 
 def readings_apart_ms(theta: int) -> int:
-    """Agent time: of two readings of one aMussel that are nearer to each other one is used."""
+    """Returns the least agent time between two used readings of one aMussel; of nearer readings only one is used."""
     return max(_READING_APART_MS, _MISSION_APART_MS * theta)
 
 
-def _drain(scenario: Scenario, whole: FullFirmware | None) -> Drain:
-    if whole is None:
-        # Equation (1) for every state in the water; in a dock equation (2) says it all.
+def _drain(scenario: Scenario, firmware: FullFirmware | None) -> Drain:
+    if firmware is None:
+        # Equation (1) for every state in the water; in a dock equation (2) covers everything.
         per_min = scenario.board.discharge_per_min
         assert per_min is not None
         return Drain(
@@ -136,72 +137,81 @@ def _drain(scenario: Scenario, whole: FullFirmware | None) -> Drain:
             1e-4,
             1.0,
         )
-    of = _draws(whole)
-    rates = {mode: of(state) for mode, state in _STATES.items()}
-    rates[Mode.ASLEEP] = of(State.SLEEPING)
-    if whole.cycle is not None:
-        cycle = _cycle_of(whole, 0)
+    draw_per_min = _draws(firmware)
+    rates = {mode: draw_per_min(state) for mode, state in _STATES.items()}
+    rates[Mode.ASLEEP] = draw_per_min(State.SLEEPING)
+    if firmware.cycle is not None:
+        cycle = _cycle_of(firmware, 0)
         rates[Mode.ASLEEP] = cycle.in_all * _MS_PER_MIN / cycle.period_ms
-    motor_run = whole.power.loads.of[Rail.MOTORS] * whole.power.motor_run_ms / FULL
+    motor_run = firmware.power.loads.of[Rail.MOTORS] * firmware.power.motor_run_ms / FULL
     return Drain(
-        tuple(rates[mode] for mode in Mode), motor_run, _MOTOR_DEVIATION, whole.power.path / PATH_UNIT
+        tuple(rates[mode] for mode in Mode), motor_run, _MOTOR_DEVIATION, firmware.power.path / PATH_UNIT
     )
 
 
-def _draws(whole: FullFirmware) -> Callable[[State], float]:
-    """A minute, by state."""
-    loads, never_asleep = whole.power.loads, whole.cycle is None
+def _draws(firmware: FullFirmware) -> Callable[[State], float]:
+    """Returns the draw per minute, as a function of the state."""
+    loads, never_asleep = firmware.power.loads, firmware.cycle is None
     return lambda state: (
-        loads.total(rails_of(state, whole.power.kept_on, never_asleep, 0)) * _MS_PER_MIN / FULL
+        loads.total(rails_of(state, firmware.power.kept_on, never_asleep, 0)) * _MS_PER_MIN / FULL
     )
 
 
-def _cycle_of(whole: FullFirmware, slot: int) -> Cycle:
-    """One that sleeps wakes, samples, processes, and with timeslots awaits its own and transmits. The slots' frames begin
-    at whole multiples of their length, so it waits as long in every cycle that is a multiple of a frame."""
-    firmware, of = whole.cycle, _draws(whole)
-    assert firmware is not None
-    awake_ms = firmware.sample_ms + firmware.processing_ms
-    lasting = [(firmware.sample_ms, of(State.SAMPLING)), (firmware.processing_ms, of(State.PROCESSING))]
-    if firmware.slots is not None:
-        opens_ms = slot * firmware.slots.slot_ms + firmware.slots.guard_ms
-        waits_ms = (opens_ms - awake_ms) % firmware.slots.frame_ms
-        lasting += [(waits_ms, of(State.AWAITING_SLOT)), (whole.transmit_ms, of(State.TRANSMITTING))]
-    return Cycle.of([*lasting, (firmware.alarm_ms, of(State.SLEEPING))], firmware.alarm_ms)
+def _cycle_of(firmware: FullFirmware, timeslot: int) -> Cycle:
+    """Builds the cycle of a sleeping board: it wakes, samples, processes and, with timeslots, awaits its own and transmits.
 
-
-def _offsets(whole: FullFirmware | None) -> dict[State, tuple[float, float]]:
-    """Where boards meter, by what a load and a charger move what they read; as firmware_model.power.voltage does.
-
-    The primary feeds the board in the water; in the dock so much of its load as the path lets through.
+    Frames begin at whole multiples of their length, so the board waits equally long in every cycle that is a multiple of a
+    frame.
     """
-    metering = None if whole is None else whole.power.metering
-    if whole is None or metering is None:
+    cycle_config, draw_per_min = firmware.cycle, _draws(firmware)
+    assert cycle_config is not None
+    awake_ms = cycle_config.sample_ms + cycle_config.processing_ms
+    lasting = [
+        (cycle_config.sample_ms, draw_per_min(State.SAMPLING)),
+        (cycle_config.processing_ms, draw_per_min(State.PROCESSING)),
+    ]
+    if cycle_config.slots is not None:
+        opens_ms = timeslot * cycle_config.slots.slot_ms + cycle_config.slots.guard_ms
+        waits_ms = (opens_ms - awake_ms) % cycle_config.slots.frame_ms
+        lasting += [
+            (waits_ms, draw_per_min(State.AWAITING_SLOT)),
+            (firmware.transmit_ms, draw_per_min(State.TRANSMITTING)),
+        ]
+    return Cycle.of([*lasting, (cycle_config.alarm_ms, draw_per_min(State.SLEEPING))], cycle_config.alarm_ms)
+
+
+def _offsets(firmware: FullFirmware | None) -> dict[State, tuple[float, float]]:
+    """Computes the shift of the readings by load and charger, for boards that meter, as firmware_model.power.voltage does.
+
+    The primary feeds the whole load in the water, and in the dock the part of it that the path lets through.
+    """
+    metering = None if firmware is None else firmware.power.metering
+    if firmware is None or metering is None:
         return {}
 
     def sag(load: float) -> float:
         return metering.sag_ms * max(0.0, load - metering.sag_from) / FULL
 
-    power, never_asleep, lift = whole.power, whole.cycle is None, metering.lift / FULL
-    found = {}
+    power, never_asleep, lift = firmware.power, firmware.cycle is None, metering.lift / FULL
+    offsets = {}
     for state in State:
         load = power.loads.total(rails_of(state, power.kept_on, never_asleep, 0))
         if state in DOCKED:
-            found[state] = lift - sag(load * power.path / PATH_UNIT), lift
+            offsets[state] = lift - sag(load * power.path / PATH_UNIT), lift
         elif state not in _NOT_ON_THE_PRIMARY:
-            # A transmission is over before the monitor samples again: what it reports was read before.
+            # A transmission is over before the monitor samples again, so it reports the reading from before.
             before = State.AWAITING_SLOT if state is State.TRANSMITTING else state
             load = power.loads.total(rails_of(before, power.kept_on, never_asleep, 0))
-            found[state] = -sag(load), 0.0
-    return found
+            offsets[state] = -sag(load), 0.0
+    return offsets
 
 
 def _charger(scenario: Scenario) -> Charger:
     model = charge_model(scenario.board)
 
-    def of(segments: Segments) -> tuple[tuple[float, float], ...]:
+    def per_min(segments: Segments) -> tuple[tuple[float, float], ...]:
         return tuple((end / FULL, rate * _MS_PER_MIN / FULL) for end, rate in segments)
 
-    one = of(model.segments)
-    coils = of(model.segments_by_two)[-1][1] / one[-1][1] if model.segments_by_two else 1.0
-    return Charger(one, coils, _COIL_DEVIATION)
+    one_coil = per_min(model.segments)
+    coils = per_min(model.segments_by_two)[-1][1] / one_coil[-1][1] if model.segments_by_two else 1.0
+    return Charger(one_coil, coils, _COIL_DEVIATION)

@@ -1,4 +1,4 @@
-"""Builds the parts of a flight from a scenario. Everything that a scenario's numbers become is decided here."""
+"""Builds the parts of a flight from a scenario, and converts the scenario's numbers for them."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def agent_ids(scenario: Scenario) -> Sequence[int]:
 
 def fleet_config(scenario: Scenario) -> FleetConfig:
     board, drift, theta = scenario.board, scenario.fleet.drift, scenario.theta
-    water, told = agents_water(scenario), scenario.water
+    agents_view, water = agents_water(scenario), scenario.water
     return FleetConfig(
         theta=theta,
         seed=scenario.seed,
@@ -60,23 +60,23 @@ def fleet_config(scenario: Scenario) -> FleetConfig:
         sinking_ms=round(board.sinking_s * 1000),
         drifts_always=drift.mode is DriftMode.PAPER,
         drift_amplitude_um=round(drift.amplitude_m * 1e6),
-        current_csv=water.current_csv,
-        tides=water.tides,
-        current_profile=water.current_profile,
-        oxygen_mg_l=water.oxygen_mg_l,
-        temperature_c=water.temperature_c,
-        turbidity_ntu=water.turbidity_ntu,
+        current_csv=agents_view.current_csv,
+        tides=agents_view.tides,
+        current_profile=agents_view.current_profile,
+        oxygen_mg_l=agents_view.oxygen_mg_l,
+        temperature_c=agents_view.temperature_c,
+        turbidity_ntu=agents_view.turbidity_ntu,
         whole=full_firmware(
-            board, scenario.seed, Generation.V3 if told is None else generation_of(told.modems)
+            board, scenario.seed, Generation.V3 if water is None else generation_of(water.modems)
         ),
         clock_drift_ppb=clock_drift_ppb(board),
         first_id=scenario.fleet.first_id,
-        modem=Modem.V2 if told is not None and told.modems is ModemGeneration.V2 else Modem.V3,
+        modem=Modem.V2 if water is not None and water.modems is ModemGeneration.V2 else Modem.V3,
     )
 
 
 def initial_states(scenario: Scenario, starts: Sequence[Start]) -> dict[int, Physical]:
-    """The physical state of every agent at time 0, by id: resting on the bottom."""
+    """Returns the physical state of every agent at time 0, by id: resting on the bottom."""
     depth_m = scenario.area.depth_m
     return {
         start.agent_id: resting_on_bottom(
@@ -87,7 +87,7 @@ def initial_states(scenario: Scenario, starts: Sequence[Start]) -> dict[int, Phy
 
 
 def misses(scenario: Scenario) -> Misses:
-    """Which dockings fail, alike for every vehicle."""
+    """Builds the draw of failing dockings, which is alike for every vehicle."""
     return Misses(scenario.seed, scenario.apad.dock_miss_probability)
 
 
@@ -113,12 +113,12 @@ def supervisor(
     allocation: Allocation | None = None,
     known: LearnedState | None = None,
 ) -> Supervisor:
-    """A supervisor that knows nothing yet, or one that goes on with a mission's journaled `state`.
+    """Builds a supervisor that knows nothing yet, or one that goes on with a mission's journaled `state`.
 
-    Its mission is the paper's, which `takeover` can take over; or, with `command_sources`, a manual one that does what they
-    order. Without `samples` it leaves the aMussels' logs to others; without a modem, whatever is said by sound of its own
-    accord. With a `breakdown` it is one of several, who take over from each other. `known` is what was learned already, and
-    `allocation`, over its beliefs, whom it serves.
+    It flies the paper's mission, which `takeover` can take over, or, with `command_sources`, a manual mission that executes
+    their orders. Without `samples` it does not collect the aMussels' logs; without a modem it runs no ranging service. With
+    a `breakdown` it is one of several supervisors that take over from each other. `known` holds the state learned so far,
+    and `allocation`, over its beliefs, the aMussels that it serves.
     """
     known = known or nothing_known(scenario, has_modem)
     beliefs = known.beliefs
@@ -131,13 +131,15 @@ def supervisor(
         )
     elif takeover is not None:
         mission = Takeover(
-            lambda begun: _planned(scenario, allocation, begun),
-            lambda begun: ManualMission(scenario.mission, scenario.apad.max_speed_m_s, beliefs, (), begun),
+            lambda mission_state: _energy_exchange(scenario, allocation, mission_state),
+            lambda mission_state: ManualMission(
+                scenario.mission, scenario.apad.max_speed_m_s, beliefs, (), mission_state
+            ),
             takeover,
             state,
         )
     else:
-        mission = _planned(scenario, allocation, state)
+        mission = _energy_exchange(scenario, allocation, state)
     port = DockingPort(scenario.mission.docking, first_command_id=first_command_id, docks_by_eye=docks_by_eye)
     return Supervisor(
         beliefs,
@@ -153,7 +155,7 @@ def supervisor(
     )
 
 
-def _planned(scenario: Scenario, beliefs: BeliefSource, state: MissionState | None) -> EnergyExchange:
+def _energy_exchange(scenario: Scenario, beliefs: BeliefSource, state: MissionState | None) -> EnergyExchange:
     return EnergyExchange(
         scenario.mission,
         beliefs,

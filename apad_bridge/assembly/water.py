@@ -1,6 +1,6 @@
-"""Builds a fleet's sea from the scenario's block `water`.
+"""Builds the simulated water from the scenario's block `water`: a fleet's sea, and the agents' part as plain values.
 
-What a scenario's block `water` becomes for the agents: currents, tides and fields as plain values.
+The agents receive currents, tides and fields.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from apad_bridge.supervisor.fleet import Fleet, LinksFile
 
 @dataclass(frozen=True, slots=True)
 class AgentsWater:
-    """As an agents' `FleetConfig` has it."""
+    """The water in the form of the agents' `FleetConfig`."""
 
     current_csv: str | None
     tides: tuple[tuple[int, int, int, int, int], ...]
@@ -37,7 +37,7 @@ class AgentsWater:
 
 
 def agents_water(scenario: Scenario) -> AgentsWater:
-    """Reads the current's file."""
+    """Converts the scenario's water for the agents, and reads the current's file."""
     fields = Fields() if scenario.water is None else scenario.water.fields
     return AgentsWater(
         _current(scenario),
@@ -72,7 +72,9 @@ def _tides(scenario: Scenario) -> tuple[tuple[int, int, int, int, int], ...]:
 def _profile(scenario: Scenario) -> tuple[tuple[int, int], ...]:
     if scenario.water is None or scenario.water.current is None:
         return ()
-    return tuple((round(depth * 1e6), round(share * 1e6)) for depth, share in scenario.water.current.profile)
+    return tuple(
+        (round(depth * 1e6), round(fraction * 1e6)) for depth, fraction in scenario.water.current.profile
+    )
 
 
 def _waters(fields: Fields, name: str) -> Waters:
@@ -100,29 +102,29 @@ def fleet_of(
     now_ms: int = 0,
     opened: Collection[int] = (),
 ) -> Fleet:
-    """The fleet that lives in `host`, each aMussel having lived to its `granted_ms`, at mission time `now_ms`.
+    """Builds the fleet that runs in `host` at mission time `now_ms`; each aMussel has run up to its `granted_ms`.
 
-    `opened` are the aMussels whose modems somebody else may talk to, in a scenario with water.
+    `opened` are the aMussels whose modems are open to other programs, in a scenario with water.
     """
     coordinator = Coordinator(host, granted_ms, scenario.theta, now_ms)
-    whole = full_firmware(scenario.board)
-    slots = None if whole is None or whole.cycle is None else whole.cycle.slots
+    firmware = full_firmware(scenario.board)
+    timeslots = None if firmware is None or firmware.cycle is None else firmware.cycle.slots
     water = scenario.water
     if water is None:
-        return Fleet(coordinator, host, timeslots=slots)
+        return Fleet(coordinator, host, timeslots=timeslots)
     sea = Sea(sea_config(scenario, water), coordinator, host, now_ms, opened)
     if water.links_file is None:
-        return Fleet(coordinator, host, sea, slots)
+        return Fleet(coordinator, host, sea, timeslots)
     links = LinksFile(Path(water.links_file), scenario.theta)
     sea.lay_links(links.read())
-    return Fleet(coordinator, host, sea, slots, links)
+    return Fleet(coordinator, host, sea, timeslots, links)
 
 
 def sea_config(scenario: Scenario, water: Water) -> SeaConfig:
-    board, told, radio = scenario.board, water.sound, water.wifi
+    board, settings, radio = scenario.board, water.sound, water.wifi
     return SeaConfig(
         seed=scenario.seed,
-        sound=sound_of(told),
+        sound=sound_of(settings),
         wifi=None
         if radio is None
         else wifi.Wifi(
@@ -138,9 +140,9 @@ def sea_config(scenario: Scenario, water: Water) -> SeaConfig:
             round(board.surfacing_s * 1000),
             round(board.sinking_s * 1000),
         ),
-        keel_um=round(told.keel_m * 1e6),
-        range_noise_m=told.range_noise_m,
-        thrusting_m_s=told.thrusting_m_s,
+        keel_um=round(settings.keel_m * 1e6),
+        range_noise_m=settings.range_noise_m,
+        thrusting_m_s=settings.thrusting_m_s,
         modems=generation_of(water.modems),
     )
 
@@ -149,23 +151,27 @@ def generation_of(modems: ModemGeneration) -> Generation:
     return Generation.V2 if modems is ModemGeneration.V2 else Generation.V3
 
 
-def sound_of(told: Sound) -> sound.Sound:
-    absorption = told.absorption_db_per_km
+def sound_of(settings: Sound) -> sound.Sound:
+    absorption = settings.absorption_db_per_km
     return sound.Sound(
-        speed_m_s=told.sound_speed_m_s,
-        source_level_db=told.source_level_db,
-        spreading_db=told.spreading_db,
-        absorption_db_per_km=sound.thorp_db_per_km(told.frequency_khz) if absorption is None else absorption,
-        noise_db_per_hz=told.noise_db_per_hz,
-        bandwidth_hz=told.bandwidth_hz,
-        fading_db=told.fading_db,
-        reverberation_ms=round(told.reverberation_s * 1000),
-        reverberation_db=told.reverberation_db,
-        capture_db=told.capture_db,
-        thruster_noise_db=told.thruster_noise_db,
-        range_limit_m=told.range_limit_m,
-        turnaround_ms=round(told.turnaround_s * 1000),
+        speed_m_s=settings.sound_speed_m_s,
+        source_level_db=settings.source_level_db,
+        spreading_db=settings.spreading_db,
+        absorption_db_per_km=sound.thorp_db_per_km(settings.frequency_khz)
+        if absorption is None
+        else absorption,
+        noise_db_per_hz=settings.noise_db_per_hz,
+        bandwidth_hz=settings.bandwidth_hz,
+        fading_db=settings.fading_db,
+        reverberation_ms=round(settings.reverberation_s * 1000),
+        reverberation_db=settings.reverberation_db,
+        capture_db=settings.capture_db,
+        thruster_noise_db=settings.thruster_noise_db,
+        range_limit_m=settings.range_limit_m,
+        turnaround_ms=round(settings.turnaround_s * 1000),
         errors=sound.NANOMODEM_ERRORS
-        if told.error_curve is None
-        else sound.ErrorCurve(told.error_curve.snrs_db, told.error_curve.sizes, told.error_curve.rates),
+        if settings.error_curve is None
+        else sound.ErrorCurve(
+            settings.error_curve.snrs_db, settings.error_curve.sizes, settings.error_curve.rates
+        ),
     )

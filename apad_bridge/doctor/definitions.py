@@ -1,4 +1,4 @@
-"""Other people's Python messages that are called as ours: their md5s, read from their text and never run."""
+"""Compares other packages' Python messages of our names by md5s, which it reads from their text without running them."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from apad_bridge.doctor.finding import Finding, ok, warn
 
 _MD5 = re.compile(r"""^\s+_md5sum = ["']([0-9a-f]{32})["']""", re.MULTILINE)
 _TYPE = re.compile(r"""^\s+_type\s*= ["'](\w+/\w+)["']""", re.MULTILINE)
-_SHOWN = 3
+_MAX_LISTED = 3
 
 Md5s = dict[str, str]
-"""md5 by type, as auv_msgs/NavSts."""
+"""md5 by type, such as auv_msgs/NavSts."""
 
 
 @dataclass(frozen=True, slots=True)
 class Definitions:
-    """What one folder says of types that we know too."""
+    """One folder's definitions of types that we know too."""
 
     source: str
     md5s: Md5s
@@ -27,7 +27,7 @@ class Definitions:
 
 
 def python_md5s(entry: Path, packages: Iterable[str]) -> Md5s:
-    """Of generated modules under an entry of PYTHONPATH. They may be of Python 2: nothing is imported."""
+    """Reads the md5s of generated modules under an entry of PYTHONPATH. It imports nothing: they may be of Python 2."""
     md5s: Md5s = {}
     for package in packages:
         for kind in ("msg", "srv"):
@@ -41,15 +41,15 @@ def python_md5s(entry: Path, packages: Iterable[str]) -> Md5s:
 
 
 def check_definitions(ours: Definitions, others: Iterable[Definitions]) -> Iterator[Finding]:
-    """Others' definitions of our types. They shadow nothing of ours in musselbed's own processes; a live aPad decides."""
+    """Compares others' definitions of our types. They shadow nothing in musselbed's own processes; a live aPad decides."""
     others = list(others)
     for other in others:
         differing = sorted(name for name, md5 in other.md5s.items() if ours.md5s.get(name, md5) != md5)
         if differing:
             shown = ", ".join(
-                f"{name} ({other.md5s[name]}, ours {ours.md5s[name]})" for name in differing[:_SHOWN]
+                f"{name} ({other.md5s[name]}, ours {ours.md5s[name]})" for name in differing[:_MAX_LISTED]
             )
-            more = f" and {len(differing) - _SHOWN} more" if len(differing) > _SHOWN else ""
+            more = f" and {len(differing) - _MAX_LISTED} more" if len(differing) > _MAX_LISTED else ""
             yield warn(
                 "definitions",
                 f"{other.source} differs from {ours.source} in {shown}{more}",
@@ -61,7 +61,7 @@ def check_definitions(ours: Definitions, others: Iterable[Definitions]) -> Itera
         if other.unreadable:
             yield warn(
                 "definitions",
-                f"{other.source} holds what cannot be read: {', '.join(other.unreadable[:_SHOWN])}",
+                f"{other.source} holds what cannot be read: {', '.join(other.unreadable[:_MAX_LISTED])}",
                 "mend that package, or take it off ROS_PACKAGE_PATH",
             )
     if not any(other.md5s or other.unreadable for other in others):

@@ -1,4 +1,4 @@
-"""What a check found: one line for a person, the mend in the same line."""
+"""The result of a check: one line for a person, with the mend in the same line."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ class Status(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """`check` names what was looked at. ValueError for trouble without a mend."""
+    """`check` names the subject of the check. Raises ValueError for trouble without a mend."""
 
     check: str
     status: Status
@@ -44,7 +44,7 @@ def fail(check: str, found: str, mend: str) -> Finding:
 
 
 def examined(check: str, examine: Callable[[], Iterable[Finding]]) -> list[Finding]:
-    """What `examine` finds. One that breaks is a FAIL of its own, and takes no other check with it."""
+    """Returns the findings of `examine`. A check that breaks becomes a FAIL and does not stop other checks."""
     findings: list[Finding] = []
     try:
         findings += examine()

@@ -1,4 +1,4 @@
-"""What is on a ROS master: its clock, its nodes, whether it can call us back, and aMussels that are there already."""
+"""Checks a ROS master: its clock, its nodes, its way back to this machine, and aMussels that are there already."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ from apad_bridge.doctor.network import (
 from apad_bridge.ros_names.names import in_full
 
 _AT_ONCE = 16
-_SHOWN = 8
+_MAX_LISTED = 8
 Names = dict[str, list[str]]
 
 
 @dataclass(frozen=True, slots=True)
 class Graph:
-    """Who publishes, subscribes and serves what on the master at `uri`; names of topics and services are the keys."""
+    """The publishers, subscribers and services on the master at `uri`, with nodes by name of topic or service."""
 
     uri: str
     publishers: Names
@@ -41,7 +41,7 @@ class Graph:
 
     @classmethod
     def read(cls, uri: str) -> Graph:
-        """Unreachable when the master does not answer."""
+        """Raises Unreachable if the master does not answer."""
         state = call(uri, "getSystemState")
         publishers, subscribers, services = ({name: list(nodes) for name, nodes in part} for part in state)
         return cls(uri, publishers, subscribers, services, dict(call(uri, "getTopicTypes")))
@@ -53,7 +53,7 @@ class Graph:
 
 
 def check_addresses(uri: str, announced: str) -> Iterator[Finding]:
-    """What nodes of this machine tell others to call them: `announced` is ROS_HOSTNAME, ROS_IP or the machine's name."""
+    """Checks the address under which this machine's nodes are called; `announced` is ROS_HOSTNAME, ROS_IP or its name."""
     master = address_of(host_and_port(uri)[0])
     route = route_address(master)
     mend = (
@@ -80,17 +80,17 @@ def check_addresses(uri: str, announced: str) -> Iterator[Finding]:
 
 
 def check_call_back(uri: str, announced: str, bind: str) -> Finding:
-    """Whether the master can call a node on this machine: it is asked to, for a topic of nobody else's.
+    """Checks that the master can call a node on this machine, by a topic that nobody else uses.
 
-    A node that subscribes is told by the master of each publisher; so one that does both hears of itself. What was
-    registered is taken back. This proves the way from the master's machine.
+    The master calls a subscriber for each publisher of its topic, so a node that is both is called about itself. The check
+    then unregisters both. The call proves the way from the master's machine.
     """
     called = threading.Event()
     topic = f"{CALLER}/call_back"
     with SimpleXMLRPCServer((bind, 0), logRequests=False) as server:
 
-        def publisher_update(*told: Any) -> tuple[int, str, int]:
-            if told[1:] == (topic, [ours]):
+        def publisher_update(*update: Any) -> tuple[int, str, int]:
+            if update[1:] == (topic, [ours]):
                 called.set()
             return 1, "", 0
 
@@ -102,12 +102,12 @@ def check_call_back(uri: str, announced: str, bind: str) -> Finding:
         try:
             call(uri, "registerSubscriber", topic, "std_msgs/Empty", ours)
             call(uri, "registerPublisher", topic, "std_msgs/Empty", ours)
-            came = called.wait(TIMEOUT_S)
+            is_called_back = called.wait(TIMEOUT_S)
         finally:
-            _take_back(uri, topic, ours)
+            _unregister(uri, topic, ours)
             server.shutdown()
             serving.join(TIMEOUT_S)
-    if came:
+    if is_called_back:
         return ok("call back", f"the master reached a node of this machine at {announced}")
     route = route_address(address_of(host_and_port(uri)[0]))
     return fail(
@@ -117,16 +117,16 @@ def check_call_back(uri: str, announced: str, bind: str) -> Finding:
     )
 
 
-def _take_back(uri: str, topic: str, ours: str) -> None:
+def _unregister(uri: str, topic: str, ours: str) -> None:
     for method in ("unregisterPublisher", "unregisterSubscriber"):
         try:
             call_whole(uri, method, topic, ours)
         except Unreachable:
-            continue  # the master is gone, and what was registered with it
+            continue  # the master is gone, and its registrations too
 
 
 def check_clock(graph: Graph) -> Finding:
-    """Whose time nodes on this master follow."""
+    """Checks the source of the time that nodes on this master follow."""
     code, _, simulated = call_whole(graph.uri, "getParam", "/use_sim_time")
     follows = code == 1 and bool(simulated)
     sources = graph.publishers.get("/clock", [])
@@ -154,15 +154,17 @@ def check_clock(graph: Graph) -> Finding:
 
 
 def check_nodes(graph: Graph) -> Iterator[Finding]:
-    """Whether each node's host name resolves here, its port connects, and it answers."""
+    """Checks that each node's host name resolves here, that its port connects, and that it answers."""
     nodes = graph.nodes
     with ThreadPoolExecutor(_AT_ONCE) as pool:
-        troubles = [trouble for trouble in pool.map(lambda node: _trouble(graph.uri, node), nodes) if trouble]
-    yield from troubles[:_SHOWN]
-    if len(troubles) > _SHOWN:
+        troubles = [
+            trouble for trouble in pool.map(lambda node: _trouble_with(graph.uri, node), nodes) if trouble
+        ]
+    yield from troubles[:_MAX_LISTED]
+    if len(troubles) > _MAX_LISTED:
         yield warn(
             "nodes",
-            f"{len(troubles) - _SHOWN} more nodes do not answer",
+            f"{len(troubles) - _MAX_LISTED} more nodes do not answer",
             "mend those above and run this again",
         )
     if not troubles:
@@ -171,7 +173,7 @@ def check_nodes(graph: Graph) -> Iterator[Finding]:
         )
 
 
-def _trouble(uri: str, node: str) -> Finding | None:
+def _trouble_with(uri: str, node: str) -> Finding | None:
     api = ""
     try:
         api = str(call(uri, "lookupNode", node))
@@ -190,7 +192,7 @@ def _trouble(uri: str, node: str) -> Finding | None:
 
 
 def check_agents_present(graph: Graph, ids: Iterable[int] | None, namespace: str = "") -> Finding:
-    """aMussels that somebody publishes already in this namespace; with the `ids` of a scenario, whether any is taken."""
+    """Checks for aMussels that somebody publishes already in this namespace, and for clashes with a scenario's `ids`."""
     position = re.compile(in_full(namespace, r"amussel(\d+)/position"))
     taken: dict[int, list[str]] = {}
     for topic, nodes in graph.publishers.items():
@@ -198,7 +200,7 @@ def check_agents_present(graph: Graph, ids: Iterable[int] | None, namespace: str
             taken[int(found[1])] = nodes
     if not taken:
         return ok("aMussel ids", f"nobody publishes an {in_full(namespace, 'amusselK')}/position")
-    shown = _ranges(taken)
+    taken_ids = _ranges(taken)
     clash = sorted(set(taken) & set(ids or ()))
     if clash:
         who = ", ".join(sorted({node for agent_id in clash for node in taken[agent_id]}))
@@ -207,8 +209,8 @@ def check_agents_present(graph: Graph, ids: Iterable[int] | None, namespace: str
         return fail("aMussel ids", f"{_ranges(clash)} of the scenario are published already by {who}", mend)
     if ids is None:
         mend = "give other ids to a fleet on this master: fleet.first_id in the scenario"
-        return warn("aMussel ids", f"{shown} are published already", mend)
-    return ok("aMussel ids", f"{shown} are published already, none of them the scenario's")
+        return warn("aMussel ids", f"{taken_ids} are published already", mend)
+    return ok("aMussel ids", f"{taken_ids} are published already, none of them the scenario's")
 
 
 def _ranges(ids: Iterable[Any]) -> str:

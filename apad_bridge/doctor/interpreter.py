@@ -1,4 +1,4 @@
-"""Which Python this is, what its packages are, and whether somebody else's `agents` stands before ours."""
+"""Checks this Python, its packages, and other packages that shadow ours, such as another `agents`."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ INSTALL = "run launch_scripts/install"
 OUR_PACKAGES = ("agents", "apad_bridge", "firmware_model")
 DEBIAN_PYTHON = Path("/usr/bin/python3")
 OUR_ROOT = Path(__file__).parents[2]
-"""Where this code lies: the clone, or site-packages."""
+"""The folder of this code: the clone, or site-packages."""
 
 NUMPY_FROM, NUMPY_BELOW = (1, 26, 4), (2, 3)
-"""rospy.numpy_msg of Debian 12 calls ndarray.tostring, which numpy 2.3 took away."""
+"""Debian 12's rospy.numpy_msg calls ndarray.tostring, which numpy 2.3 removed."""
 
 
 def check_python(
     executable: Path | None = None, environment: Path | None = None, debian: Path = DEBIAN_PYTHON
 ) -> list[Finding]:
-    """The interpreter under the virtual environment `environment`; both are the running ones by default."""
+    """Checks the interpreter under the virtual environment `environment`; both are the running ones by default."""
     executable = executable or Path(getattr(sys, "_base_executable", sys.executable))
     environment = environment or Path(sys.prefix)
     version = ".".join(map(str, sys.version_info[:3]))
@@ -51,7 +51,7 @@ def check_python(
 
 
 def check_packages(distribution: str = "musselbed") -> Iterator[Finding]:
-    """What setup.cfg asks for, as this installation recorded it."""
+    """Checks the packages that setup.cfg requires, as this installation recorded them."""
     try:
         required = importlib.metadata.requires(distribution) or []
     except importlib.metadata.PackageNotFoundError:
@@ -79,9 +79,9 @@ def check_numpy(version: str) -> Finding:
 def check_shadows(
     path: Iterable[str] | None = None, root: Path = OUR_ROOT, here: Path | None = None
 ) -> Iterator[Finding]:
-    """Other packages that are called as ours, on the entries of `path` (sys.path by default) or in the folder `here`.
+    """Checks for other packages of our names, on the entries of `path` (sys.path by default) or in the folder `here`.
 
-    `here` counts because a child that is started as a module looks there before anywhere else.
+    `here` counts because Python looks there first in a child that is started as a module.
     """
     here = here or Path.cwd()
     entries = [Path(entry) if entry else here for entry in (sys.path if path is None else path)]

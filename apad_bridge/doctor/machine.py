@@ -1,4 +1,4 @@
-"""What this machine gives to one user: open files, processes, terminals, room on the disk, ports on the loopback."""
+"""Checks this machine's limits for one user: open files, processes, terminals, memory, disk, ports on the loopback."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from apad_bridge.doctor.finding import Finding, fail, ok, warn
 
 AGENTS_BY_DEFAULT = 1000
 _OWN_FILES = 256
-"""Of the nursery and the supervisor, beside one for each aMussel."""
+"""Open files of the nursery and the supervisor, beside one for each aMussel."""
 _OWN_PROCESSES = 64
 _MB = 1 << 20
 MERGING = "/sys/kernel/mm/ksm/run"
 _AGENT_MB, _MERGED_MB, _OWN_MB = 2.0, 0.9, 300
-"""Of a whole board after a day, with what the kernel keeps for it: `benchmarks/run fleet`; and of all else."""
+"""Memory of a whole board after a day, with the kernel's part (`benchmarks/run fleet`), and of everything else."""
 
 
 def check_open_files(agents: int, hard: int | None = None) -> Finding:
-    """`hard` is RLIMIT_NOFILE's hard limit by default; musselbed raises the soft one to it."""
+    """Checks RLIMIT_NOFILE's hard limit (`hard` replaces it); musselbed raises the soft limit to it."""
     limit = resource.getrlimit(resource.RLIMIT_NOFILE)[1] if hard is None else hard
     shown = "unlimited" if limit == resource.RLIM_INFINITY else str(limit)
     if limit != resource.RLIM_INFINITY and limit < agents + _OWN_FILES:
@@ -35,7 +35,7 @@ def check_open_files(agents: int, hard: int | None = None) -> Finding:
 
 
 def check_processes(agents: int, hard: int | None = None, threads_max: int | None = None) -> Finding:
-    """A process each for the aMussels, and some threads for ROS."""
+    """Checks the room for a process for each aMussel and some threads for ROS."""
     limits = {
         "RLIMIT_NPROC": resource.getrlimit(resource.RLIMIT_NPROC)[1] if hard is None else hard,
         "kernel.threads-max": _number("/proc/sys/kernel/threads-max") if threads_max is None else threads_max,
@@ -56,7 +56,7 @@ def check_processes(agents: int, hard: int | None = None, threads_max: int | Non
 
 
 def check_terminals() -> Finding:
-    """Serial modems will need one each; nothing in this version does."""
+    """Reports the limit. Each serial modem will need a terminal; nothing in this version does."""
     limit = _number("/proc/sys/kernel/pty/max")
     return ok(
         "pseudo-terminals", "unknown" if limit is None else f"at most {limit}; none is needed without a modem"
@@ -64,20 +64,20 @@ def check_terminals() -> Finding:
 
 
 def check_memory(agents: int, free_mb: int | None = None, merges: bool | None = None) -> Finding:
-    """Room for a process each. Kernels that merge same pages keep most of an aMussel's once for all of them."""
+    """Checks the memory for a process for each aMussel. Kernels that merge same pages keep most of them only once."""
     merges = _number(MERGING) == 1 if merges is None else merges
     free_mb = _available_mb() if free_mb is None else free_mb
     needed_mb = agents * (_MERGED_MB if merges else _AGENT_MB) + _OWN_MB
     how = "same pages are merged" if merges else f"same pages are not merged ({MERGING})"
-    shown = f"{free_mb} MB free, {agents} aMussels take {needed_mb:.0f} at most; {how}"
+    found = f"{free_mb} MB free, {agents} aMussels take {needed_mb:.0f} at most; {how}"
     if free_mb >= needed_mb:
-        return ok("memory", shown)
+        return ok("memory", found)
     mend = "fewer aMussels, or --hosting one_process"
-    return fail("memory", shown, mend if merges else f"echo 1 > {MERGING} (as root); or {mend}")
+    return fail("memory", found, mend if merges else f"echo 1 > {MERGING} (as root); or {mend}")
 
 
 def check_disk(folder: Path, free: int | None = None) -> Finding:
-    """Room for run directories below `folder`. A simulated hour of 12 aMussels with its bag takes some 10 MB."""
+    """Checks the room for runs below `folder`. A simulated hour of 12 aMussels with its bag takes some 10 MB."""
     free = shutil.disk_usage(folder).free if free is None else free
     room = f"{free // _MB} MB free in {folder}"
     if not os.access(folder, os.W_OK):
@@ -92,7 +92,7 @@ def check_disk(folder: Path, free: int | None = None) -> Finding:
 
 
 def check_loopback(ports: int = 4) -> Iterator[Finding]:
-    """A run of our own needs a few free ports on 127.0.0.1 and picks them itself."""
+    """Checks 127.0.0.1, where a run of our own needs a few free ports and picks them itself."""
     held: list[socket.socket] = []
     try:
         for _ in range(ports):

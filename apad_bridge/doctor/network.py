@@ -1,4 +1,4 @@
-"""The network between this machine and a ROS master's, in plain sockets and XML-RPC. Every wait ends."""
+"""Calls over the network to a ROS master's machine, by plain sockets and XML-RPC. Every wait ends."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from urllib.parse import urlsplit
 
 TIMEOUT_S = 2.0
 CALLER = f"/musselbed_doctor_{os.getpid()}"
-"""A node name of this process's own: a master ends the elder of two nodes of one name."""
+"""A node name of this process's own, because a master ends the older of two nodes with one name."""
 T = TypeVar("T")
 
 
 class Unreachable(Exception):
-    """Somebody did not answer, or not as asked; the text says who and how."""
+    """A host, master or node did not answer, or gave a wrong answer; the text names it and the reason."""
 
 
 def within(timeout_s: float, work: Callable[[], T]) -> T:
-    """What `work` returns or raises; TimeoutError when it takes longer. It is left to itself then, on a daemon thread.
+    """Returns or raises the result of `work`; raises TimeoutError if it takes longer and leaves it on a daemon thread.
 
-    For what has no time-out of its own, as looking up a name.
+    It serves calls without a time-out of their own, such as the look-up of a name.
     """
     done: queue.SimpleQueue[tuple[T | None, BaseException | None]] = queue.SimpleQueue()
 
@@ -46,7 +46,7 @@ def within(timeout_s: float, work: Callable[[], T]) -> T:
 
 
 def address_of(host: str) -> str:
-    """The IPv4 address of a name or address. Unreachable when nobody knows it."""
+    """Returns the IPv4 address of a name or address. Raises Unreachable if the name cannot be resolved."""
     try:
         found = within(TIMEOUT_S, lambda: socket.getaddrinfo(host, None, socket.AF_INET, socket.SOCK_STREAM))
     except (OSError, UnicodeError) as error:
@@ -55,7 +55,7 @@ def address_of(host: str) -> str:
 
 
 def host_and_port(uri: str) -> tuple[str, int]:
-    """Of http://HOST:PORT/ or rosrpc://HOST:PORT. Unreachable for anything else."""
+    """Splits http://HOST:PORT/ or rosrpc://HOST:PORT. Raises Unreachable for anything else."""
     try:
         parts = urlsplit(uri)
         host, port = parts.hostname, parts.port
@@ -67,7 +67,7 @@ def host_and_port(uri: str) -> tuple[str, int]:
 
 
 def route_address(address: str) -> str:
-    """The address of this machine that packets to `address` leave from. Nothing is sent."""
+    """Returns this machine's source address of packets to `address`, without sending any."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         try:
             probe.connect((address, 9))
@@ -77,7 +77,7 @@ def route_address(address: str) -> str:
 
 
 def connect(uri: str) -> socket.socket:
-    """A connection to the port that `uri` names, with a time-out on whatever follows. Unreachable when there is none."""
+    """Connects to the port that `uri` names, with a time-out on all that follows. Raises Unreachable if it cannot."""
     host, port = host_and_port(uri)
     address = address_of(host)
     try:
@@ -88,7 +88,7 @@ def connect(uri: str) -> socket.socket:
 
 
 def call(uri: str, method: str, *arguments: Any) -> Any:
-    """The value of a ROS XML-RPC call: what stands third in its [code, message, value]. Unreachable with the reason."""
+    """Returns the value in the [code, message, value] of a ROS XML-RPC call. Raises Unreachable with the reason."""
     code, message, value = call_whole(uri, method, *arguments)
     if code != 1:
         raise Unreachable(f"{method} at {uri}: {message}")

@@ -1,4 +1,4 @@
-"""Whether an aPad means the same place by local (0, 0) as the scenario: by LocalOriginLat and LocalOriginLon."""
+"""Checks by LocalOriginLat and LocalOriginLon that an aPad means the same place by local (0, 0) as the scenario."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from apad_bridge.doctor.network import Unreachable, call, call_whole
 from apad_bridge.scenario.local_frame import LocalFrame, OriginLike
 
 _SAME_M = 1.0
-"""A victory radius is about this; parameters that are printed with six decimals are 0.1 m off."""
+"""About a victory radius; parameters that are printed with six decimals are 0.1 m off."""
 
 
 def check_origin(uri: str, apad: str, ours: OriginLike) -> Finding:
-    """`apad` in full, as /apad1. The parameters are looked for in its namespace, and in those above as ROS does."""
+    """Looks for the parameters in the namespace of `apad` (in full, such as /apad1) and, like ROS, in those above."""
     for namespace in _upwards(apad):
         names = [f"{namespace}/LocalOrigin{it}" for it in ("Lat", "Lon")]
         try:
@@ -41,6 +41,6 @@ def check_origin(uri: str, apad: str, ours: OriginLike) -> Finding:
 
 
 def _upwards(name: str) -> list[str]:
-    """/a/b, /a and the empty one."""
+    """Lists the namespaces of /a/b upwards: /a/b, /a and the empty one."""
     parts = name.strip("/").split("/")
     return ["".join(f"/{part}" for part in parts[:count]) for count in range(len(parts), -1, -1)]

@@ -1,4 +1,4 @@
-"""Whether a scenario could be flown here: read as `musselbed run` reads it, before anything starts."""
+"""Checks that a scenario could be flown here: reads it as `musselbed run` does, before anything starts."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def read(path: Path) -> tuple[Scenario | None, list[Finding]]:
-    """The scenario if it can be read, and what was found; strategies and files were looked up on the way."""
+    """Returns the scenario, if it can be read, and the findings; loading it also checks its strategies and files."""
     try:
         # Here and not above: a package that shadows one of ours must not keep the doctor from loading.
         from apad_bridge.scenario.loader import load
@@ -28,10 +28,10 @@ def read(path: Path) -> tuple[Scenario | None, list[Finding]]:
         ]
     mission = scenario.mission
     found = f"{path} can be read; strategies {mission.collection} and {mission.redeployment}"
-    return scenario, [ok("scenario", found), *_parts(scenario)]
+    return scenario, [ok("scenario", found), *_check_starts_and_codec(scenario)]
 
 
-def _parts(scenario: Scenario) -> Iterator[Finding]:
+def _check_starts_and_codec(scenario: Scenario) -> Iterator[Finding]:
     from apad_bridge.scenario.starts import starts_of
     from firmware_model.packets.codec import load_codec
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from agents.packet_medium import Medium
 from apad_bridge.mission.orders import Note
 from apad_bridge.vehicle.commands import VehicleCommand, VehicleFact
-from firmware_model.sampling.sample_record import SampleRecord
+from firmware_model.packets.sample_record import SampleRecord
 
 
 @dataclass(frozen=True, slots=True)

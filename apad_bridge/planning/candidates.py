@@ -1,6 +1,6 @@
-"""What a planner is told: the aPad's place, and the agents that it may serve, as the mission BELIEVES them.
+"""A planner's input: the aPad's place, and the agents that it may serve, as the mission BELIEVES them to be.
 
-The planner cannot name truth: nothing here comes from an agent, only from beliefs about it.
+The planner cannot name truth: its input comes from beliefs about agents and never from the agents.
 """
 
 from __future__ import annotations
@@ -14,8 +14,7 @@ class Candidate:
     """One agent as the mission believes it to be: in the pool, waiting to be collected, or docked.
 
     Places are local NED metres. `charge` and `secondary` are the two batteries' scaled voltages in [0, 1].
-    Home is where a docked agent goes back to. `dock_index` (0-3) is the dock that holds it, None while it is in the
-    water.
+    A docked agent goes back to its home. `dock_index` (0-3) is the dock that holds it, None while it is in the water.
     """
 
     agent_id: int
@@ -50,9 +49,9 @@ class Candidate:
 
 @dataclass(frozen=True, slots=True)
 class Situation:
-    """What there is to plan with: for a collection those in the pool, for a redeployment those docked.
+    """The input of one plan. The candidates of a collection are in the pool, those of a redeployment are docked.
 
-    Raises ValueError if an agent or a slot is named twice.
+    Raises ValueError if an agent or a dock is named twice.
     """
 
     apad_north_m: float
@@ -67,7 +66,7 @@ class Situation:
         taken = [candidate.dock_index for candidate in self.candidates if candidate.dock_index is not None]
         docks = [*self.free_docks, *taken]
         if len(set(docks)) != len(docks):
-            raise ValueError(f"a slot is free and taken, or named twice: {sorted(docks)}")
+            raise ValueError(f"a dock is free and taken, or named twice: {sorted(docks)}")
 
     @property
     def apad_m(self) -> tuple[float, float]:

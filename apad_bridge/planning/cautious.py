@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from apad_bridge.planning.candidates import Situation
 from apad_bridge.planning.solution import Solution, StepKind
-from apad_bridge.planning.strategy import collect_in_order, places_to_fill
+from apad_bridge.planning.strategy import collect_in_order, docks_to_fill
 
 
 class Cautious:
-    """In each step the lowest charge; of equal ones the lowest id. The aPad's movement counts for nothing."""
+    """Chooses the lowest charge in each step, of equal charges the lowest id, and ignores the aPad's movement."""
 
     plans = StepKind.COLLECT
 
     def plan(self, situation: Situation, batch: int) -> Solution:
-        count = places_to_fill(situation, batch)
+        count = docks_to_fill(situation, batch)
         by_need = sorted(situation.candidates, key=lambda agent: (agent.charge, agent.agent_id))
         return collect_in_order(by_need[:count], situation)

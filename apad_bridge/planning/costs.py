@@ -1,8 +1,8 @@
 """The planner's cost modules: distance and energy, each with a scale factor (paper, sections III and IV-B).
 
 Distance is the Euclidean way from the aPad's place to each goal in turn; it stands for the thrusters' energy
-and leaves wind and current out. Energy is charging DEMAND, seen from the aMussels: how far each collected one
-is from full.
+and leaves wind and current out. Energy is the aMussels' charging DEMAND: the charge that each collected aMussel
+lacks to be full.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from apad_bridge.planning.solution import Solution, StepKind
 
 
 class Scales(Protocol):
-    """Cost a metre, and cost a whole battery of charging demand. The scenario's `mission.costs` fits."""
+    """Cost per metre, and cost per whole battery of charging demand, such as the scenario's `mission.costs`."""
 
     @property
     def distance_per_m(self) -> float: ...
@@ -33,7 +33,7 @@ class CostScales:
 
 @dataclass(frozen=True, slots=True)
 class CostBreakdown:
-    """What a plan costs: the bare quantities, and the same after scaling. `demand` is in whole batteries."""
+    """A plan's cost: the bare quantities, and the same after scaling. `demand` is in whole batteries."""
 
     distance_m: float
     demand: float
@@ -46,7 +46,7 @@ class CostBreakdown:
 
 
 def distance_m(solution: Solution, situation: Situation) -> float:
-    """Metres from the aPad's place through the goals of all steps: agents to collect, homes to deploy at."""
+    """Sums the metres from the aPad's place through the goals of all steps: agents to collect, homes to deploy at."""
     agents = {agent.agent_id: agent for agent in situation.candidates}
     place_m, total_m = situation.apad_m, 0.0
     for step in solution.steps:
@@ -58,15 +58,15 @@ def distance_m(solution: Solution, situation: Situation) -> float:
 
 
 def charging_demand(solution: Solution, situation: Situation) -> float:
-    """Sum of (full - charge) over the agents to collect, full being 1. A deployment demands nothing."""
+    """Sums (full - charge) over the agents to collect, full being 1. A deployment demands nothing."""
     charges = {agent.agent_id: agent.charge for agent in situation.candidates}
     return sum(1.0 - charges[step.agent_id] for step in solution.steps if step.kind is StepKind.COLLECT)
 
 
 def cost_of(solution: Solution, situation: Situation, scales: Scales | None = None) -> CostBreakdown:
-    """The plan's cost in the situation that it was made for, with factors of 1 if none are given.
+    """Computes the plan's cost in the situation that it was made for, with factors of 1 by default.
 
-    Raises KeyError if a step names an agent that is no candidate; `check_solution` refuses such plans first.
+    Raises KeyError if a step names an agent that is not a candidate; `check_solution` refuses such plans first.
     """
     factors = scales or CostScales()
     metres = distance_m(solution, situation)

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from apad_bridge.planning.candidates import Candidate, Situation
 from apad_bridge.planning.solution import Solution, StepKind
-from apad_bridge.planning.strategy import collect_in_order, nearest, places_to_fill
+from apad_bridge.planning.strategy import collect_in_order, docks_to_fill, nearest
 
 
 class Greedy:
-    """From the aPad's place to the nearest candidate, from there to the nearest of the rest, and so on.
+    """Goes from the aPad's place to the nearest candidate, from there to the nearest of the rest, and so on.
 
-    Of equally near ones the lowest id. Charge is not considered at all, nor is the route as a whole the
-    shortest.
+    Equally near candidates follow by id, lowest first. The strategy ignores charge, and its whole route need not be
+    the shortest.
     """
 
     plans = StepKind.COLLECT
@@ -21,7 +21,7 @@ class Greedy:
         points_m = {agent_id: agent.place_m for agent_id, agent in agents.items()}
         place_m = situation.apad_m
         chosen: list[Candidate] = []
-        while len(chosen) < places_to_fill(situation, batch):
+        while len(chosen) < docks_to_fill(situation, batch):
             agent_id = nearest(place_m, points_m)
             place_m = points_m.pop(agent_id)
             chosen.append(agents[agent_id])

@@ -8,10 +8,10 @@ from apad_bridge.planning.strategy import nearest
 
 
 class GreedyRedeploy:
-    """From the aPad's place to the nearest home, from there to the nearest home of the rest, and so on.
+    """Goes from the aPad's place to the nearest home, from there to the nearest home of the rest, and so on.
 
-    "Current" proximity is read as seen from where the aPad will be at each step. Of equally near homes, the
-    lowest id's. Raises ValueError if a candidate is not docked: that is our own mistake.
+    The strategy takes "current" proximity from the aPad's place at each step. Equally near homes follow by id,
+    lowest first. Raises ValueError if a candidate is not docked: that is our own mistake.
     """
 
     plans = StepKind.DEPLOY

@@ -1,8 +1,8 @@
-"""Strategies by name: the built-in ones, and those that a user's package brings by entry point.
+"""Strategies by name: the built-in ones, and those that a user's package adds by entry point.
 
-A package adds one with an entry point in the group `musselbed.strategies` whose value is a class (or a function) that,
-called without arguments, gives a strategy. See docs/extending.md. Names are a user's input: whatever is wrong
-with one is a ValueError of one line.
+A package adds a strategy with an entry point in the group `musselbed.strategies`. The entry point's value is a class
+(or a function) that returns a strategy when it is called without arguments. See docs/extending.md. Names are a user's
+input, so every problem with one is a ValueError of one line.
 """
 
 from __future__ import annotations
@@ -29,21 +29,21 @@ _BUILT_IN: dict[str, Callable[[], Any]] = {
 
 
 def known_names() -> list[str]:
-    """Every strategy's name, sorted; those of packages are not loaded for this."""
+    """Returns every strategy's name, sorted, without loading the strategies of packages."""
     return sorted({*_BUILT_IN, *(entry.name for entry in entry_points(group=GROUP))})
 
 
 def collection(name: str) -> CollectionStrategy:
-    """A new collection strategy of this name. Raises ValueError if there is none, or it cannot be used."""
-    return cast(CollectionStrategy, _made(name, StepKind.COLLECT))
+    """Creates a collection strategy by name. Raises ValueError if there is none, or it cannot be used."""
+    return cast(CollectionStrategy, _create(name, StepKind.COLLECT))
 
 
 def redeployment(name: str) -> RedeploymentStrategy:
-    """A new redeployment strategy of this name. Raises ValueError if there is none, or it cannot be used."""
-    return cast(RedeploymentStrategy, _made(name, StepKind.DEPLOY))
+    """Creates a redeployment strategy by name. Raises ValueError if there is none, or it cannot be used."""
+    return cast(RedeploymentStrategy, _create(name, StepKind.DEPLOY))
 
 
-def _made(name: str, kind: StepKind) -> object:
+def _create(name: str, kind: StepKind) -> object:
     entries = tuple(entry_points(group=GROUP, name=name))
     sources = ["musselbed itself"] * (name in _BUILT_IN) + [_package(entry) for entry in entries]
     if not sources:
@@ -52,7 +52,7 @@ def _made(name: str, kind: StepKind) -> object:
         raise ValueError(
             f"strategy {name!r} is brought by each of {', '.join(sources)}: rename or remove one"
         )
-    strategy: object = _BUILT_IN[name]() if name in _BUILT_IN else _loaded(entries[0])
+    strategy: object = _BUILT_IN[name]() if name in _BUILT_IN else _load(entries[0])
     if getattr(strategy, "plans", None) is not kind or not callable(getattr(strategy, "plan", None)):
         raise ValueError(
             f"strategy {name!r} (from {sources[0]}) is no {kind} strategy: "
@@ -61,7 +61,7 @@ def _made(name: str, kind: StepKind) -> object:
     return strategy
 
 
-def _loaded(entry: EntryPoint) -> object:
+def _load(entry: EntryPoint) -> object:
     try:
         return entry.load()()
     except Exception as error:  # a package's import or constructor may raise anything

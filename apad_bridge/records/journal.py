@@ -6,6 +6,7 @@ ticks is known at the second one.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -87,8 +88,10 @@ def format_of(path: Path) -> int | None:
 
 def _of_format_2(line: Line) -> Line:
     """A line of format 1 with the keys that format 2 has for it; its `run` line keeps the old number."""
-    renamed = _RENAMED_IN_2.get(line["kind"], {})
-    line = {renamed.get(key, key): value for key, value in line.items()}
     if line["kind"] == "plan":
-        line["steps"] = [{"agent": step["agent"], "dock": step["slot"]} for step in line["steps"]]
-    return line
+        return line | {"steps": [_renamed(step, {"slot": "dock"}) for step in line["steps"]]}
+    return _renamed(line, _RENAMED_IN_2.get(line["kind"], {}))
+
+
+def _renamed(line: Line, names: Mapping[str, str]) -> Line:
+    return {names.get(key, key): value for key, value in line.items()}

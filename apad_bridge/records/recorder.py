@@ -27,7 +27,7 @@ from apad_bridge.scenario.starts import Start, save_starts
 from apad_bridge.supervisor.context import LearnedState
 from apad_bridge.supervisor.roster import Presence
 from apad_bridge.vehicle.commands import BatteryReported, PoseReported
-from firmware_model.sampling.sample_record import SampleRecord
+from firmware_model.packets.sample_record import SampleRecord
 
 DAY_MS = 86_400_000
 _JOURNAL_ONLY = frozenset({"stimulus"})

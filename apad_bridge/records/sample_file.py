@@ -14,8 +14,8 @@ from types import MappingProxyType
 from typing import Any
 
 from apad_bridge.records.line_file import Line, LineFile, read_lines
+from firmware_model.packets.sample_record import SampleRecord
 from firmware_model.sampling.flash import PAGE_BYTES, PAGES, Ring
-from firmware_model.sampling.sample_record import SampleRecord
 from firmware_model.sampling.sensors import SENSORS, Quantity, values
 
 SAMPLE_KEYS = ("samples_taken", "samples_uploaded", "samples_lost", "samples_waiting")

@@ -1,6 +1,6 @@
-"""Frames as ROS's tools expect them (REP 103, REP 105), and the one place where NED becomes ENU.
+"""Frames as ROS's tools expect them (REP 103, REP 105), and the only conversion of NED to ENU.
 
-Ours are local NED about the scenario's origin: north, east, depth positive down, headings clockwise from north.
+Our frame is local NED about the scenario's origin: north, east, depth positive down, headings clockwise from north.
 ROS's tools draw a world with z up: x east, y north, angles counter-clockwise from east, bodies with x forward and y left.
 """
 
@@ -34,7 +34,7 @@ class Frames:
 
     @property
     def ned(self) -> str:
-        """The same origin, x north, y east, z down: for whoever has points in the aPad's own convention."""
+        """The frame with the same origin, x north, y east, z down: for points in the aPad's own convention."""
         return self._below("musselbed/ned")
 
     def apad(self, name: str) -> str:
@@ -44,22 +44,22 @@ class Frames:
         return self._below(f"{AMUSSEL}{agent_id}/base_link")
 
     def _below(self, name: str) -> str:
-        # TF knows no name that begins with a slash.
+        # TF accepts no name that begins with a slash.
         return in_full(self.namespace, name).removeprefix("/")
 
 
 def enu(north_m: float, east_m: float, depth_m: float = 0.0) -> Vector:
-    """Metres (x east, y north, z up)."""
+    """Converts to ENU: metres (x east, y north, z up)."""
     return east_m, north_m, -depth_m
 
 
 _IN_95 = math.sqrt(-2 * math.log(0.05))
-"""Of the deviation along an axis, the half axis of the ellipse that holds 95 % in two dimensions."""
+"""The half axis of the ellipse that holds 95 % in two dimensions, in deviations along that axis."""
 
 
 @dataclass(frozen=True, slots=True)
 class Ellipse:
-    """Axes in metres, the longer one first, and how the longer one is turned from x to y, in ENU."""
+    """The full axes in metres, the longer one first, and the longer axis's rotation from x to y, in ENU."""
 
     length_m: float
     width_m: float
@@ -67,18 +67,18 @@ class Ellipse:
 
 
 def ellipse_95(variance_m2: Vector) -> Ellipse:
-    """Of a Gaussian place with the covariance (north, covariance, east)."""
-    north, across, east = variance_m2
-    middle, apart = (north + east) / 2, math.hypot((east - north) / 2, across)
-    half_turn = math.atan2(2 * across, east - north) / 4
+    """Computes the 95 % ellipse of a Gaussian place with the covariance (north, covariance, east)."""
+    north, covariance, east = variance_m2
+    mean, spread = (north + east) / 2, math.hypot((east - north) / 2, covariance)
+    half_turn = math.atan2(2 * covariance, east - north) / 4
     return Ellipse(
-        2 * _IN_95 * math.sqrt(middle + apart),
-        2 * _IN_95 * math.sqrt(max(0.0, middle - apart)),
+        2 * _IN_95 * math.sqrt(mean + spread),
+        2 * _IN_95 * math.sqrt(max(0.0, mean - spread)),
         (0.0, 0.0, math.sin(half_turn), math.cos(half_turn)),
     )
 
 
 def yaw(heading_rad: float) -> Quaternion:
-    """The attitude, in ENU, of a level body that heads so, clockwise from north."""
+    """Returns the attitude, in ENU, of a level body with this heading, clockwise from north."""
     half = (math.pi / 2 - heading_rad) / 2
     return 0.0, 0.0, math.sin(half), math.cos(half)

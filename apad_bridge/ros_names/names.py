@@ -1,4 +1,4 @@
-"""Every name of ROS that is used here, in one table; whoever publishes, subscribes, offers or calls takes it from here.
+"""Builds every ROS name that the bench uses, from one table. All publishers, subscribers, servers and clients use it.
 
     ours("beliefs")                     "musselbed/beliefs"
     ours_of_apad("apad1", "dock")       "musselbed/apad1/dock"
@@ -6,8 +6,9 @@
     of_amussel(7, "battery_level")      "amussel7/battery_level"
 
 Names are relative: the node's namespace comes before them (`<group ns="...">`, ROS_NAMESPACE, `__ns:=`), and without one
-they are those of the legacy stack. What ROS, its tools or that stack have at one place is global, and says why. Who asks
-the graph for a name resolves it first (`rospy.resolve_name`). A name that is not in the table is a KeyError.
+they are the names of the legacy stack. Names that ROS, its tools or that stack have at one fixed place are global, and the
+table gives the reason. Code that asks the graph for a name resolves it first (`rospy.resolve_name`). A name that is not in
+the table is a KeyError.
 """
 
 from __future__ import annotations
@@ -40,7 +41,7 @@ __all__ = [
 ]
 
 AMUSSEL = "amussel"
-"""Before an aMussel's id: its namespace, and what it is called in a goal of generation A."""
+"""The prefix of an aMussel's id in its namespace, and in its name in a goal of generation A."""
 _KNOWN = frozenset(row.name for section in SECTIONS for row in section.rows)
 
 
@@ -49,12 +50,12 @@ def ours(leaf: str) -> str:
 
 
 def ours_of_apad(apad: str, leaf: str) -> str:
-    """Of the supervisor of the aPad that has this namespace."""
+    """Returns a name of the supervisor whose aPad has this namespace."""
     return _known(f"musselbed/{{apad}}/{leaf}").format(apad=apad.strip("/"))
 
 
 def of_apad(apad: str, leaf: str) -> str:
-    """Below the aPad's own namespace, which is a name without slashes at its ends, or begins with one if it is global."""
+    """Returns a name below the aPad's own namespace, which has no slash at its end, and one before it if it is global."""
     return _known(f"{{apad}}/{leaf}").format(apad=apad)
 
 
@@ -63,19 +64,19 @@ def of_amussel(agent_id: int, leaf: str) -> str:
 
 
 def plain(apad: str) -> str:
-    """An aPad's namespace as one word, for nodes and files."""
+    """Returns an aPad's namespace as one word, for nodes and files."""
     return apad.strip("/").replace("/", "_")
 
 
 def in_full(namespace: str, name: str) -> str:
-    """What a name is called on the graph of a node in this namespace; a global one stays."""
+    """Returns the name on the graph of a node in this namespace; a global name stays."""
     if name.startswith("/"):
         return name
     return f"/{namespace}/{name}" if namespace else f"/{name}"
 
 
 def amussel_in_full(namespace: str, agent_id: int) -> str:
-    """An aMussel's own namespace on the graph, without a slash at its end."""
+    """Returns an aMussel's own namespace on the graph, without a slash at its end."""
     return in_full(namespace, f"{AMUSSEL}{agent_id}")
 
 

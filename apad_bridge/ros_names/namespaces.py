@@ -1,7 +1,7 @@
-"""Names of a supervisor that is one of several on a master: what is of its own stands below musselbed/NAME, its aPad.
+"""Names of a supervisor that is one of several on a master: its own names lie below musselbed/NAME, after its aPad.
 
-Alone, a supervisor has it below musselbed. Claims stay common to all, for they are how supervisors know of each other; so
-do the packets of real aMussels, which carry their id.
+A single supervisor has them below musselbed. Claims stay common to all, because supervisors know of each other by them. The
+packets of real aMussels stay common too, because they carry their id.
 """
 
 from __future__ import annotations
@@ -11,15 +11,15 @@ from apad_bridge.scenario.schema import Scenario
 
 
 def beside_others(apad: str) -> list[str]:
-    """ROS's remappings, FROM:=TO, for the supervisor of the aPad of this name."""
+    """Returns the ROS remappings, FROM:=TO, for the supervisor of the aPad with this name."""
     return [f"{row.name}:={below_apad(row.name, apad)}" for row in OURS.rows if not row.is_common]
 
 
 def is_one_of_several(scenario: Scenario) -> bool:
-    """Whether the scenario's aPad, or the one that a share is for, is beside others on its master."""
+    """True if the scenario's aPad, or the aPad that a share is for, is beside others on its master."""
     return bool(scenario.apads or scenario.fleet.share)
 
 
 def below_apad(name: str, apad: str) -> str:
-    """What a name of the bench becomes for the supervisor of this aPad."""
+    """Returns a name of the bench as the supervisor of this aPad has it."""
     return f"musselbed/{apad}/{name.removeprefix('musselbed/')}"

@@ -7,7 +7,7 @@ from apad_bridge.ros_names.table import SECTIONS, Section
 
 
 def markdown() -> str:
-    """All sections, with NAME for an aPad's and N for an aMussel's id, as on a graph without a namespace."""
+    """Returns all sections, with NAME for an aPad's name and N for an aMussel's id, as on a graph without a namespace."""
     return "\n".join(map(_table, SECTIONS))
 
 

@@ -1,4 +1,4 @@
-"""The table of names: what stands on the graph, who puts it there, and when. `names.py` says how it is used."""
+"""The table of names on the graph, with the node that offers each name and when. `names.py` explains its use."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ class Kind(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """`name` as a user finds it where there is no namespace, but for the slash before it; {apad} and {id} stand for any.
+    """`name` is the name without a namespace and without the slash before it; {apad} and {id} stand for any.
 
-    `who` publishes or offers it; `when` says how often, or what it is for, and of a global name why it is one.
+    `who` publishes or offers it; `when` gives its rate or its purpose, and for a global name the reason.
     """
 
     name: str
@@ -35,7 +35,7 @@ class Row:
     who: str
     when: str
     is_common: bool = False
-    """Of ours: the same for several supervisors side by side."""
+    """True for a name of ours that several supervisors side by side have in common."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,12 +81,12 @@ OURS = Section(
         ),
         _topic("musselbed/apad/battery_state", "sensor_msgs/BatteryState", "supervisor", "each tick"),
         _topic("musselbed/apad/fix", "sensor_msgs/NavSatFix", "supervisor", "each tick"),
-        _topic("musselbed/apad/path", "nav_msgs/Path", "supervisor", "each tick: the way it has come"),
+        _topic("musselbed/apad/path", "nav_msgs/Path", "supervisor", "each tick: the aPad's track so far"),
         _topic(
             "musselbed/claims",
             "musselbed_msgs/FleetClaim",
             "fleets, real or not",
-            "1 Hz, latched: who speaks for whom",
+            "1 Hz, latched: the ids that each fleet claims",
             is_common=True,
         ),
         _topic(
@@ -120,7 +120,7 @@ OURS = Section(
             "musselbed/dock_by_hand",
             "musselbed_msgs/DockAlert",
             "anybody",
-            "a dock by others' hands (apad.interface)",
+            "a dock that others closed or opened (apad.interface)",
         ),
         _topic(
             "musselbed/permit_surfacing",
@@ -206,8 +206,8 @@ OF_APAD = Section(
         ),
         _topic("{apad}/battery_level", "std_msgs/Float64", _AB, "1 Hz, percent"),
         Row("{apad}/action_server", Kind.ACTION, "apad/aPad", _A, "go to, perch, release"),
-        _topic("{apad}/charging", "std_msgs/Float64", "anybody", "generation A hears: percent gained"),
-        _topic("{apad}/draining", "std_msgs/Float64", "anybody", "generation A hears: percent lost"),
+        _topic("{apad}/charging", "std_msgs/Float64", "anybody", "generation A subscribes: percent gained"),
+        _topic("{apad}/draining", "std_msgs/Float64", "anybody", "generation A subscribes: percent lost"),
         _service("{apad}/check_docking_availability", "misc_msgs/GetDockingInfo", _A, "which docks are free"),
         _service(
             "{apad}/change_docking_status", "misc_msgs/ChangeDockingStatus", _A, "its result is always false"
@@ -294,13 +294,13 @@ GLOBAL = Section(
             DIAGNOSTICS,
             "diagnostic_msgs/DiagnosticArray",
             "supervisor",
-            "each tick; aggregators and rqt listen there",
+            "each tick; aggregators and rqt subscribe there",
         ),
         _topic(
             BATTERY_ALERT,
             "auv_msgs/NavSts",
             "fleet",
-            "an aMussel was heard to be low; the legacy stack's broadcast, `header.frame_id` says whose",
+            "an aMussel reported a low charge; the legacy stack's broadcast, `header.frame_id` names the aMussel",
         ),
     ),
 )

@@ -19,6 +19,7 @@ from apad_bridge.assembly.water import fleet_of
 from apad_bridge.mission.call_queue import CallQueue
 from apad_bridge.mission.manual import CommandSource
 from apad_bridge.mission.state import MissionState
+from apad_bridge.records.journal import FORMAT_VERSION
 from apad_bridge.records.recorder import Recorder
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.records.summary import Ending
@@ -58,7 +59,6 @@ def fly_here(
         fleet.host.close()
 
 
-JOURNAL_FORMAT = 1
 _COMMAND_IDS_PER_EPOCH = 1_000_000
 
 
@@ -236,7 +236,7 @@ def journal_start(recorder: Recorder, scenario: Scenario, starts: Sequence[Start
     recorder.event(
         0,
         "run",
-        format=JOURNAL_FORMAT,
+        format=FORMAT_VERSION,
         scenario=scenario.name,
         theta=scenario.theta,
         seed=scenario.seed,

@@ -26,7 +26,7 @@ from apad_bridge.supervisor.roster import Presence
 from apad_bridge.supervisor.sample_collection import SampleCollection
 from apad_bridge.vehicle.commands import BatteryReported, PoseReported
 from apad_bridge.vehicle.link import InProcessVehicle
-from firmware_model.sampling.sample_record import SampleRecord
+from firmware_model.packets.sample_record import SampleRecord
 
 
 class MemoryRecorder:

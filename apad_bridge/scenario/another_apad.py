@@ -1,4 +1,4 @@
-"""An aPad beside the scenario's own."""
+"""Further aPads beside the scenario's `apad`."""
 
 from __future__ import annotations
 
@@ -12,21 +12,21 @@ from apad_bridge.scenario.quantities import Fraction, RosName, frozen
 
 @frozen
 class AnotherAPad:
-    """Like `apad` in everything that is not given."""
+    """An aPad that equals `apad` in all keys that are left out."""
 
     name: RosName
     start_m: tuple[float, float]
     battery_start_fraction: Fraction | None = None
-    """What its battery holds at the start."""
+    """The charge of its battery at the start."""
     fault: Fault | None = None
-    """What its simulated node does wrong."""
+    """The fault of its simulated node."""
 
 
 @frozen
 class Sharing:
-    """Whether several aPads take over from each other."""
+    """Takeover between several aPads."""
 
     transfers: bool = True
-    """False: who serves whom stays as it was planned at the start, and nobody serves those of an aPad that stands down."""
+    """False: the allocation stays as planned at the start, and nobody serves the aMussels of an aPad that stands down."""
     failed_go_tos: Annotated[int, Ge(1)] = 3
-    """So many in a row, and an aPad stands down."""
+    """An aPad stands down after this number of failed go-tos in a row."""

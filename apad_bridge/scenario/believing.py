@@ -1,4 +1,4 @@
-"""How the supervisor comes to what it believes of aMussels: by their last packet, or by a filter for each."""
+"""The scenario's block `beliefs`: the estimator of aMussels' states, by last packet or by a filter for each."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from apad_bridge.scenario.quantities import NotNegative, Positive, frozen
 
 
 class Estimator(StrEnum):
-    """`hold_last`: what the newest packet said, until the next. `twin`: the firmware run forward, and a filter."""
+    """`hold_last`: the newest packet's values until the next. `twin`: the firmware model run forward, and a filter."""
 
     HOLD_LAST = "hold_last"
     TWIN = "twin"
@@ -22,20 +22,20 @@ Deviation = Annotated[float, Gt(0), Lt(1)]
 
 @frozen
 class TwinModel:
-    """How far a twin trusts what it is told; deviations."""
+    """The standard deviations of a twin's model and inputs."""
 
     drain_deviation: Deviation
-    """Of the drain between aMussels, relative."""
+    """Deviation of the drain between aMussels, relative."""
     sensor_noise: Deviation
-    """Of one measured charge."""
+    """Deviation of one measured charge."""
     bias_deviation: Deviation
-    """Of what a load or a charger does to a measured charge."""
+    """Deviation of the effect of a load or a charger on a measured charge."""
     unscheduled: Annotated[float, Ge(0), Lt(0.5)]
-    """The share of hours in which an aMussel does otherwise than its board is set to."""
+    """The fraction of hours in which an aMussel departs from its board's schedule."""
     fix_deviation_m: Positive
-    """Of a place that a packet states, along one axis."""
+    """Deviation of a packet's place along one axis."""
     current_deviation_m_s: NotNegative = 0.0
-    """Of the water's current along one axis, where aMussels float."""
+    """Deviation along one axis of the water's current where aMussels float."""
 
 
 @frozen

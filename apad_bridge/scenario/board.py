@@ -1,4 +1,4 @@
-"""The MU board of a scenario, and the hull around it."""
+"""The scenario's block `board`: the MU board and the hull around it."""
 
 from __future__ import annotations
 
@@ -18,24 +18,24 @@ from apad_bridge.scenario.whole_board import WholeBoard
 
 @frozen
 class Board:
-    """Numbers of the MU board and its body; agent time. Either the paper's worst case, by its two equations, or `whole`."""
+    """Numbers of the MU board and its body, in agent time: the paper's worst case by its two equations, or `whole`."""
 
     discharge_per_min: RatePerMinute | None = None
     charge_segments: ChargeSegments | None = None
     pin_debounce_ms: Annotated[int, Ge(0)]
     pin_chatter_ms: Annotated[int, Ge(1)] = 2000
-    """A charger's pin that bounces for so long is decided by the level that it had for the greater part of it."""
+    """A charger's pin that bounces for this long takes the level that it had for the greater part of that time."""
     pin_check_s: PositiveSeconds = 60.0
-    """The pin's level is looked at at whole multiples of this, which finds an edge that was missed."""
+    """The board reads the pin's level at whole multiples of this, to find a missed edge."""
     coil_alignment_s: NotNegativeSeconds = 0.0
-    """From a dock's closing until the charger starts."""
+    """The time from a dock's closing until the charger starts."""
     boot_ms: Annotated[int, Ge(0)]
     surfacing_s: PositiveSeconds
     sinking_s: PositiveSeconds
     float_timeout_s: PositiveSeconds
-    """Floating unserved for so long, an aMussel sinks again."""
+    """An aMussel that floats unserved for this long sinks again."""
     release_wait_s: NotNegativeSeconds
-    """After the falling edge, how long to wait for the release packet before sinking without it."""
+    """The wait for the release packet after the falling edge, before the aMussel sinks without it."""
     whole: WholeBoard | None = None
 
     def __post_init__(self) -> None:

@@ -1,4 +1,4 @@
-"""What a scenario's board becomes: the one model of its batteries, for all who ask what they hold, and its firmware."""
+"""Builds the firmware model's configuration of a scenario's board, and the one model of its batteries for all users."""
 
 from __future__ import annotations
 
@@ -38,9 +38,9 @@ _RANGE_MV = FULL_MV - EMPTY_MV
 
 
 def charge_model(board: Board) -> ChargeModel:
-    """How the batteries of such a board charge and discharge, at their age."""
+    """Builds the charge model of the board's batteries at their age."""
     if board.whole is None:
-        assert board.discharge_per_min is not None and board.charge_segments is not None  # a Board sees to it
+        assert board.discharge_per_min is not None and board.charge_segments is not None  # checked by Board
         return ChargeModel.from_minutes(board.discharge_per_min, board.charge_segments)
     return _at_its_age(board.whole, _charge_as_new(board.whole.power), None)[0]
 
@@ -48,7 +48,7 @@ def charge_model(board: Board) -> ChargeModel:
 def full_firmware(
     board: Board, seed: int = 0, modems: Generation = Generation.V3
 ) -> config.FullFirmware | None:
-    """The whole firmware's numbers, and `seed` for the noise of its readings; None for the paper's worst case."""
+    """Builds the full firmware's configuration, with `seed` for the noise of readings; None for the paper's worst case."""
     whole = board.whole
     if whole is None:
         return None
@@ -84,17 +84,17 @@ def _charge_as_new(power: BoardPower) -> ChargeModel:
 
 
 def takes_samples(board: Board) -> bool:
-    """Whether such boards wake to read their sensors; the paper's worst case, and one that never sleeps, do not."""
+    """Returns True if such boards wake to read sensors; the paper's worst case and a board that never sleeps do not."""
     return board.whole is not None and board.whole.cycle is not None
 
 
 def clock_drift_ppb(board: Board) -> int:
-    """By how much boards' clocks drift at most, in parts of 10^9."""
+    """Returns the largest drift of the boards' clocks in parts of 10^9."""
     return 0 if board.whole is None else round(board.whole.clock_drift_ppm * _PPB_OF_PPM)
 
 
 def can_fill(board: Board, start: float, level: float) -> bool:
-    """Whether the primary battery of a board in a dock gets from `start` above `level` under what is on there, ever."""
+    """Returns True if a docked board's primary battery ever gets from `start` above `level` under the docked load."""
     whole = full_firmware(board)
     load = 0
     if whole is not None:
@@ -125,7 +125,7 @@ def _power(power: BoardPower, last_resort: LastResort, seed: int) -> config.Powe
 
 
 def _metering(metering: Metering, capacity_wh: float, seed: int) -> config.Metering:
-    """A milliwatt is 1 / 3700 A through the resistance, and so many grains a millisecond of this battery."""
+    """Converts the metering: 1 mW is 1 / 3700 A through the resistance, and a number of grains a ms of this battery."""
     mv_per_mw = metering.internal_resistance_ohm * 1000 / _CELL_MV
     grains_per_ms_of_mw = FULL / (capacity_wh * 1000) / _MS_PER_HOUR
     return config.Metering(
@@ -144,24 +144,24 @@ def _timekeeping(timekeeping: Timekeeping) -> config.Timekeeping:
 
 
 def _cycle(cycle: SleepCycle) -> config.Cycle:
-    slots = cycle.slots
+    timeslots = cycle.slots
     return config.Cycle(
         alarm_ms=_ms(cycle.alarm_s),
         sample_ms=_ms(cycle.sample_s),
         processing_ms=_ms(cycle.processing_s),
         slots=None
-        if slots is None
-        else config.Slots(_ms(slots.frame_s), _ms(slots.slot_s), _ms(slots.guard_s)),
+        if timeslots is None
+        else config.Slots(_ms(timeslots.frame_s), _ms(timeslots.slot_s), _ms(timeslots.guard_s)),
         listen_ms=_ms(cycle.listen_s),
         report_ms=_ms(cycle.report_s),
     )
 
 
 def grains_of_milliwatts(load_mw: float, capacity_wh: float) -> int:
-    """What a load takes from a battery of that capacity, in grains a millisecond; decimal, so that it is exact."""
+    """Converts a load to grains a millisecond of a battery of this capacity; decimal, so that it is exact."""
     capacity_mwh = Decimal(repr(capacity_wh)) * 1000
-    share = Decimal(repr(load_mw)) * FULL / (capacity_mwh * _MS_PER_HOUR)
-    return int(share.to_integral_value(ROUND_HALF_EVEN))
+    exact = Decimal(repr(load_mw)) * FULL / (capacity_mwh * _MS_PER_HOUR)
+    return int(exact.to_integral_value(ROUND_HALF_EVEN))
 
 
 def _ms(seconds: float) -> int:

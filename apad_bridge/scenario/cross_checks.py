@@ -1,4 +1,4 @@
-"""What no single block of a scenario can see: values that are possible each by itself, but not together."""
+"""Checks across the blocks of a scenario: values that are possible each by itself, but not together."""
 
 from __future__ import annotations
 
@@ -23,21 +23,21 @@ Contradiction = tuple[str, str]
 
 
 def contradictions(scenario: Scenario) -> list[Contradiction]:
-    """(path to the key, message) of each contradiction, in the order of the schema; none if the scenario can be run.
+    """Returns (path to the key, message) of each contradiction, in the schema's order; none if the scenario can run.
 
-    Looks whether the files that the scenario names are there, reads the current's, and looks its strategies up.
+    Checks that the named files exist, reads the current's file, and looks up the strategies.
     """
     return [
-        *_of_the_fleet(scenario),
-        *_of_the_board(scenario),
-        *_of_the_mission(scenario),
-        *_of_the_water(scenario),
-        *_of_the_apad(scenario),
-        *_of_more_apads(scenario),
+        *_check_fleet(scenario),
+        *_check_board(scenario),
+        *_check_mission(scenario),
+        *_check_water(scenario),
+        *_check_apad(scenario),
+        *_check_further_apads(scenario),
     ]
 
 
-def _of_the_apad(scenario: Scenario) -> list[Contradiction]:
+def _check_apad(scenario: Scenario) -> list[Contradiction]:
     if scenario.apad.interface is None:
         return []
     path = Path(scenario.apad.interface)
@@ -50,7 +50,7 @@ def _of_the_apad(scenario: Scenario) -> list[Contradiction]:
     return []
 
 
-def _of_more_apads(scenario: Scenario) -> Iterator[Contradiction]:
+def _check_further_apads(scenario: Scenario) -> Iterator[Contradiction]:
     if not scenario.apads:
         return
     names = [scenario.apad.name, *(it.name for it in scenario.apads)]
@@ -73,7 +73,7 @@ def _of_more_apads(scenario: Scenario) -> Iterator[Contradiction]:
         )
 
 
-def _of_the_fleet(scenario: Scenario) -> list[Contradiction]:
+def _check_fleet(scenario: Scenario) -> list[Contradiction]:
     found = []
     fleet = scenario.fleet
     if isinstance(fleet.start, str) and not Path(fleet.start).exists():
@@ -93,7 +93,7 @@ def _of_the_fleet(scenario: Scenario) -> list[Contradiction]:
     return found
 
 
-def _of_the_board(scenario: Scenario) -> Iterator[Contradiction]:
+def _check_board(scenario: Scenario) -> Iterator[Contradiction]:
     whole = scenario.board.whole
     if whole is None:
         return
@@ -108,23 +108,23 @@ def _of_the_board(scenario: Scenario) -> Iterator[Contradiction]:
             f"must be longer than a call takes, which is transmit_ms ({whole.transmit_ms} ms)",
         )
     if whole.cycle is not None:
-        yield from _of_the_cycle(scenario, whole, whole.cycle)
+        yield from _check_cycle(scenario, whole, whole.cycle)
 
 
-def _of_the_cycle(scenario: Scenario, whole: WholeBoard, cycle: SleepCycle) -> Iterator[Contradiction]:
-    agents, transmit_s, beacon = scenario.fleet.count, whole.transmit_ms / 1000, whole.timekeeping
-    awake_s, slots = cycle.sample_s + cycle.processing_s, cycle.slots
-    if slots is not None:
-        awake_s += slots.frame_s + transmit_s + (0 if beacon is None else beacon.beacon_wait_s)
-        held = round(slots.frame_s * 1000) // round(slots.slot_s * 1000)
-        if agents > held:
+def _check_cycle(scenario: Scenario, whole: WholeBoard, cycle: SleepCycle) -> Iterator[Contradiction]:
+    agents, transmit_s, timekeeping = scenario.fleet.count, whole.transmit_ms / 1000, whole.timekeeping
+    awake_s, timeslots = cycle.sample_s + cycle.processing_s, cycle.slots
+    if timeslots is not None:
+        awake_s += timeslots.frame_s + transmit_s + (0 if timekeeping is None else timekeeping.beacon_wait_s)
+        capacity = round(timeslots.frame_s * 1000) // round(timeslots.slot_s * 1000)
+        if agents > capacity:
             yield (
                 "board.whole.cycle.slots.frame_s",
-                f"holds {held} slots of {slots.slot_s:g} s, and {agents} aMussels need one each: "
-                f"make it {agents * slots.slot_s:g} s or more, or slot_s shorter",
+                f"holds {capacity} slots of {timeslots.slot_s:g} s, and {agents} aMussels need one each: "
+                f"make it {agents * timeslots.slot_s:g} s or more, or slot_s shorter",
             )
-        needed_s = transmit_s + 2 * slots.guard_s
-        if slots.slot_s < needed_s:
+        needed_s = transmit_s + 2 * timeslots.guard_s
+        if timeslots.slot_s < needed_s:
             yield (
                 "board.whole.cycle.slots.slot_s",
                 f"must be no shorter than a status and the guard on either side of it ({needed_s:g} s), "
@@ -138,7 +138,7 @@ def _of_the_cycle(scenario: Scenario, whole: WholeBoard, cycle: SleepCycle) -> I
         )
     if awake_s >= cycle.alarm_s:
         parts = "sample_s, processing_s" + (
-            ", a whole frame, transmit_ms, a beacon's wait" if slots is not None else ""
+            ", a whole frame, transmit_ms, a beacon's wait" if timeslots is not None else ""
         )
         yield (
             "board.whole.cycle.alarm_s",
@@ -146,14 +146,14 @@ def _of_the_cycle(scenario: Scenario, whole: WholeBoard, cycle: SleepCycle) -> I
         )
 
 
-def _of_the_mission(scenario: Scenario) -> list[Contradiction]:
+def _check_mission(scenario: Scenario) -> list[Contradiction]:
     found = []
     mission = scenario.mission
-    named: tuple[tuple[str, Callable[[str], object], str], ...] = (
+    strategies: tuple[tuple[str, Callable[[str], object], str], ...] = (
         ("mission.collection", collection, mission.collection),
         ("mission.redeployment", redeployment, mission.redeployment),
     )
-    for key, look_up, name in named:
+    for key, look_up, name in strategies:
         try:
             look_up(name)
         except ValueError as error:
@@ -190,7 +190,7 @@ def _of_the_mission(scenario: Scenario) -> list[Contradiction]:
     return found
 
 
-def _of_the_water(scenario: Scenario) -> Iterator[Contradiction]:
+def _check_water(scenario: Scenario) -> Iterator[Contradiction]:
     water = scenario.water
     if water is None:
         return
@@ -218,7 +218,7 @@ def _of_the_water(scenario: Scenario) -> Iterator[Contradiction]:
             "beliefs.estimator: twin and board.whole, or leave this key out",
         )
     if water.modems is ModemGeneration.V2:
-        yield from _of_v2_modems(scenario, water)
+        yield from _check_v2_modems(scenario, water)
     current = water.current
     if current is None:
         return
@@ -230,17 +230,17 @@ def _of_the_water(scenario: Scenario) -> Iterator[Contradiction]:
             yield "water.current.file", problem
 
 
-def _of_v2_modems(scenario: Scenario, water: Water) -> Iterator[Contradiction]:
-    most = PAYLOAD_BYTES[Generation.V2][1]
-    for key, spoken in (("assigns", water.talk.assigns), ("beacon_period_s", water.talk.beacon_period_s)):
-        if spoken:
+def _check_v2_modems(scenario: Scenario, water: Water) -> Iterator[Contradiction]:
+    max_bytes = PAYLOAD_BYTES[Generation.V2][1]
+    for key, is_enabled in (("assigns", water.talk.assigns), ("beacon_period_s", water.talk.beacon_period_s)):
+        if is_enabled:
             yield (
                 f"water.talk.{key}",
-                f"a v2 modem carries {most} bytes, and this takes more: leave it out, or use v3",
+                f"a v2 modem carries {max_bytes} bytes, and this takes more: leave it out, or use v3",
             )
-    whole, lasts_ms = scenario.board.whole, duration_ms(Generation.V2, most)
-    if whole is not None and whole.transmit_ms < lasts_ms:
+    whole, status_ms = scenario.board.whole, duration_ms(Generation.V2, max_bytes)
+    if whole is not None and whole.transmit_ms < status_ms:
         yield (
             "board.whole.transmit_ms",
-            f"must be no shorter than a v2 modem's status, which lasts {lasts_ms} ms",
+            f"must be no shorter than a v2 modem's status, which lasts {status_ms} ms",
         )

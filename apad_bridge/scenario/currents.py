@@ -1,7 +1,7 @@
-"""A scenario's currents as the text that agents are handed: a CSV as it stands, or a NetCDF file cut to the area.
+"""Converts a scenario's currents to the text that agents receive: a CSV as it stands, or a NetCDF file cut to the area.
 
-NetCDF is what ocean models give. It is read here and not by agents, which stay small. netCDF4 reads the classic format and
-the newer one that is HDF5 inside, of which scipy reads only the former.
+Ocean models write NetCDF. This module reads it, so that agents stay small. netCDF4 reads both the classic format and
+the newer one on HDF5; scipy reads the classic format only.
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ _AXES = {
 _UNITS_S = {"seconds": 1, "minutes": 60, "hours": 3600, "days": 86_400}
 _SUFFIXES = (".nc", ".nc4", ".cdf")
 _MOST_POINTS = 200_000
-BEYOND_M = 20_000.0
+_MAX_OFFSET_M = 20_000.0
 """Points farther than this from the area's origin, to north or to east, are left out."""
 
 
 def current_text(path: Path, frame: LocalFrame) -> str:
-    """CSV with the columns north_m, east_m, north_m_s, east_m_s and, of a NetCDF file, time_s and depth_m.
+    """Returns CSV text: north_m, east_m, north_m_s, east_m_s and, from a NetCDF file, time_s and depth_m.
 
-    Time begins with the file's first; land is still. Raises OSError, or ValueError that says what is wrong.
+    Time counts from the file's first; the current over land is 0. Raises OSError, or ValueError with the problem.
     """
     if path.suffix not in _SUFFIXES:
         return path.read_text(encoding="utf-8")
@@ -61,7 +61,7 @@ def problem_with_current(path: Path, frame: LocalFrame) -> str:
 
 
 def _csv(variables: Any, frame: LocalFrame) -> str:
-    north, east = _named(variables, NORTH_NAMES), _named(variables, EAST_NAMES)
+    north, east = _find_variable(variables, NORTH_NAMES), _find_variable(variables, EAST_NAMES)
     if north.dimensions != east.dimensions:
         raise ValueError(f"{north.name} and {east.name} have other dimensions")
     axes = {_axis_of(name): name for name in north.dimensions}
@@ -70,10 +70,10 @@ def _csv(variables: Any, frame: LocalFrame) -> str:
     seconds = _seconds(variables[axes["time"]]) if "time" in axes else [0]
     depths = [0.0] if "depth" not in axes else [abs(float(it)) for it in variables[axes["depth"]][:]]
     norths, easts = _metres(variables[axes["row"]], variables[axes["column"]], frame)
-    rows, columns = (np.flatnonzero(np.abs(it) <= BEYOND_M) for it in (norths, easts))
+    rows, columns = (np.flatnonzero(np.abs(it) <= _MAX_OFFSET_M) for it in (norths, easts))
     points = len(rows) * len(columns) * len(seconds) * len(depths)
     if points == 0:
-        raise ValueError(f"no point lies within {BEYOND_M / 1000:g} km of the area's origin")
+        raise ValueError(f"no point lies within {_MAX_OFFSET_M / 1000:g} km of the area's origin")
     if points > _MOST_POINTS:
         raise ValueError(f"{points} points lie near the area, at most {_MOST_POINTS} are taken: cut the file")
     speeds = [_ordered(it, rows, columns) for it in (north, east)]
@@ -84,7 +84,7 @@ def _csv(variables: Any, frame: LocalFrame) -> str:
     return "\n".join(lines)
 
 
-def _named(variables: Any, names: tuple[str, ...]) -> Any:
+def _find_variable(variables: Any, names: tuple[str, ...]) -> Any:
     for name in names:
         if name in variables:
             return variables[name]
@@ -112,7 +112,7 @@ def _seconds(time: Any) -> list[int]:
 
 
 def _metres(row: Any, column: Any, frame: LocalFrame) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Local NED of the axes' points; of degrees, by the meridian and the parallel through the origin."""
+    """Returns the axes' points in local NED; converts degrees along the origin's meridian and parallel."""
     rows, columns = (np.asarray(it[:], dtype=np.float64) for it in (row, column))
     if rows.ndim != 1 or columns.ndim != 1:
         raise ValueError("the axes of a grid are wanted, not a curved one")
@@ -124,7 +124,7 @@ def _metres(row: Any, column: Any, frame: LocalFrame) -> tuple[NDArray[np.float6
 
 
 def _ordered(variable: Any, rows: NDArray[np.intp], columns: NDArray[np.intp]) -> NDArray[np.float64]:
-    """(time, depth, row, column), 0 where there is no water."""
+    """Reads a variable with axes (time, depth, row, column) and 0 where there is no water."""
     read: Any = variable[:]
     values = np.asarray(read.filled(0.0) if hasattr(read, "filled") else read, dtype=np.float64)
     values = np.where(np.isfinite(values), values, 0.0)

@@ -1,4 +1,4 @@
-"""What is wrong with a scenario, as lines for the person who wrote it."""
+"""The error for an invalid scenario, with a line for each mistake."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 
 class ScenarioError(ValueError):
-    """Everything that is wrong with a file, one `FILE: path.to.key: message` a line (`FILE:LINE: message` for a CSV)."""
+    """All mistakes in a file, one `FILE: path.to.key: message` a line (`FILE:LINE: message` for a CSV)."""
 
     def __init__(self, lines: Iterable[str]) -> None:
         self.lines = tuple(lines)

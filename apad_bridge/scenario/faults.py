@@ -1,4 +1,4 @@
-"""What the simulated aPad's node does wrong, as stacks in the field do."""
+"""Faults of the simulated aPad's node, as stacks in the field have them."""
 
 from __future__ import annotations
 
@@ -8,29 +8,29 @@ from enum import StrEnum
 class Fault(StrEnum):
     NONE = "none"
 
-    # Of generation A.
+    # Generation A.
     RELEASE_SILENT = "release_silent"
-    """A release lets go, but neither the last word on position_static nor a result comes."""
+    """A release opens the dock, but the node publishes neither the last position_static message nor a result."""
     RELEASE_CRASHES = "release_crashes"
-    """As published: the action server is gone with all that it held; position and battery are another node's."""
+    """The published action server dies and drops all that it held; another node has position and battery."""
     PERCHES_NOTHING = "perches_nothing"
     """A perch succeeds and holds nothing."""
 
-    # Of either.
+    # Both generations.
     STUCK = "stuck"
-    """A go-to is taken and runs, and the vehicle does not move."""
+    """A go-to is accepted and runs, but the vehicle does not move."""
 
-    # Of generation B.
+    # Generation B.
     SILENT = "silent"
-    """No word on the status topics, nor of a primitive's end."""
+    """The node publishes nothing on the status topics and does not report the end of a primitive."""
     REFUSES = "refuses"
-    """Its services answer that they do not take the order."""
+    """Its services answer that they refuse the order."""
     HANGS = "hangs"
     """Its services never answer."""
     DROPS = "drops"
-    """A primitive is taken and pre-empted at once."""
+    """A primitive is accepted and pre-empted at once."""
     LIES = "lies"
-    """A go-to is done at once, wherever the vehicle is."""
+    """The node reports a go-to as done at once, wherever the vehicle is."""
     WANDERS = "wanders"
     """Dynamic positioning ends by itself after five seconds."""
 

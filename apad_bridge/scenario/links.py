@@ -1,4 +1,4 @@
-"""A scenario's file of links: which are cut, when, and how lossy they are."""
+"""Reads a scenario's file of links: cut links with their times, and the loss of each link."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from agents.water.sea_events import APAD
 from agents.water.topology import Topology, parse_topology
 
 APAD_NAME = "apad"
-"""The aPad in a file of links."""
+"""The name of the aPad in a file of links."""
 
 
 def read_links(path: Path, theta: int) -> Topology:
-    """Seconds in the file are mission time. Raises OSError, or ValueError, `line N: ...`."""
+    """Reads a file whose seconds are mission time. Raises OSError, or ValueError, `line N: ...`."""
     return parse_topology(path.read_text(encoding="utf-8"), {APAD_NAME: APAD}, 1000 * theta)
 
 

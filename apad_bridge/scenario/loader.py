@@ -1,7 +1,7 @@
-"""A scenario from its YAML file, from one with overrides, and back to YAML with every default written out.
+"""Loads a scenario from YAML, applies the command line's overrides, and writes it back with every default.
 
-Types are strict: "12" is no number, 1 is no truth value, 30.0 is no integer; an integer is welcome where a float is
-wanted. Everything that is wrong is reported at once, a line each, before anything starts.
+Types are strict: "12" is not a number, 1 is not a boolean, 30.0 is not an integer; an integer may stand for a float.
+All mistakes are reported at once, a line each, before anything starts.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from pydantic_core import ErrorDetails
 
 from apad_bridge.scenario.cross_checks import contradictions
 from apad_bridge.scenario.errors import ScenarioError
-from apad_bridge.scenario.profiles import filled_in
+from apad_bridge.scenario.profiles import with_profiles
 from apad_bridge.scenario.schema import RandomStart, Scenario
 from apad_bridge.scenario.unknown_keys import explain_unknown_key
 from apad_bridge.scenario.yaml_text import parse_yaml
@@ -33,14 +33,14 @@ _FILE_KEYS = (
     ("water", "current", "file"),
     ("apad", "interface"),
 )
-# pydantic says which member of a union it tried as part of the path; the writer of the file knows no unions.
+# pydantic adds the union member that it tried to the path; the author of the file does not know the unions.
 _UNION_MEMBERS = {RandomStart.__name__, "str"}
 
 
 def load(path: Path) -> Scenario:
-    """The scenario of a YAML file, with the names of files in it made absolute.
+    """Loads the scenario of a YAML file and makes the file names in it absolute.
 
-    Raises ScenarioError, with a line for everything that is wrong, also if there is no such file.
+    Raises ScenarioError with a line for each mistake, also if there is no such file.
     """
     try:
         text = path.read_text(encoding="utf-8")
@@ -56,17 +56,22 @@ def load(path: Path) -> Scenario:
 
 
 def from_data(data: Any, source: str) -> Scenario:
-    """The scenario that plain data (mappings, lists, texts, numbers) says; `source` stands first in messages.
+    """Builds the scenario from plain data (mappings, lists, texts, numbers); messages begin with `source`.
 
-    Raises ScenarioError with all that is wrong: first of form, and if there is nothing, of what contradicts.
+    Raises ScenarioError with all mistakes of form or, if there are none, with all contradictions.
     """
     if not isinstance(data, dict):
-        raise ScenarioError([f"{source}: a scenario is a mapping of keys to values, not {_shown(data)}"])
+        raise ScenarioError(
+            [f"{source}: a scenario is a mapping of keys to values, not {_abbreviated(data)}"]
+        )
     try:
-        # By way of JSON, since only there does strictness leave lists for tuples and texts for enumerations.
-        scenario = _SCENARIO.validate_json(json.dumps(filled_in(data)), strict=True)
+        # JSON on the way, because only there the strict mode accepts lists for tuples and texts for enumerations.
+        scenario = _SCENARIO.validate_json(json.dumps(with_profiles(data)), strict=True)
     except ValidationError as error:
-        lines = [_line(source, data, details) for details in _meant(_wanted(error.errors(), data))]
+        lines = [
+            _error_line(source, data, details)
+            for details in _without_profile_keys(_of_meant_union_member(error.errors(), data))
+        ]
         raise ScenarioError(dict.fromkeys(lines)) from error
     except ValueError as error:  # json: a list or mapping that holds itself by an alias
         raise ScenarioError([f"{source}: {error}"]) from error
@@ -77,15 +82,15 @@ def from_data(data: Any, source: str) -> Scenario:
 
 
 def resolve(scenario: Scenario) -> dict[str, Any]:
-    """The scenario as plain data, defaults written out: what `from_data` makes the same scenario of again."""
+    """Returns the scenario as plain data with all defaults; `from_data` makes the same scenario of it again."""
     resolved: dict[str, Any] = _SCENARIO.dump_python(scenario, mode="json")
     return resolved
 
 
 def write_resolved(path: Path, scenario: Scenario) -> None:
-    """Write the resolved scenario as YAML, so that `load(path)` gives the same scenario again.
+    """Writes the resolved scenario as YAML, so that `load(path)` returns the same scenario.
 
-    Names of files under the directory of `path` are written relative to it, so that a run's directory that holds its own
+    File names below the directory of `path` become relative to it, so that a run's directory that holds its own
     starts can be moved. The file appears whole or not at all.
     """
     data = resolve(scenario)
@@ -107,7 +112,7 @@ def with_overrides(
     hosting: str | None = None,
     generation: str | None = None,
 ) -> Scenario:
-    """The scenario with what the command line says instead: checked again as a whole; None leaves a value as it is.
+    """Replaces values by those of the command line and checks the scenario again; None leaves a value as it is.
 
     `agents` is the fleet's count, `strategy` the collection strategy's name, `generation` the aPad's. Raises ScenarioError.
     """
@@ -128,7 +133,7 @@ def with_overrides(
 
 
 def write_atomically(path: Path, text: str) -> None:
-    """Write a text file under a temporary name in the same directory, then rename it into place."""
+    """Writes a text file under a temporary name in the same directory, then renames it."""
     descriptor, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
     try:
         with open(descriptor, "w", encoding="utf-8", newline="\n") as file:
@@ -143,7 +148,7 @@ def write_atomically(path: Path, text: str) -> None:
 
 
 def _file_entries(data: Any) -> list[tuple[dict[str, Any], str]]:
-    """(mapping, key) of every file name that stands in the data, which may not be valid yet."""
+    """Returns (mapping, key) of every file name in the data, which may not be valid yet."""
     entries = []
     for *blocks, key in _FILE_KEYS:
         place = data
@@ -159,8 +164,8 @@ def _make_absolute(data: Any, directory: Path) -> None:
         block[key] = os.path.normpath(directory / block[key])
 
 
-def _wanted(errors: list[ErrorDetails], data: Any) -> list[ErrorDetails]:
-    """Errors without those of a union's member that the writer did not mean: a mapping is no attempt at a text."""
+def _of_meant_union_member(errors: list[ErrorDetails], data: Any) -> list[ErrorDetails]:
+    """Drops the errors of the union member that the author did not mean: a mapping is no attempt at a text."""
     chosen = []
     for details in errors:
         member = (
@@ -168,14 +173,14 @@ def _wanted(errors: list[ErrorDetails], data: Any) -> list[ErrorDetails]:
             if details["loc"][:2] == ("fleet", "start") and len(details["loc"]) > 2
             else None
         )
-        mapping = member is not None and isinstance(data["fleet"]["start"], dict)
-        if not (mapping and member == "str") and not (member == RandomStart.__name__ and not mapping):
+        is_mapping = member is not None and isinstance(data["fleet"]["start"], dict)
+        if not (is_mapping and member == "str") and not (member == RandomStart.__name__ and not is_mapping):
             chosen.append(details)
     return chosen
 
 
-def _meant(errors: list[ErrorDetails]) -> list[ErrorDetails]:
-    """Errors without the keys that a profile would have given, had its name been right."""
+def _without_profile_keys(errors: list[ErrorDetails]) -> list[ErrorDetails]:
+    """Drops missing keys that a profile would have supplied if its name were right."""
     misnamed = [details["loc"][:-1] for details in errors if details["loc"][-1:] == ("profile",)]
     return [
         details
@@ -185,7 +190,7 @@ def _meant(errors: list[ErrorDetails]) -> list[ErrorDetails]:
     ]
 
 
-def _line(source: str, data: Any, details: ErrorDetails) -> str:
+def _error_line(source: str, data: Any, details: ErrorDetails) -> str:
     path = tuple(item for item in details["loc"] if item not in _UNION_MEMBERS)
     dotted = "".join(f"[{item}]" if isinstance(item, int) else f".{item}" for item in path).lstrip(".")
     where = f"{source}: {dotted}" if dotted else source
@@ -197,9 +202,9 @@ def _line(source: str, data: Any, details: ErrorDetails) -> str:
     message = message.replace("must be an object", "must be a mapping").replace("String should", "must")
     if isinstance(details["input"], dict | list):
         return f"{where}: {message}"
-    return f"{where}: {message}, not {_shown(details['input'])}"
+    return f"{where}: {message}, not {_abbreviated(details['input'])}"
 
 
-def _shown(value: Any) -> str:
+def _abbreviated(value: Any) -> str:
     text = repr(value) if isinstance(value, str) else json.dumps(value)
     return text if len(text) <= 60 else f"{text[:57]}..."

@@ -1,9 +1,9 @@
-"""Latitude and longitude to local north and east, and back.
+"""Converts latitude and longitude to local north and east, and back.
 
-The local plane touches the WGS-84 ellipsoid at the origin; a point of the sea's surface (height 0) is dropped on
-to it along the origin's vertical. Nothing is linearised: `to_geographic` undoes `to_local` to a micrometre. What
-remains is that a plane is no ellipsoid: a distance d along the surface comes out shorter by d^3 / (6 R^2), which
-is 0.5 mm at 5 km. (Metres a degree, taken at the origin, would be 2.1 m off at 5 km north-east of Biograd.)
+The local plane touches the WGS-84 ellipsoid at the origin. A point of the sea's surface (height 0) is projected on
+to it along the origin's vertical. Nothing is linearised: `to_geographic` undoes `to_local` to a micrometre. The
+remaining error is the plane's: a distance d along the surface comes out shorter by d^3 / (6 R^2), which is 0.5 mm
+at 5 km. (Metres per degree, taken at the origin, would be 2.1 m off at 5 km north-east of Biograd.)
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ EQUATORIAL_RADIUS_M = 6378137.0  # WGS-84, a
 FLATTENING = 1 / 298.257223563  # WGS-84, f
 ECCENTRICITY_2 = FLATTENING * (2 - FLATTENING)
 FARTHEST_M = 50_000.0
-"""From the origin: no aPad is sent farther, and no aMussel put."""
+"""The largest distance from the origin at which the bench sends an aPad or places an aMussel."""
 
 _CLOSE_ENOUGH_M = 1e-7
 _ROUNDS = 20
 
 
 class OriginLike(Protocol):
-    """Anything that says where local (0, 0) lies, such as the scenario's `area.origin`."""
+    """Any object with the geographic position of local (0, 0), such as the scenario's `area.origin`."""
 
     @property
     def latitude_deg(self) -> float: ...
@@ -48,24 +48,22 @@ class LocalFrame:
         return cls(origin.latitude_deg, origin.longitude_deg)
 
     def to_local(self, latitude_deg: float, longitude_deg: float) -> tuple[float, float]:
-        """(north_m, east_m) of a point of the surface. ValueError if the point is no latitude and
-        longitude.
-        """
+        """Returns (north_m, east_m) of a point of the surface. Raises ValueError for an impossible position."""
         if not (-90 <= latitude_deg <= 90 and -180 <= longitude_deg <= 360):
             raise ValueError(f"no latitude and longitude in degrees: {latitude_deg}, {longitude_deg}")
-        here, there = radians(self.latitude_deg), radians(latitude_deg)
+        origin_latitude, latitude = radians(self.latitude_deg), radians(latitude_deg)
         turn = radians(longitude_deg - self.longitude_deg)
-        # Along the axis of the earth, and out from it in the origin's meridian and across it (metres).
-        out, axial = _meridian_point_m(there)
-        out_here, axial_here = _meridian_point_m(here)
-        along, east_m = out * cos(turn) - out_here, out * sin(turn)
-        north_m = cos(here) * (axial - axial_here) - sin(here) * along
+        # Metres: along the earth's axis, and out from it in the origin's meridian and across it.
+        radial, axial = _meridian_point_m(latitude)
+        origin_radial, origin_axial = _meridian_point_m(origin_latitude)
+        outward, east_m = radial * cos(turn) - origin_radial, radial * sin(turn)
+        north_m = cos(origin_latitude) * (axial - origin_axial) - sin(origin_latitude) * outward
         return north_m, east_m
 
     def to_geographic(self, north_m: float, east_m: float) -> tuple[float, float]:
-        """(latitude_deg, longitude_deg) of the surface under a local point, longitude in [-180, 180].
+        """Returns (latitude_deg, longitude_deg) of the surface under a local point, longitude in [-180, 180].
 
-        ValueError if the point lies so far out (thousands of kilometres) that there is no surface under it.
+        Raises ValueError if the point lies so far out (thousands of kilometres) that there is no surface under it.
         """
         latitude, longitude = self.latitude_deg, self.longitude_deg
         for _ in range(_ROUNDS):
@@ -82,13 +80,13 @@ class LocalFrame:
 
 
 def _meridian_point_m(latitude: float) -> tuple[float, float]:
-    """Distance from the earth's axis, and height above the equator's plane, of a surface point (metres)."""
+    """Returns a surface point's distance from the earth's axis and height above the equator's plane (metres)."""
     prime_vertical = EQUATORIAL_RADIUS_M / sqrt(1 - ECCENTRICITY_2 * sin(latitude) ** 2)
     return prime_vertical * cos(latitude), prime_vertical * (1 - ECCENTRICITY_2) * sin(latitude)
 
 
 def _radii_m(latitude: float) -> tuple[float, float]:
-    """Radius of curvature along the meridian, and radius of the parallel: metres a radian of each angle."""
-    bend = 1 - ECCENTRICITY_2 * sin(latitude) ** 2
-    meridian = EQUATORIAL_RADIUS_M * (1 - ECCENTRICITY_2) / bend**1.5
-    return meridian, EQUATORIAL_RADIUS_M / sqrt(bend) * cos(latitude)
+    """Returns the meridian's radius of curvature and the parallel's radius: metres per radian of each angle."""
+    flattening_term = 1 - ECCENTRICITY_2 * sin(latitude) ** 2
+    meridian = EQUATORIAL_RADIUS_M * (1 - ECCENTRICITY_2) / flattening_term**1.5
+    return meridian, EQUATORIAL_RADIUS_M / sqrt(flattening_term) * cos(latitude)

@@ -1,4 +1,4 @@
-"""Simple polygons in the local plane: their area, whether they cross themselves, and what lies inside.
+"""Simple polygons in the local plane: area, self-crossing and containment.
 
 Corners are (north, east) in metres, in order either way round, not closed.
 """
@@ -16,7 +16,7 @@ def area_m2(corners: Sequence[Point]) -> float:
 
 
 def is_simple(corners: Sequence[Point]) -> bool:
-    """Whether no two edges meet but neighbours in their common corner (and those do not fold back)."""
+    """Returns True if edges meet only as neighbours in their common corner, without folding back."""
     edges = _edges(corners)
     last = len(edges) - 1
     for i, first in enumerate(edges):
@@ -32,12 +32,12 @@ def is_simple(corners: Sequence[Point]) -> bool:
 
 
 def contains(corners: Sequence[Point], point: Point) -> bool:
-    """Whether the point lies inside, by the parity of the edges to its east. Points on an edge may go either way."""
+    """Tests a point by the parity of the edges to its east. Points on an edge may go either way."""
     inside = False
     for (north_a, east_a), (north_b, east_b) in _edges(corners):
         if (north_a > point[0]) != (north_b > point[0]):
-            share = (point[0] - north_a) / (north_b - north_a)
-            inside ^= point[1] < east_a + share * (east_b - east_a)
+            fraction = (point[0] - north_a) / (north_b - north_a)
+            inside ^= point[1] < east_a + fraction * (east_b - east_a)
     return inside
 
 
@@ -56,7 +56,7 @@ def _cross(o: Point, a: Point, b: Point) -> float:
 
 
 def _folds_back(first: tuple[Point, Point], second: tuple[Point, Point]) -> bool:
-    """Whether two edges that share a corner lie on one line, on the same side of that corner."""
+    """Returns True if two edges that share a corner lie on one line, on the same side of that corner."""
     corner = first[1] if first[1] in second else first[0]
     a = first[0] if corner == first[1] else first[1]
     b = second[1] if corner == second[0] else second[0]

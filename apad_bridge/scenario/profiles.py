@@ -1,7 +1,7 @@
-"""Named profiles: blocks of numbers that somebody has measured or fitted, for a scenario to start from.
+"""Named profiles: measured or fitted blocks of numbers for a scenario to start from.
 
-A block that names a profile gets each key from it that the block itself does not give. A resolved scenario has them all
-written out, so a run that was flown stays what it was when a later version fits a profile anew.
+A block that names a profile takes each key from it that the block itself leaves out. A resolved scenario has all keys
+written out, so a flown run stays the same when a later version fits a profile anew.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ from firmware_model.power.rails import Rail
 _CAPACITY_WH = table_one.REFERENCE_MWH / 1000
 _MS_PER_HOUR = 3_600_000
 _REPORT_S = 60.0
-"""Of every profile: the paper's time scale of 30 leaves the aPad 30 s for an answer."""
+"""Common to all profiles: the paper's time scale of 30 leaves the aPad 30 s for an answer."""
 
 
 def _milliwatts(load: int) -> float:
-    """The roundest number that comes to just these grains a millisecond."""
+    """Finds the number with the fewest decimals that converts to exactly this load in grains a millisecond."""
     exact = load * _MS_PER_HOUR * table_one.REFERENCE_MWH / FULL
     candidates = (round(exact, digits) for digits in range(12))
     return next(it for it in candidates if grains_of_milliwatts(it, _CAPACITY_WH) == load)
@@ -55,7 +55,7 @@ def _metering() -> dict[str, Any]:
 
 
 def _cycle(cycle: Cycle) -> dict[str, Any]:
-    slots = cycle.slots
+    timeslots = cycle.slots
     return {
         "alarm_s": cycle.alarm_ms / 1000,
         "sample_s": cycle.sample_ms / 1000,
@@ -63,8 +63,8 @@ def _cycle(cycle: Cycle) -> dict[str, Any]:
         "listen_s": cycle.listen_ms / 1000,
         "report_s": _REPORT_S,
         "slots": None
-        if slots is None
-        else {"frame_s": slots.frame_ms / 1000, "slot_s": slots.slot_ms / 1000},
+        if timeslots is None
+        else {"frame_s": timeslots.frame_ms / 1000, "slot_s": timeslots.slot_ms / 1000},
     }
 
 
@@ -73,26 +73,30 @@ _PROFILES: dict[tuple[str, ...], dict[str, dict[str, Any]]] = {
     ("board", "whole", "power", "metering"): {"table-one": _metering()},
     ("board", "whole", "cycle"): {"hourly": _cycle(table_one.HOURLY), "field": _cycle(table_one.FIELD)},
 }
-"""By the block's path and the profile's name."""
+"""The profiles by the block's path and the profile's name."""
 
 
-def filled_in(data: dict[str, Any]) -> dict[str, Any]:
-    """The same data with profiles written out; what cannot be read as one is left for the schema to refuse.
+def with_profiles(data: dict[str, Any]) -> dict[str, Any]:
+    """Returns the data with profiles written out; it leaves malformed profiles to the schema, which refuses them.
 
-    A text in the place of a block is a profile's name; `cycle: never` is no cycle at all.
+    A text in the place of a block is a profile's name; `cycle: never` means no cycle.
     """
     for path, profiles in _PROFILES.items():
-        data = _at(data, path, profiles)
+        data = _with_profile_at(data, path, profiles)
     return data
 
 
-def _at(data: dict[str, Any], path: tuple[str, ...], profiles: dict[str, dict[str, Any]]) -> dict[str, Any]:
+def _with_profile_at(
+    data: dict[str, Any], path: tuple[str, ...], profiles: dict[str, dict[str, Any]]
+) -> dict[str, Any]:
     key, *rest = path
     if key not in data:
         return data
     inner = data[key]
     if rest:
-        return {**data, key: _at(inner, tuple(rest), profiles)} if isinstance(inner, dict) else data
+        return (
+            {**data, key: _with_profile_at(inner, tuple(rest), profiles)} if isinstance(inner, dict) else data
+        )
     if (key, inner) == ("cycle", "never"):
         return {**data, key: None}
     given = {"profile": inner} if isinstance(inner, str) else inner
@@ -100,10 +104,10 @@ def _at(data: dict[str, Any], path: tuple[str, ...], profiles: dict[str, dict[st
         return data
     name = given.get("profile")
     profile = profiles.get(name, {}) if isinstance(name, str) else {}
-    return {**data, key: _over(profile, given)}
+    return {**data, key: _merged(profile, given)}
 
 
-def _over(profile: dict[str, Any], given: dict[str, Any]) -> dict[str, Any]:
+def _merged(profile: dict[str, Any], given: dict[str, Any]) -> dict[str, Any]:
     merged = {**profile, **given}
     for key, inner in profile.items():
         if isinstance(inner, dict) and isinstance(given.get(key), dict):

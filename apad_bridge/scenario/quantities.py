@@ -1,4 +1,4 @@
-"""What the values of a scenario are made of: numbers with bounds, names, and dataclasses that refuse unknown keys."""
+"""The value types of a scenario: numbers with bounds, names, and dataclasses that refuse unknown keys."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ PositiveSeconds = Annotated[float, Ge(0.001), Le(1e9), AfterValidator(_whole_mil
 NotNegativeSeconds = Annotated[float, Ge(0), Le(1e9), AfterValidator(_whole_milliseconds)]
 Fraction = Annotated[float, Ge(0), Le(1)]
 RatePerMinute = Annotated[float, Gt(0), AfterValidator(_ten_decimals)]
-"""Of a battery's charge; a grain, in which charge is counted, is what ten decimals a minute come to in a millisecond."""
+"""Rate of a battery's charge. The firmware model counts charge in grains: 1e-10 a minute is one grain a millisecond."""
 ChargeSegments = Annotated[tuple[tuple[Fraction, RatePerMinute], ...], AfterValidator(_rising_to_one)]
 """(upper end of the segment on [0, 1], rate a minute), rising; the last ends at 1."""
 FileName = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$")]
@@ -43,7 +43,7 @@ RosName = Annotated[str, StringConstraints(pattern=r"^[A-Za-z][A-Za-z0-9_]*$")]
 RosNamespace = Annotated[
     str, StringConstraints(pattern=r"^/?[A-Za-z][A-Za-z0-9_]*(/[A-Za-z][A-Za-z0-9_]*)*$")
 ]
-"""Global with a slash before it, else below the namespace of the run."""
+"""A name with a leading slash is global, any other lies below the namespace of the run."""
 
 _STRICT = ConfigDict(extra="forbid", allow_inf_nan=False)
 frozen = dataclass(frozen=True, kw_only=True, config=_STRICT)

@@ -1,4 +1,4 @@
-"""How a run is flown, as said on the command line and kept in the run's directory, so that a resumed run goes on alike."""
+"""The options of a run: given on the command line and saved in the run's directory, so that a resumed run goes on alike."""
 
 from __future__ import annotations
 
@@ -29,14 +29,14 @@ class TimeSource(StrEnum):
 
 
 class OnDeath(StrEnum):
-    """What the parent does when the supervisor dies: start another, or wait for `musselbed resume`."""
+    """The parent's action when the supervisor dies: start another, or wait for `musselbed resume`."""
 
     RESUME = "resume"
     WAIT = "wait"
 
 
 class Part(StrEnum):
-    """Which part of the bench this process is."""
+    """The part of the bench that this process runs."""
 
     WHOLE = "whole"
     FLEET = "fleet"
@@ -54,9 +54,9 @@ class RunOptions:
     on_death: OnDeath
     dry_run: bool = False
     manual: bool = False
-    """No mission of ours: the aPad does what is called."""
+    """No mission of ours: the aPad executes calls."""
     script: str = ""
-    """The file that flies it instead of the paper's mission, absolute; empty without one."""
+    """Absolute path of the script that flies the run instead of the paper's mission; empty for none."""
     master_uri: str = ""
     owns_master: bool = False
     xmlrpc_port: int = 0
@@ -66,22 +66,22 @@ class RunOptions:
     modem: str = ""
     """The serial port of a physical modem."""
     remappings: tuple[str, ...] = ()
-    """ROS's, FROM:=TO, for all that the supervisor's node names."""
+    """ROS remappings, FROM:=TO, for all names of the supervisor's node."""
     is_one_of_several: bool = False
-    """One of several aPads that take over from each other."""
+    """The aPad is one of several that take over from each other."""
     keeps: bool = False
-    """Of these: its supervisor died, and this one keeps the fleet and orders nothing."""
+    """The former supervisor of one of several aPads died; this supervisor keeps the fleet and orders nothing."""
     namespace: str = ""
-    """Of all its nodes on ROS, without slashes at its ends; empty for none."""
+    """The ROS namespace of all the run's nodes, without slashes at its ends; empty for none."""
 
     @property
     def without_mission(self) -> bool:
-        """Whether a script or a person gives the orders from the start."""
+        """True if a script or a person gives the orders from the start."""
         return self.manual or bool(self.script)
 
     @property
     def is_resumed(self) -> bool:
-        """Whether a former supervisor of the run died."""
+        """True if a former supervisor of the run died."""
         return self.epoch > 1
 
     def save(self, directory: Path) -> None:
@@ -89,7 +89,7 @@ class RunOptions:
 
     @classmethod
     def load(cls, directory: Path) -> RunOptions:
-        """FileNotFoundError where no run was started; ValueError for a file of another version."""
+        """Raises FileNotFoundError if no run was started, and ValueError for a file of another version."""
         data: dict[str, Any] = json.loads((directory / OPTIONS_NAME).read_text())
         try:
             return cls(
@@ -110,14 +110,14 @@ class RunOptions:
         return replace(self, master_uri=uri, owns_master=True)
 
     def on_master(self, uri: str) -> RunOptions:
-        """The same on a master that somebody else runs."""
+        """Returns the same options on a master that somebody else runs."""
         return replace(self, master_uri=uri)
 
     def at_port(self, xmlrpc_port: int) -> RunOptions:
-        """Every supervisor of the run puts its node at this port.
+        """Returns the same options with the port that the node of each supervisor of the run uses.
 
-        A master takes a node that comes back at another port, while its old one is another node's by now, for a reason to
-        shut that healthy node down (ros_comm issue 2241).
+        A node may come back at another port after another node has taken its old port. A master then shuts that other,
+        healthy node down (ros_comm issue 2241).
         """
         return replace(self, xmlrpc_port=xmlrpc_port)
 

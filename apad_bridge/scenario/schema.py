@@ -1,8 +1,8 @@
-"""The scenario: everything a run depends on, as frozen dataclasses that are checked at birth.
+"""The scenario: everything that a run depends on, as frozen dataclasses that check their values on creation.
 
-Lengths are metres, speeds m/s, durations seconds of mission time unless a name says `agent` (then seconds of the
-aMussels' own time, theta times faster), charge is the paper's scaled voltage in [0, 1]. Nothing physical has a default:
-a key is optional only where leaving it out has one obvious meaning.
+Lengths are metres, speeds m/s. Durations are seconds of mission time unless a name contains `agent`: then they are
+seconds of the aMussels' own time, which runs theta times faster. Charge is the paper's scaled voltage in [0, 1].
+Nothing physical has a default: a key is optional only if leaving it out has one obvious meaning.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from apad_bridge.scenario.water import Water
 
 @frozen
 class Origin:
-    """Where local NED (0, 0) lies."""
+    """The geographic position of local NED (0, 0)."""
 
     latitude_deg: Annotated[float, Ge(-89.9), Le(89.9)]
     longitude_deg: Annotated[float, Ge(-180), Le(180)]
@@ -57,7 +57,7 @@ class Area:
 
 @frozen
 class RandomStart:
-    """Positions uniform in the polygon, primary charges uniform in `charge`; both from the scenario's seed."""
+    """Random positions uniform in the polygon and primary charges uniform in `charge`, both from the scenario's seed."""
 
     charge: tuple[Fraction, Fraction]
 
@@ -92,11 +92,11 @@ class Fleet:
     count: Annotated[int, Ge(0), Le(20000)]
     first_id: Annotated[int, Ge(1)] = 1
     start: RandomStart | str = "starts.csv"
-    """A mapping for a random start, or a CSV's name: id, lat, lon (or north, east), battery; or a former run's directory.
-    Names are relative to the scenario file; the loader makes them absolute. Of a file, the `count` lowest ids from
-    `first_id` on are taken."""
+    """A mapping for a random start, the name of a CSV (id, lat, lon or north, east, battery), or a former run's directory.
+    Names are relative to the scenario file; the loader makes them absolute. The fleet takes a file's `count` lowest ids
+    from `first_id` on."""
     share: tuple[Annotated[int, Ge(1)], ...] = ()
-    """Only these of them, for one of several aPads; all if there are none."""
+    """The ids that this aPad serves if it is one of several; empty for all."""
     hosting: Hosting = Hosting.PROCESSES
     drift: Drift
 
@@ -106,17 +106,17 @@ class Fleet:
 
     @property
     def ids(self) -> Sequence[int]:
-        """Rising."""
+        """The ids that this aPad serves, ascending."""
         return self.share or self.all_ids
 
     @property
     def all_ids(self) -> range:
-        """Of the whole fleet, whoever serves them."""
+        """The whole fleet's ids, whichever aPad serves them."""
         return range(self.first_id, self.first_id + self.count)
 
 
 class HearingMode(StrEnum):
-    """`paper`: every agent reports over Wi-Fi at a fixed rate, always. `physical`: Wi-Fi only floating or docked."""
+    """`paper`: every agent reports over Wi-Fi at a fixed rate, always. `physical`: only while it floats or is docked."""
 
     PAPER = "paper"
     PHYSICAL = "physical"
@@ -131,8 +131,8 @@ class Hearing:
 
 
 class DockingProfile(StrEnum):
-    """`virtual`: the bench waits, then makes the contact. `camera`: the vehicle's own visual servoing, which is shown the
-    simulated aMussel. `visual`: the same servoing with its own eyes, for real aMussels."""
+    """`virtual`: the bench waits, then makes the contact. `camera`: the vehicle's own visual servoing, fed with the
+    simulated aMussel's place in the image. `visual`: the same servoing with the vehicle's camera, for real aMussels."""
 
     VIRTUAL = "virtual"
     CAMERA = "camera"
@@ -140,7 +140,7 @@ class DockingProfile(StrEnum):
 
 
 class ArmUse(StrEnum):
-    """What a virtual docking does with the vehicle's arm: it is left alone, or opened for the time of the docking."""
+    """The use of the vehicle's arm in a virtual docking: left alone, or opened for the time of the docking."""
 
     ALONE = "alone"
     MOVED = "moved"
@@ -148,15 +148,16 @@ class ArmUse(StrEnum):
 
 @frozen
 class Servo:
-    """What the vehicle's own docking is told, and how long it may take."""
+    """Parameters of the vehicle's own visual servoing, and its time limit."""
 
     search_yaw_rate_rad_s: Positive
     max_yaw_rate_rad_s: Positive
     max_surge_m_s: Positive
     surge_stdev: Positive
-    """Of the target's place across the image (half its width is 1): the farther off, the slower the approach."""
+    """Standard deviation of the target's horizontal place in the image (half the image's width is 1). The vehicle
+    approaches the slower, the farther the target is off the centre."""
     search_s: PositiveSeconds
-    """A docking that has not come to its end so long after the vehicle took the order is given up."""
+    """A docking is given up if it has not ended this long after the vehicle accepted the order."""
 
 
 @frozen
@@ -165,20 +166,20 @@ class Docking:
     virtual_ids: tuple[int, ...] = ()
     camera_ids: tuple[int, ...] = ()
     visual_ids: tuple[int, ...] = ()
-    """aMussels that are docked otherwise than by `profile`."""
+    """These three keys list the aMussels that are docked otherwise than by `profile`."""
     dock_s: NotNegativeSeconds
     undock_s: NotNegativeSeconds
     timeout_s: PositiveSeconds
     attempts: Annotated[int, Ge(1), Le(10)] = 1
-    """So often a docking is tried before the aMussel is given up for this time."""
+    """The number of tries before the mission gives the aMussel up for this time."""
     arm: ArmUse = ArmUse.ALONE
     servo: Servo | None = None
 
     def __post_init__(self) -> None:
         if self.timeout_s <= max(self.dock_s, self.undock_s):
             raise ValueError("timeout_s must be longer than dock_s and undock_s")
-        named = (*self.virtual_ids, *self.camera_ids, *self.visual_ids)
-        if len(set(named)) < len(named):
+        listed_ids = (*self.virtual_ids, *self.camera_ids, *self.visual_ids)
+        if len(set(listed_ids)) < len(listed_ids):
             raise ValueError("virtual_ids, camera_ids and visual_ids must not name an aMussel twice")
         if self.servo is not None and self.timeout_s <= self.servo.search_s:
             raise ValueError("timeout_s must be longer than servo.search_s")
@@ -200,7 +201,7 @@ class Costs:
 
 
 class FullWhen(StrEnum):
-    """Which of its batteries have to be above the threshold for a docked aMussel to be full."""
+    """The batteries that must be above the threshold for a docked aMussel to be full."""
 
     PRIMARY = "primary"
     BOTH = "both"
@@ -222,10 +223,10 @@ class Mission:
     end_at_apad_fraction: Fraction = 0.0
     """The mission ends when the aPad's battery falls to this."""
     permission_repeat_s: PositiveSeconds
-    """An unanswered permission to surface is repeated after so long."""
+    """The mission repeats an unanswered permission to surface after this time."""
     surfacing_attempts: Annotated[int, Ge(1)]
     silence_timeout_s: PositiveSeconds
-    """An aMussel unheard for so long is not waited for: the mission goes on without it."""
+    """The mission stops waiting for an aMussel that has been silent for this long, and goes on without it."""
 
 
 @frozen
@@ -243,7 +244,7 @@ class APadBattery:
 
 
 class Generation(StrEnum):
-    """Of the aPad's software. `auto`: what the live graph offers; the simulated aPad is then of generation `a`."""
+    """The generation of the aPad's software. `auto`: the one that the live graph offers; the simulated aPad is then `a`."""
 
     AUTO = "auto"
     A = "a"
@@ -254,12 +255,12 @@ class Generation(StrEnum):
 
 @frozen
 class APad:
-    """The simulated aPad. A real one needs its name, and its generation where it offers both."""
+    """The simulated aPad. A real aPad needs its name, and its generation if it offers both."""
 
     name: RosNamespace = "apad1"
     generation: Generation = Generation.AUTO
     interface: str | None = None
-    """A YAML file with the laboratory's own topics, relative to the scenario file; those of musselbed if there is none."""
+    """A YAML file with the laboratory's own topics, relative to the scenario file; None for musselbed's topics."""
     start_m: tuple[float, float]
     max_speed_m_s: Positive
     max_acceleration_m_s2: Positive
@@ -270,11 +271,11 @@ class APad:
     thruster_max_n: Positive
     thruster_w_per_n: NotNegative
     drift_m_s: tuple[float, float] = (0.0, 0.0)
-    """What the water carries it with, north and east, while its controllers are off; they make good for it otherwise."""
+    """Velocity (north, east) of the drift while the controllers are off; running controllers compensate for it."""
     fault: Fault = Fault.NONE
-    """What the simulated aPad's ROS node does wrong."""
+    """The misbehaviour of the simulated aPad's ROS node."""
     dock_miss_probability: Fraction = 0.0
-    """That a docking misses; which ones do follows from the scenario's seed."""
+    """Probability that a docking misses; the scenario's seed decides which dockings do."""
     battery: APadBattery
 
     def __post_init__(self) -> None:
@@ -308,9 +309,9 @@ class Scenario:
     mission: Mission
     apad: APad
     apads: tuple[AnotherAPad, ...] = ()
-    """More of them, which share the fleet with `apad`."""
+    """Further aPads, which share the fleet with `apad`."""
     sharing: Sharing = Sharing()
     records: Records = Records()
     beliefs: Beliefs = Beliefs()
     water: Water | None = None
-    """None: everything that is said gets through, at once and whole, as in the paper's experiments."""
+    """None: every message arrives at once and whole, as in the paper's experiments."""

@@ -1,7 +1,7 @@
-"""Where each aMussel starts and with what charge: drawn at random, or read from a file or a former run.
+"""The aMussels' starting places and charges: drawn at random, or read from a file or a former run.
 
-Draws come from a keyed hash of (seed, agent id, counter), so an agent's start does not depend on how many others there are
-nor on the order in which they are drawn.
+Draws come from a keyed hash of (seed, agent id, counter), so an agent's start depends neither on the number of other
+agents nor on the order of the draws.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ STARTS_NAME = "starts.csv"
 ENDS_NAME = "ends.csv"
 
 _KEY = Struct("<QQQ")
-_WORDS = Struct("<QQ")
+_DIGEST = Struct("<QQ")
 _UNIT = 2.0**-53
 _CHARGE_DRAW = 0  # draws of a place count from 1
 
@@ -40,9 +40,9 @@ class Start:
 
 
 def starts_of(scenario: Scenario) -> tuple[Start, ...]:
-    """The fleet's starts in the order of their ids: `fleet.count` of them, or those of its `share`.
+    """Returns the fleet's starts in the order of their ids: `fleet.count` of them, or only those of its `share`.
 
-    Raises ScenarioError with a line for everything that is wrong with the file, if they come from one.
+    Raises ScenarioError with a line for each mistake in the file that they come from.
     """
     fleet = scenario.fleet
     if isinstance(fleet.start, RandomStart):
@@ -54,7 +54,7 @@ def starts_of(scenario: Scenario) -> tuple[Start, ...]:
 
 
 def random_start(seed: int, agent_id: int, area: Area, start: RandomStart) -> Start:
-    """A place uniform in the polygon, by rejection from its bounding box, and a charge uniform in `start.charge`."""
+    """Draws a place uniform in the polygon, by rejection from its bounding box, and a charge uniform in `start.charge`."""
     (south, west), (north, east) = bounding_box(area.polygon_m)
     draw = _CHARGE_DRAW + 1
     place = _point_in(seed, agent_id, draw, (south, west), (north, east))
@@ -62,15 +62,15 @@ def random_start(seed: int, agent_id: int, area: Area, start: RandomStart) -> St
         draw += 1
         place = _point_in(seed, agent_id, draw, (south, west), (north, east))
     low, high = start.charge
-    share, _ = _uniform_pair(seed, agent_id, _CHARGE_DRAW)
-    return Start(agent_id, place[0], place[1], min(high, low + share * (high - low)))
+    fraction, _ = _uniform_pair(seed, agent_id, _CHARGE_DRAW)
+    return Start(agent_id, place[0], place[1], min(high, low + fraction * (high - low)))
 
 
 def read_starts(path: Path, area: Area, first_id: int, count: int) -> tuple[Start, ...]:
-    """The `count` lowest ids from `first_id` on, of a CSV or of a former run's directory.
+    """Reads the `count` lowest ids from `first_id` on from a CSV or a former run's directory.
 
-    Of a directory `ends.csv` is read if the run got so far, else `starts.csv`. A place in a CSV must lie in or near the
-    area's bounding box; a former run's agents may have drifted, so theirs need not. Raises ScenarioError.
+    In a directory, it reads `ends.csv` if the run got so far, else `starts.csv`. Places in a CSV must lie in or near the
+    area's bounding box; places of a former run need not, because its agents may have drifted. Raises ScenarioError.
     """
     former_run = path.is_dir()
     table = _of_former_run(path) if former_run else path
@@ -87,7 +87,7 @@ def read_starts(path: Path, area: Area, first_id: int, count: int) -> tuple[Star
 
 
 def save_starts(path: Path, starts: Iterable[Start], origin: Origin) -> None:
-    """Write starts as a CSV that `read_starts` gives the same starts of: exact north and east, and lat and lon to 0.1 mm.
+    """Writes a CSV from which `read_starts` returns the same starts: exact north and east, lat and lon to 0.1 mm.
 
     The file appears whole or not at all.
     """
@@ -110,7 +110,7 @@ def _of_former_run(directory: Path) -> Path:
 
 
 def _refuse_far_rows(table: Path, rows: Iterable[Row], area: Area) -> None:
-    """Refuse places outside the bounding box, grown by a tenth on each side: lat and lon swapped, another origin."""
+    """Refuses places outside the bounding box grown by a tenth on each side: lat and lon swapped, or another origin."""
     (south, west), (north, east) = bounding_box(area.polygon_m)
     margin_north, margin_east = (north - south) / 10, (east - west) / 10
     lines = [
@@ -127,12 +127,12 @@ def _refuse_far_rows(table: Path, rows: Iterable[Row], area: Area) -> None:
 
 
 def _point_in(seed: int, agent_id: int, n: int, low: Point, high: Point) -> Point:
-    share_north, share_east = _uniform_pair(seed, agent_id, n)
-    return (low[0] + share_north * (high[0] - low[0]), low[1] + share_east * (high[1] - low[1]))
+    fraction_north, fraction_east = _uniform_pair(seed, agent_id, n)
+    return (low[0] + fraction_north * (high[0] - low[0]), low[1] + fraction_east * (high[1] - low[1]))
 
 
 def _uniform_pair(seed: int, agent_id: int, n: int) -> tuple[float, float]:
-    """Two independent numbers, uniform in [0, 1) in steps of 2^-53."""
+    """Draws two independent numbers, uniform in [0, 1) in steps of 2^-53."""
     digest = blake2b(_KEY.pack(seed, agent_id, n), digest_size=16, person=b"musselbed start").digest()
-    first, second = _WORDS.unpack(digest)
+    first, second = _DIGEST.unpack(digest)
     return (first >> 11) * _UNIT, (second >> 11) * _UNIT

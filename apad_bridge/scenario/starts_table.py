@@ -1,4 +1,4 @@
-"""The CSV of starts: id, a place as lat and lon or as north and east (or both), battery, and perhaps secondary.
+"""Reads the CSV of starts: id, a place as lat and lon or as north and east (or both), battery, optionally secondary.
 
 The first line that is no comment names the columns, in any order; `#` begins a comment, empty lines do not count. Every
 message names the file and the line.
@@ -42,7 +42,7 @@ _AGREE_M = 0.01  # lat and lon are written to 9 decimals, 0.1 mm
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One aMussel as the file says it: local NED metres, charges in [0, 1], and the line that said so."""
+    """One aMussel of the file: local NED metres, charges in [0, 1], and the line's number."""
 
     line: int
     agent_id: int
@@ -53,15 +53,13 @@ class Row:
 
 
 def read_table(path: Path, frame: LocalFrame) -> list[Row]:
-    """All rows, in the order of the file. Raises ScenarioError with a `FILE:LINE: message` for each that is wrong."""
+    """Reads all rows in the order of the file. Raises ScenarioError with a `FILE:LINE: message` for each wrong row."""
     try:
         text = path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else "is not UTF-8 text"
         raise ScenarioError([f"{path}: {reason}"]) from error
-    lines = [
-        (number, line) for number, line in enumerate(text.splitlines(), start=1) if _says_something(line)
-    ]
+    lines = [(number, line) for number, line in enumerate(text.splitlines(), start=1) if _is_not_blank(line)]
     if not lines:
         raise ScenarioError(
             [f"{path}: no header: the first line names the columns, such as id,north,east,battery"]
@@ -71,7 +69,7 @@ def read_table(path: Path, frame: LocalFrame) -> list[Row]:
     except ValueError as error:
         raise ScenarioError([f"{path}:{lines[0][0]}: {error}"]) from error
     rows: dict[int, Row] = {}
-    wrong: list[str] = []
+    problems: list[str] = []
     for number, line in lines[1:]:
         try:
             row = _row(number, columns, _cells(line), frame)
@@ -79,13 +77,13 @@ def read_table(path: Path, frame: LocalFrame) -> list[Row]:
                 raise ValueError(f"id {row.agent_id} stands in line {rows[row.agent_id].line} already")
             rows[row.agent_id] = row
         except ValueError as error:
-            wrong.append(f"{path}:{number}: {error}")
-    if wrong:
-        raise ScenarioError(wrong)
+            problems.append(f"{path}:{number}: {error}")
+    if problems:
+        raise ScenarioError(problems)
     return list(rows.values())
 
 
-def _says_something(line: str) -> bool:
+def _is_not_blank(line: str) -> bool:
     return bool(line.strip()) and not line.lstrip().startswith("#")
 
 
@@ -134,7 +132,7 @@ def _row(line: int, columns: list[str], cells: list[str], frame: LocalFrame) -> 
 
 
 def _place(texts: Mapping[str, str], frame: LocalFrame) -> tuple[float, float]:
-    """North and east; where lat and lon are given beside them, the two must say the same place."""
+    """Returns north and east. If the row has lat and lon too, both pairs must mean the same place."""
     local = (_number("north", texts["north"]), _number("east", texts["east"])) if "north" in texts else None
     if "lat" not in texts:
         assert local is not None  # the header was checked

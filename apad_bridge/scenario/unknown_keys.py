@@ -1,4 +1,4 @@
-"""A key that the schema does not know: what its writer probably meant."""
+"""Explains a key that the schema does not know: suggests the key that its author probably meant."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Annotated, Any, Union, get_args, get_origin, get_type_hints
 
 Path = Sequence[str | int]
 
-# Endings that name a unit, longest first, so that `_m_s` is not read as `_s`. The schema's own and what people write.
+# Endings that name a unit, longest first, so that `_m_s` is not read as `_s`: the schema's own and common others.
 _UNITS = {
     "m_s2": "m/s2",
     "rad_s": "rad/s",
@@ -62,7 +62,7 @@ _UNITS = {
 
 
 def keys_at(schema: type, path: Path) -> list[str]:
-    """The keys that the dataclass at `path` of `schema` has; none if there is no dataclass."""
+    """Returns the keys of the dataclass at `path` of `schema`; none if there is no dataclass."""
     place: Any = schema
     for item in path:
         if not is_dataclass(place):
@@ -72,14 +72,14 @@ def keys_at(schema: type, path: Path) -> list[str]:
 
 
 def explain_unknown_key(schema: type, path: Path) -> str:
-    """One sentence about the unknown key at the end of `path`: another unit, a slip, the wrong block, or just unknown."""
+    """Explains the unknown key at the end of `path` in a sentence: another unit, a slip, the wrong block, or unknown."""
     key, known = str(path[-1]), keys_at(schema, path[:-1])
     stem, unit = _split_unit(key)
     for name in known:
         if _split_unit(name)[0] == stem:
-            want = _UNITS[_split_unit(name)[1]] if _split_unit(name)[1] else "no unit"
+            expected = _UNITS[_split_unit(name)[1]] if _split_unit(name)[1] else "no unit"
             given = f", not {_UNITS[unit]}" if unit else ""
-            return f"unknown key: did you mean {name}? (it is in {want}{given})"
+            return f"unknown key: did you mean {name}? (it is in {expected}{given})"
     elsewhere = [dotted for dotted in all_keys(schema) if dotted.rsplit(".", 1)[-1] == key]
     if elsewhere:
         return f"unknown key here: did you mean {' or '.join(elsewhere)}?"
@@ -90,7 +90,7 @@ def explain_unknown_key(schema: type, path: Path) -> str:
 
 
 def all_keys(schema: type, prefix: str = "") -> Iterator[str]:
-    """Every key of the schema, dotted, depth first."""
+    """Yields every key of the schema, dotted, depth first."""
     for name, hint in get_type_hints(schema, include_extras=True).items():
         yield prefix + name
         inner = _dataclass_in(hint)
@@ -99,7 +99,7 @@ def all_keys(schema: type, prefix: str = "") -> Iterator[str]:
 
 
 def _dataclass_in(hint: Any) -> Any:
-    """The dataclass that a field of this type holds, if it may hold one."""
+    """Returns the dataclass that a field of this type may hold, or None."""
     if get_origin(hint) is Annotated:
         return _dataclass_in(get_args(hint)[0])
     if get_origin(hint) in (Union, UnionType):

@@ -39,18 +39,18 @@ class ErrorCurve:
     rates: tuple[tuple[OpenFraction, ...], ...]
 
     def __post_init__(self) -> None:
-        sound.ErrorCurve(self.snrs_db, self.sizes, self.rates)  # ValueError for what is none
+        sound.ErrorCurve(self.snrs_db, self.sizes, self.rates)  # raises ValueError for an invalid curve
 
 
 @frozen
 class Sound:
-    """The modems and the water between them. Left out, a key is the nanomodem's own figure, or open sea."""
+    """The modems and the water between them. The defaults are the nanomodem's own figures and open sea."""
 
     sound_speed_m_s: Annotated[float, Ge(1000), Le(2000)] = 1500.0
     source_level_db: Annotated[float, Gt(0), Le(300)] = 168.0
     spreading_db: Annotated[float, Ge(0), Le(60)] = 20.0
     absorption_db_per_km: NotNegative | None = None
-    """None: by Thorp's formula at `frequency_khz`."""
+    """None: Thorp's formula at `frequency_khz`."""
     frequency_khz: Annotated[float, Gt(0), Le(1000)] = 28.0
     noise_db_per_hz: Annotated[float, Ge(-200), Le(200)] = 50.0
     bandwidth_hz: Positive = 8000.0
@@ -60,7 +60,7 @@ class Sound:
     capture_db: Annotated[float, Ge(0), Le(300)] = 6.0
     thruster_noise_db: NotNegative = 20.0
     thrusting_m_s: NotNegative = 0.1
-    """An aPad that moves faster has its thrusters running."""
+    """The thrusters of an aPad that moves faster are running."""
     range_limit_m: Positive = 5000.0
     turnaround_s: NotNegativeSeconds = 0.0
     keel_m: Positive = 0.5
@@ -72,7 +72,7 @@ class Sound:
 
 @frozen
 class Wifi:
-    """Radios near the waves: half of all packets get through where the path leaves `sensitivity_dbm`."""
+    """Radios near the waves: half of all packets arrive where the path leaves `sensitivity_dbm`."""
 
     frequency_mhz: Positive = 2440.0
     transmit_dbm: float = 20.0
@@ -99,7 +99,7 @@ class Current:
     """CSV or NetCDF; relative to the scenario file."""
     tides: tuple[Tide, ...] = ()
     profile: tuple[tuple[NotNegative, Fraction], ...] = ()
-    """(depth in m, what is left of the current there), by rising depth; linear between. Empty: all of it, everywhere."""
+    """(depth in m, fraction of the current there) by rising depth, linear between. Empty: the full current everywhere."""
 
     def __post_init__(self) -> None:
         depths = [depth for depth, _ in self.profile]
@@ -109,7 +109,7 @@ class Current:
 
 @frozen
 class Patch:
-    """Something that happens to the water: a patch that grows and wanders. Agent time."""
+    """A patch of changed water that grows and drifts, in agent time."""
 
     begins_s: NotNegativeSeconds
     growing_s: PositiveSeconds
@@ -118,9 +118,9 @@ class Patch:
     drift_m_s: tuple[Speed, Speed] = (0.0, 0.0)
     radius_m: Positive
     from_depth_m: NotNegative = 0.0
-    """Upwards from there is nothing of it."""
+    """The patch lies at this depth and below."""
     oxygen_mg_l: NotNegative | None = None
-    """In its middle; None: as before."""
+    """The value in the patch's middle; None: unchanged."""
     temperature_c: float | None = None
     turbidity_ntu: NotNegative | None = None
 
@@ -130,7 +130,7 @@ Depths = tuple[tuple[NotNegative, float], ...]
 
 @frozen
 class Fields:
-    """What the sensors are in: (depth in m, value) going down, linear between."""
+    """The quantities that the sensors measure: (depth in m, value) by rising depth, linear between."""
 
     oxygen_mg_l: Depths = ((0.0, 8.0),)
     temperature_c: Depths = ((0.0, 18.0),)
@@ -146,28 +146,29 @@ class Fields:
 
 @frozen
 class Talk:
-    """What the aPad says by sound of its own accord."""
+    """The acoustic packets that the aPad sends of its own accord."""
 
     waits: bool = True
-    """Its words keep out of the aMussels' timeslots."""
+    """The aPad's packets keep out of the aMussels' timeslots."""
     assigns: bool = False
-    """It learns by pings how long sound takes, and gives each aMussel its slot."""
+    """The aPad measures the propagation delay by pings and assigns each aMussel its timeslot."""
     beacon_period_s: NotNegativeSeconds = 0.0
-    """Agent time; 0: it never says what time it is."""
+    """Period of the time beacon, in agent time; 0 for no beacon."""
     ping_period_s: NotNegativeSeconds = 0.0
-    """Mission time: one aMussel after another is pinged so often, to know where it is; 0 for never."""
+    """Period, in mission time, at which the aPad pings one aMussel after another to locate it; 0 for never."""
     ping_worth_m: NotNegative = 0.0
-    """One that the aPad may have to look for farther than this is pinged out of turn; 0 for never. Needs twins."""
+    """The aPad pings an aMussel out of turn if it may have to search farther for it than this; 0 for never. Needs twins."""
     ask_worth_answers: NotNegative = 0.0
-    """One is asked how it is if a wrong plan is expected to cost it more than so many answers; 0 for never. Needs twins."""
+    """The aPad asks an aMussel for its status if a wrong plan is expected to cost the aMussel more than this number of
+    answers; 0 for never. Needs twins."""
 
 
 @frozen
 class Localisation:
-    """Places from the ranges that `talk.ping_period_s` brings."""
+    """Localisation of aMussels from the ranges that `talk.ping_period_s` brings."""
 
     deviation_m: Positive = 0.5
-    """Of a range: the modem's noise, and how well the aPad knows its own place."""
+    """Standard deviation of a range: the modem's noise and the error of the aPad's own place."""
     memory_s: PositiveSeconds = 3600.0
     apart_m: Positive = 5.0
     """Ranges taken nearer to each other than this count as one."""
@@ -176,7 +177,7 @@ class Localisation:
 
 @frozen
 class Water:
-    """Without `wifi` whatever is said by Wi-Fi is heard, except from under water."""
+    """The water of a run. Without `wifi` every Wi-Fi packet arrives, except from under water."""
 
     modems: ModemGeneration = ModemGeneration.V3
     sound: Sound = Sound()
@@ -186,4 +187,4 @@ class Water:
     current: Current | None = None
     fields: Fields = Fields()
     links_file: str | None = None
-    """CSV: from, to, loss and perhaps since_s, until_s; relative to the scenario file. Read again when it changes."""
+    """CSV: from, to, loss and optionally since_s, until_s; relative to the scenario file. Read again when it changes."""

@@ -1,7 +1,7 @@
-"""The whole firmware of a board: sleep, loads by module, two batteries, timeslots and emergencies. Agent time.
+"""The block `board.whole`: sleep, loads by module, two batteries, timeslots and emergencies, in agent time.
 
-What is measured of a power path is seldom all measured by oneself: a block may name a `profile`, which gives every key
-that the block does not (see `apad_bridge.scenario.profiles`).
+Few users measure a whole power path themselves, so a block may name a `profile`, which gives every key
+that the block leaves out (see `apad_bridge.scenario.profiles`).
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ ModuleName = Annotated[str, AfterValidator(_known_module)]
 
 @frozen
 class ModuleLoads:
-    """Milliwatts that a module draws while it is on; 0 for one that is not fitted."""
+    """Milliwatts that each module draws while it is on; 0 for a module that is not fitted."""
 
     mu_asleep: NotNegative
     mu_active: NotNegative
@@ -56,25 +56,25 @@ class ModuleLoads:
 
 @frozen
 class Metering:
-    """How the board reads its batteries: a load pulls the voltage down, a charger lifts it, readings have noise."""
+    """The board's readings of its batteries: a load pulls the voltage down, a charger lifts it, noise is added."""
 
     profile: Literal["table-one"] | None = None
     period_s: PositiveSeconds
     """The monitor samples at whole multiples of this."""
     settle_s: NotNegativeSeconds
-    """A level counts once every sample over so long was beyond it."""
+    """The board accepts a level once every sample over this time was beyond it."""
     internal_resistance_ohm: NotNegative
     idle_mw: NotNegative
-    """The load at which a voltage was called a charge: sag is counted from here."""
+    """The load at which a voltage was taken for a charge: the sag counts from here."""
     lift_mv: NotNegative
-    """While the charger gives."""
+    """The rise while the charger gives current."""
     noise_mv: NotNegative
-    """Readings are up to so much off."""
+    """The largest error of a reading."""
 
 
 @frozen
 class Ageing:
-    """What the batteries have behind them; both alike."""
+    """The past of the batteries, alike for both."""
 
     cycles: Annotated[int, Ge(0)]
     years: NotNegative
@@ -87,23 +87,23 @@ class Ageing:
 class BoardPower:
     profile: Literal["table-one"] | None = None
     capacity_wh: Positive
-    """Of each of the two batteries."""
+    """The capacity of each of the two batteries."""
     loads_mw: ModuleLoads
     charge_segments: ChargeSegments
-    """Of a battery charged through one coil, which is the secondary."""
+    """The charging of a battery through one coil, as the secondary has it."""
     two_coils: Annotated[float, Ge(1), Le(2)]
-    """How many times faster the primary charges, through its two coils."""
+    """Factor by which the primary charges faster, through its two coils."""
     path: Fraction
-    """How much of the load reaches the battery that feeds the board while that is charged."""
+    """The fraction of the load that reaches the feeding battery while that battery is charged."""
     motor_run_s: PositiveSeconds
     receive_ms: Annotated[int, Ge(0)]
-    """How long the modem draws its receiving load for a packet."""
+    """The time for which the modem draws its receiving load for a packet."""
     switch_back: Fraction
-    """The board returns to a charging primary battery that holds so much."""
+    """The board returns to the charging primary battery when it holds this charge."""
     kept_on: tuple[ModuleName, ...] = ()
     """Modules that nothing switches off."""
     low_level: Fraction = 0.0
-    """Of the primary battery: a sleeping board wakes and reports when it is down to this; 0 for no such level."""
+    """A sleeping board wakes and reports when its primary battery is down to this; 0 for no such level."""
     metering: Metering | None = None
     """None: the board knows the charges exactly."""
     ageing: Ageing | None = None
@@ -115,7 +115,7 @@ class Timeslots:
     frame_s: PositiveSeconds
     slot_s: PositiveSeconds
     guard_s: NotNegativeSeconds = 0.0
-    """A board speaks so long after its slot opens: clocks that are off by no more do not collide."""
+    """A board transmits this long after its timeslot opens: clocks that are off by no more cause no collisions."""
 
     def __post_init__(self) -> None:
         if not self.guard_s < self.slot_s <= self.frame_s:
@@ -129,13 +129,13 @@ class SleepCycle:
     """The clock wakes the board at whole multiples of this."""
     sample_s: PositiveSeconds
     processing_s: NotNegativeSeconds
-    """How long the Pi works on the samples."""
+    """The time for which the Pi works on the samples."""
     listen_s: NotNegativeSeconds
-    """Awake after it has come to rest on the bottom."""
+    """The time that the board stays awake after it has come to rest on the bottom."""
     report_s: PositiveSeconds
-    """Awake in a dock after it has reported, and after each acknowledgement of its log."""
+    """The time that it stays awake in a dock after a report and after each acknowledgement of its log."""
     slots: Timeslots | None
-    """Where its status goes out by sound; none: it goes back to sleep without."""
+    """The timeslots of the acoustic status; None: the board goes back to sleep without sending one."""
 
 
 class LastResortAction(StrEnum):
@@ -148,24 +148,25 @@ class LastResortAction(StrEnum):
 
 @frozen
 class LastResort:
-    """What the board does when its backup battery is down to the safe level."""
+    """The board's action when its backup battery is down to the safe level."""
 
     action: LastResortAction
     safe_level: Fraction
     call_period_s: PositiveSeconds
-    """Before the last resort is taken again."""
+    """The time before the board takes the last resort again."""
     stay_down_s: NotNegativeSeconds = 21_600.0
-    """One that was told to sink does not come up by itself for so long."""
+    """A board that was ordered to sink does not surface by itself for this long."""
 
 
 @frozen
 class Timekeeping:
-    """What the firmware expects of its clock, and what it does about it."""
+    """The drift that the firmware assumes of its clock, and its wait for a beacon."""
 
     bound_ppm: NotNegative
-    """The crystal drifts by no more."""
+    """The largest drift of the crystal."""
     beacon_wait_s: PositiveSeconds
-    """Where its clock may be off by more than the guard it listens for a beacon so long, and does not speak without."""
+    """A board whose clock may be off by more than the guard listens this long for a beacon, and does not transmit
+    without one."""
 
 
 @frozen
@@ -175,12 +176,12 @@ class WholeBoard:
     """None: never asleep."""
     last_resort: LastResort
     transmit_ms: Annotated[int, Gt(0)]
-    """How long the modem takes to send a status."""
+    """The time that the modem takes to send a status."""
     turnaround_ms: Annotated[int, Ge(0)] = 500
-    """From the end of a ping until the board answers it."""
+    """The time from the end of a ping to the board's answer."""
     hover_period_s: PositiveSeconds
-    """Between the motor runs that hold a depth."""
+    """The time between the motor runs that hold a depth."""
     timekeeping: Timekeeping | None = None
     """None: the firmware trusts its clock."""
     clock_drift_ppm: NotNegative = 0.0
-    """Each board's clock really drifts by up to so much, either way, by its own and the scenario's seed."""
+    """The largest real drift of a board's clock, either way; the board's and the scenario's seed decide it."""

@@ -1,6 +1,6 @@
-"""YAML text to plain data: a key stands once, and `no`, `1:30` and `012` are what they look like.
+"""Parses YAML text to plain data: duplicate keys are refused, and `no`, `1:30` and `012` mean what they look like.
 
-PyYAML follows YAML 1.1, where `no` is false, `1:30` is 90, `012` is ten and `1e-3` is a text. Scenarios are read by the
+PyYAML follows YAML 1.1, where `no` is false, `1:30` is 90, `012` is ten and `1e-3` is a text. This module reads by the
 core schema of YAML 1.2 instead: true, false, null, integers and floating-point numbers in decimal, and text.
 """
 
@@ -16,7 +16,7 @@ _NUMBER_STARTS = list("-+.0123456789")
 
 
 class _CoreLoader(yaml.SafeLoader):
-    """SafeLoader with the core schema's scalars only, no merge keys, and no key given twice."""
+    """SafeLoader with the core schema's scalars only, without merge keys and duplicate keys."""
 
     yaml_implicit_resolvers: dict[str, Any] = {}  # noqa: RUF012 (PyYAML's own name and form)
     yaml_constructors = {  # noqa: RUF012
@@ -52,14 +52,14 @@ _resolve("float", r"[-+]?\.(?:inf|Inf|INF)|\.(?:nan|NaN|NAN)", _NUMBER_STARTS)
 
 
 def parse_yaml(text: str) -> Any:
-    """The plain data of one YAML document. Raises ValueError of one line, `line 3, column 5: ...`, if it is none."""
+    """Returns the plain data of one YAML document. Raises a one-line ValueError, `line 3, column 5: ...`, if it is none."""
     try:
         return yaml.load(text, Loader=_CoreLoader)
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         where = f"line {mark.line + 1}, column {mark.column + 1}: " if mark else ""
-        what = " ".join(part for part in (error.context, error.problem) if part)
-        raise ValueError(f"{where}{what}") from error
+        problem = " ".join(part for part in (error.context, error.problem) if part)
+        raise ValueError(f"{where}{problem}") from error
     except yaml.YAMLError as error:
         raise ValueError(" ".join(str(error).split())) from error
     except RecursionError as error:

@@ -8,7 +8,7 @@ from typing import Any, Protocol
 from agents.mussel.outputs import Truth
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.vehicle.commands import BatteryReported, PoseReported
-from firmware_model.sampling.sample_record import SampleRecord
+from firmware_model.packets.sample_record import SampleRecord
 
 
 class Recorder(Protocol):

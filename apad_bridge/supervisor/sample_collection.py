@@ -11,7 +11,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 from firmware_model.packets import LogAck, LogRecords
-from firmware_model.sampling.sample_record import SampleRecord
+from firmware_model.packets.sample_record import SampleRecord
 
 _FURTHEST = 1_000_000
 """No log goes on so far behind what was last heard of it: such a packet is nothing that an aMussel said."""

@@ -7,8 +7,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import ClassVar
 
+from firmware_model.packets.sample_record import RECORD_BYTES, SampleRecord
 from firmware_model.packets.wire import Kind, sealed
-from firmware_model.sampling.sample_record import RECORD_BYTES, SampleRecord
 
 RECORDS_AT_ONCE = 18
 """In one packet, which so stays below 512 bytes: beyond that an agent's process takes memory of another kind."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol
 
-from firmware_model.sampling.sample_record import RECORD_BYTES
+from firmware_model.packets.sample_record import RECORD_BYTES
 
 PAGES = 16
 PAGE_BYTES = 4096

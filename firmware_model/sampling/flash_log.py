@@ -8,9 +8,9 @@ counts as gone already: so what a reset undoes has destroyed nothing that still 
 
 from __future__ import annotations
 
+from firmware_model.packets.sample_record import RECORD_BYTES, SampleRecord
 from firmware_model.sampling.flash import Flash, Ring
 from firmware_model.sampling.flash_recovery import recovered
-from firmware_model.sampling.sample_record import RECORD_BYTES, SampleRecord
 
 
 class FlashLog:

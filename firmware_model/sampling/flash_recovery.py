@@ -5,8 +5,8 @@ It is apart from the log itself because it runs once, before an agent's process 
 
 from __future__ import annotations
 
+from firmware_model.packets.sample_record import RECORD_BYTES, SampleRecord
 from firmware_model.sampling.flash import Flash, Ring
-from firmware_model.sampling.sample_record import RECORD_BYTES, SampleRecord
 
 
 def recovered(flash: Flash, ring: Ring, next_sequence: int) -> tuple[int, int]:

@@ -56,12 +56,15 @@ def fit(x: Floats, y: Floats, segments: int) -> Piecewise:
         )
     span = float(x[-1] - x[0])
     trial = _Trial((x - x[0]) / span, y)
-    inner: tuple[float, ...] = ()
+    grown: tuple[float, ...] = ()
     for _ in range(segments - 1):
-        inner = _exchange(trial, _with_one_more(trial, inner))
-    if len(inner) < segments - 1:
+        grown = _exchange(trial, _with_one_more(trial, grown))
+    if len(grown) < segments - 1:
         raise ValueError(f"the rows stand too close together in time for {segments} segments")
-    inner = _refine(trial, inner)
+    starts = [grown]
+    if (apart := _as_separate_lines(trial, segments)) is not None:
+        starts.append(_exchange(trial, apart))
+    inner = min((_refine(trial, start) for start in starts), key=trial.squares)
     knots = np.array([0.0, *inner, 1.0])
     _, values = trial.solve(knots)
     at = [float(x[0]), *(float(x[0]) + span * knot for knot in inner), float(x[-1])]
@@ -77,7 +80,7 @@ class _Trial:
         y = y - self._mean
         self._total = float(y @ y)
         zero = np.zeros(1)
-        self._sums = tuple(np.concatenate((zero, np.cumsum(it))) for it in (x, x * x, y, x * y))
+        self._sums = tuple(np.concatenate((zero, np.cumsum(it))) for it in (x, x * x, y, x * y, y * y))
 
     def solve(self, knots: Floats) -> tuple[float, Floats]:
         """(sum of squares, values at the knots); the sum is infinite where a segment holds too few rows."""
@@ -86,7 +89,7 @@ class _Trial:
         count = np.diff(cut).astype(float)
         if count.min() < MIN_ROWS:
             return np.inf, np.zeros(len(knots))
-        sx, sxx, sy, sxy = (np.diff(sums[cut]) for sums in self._sums)
+        sx, sxx, sy, sxy, _ = (np.diff(sums[cut]) for sums in self._sums)
         left, width = knots[:-1], np.diff(knots)
         w = (sx - left * count) / width
         ww = (sxx - 2 * left * sx + left * left * count) / width**2
@@ -107,6 +110,19 @@ class _Trial:
             return np.inf, right
         return max(0.0, self._total - float(values @ right)), values + self._mean
 
+    def line_squares(self, begin: float, end: float) -> float:
+        """The sum of squares of one line's fit to the rows from `begin` to `end`; infinite for too few rows."""
+        first, last = np.searchsorted(self.x, (begin, end))
+        if end >= 1:
+            last = len(self.x)
+        count = float(last - first)
+        if count < MIN_ROWS:
+            return np.inf
+        sx, sxx, sy, sxy, syy = (float(sums[last] - sums[first]) for sums in self._sums)
+        spread = sxx - sx * sx / count
+        slope = (sxy - sx * sy / count) / spread if spread > 0 else 0.0
+        return max(0.0, syy - sy * sy / count - slope * (sxy - sx * sy / count))
+
     def squares(self, inner: tuple[float, ...]) -> float:
         return self.solve(np.array([0.0, *inner, 1.0]))[0]
 
@@ -116,6 +132,29 @@ def _with_one_more(trial: _Trial, inner: tuple[float, ...]) -> tuple[float, ...]
     tried = [tuple(sorted((*inner, float(at)))) for at in _grid(trial)]
     best = min(tried, key=trial.squares, default=inner)
     return best if trial.squares(best) < np.inf else inner
+
+
+def _as_separate_lines(trial: _Trial, segments: int) -> tuple[float, ...] | None:
+    """The breakpoints on the grid of the best `segments` lines that need not meet; None where no grid place allows them.
+
+    Dynamic programming finds them exactly (R. Bellman and R. Roth, "Curve fitting by segmented straight lines", 1969). They
+    lie near the breakpoints of the continuous curve, wherever the search from few to many breakpoints ends in a hollow.
+    """
+    places = np.array([0.0, *(at for at in _grid(trial) if 0 < at < 1), 1.0])
+    squares = np.array([[trial.line_squares(a, b) if a < b else np.inf for b in places] for a in places])
+    best, came_from = squares[0], []
+    for _ in range(segments - 1):
+        total = best[:, None] + squares
+        came_from.append(total.argmin(axis=0))
+        best = total.min(axis=0)
+    if not np.isfinite(best[-1]):
+        return None
+    inner, at = [], len(places) - 1
+    for before in reversed(came_from):
+        at = int(before[at])
+        inner.append(float(places[at]))
+    found = tuple(reversed(inner))
+    return found if trial.squares(found) < np.inf else None
 
 
 def _exchange(trial: _Trial, inner: tuple[float, ...]) -> tuple[float, ...]:

@@ -1,4 +1,4 @@
-"""Fields of messages of whatever type, by their paths: `header.frame_id`, `msg[0]`."""
+"""Reads and writes fields of messages of any type by their paths: `header.frame_id`, `msg[0]`."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ _STEP = re.compile(r"([A-Za-z_]\w*)|\[(\d+)\]", re.ASCII)
 _PATH = re.compile(r"[A-Za-z_]\w*(?:\[\d+\]|\.[A-Za-z_]\w*)*", re.ASCII)
 
 
-def steps(path: str) -> tuple[str | int, ...]:
-    """ValueError for what is no path."""
+def path_steps(path: str) -> tuple[str | int, ...]:
+    """Splits a path into its steps. Raises ValueError for an invalid path."""
     if not _PATH.fullmatch(path):
         raise ValueError(f"{path!r} is no path to a field: names with dots between, and [n] for elements")
     return tuple(name or int(number) for name, number in _STEP.findall(path))
 
 
 def read(message: Any, path: str) -> Any:
-    """AttributeError, IndexError or TypeError where the message has no such field."""
+    """Raises AttributeError, IndexError or TypeError if the message has no such field."""
     value = message
-    for step in steps(path):
+    for step in path_steps(path):
         value = getattr(value, step) if isinstance(step, str) else value[step]
     return value
 
@@ -33,11 +33,11 @@ def has(message: Any, path: str) -> bool:
 
 
 def write(message: Any, path: str, value: Any) -> None:
-    """In the field's own kind: text, truth value, number, or bytes. AttributeError or TypeError if that cannot be."""
-    *way, last = steps(path)
+    """Writes in the field's own kind: text, boolean, number or bytes. Raises AttributeError or TypeError if it cannot."""
+    *parents, last = path_steps(path)
     if not isinstance(last, str):
         raise TypeError(f"{path!r}: elements of a list cannot be told, name the list")
-    for step in way:
+    for step in parents:
         message = getattr(message, step) if isinstance(step, str) else message[step]
     present = getattr(message, last)
     setattr(message, last, _as_kind(value, present))

@@ -1,4 +1,4 @@
-"""What a laboratory's own messages mean to this bench, freed of ROS. Stamps are mission milliseconds."""
+"""The bench's messages from and to a laboratory's own topics, free of ROS. Stamps are mission milliseconds."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ class What(StrEnum):
     DOCKED = "docked"
     """A dock closed around an aMussel."""
     RELEASED = "released"
-    """A dock let one go."""
+    """A dock released an aMussel."""
     PERMISSION = "permission"
     """The permission to surface."""
     CLEAR = "clear"
     """The release payload: it is clear to sink."""
     WIFI = "wifi"
-    """Whether an aMussel is on the Wi-Fi. Told only."""
+    """An aMussel joined or left the Wi-Fi. Published only."""
     PACKET = "packet"
-    """Bytes, of an aMussel or for it, in the layout of the scenario's codec."""
+    """Bytes from an aMussel or for it, in the layout of the scenario's codec."""
 
 
 @dataclass(frozen=True, slots=True)
 class DockSaid:
-    """A docked alert, or with `closed` false a release: of an aMussel, a slot, or both; None for what was not said."""
+    """A docked alert or, with `closed` false, a release: of an aMussel, a dock, or both; None for the one not named."""
 
     at_ms: int
     agent_id: int | None
@@ -35,7 +35,7 @@ class DockSaid:
 
 @dataclass(frozen=True, slots=True)
 class WordSaid:
-    """The permission to surface or the release payload for an aMussel; None for all of them."""
+    """The permission to surface or the release payload for an aMussel; the id is None for all aMussels."""
 
     what: What
     agent_id: int | None

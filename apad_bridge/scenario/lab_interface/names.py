@@ -1,12 +1,13 @@
-"""A laboratory's own names: which topics, types and fields say what, read from a YAML file and checked as a whole.
+"""Maps a laboratory's own topics, types and fields to messages of the bench, from a YAML file checked as a whole.
 
     hear:
       - {what: docked, topic: /base/docked, id: {field: data, pattern: 'amussel(\\d+)'}, slot: {field: arm, offset: -1}}
     tell:
       - {what: clear, topic: '/amussel{id}/release', type: std_msgs/Bool, fields: {data: true}}
 
-`{apad}` in a topic is the aPad's namespace, `{id}` an aMussel's id: the topic is then listened to for each, or told for the
-one that is meant. In the values of `fields`, `{id}`, `{slot}`, `{on}` and `{bytes}` stand for what is told.
+`{apad}` in a topic is the aPad's namespace, `{id}` an aMussel's id. The bench subscribes to such a topic for each aMussel,
+or publishes on the topic of the aMussel concerned. In the values of `fields`, `{id}`, `{slot}` (the dock's index), `{on}`
+and `{bytes}` stand for the published values.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from pydantic import BeforeValidator, ConfigDict, StringConstraints, TypeAdapter
 from pydantic.dataclasses import dataclass
 
 from agents.packet_medium import Medium
-from apad_bridge.scenario.lab_interface.fields import read, steps
+from apad_bridge.scenario.lab_interface.fields import path_steps, read
 from apad_bridge.scenario.lab_interface.messages import What
 
 frozen = dataclass(frozen=True, kw_only=True, config=ConfigDict(extra="forbid", allow_inf_nan=False))
@@ -33,19 +34,19 @@ DEFAULT = Path(__file__).with_name("default.yaml")
 
 @frozen
 class Number:
-    """A whole number out of a field: a number plus `offset`, or what the first group of `pattern` finds in a text."""
+    """Reads an integer from a field: the number itself or the match of `pattern`'s group in a text, plus `offset`."""
 
     field: str
     pattern: str | None = None
     offset: int = 0
 
     def __post_init__(self) -> None:
-        steps(self.field)
+        path_steps(self.field)
         if self.pattern is not None and re.compile(self.pattern).groups != 1:
             raise ValueError("pattern must have one group, which finds the number")
 
     def of(self, message: Any) -> int | None:
-        """None for a field that does not hold one. AttributeError and the like where there is no such field."""
+        """Returns None if the field holds no integer. Raises AttributeError and the like if there is no such field."""
         value = read(message, self.field)
         if self.pattern is not None:
             found = re.search(self.pattern, str(value))
@@ -56,19 +57,21 @@ class Number:
             return None
 
 
-NumberOf = Annotated[Number, BeforeValidator(lambda said: {"field": said} if isinstance(said, str) else said)]
-"""A field's name alone is short for a `Number` without more."""
+NumberOf = Annotated[
+    Number, BeforeValidator(lambda given: {"field": given} if isinstance(given, str) else given)
+]
+"""A `Number`, or a field's name alone as its short form."""
 
 
 @frozen
 class Condition:
-    """Only messages in which the field holds this are meant."""
+    """Selects the messages in which the field holds this value."""
 
     field: str
     holds: bool | int | str
 
     def __post_init__(self) -> None:
-        steps(self.field)
+        path_steps(self.field)
 
     def is_met(self, message: Any) -> bool:
         return bool(read(message, self.field) == self.holds)
@@ -79,11 +82,11 @@ class Subscription:
     what: What
     topic: Topic
     id: NumberOf | None = None
-    """Of the aMussel; None where the topic names it, or where nothing does."""
+    """The aMussel's id; None if the topic names the aMussel, or if nothing does."""
     slot: NumberOf | None = None
     when: Condition | None = None
     everyone: Condition | None = None
-    """Messages that are for all aMussels."""
+    """Selects messages that are for all aMussels."""
     bytes: str | None = None
     """The field with a packet's bytes."""
     medium: Medium = Medium.SOUND
@@ -94,9 +97,9 @@ class Subscription:
         if (self.what is What.PACKET) != (self.bytes is not None):
             raise ValueError("a packet needs bytes, the field that holds them; nothing else has any")
         if self.bytes is not None:
-            steps(self.bytes)
-        named = self.id is not None or "{id}" in self.topic or self.everyone is not None
-        if not named and self.what not in (What.DOCKED, What.RELEASED, What.PACKET):
+            path_steps(self.bytes)
+        has_addressee = self.id is not None or "{id}" in self.topic or self.everyone is not None
+        if not has_addressee and self.what not in (What.DOCKED, What.RELEASED, What.PACKET):
             raise ValueError("whom it is for must be said: an id, {id} in the topic, or everyone")
 
     def id_of(self, message: Any) -> int | None:
@@ -113,11 +116,11 @@ class Publication:
     type: TypeName
     fields: dict[str, bool | int | float | str] = field(default_factory=dict)
     medium: Medium = Medium.SOUND
-    """Of the packets that are told."""
+    """The medium of the published packets."""
 
     def __post_init__(self) -> None:
         for path in self.fields:
-            steps(path)
+            path_steps(path)
 
 
 @frozen
@@ -130,7 +133,7 @@ _NAMES = TypeAdapter(Names)
 
 
 def load_names(path: Path = DEFAULT) -> Names:
-    """ValueError with every mistake, a line each; OSError if there is no such file."""
+    """Loads a laboratory's names. Raises ValueError with every mistake, OSError if there is no such file."""
     try:
         data = yaml.safe_load(path.read_text(encoding="utf-8"))
         return _NAMES.validate_json(json.dumps(data if data is not None else {}))

@@ -26,8 +26,8 @@ from firmware_model.packets import (
     WifiStatus,
 )
 from firmware_model.packets.codec import MusselbedCodec
+from firmware_model.packets.sample_record import SampleRecord
 from firmware_model.sampling.flash import MemoryFlash
-from firmware_model.sampling.sample_record import SampleRecord
 from firmware_model.sampling.sensors import SENSORS, Quantity, values
 from firmware_model.states import State
 from firmware_model.stimuli import ResetCause

@@ -40,9 +40,9 @@ from firmware_model.packets import (
     Threshold,
 )
 from firmware_model.packets.codec import MusselbedCodec
+from firmware_model.packets.sample_record import RECORD_BYTES
 from firmware_model.power.charge import FULL, Flow, grains
 from firmware_model.sampling.flash import MemoryFlash
-from firmware_model.sampling.sample_record import RECORD_BYTES
 from firmware_model.states import State
 from firmware_model.stimuli import ResetCause
 from firmware_model.table_one import FIELD, METERING, board, power

@@ -11,8 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from agents.nursery.flash_file import FlashRegion
+from firmware_model.packets.sample_record import RECORD_BYTES, SampleRecord
 from firmware_model.sampling.flash_log import FlashLog
-from firmware_model.sampling.sample_record import RECORD_BYTES, SampleRecord
 
 A_PAGE = 3
 PAGES, PAGE_BYTES = 5, A_PAGE * RECORD_BYTES + 7

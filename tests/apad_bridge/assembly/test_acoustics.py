@@ -1,4 +1,4 @@
-"""What a question costs is derived from the board that answers it."""
+"""The cost of a status request follows from the board that answers it."""
 
 from __future__ import annotations
 
@@ -21,18 +21,18 @@ def test_an_answer_costs_what_a_board_spends_on_it(kept_on: int, turnaround_ms: 
     made = board(HOURLY, power(kept_on=kept_on))
     assert isinstance(made.whole, FullFirmware)
     made = replace(made, whole=replace(made.whole, turnaround_ms=turnaround_ms, answer_ms=answer_ms))
-    asked, other = (Bench(made) for _ in range(2))
-    for bench in (asked, other):
+    queried, other = (Bench(made) for _ in range(2))
+    for bench in (queried, other):
         bench.run(minutes=30)
-    asked.command(Kind.PING)
-    for bench in (asked, other):
+    queried.command(Kind.PING)
+    for bench in (queried, other):
         bench.run(minutes=1)
     assert made.whole is not None
-    assert answer_charge(made.whole) * FULL == pytest.approx(other.primary - asked.primary, rel=1e-12)
+    assert answer_charge(made.whole) * FULL == pytest.approx(other.primary - queried.primary, rel=1e-12)
 
 
 def test_a_needless_way_up_and_down_is_two_runs_of_the_motors() -> None:
-    """Table I's fit: 0.0268 a run."""
+    """Table I's fit gives 0.0268 a run."""
     whole = board(HOURLY, power()).whole
     assert whole is not None
     assert wrong_plan_charge(whole) == pytest.approx(2 * 0.0268, rel=1e-6)

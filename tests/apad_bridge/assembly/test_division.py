@@ -1,4 +1,4 @@
-"""A scenario with several aPads, taken apart and flown in virtual time, one by one."""
+"""A scenario with several aPads, divided and flown in virtual time, one by one."""
 
 from __future__ import annotations
 
@@ -28,12 +28,12 @@ def bay() -> Scenario:
 
 def test_five_aPads_serve_twenty_four_each(bay: Scenario) -> None:
     starts = starts_of(bay)
-    squad = members(bay, starts)
-    assert [member.name for member in squad] == ["apad1", "apad2", "apad3", "apad4", "apad5"]
-    assert [len(member.starts) for member in squad] == [24] * 5
-    assert {start for member in squad for start in member.starts} == set(starts)
-    for member in squad:
-        # Whoever has a member's scenario alone, as its supervisor does, knows the same aMussels at the same places.
+    fleet_members = members(bay, starts)
+    assert [member.name for member in fleet_members] == ["apad1", "apad2", "apad3", "apad4", "apad5"]
+    assert [len(member.starts) for member in fleet_members] == [24] * 5
+    assert {start for member in fleet_members for start in member.starts} == set(starts)
+    for member in fleet_members:
+        # A member's scenario alone, as its supervisor has it, gives the same aMussels at the same places.
         assert starts_of(member.scenario) == member.starts
         assert from_data(resolve(member.scenario), "again") == member.scenario
         assert member.scenario.apad.name == member.name and member.scenario.apads == ()
@@ -57,7 +57,7 @@ def small(bay: Scenario, **apad: Any) -> dict[str, Any]:
 
 
 @pytest.mark.parametrize(
-    ("change", "said"),
+    ("change", "message"),
     [
         ({"apads": [{"name": "apad1", "start_m": [0, 0]}]}, "names must differ"),
         ({"apads": [{"name": f"b{n}", "start_m": [0, 0]} for n in range(8)]}, "9 aPads have no work with 8"),
@@ -66,8 +66,8 @@ def small(bay: Scenario, **apad: Any) -> dict[str, Any]:
         ({"water": {"sound": {}}}, "sound crosses shares"),
     ],
 )
-def test_what_several_aPads_cannot_be(bay: Scenario, change: dict[str, Any], said: str) -> None:
-    with pytest.raises(ScenarioError, match=said):
+def test_what_several_aPads_cannot_be(bay: Scenario, change: dict[str, Any], message: str) -> None:
+    with pytest.raises(ScenarioError, match=message):
         from_data({**small(bay), **change}, "changed")
     with pytest.raises(ScenarioError, match=r"apad\.name: with `apads` it is a plain name"):
         from_data(small(bay, name="/apad1"), "changed")
@@ -94,7 +94,7 @@ def test_a_run_of_several_is_the_runs_of_each(
 
     alone = {name: fly_in_memory(load(run / name / "scenario.yaml"))[0] for name in each}
     for name, figures in alone.items():
-        figures.pop("samples_taken")  # a run says None where its boards take none
+        figures.pop("samples_taken")  # None in a run whose boards take no samples
         assert {key: each[name][key] for key in figures} == figures
     assert summary["services"] == sum(it["services"] for it in alone.values()) > 0
     assert summary["cost_m"] == pytest.approx(sum(it["cost_m"] for it in alone.values()))
@@ -104,12 +104,12 @@ def test_a_run_of_several_is_the_runs_of_each(
     assert summary["uptime_paper"]["min"] == min(it["uptime_paper"]["min"] for it in alone.values())
     assert summary["ended_by"] == "mission time"
 
-    # A page, or a supervisor, is of one aPad.
+    # A replay page and a supervisor belong to one aPad.
     for command in ("replay", "resume"):
         assert main([command, str(run)]) == 2
         assert f"one for each: {run}/apad1, {run}/apad5" in capsys.readouterr().err
 
-    # Another run can begin from where all of them ended.
+    # Another run can begin at the ends of all of them.
     data = small(bay)
     data["fleet"]["start"] = str(run)
     ended = {start.agent_id: start.primary for start in starts_of(from_data(data, "again"))}
@@ -137,7 +137,7 @@ def test_a_run_in_which_one_fails_counts_each_aMussel_once(
     assert truths["apad1"] | truths["apad5"] == set(range(1, 9)) and not truths["apad1"] & truths["apad5"]
     ends = (run / "ends.csv").read_text().splitlines()[1:]
     assert [line.split(",")[0] for line in ends] == list("12345678")
-    # Its page shows what the one aPad did, guests in its docks included.
+    # The page shows the one aPad's docks, also with aMussels that another aPad serves.
     assert main(["replay", str(run / "apad1")]) == 0
 
 
@@ -147,14 +147,14 @@ def test_a_dry_run_says_who_serves_whom(
     path = tmp_path / "small.yaml"
     path.write_text(yaml.safe_dump(small(bay)))
     assert main(["run", str(path), "--dry-run", "--json"]) == 0
-    said = json.loads(capsys.readouterr().out)
-    assert sorted(said["apad1"]["serves"] + said["apad5"]["serves"]) == list(range(1, 9))
+    output = json.loads(capsys.readouterr().out)
+    assert sorted(output["apad1"]["serves"] + output["apad5"]["serves"]) == list(range(1, 9))
     for name in ("apad1", "apad5"):
-        assert {step["agent"] for step in said[name]["plan"]["steps"]} <= set(said[name]["serves"])
+        assert {step["agent"] for step in output[name]["plan"]["steps"]} <= set(output[name]["serves"])
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("words", "message"),
     [
         (["fleet", "SCENARIO", "--time", "wall"], "`musselbed run` flies them"),
         (["mission", "SCENARIO", "--time", "wall"], "`musselbed run` flies them"),
@@ -163,11 +163,11 @@ def test_a_dry_run_says_who_serves_whom(
     ],
 )
 def test_what_is_for_one_aPad_says_so(
-    bay: Scenario, tmp_path: Path, words: list[str], said: str, capsys: pytest.CaptureFixture[str]
+    bay: Scenario, tmp_path: Path, words: list[str], message: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "SCENARIO").write_text(yaml.safe_dump(small(bay)))
     (tmp_path / "FILE").write_text("pass\n")
     paths = [str(tmp_path / word) if word.isupper() else word for word in words]
     assert main(paths) == 2
     complaint = capsys.readouterr().err
-    assert said in complaint and complaint.count("\n") == 1
+    assert message in complaint and complaint.count("\n") == 1

@@ -64,17 +64,17 @@ def test_a_twin_and_its_model_come_together(settings: dict[str, object]) -> None
         Beliefs(**settings)  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize("slot", [0, 7, 59])
-def test_a_sleeper_is_told_what_its_board_will_draw(slot: int) -> None:
-    """Against the firmware itself, minute by minute through a night."""
+@pytest.mark.parametrize("timeslot", [0, 7, 59])
+def test_a_sleeper_is_told_what_its_board_will_draw(timeslot: int) -> None:
+    """Compares with the firmware itself, minute by minute through a night."""
     board = WHOLE.board
     whole = full_firmware(board)
-    config = BoardConfig(1 + slot, charge_model(board), 50, 2000, 43_200_000, 120_000, whole, slot)
+    config = BoardConfig(1 + timeslot, charge_model(board), 50, 2000, 43_200_000, 120_000, whole, timeslot)
     bench = Bench(config)
     bench.run(hours=1)
     began, began_ms = bench.primary_fraction, bench.now_ms
     first_id = WHOLE.fleet.first_id
-    cycle = schedules_of(WHOLE, [first_id + slot])[first_id + slot].cycle
+    cycle = schedules_of(WHOLE, [first_id + timeslot])[first_id + timeslot].cycle
     assert cycle is not None
     for _ in range(6 * 60):
         bench.run(minutes=1)
@@ -82,7 +82,7 @@ def test_a_sleeper_is_told_what_its_board_will_draw(slot: int) -> None:
 
 
 def test_a_twin_is_told_what_a_metered_board_reads() -> None:
-    """Against the battery monitor's own sums; and by hand where there is a figure: 24 of 600 mV of a charger."""
+    """Compares with the battery monitor's own sums, and by hand with a known figure: 24 of 600 mV of a charger."""
     board = METERED.board
     offsets = knowledge_of(METERED, MODEL).sensor.offsets
     whole = full_firmware(board)
@@ -110,7 +110,7 @@ def test_a_twin_is_told_what_a_metered_board_reads() -> None:
 
 @pytest.mark.parametrize("scenario", ["WHOLE", "METERED"])
 def test_twins_of_whole_boards_cover_what_is_so(scenario: str) -> None:
-    """Until the first four were charged and let go again, with what a laboratory might state of its boards."""
+    """Flies until the first four were charged and released, with a laboratory's plausible figures of its boards."""
     flown = {"WHOLE": WHOLE, "METERED": METERED}[scenario]
     model = TwinModel(
         drain_deviation=0.05, sensor_noise=0.005, bias_deviation=0.02, unscheduled=0.01, fix_deviation_m=0.5
@@ -120,9 +120,9 @@ def test_twins_of_whole_boards_cover_what_is_so(scenario: str) -> None:
     rows: list[tuple[float, bool, bool]] = []
     water, newest, take = Water(flown), {}, recorder.truths
 
-    def truths(came: list[Truth]) -> None:
-        take(came)
-        newest.update((truth.agent_id, truth) for truth in came)
+    def truths(batch: list[Truth]) -> None:
+        take(batch)
+        newest.update((truth.agent_id, truth) for truth in batch)
 
     def tick(now_ms: int, beliefs: list[Belief], *_: object) -> None:
         for belief in beliefs if now_ms % 10_000 == 0 else ():
@@ -139,7 +139,7 @@ def test_twins_of_whole_boards_cover_what_is_so(scenario: str) -> None:
 
 
 def test_a_mission_flies_on_twins_through_silence() -> None:
-    """Seven minutes of which the last three are silent: the twins say when those in the docks are full."""
+    """Without packets in the last three of seven minutes, the twins predict when the docked aMussels are full."""
     flight, recorder = open_flight(replace(WITH_TWINS, duration_s=420.0))
     receive = flight.supervisor.receive
     flight.supervisor.receive = (  # type: ignore[method-assign]

@@ -16,7 +16,7 @@ from apad_bridge.beliefs.hold_last import HoldLast
 from apad_bridge.beliefs.measurement import ClockSet, Permitted
 from apad_bridge.beliefs.measurement_lines import measurement_of, measurement_row
 from apad_bridge.beliefs.modes import Mode
-from apad_bridge.records.checkpoint import Checkpoint, recall
+from apad_bridge.records.checkpoint import Checkpoint, restore
 from apad_bridge.scenario.believing import Beliefs, Estimator, TwinModel
 from apad_bridge.scenario.loader import load
 from firmware_model.packets import StatusPacket
@@ -172,6 +172,6 @@ def test_a_clock_that_was_set_is_in_the_notebook(made: Made, tmp_path: Path) -> 
         said(fleet, at_ms * MINUTE, ahead_ms)
         book.flush(at_ms * MINUTE)
     book.close()
-    assert recall(tmp_path / "checkpoint.jsonl", resumed).whole
+    assert restore(tmp_path / "checkpoint.jsonl", resumed).whole
     assert resumed.kept() == fleet.kept()
     assert said(resumed, 63 * MINUTE, -60 * MINUTE * THETA) is None

@@ -1,4 +1,4 @@
-"""Of an aPad whose services tell md5s that are not ours: what is used by us fails, what is beside it warns."""
+"""Checks of an aPad whose services have other md5s than ours: services that we use fail, others warn."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def test_what_is_beside_and_differs_is_a_warning_with_both_md5s(monkeypatch: pyt
     assert found["/boat"][0] is Status.OK
     status, line = found["/boat beside"]
     assert status is Status.WARN and f"commander/docking: md5 {'0' * 32}, ours " in line
-    # It has no simple go-to and no action, and nobody asks for them.
+    # The aPad has no simple go-to and no action, and the bench does not use them.
     assert "commander/go2point" not in line and "go2point/" not in line
 
 

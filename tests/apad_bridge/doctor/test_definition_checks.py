@@ -1,4 +1,4 @@
-"""Other people's definitions of our types: told apart by md5, never run."""
+"""Other people's definitions of our types: distinguished by md5, never run."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def test_a_workspace_that_agrees_is_no_trouble() -> None:
 
 @pytest.fixture
 def workspace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A user's, in a shell that knows no other; the installation's messages lie beside it."""
+    """Sets up a user's workspace in a shell without others; the installation's messages lie beside it."""
     generate(tmp_path / "ros")
     monkeypatch.setattr(diagnosis, "generated_folder", lambda: tmp_path / "ros")
     monkeypatch.delenv("PYTHONPATH", raising=False)

@@ -1,4 +1,4 @@
-"""Checks of a graph against masters that are made up: servers of XML-RPC that answer as told."""
+"""Checks of a graph against fake masters: XML-RPC servers with prepared answers."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from apad_bridge.doctor.network import Unreachable
 
 @contextmanager
 def answering(**answers: Any) -> Iterator[str]:
-    """A server on loopback whose methods return what they are given; its URI."""
+    """Starts a server on loopback whose methods return the given values, and returns its URI."""
     with SimpleXMLRPCServer(("127.0.0.1", 0), logRequests=False, allow_none=True) as server:
         for name, answer in answers.items():
             server.register_function(lambda *_, answer=answer: answer, name)
@@ -34,14 +34,14 @@ def answering(**answers: Any) -> Iterator[str]:
 
 @pytest.fixture
 def mute() -> Iterator[str]:
-    """Takes connections and says nothing, as a stopped process does."""
+    """Accepts connections and never answers, as a stopped process does."""
     with socket.create_server(("127.0.0.1", 0)) as server:
         yield f"http://127.0.0.1:{server.getsockname()[1]}/"
 
 
 @pytest.fixture
 def closed() -> Iterator[str]:
-    """Nobody listens there, and nobody else can take the port meanwhile."""
+    """Reserves a port on which nobody listens and which nobody else can take meanwhile."""
     with socket.socket() as bound:
         bound.bind(("127.0.0.1", 0))
         yield f"http://127.0.0.1:{bound.getsockname()[1]}/"

@@ -1,4 +1,4 @@
-"""Python, its packages, and packages of other people that are called as ours."""
+"""Python, its packages, and other people's packages with names of ours."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def test_an_environment_without_the_distribution() -> None:
 
 
 class Places:
-    """A clone, and another package called `agents` in a folder of its own."""
+    """Makes a clone, and another package called `agents` in a folder of its own."""
 
     def __init__(self, folder: Path) -> None:
         self.root, self.other, self.empty = folder / "clone", folder / "other", folder / "empty"

@@ -1,4 +1,4 @@
-"""Where an aPad's local (0, 0) lies, asked of a master that has nothing but parameters."""
+"""The place of an aPad's local (0, 0), from a master that has only parameters."""
 
 from __future__ import annotations
 

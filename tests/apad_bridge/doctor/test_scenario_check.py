@@ -1,4 +1,4 @@
-"""A scenario as the doctor sees it."""
+"""The doctor's check of a scenario."""
 
 from __future__ import annotations
 

@@ -20,14 +20,14 @@ DOCUMENT = Path(__file__).parents[3] / "docs" / "extending.md"
 
 
 def block(name: str) -> str:
-    """The fenced block of docs/extending.md that follows the line naming the file."""
+    """Returns the fenced block of docs/extending.md that follows the line naming the file."""
     found = re.search(rf"`{re.escape(name)}`:\n\n```\w*\n(.*?)```", DOCUMENT.read_text(), re.DOTALL)
     assert found, f"docs/extending.md shows no {name}"
     return found[1]
 
 
 def install(site: Path, distribution: str, entries: str, module: str, code: str) -> None:
-    """What pip leaves behind: a module, and a dist-info folder with its metadata and entry points."""
+    """Writes the files that pip installs: a module, and a dist-info folder with its metadata and entry points."""
     info = site / f"{distribution}-1.2.dist-info"
     info.mkdir(parents=True)
     (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {distribution}\nVersion: 1.2\n")

@@ -1,4 +1,4 @@
-"""Who serves whom: against every division there is, by laws, and on a picture that is easy to see."""
+"""Shares of the fleet: against all possible divisions, by laws, and on simple layouts."""
 
 from __future__ import annotations
 
@@ -46,25 +46,25 @@ def test_each_is_served_once_and_by_equal_shares(
     assert sorted(agent_id for share in found for agent_id in share) == sorted(places_m)
     assert all(list(share) == sorted(share) for share in found)
     assert max(map(len, found)) - min(map(len, found)) <= 1
-    # The order in which places are told says nothing.
+    # The order of the places does not matter.
     assert shares(starts_m, dict(reversed(places_m.items()))) == found
 
 
 @given(COSTS, st.data())
 def test_who_has_some_already_is_given_fewer(costs: list[list[int]], data: st.DataObject) -> None:
-    """Of all divisions that leave the numbers as even as can be, beside what each has, none costs less."""
+    """No division with sizes as even as possible, the fixed rows included, costs less."""
     owners = len(costs[0])
-    taken = data.draw(st.lists(st.integers(0, 3), min_size=owners, max_size=owners))
+    fixed_counts = data.draw(st.lists(st.integers(0, 3), min_size=owners, max_size=owners))
 
     def sizes(owner_of: list[int]) -> list[int]:
-        return sorted(has + owner_of.count(owner) for owner, has in enumerate(taken))
+        return sorted(has + owner_of.count(owner) for owner, has in enumerate(fixed_counts))
 
     def cost(owner_of: list[int]) -> int:
         return sum(row[owner] for row, owner in zip(costs, owner_of, strict=True))
 
     divisions = [list(it) for it in product(range(owners), repeat=len(costs))]
     evenest = min(sum(size**2 for size in sizes(it)) for it in divisions)
-    found = assigned(np.array(costs, dtype=np.int64), taken)
+    found = assigned(np.array(costs, dtype=np.int64), fixed_counts)
     assert sum(size**2 for size in sizes(found)) == evenest
     assert cost(found) == min(cost(it) for it in divisions if sum(n**2 for n in sizes(it)) == evenest)
 
@@ -78,10 +78,10 @@ def test_who_stays_stays(
     starts_m: list[tuple[float, float]], places_m: dict[int, tuple[float, float]], data: st.DataObject
 ) -> None:
     keepers = st.integers(0, len(starts_m) - 1)
-    stays = {it: data.draw(keepers) for it in places_m if data.draw(st.booleans())}
-    found = shares(starts_m, places_m, stays)
+    fixed_owner_of = {it: data.draw(keepers) for it in places_m if data.draw(st.booleans())}
+    found = shares(starts_m, places_m, fixed_owner_of)
     assert sorted(agent_id for share in found for agent_id in share) == sorted(places_m)
-    assert all(agent_id in found[keeper] for agent_id, keeper in stays.items())
+    assert all(agent_id in found[keeper] for agent_id, keeper in fixed_owner_of.items())
 
 
 HEAPS = {
@@ -96,13 +96,13 @@ def test_each_takes_the_heap_that_it_stands_beside() -> None:
 
 
 def test_from_one_harbour_they_part_all_the_same() -> None:
-    """At one start all shares are as good at first: it is the moving centres that find the heaps."""
+    """From one start all shares are equally good at first; the moving centres find the heaps."""
     found = shares([(0.0, 0.0), (0.0, 1.0), (0.0, 2.0)], HEAPS)
     assert sorted(found) == [(1, 4, 8), (2, 5, 7), (3, 6, 9)]
 
 
 def test_nearness_gives_way_to_equal_numbers() -> None:
-    """Five lie about the first aPad and one about the second: the farthest out of the five goes over."""
+    """Five lie about the first aPad and one about the second, so the farthest two of the five change over."""
     places_m = {1: (0.0, 0.0), 2: (0.0, 1.0), 3: (0.0, 2.0), 4: (0.0, 3.0), 5: (0.0, 4.0), 6: (0.0, 100.0)}
     assert shares([(0.0, 2.0), (0.0, 100.0)], places_m) == ((1, 2, 3), (4, 5, 6))
 

@@ -44,10 +44,10 @@ def test_a_row_that_is_no_step_is_refused(row: list[str | int]) -> None:
     [
         ([Step(COLLECT, 9, 0)], POOL, COLLECT, "step 1 .*no candidate"),
         ([Step(COLLECT, 1, 0), Step(COLLECT, 1, 2)], POOL, COLLECT, "step 2 .*planned for already"),
-        ([Step(COLLECT, 1, 1)], POOL, COLLECT, "slot is not free"),
-        ([Step(COLLECT, 1, 2), Step(COLLECT, 2, 2)], POOL, COLLECT, "step 2 .*slot is not free"),
+        ([Step(COLLECT, 1, 1)], POOL, COLLECT, "dock is not free"),
+        ([Step(COLLECT, 1, 2), Step(COLLECT, 2, 2)], POOL, COLLECT, "step 2 .*dock is not free"),
         ([Step(DEPLOY, 1, 0)], POOL, COLLECT, "a collect plan cannot hold it"),
-        ([Step(DEPLOY, 1, 0)], DOCKED, DEPLOY, "slot 3 holds this aMussel"),
+        ([Step(DEPLOY, 1, 0)], DOCKED, DEPLOY, "dock 3 holds this aMussel"),
         ([Step(COLLECT, 1, 3)], DOCKED, DEPLOY, "a deploy plan cannot hold it"),
     ],
 )

@@ -1,4 +1,4 @@
-"""Whom each built-in strategy chooses, in which order, and with which slots."""
+"""The built-in strategies: the agents that each one chooses, in which order, and with which docks."""
 
 from __future__ import annotations
 

@@ -59,7 +59,7 @@ def test_a_sample_comes_back_with_both_clocks(tmp_path):
     assert (belief.id, belief.state, belief.charge, belief.secondary, belief.age_s) == (7, 2, 0.5, 0.75, 4.5)
     assert (apad.north, apad.east, apad.heading) == (10.0, 11.0, pi)
     assert (apad.voltage, apad.battery_fraction, apad.primitive) == (15.5, 0.875, "dock")
-    assert apad.slots.tolist() == [7, -1, -1, 9]
+    assert apad.docks.tolist() == [7, -1, -1, 9]
     assert (event.kind, event.data) == ("dock", '{"dock":0}')
 
 

@@ -1,4 +1,4 @@
-"""The table of names: current in the docs, the legacy stack's where there is no namespace, and the only place of names."""
+"""The table of names: current in the docs, equal to the legacy stack's without a namespace, and the only place of names."""
 
 from __future__ import annotations
 
@@ -101,11 +101,11 @@ NAMED = re.compile(
 
 
 def literals(path: Path) -> Iterator[tuple[int, str]]:
-    """Every text in a module that is no docstring; the parts of an f-string each by itself."""
+    """Yields every text in a module that is not a docstring, and each part of an f-string by itself."""
     tree = ast.parse(path.read_text())
-    said = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
+    docstring_ids = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
     for node in ast.walk(tree):
-        if isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in said:
+        if isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in docstring_ids:
             yield node.lineno, node.value
 
 

@@ -15,7 +15,7 @@ from apad_bridge.records.journal import JournalContents, read_journal
 from apad_bridge.records.recorder import Recorder
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.records.summary import Ending
-from apad_bridge.runs.resuming import gap_ms, go_on, resume
+from apad_bridge.runs.resuming import gap_ms, resume, resume_point
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.run_options import APadKind, OnDeath, Part, RunOptions, TimeSource
 from apad_bridge.supervisor.context import LearnedState
@@ -45,7 +45,7 @@ SNAPSHOT = {"t": 41_000, "kind": "mission", "snapshot": STATE.to_json()}
 
 
 def test_it_goes_on_from_the_newest_snapshot_and_the_docks_changed_since() -> None:
-    found = go_on(
+    found = resume_point(
         journal(
             {"t": 1000, "kind": "apad", "battery": 0.9},
             {"t": 1000, "kind": "mission", "snapshot": MissionState().to_json()},
@@ -64,7 +64,7 @@ def test_it_goes_on_from_the_newest_snapshot_and_the_docks_changed_since() -> No
 
 def test_a_run_that_has_ended_is_not_gone_on_with() -> None:
     with pytest.raises(PeerFailed, match="has ended"):
-        go_on(journal(SNAPSHOT, {"t": 50_000, "kind": "end"}), 2, 0)
+        resume_point(journal(SNAPSHOT, {"t": 50_000, "kind": "end"}), 2, 0)
 
 
 def test_with_a_real_vehicle_the_time_without_a_supervisor_is_granted(tmp_path: Path) -> None:
@@ -72,7 +72,7 @@ def test_with_a_real_vehicle_the_time_without_a_supervisor_is_granted(tmp_path: 
     path.write_text("")
     os.utime(path, (1000.0, 1000.0))
     assert gap_ms(OPTIONS, path, 1090.4) == 90_400
-    assert go_on(journal(SNAPSHOT), 2, 90_400).now_ms == 131_000
+    assert resume_point(journal(SNAPSHOT), 2, 90_400).now_ms == 131_000
     assert gap_ms(OPTIONS.on_own_master("http://h:2"), path, 1090.4) == 0
 
 
@@ -133,7 +133,7 @@ def test_what_is_restored_and_what_is_lost_is_told_and_journaled(tmp_path: Path)
 
 
 @pytest.mark.parametrize(
-    ("notebook", "why"),
+    ("checkpoint", "why"),
     [(None, "checkpoint.jsonl: No such file"), (b'{"format":0}\n', "checkpoint.jsonl is of another version")],
 )
 def test_without_a_notebook_it_goes_on_and_says_that_it_believes_nothing(

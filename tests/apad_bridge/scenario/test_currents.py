@@ -86,8 +86,8 @@ def tidal(**current: Any) -> Scenario:
 
 
 def test_a_body_drifts_by_its_depth_and_state() -> None:
-    """On the bottom nothing moves it; rising 3 m in a minute through 0.3 m/s that is whole at the surface and a third at
-    the bottom, it goes (0.3 + 0.1) / 2 x 60 = 12 m, in steps of a second of mission time, theta being 1 here."""
+    """On the bottom nothing moves the aMussel. It rises 3 m in a minute through 0.3 m/s, whole at the surface and a third
+    at the bottom: it drifts (0.3 + 0.1) / 2 x 60 = 12 m, in steps of a second of mission time, because theta is 1."""
     tide = {"period_h": 4e3, "north_m_s": 0.3, "east_m_s": 0.0, "north_phase_deg": 90}
     scenario = tidal(tides=[tide], profile=[[0, 1], [3, 1 / 3]])
     data = resolve(scenario)

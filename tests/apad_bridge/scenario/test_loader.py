@@ -1,4 +1,4 @@
-"""Scenario files: what is refused and how it is said, and overrides from the command line."""
+"""Scenario files: refused files with their messages, and overrides from the command line."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Refusals = Callable[..., list[str]]
 
 @pytest.fixture
 def refusals(tmp_path: Path) -> Refusals:
-    """The messages that pool-12 gets with some texts replaced by others, each without the file's name in front."""
+    """Returns the messages for pool-12 with some texts replaced, each without the file's name in front."""
     (tmp_path / "pool-12.csv").write_text((SCENARIOS / "pool-12.csv").read_text())
     path = tmp_path / "changed.yaml"
 

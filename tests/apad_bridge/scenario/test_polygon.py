@@ -1,4 +1,4 @@
-"""Polygons whose answers are plain to see."""
+"""Polygons with obvious answers."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from apad_bridge.scenario.polygon import Point, area_m2, bounding_box, contains, is_simple
 
 SQUARE = ((0.0, 0.0), (4.0, 0.0), (4.0, 4.0), (0.0, 4.0))
-# A U, open to the north: 4 x 4 with a slot of 2 x 2 in the middle of its northern side.
+# A U, open to the north: 4 x 4 with a gap of 2 x 2 in the middle of its northern side.
 U = ((0.0, 0.0), (4.0, 0.0), (4.0, 1.0), (2.0, 1.0), (2.0, 3.0), (4.0, 3.0), (4.0, 4.0), (0.0, 4.0))
 
 

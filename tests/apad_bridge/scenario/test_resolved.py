@@ -1,4 +1,4 @@
-"""The resolved scenario, written back as YAML: the same scenario again, also from a directory that was moved."""
+"""The resolved scenario, written back as YAML, loads as the same scenario, also from a directory that was moved."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The shipped starts: the pool's reproduce the paper's "No charging" row; the bay's are what they say."""
+"""The shipped starts: the pool's reproduce the paper's "No charging" row; the bay's match their description."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ SCENARIOS = Path(__file__).parents[3] / "launch_scripts" / "scenarios"
 
 
 def active_seconds(charge: float, theta: int, steps: int) -> int:
-    """Equations (1) and (3), step by step: 1 s is 1/60 min, a step is active if anything is left after it."""
+    """Computes equations (1) and (3) step by step: 1 s is 1/60 min, a step is active if charge is left after it."""
     active = 0
     for _ in range(steps):
         charge = max(0.0, charge - 0.0010427134 * theta * (1 / 60))

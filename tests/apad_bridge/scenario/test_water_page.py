@@ -1,4 +1,4 @@
-"""The pieces of scenarios and files that the page on the water shows are what they say they are."""
+"""The pieces of scenarios and files on the page about the water match their descriptions."""
 
 from __future__ import annotations
 

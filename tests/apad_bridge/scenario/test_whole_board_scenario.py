@@ -1,4 +1,4 @@
-"""Scenarios that choose the whole firmware: what they become, what a profile fills in, and what is refused."""
+"""Scenarios with the whole firmware: their conversion, the keys that a profile fills in, and refused values."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ CYCLE_LINE = "cycle: field"
 
 
 def changed(*changes: tuple[str, str]) -> Scenario:
-    """The shipped scenario with each text replaced by another."""
+    """Loads the shipped scenario with some texts replaced."""
     text = TEXT
     for old, new in changes:
         assert text.count(old) == 1, old

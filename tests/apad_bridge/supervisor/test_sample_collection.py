@@ -15,8 +15,8 @@ from agents.water.fields import Constant, Fields
 from apad_bridge.records.sample_file import SampleFile, sample_line
 from apad_bridge.supervisor.sample_collection import SampleCollection, Taken
 from firmware_model.packets import LogAck, LogRecords, decode
+from firmware_model.packets.sample_record import RECORD_BYTES, SampleRecord
 from firmware_model.sampling.flash import MemoryFlash
-from firmware_model.sampling.sample_record import RECORD_BYTES, SampleRecord
 
 WATER = Fields(Constant(8.0), Constant(18.0), Constant(5.0))
 AGENT = 7

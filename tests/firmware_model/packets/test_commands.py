@@ -21,7 +21,7 @@ from firmware_model.packets import (
     Threshold,
 )
 from firmware_model.packets.codec import MusselbedCodec
-from firmware_model.packets.commands import TRIGGERS, understood
+from firmware_model.packets.commands import TRIGGERS, parse_command
 from firmware_model.power.feed import ActiveBattery
 from firmware_model.states import State, Trigger
 from firmware_model.table_one import FIELD, HOURLY, WORST_CASE, board, power
@@ -206,10 +206,10 @@ COMMANDS: list[Command] = [
 @pytest.mark.parametrize("command", COMMANDS, ids=lambda it: it.kind.name)
 def test_the_worst_case_knows_permission_release_ping_and_sink(command: Command) -> None:
     known = command.kind in (Kind.PERMISSION, Kind.RELEASE, Kind.PING, Kind.SINK)
-    found = understood(command.encode(), MusselbedCodec(), WORST)
+    found = parse_command(command.encode(), MusselbedCodec(), WORST)
     assert found == (command if known else f"the worst case knows no {command.kind.name}")
     whole = board(HOURLY, power())
-    assert understood(command.encode(), MusselbedCodec(), whole) == command
+    assert parse_command(command.encode(), MusselbedCodec(), whole) == command
 
 
 def test_every_plain_command_but_those_of_the_log_is_a_trigger() -> None:

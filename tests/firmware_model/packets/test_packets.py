@@ -29,8 +29,8 @@ from firmware_model.packets import (
     WifiStatus,
     decode,
 )
+from firmware_model.packets.sample_record import RECORD_BYTES, SampleRecord
 from firmware_model.power.feed import ActiveBattery
-from firmware_model.sampling.sample_record import RECORD_BYTES, SampleRecord
 from firmware_model.states import State
 from firmware_model.stimuli import ResetCause
 

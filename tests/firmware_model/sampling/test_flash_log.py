@@ -7,9 +7,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
+from firmware_model.packets.sample_record import RECORD_BYTES, SampleRecord
 from firmware_model.sampling.flash import PAGE_BYTES, PAGES, MemoryFlash, Ring
 from firmware_model.sampling.flash_log import FlashLog
-from firmware_model.sampling.sample_record import RECORD_BYTES, SampleRecord
 
 PAGES_HERE, A_PAGE = 4, 3
 SMALL = (PAGES_HERE, A_PAGE * RECORD_BYTES + 5)

@@ -4,7 +4,7 @@ from itertools import combinations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from apad_bridge.analysis.battery_fit.piecewise import MIN_ROWS, Floats, fit
@@ -44,6 +44,7 @@ def test_a_curve_without_noise_is_found(curve: tuple[list[float], list[float]]) 
 
 @settings(deadline=None, max_examples=30)
 @given(curves(), st.integers(0, 2**32 - 1), st.floats(0.01, 3))
+@example(([0.0, 22.568, 47.471, 70.039, 83.658, 100.0], [1.0, 0.0, -1.0, 0.0, 1.0]), 5, 2.0)
 def test_no_curve_of_as_many_pieces_fits_better_than_the_fit(
     curve: tuple[list[float], list[float]], seed: int, noise: float
 ) -> None:

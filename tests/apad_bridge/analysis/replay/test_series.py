@@ -48,7 +48,7 @@ def apad(t, north_m, docks=(-1, -1, -1, -1), battery=0.9):
 
 def run_line(*ids):
     agents = [{"id": n, "north_m": 1.0, "east_m": 2.0, "primary": 1.0, "secondary": 1.0} for n in ids]
-    return {"t": 0, "kind": "run", "format": 1, "agents": agents}
+    return {"t": 0, "kind": "run", "format": 2, "agents": agents}
 
 
 def data_of(*lines, summary=None, dropped=0):
@@ -155,7 +155,7 @@ def test_words_and_cost_follow_the_mission():
         "",
         "go to point 1.0 m north, 2.0 m east",
         "",
-        "dock aMussel 4, slot 1",
+        "dock aMussel 4, dock 1",
     ]
     assert stages[0]["plan"] is None
     assert stages[1]["plan"] == {

@@ -231,7 +231,7 @@ def test_a_fault_shows_below_the_services_as_it_does_on_the_topics(fault: Fault,
 def test_requests_are_met_by_their_fields() -> None:
     point = SimpleNamespace(x=3.0, y=-4.0)
     assert messages.simple_go_to(SimpleNamespace(point=point, speed=0.4)) == GoToOrder(3.0, -4.0, 0.4, 1.5)
-    simple = messages.simple_docking(SimpleNamespace(action=False, dock_index=2))
+    simple = messages.simple_docking(SimpleNamespace(action=False, slot=2))
     assert (simple.docks, simple.dock_index) == (False, 2) and simple.search_yaw_rate_rad_s > 0
     goal = SimpleNamespace(T2=SimpleNamespace(point=point), speed=0.4, victory_radius=0.7)
     assert messages.goal(goal) == GoToOrder(3.0, -4.0, 0.4, 0.7)
