@@ -1,16 +1,17 @@
-"""What a supervisor flies with over ROS: the gateway's node, the aPad's link, and what lets time pass."""
+"""Opens the parts of a flight over ROS: the gateway's node, the aPad's link, the packet relay and the pace."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
+from typing import Any
 
 import rospy
 
 from apad_bridge.assembly import parts
 from apad_bridge.mission.allocation import Allocation
-from apad_bridge.ros.gateway.agent_topics import Shown
+from apad_bridge.ros.gateway.agent_topics import AgentReport
 from apad_bridge.ros.gateway.battery_alerts import BatteryAlerts
 from apad_bridge.ros.gateway.claims import ClaimBoard
 from apad_bridge.ros.gateway.fleet_diagnostics import Limits
@@ -20,12 +21,11 @@ from apad_bridge.ros.gateway.gateway import Gateway, GatewayFailed, TruthSource,
 from apad_bridge.ros.gateway.standard_messages import ball_size_m
 from apad_bridge.ros.gateway.standard_topics import StandardTopics
 from apad_bridge.ros.links.contacts_link import ContactsLink
-from apad_bridge.ros.links.generation_b import GenerationBLink
-from apad_bridge.ros.links.laboratory import Laboratory
-from apad_bridge.ros.links.packet_router import FleetRelay, MissionRelay, RealAgentRelay
-from apad_bridge.ros.links.several_router import SeveralRelay
-from apad_bridge.ros.links.vehicles import READY_S, APadLink, TruthsAt, is_of_generation_b, open_apad
-from apad_bridge.ros.system.master_watch import MasterWatch, Noticed
+from apad_bridge.ros.links.laboratory import DockAlertReceiver, Laboratory
+from apad_bridge.ros.links.legacy_link import LegacyLink
+from apad_bridge.ros.links.packet_relay import FleetRelay, MissionRelay, RealAgentRelay, SeveralRelay
+from apad_bridge.ros.links.vehicles import READY_S, TruthsAt, open_apad, publishes_contacts
+from apad_bridge.ros.system.master_watch import GraphEvent, MasterWatch
 from apad_bridge.ros.system.ros_pace import FollowedClock, OwnMasterClock
 from apad_bridge.ros_names.namespaces import beside_others, is_one_of_several
 from apad_bridge.scenario.lab_interface.names import DEFAULT, load_names
@@ -41,6 +41,7 @@ from apad_bridge.vehicle.listening_link import ListeningLink
 from apad_bridge.vehicle.telemetry import SilenceWatch
 from firmware_model.packets.codec import load_codec
 
+APadLink = LegacyLink[Any]
 _NODES = {Part.WHOLE: "musselbed", Part.FLEET: "musselbed_fleet", Part.MISSION: "musselbed_mission"}
 
 
@@ -57,33 +58,33 @@ def open_flight_context(
     tell: Callable[[str], None],
     allocation: Allocation | None = None,
 ) -> Iterator[FlightContext]:
-    """Everything on the graph while it is entered; PeerFailed, in one line, when something does not come up.
+    """Keeps everything on the graph while it is entered. PeerFailed, in one line, when a part does not come up.
 
-    `docked` are agents by slot that a former supervisor knew to be held, `held` those whose bodies feel a dock; `now_ms` is
-    the mission time to go on from. `truths_at` is the recorder's, for a scenario that wants the truth on the aMussels' own
-    topics. `tell` is for a person: where the graph contradicts what the journal says of `presences`. `allocation` is
-    that of one of several aPads that take over from each other.
+    `docked` maps the index of a dock to the aMussel that a former supervisor knew it to hold; `held` are the aMussels whose
+    bodies feel a dock; `now_ms` is the mission time to go on from. `truths_at` is the recorder's, for a scenario that
+    publishes the truth on the aMussels' own topics. `tell` prints a line for a person where the graph contradicts the
+    journal's `presences`. `allocation` belongs to one of several aPads that take over from each other.
     """
-    # A mission alone shows nothing as its aMussels': they, or their fleet, do so themselves.
+    # A mission alone publishes none of its aMussels' topics: they, or their fleet, do so themselves.
     shown = () if options.part is Part.MISSION else parts.agent_ids(scenario)
     with ExitStack() as stack:
         try:
             gateway = _gateway(scenario, options, shown, presences, truths_at)
             stack.callback(gateway.close)
-            roster = None if fleet is None else _called_roll(stack, presences, options, tell)
+            roster = None if fleet is None else _roster(stack, presences, options, tell)
             laboratory = _laboratory(scenario)
             stack.callback(laboratory.close)
             beside = _beside_the_gateway(scenario, options, shown, presences)
             vehicle, watches = _vehicle(scenario, options, docked, now_ms, truths_at)
             stack.callback(vehicle.close)
-            radio = _radio(options, scenario, vehicle, presences, allocation)
-            stack.callback(radio.close)
+            relay = _relay(options, scenario, vehicle, presences, allocation)
+            stack.callback(relay.close)
             if not isinstance(vehicle, ContactsLink):
                 vehicle.wait_until_ready(READY_S)
         except (SecondFleet, GatewayFailed, VehicleNotReady) as error:
             raise PeerFailed(str(error)) from error
-        hears = vehicle if isinstance(vehicle, GenerationBLink) else None
-        link = laboratory.beside(vehicle, hears)
+        docks = vehicle if isinstance(vehicle, DockAlertReceiver) else None
+        link = laboratory.wrap_link(vehicle, docks)
         yield FlightContext(
             ListeningLink(link) if options.part is Part.FLEET else link,
             _pace(options, vehicle, now_ms, in_fine_steps=bool(watches)),
@@ -92,17 +93,17 @@ def open_flight_context(
                 gateway.watcher(supervisor),
                 *(it.watcher(supervisor) for it in beside),
                 *watches,
-                *_kept_to(allocation, vehicle),
+                *_allocation_watcher(allocation, vehicle),
             ),
             gateway.event,
-            laboratory.around(radio, link, is_mission=options.part is Part.MISSION),
+            laboratory.wrap_relay(relay, link, is_mission=options.part is Part.MISSION),
             held,
-            hears is not None,
-            lambda: vehicle.dropped + laboratory.dropped + radio.dropped,
-            _watched(stack, options, scenario, vehicle),
+            docks is not None,
+            lambda: vehicle.dropped + laboratory.dropped + relay.dropped,
+            _graph_events(stack, options, scenario, vehicle),
             roster=roster,
             keeps_samples=options.part is not Part.FLEET,
-            tell_served_elsewhere=radio.tell_served_elsewhere if isinstance(radio, SeveralRelay) else None,
+            tell_served_elsewhere=relay.tell_served_elsewhere if isinstance(relay, SeveralRelay) else None,
             allocation=allocation,
         )
 
@@ -119,7 +120,7 @@ def _gateway(
         remappings=_remappings(scenario, options),
         simulated=lambda: presences.simulated,
         truth=_shown_truth(truths_at) if scenario.records.truth_on_agent_topics else None,
-        comes_back=options.is_resumed,
+        is_resumed=options.is_resumed,
         frame=LocalFrame.about(scenario.area.origin),
     )
 
@@ -141,21 +142,21 @@ def _laboratory(scenario: Scenario) -> Laboratory:
 
 
 def _remappings(scenario: Scenario, options: RunOptions) -> list[str]:
-    """The user's come last: ROS takes the later one of two for the same name."""
+    """The user's come last: of two for the same name ROS takes the later one."""
     return [*(beside_others(scenario.apad.name) if is_one_of_several(scenario) else ()), *options.remappings]
 
 
 def _vehicle(
     scenario: Scenario, options: RunOptions, docked: Mapping[int, int], now_ms: int, truths_at: TruthsAt
 ) -> tuple[APadLink | ContactsLink, tuple[Watcher, ...]]:
-    """The link to the aPad, or a fleet's ears for somebody else's; and what has to look at each tick because of it."""
-    if options.part is Part.FLEET and not is_of_generation_b(scenario):
+    """The link to the aPad, or to somebody else's dock contacts for a fleet alone; and the watchers that it needs."""
+    if options.part is Part.FLEET and publishes_contacts(scenario):
         return ContactsLink(scenario.apad.name, parts.agent_ids(scenario), docked, now_ms), ()
     opened = open_apad(scenario, options, docked, now_ms, truths_at)
     return opened.link, () if opened.watch is None else (opened.watch,)
 
 
-def _called_roll(
+def _roster(
     stack: ExitStack,
     presences: Presences,
     options: RunOptions,
@@ -163,23 +164,23 @@ def _called_roll(
 ) -> Roster:
     claims = ClaimBoard(rospy.get_name(), lambda: presences.simulated)
     if options.is_resumed:
-        for line in claims.come_back(presences):
+        for line in claims.resume(presences):
             tell(line)
     else:
         claims.refuse_overlap(presences.simulated)
-    desk = FleetServices(presences, claims)
-    stack.callback(desk.close)
-    return Roster(presences, desk)
+    services = FleetServices(presences, claims)
+    stack.callback(services.close)
+    return Roster(presences, services)
 
 
-def _radio(
+def _relay(
     options: RunOptions,
     scenario: Scenario,
     vehicle: APadLink | ContactsLink,
     presences: Presences,
     allocation: Allocation | None,
 ) -> FleetRelay | MissionRelay | RealAgentRelay | SeveralRelay:
-    """What joins this process to aMussels, or to a mission, that are elsewhere."""
+    """Joins this process to aMussels, or to a mission, that are elsewhere."""
     ids, codec = parts.agent_ids(scenario), load_codec(scenario.hearing.codec)
     if allocation is not None:
         return SeveralRelay(scenario.fleet.all_ids, allocation, lambda: presences.simulated)
@@ -190,17 +191,19 @@ def _radio(
     return RealAgentRelay(ids, lambda: presences.simulated)
 
 
-def _kept_to(allocation: Allocation | None, vehicle: APadLink | ContactsLink) -> tuple[Watcher, ...]:
-    """What tells the vehicle's link whom it may be told to dock, whenever that has changed."""
+def _allocation_watcher(
+    allocation: Allocation | None, vehicle: APadLink | ContactsLink
+) -> tuple[Watcher, ...]:
+    """Passes a changed allocation on to the vehicle's link, which docks no other aMussels."""
     if allocation is None or isinstance(vehicle, ContactsLink):
         return ()
-    told = allocation.own
+    served = allocation.own
 
     def watch(now_ms: int) -> None:
-        nonlocal told
-        if allocation.served != told:
-            told = allocation.served
-            vehicle.serve(told)
+        nonlocal served
+        if allocation.served != served:
+            served = allocation.served
+            vehicle.serve(served)
 
     return (watch,)
 
@@ -221,30 +224,30 @@ def _standard_topics(
     )
 
 
-def _watched(
+def _graph_events(
     stack: ExitStack, options: RunOptions, scenario: Scenario, vehicle: APadLink | ContactsLink
-) -> Callable[[int], list[Noticed]]:
-    """Somebody else's master and vehicle may go and come back; with ours a run ends."""
+) -> Callable[[int], list[GraphEvent]]:
+    """Reports when somebody else's master or vehicle goes and comes back. With ours the run ends."""
     if options.apad is APadKind.SIM:
         return lambda now_ms: []
     master = MasterWatch(options.master_uri)
     stack.callback(master.close)
     silence, name = SilenceWatch(), scenario.apad.name
 
-    def noticed(now_ms: int) -> list[Noticed]:
+    def take(now_ms: int) -> list[GraphEvent]:
         events = master.take()
         if not isinstance(vehicle, ContactsLink) and (changed := silence.look(vehicle.heard_ms, now_ms)):
             kind = "vehicle_silent" if changed.is_silent else "vehicle_heard"
             events.append((kind, {"name": name, "since_ms": changed.since_ms}))
-            master.ask_again()
+            master.request_registration()
         return events
 
-    return noticed
+    return take
 
 
 def _shown_truth(truths_at: TruthsAt) -> TruthSource:
     return lambda now_ms: {
-        it.agent_id: Shown(it.north_m, it.east_m, it.depth_m, it.primary) for it in truths_at(now_ms)
+        it.agent_id: AgentReport(it.north_m, it.east_m, it.depth_m, it.primary) for it in truths_at(now_ms)
     }
 
 

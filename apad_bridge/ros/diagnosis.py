@@ -1,4 +1,4 @@
-"""The checks of `musselbed doctor` that need ROS's own libraries: its packages, its messages, and who speaks which md5."""
+"""Checks for `musselbed doctor` that need ROS's libraries: its packages, our messages, and other definitions."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ _PACKAGES = {
     "tf2_msgs": "python3-tf2-msgs",
     "rosgraph_msgs": "python3-rosgraph-msgs",
 }
-"""What is imported, and the Debian package that brings it."""
+"""Imported packages, and the Debian package of each."""
 
 
 def check_ros_packages() -> Iterator[Finding]:
@@ -73,7 +73,7 @@ def check_messages() -> Finding:
 
 
 def check_other_definitions() -> Iterator[Finding]:
-    """The user's workspaces, as this shell knows them, beside ours."""
+    """Compares ours with those in the user's workspaces, by this shell's environment."""
     ours = generated_folder()
     packages = sorted(entry.name for entry in DEFINITIONS.iterdir())
     known = Definitions(str(ours), python_md5s(ours, packages))
@@ -95,7 +95,7 @@ def _known_to(ours: Definitions, md5s: Md5s) -> Md5s:
 
 
 def _definitions_by_text(root: Path, packages: Iterable[str], ours: Definitions) -> Definitions:
-    """md5s of the .msg and .srv texts in the ROS packages below `root`."""
+    """The md5s of the .msg and .srv texts in the ROS packages below `root`."""
     places: dict[str, str] = {}
     list_by_path("package.xml", str(root), places)
     search_path = {path.parent.name: [str(path)] for path in SYSTEM_DEFINITIONS.glob("*/msg")}
@@ -131,10 +131,10 @@ def _md5_of_text(full_name: str, text: Path, search_path: dict[str, list[str]]) 
 
 
 def announced_host() -> str:
-    """What rospy nodes of this machine call themselves: ROS_HOSTNAME, ROS_IP, or the machine's name."""
+    """The host name of this machine's rospy nodes: ROS_HOSTNAME, ROS_IP, or the machine's name."""
     return str(rosgraph.network.get_host_name())
 
 
 def bind_address() -> str:
-    """Where rospy nodes of this machine listen."""
+    """The address at which rospy nodes of this machine listen."""
     return str(rosgraph.network.get_bind_address())

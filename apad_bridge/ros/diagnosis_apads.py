@@ -1,4 +1,4 @@
-"""The checks of `musselbed doctor` of aPads on the graph: which generation, whose definitions, and whose clock."""
+"""Checks for `musselbed doctor` of the aPads on the graph: their generation, definitions and clock."""
 
 from __future__ import annotations
 
@@ -9,18 +9,18 @@ from apad_bridge.doctor.definitions import Md5s, python_md5s
 from apad_bridge.doctor.finding import Finding, fail, ok, warn
 from apad_bridge.doctor.graph import Graph
 from apad_bridge.ros.types.messages import generated_folder
-from apad_bridge.ros.types.their_services import service_by_text
 from apad_bridge.ros.types.wire_probe import NotTold, service_md5, stamp_offset_s, topic_md5
+from apad_bridge.ros.types.workspace_services import service_by_text
 
 _ACTION = "action_server"
 _PRIMITIVE = "commander/primitive"
 
 
 @dataclass(frozen=True, slots=True)
-class _Speech:
-    """What an aPad of a generation is known by, and whose md5s it is asked for: types by topic and by service.
+class _Interface:
+    """The name by which a generation is recognised, and the types of its topics and services, whose md5s are checked.
 
-    What is `beside` it is not used by us: where it is there and differs, the simulated aPad differs.
+    We do not use the topics and services in `beside`: where one is there and differs, only the simulated aPad differs.
     """
 
     known_by: str
@@ -29,7 +29,7 @@ class _Speech:
     beside: dict[str, str] = field(default_factory=dict)
 
 
-_A = _Speech(
+_A = _Interface(
     _ACTION,
     {
         f"{_ACTION}/result": "apad/aPadActionResult",
@@ -42,7 +42,7 @@ _A = _Speech(
         "get_battery_level": "misc_msgs/GetChargeInfo",
     },
 )
-_B = _Speech(
+_B = _Interface(
     _PRIMITIVE,
     {"position": "auv_msgs/NavSts"},
     {
@@ -58,11 +58,11 @@ _B = _Speech(
     },
 )
 _LATE_S = 0.5
-"""An offset of clocks beyond this is worth a line: it is far above what a network takes."""
+"""A larger offset of clocks causes a warning: it is far above a network's delay."""
 
 
 def check_apads(graph: Graph) -> Iterator[Finding]:
-    """The aPads on the graph, of either generation, and whether they speak our definitions: asked of themselves."""
+    """Asks the aPads on the graph, of any generation, for their md5s, and compares them with our definitions."""
     goal, service = f"/{_ACTION}/goal", f"/{_PRIMITIVE}/go2point"
     found = [
         (topic.removesuffix(goal), _A)
@@ -78,16 +78,16 @@ def check_apads(graph: Graph) -> Iterator[Finding]:
         yield warn("aPad", "none on this master", mend)
         return
     ours = python_md5s(generated_folder(), ("apad", "auv_msgs", "misc_msgs", "navcon_msgs"))
-    for name, speech in sorted(found, key=lambda it: (it[0], it[1].known_by)):
-        yield _check_md5s(graph, name, speech, ours)
-        yield from _check_beside(graph, name, speech, ours)
+    for name, interface in sorted(found, key=lambda it: (it[0], it[1].known_by)):
+        yield _check_md5s(graph, name, interface, ours)
+        yield from _check_beside(graph, name, interface, ours)
         yield _check_offset(graph, f"{name}/position", name)
 
 
-def _check_md5s(graph: Graph, name: str, speech: _Speech, ours: Md5s) -> Finding:
+def _check_md5s(graph: Graph, name: str, interface: _Interface, ours: Md5s) -> Finding:
     differing, silent, same = [], [], []
-    for part, type_name in {**speech.topics, **speech.services}.items():
-        probe = service_md5 if part in speech.services else topic_md5
+    for part, type_name in {**interface.topics, **interface.services}.items():
+        probe = service_md5 if part in interface.services else topic_md5
         try:
             md5 = probe(graph, f"{name}/{part}")
         except NotTold as error:
@@ -95,7 +95,7 @@ def _check_md5s(graph: Graph, name: str, speech: _Speech, ours: Md5s) -> Finding
             continue
         if md5 == ours[type_name]:
             same.append(f"{part} {md5}")
-        elif part in speech.services and service_by_text(type_name, md5) is not None:
+        elif part in interface.services and service_by_text(type_name, md5) is not None:
             same.append(f"{part} {md5} (by the text on ROS_PACKAGE_PATH, ours is {ours[type_name]})")
         else:
             differing.append(f"{part}: {type_name} is {md5}, ours {ours[type_name]}")
@@ -111,12 +111,12 @@ def _check_md5s(graph: Graph, name: str, speech: _Speech, ours: Md5s) -> Finding
             f"did not tell the md5 of {'; '.join(silent)}",
             "start its nodes; see the lines of its nodes above",
         )
-    return ok(name, f"an aPad with {speech.known_by}; speaks our definitions: {', '.join(same)}")
+    return ok(name, f"an aPad with {interface.known_by}; speaks our definitions: {', '.join(same)}")
 
 
-def _check_beside(graph: Graph, name: str, speech: _Speech, ours: Md5s) -> Iterator[Finding]:
+def _check_beside(graph: Graph, name: str, interface: _Interface, ours: Md5s) -> Iterator[Finding]:
     differing, same = [], []
-    for part, type_name in speech.beside.items():
+    for part, type_name in interface.beside.items():
         full = f"{name}/{part}"
         if full not in graph.services and full not in graph.publishers:
             continue
@@ -140,7 +140,7 @@ def _check_beside(graph: Graph, name: str, speech: _Speech, ours: Md5s) -> Itera
 
 
 def _check_offset(graph: Graph, topic: str, name: str) -> Finding:
-    """How far the aPad's clock is from this machine's, by the stamp of its next position."""
+    """The offset of the aPad's clock from this machine's, by the stamp of its next position."""
     try:
         offset_s = stamp_offset_s(graph, topic)
     except NotTold as error:

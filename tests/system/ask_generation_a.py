@@ -1,4 +1,4 @@
-"""Asks the simulated aPad of generation A all that beside its action it answers and hears; prints the answers, as JSON.
+"""Uses every service and topic of the simulated aPad of generation A beside its action, and prints the answers as JSON.
 
 Use: ask_generation_a.py, on the master at ROS_MASTER_URI, where the aPad's node runs and nobody else publishes /clock.
 """
@@ -46,7 +46,7 @@ def perch(name: str) -> None:
 
 
 def battery_after(publisher: rospy.Publisher, percent_points: float) -> float:
-    """Published, and asked for until it shows: topics and services keep no order."""
+    """Publishes the change and polls the charge until it shows: topics and services keep no order."""
     before = ask("get_battery_level", GetChargeInfo).battery_level
     publisher.publish(Float64(percent_points))
     until_s = time.monotonic() + PATIENCE_S
@@ -57,7 +57,7 @@ def battery_after(publisher: rospy.Publisher, percent_points: float) -> float:
     raise AssertionError(f"{publisher.resolved_name} changed nothing")
 
 
-def heard_publisher(topic: str) -> rospy.Publisher:
+def connected_publisher(topic: str) -> rospy.Publisher:
     connected = threading.Event()
 
     class Listener(rospy.SubscribeListener):  # type: ignore[misc]
@@ -69,8 +69,8 @@ def heard_publisher(topic: str) -> rospy.Publisher:
     return publisher
 
 
-def let_time_begin() -> None:
-    """The same time, said until the node says that it has come to it: its answer may leave before we are connected."""
+def start_clock() -> None:
+    """Publishes one time until the node confirms it: its first answer may leave before we are connected."""
     state = threading.Event()
     rospy.Subscriber("/apad1/stateRef", rospy.AnyMsg, lambda _: state.set())
     clock = rospy.Publisher("/clock", Clock, queue_size=1, latch=True)
@@ -83,38 +83,40 @@ def let_time_begin() -> None:
 
 def main() -> None:
     rospy.init_node("asker", disable_signals=True)
-    let_time_begin()
-    told: dict[str, Any] = {}
+    start_clock()
+    answers: dict[str, Any] = {}
     enabled = [ask(it, EnableControl, enable=True) for it in ("FADP_enable", "VelCon_enable", "DEPTH_enable")]
-    told["enabled"] = len(enabled)
+    answers["enabled"] = len(enabled)
     ask(
         "ConfigureVelocityController",
         ConfigureVelocityController,
         ControllerName="FADP",
         desired_mode=[2] * 6,
     )
-    told["anchored"] = ask("anchor", Trigger).success
-    told["coils_free"] = [ask("send_energy", SendEnergy, coil=it).done for it in range(5)]
+    answers["anchored"] = ask("anchor", Trigger).success
+    answers["coils_free"] = [ask("send_energy", SendEnergy, coil=it).done for it in range(5)]
     perch("amussel7")
-    told["coils_held"] = [ask("send_energy", SendEnergy, coil=it).done for it in range(5)]
+    answers["coils_held"] = [ask("send_energy", SendEnergy, coil=it).done for it in range(5)]
     docks = ask("check_docking_availability", GetDockingInfo)
-    told["docks"] = [list(docks.available_slots), list(docks.slots)]
-    told["charge_info"] = [
+    answers["docks"] = [list(docks.available_slots), list(docks.slots)]
+    answers["charge_info"] = [
         ask("charge_info", GetChargeInfo).type,
         *ask("charge_info", GetChargeInfo).consumers,
     ]
-    told["result_of_change"] = ask("change_docking_status", ChangeDockingStatus, slot=0, status=False).result
+    answers["result_of_change"] = ask(
+        "change_docking_status", ChangeDockingStatus, slot=0, status=False
+    ).result
     try:
         ask("change_docking_status", ChangeDockingStatus, slot=0, status=False)
     except rospy.ServiceException as refused:
-        told["refused"] = str(refused)
-    charging, draining = heard_publisher("/apad1/charging"), heard_publisher("/apad1/draining")
-    told["battery"] = [
+        answers["refused"] = str(refused)
+    charging, draining = connected_publisher("/apad1/charging"), connected_publisher("/apad1/draining")
+    answers["battery"] = [
         ask("get_battery_level", GetChargeInfo).battery_level,
         battery_after(draining, 30.0),
         battery_after(charging, 10.0),
     ]
-    print(json.dumps(told))
+    print(json.dumps(answers))
 
 
 if __name__ == "__main__":

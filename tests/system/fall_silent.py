@@ -1,7 +1,7 @@
-"""Plays a mission that sends the simulated aPad of generation B away and falls silent, beside the vehicle's watchdog.
+"""Simulates a mission that sends the aPad of generation B away and falls silent, beside the vehicle's watchdog.
 
 Use: fall_silent.py WATCHDOG, on the master at ROS_MASTER_URI, where the aPad's node runs and nobody else publishes /clock.
-Prints what the watchdog said, what the aPad's status says and how far it has drifted since, as JSON.
+Prints the watchdog's output, the aPad's status and its drift since, as JSON.
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ DRIFT_S = 30
 STEADY_MS = 15_000
 
 
-class Sea:
-    """Mission time that runs in a thread of its own, ten times as fast as the wall clock; and what is heard meanwhile."""
+class Mission:
+    """Publishes mission time from a thread, ten times as fast as the wall clock, and keeps the aPad's status and place."""
 
     def __init__(self) -> None:
         self.now_ms = 1_000
@@ -43,8 +43,8 @@ class Sea:
         self.place_m: tuple[float, float] | None = None
         self._clock = rospy.Publisher("/clock", Clock, queue_size=1, latch=True)
         self._heart = rospy.Publisher("/musselbed/apad", String, queue_size=1)
-        rospy.Subscriber("/apad1/goto_status", Int32, self._hear_status)
-        rospy.Subscriber("/apad1/stateRef", NavSts, self._hear_place)
+        rospy.Subscriber("/apad1/goto_status", Int32, self._take_status)
+        rospy.Subscriber("/apad1/stateRef", NavSts, self._take_place)
         threading.Thread(target=self._run, daemon=True).start()
 
     def _run(self) -> None:
@@ -55,20 +55,20 @@ class Sea:
             if self.heart_beats:
                 self._heart.publish(String("tick"))
 
-    def _hear_status(self, message: Any) -> None:
+    def _take_status(self, message: Any) -> None:
         self.status = message.data
 
-    def _hear_place(self, message: Any) -> None:
+    def _take_place(self, message: Any) -> None:
         self.place_m = (message.position.north, message.position.east)
 
-    def wait_until(self, is_so: Any, what: str) -> None:
+    def wait_until(self, condition: Any, failure: str) -> None:
         until_s, pause = time.monotonic() + PATIENCE_S, threading.Event()
-        while not is_so():
-            assert time.monotonic() < until_s, what
+        while not condition():
+            assert time.monotonic() < until_s, failure
             pause.wait(0.02)
 
     def let_pass(self, ms: int) -> tuple[float, float]:
-        """Where the aPad is then."""
+        """Returns the aPad's place after `ms`."""
         then_ms = self.now_ms + ms
         self.wait_until(lambda: self.now_ms >= then_ms, "/clock stands still")
         assert self.place_m is not None
@@ -77,27 +77,27 @@ class Sea:
 
 class Watchdog:
     def __init__(self, path: str) -> None:
-        # As on a vehicle: the ROS of the machine and a workspace's messages, and nothing of ours.
+        # As on a vehicle: the machine's ROS and a workspace's messages, without our package.
         self.process = subprocess.Popen(
             ["/usr/bin/python3", path, "--silence-s", "1"],
             env=rospy_environment(),
             stdout=subprocess.PIPE,
             text=True,
         )
-        self._said: queue.Queue[str] = queue.Queue()
+        self._lines: queue.Queue[str] = queue.Queue()
         threading.Thread(target=self._read, daemon=True).start()
 
     def _read(self) -> None:
         assert self.process.stdout is not None
         for line in self.process.stdout:
-            self._said.put(line.strip())
+            self._lines.put(line.strip())
 
     def until(self, word: str) -> list[str]:
-        """What it says up to and with a line that begins with `word`."""
-        said: list[str] = []
-        while not said or not said[-1].startswith(word):
-            said.append(self._said.get(timeout=PATIENCE_S))
-        return said
+        """Its output up to and with a line that begins with `word`."""
+        lines: list[str] = []
+        while not lines or not lines[-1].startswith(word):
+            lines.append(self._lines.get(timeout=PATIENCE_S))
+        return lines
 
 
 def rospy_environment() -> dict[str, str]:
@@ -107,34 +107,34 @@ def rospy_environment() -> dict[str, str]:
 def main() -> None:
     rospy.init_node("mission", disable_signals=True)
     pilot = rospy.Publisher("/apad1/manual", Bool, queue_size=1, latch=True)
-    sea = Sea()
+    mission = Mission()
     watchdog = Watchdog(sys.argv[1])
-    told: dict[str, Any] = {}
+    result: dict[str, Any] = {}
     try:
-        told["hears"] = watchdog.until("WATCHING")
-        sea.wait_until(lambda: sea.place_m is not None, "no stateRef")
+        result["hears"] = watchdog.until("WATCHING")
+        mission.wait_until(lambda: mission.place_m is not None, "no stateRef")
         rospy.wait_for_service("/apad1/commander/primitive/go2point", PATIENCE_S)
         go = rospy.ServiceProxy("/apad1/commander/primitive/go2point", Go2pointPrimitiveService)
         assert go(point=Point(10_000, 0, 0), speed=0.5, victory_radius=1.0).status
-        sea.wait_until(lambda: sea.status == 1, "no go-to under way")
-        sea.heart_beats = False
-        told["falls_silent"] = watchdog.until("HELD")
-        sea.wait_until(lambda: sea.status != 1, "the go-to goes on")
-        told["status"] = sea.status
-        held_m = sea.let_pass(STEADY_MS)
-        there_m = sea.let_pass(DRIFT_S * 1000)
-        told["drifted_m"] = [there_m[it] - held_m[it] for it in (0, 1)]
-        sea.heart_beats = True
-        told["hears_again"] = watchdog.until("WATCHING")
+        mission.wait_until(lambda: mission.status == 1, "no go-to under way")
+        mission.heart_beats = False
+        result["falls_silent"] = watchdog.until("HELD")
+        mission.wait_until(lambda: mission.status != 1, "the go-to goes on")
+        result["status"] = mission.status
+        held_m = mission.let_pass(STEADY_MS)
+        there_m = mission.let_pass(DRIFT_S * 1000)
+        result["drifted_m"] = [there_m[it] - held_m[it] for it in (0, 1)]
+        mission.heart_beats = True
+        result["hears_again"] = watchdog.until("WATCHING")
         pilot.publish(Bool(True))
-        sea.wait_until(lambda: pilot.get_num_connections() >= 2, "nobody hears the pilot")
-        sea.heart_beats = False
-        told["piloted"] = watchdog.until("PILOTED")
+        mission.wait_until(lambda: pilot.get_num_connections() >= 2, "nobody hears the pilot")
+        mission.heart_beats = False
+        result["piloted"] = watchdog.until("PILOTED")
         assert watchdog.process.poll() is None
     finally:
         watchdog.process.terminate()
         watchdog.process.wait(PATIENCE_S)
-    print(json.dumps(told))
+    print(json.dumps(result))
 
 
 if __name__ == "__main__":

@@ -1,8 +1,8 @@
-"""A fleet of four that answers to services and claims, its mission at twenty times real time; prints its events as JSON.
+"""Flies a fleet of four with services and claims, at twenty times real time, and prints its events as JSON.
 
-Use: fleet_at_a_desk.py NODE FIRST_ID [CLAIMANT]; ROS_MASTER_URI names the master. The first line is `flying`, or why
-it does not fly. With a CLAIMANT it comes back after a crash, before which its third aMussel was real at that node's word;
-then what it says about claims comes first.
+Use: fleet_at_a_desk.py NODE FIRST_ID [CLAIMANT]; ROS_MASTER_URI names the master. The first line is `flying`, or the reason
+why it does not fly. With a CLAIMANT it comes back after a crash, before which that node claimed its third aMussel as real;
+then its lines about claims come first.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from apad_bridge.ros.gateway.claims import ClaimBoard
 from apad_bridge.ros.gateway.fleet_guard import SecondFleet
 from apad_bridge.ros.gateway.fleet_services import FleetServices
 from apad_bridge.ros.gateway.gateway import open_gateway
-from apad_bridge.ros.links.packet_router import RealAgentRelay
+from apad_bridge.ros.links.packet_relay import RealAgentRelay
 from apad_bridge.scenario.loader import from_data, load, resolve
 from apad_bridge.scenario.local_frame import LocalFrame
 from apad_bridge.scenario.schema import Scenario
@@ -37,7 +37,7 @@ SPEED = 20.0
 SHOWN = ("presence", "fault", "end")
 
 
-class Told:
+class PrintingRecorder:
     """A recorder that prints some events, and keeps nothing."""
 
     def event(self, at_ms: int, kind: str, **data: Any) -> None:
@@ -71,7 +71,7 @@ def main() -> None:
     claims = ClaimBoard(f"/{node}", lambda: presences.simulated)
     try:
         if before:
-            print(*claims.come_back(presences), sep="\n", flush=True)
+            print(*claims.resume(presences), sep="\n", flush=True)
         else:
             claims.refuse_overlap(initial_states)
     except SecondFleet as refused:
@@ -80,8 +80,8 @@ def main() -> None:
         return
     frame, threshold = LocalFrame.about(flown.area.origin), flown.mission.pool_threshold
     alerts = BatteryAlerts(initial_states, frame, threshold, "", lambda: presences.simulated)
-    desk = FleetServices(presences, claims)
-    radio = RealAgentRelay(initial_states, lambda: presences.simulated)
+    services = FleetServices(presences, claims)
+    relay = RealAgentRelay(initial_states, lambda: presences.simulated)
     host = InProcessHost(parts.fleet_config(flown), initial_states)
     supervisor = parts.supervisor(flown)
     flight = Flight(
@@ -91,16 +91,16 @@ def main() -> None:
             WallClock(SPEED),
             Fleet(Coordinator(host, dict.fromkeys(initial_states, 0), flown.theta), host),
             lambda flying: (gateway.watcher(flying), alerts.watcher(flying)),
-            relay=radio,
-            roster=Roster(presences, desk),
+            relay=relay,
+            roster=Roster(presences, services),
         ),
-        Told(),
+        PrintingRecorder(),
     )
     signal.signal(signal.SIGTERM, lambda *_: flight.stop("told to end"))
     print("flying", flush=True)
     flight.run()
-    desk.close()
-    radio.close()
+    services.close()
+    relay.close()
     gateway.close()
 
 

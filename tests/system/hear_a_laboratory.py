@@ -1,4 +1,4 @@
-"""Tells some words by a laboratory's names, and prints what it hears by them, as JSON lines, until its stdin ends.
+"""Publishes messages by a laboratory's names and prints those received, as JSON lines, until stdin ends.
 
 Use: hear_a_laboratory.py NAMES.yaml, on the master at ROS_MASTER_URI
 """
@@ -28,9 +28,9 @@ def main() -> None:
     now_ms = 0
     while not ended.wait(0.05):
         now_ms += 50
-        laboratory.publishers.tell(What.WIFI, 3, now_ms, on=True)
-        for word in laboratory.subscribers.take(now_ms):
-            print(json.dumps([type(word).__name__, *map(str, astuple(word)[-3:])]), flush=True)
+        laboratory.publishers.publish(What.WIFI, 3, now_ms, on=True)
+        for message in laboratory.subscribers.take(now_ms):
+            print(json.dumps([type(message).__name__, *map(str, astuple(message)[-3:])]), flush=True)
     print(json.dumps(dict(laboratory.dropped)), flush=True)
     laboratory.close()
     rospy.signal_shutdown("asked to end")

@@ -1,4 +1,4 @@
-"""Flies a scenario and prints what was decided, as JSON.
+"""Flies a scenario and prints the mission's decisions as JSON.
 
 Use: legacy_flight.py SCENARIO asap|ros [SPEED|max] [PATIENCE_S]
 
@@ -33,7 +33,7 @@ from apad_bridge.vehicle.link import InProcessVehicle, VehicleLink
 
 
 class Decisions:
-    """A recorder that keeps what the mission decided and did, with its mission time in seconds."""
+    """A recorder that keeps the mission's decisions and acts, with their mission time in seconds."""
 
     kinds = ("plan", "primitive", "dock", "released", "given_up")
 
@@ -92,11 +92,11 @@ def fly(scenario: Scenario, over_ros: bool, speed: float | None, patience_s: flo
             stack.callback(link.close)
             link.wait_until_ready(5 * patience_s)
             pace = OwnMasterClock(speed, link, patience_s=patience_s)
-            around = FlightContext(link, pace, fleet, lambda flying: (gateway.watcher(flying), ticked))
+            context = FlightContext(link, pace, fleet, lambda flying: (gateway.watcher(flying), ticked))
         else:
             vehicle = InProcessVehicle(parts.simulated_apad(scenario))
-            around = FlightContext(vehicle, AsFastAsPossible(), fleet)
-        flight = Flight(supervisor, around, decisions)
+            context = FlightContext(vehicle, AsFastAsPossible(), fleet)
+        flight = Flight(supervisor, context, decisions)
         begun_s = time.monotonic()
         ended_by = flight.run()
         return {
@@ -111,7 +111,7 @@ def fly(scenario: Scenario, over_ros: bool, speed: float | None, patience_s: flo
 
 
 def ticked(now_ms: int) -> None:
-    """Says on standard error that the flight is under way, for who wants to disturb it."""
+    """Prints on standard error that the flight is under way, for tests that disturb it."""
     if now_ms == 10_000:
         print("flying", file=sys.stderr, flush=True)
 
@@ -121,10 +121,10 @@ def main() -> None:
     speed = None if sys.argv[3:4] in ([], ["max"]) else float(sys.argv[3])
     patience_s = float(sys.argv[4]) if len(sys.argv) > 4 else 10.0
     try:
-        told = fly(scenario, sys.argv[2] == "ros", speed, patience_s)
+        result = fly(scenario, sys.argv[2] == "ros", speed, patience_s)
     except (TimeoutError, VehicleNotReady) as error:
-        told = {"failed": str(error)}
-    print(json.dumps(told))
+        result = {"failed": str(error)}
+    print(json.dumps(result))
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Opens a gateway, prints `open` and how long it took, or why it did not; stays until its standard input ends.
+"""Opens a gateway, prints `open` and the time that took, or the refusal; stays until its standard input ends.
 
 Use: open_a_gateway.py NODE FIRST_ID COUNT; ROS_MASTER_URI names the master.
 """
@@ -16,7 +16,7 @@ from firmware_model.states import State
 
 
 class Supervisor:
-    """As much of one as the gateway shows: beliefs of its first aMussel."""
+    """The part of a supervisor that the gateway publishes: the belief of its first aMussel."""
 
     pose = battery = None
     primitive = "none"

@@ -1,7 +1,7 @@
-"""Orders the simulated aPad of generation B by services, simple services and its action; prints what came of it, as JSON.
+"""Orders the simulated aPad of generation B by services, simple services and its action; prints the outcomes as JSON.
 
 Use: order_by_every_road.py SCENARIO, on the master at ROS_MASTER_URI, where the aPad's node runs and nobody else publishes
-/clock. A link of ours listens all the while, as a mission's does, and in the end has a go-to under way itself.
+/clock. A link of ours is subscribed all the while, as a mission's is, and at the end orders a go-to itself.
 """
 
 from __future__ import annotations
@@ -50,10 +50,10 @@ PATIENCE_S = 20.0
 
 
 class Goal:
-    """A goal of the action, and what its client hears of it."""
+    """A goal of the action, and its state by the client."""
 
     def __init__(self, client: ActionClient, north_m: float, east_m: float, speed_m_s: float = 0.5) -> None:
-        self._came = threading.Condition()
+        self._changed = threading.Condition()
         self._state = CommState.WAITING_FOR_GOAL_ACK
         goal = GoToPointGoal(speed=speed_m_s, victory_radius=0.5)
         goal.T2.point.x, goal.T2.point.y = north_m, east_m
@@ -64,9 +64,9 @@ class Goal:
         return str(self._handle.comm_state_machine.action_goal.goal_id.id)
 
     def _move_on(self, handle: ClientGoalHandle) -> None:
-        with self._came:
+        with self._changed:
             self._state = handle.get_comm_state()
-            self._came.notify_all()
+            self._changed.notify_all()
 
     def begun(self) -> Goal:
         self._wait_for(CommState.ACTIVE)
@@ -87,12 +87,12 @@ class Goal:
         }
 
     def _wait_for(self, state: int) -> None:
-        with self._came:
-            assert self._came.wait_for(lambda: self._state == state, PATIENCE_S), f"in state {self._state}"
+        with self._changed:
+            assert self._changed.wait_for(lambda: self._state == state, PATIENCE_S), f"in state {self._state}"
 
 
 class Bench:
-    """The clock, and what the topics said since the last `said`."""
+    """The clock, the link, and the messages of the status topics since they were last taken."""
 
     def __init__(self, scenario: Path) -> None:
         data = loader.load(scenario)
@@ -111,38 +111,38 @@ class Bench:
         )
         self.link.wait_until_ready(PATIENCE_S)
         self._clock = OwnMasterClock(None, self.link)
-        self._said: list[str] = []
-        listener = AnyListener(lambda reason: self._said.append(reason))
+        self._messages: list[str] = []
+        listener = AnyListener(lambda reason: self._messages.append(reason))
         for topic, kind in (("goto_status", Int32), ("docking_status", Int32), ("eventString", String)):
-            listener.listen(f"/apad1/{topic}", kind, self._hear, topic)
-        self._fed_back: list[Any] = []
-        # Not the client's: it hears no feedback once the result is there, and topics keep no order.
-        rospy.Subscriber("/apad1/go2point/feedback", GoToPointActionFeedback, self._fed_back.append)
-        self._eyes = [
+            listener.listen(f"/apad1/{topic}", kind, self._take, topic)
+        self._feedback: list[Any] = []
+        # Not the client's: it receives no feedback after the result, and topics keep no order.
+        rospy.Subscriber("/apad1/go2point/feedback", GoToPointActionFeedback, self._feedback.append)
+        self._detections = [
             rospy.Publisher(f"/apad1/docking_{it}", Float32, queue_size=1)
             for it in ("horizontal", "vertical")
         ]
         self.run(1)
         self._client = ActionClient("/apad1/go2point", GoToPointAction)
         assert self._client.wait_for_server()
-        wait_until_told("/apad1_simulated", "/apad1/eventString", "/apad1/go2point/feedback")
+        wait_until_connected("/apad1_simulated", "/apad1/eventString", "/apad1/go2point/feedback")
 
     def feedback(self, goal: Goal, count: int) -> list[tuple[float, float]]:
-        """Distance and bearing as told of a goal, once there are `count` of them, or no more come."""
+        """Distance and bearing in the feedback of a goal, when there are `count` of them, or after the time-out."""
         until_s, pause = time.monotonic() + PATIENCE_S, threading.Event()
         while True:
-            told = [it.feedback for it in self._fed_back if it.status.goal_id.id == goal.key]
-            if len(told) >= count or time.monotonic() > until_s:
-                return [(it.distance, it.bearing) for it in told]
+            of_goal = [it.feedback for it in self._feedback if it.status.goal_id.id == goal.key]
+            if len(of_goal) >= count or time.monotonic() > until_s:
+                return [(it.distance, it.bearing) for it in of_goal]
             pause.wait(0.02)
 
     def goal(self, *there: float) -> Goal:
         return Goal(self._client, *there)
 
-    def _hear(self, message: Any, topic: str) -> None:
-        word = f"{topic} {message.data}"
-        if self._said[-1:] != [word]:
-            self._said.append(word)
+    def _take(self, message: Any, topic: str) -> None:
+        line = f"{topic} {message.data}"
+        if self._messages[-1:] != [line]:
+            self._messages.append(line)
 
     def run(self, seconds: int) -> None:
         for _ in range(seconds):
@@ -155,24 +155,24 @@ class Bench:
         assert pose is not None
         return [pose.north_m, pose.east_m]
 
-    def said(self, topic: str) -> list[str]:
-        """Changes of one topic's word since it was asked last, without the words that only repeat the second."""
-        words = [it.removeprefix(topic + " ") for it in self._said if it.startswith(topic)]
-        self._said = [it for it in self._said if not it.startswith(topic)]
-        return [it for n, it in enumerate(words) if words[n - 1 : n] != [it]]
+    def take(self, topic: str) -> list[str]:
+        """The changes of one topic's value since the last call, without the repetitions of each second."""
+        values = [it.removeprefix(topic + " ") for it in self._messages if it.startswith(topic)]
+        self._messages = [it for it in self._messages if not it.startswith(topic)]
+        return [it for n, it in enumerate(values) if values[n - 1 : n] != [it]]
 
-    def look_until_docked(self, horizontal: float, vertical: float) -> None:
-        """Shown at every tick, as eyes do: what is shown beside a tick may be seen after it."""
+    def detect_until_docked(self, horizontal: float, vertical: float) -> None:
+        """Publishes the camera's detection at every tick: one published beside a tick may arrive after it."""
         for _ in range(20):
-            for publisher, value in zip(self._eyes, (horizontal, vertical), strict=True):
+            for publisher, value in zip(self._detections, (horizontal, vertical), strict=True):
                 publisher.publish(Float32(value))
             self.run(1)
-            if "docking_status 3" in self._said:
+            if "docking_status 3" in self._messages:
                 return
 
 
-def wait_until_told(node: str, *topics: str) -> None:
-    """Until the node itself has connections for the topics: a subscriber knows of its own a moment too soon."""
+def wait_until_connected(node: str, *topics: str) -> None:
+    """Waits until the node itself has connections for the topics: a subscriber knows of its own a moment too soon."""
     uri = rosgraph.Master("/bench").lookupNode(node)
     until_s, pause = time.monotonic() + PATIENCE_S, threading.Event()
     with xmlrpc.client.ServerProxy(uri) as publisher:
@@ -192,75 +192,77 @@ def call(service: str, kind: Any, **request: Any) -> bool:
 def go_by_action(bench: Bench, north_m: float, east_m: float) -> dict[str, Any]:
     goal = bench.goal(north_m + 3, east_m).begun()
     bench.run(15)
-    told = goal.outcome() | {"said": bench.said("goto_status"), "events": bench.said("eventString")}
+    outcomes = goal.outcome() | {"said": bench.take("goto_status"), "events": bench.take("eventString")}
     there_m = bench.place_m()
     bench.run(10)
-    feedback = bench.feedback(goal, round(10 * (told["stamp_s"] - 1)) - 1)
-    return told | {"feedback": feedback, "drifted_m": [bench.place_m()[i] - there_m[i] for i in (0, 1)]}
+    feedback = bench.feedback(goal, round(10 * (outcomes["stamp_s"] - 1)) - 1)
+    return outcomes | {"feedback": feedback, "drifted_m": [bench.place_m()[i] - there_m[i] for i in (0, 1)]}
 
 
 def main() -> None:
     gateway = open_gateway([7], 1, node_name="bench")
     bench = Bench(Path(sys.argv[1]))
     north_m, east_m = bench.start_m
-    told: dict[str, Any] = {"action": go_by_action(bench, north_m, east_m)}
+    outcomes: dict[str, Any] = {"action": go_by_action(bench, north_m, east_m)}
 
     far = bench.goal(north_m + 90, east_m).begun()
     bench.run(2)
-    told["simple_taken"] = call("go2point", Go2pointService, point=Point(north_m, east_m + 6, 0), speed=0.5)
-    told["by_simple"] = far.outcome()["state"]
+    outcomes["simple_taken"] = call(
+        "go2point", Go2pointService, point=Point(north_m, east_m + 6, 0), speed=0.5
+    )
+    outcomes["by_simple"] = far.outcome()["state"]
     bench.run(30)
-    told["simple_place_m"], told["simple_said"] = bench.place_m(), bench.said("goto_status")
+    outcomes["simple_place_m"], outcomes["simple_said"] = bench.place_m(), bench.take("goto_status")
 
     far = bench.goal(north_m + 90, east_m).begun()
-    told["by_action"] = bench.goal(north_m + 90, east_m - 5).begun() and far.outcome()["state"]
-    told["without_speed"] = bench.goal(north_m, east_m, 0.0).outcome()["state"]
+    outcomes["by_action"] = bench.goal(north_m + 90, east_m - 5).begun() and far.outcome()["state"]
+    outcomes["without_speed"] = bench.goal(north_m, east_m, 0.0).outcome()["state"]
     bench.run(2)
-    bench.said("goto_status")
+    bench.take("goto_status")
 
     far = bench.goal(north_m + 90, east_m).begun()
     bench.run(4)
     far.cancel()
-    told["cancelled"] = far.outcome()["state"]
+    outcomes["cancelled"] = far.outcome()["state"]
     bench.run(60)
     there_m = bench.place_m()
     bench.run(10)
-    told["cancelled_drifted_m"] = [bench.place_m()[i] - there_m[i] for i in (0, 1)]
-    told["cancelled_said"] = bench.said("goto_status")
+    outcomes["cancelled_drifted_m"] = [bench.place_m()[i] - there_m[i] for i in (0, 1)]
+    outcomes["cancelled_said"] = bench.take("goto_status")
 
     far = bench.goal(north_m + 90, east_m).begun()
     hold = {"north": north_m, "east": east_m, "north_enable": True, "east_enable": True}
     call("primitive/dynamic_positioning", DynamicPositioningPrimitiveService, **hold)
-    told["by_positioning"] = far.outcome()["state"]
+    outcomes["by_positioning"] = far.outcome()["state"]
 
     results: list[Any] = []
     rospy.Subscriber("/apad1/go2point/result", GoToPointActionResult, results.append)
     point = Point(north_m, east_m, 0)
     call("primitive/go2point", Go2pointPrimitiveService, point=point, speed=0.5, victory_radius=1.0)
     bench.run(90)
-    told["commanders"] = [[it.status.goal_id.id, it.status.status] for it in results]
+    outcomes["commanders"] = [[it.status.goal_id.id, it.status.status] for it in results]
 
     far = bench.goal(north_m + 90, east_m).begun()
     bench.facts.clear()
-    bench.said("docking_status")
-    slot_m = bench.place_m()
-    bench.floating[7] = (slot_m[0] + 0.5, slot_m[1])
-    told["docking_taken"] = call("docking", DockingService, action=True, slot=0)
-    told["by_docking"] = far.outcome()["state"]
+    bench.take("docking_status")
+    apad_m = bench.place_m()
+    bench.floating[7] = (apad_m[0] + 0.5, apad_m[1])
+    outcomes["docking_taken"] = call("docking", DockingService, action=True, slot=0)
+    outcomes["by_docking"] = far.outcome()["state"]
     bench.run(28)
-    slot_m = bench.place_m()
-    bench.floating[7] = (slot_m[0] + 0.5, slot_m[1])
-    bench.look_until_docked(0.0, 0.85)
-    told["docking_said"] = bench.said("docking_status")
+    apad_m = bench.place_m()
+    bench.floating[7] = (apad_m[0] + 0.5, apad_m[1])
+    bench.detect_until_docked(0.0, 0.85)
+    outcomes["docking_said"] = bench.take("docking_status")
     call("docking", DockingService, action=False, slot=0)
     bench.run(40)
-    told["docks"] = [
+    outcomes["docks"] = [
         [type(it).__name__, it.dock_index, it.agent_id]
         for it in bench.facts
         if isinstance(it, DockClosed | DockOpened)
     ]
 
-    told["missions"] = {}
+    outcomes["missions"] = {}
     for command_id, road in ((1, "simple"), (2, "action"), (3, "stop")):
         bench.facts.clear()
         bench.link.command(GoTo(command_id, north_m + 90, east_m, 0.5, 0.5), bench.now_ms)
@@ -276,20 +278,20 @@ def main() -> None:
             if failed:
                 break
             bench.run(1)
-        told["missions"][road] = failed
+        outcomes["missions"][road] = failed
     held_m = bench.place_m()
     bench.link.command(Hold(4, *held_m), bench.now_ms)
     bench.run(2)
     near = bench.goal(held_m[0] + 5, held_m[1]).begun()
     bench.run(60)
     came_back_m = [a - b for a, b in zip(bench.place_m(), held_m, strict=True)]
-    told["missions"]["holding"] = {
+    outcomes["missions"]["holding"] = {
         "came_back_m": came_back_m,
         **near.outcome(),
         "dropped": list(bench.link.dropped),
     }
     gateway.close()
-    print(json.dumps(told))
+    print(json.dumps(outcomes))
 
 
 if __name__ == "__main__":

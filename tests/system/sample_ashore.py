@@ -1,7 +1,7 @@
-"""A supervisor that does nothing but bring samples ashore: python sample_ashore.py RUN_DIR EPOCH UNTIL_S
+"""Collects only the samples of a fleet: python sample_ashore.py RUN_DIR EPOCH UNTIL_S
 
-The fleet in RUN_DIR dives, surfaces and is docked in turns of two minutes. A line of standard output is a tick: its time
-and the processes. The last says how many samples each aMussel has ever taken.
+The fleet in RUN_DIR dives, surfaces and is docked in turns of two minutes. Each line of standard output is a tick: its time
+and the processes. The last line has the number of samples that each aMussel has ever taken.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ FLEET = FleetConfig(
 
 
 def story(clock: Coordinator, now_s: int) -> None:
-    """In every turn: the permission, again because an aMussel may be just booting; a dock; and down again."""
+    """In every turn: the permission, repeated because an aMussel may be booting; a dock; and down again."""
     for agent_id in IDS:
         match (now_s + 7 * agent_id) % TURN_S:
             case 60 | 64 | 68:
@@ -77,9 +77,9 @@ def main(run_dir: Path, epoch: int, until_s: int) -> None:
     while now_s < until_s:
         now_s += 1
         story(clock, now_s)
-        for came in clock.advance(1000 * now_s):
-            if isinstance(came, Heard) and isinstance(came.output, WifiSent):
-                packet = CODEC.decode(came.output.data)
+        for event in clock.advance(1000 * now_s):
+            if isinstance(event, Heard) and isinstance(event.output, WifiSent):
+                packet = CODEC.decode(event.output.data)
                 if isinstance(packet, LogRecords):
                     found = collection.take(packet)
                     assert isinstance(found, Taken)

@@ -1,7 +1,7 @@
-"""Shows a fleet of three on ROS's standard messages, a tick every 100 ms, until its standard input ends.
+"""Publishes a fleet of three in ROS's standard messages, a tick every 100 ms, until its standard input ends.
 
-Use: show_standard_topics.py; prints `showing`. aMussel 1 wants charging, aMussel 2 was never heard, of aMussel 3 it is
-known how sure that is; the aPad heads east.
+Use: show_standard_topics.py; prints `showing`. aMussel 1 wants charging, aMussel 2 was never heard, the belief of aMussel 3
+has deviations; the aPad heads east.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from firmware_model.states import State
 
 
 def supervisor() -> SimpleNamespace:
-    """As much of one as the topics show."""
+    """The part of a supervisor that the topics show."""
     beliefs = HoldLast([1, 2])
     packet = StatusPacket(
         agent_id=1,

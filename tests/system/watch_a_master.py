@@ -1,4 +1,4 @@
-"""Opens a gateway with a watch of its master, and prints what it notices as JSON lines, until its stdin ends.
+"""Opens a gateway with a watch of its master, and prints its events as JSON lines, until its stdin ends.
 
 Use: watch_a_master.py, on the master at ROS_MASTER_URI
 """
@@ -25,8 +25,8 @@ def main() -> None:
     ended = threading.Event()
     threading.Thread(target=lambda: (sys.stdin.read(), ended.set()), daemon=True).start()
     while not ended.wait(0.05):
-        for noticed in watch.take():
-            print(json.dumps(noticed), flush=True)
+        for event in watch.take():
+            print(json.dumps(event), flush=True)
     watch.close()
     gateway.close()
 

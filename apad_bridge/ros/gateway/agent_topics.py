@@ -1,8 +1,8 @@
-"""The aMussels' own topics, /amusselN/position and battery_level, from a thread of their own.
+"""Publishes the aMussels' own topics, /amusselN/position and battery_level, from a thread of their own.
 
-The legacy stack's aMussels say their position ten times a second and their charge once; here they do so at wall rate, as a
-node that follows no clock would. What is repeated is the newest report, with its stamp, so a reader sees how old it is.
-The flight hands over what is to be shown at its ticks and never waits.
+The legacy stack's aMussels publish their position ten times a second and their charge once; here the rates are those of the
+wall clock, as of a node that follows no clock. The newest report is repeated with its stamp, so a reader sees its age. The
+flight hands over the reports at its ticks and never waits.
 """
 
 from __future__ import annotations
@@ -32,8 +32,8 @@ _END_S = 5.0
 
 
 @dataclass(frozen=True, slots=True)
-class Shown:
-    """What an aMussel's own topics and services say: local NED metres and the active battery's charge in [0, 1]."""
+class AgentReport:
+    """The content of an aMussel's own topics and services: local NED metres, the active battery's charge in [0, 1]."""
 
     north_m: float
     east_m: float
@@ -41,42 +41,42 @@ class Shown:
     charge: float
 
     @classmethod
-    def of_belief(cls, belief: Belief) -> Shown:
-        """A report has no depth: it is shown as 0."""
+    def of_belief(cls, belief: Belief) -> AgentReport:
+        """A report has no depth: it is published as 0."""
         return cls(belief.north_m, belief.east_m, 0.0, belief.primary)
 
 
 class AgentTopics:
-    """`show` belongs to the flight's thread, everything else to the publishing one until `close`."""
+    """`show` belongs to the flight's thread, everything else to the publishing thread until `close`."""
 
     def __init__(self, agent_ids: Iterable[int], frame: LocalFrame | None = None) -> None:
         ids = list(agent_ids)
         self._frame = frame
         self.published: Counter[str] = Counter()
-        """Messages made, by the topics' last name; each went to every reader but those in `stalls`."""
+        """Messages made, by the topics' last name. Each went to every reader but those in `stalls`."""
         self.stalls = Stalls()
         self._positions = {it: self._publisher(it, "position", NavSts) for it in ids}
         self._batteries = {it: self._publisher(it, "battery_level", Float64) for it in ids}
-        self._news = threading.Condition()
-        self._newest: tuple[int, Mapping[int, Shown]] | None = None
+        self._changed = threading.Condition()
+        self._newest: tuple[int, Mapping[int, AgentReport]] | None = None
         self._ended = False
         self._failure: Exception | None = None
         self._thread = threading.Thread(target=self._run, name="aMussels' topics", daemon=True)
         self._thread.start()
 
-    def show(self, now_ms: int, shown: Mapping[int, Shown]) -> None:
-        """To be shown from now on; nobody changes `shown` any more. Raises what ended the thread, if anything."""
-        with self._news:
+    def show(self, now_ms: int, shown: Mapping[int, AgentReport]) -> None:
+        """Publishes `shown`, which must not change any more, from now on. Raises the error that ended the thread."""
+        with self._changed:
             if self._failure is not None:
                 raise self._failure
             self._newest = now_ms, shown
-            self._news.notify()
+            self._changed.notify()
 
     def close(self) -> None:
-        """Ends the thread; what was shown last may not have been sent."""
-        with self._news:
+        """Ends the thread. The last reports may not have been sent."""
+        with self._changed:
             self._ended = True
-            self._news.notify()
+            self._changed.notify()
         self._thread.join(_END_S)
 
     def _publisher(self, agent_id: int, name: str, kind: Any) -> Any:
@@ -86,7 +86,7 @@ class AgentTopics:
         try:
             self._publish()
         except Exception as error:
-            with self._news:
+            with self._changed:
                 self._failure = error
 
     def _publish(self) -> None:
@@ -107,25 +107,25 @@ class AgentTopics:
                 self._send("battery_level", self._batteries, charges)
             self._send("position", self._positions, positions)
 
-    def _wait(self, due_s: float) -> tuple[int, Mapping[int, Shown]] | None:
-        """What is newly to be shown; None when it is time to repeat the former."""
-        with self._news:
+    def _wait(self, due_s: float) -> tuple[int, Mapping[int, AgentReport]] | None:
+        """Waits for new reports. None when it is time to repeat the former ones."""
+        with self._changed:
             while self._newest is None and not self._ended and (wait_s := due_s - time.monotonic()) > 0:
-                self._news.wait(wait_s)
+                self._changed.wait(wait_s)
             newest, self._newest = self._newest, None
             return newest
 
     def _send(self, name: str, publishers: Mapping[int, Any], messages: Mapping[int, Any]) -> None:
         for agent_id, message in messages.items():
             publisher = publishers.get(agent_id)
-            # A message that nobody hears is not made: a thousand aMussels cost nothing then.
+            # Without a subscriber the message is not made: a thousand aMussels cost nothing then.
             if publisher is not None and publisher.get_num_connections() > 0:
                 publisher.publish(message)
                 self.published[name] += 1
 
 
-def nav_sts(shown: Shown, now_ms: int, frame: LocalFrame | None) -> NavSts:
-    """Without a `frame` it is not known where on the globe it is: global_position and origin are 0, and status says so."""
+def nav_sts(shown: AgentReport, now_ms: int, frame: LocalFrame | None) -> NavSts:
+    """Leaves global_position and origin at 0, with a status to that effect, without a `frame` on the globe."""
     message = NavSts()
     message.header.stamp = to_ros(now_ms)
     message.header.frame_id = "local"

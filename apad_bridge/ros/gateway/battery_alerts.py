@@ -1,7 +1,7 @@
-"""/battery_alert: a message when an aMussel is heard to have fallen to the charge at which the mission wants it collected.
+"""Publishes /battery_alert when an aMussel's reported charge falls to that at which the mission wants it collected.
 
-The legacy stack's aMussels say so themselves, all of them on one topic, and `header.frame_id` says who: `/amussel24/`. Here
-the supervisor says it, of those that it heard; of a silent one nobody learns, as of a real one that is out of reach.
+The legacy stack's aMussels publish their own alerts, all on one topic, with their name in `header.frame_id`: `/amussel24/`.
+Here the supervisor publishes them, from received packets: nobody learns of a silent aMussel, as of a real one out of reach.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import rospy
 
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.modes import LIKELY
-from apad_bridge.ros.gateway.agent_topics import Shown, nav_sts
+from apad_bridge.ros.gateway.agent_topics import AgentReport, nav_sts
 from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros_names.names import BATTERY_ALERT, amussel_in_full
 from apad_bridge.scenario.local_frame import LocalFrame
@@ -24,17 +24,17 @@ use_generated_messages()
 from auv_msgs.msg import NavSts  # noqa: E402
 
 _QUEUE = 1000
-"""A whole fleet may fall at one tick, and nothing is repeated."""
+"""A whole fleet may fall at one tick, and alerts are not repeated."""
 AGAIN_ABOVE = 0.05
-"""So much above the threshold one must be heard before it can fall again: a charge brings far more than that, and the
-0.015 of noise that a measured charge has in `benchmarks/beliefs.py` hardly ever does, being less than a third of it."""
+"""An aMussel must report so much above the threshold before it can fall again. Charging brings far more than that; the
+noise of a measured charge, 0.015 in `benchmarks/beliefs.py`, is less than a third of it and hardly ever does."""
 
 
 class Falls:
-    """Who fell to `threshold`, a charge in [0, 1], by what was heard; and who is known to be there since."""
+    """Finds aMussels whose reported charge fell to `threshold`, in [0, 1], and keeps which ones are low since."""
 
     def __init__(self, threshold: float, known: Iterable[Belief] = ()) -> None:
-        """Those who were `known` before, to a supervisor that died, fell in its time."""
+        """Low beliefs among those `known` to a supervisor that died fell in its time, and cause no alert."""
         self._threshold = threshold
         # Near 1 there is less room than that above the threshold.
         self._again_above = min(threshold + AGAIN_ABOVE, (threshold + 1) / 2)
@@ -44,10 +44,10 @@ class Falls:
         self.hear(known)
 
     def hear(self, beliefs: Iterable[Belief]) -> list[Belief]:
-        """Those that were heard to have fallen since the last call; `beliefs` are all that there are.
+        """The beliefs that fell since the last call. `beliefs` are all that there are.
 
-        Only a new packet says so: an estimate that goes on without one wants nothing. One that sways about the threshold
-        fell once. One of whom nothing is believed any more begins anew.
+        Only a new packet counts: an estimate carried on without one causes no alert. A charge that sways about the
+        threshold fell once. An aMussel whose belief was deleted begins anew.
         """
         fallen = []
         judged_ms, self._judged_ms = self._judged_ms, {}
@@ -77,7 +77,7 @@ class BatteryAlerts:
         namespace: str,
         simulated: Callable[[], frozenset[int]],
     ) -> None:
-        """Only for `simulated` ones of `agent_ids`: a real aMussel alerts by itself."""
+        """Alerts only for `simulated` ones of `agent_ids`: a real aMussel publishes its own alerts."""
         self._ids = frozenset(agent_ids)
         self._frame = frame
         self._threshold = threshold
@@ -86,7 +86,7 @@ class BatteryAlerts:
         self._publisher = rospy.Publisher(BATTERY_ALERT, NavSts, queue_size=_QUEUE)
 
     def watcher(self, supervisor: Supervisor) -> Watcher:
-        """Alerts at each tick. What `supervisor` believes by now was heard before."""
+        """Alerts at each tick. The beliefs that `supervisor` has already cause no alert."""
         falls = Falls(self._threshold, supervisor.beliefs.all())
 
         def watch(now_ms: int) -> None:
@@ -98,7 +98,7 @@ class BatteryAlerts:
 
 
 def alert(belief: Belief, frame: LocalFrame, namespace: str = "") -> NavSts:
-    """Where the aMussel is believed to be, stamped with the mission time of the packet that was heard."""
-    message = nav_sts(Shown.of_belief(belief), belief.heard_ms, frame)
+    """The believed place of the aMussel, stamped with the mission time of its newest packet."""
+    message = nav_sts(AgentReport.of_belief(belief), belief.heard_ms, frame)
     message.header.frame_id = f"{amussel_in_full(namespace, belief.agent_id)}/"
     return message

@@ -1,9 +1,9 @@
-"""Which node speaks for which aMussels: claims on /musselbed/claims, each with a lease.
+"""Settles which node publishes which aMussels: claims on /musselbed/claims, each with a lease.
 
 A fleet claims the ids that it simulates. Another fleet with an id of an earlier one is refused at its start; where two come
-to overlap later, as after a network was split, the later one retires its own. Whoever bridges real aMussels claims them as
+to overlap later, as after a split of the network, the later one retires its own. A bridge of real aMussels claims them as
 real, and the simulated ones make room. A real claim that merely falls silent changes nothing: a real aMussel that is not
-heard is still in the water. One that is repeated without an id gives it back.
+heard is still in the water. A real claim that is repeated without an id gives that id back.
 """
 
 from __future__ import annotations
@@ -29,32 +29,32 @@ from musselbed_msgs.msg import FleetClaim  # noqa: E402
 TOPIC = ours("claims")
 PERIOD_S = 1.0
 LEASE_S = 5.0
-_HEAR_S = 3.0
-"""Claims are latched: who is on the graph is heard at once. Only one that was killed, and is registered still, is waited
-for so long; or one on a machine that stands still."""
+_COLLECT_S = 3.0
+"""The longest wait for others' claims. They are latched and arrive at once, except from a node that was killed and is
+registered still, or whose machine stands still."""
 
 
 class ClaimBoard:
-    """Says what is simulated here, and hears what others say. `changes` is for the flight's thread."""
+    """Publishes this process's claim and collects those of others. `changes` is for the flight's thread."""
 
     def __init__(self, node: str, simulated: Callable[[], frozenset[int]]) -> None:
         self._node = node
         self._simulated = simulated
         self._since_s = time.time()
         self._lock = threading.Lock()
-        self._heard: dict[str, Claim] = {}
+        self._others: dict[str, Claim] = {}
         self._given_back: dict[int, str] = {}
-        """Ids that a claim of real ones was repeated without, and by whom."""
+        """Ids that a repeated claim of real aMussels left out, and its node."""
         self._publisher = rospy.Publisher(TOPIC, FleetClaim, queue_size=1, latch=True)
-        self._subscriber = rospy.Subscriber(TOPIC, FleetClaim, self._hear, tcp_nodelay=True)
-        # Of nobody yet: fleets that start together would else wait for one another.
+        self._subscriber = rospy.Subscriber(TOPIC, FleetClaim, self._take, tcp_nodelay=True)
+        # Of no aMussel yet: fleets that start together would otherwise wait for one another.
         self._claim([])
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._repeat, name="claims", daemon=True)
 
     def refuse_overlap(self, ids: Iterable[int]) -> None:
-        """Raises SecondFleet when a living fleet claims one of `ids` already; then says our own claim from now on."""
-        self._hear_others()
+        """Raises SecondFleet when a living fleet claims one of `ids` already; otherwise begins to publish our claim."""
+        self._collect_others()
         ours = frozenset(ids)
         for claim in self._alive():
             if not claim.real and (both := sorted(claim.ids & ours)):
@@ -64,10 +64,12 @@ class ClaimBoard:
                 )
         self._thread.start()
 
-    def come_back(self, presences: Presences) -> list[str]:
-        """For a fleet that was on the graph before its supervisor died: nothing is refused, and what others claim now goes
-        before what was. Gives a line for a person on each difference; then says our own claim from now on."""
-        self._hear_others()
+    def resume(self, presences: Presences) -> list[str]:
+        """Begins to publish the claim of a fleet that was on the graph before its supervisor died.
+
+        Nothing is refused: others' present claims override what was. Returns a line for a person on each difference.
+        """
+        self._collect_others()
         claims = self._alive()
         with self._lock:
             self._given_back |= given_back(presences.before, claims)
@@ -75,7 +77,7 @@ class ClaimBoard:
         return conflicts(presences.of, presences.before, claims)
 
     def changes(self, presence_of: Callable[[int], Presence | None]) -> list[Moved]:
-        """What has to change here, as others' claims stand now."""
+        """The changes of our aMussels that others' present claims demand."""
         changes = []
         for claim in self._alive():
             for agent_id in sorted(claim.ids):
@@ -99,18 +101,18 @@ class ClaimBoard:
     def _yields_to(self, claim: Claim) -> bool:
         return (claim.since_s, claim.node) < (self._since_s, self._node)
 
-    def _hear_others(self) -> None:
+    def _collect_others(self) -> None:
         others = _publishers() - {self._node}
-        deadline_s = time.monotonic() + _HEAR_S
-        while time.monotonic() < deadline_s and others - self._heard.keys():
+        deadline_s = time.monotonic() + _COLLECT_S
+        while time.monotonic() < deadline_s and others - self._others.keys():
             self._ended.wait(0.02)
 
     def _alive(self) -> list[Claim]:
         now_s = time.monotonic()
         with self._lock:
-            return [claim for _, claim in sorted(self._heard.items()) if claim.until_s > now_s]
+            return [claim for _, claim in sorted(self._others.items()) if claim.until_s > now_s]
 
-    def _hear(self, message: Any) -> None:
+    def _take(self, message: Any) -> None:
         if message.node == self._node:
             return
         claim = Claim(
@@ -121,8 +123,8 @@ class ClaimBoard:
             time.monotonic() + message.lease_s,
         )
         with self._lock:
-            before = self._heard.get(claim.node)
-            self._heard[claim.node] = claim
+            before = self._others.get(claim.node)
+            self._others[claim.node] = claim
             if before is not None and before.real and claim.real:
                 self._given_back |= dict.fromkeys(before.ids - claim.ids, claim.node)
 

@@ -1,4 +1,4 @@
-"""What /diagnostics says: a line for each aMussel, the aPad and the mission, which rqt_runtime_monitor shows."""
+"""The statuses on /diagnostics: one for each aMussel, the aPad and the mission, as rqt_runtime_monitor shows them."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from firmware_model.state_groups import BEYOND_HELP, STRANDED
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """From the scenario: after how long an aMussel counts as silent, and at what charge it wants to be collected."""
+    """From the scenario: the age at which an aMussel counts as silent, and the charge at which it wants to be collected."""
 
     silence_s: float
     pool_threshold: float
@@ -29,7 +29,7 @@ def diagnose(
     apad: str = "",
     namespace: str = "",
 ) -> DiagnosticArray:
-    """With the name of an `apad` that is one of several, and their `namespace`: they all say so on one topic."""
+    """Names the `apad`, if it is one of several, and the `namespace`, because all publish on one topic."""
     beliefs = {belief.agent_id: belief for belief in supervisor.beliefs.all()}
     array = DiagnosticArray(status=[_mission(supervisor, apad), _apad(supervisor, apad)])
     array.header.stamp = to_ros(now_ms)
@@ -55,7 +55,7 @@ def _agent(agent_id: int, belief: Belief | None, limits: Limits, now_ms: int) ->
         last_heard=f"{belief.age_s(now_ms):.0f} s ago",
     )
     if belief.is_carried:
-        status.values += _how_sure(belief)
+        status.values += _uncertainty(belief)
     if belief.state in BEYOND_HELP:
         status.level, status.message = DiagnosticStatus.ERROR, "lost: both batteries are empty"
     elif belief.state in STRANDED or belief.primary <= 0.0:
@@ -70,8 +70,8 @@ def _agent(agent_id: int, belief: Belief | None, limits: Limits, now_ms: int) ->
     return status
 
 
-def _how_sure(belief: Belief) -> list[KeyValue]:
-    """What standard messages have no field for."""
+def _uncertainty(belief: Belief) -> list[KeyValue]:
+    """The values for which standard messages have no field."""
     low, high = belief.charge_interval()
     (primary, _, secondary), (north, _, east) = belief.charge_cov, belief.place_cov
     clock = belief.clock

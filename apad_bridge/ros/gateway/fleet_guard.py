@@ -1,4 +1,4 @@
-"""Before anything starts: does somebody on this master already speak for one of our aMussels?"""
+"""Refuses to start a fleet whose aMussels are published on this master already."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ import rospy
 from apad_bridge.ros_names.names import of_amussel
 
 CALLER = "/musselbed"
-_SPOKEN = ("position", "battery_level", "get_battery_level", "charge_info")
+_NAMES = ("position", "battery_level", "get_battery_level", "charge_info")
 _ALIVE_S = 2.0
-"""A node that does not answer in this time is taken for dead, its registrations for what a kill -9 left behind."""
+"""A node that does not answer in this time is taken for dead, and its registrations for the remains of a kill -9."""
 
 
 class SecondFleet(Exception):
-    """One line: who has which of our names, and what to do."""
+    """One line: the node that has one of our names, and the mend."""
 
 
 def refuse_second_fleet(node_name: str, agent_ids: Iterable[int], master_uri: str) -> None:
@@ -30,7 +30,7 @@ def refuse_second_fleet(node_name: str, agent_ids: Iterable[int], master_uri: st
     master = rosgraph.Master(CALLER, master_uri=master_uri)
     publishers, _, services = master.getSystemState()
     taken: dict[str, str] = {}
-    ours = {rospy.resolve_name(of_amussel(it, leaf)) for it in agent_ids for leaf in _SPOKEN}
+    ours = {rospy.resolve_name(of_amussel(it, leaf)) for it in agent_ids for leaf in _NAMES}
     for name, nodes in [*publishers, *services]:
         if name in ours:
             for node in nodes:

@@ -1,4 +1,4 @@
-"""The markers of a fleet and its aPad, for RViz and Foxglove; and off their screens who is there no more."""
+"""Draws the markers of a fleet and its aPad, for RViz and Foxglove, and deletes those of aMussels that left."""
 
 from __future__ import annotations
 
@@ -12,24 +12,24 @@ from apad_bridge.supervisor.core import Supervisor
 
 
 class FleetMarkers:
-    """RViz keeps a marker until it is told otherwise, so each picture begins with the deletion of all of its topic.
+    """RViz keeps a marker until its deletion, so each picture begins with the deletion of all markers of its topic.
 
-    A deletion of one marker, sent once, would leave a ghost with whoever loses that message. Readers take an array as one
-    change, so nothing flickers; and a lifetime would empty screens where mission time goes on and its supervisor does not.
+    A reader that loses the one deletion of a single marker would keep a ghost. Readers apply an array as one change, so
+    nothing flickers. A lifetime would empty screens where mission time goes on and its supervisor does not.
     """
 
     def __init__(self, agent_ids: Iterable[int], world: str, ball_m: float) -> None:
-        """`world` is the frame of all, `ball_m` an aMussel's diameter."""
+        """`world` is the frame of all markers, `ball_m` the diameter of an aMussel's ball."""
         self._ids = frozenset(agent_ids)
         self._world = world
         self._ball_m = ball_m
 
     def draw(self, supervisor: Supervisor, now_ms: int) -> list[Marker]:
-        """The whole picture, whatever a reader has missed."""
+        """The whole picture, which does not depend on the one before."""
         return [self._clearing(now_ms), *self._shown(supervisor, now_ms)]
 
     def _shown(self, supervisor: Supervisor, now_ms: int) -> list[Marker]:
-        # Whom this aPad serves: one that was handed on is drawn by the aPad that serves it.
+        # Each aPad draws the aMussels that it serves: one handed on is drawn by the aPad that serves it now.
         allocation, pose = supervisor.allocation, supervisor.pose
         ids = self._ids | allocation.served_for_others
         rows = {it: dock_index for dock_index, it in enumerate(supervisor.mission.docks) if it is not None}

@@ -1,8 +1,8 @@
-"""What people ask of a flying fleet: /musselbed/spawn, retire, hand_over, take_back and inject_fault.
+"""The services by which people change a flying fleet: /musselbed/spawn, retire, hand_over, take_back and inject_fault.
 
     rosservice call /musselbed/hand_over "{id: 7}"
 
-A service answers when it is done, which is at the next mission tick, or why it was not. Claims of other nodes ask too.
+A service answers at the next mission tick: that the change is done, or why not. Claims of other nodes make requests too.
 """
 
 from __future__ import annotations
@@ -31,19 +31,19 @@ from musselbed_msgs.srv import (  # noqa: E402
 )
 
 ANSWER_S = 10.0
-"""A tick comes once a mission second; a flight that makes none for so long answers nobody."""
+"""A tick comes once a mission second. After so long without one, a call is answered without it."""
 _A_PERSON = "a service call"
 
 
 @dataclass(slots=True)
 class _Call:
-    asked: Asked
+    request: Asked
     done: threading.Event = field(default_factory=threading.Event)
     refusal: str | None = None
 
 
 class FleetServices:
-    """A desk (`apad_bridge.supervisor.roster`): `take` and `answer` are for the flight's thread, the rest is rospy's."""
+    """The roster's source of requests: `take` and `answer` are for the flight's thread, the rest for rospy's."""
 
     def __init__(self, presences: Presences, claims: ClaimBoard) -> None:
         self._presences = presences
@@ -63,26 +63,27 @@ class FleetServices:
     def take(self) -> list[Asked]:
         with self._lock:
             self._taken, self._waiting = self._waiting, []
-        return [*self._claims.changes(self._presences.of), *(call.asked for call in self._taken)]
+        return [*self._claims.changes(self._presences.of), *(call.request for call in self._taken)]
 
-    def answer(self, asked: Asked, refusal: str | None) -> None:
+    def answer(self, request: Asked, refusal: str | None) -> None:
         for call in self._taken:
-            if call.asked is asked:
+            if call.request is request:
                 call.refusal = refusal
                 call.done.set()
                 return
-        # A claim asks again at each tick, until it is done: it is said once why it is not.
-        if refusal is not None and asked not in self._warned:
-            self._warned.add(asked)
-            rospy.logwarn(f"{refusal} (claimed by {getattr(asked, 'by', '')})")
+        # A claim is requested again at each tick until it is done: its refusal is logged once.
+        if refusal is not None and request not in self._warned:
+            self._warned.add(request)
+            rospy.logwarn(f"{refusal} (claimed by {getattr(request, 'by', '')})")
 
     def close(self) -> None:
         for service in self._services:
             service.shutdown("the flight is over")
         self._claims.close()
 
-    def _ask(self, asked: Asked) -> str | None:
-        call = _Call(asked)
+    def _call(self, request: Asked) -> str | None:
+        """Waits for the answer: None, or the refusal."""
+        call = _Call(request)
         with self._lock:
             self._waiting.append(call)
         if call.done.wait(ANSWER_S):
@@ -94,7 +95,7 @@ class FleetServices:
 
     def _change(self, trigger: Trigger) -> Callable[[Any], Any]:
         def answer(request: Any) -> Any:
-            refusal = self._ask(Moved(request.id, trigger, _A_PERSON))
+            refusal = self._call(Moved(request.id, trigger, _A_PERSON))
             return AmusselByIdResponse(accepted=refusal is None, message=refusal or "")
 
         return answer
@@ -102,7 +103,7 @@ class FleetServices:
     def _spawn(self, request: Any) -> Any:
         charges = request.primary, request.secondary
         at = request.north_m, request.east_m
-        refusal = self._ask(Moved(request.id, Trigger.SPAWN, _A_PERSON, at, charges))
+        refusal = self._call(Moved(request.id, Trigger.SPAWN, _A_PERSON, at, charges))
         return SpawnAmusselResponse(accepted=refusal is None, message=refusal or "")
 
     def _inject(self, request: Any) -> Any:
@@ -111,5 +112,5 @@ class FleetServices:
             return InjectFaultResponse(
                 accepted=False, message=f"no fault {request.fault!r}: there are {known}"
             )
-        refusal = self._ask(Failed(request.id, Fault(request.fault)))
+        refusal = self._call(Failed(request.id, Fault(request.fault)))
         return InjectFaultResponse(accepted=refusal is None, message=refusal or "")

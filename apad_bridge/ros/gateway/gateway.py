@@ -1,4 +1,4 @@
-"""The one ROS node of a supervisor: what a fleet must show and offer to be aMussels to an aPad, and what we tell people.
+"""The one ROS node of a supervisor: publishes and serves the aMussels to an aPad, and the flight's state to people.
 
     gateway = open_gateway(agent_ids, theta, node_name="musselbed_1", xmlrpc_port=0, truth=None)
     FlightContext(..., watchers=lambda supervisor: (gateway.watcher(supervisor),))  # after each tick
@@ -6,10 +6,11 @@
     gateway.close()
 
 `open_gateway` raises SecondFleet or GatewayFailed (one line each) before anything is on the graph. ROS_MASTER_URI and
-ROS_IP are those of the process's environment. One process has one node: it can be opened once.
+ROS_IP come from the process's environment. A process has one node: it can open one gateway.
 
 rospy's threads answer services from the last tick's snapshot, which is replaced and never changed. No publisher waits: a
-reader that stalls loses the oldest of the fleet's topics; of an aMussel's (`agent_topics`) the newest, then its connection.
+stalled reader loses the oldest messages of the fleet's topics; of an aMussel's (`agent_topics`) the newest, then its
+connection.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ import rospy
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.records.packet_lines import SoundRow, sound_rows
 from apad_bridge.records.samples import belief_sample
-from apad_bridge.ros.gateway.agent_topics import AgentTopics, Shown
+from apad_bridge.ros.gateway.agent_topics import AgentReport, AgentTopics
 from apad_bridge.ros.gateway.fleet_guard import refuse_second_fleet
 from apad_bridge.ros.system.ros_time import to_ros
 from apad_bridge.ros.types.messages import use_generated_messages
@@ -43,14 +44,14 @@ from underwater_msgs.msg import MediumTransmission  # noqa: E402
 
 _FLEET_QUEUE = 10
 _EVENT_QUEUE = 1000
-"""Events are not repeated: a slow reader should still get a whole mission's."""
+"""Events are not repeated: a slow reader should still receive those of a whole mission."""
 
-TruthSource = Callable[[int], Mapping[int, Shown]]
-"""Of each aMussel at a mission time: what `records.truth_on_agent_topics` shows instead of the beliefs."""
+TruthSource = Callable[[int], Mapping[int, AgentReport]]
+"""The truth of each aMussel at a mission time, which `records.truth_on_agent_topics` publishes instead of the beliefs."""
 
 
 class GatewayFailed(Exception):
-    """One line: why the node could not come up, and what to do."""
+    """One line: the reason why the node could not come up, and the mend."""
 
 
 def open_gateway(
@@ -62,20 +63,20 @@ def open_gateway(
     truth: TruthSource | None = None,
     simulated: Callable[[], frozenset[int]] | None = None,
     remappings: Sequence[str] = (),
-    comes_back: bool = False,
+    is_resumed: bool = False,
     frame: LocalFrame | None = None,
 ) -> Gateway:
-    """The node, on the graph, with the aMussels' topics and services. Raises SecondFleet or GatewayFailed.
+    """Puts the node on the graph, with the aMussels' topics and services. Raises SecondFleet or GatewayFailed.
 
-    `frame` says where on the globe the aMussels' topics shall have them; without one they do not say.
-    `remappings` are ROS's, `FROM:=TO`, for all that the process will ever name. A fleet that `comes_back` asks the claims
-    who else speaks for its aMussels, and is not refused for it.
+    `frame` gives the aMussels' topics their place on the globe; without one they have none. `remappings` are ROS's,
+    `FROM:=TO`, for all names of the process. A resumed fleet (`is_resumed`) is not refused where another node publishes its
+    aMussels: the claims settle that.
     """
     ids = list(agent_ids)
     raise_descriptor_limit()
     master_uri = rosgraph.get_master_uri()
     try:
-        refuse_second_fleet(rospy.resolve_name(node_name), [] if comes_back else ids, master_uri)
+        refuse_second_fleet(rospy.resolve_name(node_name), [] if is_resumed else ids, master_uri)
         rospy.init_node(
             node_name,
             argv=list(remappings),
@@ -93,7 +94,7 @@ def open_gateway(
 
 
 def raise_descriptor_limit() -> int:
-    """Lets this process have as many descriptors as it may: every connection of ROS is one. Gives the limit."""
+    """Raises this process's limit of descriptors to the highest allowed: every ROS connection needs one. Returns it."""
     _, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     resource.setrlimit(resource.RLIMIT_NOFILE, (hard, hard))
     return hard
@@ -110,11 +111,11 @@ class Gateway:
         simulated: Callable[[], frozenset[int]] | None = None,
         frame: LocalFrame | None = None,
     ) -> None:
-        """Only `simulated` aMussels are shown on topics of their own: a real one says itself where it is."""
+        """Only `simulated` aMussels get topics of their own: a real one publishes its own position."""
         self._theta = theta
         self._simulated = simulated
         self._truth = truth
-        self._shown: Mapping[int, Shown] = MappingProxyType({})
+        self._shown: Mapping[int, AgentReport] = MappingProxyType({})
         ids = list(agent_ids)
         self.agent_topics = AgentTopics(ids, frame)
         self._beliefs = _publisher(ours("beliefs"), FleetBeliefs, _FLEET_QUEUE)
@@ -122,18 +123,18 @@ class Gateway:
         self._events = _publisher(ours("mission"), MissionEvent, _EVENT_QUEUE)
         self._sound = _publisher(ours("sound"), MediumTransmission, _EVENT_QUEUE)
         self._services = [
-            rospy.Service(of_amussel(agent_id, name), GetChargeInfo, self._answers(agent_id))
+            rospy.Service(of_amussel(agent_id, name), GetChargeInfo, self._charge_service(agent_id))
             for agent_id in ids
             for name in ("get_battery_level", "charge_info")
         ]
 
     def watcher(self, supervisor: Supervisor) -> Watcher:
-        """Publishes what the supervisor believes at each tick."""
+        """Publishes the supervisor's beliefs at each tick."""
 
         def watch(now_ms: int) -> None:
             beliefs = supervisor.beliefs.all()
             if self._truth is None:
-                shown: Mapping[int, Shown] = {it.agent_id: Shown.of_belief(it) for it in beliefs}
+                shown: Mapping[int, AgentReport] = {it.agent_id: AgentReport.of_belief(it) for it in beliefs}
             else:
                 shown = self._truth(now_ms)
             if self._simulated is not None:
@@ -147,7 +148,7 @@ class Gateway:
         return watch
 
     def event(self, at_ms: int, kind: str, **data: Any) -> None:
-        """One event of the mission, on /musselbed/mission; a packet of sound on /musselbed/sound as well."""
+        """Publishes an event of the mission on /musselbed/mission; a packet of sound on /musselbed/sound as well."""
         if kind == "packet" and self._sound.get_num_connections() > 0:
             for row in sound_rows(data):
                 self._sound.publish(_transmission(row, at_ms))
@@ -183,7 +184,7 @@ class Gateway:
         message.docks = [-1 if agent_id is None else agent_id for agent_id in supervisor.mission.docks]
         self._apad.publish(message)
 
-    def _answers(self, agent_id: int) -> Callable[[Any], Any]:
+    def _charge_service(self, agent_id: int) -> Callable[[Any], Any]:
         def answer(_: Any) -> Any:
             shown = self._shown.get(agent_id)
             if shown is None:
@@ -205,7 +206,7 @@ def _publisher(topic: str, kind: Any, queue_size: int) -> rospy.Publisher:
 
 
 def _transmission(row: SoundRow, now_ms: int) -> MediumTransmission:
-    """As the bag holds it: see `SoundRow`."""
+    """The same message as in the bag: see `SoundRow`."""
     message = MediumTransmission(
         message=row.message,
         duration=row.duration_s,

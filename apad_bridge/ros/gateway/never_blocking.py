@@ -1,8 +1,9 @@
 """Publishers that never wait for a subscriber: a stalled one loses its own messages, then its connection.
 
 rospy offers two ways. With a queue every connection has a thread: a reader of a thousand aMussels' topics makes two
-thousand of them, and 11 000 to 12 000 messages a second are their end. Without one a write waits for the slowest reader.
-Here a write goes as far as the socket takes it; a message that finds it full is left out for that reader and counted.
+thousand threads, which reach 11 000 to 12 000 messages a second at most. Without a queue a write waits for the slowest
+reader. Here a write goes as far as the socket takes it; with a full socket, the message is left out for that reader and
+counted.
 """
 
 from __future__ import annotations
@@ -20,18 +21,18 @@ STALLED_S = 0.8
 """A reader whose socket took nothing for so long is disconnected: within a second, at ten messages a second. It may connect
 again when it reads again."""
 _SEND_BUFFER_BYTES = 8192
-"""Asked of the kernel, which doubles it: some 10 s of an aMussel's positions, which a reader that pauses does not lose; the
-reader's own buffer comes on top. More would only put off the time at which a stalled reader is noticed."""
+"""Requested from the kernel, which doubles it: some 10 s of an aMussel's positions, which a pausing reader does not lose;
+the reader's own buffer comes on top. A larger one would only delay the disconnection of a stalled reader."""
 
 
 class Stalls:
-    """What readers missed, and how many were disconnected; by the reader's node. Written by the publishing thread alone."""
+    """Counts missed messages and disconnections by the reader's node. Only the publishing thread writes it."""
 
     def __init__(self) -> None:
         self.left_out: Counter[str] = Counter()
         self.disconnected: Counter[str] = Counter()
         self.longest_s = 0.0
-        """From the first message that was left out to the disconnection."""
+        """The longest time from the first message left out to the disconnection."""
 
 
 class NeverBlocking:
@@ -42,7 +43,7 @@ class NeverBlocking:
         self._stalls = stalls
         self._now_s = now_s
         self._rest = b""
-        """Of a message that the socket took in part: the stream is broken if it is not sent before the next."""
+        """The rest of a message that the socket took in part: the stream breaks if it is not sent before the next."""
         self._stuck_since_s: float | None = None
         connection.socket.setblocking(False)
 
@@ -52,7 +53,7 @@ class NeverBlocking:
         return getattr(self._connection, name)
 
     def write_data(self, data: bytes) -> bool:
-        """Sends the whole message, now or in parts, or nothing of it. TransportTerminated when the connection is over."""
+        """Sends the whole message, at once or in parts, or nothing of it. TransportTerminated when the connection ended."""
         if self._rest:
             self._rest = self._send(self._rest)
         if not self._rest:
@@ -72,7 +73,7 @@ class NeverBlocking:
         return True
 
     def _send(self, data: bytes) -> bytes:
-        """What the socket did not take."""
+        """Returns the part that the socket did not take."""
         sock = self._connection.socket
         if self._connection.done or sock is None:
             raise TransportTerminated("connection closed")
@@ -90,7 +91,7 @@ class NeverBlocking:
 
 
 def never_blocking_publisher(topic: str, kind: Any, stalls: Stalls) -> rospy.Publisher:
-    """A publisher of `kind` whose connections are NeverBlocking. To be used by one thread."""
+    """A publisher of `kind` whose connections are NeverBlocking. Only one thread may use it."""
     publisher = rospy.Publisher(topic, kind, queue_size=1)
     impl = publisher.impl
     plain = type(impl).add_connection
@@ -103,5 +104,5 @@ def never_blocking_publisher(topic: str, kind: Any, stalls: Stalls) -> rospy.Pub
     impl.set_queue_size(None)
     impl.add_connection = add_connection
     for early in impl.connections:
-        early.close()  # it came with a thread of its own, before this line; rospy's subscribers connect again
+        early.close()  # it has a thread of its own, made before this line; rospy's subscribers connect again
     return publisher

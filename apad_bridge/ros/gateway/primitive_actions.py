@@ -1,4 +1,4 @@
-"""The two primitives that take their time, as actions, to their end: `go_to` and `docking` below /musselbed/NAME."""
+"""The two long primitives as actions that last until their end: `go_to` and `docking` below /musselbed/NAME."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _REPLACED = "another order took its place"
 
 
 def docking_act(request: Any, *, dock: bool) -> Callable[[ManualMission], None]:
-    """What a goal or request to dock, or undock, asks of the mission."""
+    """The mission's part of a goal or request to dock, or undock."""
 
     def act(mission: ManualMission) -> None:
         dock_index = dock_index_of(request.number)
@@ -44,7 +44,7 @@ def docking_act(request: Any, *, dock: bool) -> Callable[[ManualMission], None]:
 
 
 class PrimitiveActions:
-    """Each has a thread of actionlib's own, which orders through the front and then looks at every tick how it stands."""
+    """A thread of actionlib for each orders through the call queue, and follows the primitive at every tick."""
 
     def __init__(self, command_source: CallQueue, apad: str) -> None:
         self._command_source = command_source

@@ -1,9 +1,9 @@
-"""Mission primitives as services and actions of ours, over whichever aPad: for a person's command line, and for programs.
+"""Mission primitives as services and actions of ours, over any aPad: for a person's command line, and for programs.
 
-They stand below /musselbed/NAME, the aPad's name, and order where nobody plans: in a flight by hand (`--manual`), beside a
-script, or when a person has taken the mission over (`take_over`, and `give_back`). A service answers when the order is
-taken, which is at the next mission tick; the end is told by `goto_status` and `docking_status`, or by the actions. Zeros,
-which is what `rosservice call` sends for what is left out, mean the scenario's own numbers.
+They are below /musselbed/NAME, the aPad's name, and take orders while no planner does: in a flight by hand (`--manual`),
+beside a script, or when a person has taken the mission over (`take_over`, and `give_back`). A service answers when the
+order is taken, at the next mission tick; `goto_status` and `docking_status`, or the actions, report the end. Zeros, which
+`rosservice call` sends for fields left out, mean the scenario's own numbers.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ Act = Callable[[ManualMission], None]
 
 @contextmanager
 def primitives_offered(scenario: Scenario, options: RunOptions) -> Iterator[CallQueue | None]:
-    """The services on the graph, and the front that they order through; None where no aPad is flown, or none may move."""
+    """Offers the services, and yields their call queue; None where no aPad is flown, or none may move."""
     if options.part is Part.FLEET or options.dry_run:
         yield None
         return
@@ -62,13 +62,13 @@ def primitives_offered(scenario: Scenario, options: RunOptions) -> Iterator[Call
 
 
 class PrimitiveServices:
-    """On the graph until `close`. Its handlers run in rospy's threads and hand every order to the front."""
+    """On the graph until `close`. Its handlers run in rospy's threads and put every order on the call queue."""
 
     def __init__(self, command_source: CallQueue, frame: LocalFrame, apad: str) -> None:
         below = partial(ours_of_apad, apad)
         self._command_source = command_source
         self._frame = frame
-        self._told = (-1, -1)
+        self._published = (-1, -1)
         self._goto_status = rospy.Publisher(below("goto_status"), Int32, queue_size=10, latch=True)
         self._docking_status = rospy.Publisher(below("docking_status"), Int32, queue_size=10, latch=True)
         self._services = [
@@ -139,8 +139,8 @@ class PrimitiveServices:
 
     def _show(self, snapshot: Snapshot) -> None:
         now = (int(snapshot.goto), int(snapshot.docking))
-        if now != self._told:
-            self._told = now
+        if now != self._published:
+            self._published = now
             self._goto_status.publish(Int32(now[0]))
             self._docking_status.publish(Int32(now[1]))
 
@@ -160,9 +160,9 @@ def _end(flown: Flown) -> str:
 
 
 def _triggered(call: Callable[[], str]) -> Any:
-    """The call's word, if it has one, is the answer's message."""
+    """Answers with the text that the call returns."""
     try:
-        told = call()
+        text = call()
     except Refused as refused:
         return TriggerResponse(success=False, message=str(refused))
-    return TriggerResponse(success=True, message=told)
+    return TriggerResponse(success=True, message=text)

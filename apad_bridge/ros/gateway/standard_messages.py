@@ -1,4 +1,4 @@
-"""Beliefs and the aPad's state in ROS's standard messages. Positions come in as local NED metres, times as mission ms."""
+"""Makes ROS's standard messages of beliefs and the aPad's state, given in local NED metres and mission milliseconds."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ from firmware_model.power.charge import EMPTY_MV, FULL_MV
 from firmware_model.state_groups import BEYOND_HELP, DOCKED
 
 _UNKNOWN = math.nan
-"""What BatteryState asks for where nothing is measured."""
+"""BatteryState demands NaN for values that are not measured."""
 _SMALLEST_BALL_M = 0.5
 _BALLS_ACROSS = 100
-"""So many balls side by side are as long as the area: from above, each is some pixels wide on a common screen."""
+"""The area is as long as so many balls side by side: seen from above, each is some pixels wide on a common screen."""
 _LABEL = 1.2
-"""How high a label is, and how far north of its ball, in balls."""
+"""The height of a label, and its distance north of the ball, in diameters of the ball."""
 _DISC_M = 0.02
 _DISC_ALPHA = 0.3
 
@@ -39,9 +39,9 @@ def header(now_ms: int, frame: str) -> Header:
 
 
 def agent_battery(belief: Belief, body: str) -> BatteryState:
-    """The primary battery, with the voltage that the paper's scale stands for; `cell_voltage` holds both batteries'.
+    """The primary battery, with its voltage on the paper's scale; `cell_voltage` holds both batteries'.
 
-    It is what is believed for the stamp: the newest packet's, or the time that a belief was carried to.
+    The values are believed for the stamp, which is the newest packet's, or the time that a belief was carried to.
     """
     if belief.is_carried:
         docked, full = belief.mode in DOCKED_MODES, belief.mode is Mode.FULL
@@ -94,9 +94,9 @@ def apad_battery(battery: BatteryReported, name: str, body: str) -> BatteryState
 def fix(
     frame: LocalFrame, at_ms: int, body: str, north_m: float, east_m: float, variance_m2: Vector
 ) -> NavSatFix:
-    """Degrees on WGS-84, at height 0. `variance_m2` is (north, covariance, east); all 0 says that nothing is known.
+    """Degrees on WGS-84, at height 0. `variance_m2` is (north, covariance, east), all 0 where it is not known.
 
-    The message asks for east, north, up; a place of ours has no height, and no variance of it.
+    The message's order is east, north, up. A place of ours has no height, and no variance of it.
     """
     latitude_deg, longitude_deg = frame.to_geographic(north_m, east_m)
     north, between, east = variance_m2
@@ -134,21 +134,21 @@ def transform(now_ms: int, parent: str, child: str, at: Vector, attitude: Quater
 
 
 def ball_size_m(area: Area) -> float:
-    """The diameter of an aMussel's ball, which is much larger than the aMussel itself, so that it is seen in the area."""
+    """The diameter of an aMussel's ball, much larger than the aMussel itself so that it is visible in the area."""
     (south, west), (north, east) = bounding_box(area.polygon_m)
     return max(_SMALLEST_BALL_M, max(north - south, east - west) / _BALLS_ACROSS)
 
 
 def agent_markers(belief: Belief, now_ms: int, world: str, ball_m: float, row: int = 0) -> list[Marker]:
     """A ball from red (empty) to green (full), cyan when docked, grey when lost; its id and charge above it; and, where the
-    place's deviation is known, the ellipse that holds it with 95 %.
+    place's deviation is known, the ellipse that contains the place with 95 %.
 
-    Labels of those that lie at one place, in an aPad's docks, are in rows of their own, from 0 on.
+    Labels of aMussels at one place, in an aPad's docks, have a `row` each, from 0 on.
     """
     label_m = _LABEL * ball_m
     at = enu(belief.north_m, belief.east_m)
     ball = _marker("amussels", belief.agent_id, Marker.SPHERE, now_ms, world, at, _colour(belief), ball_m)
-    # North of the ball, so that it is read from above too.
+    # North of the ball, so that it is legible from above too.
     above = (at[0], at[1] + (1 + row) * label_m, at[2] + label_m)
     label = _marker(
         "labels",
@@ -171,7 +171,7 @@ def _place_marker(belief: Belief, now_ms: int, world: str, at: Vector) -> Marker
     disc = _marker("place_95", belief.agent_id, Marker.CYLINDER, now_ms, world, at, _colour(belief), _DISC_M)
     disc.color.a = _DISC_ALPHA
     disc.pose.orientation = RosQuaternion(*ellipse.attitude)
-    # A scale of 0 is none to RViz.
+    # RViz does not draw a scale of 0.
     disc.scale = Vector3(max(ellipse.length_m, _DISC_M), max(ellipse.width_m, _DISC_M), _DISC_M)
     return disc
 

@@ -1,14 +1,14 @@
-"""The fleet on ROS's standard messages, so that RViz, rqt, PlotJuggler and Foxglove show it without a line of code.
+"""Publishes the fleet in ROS's standard messages, so that RViz, rqt, PlotJuggler and Foxglove show it without any code.
 
-    /amusselN/battery_state, fix          sensor_msgs/BatteryState, NavSatFix: what is believed
+    /amusselN/battery_state, fix          sensor_msgs/BatteryState, NavSatFix: the belief
     /musselbed/apad/battery_state, fix    the same of the aPad
-    /musselbed/apad/path                  nav_msgs/Path: the way it has come
+    /musselbed/apad/path                  nav_msgs/Path: its track
     /musselbed/plan                       nav_msgs/Path: from the aPad through the aMussels of the plan under way
     /musselbed/markers                    visualization_msgs/MarkerArray
     /diagnostics                          diagnostic_msgs/DiagnosticArray
     /tf, /tf_static                       frames by `apad_bridge.ros_names.frames`
 
-All of it is made at ticks, and only of what somebody listens to. Names are resolved by ROS: remappings work.
+Messages are made at ticks, and only for topics that have a subscriber. ROS resolves the names: remappings work.
 """
 
 from __future__ import annotations
@@ -37,10 +37,10 @@ from apad_bridge.supervisor.context import Watcher
 from apad_bridge.supervisor.core import Supervisor
 
 _QUEUE = 10
-_WAY_M = 0.5
-"""The aPad's way is kept at points so far apart ..."""
-_WAY_POINTS = 2000
-"""... and so many of them: the latest kilometre."""
+_TRACK_STEP_M = 0.5
+"""The distance between points of the aPad's track ..."""
+_TRACK_POINTS = 2000
+"""... and their number: the latest kilometre."""
 _NOTHING_KNOWN = (0.0, 0.0, 0.0)
 
 
@@ -66,7 +66,7 @@ class StandardTopics:
         self._namespace = namespace
         self._frame = frame
         self._limits = limits
-        self._way: list[tuple[float, float]] = []
+        self._track: list[tuple[float, float]] = []
         self._agents = {
             agent_id: (
                 never_blocking_publisher(of_amussel(agent_id, "battery_state"), BatteryState, self.stalls),
@@ -79,14 +79,14 @@ class StandardTopics:
         self._path = rospy.Publisher(ours("apad/path"), Path, queue_size=_QUEUE)
         self._plan = rospy.Publisher(ours("plan"), Path, queue_size=_QUEUE)
         self._markers = rospy.Publisher(ours("markers"), MarkerArray, queue_size=_QUEUE)
-        self._drawn = FleetMarkers(self._ids, frames.enu, ball_m)
+        self._fleet_markers = FleetMarkers(self._ids, frames.enu, ball_m)
         self._diagnostics = rospy.Publisher(DIAGNOSTICS, DiagnosticArray, queue_size=_QUEUE)
         self._tf = rospy.Publisher(TF, TFMessage, queue_size=_QUEUE)
         self._tf_static = rospy.Publisher(TF_STATIC, TFMessage, queue_size=1, latch=True)
         self._tf_static.publish([make.transform(0, frames.enu, frames.ned, (0.0, 0.0, 0.0), NED_IN_ENU)])
 
     def watcher(self, supervisor: Supervisor) -> Watcher:
-        """Publishes what the supervisor believes at each tick."""
+        """Publishes the supervisor's beliefs at each tick."""
 
         def watch(now_ms: int) -> None:
             beliefs = [belief for belief in supervisor.beliefs.all() if belief.agent_id in self._agents]
@@ -119,11 +119,11 @@ class StandardTopics:
         if pose is None:
             return
         here_m = (pose.north_m, pose.east_m)
-        if not self._way or math.dist(self._way[-1], here_m) >= _WAY_M:
-            self._way = [*self._way[1 - _WAY_POINTS :], here_m]
+        if not self._track or math.dist(self._track[-1], here_m) >= _TRACK_STEP_M:
+            self._track = [*self._track[1 - _TRACK_POINTS :], here_m]
         body = frames.apad(self._apad)
         _publish(self._fix, lambda: make.fix(self._frame, pose.at_ms, body, *here_m, _NOTHING_KNOWN))
-        _publish(self._path, lambda: make.path(now_ms, frames.enu, [*self._way, here_m]))
+        _publish(self._path, lambda: make.path(now_ms, frames.enu, [*self._track, here_m]))
         _publish(self._plan, lambda: make.path(now_ms, frames.enu, [here_m, *_goals(supervisor)]))
 
     def _show_scene(self, supervisor: Supervisor, beliefs: list[Belief], now_ms: int) -> None:
@@ -141,11 +141,11 @@ class StandardTopics:
             return known
 
         _publish(self._tf, transforms)
-        _publish(self._markers, lambda: self._drawn.draw(supervisor, now_ms))
+        _publish(self._markers, lambda: self._fleet_markers.draw(supervisor, now_ms))
 
 
 def _goals(supervisor: Supervisor) -> list[tuple[float, float]]:
-    """Where the steps of the plan under way lead, in order; one whose place is not known is left out."""
+    """The goals of the current plan's steps, in order. A step whose place is not known is left out."""
     state = supervisor.mission.state
     homes = {agent_id: (north_m, east_m) for agent_id, north_m, east_m in state.homes}
     goals = []
@@ -160,7 +160,7 @@ def _goals(supervisor: Supervisor) -> list[tuple[float, float]]:
     return goals
 
 
-def _publish(publisher: rospy.Publisher, made: Any) -> None:
-    # A message that nobody hears is not made.
+def _publish(publisher: rospy.Publisher, make_message: Any) -> None:
+    # Without a subscriber the message is not made.
     if publisher.get_num_connections() > 0:
-        publisher.publish(made())
+        publisher.publish(make_message())

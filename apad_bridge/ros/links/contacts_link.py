@@ -1,4 +1,4 @@
-"""A VehicleLink that only listens: what some aPad's `position_static` says of our aMussels. It commands nothing."""
+"""A VehicleLink that only listens to an aPad's `position_static` of our aMussels, and commands nothing."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ from auv_msgs.msg import NavSts  # noqa: E402
 
 
 class ContactsLink:
-    """For a fleet alone. Somebody else's planner docks its aMussels; here it is felt.
+    """Gives a fleet alone the contacts of docks that somebody else's planner commands.
 
-    The aPad `apad` (its namespace) is listened to so that a gap in the Wi-Fi is not taken for a release, and for where its
-    modem is.
+    It also subscribes to the position of the aPad `apad` (its namespace), so that a gap in the Wi-Fi is not taken for a
+    release, and to know where the aPad's modem is.
     """
 
     def __init__(
@@ -40,8 +40,8 @@ class ContactsLink:
         self.dropped: Counter[str] = Counter()
         self._docks = DocksByHearsay(ids, docked, now_ms)
         self._inbox: Inbox[tuple[int, float, float, bool]] = Inbox()
-        self._apad_at: Inbox[tuple[float, float]] = Inbox()
-        self._apad_heard_ms = now_ms
+        self._apad_places: Inbox[tuple[float, float]] = Inbox()
+        self._apad_position_ms = now_ms
         self._subscribers = [
             rospy.Subscriber(
                 of_amussel(agent_id, "position_static"), NavSts, self._take, agent_id, tcp_nodelay=True
@@ -51,7 +51,7 @@ class ContactsLink:
         self._subscribers.append(rospy.Subscriber(of_apad(apad, "position"), NavSts, self._note_apad))
 
     def advance(self, now_ms: int) -> list[LinkFact]:
-        """Contacts and the aPad's place, stamped `now_ms`: the clocks of a vehicle at sea are not ours."""
+        """Contacts and the aPad's place, stamped `now_ms` because the clocks of a vehicle at sea are not ours."""
         facts: list[LinkFact] = []
         for agent_id, north_m, east_m, released in self._inbox.take():
             if not (math.isfinite(north_m) and math.isfinite(east_m)):
@@ -59,11 +59,11 @@ class ContactsLink:
                 continue
             facts += self._docks.hear(StaticHeard(now_ms, agent_id, north_m, east_m, released))
         seen: list[LinkFact] = []
-        for north_m, east_m in self._apad_at.take():
-            self._apad_heard_ms = now_ms
+        for north_m, east_m in self._apad_places.take():
+            self._apad_position_ms = now_ms
             if math.isfinite(north_m) and math.isfinite(east_m):
                 seen = [APadSeen(now_ms, north_m, east_m)]
-        facts += [*self._docks.silent(self._apad_heard_ms), *self._docks.places()]
+        facts += [*self._docks.silent(self._apad_position_ms), *self._docks.places()]
         return [*seen, *(fact for fact in facts if isinstance(fact, Carried | LetGo))]
 
     def command(self, command: VehicleCommand, now_ms: int) -> None:
@@ -74,7 +74,7 @@ class ContactsLink:
             subscriber.unregister()
 
     def _note_apad(self, message: Any) -> None:
-        self._apad_at.put((message.position.north, message.position.east))
+        self._apad_places.put((message.position.north, message.position.east))
 
     def _take(self, message: Any, agent_id: int) -> None:
         position, released = message.position, message.status == 1

@@ -1,12 +1,13 @@
 """A vehicle link to ANY aPad of generation A on ROS, ours or a real one.
 
     link = GenerationALink("apad1", agent_ids, (empty_v, full_v), our_clock=True, docked={}, now_ms=0)
-    link.wait_until_ready(10.0)        # VehicleNotReady, one line that says what is missing
+    link.wait_until_ready(10.0)        # VehicleNotReady, one line that names the missing parts
 
-Stamps: with `our_clock` (our master, our simulated aPad) those of the messages, which are mission time. Without, what came
-since the last tick is stamped with the tick that hears it: the clocks of a vehicle at sea are not ours.
+Stamps: with `our_clock` (our master, our simulated aPad) facts carry those of their messages, which are mission time.
+Without, a fact is stamped with the tick that receives it, because the clocks of a vehicle at sea are not ours.
 
-What an aPad of generation A says beside what both do: its action server's words, and what it holds where.
+Beside what both generations publish, an aPad of generation A publishes its action server's status, and which aMussels it
+holds where.
 """
 
 from __future__ import annotations
@@ -17,17 +18,15 @@ from typing import Any
 
 import rospy
 from actionlib_msgs.msg import GoalStatusArray
-from apad.msg import (
-    aPadActionGoal,
-    aPadActionResult,
-)
-from auv_msgs.msg import NavSts
 
+from apad_bridge.assembly import parts
 from apad_bridge.ros.links.inbox import Inbox
-from apad_bridge.ros.links.legacy_link import LegacyLink
+from apad_bridge.ros.links.legacy_link import LegacyLink, OpenedAPad
 from apad_bridge.ros.links.legacy_subscribers import POSE_FIELDS, LegacySubscribers
 from apad_bridge.ros.types.live_types import differing_listeners, unreadable_topics
+from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros_names.names import AMUSSEL, of_amussel, of_apad
+from apad_bridge.scenario.schema import Scenario
 from apad_bridge.vehicle.commands import CloseDock, MoveArm, OpenDock, VehicleCommand
 from apad_bridge.vehicle.generation_a.core import GenerationACore
 from apad_bridge.vehicle.generation_a.messages import (
@@ -41,6 +40,11 @@ from apad_bridge.vehicle.generation_a.messages import (
 from apad_bridge.vehicle.link import LinkFact
 from apad_bridge.vehicle.telemetry import Sight
 
+use_generated_messages()
+
+from apad.msg import aPadActionGoal, aPadActionResult  # noqa: E402
+from auv_msgs.msg import NavSts  # noqa: E402
+
 _STATUS = ("header.stamp", "status_list")
 _RESULT = ("header.stamp", "status.goal_id.id", "status.status", "status.text")
 
@@ -49,7 +53,7 @@ class Subscribers(LegacySubscribers):
     """Subscribes to the aPad called `name` and to `position_static` of each aMussel."""
 
     def __init__(self, name: str, agent_ids: Iterable[int], inbox: Inbox[Heard], *, stamped: bool) -> None:
-        self.has_heard_server = False
+        self.has_server_status = False
         super().__init__(name, inbox, stamped=stamped, pose_fields=(*POSE_FIELDS, "status"))
         server = of_apad(name, "action_server")
         self._listen(f"{server}/status", GoalStatusArray, _STATUS, self._take_status, is_vital=True)
@@ -58,48 +62,48 @@ class Subscribers(LegacySubscribers):
         self.listen_to(agent_ids)
 
     def listen_to(self, agent_ids: Iterable[int]) -> None:
-        """To what is said of these too."""
+        """Subscribes to `position_static` of these too."""
         for agent_id in sorted(set(agent_ids) - self._known):
             self._known.add(agent_id)
             self._listen(of_amussel(agent_id, "position_static"), NavSts, (), self._take_static, agent_id)
 
     @property
     def missing(self) -> list[str]:
-        """What is not connected of that which a flight cannot do without, for a person."""
+        """A line for a person about each part that a flight needs and that is not connected."""
         lines = super().missing
-        return lines if self.has_heard_server else [*lines, "no word of its action server"]
+        return lines if self.has_server_status else [*lines, "no word of its action server"]
 
     def _take_static(self, message: Any, agent_id: int) -> None:
         position, released = message.position, message.status == 1
-        heard = StaticHeard(self._stamp(message), agent_id, position.north, position.east, released)
-        self._inbox.put(heard, always=released)
+        contact = StaticHeard(self._stamp(message), agent_id, position.north, position.east, released)
+        self._inbox.put(contact, always=released)
 
     def _take_status(self, message: Any) -> None:
-        self.has_heard_server = True
-        self._inbox.put(GoalsHeard(self._stamp(message), self._words(message.status_list), whole=True))
+        self.has_server_status = True
+        self._inbox.put(GoalsHeard(self._stamp(message), self._statuses(message.status_list), whole=True))
 
     def _take_result(self, message: Any) -> None:
-        heard = GoalsHeard(self._stamp(message), self._words([message.status]), whole=False)
-        self._inbox.put(heard, always=True)
+        result = GoalsHeard(self._stamp(message), self._statuses([message.status]), whole=False)
+        self._inbox.put(result, always=True)
 
-    def _words(self, statuses: Iterable[Any]) -> tuple[GoalWord, ...]:
-        words = []
+    def _statuses(self, statuses: Iterable[Any]) -> tuple[GoalWord, ...]:
+        known = []
         for status in statuses:
             try:
-                words.append(GoalWord(status.goal_id.id, GoalCode(status.status), status.text))
+                known.append(GoalWord(status.goal_id.id, GoalCode(status.status), status.text))
             except ValueError:
                 self._inbox.drop("a goal's status of no known code")
-        return tuple(words)
+        return tuple(known)
 
 
 ANSWER_S = 0.25
-"""Wall seconds that `advance` waits for the answer of a docking mechanism commanded at the same tick."""
+"""Wall seconds that `advance` waits for the answer of a dock's mechanism commanded at the same tick."""
 ANSWER_ON_OUR_CLOCK_S = 1.0
-"""On our own clock: longer, since nothing is lost by waiting and a busy machine shall decide as an idle one."""
+"""Longer on our own clock: waiting costs nothing there, and a busy machine decides as an idle one."""
 
 
 class GenerationALink(LegacyLink[GenerationACore]):
-    """A VehicleLink. `name` is the aPad's namespace; `docked` are agents by slot, known to be held."""
+    """A VehicleLink. `name` is the aPad's namespace; `docked` maps the index of a dock to the aMussel that it holds."""
 
     GENERATION = "A"
     MEND = "put its own into apad_bridge/ros/definitions and run launch_scripts/install"
@@ -122,15 +126,17 @@ class GenerationALink(LegacyLink[GenerationACore]):
         self._mechanism_ms: int | None = None
         self._subscribers = Subscribers(name, ids, self._inbox, stamped=our_clock)
         self._goals = rospy.Publisher(of_apad(name, "action_server") + "/goal", aPadActionGoal, queue_size=20)
-        """Twenty: more goals than that are never on their way, and a server that reads none is told nothing new."""
+        """Twenty: never more goals than that are on their way, and a server that reads none loses nothing by the limit."""
 
     def serve(self, agent_ids: Iterable[int]) -> None:
         self._subscribers.listen_to(agent_ids)
         self._core.docks.serve(agent_ids)
 
     def _missing(self) -> list[str]:
-        deaf = [] if self._goals.get_num_connections() else [f"nobody listens to {self._goals.resolved_name}"]
-        return self._subscribers.missing + deaf
+        unread = (
+            [] if self._goals.get_num_connections() else [f"nobody listens to {self._goals.resolved_name}"]
+        )
+        return self._subscribers.missing + unread
 
     def _differences(self) -> list[str]:
         goal_types = {self._goals.resolved_name: self._goals.data_class}
@@ -150,7 +156,7 @@ class GenerationALink(LegacyLink[GenerationACore]):
 
     def command(self, command: VehicleCommand, now_ms: int) -> None:
         if isinstance(command, MoveArm):
-            return  # generation A moves its arms with a perch, and by no other word
+            return  # generation A moves its arms with a perch, and by no other order
         if isinstance(command, CloseDock | OpenDock):
             self._mechanism_ms = now_ms
         if (order := self._core.command(command, now_ms)) is not None:
@@ -161,9 +167,9 @@ class GenerationALink(LegacyLink[GenerationACore]):
         self._goals.unregister()
 
     def wait_until_heard(self, now_ms: int, timeout_s: float) -> list[str]:
-        """Until each topic has spoken up to `now_ms`, for ROS keeps no order between topics; those that have not.
+        """Waits until each topic has come up to `now_ms`, because ROS keeps no order between topics.
 
-        One that was missed is not waited for again before it speaks.
+        Returns the topics that have not. A topic that was late is not waited for again until it has come.
         """
 
         def missing() -> list[str]:
@@ -177,7 +183,7 @@ class GenerationALink(LegacyLink[GenerationACore]):
 
 
 def _goal_message(order: GoalOrder) -> Any:
-    """Without a stamp: the server then gives it its own, and a clock of ours that is off orders nothing wrongly."""
+    """Leaves the stamp out: the server then sets its own, so that a clock of ours that is off does no harm."""
     message = aPadActionGoal()
     message.goal_id.id = order.key
     message.goal.id = order.kind
@@ -185,3 +191,20 @@ def _goal_message(order: GoalOrder) -> Any:
     message.goal.pose.orientation.w = 1.0
     message.goal.object = order.name
     return message
+
+
+def open_link(
+    scenario: Scenario, sight: Sight, docked: Mapping[int, int], now_ms: int, *, our_clock: bool
+) -> OpenedAPad:
+    battery, ids = scenario.apad.battery, parts.agent_ids(scenario)
+    return OpenedAPad(
+        GenerationALink(
+            scenario.apad.name,
+            ids,
+            (battery.empty_v, battery.full_v),
+            our_clock=our_clock,
+            docked=docked,
+            now_ms=now_ms,
+            sight=sight,
+        )
+    )

@@ -1,41 +1,39 @@
 """A vehicle link to ANY aPad of generation B on ROS, ours or a real one.
 
     link = GenerationBLink("apad1", agent_ids, (empty_v, full_v), docking, misses, our_clock=True)
-    link.wait_until_ready(10.0)        # VehicleNotReady, one line that says what is missing
+    link.wait_until_ready(10.0)        # VehicleNotReady, one line that names the missing parts
 
-Stamps are as in generation A: with `our_clock` poses carry those of their messages; whatever has none became true at the
-tick that hears it.
+Stamps are as in generation A: with `our_clock` poses carry those of their messages; a fact without a stamp became true at
+the tick that receives it.
 
-What an aPad of generation B says beside what both do: how its primitives stand, its arms, and whether a pilot steers.
+Beside what both generations publish, an aPad of generation B publishes the status of its primitives, the state of its arms,
+and whether a pilot steers.
 """
 
 from __future__ import annotations
 
+import threading
 import time
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 import rosgraph
 import rospy
-from misc_msgs.srv import (
-    DockingPrimitiveService,
-    DynamicPositioningPrimitiveService,
-    Go2pointPrimitiveService,
-)
 from std_msgs.msg import Bool, Float32MultiArray, Int32, String
 
+from apad_bridge.assembly import parts
 from apad_bridge.doctor.graph import Graph
 from apad_bridge.doctor.network import Unreachable
 from apad_bridge.ros.links.inbox import Inbox
-from apad_bridge.ros.links.legacy_link import LegacyLink
+from apad_bridge.ros.links.legacy_link import LegacyLink, OpenedAPad
 from apad_bridge.ros.links.legacy_subscribers import LegacySubscribers
-from apad_bridge.ros.links.service_calls import ServiceCalls
 from apad_bridge.ros.links.virtual_camera import VirtualCamera
 from apad_bridge.ros.types.live_types import live_services, unreadable_topics
+from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros_names.names import of_apad
 from apad_bridge.scenario.lab_interface.fields import has, write
 from apad_bridge.scenario.lab_interface.messages import DockSaid
-from apad_bridge.scenario.schema import Docking, DockingProfile
+from apad_bridge.scenario.schema import Docking, DockingProfile, Scenario
 from apad_bridge.vehicle.commands import MoveArm, VehicleCommand
 from apad_bridge.vehicle.generation_b.core import GenerationBCore
 from apad_bridge.vehicle.generation_b.messages import (
@@ -59,13 +57,21 @@ from apad_bridge.vehicle.simulated.misses import Misses
 from apad_bridge.vehicle.stack_messages import UNSTAMPED
 from apad_bridge.vehicle.telemetry import Sight
 
+use_generated_messages()
+
+from misc_msgs.srv import (  # noqa: E402
+    DockingPrimitiveService,
+    DynamicPositioningPrimitiveService,
+    Go2pointPrimitiveService,
+)
+
 _OPEN = 0.5
 """`dock_out` is 1.0 for an arm that stands open, and 0.0."""
 _DATA = ("data",)
 
 
 class Subscribers(LegacySubscribers):
-    """Subscribes to the aPad called `name`. Nothing but poses has a stamp."""
+    """Subscribes to the aPad called `name`. Only poses have a stamp."""
 
     def __init__(self, name: str, inbox: Inbox[Heard], *, stamped: bool) -> None:
         super().__init__(name, inbox, stamped=stamped)
@@ -77,11 +83,11 @@ class Subscribers(LegacySubscribers):
 
     def _take_status(self, message: Any, docking: bool) -> None:
         try:
-            heard = StatusHeard(UNSTAMPED, docking, Status(message.data))
+            status = StatusHeard(UNSTAMPED, docking, Status(message.data))
         except ValueError:
             self._inbox.drop("a primitive's status of no known code")
             return
-        self._inbox.put(heard, always=True)
+        self._inbox.put(status, always=True)
 
     def _take_event(self, message: Any) -> None:
         if message.data == PRIMITIVE_FINISHED:
@@ -103,11 +109,46 @@ SERVICES: dict[Primitive, Any] = {
     Primitive.DOCKING: DockingPrimitiveService,
 }
 _SETTLE_S = 0.003
-"""On our own clock: what was published before the last word of a tick is in this machine by then, and is read so soon."""
+"""On our own clock: messages published before the tick's last `stateRef` have reached this machine by then, and are read
+within this time."""
+
+
+PATIENCE_S = 5.0
+"""A call waits so long for the one before it. Behind a call that hangs, the next goes ahead."""
+
+
+class ServiceCalls:
+    """Calls services in the order in which they are sent, without waiting for the answers.
+
+    rospy's calls have no time-out, and a call that hangs must not stop a flight. A thread of the call runs `answered` with
+    the response, and with the reason if the call was refused.
+    """
+
+    def __init__(self) -> None:
+        self._last: threading.Thread | None = None
+
+    def send(
+        self, service: str, kind: Any, request: Any, answered: Callable[[Any, str | None], None]
+    ) -> None:
+        before = self._last
+
+        def call() -> None:
+            if before is not None:
+                before.join(PATIENCE_S)
+            response: Any = None
+            refused: str | None = None
+            try:
+                response = rospy.ServiceProxy(service, kind)(request)
+            except (rospy.ServiceException, rospy.ROSException, OSError) as error:
+                refused = f"{service}: {error}"
+            answered(response, refused)
+
+        self._last = threading.Thread(target=call, name=f"call of {service}", daemon=True)
+        self._last.start()
 
 
 class GenerationBLink(LegacyLink[GenerationBCore]):
-    """A VehicleLink. `name` is the aPad's namespace; `docked` are agents by slot, known to be held."""
+    """A VehicleLink. `name` is the aPad's namespace; `docked` maps the index of a dock to the aMussel that it holds."""
 
     GENERATION = "B"
     MEND = "source its workspace, or put its texts into apad_bridge/ros/definitions and run launch_scripts/install"
@@ -131,7 +172,7 @@ class GenerationBLink(LegacyLink[GenerationBCore]):
         )
         self._subscribers = Subscribers(name, self._inbox, stamped=our_clock)
         self._docking = docking
-        self._words_before = 0
+        self._statuses_before = 0
         self._statuses_are_silent = False
         self._services = dict(SERVICES)
         self._calls = ServiceCalls()
@@ -154,7 +195,7 @@ class GenerationBLink(LegacyLink[GenerationBCore]):
         ]
 
     def _differences(self) -> list[str]:
-        """The services are called from now on by the definitions that were found."""
+        """Also chooses the definitions by which the services are called from now on."""
         by_name = {rospy.resolve_name(self._service_name(primitive)): primitive for primitive in SERVICES}
         chosen, lines = live_services({name: SERVICES[primitive] for name, primitive in by_name.items()})
         self._services = {primitive: chosen[name] for name, primitive in by_name.items()}
@@ -165,7 +206,7 @@ class GenerationBLink(LegacyLink[GenerationBCore]):
         return lines
 
     def advance(self, now_ms: int) -> list[LinkFact]:
-        """Facts up to `now_ms`; what the core orders by them is sent off."""
+        """Facts up to `now_ms`. The orders that the core makes of them are sent."""
         self._now_ms = now_ms
         self._drain()
         facts = self._core.advance(now_ms)
@@ -179,9 +220,9 @@ class GenerationBLink(LegacyLink[GenerationBCore]):
         self._core.command(command, now_ms)
         self._send()
 
-    def said(self, word: DockSaid) -> None:
-        """Somebody else says what a dock did."""
-        self._core.hear_dock(word)
+    def hear_dock(self, alert: DockSaid) -> None:
+        """Receives a dock's change from another source than the vehicle."""
+        self._core.hear_dock(alert)
 
     def close(self) -> None:
         self._subscribers.close()
@@ -189,30 +230,30 @@ class GenerationBLink(LegacyLink[GenerationBCore]):
         if self._camera is not None:
             self._camera.close()
 
-    # In step with our own clock, beside what any link waits for.
+    # In step with our own clock.
 
     def wait_until_done(self, now_ms: int, timeout_s: float) -> bool:
-        """With a camera, until what is seen from there has been shown, too."""
+        """Waits, with a camera, also until it has published its view from there."""
         until_s = time.monotonic() + timeout_s
         is_done = super().wait_until_done(now_ms, timeout_s)
         if is_done and self._camera is not None:
-            self._camera.wait_until_looked(now_ms, max(0.0, until_s - time.monotonic()))
+            self._camera.wait_until_published(now_ms, max(0.0, until_s - time.monotonic()))
         return is_done
 
     def wait_until_heard(self, now_ms: int, timeout_s: float) -> list[str]:
-        """Until the position has come up to `now_ms`, the statuses have said something since the tick before, which they do
-        each second, and a moment more: words without a stamp may come a tick late, but no later.
+        """Waits until the position has come up to `now_ms` and a status has come since the last tick, and a moment more.
 
-        A vehicle whose statuses are silent is not waited for again before they speak.
+        Statuses come each second. Messages without a stamp may come one tick late, but no later. While a vehicle publishes
+        no statuses, it is not waited for again.
         """
         missing = self._wait_while(lambda: [*self._core.unheard(now_ms), *self._silent_statuses()], timeout_s)
-        self._statuses_are_silent = self._core.status_words == self._words_before
-        self._words_before = self._core.status_words
+        self._statuses_are_silent = self._core.status_words == self._statuses_before
+        self._statuses_before = self._core.status_words
         self._drain(_SETTLE_S)
         return missing
 
     def _silent_statuses(self) -> list[str]:
-        silent = self._core.status_words == self._words_before and not self._statuses_are_silent
+        silent = self._core.status_words == self._statuses_before and not self._statuses_are_silent
         return ["goto_status"] if silent else []
 
     def _send(self) -> None:
@@ -269,4 +310,32 @@ _ALL_ORDERS: tuple[Order, ...] = (
     DockingOrder(True, 0, 0.0, 0.0, 0.0, 0.0),
 )
 _FIELDS = {primitive: tuple(fields) for primitive, fields in map(_fields, _ALL_ORDERS)}
-"""What a service's request must have: all that is ever written into it."""
+"""The fields that a service's request must have: all those ever written into it."""
+
+
+def open_link(
+    scenario: Scenario, sight: Sight, docked: Mapping[int, int], now_ms: int, *, our_clock: bool
+) -> OpenedAPad:
+    apad, docking, ids = scenario.apad, scenario.mission.docking, parts.agent_ids(scenario)
+    simulated_ids = [it for it in ids if docking.profile_of(it) is not DockingProfile.VISUAL]
+    seen_ids = frozenset(it for it in ids if docking.profile_of(it) is DockingProfile.CAMERA)
+    camera = VirtualCamera(apad.name) if seen_ids else None
+    link = GenerationBLink(
+        apad.name,
+        simulated_ids,
+        (apad.battery.empty_v, apad.battery.full_v),
+        docking,
+        parts.misses(scenario),
+        our_clock=our_clock,
+        sight=sight,
+        camera=camera,
+        docked=docked,
+        now_ms=now_ms,
+    )
+    if camera is None:
+        return OpenedAPad(link)
+
+    def watch(at_ms: int) -> None:
+        camera.show({agent_id: place_m for agent_id, place_m in sight(at_ms).items() if agent_id in seen_ids})
+
+    return OpenedAPad(link, watch)

@@ -1,4 +1,4 @@
-"""Which generation an aPad is of: as the scenario says, or as the live graph shows."""
+"""Recognises the generation of a live aPad by what its nodes offer on the graph."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import time
 import rosgraph
 import rospy
 
+from apad_bridge.assembly.stacks import STACKS, Stack, stack_of
 from apad_bridge.doctor.graph import Graph
 from apad_bridge.doctor.network import Unreachable
 from apad_bridge.ros_names.names import of_apad
@@ -15,25 +16,31 @@ from apad_bridge.vehicle.errors import VehicleNotReady
 
 
 def offered_generations(graph: Graph, name: str) -> set[Generation]:
-    """What the nodes below the aPad's namespace `name` offer, which is itself below that of this process."""
-    offered = set()
-    if graph.subscribers.get(_goal(name)):
-        offered.add(Generation.A)
-    if graph.services.get(_go_to(name)):
-        offered.add(Generation.B)
-    return offered
+    """The generations offered below the aPad's namespace `name`, which is itself below that of this process."""
+    return {
+        stack.generation
+        for stack in STACKS
+        if all(graph.subscribers.get(goal) for goal in _goals(stack, name))
+        and all(graph.services.get(service) for service in _services(stack, name))
+    }
 
 
-def _goal(name: str) -> str:
-    return f"{rospy.resolve_name(of_apad(name, 'action_server'))}/goal"
+def _goals(stack: Stack, name: str) -> list[str]:
+    return [f"{rospy.resolve_name(of_apad(name, action))}/goal" for action in stack.actions]
 
 
-def _go_to(name: str) -> str:
-    return str(rospy.resolve_name(of_apad(name, "commander/primitive/go2point")))
+def _services(stack: Stack, name: str) -> list[str]:
+    return [str(rospy.resolve_name(of_apad(name, service))) for service in stack.services]
+
+
+def _absence(stack: Stack, name: str) -> str:
+    lines = [f"nobody listens to {goal}" for goal in _goals(stack, name)]
+    lines += [f"nobody offers {service}" for service in _services(stack, name)]
+    return f"{', '.join(lines)} (generation {stack.generation.name})"
 
 
 def live_generation(name: str, timeout_s: float) -> Generation:
-    """Waits up to `timeout_s` wall seconds for either. VehicleNotReady, in one line, when neither comes, or both."""
+    """Waits up to `timeout_s` wall seconds for one. VehicleNotReady, in one line, when none comes, or several."""
     until_s, whole = time.monotonic() + timeout_s, rospy.resolve_name(name)
     while True:
         try:
@@ -43,14 +50,15 @@ def live_generation(name: str, timeout_s: float) -> Generation:
         if len(offered) == 1:
             return offered.pop()
         if offered:
+            interfaces = " and ".join(stack_of(generation).known_by for generation in sorted(offered))
             raise VehicleNotReady(
-                f"{whole} offers an action_server and commander/primitive services, which are two generations: "
+                f"{whole} offers {interfaces}, which are {'two' if len(offered) == 2 else len(offered)} generations: "
                 f"choose one by --generation, or by apad.generation in the scenario"
             )
         if time.monotonic() > until_s:
+            absences = " and ".join(_absence(stack, name) for stack in STACKS)
             raise VehicleNotReady(
-                f"{whole} is not there after {timeout_s:g} s: nobody listens to {_goal(name)} "
-                f"(generation A) and nobody offers {_go_to(name)} (generation B); is apad.name right?"
+                f"{whole} is not there after {timeout_s:g} s: {absences}; is apad.name right?"
             )
-        # A graph is only told when asked.
+        # The master publishes no changes of the graph: it has to be asked.
         time.sleep(0.1)

@@ -1,14 +1,15 @@
-"""A laboratory's own words on the graph, both ways: docks by others' hands, permissions, releases, packets, Wi-Fi.
+"""Exchanges a laboratory's own messages with a flight: alerts of docks, permissions, releases, packets, Wi-Fi.
 
 laboratory = Laboratory(names, "apad1", agent_ids, codec)
-vehicle, ether = laboratory.beside(vehicle), laboratory.around(ether)
+link = laboratory.wrap_link(vehicle, None)
+relay = laboratory.wrap_relay(relay, link, is_mission=False)
 """
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from agents.packet_medium import Medium
 from apad_bridge.mission.events import Send
@@ -22,37 +23,40 @@ from firmware_model.packets import CommandPacket, Kind
 from firmware_model.packets.codec import Codec
 
 WIFI_GONE_MS = 10_000
-"""An aMussel that has sent nothing by Wi-Fi for so long is told to be off it."""
+"""An aMussel that has sent nothing by Wi-Fi for so long is reported to be off it."""
 _KINDS = {What.PERMISSION: (Kind.PERMISSION, Medium.SOUND), What.CLEAR: (Kind.RELEASE, Medium.WIFI)}
 _WHATS = {kind: what for what, (kind, _) in _KINDS.items()}
 
 
-class HearsOfDocks(Protocol):
-    """A link whose vehicle does not tell itself what its docks hold."""
+@runtime_checkable
+class DockAlertReceiver(Protocol):
+    """A link whose vehicle does not publish what its docks hold."""
 
-    def said(self, word: DockSaid) -> None: ...
+    def hear_dock(self, alert: DockSaid) -> None: ...
 
 
 class Laboratory:
-    """VehicleNotReady when something that shall be told has a type or field that is not known here."""
+    """Raises VehicleNotReady when a message to be published has a type or field that is not known here."""
 
     def __init__(self, names: Names, apad: str, agent_ids: Iterable[int], codec: Codec) -> None:
         self.ids = list(agent_ids)
         self.codec = codec
         self.subscribers = LaboratorySubscribers(names, apad, self.ids)
         self.publishers = LaboratoryPublishers(names, apad, self.ids)
-        self.useless: Counter[str] = Counter()
+        self.ignored: Counter[str] = Counter()
 
-    def beside(self, vehicle: VehicleLink, hears: HearsOfDocks | None) -> LaboratoryLink:
-        return LaboratoryLink(self, vehicle, hears)
+    def wrap_link(self, vehicle: VehicleLink, docks: DockAlertReceiver | None) -> LaboratoryLink:
+        return LaboratoryLink(self, vehicle, docks)
 
-    def around(self, relay: PacketRelay | None, link: LaboratoryLink, *, is_mission: bool) -> LaboratoryRelay:
+    def wrap_relay(
+        self, relay: PacketRelay | None, link: LaboratoryLink, *, is_mission: bool
+    ) -> LaboratoryRelay:
         return LaboratoryRelay(self, relay, link, is_mission=is_mission)
 
     @property
     def dropped(self) -> Counter[str]:
-        """Words that came to nothing, by reason."""
-        return self.subscribers.dropped + self.useless
+        """Messages without an effect, by reason."""
+        return self.subscribers.dropped + self.ignored
 
     def close(self) -> None:
         self.subscribers.close()
@@ -60,28 +64,28 @@ class Laboratory:
 
 
 class LaboratoryLink:
-    """The vehicle's link, which also hears of docks from others, and tells of its own."""
+    """The vehicle's link, which also receives alerts of docks from others, and publishes its own."""
 
-    def __init__(self, laboratory: Laboratory, vehicle: VehicleLink, hears: HearsOfDocks | None) -> None:
+    def __init__(self, laboratory: Laboratory, vehicle: VehicleLink, docks: DockAlertReceiver | None) -> None:
         self._laboratory = laboratory
         self._vehicle = vehicle
-        self._hears = hears
-        self.words: list[Said] = []
+        self._docks = docks
+        self.messages: list[Said] = []
 
     def advance(self, now_ms: int) -> list[LinkFact]:
         laboratory = self._laboratory
-        for word in laboratory.subscribers.take(now_ms):
-            if not isinstance(word, DockSaid):
-                self.words.append(word)
-            elif self._hears is not None:
-                self._hears.said(word)
+        for message in laboratory.subscribers.take(now_ms):
+            if not isinstance(message, DockSaid):
+                self.messages.append(message)
+            elif self._docks is not None:
+                self._docks.hear_dock(message)
             else:
-                laboratory.useless["a docked alert, where the aPad itself tells what it holds"] += 1
+                laboratory.ignored["a docked alert, where the aPad itself tells what it holds"] += 1
         facts = self._vehicle.advance(now_ms)
         for fact in facts:
             if isinstance(fact, DockClosed | DockOpened):
                 what = What.DOCKED if isinstance(fact, DockClosed) else What.RELEASED
-                laboratory.publishers.tell(what, fact.agent_id, now_ms, dock_index=fact.dock_index)
+                laboratory.publishers.publish(what, fact.agent_id, now_ms, dock_index=fact.dock_index)
         return facts
 
     def command(self, command: VehicleCommand, now_ms: int) -> None:
@@ -92,9 +96,9 @@ class LaboratoryLink:
 
 
 class LaboratoryRelay:
-    """What passes between aMussels and supervisors, with the laboratory's topics listening and speaking in.
+    """A PacketRelay that adds the laboratory's topics to `inner`.
 
-    With `is_mission` the aMussels are elsewhere, and what is transmitted here is a supervisor's; otherwise it is theirs.
+    With `is_mission` the aMussels are elsewhere and the packets transmitted here are a supervisor's; otherwise theirs.
     """
 
     def __init__(
@@ -105,43 +109,43 @@ class LaboratoryRelay:
         self._inner = inner
         self._is_mission = is_mission
         self._on_wifi: dict[int, int] = {}
-        """When each aMussel that is on the Wi-Fi last sent something."""
+        """The time of the last packet by Wi-Fi of each aMussel that is on it."""
 
     def advance(self, now_ms: int) -> list[Came]:
-        words, self._link.words = self._link.words, []
-        heard: list[Came] = [send for word in words for send in self._sends(word)]
+        messages, self._link.messages = self._link.messages, []
+        received: list[Came] = [send for message in messages for send in self._sends(message)]
         for agent_id, last_ms in list(self._on_wifi.items()):
             if now_ms - last_ms > WIFI_GONE_MS:
                 del self._on_wifi[agent_id]
-                self._laboratory.publishers.tell(What.WIFI, agent_id, now_ms, on=False)
-        return heard if self._inner is None else [*heard, *self._inner.advance(now_ms)]
+                self._laboratory.publishers.publish(What.WIFI, agent_id, now_ms, on=False)
+        return received if self._inner is None else [*received, *self._inner.advance(now_ms)]
 
     def transmit(self, medium: Medium, agent_id: int, data: bytes, now_ms: int) -> None:
         if self._inner is not None:
             self._inner.transmit(medium, agent_id, data, now_ms)
         if self._is_mission:
-            self._tell_word(agent_id, data, now_ms)
+            self._publish_command(agent_id, data, now_ms)
             return
         if medium is Medium.SOUND:
-            self._laboratory.publishers.tell(What.PACKET, agent_id, now_ms, data=data)
+            self._laboratory.publishers.publish(What.PACKET, agent_id, now_ms, data=data)
             return
         if agent_id not in self._on_wifi:
-            self._laboratory.publishers.tell(What.WIFI, agent_id, now_ms, on=True)
+            self._laboratory.publishers.publish(What.WIFI, agent_id, now_ms, on=True)
         self._on_wifi[agent_id] = now_ms
 
     def said(self, send: Send, now_ms: int) -> None:
         if self._inner is not None:
             self._inner.said(send, now_ms)
-        self._tell_word(send.agent_id, send.data, now_ms)
+        self._publish_command(send.agent_id, send.data, now_ms)
 
-    def _tell_word(self, agent_id: int, data: bytes, now_ms: int) -> None:
+    def _publish_command(self, agent_id: int, data: bytes, now_ms: int) -> None:
         packet = self._laboratory.codec.decode(data)
         if isinstance(packet, CommandPacket) and (what := _WHATS.get(packet.kind)) is not None:
-            self._laboratory.publishers.tell(what, agent_id, now_ms, data=data)
+            self._laboratory.publishers.publish(what, agent_id, now_ms, data=data)
 
-    def _sends(self, word: Said) -> list[Send]:
+    def _sends(self, message: Said) -> list[Send]:
         laboratory = self._laboratory
-        match word:
+        match message:
             case WordSaid(what, agent_id):
                 kind, medium = _KINDS[what]
                 ids = laboratory.ids if agent_id is None else [agent_id]

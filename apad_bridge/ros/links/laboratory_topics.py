@@ -1,4 +1,4 @@
-"""The two ends of a laboratory's own topics: whatever their types, by the names of a `Names`."""
+"""Subscribes to and publishes a laboratory's own topics, of any type, by the names of a `Names`."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _LARGEST = 1024
 
 
 class LaboratorySubscribers:
-    """rospy's threads leave raw messages in an inbox; `take` makes out what they say."""
+    """rospy's threads leave raw messages in an inbox; `take` decodes and interprets them."""
 
     def __init__(self, names: Names, apad: str, agent_ids: Iterable[int]) -> None:
         ids = list(agent_ids)
@@ -32,9 +32,9 @@ class LaboratorySubscribers:
         self._messages = AnyMessages()
         self._dropped: Counter[str] = Counter()
         self._subscribers = [
-            rospy.Subscriber(topic, rospy.AnyMsg, self._take, (ear, agent_id), tcp_nodelay=True)
-            for ear in names.hear
-            for topic, agent_id in _topics(ear.topic, apad, ids)
+            rospy.Subscriber(topic, rospy.AnyMsg, self._take, (subscription, agent_id), tcp_nodelay=True)
+            for subscription in names.hear
+            for topic, agent_id in _topics(subscription.topic, apad, ids)
         ]
 
     @property
@@ -42,69 +42,73 @@ class LaboratorySubscribers:
         return self._inbox.dropped + self._dropped
 
     def take(self, now_ms: int) -> list[Said]:
-        """What was said since it was last asked; what makes no sense is dropped and counted."""
-        said = []
-        for ear, agent_id, message in self._inbox.take():
+        """The messages since the last call. One that cannot be interpreted is dropped and counted."""
+        messages = []
+        for subscription, agent_id, raw in self._inbox.take():
             try:
-                word = self._made_out(ear, agent_id, self._messages.decode(message), now_ms)
+                message = self._interpret(subscription, agent_id, self._messages.decode(raw), now_ms)
             except (AttributeError, IndexError, TypeError, ValueError, KeyError) as error:
-                self._dropped[f"{ear.topic}: {error}"] += 1
+                self._dropped[f"{subscription.topic}: {error}"] += 1
                 continue
-            if word is not None:
-                said.append(word)
-        return said
+            if message is not None:
+                messages.append(message)
+        return messages
 
     def close(self) -> None:
         for subscriber in self._subscribers:
             subscriber.unregister()
 
-    def _made_out(self, ear: Subscription, topic_id: int | None, message: Any, now_ms: int) -> Said | None:
-        if ear.when is not None and not ear.when.is_met(message):
+    def _interpret(
+        self, subscription: Subscription, topic_id: int | None, message: Any, now_ms: int
+    ) -> Said | None:
+        if subscription.when is not None and not subscription.when.is_met(message):
             return None
-        agent_id = topic_id if topic_id is not None else ear.id_of(message)
-        if (ear.everyone is not None and ear.everyone.is_met(message)) or (
+        agent_id = topic_id if topic_id is not None else subscription.id_of(message)
+        if (subscription.everyone is not None and subscription.everyone.is_met(message)) or (
             agent_id is not None and agent_id < 0
         ):
             agent_id = None
         elif agent_id is not None and agent_id not in self._known:
-            self._dropped[f"{ear.topic}: of an aMussel that is not of this fleet"] += 1
+            self._dropped[f"{subscription.topic}: of an aMussel that is not of this fleet"] += 1
             return None
-        if ear.what in (What.DOCKED, What.RELEASED):
-            dock_index = ear.slot_of(message)
+        if subscription.what in (What.DOCKED, What.RELEASED):
+            dock_index = subscription.slot_of(message)
             known = dock_index if dock_index is not None and 0 <= dock_index < 4 else None
-            return DockSaid(now_ms, agent_id, known, ear.what is What.DOCKED)
-        if ear.bytes is None:
-            if agent_id is None and ear.everyone is None:
-                self._dropped[f"{ear.topic}: says no id"] += 1
+            return DockSaid(now_ms, agent_id, known, subscription.what is What.DOCKED)
+        if subscription.bytes is None:
+            if agent_id is None and subscription.everyone is None:
+                self._dropped[f"{subscription.topic}: says no id"] += 1
                 return None
-            return WordSaid(ear.what, agent_id)
-        data = bytes(read(message, ear.bytes))
+            return WordSaid(subscription.what, agent_id)
+        data = bytes(read(message, subscription.bytes))
         if len(data) > _LARGEST:
             raise ValueError("a packet too large to be one")
-        return PacketSaid(ear.medium, agent_id, data)
+        return PacketSaid(subscription.medium, agent_id, data)
 
     def _take(self, message: Any, source: tuple[Subscription, int | None]) -> None:
         self._inbox.put((*source, message), always=True)
 
 
 class LaboratoryPublishers:
-    """Publishers for what is told. VehicleNotReady when a type is known nowhere, or has no such field."""
+    """Raises VehicleNotReady when a type is known nowhere, or has no such field."""
 
     def __init__(self, names: Names, apad: str, agent_ids: Iterable[int]) -> None:
         self._out: dict[What, list[tuple[Publication, int | None, rospy.Publisher]]] = {}
         ids, folders = list(agent_ids), text_folders()
         kinds: dict[str, Any] = {}
-        for mouth in names.tell:
+        for publication in names.tell:
             try:
-                kind = kinds.setdefault(mouth.type, class_of(mouth.type, folders))
-                _fill(kind(), mouth, {"id": 0, "slot": 0, "on": True, "bytes": b""})
+                kind = kinds.setdefault(publication.type, class_of(publication.type, folders))
+                _fill(kind(), publication, {"id": 0, "slot": 0, "on": True, "bytes": b""})
             except (UnknownType, AttributeError, TypeError, ValueError) as error:
-                raise VehicleNotReady(f"{mouth.topic} cannot be told: {error}; see apad.interface") from error
-            for topic, agent_id in _topics(mouth.topic, apad, ids):
+                raise VehicleNotReady(
+                    f"{publication.topic} cannot be told: {error}; see apad.interface"
+                ) from error
+            for topic, agent_id in _topics(publication.topic, apad, ids):
                 publisher = rospy.Publisher(topic, kind, queue_size=_QUEUE)
-                self._out.setdefault(mouth.what, []).append((mouth, agent_id, publisher))
+                self._out.setdefault(publication.what, []).append((publication, agent_id, publisher))
 
-    def tell(
+    def publish(
         self,
         what: What,
         agent_id: int,
@@ -114,10 +118,10 @@ class LaboratoryPublishers:
         on: bool = True,
         data: bytes = b"",
     ) -> None:
-        for mouth, of_agent, publisher in self._out.get(what, ()):
+        for publication, of_agent, publisher in self._out.get(what, ()):
             if of_agent in (None, agent_id):
                 message = publisher.data_class()
-                _fill(message, mouth, {"id": agent_id, "slot": dock_index, "on": on, "bytes": data})
+                _fill(message, publication, {"id": agent_id, "slot": dock_index, "on": on, "bytes": data})
                 if getattr(message, "_has_header", False):
                     message.header.stamp = to_ros(now_ms)
                 publisher.publish(message)
@@ -129,17 +133,17 @@ class LaboratoryPublishers:
 
 
 def _topics(topic: str, apad: str, ids: list[int]) -> list[tuple[str, int | None]]:
-    """Names on the graph, each with the aMussel that it names."""
+    """Names on the graph, each with the id of the aMussel that it names."""
     named = topic.replace("{apad}", apad)
     if "{id}" not in named:
         return [(named, None)]
     return [(named.replace("{id}", str(agent_id)), agent_id) for agent_id in ids]
 
 
-def _fill(message: Any, mouth: Publication, values: dict[str, Any]) -> None:
-    for path, said in mouth.fields.items():
-        value: Any = said
-        if isinstance(said, str):
-            whole = next((values[name] for name in values if said == f"{{{name}}}"), None)
-            value = whole if whole is not None else said.format(**values)
+def _fill(message: Any, publication: Publication, values: dict[str, Any]) -> None:
+    for path, template in publication.fields.items():
+        value: Any = template
+        if isinstance(template, str):
+            whole = next((values[name] for name in values if template == f"{{{name}}}"), None)
+            value = whole if whole is not None else template.format(**values)
         write(message, path, value)

@@ -1,7 +1,7 @@
-"""What a link to an aPad is of either generation: an inbox that rospy's threads fill, and a core that makes it out.
+"""The link to an aPad of any generation: an inbox that rospy's threads fill, and a core that interprets its messages.
 
-rospy's threads only leave what came in the inbox (the ears do); what it means is made out by the core, in the flight's
-thread. Nothing here waits without a time-out, all of wall seconds.
+The subscribers leave messages in the inbox, in rospy's threads; the core interprets them in the flight's thread. Every wait
+has a time-out in wall seconds.
 """
 
 from __future__ import annotations
@@ -9,28 +9,31 @@ from __future__ import annotations
 import time
 from abc import ABC, abstractmethod
 from collections import Counter
-from collections.abc import Callable, Iterable
-from dataclasses import replace
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Generic, Protocol, TypeVar
 
 import rospy
 
 from apad_bridge.ros.links.inbox import Inbox
+from apad_bridge.scenario.schema import Scenario
+from apad_bridge.vehicle.commands import VehicleCommand
 from apad_bridge.vehicle.errors import VehicleNotReady
+from apad_bridge.vehicle.link import LinkFact
 from apad_bridge.vehicle.stack_messages import UNSTAMPED
-from apad_bridge.vehicle.telemetry import Readings
+from apad_bridge.vehicle.telemetry import Readings, Sight
 
 
 class Docks(Protocol):
     @abstractmethod
     def serve(self, agent_ids: Iterable[int]) -> None:
-        """One of several aPads: these it may be told to dock from now on, and no others."""
+        """From now on one of several aPads docks these aMussels and no others."""
 
     def holds(self, agent_id: int) -> bool: ...
 
 
 class LegacyCore(Protocol):
-    """What the shell asks of a generation's core."""
+    """The part of a generation's core that its link uses."""
 
     readings: Readings
 
@@ -52,14 +55,14 @@ Core = TypeVar("Core", bound=LegacyCore)
 
 
 class LegacyLink(ABC, Generic[Core]):
-    """The shell of a VehicleLink. `name` is the aPad's namespace. The node is initialised before (`open_gateway`).
+    """The ROS side of a VehicleLink. `name` is the aPad's namespace. The node is initialised before (`open_gateway`).
 
-    What came without a stamp became true at the tick that hears it.
+    A fact without a stamp became true at the tick that receives it.
     """
 
     GENERATION: ClassVar[str]
     MEND: ClassVar[str]
-    """What a person does whose aPad speaks other definitions."""
+    """The mend for a person whose aPad uses other definitions."""
 
     def __init__(self, name: str, core: Core, now_ms: int) -> None:
         self.name = name
@@ -67,38 +70,54 @@ class LegacyLink(ABC, Generic[Core]):
         self._now_ms = now_ms
         self._inbox: Inbox[Any] = Inbox()
         self._excused: set[str] = set()
-        """What was waited for once and did not come: a flight does not wait for it again."""
+        """Names waited for once in vain: a flight does not wait for them again."""
 
     @property
     def dropped(self) -> Counter[str]:
-        """Words of the vehicle that came to nothing, by reason."""
+        """Messages of the vehicle without an effect, by reason."""
         return self._inbox.dropped + self._core.dropped
 
     @property
     def heard_ms(self) -> int:
-        """When a position was last heard; -1 before the first."""
+        """The time of the last position; -1 before the first."""
         return self._core.readings.position_ms
 
     @abstractmethod
     def serve(self, agent_ids: Iterable[int]) -> None:
-        """One of several aPads: these it may be told to dock from now on, and no others."""
+        """From now on one of several aPads docks these aMussels and no others."""
 
     def holds(self, agent_id: int) -> bool:
-        """Whether a dock is known to hold this aMussel."""
+        """True when a dock is known to hold this aMussel."""
         return self._core.docks.holds(agent_id)
 
     @abstractmethod
+    def advance(self, now_ms: int) -> list[LinkFact]:
+        """Facts up to `now_ms`."""
+
+    @abstractmethod
+    def command(self, command: VehicleCommand, now_ms: int) -> None:
+        """Passes the command on to the vehicle."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """Unregisters all that the link has on the graph."""
+
+    @abstractmethod
+    def wait_until_heard(self, now_ms: int, timeout_s: float) -> list[str]:
+        """Waits until each topic has come up to `now_ms`. Returns those that have not."""
+
+    @abstractmethod
     def _missing(self) -> list[str]:
-        """What is not connected, or not offered, of that which a flight cannot do without, for a person."""
+        """A line for a person about each part that a flight needs and that is not connected or not offered."""
 
     @abstractmethod
     def _differences(self) -> list[str]:
-        """A line for each definition of the vehicle's that cannot be spoken. What is not there yet is no difference."""
+        """A line for each definition of the vehicle's that we cannot use. A missing part is no difference."""
 
     def wait_until_ready(self, timeout_s: float) -> None:
-        """Until all that a flight needs of the aPad is connected.
+        """Waits until all that a flight needs of the aPad is connected.
 
-        Raises VehicleNotReady after `timeout_s`, or as soon as it is seen to speak other definitions.
+        Raises VehicleNotReady after `timeout_s`, or as soon as the aPad is found to use other definitions.
         """
         until_s = time.monotonic() + timeout_s
         self._refuse_other_definitions()
@@ -109,7 +128,7 @@ class LegacyLink(ABC, Generic[Core]):
                     f"{rospy.resolve_name(self.name)} is not ready after {timeout_s:g} s: {', '.join(missing)}; "
                     f"does an aPad of generation {self.GENERATION} run under this name on this master?"
                 )
-            # rospy tells of connections only when asked.
+            # rospy has no event for a new connection.
             time.sleep(0.02)
         self._refuse_other_definitions()
 
@@ -119,12 +138,12 @@ class LegacyLink(ABC, Generic[Core]):
                 f"{rospy.resolve_name(self.name)} speaks other definitions than we do: {'; '.join(lines)}; {self.MEND}"
             )
 
-    # In step with our own clock: what `OwnMasterClock` asks for.
+    # In step with our own clock: the interface `InStep` of `OwnMasterClock`.
 
     def wait_until_taken(self, timeout_s: float) -> list[str]:
-        """Until the vehicle has acknowledged every order that counts; the keys of those that it has not.
+        """Waits until the vehicle has acknowledged every order that counts. Returns the keys of those that it has not.
 
-        One that was missed is not waited for again.
+        An order that was waited for in vain is not waited for again.
         """
         missing = self._wait_while(
             lambda: [key for key in self._core.untaken if key not in self._excused], timeout_s
@@ -133,7 +152,7 @@ class LegacyLink(ABC, Generic[Core]):
         return missing
 
     def wait_until_done(self, now_ms: int, timeout_s: float) -> bool:
-        """Until `stateRef` says that all due by `now_ms` was handled; whether it did."""
+        """Waits until `stateRef` confirms that all due by `now_ms` was handled. False after `timeout_s`."""
         self._now_ms = now_ms
         return not self._wait_while(lambda: [] if self._is_done(now_ms) else ["stateRef"], timeout_s)
 
@@ -141,14 +160,29 @@ class LegacyLink(ABC, Generic[Core]):
         return self._core.readings.state_ms >= now_ms
 
     def _wait_while(self, missing: Callable[[], list[str]], timeout_s: float) -> list[str]:
-        """Hears what comes as long as something is missing; what still is, after `timeout_s`."""
+        """Receives messages while something is missing. Returns what still is after `timeout_s`."""
         until_s = time.monotonic() + timeout_s
-        while (what := missing()) and (left_s := until_s - time.monotonic()) > 0:
+        while (names := missing()) and (left_s := until_s - time.monotonic()) > 0:
             self._drain(left_s)
-        return what
+        return names
 
     def _drain(self, wait_s: float = 0.0) -> None:
-        for heard in self._inbox.take(wait_s):
-            if heard.at_ms == UNSTAMPED:
-                heard = replace(heard, at_ms=self._now_ms)
-            self._core.hear(heard, self._now_ms)
+        for message in self._inbox.take(wait_s):
+            if message.at_ms == UNSTAMPED:
+                message = replace(message, at_ms=self._now_ms)
+            self._core.hear(message, self._now_ms)
+
+
+@dataclass(frozen=True, slots=True)
+class OpenedAPad:
+    link: LegacyLink[Any]
+    watch: Callable[[int], None] | None = None
+    """To be called after each tick with the mission time: shows the virtual camera the floating aMussels."""
+
+
+class OpenLink(Protocol):
+    """Opens a generation's link. `docked` maps the index of a dock to the aMussel that it is known to hold."""
+
+    def __call__(
+        self, scenario: Scenario, sight: Sight, docked: Mapping[int, int], now_ms: int, *, our_clock: bool
+    ) -> OpenedAPad: ...

@@ -1,7 +1,7 @@
-"""What aPads of both generations say alike, converted in rospy's threads and left in an inbox: nothing else happens here.
+"""Subscribes to the topics of both generations: converts messages in rospy's threads and leaves them in an inbox.
 
-Pose is taken from `position` and not from `stateRef`: by its name and its place in the published stack that is what the
-vehicle's controllers refer to, and `position` is where the vehicle is. Of ours, both are the same.
+The pose comes from `position` and not from `stateRef`: by its name and its place in the published stack, `stateRef` is the
+reference of the vehicle's controllers, and `position` is where the vehicle is. The simulated aPad publishes one on both.
 """
 
 from __future__ import annotations
@@ -29,27 +29,27 @@ POSE_FIELDS = ("header.stamp", "position.north", "position.east", "orientation.y
 class LegacySubscribers:
     """Subscribes to the aPad called `name`. With `stamped`, facts carry their messages' stamps; without, UNSTAMPED.
 
-    `pose_fields` are those that its NavSts must have.
+    `pose_fields` are the fields that its NavSts must have.
     """
 
     def __init__(
         self, name: str, inbox: Inbox[Any], *, stamped: bool, pose_fields: tuple[str, ...] = POSE_FIELDS
     ) -> None:
         self.needed: dict[str, tuple[Any, tuple[str, ...]]] = {}
-        """By topic of the aPad: our message class, and the fields that are read."""
+        """By topic of the aPad: our message class, and the fields read of it."""
         self._inbox = inbox
         self._stamped = stamped
         self._listener = AnyListener(inbox.drop)
         self._subscribers: list[rospy.Subscriber] = []
         self._vital: list[rospy.Subscriber] = []
-        """Without these no flight begins."""
+        """No flight begins without these."""
         self._listen(of_apad(name, "position"), NavSts, pose_fields, self._take_pose, is_vital=True)
         self._listen(of_apad(name, "stateRef"), NavSts, pose_fields, self._take_state, is_vital=stamped)
         self._listen(of_apad(name, "battery_level"), Float64, ("data",), self._take_battery)
 
     @property
     def missing(self) -> list[str]:
-        """What is not connected of that which a flight cannot do without, for a person."""
+        """A line for a person about each part that a flight needs and that is not connected."""
         return [f"nobody publishes {it.resolved_name}" for it in self._vital if not it.get_num_connections()]
 
     def close(self) -> None:
@@ -65,7 +65,7 @@ class LegacySubscribers:
         *arguments: Any,
         is_vital: bool = False,
     ) -> None:
-        """`take(message, *arguments)` in rospy's thread; without `fields` its definition is not looked at beforehand."""
+        """Calls `take(message, *arguments)` in rospy's thread. Without `fields` the definition is not checked before."""
         subscriber = self._listener.listen(topic, kind, take, *arguments)
         self._subscribers.append(subscriber)
         if is_vital:

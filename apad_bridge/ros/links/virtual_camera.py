@@ -1,11 +1,11 @@
-"""Shows simulated aMussels to the vehicle's own visual servoing: publishes what its camera would see of them.
+"""Publishes a camera's detections of simulated aMussels, for the vehicle's own visual servoing.
 
     camera = VirtualCamera("apad1")
-    camera.show({7: (2.0, 3.0)})        # after each tick: who floats where
+    camera.show({7: (2.0, 3.0)})        # after each tick: where aMussels float
 
-At each `position` of the aPad, in rospy's thread and from the snapshot that was last shown: `docking_horizontal`, `size`,
-and last `docking_vertical`, of the nearest aMussel in the image. Nothing while none is in it. `kinect_out` says where it
-looks.
+At each `position` of the aPad, in rospy's thread and from the last snapshot, it publishes `docking_horizontal`, `size`, and
+last `docking_vertical` of the nearest aMussel in the image, or nothing while none is in it. `kinect_out` gives the camera's
+direction.
 """
 
 from __future__ import annotations
@@ -34,33 +34,32 @@ Places = Mapping[int, tuple[float, float]]
 
 
 class VirtualCamera:
-    """The node is initialised before. A detection that is not sent yet is replaced by the next one."""
+    """The node is initialised before. The next detection replaces one that is not sent yet."""
 
     def __init__(self, name: str) -> None:
         self._places: Places = MappingProxyType({})
         self._direction_rad: float | None = None
-        self._looked_ms = -1
-        self._looked = threading.Condition()
+        self._position_ms = -1
+        self._processed = threading.Condition()
         self._out = {
             topic: rospy.Publisher(of_apad(name, topic), Float32, queue_size=1)
             for topic in ("docking_horizontal", "size", "docking_vertical")
         }
-        listener = AnyListener(
-            lambda _: None
-        )  # what cannot be read is counted where the vehicle is listened to
+        # The link's own subscribers count unreadable messages.
+        listener = AnyListener(lambda _: None)
         self._subscribers = [
             listener.listen(of_apad(name, "kinect_out"), Float32, self._turn),
             listener.listen(of_apad(name, "position"), NavSts, self._look),
         ]
 
     def show(self, places: Places) -> None:
-        """Where those float that can be seen, (north, east) by id."""
+        """Replaces the snapshot of visible floating aMussels: (north, east) in metres by id."""
         self._places = MappingProxyType(dict(places))
 
-    def wait_until_looked(self, now_ms: int, timeout_s: float) -> bool:
-        """In step with our own clock: until it has looked from where the aPad was at `now_ms`."""
-        with self._looked:
-            return self._looked.wait_for(lambda: self._looked_ms >= now_ms, timeout_s)
+    def wait_until_published(self, now_ms: int, timeout_s: float) -> bool:
+        """In step with our own clock: waits for the detections from the aPad's position at `now_ms`."""
+        with self._processed:
+            return self._processed.wait_for(lambda: self._position_ms >= now_ms, timeout_s)
 
     def close(self) -> None:
         for subscriber in self._subscribers:
@@ -79,13 +78,13 @@ class VirtualCamera:
             self._out["docking_horizontal"].publish(Float32(nearest.horizontal))
             self._out["size"].publish(Float32(nearest.size))
             self._out["docking_vertical"].publish(Float32(nearest.vertical))
-        with self._looked:
-            self._looked_ms = max(self._looked_ms, to_ms(message.header.stamp))
-            self._looked.notify_all()
+        with self._processed:
+            self._position_ms = max(self._position_ms, to_ms(message.header.stamp))
+            self._processed.notify_all()
 
     def _nearest(self, place_m: tuple[float, float], heading_rad: float) -> Seen | None:
         if self._direction_rad is None:
             return None
-        in_order = sorted(self._places.values(), key=lambda there_m: math.dist(place_m, there_m))
-        found = (seen(place_m, heading_rad, self._direction_rad, there_m) for there_m in in_order)
-        return next((it for it in found if it is not None), None)
+        nearest_first = sorted(self._places.values(), key=lambda other_m: math.dist(place_m, other_m))
+        views = (seen(place_m, heading_rad, self._direction_rad, other_m) for other_m in nearest_first)
+        return next((it for it in views if it is not None), None)

@@ -2,12 +2,10 @@
 
     python -m apad_bridge.ros.simulated_node.apad_node --scenario RESOLVED.yaml [--apad NAME] [--time clock|wall]
 
-A thin shell around `GenerationAVehicle` or `GenerationBVehicle`. It follows /clock and has no time of its own; or, to
-stand in for a real vehicle on somebody's master, it follows the wall clock. When it has handled all that is due by a
-/clock of T it publishes `stateRef` stamped T, last: its word that T was handled. It prints `ready` when it is on the
-graph, ends on SIGTERM or SIGINT, and ends by itself when /clock was silent for `--orphan-s` wall seconds.
-
-A goal of generation A has no field for speed or victory radius; both are the node's own, from the scenario's mission.
+A thin shell around the simulated vehicle of a generation. It follows /clock and has no time of its own; or, to stand in for
+a real vehicle on somebody's master, it follows the wall clock. When it has handled all that is due by a /clock of T, it
+publishes `stateRef` stamped T, last, to confirm that T was handled. It prints `ready` when it is on the graph, ends on
+SIGTERM or SIGINT, and ends by itself when /clock was silent for `--orphan-s` wall seconds.
 """
 
 from __future__ import annotations
@@ -17,49 +15,26 @@ import signal
 import sys
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import rospy
 
-from apad_bridge.assembly import parts
 from apad_bridge.assembly.division import with_apad
+from apad_bridge.assembly.stacks import load as load_part
+from apad_bridge.assembly.stacks import stack_of
 from apad_bridge.ros.types.messages import MessagesUnusable, use_generated_messages
 from apad_bridge.ros_names.names import plain
 from apad_bridge.ros_names.namespaces import beside_others, is_one_of_several
 from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.loader import load, with_overrides
-from apad_bridge.scenario.schema import Generation, Scenario
+from apad_bridge.scenario.schema import Generation
 from apad_bridge.supervisor.clock import StopSign
-from apad_bridge.vehicle.simulated.apad import SimulatedAPad
 
 if TYPE_CHECKING:
-    from apad_bridge.ros.simulated_node.generation_a_server import GenerationAServer
-    from apad_bridge.ros.simulated_node.generation_b_server import GenerationBServer
+    from apad_bridge.ros.simulated_node.legacy_server import LegacyServer
 
 _WALL_STEP_S = 0.05
-"""On the wall clock: the period of its fastest topic."""
-
-
-def _make_node(scenario: Scenario) -> GenerationAServer | GenerationBServer:
-    """The node's server; the ROS node is initialised before. ImportError when our messages are unusable."""
-    apad, mission = scenario.apad, scenario.mission
-    if apad.generation is Generation.B:
-        from apad_bridge.ros.simulated_node.generation_b_server import GenerationBServer
-        from apad_bridge.vehicle.generation_b.simulated import GenerationBVehicle
-
-        return GenerationBServer(
-            apad.name, lambda start_ms: GenerationBVehicle(SimulatedAPad(apad), start_ms, apad.fault)
-        )
-    from apad_bridge.ros.simulated_node.generation_a_server import GenerationAServer
-    from apad_bridge.vehicle.generation_a.simulated import GenerationAVehicle
-
-    misses = parts.misses(scenario)
-    return GenerationAServer(
-        apad.name,
-        lambda start_ms: GenerationAVehicle(
-            SimulatedAPad(apad), mission.speed_m_s, mission.victory_radius_m, start_ms, apad.fault, misses
-        ),
-    )
+"""The period of its fastest topic, for steps on the wall clock."""
 
 
 def main() -> int:
@@ -91,19 +66,20 @@ def main() -> int:
         return 1
     name = plain(scenario.apad.name)
     follows_clock = arguments.time == "clock"
-    # It hears of its docks from its own supervisor.
+    # Its own supervisor publishes the changes of its docks.
     remappings = beside_others(scenario.apad.name) if is_one_of_several(whole) else []
     rospy.init_node(
         f"{name}_simulated", argv=remappings, disable_signals=True, xmlrpc_port=arguments.xmlrpc_port
     )
-    node = _make_node(scenario)
+    server: type[LegacyServer[Any]] = load_part(stack_of(scenario.apad.generation).server)
+    node = server.of_scenario(scenario)
     if follows_clock:
         node.follow_clock()
     print("ready", flush=True)
     while not follows_clock and not stop.wait(_WALL_STEP_S) and not rospy.is_shutdown():
         node.advance_to(time.time_ns() // 1_000_000)
     while not stop.wait(1.0) and not rospy.is_shutdown():
-        if time.monotonic() - node.heard_clock_s > arguments.orphan_s:
+        if time.monotonic() - node.clock_arrived_s > arguments.orphan_s:
             print(f"musselbed: no /clock for {arguments.orphan_s:g} s: the aPad's node ends", file=sys.stderr)
             break
     rospy.signal_shutdown("asked to end")

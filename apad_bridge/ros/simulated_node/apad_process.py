@@ -1,4 +1,4 @@
-"""Starts and stops the simulated aPad's node as a child in a session of its own, so that neither dies with the other."""
+"""Starts and stops the simulated aPad's node, a child in a session of its own: neither dies with the other."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from apad_bridge.ros_names.names import USE_SIM_TIME
 
 
 class APadNodeFailed(Exception):
-    """The node did not come up; the text is one line, with the end of what it said."""
+    """The node did not come up. The text is one line with the last line of its log."""
 
 
 def start_apad_node(
@@ -30,7 +30,7 @@ def start_apad_node(
     xmlrpc_port: int = 0,
     ready_s: float = 60.0,
 ) -> subprocess.Popen[bytes]:
-    """The child, once it says that it is on the graph of OUR master at `master_uri`. What it says goes to `log`.
+    """Returns the child when it reports that it is on the graph of OUR master at `master_uri`. Its errors go to `log`.
 
     Sets /use_sim_time there, because the node and the gateway follow our /clock. Raises APadNodeFailed after `ready_s` wall
     seconds, or when the node ended before; nothing is left running then.
@@ -44,16 +44,16 @@ def start_apad_node(
         *(sys.executable, "-m", "apad_bridge.ros.simulated_node.apad_node", "--scenario", str(scenario)),
         *("--xmlrpc-port", str(xmlrpc_port)),
     ]
-    with log.open("ab") as said:
+    with log.open("ab") as errors:
         child = subprocess.Popen(
             command,
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
-            stderr=said,
+            stderr=errors,
             env=loopback_environment(log.parent / "ros", master_uri) | {"ROS_NAMESPACE": f"/{namespace}"},
             start_new_session=True,
         )
-    if _says_ready(child, ready_s):
+    if _is_ready(child, ready_s):
         return child
     status = child.poll()
     stop_apad_node(child, patience_s=1.0)
@@ -63,7 +63,7 @@ def start_apad_node(
 
 
 def stop_apad_node(child: subprocess.Popen[bytes], patience_s: float = 3.0) -> int:
-    """Asks the child to end, kills it after `patience_s`, and gives its status. A child that has ended is reaped."""
+    """Asks the child to end, kills it after `patience_s`, and returns its status. A child that has ended is reaped."""
     if child.poll() is None:
         with contextlib.suppress(ProcessLookupError):
             os.kill(child.pid, signal.SIGTERM)
@@ -76,19 +76,19 @@ def stop_apad_node(child: subprocess.Popen[bytes], patience_s: float = 3.0) -> i
     return child.wait(patience_s)
 
 
-def _says_ready(child: subprocess.Popen[bytes], ready_s: float) -> bool:
+def _is_ready(child: subprocess.Popen[bytes], ready_s: float) -> bool:
     assert child.stdout is not None
     until_s = time.monotonic() + ready_s
-    said = b""
-    while b"ready\n" not in said:
+    printed = b""
+    while b"ready\n" not in printed:
         readable, _, _ = select.select([child.stdout], [], [], max(0.0, until_s - time.monotonic()))
         if not readable:
             return False
-        came = os.read(child.stdout.fileno(), 4096)
-        if not came:
+        piece = os.read(child.stdout.fileno(), 4096)
+        if not piece:
             # The end of its output comes a moment before its status.
             with contextlib.suppress(subprocess.TimeoutExpired):
                 child.wait(1.0)
             return False
-        said += came
+        printed += piece
     return True

@@ -1,6 +1,6 @@
 """The actionlib server `go2point` (navcon_msgs/GoToPointAction), which lies underneath generation B's services.
 
-Every go-to is a goal here. One that a service ordered is the commander's own: it stands in `status`, `feedback` and
+Every go-to is a goal here. One that a service ordered is the commander's own goal: it appears in `status`, `feedback` and
 `result` as any other, but not on the topic `goal`.
 """
 
@@ -22,22 +22,22 @@ use_generated_messages()
 
 from navcon_msgs.msg import GoToPointAction, GoToPointActionGoal, GoToPointFeedback, GoToPointResult  # noqa: E402
 
-OrderTaken = Callable[[GoToOrder], bool | None]
-"""Orders, and shows here what comes of it; gives what a service would answer, None for never."""
+TakeOrder = Callable[[GoToOrder], bool | None]
+"""Passes an order to the vehicle, and its outcome to `show`. Returns the answer of a service, None for never."""
 
 
 class Go2Point:
-    """Its `lock` is held whenever it is called, and while it calls `order` or `stop`."""
+    """The caller holds `lock`, and `order` and `stop` are called with it held."""
 
-    def __init__(self, apad: str, order: OrderTaken, stop: Callable[[], None]) -> None:
+    def __init__(self, apad: str, order: TakeOrder, stop: Callable[[], None]) -> None:
         self._commander = rospy.resolve_name(f"{apad}/commander")
         self._commanded = 0
         self._order = order
         self._stop = stop
-        self._asked: Any = None
+        self._requested: Any = None
         """The handle of the goal whose order is just being taken."""
         self._running: Any = None
-        # Its status timer sleeps on ROS time; here the status goes out with the second, by `tell_status`.
+        # Its own status timer would sleep on ROS time: `publish_status` publishes the status each second instead.
         rospy.set_param("~actionlib_status_frequency", 0.0)
         self._server = ActionServer(
             of_apad(apad, "go2point"), GoToPointAction, self._take_goal, self._cancel_goal, auto_start=False
@@ -47,29 +47,29 @@ class Go2Point:
     def start(self) -> None:
         self._server.start()
 
-    def show(self, word: GoToBegun | GoToLeft | GoToEnded) -> None:
-        match word:
+    def show(self, shown: GoToBegun | GoToLeft | GoToEnded) -> None:
+        match shown:
             case GoToBegun(_, order):
-                if self._asked is None:
-                    self._announce(order)
-                self._running, self._asked = self._asked, None
+                if self._requested is None:
+                    self._add_goal(order)
+                self._running, self._requested = self._requested, None
                 self._running.set_accepted()
             case GoToLeft(_, distance_m, bearing_rad) if self._running is not None:
                 self._running.publish_feedback(GoToPointFeedback(distance_m, bearing_rad))
             case GoToEnded() if self._running is not None:
-                self._end(word)
+                self._end(shown)
 
-    def tell_status(self) -> None:
+    def publish_status(self) -> None:
         self._server.publish_status()
 
     def _take_goal(self, handle: Any) -> None:
-        self._asked = handle
+        self._requested = handle
         if handle.get_goal_id().id == self._commanders_key:
             return
         taken = self._order(messages.goal(handle.get_goal()))
         if taken is False:
             handle.set_rejected(None, "the vehicle takes no orders")
-        self._asked = None
+        self._requested = None
 
     def _cancel_goal(self, handle: Any) -> None:
         if handle == self._running:
@@ -79,8 +79,8 @@ class Go2Point:
     def _commanders_key(self) -> str:
         return f"{self._commander}-{self._commanded}"
 
-    def _announce(self, order: GoToOrder) -> None:
-        """Makes a goal of what a service ordered. It comes back by `_take_goal`, under the key that is known there."""
+    def _add_goal(self, order: GoToOrder) -> None:
+        """Makes a goal of a service's order. `_take_goal` receives it and recognises it by its key."""
         self._commanded += 1
         message = GoToPointActionGoal()
         message.goal_id.id = self._commanders_key

@@ -1,4 +1,4 @@
-"""What the node of a simulated aPad does of either generation: it follows a clock, and says where the vehicle is."""
+"""The base of every simulated aPad's node: follows a clock, and publishes where the vehicle is."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import threading
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from typing import Any, Generic, TypeVar
+from typing import Any, Generic, Self, TypeVar
 
 import rospy
 from rosgraph_msgs.msg import Clock
@@ -14,6 +14,7 @@ from rosgraph_msgs.msg import Clock
 from apad_bridge.ros.system.ros_time import to_ms, to_ros
 from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros_names.names import CLOCK, of_apad
+from apad_bridge.scenario.schema import Scenario
 from apad_bridge.vehicle.simulated.kinematics import Pose
 from apad_bridge.vehicle.simulated_stack import LegacyVehicle
 
@@ -22,60 +23,65 @@ use_generated_messages()
 from auv_msgs.msg import NavSts  # noqa: E402
 
 QUEUE = 200
-"""Ten seconds of the fastest topic: who reads slower loses the oldest, and nobody waits for it."""
+"""Ten seconds of the fastest topic. A slower reader loses the oldest, and nobody waits for it."""
 Vehicle = TypeVar("Vehicle", bound=LegacyVehicle[Any])
 
 
 class LegacyServer(ABC, Generic[Vehicle]):
-    """All of the aPad called `name`. `lock` guards the vehicle, which is made when first a time is heard."""
+    """Serves the aPad called `name`. `lock` guards the vehicle, which is made when the first time arrives."""
 
     def __init__(self, name: str, make_vehicle: Callable[[int], Vehicle], lock: threading.RLock) -> None:
-        self.heard_clock_s = time.monotonic()
+        self.clock_arrived_s = time.monotonic()
         self._make_vehicle = make_vehicle
         self._vehicle: Vehicle | None = None
         self._lock = lock
         self._position = rospy.Publisher(of_apad(name, "position"), NavSts, queue_size=QUEUE)
         self._state = rospy.Publisher(of_apad(name, "stateRef"), NavSts, queue_size=QUEUE)
 
+    @classmethod
+    @abstractmethod
+    def of_scenario(cls, scenario: Scenario) -> Self:
+        """The server around the simulated vehicle of this scenario. The node is initialised before."""
+
     @abstractmethod
     def _show(self, shown: list[Any]) -> None:
         """Publishes what the vehicle shows."""
 
     def follow_clock(self) -> None:
-        """From now on time is /clock's; otherwise somebody calls `advance_to`."""
+        """From now on time is /clock's; otherwise the owner calls `advance_to`."""
         rospy.Subscriber(CLOCK, Clock, self._take_clock, tcp_nodelay=True)
 
     def _take_clock(self, message: Any) -> None:
-        self.heard_clock_s = time.monotonic()
+        self.clock_arrived_s = time.monotonic()
         self.advance_to(to_ms(message.clock))
 
     def advance_to(self, now_ms: int) -> None:
-        """Lets the vehicle's time pass to `now_ms`, tells what came of it, and says so last."""
+        """Lets the vehicle's time pass to `now_ms`, publishes the outcome, and last `stateRef` of that time."""
         with self._lock:
             if self._vehicle is None:
                 self._vehicle = self._make_vehicle(now_ms)
             if now_ms < self._vehicle.now_ms:
-                # As when a supervisor was killed between two ticks and another one goes on from the earlier.
+                # It happens when a supervisor is killed between two ticks and the next goes on from the earlier one.
                 rospy.logwarn_throttle(10, f"/clock went back to {now_ms} ms: not followed")
             else:
                 self._show(self._vehicle.advance(now_ms))
             publish_pose(self._state, self._vehicle.now_ms, self._vehicle.pose)
 
     def _do(self, act: Callable[[Vehicle], list[Any]]) -> None:
-        """Shows what comes of it; before any time was heard there is no vehicle, and nothing comes of it."""
+        """Publishes the outcome of `act`. Without a vehicle, before the first time arrives, it does nothing."""
         with self._lock:
             if self._vehicle is not None:
                 self._show(act(self._vehicle))
 
     def _running(self) -> Vehicle:
-        """For a service, which says why not."""
+        """The vehicle, for a service: ServiceException while there is none."""
         if self._vehicle is None:
             raise rospy.ServiceException("no /clock was heard yet")
         return self._vehicle
 
 
 def publish_pose(publisher: rospy.Publisher, at_ms: int, pose: Pose) -> None:
-    """Global position, origin, variances and status stay 0, as the published simulator leaves them."""
+    """Leaves global position, origin, variances and status at 0, as the published simulator does."""
     if publisher.get_num_connections() == 0:
         return
     message = NavSts()

@@ -1,9 +1,9 @@
-"""A /clock for a master that a person started, so that a simulated aPad there can fly faster than the wall clock.
+"""Publishes /clock on a master that a person started, so that a simulated aPad there can fly faster than the wall clock.
 
     python -m apad_bridge.ros.system.clock_node [--speed X]
 
 The launch files start it beside the simulated aPad, and set /use_sim_time. `musselbed run` itself never publishes a clock
-on a master that it did not start, and neither does this when somebody else does already. SIGTERM or SIGINT ends it.
+on a master that it did not start, and this node refuses to when another one does already. SIGTERM or SIGINT ends it.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ from apad_bridge.supervisor.clock import StopSign
 
 NODE = "musselbed_clock"
 _PERIOD_S = 0.02
-"""Of the wall: at speed 20 that is 0.4 s of mission time, and the supervisor acts once a second of it."""
+"""Wall seconds: at speed 20 that is 0.4 s of mission time, and the supervisor acts once a second of it."""
 
 
 def stamp_ms(start_ms: int, elapsed_s: float, speed: float) -> int:
-    """What the clock shows `elapsed_s` wall seconds after it showed `start_ms`."""
+    """The clock's time `elapsed_s` wall seconds after `start_ms`."""
     return start_ms + int(elapsed_s * 1000 * speed)
 
 
@@ -52,7 +52,7 @@ def main() -> int:
         return 3
     rospy.init_node(NODE, argv=[], disable_signals=True)
     topic = rospy.Publisher(CLOCK, Clock, queue_size=10)
-    # From the time of day on: a zero would mean "no time yet" to ROS.
+    # It begins at the time of day, because a zero means "no time yet" to ROS.
     start_ms, start_s = time.time_ns() // 1_000_000, time.monotonic()
     while not stop.wait(_PERIOD_S) and not rospy.is_shutdown():
         topic.publish(Clock(to_ros(stamp_ms(start_ms, time.monotonic() - start_s, speed))))

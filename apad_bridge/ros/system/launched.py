@@ -2,8 +2,8 @@
 
     python -m apad_bridge.ros.system.launched NAME MODULE [arguments]
 
-Of NAME's parameters `theta: 60` becomes --theta 60, `open_modem: [3, 7]` the option twice, and `manual: true` the bare
-option; they come after the arguments, so that they win. A name that is no option is refused by the command itself.
+NAME's parameter `theta: 60` becomes --theta 60, `open_modem: [3, 7]` the option twice, and `manual: true` the bare option.
+They come after the arguments, so that they win. The command itself refuses a name that is no option.
 """
 
 from __future__ import annotations
@@ -18,18 +18,18 @@ import rosgraph
 
 
 def options(parameters: Mapping[str, Any]) -> Iterator[str]:
-    """By name, so that the same parameters make the same command line."""
+    """Sorted by name, so that the same parameters make the same command line."""
     for name, value in sorted(parameters.items()):
         option = f"--{name.replace('_', '-')}"
-        for one in value if isinstance(value, list) else [value]:
-            if one is True:
+        for item in value if isinstance(value, list) else [value]:
+            if item is True:
                 yield option
-            elif one is not False:
-                yield from (option, str(one))
+            elif item is not False:
+                yield from (option, str(item))
 
 
 def private_parameters(name: str) -> dict[str, Any]:
-    """Of the node of this name, in the namespace that roslaunch gave it; none where it has none, or no master answers."""
+    """The parameters of the node of this name, in roslaunch's namespace; empty if it has none, or no master answers."""
     node = rosgraph.names.ns_join(os.environ.get("ROS_NAMESPACE", "/"), name)
     try:
         found = rosgraph.Master(node).getParam(rosgraph.names.ns_join("/", node))

@@ -1,7 +1,7 @@
 """A ROS master of a run's own: a process in its own session, on a free loopback port.
 
-It never joins a master that runs already: it binds a port that the kernel picks, and what answers there must have the pid
-of the process that was started. Whoever wants somebody else's master connects to that one's URI and needs nothing of this.
+It never joins a master that runs already: it binds a port that the kernel picks, and the process that answers there must be
+the one that was started, by its pid. A run on somebody else's master connects to that URI and does not use this module.
 """
 
 from __future__ import annotations
@@ -17,18 +17,18 @@ from http.client import HTTPConnection, HTTPException
 from pathlib import Path
 
 ORPHAN_S = 600.0
-"""How long a master outlives its starter by default: long enough for `musselbed resume` to find the run's nodes alive."""
+"""A master outlives its starter by this by default: long enough for `musselbed resume` to find the run's nodes alive."""
 
 _PROGRAM = Path(__file__).with_name("master_process.py")
 
 
 class MasterFailed(Exception):
-    """No master answers; the text is one line that says what follows. Nothing was left running."""
+    """No master answers. The text is one line with the consequence. No process was left running."""
 
 
 @dataclass(slots=True)
 class Master:
-    """A running master. `stop()` ends it; if its starter dies without that, it ends by itself after `orphan_s`."""
+    """A running master. `stop()` ends it. If its starter dies before, it ends by itself after `orphan_s`."""
 
     uri: str
     process: subprocess.Popen[bytes] = field(repr=False)
@@ -42,12 +42,12 @@ class Master:
         return self.process.poll() is None
 
     def stop(self, timeout_s: float = 3.0) -> None:
-        """End the master by its pid: politely, and after `timeout_s` by force. Nothing happens when it is gone already."""
+        """Ends the master by its pid: by SIGTERM, and after `timeout_s` by SIGKILL. Does nothing when it is gone."""
         _end(self.process, timeout_s)
 
 
 def start_master(home: Path, timeout_s: float, orphan_s: float = ORPHAN_S) -> Master:
-    """Start a master that keeps its files in `home` (made if it is not there), and return when it answers XML-RPC.
+    """Starts a master that keeps its files in `home` (made if it is missing), and returns when it answers XML-RPC.
 
     Raises:
         MasterFailed: it did not answer within `timeout_s`; it has been ended and no node was started.
@@ -79,7 +79,7 @@ def start_master(home: Path, timeout_s: float, orphan_s: float = ORPHAN_S) -> Ma
 
 
 def loopback_environment(home: Path, master_uri: str | None = None) -> dict[str, str]:
-    """The environment of a ROS node of a run's own: loopback only, with nothing of the caller's ROS or Python settings.
+    """The environment of a run's own ROS nodes: loopback only, without the caller's ROS and Python settings.
 
     The caller's ROS_HOSTNAME, ROS_NAMESPACE, ROS_IPV6 or PYTHONPATH would send nodes elsewhere, rename them or shadow code.
     """

@@ -1,7 +1,7 @@
-"""The program that an embedded ROS master runs in, started by `master.py` by its path; it knows nothing of musselbed.
+"""Runs an embedded ROS master. `master.py` starts this program by its path; it imports nothing of musselbed.
 
-Use: master_process.py LOG ORPHAN_S. Prints its URI when it is bound, and ends at SIGTERM. Standard input is the lifeline:
-when its other end closes, the starter is dead, and the master ends ORPHAN_S seconds later.
+Use: master_process.py LOG ORPHAN_S. It prints its URI when it is bound, and ends at SIGTERM. When the other end of standard
+input closes, the starter is dead, and the master ends ORPHAN_S seconds later.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ def main() -> int:
     logging.basicConfig(
         filename=log, level=logging.INFO, format="%(asctime)s %(name)s %(levelname)s %(message)s"
     )
-    # Before any thread starts, so that every thread inherits the mask and only sigtimedwait sees these signals.
+    # Before any thread starts: every thread inherits the mask, so that only sigtimedwait receives these signals.
     signal.pthread_sigmask(signal.SIG_BLOCK, _ENDING)
     master = Master(0)
     master.start()

@@ -1,9 +1,9 @@
 """Watches somebody else's master: it may restart or go out of reach, and rospy registers nothing again by itself.
 
-A restarted master knows nobody. Connections that stand go on without it, but nobody new would find this node. And a master
-tells of a new publisher once: if it cannot reach us then, we never hear of it. So every second the master is asked whether
-it knows us; if not, when it was out of reach, or when somebody asks for it, everything is registered again, and publishers
-that it names are connected to. What was noticed is kept for the flight, which tells it at its next tick.
+A restarted master knows no node. Existing connections go on without it, but no new node would find this one. And a master
+announces a new publisher once: if it cannot reach us then, we never learn of it. So every second this asks the master
+whether it knows us. If not, or when the master was out of reach, or on request, everything is registered again and the
+publishers that the master names are connected. Events are kept for the flight, which journals them at its next tick.
 """
 
 from __future__ import annotations
@@ -28,9 +28,9 @@ from apad_bridge.ros.links.inbox import Inbox
 PERIOD_S = 1.0
 _CALL_S = 5.0
 _AT_ONCE = 200
-"""Registrations in one call of the master."""
+"""Registrations in one call to the master."""
 
-Noticed = tuple[str, dict[str, Any]]
+GraphEvent = tuple[str, dict[str, Any]]
 """An event's kind and data, for the journal."""
 
 
@@ -40,19 +40,19 @@ class MasterWatch:
     def __init__(self, master_uri: str, period_s: float = PERIOD_S) -> None:
         self._uri = master_uri
         self._period_s = period_s
-        self._noticed: Inbox[Noticed] = Inbox()
+        self._events: Inbox[GraphEvent] = Inbox()
         self._gone_since_s: float | None = None
-        self._asked = threading.Event()
+        self._requested = threading.Event()
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._watch, name="watch of the master", daemon=True)
         self._thread.start()
 
-    def take(self) -> list[Noticed]:
-        return self._noticed.take()
+    def take(self) -> list[GraphEvent]:
+        return self._events.take()
 
-    def ask_again(self) -> None:
-        """Somebody who should be heard is not: the master may have told of him in vain."""
-        self._asked.set()
+    def request_registration(self) -> None:
+        """Registers everything again: the master's announcement of a missing publisher may have failed to reach us."""
+        self._requested.set()
 
     def close(self) -> None:
         self._ended.set()
@@ -65,22 +65,22 @@ class MasterWatch:
             except (Unreachable, OSError, HTTPException, xmlrpc.client.Error) as error:
                 if self._gone_since_s is None:
                     self._gone_since_s = time.monotonic()
-                    self._tell("master_gone", uri=self._uri, why=str(error))
+                    self._report("master_gone", uri=self._uri, why=str(error))
 
     def _look(self) -> None:
         code, _, _ = call_whole(self._uri, "lookupNode", rospy.get_name())
-        was_gone, asked = self._gone_since_s, self._asked.is_set()
-        if code == 1 and was_gone is None and not asked:
+        was_gone, requested = self._gone_since_s, self._requested.is_set()
+        if code == 1 and was_gone is None and not requested:
             return
         registered = self._register_again()
-        self._asked.clear()
+        self._requested.clear()
         self._gone_since_s = None
         if code != 1 or was_gone is not None:
             gone_s = 0.0 if was_gone is None else time.monotonic() - was_gone
-            self._tell("master_back", uri=self._uri, gone_s=round(gone_s, 1), registered=registered)
+            self._report("master_back", uri=self._uri, gone_s=round(gone_s, 1), registered=registered)
 
     def _register_again(self) -> int:
-        """How many topics and services were; a node in the middle of its end has none."""
+        """Returns the number of registered topics and services. A node that is ending has none."""
         topics, services = get_topic_manager(), get_service_manager()
         managers = [it for it in get_registration_listeners().listeners if isinstance(it, RegManager)]
         if not managers:
@@ -96,16 +96,16 @@ class MasterWatch:
         ]
         with xmlrpc.client.ServerProxy(self._uri, transport=Timed(_CALL_S)) as master:
             for first in range(0, len(calls), _AT_ONCE):
-                some = calls[first : first + _AT_ONCE]
+                batch = calls[first : first + _AT_ONCE]
                 together = xmlrpc.client.MultiCall(master)
-                for method, arguments in some:
+                for method, arguments in batch:
                     getattr(together, method)(*arguments)
                 result: Any = together()
-                for (method, arguments), (_, _, publishers) in zip(some, list(result), strict=True):
+                for (method, arguments), (_, _, publishers) in zip(batch, list(result), strict=True):
                     if method == "registerSubscriber" and publishers:
                         managers[0].publisher_update(arguments[1], publishers)
         return len(calls)
 
-    def _tell(self, kind: str, **data: Any) -> None:
+    def _report(self, kind: str, **data: Any) -> None:
         rospy.logwarn("%s: %s", kind, data)
-        self._noticed.put((kind, data), always=True)
+        self._events.put((kind, data), always=True)

@@ -1,7 +1,7 @@
-"""Where mission time comes from on ROS: our own /clock, or somebody else's.
+"""Paces mission time on ROS: by our own /clock, or by somebody else's.
 
     OwnMasterClock(speed, link, start_ms=0)       # we publish /clock; only ever on a master that we started
-    FollowedClock(start_ms=0)                     # we follow /clock; mission time `start_ms` is the first one seen
+    FollowedClock(start_ms=0)                     # we follow /clock; mission time `start_ms` is the first one received
 
 The node is initialised before (`open_gateway`).
 """
@@ -21,19 +21,19 @@ from apad_bridge.supervisor.clock import BEAT_S, AsFastAsPossible, Between, Pace
 
 PATIENCE_S = 5.0
 """Wall seconds that the aPad's node may take for a tick. It takes milliseconds: after this it is dead or stopped."""
-_SAY_AGAIN_S = 1.0
-"""Wall seconds without its answer, after which it is told the time again: an answer is lost when it leaves before rospy has
-added us to those whom it goes to, which is after we have been told that we are connected."""
+_REPEAT_S = 1.0
+"""Wall seconds without its answer after which the time is published again. An answer is lost when it leaves before rospy
+has added us to its receivers, which happens after we are informed of the connection."""
 SETTLE_S = 1.0
-"""Wall seconds for its other topics. One that misses this costs no more: what it has to say is heard at a later tick."""
+"""Wall seconds for its other topics. A message that misses this is received at a later tick, without more delay."""
 STANDSTILL_S = 10.0
 _STEPS_MS = (100, 200, 500, 1000)
 _STEP_WALL_S = 0.02
-"""/clock comes no oftener than this, and no finer than the aPad's 10 Hz."""
+"""The shortest wall time between two /clock messages, which are also no finer than the aPad's 10 Hz."""
 
 
 class InStep(Protocol):
-    """A vehicle that says when it is done with a tick."""
+    """A vehicle that confirms the end of a tick."""
 
     @property
     def name(self) -> str: ...
@@ -48,12 +48,12 @@ class InStep(Protocol):
 class OwnMasterClock:
     """Publishes /clock `speed` times as fast as the wall clock (None: as fast as the aPad's node follows).
 
-    A tick has come when the aPad's node has said that it is done with it: TimeoutError, naming it, after `patience_s`.
-    Until then the same time is published once a second.
-    With `in_fine_steps` that holds of every tenth of a second: for a vehicle that is shown what it sees, and acts on it.
+    A tick is reached when the aPad's node confirms it: TimeoutError, with its name, after `patience_s`. Until then the same
+    time is published once a second. With `in_fine_steps` that holds for every tenth of a second: for a vehicle that acts on
+    the virtual camera.
 
-    Latched, so that a tool that comes later has the time at once. A hundred may wait for a slow reader; it then loses the
-    oldest, and nobody waits for it.
+    /clock is latched, so that a later tool has the time at once. A hundred messages may wait for a slow reader; it then
+    loses the oldest, and nobody waits for it.
     """
 
     def __init__(
@@ -67,8 +67,8 @@ class OwnMasterClock:
     ) -> None:
         self._link = link
         self._patience_s = patience_s
-        self._told_ms = start_ms
-        self._has_told = False
+        self._published_ms = start_ms
+        self._has_published = False
         self._pace: Pace = AsFastAsPossible() if speed is None else WallClock(speed)
         self._step_ms = 1000
         if speed is not None:
@@ -84,11 +84,11 @@ class OwnMasterClock:
 
     def reach(self, now_ms: int, stopped: Stopped, between: Between | None = None) -> None:
         self._link.wait_until_taken(SETTLE_S)
-        while self._told_ms < now_ms or not self._has_told:
-            step_ms = now_ms if stopped.is_set() else min(now_ms, self._told_ms + self._step_ms)
+        while self._published_ms < now_ms or not self._has_published:
+            step_ms = now_ms if stopped.is_set() else min(now_ms, self._published_ms + self._step_ms)
             self._pace.reach(step_ms, stopped, between)
             self._clock.publish(Clock(to_ros(step_ms)))
-            self._told_ms, self._has_told = step_ms, True
+            self._published_ms, self._has_published = step_ms, True
             if self._in_fine_steps and step_ms < now_ms:
                 self._wait_until_done(step_ms)
             if between is not None and step_ms < now_ms:
@@ -98,7 +98,7 @@ class OwnMasterClock:
 
     def _wait_until_done(self, now_ms: int) -> None:
         until_s = time.monotonic() + self._patience_s
-        while not self._link.wait_until_done(now_ms, min(_SAY_AGAIN_S, max(0.0, until_s - time.monotonic()))):
+        while not self._link.wait_until_done(now_ms, min(_REPEAT_S, max(0.0, until_s - time.monotonic()))):
             if time.monotonic() >= until_s:
                 raise TimeoutError(
                     f"the node of /{self._link.name} did not say within {self._patience_s:g} s, by its stateRef, "
@@ -116,36 +116,36 @@ class FollowedClock:
         self._standstill_s = standstill_s
         self._origin_ms: int | None = None
         self._now_ms = start_ms
-        self._came = threading.Condition()
+        self._advanced = threading.Condition()
         self._subscriber = rospy.Subscriber(CLOCK, Clock, self._take, tcp_nodelay=True)
 
     def reach(self, now_ms: int, stopped: Stopped, between: Between | None = None) -> None:
         moved_s, last_ms = time.monotonic(), self._now_ms
         while (self._origin_ms is None or self._now_ms < now_ms) and not stopped.is_set():
-            with self._came:
-                # Woken now and then to see `stopped`, which nothing here announces, and for who is told in between.
+            with self._advanced:
+                # It wakes now and then to check `stopped`, which nothing announces here, and to call `between`.
                 if self._origin_ms is None or self._now_ms < now_ms:
-                    self._came.wait(0.1 if between is None else BEAT_S)
-                come_ms, why = self._now_ms, self._why(now_ms)
-            if come_ms > last_ms:
-                moved_s, last_ms = time.monotonic(), come_ms
+                    self._advanced.wait(0.1 if between is None else BEAT_S)
+                reached_ms, why = self._now_ms, self._why(now_ms)
+            if reached_ms > last_ms:
+                moved_s, last_ms = time.monotonic(), reached_ms
             elif time.monotonic() - moved_s > self._standstill_s:
                 raise TimeoutError(why)
-            if between is not None and self._start_ms < come_ms < now_ms:
-                between(come_ms)
-        with self._came:
+            if between is not None and self._start_ms < reached_ms < now_ms:
+                between(reached_ms)
+        with self._advanced:
             self.behind_s = max(0.0, (self._now_ms - now_ms) / 1000)
 
     def close(self) -> None:
         self._subscriber.unregister()
 
     def _take(self, message: Any) -> None:
-        with self._came:
+        with self._advanced:
             clock_ms = to_ms(message.clock)
             if self._origin_ms is None:
                 self._origin_ms = clock_ms
             self._now_ms = self._start_ms + clock_ms - self._origin_ms
-            self._came.notify_all()
+            self._advanced.notify_all()
 
     def _why(self, now_ms: int) -> str:
         if self._origin_ms is None:

@@ -1,4 +1,4 @@
-"""The one place where integer milliseconds become ROS time, and back."""
+"""Converts integer milliseconds to ROS time and back, here and nowhere else."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which master, and by which of our addresses its nodes reach us: ROS 1 needs both directions by name."""
+"""Finds the master, and the address of ours by which its nodes reach us: ROS 1 needs both directions by name."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def somebodys_master(environment: Mapping[str, str] = os.environ) -> str:
 
 
 def why_silent(master_uri: str) -> str | None:
-    """Why nothing listens at the URI; None when something does."""
+    """The reason why nothing listens at the URI; None when something does."""
     try:
         socket.create_connection(_host_and_port(master_uri), _TIMEOUT_S).close()
     except OSError as error:
@@ -35,9 +35,9 @@ def why_silent(master_uri: str) -> str | None:
 def environment_for(
     master_uri: str, namespace: str = "", environment: Mapping[str, str] = os.environ
 ) -> dict[str, str]:
-    """What a node on this master needs: ROS_MASTER_URI, its namespace, and ROS_IP as our address on the way to it.
+    """The variables of a node on this master: ROS_MASTER_URI, its namespace, and ROS_IP as our address on the way to it.
 
-    A ROS_IP or ROS_HOSTNAME that the user has set stays as it is.
+    A ROS_IP or ROS_HOSTNAME of the user stays as it is.
     """
     needed = {"ROS_MASTER_URI": master_uri, "ROS_NAMESPACE": f"/{namespace}"}
     if environment.get("ROS_IP") or environment.get("ROS_HOSTNAME"):
@@ -50,7 +50,7 @@ def environment_for(
 
 
 def free_port() -> int:
-    """A TCP port that nothing listens at now."""
+    """A TCP port at which nothing listens now."""
     with socket.socket() as probe:
         probe.bind(("", 0))
         port: int = probe.getsockname()[1]

@@ -1,4 +1,4 @@
-"""Messages of any type, by the definition that their publisher sends along: nothing has to be installed for them here."""
+"""Decodes messages of any type by the definition that their publisher sends: nothing has to be installed for them."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from genmsg.msg_loader import load_depends, load_msg_by_type
 
 
 class UnknownType(Exception):
-    """One line: which type is known neither here nor to the user's workspace."""
+    """One line: the type that is known neither here nor to the user's workspace."""
 
 
 class AnyMessages:
-    """Makes classes from definitions, and keeps them by md5."""
+    """Makes classes from definitions and keeps them by md5."""
 
     def __init__(self) -> None:
         self._classes: dict[str, Any] = {}
 
     def decode(self, message: Any) -> Any:
-        """A rospy.AnyMsg as its publisher meant it. ValueError when its definition or its bytes are wrong."""
+        """Decodes a rospy.AnyMsg by its publisher's definition. ValueError when the definition or the bytes are wrong."""
         header = message._connection_header
         made = self.class_of(header["type"], header["md5sum"], header.get("message_definition", ""))
         try:
@@ -32,7 +32,7 @@ class AnyMessages:
             raise ValueError(f"{header['type']}: {error}") from error
 
     def class_of(self, kind: str, md5: str, text: str) -> Any:
-        """The class of a publisher's own text. ValueError when that is not of this md5, or no definition."""
+        """The class of a publisher's own text. ValueError when the text is not of this md5, or no definition."""
         if md5 in self._classes:
             return self._classes[md5]
         try:
@@ -47,7 +47,7 @@ class AnyMessages:
 def class_of(kind: str, search_path: dict[str, list[str]]) -> Any:
     """Our class of a type, an installed one, or one made from the text in `search_path` (folders by package).
 
-    UnknownType when it is nowhere.
+    Raises UnknownType when there is none.
     """
     found = roslib.message.get_message_class(kind)
     if found is not None:

@@ -1,7 +1,8 @@
 """Turns the definitions shipped here into Python messages, with Debian's genpy and genaction and without catkin.
 
 `python -m apad_bridge.ros.types.generate DEST` writes one folder per package. DEST serves as an entry of PYTHONPATH and,
-because each folder also holds a package.xml and the texts, of ROS_PACKAGE_PATH: so rostopic, rosmsg and rosbag know them.
+because each folder also holds a package.xml and the texts, of ROS_PACKAGE_PATH, so that rostopic, rosmsg and rosbag know
+them.
 """
 
 from __future__ import annotations
@@ -43,13 +44,13 @@ PACKAGE_XML = """\
 
 
 class GenerationFailed(Exception):
-    """One line that a user can act on."""
+    """The text is one line that a user can act on."""
 
 
 def generate(destination: Path, definitions: Path = DEFINITIONS) -> list[Path]:
-    """Generate every package of `definitions` into `destination` and return the package folders.
+    """Generates every package of `definitions` into `destination` and returns the package folders.
 
-    What stood at `destination` is replaced as a whole, and only after everything was generated.
+    It replaces `destination` as a whole, and only after everything was generated.
 
     Raises:
         GenerationFailed: a definition is wrong, or a Debian package that it needs is missing.
@@ -60,7 +61,7 @@ def generate(destination: Path, definitions: Path = DEFINITIONS) -> list[Path]:
     made = destination.with_name(destination.name + ".new")
     shutil.rmtree(made, ignore_errors=True)
     for package in packages:
-        _lay_texts(package, made / package.name)
+        _write_texts(package, made / package.name)
     search_path = _search_path(made)
     for package in packages:
         _write_python(made / package.name, search_path)
@@ -70,8 +71,8 @@ def generate(destination: Path, definitions: Path = DEFINITIONS) -> list[Path]:
     return [destination / package.name for package in packages]
 
 
-def _lay_texts(source: Path, package: Path) -> None:
-    """The package's texts and package.xml; an action becomes its seven messages.
+def _write_texts(source: Path, package: Path) -> None:
+    """Writes the package's texts and package.xml, and the seven messages of each action.
 
     package.xml is made here and not kept beside the sources: a clone inside somebody's catkin workspace would otherwise
     offer that workspace a second auv_msgs.

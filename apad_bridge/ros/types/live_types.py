@@ -1,4 +1,4 @@
-"""Whether a live vehicle speaks definitions that we can speak. Of a mismatch rospy tells only its log, again and again."""
+"""Compares a live vehicle's definitions with ours. rospy reports a mismatch only to its log, again and again."""
 
 from __future__ import annotations
 
@@ -10,56 +10,56 @@ import rosgraph
 from apad_bridge.doctor.graph import Graph
 from apad_bridge.doctor.network import Unreachable
 from apad_bridge.ros.types.any_message import AnyMessages
-from apad_bridge.ros.types.their_services import service_by_text
 from apad_bridge.ros.types.wire_probe import NotTold, service_md5, topic_definition
+from apad_bridge.ros.types.workspace_services import service_by_text
 from apad_bridge.scenario.lab_interface.fields import has
 
 Needed = Mapping[str, tuple[Any, tuple[str, ...]]]
-"""By topic: our message class, and the paths of the fields that are read."""
+"""By topic: our message class, and the paths of the fields read."""
 
 
 def unreadable_topics(published: Needed) -> list[str]:
-    """A line for each topic whose publisher's definition is another than ours and lacks what we read of it.
+    """A line for each topic whose publisher's definition differs from ours and lacks a field that we read.
 
-    Both definitions are named, by type and md5. One that only differs is read by its own definition.
+    The line names both definitions by type and md5. A topic that only differs is read by its own definition.
     """
     if (graph := _graph()) is None:
         return []
     lines = []
     for topic, (ours, fields) in published.items():
         try:
-            spoken = topic_definition(graph, topic)
+            theirs = topic_definition(graph, topic)
         except NotTold:
             continue
-        if spoken.md5 == ours._md5sum:
+        if theirs.md5 == ours._md5sum:
             continue
         try:
-            theirs = AnyMessages().class_of(spoken.kind, spoken.md5, spoken.text)()
-            lacks = [path for path in fields if not has(theirs, path)]
+            message = AnyMessages().class_of(theirs.kind, theirs.md5, theirs.text)()
+            lacks = [path for path in fields if not has(message, path)]
             why = f"it has no {', '.join(lacks)}" if lacks else ""
         except ValueError as error:
             why = str(error)
         if why:
-            lines.append(f"{topic} is {spoken.kind} (md5 {spoken.md5}) there, and {_named(ours)} here: {why}")
+            lines.append(f"{topic} is {theirs.kind} (md5 {theirs.md5}) there, and {_named(ours)} here: {why}")
     return lines
 
 
 def differing_listeners(listened_to: Mapping[str, Any]) -> list[str]:
-    """A line for each topic that the vehicle listens to by another type than ours: no more of it can be known."""
+    """A line for each topic to which the vehicle subscribes by another type than ours. The graph shows no more."""
     if (graph := _graph()) is None:
         return []
     lines = []
     for topic, ours in listened_to.items():
-        there = graph.types.get(topic, ours._type)
-        if graph.subscribers.get(topic) and there not in (ours._type, "*"):
-            lines.append(f"{topic} is {there} there, and {_named(ours)} here")
+        their_type = graph.types.get(topic, ours._type)
+        if graph.subscribers.get(topic) and their_type not in (ours._type, "*"):
+            lines.append(f"{topic} is {their_type} there, and {_named(ours)} here")
     return lines
 
 
 def live_services(services: Mapping[str, Any]) -> tuple[dict[str, Any], list[str]]:
-    """The class to call each service with, and a line for each whose definition is found neither here nor in a workspace.
+    """The class to call each service by, and a line for each whose definition is neither here nor in a workspace.
 
-    The md5 is asked of the server; ours is used where it agrees, else a text of that md5 on ROS_PACKAGE_PATH.
+    The server announces its md5: our definition is used where it agrees, else a text of that md5 on ROS_PACKAGE_PATH.
     """
     chosen: dict[str, Any] = dict(services)
     lines: list[str] = []

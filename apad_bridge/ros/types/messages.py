@@ -15,11 +15,11 @@ _MEND = "run launch_scripts/install"
 
 
 class MessagesUnusable(ImportError):
-    """The generated messages are missing, old or shadowed; the text is one line with the mend."""
+    """The generated messages are missing, old or shadowed. The text is one line with the mend."""
 
 
 def generated_folder(prefix: Path | None = None) -> Path:
-    """Where an installation in `prefix` (of the running interpreter by default) keeps its generated messages."""
+    """The folder of generated messages of an installation in `prefix` (by default the running interpreter's)."""
     return (prefix or Path(sys.prefix)) / "share" / "musselbed" / "ros"
 
 
@@ -33,11 +33,11 @@ def definitions_digest(definitions: Path = DEFINITIONS) -> str:
 
 
 def use_generated_messages(folder: Path | None = None) -> Path:
-    """Put the generated messages first on sys.path, and return their folder. Calling it again changes nothing.
+    """Puts the generated messages first on sys.path, and returns their folder. Calling it again changes nothing.
 
-    First, although setup.bash puts the same folder last on PYTHONPATH: in a user's shell, the user's workspace wins. But
-    musselbed was tested with these definitions, and a workspace may hold Python 2 code or another generation of auv_msgs;
-    whether a live aPad agrees is settled by its md5, not by who comes first on a path.
+    setup.bash puts the same folder last on PYTHONPATH, so that the user's workspace wins in a user's shell. Here it comes
+    first, because musselbed was tested with these definitions, and a workspace may hold Python 2 code or another generation
+    of auv_msgs. The md5 of a live aPad, not the order of a path, decides whether the two agree.
 
     Raises:
         MessagesUnusable: they are missing, made from other definitions than these, or shadowed by an earlier import.

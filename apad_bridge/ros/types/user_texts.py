@@ -1,4 +1,4 @@
-"""Where texts of message definitions lie on this machine: the user's workspace before ours before Debian's."""
+"""Finds the texts of message definitions on this machine: the user's workspace before ours before Debian's."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from apad_bridge.ros.types.messages import DEFINITIONS
 
 
 def text_folders(kind: str = "msg") -> dict[str, list[str]]:
-    """Folders with .msg (or, by `kind`, .srv) texts by package, the user's first. ROS_PACKAGE_PATH says where to look."""
+    """Folders of .msg (or, by `kind`, .srv) texts by package, the user's (on ROS_PACKAGE_PATH) first."""
     folders: dict[str, list[str]] = {}
     for root in os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep):
         places: dict[str, str] = {}

@@ -1,4 +1,4 @@
-"""Asks a live publisher or service, past the master, what it speaks: TCPROS as far as the first header and message."""
+"""Asks a live publisher or service for its definition: TCPROS as far as the first header and message, past the master."""
 
 from __future__ import annotations
 
@@ -16,22 +16,22 @@ from apad_bridge.doctor.graph import Graph
 from apad_bridge.doctor.network import CALLER, TIMEOUT_S, Unreachable, call, connect
 
 _HEADER = struct.Struct("<III")
-"""What every message with a std_msgs/Header begins with: sequence, seconds, nanoseconds."""
+"""The begin of every message with a std_msgs/Header: sequence, seconds, nanoseconds."""
 
 
 class NotTold(Exception):
-    """Who was asked did not say; the text says why."""
+    """The node gave no answer. The text is the reason."""
 
 
 def topic_md5(graph: Graph, topic: str) -> str:
     """The md5 that the first publisher of `topic` announces. NotTold after a time-out."""
-    with _told(), _subscribed(graph, topic) as (_, _, header):
+    with _errors_as_not_told(), _subscribed(graph, topic) as (_, _, header):
         return _md5_in(header)
 
 
 @dataclass(frozen=True, slots=True)
 class Spoken:
-    """What a publisher says that it publishes: its type, the md5, and the text with those of all types in it."""
+    """A publisher's announcement: its type, the md5, and the definition with those of all types in it."""
 
     kind: str
     md5: str
@@ -39,21 +39,21 @@ class Spoken:
 
 
 def topic_definition(graph: Graph, topic: str) -> Spoken:
-    """What the first publisher of `topic` announces. NotTold after a time-out."""
-    with _told(), _subscribed(graph, topic) as (_, _, header):
+    """The announcement of the first publisher of `topic`. NotTold after a time-out."""
+    with _errors_as_not_told(), _subscribed(graph, topic) as (_, _, header):
         return Spoken(header.get("type", "*"), _md5_in(header), header.get("message_definition", ""))
 
 
 def service_md5(graph: Graph, service: str) -> str:
     """The md5 that the server of `service` announces to a probe, which it does not take for a call."""
-    with _told(), connect(str(call(graph.uri, "lookupService", service))) as connection:
+    with _errors_as_not_told(), connect(str(call(graph.uri, "lookupService", service))) as connection:
         request = {"callerid": CALLER, "service": service, "md5sum": "*", "probe": "1"}
-        return _md5_in(_shake_hands(connection, request, io.BytesIO()))
+        return _md5_in(_handshake(connection, request, io.BytesIO()))
 
 
 def stamp_offset_s(graph: Graph, topic: str) -> float:
-    """Stamp of the next message of `topic` minus this machine's clock; NotTold if none comes or it is not stamped."""
-    with _told(), _subscribed(graph, topic) as (connection, rest, _):
+    """The next stamp of `topic` minus this machine's clock. NotTold if no message comes, or it has no stamp."""
+    with _errors_as_not_told(), _subscribed(graph, topic) as (connection, rest, _):
         data = rest.getvalue()
         until_s = time.monotonic() + TIMEOUT_S
         while len(data) < 4 + _HEADER.size:
@@ -70,7 +70,7 @@ def stamp_offset_s(graph: Graph, topic: str) -> float:
 
 
 @contextlib.contextmanager
-def _told() -> Iterator[None]:
+def _errors_as_not_told() -> Iterator[None]:
     try:
         yield
     except (Unreachable, ROSHandshakeException, OSError) as error:
@@ -85,7 +85,7 @@ def _md5_in(header: dict[str, str]) -> str:
 
 @contextlib.contextmanager
 def _subscribed(graph: Graph, topic: str) -> Iterator[tuple[socket.socket, io.BytesIO, dict[str, str]]]:
-    """A throw-away subscription that the master never hears of: connection, what came after the header, the header."""
+    """A short subscription without the master: the connection, the bytes after the header, the header."""
     nodes = graph.publishers.get(topic)
     if not nodes:
         raise NotTold("nobody publishes it")
@@ -95,11 +95,11 @@ def _subscribed(graph: Graph, topic: str) -> Iterator[tuple[socket.socket, io.By
     with connect(f"rosrpc://{answer[1]}:{answer[2]}") as connection:
         rest = io.BytesIO()
         request = {"callerid": CALLER, "topic": topic, "md5sum": "*", "type": "*", "tcp_nodelay": "1"}
-        header = _shake_hands(connection, request, rest)
+        header = _handshake(connection, request, rest)
         yield connection, rest, header
 
 
-def _shake_hands(connection: socket.socket, request: dict[str, str], rest: io.BytesIO) -> dict[str, str]:
+def _handshake(connection: socket.socket, request: dict[str, str], rest: io.BytesIO) -> dict[str, str]:
     connection.sendall(encode_ros_handshake_header(request))
     header: dict[str, str] = read_ros_handshake_header(connection, rest, 4096)
     return header

@@ -1,4 +1,4 @@
-"""When an aMussel alerts, and what the message says."""
+"""The falls that cause an alert of an aMussel, and the message's content."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import pytest
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.hold_last import HoldLast
 from apad_bridge.beliefs.modes import Mode
-from apad_bridge.ros.gateway.agent_topics import Shown, nav_sts
+from apad_bridge.ros.gateway.agent_topics import AgentReport, nav_sts
 from apad_bridge.ros.gateway.battery_alerts import Falls, alert
 from apad_bridge.scenario.local_frame import LocalFrame
 from firmware_model.packets import ShortStatus, StatusPacket
@@ -19,7 +19,7 @@ BIOGRAD = LocalFrame(43.9330937, 15.4443468)
 
 
 class Fleet:
-    """Of aMussels 7 and 8, that are what they report; `alerts` are of whom it was told at a tick."""
+    """aMussels 7 and 8, believed as they report; `alerts` gives those that alert at a tick."""
 
     def __init__(self, threshold: float) -> None:
         self.beliefs = HoldLast([7, 8])
@@ -46,12 +46,12 @@ class Fleet:
 
 
 def test_once_for_a_fall_and_again_after_a_charge() -> None:
-    """A threshold of 0.8; one that is at it alerts, as the mission collects it."""
-    fleet, told = Fleet(0.8), []
+    """An aMussel at the threshold, 0.8, alerts, because the mission collects it."""
+    fleet, alerted = Fleet(0.8), []
     for second, charge in enumerate((0.9, 0.81, 0.8, 0.79, 0.75, 0.81, 1.0, 0.8), start=1):
         fleet.report(7, charge, 1000 * second)
-        told.append(fleet.alerts())
-    assert told == [[], [], [7], [], [], [], [], [7]]
+        alerted.append(fleet.alerts())
+    assert alerted == [[], [], [7], [], [], [], [], [7]]
 
 
 @pytest.mark.parametrize(
@@ -69,12 +69,12 @@ def test_once_for_a_fall_and_again_after_a_charge() -> None:
 def test_one_that_sways_about_the_threshold_fell_once(
     threshold: float, charges: tuple[float, ...], alerted_at: list[int]
 ) -> None:
-    fleet, told = Fleet(threshold), []
+    fleet, alerted = Fleet(threshold), []
     for number, charge in enumerate(charges):
         fleet.report(7, charge, 1000 * (number + 1))
         if fleet.alerts():
-            told.append(number)
-    assert told == alerted_at
+            alerted.append(number)
+    assert alerted == alerted_at
 
 
 def test_one_is_low_when_it_is_first_heard_so() -> None:
@@ -98,7 +98,7 @@ def test_an_answer_by_sound_is_heard_too() -> None:
 
 
 def test_an_estimate_that_nobody_heard_alerts_nobody() -> None:
-    """Carried by a model from 0.9 to 0.5 in silence; the packet that comes then is what counts."""
+    """A model carries the belief from 0.9 to 0.5 in silence; only the next packet counts."""
     heard = Belief(7, 1000, State.ACTIVE, 0.9, 1.0, 10.0, 20.0)
     sleeping = tuple(float(mode is Mode.ASLEEP) for mode in Mode)
     carried = replace(
@@ -133,5 +133,5 @@ def test_an_alert_says_whose_it_is_and_where(namespace: str, frame_id: str) -> N
 
 
 def test_a_position_without_an_origin_does_not_claim_a_global_frame() -> None:
-    message = nav_sts(Shown(10.0, 20.0, 3.0, 0.5), 1000, None)
+    message = nav_sts(AgentReport(10.0, 20.0, 3.0, 0.5), 1000, None)
     assert (message.global_position.latitude, message.status, message.header.frame_id) == (0.0, 57, "local")

@@ -1,4 +1,4 @@
-"""Who is on a screen that shows the markers, as RViz keeps them: until they are deleted. Screens miss messages."""
+"""Markers on a screen that keeps them until their deletion, as RViz does, and that misses messages."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from firmware_model.states import State
 
 
 class Screen:
-    """RViz's part: ADD draws or moves, DELETEALL takes all off, and all else stays."""
+    """RViz's part: ADD draws or moves a marker, DELETEALL deletes all, and no other marker changes."""
 
     def __init__(self) -> None:
         self.markers: dict[tuple[str, int], Marker] = {}
@@ -41,7 +41,7 @@ class Screen:
 
 
 class APad:
-    """As much of a supervisor as its markers show, and a screen that shows them."""
+    """The part of a supervisor that its markers show, and a screen that shows them."""
 
     def __init__(self, *own: int) -> None:
         self.beliefs = HoldLast(own)
@@ -118,7 +118,7 @@ def test_a_screen_that_missed_messages_keeps_no_ghost() -> None:
 
 
 def test_one_that_is_handed_on_is_drawn_by_who_serves_it() -> None:
-    """Its own fleet's supervisor hears it as ever, for its records."""
+    """Its own fleet's supervisor goes on receiving its packets, for its records."""
     giver, taker = APad(7), APad(8)
     giver.hear(7)
     taker.hear(8)

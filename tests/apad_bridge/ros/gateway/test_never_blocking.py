@@ -1,4 +1,4 @@
-"""A publisher's connections: whole messages in order, nothing waits, and who reads nothing is disconnected."""
+"""A publisher's connections: whole messages in order, no waiting, and stalled readers are disconnected."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ READER = "/reader"
 
 
 class Connection:
-    """What a NeverBlocking uses of rospy's transport, on a real socket."""
+    """The part of rospy's transport that a NeverBlocking uses, on a real socket."""
 
     endpoint_id = READER
     done = False
@@ -29,11 +29,11 @@ class Connection:
 
 
 class Chokes:
-    """A socket that takes so many bytes at each send, none being a full buffer."""
+    """A socket that takes the given number of bytes at each send; 0 is a full buffer."""
 
     def __init__(self, takes: list[int]) -> None:
         self._takes = iter(takes)
-        self.came = b""
+        self.received = b""
 
     def setblocking(self, blocking: bool) -> None:
         assert not blocking
@@ -42,7 +42,7 @@ class Chokes:
         taken = min(len(data), next(self._takes, len(data)))
         if taken == 0:
             raise BlockingIOError
-        self.came += data[:taken]
+        self.received += data[:taken]
         return taken
 
 
@@ -51,7 +51,7 @@ def message(number: int, length: int) -> bytes:
 
 
 def numbers(stream: bytes) -> Iterator[int]:
-    """Those of the whole messages in the stream; the last may still be under way."""
+    """The numbers of the whole messages in the stream. The last message may still be incomplete."""
     while len(stream) >= 8:
         length, number = struct.unpack_from("<II", stream)
         if len(stream) < 4 + length:
@@ -72,12 +72,14 @@ def test_each_message_comes_whole_and_in_order_or_is_counted_as_left_out(
     for number, length in enumerate(lengths):
         connection.write_data(message(number, length))
     connection.write_data(message(len(lengths), 0))
-    came = list(numbers(choking.came))
-    assert came == sorted(set(came))
+    arrived = list(numbers(choking.received))
+    assert arrived == sorted(set(arrived))
     under_way = (
-        1 if len(choking.came) > sum(4 + 4 + (lengths[n] if n < len(lengths) else 0) for n in came) else 0
+        1
+        if len(choking.received) > sum(4 + 4 + (lengths[n] if n < len(lengths) else 0) for n in arrived)
+        else 0
     )
-    assert len(came) + under_way + stalls.left_out[READER] == len(lengths) + 1
+    assert len(arrived) + under_way + stalls.left_out[READER] == len(lengths) + 1
 
 
 def test_a_reader_that_takes_nothing_for_the_stated_time_is_disconnected_and_counted() -> None:

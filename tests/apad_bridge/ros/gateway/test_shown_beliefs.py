@@ -28,8 +28,8 @@ from firmware_model.states import State
 
 
 def carried(mode: Mode, charge: float) -> Belief:
-    """Heard awake on the bottom a second after the start, and not since."""
-    probabilities = tuple(float(one is mode) for one in Mode)
+    """Last heard a second after the start, awake on the bottom."""
+    probabilities = tuple(float(it is mode) for it in Mode)
     return Belief(
         7,
         1000,
@@ -120,8 +120,8 @@ def test_diagnostics_name_the_silent_and_how_sure_one_is() -> None:
         mission=SimpleNamespace(state=MissionState(), docks=(None,) * 4),
     )
     array = diagnose(supervisor, (7, 8), Limits(silence_s=120.0, pool_threshold=0.5), 300_000)  # type: ignore[arg-type]
-    told = {status.name: status for status in array.status}
-    silent = told["musselbed: aMussel 7"]
+    statuses = {status.name: status for status in array.status}
+    silent = statuses["musselbed: aMussel 7"]
     assert silent.message == "silent for 299 s"
     values = {value.key.replace(" ", "_"): value.value for value in silent.values}
     assert values["mode"] == "ASLEEP" and values["primary_95"] == "0.404 to 0.796"
@@ -129,12 +129,12 @@ def test_diagnostics_name_the_silent_and_how_sure_one_is() -> None:
     assert values["place_deviation"] == "2.00 m north, 3.00 m east"
     assert values["clock"] == "+0.250 s, deviation 0.300 s"
     assert (values["silent_timeslots"], values["learned_from"]) == ("29", "packet silence")
-    assert told["musselbed: aMussel 8"].message == "never heard"
-    assert {"musselbed: aPad", "musselbed: mission"} <= told.keys()
-    # One of several on a master names its own, or their lines would take turns under one name.
+    assert statuses["musselbed: aMussel 8"].message == "never heard"
+    assert {"musselbed: aPad", "musselbed: mission"} <= statuses.keys()
+    # One of several on a master adds its name: otherwise their statuses would replace each other.
     array = diagnose(supervisor, (), Limits(120.0, 0.5), 300_000, "apad2")  # type: ignore[arg-type]
     assert {status.name for status in array.status} == {"musselbed: aPad apad2", "musselbed: mission apad2"}
-    # And so does one of several namespaces.
+    # One of several namespaces adds the namespace.
     array = diagnose(supervisor, (7,), Limits(120.0, 0.5), 300_000, namespace="lab/basin")  # type: ignore[arg-type]
     assert "lab/basin/musselbed: aMussel 7" in {status.name for status in array.status}
 

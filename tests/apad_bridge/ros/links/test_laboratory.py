@@ -1,4 +1,4 @@
-"""A laboratory's words between topics and the flight, with the topics played by the test."""
+"""A laboratory's messages between topics and the flight, with the topics simulated by the test."""
 
 from __future__ import annotations
 
@@ -19,19 +19,19 @@ CODEC = load_codec("musselbed-1")
 
 
 class Topics:
-    """Both ends: what is to be heard, and what was told."""
+    """Stands in for the subscribers, with messages to receive, and for the publishers, with those published."""
 
     def __init__(self) -> None:
-        self.to_hear: list[Said] = []
-        self.told: list[tuple[Any, ...]] = []
+        self.to_receive: list[Said] = []
+        self.published: list[tuple[Any, ...]] = []
         self.dropped: Any = None
 
     def take(self, now_ms: int) -> list[Said]:
-        heard, self.to_hear = self.to_hear, []
-        return heard
+        received, self.to_receive = self.to_receive, []
+        return received
 
-    def tell(self, what: What, agent_id: int, now_ms: int, **more: Any) -> None:
-        self.told.append((what, agent_id, *more.values()))
+    def publish(self, what: What, agent_id: int, now_ms: int, **more: Any) -> None:
+        self.published.append((what, agent_id, *more.values()))
 
     def close(self) -> None:
         pass
@@ -40,7 +40,7 @@ class Topics:
 class Vehicle:
     def __init__(self) -> None:
         self.facts: list[LinkFact] = []
-        self.words: list[DockSaid] = []
+        self.alerts: list[DockSaid] = []
 
     def advance(self, now_ms: int) -> list[LinkFact]:
         return self.facts
@@ -48,8 +48,8 @@ class Vehicle:
     def command(self, command: VehicleCommand, now_ms: int) -> None:
         pass
 
-    def said(self, word: DockSaid) -> None:
-        self.words.append(word)
+    def hear_dock(self, alert: DockSaid) -> None:
+        self.alerts.append(alert)
 
     def close(self) -> None:
         pass
@@ -71,26 +71,26 @@ def test_docks_by_others_reach_the_vehicle_and_its_own_are_told(
     laboratory: Laboratory, topics: Topics
 ) -> None:
     vehicle = Vehicle()
-    link = laboratory.beside(vehicle, vehicle)
-    word = DockSaid(1_000, None, 2, True)
-    topics.to_hear = [word]
+    link = laboratory.wrap_link(vehicle, vehicle)
+    alert = DockSaid(1_000, None, 2, True)
+    topics.to_receive = [alert]
     vehicle.facts = [DockClosed(1_000, 2, 3), DockOpened(1_000, 1, 4)]
     assert link.advance(1_000) == vehicle.facts
-    assert vehicle.words == [word]
-    assert topics.told == [(What.DOCKED, 3, 2), (What.RELEASED, 4, 1)]
+    assert vehicle.alerts == [alert]
+    assert topics.published == [(What.DOCKED, 3, 2), (What.RELEASED, 4, 1)]
 
 
 def test_an_alert_that_the_vehicle_needs_not_is_counted(laboratory: Laboratory, topics: Topics) -> None:
-    link = laboratory.beside(Vehicle(), None)
-    topics.to_hear = [DockSaid(1_000, 3, 2, True)]
+    link = laboratory.wrap_link(Vehicle(), None)
+    topics.to_receive = [DockSaid(1_000, 3, 2, True)]
     link.advance(1_000)
-    assert laboratory.useless.total() == 1
+    assert laboratory.ignored.total() == 1
 
 
 def test_words_and_packets_become_what_aMussels_hear(laboratory: Laboratory, topics: Topics) -> None:
-    link = laboratory.beside(Vehicle(), None)
-    relay = laboratory.around(None, link, is_mission=False)
-    topics.to_hear = [
+    link = laboratory.wrap_link(Vehicle(), None)
+    relay = laboratory.wrap_relay(None, link, is_mission=False)
+    topics.to_receive = [
         WordSaid(What.PERMISSION, 3),
         WordSaid(What.CLEAR, None),
         PacketSaid(Medium.SOUND, 4, b"bytes"),
@@ -108,19 +108,19 @@ def test_words_and_packets_become_what_aMussels_hear(laboratory: Laboratory, top
 
 
 def test_what_is_said_to_amussels_and_by_them_is_told(laboratory: Laboratory, topics: Topics) -> None:
-    relay = laboratory.around(None, laboratory.beside(Vehicle(), None), is_mission=False)
+    relay = laboratory.wrap_relay(None, laboratory.wrap_link(Vehicle(), None), is_mission=False)
     data = CODEC.encode(CommandPacket(Kind.RELEASE, 3))
     relay.said(Send(Medium.WIFI, 3, data), 0)
     relay.transmit(Medium.SOUND, 4, b"status", 0)
-    assert topics.told == [(What.CLEAR, 3, data), (What.PACKET, 4, b"status")]
+    assert topics.published == [(What.CLEAR, 3, data), (What.PACKET, 4, b"status")]
 
 
 def test_the_wifis_status_is_told_when_it_changes(laboratory: Laboratory, topics: Topics) -> None:
-    relay = laboratory.around(None, laboratory.beside(Vehicle(), None), is_mission=False)
+    relay = laboratory.wrap_relay(None, laboratory.wrap_link(Vehicle(), None), is_mission=False)
     for now_ms in (0, 1_000, 2_000):
         relay.transmit(Medium.WIFI, 3, b"status", now_ms)
         relay.advance(now_ms)
     relay.advance(2_000 + WIFI_GONE_MS)
-    assert topics.told == [(What.WIFI, 3, True)]
+    assert topics.published == [(What.WIFI, 3, True)]
     relay.advance(2_001 + WIFI_GONE_MS)
-    assert topics.told == [(What.WIFI, 3, True), (What.WIFI, 3, False)]
+    assert topics.published == [(What.WIFI, 3, True), (What.WIFI, 3, False)]

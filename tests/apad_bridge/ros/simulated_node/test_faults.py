@@ -1,4 +1,4 @@
-"""Port, gateway and simulated aPad in one loop without ROS: each fault of a stack, and what docs/apads.md says of it."""
+"""Each fault of a stack as docs/apads.md describes it: port, core and simulated aPad in one loop without ROS."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ AWAY = GoToPoint(1, NORTH_M + 10.0, EAST_M, 0.5, 0.5)
 
 
 class WithA:
-    """Generation A: what the vehicle shows becomes what its topics and its action server would say."""
+    """Generation A: converts the vehicle's output to the messages of its topics and its action server."""
 
     def __init__(self, fault: Fault) -> None:
         self.vehicle = GenerationAVehicle(SimulatedAPad(POOL.apad), 0.5, 0.5, 0, fault)
@@ -57,7 +57,7 @@ class WithA:
         self._active: list[str] = []
 
     def advance(self, now_ms: int) -> None:
-        self._hear(self.vehicle.advance(now_ms), now_ms)
+        self._receive(self.vehicle.advance(now_ms), now_ms)
 
     def command(self, command: VehicleCommand, now_ms: int) -> None:
         order = self.core.command(command, now_ms)
@@ -65,13 +65,13 @@ class WithA:
             return
         goal = shown_a.Goal(order.key, order.kind, order.north_m, order.east_m, order.name)
         self._active.append(order.key)
-        self._say(GoalWord(order.key, GoalCode.ACTIVE), now_ms)
-        self._hear(self.vehicle.receive(goal, now_ms), now_ms)
+        self._report(GoalWord(order.key, GoalCode.ACTIVE), now_ms)
+        self._receive(self.vehicle.receive(goal, now_ms), now_ms)
 
-    def _say(self, word: GoalWord, at_ms: int) -> None:
-        self.core.hear(GoalsHeard(at_ms, (word,), whole=False), at_ms)
+    def _report(self, status: GoalWord, at_ms: int) -> None:
+        self.core.hear(GoalsHeard(at_ms, (status,), whole=False), at_ms)
 
-    def _hear(self, shown: list[shown_a.Shown], now_ms: int) -> None:
+    def _receive(self, shown: list[shown_a.Shown], now_ms: int) -> None:
         codes = {
             shown_a.Outcome.SUCCEEDED: GoalCode.SUCCEEDED,
             shown_a.Outcome.PREEMPTED: GoalCode.PREEMPTED,
@@ -85,36 +85,36 @@ class WithA:
                     agent_id = int(name.removeprefix("amussel"))
                     self.core.hear(StaticHeard(at_ms, agent_id, north_m, east_m, released), now_ms)
                 case shown_a.SlowShown(at_ms) if not self.vehicle.has_crashed:
-                    words = tuple(GoalWord(key, GoalCode.ACTIVE) for key in self._active)
-                    self.core.hear(GoalsHeard(at_ms, words, whole=True), now_ms)
+                    statuses = tuple(GoalWord(key, GoalCode.ACTIVE) for key in self._active)
+                    self.core.hear(GoalsHeard(at_ms, statuses, whole=True), now_ms)
                 case shown_a.Ended(at_ms, key, outcome, reason):
                     self._active.remove(key)
-                    self._say(GoalWord(key, codes[outcome], reason), at_ms)
+                    self._report(GoalWord(key, codes[outcome], reason), at_ms)
 
 
 class WithB:
-    """Generation B: calls are answered as its services would, at once or never."""
+    """Generation B: answers calls as its services do, at once or never."""
 
     def __init__(self, fault: Fault, drift_m_s: tuple[float, float] = (0.0, 0.0)) -> None:
         self.vehicle = GenerationBVehicle(SimulatedAPad(replace(POOL.apad, drift_m_s=drift_m_s)), 0, fault)
         self.core = GenerationBCore(range(1, 10), BATTERY_V, DOCKING, Misses(1, 0.0))
 
     def advance(self, now_ms: int) -> None:
-        self._hear(self.vehicle.advance(now_ms), now_ms)
+        self._receive(self.vehicle.advance(now_ms), now_ms)
 
     def command(self, command: VehicleCommand, now_ms: int) -> None:
         self.core.command(command, now_ms)
 
     def answer(self, now_ms: int) -> None:
         for call in self.core.take_calls():
-            self._hear(self.vehicle.receive(call.order, now_ms), now_ms)
+            self._receive(self.vehicle.receive(call.order, now_ms), now_ms)
             if self.vehicle.takes is not None:
                 refused = (
                     None if self.vehicle.takes else "its service answered that it does not take the order"
                 )
                 self.core.hear(Answered(now_ms, call.number, refused), now_ms)
 
-    def _hear(self, shown: list[shown_b.Shown], now_ms: int) -> None:
+    def _receive(self, shown: list[shown_b.Shown], now_ms: int) -> None:
         for it in shown:
             match it:
                 case PoseShown(at_ms, pose):
@@ -127,13 +127,13 @@ class WithB:
 
 
 class Bench:
-    """A port before one of them, in ticks of a second; `told` are its outcomes, with the ticks they came at."""
+    """A port with one of them, in ticks of a second; `outcomes` are its outcomes, with their ticks."""
 
     def __init__(self, stack: WithA | WithB) -> None:
         self.stack = stack
         self.port = DockingPort(DOCKING)
         self.now_ms = 0
-        self.told: list[tuple[int, Outcome]] = []
+        self.outcomes: list[tuple[int, Outcome]] = []
         self.run(1_000)
 
     def order(self, primitive: Primitive) -> None:
@@ -148,11 +148,11 @@ class Bench:
             self._settle()
 
     def outcome(self, primitive_id: int) -> tuple[int, Outcome]:
-        """When and how a primitive ended; waits for it as long as five minutes."""
+        """The end of a primitive, and its time. Waits up to five minutes for it."""
         for _ in range(300):
             ends = [
                 (at_ms, it)
-                for at_ms, it in self.told
+                for at_ms, it in self.outcomes
                 if isinstance(it, PrimitiveSucceeded | PrimitiveFailed) and it.primitive_id == primitive_id
             ]
             if ends:
@@ -161,7 +161,7 @@ class Bench:
         raise AssertionError("it waits for ever")
 
     def _settle(self) -> None:
-        """As a flight does: what the vehicle says within a tick is heard within it."""
+        """Receives the vehicle's messages within the tick, as a flight does."""
         for _ in range(4):
             if isinstance(self.stack, WithB):
                 self.stack.answer(self.now_ms)
@@ -173,13 +173,13 @@ class Bench:
     def _pass_on(self, actions: list) -> None:
         for action in actions:
             if isinstance(action, PrimitiveSucceeded | PrimitiveFailed | DockChanged):
-                self.told.append((self.now_ms, action))
+                self.outcomes.append((self.now_ms, action))
             else:
                 self.stack.command(action, self.now_ms)
 
 
-def said(fault: Fault) -> str:
-    """The reason that the page promises."""
+def documented(fault: Fault) -> str:
+    """The reason on the page."""
     (reason,) = re.findall(r'"(.+)"', ROWS[fault.value])
     return reason
 
@@ -223,7 +223,7 @@ def test_after_a_release_that_crashes_the_server_the_next_order_fails() -> None:
     bench.order(replace(AWAY, primitive_id=3))
     begun_ms = bench.now_ms
     at_ms, outcome = bench.outcome(3)
-    assert isinstance(outcome, PrimitiveFailed) and outcome.reason == said(Fault.RELEASE_CRASHES)
+    assert isinstance(outcome, PrimitiveFailed) and outcome.reason == documented(Fault.RELEASE_CRASHES)
     assert at_ms == begun_ms + 5_000
 
 
@@ -231,7 +231,7 @@ def test_a_perch_that_holds_nothing_fails() -> None:
     bench = Bench(WithA(Fault.PERCHES_NOTHING))
     bench.order(DockMussel(1, 0, 7))
     _, outcome = bench.outcome(1)
-    assert isinstance(outcome, PrimitiveFailed) and outcome.reason == said(Fault.PERCHES_NOTHING)
+    assert isinstance(outcome, PrimitiveFailed) and outcome.reason == documented(Fault.PERCHES_NOTHING)
     assert bench.port.first_failure == outcome
 
 
@@ -241,7 +241,7 @@ def test_a_vehicle_that_is_stuck_stalls(kind: type[WithA | WithB]) -> None:
     bench.order(AWAY)
     begun_ms = bench.now_ms
     at_ms, outcome = bench.outcome(1)
-    assert isinstance(outcome, PrimitiveFailed) and outcome.reason.startswith(said(Fault.STUCK))
+    assert isinstance(outcome, PrimitiveFailed) and outcome.reason.startswith(documented(Fault.STUCK))
     assert at_ms == begun_ms + 60_000
 
 
@@ -263,7 +263,7 @@ def test_a_vehicle_that_does_otherwise_than_it_was_told(fault: Fault, after_ms: 
     bench.order(AWAY)
     begun_ms = bench.now_ms
     at_ms, outcome = bench.outcome(1)
-    assert isinstance(outcome, PrimitiveFailed) and outcome.reason == said(fault)
+    assert isinstance(outcome, PrimitiveFailed) and outcome.reason == documented(fault)
     assert at_ms == pytest.approx(begun_ms + after_ms, abs=1_000)
 
 

@@ -1,4 +1,4 @@
-"""The embedded master: its own process, session, port and files; it joins nobody's, and nobody has to end it by hand."""
+"""The embedded master: its own process, session, port and files; it joins no other master, and ends by itself."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def wait_until_gone(pidfd: int, timeout_s: float = 20.0) -> bool:
 
 
 def listening_addresses(port: int) -> set[str]:
-    """The kernel's own list of the local addresses, in its hexadecimal, that listen on `port`."""
+    """The local addresses that listen on `port`, in the kernel's hexadecimal."""
     found = set()
     for table in ("/proc/net/tcp", "/proc/net/tcp6"):
         for line in Path(table).read_text().splitlines()[1:]:

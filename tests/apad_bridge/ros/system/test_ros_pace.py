@@ -1,4 +1,4 @@
-"""Mission time on ROS: our own /clock in step with the aPad's node, and somebody else's, with the threads taken out."""
+"""Mission time on ROS without rospy's threads: our own /clock in step with the aPad's node, and somebody else's."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ ros_pace = pytest.importorskip("apad_bridge.ros.system.ros_pace")
 
 
 class Topic:
-    """Stands in for rospy's Publisher and Subscriber: keeps what is published, and lets a test say what comes."""
+    """Stands in for rospy's Publisher and Subscriber: keeps published messages, and lets a test deliver others."""
 
     def __init__(self, name: str, kind: Any, take: Any = None, **options: Any) -> None:
         self.name, self.take, self.options = name, take, options
@@ -26,22 +26,22 @@ class Topic:
 
 
 class Vehicle:
-    """Has come to `done_ms`; notes what it is asked. The first `lost` of its answers do not come."""
+    """A vehicle that has reached `done_ms` and records calls. Its first `lost` answers do not arrive."""
 
     name = "apad1"
 
     def __init__(self, done_ms: int = 10**9, lost: int = 0) -> None:
         self.done_ms = done_ms
         self.lost = lost
-        self.asked: list[str] = []
+        self.calls: list[str] = []
 
     def wait_until_taken(self, timeout_s: float) -> list[str]:
-        self.asked.append("taken")
+        self.calls.append("taken")
         return []
 
     def wait_until_done(self, now_ms: int, timeout_s: float) -> bool:
-        """Without waiting for who is behind, but for a moment, so that the patience of who asks can end."""
-        self.asked.append(f"done {now_ms}")
+        """Waits only a moment when it is behind, so that the caller's patience can end."""
+        self.calls.append(f"done {now_ms}")
         if self.lost > 0 or self.done_ms < now_ms:
             self.lost -= 1
             threading.Event().wait(min(timeout_s, 0.05))
@@ -49,7 +49,7 @@ class Vehicle:
         return True
 
     def wait_until_heard(self, now_ms: int, timeout_s: float) -> list[str]:
-        self.asked.append(f"heard {now_ms}")
+        self.calls.append(f"heard {now_ms}")
         return []
 
 
@@ -72,7 +72,7 @@ def test_a_tick_is_over_when_goals_are_taken_the_node_is_done_and_all_is_heard(t
     for now_ms in (0, 1_000):
         clock.reach(now_ms, threading.Event())
     assert topics[0].published_ms == [0, 1_000]
-    assert vehicle.asked == ["taken", "done 0", "heard 0", "taken", "done 1000", "heard 1000"]
+    assert vehicle.calls == ["taken", "done 0", "heard 0", "taken", "done 1000", "heard 1000"]
 
 
 @pytest.mark.parametrize(("speed", "steps"), [(1000.0, [5_000, 6_000]), (20.0, [5_000, 5_500, 6_000])])
@@ -112,16 +112,16 @@ def test_when_stopped_the_vehicle_still_comes_to_the_tick(topics: list[Topic]) -
     assert topics[0].published_ms == [0, 1_000]
 
 
-def told(topic: Topic, clock_ms: int) -> None:
+def deliver(topic: Topic, clock_ms: int) -> None:
     topic.take(ros_pace.Clock(ros_pace.to_ros(clock_ms)))
 
 
 def test_a_followed_clock_counts_from_the_first_one_seen(topics: list[Topic]) -> None:
     clock = ros_pace.FollowedClock(start_ms=2_000, standstill_s=0.3)
-    told(topics[0], 7_000_000)
+    deliver(topics[0], 7_000_000)
     clock.reach(2_000, threading.Event())
     assert clock.behind_s == 0.0
-    told(topics[0], 7_005_000)
+    deliver(topics[0], 7_005_000)
     clock.reach(3_000, threading.Event())
     assert clock.behind_s == 4.0
     clock.close()
@@ -130,10 +130,10 @@ def test_a_followed_clock_counts_from_the_first_one_seen(topics: list[Topic]) ->
 
 def test_a_followed_clock_wakes_who_waits_for_it(topics: list[Topic]) -> None:
     clock = ros_pace.FollowedClock(standstill_s=20.0)
-    told(topics[0], 500)
+    deliver(topics[0], 500)
     waiter = threading.Thread(target=clock.reach, args=(1_000, threading.Event()))
     waiter.start()
-    told(topics[0], 1_500)
+    deliver(topics[0], 1_500)
     waiter.join(10)
     assert not waiter.is_alive()
 
@@ -142,7 +142,7 @@ def test_no_clock_and_one_that_stands_still_are_told_apart(topics: list[Topic]) 
     clock = ros_pace.FollowedClock(standstill_s=0.2)
     with pytest.raises(TimeoutError, match="no /clock came"):
         clock.reach(0, threading.Event())
-    told(topics[0], 500)
+    deliver(topics[0], 500)
     with pytest.raises(TimeoutError, match="paused, gone or started anew"):
         clock.reach(1_000, threading.Event())
 
@@ -154,22 +154,22 @@ def test_a_stopped_flight_does_not_wait_for_somebody_elses_clock(topics: list[To
 
 
 def test_on_the_way_it_tells_the_time_that_has_come(topics: list[Topic]) -> None:
-    told: list[int] = []
+    times_ms: list[int] = []
     clock = ros_pace.OwnMasterClock(20.0, Vehicle())
-    clock.reach(0, threading.Event(), told.append)
-    clock.reach(4_000, threading.Event(), told.append)
-    assert told and told == sorted(told) and all(0 < it < 4_000 for it in told)
+    clock.reach(0, threading.Event(), times_ms.append)
+    clock.reach(4_000, threading.Event(), times_ms.append)
+    assert times_ms and times_ms == sorted(times_ms) and all(0 < it < 4_000 for it in times_ms)
 
 
 def test_a_followed_clock_tells_what_has_come_between(topics: list[Topic]) -> None:
-    told: list[int] = []
+    times_ms: list[int] = []
 
     def between(now_ms: int) -> None:
-        told.append(now_ms)
+        times_ms.append(now_ms)
         topics[0].take(ros_pace.Clock(ros_pace.to_ros(now_ms + 400)))
 
     clock = ros_pace.FollowedClock(standstill_s=20.0)
     topics[0].take(ros_pace.Clock(ros_pace.to_ros(0)))
     topics[0].take(ros_pace.Clock(ros_pace.to_ros(100)))
     clock.reach(1_000, threading.Event(), between)
-    assert told == [100, 500, 900]
+    assert times_ms == [100, 500, 900]

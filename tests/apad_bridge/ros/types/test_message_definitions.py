@@ -1,4 +1,4 @@
-"""What we speak is what an existing aPad speaks: md5s as published by that stack, not as computed here."""
+"""Our definitions are those of an existing aPad: the md5s are that stack's published ones, not computed here."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def generated(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def in_a_fresh_interpreter(folder: Path, code: str) -> str:
-    """The generated classes are imported elsewhere: once imported, a package stays with its interpreter."""
+    """Runs `code` with the generated classes elsewhere, because an imported package stays with its interpreter."""
     program = f"import sys; sys.path.insert(0, {str(folder)!r})\n{code}"
     done = subprocess.run([sys.executable, "-I", "-c", program], capture_output=True, text=True, timeout=60)
     assert done.returncode == 0, done.stderr

@@ -1,4 +1,4 @@
-"""Classes of services by another definition than ours: from the text in the user's workspace."""
+"""Makes classes of services from the definitions in the user's workspace, where they differ from ours."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from apad_bridge.scenario.lab_interface.fields import has
 
 
 def service_by_text(kind: str, md5: str) -> Any | None:
-    """A service class of `kind` (as misc_msgs/GetDockingInfo) with this md5, if a text on ROS_PACKAGE_PATH has it."""
+    """A service class of `kind` (such as misc_msgs/GetDockingInfo) with this md5, if a text on ROS_PACKAGE_PATH has it."""
     return next((it for it in _services(kind) if it._md5sum == md5), None)
 
 
 def service_to_offer(ours: Any, read: Callable[[Any], object]) -> Any:
-    """The class to offer a service by: of the user's text of this type, if `read` can read its request, else ours.
+    """The class of an offered service: by the user's text of this type, if `read` can read its request, else ours.
 
-    Whoever calls has sourced that workspace, and speaks its definition. The answer is a field `status`.
+    Callers have sourced that workspace and use its definition. The response needs a field `status`.
     """
     for theirs in _services(ours._type):
         if theirs._md5sum == ours._md5sum:
@@ -38,7 +38,7 @@ def service_to_offer(ours: Any, read: Callable[[Any], object]) -> Any:
 
 
 def _services(kind: str) -> Iterator[Any]:
-    """By every text that can be read, the user's first, then ours."""
+    """A class for every text that can be read, the user's first, then ours."""
     package, name = kind.split("/")
     messages = text_folders("msg")
     for folder in text_folders("srv").get(package, []):
@@ -48,7 +48,7 @@ def _services(kind: str) -> Iterator[Any]:
         try:
             yield _service(kind, text, messages)
         except (genmsg.MsgNotFound, genmsg.InvalidMsgSpec, genmsg.MsgGenerationException, OSError):
-            continue  # it cannot be the one that is spoken
+            continue  # the live service cannot be of a text that is wrong
 
 
 def _service(kind: str, text: Path, messages: dict[str, list[str]]) -> Any:

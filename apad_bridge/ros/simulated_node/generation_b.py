@@ -1,10 +1,10 @@
-"""The topics and services of generation B, around a `GenerationBVehicle`: converts, and nothing else."""
+"""The topics and services of generation B, around a `GenerationBVehicle`. It only converts."""
 
 from __future__ import annotations
 
 import threading
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Self
 
 import rospy
 from std_msgs.msg import Bool, Float32, Float32MultiArray, Float64, Int32, String
@@ -13,8 +13,9 @@ from std_srvs.srv import Trigger, TriggerResponse
 from apad_bridge.ros.simulated_node.generation_b_go2point import Go2Point
 from apad_bridge.ros.simulated_node.legacy_server import QUEUE, LegacyServer, publish_pose
 from apad_bridge.ros.types.messages import use_generated_messages
-from apad_bridge.ros.types.their_services import service_to_offer
+from apad_bridge.ros.types.workspace_services import service_to_offer
 from apad_bridge.ros_names.names import of_apad, ours
+from apad_bridge.scenario.schema import Scenario
 from apad_bridge.vehicle.generation_b import messages
 from apad_bridge.vehicle.generation_b.messages import (
     PRIMITIVE_FINISHED,
@@ -30,6 +31,7 @@ from apad_bridge.vehicle.generation_b.messages import (
     StatusShown,
 )
 from apad_bridge.vehicle.generation_b.simulated import GenerationBVehicle
+from apad_bridge.vehicle.simulated.apad import SimulatedAPad
 from apad_bridge.vehicle.stack_messages import PoseShown
 
 use_generated_messages()
@@ -47,13 +49,13 @@ Conversion = Callable[[Any], Order]
 
 
 class GenerationBServer(LegacyServer[GenerationBVehicle]):
-    """All of the aPad called `name`. One lock, the action server's, guards the vehicle. The node is initialised before."""
+    """Serves the aPad called `name`. The action server's lock guards the vehicle. The node is initialised before."""
 
     def __init__(self, name: str, make_vehicle: Callable[[int], GenerationBVehicle]) -> None:
         self._go2point = Go2Point(name, self._order, lambda: self._do(lambda it: it.stop(it.now_ms)))
         super().__init__(name, make_vehicle, self._go2point.lock)
         self._ended = threading.Event()
-        """Never set before the process ends: what a service that hangs waits for."""
+        """Never set before the process ends: a service that hangs waits for it."""
         kinds: dict[str, Any] = {
             "battery_level": Float64,
             "goto_status": Int32,
@@ -69,8 +71,13 @@ class GenerationBServer(LegacyServer[GenerationBVehicle]):
         self._offer_services(name)
         self._listen(name)
 
+    @classmethod
+    def of_scenario(cls, scenario: Scenario) -> Self:
+        apad = scenario.apad
+        return cls(apad.name, lambda start_ms: GenerationBVehicle(SimulatedAPad(apad), start_ms, apad.fault))
+
     def _offer_services(self, apad: str) -> None:
-        """Each by the text in the user's workspace, where that has what is read of it."""
+        """Offers each by the definition in the user's workspace, if that has the fields that are read."""
         services: list[tuple[str, Any, Conversion]] = [
             ("primitive/go2point", Go2pointPrimitiveService, messages.go_to),
             ("primitive/dynamic_positioning", DynamicPositioningPrimitiveService, messages.position),
@@ -100,13 +107,15 @@ class GenerationBServer(LegacyServer[GenerationBVehicle]):
         listen(
             of_apad(apad, "docking_horizontal"),
             Float32,
-            lambda it, word: it.detect(word.data, None, it.now_ms),
+            lambda it, message: it.detect(message.data, None, it.now_ms),
         )
         listen(
-            of_apad(apad, "docking_vertical"), Float32, lambda it, word: it.detect(None, word.data, it.now_ms)
+            of_apad(apad, "docking_vertical"),
+            Float32,
+            lambda it, message: it.detect(None, message.data, it.now_ms),
         )
-        listen(of_apad(apad, "manual"), Bool, lambda it, word: it.set_manual(word.data, it.now_ms))
-        listen(ours("dock"), DockAlert, lambda it, word: it.load(word.dock, word.closed, it.now_ms))
+        listen(of_apad(apad, "manual"), Bool, lambda it, message: it.set_manual(message.data, it.now_ms))
+        listen(ours("dock"), DockAlert, lambda it, alert: it.load(alert.dock, alert.closed, it.now_ms))
 
     def _takes(self, convert: Conversion, response: Any) -> Callable[[Any], Any]:
         def take(request: Any) -> Any:
@@ -115,13 +124,13 @@ class GenerationBServer(LegacyServer[GenerationBVehicle]):
                 taken = self._order(convert(request))
             if taken is None:
                 self._ended.wait()
-            # At once, and whatever comes of it.
+            # It answers at once, before the outcome is known.
             return response(status=bool(taken))
 
         return take
 
     def _order(self, order: Order) -> bool | None:
-        """What a service answers, None for never. Before any /clock nothing is taken."""
+        """The answer of a service, None for never. Before the first /clock no order is taken."""
         if self._vehicle is None:
             return False
         self._show(self._vehicle.receive(order, self._vehicle.now_ms))
@@ -142,7 +151,7 @@ class GenerationBServer(LegacyServer[GenerationBVehicle]):
                     publish_pose(self._position, at_ms, pose)
                 case BatteryShown(_, percent):
                     out["battery_level"].publish(Float64(percent))
-                    self._go2point.tell_status()
+                    self._go2point.publish_status()
                 case StatusShown(_, docking, status):
                     out["docking_status" if docking else "goto_status"].publish(Int32(status))
                 case ArmShown(_, arm):

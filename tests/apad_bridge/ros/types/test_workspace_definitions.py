@@ -1,4 +1,4 @@
-"""Definitions of others, as texts in a workspace or as sent along by a publisher: never imported, and read all the same."""
+"""Definitions of others, in a workspace or sent by a publisher: they are read without an import."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ import pytest
 
 from apad_bridge.ros.types.any_message import AnyMessages, UnknownType, class_of
 from apad_bridge.ros.types.messages import use_generated_messages
-from apad_bridge.ros.types.their_services import service_by_text, service_to_offer
 from apad_bridge.ros.types.user_texts import text_folders
+from apad_bridge.ros.types.workspace_services import service_by_text, service_to_offer
 from apad_bridge.vehicle.generation_b.messages import docking, go_to
 
 use_generated_messages()
@@ -45,7 +45,7 @@ def workspace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def test_the_users_text_of_a_service_is_found_by_the_md5_that_its_server_speaks(workspace: Path) -> None:
-    # md5 as rossrv prints it: of the request's and the response's text without comments, the Point by its own md5.
+    # The md5 as rossrv prints it: of the texts of request and response without comments, with the Point's own md5.
     import hashlib
 
     point_md5 = "4a842b65f413084dc2b10fb484ea7f17"

@@ -1,21 +1,24 @@
-"""The topics, services and the action server of generation A, around a `GenerationAVehicle`: converts, and nothing else."""
+"""The topics, services and the action server of generation A, around a `GenerationAVehicle`. It only converts."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Self
 
 import rospy
 from actionlib.action_server import ActionServer
 from std_msgs.msg import Float64
 from std_srvs.srv import Trigger, TriggerResponse
 
+from apad_bridge.assembly import parts
 from apad_bridge.ros.simulated_node.legacy_server import QUEUE, LegacyServer, publish_pose
 from apad_bridge.ros.system.ros_time import to_ros
 from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros_names.names import of_apad
+from apad_bridge.scenario.schema import Scenario
 from apad_bridge.vehicle.generation_a.messages import Ended, Goal, Held, Outcome, Shown, SlowShown
 from apad_bridge.vehicle.generation_a.simulated import GenerationAVehicle
+from apad_bridge.vehicle.simulated.apad import SimulatedAPad
 from apad_bridge.vehicle.stack_messages import PoseShown
 
 use_generated_messages()
@@ -43,13 +46,13 @@ _HELD_STATUS, _RELEASED_STATUS = 0, 1
 
 
 class GenerationAServer(LegacyServer[GenerationAVehicle]):
-    """All of the aPad called `name`. One lock, the action server's, guards the vehicle. The node is initialised before."""
+    """Serves the aPad called `name`. The action server's lock guards the vehicle. The node is initialised before."""
 
     def __init__(self, name: str, make_vehicle: Callable[[int], GenerationAVehicle]) -> None:
         self._goals: dict[str, Any] = {}
-        """Handles of the goals that have not ended."""
+        """Handles of the goals that have not ended, by key."""
         self._held: dict[str, rospy.Publisher] = {}
-        # Its status timer sleeps on ROS time; here the status goes out with the second, from `_show`.
+        # Its own status timer would sleep on ROS time: `_show` publishes the status each second instead.
         rospy.set_param("~actionlib_status_frequency", 0.0)
         self._server = ActionServer(
             of_apad(name, "action_server"),
@@ -63,13 +66,29 @@ class GenerationAServer(LegacyServer[GenerationAVehicle]):
         self._server.start()
         self._offer_services(name)
 
+    @classmethod
+    def of_scenario(cls, scenario: Scenario) -> Self:
+        """A goal of generation A has no field for speed or victory radius: both are the scenario's mission's."""
+        apad, mission, misses = scenario.apad, scenario.mission, parts.misses(scenario)
+        return cls(
+            apad.name,
+            lambda start_ms: GenerationAVehicle(
+                SimulatedAPad(apad),
+                mission.speed_m_s,
+                mission.victory_radius_m,
+                start_ms,
+                apad.fault,
+                misses,
+            ),
+        )
+
     def _offer_services(self, apad: str) -> None:
-        """Enabling, configuring and anchoring succeed and change nothing: this vehicle always holds by itself."""
+        """Enabling, configuring and anchoring succeed without an effect: this vehicle always holds its position."""
         services: list[tuple[str, Any, Callable[[Any], Any]]] = [
-            ("check_docking_availability", GetDockingInfo, self._tell_docks),
+            ("check_docking_availability", GetDockingInfo, self._answer_docks),
             ("change_docking_status", ChangeDockingStatus, self._change_dock),
-            ("get_battery_level", GetChargeInfo, self._tell_battery),
-            ("charge_info", GetChargeInfo, self._tell_battery),
+            ("get_battery_level", GetChargeInfo, self._answer_battery),
+            ("charge_info", GetChargeInfo, self._answer_battery),
             ("anchor", Trigger, lambda _: TriggerResponse(True, "it holds its position by itself")),
             ("FADP_enable", EnableControl, lambda _: EnableControlResponse()),
             ("DEPTH_enable", EnableControl, lambda _: EnableControlResponse()),
@@ -113,7 +132,7 @@ class GenerationAServer(LegacyServer[GenerationAVehicle]):
                     self._publish_held(item)
                 case SlowShown(_, battery_percent, goal_key, covered_percent):
                     self._battery.publish(Float64(battery_percent))
-                    self._tell_progress(goal_key, covered_percent)
+                    self._publish_progress(goal_key, covered_percent)
                 case Ended():
                     self._end_goal(item)
 
@@ -121,8 +140,8 @@ class GenerationAServer(LegacyServer[GenerationAVehicle]):
         publisher = self._held.get(held.name)
         if publisher is None:
             try:
-                # Global, as in the published stack: below whatever the goal named, and not below this node's namespace.
-                # Latched, because who listens connects only after the first word is out.
+                # Global, as in the published stack: below the name in the goal, and not below this node's namespace.
+                # Latched, because subscribers connect only after the first message is out.
                 publisher = rospy.Publisher(
                     f"/{held.name}/position_static", NavSts, queue_size=QUEUE, latch=True
                 )
@@ -137,7 +156,7 @@ class GenerationAServer(LegacyServer[GenerationAVehicle]):
         message.status = _RELEASED_STATUS if held.released else _HELD_STATUS
         publisher.publish(message)
 
-    def _tell_progress(self, goal_key: str | None, covered_percent: float) -> None:
+    def _publish_progress(self, goal_key: str | None, covered_percent: float) -> None:
         vehicle = self._vehicle
         if vehicle is not None and vehicle.has_crashed:
             return
@@ -160,7 +179,7 @@ class GenerationAServer(LegacyServer[GenerationAVehicle]):
             case Outcome.ABORTED:
                 handle.set_aborted(result, ended.reason)
 
-    def _tell_docks(self, _: Any) -> Any:
+    def _answer_docks(self, _: Any) -> Any:
         with self._lock:
             vehicle = self._running()
             return GetDockingInfoResponse(available_slots=vehicle.free_docks, slots=vehicle.held)
@@ -175,17 +194,17 @@ class GenerationAServer(LegacyServer[GenerationAVehicle]):
             return ChangeDockingStatusResponse(False)
 
     def _change_battery(self, message: Any, sign: int) -> None:
-        """Percent points a message."""
+        """Changes the charge by the message's percent points."""
         self._do(lambda it: it.change_battery(sign * message.data, it.now_ms))
 
     def _send_energy(self, request: Any) -> Any:
-        """Whether coil `coil`, which is a slot's, has something to send its energy to. The docks charge by themselves."""
+        """True when the dock of coil `coil` holds an aMussel. The docks charge by themselves."""
         with self._lock:
             return SendEnergyResponse(
                 request.coil in range(4) and request.coil not in self._running().free_docks
             )
 
-    def _tell_battery(self, _: Any) -> Any:
+    def _answer_battery(self, _: Any) -> Any:
         with self._lock:
             vehicle = self._running()
             pose = vehicle.pose
