@@ -68,7 +68,7 @@ class Belief:
     """Slots since the newest packet in which one was due and none was heard."""
     parts: tuple[Part, ...] = ()
     """The primary charge as a mixture, before its ends at 0 and 1; empty for one Gaussian."""
-    memory: object = field(default=None, compare=False, repr=False)
+    estimator_state: object = field(default=None, compare=False, repr=False)
     """The estimator's own; nobody else looks into it."""
 
     @property

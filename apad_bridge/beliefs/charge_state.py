@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from apad_bridge.beliefs.knowledge import Knowledge, Sensor
 from apad_bridge.beliefs.load import Spent
-from apad_bridge.beliefs.mixture import held, inside, normal_cdf, normal_pdf, truncated
+from apad_bridge.beliefs.mixture import clamped, inside, normal_cdf, normal_pdf, truncated
 from apad_bridge.beliefs.modes import Mode
 
 Array = NDArray[np.float64]
@@ -24,14 +24,14 @@ PRIMARY, SECONDARY, DRAIN, ASLEEP, AWAKE, HIGH, CHARGING = range(7)
 SIZE = 7
 _UNKNOWN_SD = 0.6
 """Of a charge of which nothing is known: wider than [0, 1], so that the first packet alone decides."""
-_UNREAD = 1e4
+_UNINFORMATIVE = 1e4
 """The variance of a reading at the end of its scale that says nothing: what is expected lies far beyond."""
 _NEAR_FULL = 2.5
 """Of noise's deviations below the full voltage, a reading may be one of a voltage that is held there."""
 _CERTAIN = 1e-16
 """A variance of nothing but rounding."""
-_KEPT = 4
-_ALIKE = 0.01
+_MAX_ANCHORS = 4
+_ALIKE_TOLERANCE = 0.01
 _BIAS_OF = {
     Mode.ASLEEP: ASLEEP,
     Mode.IDLE: AWAKE,
@@ -53,7 +53,7 @@ class Anchor(NamedTuple):
     cov: Array
 
 
-def _reading(mode: Mode) -> Array:
+def _measurement_matrix(mode: Mode) -> Array:
     """How the two measured charges come from the state: a load pulls at the primary alone, a charger lifts both."""
     bias = _BIAS_OF[mode]
     reading = np.zeros((2, SIZE))
@@ -63,18 +63,18 @@ def _reading(mode: Mode) -> Array:
     return reading
 
 
-_READINGS = {mode: _reading(mode) for mode in Mode}
+_MEASUREMENT_MATRICES = {mode: _measurement_matrix(mode) for mode in Mode}
 _IDENTITY = np.eye(SIZE)
 
 
-def unmeasured(knowledge: Knowledge) -> tuple[Array, Array]:
+def prior_state(knowledge: Knowledge) -> tuple[Array, Array]:
     sensor = knowledge.sensor
     mean = np.array([0.5, 0.5, 1.0, *sensor.bias])
     sds = (_UNKNOWN_SD, _UNKNOWN_SD, knowledge.drain_deviation, *sensor.bias_deviation)
     return mean, np.diag(np.square(sds))
 
 
-def wandering(knowledge: Knowledge, elapsed_ms: int) -> Array:
+def process_noise(knowledge: Knowledge, elapsed_ms: int) -> Array:
     """Process noise: the drain of an ageing battery wanders."""
     noise = np.zeros((SIZE, SIZE))
     noise[DRAIN, DRAIN] = knowledge.ageing_per_day**2 * elapsed_ms / 86_400_000
@@ -106,24 +106,24 @@ def moved(mean: Array, cov: Array, row: int, to: tuple[float, float], slope: flo
     return mean, cov
 
 
-def within(mean: Array, cov: Array, after_measuring: bool) -> tuple[Array, Array]:
+def bounded(mean: Array, cov: Array, after_measuring: bool) -> tuple[Array, Array]:
     """Both charges held at, or after a measurement cut to, [0, 1]."""
     for row in (PRIMARY, SECONDARY):
         before = float(mean[row]), float(cov[row, row])
-        after = truncated(*before) if after_measuring else held(*before)
+        after = truncated(*before) if after_measuring else clamped(*before)
         if after == before:
             continue
         if before[1] < _CERTAIN or after[1] < _CERTAIN:
             mean, cov = moved(mean, cov, row, (after[0], 0.0), 0.0)
         elif after_measuring:
-            mean, cov = _told(mean, cov, row, after)
+            mean, cov = _conditioned(mean, cov, row, after)
         else:
             # What is held moves by its share of cases that are not (Stein's lemma); nothing else is learned.
             mean, cov = moved(mean, cov, row, after, min(inside(*before), math.sqrt(after[1] / before[1])))
     return mean, cov
 
 
-def _told(mean: Array, cov: Array, row: int, to: tuple[float, float]) -> tuple[Array, Array]:
+def _conditioned(mean: Array, cov: Array, row: int, to: tuple[float, float]) -> tuple[Array, Array]:
     """To know more of one number is to know more of what goes with it: who reads 0.98 twice and holds no more than 1 has
     learned of a bias too. Given the one number the others are distributed as before."""
     gain = cov[:, row] / cov[row, row]
@@ -143,7 +143,7 @@ def measured(
 ) -> tuple[Array, Array, float, float]:
     """The state that knows a packet's two charges, which are read `offsets` too high; with it how probable the packet was
     (a log density), and by how many deviations the primary's reading surprised."""
-    reading, bias = _READINGS[mode], _BIAS_OF[mode]
+    reading, bias = _MEASUREMENT_MATRICES[mode], _BIAS_OF[mode]
     expected = reading @ mean + offsets
     z = np.array(charges)
     noise = np.diag([sensor.noise**2] * 2)
@@ -152,23 +152,27 @@ def measured(
     surprise = abs(float(z[0] - expected[0])) / math.sqrt(variance)
     on_charger = bias == CHARGING
     top = 1 - _NEAR_FULL * sensor.noise if sensor.saturates and on_charger else 1.0
-    held = [row for row in (0, 1) if on_charger and z[row] >= top]
+    clamped = [row for row in (0, 1) if on_charger and z[row] >= top]
     for row in (0, 1):
         if z[row] <= 0 or z[row] >= top:
             if row == 0 and bool(expected[0] > z[0]) is bool(z[0] > 0):
                 surprise = 0.0  # it was expected beyond the end
-            if row not in held:
+            if row not in clamped:
                 spread = float(reading[row] @ cov @ reading[row])
-                z[row], noise[row, row] = _cut(float(expected[row]), spread, float(z[row]), sensor.noise**2)
-    free = [row for row in (0, 1) if row not in held]
+                z[row], noise[row, row] = _censored(
+                    float(expected[row]), spread, float(z[row]), sensor.noise**2
+                )
+    free = [row for row in (0, 1) if row not in clamped]
     if free:
         mean, cov = update(mean, cov, (z - offsets)[free], noise[np.ix_(free, free)], reading[free])
-    for row in held:
-        mean, cov = _at_least(mean, cov, reading[row], row, float(z[row]) - offsets[row], sensor.noise**2)
+    for row in clamped:
+        mean, cov = _considered_update(
+            mean, cov, reading[row], row, float(z[row]) - offsets[row], sensor.noise**2
+        )
     return mean, cov, -0.5 * (surprise**2 + math.log(variance)), surprise
 
 
-def _at_least(
+def _considered_update(
     mean: Array, cov: Array, reading: Array, charge: int, end: float, noise: float
 ) -> tuple[Array, Array]:
     """A charger's voltage at the end of its scale says that this battery holds so much, and no more than that.
@@ -177,7 +181,7 @@ def _at_least(
     such readings, one after the other, the lift would grow out of nothing. So it is considered and not estimated (Schmidt).
     """
     expected, spread = float(reading @ mean), float(reading @ cov @ reading)
-    z, its_noise = _cut(expected, spread, end, noise)
+    z, its_noise = _censored(expected, spread, end, noise)
     gain = np.zeros(SIZE)
     gain[charge] = float(cov[charge] @ reading) / (spread + its_noise)
     # Joseph's form, which holds for any gain.
@@ -185,7 +189,7 @@ def _at_least(
     return mean + gain * (z - expected), rest @ cov @ rest.T + its_noise * np.outer(gain, gain)
 
 
-def _cut(expected: float, spread: float, end: float, noise: float) -> tuple[float, float]:
+def _censored(expected: float, spread: float, end: float, noise: float) -> tuple[float, float]:
     """A reading at an `end` of the scale, where readings are cut: (reading, variance) that do to a Kalman filter what
     knowing does that the uncut reading lay beyond.
 
@@ -201,8 +205,8 @@ def _cut(expected: float, spread: float, end: float, noise: float) -> tuple[floa
         return end, noise  # against all expectation; a plain reading says it well enough
     rise = normal_pdf(bound) / beyond
     narrowing = rise * (rise - bound)
-    if narrowing < total / _UNREAD:
-        return expected, _UNREAD
+    if narrowing < total / _UNINFORMATIVE:
+        return expected, _UNINFORMATIVE
     return expected + side * sd * rise / narrowing, total / narrowing - spread
 
 
@@ -220,7 +224,7 @@ def matched(rows: Sequence[Anchor]) -> Anchor:
 
 
 def condensed(rows: Sequence[Anchor]) -> tuple[Anchor, ...]:
-    """The same in few: what is nearly alike becomes one, and so do the least of more than `_KEPT`. Weights add up to 1."""
+    """The same in few: what is nearly alike becomes one, and so do the least of more than `_MAX_ANCHORS`. Weights add up to 1."""
     kept: list[Anchor] = []
     for row in sorted(rows, key=lambda row: -row.weight):
         like = next((n for n, one in enumerate(kept) if _alike(one, row)), None)
@@ -228,12 +232,15 @@ def condensed(rows: Sequence[Anchor]) -> tuple[Anchor, ...]:
             kept.append(row)
         else:
             kept[like] = matched((kept[like], row))
-    if len(kept) > _KEPT:
-        kept[_KEPT - 1 :] = [matched(kept[_KEPT - 1 :])]
+    if len(kept) > _MAX_ANCHORS:
+        kept[_MAX_ANCHORS - 1 :] = [matched(kept[_MAX_ANCHORS - 1 :])]
     total = math.fsum(row.weight for row in kept)
     return tuple(Anchor(weight / total, mean, cov) for weight, mean, cov in kept)
 
 
 def _alike(one: Anchor, other: Anchor) -> bool:
     sds = math.sqrt(one.cov[PRIMARY, PRIMARY]), math.sqrt(other.cov[PRIMARY, PRIMARY])
-    return abs(float(one.mean[PRIMARY] - other.mean[PRIMARY])) < _ALIKE and abs(sds[0] - sds[1]) < _ALIKE
+    return (
+        abs(float(one.mean[PRIMARY] - other.mean[PRIMARY])) < _ALIKE_TOLERANCE
+        and abs(sds[0] - sds[1]) < _ALIKE_TOLERANCE
+    )

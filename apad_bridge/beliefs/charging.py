@@ -30,7 +30,7 @@ def charged(charger: Charger, coils: float, load_per_min: float, charge: float, 
     raise AssertionError("the last segment ends at 1")
 
 
-def carried(
+def propagated(
     charger: Charger, coils: float, load_per_min: float, mean: float, variance: float, minutes: float
 ) -> tuple[float, float, float]:
     """Mean and variance after `minutes`, not held at 1, and the regression of the new charge on the old one.

@@ -22,7 +22,7 @@ def set_to(ahead_ms: float, noise_ms: float, drift_deviation_ppm: float) -> Cloc
     return Clock(ahead_ms, 0.0, noise_ms**2, 0.0, drift_deviation_ppm**2)
 
 
-def carried(clock: Clock, elapsed_ms: int) -> Clock:
+def propagated(clock: Clock, elapsed_ms: int) -> Clock:
     """After `elapsed_ms` of agent time."""
     if elapsed_ms <= 0:
         return clock

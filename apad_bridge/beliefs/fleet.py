@@ -9,7 +9,7 @@ from typing import Any, Protocol
 
 from apad_bridge.beliefs.belief import Belief, Source
 from apad_bridge.beliefs.measurement import ClockSet, Heard, HeardShort, Measurement, Rejected
-from apad_bridge.beliefs.stamps import Judged, Stamp, Stamps
+from apad_bridge.beliefs.stamp_checker import Stamp, StampChecker, StampVerdict
 from firmware_model.packets import ShortStatus, StatusPacket
 
 
@@ -63,7 +63,7 @@ class FleetBeliefs:
         self._due_every_ms = due_every_ms
         self._known = frozenset(agent_ids)
         self._beliefs: dict[int, Belief] = {}
-        self._stamps = Stamps(theta)
+        self._stamp_checker = StampChecker(theta)
         self._now_ms = 0
         self._at_now: dict[int, Belief] = {}
         self.diary: Diary | None = None
@@ -106,12 +106,12 @@ class FleetBeliefs:
             return "a status with a number that is not finite"
         if not (0 <= packet.primary <= 1 and 0 <= packet.secondary <= 1):
             return "a status with a charge outside [0, 1]"
-        match self._stamps.judge(packet, at_ms):
-            case Judged.OVERTAKEN:
+        match self._stamp_checker.judge(packet, at_ms):
+            case StampVerdict.OVERTAKEN:
                 return "a status that a newer one overtook"
-            case Judged.IMPOSSIBLE:
+            case StampVerdict.IMPOSSIBLE:
                 return "a status of a time that its clock cannot show, unless another agrees"
-            case Judged.SET_ANEW:
+            case StampVerdict.CLOCK_SET:
                 self.learn(packet.agent_id, ClockSet(at_ms, packet.agent_ms))
         return self.learn(packet.agent_id, Heard(at_ms, packet))
 
@@ -143,7 +143,7 @@ class FleetBeliefs:
         """Nothing is believed of this aMussel any more; its next packet, of whatever time, is believed."""
         self._beliefs.pop(agent_id, None)
         self._at_now.pop(agent_id, None)
-        self._stamps.forget(agent_id)
+        self._stamp_checker.forget(agent_id)
         if self.diary is not None:
             self.diary.forgot(agent_id)
 
@@ -159,7 +159,7 @@ class FleetBeliefs:
         self._beliefs[agent_id] = belief
         self._at_now.pop(agent_id, None)
         if isinstance(measurement, Heard):
-            self._stamps.take(measurement.packet, measurement.at_ms)
+            self._stamp_checker.accept(measurement.packet, measurement.at_ms)
         if self.diary is not None:
             self.diary.learned(agent_id, measurement)
         return None
@@ -171,7 +171,7 @@ class FleetBeliefs:
         """
         found: list[list[Any]] = []
         for agent_id, belief in sorted(self._beliefs.items()):
-            newest = self._stamps.newest.get(agent_id)
+            newest = self._stamp_checker.newest.get(agent_id)
             stamp = None if newest is None else list(newest)
             found.append([agent_id, stamp, self.estimator.kept(belief)])
         return found
@@ -183,5 +183,5 @@ class FleetBeliefs:
         """
         beliefs = {agent_id: self.estimator.restored(agent_id, data) for agent_id, _, data in kept}
         newest = {agent_id: Stamp(*stamp) for agent_id, stamp, _ in kept if stamp is not None}
-        self._beliefs, self._stamps.newest = beliefs, newest
+        self._beliefs, self._stamp_checker.newest = beliefs, newest
         self._at_now.clear()

@@ -56,16 +56,16 @@ class Cycle:
         return cls(tuple(steps), period_ms, spent + steps[-1][2] * (period_ms - at_ms) / _MS_PER_MIN)
 
     def spent(self, from_ms: int, to_ms: int) -> float:
-        return self._by(to_ms) - self._by(from_ms)
+        return self._spent_by(to_ms) - self._spent_by(from_ms)
 
-    def _by(self, at_ms: int) -> float:
+    def _spent_by(self, at_ms: int) -> float:
         """Since time 0."""
         periods, phase_ms = divmod(at_ms, self.period_ms)
-        began_ms, before, per_min = self.steps[bisect_right(self.steps, phase_ms, key=_began) - 1]
+        began_ms, before, per_min = self.steps[bisect_right(self.steps, phase_ms, key=_start_ms) - 1]
         return periods * self.in_all + before + per_min * (phase_ms - began_ms) / _MS_PER_MIN
 
 
-def _began(step: tuple[int, float, float]) -> int:
+def _start_ms(step: tuple[int, float, float]) -> int:
     return step[0]
 
 

@@ -54,7 +54,7 @@ class Load:
     by_mode: tuple[Spent, Spent, Spent]
     expected: Spent
     expected_mode: Mode
-    guesses: int = 0
+    unscheduled_decisions: int = 0
     """Decisions so far of which no schedule told."""
 
     @classmethod
@@ -64,7 +64,7 @@ class Load:
         return cls((rows[0], rows[1], rows[2]), Spent(1.0, spent, 0.0), mode)
 
     @classmethod
-    def guessed(cls, shares: tuple[float, float, float], spent: float, variance: float = 0.0) -> Load:
+    def from_shares(cls, shares: tuple[float, float, float], spent: float, variance: float = 0.0) -> Load:
         """It is in any of the modes, with these probabilities."""
         a, b, c = (Spent(share, spent, variance) for share in shares)
         likely = max(SUBMERGED, key=shares.__getitem__)
@@ -78,7 +78,10 @@ class Load:
         a, b, c = (Spent(p, mean + amount, variance + its_variance) for p, mean, variance in self.by_mode)
         p, mean, variance = self.expected
         return Load(
-            (a, b, c), Spent(p, mean + amount, variance + its_variance), self.expected_mode, self.guesses
+            (a, b, c),
+            Spent(p, mean + amount, variance + its_variance),
+            self.expected_mode,
+            self.unscheduled_decisions,
         )
 
     def unexpected(self, mode: Mode) -> Spent:
@@ -86,12 +89,12 @@ class Load:
         whole = self.by_mode[mode]
         return whole if mode is not self.expected_mode else _without(whole, self.expected)
 
-    def as_it_lies(self, rest: Spent) -> list[Spent]:
+    def skewed_parts(self, rest: Spent) -> list[Spent]:
         """A part of this load in its shape: where nobody knows the plan, little is usual and much is rare.
 
         Two Gaussians of the same first two moments, the wider one on the side of much.
         """
-        if not self.guesses:
+        if not self.unscheduled_decisions:
             return [rest]
         p, mean, variance = rest
         sd = math.sqrt(variance)
@@ -112,23 +115,23 @@ class Load:
             ),
             Spent(p, mean + amounts[self.expected_mode], variance),
             self.expected_mode,
-            self.guesses,
+            self.unscheduled_decisions,
         )
 
     def choose(self, choice: Choice) -> Load:
         """A time at which it may change its mode."""
         rows, expected, deviation = choice
         a, b, c = (self._entering(to, rows) for to in range(3))
-        guesses = self.guesses
+        unscheduled_decisions = self.unscheduled_decisions
         if deviation:
             # One plan of days draws more than another, hour after hour: that deviation grows with the time, not its root.
-            guesses += 1
-            more = (2 * guesses - 1) * deviation**2
+            unscheduled_decisions += 1
+            more = (2 * unscheduled_decisions - 1) * deviation**2
             a, b, c = (Spent(p, mean, variance + more) for p, mean, variance in (a, b, c))
         new_mode = self.expected_mode if expected is None else expected
         p, mean, variance = self.expected
         path = Spent(p * rows[self.expected_mode][new_mode], mean, variance)
-        return Load((a, b, c), path, new_mode, guesses)
+        return Load((a, b, c), path, new_mode, unscheduled_decisions)
 
     def _entering(self, to: int, rows: Rows) -> Spent:
         return merged([Spent(one[0] * rows[n][to], one[1], one[2]) for n, one in enumerate(self.by_mode)])
@@ -190,7 +193,7 @@ def usual_rows(
     return tuple(rows)
 
 
-def carried(
+def propagated(
     load: Load,
     from_ms: int,
     to_ms: int,

@@ -1,6 +1,6 @@
 """What an aPad can know of one aMussel: what it heard, what it should have heard, and what it did itself.
 
-Stamps are mission milliseconds. There is no measurement of truth.
+StampChecker are mission milliseconds. There is no measurement of truth.
 """
 
 from __future__ import annotations

@@ -76,7 +76,7 @@ def inside(mean: float, variance: float) -> float:
     return normal_cdf((1 - mean) / sd) - normal_cdf(-mean / sd)
 
 
-def held(mean: float, variance: float) -> tuple[float, float]:
+def clamped(mean: float, variance: float) -> tuple[float, float]:
     """Mean and variance of a Gaussian whose every value beyond 0 or 1 rests at that end.
 
     This is what a battery does that runs empty or full, so it belongs to prediction: the probability of the ends is kept.

@@ -30,7 +30,7 @@ class Place:
         speed = water.current_deviation_m_s**2
         return cls(np.array([north_m, east_m, 0.0, 0.0]), np.diag([variance_m2, variance_m2, speed, speed]))
 
-    def carried(self, water: Water, elapsed_s: float, afloat: bool) -> Place:
+    def propagated(self, water: Water, elapsed_s: float, afloat: bool) -> Place:
         """After `elapsed_s` mission seconds; on the bottom no current moves it, and the current becomes unknown."""
         if elapsed_s <= 0:
             return self
@@ -52,7 +52,7 @@ class Place:
     def after(
         self, water: Water, elapsed_s: float, afloat: bool
     ) -> tuple[float, float, tuple[float, float, float]]:
-        """North, east and their covariance after `elapsed_s`: what of `carried` others are told, for much less."""
+        """North, east and their covariance after `elapsed_s`: what of `propagated` others are told, for much less."""
         north, east, speed_n, speed_e = self.mean.tolist()
         cov = self.cov.tolist()
         if elapsed_s <= 0:

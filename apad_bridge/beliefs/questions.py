@@ -15,11 +15,11 @@ Question = Callable[[Belief], float]
 def candidate_below(threshold: float) -> Question:
     """In the water, able to come up, and at or below `threshold`."""
 
-    def asked(belief: Belief) -> float:
+    def probability(belief: Belief) -> float:
         elsewhere = belief.probability_of(*DOCKED, Mode.LOST)
         return min(belief.probability_at_most(threshold), 1 - elsewhere)
 
-    return asked
+    return probability
 
 
 def lost(belief: Belief) -> float:

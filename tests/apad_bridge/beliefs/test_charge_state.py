@@ -73,6 +73,6 @@ def test_the_drain_of_an_ageing_battery_wanders_by_a_days_deviation_in_a_day() -
     assert scenario.beliefs.twin is not None
     knowledge = replace(knowledge_of(scenario, scenario.beliefs.twin), ageing_per_day=0.002)
     for days, deviation in ((1, 0.002), (4, 0.004)):
-        noise = charge.wandering(knowledge, days * 86_400_000)
+        noise = charge.process_noise(knowledge, days * 86_400_000)
         assert sqrt(noise[DRAIN, DRAIN]) == pytest.approx(deviation)
         assert np.count_nonzero(noise) == 1

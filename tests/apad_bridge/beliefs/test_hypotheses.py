@@ -12,12 +12,12 @@ from apad_bridge.assembly.estimator import knowledge_of
 from apad_bridge.beliefs import charge_state as charge
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.charge_state import PRIMARY, SIZE, Anchor
-from apad_bridge.beliefs.hearing import Ear, Reading
 from apad_bridge.beliefs.knowledge import UNKNOWN
 from apad_bridge.beliefs.measurement import Heard
-from apad_bridge.beliefs.memory import Memory
 from apad_bridge.beliefs.modes import Mode
+from apad_bridge.beliefs.packet_weighing import HypothesisWeigher, Reading
 from apad_bridge.beliefs.twin import Twin
+from apad_bridge.beliefs.twin_state import TwinState
 from apad_bridge.scenario.believing import TwinModel
 from apad_bridge.scenario.loader import load
 from firmware_model.packets import StatusPacket
@@ -50,9 +50,9 @@ def heard(at_ms: int, primary: float) -> Belief:
     return found
 
 
-def memory_of(belief: Belief) -> Memory:
-    assert isinstance(belief.memory, Memory)
-    return belief.memory
+def state_of(belief: Belief) -> TwinState:
+    assert isinstance(belief.estimator_state, TwinState)
+    return belief.estimator_state
 
 
 def test_four_are_kept_the_most_probable_first_and_the_rest_become_one() -> None:
@@ -66,16 +66,16 @@ def test_four_are_kept_the_most_probable_first_and_the_rest_become_one() -> None
 
 
 def test_the_negligible_is_not_weighed_wherever_it_stands_while_the_likely_explains_what_is_heard() -> None:
-    memory, reading = memory_of(heard(0, 0.6)), Reading.stated(State.ACTIVE, 0.62, 1.0)
+    twin_state, reading = state_of(heard(0, 0.6)), Reading.stated(State.ACTIVE, 0.62, 1.0)
     likely, negligible = anchor(0.9995, 0.6), anchor(0.0005, 0.64)
     found = [
-        Ear(KNOWLEDGE).corrected(memory, UNKNOWN, rows, reading).mean[PRIMARY]
+        HypothesisWeigher(KNOWLEDGE).corrected(twin_state, UNKNOWN, rows, reading).mean[PRIMARY]
         for rows in ([likely], [likely, negligible], [negligible, likely])
     ]
     assert found[0] == found[1] == found[2]
     contradicted = Reading.stated(State.ACTIVE, 0.7, 1.0)
     alone, weighed = (
-        Ear(KNOWLEDGE).corrected(memory, UNKNOWN, rows, contradicted).mean[PRIMARY]
+        HypothesisWeigher(KNOWLEDGE).corrected(twin_state, UNKNOWN, rows, contradicted).mean[PRIMARY]
         for rows in ([likely], [likely, negligible])
     )
     assert weighed > alone + 1e-4
@@ -97,10 +97,12 @@ def test_after_a_doubted_reading_the_next_one_decides_whatever_it_says(
     second: float, believed: float
 ) -> None:
     """Half of how far the doubted one lay away is the deviation then: five of these reach farther than it did."""
-    memory = memory_of(heard(0, 0.8))
-    ear, first = Ear(KNOWLEDGE), Reading.stated(State.ACTIVE, 0.2, 1.0)
-    doubted = ear.corrected(memory, UNKNOWN, [anchor(1.0, 0.8)], first)
+    twin_state = state_of(heard(0, 0.8))
+    weigher, first = HypothesisWeigher(KNOWLEDGE), Reading.stated(State.ACTIVE, 0.2, 1.0)
+    doubted = weigher.corrected(twin_state, UNKNOWN, [anchor(1.0, 0.8)], first)
     assert doubted.gated == 1 and doubted.mean[PRIMARY] > 0.75
     assert doubted.cov[PRIMARY, PRIMARY] > 0.2**2
-    after = ear.corrected(doubted, UNKNOWN, list(doubted.anchors), Reading.stated(State.ACTIVE, second, 1.0))
+    after = weigher.corrected(
+        doubted, UNKNOWN, list(doubted.anchors), Reading.stated(State.ACTIVE, second, 1.0)
+    )
     assert after.gated == 1 and after.mean[PRIMARY] == pytest.approx(believed, abs=0.02)

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from apad_bridge.beliefs.mixture import Part, below, below_strictly, held, interval, quantile, truncated
+from apad_bridge.beliefs.mixture import Part, below, below_strictly, clamped, interval, quantile, truncated
 
 MEANS = st.floats(-0.5, 1.5)
 DEVIATIONS = st.floats(0.005, 0.6)
@@ -24,7 +24,7 @@ def test_held_moments_are_those_of_what_rests_at_the_ends(mean: float, sd: float
     charge, weights = on_a_grid(mean, sd)
     charge = np.clip(charge, 0, 1)
     expected = float(weights @ charge)
-    found, variance = held(mean, sd**2)
+    found, variance = clamped(mean, sd**2)
     assert found == pytest.approx(expected, abs=1e-4)
     assert variance == pytest.approx(float(weights @ (charge - expected) ** 2), abs=1e-4)
 
@@ -44,7 +44,7 @@ def test_truncated_moments_are_those_of_what_is_possible(mean: float, sd: float)
 @settings(max_examples=40, deadline=None)
 @given(mean=st.floats(-50, 50), sd=st.floats(0, 10))
 def test_moments_stay_possible_however_far_outside(mean: float, sd: float) -> None:
-    for moments in (held, truncated):
+    for moments in (clamped, truncated):
         found, variance = moments(mean, sd**2)
         assert 0 <= found <= 1
         assert 0 <= variance <= max(0.26, sd**2) and variance <= sd**2 + 1e-12

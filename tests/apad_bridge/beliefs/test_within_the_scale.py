@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from apad_bridge.beliefs.charge_state import ASLEEP, CHARGING, PRIMARY, SECONDARY, SIZE, measured, within
+from apad_bridge.beliefs.charge_state import ASLEEP, CHARGING, PRIMARY, SECONDARY, SIZE, bounded, measured
 from apad_bridge.beliefs.knowledge import Sensor
 from apad_bridge.beliefs.modes import Mode
 
@@ -35,7 +35,7 @@ def test_what_a_charge_cannot_be_teaches_what_goes_with_it(primary: float, corre
     mean, cov = state(primary, 0.02, ASLEEP, 0.015, correlation)
     drawn = many(mean, cov, ASLEEP)
     possible = drawn[(drawn[:, 0] >= 0) & (drawn[:, 0] <= 1)]
-    found, spread = within(mean, cov, after_measuring=True)
+    found, spread = bounded(mean, cov, after_measuring=True)
     assert found[[PRIMARY, ASLEEP]] == pytest.approx(possible.mean(axis=0), abs=2e-4)
     expected = np.cov(possible.T)
     assert spread[np.ix_([PRIMARY, ASLEEP], [PRIMARY, ASLEEP])] == pytest.approx(expected, abs=4e-6)
@@ -46,7 +46,7 @@ def test_a_charge_that_is_held_at_an_end_teaches_nothing_else(primary: float, co
     mean, cov = state(primary, 0.02, ASLEEP, 0.015, correlation)
     drawn = many(mean, cov, ASLEEP)
     drawn[:, 0] = drawn[:, 0].clip(0, 1)
-    found, spread = within(mean, cov, after_measuring=False)
+    found, spread = bounded(mean, cov, after_measuring=False)
     assert found[[PRIMARY, ASLEEP]] == pytest.approx(drawn.mean(axis=0), abs=2e-4)
     assert spread[np.ix_([PRIMARY, ASLEEP], [PRIMARY, ASLEEP])] == pytest.approx(np.cov(drawn.T), abs=4e-6)
 
@@ -59,7 +59,7 @@ def test_an_end_of_the_scale_is_not_counted_at_every_reading() -> None:
     for n in range(8):
         read = 0.99 - 0.012 * n
         mean, cov, _, _ = measured(mean, cov, SENSOR, Mode.ASLEEP, (read, 0.5))
-        mean, cov = within(mean, cov, after_measuring=True)
+        mean, cov = bounded(mean, cov, after_measuring=True)
         away.append(float(mean[PRIMARY]) - read)
         mean[PRIMARY] -= 0.012
     # The mean of a Gaussian of 0.99 and 0.02 below 1 is 0.99 - 0.02 pdf(0.5) / cdf(0.5) = 0.9798.

@@ -23,14 +23,14 @@ from apad_bridge.beliefs.place import Place
 
 _UNLIKELY = 1e-3
 """A hypothesis below this is left out."""
-_OBEYS = 0.9
+_OBEY_PRIOR = 0.9
 """How probable it is that an aMussel heard the permission to surface, before it is heard itself."""
 _FAR_FROM_EMPTY = 0.4
 DAY_MS = 86_400_000
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Memory:
+class TwinState:
     """Agent time, but for the place's. `situation` is None while it is submerged and does as it will."""
 
     at_ms: int
@@ -69,15 +69,15 @@ class Memory:
         return self.anchors[0].cov
 
 
-def shares_of(memory: Memory, knowledge: Knowledge) -> tuple[float, float, float]:
+def shares_of(twin_state: TwinState, knowledge: Knowledge) -> tuple[float, float, float]:
     """Which modes this one takes up, from what is usual and what was heard of it."""
     prior, habits = knowledge.habits.seen_before, knowledge.habits.shares
-    total = prior + sum(memory.seen)
-    a, b, c = ((prior * usual + n) / total for usual, n in zip(habits, memory.seen, strict=True))
+    total = prior + sum(twin_state.seen)
+    a, b, c = ((prior * usual + n) / total for usual, n in zip(habits, twin_state.seen, strict=True))
     return a, b, c
 
 
-def choices(memory: Memory, knowledge: Knowledge, schedule: Schedule) -> load.Choices:
+def choices(twin_state: TwinState, knowledge: Knowledge, schedule: Schedule) -> load.Choices:
     """For the time of a decision: by schedule where there is one, else by what is usual and what was heard of this one."""
     habits = knowledge.habits
 
@@ -86,8 +86,8 @@ def choices(memory: Memory, knowledge: Knowledge, schedule: Schedule) -> load.Ch
         if scheduled is not None:
             return load.Choice(load.scheduled_rows(habits, scheduled), scheduled, 0.0)
         deviation = habits.plan_deviation * habits.every_ms / MS_PER_MIN
-        number, shares = decision_ms // habits.every_ms, shares_of(memory, knowledge)
-        heard = memory.day[number % len(memory.day)] if memory.day else None
+        number, shares = decision_ms // habits.every_ms, shares_of(twin_state, knowledge)
+        heard = twin_state.day[number % len(twin_state.day)] if twin_state.day else None
         trust = 0.0 if heard is None else _trust(habits, (number - heard[1]) * habits.every_ms)
         if heard is None or trust <= 0:
             return load.Choice(load.usual_rows(habits, shares, None, 0.0), None, deviation)
@@ -102,64 +102,64 @@ def _trust(habits: Habits, age_ms: int) -> float:
     return habits.daily * max(0.0, 1 - age_ms / habits.plan_lasts_ms)
 
 
-def heard_in(memory: Memory, knowledge: Knowledge, mode: Mode) -> dict[str, Any]:
+def mode_observed(twin_state: TwinState, knowledge: Knowledge, mode: Mode) -> dict[str, Any]:
     """What changes when it was heard to be in `mode`: what it usually does, and what it does at this hour."""
     if mode not in SUBMERGED:
         return {}
-    a, b, c = (n + (one is mode) for n, one in zip(memory.seen, SUBMERGED, strict=True))
+    a, b, c = (n + (one is mode) for n, one in zip(twin_state.seen, SUBMERGED, strict=True))
     changes: dict[str, Any] = {"load": Load.known(mode), "seen": (a, b, c)}
     habits = knowledge.habits
     if habits.daily:
-        decisions, number = DAY_MS // habits.every_ms, memory.at_ms // habits.every_ms
-        day = list(memory.day or (None,) * decisions)
+        decisions, number = DAY_MS // habits.every_ms, twin_state.at_ms // habits.every_ms
+        day = list(twin_state.day or (None,) * decisions)
         day[number % decisions] = (mode, number)
         changes["day"] = tuple(day)
     return changes
 
 
-def advanced(memory: Memory, knowledge: Knowledge, schedule: Schedule, to_ms: int) -> Memory:
+def advanced(twin_state: TwinState, knowledge: Knowledge, schedule: Schedule, to_ms: int) -> TwinState:
     """The memory at agent time `to_ms`, nothing more having been learned."""
-    elapsed_ms = to_ms - memory.at_ms
+    elapsed_ms = to_ms - twin_state.at_ms
     if elapsed_ms <= 0:
-        return memory
-    if memory.situation is Mode.CHARGING_PRIMARY:
-        return replace(memory, at_ms=to_ms)
-    if memory.situation is not None:
-        return _afloat(memory, knowledge, schedule, to_ms)
-    decide = choices(memory, knowledge, schedule)
+        return twin_state
+    if twin_state.situation is Mode.CHARGING_PRIMARY:
+        return replace(twin_state, at_ms=to_ms)
+    if twin_state.situation is not None:
+        return _afloat(twin_state, knowledge, schedule, to_ms)
+    decide = choices(twin_state, knowledge, schedule)
     every_ms, spending = knowledge.habits.every_ms, load.spending(knowledge.drain.per_min, schedule.cycle)
-    spent = load.carried(memory.load, memory.at_ms, to_ms, spending, every_ms, decide)
-    later = replace(memory, at_ms=to_ms, load=spent)
+    spent = load.propagated(twin_state.load, twin_state.at_ms, to_ms, spending, every_ms, decide)
+    later = replace(twin_state, at_ms=to_ms, load=spent)
     if _is_far_from_empty(later):
         return later  # the common case costs nothing
-    while memory.at_ms < to_ms:
-        next_ms = min(to_ms, (memory.at_ms // every_ms + 1) * every_ms)
-        spent = load.carried(memory.load, memory.at_ms, next_ms, spending, every_ms, decide)
-        later = replace(memory, at_ms=next_ms, load=spent)
-        memory = _on_the_backup(later, knowledge, next_ms - memory.at_ms)
-    return memory
+    while twin_state.at_ms < to_ms:
+        next_ms = min(to_ms, (twin_state.at_ms // every_ms + 1) * every_ms)
+        spent = load.propagated(twin_state.load, twin_state.at_ms, next_ms, spending, every_ms, decide)
+        later = replace(twin_state, at_ms=next_ms, load=spent)
+        twin_state = _drawn_from_backup(later, knowledge, next_ms - twin_state.at_ms)
+    return twin_state
 
 
-def at_its_clock(memory: Memory, agent_ms: int) -> Memory:
+def shifted_to_clock(twin_state: TwinState, agent_ms: int) -> TwinState:
     """The same memory by a clock that was set and shows `agent_ms` now: no time has passed for the batteries."""
-    by_ms, unobeyed = agent_ms - memory.at_ms, memory.unobeyed
+    by_ms, unobeyed = agent_ms - twin_state.at_ms, twin_state.unobeyed
     return replace(
-        memory,
+        twin_state,
         at_ms=agent_ms,
-        anchor_ms=memory.anchor_ms + by_ms,
-        since_ms=memory.since_ms + by_ms,
-        measured_ms=memory.measured_ms + by_ms,
+        anchor_ms=twin_state.anchor_ms + by_ms,
+        since_ms=twin_state.since_ms + by_ms,
+        measured_ms=twin_state.measured_ms + by_ms,
         unobeyed=None if unobeyed is None else (unobeyed[0], unobeyed[1] + by_ms),
         packet=(-1, agent_ms),
         day=(),
     )
 
 
-def _afloat(memory: Memory, knowledge: Knowledge, schedule: Schedule, to_ms: int) -> Memory:
+def _afloat(twin_state: TwinState, knowledge: Knowledge, schedule: Schedule, to_ms: int) -> TwinState:
     """Surfacing, then floating, until it is taken or sinks again by itself."""
-    per_min, surfaced_ms = knowledge.drain.per_min, memory.since_ms + knowledge.surfacing_ms
+    per_min, surfaced_ms = knowledge.drain.per_min, twin_state.since_ms + knowledge.surfacing_ms
     sinks_ms = surfaced_ms + knowledge.float_timeout_ms
-    at_ms, spent, situation = memory.at_ms, memory.load, memory.situation
+    at_ms, spent, situation = twin_state.at_ms, twin_state.load, twin_state.situation
     if situation is Mode.SURFACING:
         end_ms = min(to_ms, max(at_ms, surfaced_ms))
         spent = spent.add(per_min[Mode.SURFACING] * (end_ms - at_ms) / MS_PER_MIN)
@@ -170,25 +170,25 @@ def _afloat(memory: Memory, knowledge: Knowledge, schedule: Schedule, to_ms: int
         end_ms = min(to_ms, max(at_ms, sinks_ms))
         spent = spent.add(per_min[Mode.FLOATING] * (end_ms - at_ms) / MS_PER_MIN)
         at_ms = end_ms
-    later = replace(memory, at_ms=at_ms, load=spent, situation=situation)
+    later = replace(twin_state, at_ms=at_ms, load=spent, situation=situation)
     if to_ms > at_ms:
         later = submerged(later, knowledge, schedule, sinking(spent.total(), knowledge))
         return advanced(later, knowledge, schedule, to_ms)
     return later
 
 
-def obeys(memory: Memory, knowledge: Knowledge) -> float:
+def obey_probability(twin_state: TwinState, knowledge: Knowledge) -> float:
     """How probable it is that it heard the permission to surface; 1 where there was none, or it was heard up there.
 
     Where one that is up should be heard, each time that it is not speaks against it (Bayes).
     """
-    if memory.unobeyed is None:
+    if twin_state.unobeyed is None:
         return 1.0
-    up_ms, calls = memory.at_ms - memory.unobeyed[1] - knowledge.surfacing_ms, knowledge.calls
+    up_ms, calls = twin_state.at_ms - twin_state.unobeyed[1] - knowledge.surfacing_ms, knowledge.calls
     if calls is None or up_ms < 0:
-        return _OBEYS
-    unheard = _OBEYS * calls.missed ** (1 + up_ms // calls.every_ms)
-    return unheard / (unheard + 1 - _OBEYS)
+        return _OBEY_PRIOR
+    unheard = _OBEY_PRIOR * calls.missed ** (1 + up_ms // calls.every_ms)
+    return unheard / (unheard + 1 - _OBEY_PRIOR)
 
 
 def sinking(spent: Spent, knowledge: Knowledge) -> Spent:
@@ -198,40 +198,44 @@ def sinking(spent: Spent, knowledge: Knowledge) -> Spent:
     return Spent(spent[0], spent[1] + drain.motor_run + awake, spent[2] + drain.motor_deviation**2)
 
 
-def submerged(memory: Memory, knowledge: Knowledge, schedule: Schedule, spent: Spent) -> Memory:
+def submerged(twin_state: TwinState, knowledge: Knowledge, schedule: Schedule, spent: Spent) -> TwinState:
     """Down again at `at_ms`, having spent `spent` since the anchor: it takes up what it was told to, or what is usual."""
-    shares = shares_of(memory, knowledge)
-    if schedule.at(memory.at_ms) is not None:
-        shares = choices(memory, knowledge, schedule)(memory.at_ms).rows[0]
-    guess = Load.guessed(shares, spent[1], spent[2])
-    return replace(memory, load=guess, situation=None, since_ms=memory.at_ms, unobeyed=None)
+    shares = shares_of(twin_state, knowledge)
+    if schedule.at(twin_state.at_ms) is not None:
+        shares = choices(twin_state, knowledge, schedule)(twin_state.at_ms).rows[0]
+    unscheduled_load = Load.from_shares(shares, spent[1], spent[2])
+    return replace(
+        twin_state, load=unscheduled_load, situation=None, since_ms=twin_state.at_ms, unobeyed=None
+    )
 
 
-def _is_far_from_empty(memory: Memory) -> bool:
-    spent = memory.load.total()
-    mean = float(memory.mean[PRIMARY]) - float(memory.mean[DRAIN]) * spent[1]
-    return mean > _FAR_FROM_EMPTY or mean - 4 * math.sqrt(float(memory.cov[PRIMARY, PRIMARY]) + spent[2]) > 0
+def _is_far_from_empty(twin_state: TwinState) -> bool:
+    spent = twin_state.load.total()
+    mean = float(twin_state.mean[PRIMARY]) - float(twin_state.mean[DRAIN]) * spent[1]
+    return (
+        mean > _FAR_FROM_EMPTY or mean - 4 * math.sqrt(float(twin_state.cov[PRIMARY, PRIMARY]) + spent[2]) > 0
+    )
 
 
-def _on_the_backup(memory: Memory, knowledge: Knowledge, elapsed_ms: int) -> Memory:
+def _drawn_from_backup(twin_state: TwinState, knowledge: Knowledge, elapsed_ms: int) -> TwinState:
     """With its primary empty an aMussel sleeps on the secondary, whatever was planned: for a span within one decision."""
-    empty = below(primary_parts(memory, knowledge), 0.0)
+    empty = below(primary_parts(twin_state, knowledge), 0.0)
     if empty < _UNLIKELY:
-        return memory
-    amount = float(memory.mean[DRAIN]) * knowledge.drain.per_min[Mode.ASLEEP] * elapsed_ms / MS_PER_MIN
-    mean, sd = memory.from_secondary
+        return twin_state
+    amount = float(twin_state.mean[DRAIN]) * knowledge.drain.per_min[Mode.ASLEEP] * elapsed_ms / MS_PER_MIN
+    mean, sd = twin_state.from_secondary
     spread = math.sqrt(empty * (1 - empty)) * amount
-    return replace(memory, from_secondary=(mean + empty * amount, sd + spread))
+    return replace(twin_state, from_secondary=(mean + empty * amount, sd + spread))
 
 
-def primary_parts(memory: Memory, knowledge: Knowledge) -> tuple[Part, ...]:
+def primary_parts(twin_state: TwinState, knowledge: Knowledge) -> tuple[Part, ...]:
     """The primary charge at `at_ms` as a mixture, not held at its ends."""
     parts = []
-    for weight, mean, cov in memory.anchors:
+    for weight, mean, cov in twin_state.anchors:
         at, drain = float(mean[PRIMARY]), float(mean[DRAIN])
         at_var, drain_var = float(cov[PRIMARY, PRIMARY]), float(cov[DRAIN, DRAIN])
         both = float(cov[PRIMARY, DRAIN])
-        for probability, spent, variance in paths(memory.load):
+        for probability, spent, variance in paths(twin_state.load):
             if weight * probability < _UNLIKELY:
                 continue
             spread = (
@@ -247,22 +251,22 @@ def paths(load: Load) -> list[Spent]:
     if load.expected[0] > 1 - _UNLIKELY:
         return [load.expected]
     rest = merged([load.unexpected(mode) for mode in SUBMERGED])
-    return [load.expected, *load.as_it_lies(rest)]
+    return [load.expected, *load.skewed_parts(rest)]
 
 
-def charge_now(memory: Memory, knowledge: Knowledge, spent: Sequence[Spent]) -> list[Anchor]:
+def charge_now(twin_state: TwinState, knowledge: Knowledge, spent: Sequence[Spent]) -> list[Anchor]:
     """The state at `at_ms`, from each anchor by each way of spending; docked, nothing is spent. Not held at its ends."""
-    noise = charge.wandering(knowledge, memory.at_ms - memory.anchor_ms)
+    noise = charge.process_noise(knowledge, twin_state.at_ms - twin_state.anchor_ms)
     found = []
-    if memory.situation is Mode.CHARGING_PRIMARY:
-        for anchor, rows in zip(memory.anchors, in_dock(memory, knowledge), strict=True):
+    if twin_state.situation is Mode.CHARGING_PRIMARY:
+        for anchor, rows in zip(twin_state.anchors, in_dock(twin_state, knowledge), strict=True):
             mean, cov = anchor.mean, anchor.cov + noise
             for row, moments in zip((PRIMARY, SECONDARY), rows, strict=True):
                 mean, cov = charge.moved(mean, cov, row, moments[:2], moments[2])
             found.append(Anchor(anchor.weight, mean, cov))
         return found
-    from_mean, from_sd = memory.from_secondary
-    for weight, mean, cov in memory.anchors:
+    from_mean, from_sd = twin_state.from_secondary
+    for weight, mean, cov in twin_state.anchors:
         for one in spent:
             if weight * one[0] > _UNLIKELY**2:
                 new = charge.discharged(mean, cov, one, (from_mean, from_sd**2), noise)
@@ -270,15 +274,17 @@ def charge_now(memory: Memory, knowledge: Knowledge, spent: Sequence[Spent]) -> 
     return found
 
 
-def in_dock(memory: Memory, knowledge: Knowledge) -> list[tuple[tuple[float, float, float], ...]]:
+def in_dock(twin_state: TwinState, knowledge: Knowledge) -> list[tuple[tuple[float, float, float], ...]]:
     """(mean, variance, slope) of both batteries at `at_ms`, by anchor; the primary feeds the board."""
-    minutes = (memory.at_ms - memory.anchor_ms) / MS_PER_MIN
+    minutes = (twin_state.at_ms - twin_state.anchor_ms) / MS_PER_MIN
     drain, coils = knowledge.drain, knowledge.charger.primary
     against = drain.in_dock * drain.per_min[Mode.CHARGING_PRIMARY]
     return [
         tuple(
-            charging.carried(knowledge.charger, count, lost, float(mean[row]), float(cov[row, row]), minutes)
+            charging.propagated(
+                knowledge.charger, count, lost, float(mean[row]), float(cov[row, row]), minutes
+            )
             for row, count, lost in ((PRIMARY, coils, against * float(mean[DRAIN])), (SECONDARY, 1.0, 0.0))
         )
-        for _, mean, cov in memory.anchors
+        for _, mean, cov in twin_state.anchors
     ]
