@@ -1,4 +1,4 @@
-"""How far an aMussel's clock has come from its nominal agent time: an offset that grows at a constant, unknown rate."""
+"""A filter of an aMussel's clock against its nominal agent time: an offset that grows at a constant, unknown rate."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ def unread(offset_deviation_ms: float, drift_deviation_ppm: float) -> Clock:
 
 
 def set_to(ahead_ms: float, noise_ms: float, drift_deviation_ppm: float) -> Clock:
-    """One that is known by a single packet, and by nothing that was believed of it before."""
+    """A clock that is known from a single packet alone, without any earlier belief."""
     return Clock(ahead_ms, 0.0, noise_ms**2, 0.0, drift_deviation_ppm**2)
 
 
 def propagated(clock: Clock, elapsed_ms: int) -> Clock:
-    """After `elapsed_ms` of agent time."""
+    """The clock after `elapsed_ms` of agent time."""
     if elapsed_ms <= 0:
         return clock
     mean, cov = predict(*_arrays(clock), np.array([[1.0, elapsed_ms * _PPM], [0.0, 1.0]]), _NO_NOISE)
@@ -31,7 +31,7 @@ def propagated(clock: Clock, elapsed_ms: int) -> Clock:
 
 
 def read(clock: Clock, ahead_ms: float, noise_ms: float) -> Clock:
-    """A packet states a time of its own that is `ahead_ms` of the nominal one."""
+    """The clock after a packet that states a time `ahead_ms` ahead of the nominal one."""
     mean, cov = update(*_arrays(clock), np.array([ahead_ms]), np.array([[noise_ms**2]]), _READ)
     return _clock(mean, cov)
 

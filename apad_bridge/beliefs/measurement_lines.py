@@ -1,4 +1,4 @@
-"""What was learned of an aMussel as a row of plain data, and back: [kind, aMussel, mission ms, number, ...]."""
+"""Converts a measurement to a row of plain data, and back: [kind, aMussel, mission ms, number, ...]."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ _SHORT = "short"
 
 
 def measurement_row(agent_id: int, measurement: Measurement) -> list[Any]:
-    """The numbers as they are, in the order of the fields; of a packet without its id."""
+    """The row of a measurement: its numbers unchanged, in the order of the fields; a packet's without its id."""
     if isinstance(measurement, Heard):
         it = measurement.packet
         fields = (

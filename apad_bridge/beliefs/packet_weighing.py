@@ -1,7 +1,7 @@
-"""What a packet does to a twin's memory: weighing how the aMussel can have come to where it says it is.
+"""Updates a twin's state with a packet: weighs the hypotheses of how the aMussel came to the mode that it states.
 
-Filters are filterpy's, one for each hypothesis; their likelihoods decide between them, after a gate that a gross outlier
-does not pass, for it would make all of them alike.
+Each hypothesis has a filter of filterpy's, and the likelihoods decide between them. A gate keeps gross outliers out first,
+because they would make all likelihoods alike.
 """
 
 from __future__ import annotations
@@ -27,26 +27,26 @@ from apad_bridge.beliefs.twin_state import (
 from firmware_model.states import State
 
 _NEGLIGIBLE = 0.001
-"""A hypothesis less probable than this is not weighed, unless the likely one is contradicted."""
+"""A less probable hypothesis is not weighed, unless the reading contradicts the likely one."""
 _CONTRADICTION = 2.0
 _FORGOTTEN = 1e-6
 _GATE = 5.0
-"""In deviations of the reading; beyond the gate it is not believed, and the next one decides."""
+"""In deviations of the reading; a reading beyond the gate is not believed, and the next one decides."""
 _UNREPORTED_EVENT_SD = 0.3
-"""Of a charge after something that nobody told of: docked by hand, or let go."""
+"""Deviation of a charge after an event that nobody reported: a docking by hand, or a release."""
 NOTHING = Spent(1.0, 0.0, 0.0)
 _NO_OFFSETS = (0.0, 0.0)
 _AFTER_RELEASE = (State.RELEASED, State.SINKING)
 _TRANSIENT = (State.RELEASED, State.SINKING, State.BOOTING)
-"""They do not last, and say nothing of what it will do on the bottom."""
+"""Short states that carry no information about the mode on the bottom."""
 
 
 class Reading(NamedTuple):
-    """What a packet states of its sender's power: all that the filters of charges take from it, whatever kind it is of."""
+    """The power part of a packet of any kind: everything that the charge filters take from it."""
 
     state: State
     mode: Mode
-    """What to make of the state: usually, that of which it is one."""
+    """Usually the mode of `state`."""
     primary: float
     secondary: float
 
@@ -60,7 +60,7 @@ class HypothesisWeigher:
         self.knowledge = knowledge
 
     def weigh(self, twin_state: TwinState, schedule: Schedule, reading: Reading) -> TwinState:
-        """Corrects the charges by a reading: by one filter, or by several weighed against each other."""
+        """Corrects the charges with a reading, by one filter or by several weighed against each other."""
         if reading.mode in DOCKED or twin_state.situation is Mode.CHARGING_PRIMARY:
             hypotheses = self._dock_hypotheses(twin_state, reading.mode)
         elif reading.state in _AFTER_RELEASE and twin_state.since_ms == twin_state.anchor_ms:
@@ -74,7 +74,7 @@ class HypothesisWeigher:
         return self.corrected(twin_state, schedule, hypotheses, reading)
 
     def _dock_hypotheses(self, twin_state: TwinState, mode: Mode) -> list[Anchor]:
-        """Docked as was known; or docked, or let go, by somebody else: then the charge may be anything."""
+        """The docking was known; or somebody else docked or released the aMussel, and the charge may be anything."""
         if mode in DOCKED and twin_state.situation is Mode.CHARGING_PRIMARY:
             return charge_now(twin_state, self.knowledge, ())
         weight, mean, cov = charge.matched(charge_now(twin_state, self.knowledge, paths(twin_state.load)))
@@ -82,19 +82,19 @@ class HypothesisWeigher:
         return [Anchor(weight, mean, cov)]
 
     def _spent_since_release(self, twin_state: TwinState, state: State) -> Spent:
-        """It was let go at the anchor, or heard to wait there since; its motors have not run yet, or are running."""
+        """The charge spent since a release at the anchor; the motors have not run yet, or are running."""
         drain = self.knowledge.drain
         waited = drain.per_min[Mode.IDLE] * (twin_state.at_ms - twin_state.anchor_ms) / MS_PER_MIN
         running = self._partial_motor_run() if state is State.SINKING else NOTHING
         return Spent(1.0, waited + running.mean, drain.motor_deviation**2 + running.variance)
 
     def _partial_motor_run(self) -> Spent:
-        """What motors that run have taken so far, and what they will still take: any share is as probable."""
+        """The charge that running motors have taken so far, or will still take: uniform between 0 and one run."""
         run = self.knowledge.drain.motor_run
         return Spent(1.0, run / 2, run**2 / 12)
 
     def _spending_hypotheses(self, twin_state: TwinState, schedule: Schedule, mode: Mode) -> list[Spent]:
-        """The ways in which it can have come to the stated mode, each with what it spent on it."""
+        """The ways in which the aMussel can have come to the stated mode, each with the charge spent on the way."""
         load = twin_state.load
         if mode in SUBMERGED:
             if twin_state.unobeyed is not None:
@@ -102,7 +102,7 @@ class HypothesisWeigher:
             rest = load.skewed_parts(load.unexpected(mode))
             rows = [load.expected, *rest] if mode is load.expected_mode else rest
         elif twin_state.situation is None:
-            # It comes up unasked, or was told by somebody else.
+            # It comes up by itself, or somebody else permitted it.
             _, mean, variance = load.total()
             run = self.knowledge.drain.motor_run
             rows = [Spent(1.0, mean + run, variance + run**2)]
@@ -112,13 +112,13 @@ class HypothesisWeigher:
                 _, left, its_variance = self._partial_motor_run()
                 rows = [Spent(p, mean - left, variance + its_variance) for p, mean, variance in rows]
         total = math.fsum(row[0] for row in rows)
-        if total < _NEGLIGIBLE**2:  # what cannot be has been heard: all that is known is the total
+        if total < _NEGLIGIBLE**2:  # the packet states a mode that cannot be: only the total is known
             _, mean, variance = load.total()
             return [Spent(1.0, mean, variance + self.knowledge.drain_deviation**2)]
         return [Spent(row[0] / total, row[1], row[2]) for row in rows if row[0] > 0]
 
     def without_permission(self, twin_state: TwinState, schedule: Schedule) -> Load:
-        """What it spent if it never heard the permission."""
+        """The charge spent if the aMussel never received the permission."""
         assert twin_state.unobeyed is not None
         before, at_ms = twin_state.unobeyed
         chosen = choices(twin_state, self.knowledge, schedule)
@@ -130,7 +130,7 @@ class HypothesisWeigher:
     def corrected(
         self, twin_state: TwinState, schedule: Schedule, hypotheses: list[Anchor], reading: Reading
     ) -> TwinState:
-        """By one filter for each hypothesis; the unlikely ones are not weighed while the likely one explains it."""
+        """Corrects by one filter for each hypothesis; skips the unlikely ones while a likely one explains the reading."""
         charges = (reading.primary, reading.secondary)
         sensor = self.knowledge.sensor
         offsets = sensor.offsets.get(reading.state, _NO_OFFSETS)
@@ -158,9 +158,9 @@ class HypothesisWeigher:
     def _widened(
         self, twin_state: TwinState, schedule: Schedule, hypotheses: list[Anchor], reading: Reading
     ) -> TwinState:
-        """A reading beyond the gate: its mode is believed and its charge is not.
+        """Takes a reading beyond the gate: believes its mode, not its charge.
 
-        Until the next one either may be wrong, and the belief says so: it is so wide then that the next one decides.
+        Either the reading or the estimate may be wrong. So the variance grows so much that the next reading decides.
         """
         before = charge.matched(hypotheses)
         offset, _ = self.knowledge.sensor.offsets.get(reading.state, _NO_OFFSETS)
@@ -179,7 +179,7 @@ class HypothesisWeigher:
         anchor: Anchor,
         reading: Reading,
     ) -> TwinState:
-        """The anchor moves to the packet, which says what it is doing."""
+        """Moves the anchor to the packet's time and takes the situation from its mode."""
         situation: Mode | None = Mode.CHARGING_PRIMARY if reading.mode in DOCKED else reading.mode
         if reading.mode in SUBMERGED or reading.mode is Mode.LOST or reading.state in _TRANSIENT:
             situation = None
@@ -207,7 +207,7 @@ class HypothesisWeigher:
 
 
 def _if_possible(row: Anchor) -> Anchor:
-    """What would have run empty, or be more than full, is at that end: only then can a reading confirm it."""
+    """Clamps a charge below 0 or above 1 to that end, because only then can a reading confirm it."""
     if 0 <= row.mean[PRIMARY] <= 1 and 0 <= row.mean[SECONDARY] <= 1:
         return row
     return bounded(row, after_measuring=False)
@@ -220,7 +220,7 @@ def bounded(row: Anchor, after_measuring: bool) -> Anchor:
 def anchored(
     twin_state: TwinState, anchors: tuple[Anchor, ...], situation: Mode | None, **changes: Any
 ) -> TwinState:
-    """The charges stand at `at_ms`; nothing was spent since."""
+    """The twin state with `anchors` at its own `at_ms`, and nothing spent since."""
     settled: dict[str, Any] = {
         "anchors": anchors,
         "anchor_ms": twin_state.at_ms,

@@ -1,8 +1,8 @@
-"""The twin: what an aMussel is thought to be, by the firmware's own rules run forward and corrected by what is heard.
+"""The twin: an estimator that runs the firmware's own rules forward and corrects them with packets.
 
-Prediction follows what was commanded and what the aPad did (permission, docking, release); only where an aMussel may
-have chosen for itself is there more than one hypothesis. A packet states its mode, so that hearing one in time corrects
-a single Kalman filter. The mixture is weighed only after silence, or when a packet contradicts what was expected.
+Prediction follows the commands and the aPad's own actions (permission, docking, release); there is more than one
+hypothesis only where an aMussel may have chosen for itself. A packet states its mode, so a packet in time corrects a single
+Kalman filter. The mixture is weighed only after silence, or when a packet contradicts the expectation.
 """
 
 from __future__ import annotations
@@ -50,19 +50,19 @@ from firmware_model.packets import StatusPacket
 from firmware_model.states import State
 
 _CLOCK_APART_MS = 600_000
-"""Agent time between two readings of a clock."""
+"""The least agent time between two readings of a clock."""
 _FIX_APART_MS = 10_000
-"""Mission time between two fixes that a packet brings along."""
+"""The least mission time between two fixes from packets."""
 _STAGGER_MS = 7_919
 _NEVER_SET_DEVIATIONS = 5.0
-"""In deviations of a first reading; a clock that is farther off was never set to nominal time."""
+"""In deviations of a first reading; a clock farther off was never set to nominal time."""
 _DOCK_VARIANCE_M2 = 1.0
 _WAKE_STATES = (State.ACTIVE, State.PROCESSING)
-"""A minute each; whoever is heard in its slot is past them."""
+"""Parts of a short wake, a minute each; a packet in the aMussel's timeslot comes after them."""
 
 
 class Twin:
-    """An `Estimator`. `schedules` are those that were commanded, by agent id; an aMussel without one does as is usual."""
+    """An `Estimator`. `schedules` are the commanded ones, by agent id; an aMussel without one follows its usual habits."""
 
     def __init__(self, knowledge: Knowledge, schedules: Mapping[int, Schedule]) -> None:
         self.knowledge = knowledge
@@ -143,7 +143,7 @@ class Twin:
         return self._schedules.get(agent_id, UNKNOWN)
 
     def _agent_ms(self, twin_state: TwinState, at_ms: int) -> int:
-        """What its own clock shows at mission time `at_ms`, as far as that is known."""
+        """The time on the aMussel's own clock at mission time `at_ms`, as estimated."""
         return self.knowledge.theta * at_ms + round(twin_state.clock.offset_ms)
 
     def _propagated(self, belief: Belief, to_ms: int) -> TwinState:
@@ -168,10 +168,10 @@ class Twin:
             belief.silent_timeslots,
         )
 
-    # What the aPad did.
+    # Actions of the aPad.
 
     def _permitted(self, twin_state: TwinState, agent_id: int) -> TwinState:
-        """It surfaces, most probably. Repeated, it counts if it is most probably still down."""
+        """Most probably the aMussel surfaces. A repeated permission counts if it is most probably still submerged."""
         if twin_state.situation is not None:
             if twin_state.unobeyed is None or obey_probability(twin_state, self.knowledge) >= LIKELY:
                 return twin_state
@@ -197,11 +197,11 @@ class Twin:
         return submerged(twin_state, self.knowledge, self._schedule(agent_id), spent)
 
     def _bounded_now(self, twin_state: TwinState) -> tuple[Anchor, ...]:
-        """What may be, held at the ends: a few hypotheses, for a low charge stays far behind in a dock."""
+        """The present charge in [0, 1], as a few hypotheses, because a low charge stays far behind in a dock."""
         rows = charge_now(twin_state, self.knowledge, paths(twin_state.load))
         return charge.condensed([bounded(row, after_measuring=False) for row in rows])
 
-    # What was heard.
+    # Packets.
 
     def _packet_received(self, belief: Belief | None, packet: StatusPacket, at_ms: int) -> Belief:
         reading = Reading.stated(packet.state, packet.primary, packet.secondary)
@@ -224,8 +224,10 @@ class Twin:
         return self._belief_after_status(belief, twin_state, reading, at_ms)
 
     def _short_status_received(self, belief: Belief, heard: HeardShort) -> Belief:
-        """A short status says nothing of place and time: they stay what is believed. Asked for, it may fall into a short
-        wake of one that sleeps, which is not awake for that."""
+        """Takes a short status: place and time stay as believed, because it has neither.
+
+        An answer to a request may fall into a short wake of a sleeping aMussel, which still counts as asleep.
+        """
         at_ms = max(heard.at_ms, belief.at_ms)
         twin_state = self._propagated(belief, at_ms)
         schedule = self._schedule(belief.agent_id)
@@ -243,7 +245,7 @@ class Twin:
         return self._to_belief(heard, twin_state, at_ms, Source.PACKET)
 
     def _is_independent(self, twin_state: TwinState, agent_id: int, mode: Mode) -> bool:
-        """Of readings near to each other in one mode only the first is used; fleets take turns, so that ticks are alike."""
+        """True for the first of the readings that share a mode and a period; periods are staggered to balance the ticks."""
         if mode is not twin_state.measured_mode:
             return True
         apart_ms = self.knowledge.sensor.apart_ms

@@ -1,4 +1,4 @@
-"""What a twin tells others of one aMussel: the memory of it, read at the time that it stands at."""
+"""Converts a twin's state of one aMussel to a belief, at the state's own time."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def belief_from_state(
     learned_from: Source,
     silent_timeslots: int,
 ) -> Belief:
-    """The belief for mission time `at_ms`, with the memory in it from which the next one is made."""
+    """The belief for mission time `at_ms`; it contains the twin state, from which the next belief is made."""
     if twin_state.situation is Mode.CHARGING_PRIMARY:
         rows = in_dock(twin_state, knowledge)
         parts = tuple(
@@ -73,7 +73,7 @@ def belief_from_state(
 
 
 def _moments(parts: tuple[Part, ...]) -> tuple[float, float]:
-    """Mean and variance of the mixture, its ends held."""
+    """Mean and variance of the mixture, clamped to [0, 1]."""
     if len(parts) == 1:
         return clamped(parts[0][1], parts[0][2] ** 2)
     mean = square = 0.0
@@ -106,7 +106,7 @@ def _in_the_water(
         by_mode, share = (twin_state.unobeyed or (twin_state.load, 0))[0].by_mode, (1 - obeyed) * (1 - lost)
     else:
         by_mode, share = twin_state.load.by_mode, 1 - lost
-    # With an empty primary it sleeps on the other battery, whatever was planned.
+    # With an empty primary it sleeps on the secondary, whatever was planned.
     asleep_on_backup = max(0.0, empty - lost) * share
     for mode in SUBMERGED:
         probabilities[mode] += by_mode[mode][0] * (share - asleep_on_backup)

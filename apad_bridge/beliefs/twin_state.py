@@ -1,7 +1,7 @@
-"""All that a twin keeps of one aMussel, how time passes for it, and what of it others are told.
+"""A twin's state of one aMussel, and its prediction in time.
 
-The charges stand at an anchor, the last time at which they were measured or a dock took or gave the aMussel. What was
-spent since is kept apart (`Load`), so that time passes in closed form and nothing is rounded by asking often.
+The charges stand at an anchor: the last time at which they were measured, or a dock caught or released the aMussel. The
+charge spent since is kept apart (`Load`), so that time passes in closed form and frequent queries add no rounding.
 """
 
 from __future__ import annotations
@@ -22,16 +22,16 @@ from apad_bridge.beliefs.modes import SUBMERGED, Mode
 from apad_bridge.beliefs.place import Place
 
 _UNLIKELY = 1e-3
-"""A hypothesis below this is left out."""
+"""A hypothesis of lower probability is left out."""
 _OBEY_PRIOR = 0.9
-"""How probable it is that an aMussel heard the permission to surface, before it is heard itself."""
+"""The probability that an aMussel received the permission to surface, before any packet from it."""
 _FAR_FROM_EMPTY = 0.4
 DAY_MS = 86_400_000
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TwinState:
-    """Agent time, but for the place's. `situation` is None while it is submerged and does as it will."""
+    """Agent time, except for the place's. `situation` is None while the aMussel is submerged and chooses its own mode."""
 
     at_ms: int
     anchors: tuple[Anchor, ...]
@@ -46,22 +46,22 @@ class TwinState:
     clock: Clock
     clock_ms: int
     packet: tuple[int, int]
-    """(sequence, agent time stated) of the newest."""
+    """(sequence, stated agent time) of the newest packet."""
     from_secondary: tuple[float, float] = (0.0, 0.0)
-    """Mean and deviation of what the secondary gave since the anchor."""
+    """Mean and deviation of the charge that the secondary gave since the anchor."""
     unobeyed: tuple[Load, int] | None = None
-    """The load and its time, were the permission not heard."""
+    """The load, and its time, in case the permission was not received."""
     seen: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """How often each of `SUBMERGED` was heard."""
+    """How often each mode of `SUBMERGED` was observed."""
     day: tuple[tuple[Mode, int] | None, ...] = ()
-    """By decision of the day, what it was heard to do last and at which decision; empty when nobody asks."""
+    """By decision of the day, the mode observed last and the number of that decision; empty if habits are not daily."""
     measured_ms: int = -1
     measured_mode: Mode | None = None
     gated: int = 0
 
     @property
     def mean(self) -> Array:
-        """Of the most probable anchor."""
+        """The mean of the most probable anchor."""
         return self.anchors[0].mean
 
     @property
@@ -70,7 +70,7 @@ class TwinState:
 
 
 def shares_of(twin_state: TwinState, knowledge: Knowledge) -> tuple[float, float, float]:
-    """Which modes this one takes up, from what is usual and what was heard of it."""
+    """The probabilities of the modes that this aMussel takes up, from the usual shares and its observed modes."""
     prior, habits = knowledge.habits.seen_before, knowledge.habits.shares
     total = prior + sum(twin_state.seen)
     a, b, c = ((prior * usual + n) / total for usual, n in zip(habits, twin_state.seen, strict=True))
@@ -78,7 +78,7 @@ def shares_of(twin_state: TwinState, knowledge: Knowledge) -> tuple[float, float
 
 
 def choices(twin_state: TwinState, knowledge: Knowledge, schedule: Schedule) -> load.Choices:
-    """For the time of a decision: by schedule where there is one, else by what is usual and what was heard of this one."""
+    """The choice at each decision: by the schedule if there is one, else by usual shares and this aMussel's own modes."""
     habits = knowledge.habits
 
     def at(decision_ms: int) -> load.Choice:
@@ -98,12 +98,12 @@ def choices(twin_state: TwinState, knowledge: Knowledge, schedule: Schedule) -> 
 
 
 def _trust(habits: Habits, age_ms: int) -> float:
-    """How far it still does what it was heard to do so long ago at the same hour: a new plan may have come since."""
+    """The probability that the mode observed at this hour, `age_ms` ago, still holds: the plan may have changed since."""
     return habits.daily * max(0.0, 1 - age_ms / habits.plan_lasts_ms)
 
 
 def mode_observed(twin_state: TwinState, knowledge: Knowledge, mode: Mode) -> dict[str, Any]:
-    """What changes when it was heard to be in `mode`: what it usually does, and what it does at this hour."""
+    """The fields that change when `mode` was observed: its usual modes, and its mode at this hour."""
     if mode not in SUBMERGED:
         return {}
     a, b, c = (n + (one is mode) for n, one in zip(twin_state.seen, SUBMERGED, strict=True))
@@ -131,7 +131,7 @@ def advanced(twin_state: TwinState, knowledge: Knowledge, schedule: Schedule, to
     spent = load.propagated(twin_state.load, twin_state.at_ms, to_ms, spending, every_ms, decide)
     later = replace(twin_state, at_ms=to_ms, load=spent)
     if _is_far_from_empty(later):
-        return later  # the common case costs nothing
+        return later  # the common case is cheap
     while twin_state.at_ms < to_ms:
         next_ms = min(to_ms, (twin_state.at_ms // every_ms + 1) * every_ms)
         spent = load.propagated(twin_state.load, twin_state.at_ms, next_ms, spending, every_ms, decide)
@@ -156,7 +156,7 @@ def shifted_to_clock(twin_state: TwinState, agent_ms: int) -> TwinState:
 
 
 def _afloat(twin_state: TwinState, knowledge: Knowledge, schedule: Schedule, to_ms: int) -> TwinState:
-    """Surfacing, then floating, until it is taken or sinks again by itself."""
+    """Surfacing, then floating, until a dock catches it or it sinks again by itself."""
     per_min, surfaced_ms = knowledge.drain.per_min, twin_state.since_ms + knowledge.surfacing_ms
     sinks_ms = surfaced_ms + knowledge.float_timeout_ms
     at_ms, spent, situation = twin_state.at_ms, twin_state.load, twin_state.situation
@@ -178,9 +178,9 @@ def _afloat(twin_state: TwinState, knowledge: Knowledge, schedule: Schedule, to_
 
 
 def obey_probability(twin_state: TwinState, knowledge: Knowledge) -> float:
-    """How probable it is that it heard the permission to surface; 1 where there was none, or it was heard up there.
+    """The probability that it received the permission to surface; 1 without one, or after a packet from the surface.
 
-    Where one that is up should be heard, each time that it is not speaks against it (Bayes).
+    If a surfaced aMussel should be received, each missing packet lowers the probability (Bayes).
     """
     if twin_state.unobeyed is None:
         return 1.0
@@ -199,7 +199,7 @@ def sinking(spent: Spent, knowledge: Knowledge) -> Spent:
 
 
 def submerged(twin_state: TwinState, knowledge: Knowledge, schedule: Schedule, spent: Spent) -> TwinState:
-    """Down again at `at_ms`, having spent `spent` since the anchor: it takes up what it was told to, or what is usual."""
+    """Submerged again at `at_ms` with `spent` since the anchor: it takes up the scheduled mode, or a usual one."""
     shares = shares_of(twin_state, knowledge)
     if schedule.at(twin_state.at_ms) is not None:
         shares = choices(twin_state, knowledge, schedule)(twin_state.at_ms).rows[0]
@@ -218,7 +218,10 @@ def _is_far_from_empty(twin_state: TwinState) -> bool:
 
 
 def _drawn_from_backup(twin_state: TwinState, knowledge: Knowledge, elapsed_ms: int) -> TwinState:
-    """With its primary empty an aMussel sleeps on the secondary, whatever was planned: for a span within one decision."""
+    """Adds what an aMussel with an empty primary drew from the secondary, asleep whatever was planned, in `elapsed_ms`.
+
+    The span lies between two decisions.
+    """
     empty = below(primary_parts(twin_state, knowledge), 0.0)
     if empty < _UNLIKELY:
         return twin_state
@@ -229,7 +232,7 @@ def _drawn_from_backup(twin_state: TwinState, knowledge: Knowledge, elapsed_ms: 
 
 
 def primary_parts(twin_state: TwinState, knowledge: Knowledge) -> tuple[Part, ...]:
-    """The primary charge at `at_ms` as a mixture, not held at its ends."""
+    """The primary charge at `at_ms` as a mixture, not clamped to [0, 1]."""
     parts = []
     for weight, mean, cov in twin_state.anchors:
         at, drain = float(mean[PRIMARY]), float(mean[DRAIN])
@@ -247,7 +250,7 @@ def primary_parts(twin_state: TwinState, knowledge: Knowledge) -> tuple[Part, ..
 
 
 def paths(load: Load) -> list[Spent]:
-    """The ways in which it may have spent: as expected, and otherwise."""
+    """The hypotheses of the charge spent: the expected path, and the rest."""
     if load.expected[0] > 1 - _UNLIKELY:
         return [load.expected]
     rest = merged([load.unexpected(mode) for mode in SUBMERGED])
@@ -255,7 +258,7 @@ def paths(load: Load) -> list[Spent]:
 
 
 def charge_now(twin_state: TwinState, knowledge: Knowledge, spent: Sequence[Spent]) -> list[Anchor]:
-    """The state at `at_ms`, from each anchor by each way of spending; docked, nothing is spent. Not held at its ends."""
+    """The state at `at_ms`, from each anchor by each hypothesis of `spent`; docked, nothing is spent. Not clamped."""
     noise = charge.process_noise(knowledge, twin_state.at_ms - twin_state.anchor_ms)
     found = []
     if twin_state.situation is Mode.CHARGING_PRIMARY:

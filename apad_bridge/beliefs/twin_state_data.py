@@ -1,6 +1,6 @@
-"""A twin's memory of one aMussel as plain data, and back: every number exactly, so that another twin goes on with it.
+"""Converts a twin's state of one aMussel to plain data, and back: every number exactly, so that another twin continues.
 
-Arrays are the base64 of their little-endian doubles: a thousand aMussels are written between two ticks.
+Arrays are the base64 of their little-endian doubles, because a thousand aMussels are written between two ticks.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ Plain = dict[str, Any]
 
 
 def state_to_data(twin_state: TwinState) -> Plain:
-    """JSON's kinds only; numbers as they are, modes by name. Keys are the fields' names."""
+    """The state in JSON's types: numbers unchanged, modes by name. Keys are the fields' names."""
     clock, unobeyed = twin_state.clock, twin_state.unobeyed
     return {
         "at_ms": twin_state.at_ms,
