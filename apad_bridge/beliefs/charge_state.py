@@ -129,7 +129,7 @@ def _conditioned(mean: Array, cov: Array, row: int, to: tuple[float, float]) -> 
     """Conditions the state on one number with the new mean and variance `to`; given that number, the others keep their
     distribution.
 
-    Correlated numbers learn too: a battery that reads 0.98 twice and holds no more than 1 has taught something about a bias.
+    Correlated numbers learn too: a battery that reads 0.98 twice and holds no more than 1 is evidence about a bias.
     """
     gain = cov[:, row] / cov[row, row]
     known = cov + np.outer(gain, gain) * (to[1] - cov[row, row])

@@ -24,7 +24,7 @@ Rows = tuple[tuple[float, float, float], ...]
 
 
 class Choice(NamedTuple):
-    """One decision. `expected` None means to stay. `deviation` is that of the charge an unknown plan draws until the next."""
+    """One decision. `expected` None means to stay. `deviation` is of an unknown plan's charge until the next decision."""
 
     rows: Rows
     expected: Mode | None

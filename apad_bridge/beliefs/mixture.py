@@ -52,7 +52,7 @@ def interval(parts: Sequence[Part], share: float) -> tuple[float, float]:
 
 
 def quantile(parts: Sequence[Part], probability: float) -> float:
-    """The least charge that is not exceeded with `probability`: exact for one Gaussian, by bisection to 1e-9 for several."""
+    """The least charge that is not exceeded with `probability`: exact for one Gaussian, bisected to 1e-9 for several."""
     z = _STANDARD.inv_cdf(probability)
     # The quantile of the mixture lies between the clamped quantiles of its parts.
     own = [min(1.0, max(0.0, mean + z * sd)) for _, mean, sd in parts]

@@ -1,4 +1,4 @@
-"""Ping policies: decide if an uncertain aMussel is worth waking, because an answer costs it energy but may change a plan."""
+"""Ping policies: an answer of an uncertain aMussel costs it energy, but may change a plan."""
 
 from __future__ import annotations
 

@@ -31,7 +31,7 @@ class Place:
         return cls(np.array([north_m, east_m, 0.0, 0.0]), np.diag([variance_m2, variance_m2, speed, speed]))
 
     def propagated(self, water: Water, elapsed_s: float, afloat: bool) -> Place:
-        """The place after `elapsed_s` mission seconds; on the bottom no current moves it, and the current becomes unknown."""
+        """The place after `elapsed_s` mission seconds; on the bottom no current moves it, and the current gets unknown."""
         if elapsed_s <= 0:
             return self
         kept, reach, walk, cross, left = _drift(water, elapsed_s, afloat)

@@ -168,6 +168,6 @@ def test_the_next_time_to_speak_is_the_first_one_of_its_slot(
 ) -> None:
     frame_ms, slot = slot_ms * slots, slot % slots
     it = Settings(1000, 10, frame_ms, slot_ms, slot_ms // 3, slot, offset_ms, 0, 0, 0)
-    at_ms = it.speaks_at_ms(reading_ms)
+    at_ms = it.transmits_at_ms(reading_ms)
     assert reading_ms <= at_ms < reading_ms + frame_ms
     assert (at_ms - slot * slot_ms - slot_ms // 3 - offset_ms) % frame_ms == 0

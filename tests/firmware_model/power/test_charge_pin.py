@@ -91,7 +91,7 @@ def test_a_missed_edge_that_went_back_never_was() -> None:
     pin = ChargePin(50, False, 2000, 1000)
     pin.level_unseen(True, 100)
     pin.level_unseen(False, 900)
-    assert pin.next_due_ms is None and not pin.look(5000)
+    assert pin.next_due_ms is None and not pin.sample_level(5000)
 
 
 def sampled(levels: list[tuple[int, bool]], debounce_ms: int, chatter_ms: int) -> list[tuple[int, Edge]]:
