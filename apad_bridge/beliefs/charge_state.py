@@ -98,7 +98,9 @@ def discharged(
     return new_mean, new_cov
 
 
-def moved(mean: Array, cov: Array, row: int, to: tuple[float, float], slope: float) -> tuple[Array, Array]:
+def with_moments(
+    mean: Array, cov: Array, row: int, to: tuple[float, float], slope: float
+) -> tuple[Array, Array]:
     """Sets one number of the state to mean and variance `to`; its covariances scale with `slope`."""
     mean, cov = mean.copy(), cov.copy()
     cov[row, :] *= slope
@@ -115,13 +117,15 @@ def bounded(mean: Array, cov: Array, after_measuring: bool) -> tuple[Array, Arra
         if after == before:
             continue
         if before[1] < _CERTAIN or after[1] < _CERTAIN:
-            mean, cov = moved(mean, cov, row, (after[0], 0.0), 0.0)
+            mean, cov = with_moments(mean, cov, row, (after[0], 0.0), 0.0)
         elif after_measuring:
             mean, cov = _conditioned(mean, cov, row, after)
         else:
             # Covariances scale with the probability that the charge is not clamped (Stein's lemma); clamping teaches
             # nothing about the other numbers.
-            mean, cov = moved(mean, cov, row, after, min(inside(*before), math.sqrt(after[1] / before[1])))
+            mean, cov = with_moments(
+                mean, cov, row, after, min(inside(*before), math.sqrt(after[1] / before[1]))
+            )
     return mean, cov
 
 
@@ -218,7 +222,7 @@ def _censored(expected: float, spread: float, end: float, noise: float) -> tuple
     return expected + side * sd * rise / narrowing, total / narrowing - spread
 
 
-def matched(rows: Sequence[Anchor]) -> Anchor:
+def moment_matched(rows: Sequence[Anchor]) -> Anchor:
     """One Gaussian with the total weight and the first two moments of all `rows`."""
     if len(rows) == 1:
         return rows[0]
@@ -231,7 +235,7 @@ def matched(rows: Sequence[Anchor]) -> Anchor:
     return Anchor(total, mean, cov)
 
 
-def condensed(rows: Sequence[Anchor]) -> tuple[Anchor, ...]:
+def reduced(rows: Sequence[Anchor]) -> tuple[Anchor, ...]:
     """Reduces the mixture: merges anchors that are nearly alike, and the least probable ones beyond `_MAX_ANCHORS`.
 
     The weights of the result add up to 1.
@@ -242,9 +246,9 @@ def condensed(rows: Sequence[Anchor]) -> tuple[Anchor, ...]:
         if like is None:
             kept.append(row)
         else:
-            kept[like] = matched((kept[like], row))
+            kept[like] = moment_matched((kept[like], row))
     if len(kept) > _MAX_ANCHORS:
-        kept[_MAX_ANCHORS - 1 :] = [matched(kept[_MAX_ANCHORS - 1 :])]
+        kept[_MAX_ANCHORS - 1 :] = [moment_matched(kept[_MAX_ANCHORS - 1 :])]
     total = math.fsum(row.weight for row in kept)
     return tuple(Anchor(weight / total, mean, cov) for weight, mean, cov in kept)
 

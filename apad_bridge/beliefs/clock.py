@@ -8,12 +8,12 @@ from numpy.typing import NDArray
 
 from apad_bridge.beliefs.belief import Clock
 
-_READ = np.array([[1.0, 0.0]])
+_MEASUREMENT_MATRIX = np.array([[1.0, 0.0]])
 _NO_NOISE = np.zeros((2, 2))
 _PPM = 1e-6
 
 
-def unread(offset_deviation_ms: float, drift_deviation_ppm: float) -> Clock:
+def prior_clock(offset_deviation_ms: float, drift_deviation_ppm: float) -> Clock:
     return Clock(0.0, 0.0, offset_deviation_ms**2, 0.0, drift_deviation_ppm**2)
 
 
@@ -30,9 +30,9 @@ def propagated(clock: Clock, elapsed_ms: int) -> Clock:
     return _clock(mean, cov)
 
 
-def read(clock: Clock, ahead_ms: float, noise_ms: float) -> Clock:
+def corrected(clock: Clock, ahead_ms: float, noise_ms: float) -> Clock:
     """The clock after a packet that states a time `ahead_ms` ahead of the nominal one."""
-    mean, cov = update(*_arrays(clock), np.array([ahead_ms]), np.array([[noise_ms**2]]), _READ)
+    mean, cov = update(*_arrays(clock), np.array([ahead_ms]), np.array([[noise_ms**2]]), _MEASUREMENT_MATRIX)
     return _clock(mean, cov)
 
 

@@ -29,7 +29,7 @@ from firmware_model.states import State
 _NEGLIGIBLE = 0.001
 """A less probable hypothesis is not weighed, unless the reading contradicts the likely one."""
 _CONTRADICTION = 2.0
-_FORGOTTEN = 1e-6
+_DROPPED_WEIGHT = 1e-6
 _GATE = 5.0
 """In deviations of the reading; a reading beyond the gate is not believed, and the next one decides."""
 _UNREPORTED_EVENT_SD = 0.3
@@ -77,7 +77,9 @@ class HypothesisWeigher:
         """The docking was known; or somebody else docked or released the aMussel, and the charge may be anything."""
         if mode in DOCKED and twin_state.situation is Mode.CHARGING_PRIMARY:
             return charge_now(twin_state, self.knowledge, ())
-        weight, mean, cov = charge.matched(charge_now(twin_state, self.knowledge, paths(twin_state.load)))
+        weight, mean, cov = charge.moment_matched(
+            charge_now(twin_state, self.knowledge, paths(twin_state.load))
+        )
         cov[PRIMARY, PRIMARY] += _UNREPORTED_EVENT_SD**2
         return [Anchor(weight, mean, cov)]
 
@@ -135,7 +137,7 @@ class HypothesisWeigher:
         sensor = self.knowledge.sensor
         offsets = sensor.offsets.get(reading.state, _NO_OFFSETS)
         total = math.fsum(row.weight for row in hypotheses)
-        hypotheses = sorted(map(_if_possible, hypotheses), key=lambda row: -row.weight)
+        hypotheses = sorted(map(_clamped_if_outside, hypotheses), key=lambda row: -row.weight)
         rows: list[tuple[float, Array, Array]] = []
         surprise = math.inf
         for weight, mean, cov in hypotheses:
@@ -150,9 +152,9 @@ class HypothesisWeigher:
             return self._widened(twin_state, schedule, hypotheses, reading)
         best = max(row[0] for row in rows)
         after = [Anchor(math.exp(density - best), mean, cov) for density, mean, cov in rows]
-        likely = [row for row in after if row.weight > _FORGOTTEN]
+        likely = [row for row in after if row.weight > _DROPPED_WEIGHT]
         return self._anchored_at_packet(
-            twin_state, schedule, bounded(charge.matched(likely), after_measuring=True), reading
+            twin_state, schedule, bounded(charge.moment_matched(likely), after_measuring=True), reading
         )
 
     def _widened(
@@ -162,7 +164,7 @@ class HypothesisWeigher:
 
         Either the reading or the estimate may be wrong. So the variance grows so much that the next reading decides.
         """
-        before = charge.matched(hypotheses)
+        before = charge.moment_matched(hypotheses)
         offset, _ = self.knowledge.sensor.offsets.get(reading.state, _NO_OFFSETS)
         away = reading.primary - offset - float(before.mean[PRIMARY])
         doubted = before.cov.copy()
@@ -206,7 +208,7 @@ class HypothesisWeigher:
         return twin_state
 
 
-def _if_possible(row: Anchor) -> Anchor:
+def _clamped_if_outside(row: Anchor) -> Anchor:
     """Clamps a charge below 0 or above 1 to that end, because only then can a reading confirm it."""
     if 0 <= row.mean[PRIMARY] <= 1 and 0 <= row.mean[SECONDARY] <= 1:
         return row

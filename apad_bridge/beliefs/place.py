@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from apad_bridge.beliefs.knowledge import Water
 
 Array = NDArray[np.float64]
-_FIX = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0]])
+_FIX_MATRIX = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0]])
 _GATE = 25.0
 
 
@@ -49,7 +49,7 @@ class Place:
         mean, cov = predict(self.mean, self.cov, transition, noise)
         return Place(mean, cov)
 
-    def after(
+    def position_after(
         self, water: Water, elapsed_s: float, afloat: bool
     ) -> tuple[float, float, tuple[float, float, float]]:
         """North, east and their covariance after `elapsed_s`: the same numbers as `propagated`, at a much lower cost."""
@@ -69,17 +69,19 @@ class Place:
             ),
         )
 
-    def fixed(self, north_m: float, east_m: float, variance_m2: float, water: Water) -> Place:
+    def corrected_by_fix(self, north_m: float, east_m: float, variance_m2: float, water: Water) -> Place:
         """The place after a fix; a fix five deviations away shows that it was carried off, and replaces the estimate."""
         fix = np.array([north_m, east_m])
         away = fix - self.mean[:2]
         spread = self.cov[:2, :2] + variance_m2 * np.eye(2)
         if float(away @ np.linalg.solve(spread, away)) > _GATE:
             return Place.at(north_m, east_m, variance_m2, water)
-        mean, cov = update(self.mean, self.cov, fix, variance_m2 * np.eye(2), _FIX)
+        mean, cov = update(self.mean, self.cov, fix, variance_m2 * np.eye(2), _FIX_MATRIX)
         return Place(mean, cov)
 
-    def ranged(self, range_m: float, from_north_m: float, from_east_m: float, variance_m2: float) -> Place:
+    def corrected_by_range(
+        self, range_m: float, from_north_m: float, from_east_m: float, variance_m2: float
+    ) -> Place:
         """The place after a range, linearised at the estimate; a range too near to its origin has no direction."""
         away = self.mean[:2] - (from_north_m, from_east_m)
         expected = float(np.hypot(*away))

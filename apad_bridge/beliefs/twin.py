@@ -105,11 +105,13 @@ class Twin:
                 twin_state = replace(twin_state, place=place, place_ms=at_ms)
                 return self._to_belief(belief, twin_state, at_ms, belief.learned_from | Source.RELEASE)
             case Fixed(_, north_m, east_m, variance_m2):
-                place = self._place(twin_state, at_ms).fixed(
+                place = self._place(twin_state, at_ms).corrected_by_fix(
                     north_m, east_m, variance_m2, self.knowledge.water
                 )
             case Ranged(_, range_m, north_m, east_m, variance_m2):
-                place = self._place(twin_state, at_ms).ranged(range_m, north_m, east_m, variance_m2)
+                place = self._place(twin_state, at_ms).corrected_by_range(
+                    range_m, north_m, east_m, variance_m2
+                )
         twin_state = replace(twin_state, place=place, place_ms=at_ms)
         return self._to_belief(belief, twin_state, at_ms, belief.learned_from | Source.RANGE)
 
@@ -199,7 +201,7 @@ class Twin:
     def _bounded_now(self, twin_state: TwinState) -> tuple[Anchor, ...]:
         """The present charge in [0, 1], as a few hypotheses, because a low charge stays far behind in a dock."""
         rows = charge_now(twin_state, self.knowledge, paths(twin_state.load))
-        return charge.condensed([bounded(row, after_measuring=False) for row in rows])
+        return charge.reduced([bounded(row, after_measuring=False) for row in rows])
 
     # Packets.
 
@@ -257,7 +259,9 @@ class Twin:
         mean, cov = charge.prior_state(knowledge)
         nominal_ms = knowledge.theta * at_ms
         ahead_ms, usual = packet.agent_ms - nominal_ms, knowledge.clock
-        clock = clocks.read(clocks.unread(usual.offset_ms, usual.drift_ppm), ahead_ms, usual.reading_ms)
+        clock = clocks.corrected(
+            clocks.prior_clock(usual.offset_ms, usual.drift_ppm), ahead_ms, usual.reading_ms
+        )
         if abs(ahead_ms) > _NEVER_SET_DEVIATIONS * math.hypot(usual.offset_ms, usual.reading_ms):
             clock = self._clock_set(packet.agent_ms, at_ms)
         place = Place.at(packet.north_m, packet.east_m, knowledge.water.fix_deviation_m**2, knowledge.water)
@@ -287,11 +291,13 @@ class Twin:
     def _read_clock(self, twin_state: TwinState, packet: StatusPacket, at_ms: int) -> TwinState:
         nominal_ms = self.knowledge.theta * at_ms
         clock = clocks.propagated(twin_state.clock, nominal_ms - twin_state.clock_ms)
-        clock = clocks.read(clock, packet.agent_ms - nominal_ms, self.knowledge.clock.reading_ms)
+        clock = clocks.corrected(clock, packet.agent_ms - nominal_ms, self.knowledge.clock.reading_ms)
         return replace(twin_state, clock=clock, clock_ms=nominal_ms)
 
     def _fixed(self, twin_state: TwinState, packet: StatusPacket, at_ms: int) -> TwinState:
         water = self.knowledge.water
         variance_m2 = water.fix_deviation_m**2
-        place = self._place(twin_state, at_ms).fixed(packet.north_m, packet.east_m, variance_m2, water)
+        place = self._place(twin_state, at_ms).corrected_by_fix(
+            packet.north_m, packet.east_m, variance_m2, water
+        )
         return replace(twin_state, place=place, place_ms=at_ms)

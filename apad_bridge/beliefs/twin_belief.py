@@ -48,7 +48,7 @@ def belief_from_state(
         modes = _in_the_water(twin_state, knowledge, parts, second)
     primary, variance = _moments(parts)
     afloat = twin_state.situation in (Mode.SURFACING, Mode.FLOATING)
-    north_m, east_m, place_cov = twin_state.place.after(
+    north_m, east_m, place_cov = twin_state.place.position_after(
         knowledge.water, (at_ms - twin_state.place_ms) / 1000, afloat
     )
     secondary, its_variance = clamped(second.mean, second.sd**2)

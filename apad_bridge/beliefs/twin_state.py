@@ -265,7 +265,7 @@ def charge_now(twin_state: TwinState, knowledge: Knowledge, spent: Sequence[Spen
         for anchor, rows in zip(twin_state.anchors, in_dock(twin_state, knowledge), strict=True):
             mean, cov = anchor.mean, anchor.cov + noise
             for row, moments in zip((PRIMARY, SECONDARY), rows, strict=True):
-                mean, cov = charge.moved(mean, cov, row, moments[:2], moments[2])
+                mean, cov = charge.with_moments(mean, cov, row, moments[:2], moments[2])
             found.append(Anchor(anchor.weight, mean, cov))
         return found
     from_mean, from_sd = twin_state.from_secondary

@@ -58,7 +58,7 @@ def state_of(belief: Belief) -> TwinState:
 def test_four_are_kept_the_most_probable_first_and_the_rest_become_one() -> None:
     """0.7 and 0.9 at 2 to 1 are 0.7667, with 4e-4 within them and 2/3 * 0.0667^2 + 1/3 * 0.1333^2 between."""
     rows = [anchor(0.05, 0.9), anchor(0.3, 0.3), anchor(0.1, 0.7), anchor(0.4, 0.1), anchor(0.15, 0.5)]
-    kept = charge.condensed(rows)
+    kept = charge.reduced(rows)
     assert [row.weight for row in kept] == pytest.approx([0.4, 0.3, 0.15, 0.15])
     assert [row.mean[PRIMARY] for row in kept] == pytest.approx([0.1, 0.3, 0.5, 0.7 + 0.2 / 3])
     assert [sqrt(row.cov[PRIMARY, PRIMARY]) for row in kept[:3]] == pytest.approx([0.02] * 3)
