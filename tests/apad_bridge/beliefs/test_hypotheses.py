@@ -1,4 +1,4 @@
-"""Several hypotheses of one charge: how few are kept, which are weighed, and what a doubted reading leaves behind."""
+"""Several hypotheses of one charge: their reduction, their weighing, and the state after a doubted reading."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def state_of(belief: Belief) -> TwinState:
 
 
 def test_four_are_kept_the_most_probable_first_and_the_rest_become_one() -> None:
-    """0.7 and 0.9 at 2 to 1 are 0.7667, with 4e-4 within them and 2/3 * 0.0667^2 + 1/3 * 0.1333^2 between."""
+    """0.7 and 0.9 at 2 to 1 have the mean 0.7667; 4e-4 is the variance within, 2/3 * 0.0667^2 + 1/3 * 0.1333^2 between."""
     rows = [anchor(0.05, 0.9), anchor(0.3, 0.3), anchor(0.1, 0.7), anchor(0.4, 0.1), anchor(0.15, 0.5)]
     kept = charge.reduced(rows)
     assert [row.weight for row in kept] == pytest.approx([0.4, 0.3, 0.15, 0.15])
@@ -82,7 +82,7 @@ def test_the_negligible_is_not_weighed_wherever_it_stands_while_the_likely_expla
 
 
 def test_a_lost_one_s_last_words_are_read_as_a_sleeper_s() -> None:
-    """Nothing but the board's watch draws any more."""
+    """A lost aMussel draws nothing but the load of its clock."""
     row = anchor(1.0, 0.05)
     row.cov[charge.ASLEEP, charge.ASLEEP] = 1e-4
     both = [
@@ -96,7 +96,7 @@ def test_a_lost_one_s_last_words_are_read_as_a_sleeper_s() -> None:
 def test_after_a_doubted_reading_the_next_one_decides_whatever_it_says(
     second: float, believed: float
 ) -> None:
-    """Half of how far the doubted one lay away is the deviation then: five of these reach farther than it did."""
+    """The deviation becomes half of the doubted reading's distance: five of these reach farther than that reading."""
     twin_state = state_of(heard(0, 0.8))
     weigher, first = HypothesisWeigher(KNOWLEDGE), Reading.stated(State.ACTIVE, 0.2, 1.0)
     doubted = weigher.corrected(twin_state, UNKNOWN, [anchor(1.0, 0.8)], first)

@@ -36,7 +36,7 @@ def chain(_: int) -> Choice:
 
 
 def by_trial(hours: int, trials: int = 200_000) -> tuple[np.ndarray, np.ndarray]:
-    """Modes and amounts of a chain that begins awake at half past, tried out."""
+    """Modes and amounts of a chain that begins awake at half past the hour, by Monte Carlo."""
     rng = np.random.default_rng(3)
     rates = 60 * np.array(PER_MIN[:3])
     modes = np.full(trials, Mode.IDLE)
@@ -62,7 +62,7 @@ def test_moments_by_mode_are_those_of_the_chain() -> None:
 
 
 def test_a_mode_is_entered_from_where_the_rows_say() -> None:
-    """Rows are [from][to]: what leaves one mode and never comes back must not look like what arrives."""
+    """Rows are [from][to]: a transposed matrix would swap the modes left and the modes entered."""
     leaves = ((0.0, 1.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
     load = Load.known(Mode.ASLEEP).choose(Choice(leaves, None, 0.0))
     assert [row[0] for row in load.by_mode] == [0.0, 1.0, 0.0]

@@ -12,7 +12,7 @@ DEVIATIONS = st.floats(0.005, 0.6)
 
 
 def on_a_grid(mean: float, sd: float) -> tuple[np.ndarray, np.ndarray]:
-    """Charges and their weights before the ends, by brute force."""
+    """Charges and their weights before clamping, by brute force."""
     z = np.linspace(-9, 9, 100_001)
     weights = np.exp(-0.5 * z**2)
     return mean + sd * z, weights / weights.sum()
@@ -68,7 +68,7 @@ def test_a_quantile_is_the_inverse_of_the_distribution(
 
 def test_an_interval_holds_95_of_100() -> None:
     assert interval([Part(1.0, 0.5, 0.1)], 0.95) == pytest.approx((0.304, 0.696), abs=1e-3)
-    # One in twenty off by far: the Gaussian of the same moments would claim 0.33 to 0.63.
+    # One in twenty is far off: the Gaussian of the same moments would give 0.33 to 0.63.
     low, high = interval([Part(0.95, 0.5, 0.001), Part(0.05, 0.2, 0.001)], 0.95)
     assert low == pytest.approx(0.2, abs=0.01) and high == pytest.approx(0.502, abs=0.003)
 
