@@ -65,14 +65,14 @@ class Power:
     switch_back: int
     """The board returns to the primary battery at this charge."""
     safe_level: int
-    """Of the backup battery: the board takes its last resort here."""
+    """The backup battery's level at which the board takes its last resort."""
     last_resort: LastResort
     kept_on: int = 0
     """Rails that nothing switches off, as bits."""
     metering: Metering | None = None
     """None: the board knows the charges exactly, and every level counts at once."""
     low_level: int = 0
-    """Of the primary battery: a sleeping board wakes when the charge falls to this level; 0 for no such level."""
+    """The primary battery's level at which a sleeping board wakes; 0 for no such level."""
 
     def __post_init__(self) -> None:
         if not 0 <= self.path <= PATH_UNIT:

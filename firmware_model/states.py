@@ -60,7 +60,7 @@ class Trigger(IntEnum):
     FLOAT_TIMED_OUT = 9
     BOTTOM_REACHED = 10
     BATTERY_EMPTIED = 11
-    """The primary battery: the board now lives on its backup."""
+    """The primary battery is empty: the backup now feeds the board."""
     ALARM_RANG = 12
     WAKE_OVER = 13
     SAMPLES_TO_PROCESS = 14

@@ -13,7 +13,7 @@ Deadline = tuple[int, Trigger]
 
 
 def full_deadline(state: State, whole: FullFirmware, store: SettingsStore, now_ms: int) -> Deadline | None:
-    """The deadline of a state that only the whole firmware has, except EMPTY; the state was entered at `now_ms`."""
+    """The deadlines that only the whole firmware has, except the last resort's; `state` was entered at `now_ms`."""
     settings, clock = store.settings, store.clock
     if state is State.HOVERING:
         return now_ms + whole.hover_ms, Trigger.HOVER_DUE

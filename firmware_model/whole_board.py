@@ -101,7 +101,7 @@ class WholeBoard(Board):
         return self._store.clock.reading_at(now_ms)
 
     def _next(self) -> tuple[int | None, int]:
-        """As in `Board`; in addition 1 is the batteries, 2 a pulse, 4 an answer."""
+        """Adds to the numbers of `Board`: 1 the batteries, 2 a pulse, 4 an answer."""
         due_ms, which = self._pin.next_due_ms, 0
         deadline_ms = None if self._deadline is None else self._deadline[0]
         dues = self._batteries.due_ms, self._switches.due_ms, deadline_ms, self._answers_ms
@@ -135,7 +135,7 @@ class WholeBoard(Board):
         return actions + super()._deadline_reached(trigger)
 
     def _pin_changed(self, high: bool, noticed: bool) -> list[Action]:
-        """As in `Board`; the chargers need no firmware and run for as long as the pin is high."""
+        """Also switches the chargers, which need no firmware and run for as long as the pin is high."""
         return super()._pin_changed(high, noticed) + self._set_rails()
 
     def _packet_received(self, data: bytes) -> list[Action]:

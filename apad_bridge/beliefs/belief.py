@@ -55,13 +55,13 @@ class Belief:
     north_m: float
     east_m: float
     carried_ms: int = 0
-    """How far past `heard_ms` the estimate was predicted."""
+    """The time past `heard_ms` over which the estimate was predicted."""
     charge_cov: tuple[float, float, float] = EXACT
     """Variance of the primary, covariance, variance of the secondary."""
     place_cov: tuple[float, float, float] = EXACT
     """Variance north, covariance, variance east; square metres."""
     mode_probabilities: tuple[float, ...] = ()
-    """In the order of `Mode`; empty when the estimator takes `state` as certain."""
+    """One probability for each `Mode`, in its order; empty when the estimator takes `state` as certain."""
     clock: Clock = EXACT_CLOCK
     learned_from: Source = Source.PACKET
     silent_timeslots: int = 0

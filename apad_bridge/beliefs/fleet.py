@@ -116,7 +116,7 @@ class FleetBeliefs:
         return self.learn(packet.agent_id, Heard(at_ms, packet))
 
     def hear_short(self, packet: ShortStatus, at_ms: int) -> str | None:
-        """As `hear`, for a status without place and time: both stay as believed."""
+        """Does the work of `hear` for a status without place and time: both stay as believed."""
         before = self._beliefs.get(packet.agent_id)
         if before is None:
             return "a short status of an aMussel whose place is not known"

@@ -22,7 +22,7 @@ class Drain:
     """The charge that an aMussel of the nominal kind draws."""
 
     per_min: tuple[float, ...]
-    """By `Mode`, from the battery that feeds the board."""
+    """Charge by `Mode`, drawn from the battery that feeds the board."""
     motor_run: float
     """One run of the buoyancy motors, to surface or to sink."""
     motor_deviation: float
@@ -47,7 +47,7 @@ class Cycle:
 
     @classmethod
     def of(cls, lasting: Sequence[tuple[int, float]], period_ms: int) -> Cycle:
-        """From consecutive (duration in ms, rate a minute); the last rate lasts until the end of the period."""
+        """Makes a cycle of consecutive (duration in ms, rate a minute); the last rate lasts until the period's end."""
         steps, at_ms, spent = [], 0, 0.0
         for lasts_ms, per_min in lasting:
             steps.append((at_ms, spent, per_min))
@@ -87,7 +87,7 @@ class Sensor:
     """Expected asleep, awake, under high load, charging: a load lowers the voltage, and a charger lifts it."""
     bias_deviation: tuple[float, float, float, float]
     apart_ms: int
-    """Of the readings within this time in one mode, the filter uses one, because they share their error."""
+    """The filter uses one of the readings within this time in one mode, because they share their error."""
     offsets: Mapping[State, tuple[float, float]] = field(default_factory=dict)
     """Reading minus charge, for the primary and the secondary of a nominal board, by the state in the packet; 0 if not
     given. Biases come on top."""

@@ -7,7 +7,7 @@ from enum import IntEnum
 from firmware_model.states import State
 
 LIKELY = 0.5
-"""A probability from here on is more probable than not. A belief that claims to be certain has only 0 and 1."""
+"""The limit of what is more probable than not. A belief that claims to be certain has only probabilities 0 and 1."""
 
 
 class Mode(IntEnum):

@@ -31,7 +31,7 @@ _NEGLIGIBLE = 0.001
 _CONTRADICTION = 2.0
 _DROPPED_WEIGHT = 1e-6
 _GATE = 5.0
-"""In deviations of the reading; a reading beyond the gate is not believed, and the next one decides."""
+"""The gate in deviations of the reading; a reading beyond it is not believed, and the next one decides."""
 _UNREPORTED_EVENT_SD = 0.3
 """Deviation of a charge after an event that nobody reported: a docking by hand, or a release."""
 NOTHING = Spent(1.0, 0.0, 0.0)

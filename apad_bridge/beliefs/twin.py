@@ -55,7 +55,7 @@ _FIX_APART_MS = 10_000
 """The least mission time between two fixes from packets."""
 _STAGGER_MS = 7_919
 _NEVER_SET_DEVIATIONS = 5.0
-"""In deviations of a first reading; a clock farther off was never set to nominal time."""
+"""The limit of a first reading in deviations; a clock farther off was never set to nominal time."""
 _DOCK_VARIANCE_M2 = 1.0
 _WAKE_STATES = (State.ACTIVE, State.PROCESSING)
 """Parts of a short wake, a minute each; a packet in the aMussel's timeslot comes after them."""

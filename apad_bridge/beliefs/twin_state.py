@@ -52,9 +52,9 @@ class TwinState:
     unobeyed: tuple[Load, int] | None = None
     """The load, and its time, in case the permission was not received."""
     seen: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """How often each mode of `SUBMERGED` was observed."""
+    """The number of observations of each mode of `SUBMERGED`."""
     day: tuple[tuple[Mode, int] | None, ...] = ()
-    """By decision of the day, the mode observed last and the number of that decision; empty if habits are not daily."""
+    """The mode observed last, and its decision's number, for each decision of a day; empty if habits are not daily."""
     measured_ms: int = -1
     measured_mode: Mode | None = None
     gated: int = 0
@@ -118,7 +118,7 @@ def mode_observed(twin_state: TwinState, knowledge: Knowledge, mode: Mode) -> di
 
 
 def advanced(twin_state: TwinState, knowledge: Knowledge, schedule: Schedule, to_ms: int) -> TwinState:
-    """The memory at agent time `to_ms`, nothing more having been learned."""
+    """The twin state predicted to agent time `to_ms`, without new measurements."""
     elapsed_ms = to_ms - twin_state.at_ms
     if elapsed_ms <= 0:
         return twin_state
@@ -141,7 +141,7 @@ def advanced(twin_state: TwinState, knowledge: Knowledge, schedule: Schedule, to
 
 
 def shifted_to_clock(twin_state: TwinState, agent_ms: int) -> TwinState:
-    """The same memory by a clock that was set and shows `agent_ms` now: no time has passed for the batteries."""
+    """The same state on a clock that was set and shows `agent_ms` now: no time has passed for the batteries."""
     by_ms, unobeyed = agent_ms - twin_state.at_ms, twin_state.unobeyed
     return replace(
         twin_state,

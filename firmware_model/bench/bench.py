@@ -94,7 +94,7 @@ class Bench:
         return self.run_until(self.now_ms + round(hours * MS_PER_HOUR + minutes * MS_PER_MIN) + ms)
 
     def run_until(self, until_ms: int) -> list[Action]:
-        """As `run`, up to a time; an arrival precedes a timer of the board that is due at the same time."""
+        """Runs up to a time; an arrival precedes a timer of the board that is due at the same time."""
         done = len(self.trace)
         while True:
             due_ms, arrival = self.board.next_due_ms, self._arrival

@@ -53,11 +53,11 @@ class Threshold(IntEnum):
     """The thresholds of SET_THRESHOLD, in the paper's scaled charge."""
 
     SAFE_LEVEL = 0
-    """Of the backup battery: the board takes its last resort here."""
+    """The backup battery's level at which the board takes its last resort."""
     SWITCH_BACK = 1
     """The board returns to the primary battery at this charge."""
     LOW_LEVEL = 2
-    """Of the primary battery: a sleeping board wakes here; 0 for no such level."""
+    """The primary battery's level at which a sleeping board wakes; 0 for no such level."""
 
 
 _THRESHOLDS = {int(which): which for which in Threshold}

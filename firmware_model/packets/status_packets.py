@@ -96,7 +96,7 @@ class AcousticStatus:
 
     basic: StatusPacket
     counts: Counts
-    """Of the newest sample; zeros while `samples` is 0."""
+    """The counts of the newest sample; zeros while `samples` is 0."""
     samples: int
     """The number of samples that the board has ever taken."""
     waiting: int
@@ -128,7 +128,7 @@ class WifiStatus:
 
     basic: StatusPacket
     counts: Counts
-    """Of the newest sample; zeros while `samples` is 0."""
+    """The counts of the newest sample; zeros while `samples` is 0."""
     samples: int
     """The number of samples that the board has ever taken; the newest record's sequence is one less."""
     acknowledged: int

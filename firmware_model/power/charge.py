@@ -78,7 +78,7 @@ class ChargeModel:
 
     @classmethod
     def from_minutes(cls, discharge: float, segments: tuple[tuple[float, float], ...]) -> ChargeModel:
-        """From rates a simulated minute and ends on [0, 1], as the paper prints them; one coil."""
+        """Makes a model of rates a simulated minute and ends on [0, 1], as the paper prints them; one coil."""
         return cls(
             grains_per_ms(discharge), tuple((grains(end), grains_per_ms(rate)) for end, rate in segments)
         )

@@ -51,7 +51,7 @@ class ChargePin:
         self.sample_level(now_ms)
 
     def level_unseen(self, high: bool, now_ms: int) -> None:
-        """As `level`, but with the interrupt lost."""
+        """Sets the wire's level from `now_ms` on, with the edge's interrupt lost."""
         self.wire_high = high
         if self._flipped_ms is None:
             differs = high != self._seen_high

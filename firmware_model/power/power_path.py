@@ -49,7 +49,7 @@ class PowerPath:
         self.charging = primary.flow is Flow.CHARGING
         self.load = 0
         self._levels = (0, *(levels or (power.switch_back, power.safe_level, power.low_level)))
-        """In the order of `Level`."""
+        """Grains, in the order of `Level`."""
         self.feed = self._initial_feed(now_ms)
         self.safe_ms: int | None = None
         """The time since which the backup battery, feeding the board, is known to be at its safe level or below."""

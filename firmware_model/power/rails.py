@@ -87,7 +87,7 @@ class Loads:
 
     @classmethod
     def from_minutes(cls, per_minute: dict[Rail, float]) -> Loads:
-        """From scaled voltage a simulated minute. ValueError if a rail is missing."""
+        """Makes loads of scaled voltage a simulated minute. ValueError if a rail is missing."""
         missing = [rail.name for rail in Rail if rail not in per_minute]
         if missing:
             raise ValueError(f"no load is given for {', '.join(missing)}")

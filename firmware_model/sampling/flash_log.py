@@ -66,7 +66,7 @@ class FlashLog:
         return b"".join(found)
 
     def read(self, first: int, until: int) -> tuple[SampleRecord, ...]:
-        """As `raw`, decoded."""
+        """The records of `raw`, decoded."""
         data = self.raw(first, until)
         read = (SampleRecord.decode(data[at : at + RECORD_BYTES]) for at in range(0, len(data), RECORD_BYTES))
         return tuple([record for record in read if record is not None])
