@@ -1,7 +1,7 @@
 """The numbers of an aMussel's power, and the row of the paper's Table I that each was fitted to.
 
-Everything is scaled voltage a simulated minute, as in the paper, which measured nothing else. Four parameters
-are fitted here (`FITTED`), against six rows. Equations (1) and (2) are the paper's own fits. Values that Table I cannot distinguish
+Everything is scaled voltage a simulated minute, as in the paper, which measured nothing else. Four parameters are fitted
+here (`FITTED`), against six rows. Equations (1) and (2) are the paper's own fits. Values that Table I cannot distinguish
 (`ASSUMED`) come from data sheets, for a battery of 7400 mWh.
 """
 

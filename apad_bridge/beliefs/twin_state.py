@@ -12,14 +12,14 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from apad_bridge.beliefs import charge_state as charge
-from apad_bridge.beliefs import charging, load
+from apad_bridge.beliefs import charging, spent_charge
 from apad_bridge.beliefs.belief import Clock
 from apad_bridge.beliefs.charge_state import DRAIN, PRIMARY, SECONDARY, Anchor, Array
 from apad_bridge.beliefs.knowledge import Habits, Knowledge, Schedule
-from apad_bridge.beliefs.load import MS_PER_MIN, Load, Spent, merged
 from apad_bridge.beliefs.mixture import Part, below
 from apad_bridge.beliefs.modes import SUBMERGED, Mode
 from apad_bridge.beliefs.place import Place
+from apad_bridge.beliefs.spent_charge import MS_PER_MIN, Load, Spent, merged
 
 _UNLIKELY = 1e-3
 """A hypothesis of lower probability is left out."""
@@ -77,22 +77,24 @@ def shares_of(twin_state: TwinState, knowledge: Knowledge) -> tuple[float, float
     return a, b, c
 
 
-def choices(twin_state: TwinState, knowledge: Knowledge, schedule: Schedule) -> load.Choices:
+def choices(twin_state: TwinState, knowledge: Knowledge, schedule: Schedule) -> spent_charge.Choices:
     """The choice at each decision: by the schedule if there is one, else by usual shares and this aMussel's own modes."""
     habits = knowledge.habits
 
-    def at(decision_ms: int) -> load.Choice:
+    def at(decision_ms: int) -> spent_charge.Choice:
         scheduled = schedule.at(decision_ms)
         if scheduled is not None:
-            return load.Choice(load.scheduled_rows(habits, scheduled), scheduled, 0.0)
+            return spent_charge.Choice(spent_charge.scheduled_rows(habits, scheduled), scheduled, 0.0)
         deviation = habits.plan_deviation * habits.every_ms / MS_PER_MIN
         number, shares = decision_ms // habits.every_ms, shares_of(twin_state, knowledge)
         heard = twin_state.day[number % len(twin_state.day)] if twin_state.day else None
         trust = 0.0 if heard is None else _trust(habits, (number - heard[1]) * habits.every_ms)
         if heard is None or trust <= 0:
-            return load.Choice(load.usual_rows(habits, shares, None, 0.0), None, deviation)
+            return spent_charge.Choice(spent_charge.usual_rows(habits, shares, None, 0.0), None, deviation)
         expected = heard[0] if trust > 0.5 else None
-        return load.Choice(load.usual_rows(habits, shares, heard[0], trust), expected, deviation)
+        return spent_charge.Choice(
+            spent_charge.usual_rows(habits, shares, heard[0], trust), expected, deviation
+        )
 
     return at
 
@@ -127,14 +129,19 @@ def advanced(twin_state: TwinState, knowledge: Knowledge, schedule: Schedule, to
     if twin_state.situation is not None:
         return _afloat(twin_state, knowledge, schedule, to_ms)
     decide = choices(twin_state, knowledge, schedule)
-    every_ms, spending = knowledge.habits.every_ms, load.spending(knowledge.drain.per_min, schedule.cycle)
-    spent = load.propagated(twin_state.load, twin_state.at_ms, to_ms, spending, every_ms, decide)
+    every_ms, spending = (
+        knowledge.habits.every_ms,
+        spent_charge.spending(knowledge.drain.per_min, schedule.cycle),
+    )
+    spent = spent_charge.propagated(twin_state.load, twin_state.at_ms, to_ms, spending, every_ms, decide)
     later = replace(twin_state, at_ms=to_ms, load=spent)
     if _is_far_from_empty(later):
         return later  # the common case is cheap
     while twin_state.at_ms < to_ms:
         next_ms = min(to_ms, (twin_state.at_ms // every_ms + 1) * every_ms)
-        spent = load.propagated(twin_state.load, twin_state.at_ms, next_ms, spending, every_ms, decide)
+        spent = spent_charge.propagated(
+            twin_state.load, twin_state.at_ms, next_ms, spending, every_ms, decide
+        )
         later = replace(twin_state, at_ms=next_ms, load=spent)
         twin_state = _drawn_from_backup(later, knowledge, next_ms - twin_state.at_ms)
     return twin_state

@@ -12,9 +12,9 @@ import numpy as np
 
 from apad_bridge.beliefs.belief import Clock
 from apad_bridge.beliefs.charge_state import SIZE, Anchor, Array
-from apad_bridge.beliefs.load import Load, Spent
 from apad_bridge.beliefs.modes import Mode
 from apad_bridge.beliefs.place import Place
+from apad_bridge.beliefs.spent_charge import Load, Spent
 from apad_bridge.beliefs.twin_state import TwinState
 
 Plain = dict[str, Any]

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from apad_bridge.beliefs.knowledge import Habits, Schedule
-from apad_bridge.beliefs.load import (
+from apad_bridge.beliefs.modes import Mode
+from apad_bridge.beliefs.spent_charge import (
     Choice,
     Load,
     Spent,
@@ -14,7 +15,6 @@ from apad_bridge.beliefs.load import (
     spending,
     usual_rows,
 )
-from apad_bridge.beliefs.modes import Mode
 
 HOUR = 3_600_000
 PER_MIN = (0.0001, 0.001, 0.003, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
