@@ -1,4 +1,4 @@
-"""What the board does to the world, in the imperative. `at_ms` is agent time."""
+"""The board's actions on the world, named in the imperative. `at_ms` is agent time."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from firmware_model.states import State, Trigger
 
 
 class Buoyancy(IntEnum):
-    """What the buoyancy motors were last run to."""
+    """The target of the last run of the buoyancy motors."""
 
     SINK = 0
     FLOAT = 1
@@ -28,7 +28,7 @@ class StateChanged:
 
 @dataclass(frozen=True, slots=True)
 class RunBuoyancy:
-    """`depth_mm` is where to hover; None: at the depth where it is."""
+    """`depth_mm` is the depth to hover at; None for the present depth."""
 
     at_ms: int
     to: Buoyancy
@@ -44,7 +44,7 @@ class SetRail:
 
 @dataclass(frozen=True, slots=True)
 class FeedFrom:
-    """The board lives on another battery from now on."""
+    """Another battery feeds the board from now on."""
 
     at_ms: int
     feed: ActiveBattery
@@ -52,14 +52,14 @@ class FeedFrom:
 
 @dataclass(frozen=True, slots=True)
 class LogSample:
-    """All sensors have been read: one sample of what the mission is for."""
+    """All sensors have been read: write one sample to the log."""
 
     at_ms: int
 
 
 @dataclass(frozen=True, slots=True)
 class DropLog:
-    """All records of the log below this sequence are kept elsewhere."""
+    """All records of the log below this sequence are stored elsewhere."""
 
     at_ms: int
     next_sequence: int
@@ -67,14 +67,14 @@ class DropLog:
 
 @dataclass(frozen=True, slots=True)
 class SendLog:
-    """Send what waits in the log, by Wi-Fi."""
+    """Send the waiting records of the log by Wi-Fi."""
 
     at_ms: int
 
 
 @dataclass(frozen=True, slots=True)
 class SendStatus:
-    """Send a status by the modem or by Wi-Fi; who hosts the board knows its place and makes the packet."""
+    """Send a status by the modem or by Wi-Fi; the board's host knows its place and makes the packet."""
 
     at_ms: int
     by: Rail
@@ -82,14 +82,14 @@ class SendStatus:
 
 @dataclass(frozen=True, slots=True)
 class SendAnswer:
-    """Send a short status by the modem: somebody asked for it."""
+    """Send a short status by the modem, as the answer to a ping."""
 
     at_ms: int
 
 
 @dataclass(frozen=True, slots=True)
 class Dropped:
-    """A stimulus that the board could not use; counted by whoever hosts it, never raised."""
+    """The board could not use a stimulus; its host counts this, and nothing is raised."""
 
     at_ms: int
     reason: str
@@ -113,10 +113,10 @@ MOTORS = {
     State.SINKING: Buoyancy.SINK,
     State.HOVERING: Buoyancy.HOVER,
 }
-"""Where the motors are run to on entering a state."""
+"""The target of the motor run on entering a state."""
 REPORTS = {
     State.TRANSMITTING: Rail.MODEM_TRANSMITTING,
     State.CALLING: Rail.MODEM_TRANSMITTING,
     State.REPORTING: Rail.WIFI,
 }
-"""By what a status is sent on entering a state."""
+"""The rail by which a status is sent on entering a state."""

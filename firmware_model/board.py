@@ -1,6 +1,6 @@
-"""The MU board: its state machine, its batteries and its timers, moved by the three verbs in agent time.
+"""The MU board: its state machine, batteries and timers, driven by the three verbs in agent time.
 
-`Board` is what every board has, and with it the paper's worst case: one battery in use, one load, never asleep.
+`Board` is the part that every board has. Alone it is the paper's worst case: one battery in use, one load, never asleep.
 `firmware_model.whole_board` adds the rest.
 """
 
@@ -40,7 +40,7 @@ _DOCKED = (State.CHARGING, State.REPORTING)
 
 
 class Board:
-    """One MU board. It is OFF until it receives `PowerCameOn`; its batteries live on whether it runs or not."""
+    """One MU board. It is OFF until it receives `PowerCameOn`; its batteries go on whether it runs or not."""
 
     _batteries: WorstCase | PowerPath
 
@@ -69,49 +69,49 @@ class Board:
 
     @property
     def feed(self) -> ActiveBattery:
-        """The battery that the board lives on."""
+        """The battery that feeds the board."""
         return self._batteries.feed
 
     @property
     def rails(self) -> int:
-        """What is on, as bits; always 0 in the worst case, which knows one load only."""
+        """The rails that are on, as bits; always 0 in the worst case, which has one load only."""
         return 0
 
     @property
     def hears(self) -> bool:
-        """Whether the modem listens. The worst case's always does."""
+        """True while the modem listens; in the worst case always."""
         return True
 
     @property
     def has_wifi(self) -> bool:
-        """Whether Wi-Fi is on. The worst case's always is."""
+        """True while Wi-Fi is on; in the worst case always."""
         return True
 
     @property
     def kept(self) -> StoredSettings | None:
-        """What a reset has to leave; None for a board that nobody has told anything yet."""
+        """The settings that outlive a reset; None for a board that has received no setting and no time yet."""
         return None
 
     @property
     def clock_offset_ms(self) -> int:
-        """By how much the clock was ahead of the last beacon; within 32 bits."""
+        """The clock minus the last beacon's time; within 32 bits."""
         return 0
 
     def clock_ms(self, now_ms: int) -> int:
-        """What the board's own clock reads; the paper's worst case has one that is never off."""
+        """The reading of the board's own clock; in the paper's worst case it is exact."""
         return now_ms
 
     def readings(self, now_ms: int) -> tuple[int, int]:
-        """Primary and secondary as the board knows them, in grains: the monitor's last samples."""
+        """Primary and secondary charge as the board knows them, in grains: the monitor's last samples."""
         return self._batteries.readings(now_ms)
 
     @property
     def next_due_ms(self) -> int | None:
-        """When something of the board is due next; of several at once pin, batteries, pulses, deadline in this order."""
+        """The time of the board's next timer; timers due together fire in the order pin, batteries, pulses, deadline."""
         return self._next()[0]
 
     def _next(self) -> tuple[int | None, int]:
-        """When something is due next, and which: 0 the pin, 3 the deadline."""
+        """The time of the next timer, and its number: 0 the pin, 3 the deadline."""
         due_ms = self._pin.next_due_ms
         if self._deadline is not None and (due_ms is None or self._deadline[0] < due_ms):
             return self._deadline[0], 3
@@ -135,81 +135,81 @@ class Board:
         if which == 0:
             edge, fault = self._pin.due(now_ms)
             faults: list[Action] = [] if fault is None else [Dropped(now_ms, fault.value)]
-            return faults if edge is None else faults + self._edge(edge)
+            return faults if edge is None else faults + self._pin_edge(edge)
         assert self._deadline is not None
         (_, trigger), self._deadline = self._deadline, None
-        return self._time_is_up(self._boot_trigger() if self.state is State.BOOTING else trigger)
+        return self._deadline_reached(self._boot_trigger() if self.state is State.BOOTING else trigger)
 
-    def _time_is_up(self, trigger: Trigger) -> list[Action]:
-        """The state ends by itself."""
-        return self._pull(trigger)
+    def _deadline_reached(self, trigger: Trigger) -> list[Action]:
+        """Ends the state after its own time."""
+        return self._apply(trigger)
 
     def receive(self, stimulus: Stimulus, now_ms: int) -> list[Action]:
-        """Takes a fact from outside at `now_ms`, after everything that was due by then."""
+        """Takes a fact from outside at `now_ms`, after every timer that was due by then."""
         actions = self.advance(now_ms)
         match stimulus:
             case ChargePinRose(noticed):
-                actions += self._wire(True, noticed)
+                actions += self._pin_changed(True, noticed)
             case ChargePinFell(noticed):
-                actions += self._wire(False, noticed)
+                actions += self._pin_changed(False, noticed)
             case PacketHeard(data):
-                actions += self._hear(data)
+                actions += self._packet_received(data)
             case ModemSpoke(lasting_ms):
                 actions += self._modem_sends(lasting_ms)
             case WifiReceived(data):
                 actions += self._command(data) if self.has_wifi else [Dropped(now_ms, "Wi-Fi is off")]
             case SurfaceReached():
                 self._at_surface = True
-                actions += self._pull(Trigger.SURFACE_REACHED)
+                actions += self._apply(Trigger.SURFACE_REACHED)
             case BottomReached():
                 self._at_surface = False
-                actions += self._pull(Trigger.BOTTOM_REACHED)
+                actions += self._apply(Trigger.BOTTOM_REACHED)
             case PowerCameOn(cause, at_surface, pin_high):
                 self.reset_cause = cause
                 self._at_surface = at_surface
                 self._pin.restart(pin_high)
-                actions += self._pull(Trigger.POWER_CAME_ON)
+                actions += self._apply(Trigger.POWER_CAME_ON)
         return actions
 
-    def _wire(self, high: bool, noticed: bool) -> list[Action]:
-        """The charger's pin has another level, whether the firmware noticed or not."""
+    def _pin_changed(self, high: bool, noticed: bool) -> list[Action]:
+        """Gives the charger's pin another level, even if the firmware did not notice the edge."""
         if noticed:
             self._pin.level(high, self._now_ms)
         else:
             self._pin.level_unseen(high, self._now_ms)
         return []
 
-    def _hear(self, data: bytes) -> list[Action]:
+    def _packet_received(self, data: bytes) -> list[Action]:
         return self._command(data)
 
     def _modem_sends(self, lasting_ms: int) -> list[Action]:
-        """The worst case has one load, whatever its modem does."""
+        """The modem sends by itself. The worst case has one load, whatever its modem does."""
         return []
 
     def _pinged(self) -> list[Action]:
-        """Somebody asks how it is. The worst case says nothing by sound."""
+        """Takes a ping. The worst case does not answer by sound."""
         return []
 
     def _command(self, data: bytes) -> list[Action]:
         command = parse_command(data, self._codec, self.config)
-        return [Dropped(self._now_ms, command)] if isinstance(command, str) else self._obey(command)
+        return [Dropped(self._now_ms, command)] if isinstance(command, str) else self._execute(command)
 
-    def _obey(self, command: Command) -> list[Action]:
+    def _execute(self, command: Command) -> list[Action]:
         if command.kind is Kind.RELEASE and self.state in _DOCKED:
-            # The packet and the contact travel apart: it may come before the falling edge is certain.
+            # The packet and the contact are independent: the packet may come before the falling edge is certain.
             self._clear_to_sink = True
             return []
-        return self._pull(TRIGGERS[command.kind])
+        return self._apply(TRIGGERS[command.kind])
 
-    def _edge(self, edge: Edge) -> list[Action]:
+    def _pin_edge(self, edge: Edge) -> list[Action]:
         if self.state in (State.OFF, State.BOOTING):
-            return []  # the level is read again when the board has booted
+            return []  # the board reads the level again after it has booted
         if edge is Edge.ROSE:
             self._clear_to_sink = False
-            return self._pull(Trigger.CHARGE_EDGE_ROSE)
-        actions = self._pull(Trigger.CHARGE_EDGE_FELL)
+            return self._apply(Trigger.CHARGE_EDGE_ROSE)
+        actions = self._apply(Trigger.CHARGE_EDGE_FELL)
         if self._clear_to_sink and self.state is State.RELEASED:
-            actions += self._pull(Trigger.CLEAR_TO_SINK)
+            actions += self._apply(Trigger.CLEAR_TO_SINK)
         return actions
 
     def _boot_trigger(self) -> Trigger:
@@ -217,7 +217,7 @@ class Board:
             return Trigger.BOOTED_ON_CHARGER
         return Trigger.BOOTED_AT_SURFACE if self._at_surface else Trigger.BOOTED_ON_BOTTOM
 
-    def _pull(self, trigger: Trigger) -> list[Action]:
+    def _apply(self, trigger: Trigger) -> list[Action]:
         old = self.state
         try:
             self.state = next_state(old, trigger)
@@ -226,8 +226,8 @@ class Board:
         follows = self._pinged() if trigger is Trigger.PING_HEARD else self._enter()
         return [StateChanged(self._now_ms, old, trigger, self.state), *follows]
 
-    def _pull_if_taken(self, trigger: Trigger) -> list[Action]:
-        return self._pull(trigger) if (self.state, trigger) in TABLE else []
+    def _apply_if_allowed(self, trigger: Trigger) -> list[Action]:
+        return self._apply(trigger) if (self.state, trigger) in TABLE else []
 
     def _enter(self) -> list[Action]:
         """Sets the motors, the power and the deadline for the state just entered."""
@@ -239,7 +239,7 @@ class Board:
         self._deadline = self._deadline_of(state, now_ms)
         if state in REPORTS:
             actions += self._report(REPORTS[state])
-        if not RAILS[state] >> Rail.MU_ASLEEP & 1 and self._pin.look(now_ms):
+        if not RAILS[state] >> Rail.MU_ASLEEP & 1 and self._pin.sample_level(now_ms):
             actions.append(Dropped(now_ms, Fault.MISSED.value))
         return actions
 
@@ -247,7 +247,7 @@ class Board:
         return RunBuoyancy(self._now_ms, MOTORS[self.state])
 
     def _power(self) -> list[Action]:
-        """Makes the batteries feel the state just entered."""
+        """Sets the batteries' load and charger for the state just entered."""
         if isinstance(self._batteries, WorstCase) and self.state is not State.BOOTING:
             self._batteries.charge(self.state is State.CHARGING, self._now_ms)
         return []
@@ -256,7 +256,7 @@ class Board:
         return [SendStatus(self._now_ms, by)]
 
     def _deadline_of(self, state: State, now_ms: int) -> Deadline | None:
-        """When `state`, entered at `now_ms`, ends by itself; None when only a fact from outside ends it."""
+        """The time at which `state`, entered at `now_ms`, ends by itself; None if only a fact from outside ends it."""
         config = self.config
         match state:
             case State.BOOTING:

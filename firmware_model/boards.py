@@ -1,4 +1,4 @@
-"""The kinds of MU board, and which of them a configuration is of."""
+"""Makes the kind of MU board that a configuration asks for."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ def board_of(
     now_ms: int,
     kept: StoredSettings | None = None,
 ) -> Board:
-    """The board that `config` is of. `kept` is what a reset left of a whole board's clock and settings."""
+    """The board for `config`. `kept` holds the clock and settings of a whole board that outlived a reset."""
     if config.whole is None:
         return Board(config, codec, primary, secondary, now_ms)
-    # Imported here: a fleet in the worst case needs none of it, and every page that an agent shares counts.
+    # Imported here: a fleet in the worst case does not need it, and every memory page of an agent counts.
     from firmware_model.whole_board import WholeBoard
 
     return WholeBoard(config, codec, primary, secondary, now_ms, kept)

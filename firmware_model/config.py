@@ -1,4 +1,4 @@
-"""What a board with sleep, rails and two batteries is configured with. Milliseconds of agent time; charge in grains."""
+"""The configuration of a board. Milliseconds of agent time; charge in grains."""
 
 from __future__ import annotations
 
@@ -12,36 +12,37 @@ PATH_UNIT = 10_000
 
 
 class LastResort(IntEnum):
-    """What an aMussel on its backup battery does at the safe level, before it can no longer surface."""
+    """The action of an aMussel on its backup battery at the safe level, before it can no longer surface."""
 
     WAIT = 0
     """Stay on the bottom and listen."""
     CALL = 1
     """Stay and send its status again and again."""
     SURFACE = 2
-    """Come up without a permission: the one case in which it does."""
+    """Come up without a permission, which it does in no other case."""
 
 
 @dataclass(frozen=True, slots=True)
 class Metering:
-    """How a board reads its batteries: voltage = charge - sag + lift + noise, all in grains of the scaled voltage.
+    """The battery monitor: voltage = charge - sag + lift + noise, all in grains of the scaled voltage.
 
-    Table I's and the equations' curves are voltages of an idle board, so sag is counted from the load that those had.
+    The curves of Table I and the equations are voltages of an idle board, so sag counts from that board's load.
     """
 
     period_ms: int
-    """The monitor samples at whole multiples of it."""
+    """The monitor samples at whole multiples of this period."""
     settle_ms: int
-    """A level counts once every sample over so long was beyond it. Longer than a motor run, or that makes an emergency."""
+    """A level counts once every sample over so long lies beyond it. It must be longer than a motor run, whose sag would
+    count otherwise."""
     sag_ms: int = 0
     """Internal resistance: grains of voltage for each grain a millisecond of load above `sag_from`."""
     sag_from: int = 0
     lift: int = 0
-    """While its charger gives."""
+    """The voltage rise while its charger gives."""
     noise: int = 0
-    """Readings are up to so much off, either way, all alike."""
+    """Readings are off by up to so much either way, uniformly."""
     seed: int = 0
-    """Of the noise, which is a keyed hash of (seed, agent id, number of the sample)."""
+    """The noise is a keyed hash of (seed, agent id, number of the sample)."""
 
     def __post_init__(self) -> None:
         if self.period_ms <= 0 or min(self.settle_ms, self.sag_ms, self.sag_from, self.lift, self.noise) < 0:
@@ -52,26 +53,26 @@ class Metering:
 class Power:
     """Loads by module, two batteries, and the path between charger, batteries and board.
 
-    `path` is how much of the load reaches the battery that feeds the board while that is charged, in 1/10000: Table I's
-    charging times do not superpose with its discharging times, so this is a parameter of its own.
+    `path` is the part of the load, in 1/10000, that reaches the feeding battery while it is charged: Table I's charging
+    times do not superpose with its discharging times, so this is a parameter of its own.
     """
 
     loads: Loads
     path: int
     motor_run_ms: int
     receive_ms: int
-    """How long the modem draws its receiving load for a packet; spent from the packet's end on, which is when it acts."""
+    """The modem draws its receiving load so long for a packet; counted from the packet's end, which is when it acts."""
     switch_back: int
-    """The board returns to the primary battery once that holds so much."""
+    """The board returns to the primary battery at this charge."""
     safe_level: int
-    """Of the backup battery: the last resort is taken here."""
+    """The backup battery's level at which the board takes its last resort."""
     last_resort: LastResort
     kept_on: int = 0
     """Rails that nothing switches off, as bits."""
     metering: Metering | None = None
     """None: the board knows the charges exactly, and every level counts at once."""
     low_level: int = 0
-    """Of the primary battery: a sleeping board wakes when it falls to it; 0 for no such level."""
+    """The primary battery's level at which a sleeping board wakes; 0 for no such level."""
 
     def __post_init__(self) -> None:
         if not 0 <= self.path <= PATH_UNIT:
@@ -80,12 +81,12 @@ class Power:
 
 @dataclass(frozen=True, slots=True)
 class Slots:
-    """Acoustic timeslots as arithmetic on the time, the same for all boards; each has one of them in every frame."""
+    """Acoustic timeslots, computed from the time alike on all boards; each board has one timeslot in every frame."""
 
     frame_ms: int
     slot_ms: int
     guard_ms: int = 0
-    """A board speaks so long after its slot opens; clocks that are off by no more do not collide."""
+    """A board transmits so long after its timeslot opens; with clock errors up to this, packets do not collide."""
 
     def __post_init__(self) -> None:
         if not 0 <= self.guard_ms < self.slot_ms <= self.frame_ms:
@@ -93,25 +94,25 @@ class Slots:
 
     @property
     def count(self) -> int:
-        """How many whole slots a frame has."""
+        """The number of whole timeslots in a frame."""
         return self.frame_ms // self.slot_ms
 
 
 @dataclass(frozen=True, slots=True)
 class Cycle:
-    """When the board sleeps and what a wake does. The alarm rings at whole multiples of its period."""
+    """The board's sleep and its wakes. The alarm rings at whole multiples of its period."""
 
     alarm_ms: int
     sample_ms: int
-    """How long the sensors are on: the whole of a short wake."""
+    """The sensors are on for so long: the whole of a short wake."""
     processing_ms: int
-    """How long the Pi works on the samples; 0 when a wake does without."""
+    """The Pi works on the samples for so long; 0 for a wake without the Pi."""
     slots: Slots | None
-    """Where the board awaits its timeslot and transmits; None when it goes back to sleep instead."""
+    """The timeslots in which boards transmit; None if the board goes back to sleep instead."""
     listen_ms: int
-    """How long it stays awake after it has come to rest on the bottom."""
+    """The board stays awake for so long after it has come to rest on the bottom."""
     report_ms: int
-    """How long it stays awake in a dock after it has reported, and after each word that its log came across."""
+    """The board stays awake in a dock for so long after its report, and after each acknowledgement of its log."""
 
     def __post_init__(self) -> None:
         if self.alarm_ms <= 0:
@@ -120,12 +121,12 @@ class Cycle:
 
 @dataclass(frozen=True, slots=True)
 class Timekeeping:
-    """What the firmware may expect of its clock, and what it does about it."""
+    """The firmware's assumption about its clock, and its wait for a beacon."""
 
     bound_ppb: int
-    """The crystal drifts by no more, in parts of 10^9, says its data sheet."""
+    """The crystal's largest drift by its data sheet, in parts of 10^9."""
     beacon_wait_ms: int
-    """Where it may be off by more than the guard, it does not speak, and listens for a beacon for so long."""
+    """If the clock may be off by more than the guard, the board does not transmit but listens for a beacon so long."""
 
     def __post_init__(self) -> None:
         if self.bound_ppb < 0 or self.beacon_wait_ms <= 0:
@@ -138,20 +139,20 @@ class FullFirmware:
 
     power: Power
     cycle: Cycle | None
-    """None: never asleep."""
+    """None for a board that never sleeps."""
     transmit_ms: int
     call_ms: int
-    """Between the calls of a last resort."""
+    """The time between the calls of a last resort."""
     hover_ms: int
-    """Between the motor runs that hold a depth."""
+    """The time between the motor runs that hold a depth."""
     stay_down_ms: int = 21_600_000
-    """One that was told to sink takes no last resort that brings it up for so long: 6 h."""
+    """After an order to sink, the board does not surface as a last resort for so long: 6 h."""
     timekeeping: Timekeeping | None = None
-    """None: it trusts its clock."""
+    """None for a board that trusts its clock."""
     turnaround_ms: int = 500
-    """From a ping's end until it answers: it wakes, reads its batteries, and tells its modem."""
+    """The time from a ping's end to the answer: the board wakes, reads its batteries, and commands its modem."""
     answer_ms: int = 393
-    """How long the modem sends the answer: a v3 nanomodem's 7 bytes."""
+    """The modem's transmission time of an answer: a v3 nanomodem's 7 bytes."""
 
     def __post_init__(self) -> None:
         if self.turnaround_ms < 0 or self.answer_ms <= 0:
@@ -160,7 +161,7 @@ class FullFirmware:
 
 @dataclass(frozen=True, slots=True)
 class BoardConfig:
-    """Numbers of one board; milliseconds of agent time."""
+    """The numbers of one board; milliseconds of agent time."""
 
     agent_id: int
     charge: ChargeModel
@@ -171,13 +172,13 @@ class BoardConfig:
     whole: FullFirmware | None = None
     """Sleep, rails and two batteries; None is the paper's worst case."""
     slot: int = 0
-    """Which acoustic timeslot of every frame is this board's."""
+    """The index of this board's acoustic timeslot in every frame."""
     pin_chatter_ms: int = 2000
-    """A charger's pin that bounces for so long is decided by the level that it had for the greater part of it."""
+    """If the charger's pin bounces for so long, the level that it had for the greater part of the time decides."""
     pin_check_ms: int = 60_000
-    """The pin's level is sampled at whole multiples of it, and at every wake: that finds an edge that was missed."""
+    """The board samples the pin's level at whole multiples of this and at every wake, which finds a missed edge."""
     drift_ppb: int = 0
-    """What the board's clock gains on agent time, in parts of 10^9."""
+    """The gain of the board's clock on agent time, in parts of 10^9."""
 
     def __post_init__(self) -> None:
         cycle = None if self.whole is None else self.whole.cycle

@@ -1,6 +1,6 @@
-"""What an aPad may change on a board by its commands. It is kept in flash: neither a reset nor a flat battery ends it.
+"""The settings of a board that an aPad's commands change. Flash keeps them through a reset and a flat battery.
 
-What of a whole board outlives a reset, beside its batteries: its clock, which has a cell of its own, and its flash.
+Beside the batteries, two parts of a whole board outlive a reset: its clock, which has a cell of its own, and its flash.
 """
 
 from __future__ import annotations
@@ -18,22 +18,22 @@ class Settings:
     """Milliseconds by the board's own clock; levels in grains."""
 
     alarm_ms: int
-    """Of a board that sleeps; 0 of one that never does."""
+    """The period of the wakes; 0 for a board that never sleeps."""
     sample_ms: int
     frame_ms: int
-    """0: it has no timeslot."""
+    """0 for a board without a timeslot."""
     slot_ms: int
     guard_ms: int
     slot: int
     offset_ms: int
-    """Added to where the slot says to speak: learned from how long sound takes, and negative to make up for that."""
+    """Added to the transmission time of the timeslot; negative to compensate the measured travel time of sound."""
     safe_level: int
     switch_back: int
     low_level: int
 
     @classmethod
     def of(cls, config: BoardConfig) -> Settings:
-        """What a board has before anybody told it anything. The paper's worst case has none (AssertionError)."""
+        """The settings of a board before any command. The paper's worst case has none (AssertionError)."""
         whole = config.whole
         assert whole is not None
         cycle, power = whole.cycle, whole.power
@@ -52,43 +52,43 @@ class Settings:
         )
 
     @property
-    def has_slot(self) -> bool:
+    def has_timeslot(self) -> bool:
         return self.frame_ms > 0
 
     @property
     def levels(self) -> tuple[int, int, int]:
-        """To switch back at, the safe one, the low one."""
+        """The switch-back level, the safe level and the low level."""
         return self.switch_back, self.safe_level, self.low_level
 
-    def speaks_at_ms(self, reading_ms: int) -> int:
-        """The first reading from `reading_ms` on at which it may speak: in slot arithmetic on the absolute time."""
+    def transmits_at_ms(self, reading_ms: int) -> int:
+        """The first clock reading from `reading_ms` on at which the board may transmit, computed from absolute time."""
         first_ms = self.slot * self.slot_ms + self.guard_ms + self.offset_ms
         return first_ms - (first_ms - reading_ms) // self.frame_ms * self.frame_ms
 
-    def told(self, command: SleepSchedule | SlotAssignment | SetThreshold) -> Settings | None:
-        """With what the command asks for; None when that cannot be."""
+    def changed_by(self, command: SleepSchedule | SlotAssignment | SetThreshold) -> Settings | None:
+        """The settings after `command`; None if the command is impossible."""
         match command:
             case SleepSchedule(_, alarm_ms, wake_ms):
                 if self.alarm_ms == 0 or not 0 < wake_ms < alarm_ms:
                     return None
-                return self._with(alarm_ms=alarm_ms, sample_ms=wake_ms)
+                return self._replaced(alarm_ms=alarm_ms, sample_ms=wake_ms)
             case SlotAssignment(_, frame_ms, slot_ms, guard_ms, slot, offset_ms):
                 if slot_ms == 0 or (slot + 1) * slot_ms > frame_ms or guard_ms >= slot_ms:
                     return None
-                return self._with(
+                return self._replaced(
                     frame_ms=frame_ms, slot_ms=slot_ms, guard_ms=guard_ms, slot=slot, offset_ms=offset_ms
                 )
             case SetThreshold(_, which, value):
-                return self._with(**{which.name.lower(): round(value * FULL)})
+                return self._replaced(**{which.name.lower(): round(value * FULL)})
 
-    def _with(self, **changes: int) -> Settings:
-        """`dataclasses.replace`, which does not know the lean classes of an agent's process."""
+    def _replaced(self, **changes: int) -> Settings:
+        """Does the work of `dataclasses.replace`, which does not know the lean classes of an agent's process."""
         return Settings(*(changes.get(name, getattr(self, name)) for name in self.__match_args__))
 
 
 @dataclass(frozen=True, slots=True)
 class StoredSettings:
-    """The clock's anchor in agent time, what it read then, and what commands made of the settings."""
+    """The clock's anchor in agent time, its reading then, and the settings after all commands."""
 
     anchor_ms: int
     reading_ms: int
@@ -99,7 +99,7 @@ class SettingsStore:
     """The clock and the settings of a running board."""
 
     def __init__(self, config: BoardConfig, kept: StoredSettings | None, now_ms: int) -> None:
-        """`kept` None: as delivered, the clock set when the aMussel was put into the water, at agent time 0."""
+        """`kept` None is a board as delivered; its clock was set when it was put into the water, at agent time 0."""
         self.kept = kept
         anchor_ms, reading_ms = (0, 0) if kept is None else (kept.anchor_ms, kept.reading_ms)
         self.clock = AlarmClock(Clock(anchor_ms, reading_ms, config.drift_ppb), now_ms)
@@ -109,13 +109,13 @@ class SettingsStore:
         self.clock.set(reading_ms, now_ms)
         self._keep()
 
-    def told(self, command: SleepSchedule | SlotAssignment | SetThreshold, now_ms: int) -> bool:
-        """Whether the command can be obeyed; if so, it is, and kept."""
-        settings = self.settings.told(command)
+    def apply(self, command: SleepSchedule | SlotAssignment | SetThreshold, now_ms: int) -> bool:
+        """Applies and stores the command; returns False if it is impossible."""
+        settings = self.settings.changed_by(command)
         if settings is None:
             return False
         self.settings = settings
-        self.clock.pass_over(now_ms)  # another period's alarms begin now
+        self.clock.pass_over(now_ms)  # the alarms of the new period begin now
         self._keep()
         return True
 

@@ -1,11 +1,11 @@
-"""States that mean the same to whoever looks at a board from outside: its host, the mission, the records."""
+"""Groups of states that mean the same to the code outside a board: its host, the mission, the records."""
 
 from __future__ import annotations
 
 from firmware_model.states import State
 
 DOCKED = frozenset({State.CHARGING, State.REPORTING})
-"""A dock holds it, and the board knows."""
+"""A dock holds the aMussel, and the board has detected the contact."""
 
 AT_WORK = frozenset(
     {
@@ -19,16 +19,16 @@ AT_WORK = frozenset(
         State.HOVERING,
     }
 )
-"""Under water with its primary battery in use: what it is there for, asleep between two samples or not."""
+"""Under water with its primary battery in use, doing its work; also asleep between two samples."""
 
 STRANDED = frozenset({State.EMPTY, State.CALLING})
-"""On the bottom with the primary battery empty: it measures nothing, but it can be told to surface."""
+"""On the bottom with the primary battery empty: it measures nothing, but it takes a permission to surface."""
 
 UP_AND_UNDOCKED = frozenset({State.FLOATING, State.RELEASED})
-"""At the surface, held by nothing."""
+"""At the surface, not in a dock."""
 
 TO_BE_FETCHED = AT_WORK | STRANDED | {State.SURFACING, State.FLOATING}
-"""An aPad that goes there and permits it to surface finds it: it hears the permission, if not at once, or is up already."""
+"""An aPad that goes there can fetch it: it receives the permission to surface, if not at once, or is up already."""
 
 BEYOND_HELP = frozenset({State.LOST})
-"""It can no longer surface, and will never say another word."""
+"""It can no longer surface, and will never transmit again."""

@@ -1,7 +1,7 @@
-"""The states of the MU board and the ONE table that moves them.
+"""The states of the MU board and the ONE transition table.
 
-Two rules: a pair that is missing from `TABLE` is refused, which the board counts and survives; nothing else in the
-firmware assigns a state.
+Two rules: the board refuses a pair that is missing from `TABLE`, counts it, and goes on; nothing else in the firmware
+assigns a state.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ class State(IntEnum):
     CHARGING = 5
     """Docked: the charger's pin is high."""
     RELEASED = 6
-    """The pin fell; waiting for the word that it is clear to sink."""
+    """The pin fell; waiting for the aPad's release packet."""
     SINKING = 7
     EMPTY = 8
-    """On the bottom with the active battery at 0: not measuring, listening on the backup battery."""
+    """On the bottom with the primary battery at 0: not measuring, listening on the backup battery."""
     SLEEPING = 9
     """Deep sleep on the bottom: the clock, the modem, the charger's pin and the battery monitor wake it."""
     SAMPLING = 10
@@ -36,13 +36,13 @@ class State(IntEnum):
     HOVERING = 14
     """Held at a depth by runs of the buoyancy motors."""
     REPORTING = 15
-    """Docked, and awake for as long as a report takes."""
+    """Docked and awake for a report."""
     CALLING = 16
-    """On the bottom at the backup battery's safe level, sending its status; between its calls it is EMPTY and listens."""
+    """On the bottom at the backup battery's safe level, sending its status; between calls it is EMPTY and listens."""
     LOST = 17
     """Both batteries are at 0: it can no longer surface."""
     AWAITING_BEACON = 18
-    """Its clock may be off by more than the guard: it does not speak, and listens for an aPad's time."""
+    """Its clock may be off by more than the guard: it does not transmit, and listens for an aPad's time."""
 
 
 class Trigger(IntEnum):
@@ -56,11 +56,11 @@ class Trigger(IntEnum):
     CHARGE_EDGE_ROSE = 6
     CHARGE_EDGE_FELL = 7
     CLEAR_TO_SINK = 8
-    """The aPad's release packet was received, or the stated wait for it is over."""
+    """The board received the aPad's release packet, or the stated wait for it is over."""
     FLOAT_TIMED_OUT = 9
     BOTTOM_REACHED = 10
     BATTERY_EMPTIED = 11
-    """The primary battery: the board now lives on its backup."""
+    """The primary battery is empty: the backup now feeds the board."""
     ALARM_RANG = 12
     WAKE_OVER = 13
     SAMPLES_TO_PROCESS = 14
@@ -68,7 +68,7 @@ class Trigger(IntEnum):
     PROCESSED = 16
     SLOT_OPENED = 17
     PING_HEARD = 18
-    """An aPad asks how it is. It answers, and goes on with what it was doing: the state is not entered anew."""
+    """An aPad asks for a status. The board answers and stays in its state: it does not enter the state again."""
     HOVER_TOLD = 19
     HOVER_DUE = 20
     """The depth is corrected by another motor run."""
@@ -76,18 +76,18 @@ class Trigger(IntEnum):
     LAST_RESORT_SURFACE = 22
     BOTH_EMPTIED = 23
     LOW_LEVEL_REACHED = 24
-    """The primary battery is down to the level at which a sleeper wakes."""
+    """The primary battery is down to the level at which a sleeping board wakes."""
     CLOCK_DOUBTED = 25
-    """It may be off by more than the guard of the timeslot."""
+    """The clock may be off by more than the guard of the timeslot."""
     BEACON_HEARD = 26
     SINK_TOLD = 27
-    """By an aPad, which wants it to go down and stay there."""
+    """An aPad orders it to sink and stay on the bottom."""
 
 
 _S, _T = State, Trigger
 
-# A reset on the way up or down boots as if on the bottom; the pressure sensor then says what is so, which is why every
-# state on the bottom takes SURFACE_REACHED, and a charger's edge. While it transmits it hears nothing.
+# A board that was reset on its way up or down boots as if on the bottom; then the pressure sensor shows where it is.
+# So every state on the bottom takes SURFACE_REACHED and a charger's edge. A transmitting board receives nothing.
 _BOTTOM = (
     _S.ACTIVE,
     _S.EMPTY,
@@ -121,7 +121,7 @@ TABLE: dict[tuple[State, Trigger], State] = {
     (_S.AWAITING_BEACON, _T.BEACON_HEARD): _S.AWAITING_SLOT,
     (_S.AWAITING_BEACON, _T.WAKE_OVER): _S.SLEEPING,
     (_S.TRANSMITTING, _T.WAKE_OVER): _S.SLEEPING,
-    # Asked how it is, wherever its modem is in the water and not busy sending.
+    # A ping reaches it wherever its modem is in the water and not transmitting.
     **{(state, _T.PING_HEARD): state for state in _ANSWERING},
     # Up, docked, released and down.
     **{(state, _T.PERMISSION_HEARD): _S.SURFACING for state in (*_LISTENING, _S.SINKING, _S.HOVERING)},
@@ -134,18 +134,18 @@ TABLE: dict[tuple[State, Trigger], State] = {
     (_S.REPORTING, _T.WAKE_OVER): _S.CHARGING,
     (_S.REPORTING, _T.CHARGE_EDGE_FELL): _S.RELEASED,
     (_S.RELEASED, _T.CLEAR_TO_SINK): _S.SINKING,
-    # The motors had run to sink while the dock held it: it sank as soon as it was let go.
+    # The motors had run to sink while the dock held it: it sank as soon as the dock released it.
     (_S.RELEASED, _T.BOTTOM_REACHED): _S.ACTIVE,
     (_S.SINKING, _T.BOTTOM_REACHED): _S.ACTIVE,
     **{(state, _T.SINK_TOLD): _S.SINKING for state in (_S.SURFACING, _S.FLOATING, _S.RELEASED, _S.HOVERING)},
-    # Held at a depth.
+    # Hovering at a depth.
     (_S.ACTIVE, _T.HOVER_TOLD): _S.HOVERING,
     (_S.SLEEPING, _T.HOVER_TOLD): _S.HOVERING,
     (_S.HOVERING, _T.HOVER_TOLD): _S.HOVERING,
     (_S.HOVERING, _T.HOVER_DUE): _S.HOVERING,
     (_S.HOVERING, _T.CLEAR_TO_SINK): _S.SINKING,
-    # Emergency. At the low level a sleeper wakes out of its turn; its wake then goes on as any other. Under way it goes on
-    # with what it was doing, on the other battery.
+    # Emergency. At the low level a sleeping board wakes before its alarm; then the wake runs as any other. On the way up
+    # or down it continues on the other battery.
     **{(state, _T.BATTERY_EMPTIED): _S.EMPTY for state in _BOTTOM if state not in (_S.EMPTY, _S.CALLING)},
     (_S.HOVERING, _T.BATTERY_EMPTIED): _S.SINKING,
     (_S.SLEEPING, _T.LOW_LEVEL_REACHED): _S.SAMPLING,
@@ -161,7 +161,7 @@ class Refused(ValueError):
 
 
 def next_state(state: State, trigger: Trigger) -> State:
-    """The table's answer; raises Refused before anything has changed."""
+    """The next state by `TABLE`; raises Refused before anything has changed."""
     found = TABLE.get((state, trigger))
     if found is None:
         raise Refused(f"{state.name} does not take {trigger.name}")

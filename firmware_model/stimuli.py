@@ -14,7 +14,7 @@ class ResetCause(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class PowerCameOn:
-    """The MCU left reset. `at_surface` is the pressure sensor's word, `pin_high` the charger pin's level."""
+    """The MCU left reset. `at_surface` comes from the pressure sensor, `pin_high` is the charger pin's level."""
 
     cause: ResetCause
     at_surface: bool
@@ -44,7 +44,7 @@ class PacketHeard:
 
 @dataclass(frozen=True, slots=True)
 class ModemSpoke:
-    """The modem began to send something of its own accord, without the board: the answer to a ping for its range."""
+    """The modem began to transmit by itself, without the board: the answer to a ping for its range."""
 
     lasting_ms: int
 

@@ -1,8 +1,8 @@
 """The numbers of an aMussel's power, and the row of the paper's Table I that each was fitted to.
 
-Everything is scaled voltage a simulated minute, as in the paper, which measured nothing else. Six rows stand against
-four parameters fitted here (`FITTED`); equations (1) and (2) are the paper's own fits, and what Table I cannot tell
-apart (`ASSUMED`) was taken from data sheets, for a battery of 7400 mWh.
+Everything is scaled voltage a simulated minute, as in the paper, which measured nothing else. Four parameters are fitted
+here (`FITTED`), against six rows. Equations (1) and (2) are the paper's own fits. Values that Table I cannot distinguish
+(`ASSUMED`) come from data sheets, for a battery of 7400 mWh.
 """
 
 from __future__ import annotations
@@ -28,13 +28,13 @@ REFERENCE_MWH = 7400.0
 
 
 def _milliwatts(power_mw: float) -> float:
-    """As scaled voltage a minute of the reference battery."""
+    """The power as scaled voltage a minute of the reference battery."""
     return round(power_mw / REFERENCE_MWH / 60, 10)
 
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
-    """A number of the model, where it comes from, and the row of Table I that it was fitted to."""
+    """A number of the model, its source, and the row of Table I that it was fitted to."""
 
     name: str
     value: float
@@ -107,7 +107,7 @@ METERED = (
     Parameter("monitor_period", 10, "s", "cheap enough for deep sleep"),
     Parameter("monitor_settle", 120, "s", "twice a motor run, which pulls the voltage down most"),
 )
-"""Of the battery monitor, where one is asked for (`METERING`)."""
+"""The parameters of the optional battery monitor (`METERING`)."""
 _FITTED = {parameter.name: parameter.value for parameter in FITTED}
 _ASSUMED = {parameter.name: parameter.value for parameter in ASSUMED}
 _METERED = {parameter.name: parameter.value for parameter in METERED}
@@ -137,7 +137,7 @@ WORST_CASE = ChargeModel.from_minutes(EQUATION_1, EQUATION_2)
 """The paper's experiments (section IV-A): one battery, one load, the secondary's charging curve."""
 _CELL_MV = 3700
 _RANGE_MV = FULL_MV - EMPTY_MV
-# A milliwatt is 1 / 3700 A: so many millivolts across the resistance, beside so many grains a millisecond.
+# A milliwatt is 1 / 3700 A: the ratio of millivolts across the resistance to grains a millisecond.
 _SAG_MS = round(
     _METERED["internal_resistance"] * 1000 / _CELL_MV * FULL / _RANGE_MV / (FULL / REFERENCE_MWH / _HOUR_MS)
 )
@@ -149,7 +149,7 @@ METERING = Metering(
     lift=round(_METERED["lift"] * FULL / _RANGE_MV),
     noise=round(_METERED["noise"] * FULL / _RANGE_MV),
 )
-"""A monitor that has to tell charge from voltage. Table I holds with it too."""
+"""A monitor that infers charge from voltage. Table I holds with it too."""
 _ONE_COIL = tuple((grains(end), grains_per_ms(rate)) for end, rate in EQUATION_2)
 MODEL = ChargeModel(
     discharge=0,
@@ -173,7 +173,7 @@ FIELD = Cycle(
 """Wakes of several minutes, as in Fig. 4 a: sample, process a little, await the timeslot, transmit."""
 
 CYCLES = {"never": None, "hourly": HOURLY, "field": FIELD}
-"""By the names that scripts and tests use."""
+"""The cycles by the names that scripts and tests use."""
 
 
 def power(

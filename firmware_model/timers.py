@@ -1,4 +1,4 @@
-"""How long a whole board stays in a state by itself, and what ends it."""
+"""The deadlines of a whole board's states, and the triggers that they fire."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from firmware_model.settings import Settings, SettingsStore
 from firmware_model.states import State, Trigger
 
 Deadline = tuple[int, Trigger]
-"""When a state ends by itself, and what that means."""
+"""The time at which a state ends by itself, and the trigger that it fires."""
 
 
-def full_deadline(state: State, whole: FullFirmware, keeper: SettingsStore, now_ms: int) -> Deadline | None:
-    """For what only the whole firmware has, the last resort apart; the state was entered at `now_ms`."""
-    settings, clock = keeper.settings, keeper.clock
+def full_deadline(state: State, whole: FullFirmware, store: SettingsStore, now_ms: int) -> Deadline | None:
+    """The deadlines that only the whole firmware has, except the last resort's; `state` was entered at `now_ms`."""
+    settings, clock = store.settings, store.clock
     if state is State.HOVERING:
         return now_ms + whole.hover_ms, Trigger.HOVER_DUE
     if state in (State.TRANSMITTING, State.CALLING):
@@ -31,10 +31,10 @@ def full_deadline(state: State, whole: FullFirmware, keeper: SettingsStore, now_
         case State.REPORTING:
             return now_ms + whole.cycle.report_ms, Trigger.WAKE_OVER
         case State.PROCESSING:
-            after = Trigger.PROCESSED if settings.has_slot else Trigger.WAKE_OVER
+            after = Trigger.PROCESSED if settings.has_timeslot else Trigger.WAKE_OVER
             return now_ms + whole.cycle.processing_ms, after
         case State.AWAITING_SLOT:
-            return _slot(whole, settings, clock, now_ms)
+            return _timeslot_deadline(whole, settings, clock, now_ms)
         case State.AWAITING_BEACON:
             assert whole.timekeeping is not None
             return now_ms + whole.timekeeping.beacon_wait_ms, Trigger.WAKE_OVER
@@ -44,13 +44,13 @@ def full_deadline(state: State, whole: FullFirmware, keeper: SettingsStore, now_
 def _after_sampling(cycle: Cycle, settings: Settings) -> Trigger:
     if cycle.processing_ms:
         return Trigger.SAMPLES_TO_PROCESS
-    return Trigger.SAMPLES_TO_SEND if settings.has_slot else Trigger.WAKE_OVER
+    return Trigger.SAMPLES_TO_SEND if settings.has_timeslot else Trigger.WAKE_OVER
 
 
-def _slot(whole: FullFirmware, settings: Settings, clock: AlarmClock, now_ms: int) -> Deadline:
-    """The slot's opening by the board's clock; or now, if the clock may then be off by more than the guard."""
-    speaks_at_ms = settings.speaks_at_ms(clock.reading_at(now_ms))
-    at_ms = max(now_ms, clock.clock.when(speaks_at_ms))
+def _timeslot_deadline(whole: FullFirmware, settings: Settings, clock: AlarmClock, now_ms: int) -> Deadline:
+    """The board's transmission time by its clock; or now, if the clock may then be off by more than the guard."""
+    transmits_at_ms = settings.transmits_at_ms(clock.reading_at(now_ms))
+    at_ms = max(now_ms, clock.clock.when(transmits_at_ms))
     timekeeping = whole.timekeeping
     if timekeeping is not None and clock.clock.doubt_ms(at_ms, timekeeping.bound_ppb) > settings.guard_ms:
         return now_ms, Trigger.CLOCK_DOUBTED
@@ -60,7 +60,7 @@ def _slot(whole: FullFirmware, settings: Settings, clock: AlarmClock, now_ms: in
 def last_resort(
     whole: FullFirmware, batteries: PowerPath, last_ms: int | None, stays_down_until_ms: int, now_ms: int
 ) -> Deadline | None:
-    """For the state EMPTY; `last_ms` is when the last resort was last taken since the charger was last seen."""
+    """The deadline of EMPTY; `last_ms` is the time of the latest last resort since the charger was last seen."""
     action = whole.power.last_resort
     if action is LastResort.WAIT or batteries.safe_ms is None:
         return None

@@ -37,7 +37,7 @@ from firmware_model.states import TABLE, State, Trigger
 from firmware_model.timers import Deadline, full_deadline, last_resort
 
 _EMPTIED = {ActiveBattery.SECONDARY: Trigger.BATTERY_EMPTIED, ActiveBattery.NEITHER: Trigger.BOTH_EMPTIED}
-_BY_THE_CLOCK = (State.SLEEPING, State.CHARGING, State.AWAITING_SLOT)
+_CLOCK_STATES = (State.SLEEPING, State.CHARGING, State.AWAITING_SLOT)
 _NOT_SENT = "a status: no beacon came, and the clock may be off by more than the guard"
 _OFFSETS_MS = (-(1 << 31), (1 << 31) - 1)
 
@@ -56,11 +56,11 @@ class WholeBoard(Board):
         now_ms: int,
         kept: StoredSettings | None = None,
     ) -> None:
-        """`kept` is what a reset left of the clock and the settings; without it they are as delivered."""
+        """`kept` holds the clock and the settings that outlived a reset; without it they are as delivered."""
         super().__init__(config, codec, primary, secondary, now_ms)
         assert config.whole is not None
         self._whole: FullFirmware = config.whole
-        self._keeper = SettingsStore(config, kept, now_ms)
+        self._store = SettingsStore(config, kept, now_ms)
         self._batteries = PowerPath(
             config.charge,
             config.whole.power,
@@ -68,7 +68,7 @@ class WholeBoard(Board):
             secondary,
             now_ms,
             config.agent_id,
-            self._keeper.settings.levels,
+            self._store.settings.levels,
         )
         self._switches = Switchboard(config.whole, self._batteries)
         self._last_resort_ms: int | None = None
@@ -90,18 +90,18 @@ class WholeBoard(Board):
 
     @property
     def kept(self) -> StoredSettings | None:
-        return self._keeper.kept
+        return self._store.kept
 
     @property
     def clock_offset_ms(self) -> int:
         low_ms, high_ms = _OFFSETS_MS
-        return max(low_ms, min(high_ms, self._keeper.clock.corrected_ms))
+        return max(low_ms, min(high_ms, self._store.clock.corrected_ms))
 
     def clock_ms(self, now_ms: int) -> int:
-        return self._keeper.clock.reading_at(now_ms)
+        return self._store.clock.reading_at(now_ms)
 
     def _next(self) -> tuple[int | None, int]:
-        """As in `Board`; 1 the batteries, 2 a pulse, 4 an answer."""
+        """Adds to the numbers of `Board`: 1 the batteries, 2 a pulse, 4 an answer."""
         due_ms, which = self._pin.next_due_ms, 0
         deadline_ms = None if self._deadline is None else self._deadline[0]
         dues = self._batteries.due_ms, self._switches.due_ms, deadline_ms, self._answers_ms
@@ -120,7 +120,7 @@ class WholeBoard(Board):
             return self._answer(now_ms)
         return super()._fire(which, now_ms)
 
-    def _time_is_up(self, trigger: Trigger) -> list[Action]:
+    def _deadline_reached(self, trigger: Trigger) -> list[Action]:
         actions: list[Action] = []
         match self.state:
             case State.SAMPLING:
@@ -131,26 +131,26 @@ class WholeBoard(Board):
             case Trigger.LAST_RESORT_CALL | Trigger.LAST_RESORT_SURFACE:
                 self._last_resort_ms = self._now_ms
             case Trigger.ALARM_RANG:
-                self._keeper.clock.rang(self._keeper.settings.alarm_ms)
-        return actions + super()._time_is_up(trigger)
+                self._store.clock.rang(self._store.settings.alarm_ms)
+        return actions + super()._deadline_reached(trigger)
 
-    def _wire(self, high: bool, noticed: bool) -> list[Action]:
-        """The chargers need no firmware: they run for as long as the pin is high."""
-        return super()._wire(high, noticed) + self._set_rails()
+    def _pin_changed(self, high: bool, noticed: bool) -> list[Action]:
+        """Also switches the chargers, which need no firmware and run for as long as the pin is high."""
+        return super()._pin_changed(high, noticed) + self._set_rails()
 
-    def _hear(self, data: bytes) -> list[Action]:
+    def _packet_received(self, data: bytes) -> list[Action]:
         if not self.hears:
             return [Dropped(self._now_ms, "the modem is not listening")]
         self._switches.pulse(Rail.MODEM_RECEIVING, self._now_ms + self._whole.power.receive_ms)
-        return self._set_rails() + super()._hear(data)
+        return self._set_rails() + super()._packet_received(data)
 
     def _modem_sends(self, lasting_ms: int) -> list[Action]:
-        """The board sleeps on, but its battery pays; and a modem that sends hears nothing."""
+        """The board sleeps on, but the modem draws its load; while it transmits it receives nothing."""
         self._switches.pulse(Rail.MODEM_TRANSMITTING, self._now_ms + lasting_ms)
         return [*self._set_rails()]
 
     def _pinged(self) -> list[Action]:
-        """Wakes, if it sleeps, for as long as an answer takes; its state and what that waits for stay as they are."""
+        """Wakes a sleeping board for as long as an answer takes; its state and its deadline stay as they are."""
         if self._answers_ms is not None:
             return [Dropped(self._now_ms, "a ping before the last one was answered")]
         self._answers_ms = self._now_ms + self._whole.turnaround_ms
@@ -163,17 +163,17 @@ class WholeBoard(Board):
             return [Dropped(now_ms, f"an answer: it is {self.state.name} by now")]
         return [*self._modem_sends(self._whole.answer_ms), SendAnswer(now_ms)]
 
-    def _obey(self, command: Command) -> list[Action]:
+    def _execute(self, command: Command) -> list[Action]:
         now_ms = self._now_ms
         match command:
             case Beacon(_, agent_ms):
                 return self._set_clock(agent_ms)
             case SleepSchedule() | SlotAssignment() | SetThreshold():
-                return self._set(command)
+                return self._change_setting(command)
             case LogAck(_, next_sequence):
-                return self._keep_uploading(DropLog(now_ms, next_sequence))
+                return self._extend_report(DropLog(now_ms, next_sequence))
         if command.kind is Kind.BACK_UP_LOG:
-            return self._keep_uploading(SendLog(now_ms))
+            return self._extend_report(SendLog(now_ms))
         if (self.state, TRIGGERS[command.kind]) in TABLE:
             if isinstance(command, HoverAt):
                 self._hover_mm = round(command.depth_m * 1000)
@@ -181,50 +181,50 @@ class WholeBoard(Board):
                 self._hover_mm = None
             elif command.kind is Kind.SINK:
                 self._stays_down_until_ms = now_ms + self._whole.stay_down_ms
-        return super()._obey(command)
+        return super()._execute(command)
 
     def _set_clock(self, agent_ms: int) -> list[Action]:
-        self._keeper.set_clock(agent_ms, self._now_ms)
-        self._go_by_the_clock()
-        return self._pull_if_taken(Trigger.BEACON_HEARD)
+        self._store.set_clock(agent_ms, self._now_ms)
+        self._renew_clock_deadline()
+        return self._apply_if_allowed(Trigger.BEACON_HEARD)
 
-    def _set(self, command: SleepSchedule | SlotAssignment | SetThreshold) -> list[Action]:
-        if not self._keeper.told(command, self._now_ms):
+    def _change_setting(self, command: SleepSchedule | SlotAssignment | SetThreshold) -> list[Action]:
+        if not self._store.apply(command, self._now_ms):
             return [Dropped(self._now_ms, f"a {command.kind.name} that cannot be")]
         if isinstance(command, SetThreshold):
-            self._batteries.set_levels(self._keeper.settings.levels, self._now_ms)
-        self._go_by_the_clock()
+            self._batteries.set_levels(self._store.settings.levels, self._now_ms)
+        self._renew_clock_deadline()
         return []
 
-    def _go_by_the_clock(self) -> None:
-        if self.state in _BY_THE_CLOCK:
+    def _renew_clock_deadline(self) -> None:
+        if self.state in _CLOCK_STATES:
             self._deadline = self._deadline_of(self.state, self._now_ms)
 
-    def _keep_uploading(self, action: Action) -> list[Action]:
-        """A docked board stays awake for as long as somebody takes its log."""
+    def _extend_report(self, action: Action) -> list[Action]:
+        """A docked board stays awake for as long as an aPad takes its log."""
         if not self.has_wifi:
             return [Dropped(self._now_ms, "Wi-Fi is off")]
         if self.state is State.REPORTING:
             self._deadline = self._deadline_of(self.state, self._now_ms)
         return [action]
 
-    def _edge(self, edge: Edge) -> list[Action]:
+    def _pin_edge(self, edge: Edge) -> list[Action]:
         if edge is Edge.ROSE and self.state not in (State.OFF, State.BOOTING):
             self._last_resort_ms = None
-        return super()._edge(edge)
+        return super()._pin_edge(edge)
 
     def _level_reached(self, now_ms: int) -> list[Action]:
-        """Whatever the batteries came to."""
+        """Takes a level that the batteries reached."""
         level, feed = self._batteries.due(now_ms), self._batteries.feed
         match level:
             case Level.EMPTIED:
-                return [FeedFrom(now_ms, feed), *self._pull_if_taken(_EMPTIED[feed])]
+                return [FeedFrom(now_ms, feed), *self._apply_if_allowed(_EMPTIED[feed])]
             case Level.SWITCH_BACK:
                 return [FeedFrom(now_ms, feed)]
             case Level.SAFE_LEVEL if self.state is State.EMPTY:
                 self._deadline = self._deadline_of(self.state, now_ms)
             case Level.LOW_LEVEL:
-                return self._pull_if_taken(Trigger.LOW_LEVEL_REACHED)
+                return self._apply_if_allowed(Trigger.LOW_LEVEL_REACHED)
         return []
 
     def _motors(self) -> RunBuoyancy:
@@ -233,13 +233,13 @@ class WholeBoard(Board):
         return RunBuoyancy(run.at_ms, run.to, self._hover_mm) if self.state is State.HOVERING else run
 
     def _power(self) -> list[Action]:
-        self._keeper.clock.pass_over(self._now_ms)
+        self._store.clock.pass_over(self._now_ms)
         return self._set_rails()
 
     def _set_rails(self) -> list[Action]:
         switched = self._switches.switch(self.state, self._pin.wire_high, self._now_ms)
         if self.state is State.EMPTY:
-            # A charger that touched it lifts it off its safe level.
+            # A short contact with a charger ends the safe level.
             self._deadline = self._deadline_of(self.state, self._now_ms)
         return [*switched]
 
@@ -253,7 +253,7 @@ class WholeBoard(Board):
             return now_ms, Trigger.BOTH_EMPTIED
         match state:
             case State.FLOATING if self._last_resort_ms is not None:
-                return None  # one that came up for its life does not go down again by itself
+                return None  # after a last resort to the surface it does not sink again by itself
             case State.BOOTING | State.FLOATING | State.RELEASED:
                 return super()._deadline_of(state, now_ms)
             case State.ACTIVE if feed is not ActiveBattery.PRIMARY:
@@ -261,4 +261,4 @@ class WholeBoard(Board):
             case State.EMPTY:
                 last_ms, until_ms = self._last_resort_ms, self._stays_down_until_ms
                 return last_resort(self._whole, self._batteries, last_ms, until_ms, now_ms)
-        return full_deadline(state, self._whole, self._keeper, now_ms)
+        return full_deadline(state, self._whole, self._store, now_ms)

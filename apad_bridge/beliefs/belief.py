@@ -1,4 +1,4 @@
-"""What the supervisor thinks of one aMussel. The mission and the planner are built from these alone."""
+"""The supervisor's estimate of one aMussel. The mission and the planner are built from beliefs alone."""
 
 from __future__ import annotations
 
@@ -12,21 +12,21 @@ from firmware_model.states import State
 
 
 class Source(IntFlag):
-    """What a belief was learned from since the newest packet, that one included."""
+    """Information that a belief contains since the newest packet, that packet included."""
 
     PACKET = 1
     SILENCE = 2
-    """Slots went by in which a packet was due."""
+    """Timeslots passed in which a packet was due."""
     DOCKING = 4
     RELEASE = 8
     RANGE = 16
     SCHEDULE = 32
-    """The schedule that was commanded last says what the aMussel does."""
+    """The activity follows from the schedule that was commanded last."""
 
 
 @dataclass(frozen=True, slots=True)
 class Clock:
-    """The aMussel's clock against its nominal agent time: ahead by `offset_ms`, gaining `drift_ppm`; their covariance."""
+    """An aMussel's clock against its nominal agent time: ahead by `offset_ms`, gaining `drift_ppm`; their covariance."""
 
     offset_ms: float = 0.0
     drift_ppm: float = 0.0
@@ -43,8 +43,8 @@ EXACT = (0.0, 0.0, 0.0)
 class Belief:
     """An estimate for the mission time `at_ms`; charges are the paper's scaled voltage in [0, 1].
 
-    `heard_ms` is the mission time of the newest packet, and `state` what it said. An estimator that claims to be certain
-    leaves everything below `east_m` as it is.
+    `heard_ms` is the mission time of the newest packet, and `state` is the state in that packet. An estimator that claims
+    to be certain leaves every field after `east_m` at its default.
     """
 
     agent_id: int
@@ -55,21 +55,21 @@ class Belief:
     north_m: float
     east_m: float
     carried_ms: int = 0
-    """How far past `heard_ms` the estimate was carried."""
+    """The time past `heard_ms` over which the estimate was predicted."""
     charge_cov: tuple[float, float, float] = EXACT
     """Variance of the primary, covariance, variance of the secondary."""
     place_cov: tuple[float, float, float] = EXACT
     """Variance north, covariance, variance east; square metres."""
     mode_probabilities: tuple[float, ...] = ()
-    """In the order of `Mode`; empty when `state` is simply believed."""
+    """One probability for each `Mode`, in its order; empty when the estimator takes `state` as certain."""
     clock: Clock = EXACT_CLOCK
     learned_from: Source = Source.PACKET
     silent_timeslots: int = 0
-    """Slots since the newest packet in which one was due and none was heard."""
+    """Timeslots since the newest packet in which a packet was due and none was received."""
     parts: tuple[Part, ...] = ()
-    """The primary charge as a mixture, before its ends at 0 and 1; empty for one Gaussian."""
-    memory: object = field(default=None, compare=False, repr=False)
-    """The estimator's own; nobody else looks into it."""
+    """The primary charge as a mixture, not yet clamped to 0 and 1; empty for one Gaussian."""
+    estimator_state: object = field(default=None, compare=False, repr=False)
+    """Private to the estimator."""
 
     @property
     def at_ms(self) -> int:
@@ -81,24 +81,24 @@ class Belief:
 
     @property
     def is_carried(self) -> bool:
-        """An estimator stands behind it that goes on without packets; otherwise it is worth what its newest packet is."""
+        """True if the estimator predicts between packets; otherwise the belief is only as good as its newest packet."""
         return bool(self.mode_probabilities)
 
     @property
     def mode(self) -> Mode:
-        """The most probable one; the first of several."""
+        """The most probable mode; the first of several equally probable ones."""
         if not self.mode_probabilities:
             return mode_of(self.state, self.primary, self.secondary)
         return Mode(max(range(len(Mode)), key=self.mode_probabilities.__getitem__))
 
     def probability_of(self, *modes: Mode) -> float:
-        """That it is in one of `modes`."""
+        """The probability that the aMussel is in one of `modes`."""
         if not self.mode_probabilities:
             return float(self.mode in modes)
         return math.fsum(self.mode_probabilities[mode] for mode in modes)
 
     def probability_at_most(self, charge: float) -> float:
-        """That the primary battery holds `charge` or less."""
+        """The probability that the primary battery holds `charge` or less."""
         return below(self._mixture, charge)
 
     def charge_interval(self, share: float = 0.95) -> tuple[float, float]:

@@ -1,7 +1,8 @@
-"""What a twin's filter estimates of one aMussel's power, and how it moves: seven numbers, learned together.
+"""The state vector of a twin's power filter, with its prediction and its update: seven numbers, estimated together.
 
-Both charges at the anchor; the drain, relative to the nominal kind's; and four voltage biases, for a sensor reads low
-under a load and high on a charger. Drain and biases differ between aMussels and are learned while one is heard.
+The numbers are both charges at the anchor; the drain, relative to the nominal kind's; and four voltage biases, because a
+sensor reads low under a load and high on a charger. Drain and biases differ between aMussels; the filter learns them from
+packets.
 """
 
 from __future__ import annotations
@@ -15,23 +16,23 @@ from filterpy.kalman import predict, update
 from numpy.typing import NDArray
 
 from apad_bridge.beliefs.knowledge import Knowledge, Sensor
-from apad_bridge.beliefs.load import Spent
-from apad_bridge.beliefs.mixture import held, inside, normal_cdf, normal_pdf, truncated
+from apad_bridge.beliefs.mixture import clamped, inside, normal_cdf, normal_pdf, truncated
 from apad_bridge.beliefs.modes import Mode
+from apad_bridge.beliefs.spent_charge import Spent
 
 Array = NDArray[np.float64]
 PRIMARY, SECONDARY, DRAIN, ASLEEP, AWAKE, HIGH, CHARGING = range(7)
 SIZE = 7
 _UNKNOWN_SD = 0.6
-"""Of a charge of which nothing is known: wider than [0, 1], so that the first packet alone decides."""
-_UNREAD = 1e4
-"""The variance of a reading at the end of its scale that says nothing: what is expected lies far beyond."""
+"""Deviation of an unknown charge: wider than [0, 1], so that the first packet alone decides."""
+_UNINFORMATIVE = 1e4
+"""Variance of an uninformative reading at the end of its scale: the expected value lies far beyond that end."""
 _NEAR_FULL = 2.5
-"""Of noise's deviations below the full voltage, a reading may be one of a voltage that is held there."""
+"""A reading within so many noise deviations of the full voltage may come from a voltage that the charger holds there."""
 _CERTAIN = 1e-16
-"""A variance of nothing but rounding."""
-_KEPT = 4
-_ALIKE = 0.01
+"""A smaller variance is only rounding."""
+_MAX_ANCHORS = 4
+_ALIKE_TOLERANCE = 0.01
 _BIAS_OF = {
     Mode.ASLEEP: ASLEEP,
     Mode.IDLE: AWAKE,
@@ -46,15 +47,15 @@ _BIAS_OF = {
 
 
 class Anchor(NamedTuple):
-    """The state at a time when something was learned, as one of several Gaussians."""
+    """The state at the time of the last measurement or docking event, as one of several Gaussians."""
 
     weight: float
     mean: Array
     cov: Array
 
 
-def _reading(mode: Mode) -> Array:
-    """How the two measured charges come from the state: a load pulls at the primary alone, a charger lifts both."""
+def _measurement_matrix(mode: Mode) -> Array:
+    """The 2 x 7 matrix from the state to the two measured charges: a load biases the primary alone, a charger both."""
     bias = _BIAS_OF[mode]
     reading = np.zeros((2, SIZE))
     reading[0, PRIMARY] = reading[1, SECONDARY] = reading[0, bias] = 1.0
@@ -63,19 +64,19 @@ def _reading(mode: Mode) -> Array:
     return reading
 
 
-_READINGS = {mode: _reading(mode) for mode in Mode}
+_MEASUREMENT_MATRICES = {mode: _measurement_matrix(mode) for mode in Mode}
 _IDENTITY = np.eye(SIZE)
 
 
-def unmeasured(knowledge: Knowledge) -> tuple[Array, Array]:
+def prior_state(knowledge: Knowledge) -> tuple[Array, Array]:
     sensor = knowledge.sensor
     mean = np.array([0.5, 0.5, 1.0, *sensor.bias])
     sds = (_UNKNOWN_SD, _UNKNOWN_SD, knowledge.drain_deviation, *sensor.bias_deviation)
     return mean, np.diag(np.square(sds))
 
 
-def wandering(knowledge: Knowledge, elapsed_ms: int) -> Array:
-    """Process noise: the drain of an ageing battery wanders."""
+def process_noise(knowledge: Knowledge, elapsed_ms: int) -> Array:
+    """The 7 x 7 process noise: the drain of an ageing battery does a random walk."""
     noise = np.zeros((SIZE, SIZE))
     noise[DRAIN, DRAIN] = knowledge.ageing_per_day**2 * elapsed_ms / 86_400_000
     return noise
@@ -84,9 +85,9 @@ def wandering(knowledge: Knowledge, elapsed_ms: int) -> Array:
 def discharged(
     mean: Array, cov: Array, spent: Spent, from_secondary: tuple[float, float], noise: Array
 ) -> tuple[Array, Array]:
-    """The state after the primary gave `spent`, times its drain; (mean, variance) went out of the secondary.
+    """The state after the primary gave `spent` times its drain, and the secondary gave (mean, variance).
 
-    Not yet held at 0. Raises nothing: a charge below 0 is one that would have run out.
+    The charges are not yet clamped at 0. Nothing is raised: a charge below 0 means that the battery would have run out.
     """
     transition = _IDENTITY.copy()
     transition[PRIMARY, DRAIN] = -spent[1]
@@ -97,8 +98,10 @@ def discharged(
     return new_mean, new_cov
 
 
-def moved(mean: Array, cov: Array, row: int, to: tuple[float, float], slope: float) -> tuple[Array, Array]:
-    """One number of the state goes to mean and variance `to`; its covariances scale with `slope`."""
+def with_moments(
+    mean: Array, cov: Array, row: int, to: tuple[float, float], slope: float
+) -> tuple[Array, Array]:
+    """Sets one number of the state to mean and variance `to`; its covariances scale with `slope`."""
     mean, cov = mean.copy(), cov.copy()
     cov[row, :] *= slope
     cov[:, row] *= slope
@@ -106,29 +109,35 @@ def moved(mean: Array, cov: Array, row: int, to: tuple[float, float], slope: flo
     return mean, cov
 
 
-def within(mean: Array, cov: Array, after_measuring: bool) -> tuple[Array, Array]:
-    """Both charges held at, or after a measurement cut to, [0, 1]."""
+def bounded(mean: Array, cov: Array, after_measuring: bool) -> tuple[Array, Array]:
+    """Both charges clamped to [0, 1]; after a measurement truncated to [0, 1]."""
     for row in (PRIMARY, SECONDARY):
         before = float(mean[row]), float(cov[row, row])
-        after = truncated(*before) if after_measuring else held(*before)
+        after = truncated(*before) if after_measuring else clamped(*before)
         if after == before:
             continue
         if before[1] < _CERTAIN or after[1] < _CERTAIN:
-            mean, cov = moved(mean, cov, row, (after[0], 0.0), 0.0)
+            mean, cov = with_moments(mean, cov, row, (after[0], 0.0), 0.0)
         elif after_measuring:
-            mean, cov = _told(mean, cov, row, after)
+            mean, cov = _conditioned(mean, cov, row, after)
         else:
-            # What is held moves by its share of cases that are not (Stein's lemma); nothing else is learned.
-            mean, cov = moved(mean, cov, row, after, min(inside(*before), math.sqrt(after[1] / before[1])))
+            # Covariances scale with the probability that the charge is not clamped (Stein's lemma); clamping teaches
+            # nothing about the other numbers.
+            mean, cov = with_moments(
+                mean, cov, row, after, min(inside(*before), math.sqrt(after[1] / before[1]))
+            )
     return mean, cov
 
 
-def _told(mean: Array, cov: Array, row: int, to: tuple[float, float]) -> tuple[Array, Array]:
-    """To know more of one number is to know more of what goes with it: who reads 0.98 twice and holds no more than 1 has
-    learned of a bias too. Given the one number the others are distributed as before."""
+def _conditioned(mean: Array, cov: Array, row: int, to: tuple[float, float]) -> tuple[Array, Array]:
+    """Conditions the state on one number with the new mean and variance `to`; given that number, the others keep their
+    distribution.
+
+    Correlated numbers learn too: a battery that reads 0.98 twice and holds no more than 1 is evidence about a bias.
+    """
     gain = cov[:, row] / cov[row, row]
     known = cov + np.outer(gain, gain) * (to[1] - cov[row, row])
-    # Rounding may leave less than nothing of what was nearly certain.
+    # Rounding may make a variance that was nearly zero negative.
     np.fill_diagonal(known, np.maximum(known.diagonal(), 0.0))
     return mean + gain * (to[0] - mean[row]), known
 
@@ -141,56 +150,63 @@ def measured(
     charges: tuple[float, float],
     offsets: tuple[float, float] = (0.0, 0.0),
 ) -> tuple[Array, Array, float, float]:
-    """The state that knows a packet's two charges, which are read `offsets` too high; with it how probable the packet was
-    (a log density), and by how many deviations the primary's reading surprised."""
-    reading, bias = _READINGS[mode], _BIAS_OF[mode]
+    """Updates the state with a packet's two charges, which read `offsets` too high.
+
+    Returns mean, covariance, the log density of the packet, and the surprise of the primary's reading in deviations.
+    """
+    reading, bias = _MEASUREMENT_MATRICES[mode], _BIAS_OF[mode]
     expected = reading @ mean + offsets
     z = np.array(charges)
     noise = np.diag([sensor.noise**2] * 2)
-    # Not filterpy's own log likelihood: that of its function is the posterior's, which no packet ever contradicts.
+    # filterpy's own log likelihood is not used: its function gives the posterior's, which no packet ever contradicts.
     variance = float(cov[PRIMARY, PRIMARY] + 2 * cov[PRIMARY, bias] + cov[bias, bias] + noise[0, 0])
     surprise = abs(float(z[0] - expected[0])) / math.sqrt(variance)
     on_charger = bias == CHARGING
     top = 1 - _NEAR_FULL * sensor.noise if sensor.saturates and on_charger else 1.0
-    held = [row for row in (0, 1) if on_charger and z[row] >= top]
+    clamped = [row for row in (0, 1) if on_charger and z[row] >= top]
     for row in (0, 1):
         if z[row] <= 0 or z[row] >= top:
             if row == 0 and bool(expected[0] > z[0]) is bool(z[0] > 0):
-                surprise = 0.0  # it was expected beyond the end
-            if row not in held:
+                surprise = 0.0  # the expected value lies beyond the end
+            if row not in clamped:
                 spread = float(reading[row] @ cov @ reading[row])
-                z[row], noise[row, row] = _cut(float(expected[row]), spread, float(z[row]), sensor.noise**2)
-    free = [row for row in (0, 1) if row not in held]
+                z[row], noise[row, row] = _censored(
+                    float(expected[row]), spread, float(z[row]), sensor.noise**2
+                )
+    free = [row for row in (0, 1) if row not in clamped]
     if free:
         mean, cov = update(mean, cov, (z - offsets)[free], noise[np.ix_(free, free)], reading[free])
-    for row in held:
-        mean, cov = _at_least(mean, cov, reading[row], row, float(z[row]) - offsets[row], sensor.noise**2)
+    for row in clamped:
+        mean, cov = _considered_update(
+            mean, cov, reading[row], row, float(z[row]) - offsets[row], sensor.noise**2
+        )
     return mean, cov, -0.5 * (surprise**2 + math.log(variance)), surprise
 
 
-def _at_least(
+def _considered_update(
     mean: Array, cov: Array, reading: Array, charge: int, end: float, noise: float
 ) -> tuple[Array, Array]:
-    """A charger's voltage at the end of its scale says that this battery holds so much, and no more than that.
+    """Updates one charge from a charger's voltage at the end of its scale: the battery holds at least so much.
 
-    Of its lift it says nothing, for a charger holds a full battery's voltage there however much it lifts: learned from
-    such readings, one after the other, the lift would grow out of nothing. So it is considered and not estimated (Schmidt).
+    The reading carries no information about the lift, because a charger holds a full battery's voltage there however much
+    it lifts. A filter that learned the lift from such readings would make it grow without any evidence. So the lift is
+    considered and not estimated (Schmidt-Kalman).
     """
     expected, spread = float(reading @ mean), float(reading @ cov @ reading)
-    z, its_noise = _cut(expected, spread, end, noise)
+    z, its_noise = _censored(expected, spread, end, noise)
     gain = np.zeros(SIZE)
     gain[charge] = float(cov[charge] @ reading) / (spread + its_noise)
-    # Joseph's form, which holds for any gain.
+    # Joseph's form is valid for any gain.
     rest = _IDENTITY - np.outer(gain, reading)
     return mean + gain * (z - expected), rest @ cov @ rest.T + its_noise * np.outer(gain, gain)
 
 
-def _cut(expected: float, spread: float, end: float, noise: float) -> tuple[float, float]:
-    """A reading at an `end` of the scale, where readings are cut: (reading, variance) that do to a Kalman filter what
-    knowing does that the uncut reading lay beyond.
+def _censored(expected: float, spread: float, end: float, noise: float) -> tuple[float, float]:
+    """An equivalent (reading, variance) for a reading that is censored at an `end` of the scale.
 
-    Ignoring such readings would leave only the low ones of a full battery, and its bias would be learned from them. The
-    moments are those of a Gaussian beyond a bound (Tobin's censored regression).
+    A Kalman filter that takes the pair ends up as if it knew that the uncensored reading lay beyond the end. Ignoring such
+    readings would leave only the low readings of a full battery, and the filter would learn its bias from them. The moments
+    are those of a Gaussian beyond a bound (Tobin's censored regression).
     """
     side = 1.0 if end > 0.5 else -1.0
     total = spread + noise
@@ -198,16 +214,16 @@ def _cut(expected: float, spread: float, end: float, noise: float) -> tuple[floa
     bound = side * (end - expected) / sd
     beyond = normal_cdf(-bound)
     if beyond < 1e-9:
-        return end, noise  # against all expectation; a plain reading says it well enough
+        return end, noise  # a very unlikely reading: a plain update is good enough
     rise = normal_pdf(bound) / beyond
     narrowing = rise * (rise - bound)
-    if narrowing < total / _UNREAD:
-        return expected, _UNREAD
+    if narrowing < total / _UNINFORMATIVE:
+        return expected, _UNINFORMATIVE
     return expected + side * sd * rise / narrowing, total / narrowing - spread
 
 
-def matched(rows: Sequence[Anchor]) -> Anchor:
-    """One Gaussian of the same weight and first two moments as all of them."""
+def moment_matched(rows: Sequence[Anchor]) -> Anchor:
+    """One Gaussian with the total weight and the first two moments of all `rows`."""
     if len(rows) == 1:
         return rows[0]
     total = math.fsum(row.weight for row in rows)
@@ -219,21 +235,27 @@ def matched(rows: Sequence[Anchor]) -> Anchor:
     return Anchor(total, mean, cov)
 
 
-def condensed(rows: Sequence[Anchor]) -> tuple[Anchor, ...]:
-    """The same in few: what is nearly alike becomes one, and so do the least of more than `_KEPT`. Weights add up to 1."""
+def reduced(rows: Sequence[Anchor]) -> tuple[Anchor, ...]:
+    """Reduces the mixture: merges anchors that are nearly alike, and the least probable ones beyond `_MAX_ANCHORS`.
+
+    The weights of the result add up to 1.
+    """
     kept: list[Anchor] = []
     for row in sorted(rows, key=lambda row: -row.weight):
         like = next((n for n, one in enumerate(kept) if _alike(one, row)), None)
         if like is None:
             kept.append(row)
         else:
-            kept[like] = matched((kept[like], row))
-    if len(kept) > _KEPT:
-        kept[_KEPT - 1 :] = [matched(kept[_KEPT - 1 :])]
+            kept[like] = moment_matched((kept[like], row))
+    if len(kept) > _MAX_ANCHORS:
+        kept[_MAX_ANCHORS - 1 :] = [moment_matched(kept[_MAX_ANCHORS - 1 :])]
     total = math.fsum(row.weight for row in kept)
     return tuple(Anchor(weight / total, mean, cov) for weight, mean, cov in kept)
 
 
 def _alike(one: Anchor, other: Anchor) -> bool:
     sds = math.sqrt(one.cov[PRIMARY, PRIMARY]), math.sqrt(other.cov[PRIMARY, PRIMARY])
-    return abs(float(one.mean[PRIMARY] - other.mean[PRIMARY])) < _ALIKE and abs(sds[0] - sds[1]) < _ALIKE
+    return (
+        abs(float(one.mean[PRIMARY] - other.mean[PRIMARY])) < _ALIKE_TOLERANCE
+        and abs(sds[0] - sds[1]) < _ALIKE_TOLERANCE
+    )

@@ -1,4 +1,4 @@
-"""A docked battery of uncertain charge, carried forward along the paper's charging curve (equation (2))."""
+"""Propagates the uncertain charge of a docked battery along the paper's charging curve (equation (2))."""
 
 from __future__ import annotations
 
@@ -8,13 +8,14 @@ from apad_bridge.beliefs.knowledge import Charger
 
 _NODES = (-2.8569700138728, -1.3556261799743, 0.0, 1.3556261799743, 2.8569700138728)
 _WEIGHTS = (0.011257411327721, 0.222075922005613, 8 / 15, 0.222075922005613, 0.011257411327721)
-"""Gauss and Hermite's five points for a standard normal variable."""
+"""The five points and weights of Gauss-Hermite quadrature for a standard normal variable."""
 
 
 def charged(charger: Charger, coils: float, load_per_min: float, charge: float, minutes: float) -> float:
-    """From `charge`, after `minutes` under `coils` coils and a load that counts against them.
+    """The charge after `minutes`, from `charge`, under `coils` coils and a load that counts against them.
 
-    Not held at 1: the curve goes on, as if there were room, so that what is uncertain stays so until it is held.
+    The result is not clamped at 1: the curve goes on as if there were room, so that the uncertainty lasts until the charge
+    is clamped.
     """
     charge = max(0.0, charge)
     for end, rate in charger.segments:
@@ -30,13 +31,13 @@ def charged(charger: Charger, coils: float, load_per_min: float, charge: float, 
     raise AssertionError("the last segment ends at 1")
 
 
-def carried(
+def propagated(
     charger: Charger, coils: float, load_per_min: float, mean: float, variance: float, minutes: float
 ) -> tuple[float, float, float]:
-    """Mean and variance after `minutes`, not held at 1, and the regression of the new charge on the old one.
+    """Mean and variance after `minutes`, not clamped at 1, and the regression slope of the new charge on the old one.
 
-    By five points of the old charge. How well the coils came to lie adds to the variance: by as much as one deviation
-    less would have charged less.
+    They are computed from five quadrature points of the old charge. The alignment of the coils adds to the variance: the
+    square of the charge that a rate of one deviation less would lose.
     """
     sd = math.sqrt(max(variance, 0.0))
     middle = charged(charger, coils, load_per_min, mean, minutes)

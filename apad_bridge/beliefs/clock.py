@@ -1,4 +1,4 @@
-"""How far an aMussel's clock has come from its nominal agent time: an offset that grows at a constant, unknown rate."""
+"""A filter of an aMussel's clock against its nominal agent time: an offset that grows at a constant, unknown rate."""
 
 from __future__ import annotations
 
@@ -8,31 +8,31 @@ from numpy.typing import NDArray
 
 from apad_bridge.beliefs.belief import Clock
 
-_READ = np.array([[1.0, 0.0]])
+_MEASUREMENT_MATRIX = np.array([[1.0, 0.0]])
 _NO_NOISE = np.zeros((2, 2))
 _PPM = 1e-6
 
 
-def unread(offset_deviation_ms: float, drift_deviation_ppm: float) -> Clock:
+def prior_clock(offset_deviation_ms: float, drift_deviation_ppm: float) -> Clock:
     return Clock(0.0, 0.0, offset_deviation_ms**2, 0.0, drift_deviation_ppm**2)
 
 
 def set_to(ahead_ms: float, noise_ms: float, drift_deviation_ppm: float) -> Clock:
-    """One that is known by a single packet, and by nothing that was believed of it before."""
+    """A clock that is known from a single packet alone, without any earlier belief."""
     return Clock(ahead_ms, 0.0, noise_ms**2, 0.0, drift_deviation_ppm**2)
 
 
-def carried(clock: Clock, elapsed_ms: int) -> Clock:
-    """After `elapsed_ms` of agent time."""
+def propagated(clock: Clock, elapsed_ms: int) -> Clock:
+    """The clock after `elapsed_ms` of agent time."""
     if elapsed_ms <= 0:
         return clock
     mean, cov = predict(*_arrays(clock), np.array([[1.0, elapsed_ms * _PPM], [0.0, 1.0]]), _NO_NOISE)
     return _clock(mean, cov)
 
 
-def read(clock: Clock, ahead_ms: float, noise_ms: float) -> Clock:
-    """A packet states a time of its own that is `ahead_ms` of the nominal one."""
-    mean, cov = update(*_arrays(clock), np.array([ahead_ms]), np.array([[noise_ms**2]]), _READ)
+def corrected(clock: Clock, ahead_ms: float, noise_ms: float) -> Clock:
+    """The clock after a packet that states a time `ahead_ms` ahead of the nominal one."""
+    mean, cov = update(*_arrays(clock), np.array([ahead_ms]), np.array([[noise_ms**2]]), _MEASUREMENT_MATRIX)
     return _clock(mean, cov)
 
 

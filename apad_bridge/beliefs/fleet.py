@@ -1,4 +1,4 @@
-"""The beliefs of a whole fleet, kept by one estimator: packets are checked here, before any filter sees them."""
+"""The beliefs of a whole fleet under one estimator. Packets are checked here, before any filter takes them."""
 
 from __future__ import annotations
 
@@ -9,23 +9,23 @@ from typing import Any, Protocol
 
 from apad_bridge.beliefs.belief import Belief, Source
 from apad_bridge.beliefs.measurement import ClockSet, Heard, HeardShort, Measurement, Rejected
-from apad_bridge.beliefs.stamps import Judged, Stamp, Stamps
+from apad_bridge.beliefs.stamp_checker import Stamp, StampChecker, StampVerdict
 from firmware_model.packets import ShortStatus, StatusPacket
 
 
 class Estimator(Protocol):
-    """Pure: a belief goes in, another comes out. It is asked at events only, never by a clock of its own."""
+    """Pure functions from belief to belief. They are called at events only; an estimator has no clock of its own."""
 
     def predict(self, belief: Belief, to_ms: int) -> Belief:
-        """What is believed for mission time `to_ms`, nothing more having been learned (ValueError before its time)."""
+        """The belief for mission time `to_ms` without new measurements (ValueError if that is before the belief's time)."""
         ...
 
     def update(self, belief: Belief | None, measurement: Measurement) -> Belief | None:
-        """The belief that knows `measurement` too; None while nothing is known. Raises Rejected."""
+        """The belief with `measurement` taken in; None while nothing is known. Raises Rejected."""
         ...
 
     def kept(self, belief: Belief) -> dict[str, Any]:
-        """All of the belief but its id, as plain data of JSON's kinds."""
+        """The whole belief except its id, as plain data of JSON's types."""
         ...
 
     def restored(self, agent_id: int, data: dict[str, Any]) -> Belief:
@@ -34,19 +34,19 @@ class Estimator(Protocol):
 
 
 class Diary(Protocol):
-    """Where all is written down that a fleet's beliefs come from, as it is learned."""
+    """A log of every measurement that a fleet's beliefs come from, written as it is learned."""
 
     def learned(self, agent_id: int, measurement: Measurement) -> None: ...
 
     def forgot(self, agent_id: int) -> None: ...
 
     def admitted(self, agent_id: int, kept: dict[str, Any]) -> None:
-        """What somebody else believes of it, as the estimator keeps it, is believed from now on."""
+        """Another fleet's belief of this aMussel, as the estimator keeps it, holds from now on."""
         ...
 
 
 class FleetBeliefs:
-    """Beliefs by agent id, for the ids of one fleet. `advance` says what time it is; `get` and `all` are for that time."""
+    """Beliefs by agent id, for the ids of one fleet. `advance` sets the time; `get` and `all` predict to that time."""
 
     def __init__(
         self,
@@ -55,15 +55,15 @@ class FleetBeliefs:
         due_every_ms: int | None = None,
         theta: int | None = None,
     ) -> None:
-        """`due_every_ms`: so often, in mission time, a packet of each is due; `theta`: so fast their clocks go.
+        """`due_every_ms` is the mission time between two packets that are due; `theta` is the rate of the agents' clocks.
 
-        None where nobody says.
+        Either is None when it is unknown.
         """
         self.estimator = estimator
         self._due_every_ms = due_every_ms
         self._known = frozenset(agent_ids)
         self._beliefs: dict[int, Belief] = {}
-        self._stamps = Stamps(theta)
+        self._stamp_checker = StampChecker(theta)
         self._now_ms = 0
         self._at_now: dict[int, Belief] = {}
         self.diary: Diary | None = None
@@ -86,7 +86,7 @@ class FleetBeliefs:
         return belief
 
     def all(self) -> list[Belief]:
-        """Every aMussel of which anything is believed, by id."""
+        """All beliefs, sorted by agent id."""
         return [belief for agent_id in sorted(self._beliefs) if (belief := self.get(agent_id)) is not None]
 
     def _count_silence(self, belief: Belief) -> Belief:
@@ -98,7 +98,7 @@ class FleetBeliefs:
         return replace(belief, silent_timeslots=silent, learned_from=belief.learned_from | Source.SILENCE)
 
     def hear(self, packet: StatusPacket, at_ms: int) -> str | None:
-        """Believes the packet heard at mission time `at_ms`; or says why not, and nothing has changed."""
+        """Takes in a packet received at mission time `at_ms`; or returns the reason why not, and changes nothing."""
         if packet.agent_id not in self._known:
             return "a status of an unknown aMussel"
         numbers = (packet.north_m, packet.east_m, packet.depth_m, packet.primary, packet.secondary)
@@ -106,17 +106,17 @@ class FleetBeliefs:
             return "a status with a number that is not finite"
         if not (0 <= packet.primary <= 1 and 0 <= packet.secondary <= 1):
             return "a status with a charge outside [0, 1]"
-        match self._stamps.judge(packet, at_ms):
-            case Judged.OVERTAKEN:
+        match self._stamp_checker.judge(packet, at_ms):
+            case StampVerdict.OVERTAKEN:
                 return "a status that a newer one overtook"
-            case Judged.IMPOSSIBLE:
+            case StampVerdict.IMPOSSIBLE:
                 return "a status of a time that its clock cannot show, unless another agrees"
-            case Judged.SET_ANEW:
+            case StampVerdict.CLOCK_SET:
                 self.learn(packet.agent_id, ClockSet(at_ms, packet.agent_ms))
         return self.learn(packet.agent_id, Heard(at_ms, packet))
 
     def hear_short(self, packet: ShortStatus, at_ms: int) -> str | None:
-        """As `hear`, of a status that says neither place nor time: they stay what was believed."""
+        """Does the work of `hear` for a status without place and time: both stay as believed."""
         before = self._beliefs.get(packet.agent_id)
         if before is None:
             return "a short status of an aMussel whose place is not known"
@@ -126,7 +126,7 @@ class FleetBeliefs:
         return self.learn(packet.agent_id, heard)
 
     def admit(self, agent_id: int, belief: Belief | None) -> None:
-        """One of another fleet: from now on it is heard here too. `belief` is what others believe of it, if anything."""
+        """Adds an aMussel of another fleet: its packets count here from now on. `belief` is the other fleet's, if any."""
         self._known |= {agent_id}
         if belief is not None:
             self.forget(agent_id)
@@ -135,20 +135,20 @@ class FleetBeliefs:
                 self.diary.admitted(agent_id, self.estimator.kept(belief))
 
     def dismiss(self, agent_id: int) -> None:
-        """It is of no concern here any more."""
+        """Removes an aMussel from this fleet."""
         self._known -= {agent_id}
         self.forget(agent_id)
 
     def forget(self, agent_id: int) -> None:
-        """Nothing is believed of this aMussel any more; its next packet, of whatever time, is believed."""
+        """Drops the belief; the aMussel's next packet is accepted, whatever time it states."""
         self._beliefs.pop(agent_id, None)
         self._at_now.pop(agent_id, None)
-        self._stamps.forget(agent_id)
+        self._stamp_checker.forget(agent_id)
         if self.diary is not None:
             self.diary.forgot(agent_id)
 
     def learn(self, agent_id: int, measurement: Measurement) -> str | None:
-        """Takes anything that is known of one aMussel; or says why it is not believed, and nothing has changed."""
+        """Takes in any measurement of one aMussel; or returns the reason why it is rejected, and changes nothing."""
         before = self._beliefs.get(agent_id)
         try:
             belief = self.estimator.update(before, measurement)
@@ -159,29 +159,29 @@ class FleetBeliefs:
         self._beliefs[agent_id] = belief
         self._at_now.pop(agent_id, None)
         if isinstance(measurement, Heard):
-            self._stamps.take(measurement.packet, measurement.at_ms)
+            self._stamp_checker.accept(measurement.packet, measurement.at_ms)
         if self.diary is not None:
             self.diary.learned(agent_id, measurement)
         return None
 
     def kept(self) -> list[list[Any]]:
-        """All that is believed, as plain data: [id, its clock's newest stamp or None, the estimator's] by id.
+        """All beliefs as plain data, by id: [id, the newest stamp of its clock or None, the estimator's data].
 
-        A stamp that waits for another to agree with it is left out: of a clock that was just set one packet more is needed.
+        A stamp that waits for a second one to agree is left out: after a clock was just set, one more packet is needed.
         """
         found: list[list[Any]] = []
         for agent_id, belief in sorted(self._beliefs.items()):
-            newest = self._stamps.newest.get(agent_id)
+            newest = self._stamp_checker.newest.get(agent_id)
             stamp = None if newest is None else list(newest)
             found.append([agent_id, stamp, self.estimator.kept(belief)])
         return found
 
     def restore(self, kept: list[list[Any]]) -> None:
-        """Believes what another's `kept` said, of the same fleet, and nothing else.
+        """Replaces all beliefs by the data that `kept` returned for the same fleet.
 
-        KeyError, TypeError or ValueError for what is nothing of the kind, and nothing has changed.
+        Raises KeyError, TypeError or ValueError for other data, and then changes nothing.
         """
         beliefs = {agent_id: self.estimator.restored(agent_id, data) for agent_id, _, data in kept}
         newest = {agent_id: Stamp(*stamp) for agent_id, stamp, _ in kept if stamp is not None}
-        self._beliefs, self._stamps.newest = beliefs, newest
+        self._beliefs, self._stamp_checker.newest = beliefs, newest
         self._at_now.clear()

@@ -1,4 +1,4 @@
-"""The plainest estimator: an aMussel is what its newest packet said. What is not heard is not known."""
+"""The simplest estimator: the belief is the newest packet, and nothing is predicted."""
 
 from __future__ import annotations
 
@@ -12,16 +12,22 @@ from firmware_model.states import State
 
 
 class LastPacket:
-    """Claims to be certain, and learns from packets alone."""
+    """An `Estimator` that claims to be certain and learns from packets alone."""
 
     def predict(self, belief: Belief, to_ms: int) -> Belief:
         return belief
 
     def update(self, belief: Belief | None, measurement: Measurement) -> Belief | None:
         if isinstance(measurement, HeardShort) and belief is not None:
-            it = measurement
+            short = measurement
             return Belief(
-                belief.agent_id, it.at_ms, it.state, it.primary, it.secondary, belief.north_m, belief.east_m
+                belief.agent_id,
+                short.at_ms,
+                short.state,
+                short.primary,
+                short.secondary,
+                belief.north_m,
+                belief.east_m,
             )
         if not isinstance(measurement, Heard):
             return belief

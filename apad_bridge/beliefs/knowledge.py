@@ -1,7 +1,7 @@
-"""What a twin is told before it hears anything: how the firmware spends, what was commanded, how far to trust both.
+"""The fixed parameters of a twin: how the firmware spends charge, what was commanded, and how far to trust both.
 
-Charges are the paper's scaled voltage; rates are a minute of agent time; milliseconds are agent time unless said
-otherwise. Nothing here is learned in flight: what differs between aMussels is in the twin's state.
+Charges are the paper's scaled voltage; rates are a minute of agent time; milliseconds are agent time unless stated
+otherwise. Nothing here is learned in flight: the differences between aMussels are in the twin's state.
 """
 
 from __future__ import annotations
@@ -19,16 +19,16 @@ _SHARE_TOLERANCE = 1e-9
 
 @dataclass(frozen=True, slots=True)
 class Drain:
-    """What an aMussel of the nominal kind draws."""
+    """The charge that an aMussel of the nominal kind draws."""
 
     per_min: tuple[float, ...]
-    """By `Mode`, of the battery that feeds the board."""
+    """Charge by `Mode`, drawn from the battery that feeds the board."""
     motor_run: float
     """One run of the buoyancy motors, to surface or to sink."""
     motor_deviation: float
-    """Of a way up or down, the run and all that goes with it."""
+    """Deviation of a whole way up or down: the run and all that goes with it."""
     in_dock: float
-    """Of the load, the share that reaches a battery which is being charged."""
+    """The share of the load that reaches a battery which is being charged."""
 
     def __post_init__(self) -> None:
         if len(self.per_min) != len(Mode):
@@ -37,17 +37,17 @@ class Drain:
 
 @dataclass(frozen=True, slots=True)
 class Cycle:
-    """What one that sleeps draws in the course of its own cycle, from whole multiples of a period of its clock."""
+    """The charge that a sleeping aMussel draws over its wake cycle, which starts at whole multiples of a period."""
 
     steps: tuple[tuple[int, float, float], ...]
     """(ms into the period, spent by then, rate a minute from then on), rising from 0."""
     period_ms: int
     in_all: float
-    """What a period takes."""
+    """The charge that a whole period takes."""
 
     @classmethod
     def of(cls, lasting: Sequence[tuple[int, float]], period_ms: int) -> Cycle:
-        """From (how many ms, rate a minute), one after the other; the last one lasts until the period is over."""
+        """Makes a cycle of consecutive (duration in ms, rate a minute); the last rate lasts until the period's end."""
         steps, at_ms, spent = [], 0, 0.0
         for lasts_ms, per_min in lasting:
             steps.append((at_ms, spent, per_min))
@@ -56,16 +56,16 @@ class Cycle:
         return cls(tuple(steps), period_ms, spent + steps[-1][2] * (period_ms - at_ms) / _MS_PER_MIN)
 
     def spent(self, from_ms: int, to_ms: int) -> float:
-        return self._by(to_ms) - self._by(from_ms)
+        return self._spent_by(to_ms) - self._spent_by(from_ms)
 
-    def _by(self, at_ms: int) -> float:
-        """Since time 0."""
+    def _spent_by(self, at_ms: int) -> float:
+        """The charge spent since time 0."""
         periods, phase_ms = divmod(at_ms, self.period_ms)
-        began_ms, before, per_min = self.steps[bisect_right(self.steps, phase_ms, key=_began) - 1]
+        began_ms, before, per_min = self.steps[bisect_right(self.steps, phase_ms, key=_start_ms) - 1]
         return periods * self.in_all + before + per_min * (phase_ms - began_ms) / _MS_PER_MIN
 
 
-def _began(step: tuple[int, float, float]) -> int:
+def _start_ms(step: tuple[int, float, float]) -> int:
     return step[0]
 
 
@@ -74,9 +74,9 @@ class Charger:
     segments: tuple[tuple[float, float], ...]
     """(upper end on [0, 1], rate a minute) of one coil, rising; the last ends at 1 (equation (2))."""
     primary: float
-    """What the primary's coils give, in coils."""
+    """The output of the primary's coils, in coils."""
     deviation: float
-    """Relative deviation of a docking's rate: how well the coils came to lie."""
+    """Relative deviation of a docking's charging rate, from the alignment of the coils."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,36 +84,36 @@ class Sensor:
     noise: float
     """Deviation of one measured charge."""
     bias: tuple[float, float, float, float]
-    """Expected asleep, awake, under high load, charging: voltage sags under a load and is lifted by a charger."""
+    """Expected asleep, awake, under high load, charging: a load lowers the voltage, and a charger lifts it."""
     bias_deviation: tuple[float, float, float, float]
     apart_ms: int
-    """Of the readings within this time, in one mode, one is used: they share their error."""
+    """The filter uses one of the readings within this time in one mode, because they share their error."""
     offsets: Mapping[State, tuple[float, float]] = field(default_factory=dict)
-    """By what the readings of the primary and of the secondary differ from the charge on a board of the nominal kind, in
-    the state that a packet states; 0 where none is given. Biases come on top."""
+    """Reading minus charge, for the primary and the secondary of a nominal board, by the state in the packet; 0 if not
+    given. Biases come on top."""
     saturates: bool = False
-    """A charger lifts no voltage above the full one, and noise comes on top of that: a reading near the full one, on a
-    charger, says only that the charge is at least so much."""
+    """A charger lifts no voltage above the full one, and noise comes on top. So a reading near the full voltage, on a
+    charger, gives only a lower bound of the charge."""
 
 
 @dataclass(frozen=True, slots=True)
 class Habits:
-    """Which of `SUBMERGED` an aMussel takes up by itself, decided at whole multiples of `every_ms`."""
+    """The modes of `SUBMERGED` that an aMussel takes up by itself; it decides at whole multiples of `every_ms`."""
 
     every_ms: int
     unscheduled: float
-    """The share of times that differ from what the schedule says."""
+    """The share of decisions that differ from the schedule."""
     stays: float
     """Without a schedule: the probability of staying in the mode."""
     shares: tuple[float, float, float]
-    """Without a schedule: which mode is changed to."""
+    """Without a schedule: the probabilities of the mode that it changes to."""
     daily: float
-    """Without a schedule, but one and the same plan: the probability that it does as at this time of another day."""
+    """Without a schedule, under an unchanged plan: the probability of the same mode as at this time of another day."""
     plan_lasts_ms: int
     plan_deviation: float
-    """Without a schedule: of the mean drain, a minute, between one plan of days and another."""
+    """Without a schedule: deviation of the mean drain, a minute, between plans that last for days."""
     seen_before: float
-    """How many decisions `shares` is worth beside those that are heard of one aMussel."""
+    """The weight of `shares` as a prior, in decisions, against the decisions observed of one aMussel."""
 
     def __post_init__(self) -> None:
         if abs(sum(self.shares) - 1) > _SHARE_TOLERANCE or min(self.shares) < 0:
@@ -124,20 +124,20 @@ class Habits:
 
 @dataclass(frozen=True, slots=True)
 class Water:
-    """How a place is lost; mission time, for the water knows no theta."""
+    """The uncertainty of a place in the water. Mission time, because theta does not apply to the water."""
 
     step_variance_m2: float
-    """Of the random drift, along one axis, a mission second."""
+    """Variance of the random drift along one axis, a mission second."""
     current_deviation_m_s: float
-    """Of a steady current along one axis."""
+    """Deviation of a steady current along one axis."""
     current_lasts_s: float
     fix_deviation_m: float
-    """Of a place that a packet states, along one axis."""
+    """Deviation of a place that a packet states, along one axis."""
 
 
 @dataclass(frozen=True, slots=True)
 class ClockKnowledge:
-    """Deviations: of an unheard clock's offset, of its drift, and of one reading with the sound's way in it."""
+    """Deviations of an unread clock's offset, of its drift, and of one reading, which includes the travel time of sound."""
 
     offset_ms: float
     drift_ppm: float
@@ -146,12 +146,12 @@ class ClockKnowledge:
 
 @dataclass(frozen=True, slots=True)
 class Calls:
-    """What an aMussel that has come up says, unasked: so its silence says that it has not."""
+    """The packets that a surfaced aMussel sends unasked: so silence is evidence that it has not surfaced."""
 
     every_ms: int
-    """Agent time; the first as soon as it is up."""
+    """Agent time; the first packet is due as soon as it is up."""
     missed: float
-    """The share of these times in which nothing is heard of it."""
+    """The share of these packets that are not received."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -170,19 +170,19 @@ class Knowledge:
     surfacing_ms: int
     sinking_ms: int
     float_timeout_ms: int
-    """Floating unserved for so long, it sinks again."""
+    """After floating unserved for so long, an aMussel sinks again."""
     calls: Calls | None = None
-    """From the surface; None: nobody knows when one that is up should be heard."""
+    """Packets from the surface; None if it is unknown when a surfaced aMussel should be received."""
 
 
 @dataclass(frozen=True, slots=True)
 class Schedule:
-    """Modes as last commanded: (agent ms from which, mode), rising; nothing is known before the first."""
+    """Modes as last commanded, each from an agent time in ms, rising; nothing is known before the first."""
 
     starts_ms: tuple[int, ...]
     modes: tuple[Mode, ...]
     cycle: Cycle | None = None
-    """Of one that sleeps; None: it draws its mean all the time."""
+    """The cycle of a sleeping aMussel; None if it draws its mean all the time."""
 
     def __post_init__(self) -> None:
         if len(self.starts_ms) != len(self.modes) or list(self.starts_ms) != sorted(set(self.starts_ms)):

@@ -1,4 +1,4 @@
-"""What an aPad can know of one aMussel: what it heard, what it should have heard, and what it did itself.
+"""Everything that an aPad can know of one aMussel: packets received or missed, its own actions, and position fixes.
 
 Stamps are mission milliseconds. There is no measurement of truth.
 """
@@ -13,7 +13,7 @@ from firmware_model.states import State
 
 @dataclass(frozen=True, slots=True)
 class Heard:
-    """A status packet, decoded."""
+    """A decoded status packet."""
 
     at_ms: int
     packet: StatusPacket
@@ -21,7 +21,7 @@ class Heard:
 
 @dataclass(frozen=True, slots=True)
 class HeardShort:
-    """A short status, decoded: it says neither place nor time, and was sent when it was heard."""
+    """A decoded short status: it contains neither place nor time, and counts as sent when it was received."""
 
     at_ms: int
     state: State
@@ -31,7 +31,7 @@ class HeardShort:
 
 @dataclass(frozen=True, slots=True)
 class TimeslotSilent:
-    """A slot in which a packet was due ended without one."""
+    """A timeslot in which a packet was due ended without one."""
 
     at_ms: int
 
@@ -45,14 +45,14 @@ class Permitted:
 
 @dataclass(frozen=True, slots=True)
 class Docked:
-    """The aPad closed a dock around it, and stands where it is."""
+    """The aPad closed a dock around the aMussel, and stands at the same place."""
 
     at_ms: int
 
 
 @dataclass(frozen=True, slots=True)
 class Released:
-    """The aPad opened the dock that held it, at this place."""
+    """The aPad opened the dock that held the aMussel, at this place."""
 
     at_ms: int
     north_m: float
@@ -61,7 +61,7 @@ class Released:
 
 @dataclass(frozen=True, slots=True)
 class Fixed:
-    """Its place was measured: by GPS at the surface, or by an acoustic fix. `variance_m2` is that of either axis."""
+    """A measured place, from GPS at the surface or from an acoustic fix. `variance_m2` is that of either axis."""
 
     at_ms: int
     north_m: float
@@ -71,7 +71,7 @@ class Fixed:
 
 @dataclass(frozen=True, slots=True)
 class Ranged:
-    """Its distance from a place was measured, along the bottom."""
+    """A measured distance from a place, along the bottom."""
 
     at_ms: int
     range_m: float
@@ -82,7 +82,7 @@ class Ranged:
 
 @dataclass(frozen=True, slots=True)
 class ClockSet:
-    """Its clock was set, and shows this now: a reset, or somebody told it the time."""
+    """The aMussel's clock was set and shows `agent_ms` now: after a reset, or by somebody's beacon."""
 
     at_ms: int
     agent_ms: int
@@ -92,4 +92,4 @@ Measurement = Heard | HeardShort | TimeslotSilent | Permitted | Docked | Release
 
 
 class Rejected(ValueError):
-    """A measurement that is not believed; its text is the reason, and the belief stays as it was."""
+    """A measurement is not believed; the text is the reason, and the belief stays as it was."""

@@ -1,4 +1,4 @@
-"""What was learned of an aMussel as a row of plain data, and back: [kind, aMussel, mission ms, number, ...]."""
+"""Converts a measurement to a row of plain data, and back: [kind, aMussel, mission ms, number, ...]."""
 
 from __future__ import annotations
 
@@ -30,15 +30,15 @@ _KINDS: dict[str, type[Any]] = {
     "clock set": ClockSet,
 }
 _NAMES = {kind: name for name, kind in _KINDS.items()}
-_HEARD = "heard"
+_STATUS = "heard"
 _SHORT = "short"
 
 
 def measurement_row(agent_id: int, measurement: Measurement) -> list[Any]:
-    """The numbers as they are, in the order of the fields; of a packet without its id."""
+    """The row of a measurement: its numbers unchanged, in the order of the fields; a packet's without its id."""
     if isinstance(measurement, Heard):
         it = measurement.packet
-        said = (
+        fields = (
             it.sequence,
             int(it.state),
             it.primary,
@@ -48,7 +48,7 @@ def measurement_row(agent_id: int, measurement: Measurement) -> list[Any]:
             it.depth_m,
             it.agent_ms,
         )
-        return [_HEARD, agent_id, measurement.at_ms, *said]
+        return [_STATUS, agent_id, measurement.at_ms, *fields]
     if isinstance(measurement, HeardShort):
         return [
             _SHORT,
@@ -64,7 +64,7 @@ def measurement_row(agent_id: int, measurement: Measurement) -> list[Any]:
 def measurement_of(row: list[Any]) -> tuple[int, Measurement]:
     """The inverse of `measurement_row`; KeyError, TypeError or ValueError for anything else."""
     kind, agent_id, at_ms, *numbers = row
-    if kind == _HEARD:
+    if kind == _STATUS:
         sequence, state, *rest = numbers
         return agent_id, Heard(at_ms, StatusPacket(agent_id, sequence, State(state), *rest))
     if kind == _SHORT:

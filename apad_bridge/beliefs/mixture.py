@@ -1,4 +1,4 @@
-"""A charge as a mixture of Gaussians that is held at 0 and 1, as a battery is: what lies beyond an end lies on it."""
+"""A charge as a mixture of Gaussians that is clamped to [0, 1], as a battery is: probability beyond an end lies on it."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _NEAR = 1e-9
 
 
 class Part(NamedTuple):
-    """A Gaussian of weight `weight`, before the ends; a deviation of 0 is a certain value."""
+    """A Gaussian of weight `weight`, before clamping; a deviation of 0 is a certain value."""
 
     weight: float
     mean: float
@@ -38,7 +38,7 @@ def below(parts: Sequence[Part], charge: float) -> float:
 
 
 def below_strictly(parts: Sequence[Part], charge: float) -> float:
-    """The probability of less than `charge`: at 1 that is all but what rests there."""
+    """The probability of less than `charge`; at 1, that excludes the probability clamped to 1."""
     if charge <= 0:
         return 0.0
     if charge > 1:
@@ -52,9 +52,9 @@ def interval(parts: Sequence[Part], share: float) -> tuple[float, float]:
 
 
 def quantile(parts: Sequence[Part], probability: float) -> float:
-    """The least charge that is not exceeded with `probability`: of one Gaussian its own, of several by halving, to 1e-9."""
+    """The least charge that is not exceeded with `probability`: exact for one Gaussian, bisected to 1e-9 for several."""
     z = _STANDARD.inv_cdf(probability)
-    # Each part's own quantile, held at the ends; that of all together is among them.
+    # The quantile of the mixture lies between the clamped quantiles of its parts.
     own = [min(1.0, max(0.0, mean + z * sd)) for _, mean, sd in parts]
     low, high = min(own), max(own)
     if below(parts, low) >= probability:
@@ -76,10 +76,10 @@ def inside(mean: float, variance: float) -> float:
     return normal_cdf((1 - mean) / sd) - normal_cdf(-mean / sd)
 
 
-def held(mean: float, variance: float) -> tuple[float, float]:
-    """Mean and variance of a Gaussian whose every value beyond 0 or 1 rests at that end.
+def clamped(mean: float, variance: float) -> tuple[float, float]:
+    """Mean and variance of a Gaussian whose values beyond 0 or 1 are moved to that end.
 
-    This is what a battery does that runs empty or full, so it belongs to prediction: the probability of the ends is kept.
+    A battery that runs empty or full behaves like this, so it belongs to prediction: the ends keep their probability.
     """
     sd = math.sqrt(max(variance, 0.0))
     if mean - 5 * sd >= 0 and mean + 5 * sd <= 1:
@@ -92,14 +92,14 @@ def held(mean: float, variance: float) -> tuple[float, float]:
     first = mean * between + sd * (pdf_a - pdf_b) + (1 - cdf_b)
     second = (mean**2 + variance) * between + sd * (2 * mean * (pdf_a - pdf_b) + sd * (a * pdf_a - b * pdf_b))
     second += 1 - cdf_b
-    # Far outside, `first` is nothing but rounding.
+    # Far outside, `first` is only rounding.
     return min(1.0, max(0.0, first)), max(0.0, second - first**2)
 
 
 def truncated(mean: float, variance: float) -> tuple[float, float]:
-    """Mean and variance of a Gaussian of which only what lies in [0, 1] is possible.
+    """Mean and variance of a Gaussian that is truncated to [0, 1].
 
-    This is what a measurement leaves: a posterior beyond an end is no charge. Far outside, the end itself is the answer.
+    It belongs to measurements, because a posterior beyond an end is no charge. Far outside, the result is the end itself.
     """
     sd = math.sqrt(max(variance, 0.0))
     if mean - 5 * sd >= 0 and mean + 5 * sd <= 1:

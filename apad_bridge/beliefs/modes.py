@@ -1,4 +1,4 @@
-"""What an aMussel may be doing, as far as energy and rescue are concerned: coarser than the firmware's states."""
+"""The modes of an aMussel, as far as energy and rescue are concerned: coarser than the firmware's states."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ from enum import IntEnum
 from firmware_model.states import State
 
 LIKELY = 0.5
-"""More probable than not. A belief that claims to be certain is always one or the other."""
+"""The limit of what is more probable than not. A belief that claims to be certain has only probabilities 0 and 1."""
 
 
 class Mode(IntEnum):
-    """Two of one mode draw alike; an aPad can plan without knowing more."""
+    """Two aMussels in one mode draw alike; an aPad can plan without knowing more."""
 
     ASLEEP = 0
-    """Asleep, but for the short wakes of its own cycle; so too on the backup battery, waiting for help."""
+    """Asleep, except for the short wakes of its own cycle; also on the backup battery, waiting for help."""
     IDLE = 1
     """The MU is awake and its modem listens: the paper's worst case."""
     HIGH_LOAD = 2
@@ -28,11 +28,11 @@ class Mode(IntEnum):
     FULL = 7
     """Docked; both are full."""
     LOST = 8
-    """Both batteries are empty: it can no longer surface."""
+    """Both batteries are empty: the aMussel can no longer surface."""
 
 
 SUBMERGED = (Mode.ASLEEP, Mode.IDLE, Mode.HIGH_LOAD)
-"""What it chooses among by itself; everything else an aPad brings about or learns of."""
+"""The modes that an aMussel chooses among by itself; an aPad causes every other mode or learns of it."""
 DOCKED = (Mode.CHARGING_PRIMARY, Mode.CHARGING_SECONDARY, Mode.FULL)
 
 _OF_STATE: dict[State, Mode] = {
@@ -56,12 +56,12 @@ _OF_STATE: dict[State, Mode] = {
     State.CALLING: Mode.ASLEEP,
     State.LOST: Mode.LOST,
 }
-"""Sampling, waiting for the slot and transmitting are the short wakes of one that sleeps."""
+"""Sampling, waiting for the timeslot and transmitting are the short wakes of a sleeping aMussel."""
 FULL_CHARGE = 0.999
 
 
 def mode_of(state: State, primary: float, secondary: float) -> Mode:
-    """The mode that a packet states; docked, the charges say which battery is still being charged."""
+    """The mode that a packet states; docked, the charges decide which battery is still being charged."""
     mode = _OF_STATE[state]
     if mode is Mode.CHARGING_PRIMARY and primary >= FULL_CHARGE:
         return Mode.FULL if secondary >= FULL_CHARGE else Mode.CHARGING_SECONDARY

@@ -1,4 +1,4 @@
-"""Whether an aMussel of which too little is known is worth waking: an answer costs it energy, and may change a plan."""
+"""Ping policies: an answer of an uncertain aMussel costs it energy, but may change a plan."""
 
 from __future__ import annotations
 
@@ -12,33 +12,33 @@ from apad_bridge.beliefs.questions import Question
 
 class PingPolicy(Protocol):
     def is_worth(self, belief: Belief, now_ms: int) -> bool:
-        """Whether to ping it at mission time `now_ms`."""
+        """True if the aMussel should be pinged at mission time `now_ms`."""
         ...
 
     def urgency(self, belief: Belief) -> float:
-        """The greater, the sooner it is pinged, of those that are worth it."""
+        """Among the aMussels worth a ping, the most urgent is pinged first."""
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class WorthItsEnergy:
-    """Pings when what a wrong plan is expected to cost exceeds what an answer does.
+    """Pings when the expected cost of a wrong plan exceeds the cost of an answer.
 
-    The chance of deciding wrongly without asking is the smaller one of a question's two answers. Charges are of a primary
-    battery: a wrong plan fetches one that needs nothing, or leaves one that does.
+    The chance of a wrong decision without asking is the smaller probability of a question's two answers. Charges are of a
+    primary battery: a wrong plan fetches an aMussel that needs nothing, or leaves one that needs charge.
     """
 
     question: Question
     wrong_plan_charge: float
-    """What deciding wrongly costs, as charge: a needless way up and down, or more."""
+    """The cost of a wrong decision, as charge: a needless way up and down, or more."""
     answer_charge: float
-    """What waking, answering and listening cost the aMussel."""
+    """The charge that waking, answering and listening cost the aMussel."""
     not_before_ms: int
-    """Mission time since the newest packet: one that was just heard has said what it can."""
+    """Mission time since the newest packet: sooner, a ping would learn nothing new."""
     spare_charge: float
-    """Below this, with all its uncertainty, nobody is woken to be asked."""
+    """An aMussel whose charge lies below this, with all its uncertainty, is not woken."""
     answer_deviation: float
-    """Of a charge as an answer says it: one that is known better learns nothing by asking."""
+    """Deviation of a charge in an answer: asking does not improve a charge that is known better."""
 
     def is_worth(self, belief: Belief, now_ms: int) -> bool:
         if now_ms - belief.heard_ms < self.not_before_ms:
@@ -56,16 +56,16 @@ class WorthItsEnergy:
 
 @dataclass(frozen=True, slots=True)
 class WorthItsWay:
-    """Pings when the aPad may have to look for it farther than an answer is worth.
+    """Pings when the expected search distance of the aPad exceeds the worth of an answer.
 
-    The way that is expected to be lost is the chance that it will be fetched times how far, by the standard deviation along
-    both axes, it lies from where it is believed to be. A range says nothing of its charge.
+    The expected search distance is the probability that the aMussel will be fetched times the standard deviation of its
+    place along both axes. A range carries no information about its charge.
     """
 
     question: Question
-    """How probable it is that it has to be fetched."""
+    """The probability that the aMussel has to be fetched."""
     answer_m: float
-    """What an answer is worth, as metres of the aPad's way: the sound keeps others silent, and costs both energy."""
+    """The worth of an answer, in metres of the aPad's way: the sound keeps others silent, and costs both sides energy."""
 
     def is_worth(self, belief: Belief, now_ms: int) -> bool:
         return self.urgency(belief) > self.answer_m
@@ -76,7 +76,7 @@ class WorthItsWay:
 
 
 def to_ping(policy: PingPolicy, beliefs: list[Belief], now_ms: int) -> list[int]:
-    """The ids that are worth a ping now, the most urgent first, for the water carries one word at a time."""
+    """The ids that are worth a ping now, the most urgent first, because the water carries one packet at a time."""
     worth = [belief for belief in beliefs if policy.is_worth(belief, now_ms)]
     worth.sort(key=lambda belief: (-policy.urgency(belief), belief.agent_id))
     return [belief.agent_id for belief in worth]

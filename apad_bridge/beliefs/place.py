@@ -1,7 +1,7 @@
-"""Where an aMussel is: a random walk, and a current that is carried along while it is afloat. Mission time.
+"""A filter of an aMussel's place: a random walk, and a current that moves it while it is afloat. Mission time.
 
 The state is (north, east, speed north, speed east) in metres and m/s. A current is an Ornstein-Uhlenbeck process: steady
-for a while, then another.
+for a while, then different.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from apad_bridge.beliefs.knowledge import Water
 
 Array = NDArray[np.float64]
-_FIX = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0]])
+_FIX_MATRIX = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0]])
 _GATE = 25.0
 
 
@@ -30,8 +30,8 @@ class Place:
         speed = water.current_deviation_m_s**2
         return cls(np.array([north_m, east_m, 0.0, 0.0]), np.diag([variance_m2, variance_m2, speed, speed]))
 
-    def carried(self, water: Water, elapsed_s: float, afloat: bool) -> Place:
-        """After `elapsed_s` mission seconds; on the bottom no current moves it, and the current becomes unknown."""
+    def propagated(self, water: Water, elapsed_s: float, afloat: bool) -> Place:
+        """The place after `elapsed_s` mission seconds; on the bottom no current moves it, and the current gets unknown."""
         if elapsed_s <= 0:
             return self
         kept, reach, walk, cross, left = _drift(water, elapsed_s, afloat)
@@ -49,10 +49,10 @@ class Place:
         mean, cov = predict(self.mean, self.cov, transition, noise)
         return Place(mean, cov)
 
-    def after(
+    def position_after(
         self, water: Water, elapsed_s: float, afloat: bool
     ) -> tuple[float, float, tuple[float, float, float]]:
-        """North, east and their covariance after `elapsed_s`: what of `carried` others are told, for much less."""
+        """North, east and their covariance after `elapsed_s`: the same numbers as `propagated`, at a much lower cost."""
         north, east, speed_n, speed_e = self.mean.tolist()
         cov = self.cov.tolist()
         if elapsed_s <= 0:
@@ -69,25 +69,27 @@ class Place:
             ),
         )
 
-    def fixed(self, north_m: float, east_m: float, variance_m2: float, water: Water) -> Place:
-        """A fix; one that is five deviations away says that it was carried off, and all else is forgotten."""
+    def corrected_by_fix(self, north_m: float, east_m: float, variance_m2: float, water: Water) -> Place:
+        """The place after a fix; a fix five deviations away shows that it was carried off, and replaces the estimate."""
         fix = np.array([north_m, east_m])
         away = fix - self.mean[:2]
         spread = self.cov[:2, :2] + variance_m2 * np.eye(2)
         if float(away @ np.linalg.solve(spread, away)) > _GATE:
             return Place.at(north_m, east_m, variance_m2, water)
-        mean, cov = update(self.mean, self.cov, fix, variance_m2 * np.eye(2), _FIX)
+        mean, cov = update(self.mean, self.cov, fix, variance_m2 * np.eye(2), _FIX_MATRIX)
         return Place(mean, cov)
 
-    def ranged(self, range_m: float, from_north_m: float, from_east_m: float, variance_m2: float) -> Place:
-        """A distance, made linear where it is believed to be; too near to its origin a range has no direction."""
+    def corrected_by_range(
+        self, range_m: float, from_north_m: float, from_east_m: float, variance_m2: float
+    ) -> Place:
+        """The place after a range, linearised at the estimate; a range too near to its origin has no direction."""
         away = self.mean[:2] - (from_north_m, from_east_m)
         expected = float(np.hypot(*away))
         spread_m2 = float(np.trace(self.cov[:2, :2]))
         if expected < 1e-6:
             return self
         slope = np.array([[away[0] / expected, away[1] / expected, 0.0, 0.0]])
-        # What the straight line leaves out is the curvature across it.
+        # The linearisation leaves out the curvature across the line of sight.
         blur = (spread_m2 / (2 * expected)) ** 2
         innovation = np.array([range_m - expected + float((slope @ self.mean)[0])])
         mean, cov = update(self.mean, self.cov, innovation, np.array([[variance_m2 + blur]]), slope)
@@ -95,7 +97,7 @@ class Place:
 
 
 def _drift(water: Water, elapsed_s: float, afloat: bool) -> tuple[float, float, float, float, float]:
-    """What of a speed is kept, how far it reaches, and the variances: of the place, with the speed, of the speed.
+    """(share of a speed that is kept, its reach in s, variance of the place, covariance with the speed, of the speed).
 
     Afloat, the place gains the integral of an Ornstein-Uhlenbeck process.
     """

@@ -1,4 +1,4 @@
-"""What a planner asks of beliefs: how probable something is by a time, and when it will be sure."""
+"""Questions of a planner to beliefs: the probability of something at a time, and the time from which it is sure."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ from apad_bridge.beliefs.fleet import Estimator
 from apad_bridge.beliefs.modes import DOCKED, Mode
 
 Question = Callable[[Belief], float]
-"""The probability of something, by a belief."""
+"""The probability of something, according to a belief."""
 
 
 def candidate_below(threshold: float) -> Question:
-    """In the water, able to come up, and at or below `threshold`."""
+    """The aMussel is in the water, able to come up, and at or below `threshold`."""
 
-    def asked(belief: Belief) -> float:
+    def probability(belief: Belief) -> float:
         elsewhere = belief.probability_of(*DOCKED, Mode.LOST)
         return min(belief.probability_at_most(threshold), 1 - elsewhere)
 
-    return asked
+    return probability
 
 
 def lost(belief: Belief) -> float:
@@ -31,16 +31,17 @@ def full_above(threshold: float) -> Question:
 
 
 def by(estimator: Estimator, belief: Belief, question: Question, at_ms: int) -> float:
-    """The probability at mission time `at_ms`, were nothing more heard until then."""
+    """The probability at mission time `at_ms`, if nothing more is received until then."""
     return question(estimator.predict(belief, max(at_ms, belief.at_ms)))
 
 
 def sure_at_ms(
     estimator: Estimator, belief: Belief, question: Question, share: float, until_ms: int, step_ms: int
 ) -> int | None:
-    """From when on the answer is `share` or more, were nothing more heard: looked for every `step_ms`, then to a second.
+    """The mission time from which the answer is `share` or more, if nothing more is received.
 
-    None if that is not so by `until_ms`. Each step goes on from the one before, so that looking far costs what it is long.
+    The search tests every `step_ms`, then bisects to a second; None if the time lies after `until_ms`. Each step continues
+    from the one before, so that the cost grows only linearly with the span. ValueError if `step_ms` is not positive.
     """
     if step_ms <= 0:
         raise ValueError(f"a step must be positive, not {step_ms}")
@@ -50,7 +51,7 @@ def sure_at_ms(
             return None
         after = estimator.predict(before, min(until_ms, before.at_ms + step_ms))
         if after.at_ms <= before.at_ms:
-            return None  # an estimator that does not go on by itself
+            return None  # the estimator does not predict
         if question(after) >= share:
             return _within_a_second(estimator, before, after.at_ms, question, share)
         before = after

@@ -1,8 +1,8 @@
-"""The twin: what an aMussel is thought to be, by the firmware's own rules run forward and corrected by what is heard.
+"""The twin: an estimator that runs the firmware's own rules forward and corrects them with packets.
 
-Prediction follows what was commanded and what the aPad did (permission, docking, release); only where an aMussel may
-have chosen for itself is there more than one hypothesis. A packet states its mode, so that hearing one in time corrects
-a single Kalman filter. The mixture is weighed only after silence, or when a packet contradicts what was expected.
+Prediction follows the commands and the aPad's own actions (permission, docking, release); there is more than one
+hypothesis only where an aMussel may have chosen for itself. A packet states its mode, so a packet in time corrects a single
+Kalman filter. The mixture is weighed only after silence, or when a packet contradicts the expectation.
 """
 
 from __future__ import annotations
@@ -16,9 +16,7 @@ from apad_bridge.beliefs import charge_state as charge
 from apad_bridge.beliefs import clock as clocks
 from apad_bridge.beliefs.belief import Belief, Clock, Source
 from apad_bridge.beliefs.charge_state import Anchor
-from apad_bridge.beliefs.hearing import NOTHING, Ear, Reading, anchored, within
 from apad_bridge.beliefs.knowledge import UNKNOWN, Knowledge, Schedule
-from apad_bridge.beliefs.load import Load
 from apad_bridge.beliefs.measurement import (
     ClockSet,
     Docked,
@@ -32,98 +30,106 @@ from apad_bridge.beliefs.measurement import (
     Released,
     TimeslotSilent,
 )
-from apad_bridge.beliefs.memory import (
-    Memory,
+from apad_bridge.beliefs.modes import LIKELY, SUBMERGED, Mode
+from apad_bridge.beliefs.packet_weighing import NOTHING, HypothesisWeigher, Reading, anchored, bounded
+from apad_bridge.beliefs.place import Place
+from apad_bridge.beliefs.spent_charge import Load
+from apad_bridge.beliefs.twin_belief import belief_from_state
+from apad_bridge.beliefs.twin_state import (
+    TwinState,
     advanced,
-    at_its_clock,
     charge_now,
-    obeys,
+    obey_probability,
     paths,
+    shifted_to_clock,
     sinking,
     submerged,
 )
-from apad_bridge.beliefs.modes import LIKELY, SUBMERGED, Mode
-from apad_bridge.beliefs.place import Place
-from apad_bridge.beliefs.told import told
-from apad_bridge.beliefs.twin_lines import memory_data, memory_of
+from apad_bridge.beliefs.twin_state_data import state_from_data, state_to_data
 from firmware_model.packets import StatusPacket
 from firmware_model.states import State
 
 _CLOCK_APART_MS = 600_000
-"""Agent time between two readings of a clock."""
+"""The least agent time between two readings of a clock."""
 _FIX_APART_MS = 10_000
-"""Mission time between two fixes that a packet brings along."""
-_TURN_MS = 7_919
-_FAR = 5.0
-"""In deviations of a first reading; a clock that is farther off was never set to nominal time."""
+"""The least mission time between two fixes from packets."""
+_STAGGER_MS = 7_919
+_NEVER_SET_DEVIATIONS = 5.0
+"""The limit of a first reading in deviations; a clock farther off was never set to nominal time."""
 _DOCK_VARIANCE_M2 = 1.0
-_OF_A_WAKE = (State.ACTIVE, State.PROCESSING)
-"""A minute each; whoever is heard in its slot is past them."""
+_WAKE_STATES = (State.ACTIVE, State.PROCESSING)
+"""Parts of a short wake, a minute each; a packet in the aMussel's timeslot comes after them."""
 
 
 class Twin:
-    """An `Estimator`. `schedules` are those that were commanded, by agent id; an aMussel without one does as is usual."""
+    """An `Estimator`. `schedules` are the commanded ones, by agent id; an aMussel without one follows its usual habits."""
 
     def __init__(self, knowledge: Knowledge, schedules: Mapping[int, Schedule]) -> None:
         self.knowledge = knowledge
         self._schedules = schedules
-        self._ear = Ear(knowledge)
+        self._weigher = HypothesisWeigher(knowledge)
 
     def predict(self, belief: Belief, to_ms: int) -> Belief:
         if to_ms < belief.at_ms:
             raise ValueError(f"time went back: {to_ms} before {belief.at_ms}")
-        memory = self._carried(belief, to_ms)
-        return self._tell(belief, memory, to_ms, belief.learned_from)
+        twin_state = self._propagated(belief, to_ms)
+        return self._to_belief(belief, twin_state, to_ms, belief.learned_from)
 
     def update(self, belief: Belief | None, measurement: Measurement) -> Belief | None:
         if isinstance(measurement, Heard):
-            return self._hear(belief, measurement.packet, measurement.at_ms)
+            return self._packet_received(belief, measurement.packet, measurement.at_ms)
         if belief is None:
             return None
         if isinstance(measurement, HeardShort):
-            return self._glimpse(belief, measurement)
+            return self._short_status_received(belief, measurement)
         at_ms = max(measurement.at_ms, belief.at_ms)
-        memory = self._carried(belief, at_ms)
+        twin_state = self._propagated(belief, at_ms)
         match measurement:
             case TimeslotSilent():
                 silent = replace(belief, silent_timeslots=belief.silent_timeslots + 1)
-                return self._tell(silent, memory, at_ms, belief.learned_from | Source.SILENCE)
+                return self._to_belief(silent, twin_state, at_ms, belief.learned_from | Source.SILENCE)
             case Permitted():
-                memory = self._permitted(memory, belief.agent_id)
-                return self._tell(belief, memory, at_ms, belief.learned_from)
+                twin_state = self._permitted(twin_state, belief.agent_id)
+                return self._to_belief(belief, twin_state, at_ms, belief.learned_from)
             case ClockSet(_, agent_ms):
                 clock, nominal_ms = self._clock_set(agent_ms, at_ms), self.knowledge.theta * at_ms
-                memory = replace(at_its_clock(memory, agent_ms), clock=clock, clock_ms=nominal_ms)
-                return self._tell(belief, memory, at_ms, belief.learned_from)
+                twin_state = replace(shifted_to_clock(twin_state, agent_ms), clock=clock, clock_ms=nominal_ms)
+                return self._to_belief(belief, twin_state, at_ms, belief.learned_from)
             case Docked():
-                return self._tell(belief, self._docked(memory), at_ms, belief.learned_from | Source.DOCKING)
+                return self._to_belief(
+                    belief, self._docked(twin_state), at_ms, belief.learned_from | Source.DOCKING
+                )
             case Released(_, north_m, east_m):
-                memory = self._released(memory, belief.agent_id)
+                twin_state = self._released(twin_state, belief.agent_id)
                 place = Place.at(north_m, east_m, _DOCK_VARIANCE_M2, self.knowledge.water)
-                memory = replace(memory, place=place, place_ms=at_ms)
-                return self._tell(belief, memory, at_ms, belief.learned_from | Source.RELEASE)
+                twin_state = replace(twin_state, place=place, place_ms=at_ms)
+                return self._to_belief(belief, twin_state, at_ms, belief.learned_from | Source.RELEASE)
             case Fixed(_, north_m, east_m, variance_m2):
-                place = self._place(memory, at_ms).fixed(north_m, east_m, variance_m2, self.knowledge.water)
+                place = self._place(twin_state, at_ms).corrected_by_fix(
+                    north_m, east_m, variance_m2, self.knowledge.water
+                )
             case Ranged(_, range_m, north_m, east_m, variance_m2):
-                place = self._place(memory, at_ms).ranged(range_m, north_m, east_m, variance_m2)
-        memory = replace(memory, place=place, place_ms=at_ms)
-        return self._tell(belief, memory, at_ms, belief.learned_from | Source.RANGE)
+                place = self._place(twin_state, at_ms).corrected_by_range(
+                    range_m, north_m, east_m, variance_m2
+                )
+        twin_state = replace(twin_state, place=place, place_ms=at_ms)
+        return self._to_belief(belief, twin_state, at_ms, belief.learned_from | Source.RANGE)
 
     def kept(self, belief: Belief) -> dict[str, Any]:
-        memory = belief.memory
-        assert isinstance(memory, Memory), "a belief of another estimator"
+        twin_state = belief.estimator_state
+        assert isinstance(twin_state, TwinState), "a belief of another estimator"
         return {
             "heard_ms": belief.heard_ms,
             "state": int(belief.state),
             "at_ms": belief.at_ms,
             "learned_from": int(belief.learned_from),
             "silent_slots": belief.silent_timeslots,
-            "memory": memory_data(memory),
+            "memory": state_to_data(twin_state),
         }
 
     def restored(self, agent_id: int, data: dict[str, Any]) -> Belief:
-        return told(
-            memory_of(data["memory"]),
+        return belief_from_state(
+            state_from_data(data["memory"]),
             self.knowledge,
             agent_id,
             data["heard_ms"],
@@ -138,23 +144,23 @@ class Twin:
     def _schedule(self, agent_id: int) -> Schedule:
         return self._schedules.get(agent_id, UNKNOWN)
 
-    def _agent_ms(self, memory: Memory, at_ms: int) -> int:
-        """What its own clock shows at mission time `at_ms`, as far as that is known."""
-        return self.knowledge.theta * at_ms + round(memory.clock.offset_ms)
+    def _agent_ms(self, twin_state: TwinState, at_ms: int) -> int:
+        """The time on the aMussel's own clock at mission time `at_ms`, as estimated."""
+        return self.knowledge.theta * at_ms + round(twin_state.clock.offset_ms)
 
-    def _carried(self, belief: Belief, to_ms: int) -> Memory:
-        memory = belief.memory
-        assert isinstance(memory, Memory), "a belief of another estimator"
+    def _propagated(self, belief: Belief, to_ms: int) -> TwinState:
+        twin_state = belief.estimator_state
+        assert isinstance(twin_state, TwinState), "a belief of another estimator"
         schedule = self._schedule(belief.agent_id)
-        return advanced(memory, self.knowledge, schedule, self._agent_ms(memory, to_ms))
+        return advanced(twin_state, self.knowledge, schedule, self._agent_ms(twin_state, to_ms))
 
-    def _place(self, memory: Memory, at_ms: int) -> Place:
-        afloat = memory.situation in (Mode.SURFACING, Mode.FLOATING)
-        return memory.place.carried(self.knowledge.water, (at_ms - memory.place_ms) / 1000, afloat)
+    def _place(self, twin_state: TwinState, at_ms: int) -> Place:
+        afloat = twin_state.situation in (Mode.SURFACING, Mode.FLOATING)
+        return twin_state.place.propagated(self.knowledge.water, (at_ms - twin_state.place_ms) / 1000, afloat)
 
-    def _tell(self, belief: Belief, memory: Memory, at_ms: int, learned_from: Source) -> Belief:
-        return told(
-            memory,
+    def _to_belief(self, belief: Belief, twin_state: TwinState, at_ms: int, learned_from: Source) -> Belief:
+        return belief_from_state(
+            twin_state,
             self.knowledge,
             belief.agent_id,
             belief.heard_ms,
@@ -164,96 +170,102 @@ class Twin:
             belief.silent_timeslots,
         )
 
-    # What the aPad did.
+    # Actions of the aPad.
 
-    def _permitted(self, memory: Memory, agent_id: int) -> Memory:
-        """It surfaces, most probably. Repeated, it counts if it is most probably still down."""
-        if memory.situation is not None:
-            if memory.unobeyed is None or obeys(memory, self.knowledge) >= LIKELY:
-                return memory
-            stayed = self._ear.without_permission(memory, self._schedule(agent_id))
-            memory = replace(memory, load=stayed)
+    def _permitted(self, twin_state: TwinState, agent_id: int) -> TwinState:
+        """Most probably the aMussel surfaces. A repeated permission counts if it is most probably still submerged."""
+        if twin_state.situation is not None:
+            if twin_state.unobeyed is None or obey_probability(twin_state, self.knowledge) >= LIKELY:
+                return twin_state
+            stayed = self._weigher.without_permission(twin_state, self._schedule(agent_id))
+            twin_state = replace(twin_state, load=stayed)
         drain = self.knowledge.drain
         return replace(
-            memory,
-            load=memory.load.add(drain.motor_run, drain.motor_deviation**2),
+            twin_state,
+            load=twin_state.load.add(drain.motor_run, drain.motor_deviation**2),
             situation=Mode.SURFACING,
-            since_ms=memory.at_ms,
-            unobeyed=(memory.load, memory.at_ms),
+            since_ms=twin_state.at_ms,
+            unobeyed=(twin_state.load, twin_state.at_ms),
         )
 
-    def _docked(self, memory: Memory) -> Memory:
-        if memory.situation is Mode.CHARGING_PRIMARY:
-            return memory
-        return anchored(memory, self._held_now(memory), Mode.CHARGING_PRIMARY)
+    def _docked(self, twin_state: TwinState) -> TwinState:
+        if twin_state.situation is Mode.CHARGING_PRIMARY:
+            return twin_state
+        return anchored(twin_state, self._bounded_now(twin_state), Mode.CHARGING_PRIMARY)
 
-    def _released(self, memory: Memory, agent_id: int) -> Memory:
-        memory = anchored(memory, self._held_now(memory), None)
+    def _released(self, twin_state: TwinState, agent_id: int) -> TwinState:
+        twin_state = anchored(twin_state, self._bounded_now(twin_state), None)
         spent = sinking(NOTHING, self.knowledge)
-        return submerged(memory, self.knowledge, self._schedule(agent_id), spent)
+        return submerged(twin_state, self.knowledge, self._schedule(agent_id), spent)
 
-    def _held_now(self, memory: Memory) -> tuple[Anchor, ...]:
-        """What may be, held at the ends: a few hypotheses, for a low charge stays far behind in a dock."""
-        rows = charge_now(memory, self.knowledge, paths(memory.load))
-        return charge.condensed([within(row, after_measuring=False) for row in rows])
+    def _bounded_now(self, twin_state: TwinState) -> tuple[Anchor, ...]:
+        """The present charge in [0, 1], as a few hypotheses, because a low charge stays far behind in a dock."""
+        rows = charge_now(twin_state, self.knowledge, paths(twin_state.load))
+        return charge.reduced([bounded(row, after_measuring=False) for row in rows])
 
-    # What was heard.
+    # Packets.
 
-    def _hear(self, belief: Belief | None, packet: StatusPacket, at_ms: int) -> Belief:
+    def _packet_received(self, belief: Belief | None, packet: StatusPacket, at_ms: int) -> Belief:
         reading = Reading.stated(packet.state, packet.primary, packet.secondary)
         if belief is None:
-            return self._first(packet, reading, at_ms)
-        memory = belief.memory
-        assert isinstance(memory, Memory), "a belief of another estimator"
-        if (packet.sequence, packet.agent_ms) == memory.packet:
+            return self._first_belief(packet, reading, at_ms)
+        twin_state = belief.estimator_state
+        assert isinstance(twin_state, TwinState), "a belief of another estimator"
+        if (packet.sequence, packet.agent_ms) == twin_state.packet:
             raise Rejected("a status that was heard already")
-        if packet.agent_ms < memory.packet[1]:
+        if packet.agent_ms < twin_state.packet[1]:
             raise Rejected("a status that a newer one overtook")
         at_ms = max(at_ms, belief.at_ms)
-        memory = replace(self._carried(belief, at_ms), packet=(packet.sequence, packet.agent_ms))
-        if self._tells_news(memory, belief.agent_id, reading.mode):
-            if memory.at_ms - memory.clock_ms >= _CLOCK_APART_MS:
-                memory = self._read_clock(memory, packet, at_ms)
-            if at_ms - memory.place_ms >= _FIX_APART_MS:
-                memory = self._fixed(memory, packet, at_ms)
-            memory = self._ear.weigh(memory, self._schedule(belief.agent_id), reading)
-        return self._heard(belief, memory, reading, at_ms)
+        twin_state = replace(self._propagated(belief, at_ms), packet=(packet.sequence, packet.agent_ms))
+        if self._is_independent(twin_state, belief.agent_id, reading.mode):
+            if twin_state.at_ms - twin_state.clock_ms >= _CLOCK_APART_MS:
+                twin_state = self._read_clock(twin_state, packet, at_ms)
+            if at_ms - twin_state.place_ms >= _FIX_APART_MS:
+                twin_state = self._fixed(twin_state, packet, at_ms)
+            twin_state = self._weigher.weigh(twin_state, self._schedule(belief.agent_id), reading)
+        return self._belief_after_status(belief, twin_state, reading, at_ms)
 
-    def _glimpse(self, belief: Belief, heard: HeardShort) -> Belief:
-        """A short status says nothing of place and time: they stay what is believed. Asked for, it may fall into a short
-        wake of one that sleeps, which is not awake for that."""
+    def _short_status_received(self, belief: Belief, heard: HeardShort) -> Belief:
+        """Takes a short status: place and time stay as believed, because it has neither.
+
+        An answer to a request may fall into a short wake of a sleeping aMussel, which still counts as asleep.
+        """
         at_ms = max(heard.at_ms, belief.at_ms)
-        memory = self._carried(belief, at_ms)
+        twin_state = self._propagated(belief, at_ms)
         schedule = self._schedule(belief.agent_id)
         reading = Reading.stated(heard.state, heard.primary, heard.secondary)
-        if heard.state in _OF_A_WAKE and schedule.at(self._agent_ms(memory, at_ms)) is Mode.ASLEEP:
+        if heard.state in _WAKE_STATES and schedule.at(self._agent_ms(twin_state, at_ms)) is Mode.ASLEEP:
             reading = reading._replace(mode=Mode.ASLEEP)
-        if self._tells_news(memory, belief.agent_id, reading.mode):
-            memory = self._ear.weigh(memory, schedule, reading)
-        return self._heard(belief, memory, reading, at_ms)
+        if self._is_independent(twin_state, belief.agent_id, reading.mode):
+            twin_state = self._weigher.weigh(twin_state, schedule, reading)
+        return self._belief_after_status(belief, twin_state, reading, at_ms)
 
-    def _heard(self, belief: Belief, memory: Memory, reading: Reading, at_ms: int) -> Belief:
+    def _belief_after_status(
+        self, belief: Belief, twin_state: TwinState, reading: Reading, at_ms: int
+    ) -> Belief:
         heard = replace(belief, heard_ms=at_ms, carried_ms=0, state=reading.state, silent_timeslots=0)
-        return self._tell(heard, memory, at_ms, Source.PACKET)
+        return self._to_belief(heard, twin_state, at_ms, Source.PACKET)
 
-    def _tells_news(self, memory: Memory, agent_id: int, mode: Mode) -> bool:
-        """Of readings near to each other in one mode only the first is used; fleets take turns, so that ticks are alike."""
-        if mode is not memory.measured_mode:
+    def _is_independent(self, twin_state: TwinState, agent_id: int, mode: Mode) -> bool:
+        """True for the first of the readings that share a mode and a period; periods are staggered to balance the ticks."""
+        if mode is not twin_state.measured_mode:
             return True
         apart_ms = self.knowledge.sensor.apart_ms
-        turn_ms = agent_id * _TURN_MS % apart_ms
-        return (memory.at_ms + turn_ms) // apart_ms > (memory.measured_ms + turn_ms) // apart_ms
+        stagger_ms = agent_id * _STAGGER_MS % apart_ms
+        return (twin_state.at_ms + stagger_ms) // apart_ms > (twin_state.measured_ms + stagger_ms) // apart_ms
 
-    def _first(self, packet: StatusPacket, reading: Reading, at_ms: int) -> Belief:
+    def _first_belief(self, packet: StatusPacket, reading: Reading, at_ms: int) -> Belief:
         knowledge = self.knowledge
-        mean, cov = charge.unmeasured(knowledge)
+        mean, cov = charge.prior_state(knowledge)
         nominal_ms = knowledge.theta * at_ms
         ahead_ms, usual = packet.agent_ms - nominal_ms, knowledge.clock
-        clock = clocks.read(clocks.unread(usual.offset_ms, usual.drift_ppm), ahead_ms, usual.reading_ms)
-        if abs(ahead_ms) > _FAR * math.hypot(usual.offset_ms, usual.reading_ms):
+        clock = clocks.corrected(
+            clocks.prior_clock(usual.offset_ms, usual.drift_ppm), ahead_ms, usual.reading_ms
+        )
+        if abs(ahead_ms) > _NEVER_SET_DEVIATIONS * math.hypot(usual.offset_ms, usual.reading_ms):
             clock = self._clock_set(packet.agent_ms, at_ms)
         place = Place.at(packet.north_m, packet.east_m, knowledge.water.fix_deviation_m**2, knowledge.water)
-        memory = Memory(
+        twin_state = TwinState(
             nominal_ms + round(clock.offset_ms),
             (Anchor(1.0, mean, cov),),
             nominal_ms,
@@ -267,21 +279,25 @@ class Twin:
             (packet.sequence, packet.agent_ms),
         )
         schedule = self._schedule(packet.agent_id)
-        memory = self._ear.corrected(memory, schedule, [Anchor(1.0, mean, cov)], reading)
-        return told(memory, knowledge, packet.agent_id, at_ms, packet.state, at_ms, Source.PACKET, 0)
+        twin_state = self._weigher.corrected(twin_state, schedule, [Anchor(1.0, mean, cov)], reading)
+        return belief_from_state(
+            twin_state, knowledge, packet.agent_id, at_ms, packet.state, at_ms, Source.PACKET, 0
+        )
 
     def _clock_set(self, agent_ms: int, at_ms: int) -> Clock:
         known = self.knowledge.clock
         return clocks.set_to(agent_ms - self.knowledge.theta * at_ms, known.reading_ms, known.drift_ppm)
 
-    def _read_clock(self, memory: Memory, packet: StatusPacket, at_ms: int) -> Memory:
+    def _read_clock(self, twin_state: TwinState, packet: StatusPacket, at_ms: int) -> TwinState:
         nominal_ms = self.knowledge.theta * at_ms
-        clock = clocks.carried(memory.clock, nominal_ms - memory.clock_ms)
-        clock = clocks.read(clock, packet.agent_ms - nominal_ms, self.knowledge.clock.reading_ms)
-        return replace(memory, clock=clock, clock_ms=nominal_ms)
+        clock = clocks.propagated(twin_state.clock, nominal_ms - twin_state.clock_ms)
+        clock = clocks.corrected(clock, packet.agent_ms - nominal_ms, self.knowledge.clock.reading_ms)
+        return replace(twin_state, clock=clock, clock_ms=nominal_ms)
 
-    def _fixed(self, memory: Memory, packet: StatusPacket, at_ms: int) -> Memory:
+    def _fixed(self, twin_state: TwinState, packet: StatusPacket, at_ms: int) -> TwinState:
         water = self.knowledge.water
         variance_m2 = water.fix_deviation_m**2
-        place = self._place(memory, at_ms).fixed(packet.north_m, packet.east_m, variance_m2, water)
-        return replace(memory, place=place, place_ms=at_ms)
+        place = self._place(twin_state, at_ms).corrected_by_fix(
+            packet.north_m, packet.east_m, variance_m2, water
+        )
+        return replace(twin_state, place=place, place_ms=at_ms)

@@ -1,4 +1,4 @@
-"""One board on the bench, and what is written of it."""
+"""One board on the bench, with its trace, its diagrams and its runs of Table I."""
 
 from firmware_model.bench.bench import Bench
 

@@ -1,4 +1,4 @@
-"""One board on the bench: what it is told, how long it runs, what it did. Time goes on where the last call left it."""
+"""One board on the bench: gives it stimuli, lets time pass, records its actions. Each call continues the time."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ MS_PER_HOUR = 60 * MS_PER_MIN
 
 
 class Bench:
-    """Powers a board up at 0 and stands in for its body: `travel_ms` after the motors ran it is where they bring it."""
+    """Powers a board up at 0 and simulates its body: `travel_ms` after a motor run it arrives at the run's target."""
 
     def __init__(
         self,
@@ -57,7 +57,7 @@ class Bench:
             0,
         )
         self.courses: list[tuple[int, Battery, Battery]] = []
-        """(from ms, primary, secondary): what the batteries did, piece by piece."""
+        """(from ms, primary, secondary): the course of the batteries, piece by piece."""
         self.ledger = None if config.whole is None else EnergyLedger(config.whole.power.loads, 0)
         self.reset(ResetCause.POWER_ON)
 
@@ -67,34 +67,34 @@ class Bench:
 
     @property
     def primary(self) -> int:
-        """Grains, now."""
+        """The charge in grains, now."""
         return self.config.charge.charge_at(self.board.primary, self.now_ms)
 
     @property
     def secondary(self) -> int:
-        """Grains, now."""
+        """The charge in grains, now."""
         return self.config.charge.charge_at(self.board.secondary, self.now_ms)
 
     @property
     def primary_fraction(self) -> float:
-        """In [0, 1], now."""
+        """The charge in [0, 1], now."""
         return fraction(self.primary)
 
     @property
     def secondary_fraction(self) -> float:
-        """In [0, 1], now."""
+        """The charge in [0, 1], now."""
         return fraction(self.secondary)
 
     def did(self, kind: type[A], since_ms: int = 0) -> list[A]:
-        """Of all that it did from `since_ms` on, the actions of one kind."""
+        """The actions of one kind from `since_ms` on."""
         return [action for action in self.trace if isinstance(action, kind) and action.at_ms >= since_ms]
 
     def run(self, *, hours: float = 0, minutes: float = 0, ms: int = 0) -> list[Action]:
-        """Lets time pass; what the board did meanwhile."""
+        """Lets time pass; returns the board's actions meanwhile."""
         return self.run_until(self.now_ms + round(hours * MS_PER_HOUR + minutes * MS_PER_MIN) + ms)
 
     def run_until(self, until_ms: int) -> list[Action]:
-        """As `run`, to a time; an arrival goes before a timer of the board that is due at the same time."""
+        """Runs up to a time; an arrival precedes a timer of the board that is due at the same time."""
         done = len(self.trace)
         while True:
             due_ms, arrival = self.board.next_due_ms, self._arrival
@@ -112,7 +112,7 @@ class Bench:
         return self.trace[done:]
 
     def tell(self, stimulus: Stimulus) -> list[Action]:
-        """A fact from outside, now."""
+        """Gives the board a stimulus now."""
         actions = self.board.receive(stimulus, self.now_ms)
         self._note(actions)
         return actions
@@ -123,11 +123,11 @@ class Bench:
         return self.tell(WifiReceived(data) if kind is Kind.RELEASE else PacketHeard(data))
 
     def hear(self, packet: Packet) -> list[Action]:
-        """Any packet, by sound."""
+        """Delivers any packet by sound."""
         return self.tell(PacketHeard(packet.encode()))
 
     def charge_pin_rises(self, *, noticed: bool = True) -> list[Action]:
-        """In a dock, now; `noticed` False: the edge's interrupt is lost."""
+        """Docks the aMussel now; `noticed` False loses the edge's interrupt."""
         self._docked = self._at_surface = True
         self._arrival = None
         return self.tell(ChargePinRose(noticed))
@@ -137,7 +137,7 @@ class Bench:
         return self.tell(ChargePinFell(noticed))
 
     def charge_pin_chatters(self, *, high_ms: int, low_ms: int, times: int) -> list[Action]:
-        """The pin rises and falls `times` times; what the board did meanwhile."""
+        """Lets the pin rise and fall `times` times; returns the board's actions meanwhile."""
         done = len(self.trace)
         for _ in range(times):
             self.charge_pin_rises()
@@ -147,7 +147,7 @@ class Bench:
         return self.trace[done:]
 
     def reset(self, cause: ResetCause) -> list[Action]:
-        """Starts the firmware anew; batteries and body are as they were."""
+        """Restarts the firmware; batteries and body stay as they were."""
         old = self.board
         self.board = board_of(
             self.config, MusselbedCodec(), old.primary, old.secondary, self.now_ms, old.kept

@@ -1,9 +1,9 @@
-"""Tests of a board as a firmware engineer writes them: `def test_it(mu): mu.run(hours=6); mu.charge_pin_rises(); ...`
+"""A pytest plugin for tests of a board: `def test_it(mu): mu.run(hours=6); mu.charge_pin_rises(); ...`
 
 The fixture `mu` is a `Bench`: a board with Table I's loads that wakes every hour for 10 s. `@pytest.mark.mu(...)` makes
 another: sleep "never", "hourly" or "field"; primary, secondary in [0, 1]; docked; kept_on, names of rails; last_resort
-"wait", "call" or "surface"; metered, for batteries whose voltage sags and lifts; low_level in [0, 1]. Of a test that fails,
-the last of what the board did is shown beside the reason.
+"wait", "call" or "surface"; metered, for batteries whose voltage sags and lifts; low_level in [0, 1]. The report of a
+failed test shows the last actions of the board.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ def make_bench(
     metered: bool = False,
     low_level: float = 0.0,
 ) -> Bench:
-    """The board that a mark asks for. ValueError names what there is when a name is unknown."""
+    """The bench for the arguments of a mark. ValueError for an unknown name lists the known ones."""
     if sleep not in CYCLES:
         raise ValueError(f"sleep: {sleep!r} is none of {', '.join(CYCLES)}")
     unknown = [name for name in kept_on if name.upper() not in Rail.__members__]

@@ -1,4 +1,4 @@
-"""The table of states drawn and written out: what docs/firmware-states.md shows."""
+"""Draws the transition table as a diagram and lists the rails by state, for docs/firmware-states.md."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from firmware_model.states import TABLE, State, Trigger
 
 
 def mermaid() -> str:
-    """The table as a Mermaid state diagram: an arrow for each pair of states, with all triggers that take it."""
+    """The table as a Mermaid state diagram: an arrow for each pair of states, with all its triggers."""
     arrows: dict[tuple[State, State], list[Trigger]] = {}
     for (state, trigger), new in TABLE.items():
         arrows.setdefault((state, new), []).append(trigger)
@@ -19,7 +19,7 @@ def mermaid() -> str:
 
 
 def rails_table() -> str:
-    """Which modules are on in which state, as a Markdown table."""
+    """The modules that are on in each state, as a Markdown table."""
     lines = ["| state | on |", "|---|---|"]
     for state in State:
         names = [f"`{rail.name}`" for rail in Rail if RAILS[state] >> rail & 1]
@@ -28,5 +28,5 @@ def rails_table() -> str:
 
 
 def blocks() -> str:
-    """Both, as they stand in the page."""
+    """Diagram and table as the page shows them."""
     return f"```mermaid\n{mermaid()}\n```\n\n{rails_table()}\n"

@@ -17,7 +17,7 @@ from firmware_model.table_one import HOURLY, board, power
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """A time in simulated minutes: at the paper's own the run must end within 1 %, or between `low` and `high`."""
+    """A run and the paper's time for it, in simulated minutes: it must end between `low_min` and `high_min`."""
 
     mode: str
     paper_min: float
@@ -27,11 +27,12 @@ class Row:
 
 
 def _row(mode: str, paper_min: float, run: Callable[[], float]) -> Row:
+    """A row whose run must end within 1 % of the paper's time."""
     return Row(mode, paper_min, run, 0.99 * paper_min, 1.01 * paper_min)
 
 
 def _minutes_to_empty(bench: Bench) -> float:
-    """Until the board leaves its primary battery."""
+    """The minutes until the board leaves its primary battery."""
     while True:
         due_ms = bench.board.next_due_ms
         assert due_ms is not None
@@ -81,7 +82,7 @@ def _heavy(metering: Metering | None) -> float:
 
 
 def rows(metering: Metering | None = None) -> tuple[Row, ...]:
-    """Table I, and the heavy run that the paper gives as "within 3 hours"; of a board that knows its charges, or meters."""
+    """Table I, and the heavy run that takes "within 3 hours" in the paper; `metering` None for exactly known charges."""
     return (
         _row("discharging, idle", 962, partial(_discharge_idle, metering)),
         _row("discharging, asleep, hourly wakes", 14057, partial(_discharge_hourly, metering)),

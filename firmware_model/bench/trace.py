@@ -1,4 +1,4 @@
-"""What a board did, as lines for people and as a VCD file, which GTKWave shows."""
+"""Writes a board's actions as readable lines and as a VCD file for GTKWave."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def clock(at_ms: int) -> str:
 
 
 def line(action: Action) -> str:
-    """One action, for people."""
+    """One action as a readable line."""
     match action:
         case StateChanged(at_ms, old, trigger, new):
             return f"{clock(at_ms)}  {old.name} -{trigger.name}-> {new.name}"
@@ -62,10 +62,10 @@ def vcd(
     until_ms: int,
     sample_ms: int = 60_000,
 ) -> str:
-    """States, rails, feed and both batteries up to `until_ms`, in steps of a millisecond of agent time.
+    """A VCD of states, rails, feed and both batteries up to `until_ms`, in steps of a millisecond of agent time.
 
-    `courses` are (from ms, primary, secondary), as `Bench.courses` keeps them; charges are sampled every `sample_ms` and
-    wherever a course begins.
+    `courses` are (from ms, primary, secondary), as `Bench.courses` keeps them; charges are sampled every `sample_ms` and at
+    the start of each course.
     """
     changes: list[tuple[int, str]] = []
     for action in trace:

@@ -1,4 +1,4 @@
-"""How packets become bytes. The built-in layout is ours; a laboratory's own comes from its package by entry point."""
+"""Codecs from packets to bytes and back. The built-in one is ours; a laboratory's own comes by entry point."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ GROUP = "musselbed.codecs"
 
 
 class Codec(Protocol):
-    """Bytes out for a packet; a packet, or None for bytes that are not one. `decode` never raises on bad bytes."""
+    """Encodes a packet to bytes, and decodes bytes to a packet, or to None for bad bytes, without raising."""
 
     def encode(self, packet: packets.Packet) -> bytes: ...
 
@@ -29,13 +29,13 @@ class MusselbedCodec:
 
 
 def load_codec(name: str) -> Codec:
-    """The codec called `name`: built in, or a class under the entry-point group `musselbed.codecs`.
+    """The codec called `name`: the built-in one, or a class under the entry-point group `musselbed.codecs`.
 
-    Raises ValueError that names what there is when nothing is called so.
+    Raises ValueError for an unknown name, with the known names in its text.
     """
     if name == BUILT_IN:
         return MusselbedCodec()
-    # Imported here because it brings megabytes that an agent with the built-in layout never needs.
+    # Imported here: it takes megabytes that an agent with the built-in layout never needs.
     from importlib.metadata import entry_points
 
     found = {entry.name: entry for entry in entry_points(group=GROUP)}

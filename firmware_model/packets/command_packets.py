@@ -1,6 +1,7 @@
-"""What an aPad says to an aMussel, or, with the id `wire.EVERYONE`, to all who hear it.
+"""Packets from an aPad to an aMussel, or, with the id `wire.EVERYONE`, to all that receive them.
 
-All that a v2 modem is to carry fits into its 7 bytes: what has no arguments, and HOVER. Milliseconds are agent time.
+The packets that a v2 modem is to carry fit into its 7 bytes: those without arguments, and HOVER. Milliseconds are agent
+time.
 """
 
 from __future__ import annotations
@@ -20,13 +21,13 @@ _PLAIN = {
     Kind.SINK: 2,
     Kind.BACK_UP_LOG: 2,
 }
-"""Commands without arguments, and the version that brought each."""
+"""The commands without arguments, and the layout version that introduced each."""
 
 
 @dataclass(frozen=True, slots=True)
 class CommandPacket:
-    """A word without arguments: PERMISSION to surface, RELEASE (it is clear to sink), PING (how are you?), HOVER
-    (hold the depth where it is), SINK, or BACK_UP_LOG (send the log, as long as there is Wi-Fi)."""
+    """A command without arguments: PERMISSION to surface, RELEASE (it is clear to sink), PING (send a short status), HOVER
+    (hold the present depth), SINK, or BACK_UP_LOG (send the log, as long as there is Wi-Fi)."""
 
     kind: Kind
     agent_id: int
@@ -49,21 +50,21 @@ PLAIN = tuple((version, kind) for kind, version in _PLAIN.items())
 
 
 class Threshold(IntEnum):
-    """What SET_THRESHOLD sets, in the paper's scaled charge."""
+    """The thresholds of SET_THRESHOLD, in the paper's scaled charge."""
 
     SAFE_LEVEL = 0
-    """Of the backup battery: the last resort is taken here."""
+    """The backup battery's level at which the board takes its last resort."""
     SWITCH_BACK = 1
-    """The board returns to the primary battery once that holds so much."""
+    """The board returns to the primary battery at this charge."""
     LOW_LEVEL = 2
-    """Of the primary battery: a sleeper wakes there; 0 for nowhere."""
+    """The primary battery's level at which a sleeping board wakes; 0 for no such level."""
 
 
 _THRESHOLDS = {int(which): which for which in Threshold}
 
 
 class _Numbers:
-    """A command whose arguments are whole numbers that travel as they are, in the order of its fields."""
+    """A command whose arguments are whole numbers; they are packed unchanged, in the order of its fields."""
 
     __slots__ = ()
     VERSION: ClassVar[int] = 2
@@ -76,7 +77,7 @@ class _Numbers:
         return self.KIND
 
     def encode(self) -> bytes:
-        """struct.error for a number that its field does not hold."""
+        """Raises struct.error for a number outside the range of its field."""
         numbers = [getattr(self, name) for name in self.__match_args__]
         return sealed(self.FORMAT.pack(self.VERSION, self.KIND, *numbers))
 
@@ -84,8 +85,8 @@ class _Numbers:
     def decode_body(cls, body: bytes) -> Self | None:
         if len(body) != cls.FORMAT.size:
             return None
-        made: Any = cls  # the fields are the subclass's
-        command: Self = made(*cls.FORMAT.unpack(body)[2:])
+        subclass: Any = cls  # the fields are the subclass's
+        command: Self = subclass(*cls.FORMAT.unpack(body)[2:])
         return command
 
 
@@ -103,8 +104,8 @@ class SleepSchedule(_Numbers):
 
 @dataclass(frozen=True, slots=True)
 class SlotAssignment(_Numbers):
-    """Slot `index` of every frame is yours; speak `guard_ms` after it opens, and `offset_ms` later still (or earlier, when
-    negative), so that what you say arrives in the slot."""
+    """Assigns timeslot `index` of every frame: transmit `guard_ms` after it opens, plus `offset_ms` (negative for earlier),
+    so that the packet arrives in the timeslot."""
 
     KIND: ClassVar[Kind] = Kind.SLOT_ASSIGNMENT
     FORMAT: ClassVar[struct.Struct] = struct.Struct("<BBHIIHHi")
@@ -119,7 +120,7 @@ class SlotAssignment(_Numbers):
 
 @dataclass(frozen=True, slots=True)
 class Beacon(_Numbers):
-    """It is `agent_ms` now, by the aPad's clock, when this packet ends."""
+    """The aPad's clock shows `agent_ms` when this packet ends."""
 
     KIND: ClassVar[Kind] = Kind.BEACON
     FORMAT: ClassVar[struct.Struct] = struct.Struct("<BBHQ")
@@ -130,7 +131,7 @@ class Beacon(_Numbers):
 
 @dataclass(frozen=True, slots=True)
 class LogAck(_Numbers):
-    """Every record of the log below `next_sequence` is kept elsewhere."""
+    """Every record of the log below `next_sequence` is stored elsewhere."""
 
     KIND: ClassVar[Kind] = Kind.LOG_ACK
     FORMAT: ClassVar[struct.Struct] = struct.Struct("<BBHI")
@@ -141,7 +142,7 @@ class LogAck(_Numbers):
 
 @dataclass(frozen=True, slots=True)
 class HoverAt:
-    """Hold this depth; in steps of a quarter of a metre down to 63.75 m, so that a v2 modem can carry it."""
+    """Hold this depth, in steps of a quarter of a metre down to 63.75 m, so that a v2 modem can carry the packet."""
 
     VERSION: ClassVar[int] = 2
     KIND: ClassVar[Kind] = Kind.HOVER
@@ -155,7 +156,7 @@ class HoverAt:
         return self.KIND
 
     def encode(self) -> bytes:
-        """struct.error for a depth outside 0 to 63.75 m."""
+        """Raises struct.error for a depth outside 0 to 63.75 m."""
         return sealed(self.FORMAT.pack(self.VERSION, self.KIND, self.agent_id, round(self.depth_m * 4)))
 
     @classmethod
@@ -168,7 +169,7 @@ class HoverAt:
 
 @dataclass(frozen=True, slots=True)
 class SetThreshold:
-    """`value` is a charge in [0, 1], in steps of 1/65535."""
+    """Set a threshold; `value` is a charge in [0, 1], in steps of 1/65535."""
 
     VERSION: ClassVar[int] = 2
     KIND: ClassVar[Kind] = Kind.SET_THRESHOLD
@@ -183,7 +184,7 @@ class SetThreshold:
         return self.KIND
 
     def encode(self) -> bytes:
-        """struct.error for a value outside [0, 1]."""
+        """Raises struct.error for a value outside [0, 1]."""
         value = round(self.value * CHARGE_STEPS)
         return sealed(self.FORMAT.pack(self.VERSION, self.KIND, self.agent_id, self.which, value))
 

@@ -1,4 +1,4 @@
-"""Bytes that are a command for this board, or why they are not; and which trigger of the table a command is."""
+"""Parses the commands for a board, and maps commands to the triggers of the transition table."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ TRIGGERS = {
 }
 LATEST_MS = 1 << 53
 """A beacon that names a later time (285 000 years) is nonsense."""
-_OF_THE_WORST_CASE = frozenset({Kind.PERMISSION, Kind.RELEASE, Kind.PING, Kind.SINK})
+_WORST_CASE_KINDS = frozenset({Kind.PERMISSION, Kind.RELEASE, Kind.PING, Kind.SINK})
 
 
 def parse_command(data: bytes, codec: Codec, config: BoardConfig) -> Command | str:
-    """The command, or why it cannot be obeyed by a board of `config` in any state."""
+    """The command, or the reason why a board of `config` cannot execute it in any state."""
     packet = codec.decode(data)
     if not isinstance(packet, Command):
         return "not a command"
     if packet.agent_id not in (config.agent_id, EVERYONE):
         return "for another aMussel"
-    if config.whole is None and packet.kind not in _OF_THE_WORST_CASE:
+    if config.whole is None and packet.kind not in _WORST_CASE_KINDS:
         return f"the worst case knows no {packet.kind.name}"
     match packet:
         case CommandPacket(Kind.PING, agent_id) if agent_id == EVERYONE:

@@ -1,4 +1,4 @@
-"""Records of the log on their way to an aPad."""
+"""The packet that carries records of the log to an aPad."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from firmware_model.packets.sample_record import RECORD_BYTES, SampleRecord
 from firmware_model.packets.wire import Kind, sealed
 
 RECORDS_AT_ONCE = 18
-"""In one packet, which so stays below 512 bytes: beyond that an agent's process takes memory of another kind."""
+"""Records in one packet, which keeps it below 512 bytes: beyond that an agent's process uses another memory allocator."""
 
 
 @dataclass(frozen=True, slots=True)
 class LogRecords:
-    """The records from `first` on, `covered` many. Those of them that are not in `records`, which rise, cannot be read.
+    """The range of `covered` records from `first` on. Records of the range that are not in `records` are unreadable.
 
-    Those below `oldest` were acknowledged, or are gone for ever.
+    `records` are in rising order. Records below `oldest` were acknowledged, or are lost for ever.
     """
 
     VERSION: ClassVar[int] = 2
@@ -30,18 +30,18 @@ class LogRecords:
     first: int
     covered: int
     data: bytes
-    """The records as they stand in flash, one behind the other: an aMussel sends them without reading them."""
+    """The records as their bytes in flash, one after the other: an aMussel sends them without decoding."""
 
     @classmethod
     def of(
         cls, agent_id: int, oldest: int, first: int, covered: int, records: Iterable[SampleRecord]
     ) -> LogRecords:
-        """From records instead of their bytes."""
+        """Makes the packet from records instead of their bytes."""
         return cls(agent_id, oldest, first, covered, b"".join([record.encode() for record in records]))
 
     @property
     def records(self) -> tuple[SampleRecord, ...]:
-        """The records, in order; those that cannot be read are left out."""
+        """The readable records, in order."""
         data = self.data
         read = (SampleRecord.decode(data[at : at + RECORD_BYTES]) for at in range(0, len(data), RECORD_BYTES))
         return tuple([record for record in read if record is not None])

@@ -1,4 +1,4 @@
-"""The built-in wire layout: every packet there is, and the one place that tells them apart.
+"""The built-in wire layout: all packets, and the one place that decodes bytes of any kind.
 
 The swarm's own layout is not public; a laboratory's replaces this one through `firmware_model.packets.codec`.
 docs/packets.md shows each packet's bytes.
@@ -65,11 +65,11 @@ _BY_HEAD: dict[tuple[int, int], Callable[[bytes], Packet | None]] = {
     },
     **dict.fromkeys(command_packets.PLAIN, command_packets.decode_plain),
 }
-"""By version and kind."""
+"""The decoders, by version and kind."""
 
 
 def decode(data: bytes) -> Packet | None:
-    """The packet, or None for anything that is not a whole, unharmed one of a known version."""
+    """The packet, or None for bytes that are not a complete, undamaged packet of a known version."""
     body = unsealed(data)
     if body is None or len(body) < 2:
         return None

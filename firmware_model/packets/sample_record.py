@@ -1,4 +1,4 @@
-"""One sample as it stands in flash and travels over Wi-Fi: 24 bytes with a check of their own."""
+"""One sample as a record in flash and over Wi-Fi: 24 bytes with a check of their own."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class SampleRecord:
 
     @classmethod
     def is_whole(cls, data: bytes, sequence: int) -> bool:
-        """Whether these bytes are an unharmed record of that sequence."""
+        """True if these bytes are an undamaged record of that sequence."""
         return (
             len(data) == RECORD_BYTES
             and data[0] == cls.VERSION
@@ -46,7 +46,7 @@ class SampleRecord:
 
     @classmethod
     def decode(cls, data: bytes) -> SampleRecord | None:
-        """None for anything that is not a whole, unharmed record."""
+        """The record, or None for bytes that are not a complete, undamaged one."""
         body = unsealed(data) if len(data) == RECORD_BYTES else None
         if body is None or body[0] != cls.VERSION:
             return None

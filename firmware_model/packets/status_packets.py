@@ -1,6 +1,6 @@
-"""What an aMussel says of itself: by Wi-Fi in full, by a v3 modem in 45 bytes, by a v2 modem in 7.
+"""Status packets of an aMussel: the full one by Wi-Fi, 45 bytes by a v3 modem, 7 bytes by a v2 modem.
 
-Positions travel as local NED centimetres, charge as 1/65535 of the paper's scaled range (1/255 in the short one).
+Positions are encoded as local NED centimetres, charges as 1/65535 of the paper's scaled range (1/255 in the short one).
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ Counts = tuple[int, int, int, int]
 
 @dataclass(frozen=True, slots=True)
 class StatusPacket:
-    """What every status but the short one says. `sequence` counts reports modulo 65536; `agent_ms` is its own time."""
+    """The part of every status except the short one. `sequence` counts reports modulo 65536; `agent_ms` is agent time."""
 
     VERSION: ClassVar[int] = 1
     KIND: ClassVar[Kind] = Kind.STATUS
@@ -41,7 +41,7 @@ class StatusPacket:
     agent_ms: int
 
     def pack(self, version: int, kind: Kind) -> bytes:
-        """Its fields under another packet's head, without a check."""
+        """The fields under another packet's head, without a check."""
         return self.FORMAT.pack(
             version,
             kind,
@@ -65,7 +65,7 @@ class StatusPacket:
 
     @classmethod
     def unpack_from(cls, body: bytes) -> StatusPacket | None:
-        """From the first bytes of a packet that begins with `pack`; None for a state that there is not."""
+        """Decodes the first bytes of a packet that begins with `pack`; None for an unknown state."""
         _, _, agent_id, sequence, state, primary, secondary, north, east, depth, agent_ms = (
             cls.FORMAT.unpack_from(body)
         )
@@ -87,7 +87,7 @@ class StatusPacket:
 
 @dataclass(frozen=True, slots=True)
 class AcousticStatus:
-    """A status by sound, within a v3 modem's 64 bytes: with what the sensors last said, and how much waits in the log."""
+    """A status by sound, within a v3 modem's 64 bytes: with the newest sample, and the number of records that wait."""
 
     VERSION: ClassVar[int] = 2
     KIND: ClassVar[Kind] = Kind.ACOUSTIC_STATUS
@@ -96,11 +96,11 @@ class AcousticStatus:
 
     basic: StatusPacket
     counts: Counts
-    """Of the newest sample; zeros while `samples` is 0."""
+    """The counts of the newest sample; zeros while `samples` is 0."""
     samples: int
-    """How many samples it has ever taken."""
+    """The number of samples that the board has ever taken."""
     waiting: int
-    """Records in its log that nobody has acknowledged; 65535 stands for more, too."""
+    """Unacknowledged records in its log; 65535 also stands for more."""
 
     def encode(self) -> bytes:
         more = self.MORE.pack(*self.counts, self.samples, min(0xFFFF, self.waiting))
@@ -119,7 +119,7 @@ class AcousticStatus:
 
 @dataclass(frozen=True, slots=True)
 class WifiStatus:
-    """Everything that a board can tell of itself."""
+    """The full status of a board."""
 
     VERSION: ClassVar[int] = 2
     KIND: ClassVar[Kind] = Kind.WIFI_STATUS
@@ -128,21 +128,21 @@ class WifiStatus:
 
     basic: StatusPacket
     counts: Counts
-    """Of the newest sample; zeros while `samples` is 0."""
+    """The counts of the newest sample; zeros while `samples` is 0."""
     samples: int
-    """How many samples it has ever taken; the newest record's sequence is one less."""
+    """The number of samples that the board has ever taken; the newest record's sequence is one less."""
     acknowledged: int
     """The log's records below this sequence were acknowledged."""
     oldest: int
     """The log holds the records from this sequence on."""
     overwritten: int
-    """Records that the ring overwrote before anybody had acknowledged them."""
+    """Records that the ring overwrote before they were acknowledged."""
     torn: int
-    """Records that resets tore while they were written; counts to 65535."""
+    """Records that were partly written when a reset came; counts to 65535."""
     reset_cause: ResetCause
     feed: ActiveBattery
     rails: int
-    """What is on, as bits by `Rail`."""
+    """The rails that are on, as bits by `Rail`."""
     clock_offset_ms: int
     """The board's clock minus the last beacon's time, as corrected then."""
 
@@ -189,16 +189,16 @@ class WifiStatus:
 
 @dataclass(frozen=True, slots=True)
 class ShortStatus:
-    """A status within a v2 modem's 7 bytes: who, in which state, and both batteries in steps of 1/255.
+    """A status within a v2 modem's 7 bytes: agent id, state, and both batteries in steps of 1/255.
 
-    Neither time nor place: it was sent when it was heard, and whoever hears it knows where the aMussel was put. The state
-    shares its byte with three bits that tell the packet from others; so there is room for the whole CRC-16.
+    It has neither time nor place: it counts as sent when it is received, and the receiver knows where the aMussel was put.
+    The state shares its byte with three bits that identify the packet, which leaves room for the whole CRC-16.
     """
 
     TAG: ClassVar[int] = 0b101_00000
     FORMAT: ClassVar[struct.Struct] = struct.Struct("<BHBB")
     BYTES: ClassVar[int] = FORMAT.size + 2
-    """With its check."""
+    """The size with its check."""
 
     agent_id: int
     state: State
@@ -226,5 +226,5 @@ Status = StatusPacket | AcousticStatus | WifiStatus
 
 
 def basic_of(status: Status) -> StatusPacket:
-    """What all of them say."""
+    """The part that all of them have."""
     return status if isinstance(status, StatusPacket) else status.basic

@@ -1,6 +1,6 @@
-"""What all packets of the built-in layout share: little-endian, version and kind first, CRC-16/CCITT last.
+"""The common part of all packets of the built-in layout: little-endian, version and kind first, CRC-16/CCITT last.
 
-A version is of one kind's layout: a kind that gets another layout keeps its number under a higher version, and a receiver
+A version belongs to one kind's layout: a kind with a changed layout keeps its number under a higher version, and a receiver
 that does not know the pair drops the packet. The CRC (polynomial 0x1021, start 0xFFFF) detects every single and double bit
 error and every burst of up to 16 bits in packets of up to 4095 bytes.
 """
@@ -13,10 +13,10 @@ from enum import IntEnum
 
 CHARGE_STEPS = 65535
 EVERYONE = 0
-"""The id of a command that is for all who hear it; aMussels' own ids begin at 1."""
+"""The id of a command to all that receive it; aMussels' own ids begin at 1."""
 
 HEAD = struct.Struct("<BBH")
-"""Version, kind, and the id of the aMussel that speaks or is spoken to."""
+"""Version, kind, and the id of the aMussel that sends or receives."""
 _CRC = struct.Struct("<H")
 
 
@@ -44,6 +44,6 @@ def sealed(body: bytes) -> bytes:
 
 
 def unsealed(data: bytes) -> bytes | None:
-    """What stands before a right check; None for a wrong one."""
+    """The bytes before the check; None if the check is wrong."""
     body = data[:-2]
     return body if len(data) > 2 and crc_hqx(body, 0xFFFF) == _CRC.unpack(data[-2:])[0] else None

@@ -1,7 +1,7 @@
-"""What years and charge cycles leave of a battery. Everything is per battery as new; the scale stays [0, 1].
+"""The ageing of batteries by years and charge cycles, relative to a new battery; the charge scale stays [0, 1].
 
-A battery that holds less is drawn down, and charged, faster on the scale of voltage: every rate is divided by what is
-left of its capacity. Both batteries of an aMussel age alike here.
+An aged battery discharges and charges faster on the scale of voltage: every rate is divided by the remaining capacity.
+Both batteries of an aMussel age alike here.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ AS_NEW = 10_000
 
 @dataclass(frozen=True, slots=True)
 class Fading:
-    """What is lost, in 1/10000 of the capacity as new.
+    """The loss of capacity, in 1/10000 of the capacity as new.
 
     Lithium polymer cells are sold for 300 to 500 full cycles to 80 %, and lose a few percent a year on the shelf.
     """
@@ -32,7 +32,7 @@ class Fading:
 
 
 def capacity_left(cycles: int, years: float, fading: Fading | None = None) -> int:
-    """In 1/10000 of the capacity as new. ValueError when nothing would be left, or for a negative age."""
+    """The remaining capacity in 1/10000 of that as new. ValueError when nothing is left, or for a negative age."""
     fading = Fading() if fading is None else fading
     if cycles < 0 or years < 0:
         raise ValueError("an age is not negative")
@@ -43,7 +43,7 @@ def capacity_left(cycles: int, years: float, fading: Fading | None = None) -> in
 
 
 def aged(config: BoardConfig, capacity: int) -> BoardConfig:
-    """The board on batteries that hold `capacity` of 10000 of what they held as new; every rate rounded down."""
+    """The board on batteries with `capacity` of 10000 of the capacity as new; every rate rounded down."""
     if not 0 < capacity <= AS_NEW:
         raise ValueError(f"a capacity lies in 1 to {AS_NEW}, not {capacity}")
 
@@ -60,7 +60,7 @@ def aged(config: BoardConfig, capacity: int) -> BoardConfig:
     if whole is not None:
         power, metering = whole.power, whole.power.metering
         if metering is not None:
-            # The resistance stays, and with it what a current pulls the voltage down by.
+            # The resistance stays, and with it the voltage drop under a current.
             metering = replace(
                 metering,
                 sag_ms=metering.sag_ms * capacity // AS_NEW,

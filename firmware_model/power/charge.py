@@ -1,11 +1,11 @@
-"""Battery charge on the paper's scaled voltage range, counted in integers so that no cutting of time shows.
+"""Battery charge on the paper's scaled voltage range, counted in integers so that any division of time gives one result.
 
-Equations (1) and (2) of the paper are per simulated minute. One full battery is `FULL` grains, chosen so that a rate
-with ten decimals a minute is a whole number of grains a millisecond. Charge moves as the paper's own difference
-equation does, with a step of one millisecond; the closed forms below equal that iteration exactly.
+Equations (1) and (2) of the paper are per simulated minute. A full battery is `FULL` grains, chosen so that a rate with
+ten decimals a minute is a whole number of grains a millisecond. Charge follows the paper's own difference equation with a
+step of one millisecond; the closed forms below equal that iteration exactly.
 
-While a charger feeds a battery that is also drawn on, the net rate may be too low to leave a segment of the curve, or
-negative: a charge that would rise into a segment in which it falls rests at the end between the two.
+While a charger feeds a battery that also supplies a load, the net rate may be too low to leave a segment of the curve, or
+negative. A charge that would rise into a segment in which it falls rests at the end between the two.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ def grains_per_ms(per_minute: float) -> int:
 
 
 class Flow(IntEnum):
-    """Where a battery's charge is going."""
+    """The direction of a battery's charge."""
 
     RESTING = 0
     DISCHARGING = 1
@@ -48,8 +48,8 @@ class Flow(IntEnum):
 class Battery:
     """An anchor: `charge` grains at `anchor_ms`, flowing as `flow` since. It moves only at events.
 
-    `load` is what is drawn from it, in grains a millisecond, on top of the model's own discharge; `coils` are those that
-    charge it, one or two.
+    `load` is drawn from the battery, in grains a millisecond, on top of the model's own discharge; `coils` is the number of
+    coils that charge it, one or two.
     """
 
     anchor_ms: int
@@ -68,8 +68,8 @@ class ChargeModel:
     """Discharge at one rate (equation (1)) and a piecewise-linear charging curve (equation (2)).
 
     `segments` are (upper end in grains, grains a millisecond), rising, the last ending at `FULL`. A charge that lies on
-    an end still moves at that segment's rate, as in equation (2). `discharge` is equation (1)'s rate where every load is
-    in it, and 0 where loads are counted by module; `segments_by_two` is the curve of a charger with two coils.
+    an end still moves at that segment's rate, as in equation (2). `discharge` is equation (1)'s rate if it contains every
+    load, and 0 if loads are counted by module; `segments_by_two` is the curve of a charger with two coils.
     """
 
     discharge: int
@@ -78,7 +78,7 @@ class ChargeModel:
 
     @classmethod
     def from_minutes(cls, discharge: float, segments: tuple[tuple[float, float], ...]) -> ChargeModel:
-        """From rates a simulated minute and ends on [0, 1], as the paper prints them; one coil."""
+        """Makes a model of rates a simulated minute and ends on [0, 1], as the paper prints them; one coil."""
         return cls(
             grains_per_ms(discharge), tuple((grains(end), grains_per_ms(rate)) for end, rate in segments)
         )
@@ -102,7 +102,7 @@ class ChargeModel:
         return Battery(now_ms, self.charge_at(battery, now_ms), flow, load, battery.coils)
 
     def empty_at_ms(self, battery: Battery) -> int | None:
-        """The first millisecond at which a discharging battery stands at 0; None when nothing is drawn from it."""
+        """The first millisecond at which a discharging battery is at 0; None if nothing is drawn from it."""
         rate = self.discharge + battery.load
         if battery.flow is not Flow.DISCHARGING or rate == 0:
             return None
@@ -127,7 +127,7 @@ class ChargeModel:
         return None
 
     def _pieces(self, battery: Battery) -> Iterator[tuple[int, int, int, int]]:
-        """The course as straight pieces (from ms, to ms, grains at the first, grains a millisecond), the last for ever."""
+        """The course as linear pieces (from ms, to ms, grains at the start, grains a millisecond); the last has no end."""
         at_ms, charge = battery.anchor_ms, battery.charge
         if battery.flow is Flow.RESTING:
             yield at_ms, _FOREVER, charge, 0
@@ -141,7 +141,7 @@ class ChargeModel:
         while True:
             low, end, rate = _segment(segments, charge)
             rate -= load
-            # The last millisecond at which it is still in this segment.
+            # The number of milliseconds for which the charge stays in this segment.
             if rate > 0:
                 steps = (end - charge) // rate
             elif rate < 0:
@@ -166,7 +166,7 @@ class ChargeModel:
 
 
 def _segment(segments: Segments, charge: int) -> tuple[int, int, int]:
-    """(lower end, upper end, charger's rate) of the segment that `charge` moves in; the lower end is not in it."""
+    """(lower end, upper end, charger's rate) of the segment of `charge`; the lower end does not belong to it."""
     low = 0
     for end, rate in segments:
         if charge <= end:

@@ -1,9 +1,9 @@
-"""The charger's pin: what its wire carries, which of that the firmware saw, and the level that it holds for certain.
+"""The charger's pin: the level on its wire, the level that the firmware last saw, and the debounced level.
 
-An edge counts once the level has stayed for the debounce time. A pin that goes on bouncing faster than that is decided
-every `chatter_ms` by the level that it had for the greater part of the time; a tie leaves the level as it was. An edge
-whose interrupt was lost is found by the level, which is sampled at every wake and at whole multiples of `check_ms`; a
-sample that agrees changes nothing, so only the first that does not is an event.
+An edge counts once the level has stayed for the debounce time. If the pin goes on bouncing faster than that, the level of
+the greater part of the time decides every `chatter_ms`; a tie leaves the level as it was. The firmware also samples the
+level at every wake and at whole multiples of `check_ms`, which finds an edge whose interrupt was lost. A sample that agrees
+changes nothing, so only the first one that differs is an event.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ class Edge(IntEnum):
 
 
 class Fault(Enum):
-    """What was wrong with the pin; the board counts it."""
+    """A fault of the pin; the board counts it."""
 
     MISSED = "an edge of the charger's pin was missed: its level told"
     CHATTER = "the charger's pin chatters: the greater part of the time decided"
@@ -33,32 +33,32 @@ class ChargePin:
         self.restart(high)
 
     def restart(self, high: bool) -> None:
-        """The firmware begins, and reads this level."""
+        """The firmware starts and reads this level."""
         self.wire_high = high
-        """What the pin carries, whether the firmware saw it or not: the chargers run on it."""
+        """The level on the wire, even if the firmware did not see its edge: it controls the chargers."""
         self.high = high
         """The debounced level."""
         self._seen_high = high
         self._flipped_ms: int | None = None
-        """The last flip that was seen since the level was certain."""
+        """The last edge that was seen since the level was certain."""
         self._unsettled_ms = self._counted_ms = self._high_ms = 0
-        """Since when it is not certain, up to when that was counted, and for how much of it the level was high."""
+        """The start of the uncertain time, the end of the counted part, and the time at a high level in that part."""
         self.next_due_ms: int | None = None
 
     def level(self, high: bool, now_ms: int) -> None:
-        """The wire's level from `now_ms` on, its edge seen; call `due` first for anything due by then."""
+        """Sets the wire's level from `now_ms` on, with its edge seen; call `due` first for anything due by then."""
         self.wire_high = high
-        self.look(now_ms)
+        self.sample_level(now_ms)
 
     def level_unseen(self, high: bool, now_ms: int) -> None:
-        """As `level`, but the interrupt was lost."""
+        """Sets the wire's level from `now_ms` on, with the edge's interrupt lost."""
         self.wire_high = high
         if self._flipped_ms is None:
             differs = high != self._seen_high
             self.next_due_ms = (now_ms // self._check_ms + 1) * self._check_ms if differs else None
 
-    def look(self, now_ms: int) -> bool:
-        """Reads the level; whether it is another than the one last seen."""
+    def sample_level(self, now_ms: int) -> bool:
+        """Samples the level; returns True if it differs from the level last seen."""
         if self.wire_high == self._seen_high:
             if self._flipped_ms is None:
                 self.next_due_ms = None
@@ -72,10 +72,10 @@ class ChargePin:
         return True
 
     def due(self, now_ms: int) -> tuple[Edge | None, Fault | None]:
-        """What has become certain by `now_ms`, once, and what was wrong."""
+        """Returns the edge that has become certain by `now_ms`, once, and the fault of the pin."""
         if self.next_due_ms is None or now_ms < self.next_due_ms:
             return None, None
-        if self.look(now_ms):
+        if self.sample_level(now_ms):
             return None, Fault.MISSED
         assert self._flipped_ms is not None
         if now_ms >= self._flipped_ms + self._debounce_ms:

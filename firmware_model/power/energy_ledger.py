@@ -1,4 +1,4 @@
-"""Who spent what: a board's energy by module and by state, added up from its actions in closed form."""
+"""A board's energy by module and by state, summed from its actions in closed form."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from firmware_model.states import State
 
 
 class EnergyLedger:
-    """Is fed a board's actions in order. What the modules draw: docked, part of it comes from the charger."""
+    """Sums what the modules draw, from a board's actions in order; docked, a part of that comes from the charger."""
 
     def __init__(self, loads: Loads, now_ms: int) -> None:
         self._loads = loads
@@ -32,7 +32,7 @@ class EnergyLedger:
                     self._state = new
 
     def settle(self, now_ms: int) -> None:
-        """Books everything up to `now_ms`; the sums stand there."""
+        """Adds everything up to `now_ms` to the sums."""
         for rail, since_ms in self._since.items():
             self._close(rail, since_ms, now_ms)
             self._since[rail] = now_ms
@@ -40,7 +40,7 @@ class EnergyLedger:
         self._entered_ms = now_ms
 
     def power_off(self, now_ms: int) -> None:
-        """The board was reset: every rail fell without a word."""
+        """The board was reset: every rail went off without an action."""
         self.settle(now_ms)
         self._since.clear()
         self._state = State.OFF
@@ -50,7 +50,7 @@ class EnergyLedger:
         self._on_ms[key] = self._on_ms.get(key, 0) + now_ms - since_ms
 
     def grains(self) -> dict[tuple[State, Rail], int]:
-        """What each module drew in each state."""
+        """The grains that each module drew in each state."""
         return {key: on_ms * self._loads.of[key[1]] for key, on_ms in self._on_ms.items() if on_ms}
 
     def by_rail(self) -> dict[Rail, int]:
@@ -66,5 +66,5 @@ class EnergyLedger:
         }
 
     def state_ms(self) -> dict[State, int]:
-        """How long the board was in each state."""
+        """The time in ms that the board was in each state."""
         return dict(self._state_ms)

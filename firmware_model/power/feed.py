@@ -1,4 +1,4 @@
-"""Which battery a board lives on, and the paper's worst case, which only ever uses one."""
+"""The battery that feeds a board, and the batteries of the paper's worst case, which uses only one."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from firmware_model.power.charge import Battery, ChargeModel, Flow
 
 
 class ActiveBattery(IntEnum):
-    """The battery that the board lives on."""
+    """The battery that feeds the board."""
 
     PRIMARY = 0
     SECONDARY = 1
@@ -17,14 +17,14 @@ class ActiveBattery(IntEnum):
 
 
 class WorstCase:
-    """The paper's choice (section IV-A): one battery, one load, the secondary's charging curve, the other kept full."""
+    """The paper's choice (section IV-A): one battery, one load, the secondary's charging curve; the other stays full."""
 
     def __init__(self, model: ChargeModel, primary: Battery, secondary: Battery) -> None:
         self._model = model
         self.primary = primary
         self.secondary = secondary
         self.due_ms: int | None = None
-        """Nothing about the batteries happens by itself: the board watches the one that it uses."""
+        """Always None: the board itself watches the battery that it uses."""
         self.feed = ActiveBattery.PRIMARY
 
     def charge(self, charging: bool, now_ms: int) -> None:
@@ -33,5 +33,5 @@ class WorstCase:
             self.primary = self._model.settle(self.primary, now_ms, flow)
 
     def readings(self, now_ms: int) -> tuple[int, int]:
-        """Primary and secondary, in grains: the worst case knows them exactly."""
+        """Primary and secondary charge, in grains: the worst case knows them exactly."""
         return self._model.charge_at(self.primary, now_ms), self._model.charge_at(self.secondary, now_ms)

@@ -1,4 +1,4 @@
-"""Both batteries and what feeds the board: who charges, who is drawn on, and when that has to change."""
+"""The power path between chargers, both batteries and the board, and the levels at which it changes."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from firmware_model.power.voltage import Meter, Watch
 
 
 class Level(IntEnum):
-    """What the batteries came to; of several at one time in this order."""
+    """A level that a battery reached; several at one time count in this order."""
 
     EMPTIED = 0
-    """The battery that feeds the board: it is fed by another from now on, or by neither."""
+    """The feeding battery is empty: another one feeds the board from now on, or neither."""
     SWITCH_BACK = 1
-    """The primary, while the charger feeds the board through the secondary: it is fed by the primary again."""
+    """The primary, while the charger feeds the board through the secondary: the primary feeds the board again."""
     SAFE_LEVEL = 2
-    """The backup, feeding the board: from here on it may soon not surface any more."""
+    """The backup, feeding the board: soon the aMussel may be unable to surface."""
     LOW_LEVEL = 3
     """The primary, feeding the board."""
 
@@ -26,9 +26,9 @@ class Level(IntEnum):
 class PowerPath:
     """Two batteries with a charger each, two coils for the primary and one for the secondary, under a switched load.
 
-    Charging, the battery that feeds the board loses the stated part of the load on the way; the other one loses nothing.
-    With a `Metering`, levels are concluded from readings (`firmware_model.power.voltage`); a charge of 0 ends a battery
-    all the same, for then its protection cuts it off.
+    While charging, the stated part of the load reaches the feeding battery, and none of it the other one. With a
+    `Metering`, the board concludes levels from readings (`firmware_model.power.voltage`); even so a battery ends at a
+    charge of 0, because then its protection cuts it off.
     """
 
     def __init__(
@@ -41,7 +41,7 @@ class PowerPath:
         agent_id: int,
         levels: tuple[int, int, int] | None = None,
     ) -> None:
-        """`levels` are to switch back at, the safe one and the low one, in grains; None: the configuration's."""
+        """`levels` are the switch-back, safe and low levels, in grains; None for the configuration's."""
         self._model = model
         self._power = power
         self.primary = primary
@@ -49,13 +49,13 @@ class PowerPath:
         self.charging = primary.flow is Flow.CHARGING
         self.load = 0
         self._levels = (0, *(levels or (power.switch_back, power.safe_level, power.low_level)))
-        """In the order of `Level`."""
-        self.feed = self._fed_by(now_ms)
+        """Grains, in the order of `Level`."""
+        self.feed = self._initial_feed(now_ms)
         self.safe_ms: int | None = None
-        """Since when the backup battery, feeding the board, is known to stand at its safe level or below."""
+        """The time since which the backup battery, feeding the board, is known to be at its safe level or below."""
         self._is_low = False
         self.due_ms: int | None = None
-        """When `due` has to be called next."""
+        """The time of the next call of `due`."""
         self._dues: tuple[tuple[int, Level], ...] = ()
         self._watches: dict[Level, Watch] = {}
         self._meter: Meter | None = None
@@ -64,8 +64,8 @@ class PowerPath:
             self._settled_ms = now_ms
             self._sampled = self._read(now_ms // power.metering.period_ms, now_ms)
 
-    def _fed_by(self, now_ms: int) -> ActiveBattery:
-        """What a reset finds: the switch between the batteries stays where it was."""
+    def _initial_feed(self, now_ms: int) -> ActiveBattery:
+        """The feeding battery after a reset, in which the switch between the batteries stays where it was."""
         if self._model.charge_at(self.secondary, now_ms) > 0 and self.secondary.load > 0:
             return ActiveBattery.SECONDARY
         if self.charging or self._model.charge_at(self.primary, now_ms) > 0:
@@ -77,10 +77,10 @@ class PowerPath:
         )
 
     def set(self, charging: bool, load: int, now_ms: int) -> None:
-        """From `now_ms` on the chargers are on or off, and the board draws `load` grains a millisecond."""
+        """Switches the chargers on or off from `now_ms` on; the board then draws `load` grains a millisecond."""
         if (charging, load) == (self.charging, self.load):
             return
-        self._close(now_ms)
+        self._count_samples(now_ms)
         if charging and self.feed is ActiveBattery.NEITHER:
             self.feed = ActiveBattery.PRIMARY
         if charging:
@@ -89,17 +89,19 @@ class PowerPath:
         self._settle(now_ms)
 
     def set_levels(self, levels: tuple[int, int, int], now_ms: int) -> None:
-        """Other levels from `now_ms` on, as at birth."""
-        self._close(now_ms)
+        """Sets other levels from `now_ms` on, in the order of the constructor."""
+        self._count_samples(now_ms)
         self._levels = (0, *levels)
         self.safe_ms, self._is_low = None, False
         self._watches.clear()
         self._settle(now_ms)
 
     def due(self, now_ms: int) -> Level | None:
-        """What the batteries came to, once; None when it only paid to look again. Call it at `due_ms`."""
-        found = [level for due_ms, level in self._dues if due_ms <= now_ms and self._is_so(level, now_ms)]
-        self._close(now_ms)
+        """Returns the level that was reached, once; None if this was only a check in between. Call it at `due_ms`."""
+        found = [
+            level for due_ms, level in self._dues if due_ms <= now_ms and self._is_confirmed(level, now_ms)
+        ]
+        self._count_samples(now_ms)
         level = min(found, default=None)
         match level:
             case Level.EMPTIED:
@@ -131,15 +133,15 @@ class PowerPath:
         return n * self._meter.metering.period_ms <= self._settled_ms
 
     def _read(self, n: int, now_ms: int) -> tuple[int, int]:
-        """Sample `n` of both; one from before this board ran is taken at `now_ms`."""
+        """Sample `n` of both batteries; a sample from before this board ran is taken at `now_ms`."""
         meter = self._meter
         assert meter is not None
         at_ms = max(n * meter.metering.period_ms, self._settled_ms)
         primary, secondary = (meter.voltage(battery, at_ms) for battery in (self.primary, self.secondary))
         return primary + meter.noise(0, n), secondary + meter.noise(1, n)
 
-    def _close(self, now_ms: int) -> None:
-        """Takes in all that was sampled on the courses that end here."""
+    def _count_samples(self, now_ms: int) -> None:
+        """Counts all samples on the courses that end here."""
         if self._meter is None:
             return
         for level, watch in self._watches.items():
@@ -157,7 +159,7 @@ class PowerPath:
         self.secondary = self._flowing(
             self.secondary, load if self.feed is ActiveBattery.SECONDARY else 0, 1, now_ms
         )
-        wanted = self._wanted()
+        wanted = self._active_levels()
         if self._meter is not None:
             self._watches = {
                 level: self._watches.get(level) or self._watch(self._meter, level, now_ms) for level in wanted
@@ -173,12 +175,12 @@ class PowerPath:
             return battery
         return Battery(now_ms, self._model.charge_at(battery, now_ms), flow, load, coils)
 
-    def _wanted(self) -> tuple[Level, ...]:
-        """The levels that mean something now."""
+    def _active_levels(self) -> tuple[Level, ...]:
+        """The levels that matter in the present feed and charging state."""
         if self.feed is ActiveBattery.NEITHER:
             return ()
         if self.charging:
-            # Drawn on by more than its charger gives, the primary empties in the dock too: nothing to switch to that lasts.
+            # Under a load above the charger's output, the primary empties in the dock too: no other battery would last.
             return (Level.SWITCH_BACK,) if self.feed is ActiveBattery.SECONDARY else ()
         if self.feed is ActiveBattery.SECONDARY:
             return (Level.EMPTIED, Level.SAFE_LEVEL) if self.safe_ms is None else (Level.EMPTIED,)
@@ -212,7 +214,7 @@ class PowerPath:
         empty_ms = self._exact_ms(level)
         return empty_ms if due_ms is None else due_ms if empty_ms is None else min(due_ms, empty_ms)
 
-    def _is_so(self, level: Level, now_ms: int) -> bool:
+    def _is_confirmed(self, level: Level, now_ms: int) -> bool:
         if self._meter is None or (
             level is Level.EMPTIED and self._model.charge_at(self._watched(level), now_ms) == 0
         ):

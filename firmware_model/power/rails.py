@@ -1,4 +1,4 @@
-"""What draws power on an aMussel: a rail for each module that the board can switch, and which state has which on."""
+"""The rails of an aMussel, one for each module that the board can switch, and the rails that each state has on."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from firmware_model.states import State
 
 
 class Rail(IntEnum):
-    """A module with its own switch; the MCU and the modem have one for each of their modes, of which one is on."""
+    """A module with its own switch; the MCU and the modem have one rail for each of their modes, of which one is on."""
 
     MU_ASLEEP = 0
     MU_ACTIVE = 1
@@ -29,7 +29,7 @@ class Rail(IntEnum):
 
 
 def bits(*rails: Rail) -> int:
-    """A set of rails as an integer, which is how the board carries them."""
+    """A set of rails as an integer, as the board carries them."""
     return sum(1 << rail for rail in rails)
 
 
@@ -59,11 +59,11 @@ RAILS: dict[State, int] = {
     State.LOST: 0,
     State.AWAITING_BEACON: IDLE,
 }
-"""What runs for a time of its own, in whatever state, is not in it: motors, and a modem that receives or answers."""
+"""Rails that are on for a time of their own in any state are not listed: motors, and a modem that receives or answers."""
 
 
 def rails_of(state: State, kept_on: int, never_asleep: bool, pulsed: int) -> int:
-    """What is on in `state`; `pulsed` are the rails that are on for a time of their own."""
+    """The rails that are on in `state`, as bits; `pulsed` are the rails that are on for a time of their own."""
     on = RAILS[state]
     if on == 0:
         return 0
@@ -87,12 +87,12 @@ class Loads:
 
     @classmethod
     def from_minutes(cls, per_minute: dict[Rail, float]) -> Loads:
-        """From scaled voltage a simulated minute. ValueError when a rail is missing."""
+        """Makes loads of scaled voltage a simulated minute. ValueError if a rail is missing."""
         missing = [rail.name for rail in Rail if rail not in per_minute]
         if missing:
             raise ValueError(f"no load is given for {', '.join(missing)}")
         return cls(tuple(grains_per_ms(per_minute[rail]) for rail in Rail))
 
     def total(self, on: int) -> int:
-        """What the rails in `on` draw together."""
+        """The sum of the loads of the rails in `on`."""
         return sum(load for rail, load in enumerate(self.of) if on >> rail & 1)

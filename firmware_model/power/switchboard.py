@@ -1,4 +1,4 @@
-"""The board's switches: which rails are on by its state, and which for a time of their own; and who is told of it."""
+"""The board's switches: turns rails on by the state, or for a time of their own, and sets the batteries' load."""
 
 from __future__ import annotations
 
@@ -10,30 +10,30 @@ from firmware_model.states import State
 
 
 class Switchboard:
-    """`due_ms` and `due` as everywhere: when a rail that is on for a time of its own goes off."""
+    """The switches of all rails. `due_ms` is the time at which the next rail that is on for its own time goes off."""
 
     def __init__(self, whole: FullFirmware, batteries: PowerPath) -> None:
         self._whole = whole
         self._batteries = batteries
         self.rails = 0
-        """What is on, as bits."""
+        """The rails that are on, as bits."""
         self._pulses: dict[Rail, int] = {}
         self.due_ms: int | None = None
 
     def is_on(self, *rails: Rail) -> bool:
-        """Whether any of them is."""
+        """True if any of `rails` is on."""
         return self.rails & bits(*rails) != 0
 
     def pulse(self, rail: Rail, until_ms: int) -> None:
-        """Keeps `rail` on until then, whatever the state; `switch` makes it so."""
+        """Keeps `rail` on until `until_ms` in any state; takes effect with `switch`."""
         self._pulses[rail] = until_ms
 
     def due(self, now_ms: int) -> None:
-        """Forgets the pulses that are over; `switch` makes it so."""
+        """Drops the pulses that are over; takes effect with `switch`."""
         self._pulses = {rail: off_ms for rail, off_ms in self._pulses.items() if off_ms > now_ms}
 
     def switch(self, state: State, charger_on: bool, now_ms: int) -> list[SetRail]:
-        """Switches what the state and the pulses want, and tells the batteries."""
+        """Switches the rails by the state and the pulses, and sets the batteries' charger and load."""
         whole = self._whole
         if state is State.LOST:
             self._pulses.clear()

@@ -1,8 +1,8 @@
-"""What the battery monitor reads, which is not what a battery holds, and what the board concludes from it.
+"""The battery monitor's readings, which differ from the charge, and the board's conclusions from them.
 
-A load pulls the voltage down for as long as it lasts, a charger lifts it, and a reading has noise. The monitor samples at
-whole multiples of its period, a load that changes at a sample's own time after the sample. A level counts once every sample
-over `settle_ms` was beyond it: a transmission's sag, or the lift of a charger that touched for a moment, is no conclusion.
+A load lowers the voltage for as long as it lasts, a charger lifts it, and a reading has noise. The monitor samples at whole
+multiples of its period; a load that changes at a sample's own time changes after the sample. A level counts once every
+sample over `settle_ms` was beyond it: so the sag of a transmission, or a charger's touch for a moment, has no effect.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ from firmware_model.power.charge import FULL, Battery, ChargeModel, Flow
 
 _KEY = Struct("<QQQ").pack
 _WORDS = Struct("<QQ").unpack
-_AT_ONCE = 64
-"""Samples that are looked at in one go; where noise decides, the board looks again after so many."""
+_LOOKAHEAD_SAMPLES = 64
+"""The number of samples that are tested in one go; where noise decides, the board tests again after so many."""
 
 
 class Meter:
@@ -27,32 +27,32 @@ class Meter:
         self.metering = metering
         self._agent_id = agent_id
         self.needed = metering.settle_ms // metering.period_ms + 1
-        """Samples in a row that make a conclusion."""
+        """The number of consecutive samples that make a conclusion."""
 
     def offset(self, battery: Battery) -> int:
-        """By how much the voltage of `battery` differs from its charge as it flows now."""
+        """Voltage minus charge of `battery`, at its present flow and load."""
         metering = self.metering
         sag = metering.sag_ms * max(0, battery.load - metering.sag_from)
         return (metering.lift if battery.flow is Flow.CHARGING else 0) - sag
 
     def voltage(self, battery: Battery, at_ms: int) -> int:
-        """Without noise. A charger never lifts it above `FULL`; under load it may be below 0."""
+        """The voltage without noise. A charger never lifts it above `FULL`; under load it may be below 0."""
         return min(FULL, self.model.charge_at(battery, at_ms) + self.offset(battery))
 
     def noise(self, which: int, n: int) -> int:
-        """Of sample `n`: uniform on the integers of [-noise, +noise], the same whoever asks."""
+        """The noise of sample `n`: uniform on the integers of [-noise, +noise], and always the same for a sample."""
         words: tuple[int, int] = _WORDS(
             blake2b(_KEY(self.metering.seed, self._agent_id, n), digest_size=16).digest()
         )
         return (words[which] * (2 * self.metering.noise + 1) >> 64) - self.metering.noise
 
     def reading(self, battery: Battery, which: int, n: int) -> int:
-        """Sample `n`, at n periods."""
+        """The reading of sample `n`, at n periods."""
         return self.voltage(battery, n * self.metering.period_ms) + self.noise(which, n)
 
 
 class Watch:
-    """Counts the samples in a row that stood at a level or beyond it, from the first one after `now_ms` on."""
+    """Counts the consecutive samples at a level or beyond it, from the first one after `now_ms` on."""
 
     def __init__(self, meter: Meter, which: int, level: int, rising: bool, now_ms: int) -> None:
         self._meter = meter
@@ -63,7 +63,7 @@ class Watch:
         self._run = 0
 
     def count(self, battery: Battery, until_ms: int) -> bool:
-        """Takes in the samples up to `until_ms`, all on the course of `battery`; whether they make a conclusion."""
+        """Counts the samples up to `until_ms`, all on the course of `battery`; returns True if they make a conclusion."""
         n = until_ms // self._meter.metering.period_ms
         until, run = n, 0
         while n > self._counted and run < self._meter.needed and self._beyond(battery, n):
@@ -74,10 +74,10 @@ class Watch:
         return self._run >= self._meter.needed
 
     def due_ms(self, battery: Battery) -> int | None:
-        """When to count next: at a conclusion, or where it pays to look again; None when this course leads to none."""
+        """The time of the next count: a conclusion, or a useful check; None if this course leads to no conclusion."""
         period_ms, needed = self._meter.metering.period_ms, self._meter.needed
         n, run = self._counted + 1, self._run
-        for _ in range(max(_AT_ONCE, needed)):
+        for _ in range(max(_LOOKAHEAD_SAMPLES, needed)):
             if self._margin(battery, n) < -self._meter.metering.noise:
                 possible_ms = self._possible_ms(battery, n * period_ms)
                 if possible_ms is None:
@@ -90,7 +90,7 @@ class Watch:
         return n * period_ms
 
     def _margin(self, battery: Battery, n: int) -> int:
-        """How far beyond the level the voltage is at sample `n`, without noise; negative when it is not."""
+        """The distance of the noiseless voltage beyond the level at sample `n`; negative if it is not beyond."""
         return self._sign * (self._meter.voltage(battery, n * self._meter.metering.period_ms) - self._level)
 
     def _beyond(self, battery: Battery, n: int) -> bool:
@@ -100,7 +100,7 @@ class Watch:
         return margin + self._sign * self._meter.noise(self._which, n) >= 0
 
     def _possible_ms(self, battery: Battery, from_ms: int) -> int | None:
-        """From `from_ms` on, when the voltage first comes so near the level that noise may carry it beyond."""
+        """The first time from `from_ms` on at which the voltage is so near the level that noise may take it beyond."""
         model = self._meter.model
         here = Battery(from_ms, model.charge_at(battery, from_ms), battery.flow, battery.load, battery.coils)
         target = self._level - self._meter.offset(battery) - self._sign * self._meter.metering.noise

@@ -1,4 +1,4 @@
-"""The flash that a log stands in: pages, where records lie in them, and one in memory, for boards without a file."""
+"""The flash memory of a log: its pages, the addresses of its records, and a flash in memory for boards without a file."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ PAGE_BYTES = 4096
 
 
 class Flash(Protocol):
-    """Pages of `page_bytes`. Addresses are bytes from the region's begin."""
+    """Pages of `page_bytes`. Addresses are bytes from the start of the region."""
 
     pages: int
     page_bytes: int
 
     def read(self, at: int, size: int) -> bytes:
-        """Zeros where nothing was programmed since the page was erased."""
+        """Reads bytes; zeros if nothing was programmed since the page was erased."""
         ...
 
     def program(self, at: int, data: bytes) -> None:
-        """Onto erased bytes of one page."""
+        """Programs erased bytes of one page."""
         ...
 
     def erase(self, page: int) -> None: ...
@@ -31,7 +31,7 @@ class Flash(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Ring:
-    """Where records lie in a flash of so many pages (3 or more)."""
+    """The positions of records in a flash of 3 or more pages."""
 
     pages: int
     page_bytes: int
@@ -54,7 +54,7 @@ class Ring:
 
 
 class MemoryFlash:
-    """A flash in this process's memory; it refuses what a real one does badly."""
+    """A flash in this process's memory; it refuses operations that corrupt a real one."""
 
     def __init__(self, pages: int = PAGES, page_bytes: int = PAGE_BYTES) -> None:
         self.pages = pages
@@ -66,7 +66,7 @@ class MemoryFlash:
         return bytes(self._pages.get(page, bytearray(self.page_bytes))[offset : offset + size])
 
     def program(self, at: int, data: bytes) -> None:
-        """ValueError over bytes that are not erased, or beyond a page."""
+        """Programs bytes; ValueError if they are not erased, or reach beyond a page."""
         page, offset = divmod(at, self.page_bytes)
         if offset + len(data) > self.page_bytes or page >= self.pages:
             raise ValueError("what is programmed lies in one page")

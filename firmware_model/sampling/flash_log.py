@@ -1,9 +1,9 @@
-"""The log of samples: a ring of records in flash, which a reset does not touch.
+"""The log of samples: a ring of records in flash, which a reset does not change.
 
-The flash has pages. An erased page reads as zeros (as the flash of some microcontrollers does; so a file that nobody
-wrote to is an erased flash), bytes are programmed once, and only a whole page is erased. Record `sequence` stands in
-page `sequence // records a page`, modulo the pages, and entering a page erases what it held. The page that comes next
-counts as gone already: so what a reset undoes has destroyed nothing that still counted.
+The flash has pages. An erased page reads as zeros (as the flash of some microcontrollers does; so a file without writes is
+an erased flash), bytes are programmed once, and only a whole page is erased. Record `sequence` lies in page `sequence //
+records a page`, modulo the pages, and entering a page erases its old records. The page that comes next counts as erased
+already: so a write that a reset undoes has destroyed no record that still counted.
 """
 
 from __future__ import annotations
@@ -14,13 +14,13 @@ from firmware_model.sampling.flash_recovery import recovered
 
 
 class FlashLog:
-    """The board's log. `torn` counts records of the newest page that a reset found begun and unreadable."""
+    """The board's log. `torn` counts the records of the newest page that were partly written when a reset came."""
 
     def __init__(self, flash: Flash, next_sequence: int, acknowledged: int) -> None:
         """Finds the newest record by scanning sequences and checks.
 
-        `next_sequence` and `acknowledged` are what the clock chip's registers kept, so that no sequence is ever given
-        twice: where the flash ends before `next_sequence`, what lies between was torn.
+        `next_sequence` and `acknowledged` come from the clock chip's registers, so that no sequence is ever used twice: if
+        the flash ends before `next_sequence`, the records between were torn.
         """
         self._flash = flash
         self.ring = Ring(flash.pages, flash.page_bytes)
@@ -31,7 +31,7 @@ class FlashLog:
 
     @property
     def overwritten(self) -> int:
-        """How many records are gone that nobody has acknowledged."""
+        """The number of records that were overwritten without an acknowledgement."""
         return max(0, self.oldest - self.acknowledged)
 
     @property
@@ -41,7 +41,7 @@ class FlashLog:
 
     @property
     def waiting(self) -> int:
-        """How many records are to be uploaded."""
+        """The number of records to be uploaded."""
         return self.next_sequence - self.waiting_from
 
     def append(self, record: SampleRecord) -> None:
@@ -57,16 +57,16 @@ class FlashLog:
         self.oldest = ring.oldest(sequence + 1)
 
     def raw(self, first: int, until: int) -> bytes:
-        """The records from `first` up to and without `until` that can be read, in order, as they stand in flash."""
+        """The readable records from `first` up to and without `until`, in order, as their bytes in flash."""
         flash, address, found = self._flash, self.ring.address, []
         for sequence in range(max(first, self.oldest), min(until, self.next_sequence)):
-            slot = flash.read(address(sequence), RECORD_BYTES)
-            if SampleRecord.is_whole(slot, sequence):
-                found.append(slot)
+            data = flash.read(address(sequence), RECORD_BYTES)
+            if SampleRecord.is_whole(data, sequence):
+                found.append(data)
         return b"".join(found)
 
     def read(self, first: int, until: int) -> tuple[SampleRecord, ...]:
-        """As `raw`, read."""
+        """The records of `raw`, decoded."""
         data = self.raw(first, until)
         read = (SampleRecord.decode(data[at : at + RECORD_BYTES]) for at in range(0, len(data), RECORD_BYTES))
         return tuple([record for record in read if record is not None])
@@ -77,7 +77,7 @@ class FlashLog:
         return found[0] if found else None
 
     def acknowledge(self, next_sequence: int) -> bool:
-        """Everything below is kept elsewhere; False for what acknowledges nothing new, or more than there is."""
+        """Marks all records below as stored elsewhere; False if that is nothing new, or more than there is."""
         if not self.acknowledged < next_sequence <= self.next_sequence:
             return False
         self.acknowledged = next_sequence

@@ -1,8 +1,8 @@
-"""The four sensors as the board reads them: what is true of the water becomes raw counts, and counts become values.
+"""The four sensors as the board reads them: true values of the water become raw counts, and counts become values.
 
-A sensor's calibration is a polynomial from raw counts to its unit; the board keeps and sends counts, and whoever has the
-coefficients makes values of them. Neither the paper nor any public text gives the aMussels' own coefficients: these are
-ours, plausible for 16-bit converters and for the ranges that a lagoon asks for, and they are data.
+A sensor's calibration is a polynomial from raw counts to its unit. The board stores and sends counts, and a receiver with
+the coefficients converts them to values. Neither the paper nor any public text gives the aMussels' own coefficients: these
+are ours, plausible for 16-bit converters and for the ranges in a lagoon, and they are data.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ MAX_COUNT = 65535
 
 
 class Quantity(IntEnum):
-    """In the order in which they stand in samples and packets."""
+    """The measured quantities, in their order in samples and packets."""
 
     OXYGEN = 0
     """Dissolved oxygen, mg/l."""
@@ -29,12 +29,12 @@ class Quantity(IntEnum):
 
 
 Values = tuple[float, float, float, float]
-"""By `Quantity`."""
+"""One value for each `Quantity`."""
 
 
 @dataclass(frozen=True, slots=True)
 class Sensor:
-    """`coefficients` of the value's polynomial in the counts, from the constant on; it rises over all counts.
+    """One sensor. `coefficients` are those of the value's polynomial in the counts, constant first; it must rise.
 
     Below `low` and above `high` (the sensor's own range, in its unit) it reads as at that end. `noise` is a standard
     deviation in its unit.
@@ -52,14 +52,14 @@ class Sensor:
             raise ValueError("noise must not be negative")
 
     def value(self, count: int) -> float:
-        """What `count` stands for, in the sensor's unit."""
+        """The value of `count`, in the sensor's unit."""
         value = 0.0
         for coefficient in reversed(self.coefficients):
             value = value * count + coefficient
         return value
 
     def count(self, value: float) -> int:
-        """The count that stands nearest to a value within the range; the lower of two."""
+        """The count nearest to a value within the range; the lower of two equally near ones."""
         below, above = 0, MAX_COUNT
         while above - below > 1:
             middle = (below + above) // 2
@@ -70,7 +70,7 @@ class Sensor:
         return below if value - self.value(below) <= self.value(above) - value else above
 
     def read(self, true_value: float, unit_noise: float) -> tuple[int, bool]:
-        """The raw count, and whether the reading lay outside the range. `unit_noise` has mean 0 and variance 1."""
+        """The raw count, and True if the reading was outside the range. `unit_noise` has mean 0 and variance 1."""
         reading = true_value + self.noise * unit_noise
         if not self.low <= reading <= self.high:
             return self.count(self.low if reading < self.low else self.high), True
@@ -78,19 +78,19 @@ class Sensor:
 
 
 SENSORS: tuple[Sensor, Sensor, Sensor, Sensor] = (
-    # An optode is steeper near saturation: hence a square term. Its range is twice what water at 10 C dissolves.
+    # An optode is steeper near saturation: hence a square term. Its range is twice the saturation of water at 10 C.
     Sensor((0.0, 2.4e-4, 1.2e-9), low=0.0, high=20.0, noise=0.05),
     # 0.1 mbar, that is a millimetre of water, down to 50 m.
     Sensor((500.0, 0.1), low=600.0, high=6500.0, noise=0.5),
     Sensor((-10.0, 0.001), low=-5.0, high=45.0, noise=0.01),
-    # Scattered light grows more slowly than what scatters it.
+    # Scattered light grows more slowly than the turbidity.
     Sensor((0.0, 0.012, 6e-8), low=0.0, high=1000.0, noise=0.4),
 )
-"""By `Quantity`."""
+"""One sensor for each `Quantity`."""
 
 
 def sample(sensors: tuple[Sensor, ...], true_values: Values, unit_noises: Values) -> tuple[Counts, int]:
-    """All sensors at once: the counts, and a bit by `Quantity` for each that was outside its range."""
+    """Reads all sensors: the counts, and a bit by `Quantity` for each sensor outside its range."""
     counts = [0, 0, 0, 0]
     saturated = 0
     for quantity, sensor in enumerate(sensors):
@@ -101,7 +101,7 @@ def sample(sensors: tuple[Sensor, ...], true_values: Values, unit_noises: Values
 
 
 def values(sensors: tuple[Sensor, ...], counts: Counts) -> Values:
-    """What the counts of a sample stand for."""
+    """The values of a sample's counts."""
     oxygen, pressure, temperature, turbidity = (
         sensor.value(count) for sensor, count in zip(sensors, counts, strict=True)
     )

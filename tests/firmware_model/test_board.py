@@ -1,4 +1,4 @@
-"""Stories of one board as golden traces, and the law that cutting time does not show."""
+"""Stories of one board as golden traces, and the law that the division of time into windows changes nothing."""
 
 import pytest
 from hypothesis import given
@@ -219,7 +219,7 @@ def test_cutting_time_does_not_change_the_trace(
     pieces = board(charge)
     got = pieces.receive(POWER, 0)
     moments: list[tuple[int, Stimulus | None]] = [*facts, *((at_ms, None) for at_ms in cuts)]
-    # Stable sort: the facts keep their order; cuts at a fact's own time fall before or after it.
+    # The sort is stable: the facts keep their order, and cuts at a fact's own time fall before or after it.
     for at_ms, fact in sorted(moments, key=lambda it: it[0]):
         got += pieces.advance(at_ms) if fact is None else pieces.receive(fact, at_ms)
     got += pieces.advance(1_500_000)

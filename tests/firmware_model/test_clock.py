@@ -1,4 +1,4 @@
-"""The MU's clock: exact readings, their inverse, alarms that ring once, and how far off it may be."""
+"""The MU's clock: exact readings, their inverse, alarms that ring once, and the bound of its error."""
 
 import pytest
 from hypothesis import given
@@ -45,12 +45,12 @@ def test_one_that_was_right_and_drifts_within_its_bound_is_never_off_by_more_tha
 
 
 def rings(alarms: AlarmClock, period_ms: int, facts: list[tuple[int, int]], until_ms: int) -> tuple[int, int]:
-    """How often it rang, and the latest reading there was; `facts` are (when, how far it is set ahead of the truth)."""
+    """The number of alarms and the largest reading; `facts` are (time, how far the clock is set ahead of the truth)."""
     rang = latest_ms = set_ms = 0
     for at_ms, ahead_ms in [*facts, (until_ms, 0)]:
         while (due_ms := alarms.alarm_ms(period_ms, set_ms)) <= at_ms:
             rang += 1
-            # Not before its reading, and no later than at it or at the beacon that set the clock past it.
+            # It rings no earlier than its reading, and no later than its reading or the beacon that set the clock past it.
             assert alarms.reading_at(due_ms) >= rang * period_ms
             assert due_ms == set_ms or alarms.reading_at(due_ms - 1) < rang * period_ms
             alarms.rang(period_ms)

@@ -1,4 +1,4 @@
-"""Every row of the table is taken by a running board, by facts and time alone: no row is dead, and none needs a hand."""
+"""A running board takes every row of the table by stimuli and time alone: no row is dead, and none needs a direct call."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -22,7 +22,7 @@ QUICK = Cycle(
     listen_ms=5000,
     report_ms=2000,
 )
-"""Boots until 2 s, listens until 7 s, wakes at 20 s, has its slot at 30 s."""
+"""Boots until 2 s, listens until 7 s, wakes at 20 s, has its timeslot at 30 s."""
 WITHOUT_SLOT = replace(QUICK, slots=None)
 WITHOUT_PI = replace(QUICK, processing_ms=0)
 NEITHER = replace(WITHOUT_PI, slots=None)
@@ -37,7 +37,7 @@ def config(
 ) -> BoardConfig:
     made = board(cycle, power(last_resort, low_level=low_level))
     assert made.whole is not None
-    # A guard of 0 is less than what any clock may be off by.
+    # A guard of 0 is less than the possible error of any clock.
     timekeeping = Timekeeping(1, beacon_wait_ms=4000) if doubts else None
     whole = replace(made.whole, hover_ms=4000, call_ms=5000, timekeeping=timekeeping)
     return replace(made, whole=whole, float_timeout_ms=15_000, release_wait_ms=4000)
@@ -91,7 +91,7 @@ WAYS: dict[State, Callable[[Bench], None]] = {
     State.CALLING: until(2500),
     State.LOST: until(4000),
 }
-"""From power-on into the middle of each state."""
+"""The stimuli from power-on into the middle of each state."""
 STARTS: dict[State, dict[str, float | bool]] = {
     State.CHARGING: {"docked": True},
     State.REPORTING: {"docked": True},
@@ -112,7 +112,7 @@ FACTS: dict[Trigger, Callable[[Bench], object]] = {
     Trigger.PING_HEARD: lambda it: it.command(Kind.PING),
     Trigger.HOVER_TOLD: lambda it: it.command(Kind.HOVER),
     Trigger.SINK_TOLD: lambda it: it.command(Kind.SINK),
-    # By Wi-Fi at the surface, and by sound below.
+    # Commands go by Wi-Fi at the surface, and by sound below.
     Trigger.CLEAR_TO_SINK: lambda it: (it.command(Kind.RELEASE), it.hear(CommandPacket(Kind.RELEASE, 1))),
     Trigger.BEACON_HEARD: lambda it: it.hear(Beacon(1, it.now_ms)),
     Trigger.SURFACE_REACHED: lambda it: it.tell(SurfaceReached()),
@@ -130,7 +130,7 @@ def in_the_middle_of(state: State, made: BoardConfig, **start: float | bool) -> 
 
 
 def emptied(state: State, trigger: Trigger, made: BoardConfig) -> Bench:
-    """Comes to the end of its battery just there: it starts with what another one has drawn by then."""
+    """Empties its battery just there: it starts with the charge that another run has drawn by then."""
     other = in_the_middle_of(state, made)
     assert other.state is state
     if state in (State.EMPTY, State.CALLING):

@@ -4,7 +4,7 @@ import pytest
 
 from firmware_model.states import TABLE, Refused, State, Trigger, next_state
 
-# One row a state: TRIGGER>NEXT; every pair that is not named must be refused.
+# One row for each state: TRIGGER>NEXT; every other pair must be refused.
 ALLOWED = {
     "OFF": "POWER_CAME_ON>BOOTING",
     "BOOTING": "BOOTED_ON_BOTTOM>ACTIVE BOOTED_AT_SURFACE>FLOATING BOOTED_ON_CHARGER>CHARGING",

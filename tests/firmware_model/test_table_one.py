@@ -1,4 +1,4 @@
-"""The paper's Table I, run on a board; and that the model has fewer free numbers than the table has rows."""
+"""Runs the paper's Table I on a board; checks that the model has fewer free numbers than the table has rows."""
 
 import pytest
 

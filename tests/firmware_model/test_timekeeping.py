@@ -1,4 +1,4 @@
-"""Alarms and timeslots on a clock that drifts: beacons, doubt, and the law that nobody speaks outside of its slot."""
+"""Alarms and timeslots on a clock that drifts: beacons, doubt, and the law that no board transmits outside its timeslot."""
 
 from dataclasses import replace
 
@@ -48,7 +48,7 @@ def test_the_slot_opens_by_the_board_s_own_clock_and_it_speaks_a_guard_later() -
     bench = Bench(config(drift_ppb=-100_000, guard_ms=100))
     bench.run(hours=1.5)
     (sent,) = bench.did(SendStatus)
-    # Slot 0 of the frame at 65 min, 100 ms guard: a clock 100 parts in a million slow reads that 390 ms late.
+    # Timeslot 0 of the frame at 65 min, 100 ms guard: a clock 100 parts in a million slow reads that 390 ms late.
     assert sent.at_ms == pytest.approx(3_900_100 * 1.0001, abs=1.5)
 
 
@@ -65,7 +65,7 @@ def test_a_beacon_sets_the_clock_and_with_it_alarm_and_slot() -> None:
 
 
 def test_in_doubt_it_does_not_speak_and_sleeps_again_when_no_beacon_comes() -> None:
-    # 20 parts in a million may be more than 100 ms after 5000 s: at 65 min it may speak, at 125 min not.
+    # 20 parts in a million may be more than 100 ms after 5000 s: at 65 min it may transmit, at 125 min not.
     bench = Bench(config(bound_ppb=20_000, guard_ms=100))
     lines = told(bench.run(hours=2.5), 3_800_000)
     assert lines == [
@@ -111,14 +111,14 @@ def test_a_reset_leaves_the_clock_and_what_it_was_told(cause: ResetCause) -> Non
     bench.reset(cause)
     assert bench.board.clock_ms(2_000_000) == reading_ms
     bench.run(hours=1.5)
-    # Slot 3 opens at 18 s of every minute; 0.5 s guard, 40 ms less.
+    # Timeslot 3 opens at 18 s of every minute; 0.5 s guard, 40 ms less.
     (sent, *_) = bench.did(SendStatus, 2_000_000)
     spoke_ms = 1_000_700 + (sent.at_ms - 1_000_000) * (1 - 50e-6)
     assert spoke_ms % 60_000 == pytest.approx(18_460, abs=1)
 
 
 def test_what_is_said_arrives_in_the_slot_however_far_the_apad_is() -> None:
-    # 750 m at 1500 m/s: the beacon is 500 ms late, what it says is another 500 ms later; so the aPad gives it -1000 ms.
+    # 750 m at 1500 m/s: the beacon arrives 500 ms late, and the packet another 500 ms later; so the aPad assigns -1000 ms.
     bench = Bench(config(guard_ms=100))
     bench.run_until(600_500)
     bench.hear(Beacon(1, 600_000))
@@ -150,7 +150,7 @@ def test_nobody_speaks_outside_of_its_slot_while_its_crystal_keeps_what_it_promi
     assert spoken  # for 400 ms / 60 ppm = 6667 s after the start at the least
     for at_ms in spoken:
         into_ms = at_ms % FRAME_MS - slot * SLOT_MS
-        # Off by at most the guard, either way, a millisecond for the rounding up; transmit_ms is 1000.
+        # It is off by at most the guard either way, and a millisecond for the rounding up; transmit_ms is 1000.
         assert 0 <= into_ms <= 2 * GUARD_MS + 1 and into_ms + 1000 <= SLOT_MS
     slots_passed = sum("CLOCK_DOUBTED" in line for line in told(bench.trace))
     assert slots_passed or len(beacons) >= 2
@@ -168,6 +168,6 @@ def test_the_next_time_to_speak_is_the_first_one_of_its_slot(
 ) -> None:
     frame_ms, slot = slot_ms * slots, slot % slots
     it = Settings(1000, 10, frame_ms, slot_ms, slot_ms // 3, slot, offset_ms, 0, 0, 0)
-    at_ms = it.speaks_at_ms(reading_ms)
+    at_ms = it.transmits_at_ms(reading_ms)
     assert reading_ms <= at_ms < reading_ms + frame_ms
     assert (at_ms - slot * slot_ms - slot_ms // 3 - offset_ms) % frame_ms == 0

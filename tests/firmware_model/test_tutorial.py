@@ -1,7 +1,7 @@
-"""docs/tutorial.md, followed to the letter in a copy of the packages: files, changes, commands, and what they print.
+"""Follows docs/tutorial.md literally in a copy of the packages: files, changes, commands and their output.
 
-A block that is fenced as python or yaml is the file that its first line names; one fenced as diff is applied; an indented
-line is a command; and each line of the text block that follows a command must be in what it printed.
+A block that is fenced as python or yaml is the file that its first line names; a block fenced as diff is applied; an
+indented line is a command; and the command's output must contain each line of the text block that follows it.
 """
 
 import os
@@ -37,7 +37,7 @@ def clone(tmp_path: Path) -> Path:
 
 
 def apply(clone: Path, diff: str) -> None:
-    """Each hunk's old lines must stand in the file exactly once; line numbers are not looked at."""
+    """Each hunk's old lines must occur in the file exactly once; line numbers are ignored."""
     head, *hunks = re.split(r"^@@\n", diff, flags=re.MULTILINE)
     name = re.search(r"^\+\+\+ b/(.+)$", head, re.MULTILINE)
     assert name is not None

@@ -46,7 +46,7 @@ HOUR = 3_600_000
 
 
 def told(actions: list[Action]) -> list[str]:
-    """What happened, without the rails."""
+    """The trace without the rails."""
     lines = []
     for action in actions:
         match action:
@@ -64,7 +64,7 @@ def told(actions: list[Action]) -> list[str]:
 
 
 def asleep(cycle: Cycle = HOURLY, last_resort: LastResort = LastResort.WAIT, **start: float) -> Bench:
-    """A bench past its boot, asleep after its minute of listening."""
+    """A bench after its boot, asleep after its minute of listening."""
     bench = Bench(board(cycle, power(last_resort)), **start)  # type: ignore[arg-type]
     bench.run(minutes=2)
     bench.trace.clear()
@@ -160,7 +160,7 @@ def test_an_emptied_primary_wakes_it_into_the_emergency_and_the_dock_brings_it_b
     lines = told(bench.run(hours=2))
     switch_back = next(line for line in lines if "feed" in line)
     assert switch_back.endswith("feed PRIMARY")
-    # One tenth at 1.2435 times equation (2)'s first rate: 76.95 min after the edge, nothing drawn on the way.
+    # One tenth at 1.2435 times equation (2)'s first rate: 76.95 min after the edge, without any load.
     edge_ms, back_ms = (int(line.split()[0]) for line in (lines[0], switch_back))
     assert (back_ms - edge_ms) / 60_000 == pytest.approx(0.1 / (1.2435 * 0.001045), abs=0.01)
 
@@ -365,7 +365,7 @@ def test_cutting_time_does_not_change_the_trace(
 def test_what_the_modules_drew_is_what_the_batteries_lost(
     config: BoardConfig, raw: list[tuple[int, Stimulus]], resets: list[int]
 ) -> None:
-    """Exactly, in grains, by module and by state, while nothing charges and nothing is empty."""
+    """Equal to the grain, by module and by state, while no battery charges or is empty."""
     bench = Bench(config)
     moments: list[tuple[int, Stimulus | None]] = [*raw, *((at_ms, None) for at_ms in resets)]
     for at_ms, fact in sorted(moments, key=lambda it: it[0]):

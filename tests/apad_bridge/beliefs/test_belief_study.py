@@ -1,4 +1,4 @@
-"""The study's machinery on a small fleet: `benchmarks/run beliefs` is the whole of it."""
+"""The study's functions on a small fleet; `benchmarks/run beliefs` runs the whole study."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def test_the_twin_is_better_than_hold_last_and_honest(life: Life, monkeypatch: p
     assert np.median(delays) == 0 and ours["mode_share"] > 0.95
 
 
-def test_beliefs_come_at_every_slot_from_the_first_packet_on(life: Life) -> None:
+def test_beliefs_come_at_every_timeslot_from_the_first_packet_on(life: Life) -> None:
     heard = np.zeros(HOURS, bool)
     heard[[5, 9]] = True
     found = list(filters.beliefs(life, 2, filters.twin(life, 2, False), heard))
@@ -56,7 +56,7 @@ def test_beliefs_come_at_every_slot_from_the_first_packet_on(life: Life) -> None
 
 
 def test_the_score_is_counted_by_hand() -> None:
-    # Two rows now, one right on and one two deviations too high; one of 30 hours, at the end and certain.
+    # Two rows at hour 0, one exact and one two deviations too high; one row at 30 hours, at an end and certain.
     rows = np.array(
         [
             [0, 0.5, 0.5, 0.01, 0.5, 0.5, 1, 0.0],

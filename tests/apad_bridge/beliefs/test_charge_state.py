@@ -1,4 +1,4 @@
-"""The seven numbers of a twin's filter, by hand: what a reading says of them, and how time makes them uncertain."""
+"""The seven numbers of a twin's filter against calculations by hand: updates by readings, and process noise."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from apad_bridge.assembly.estimator import knowledge_of
 from apad_bridge.beliefs import charge_state as charge
 from apad_bridge.beliefs.charge_state import ASLEEP, CHARGING, DRAIN, PRIMARY, SECONDARY
 from apad_bridge.beliefs.knowledge import Sensor
-from apad_bridge.beliefs.load import Spent
 from apad_bridge.beliefs.modes import Mode
+from apad_bridge.beliefs.spent_charge import Spent
 from apad_bridge.scenario.loader import load
 
 SENSOR = Sensor(0.01, (0.0,) * 4, (0.01,) * 4, 300_000)
@@ -22,7 +22,7 @@ NO_NOISE = np.zeros((7, 7))
 
 
 def state(charge_1: float, charge_2: float, **variances: float) -> tuple[charge.Array, charge.Array]:
-    """No bias, and the drain of the kind; certain, but for the variances."""
+    """A state without bias, with the nominal drain; certain, except for the variances given."""
     cov = np.zeros((7, 7))
     for name, variance in variances.items():
         row = getattr(charge, name.upper())
@@ -31,8 +31,8 @@ def state(charge_1: float, charge_2: float, **variances: float) -> tuple[charge.
 
 
 def test_a_charger_lifts_what_both_batteries_read() -> None:
-    """Both charges are certain, so 0.03 too much in both readings is lift: known from two as well as from one of half the
-    noise, 0.03 * 1e-4 / (1e-4 + 0.5e-4)."""
+    """Both charges are certain, so 0.03 too much in both readings is lift: two readings are worth one of half the noise,
+    0.03 * 1e-4 / (1e-4 + 0.5e-4)."""
     mean, cov = state(0.5, 0.6, charging=1e-4)
     found, left, _, _ = charge.measured(mean, cov, SENSOR, Mode.CHARGING_PRIMARY, (0.53, 0.63))
     assert found[CHARGING] == pytest.approx(0.02)
@@ -48,7 +48,7 @@ def test_a_load_moves_the_primarys_reading_alone() -> None:
 
 @pytest.mark.parametrize(("together", "variance"), [(3e-4, 1.5e-3), (-3e-4, 3e-4)])
 def test_a_charge_and_a_bias_that_go_together_surprise_less(together: float, variance: float) -> None:
-    """Of the sum of both: 4e-4 + 4e-4 + 1e-4 of noise, and twice what they share."""
+    """The variance of the sum: 4e-4 + 4e-4 + 1e-4 of noise, and twice the covariance."""
     mean, cov = state(0.5, 0.6, primary=4e-4, asleep=4e-4)
     cov[PRIMARY, ASLEEP] = cov[ASLEEP, PRIMARY] = together
     _, _, density, surprise = charge.measured(mean, cov, SENSOR, Mode.ASLEEP, (0.56, 0.6))
@@ -57,7 +57,7 @@ def test_a_charge_and_a_bias_that_go_together_surprise_less(together: float, var
 
 
 def test_what_was_spent_goes_out_with_all_that_is_uncertain_of_it() -> None:
-    """0.2 +- 0.02 at a drain of 1.1 +- 0.1, and 0.05 +- 0.01 of the secondary."""
+    """Spent are 0.2 +- 0.02 at a drain of 1.1 +- 0.1, and 0.05 +- 0.01 of the secondary."""
     mean, cov = state(0.9, 0.8, primary=1e-4, secondary=4e-4, drain=1e-2)
     mean[DRAIN] = 1.1
     after, left = charge.discharged(mean, cov, Spent(1.0, 0.2, 4e-4), (0.05, 1e-4), NO_NOISE)
@@ -68,11 +68,11 @@ def test_what_was_spent_goes_out_with_all_that_is_uncertain_of_it() -> None:
 
 
 def test_the_drain_of_an_ageing_battery_wanders_by_a_days_deviation_in_a_day() -> None:
-    """As a random walk does: of four days the deviation is twice that of one."""
+    """A random walk: after four days the deviation is twice that of one day."""
     scenario = load(Path(__file__).parents[3] / "launch_scripts/scenarios/sound-12.yaml")
     assert scenario.beliefs.twin is not None
     knowledge = replace(knowledge_of(scenario, scenario.beliefs.twin), ageing_per_day=0.002)
     for days, deviation in ((1, 0.002), (4, 0.004)):
-        noise = charge.wandering(knowledge, days * 86_400_000)
+        noise = charge.process_noise(knowledge, days * 86_400_000)
         assert sqrt(noise[DRAIN, DRAIN]) == pytest.approx(deviation)
         assert np.count_nonzero(noise) == 1

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from apad_bridge.beliefs.charging import carried, charged
+from apad_bridge.beliefs.charging import charged, propagated
 from apad_bridge.beliefs.knowledge import Charger
 
 CURVE = ((0.16197, 0.001045), (0.5634, 0.00223), (1.0, 0.002911))
@@ -50,14 +50,14 @@ def test_moments_are_those_of_many_batteries(
     spread = float(weights @ (ends - expected) ** 2)
     less = charged(charger, 1 - deviation, 0.0, mean, minutes)
     extra = (charged(charger, 1.0, 0.0, mean, minutes) - less) ** 2
-    found, variance, slope = carried(charger, 1.0, 0.0, mean, sd**2, minutes)
+    found, variance, slope = propagated(charger, 1.0, 0.0, mean, sd**2, minutes)
     assert found == pytest.approx(expected, abs=0.01)
     assert variance == pytest.approx(spread + extra, rel=0.35, abs=2e-5)
     assert slope == pytest.approx(float(weights @ (z * ends)) / sd, rel=0.2, abs=0.05)
 
 
 def test_a_charge_that_is_known_exactly_is_carried_exactly() -> None:
-    assert carried(CHARGER, 1.0, 0.0, 0.5, 0.0, 10) == (pytest.approx(0.5223), 0.0, 1.0)
+    assert propagated(CHARGER, 1.0, 0.0, 0.5, 0.0, 10) == (pytest.approx(0.5223), 0.0, 1.0)
 
 
 def test_a_load_above_what_the_charger_gives_empties_it() -> None:

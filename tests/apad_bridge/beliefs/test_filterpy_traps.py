@@ -1,4 +1,4 @@
-"""What filterpy does that ours must not rely on. Should one of these fail, filterpy has changed: look at ours again."""
+"""Behaviour of filterpy that our code must not rely on. If a test fails, filterpy has changed: review our code."""
 
 from __future__ import annotations
 
@@ -49,7 +49,9 @@ def test_a_gross_outlier_makes_all_likelihoods_alike() -> None:
     theirs.predict()
     before = theirs.cbar.copy()
     theirs.update(np.array([-300.0]))
-    assert np.allclose(theirs.mu, before)  # both at the floor: what was learned of the modes is gone
+    assert np.allclose(
+        theirs.mu, before
+    )  # both likelihoods are at the floor: the information about the modes is lost
 
 
 def test_nothing_holds_a_charge_in_its_range() -> None:
@@ -68,7 +70,7 @@ def test_its_log_likelihood_is_that_of_the_posterior() -> None:
 
 
 def test_it_is_imported_only_by_those_who_filter() -> None:
-    """It takes half a second and brings matplotlib along."""
+    """filterpy takes half a second to import and imports matplotlib."""
     code = "import sys, apad_bridge.supervisor.core, apad_bridge.assembly.parts; sys.exit('filterpy' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], timeout=60).returncode == 0
 

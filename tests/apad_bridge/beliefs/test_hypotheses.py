@@ -1,4 +1,4 @@
-"""Several hypotheses of one charge: how few are kept, which are weighed, and what a doubted reading leaves behind."""
+"""Several hypotheses of one charge: their reduction, their weighing, and the state after a doubted reading."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from apad_bridge.assembly.estimator import knowledge_of
 from apad_bridge.beliefs import charge_state as charge
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.charge_state import PRIMARY, SIZE, Anchor
-from apad_bridge.beliefs.hearing import Ear, Reading
 from apad_bridge.beliefs.knowledge import UNKNOWN
 from apad_bridge.beliefs.measurement import Heard
-from apad_bridge.beliefs.memory import Memory
 from apad_bridge.beliefs.modes import Mode
+from apad_bridge.beliefs.packet_weighing import HypothesisWeigher, Reading
 from apad_bridge.beliefs.twin import Twin
+from apad_bridge.beliefs.twin_state import TwinState
 from apad_bridge.scenario.believing import TwinModel
 from apad_bridge.scenario.loader import load
 from firmware_model.packets import StatusPacket
@@ -50,15 +50,15 @@ def heard(at_ms: int, primary: float) -> Belief:
     return found
 
 
-def memory_of(belief: Belief) -> Memory:
-    assert isinstance(belief.memory, Memory)
-    return belief.memory
+def state_of(belief: Belief) -> TwinState:
+    assert isinstance(belief.estimator_state, TwinState)
+    return belief.estimator_state
 
 
 def test_four_are_kept_the_most_probable_first_and_the_rest_become_one() -> None:
-    """0.7 and 0.9 at 2 to 1 are 0.7667, with 4e-4 within them and 2/3 * 0.0667^2 + 1/3 * 0.1333^2 between."""
+    """0.7 and 0.9 at 2 to 1 have the mean 0.7667; 4e-4 is the variance within, 2/3 * 0.0667^2 + 1/3 * 0.1333^2 between."""
     rows = [anchor(0.05, 0.9), anchor(0.3, 0.3), anchor(0.1, 0.7), anchor(0.4, 0.1), anchor(0.15, 0.5)]
-    kept = charge.condensed(rows)
+    kept = charge.reduced(rows)
     assert [row.weight for row in kept] == pytest.approx([0.4, 0.3, 0.15, 0.15])
     assert [row.mean[PRIMARY] for row in kept] == pytest.approx([0.1, 0.3, 0.5, 0.7 + 0.2 / 3])
     assert [sqrt(row.cov[PRIMARY, PRIMARY]) for row in kept[:3]] == pytest.approx([0.02] * 3)
@@ -66,23 +66,23 @@ def test_four_are_kept_the_most_probable_first_and_the_rest_become_one() -> None
 
 
 def test_the_negligible_is_not_weighed_wherever_it_stands_while_the_likely_explains_what_is_heard() -> None:
-    memory, reading = memory_of(heard(0, 0.6)), Reading.stated(State.ACTIVE, 0.62, 1.0)
+    twin_state, reading = state_of(heard(0, 0.6)), Reading.stated(State.ACTIVE, 0.62, 1.0)
     likely, negligible = anchor(0.9995, 0.6), anchor(0.0005, 0.64)
     found = [
-        Ear(KNOWLEDGE).corrected(memory, UNKNOWN, rows, reading).mean[PRIMARY]
+        HypothesisWeigher(KNOWLEDGE).corrected(twin_state, UNKNOWN, rows, reading).mean[PRIMARY]
         for rows in ([likely], [likely, negligible], [negligible, likely])
     ]
     assert found[0] == found[1] == found[2]
     contradicted = Reading.stated(State.ACTIVE, 0.7, 1.0)
     alone, weighed = (
-        Ear(KNOWLEDGE).corrected(memory, UNKNOWN, rows, contradicted).mean[PRIMARY]
+        HypothesisWeigher(KNOWLEDGE).corrected(twin_state, UNKNOWN, rows, contradicted).mean[PRIMARY]
         for rows in ([likely], [likely, negligible])
     )
     assert weighed > alone + 1e-4
 
 
 def test_a_lost_one_s_last_words_are_read_as_a_sleeper_s() -> None:
-    """Nothing but the board's watch draws any more."""
+    """A lost aMussel draws nothing but the load of its clock."""
     row = anchor(1.0, 0.05)
     row.cov[charge.ASLEEP, charge.ASLEEP] = 1e-4
     both = [
@@ -96,11 +96,13 @@ def test_a_lost_one_s_last_words_are_read_as_a_sleeper_s() -> None:
 def test_after_a_doubted_reading_the_next_one_decides_whatever_it_says(
     second: float, believed: float
 ) -> None:
-    """Half of how far the doubted one lay away is the deviation then: five of these reach farther than it did."""
-    memory = memory_of(heard(0, 0.8))
-    ear, first = Ear(KNOWLEDGE), Reading.stated(State.ACTIVE, 0.2, 1.0)
-    doubted = ear.corrected(memory, UNKNOWN, [anchor(1.0, 0.8)], first)
+    """The deviation becomes half of the doubted reading's distance: five of these reach farther than that reading."""
+    twin_state = state_of(heard(0, 0.8))
+    weigher, first = HypothesisWeigher(KNOWLEDGE), Reading.stated(State.ACTIVE, 0.2, 1.0)
+    doubted = weigher.corrected(twin_state, UNKNOWN, [anchor(1.0, 0.8)], first)
     assert doubted.gated == 1 and doubted.mean[PRIMARY] > 0.75
     assert doubted.cov[PRIMARY, PRIMARY] > 0.2**2
-    after = ear.corrected(doubted, UNKNOWN, list(doubted.anchors), Reading.stated(State.ACTIVE, second, 1.0))
+    after = weigher.corrected(
+        doubted, UNKNOWN, list(doubted.anchors), Reading.stated(State.ACTIVE, second, 1.0)
+    )
     assert after.gated == 1 and after.mean[PRIMARY] == pytest.approx(believed, abs=0.02)

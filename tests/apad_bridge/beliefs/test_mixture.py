@@ -5,14 +5,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from apad_bridge.beliefs.mixture import Part, below, below_strictly, held, interval, quantile, truncated
+from apad_bridge.beliefs.mixture import Part, below, below_strictly, clamped, interval, quantile, truncated
 
 MEANS = st.floats(-0.5, 1.5)
 DEVIATIONS = st.floats(0.005, 0.6)
 
 
 def on_a_grid(mean: float, sd: float) -> tuple[np.ndarray, np.ndarray]:
-    """Charges and their weights before the ends, by brute force."""
+    """Charges and their weights before clamping, by brute force."""
     z = np.linspace(-9, 9, 100_001)
     weights = np.exp(-0.5 * z**2)
     return mean + sd * z, weights / weights.sum()
@@ -24,7 +24,7 @@ def test_held_moments_are_those_of_what_rests_at_the_ends(mean: float, sd: float
     charge, weights = on_a_grid(mean, sd)
     charge = np.clip(charge, 0, 1)
     expected = float(weights @ charge)
-    found, variance = held(mean, sd**2)
+    found, variance = clamped(mean, sd**2)
     assert found == pytest.approx(expected, abs=1e-4)
     assert variance == pytest.approx(float(weights @ (charge - expected) ** 2), abs=1e-4)
 
@@ -44,7 +44,7 @@ def test_truncated_moments_are_those_of_what_is_possible(mean: float, sd: float)
 @settings(max_examples=40, deadline=None)
 @given(mean=st.floats(-50, 50), sd=st.floats(0, 10))
 def test_moments_stay_possible_however_far_outside(mean: float, sd: float) -> None:
-    for moments in (held, truncated):
+    for moments in (clamped, truncated):
         found, variance = moments(mean, sd**2)
         assert 0 <= found <= 1
         assert 0 <= variance <= max(0.26, sd**2) and variance <= sd**2 + 1e-12
@@ -68,7 +68,7 @@ def test_a_quantile_is_the_inverse_of_the_distribution(
 
 def test_an_interval_holds_95_of_100() -> None:
     assert interval([Part(1.0, 0.5, 0.1)], 0.95) == pytest.approx((0.304, 0.696), abs=1e-3)
-    # One in twenty off by far: the Gaussian of the same moments would claim 0.33 to 0.63.
+    # One in twenty is far off: the Gaussian of the same moments would give 0.33 to 0.63.
     low, high = interval([Part(0.95, 0.5, 0.001), Part(0.05, 0.2, 0.001)], 0.95)
     assert low == pytest.approx(0.2, abs=0.01) and high == pytest.approx(0.502, abs=0.003)
 

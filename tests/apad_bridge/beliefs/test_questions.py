@@ -16,7 +16,7 @@ IN_THE_WATER = (0.0, 1.0, *(0.0,) * 7)
 
 
 class Draining:
-    """A tenth of a battery an hour, of which nobody is quite sure."""
+    """An estimator that drains a tenth of a battery an hour, with some uncertainty."""
 
     def predict(self, belief: Belief, to_ms: int) -> Belief:
         return believed(belief.agent_id, 1.0 - 0.1 * to_ms / HOUR, 0.05, to_ms)
@@ -37,7 +37,7 @@ def test_when_a_planner_will_be_nine_tenths_sure() -> None:
     low = candidate_below(0.5)
     assert low(start) < 1e-6
     assert by(Draining(), start, low, 5 * HOUR) == pytest.approx(0.5)
-    # 0.9 of a Gaussian lies 1.2816 deviations on: 0.064 of a battery, 38.4 minutes after it is at 0.5.
+    # The 0.9 quantile of a Gaussian lies at 1.2816 deviations: 0.064 of a battery, 38.4 minutes after it is at 0.5.
     found_ms = sure_at_ms(Draining(), start, low, 0.9, 10 * HOUR, HOUR)
     assert found_ms == pytest.approx(5 * HOUR + 0.6408 * HOUR, abs=2000)
     assert sure_at_ms(Draining(), start, low, 0.9, 5 * HOUR, HOUR) is None
@@ -77,7 +77,7 @@ def test_a_ping_must_be_worth_its_energy() -> None:
         True,
     ]
     assert not policy.is_worth(unsure, HOUR // 2)
-    # At 0.505 the chance to be wrong is the greater, the less is known; an answer would not say it better than to 0.02.
+    # At 0.505 the chance of an error grows with the uncertainty; an answer is no more accurate than 0.02.
     assert [policy.is_worth(believed(5, 0.505, sd, 2 * HOUR), 2 * HOUR) for sd in (0.019, 0.021)] == [
         False,
         True,
@@ -91,7 +91,7 @@ def test_a_ping_must_be_worth_the_way_that_a_search_would_cost() -> None:
     def placed(agent_id: int, charge: float, north_m2: float, east_m2: float) -> Belief:
         return replace(believed(agent_id, charge, 0.001, 0), place_cov=(north_m2, 0.0, east_m2))
 
-    # 5 m off on the average (a 3, 4, 5 triangle), and certain to be fetched; the same, and certain to stay; near by.
+    # 5 m off (a 3, 4, 5 triangle) and certain to be fetched; the same distance and certain to stay; a small distance.
     lost_sight_of, not_wanted, near = (
         placed(1, 0.2, 9.0, 16.0),
         placed(2, 0.9, 9.0, 16.0),

@@ -29,9 +29,9 @@ from apad_bridge.beliefs.measurement import (
     Released,
     TimeslotSilent,
 )
-from apad_bridge.beliefs.memory import Memory
 from apad_bridge.beliefs.modes import Mode
 from apad_bridge.beliefs.twin import Twin
+from apad_bridge.beliefs.twin_state import TwinState
 from firmware_model.packets import StatusPacket
 from firmware_model.states import State
 
@@ -69,9 +69,9 @@ def told(twin: Twin, *measurements: Measurement) -> Belief:
     return belief
 
 
-def memory_of(belief: Belief) -> Memory:
-    assert isinstance(belief.memory, Memory)
-    return belief.memory
+def state_of(belief: Belief) -> TwinState:
+    assert isinstance(belief.estimator_state, TwinState)
+    return belief.estimator_state
 
 
 def hourly(state: State, start: float, drain_per_h: float, hours: int, first: int = 0) -> list[Measurement]:
@@ -95,7 +95,7 @@ def test_it_goes_on_by_the_schedule_and_says_how_sure_it_is() -> None:
     assert later.mode is Mode.IDLE and later.probability_of(Mode.IDLE) == pytest.approx(0.97)
     assert (later.heard_ms, later.at_ms, later.age_s(5 * HOUR)) == (0, 5 * HOUR, 18_000)
     assert later.charge_cov[0] > belief.charge_cov[0]
-    # Likely a sharp answer, with a tail of what was not scheduled.
+    # Most of the weight is one narrow Gaussian; a tail holds the unscheduled modes.
     assert later.parts[0].weight == pytest.approx(0.97**5, abs=0.01) and len(later.parts) > 1
     with pytest.raises(ValueError, match="time went back"):
         twin.predict(later, HOUR)
@@ -114,7 +114,7 @@ def test_asking_often_changes_nothing() -> None:
 
 
 def test_a_silent_slot_moves_the_modes_probabilities() -> None:
-    """filterpy's estimator leaves them where they were on a prediction, and scores silence as a perfect reading."""
+    """filterpy's estimator leaves them unchanged on a prediction, and scores silence as a perfect reading."""
     twin = Twin(KNOWLEDGE, {})
     belief = told(twin, heard(0, State.PROCESSING, 0.9))
     shares = [belief.probability_of(Mode.HIGH_LOAD)]
@@ -130,24 +130,24 @@ def test_a_packet_in_time_corrects_one_filter_and_the_mode_is_known() -> None:
     twin = Twin(KNOWLEDGE, ALWAYS_ASLEEP)
     belief = told(twin, *hourly(State.SLEEPING, 0.9, 60 * ASLEEP, 5), heard(5 * HOUR, State.ACTIVE, 0.87, 5))
     assert belief.mode is Mode.IDLE and belief.probability_of(Mode.IDLE) == 1.0
-    assert len(belief.parts) == 1 and len(memory_of(belief).anchors) == 1
+    assert len(belief.parts) == 1 and len(state_of(belief).anchors) == 1
     assert (belief.heard_ms, belief.silent_timeslots, belief.learned_from) == (5 * HOUR, 0, Source.PACKET)
 
 
 def test_what_was_not_scheduled_is_found_out_by_the_next_packet() -> None:
     twin = Twin(KNOWLEDGE, ALWAYS_ASLEEP)
-    truth = 0.9 - 60 * (5 * ASLEEP + HIGH)  # one of six hours under high load, unheard
+    truth = 0.9 - 60 * (5 * ASLEEP + HIGH)  # one of six hours under high load, not observed
     belief = told(twin, *hourly(State.SLEEPING, 0.9, 60 * ASLEEP, 3))
     belief = twin.update(belief, heard(8 * HOUR, State.SLEEPING, truth - 0.03, 8)) or belief
     assert belief.primary == pytest.approx(truth - 0.03, abs=0.02)
-    assert memory_of(belief).gated == 0
+    assert state_of(belief).gated == 0
 
 
 def test_a_gross_outlier_is_gated_until_another_agrees() -> None:
     twin = Twin(KNOWLEDGE, ALWAYS_ASLEEP)
     steady = told(twin, *hourly(State.SLEEPING, 0.9, 60 * ASLEEP, 6))
     odd = twin.update(steady, heard(6 * HOUR, State.SLEEPING, 0.2, 6))
-    assert odd is not None and odd.primary > 0.7 and memory_of(odd).gated == 1
+    assert odd is not None and odd.primary > 0.7 and state_of(odd).gated == 1
     assert odd.charge_cov[0] > 100 * steady.charge_cov[0]
     back = twin.update(odd, heard(7 * HOUR, State.SLEEPING, 0.9 - 7 * 60 * ASLEEP, 7))
     assert back is not None and back.primary == pytest.approx(0.87, abs=0.02)
@@ -226,7 +226,7 @@ def test_silence_from_the_surface_says_that_it_stayed_below() -> None:
     told_up = told(twin, heard(0, State.SLEEPING, 0.5), Permitted(HOUR))
     on_its_way = twin.predict(told_up, HOUR + 59_000)
     assert on_its_way.probability_of(Mode.SURFACING) == pytest.approx(0.9)
-    # Bayes: 0.09 / (0.09 + 0.1) when the first call is due and not heard, 0.009 / (0.009 + 0.1) after the second.
+    # Bayes: 0.09 / (0.09 + 0.1) when the first call is due and not received, 0.009 / (0.009 + 0.1) after the second.
     assert twin.predict(told_up, HOUR + 60_000).probability_of(Mode.FLOATING) == pytest.approx(
         0.4737, abs=1e-4
     )
@@ -235,7 +235,7 @@ def test_silence_from_the_surface_says_that_it_stayed_below() -> None:
     assert silent.mode is Mode.ASLEEP
     again = twin.update(silent, Permitted(HOUR + 91_000))
     assert again is not None and again.probability_of(Mode.SURFACING) == pytest.approx(0.9)
-    # Its motors have run once at the most, as if the first permission had never been.
+    # Its motors have run at most once, as if there had been no first permission.
     once = told(twin, heard(0, State.SLEEPING, 0.5), Permitted(HOUR + 91_000))
     assert again.primary == pytest.approx(once.primary, abs=1e-6)
     up = twin.update(twin.predict(again, HOUR + 160_000), heard(HOUR + 160_000, State.FLOATING, 0.46, 1))
@@ -244,21 +244,21 @@ def test_silence_from_the_surface_says_that_it_stayed_below() -> None:
 
 
 def test_one_that_waits_to_sink_is_not_taken_for_one_that_has_sunk() -> None:
-    """Its motors run after it has said RELEASED: a reading from before is no news of a bias."""
+    """Its motors run after a packet with RELEASED: a reading from before is no evidence of a bias."""
     twin = Twin(KNOWLEDGE, ALWAYS_ASLEEP)
     docked = told(twin, heard(0, State.FLOATING, 0.9), Docked(1000))
     full = twin.predict(docked, HOUR)
     down = twin.update(full, Released(HOUR, 0.0, 0.0))
     assert down is not None
-    before = memory_of(down).mean.copy()
+    before = state_of(down).mean.copy()
     waits = twin.update(down, heard(HOUR + 30_000, State.RELEASED, 0.97, 1))  # 1.0 that sags by 0.03
     assert waits is not None
     assert waits.primary == pytest.approx(down.primary, abs=0.003)
-    assert memory_of(waits).mean[2:] == pytest.approx(before[2:], abs=0.002)
+    assert state_of(waits).mean[2:] == pytest.approx(before[2:], abs=0.002)
     asleep = 1 - 0.027 - IDLE * 1.5
     sinks = twin.update(waits, heard(HOUR + 60_000, State.SINKING, asleep + 0.0135, 2))
     assert sinks is not None
-    # By then half of the run, give or take: the rest is still to come.
+    # By then about half of the run is over: the rest is still to come.
     assert sinks.primary == pytest.approx(asleep, abs=0.012) and sinks.charge_cov[0] > 0.004**2
     lies = twin.update(sinks, heard(3 * HOUR, State.SLEEPING, asleep - 120 * ASLEEP, 3))
     assert lies is not None and lies.primary == pytest.approx(asleep - 120 * ASLEEP, abs=0.006)
@@ -269,7 +269,7 @@ def test_motors_that_run_are_heard_while_one_surfaces() -> None:
     belief = told(twin, heard(0, State.SLEEPING, 0.5), Permitted(1000))
     up = twin.update(belief, heard(20_000, State.SURFACING, 0.48, 1))
     assert up is not None and up.mode is Mode.SURFACING
-    # A sag of 0.01: it holds 0.49, so what is left of a run of 0.027 is 0.017; the filter knows a part of that.
+    # A sag of 0.01: the battery holds 0.49, so 0.017 of a run of 0.027 is left; the filter knows a part of that.
     assert up.primary == pytest.approx(0.473, abs=0.008)
     assert 0.004**2 < up.charge_cov[0] < 0.02**2
 
@@ -294,7 +294,7 @@ def test_drain_and_bias_of_one_are_learned_while_it_is_heard() -> None:
         belief = twin.update(belief, heard(hour * HOUR, state, min(1.0, reading), hour))
         charge -= drain * 60 * (IDLE if awake else ASLEEP)
     assert belief is not None
-    learned, spread = memory_of(belief).mean, np.sqrt(np.diag(memory_of(belief).cov))
+    learned, spread = state_of(belief).mean, np.sqrt(np.diag(state_of(belief).cov))
     assert learned[2] == pytest.approx(drain, abs=0.03) and spread[2] < 0.03
     assert learned[4] == pytest.approx(sag, abs=3 * spread[4]) and spread[4] < 0.005
 
@@ -307,7 +307,7 @@ def test_readings_at_the_end_of_the_scale_do_not_pull_a_full_battery_down() -> N
         reading = float(np.clip(1.0 + rng.normal(0, 0.015), 0, 1))
         belief = twin.update(belief, heard(n * 600_000, State.CHARGING, min(1.0, reading + 0.03), n))
     assert belief is not None and belief.primary > 0.999
-    assert memory_of(belief).mean[3] == pytest.approx(0.0, abs=0.004)
+    assert state_of(belief).mean[3] == pytest.approx(0.0, abs=0.004)
 
 
 def test_a_clock_that_gains_is_learned() -> None:
@@ -331,7 +331,9 @@ def test_readings_near_to_each_other_are_one_and_change_nothing_else() -> None:
         assert found is not None
         belief = found
     assert belief.heard_ms == 199_000
-    assert belief.charge_cov[0] > variance / 2.5  # 200 independent readings would leave a hundredth
+    assert (
+        belief.charge_cov[0] > variance / 2.5
+    )  # 200 independent readings would leave one hundredth of the variance
     other = twin.update(belief, heard(200_000, State.PROCESSING, 0.87, 200))
     assert other is not None and other.mode is Mode.HIGH_LOAD
 
@@ -368,10 +370,10 @@ def test_a_short_status_corrects_the_charge_and_says_nothing_of_place_or_time() 
     assert short.charge_cov[0] < far.charge_cov[0] / 50
     assert short.primary == pytest.approx(0.754, abs=2 * KNOWLEDGE.sensor.noise)
     assert (short.north_m, short.east_m, short.place_cov) == (far.north_m, far.east_m, far.place_cov)
-    assert short.clock == far.clock and memory_of(short).packet == memory_of(before).packet
-    # A whole status stamped before it, which took its time, is still believed: its time is its own.
+    assert short.clock == far.clock and state_of(short).packet == state_of(before).packet
+    # A delayed full status with an earlier stamp is still believed, because it states its own time.
     later = twin.update(short, heard(30 * HOUR, State.SLEEPING, 0.86, 30, agent_ms=30 * HOUR - 5000))
-    assert later is not None and memory_of(later).packet == (30, 30 * HOUR - 5000)
+    assert later is not None and state_of(later).packet == (30, 30 * HOUR - 5000)
 
 
 @pytest.mark.parametrize(
@@ -401,7 +403,7 @@ def test_the_gate_stands_between_four_deviations_and_seven(deviations: float, ga
     twin = Twin(KNOWLEDGE, ALWAYS_ASLEEP)
     steady = told(twin, *hourly(State.SLEEPING, 0.7, 60 * ASLEEP, 6))
     due = twin.predict(steady, 6 * HOUR)
-    # Of a reading asleep: charge, noise and bias, of which the last two are 0.015 and at most 0.004.
-    sd = (memory_of(due).cov[0, 0] + 0.015**2) ** 0.5
+    # The error of a reading asleep: charge, noise and bias, of which the last two are 0.015 and at most 0.004.
+    sd = (state_of(due).cov[0, 0] + 0.015**2) ** 0.5
     odd = twin.update(due, heard(6 * HOUR, State.SLEEPING, due.primary + deviations * sd, 6))
-    assert odd is not None and memory_of(odd).gated == gated
+    assert odd is not None and state_of(odd).gated == gated

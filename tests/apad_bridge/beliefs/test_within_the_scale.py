@@ -1,4 +1,4 @@
-"""What the ends of the scale do to an estimate, against brute force; and what a reading at an end may teach."""
+"""The effect of the ends of the scale on an estimate, against brute force; and updates by readings at an end."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from apad_bridge.beliefs.charge_state import ASLEEP, CHARGING, PRIMARY, SECONDARY, SIZE, measured, within
+from apad_bridge.beliefs.charge_state import ASLEEP, CHARGING, PRIMARY, SECONDARY, SIZE, bounded, measured
 from apad_bridge.beliefs.knowledge import Sensor
 from apad_bridge.beliefs.modes import Mode
 
@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 
 
 def state(primary: float, sd: float, bias: int, bias_sd: float, correlation: float) -> tuple[Array, Array]:
-    """One whose secondary and drain are known."""
+    """A state whose secondary and drain are known."""
     mean = np.zeros(SIZE)
     mean[PRIMARY], mean[SECONDARY] = primary, 0.5
     cov = np.zeros((SIZE, SIZE))
@@ -35,7 +35,7 @@ def test_what_a_charge_cannot_be_teaches_what_goes_with_it(primary: float, corre
     mean, cov = state(primary, 0.02, ASLEEP, 0.015, correlation)
     drawn = many(mean, cov, ASLEEP)
     possible = drawn[(drawn[:, 0] >= 0) & (drawn[:, 0] <= 1)]
-    found, spread = within(mean, cov, after_measuring=True)
+    found, spread = bounded(mean, cov, after_measuring=True)
     assert found[[PRIMARY, ASLEEP]] == pytest.approx(possible.mean(axis=0), abs=2e-4)
     expected = np.cov(possible.T)
     assert spread[np.ix_([PRIMARY, ASLEEP], [PRIMARY, ASLEEP])] == pytest.approx(expected, abs=4e-6)
@@ -46,20 +46,20 @@ def test_a_charge_that_is_held_at_an_end_teaches_nothing_else(primary: float, co
     mean, cov = state(primary, 0.02, ASLEEP, 0.015, correlation)
     drawn = many(mean, cov, ASLEEP)
     drawn[:, 0] = drawn[:, 0].clip(0, 1)
-    found, spread = within(mean, cov, after_measuring=False)
+    found, spread = bounded(mean, cov, after_measuring=False)
     assert found[[PRIMARY, ASLEEP]] == pytest.approx(drawn.mean(axis=0), abs=2e-4)
     assert spread[np.ix_([PRIMARY, ASLEEP], [PRIMARY, ASLEEP])] == pytest.approx(np.cov(drawn.T), abs=4e-6)
 
 
 def test_an_end_of_the_scale_is_not_counted_at_every_reading() -> None:
-    """A bias of 0.02 may be in a reading of 0.99. Spending tells no more of it, so the first error goes along."""
+    """A reading of 0.99 may contain a bias of 0.02. Spending gives no information about it, so the first error stays."""
     mean, cov = state(0.5, 0.6, ASLEEP, 0.02, 0.0)
     cov[SECONDARY, SECONDARY] = 1e-6
     away = []
     for n in range(8):
         read = 0.99 - 0.012 * n
         mean, cov, _, _ = measured(mean, cov, SENSOR, Mode.ASLEEP, (read, 0.5))
-        mean, cov = within(mean, cov, after_measuring=True)
+        mean, cov = bounded(mean, cov, after_measuring=True)
         away.append(float(mean[PRIMARY]) - read)
         mean[PRIMARY] -= 0.012
     # The mean of a Gaussian of 0.99 and 0.02 below 1 is 0.99 - 0.02 pdf(0.5) / cdf(0.5) = 0.9798.
@@ -75,12 +75,12 @@ def test_a_full_battery_on_a_charger_says_nothing_of_the_lift() -> None:
         mean[PRIMARY] = read
         mean, cov, _, _ = measured(mean, cov, SENSOR, Mode.CHARGING_PRIMARY, (read, 1.0))
     assert mean[CHARGING] == pytest.approx(0.0, abs=1e-3)
-    # The secondary is full, or its lift makes it seem so: no number of such readings tells which.
+    # The secondary is full, or its lift makes it seem full: no number of such readings decides between them.
     assert mean[SECONDARY] > 0.995 and cov[SECONDARY, SECONDARY] > 0.004**2
 
 
 def test_a_voltage_that_is_held_at_the_full_one_is_not_what_the_battery_holds() -> None:
-    """At a lift of 0.04, 0.996 is read from 0.956 on: noise of a voltage that the charger holds."""
+    """At a lift of 0.04, a charge from 0.956 on reads 0.996: the noise of a voltage that the charger holds."""
     offsets = (0.04, 0.04)
     mean, cov = state(0.985, 0.01, CHARGING, 0.002, 0.0)
     found, _, _, surprise = measured(mean, cov, METERED, Mode.CHARGING_PRIMARY, (0.996, 0.99), offsets)
@@ -88,7 +88,7 @@ def test_a_voltage_that_is_held_at_the_full_one_is_not_what_the_battery_holds() 
     low, low_cov = state(0.93, 0.01, CHARGING, 0.002, 0.0)
     found, _, _, surprise = measured(low, low_cov, METERED, Mode.CHARGING_PRIMARY, (0.996, 0.99), offsets)
     assert found[PRIMARY] > 0.945 and surprise > 2
-    # What is read below it is what it holds, but for the lift.
+    # A lower reading is the charge plus the lift.
     found, _, _, _ = measured(low, low_cov, METERED, Mode.CHARGING_PRIMARY, (0.965, 0.99), offsets)
     assert found[PRIMARY] == pytest.approx(0.926, abs=0.001)
 

@@ -51,7 +51,7 @@ Made = Callable[[], FleetBeliefs]
 
 
 def said(fleet: FleetBeliefs, at_ms: int, ahead_ms: int, primary: float = 0.7) -> str | None:
-    """Heard at mission time `at_ms`, by a clock that is `ahead_ms` of the nominal one."""
+    """Takes in a packet at mission time `at_ms` from a clock that is `ahead_ms` ahead of the nominal one."""
     fleet.advance(at_ms)
     packet = StatusPacket(5, at_ms % 256, State.ACTIVE, primary, 1.0, 3.0, 4.0, 3.0, THETA * at_ms + ahead_ms)
     return fleet.hear(packet, at_ms)
@@ -73,7 +73,7 @@ def test_one_wrong_stamp_costs_one_packet(made: Made, ahead_ms: int) -> None:
     for it in (fleet, spared):
         assert said(it, 62 * MINUTE, 0, primary=0.69) is None
     assert fleet.kept() == spared.kept()
-    # The doubt is over with a true one in between: the next wrong one begins it anew.
+    # A true stamp in between ends the doubt: the next wrong stamp starts it again.
     assert said(fleet, 63 * MINUTE, ahead_ms + 5) == CANNOT_SHOW
 
 
@@ -87,7 +87,7 @@ def test_a_clock_that_was_set_is_believed_at_its_second_packet(made: Made, ahead
     assert said(fleet, 60 * MINUTE + 2000, ahead_ms, primary=0.68) is None
     assert said(fleet, 60 * MINUTE + 3000, ahead_ms, primary=0.68) is None
     assert primary_of(fleet) == pytest.approx(0.68, abs=0.02)
-    assert said(fleet, 60 * MINUTE + 4000, 0) == CANNOT_SHOW  # what was true is not any more
+    assert said(fleet, 60 * MINUTE + 4000, 0) == CANNOT_SHOW  # a stamp that was true before is wrong now
     assert said(fleet, 60 * MINUTE + 5000, ahead_ms) is None
 
 
@@ -136,7 +136,7 @@ def test_a_late_packet_is_news_if_nothing_newer_came_and_says_nothing_of_the_clo
 def test_after_three_true_packets_a_board_is_heard_whatever_came_before(
     made: Made, honest_ahead_ms: int, stamps: list[int | None]
 ) -> None:
-    """A stamp that is wrong by less than a packet may be late is the one exception: until the clock has come to it."""
+    """The one exception is a stamp that is wrong by less than a packet may be late, until the clock has reached it."""
     fleet, at_ms = made(), 2 * YEAR
     for wrong in stamps:
         at_ms += 1000

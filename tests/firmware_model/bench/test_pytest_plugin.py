@@ -1,4 +1,4 @@
-"""The plugin in a pytest of its own: the page's tests pass, a failing one shows what the board did."""
+"""The plugin in a pytest of its own: the page's tests pass, and a failing test shows the board's actions."""
 
 import re
 import subprocess

@@ -1,4 +1,4 @@
-"""The page of states shows the table that the firmware runs by."""
+"""The page of states shows the firmware's own transition table."""
 
 import re
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""A VCD file against a reader of its own, which knows the format from the standard only."""
+"""A VCD file against an independent reader, written from the standard only."""
 
 import re
 

@@ -1,4 +1,4 @@
-"""An aMussel that is asked how it is: who answers when, what it costs, and that it goes on with what it was doing."""
+"""Answers to pings: their states and times, their cost, and that the board continues its work afterwards."""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -71,7 +71,7 @@ def test_an_answer_costs_what_its_rails_draw_and_the_ledger_knows() -> None:
 
 
 def test_a_wake_under_way_is_neither_broken_off_nor_made_longer() -> None:
-    """Asked in every part of a long wake, it samples, processes, and speaks in its slot when it would have."""
+    """After a ping in any part of a long wake, it samples, processes and transmits in its timeslot at the usual time."""
     bench, other = (Bench(board(FIELD, power())) for _ in range(2))
     for at_ms in (3_605_000, 3_650_000, 3_700_000):
         bench.run_until(at_ms)

@@ -1,4 +1,4 @@
-"""What an aPad's commands make of a board, and what it refuses."""
+"""The effects of an aPad's commands on a board, and the commands that it refuses."""
 
 from dataclasses import replace
 
@@ -30,7 +30,7 @@ HOUR = 3_600_000
 
 
 def asleep(cycle: Cycle | None = HOURLY, last_resort: LastResort = LastResort.WAIT, **start: float) -> Bench:
-    """At 2 min past power-on."""
+    """A bench 2 min after power-on."""
     bench = Bench(board(cycle, power(last_resort)), **start)  # type: ignore[arg-type]
     bench.run(minutes=2)
     bench.trace.clear()

@@ -1,4 +1,4 @@
-"""The wire layout: golden bytes put together by hand, round trips, and that no single flipped bit goes unseen."""
+"""The wire layout: golden bytes assembled by hand, round trips, and the detection of every single flipped bit."""
 
 import re
 import struct
@@ -187,7 +187,7 @@ RECORDS = st.builds(SampleRecord, U32, st.integers(0, 2**63), COUNTED, st.intege
 
 
 def log_records(agent_id: int, oldest: int, first: int, records: list[SampleRecord]) -> LogRecords:
-    """As an aMussel sends them: rising, and some are missing."""
+    """Records as an aMussel sends them: rising, with some missing."""
     first += oldest
     kept = [replace(record, sequence=first + 2 * n) for n, record in enumerate(records)]
     return LogRecords.of(agent_id, oldest, first, 2 * len(kept), tuple(kept))
@@ -292,7 +292,7 @@ def test_a_later_version_of_a_kind_is_nothing_to_this_one(name: str) -> None:
         ("STATUS", 6, 200),  # a state
         ("ACOUSTIC_STATUS", 6, 200),
         ("WIFI_STATUS", 55, 3),  # a reset cause
-        ("WIFI_STATUS", 56, 3),  # a battery to live on
+        ("WIFI_STATUS", 56, 3),  # a feeding battery
         ("SHORT_STATUS", 0, 0b101_11111),
         ("SET_THRESHOLD", 4, 3),
     ],

@@ -1,4 +1,4 @@
-"""Batteries that years and cycles have left less of."""
+"""Boards on batteries that years and cycles have aged."""
 
 from dataclasses import replace
 
@@ -39,7 +39,7 @@ def test_what_it_lasts_and_what_it_takes_to_charge_shrink_alike() -> None:
     config = aged(board(None, power()), 8000)
     bench = Bench(config)
     bench.run(minutes=500)
-    # An idle board draws equation (1) of a battery as new: 500 min at 1.25 times that, to the millisecond of its boot.
+    # Equation (1) is an idle board on a new battery: here 500 min at 1.25 times that, to the millisecond of its boot.
     assert bench.primary_fraction == pytest.approx(1 - 500 * 0.0010427134 / 0.8, abs=1e-6)
     docked = Bench(aged(board(None, power(), agent_id=2), 8000), secondary=0.0, docked=True)
     full_ms = docked.config.charge.reaches_at_ms(docked.board.secondary, FULL)

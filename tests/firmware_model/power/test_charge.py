@@ -38,7 +38,7 @@ def iterated(model: ChargeModel, battery: Battery, steps: int) -> int:
         elif battery.flow is Flow.CHARGING:
             end, net = segment(charge)
             charge = min(FULL, max(0, charge + net))
-            # It does not rise into a segment in which it would not go on rising.
+            # The charge does not rise into a segment in which it would not go on rising.
             if net > 0 and charge > end and segment(charge)[1] <= 0:
                 charge = end
         charge = min(FULL, max(0, charge))
@@ -47,7 +47,7 @@ def iterated(model: ChargeModel, battery: Battery, steps: int) -> int:
 
 # Loads among the rates of the curves below, so that some segments rise and others fall.
 loads = st.one_of(st.just(0), st.integers(0, FULL // 60))
-# Not only rising: a charger that tapers off.
+# Rates that do not only rise: a charger that tapers off.
 TAPERED = ChargeModel(
     0,
     ((FULL // 5, FULL // 300), (FULL // 2, FULL // 77), (FULL, FULL // 200)),

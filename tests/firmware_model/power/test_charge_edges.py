@@ -1,4 +1,4 @@
-"""Stories of a charger's pin that bounces, chatters, or whose edge nobody saw, on a board that sleeps."""
+"""Stories of a charger's pin that bounces, chatters, or has a missed edge, on a board that sleeps."""
 
 import pytest
 
@@ -24,7 +24,7 @@ def told(actions: list[Action]) -> list[str]:
 
 
 def asleep(**start: float) -> Bench:
-    """Asleep, at 2 min and 1 ms."""
+    """A sleeping board at 2 min and 1 ms."""
     bench = Bench(board(HOURLY, power()), **start)  # type: ignore[arg-type]
     bench.run(minutes=2, ms=1)
     assert bench.state is State.SLEEPING
@@ -39,7 +39,7 @@ def test_a_missed_rising_edge_is_found_by_the_next_sample_of_the_level() -> None
         f"180000 {MISSED}",
         "180050 SLEEPING -CHARGE_EDGE_ROSE-> CHARGING",
     ]
-    # The charger did not wait for the firmware: 3 min at the two coils' second rate, drawn on in part meanwhile.
+    # The charger did not wait for the firmware: 3 min at the two coils' second rate, less a part of the load.
     assert bench.primary_fraction == pytest.approx(0.5 + 3 * 1.2435 * 0.00223, abs=0.0015)
 
 
@@ -88,7 +88,7 @@ def test_chatter_of_a_charger_that_hardly_runs_is_no_dock() -> None:
     bench.charge_pin_chatters(high_ms=10, low_ms=30, times=250)
     bench.run(minutes=1)
     assert not any(isinstance(action, StateChanged) for action in bench.trace)
-    # Neither does it charge: what it gained in those 2.5 s of 10 s is 0.0001.
+    # The battery does not charge either: its gain in those 2.5 s of 10 s is 0.0001.
     assert bench.state is State.SLEEPING and bench.board.primary.flow is not Flow.CHARGING
 
 

@@ -66,9 +66,9 @@ def test_chatter_without_end_is_decided_by_the_greater_part_of_the_time() -> Non
         (3000, Edge.ROSE),
         (1000 + 199 * 50 + 40 + 50, Edge.FELL),
     ]
-    # The other way round it was high for 0.4 s of 2 s, and then it is low for good.
+    # In the opposite case it was high for 0.4 s of 2 s, and then it stays low.
     assert edges(flips(10, 40, 200), 50, 20_000) == []
-    # As long one as the other: it stays what it was.
+    # Equal times high and low: the level stays as it was.
     assert edges(flips(25, 25, 200), 50, 20_000) == []
 
 
@@ -79,7 +79,7 @@ def test_chatter_and_a_missed_edge_are_said() -> None:
     pin.level(True, 60)
     # High for 40 ms and 40 ms of the first 100 ms.
     assert (pin.next_due_ms, pin.due(100)) == (100, (Edge.ROSE, Fault.CHATTER))
-    # It has been high since 60: certain at 110, and no news.
+    # It has been high since 60: certain at 110, without a new edge.
     assert (pin.next_due_ms, pin.due(110)) == (110, (None, None))
     pin.level_unseen(False, 2500)
     assert (pin.high, pin.wire_high, pin.next_due_ms) == (True, False, 3000)
@@ -91,7 +91,7 @@ def test_a_missed_edge_that_went_back_never_was() -> None:
     pin = ChargePin(50, False, 2000, 1000)
     pin.level_unseen(True, 100)
     pin.level_unseen(False, 900)
-    assert pin.next_due_ms is None and not pin.look(5000)
+    assert pin.next_due_ms is None and not pin.sample_level(5000)
 
 
 def sampled(levels: list[tuple[int, bool]], debounce_ms: int, chatter_ms: int) -> list[tuple[int, Edge]]:

@@ -1,4 +1,4 @@
-"""Readings that are not the charge: stories that a bare threshold gets wrong; the same rules, stepped by milliseconds."""
+"""Readings that differ from the charge: stories in which a bare threshold fails, and an oracle stepped by milliseconds."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -47,7 +47,7 @@ def field(metering: Metering | None, **start: float) -> Bench:
 
 @pytest.mark.parametrize(("metering", "switches"), [(BARE, True), (QUIET, False), (METERING, False)])
 def test_a_transmission_s_sag_is_no_empty_battery(metering: Metering, switches: bool) -> None:
-    # At 0.05 before its transmission: the modem's 1500 mW alone pull that below 0 for a second.
+    # The charge is 0.05 before the transmission: the modem's 1500 mW alone lower the voltage below 0 for a second.
     bench = field(metering, primary=0.065)
     bench.run_until(3_899_999)
     assert 0.03 < bench.primary_fraction < 0.06 and not feeds(bench.trace)
@@ -85,7 +85,7 @@ def test_a_charger_that_touched_for_a_moment_fills_no_battery(metering: Metering
 
 
 def test_an_emergency_under_a_steady_load_comes_by_the_voltage_and_before_the_charge_is_gone() -> None:
-    # The Pi's 1000 mW pull the voltage down by 0.045045. From 0.060, at 0.0032949 a minute, the voltage is at 0 after
+    # The Pi's 1000 mW lower the voltage by 0.045045. From 0.060, at 0.0032949 a minute, the voltage is at 0 after
     # 272.3 s: the samples from 280 s to 400 s are all below it.
     bench = Bench(board(None, power(kept_on=1 << Rail.PI, metering=QUIET)), primary=0.06)
     bench.run(minutes=30)
@@ -197,7 +197,7 @@ class Stepped:
         return [(now_ms, level) for level in found + (self.cut_off() if Level.EMPTIED in found else [])]
 
     def cut_off(self) -> list[Level]:
-        """A battery that is empty when the board is put on it is at an end at once."""
+        """A battery that is empty when it starts to feed the board ends at once."""
         empty = Level.EMPTIED in self.wanted() and self.charges[int(self.feed)] == 0
         return self.reach([Level.EMPTIED]) if empty else []
 

@@ -1,4 +1,4 @@
-"""The ring in flash against a plain list: what it keeps, what a reset finds, what was torn, what it overwrote."""
+"""The ring in flash against a plain list: its records, recovery after a reset, torn and overwritten records."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def sequences(log: FlashLog) -> list[int]:
 
 
 def test_what_it_holds_by_hand() -> None:
-    # Four pages of three: the page under way, and the two before it; the fourth is the next to be erased.
+    # Four pages of three records: the current page and the two before it count; the fourth is the next to be erased.
     assert sequences(filled(2)) == [0, 1]
     assert sequences(filled(8)) == list(range(8))
     assert sequences(filled(9)) == list(range(3, 9))
@@ -95,7 +95,7 @@ def test_a_torn_last_write_is_dropped_and_counted(count: int, kept: int) -> None
         flash.erase(log.ring.page(count))
     data = record(count).encode()[:kept]
     flash.program(log.ring.address(count), data)
-    used = any(data) and count % A_PAGE > 0  # a page that was just begun is erased again
+    used = any(data) and count % A_PAGE > 0  # a page whose first record was torn is erased again
 
     again = FlashLog(flash, count, 0)
     assert again.torn == any(data)
@@ -126,7 +126,7 @@ def test_no_sequence_is_given_twice_when_flash_and_registers_disagree() -> None:
 
 
 class Life(RuleBasedStateMachine):
-    """Samples, acknowledgements and resets, beside a list that never forgets."""
+    """Samples, acknowledgements and resets, beside a complete list."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -155,7 +155,7 @@ class Life(RuleBasedStateMachine):
 
     @rule()
     def resets(self) -> None:
-        """What it finds goes into the registers again."""
+        """A reset; the registers take the recovered values again."""
         self.log = FlashLog(self.flash, self.registers, self.acknowledged)
         self.registers = self.log.next_sequence
 

@@ -1,4 +1,4 @@
-"""The sensors against calculations by hand: counts, ranges, noise, and that counts and values belong together."""
+"""The sensors against calculations by hand: counts, ranges, noise, and conversion between counts and values."""
 
 import pytest
 from hypothesis import given

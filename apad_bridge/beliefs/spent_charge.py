@@ -1,8 +1,8 @@
-"""How much a submerged aMussel has spent since it was last measured, when nobody heard what it was doing.
+"""The charge that a submerged aMussel has spent since its last measurement, while its modes were not observed.
 
-The charge spent is the integral of the modes' drains over a chain that may change mode at whole hours. Its first two
-moments, given the mode it is in now, follow exactly by the mixing of an interacting-multiple-model filter; the one path
-on which nothing unexpected happened is kept apart, because it alone has a sharp answer.
+The charge spent is the integral of the modes' drains over a Markov chain that may change mode at whole hours. Its first
+two moments, given the present mode, follow exactly from the mixing step of an interacting-multiple-model filter. The
+expected path, on which nothing unexpected happened, is kept apart, because it alone has a sharp answer.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ _NEVER = 1e-12
 
 
 Rows = tuple[tuple[float, float, float], ...]
-"""Probabilities [from][to] of a decision, in the order of `SUBMERGED`; filterpy's estimators index theirs alike."""
+"""Probabilities [from][to] of a decision, in the order of `SUBMERGED`; filterpy's estimators use the same order."""
 
 
 class Choice(NamedTuple):
-    """What may be decided: `expected` None is to stay. `deviation` is of what an unknown plan draws until the next."""
+    """One decision. `expected` None means to stay. `deviation` is of an unknown plan's charge until the next decision."""
 
     rows: Rows
     expected: Mode | None
@@ -32,15 +32,15 @@ class Choice(NamedTuple):
 
 
 Choices = Callable[[int], Choice]
-"""By the agent time of a decision."""
+"""The choice at the agent time of a decision."""
 
 
 Spending = Callable[[int, int], tuple[float, float, float]]
-"""What each of `SUBMERGED` takes from one time to another."""
+"""The charge that each mode of `SUBMERGED` takes from one time to another."""
 
 
 class Spent(NamedTuple):
-    """With `probability`, an amount of this mean and variance, at the nominal drain."""
+    """With `probability`, a charge of this mean and variance, at the nominal drain."""
 
     probability: float
     mean: float
@@ -49,23 +49,23 @@ class Spent(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Load:
-    """`by_mode` in the order of `SUBMERGED`; `expected` is the path without surprise, also contained in `by_mode`."""
+    """Charge spent by present mode, in the order of `SUBMERGED`; `by_mode` also contains the path `expected`."""
 
     by_mode: tuple[Spent, Spent, Spent]
     expected: Spent
     expected_mode: Mode
-    guesses: int = 0
-    """Decisions so far of which no schedule told."""
+    unscheduled_decisions: int = 0
+    """Decisions so far that no schedule covered."""
 
     @classmethod
     def known(cls, mode: Mode, spent: float = 0.0) -> Load:
-        """It is in `mode`, surely."""
+        """The aMussel is certainly in `mode`."""
         rows = tuple(Spent(float(mode is one), spent, 0.0) for one in SUBMERGED)
         return cls((rows[0], rows[1], rows[2]), Spent(1.0, spent, 0.0), mode)
 
     @classmethod
-    def guessed(cls, shares: tuple[float, float, float], spent: float, variance: float = 0.0) -> Load:
-        """It is in any of the modes, with these probabilities."""
+    def from_shares(cls, shares: tuple[float, float, float], spent: float, variance: float = 0.0) -> Load:
+        """The aMussel is in one of the modes, with these probabilities."""
         a, b, c = (Spent(share, spent, variance) for share in shares)
         likely = max(SUBMERGED, key=shares.__getitem__)
         return cls((a, b, c), Spent(shares[likely], spent, variance), likely)
@@ -74,24 +74,27 @@ class Load:
         return merged(self.by_mode)
 
     def add(self, amount: float, its_variance: float = 0.0) -> Load:
-        """The same whatever it does."""
+        """Adds the same amount in every mode."""
         a, b, c = (Spent(p, mean + amount, variance + its_variance) for p, mean, variance in self.by_mode)
         p, mean, variance = self.expected
         return Load(
-            (a, b, c), Spent(p, mean + amount, variance + its_variance), self.expected_mode, self.guesses
+            (a, b, c),
+            Spent(p, mean + amount, variance + its_variance),
+            self.expected_mode,
+            self.unscheduled_decisions,
         )
 
     def unexpected(self, mode: Mode) -> Spent:
-        """What remains of `mode` without the path on which nothing unexpected happened."""
+        """The part of `mode` without the expected path."""
         whole = self.by_mode[mode]
         return whole if mode is not self.expected_mode else _without(whole, self.expected)
 
-    def as_it_lies(self, rest: Spent) -> list[Spent]:
-        """A part of this load in its shape: where nobody knows the plan, little is usual and much is rare.
+    def skewed_parts(self, rest: Spent) -> list[Spent]:
+        """Splits `rest` into the skewed shape of this load: under an unknown plan small amounts are usual, large ones rare.
 
-        Two Gaussians of the same first two moments, the wider one on the side of much.
+        The result is two Gaussians of the same first two moments, the wider one on the side of large amounts.
         """
-        if not self.guesses:
+        if not self.unscheduled_decisions:
             return [rest]
         p, mean, variance = rest
         sd = math.sqrt(variance)
@@ -101,7 +104,7 @@ class Load:
         ]
 
     def spend(self, amounts: tuple[float, float, float]) -> Load:
-        """Every mode goes on, and takes so much."""
+        """Every mode continues, and takes its amount of `amounts`."""
         a, b, c = self.by_mode
         p, mean, variance = self.expected
         return Load(
@@ -112,30 +115,30 @@ class Load:
             ),
             Spent(p, mean + amounts[self.expected_mode], variance),
             self.expected_mode,
-            self.guesses,
+            self.unscheduled_decisions,
         )
 
     def choose(self, choice: Choice) -> Load:
-        """A time at which it may change its mode."""
+        """A decision, at which the mode may change."""
         rows, expected, deviation = choice
         a, b, c = (self._entering(to, rows) for to in range(3))
-        guesses = self.guesses
+        unscheduled_decisions = self.unscheduled_decisions
         if deviation:
-            # One plan of days draws more than another, hour after hour: that deviation grows with the time, not its root.
-            guesses += 1
-            more = (2 * guesses - 1) * deviation**2
+            # Plans last for days and differ in drain hour after hour: so the deviation grows with time, not with its root.
+            unscheduled_decisions += 1
+            more = (2 * unscheduled_decisions - 1) * deviation**2
             a, b, c = (Spent(p, mean, variance + more) for p, mean, variance in (a, b, c))
         new_mode = self.expected_mode if expected is None else expected
         p, mean, variance = self.expected
         path = Spent(p * rows[self.expected_mode][new_mode], mean, variance)
-        return Load((a, b, c), path, new_mode, guesses)
+        return Load((a, b, c), path, new_mode, unscheduled_decisions)
 
     def _entering(self, to: int, rows: Rows) -> Spent:
         return merged([Spent(one[0] * rows[n][to], one[1], one[2]) for n, one in enumerate(self.by_mode)])
 
 
 def merged(parts: tuple[Spent, ...] | list[Spent]) -> Spent:
-    """One of the same first two moments; parts of no probability count for nothing."""
+    """One `Spent` of the same first two moments; parts without probability do not count."""
     probability = mean = square = 0.0
     for p, m, v in parts:
         probability += p
@@ -157,7 +160,7 @@ def _without(whole: Spent, part: Spent) -> Spent:
 
 
 def spending(per_min: tuple[float, ...], cycle: Cycle | None) -> Spending:
-    """At a steady rate, but for one that sleeps by a known `cycle`."""
+    """Spending at steady rates, except in sleep with a known `cycle`."""
     asleep, idle, high = per_min[:3]
 
     def amounts(from_ms: int, to_ms: int) -> tuple[float, float, float]:
@@ -169,7 +172,7 @@ def spending(per_min: tuple[float, ...], cycle: Cycle | None) -> Spending:
 
 
 def scheduled_rows(habits: Habits, mode: Mode) -> Rows:
-    """As commanded, but for the unscheduled share."""
+    """Every mode changes to the commanded one, except for the unscheduled share."""
     aside = habits.unscheduled / 2
     row = [aside, aside, aside]
     row[mode] = 1 - habits.unscheduled
@@ -179,7 +182,7 @@ def scheduled_rows(habits: Habits, mode: Mode) -> Rows:
 def usual_rows(
     habits: Habits, shares: tuple[float, float, float], remembered: Mode | None, trust: float
 ) -> Rows:
-    """Without a schedule: it stays, or changes to what is usual; or, with probability `trust`, does as `remembered`."""
+    """Without a schedule: a mode stays or changes by `shares`; with probability `trust`, it changes to `remembered`."""
     rows = []
     for stays in range(3):
         row = [(1 - trust) * (1 - habits.stays) * share for share in shares]
@@ -190,7 +193,7 @@ def usual_rows(
     return tuple(rows)
 
 
-def carried(
+def propagated(
     load: Load,
     from_ms: int,
     to_ms: int,
@@ -198,7 +201,7 @@ def carried(
     every_ms: int,
     choices: Choices,
 ) -> Load:
-    """The load of `from_ms` at `to_ms`: from decision to decision, each span in closed form."""
+    """The load of `from_ms` at `to_ms`, from decision to decision; each span is in closed form."""
     at_ms = from_ms
     while True:
         decision_ms = (at_ms // every_ms + 1) * every_ms

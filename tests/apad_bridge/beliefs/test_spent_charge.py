@@ -4,17 +4,17 @@ import numpy as np
 import pytest
 
 from apad_bridge.beliefs.knowledge import Habits, Schedule
-from apad_bridge.beliefs.load import (
+from apad_bridge.beliefs.modes import Mode
+from apad_bridge.beliefs.spent_charge import (
     Choice,
     Load,
     Spent,
-    carried,
     merged,
+    propagated,
     scheduled_rows,
     spending,
     usual_rows,
 )
-from apad_bridge.beliefs.modes import Mode
 
 HOUR = 3_600_000
 PER_MIN = (0.0001, 0.001, 0.003, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -36,7 +36,7 @@ def chain(_: int) -> Choice:
 
 
 def by_trial(hours: int, trials: int = 200_000) -> tuple[np.ndarray, np.ndarray]:
-    """Modes and amounts of a chain that begins awake at half past, tried out."""
+    """Modes and amounts of a chain that begins awake at half past the hour, by Monte Carlo."""
     rng = np.random.default_rng(3)
     rates = 60 * np.array(PER_MIN[:3])
     modes = np.full(trials, Mode.IDLE)
@@ -49,7 +49,7 @@ def by_trial(hours: int, trials: int = 200_000) -> tuple[np.ndarray, np.ndarray]
 
 
 def test_moments_by_mode_are_those_of_the_chain() -> None:
-    load = carried(Load.known(Mode.IDLE), HOUR // 2, 9 * HOUR - 1, spending(PER_MIN, None), HOUR, chain)
+    load = propagated(Load.known(Mode.IDLE), HOUR // 2, 9 * HOUR - 1, spending(PER_MIN, None), HOUR, chain)
     modes, spent = by_trial(8)
     for mode in (Mode.ASLEEP, Mode.IDLE, Mode.HIGH_LOAD):
         there = modes == mode
@@ -62,7 +62,7 @@ def test_moments_by_mode_are_those_of_the_chain() -> None:
 
 
 def test_a_mode_is_entered_from_where_the_rows_say() -> None:
-    """Rows are [from][to]: what leaves one mode and never comes back must not look like what arrives."""
+    """Rows are [from][to]: a transposed matrix would swap the modes left and the modes entered."""
     leaves = ((0.0, 1.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
     load = Load.known(Mode.ASLEEP).choose(Choice(leaves, None, 0.0))
     assert [row[0] for row in load.by_mode] == [0.0, 1.0, 0.0]
@@ -72,7 +72,7 @@ def test_time_that_passes_unheard_moves_the_probabilities_of_the_modes() -> None
     load = Load.known(Mode.HIGH_LOAD)
     shares = [load.by_mode[Mode.HIGH_LOAD][0]]
     for hour in range(1, 30):
-        load = carried(load, (hour - 1) * HOUR, hour * HOUR, spending(PER_MIN, None), HOUR, chain)
+        load = propagated(load, (hour - 1) * HOUR, hour * HOUR, spending(PER_MIN, None), HOUR, chain)
         shares.append(load.by_mode[Mode.HIGH_LOAD][0])
     assert shares == sorted(shares, reverse=True)
     values, vectors = np.linalg.eig(np.array(ROWS).T)
@@ -81,11 +81,11 @@ def test_time_that_passes_unheard_moves_the_probabilities_of_the_modes() -> None
 
 
 def test_cuts_do_not_show() -> None:
-    whole = carried(Load.known(Mode.ASLEEP), 0, 7 * HOUR + 5, spending(PER_MIN, None), HOUR, chain)
+    whole = propagated(Load.known(Mode.ASLEEP), 0, 7 * HOUR + 5, spending(PER_MIN, None), HOUR, chain)
     cut = Load.known(Mode.ASLEEP)
     times = [0, 1, HOUR - 1, HOUR, HOUR + 1, 3 * HOUR, 7 * HOUR + 4, 7 * HOUR + 5]
     for n in range(1, len(times)):
-        cut = carried(cut, times[n - 1], times[n], spending(PER_MIN, None), HOUR, chain)
+        cut = propagated(cut, times[n - 1], times[n], spending(PER_MIN, None), HOUR, chain)
     for one, other in zip(cut.by_mode, whole.by_mode, strict=True):
         assert one == pytest.approx(other, rel=1e-9, abs=1e-12)
 
@@ -98,7 +98,7 @@ def test_the_schedule_is_followed_but_for_the_unscheduled_share() -> None:
         assert mode is not None
         return Choice(scheduled_rows(HABITS, mode), mode, 0.0)
 
-    load = carried(Load.known(Mode.ASLEEP), 0, 4 * HOUR - 1, spending(PER_MIN, None), HOUR, commanded)
+    load = propagated(Load.known(Mode.ASLEEP), 0, 4 * HOUR - 1, spending(PER_MIN, None), HOUR, commanded)
     assert load.expected[0] == pytest.approx(0.94**3)
     assert load.expected[1] == pytest.approx(2 * 0.006 + 2 * 0.18, rel=1e-4)
     assert load.by_mode[Mode.HIGH_LOAD][0] == pytest.approx(0.94)
@@ -116,14 +116,14 @@ def test_an_unknown_plan_makes_the_deviation_grow_with_the_time() -> None:
     def unknown(_: int) -> Choice:
         return Choice(((1.0, 0.0, 0.0),) * 3, None, 0.002)
 
-    load = carried(Load.known(Mode.ASLEEP), 0, 10 * HOUR, spending(PER_MIN, None), HOUR, unknown)
+    load = propagated(Load.known(Mode.ASLEEP), 0, 10 * HOUR, spending(PER_MIN, None), HOUR, unknown)
     assert load.total()[2] == pytest.approx((10 * 0.002) ** 2)
 
 
 def test_a_shape_keeps_the_first_two_moments() -> None:
-    load = Load(Load.known(Mode.ASLEEP).by_mode, Spent(0.0, 0.0, 0.0), Mode.ASLEEP, guesses=3)
+    load = Load(Load.known(Mode.ASLEEP).by_mode, Spent(0.0, 0.0, 0.0), Mode.ASLEEP, unscheduled_decisions=3)
     rest = Spent(0.4, 0.2, 0.01)
-    parts = load.as_it_lies(rest)
+    parts = load.skewed_parts(rest)
     assert merged(parts) == pytest.approx(rest, rel=1e-4)
     assert parts[1][1] > parts[0][1]
-    assert Load.known(Mode.ASLEEP).as_it_lies(rest) == [rest]
+    assert Load.known(Mode.ASLEEP).skewed_parts(rest) == [rest]

@@ -1,6 +1,6 @@
-"""A twin's memory of one aMussel as plain data, and back: every number exactly, so that another twin goes on with it.
+"""Converts a twin's state of one aMussel to plain data, and back: every number exactly, so that another twin continues.
 
-Arrays are the base64 of their little-endian doubles: a thousand aMussels are written between two ticks.
+Arrays are the base64 of their little-endian doubles, because a thousand aMussels are written between two ticks.
 """
 
 from __future__ import annotations
@@ -12,46 +12,46 @@ import numpy as np
 
 from apad_bridge.beliefs.belief import Clock
 from apad_bridge.beliefs.charge_state import SIZE, Anchor, Array
-from apad_bridge.beliefs.load import Load, Spent
-from apad_bridge.beliefs.memory import Memory
 from apad_bridge.beliefs.modes import Mode
 from apad_bridge.beliefs.place import Place
+from apad_bridge.beliefs.spent_charge import Load, Spent
+from apad_bridge.beliefs.twin_state import TwinState
 
 Plain = dict[str, Any]
 
 
-def memory_data(memory: Memory) -> Plain:
-    """JSON's kinds only; numbers as they are, modes by name. Keys are the fields' names."""
-    clock, unobeyed = memory.clock, memory.unobeyed
+def state_to_data(twin_state: TwinState) -> Plain:
+    """The state in JSON's types: numbers unchanged, modes by name. Keys are the fields' names."""
+    clock, unobeyed = twin_state.clock, twin_state.unobeyed
     return {
-        "at_ms": memory.at_ms,
-        "anchors": [[weight, _packed(mean), _packed(cov)] for weight, mean, cov in memory.anchors],
-        "anchor_ms": memory.anchor_ms,
-        "load": _load_data(memory.load),
-        "situation": _name(memory.situation),
-        "since_ms": memory.since_ms,
-        "place": [_packed(memory.place.mean), _packed(memory.place.cov)],
-        "place_ms": memory.place_ms,
+        "at_ms": twin_state.at_ms,
+        "anchors": [[weight, _packed(mean), _packed(cov)] for weight, mean, cov in twin_state.anchors],
+        "anchor_ms": twin_state.anchor_ms,
+        "load": _load_data(twin_state.load),
+        "situation": _name(twin_state.situation),
+        "since_ms": twin_state.since_ms,
+        "place": [_packed(twin_state.place.mean), _packed(twin_state.place.cov)],
+        "place_ms": twin_state.place_ms,
         "clock": [clock.offset_ms, clock.drift_ppm, clock.offset_var, clock.covariance, clock.drift_var],
-        "clock_ms": memory.clock_ms,
-        "packet": memory.packet,
-        "from_secondary": memory.from_secondary,
+        "clock_ms": twin_state.clock_ms,
+        "packet": twin_state.packet,
+        "from_secondary": twin_state.from_secondary,
         "unobeyed": None if unobeyed is None else [_load_data(unobeyed[0]), unobeyed[1]],
-        "seen": memory.seen,
-        "day": [None if heard is None else [heard[0].name, heard[1]] for heard in memory.day],
-        "measured_ms": memory.measured_ms,
-        "measured_mode": _name(memory.measured_mode),
-        "gated": memory.gated,
+        "seen": twin_state.seen,
+        "day": [None if heard is None else [heard[0].name, heard[1]] for heard in twin_state.day],
+        "measured_ms": twin_state.measured_ms,
+        "measured_mode": _name(twin_state.measured_mode),
+        "gated": twin_state.gated,
     }
 
 
-def memory_of(data: Plain) -> Memory:
-    """The inverse of `memory_data`; KeyError, TypeError or ValueError for anything else."""
+def state_from_data(data: Plain) -> TwinState:
+    """The inverse of `state_to_data`; KeyError, TypeError or ValueError for anything else."""
     (mean, cov), unobeyed = data["place"], data["unobeyed"]
     first, second = data["from_secondary"]
     asleep, idle, high = data["seen"]
     sequence, agent_ms = data["packet"]
-    return Memory(
+    return TwinState(
         at_ms=data["at_ms"],
         anchors=tuple(
             Anchor(weight, _unpacked(its_mean, SIZE), _unpacked(its_cov, SIZE, SIZE))
@@ -85,13 +85,13 @@ def _unpacked(text: str, *shape: int) -> Array:
 
 
 def _load_data(load: Load) -> list[Any]:
-    return [load.by_mode, load.expected, load.expected_mode.name, load.guesses]
+    return [load.by_mode, load.expected, load.expected_mode.name, load.unscheduled_decisions]
 
 
 def _load_of(data: list[Any]) -> Load:
-    by_mode, expected, mode, guesses = data
+    by_mode, expected, mode, unscheduled_decisions = data
     asleep, idle, high = (Spent(*one) for one in by_mode)
-    return Load((asleep, idle, high), Spent(*expected), Mode[mode], guesses)
+    return Load((asleep, idle, high), Spent(*expected), Mode[mode], unscheduled_decisions)
 
 
 def _name(mode: Mode | None) -> str | None:

@@ -1,0 +1,235 @@
+"""Updates a twin's state with a packet: weighs the hypotheses of how the aMussel came to the mode that it states.
+
+Each hypothesis has a filter of filterpy's, and the likelihoods decide between them. A gate keeps gross outliers out first,
+because they would make all likelihoods alike.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+from apad_bridge.beliefs import charge_state as charge
+from apad_bridge.beliefs.charge_state import PRIMARY, SECONDARY, Anchor, Array
+from apad_bridge.beliefs.knowledge import Knowledge, Schedule
+from apad_bridge.beliefs.modes import DOCKED, SUBMERGED, Mode, mode_of
+from apad_bridge.beliefs.spent_charge import MS_PER_MIN, Load, Spent, propagated, spending
+from apad_bridge.beliefs.twin_state import (
+    TwinState,
+    charge_now,
+    choices,
+    mode_observed,
+    paths,
+    sinking,
+    submerged,
+)
+from firmware_model.states import State
+
+_NEGLIGIBLE = 0.001
+"""A less probable hypothesis is not weighed, unless the reading contradicts the likely one."""
+_CONTRADICTION = 2.0
+_DROPPED_WEIGHT = 1e-6
+_GATE = 5.0
+"""The gate in deviations of the reading; a reading beyond it is not believed, and the next one decides."""
+_UNREPORTED_EVENT_SD = 0.3
+"""Deviation of a charge after an event that nobody reported: a docking by hand, or a release."""
+NOTHING = Spent(1.0, 0.0, 0.0)
+_NO_OFFSETS = (0.0, 0.0)
+_AFTER_RELEASE = (State.RELEASED, State.SINKING)
+_TRANSIENT = (State.RELEASED, State.SINKING, State.BOOTING)
+"""Short states that carry no information about the mode on the bottom."""
+
+
+class Reading(NamedTuple):
+    """The power part of a packet of any kind: everything that the charge filters take from it."""
+
+    state: State
+    mode: Mode
+    """Usually the mode of `state`."""
+    primary: float
+    secondary: float
+
+    @classmethod
+    def stated(cls, state: State, primary: float, secondary: float) -> Reading:
+        return cls(state, mode_of(state, primary, secondary), primary, secondary)
+
+
+class HypothesisWeigher:
+    def __init__(self, knowledge: Knowledge) -> None:
+        self.knowledge = knowledge
+
+    def weigh(self, twin_state: TwinState, schedule: Schedule, reading: Reading) -> TwinState:
+        """Corrects the charges with a reading, by one filter or by several weighed against each other."""
+        if reading.mode in DOCKED or twin_state.situation is Mode.CHARGING_PRIMARY:
+            hypotheses = self._dock_hypotheses(twin_state, reading.mode)
+        elif reading.state in _AFTER_RELEASE and twin_state.since_ms == twin_state.anchor_ms:
+            hypotheses = charge_now(
+                twin_state, self.knowledge, [self._spent_since_release(twin_state, reading.state)]
+            )
+        else:
+            hypotheses = charge_now(
+                twin_state, self.knowledge, self._spending_hypotheses(twin_state, schedule, reading.mode)
+            )
+        return self.corrected(twin_state, schedule, hypotheses, reading)
+
+    def _dock_hypotheses(self, twin_state: TwinState, mode: Mode) -> list[Anchor]:
+        """The docking was known; or somebody else docked or released the aMussel, and the charge may be anything."""
+        if mode in DOCKED and twin_state.situation is Mode.CHARGING_PRIMARY:
+            return charge_now(twin_state, self.knowledge, ())
+        weight, mean, cov = charge.moment_matched(
+            charge_now(twin_state, self.knowledge, paths(twin_state.load))
+        )
+        cov[PRIMARY, PRIMARY] += _UNREPORTED_EVENT_SD**2
+        return [Anchor(weight, mean, cov)]
+
+    def _spent_since_release(self, twin_state: TwinState, state: State) -> Spent:
+        """The charge spent since a release at the anchor; the motors have not run yet, or are running."""
+        drain = self.knowledge.drain
+        waited = drain.per_min[Mode.IDLE] * (twin_state.at_ms - twin_state.anchor_ms) / MS_PER_MIN
+        running = self._partial_motor_run() if state is State.SINKING else NOTHING
+        return Spent(1.0, waited + running.mean, drain.motor_deviation**2 + running.variance)
+
+    def _partial_motor_run(self) -> Spent:
+        """The charge that running motors have taken so far, or will still take: uniform between 0 and one run."""
+        run = self.knowledge.drain.motor_run
+        return Spent(1.0, run / 2, run**2 / 12)
+
+    def _spending_hypotheses(self, twin_state: TwinState, schedule: Schedule, mode: Mode) -> list[Spent]:
+        """The ways in which the aMussel can have come to the stated mode, each with the charge spent on the way."""
+        load = twin_state.load
+        if mode in SUBMERGED:
+            if twin_state.unobeyed is not None:
+                load = self.without_permission(twin_state, schedule)
+            rest = load.skewed_parts(load.unexpected(mode))
+            rows = [load.expected, *rest] if mode is load.expected_mode else rest
+        elif twin_state.situation is None:
+            # It comes up by itself, or somebody else permitted it.
+            _, mean, variance = load.total()
+            run = self.knowledge.drain.motor_run
+            rows = [Spent(1.0, mean + run, variance + run**2)]
+        else:
+            rows = paths(load)
+            if mode is Mode.SURFACING:
+                _, left, its_variance = self._partial_motor_run()
+                rows = [Spent(p, mean - left, variance + its_variance) for p, mean, variance in rows]
+        total = math.fsum(row[0] for row in rows)
+        if total < _NEGLIGIBLE**2:  # the packet states a mode that cannot be: only the total is known
+            _, mean, variance = load.total()
+            return [Spent(1.0, mean, variance + self.knowledge.drain_deviation**2)]
+        return [Spent(row[0] / total, row[1], row[2]) for row in rows if row[0] > 0]
+
+    def without_permission(self, twin_state: TwinState, schedule: Schedule) -> Load:
+        """The charge spent if the aMussel never received the permission."""
+        assert twin_state.unobeyed is not None
+        before, at_ms = twin_state.unobeyed
+        chosen = choices(twin_state, self.knowledge, schedule)
+        drain_since = spending(self.knowledge.drain.per_min, schedule.cycle)
+        return propagated(
+            before, at_ms, twin_state.at_ms, drain_since, self.knowledge.habits.every_ms, chosen
+        )
+
+    def corrected(
+        self, twin_state: TwinState, schedule: Schedule, hypotheses: list[Anchor], reading: Reading
+    ) -> TwinState:
+        """Corrects by one filter for each hypothesis; skips the unlikely ones while a likely one explains the reading."""
+        charges = (reading.primary, reading.secondary)
+        sensor = self.knowledge.sensor
+        offsets = sensor.offsets.get(reading.state, _NO_OFFSETS)
+        total = math.fsum(row.weight for row in hypotheses)
+        hypotheses = sorted(map(_clamped_if_outside, hypotheses), key=lambda row: -row.weight)
+        rows: list[tuple[float, Array, Array]] = []
+        surprise = math.inf
+        for weight, mean, cov in hypotheses:
+            if rows and weight < _NEGLIGIBLE * total and surprise < _CONTRADICTION:
+                break
+            new_mean, new_cov, density, its_surprise = charge.measured(
+                mean, cov, sensor, reading.mode, charges, offsets
+            )
+            rows.append((math.log(weight) + density, new_mean, new_cov))
+            surprise = min(surprise, its_surprise)
+        if surprise > _GATE:
+            return self._widened(twin_state, schedule, hypotheses, reading)
+        best = max(row[0] for row in rows)
+        after = [Anchor(math.exp(density - best), mean, cov) for density, mean, cov in rows]
+        likely = [row for row in after if row.weight > _DROPPED_WEIGHT]
+        return self._anchored_at_packet(
+            twin_state, schedule, bounded(charge.moment_matched(likely), after_measuring=True), reading
+        )
+
+    def _widened(
+        self, twin_state: TwinState, schedule: Schedule, hypotheses: list[Anchor], reading: Reading
+    ) -> TwinState:
+        """Takes a reading beyond the gate: believes its mode, not its charge.
+
+        Either the reading or the estimate may be wrong. So the variance grows so much that the next reading decides.
+        """
+        before = charge.moment_matched(hypotheses)
+        offset, _ = self.knowledge.sensor.offsets.get(reading.state, _NO_OFFSETS)
+        away = reading.primary - offset - float(before.mean[PRIMARY])
+        doubted = before.cov.copy()
+        doubted[PRIMARY, PRIMARY] += (away / 2) ** 2
+        anchor = bounded(Anchor(1.0, before.mean, doubted), after_measuring=False)
+        return self._anchored_at_packet(
+            replace(twin_state, gated=twin_state.gated + 1), schedule, anchor, reading
+        )
+
+    def _anchored_at_packet(
+        self,
+        twin_state: TwinState,
+        schedule: Schedule,
+        anchor: Anchor,
+        reading: Reading,
+    ) -> TwinState:
+        """Moves the anchor to the packet's time and takes the situation from its mode."""
+        situation: Mode | None = Mode.CHARGING_PRIMARY if reading.mode in DOCKED else reading.mode
+        if reading.mode in SUBMERGED or reading.mode is Mode.LOST or reading.state in _TRANSIENT:
+            situation = None
+        since_ms = twin_state.since_ms if situation is twin_state.situation else twin_state.at_ms
+        twin_state = anchored(
+            twin_state,
+            (anchor._replace(weight=1.0),),
+            situation,
+            since_ms=since_ms,
+            measured_ms=twin_state.at_ms,
+            measured_mode=reading.mode,
+            **mode_observed(twin_state, self.knowledge, reading.mode),
+        )
+        if reading.state in _TRANSIENT:
+            spent = NOTHING
+            if reading.state is State.RELEASED:
+                spent = sinking(NOTHING, self.knowledge)
+            elif reading.state is State.SINKING:
+                spent = self._partial_motor_run()
+            return submerged(twin_state, self.knowledge, schedule, spent)
+        if reading.state is State.SURFACING:
+            _, left, variance = self._partial_motor_run()
+            return replace(twin_state, load=twin_state.load.add(left, variance))
+        return twin_state
+
+
+def _clamped_if_outside(row: Anchor) -> Anchor:
+    """Clamps a charge below 0 or above 1 to that end, because only then can a reading confirm it."""
+    if 0 <= row.mean[PRIMARY] <= 1 and 0 <= row.mean[SECONDARY] <= 1:
+        return row
+    return bounded(row, after_measuring=False)
+
+
+def bounded(row: Anchor, after_measuring: bool) -> Anchor:
+    return Anchor(row.weight, *charge.bounded(row.mean, row.cov, after_measuring))
+
+
+def anchored(
+    twin_state: TwinState, anchors: tuple[Anchor, ...], situation: Mode | None, **changes: Any
+) -> TwinState:
+    """The twin state with `anchors` at its own `at_ms`, and nothing spent since."""
+    settled: dict[str, Any] = {
+        "anchors": anchors,
+        "anchor_ms": twin_state.at_ms,
+        "load": Load.known(Mode.ASLEEP),
+        "situation": situation,
+        "since_ms": twin_state.at_ms,
+        "from_secondary": (0.0, 0.0),
+        "unobeyed": None,
+    }
+    return replace(twin_state, **(settled | changes))

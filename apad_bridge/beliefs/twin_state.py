@@ -1,0 +1,300 @@
+"""A twin's state of one aMussel, and its prediction in time.
+
+The charges stand at an anchor: the last time at which they were measured, or a dock caught or released the aMussel. The
+charge spent since is kept apart (`Load`), so that time passes in closed form and frequent queries add no rounding.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from apad_bridge.beliefs import charge_state as charge
+from apad_bridge.beliefs import charging, spent_charge
+from apad_bridge.beliefs.belief import Clock
+from apad_bridge.beliefs.charge_state import DRAIN, PRIMARY, SECONDARY, Anchor, Array
+from apad_bridge.beliefs.knowledge import Habits, Knowledge, Schedule
+from apad_bridge.beliefs.mixture import Part, below
+from apad_bridge.beliefs.modes import SUBMERGED, Mode
+from apad_bridge.beliefs.place import Place
+from apad_bridge.beliefs.spent_charge import MS_PER_MIN, Load, Spent, merged
+
+_UNLIKELY = 1e-3
+"""A hypothesis of lower probability is left out."""
+_OBEY_PRIOR = 0.9
+"""The probability that an aMussel received the permission to surface, before any packet from it."""
+_FAR_FROM_EMPTY = 0.4
+DAY_MS = 86_400_000
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TwinState:
+    """Agent time, except for the place's. `situation` is None while the aMussel is submerged and chooses its own mode."""
+
+    at_ms: int
+    anchors: tuple[Anchor, ...]
+    """The most probable first."""
+    anchor_ms: int
+    load: Load
+    situation: Mode | None
+    since_ms: int
+    place: Place
+    place_ms: int
+    """Mission time."""
+    clock: Clock
+    clock_ms: int
+    packet: tuple[int, int]
+    """(sequence, stated agent time) of the newest packet."""
+    from_secondary: tuple[float, float] = (0.0, 0.0)
+    """Mean and deviation of the charge that the secondary gave since the anchor."""
+    unobeyed: tuple[Load, int] | None = None
+    """The load, and its time, in case the permission was not received."""
+    seen: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """The number of observations of each mode of `SUBMERGED`."""
+    day: tuple[tuple[Mode, int] | None, ...] = ()
+    """The mode observed last, and its decision's number, for each decision of a day; empty if habits are not daily."""
+    measured_ms: int = -1
+    measured_mode: Mode | None = None
+    gated: int = 0
+
+    @property
+    def mean(self) -> Array:
+        """The mean of the most probable anchor."""
+        return self.anchors[0].mean
+
+    @property
+    def cov(self) -> Array:
+        return self.anchors[0].cov
+
+
+def shares_of(twin_state: TwinState, knowledge: Knowledge) -> tuple[float, float, float]:
+    """The probabilities of the modes that this aMussel takes up, from the usual shares and its observed modes."""
+    prior, habits = knowledge.habits.seen_before, knowledge.habits.shares
+    total = prior + sum(twin_state.seen)
+    a, b, c = ((prior * usual + n) / total for usual, n in zip(habits, twin_state.seen, strict=True))
+    return a, b, c
+
+
+def choices(twin_state: TwinState, knowledge: Knowledge, schedule: Schedule) -> spent_charge.Choices:
+    """The choice at each decision: by the schedule if there is one, else by usual shares and this aMussel's own modes."""
+    habits = knowledge.habits
+
+    def at(decision_ms: int) -> spent_charge.Choice:
+        scheduled = schedule.at(decision_ms)
+        if scheduled is not None:
+            return spent_charge.Choice(spent_charge.scheduled_rows(habits, scheduled), scheduled, 0.0)
+        deviation = habits.plan_deviation * habits.every_ms / MS_PER_MIN
+        number, shares = decision_ms // habits.every_ms, shares_of(twin_state, knowledge)
+        heard = twin_state.day[number % len(twin_state.day)] if twin_state.day else None
+        trust = 0.0 if heard is None else _trust(habits, (number - heard[1]) * habits.every_ms)
+        if heard is None or trust <= 0:
+            return spent_charge.Choice(spent_charge.usual_rows(habits, shares, None, 0.0), None, deviation)
+        expected = heard[0] if trust > 0.5 else None
+        return spent_charge.Choice(
+            spent_charge.usual_rows(habits, shares, heard[0], trust), expected, deviation
+        )
+
+    return at
+
+
+def _trust(habits: Habits, age_ms: int) -> float:
+    """The probability that the mode observed at this hour, `age_ms` ago, still holds: the plan may have changed since."""
+    return habits.daily * max(0.0, 1 - age_ms / habits.plan_lasts_ms)
+
+
+def mode_observed(twin_state: TwinState, knowledge: Knowledge, mode: Mode) -> dict[str, Any]:
+    """The fields that change when `mode` was observed: its usual modes, and its mode at this hour."""
+    if mode not in SUBMERGED:
+        return {}
+    a, b, c = (n + (one is mode) for n, one in zip(twin_state.seen, SUBMERGED, strict=True))
+    changes: dict[str, Any] = {"load": Load.known(mode), "seen": (a, b, c)}
+    habits = knowledge.habits
+    if habits.daily:
+        decisions, number = DAY_MS // habits.every_ms, twin_state.at_ms // habits.every_ms
+        day = list(twin_state.day or (None,) * decisions)
+        day[number % decisions] = (mode, number)
+        changes["day"] = tuple(day)
+    return changes
+
+
+def advanced(twin_state: TwinState, knowledge: Knowledge, schedule: Schedule, to_ms: int) -> TwinState:
+    """The twin state predicted to agent time `to_ms`, without new measurements."""
+    elapsed_ms = to_ms - twin_state.at_ms
+    if elapsed_ms <= 0:
+        return twin_state
+    if twin_state.situation is Mode.CHARGING_PRIMARY:
+        return replace(twin_state, at_ms=to_ms)
+    if twin_state.situation is not None:
+        return _afloat(twin_state, knowledge, schedule, to_ms)
+    decide = choices(twin_state, knowledge, schedule)
+    every_ms, spending = (
+        knowledge.habits.every_ms,
+        spent_charge.spending(knowledge.drain.per_min, schedule.cycle),
+    )
+    spent = spent_charge.propagated(twin_state.load, twin_state.at_ms, to_ms, spending, every_ms, decide)
+    later = replace(twin_state, at_ms=to_ms, load=spent)
+    if _is_far_from_empty(later):
+        return later  # the common case is cheap
+    while twin_state.at_ms < to_ms:
+        next_ms = min(to_ms, (twin_state.at_ms // every_ms + 1) * every_ms)
+        spent = spent_charge.propagated(
+            twin_state.load, twin_state.at_ms, next_ms, spending, every_ms, decide
+        )
+        later = replace(twin_state, at_ms=next_ms, load=spent)
+        twin_state = _drawn_from_backup(later, knowledge, next_ms - twin_state.at_ms)
+    return twin_state
+
+
+def shifted_to_clock(twin_state: TwinState, agent_ms: int) -> TwinState:
+    """The same state on a clock that was set and shows `agent_ms` now: no time has passed for the batteries."""
+    by_ms, unobeyed = agent_ms - twin_state.at_ms, twin_state.unobeyed
+    return replace(
+        twin_state,
+        at_ms=agent_ms,
+        anchor_ms=twin_state.anchor_ms + by_ms,
+        since_ms=twin_state.since_ms + by_ms,
+        measured_ms=twin_state.measured_ms + by_ms,
+        unobeyed=None if unobeyed is None else (unobeyed[0], unobeyed[1] + by_ms),
+        packet=(-1, agent_ms),
+        day=(),
+    )
+
+
+def _afloat(twin_state: TwinState, knowledge: Knowledge, schedule: Schedule, to_ms: int) -> TwinState:
+    """Surfacing, then floating, until a dock catches it or it sinks again by itself."""
+    per_min, surfaced_ms = knowledge.drain.per_min, twin_state.since_ms + knowledge.surfacing_ms
+    sinks_ms = surfaced_ms + knowledge.float_timeout_ms
+    at_ms, spent, situation = twin_state.at_ms, twin_state.load, twin_state.situation
+    if situation is Mode.SURFACING:
+        end_ms = min(to_ms, max(at_ms, surfaced_ms))
+        spent = spent.add(per_min[Mode.SURFACING] * (end_ms - at_ms) / MS_PER_MIN)
+        at_ms = end_ms
+        if to_ms >= surfaced_ms:
+            situation = Mode.FLOATING
+    if situation is Mode.FLOATING:
+        end_ms = min(to_ms, max(at_ms, sinks_ms))
+        spent = spent.add(per_min[Mode.FLOATING] * (end_ms - at_ms) / MS_PER_MIN)
+        at_ms = end_ms
+    later = replace(twin_state, at_ms=at_ms, load=spent, situation=situation)
+    if to_ms > at_ms:
+        later = submerged(later, knowledge, schedule, sinking(spent.total(), knowledge))
+        return advanced(later, knowledge, schedule, to_ms)
+    return later
+
+
+def obey_probability(twin_state: TwinState, knowledge: Knowledge) -> float:
+    """The probability that it received the permission to surface; 1 without one, or after a packet from the surface.
+
+    If a surfaced aMussel should be received, each missing packet lowers the probability (Bayes).
+    """
+    if twin_state.unobeyed is None:
+        return 1.0
+    up_ms, calls = twin_state.at_ms - twin_state.unobeyed[1] - knowledge.surfacing_ms, knowledge.calls
+    if calls is None or up_ms < 0:
+        return _OBEY_PRIOR
+    unheard = _OBEY_PRIOR * calls.missed ** (1 + up_ms // calls.every_ms)
+    return unheard / (unheard + 1 - _OBEY_PRIOR)
+
+
+def sinking(spent: Spent, knowledge: Knowledge) -> Spent:
+    """`spent`, and one way down, awake."""
+    drain = knowledge.drain
+    awake = drain.per_min[Mode.IDLE] * knowledge.sinking_ms / MS_PER_MIN
+    return Spent(spent[0], spent[1] + drain.motor_run + awake, spent[2] + drain.motor_deviation**2)
+
+
+def submerged(twin_state: TwinState, knowledge: Knowledge, schedule: Schedule, spent: Spent) -> TwinState:
+    """Submerged again at `at_ms` with `spent` since the anchor: it takes up the scheduled mode, or a usual one."""
+    shares = shares_of(twin_state, knowledge)
+    if schedule.at(twin_state.at_ms) is not None:
+        shares = choices(twin_state, knowledge, schedule)(twin_state.at_ms).rows[0]
+    unscheduled_load = Load.from_shares(shares, spent[1], spent[2])
+    return replace(
+        twin_state, load=unscheduled_load, situation=None, since_ms=twin_state.at_ms, unobeyed=None
+    )
+
+
+def _is_far_from_empty(twin_state: TwinState) -> bool:
+    spent = twin_state.load.total()
+    mean = float(twin_state.mean[PRIMARY]) - float(twin_state.mean[DRAIN]) * spent[1]
+    return (
+        mean > _FAR_FROM_EMPTY or mean - 4 * math.sqrt(float(twin_state.cov[PRIMARY, PRIMARY]) + spent[2]) > 0
+    )
+
+
+def _drawn_from_backup(twin_state: TwinState, knowledge: Knowledge, elapsed_ms: int) -> TwinState:
+    """Adds what an aMussel with an empty primary drew from the secondary, asleep whatever was planned, in `elapsed_ms`.
+
+    The span lies between two decisions.
+    """
+    empty = below(primary_parts(twin_state, knowledge), 0.0)
+    if empty < _UNLIKELY:
+        return twin_state
+    amount = float(twin_state.mean[DRAIN]) * knowledge.drain.per_min[Mode.ASLEEP] * elapsed_ms / MS_PER_MIN
+    mean, sd = twin_state.from_secondary
+    spread = math.sqrt(empty * (1 - empty)) * amount
+    return replace(twin_state, from_secondary=(mean + empty * amount, sd + spread))
+
+
+def primary_parts(twin_state: TwinState, knowledge: Knowledge) -> tuple[Part, ...]:
+    """The primary charge at `at_ms` as a mixture, not clamped to [0, 1]."""
+    parts = []
+    for weight, mean, cov in twin_state.anchors:
+        at, drain = float(mean[PRIMARY]), float(mean[DRAIN])
+        at_var, drain_var = float(cov[PRIMARY, PRIMARY]), float(cov[DRAIN, DRAIN])
+        both = float(cov[PRIMARY, DRAIN])
+        for probability, spent, variance in paths(twin_state.load):
+            if weight * probability < _UNLIKELY:
+                continue
+            spread = (
+                at_var - 2 * spent * both + spent * spent * drain_var + (drain * drain + drain_var) * variance
+            )
+            parts.append(Part(weight * probability, at - drain * spent, math.sqrt(max(0.0, spread))))
+    total = math.fsum(part.weight for part in parts)
+    return tuple(Part(weight / total, mean, sd) for weight, mean, sd in parts)
+
+
+def paths(load: Load) -> list[Spent]:
+    """The hypotheses of the charge spent: the expected path, and the rest."""
+    if load.expected[0] > 1 - _UNLIKELY:
+        return [load.expected]
+    rest = merged([load.unexpected(mode) for mode in SUBMERGED])
+    return [load.expected, *load.skewed_parts(rest)]
+
+
+def charge_now(twin_state: TwinState, knowledge: Knowledge, spent: Sequence[Spent]) -> list[Anchor]:
+    """The state at `at_ms`, from each anchor by each hypothesis of `spent`; docked, nothing is spent. Not clamped."""
+    noise = charge.process_noise(knowledge, twin_state.at_ms - twin_state.anchor_ms)
+    found = []
+    if twin_state.situation is Mode.CHARGING_PRIMARY:
+        for anchor, rows in zip(twin_state.anchors, in_dock(twin_state, knowledge), strict=True):
+            mean, cov = anchor.mean, anchor.cov + noise
+            for row, moments in zip((PRIMARY, SECONDARY), rows, strict=True):
+                mean, cov = charge.with_moments(mean, cov, row, moments[:2], moments[2])
+            found.append(Anchor(anchor.weight, mean, cov))
+        return found
+    from_mean, from_sd = twin_state.from_secondary
+    for weight, mean, cov in twin_state.anchors:
+        for one in spent:
+            if weight * one[0] > _UNLIKELY**2:
+                new = charge.discharged(mean, cov, one, (from_mean, from_sd**2), noise)
+                found.append(Anchor(weight * one[0], *new))
+    return found
+
+
+def in_dock(twin_state: TwinState, knowledge: Knowledge) -> list[tuple[tuple[float, float, float], ...]]:
+    """(mean, variance, slope) of both batteries at `at_ms`, by anchor; the primary feeds the board."""
+    minutes = (twin_state.at_ms - twin_state.anchor_ms) / MS_PER_MIN
+    drain, coils = knowledge.drain, knowledge.charger.primary
+    against = drain.in_dock * drain.per_min[Mode.CHARGING_PRIMARY]
+    return [
+        tuple(
+            charging.propagated(
+                knowledge.charger, count, lost, float(mean[row]), float(cov[row, row]), minutes
+            )
+            for row, count, lost in ((PRIMARY, coils, against * float(mean[DRAIN])), (SECONDARY, 1.0, 0.0))
+        )
+        for _, mean, cov in twin_state.anchors
+    ]
