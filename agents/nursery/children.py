@@ -18,10 +18,10 @@ from agents.mussel.agent import Agent
 from agents.nursery.child import live
 from agents.nursery.flash_file import FLASH_NAME, FlashRegion
 from agents.nursery.fleet_file import PHYSICAL_NAME, FleetFile
-from agents.nursery.memory_layout import fill_holes, gather_code, offer_for_merging, return_freed_memory
+from agents.nursery.memory_layout import offer_for_merging, return_freed_memory
 from agents.nursery.protocol import Died
 from agents.nursery.state_file import PAIR_BYTES, Record, RecordPair
-from agents.nursery.warm_up import ROUND, warm_up
+from agents.nursery.warm_up import warm_up
 from firmware_model.packets.codec import load_codec
 from firmware_model.stimuli import ResetCause
 
@@ -98,7 +98,6 @@ class AgentProcesses:
     def warm(self) -> None:
         """Runs and touches all that an agent uses, then sets it apart from the garbage collector, to be shared."""
         agent_id = next(iter(self._index), 0)
-        gather_code(lambda: warm_up(self._configs, self._codec, agent_id, ROUND))
         warm_up(self._configs, self._codec, agent_id)
         gc.collect()
         gc.freeze()
@@ -125,10 +124,10 @@ class AgentProcesses:
                 pending.append(self._prepare_fork(place, boot))
             except NotStarted as refusal:
                 outcomes[place] = refusal
-        # What this process writes to between two forks, every agent after it pays for: so the forks come last, alone.
-        # What an agent makes goes into pages of its own, and not into the holes of pages that it would have to copy.
-        filling = fill_holes()
-        # An agent's garbage collector writes to every young object: freezing leaves it none of these.
+        # Each page that this process writes between two forks costs every later agent a copy: the forks come last, alone.
+        # An agent's garbage collector writes to every young object: freezing leaves none of them.
+        gc.collect()
+        return_freed_memory()
         gc.freeze()
         nursery_pid = os.getpid()
         link, link_fd, room, descriptors = self._link, self._link.fileno(), self._room, self._descriptors
@@ -138,7 +137,6 @@ class AgentProcesses:
             if pid == 0:
                 live(nursery_pid, agent.name, agent.theirs, link_fd, descriptors, link, room, agent.servant)
             pids.append(pid)
-        del filling
         for pid, agent in zip(pids, pending, strict=True):
             os.close(agent.theirs)
             outcomes[agent.place] = self.children[agent.agent_id] = Child(pid, agent.ours)

@@ -52,7 +52,7 @@ _Value = TypeVar("_Value")
 _LIVES = 12
 """The interpreter specialises a function after eight calls."""
 ROUND = 3
-"""Lives that play every path."""
+"""One life in so many begins with an empty battery."""
 _ALARM_MS = 10_000
 _REPORT_MS = 300_000
 """Reports come at least so often: those who report seldom would rehearse for hours."""
