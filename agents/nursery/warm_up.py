@@ -44,7 +44,7 @@ from firmware_model.stimuli import ResetCause
 
 _LIVES = 12
 """The interpreter specialises a function after eight calls."""
-_VISITS = 24
+_VISITS = 15
 """States that a life comes to."""
 _SELDOM_MS = 86_400_000
 """The period of reports and drift in the walk: real ones would make most of its work."""

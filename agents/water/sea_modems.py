@@ -12,11 +12,11 @@ from dataclasses import dataclass
 from agents.modem.facts import (
     Action,
     Answered,
-    Asked,
     Delivered,
     Dropped,
     EmitFrame,
     FrameArrived,
+    FrameRequested,
     PowerCame,
     PowerWent,
     SerialBytes,
@@ -25,7 +25,7 @@ from agents.modem.facts import (
 )
 from agents.modem.firmware import Firmware, ModemConfig
 from agents.modem.frames import Frame
-from agents.modem.rack import Did, Rack
+from agents.modem.rack import NodeAction, Rack
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +70,7 @@ class SeaModems:
     def ask(self, node: int, frame: Frame, at_ms: int) -> None:
         """The node's own host wants this sent."""
         self._asked[node] = frame
-        self._noted.append((at_ms, 1, node, Asked(frame)))
+        self._noted.append((at_ms, 1, node, FrameRequested(frame)))
 
     def power(self, node: int, on: bool, at_ms: int) -> None:
         if on == (node in self._off):
@@ -101,7 +101,7 @@ class SeaModems:
         printed, self._printed = self._printed, []
         return printed
 
-    def _take(self, did: list[Did]) -> None:
+    def _take(self, did: list[NodeAction]) -> None:
         for node, action in did:
             match action:
                 case SerialOut(_, data):
