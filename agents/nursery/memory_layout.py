@@ -1,4 +1,4 @@
-"""How much memory a forked agent copies, and how the kernel shares what agents hold alike."""
+"""Reduces the memory that forked agents copy, and lets the kernel share equal pages."""
 
 from __future__ import annotations
 

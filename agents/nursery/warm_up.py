@@ -15,7 +15,7 @@ from contextlib import suppress
 from dataclasses import replace
 
 from agents.fleet import AgentConfigs, resting_on_bottom
-from agents.hosting.agent_process import WindowHandler, answer_one, message_room
+from agents.hosting.agent_process import WindowHandler, answer_one, message_buffer
 from agents.hosting.host import Grant
 from agents.hosting.link_protocol import NEVER, Key, Repeat, Window
 from agents.mussel.agent import Agent, AgentConfig
@@ -74,7 +74,7 @@ class _Walk:
         self._records_fd, self._flash_fd = os.memfd_create("warm-up"), os.memfd_create("warm-up")
         self._truth_out, self._truth_in = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         self._supervisor, self._link = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        self._room = message_room()
+        self._buffer = message_buffer()
         self._pair = RecordPair(self._records_fd, 0, config.board.agent_id)
         self._pair.initial_state(resting_on_bottom(0.0, 0.0, config.water.bottom_um / 1e6, 0.5, 1.0))
         self._stimuli = list(_stimuli(config, codec))
@@ -83,7 +83,7 @@ class _Walk:
         """By state, which stimulus is next: each state takes all of them in turn."""
 
     def close(self) -> None:
-        self._room.release()
+        self._buffer.release()
         for sock in (self._truth_out, self._truth_in, self._supervisor, self._link):
             sock.close()
         os.close(self._records_fd)
@@ -129,7 +129,7 @@ class _Walk:
 
     def _ask(self, message: bytes) -> None:
         self._supervisor.send(message)
-        answer_one(self._link, self._room, self._handler)
+        answer_one(self._link, self._buffer, self._handler)
         for end in (self._supervisor, self._truth_out):
             with suppress(BlockingIOError):
                 while end.recv(1, socket.MSG_DONTWAIT):
