@@ -191,7 +191,7 @@ class AgentLinks:
         self.dropped[f"refused: {refusal.reason}"] += 1
 
     def _watch(self, open_: dict[int, _Open], outcomes: dict[int, Answered | Death], impatience: int) -> None:
-        """Kills agents that are stopped or silent for too long. Asks the others again, as an old supervisor may have their answers."""
+        """Kills stopped or long silent agents. Asks the others again: an old supervisor may have their answers."""
         for agent_id, request in list(open_.items()):
             if impatience < _PATIENCE and not _stopped(self._living[agent_id].pid):
                 self._send(agent_id, request.frame)
