@@ -1,4 +1,4 @@
-"""The one clock authority of the fleet: keeps a heap of what is due, grants windows, and lets no agent read a clock."""
+"""The one clock authority of the fleet: keeps a heap of due times and grants windows. No agent reads a clock."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _NEVER_MS = 2**63
 
 @dataclass(frozen=True, slots=True)
 class Heard:
-    """Something that came out of an agent; `mission_ms` is derived from the agent's own stamp, rounded up."""
+    """An output of an agent; `mission_ms` is derived from the agent's own stamp, rounded up."""
 
     mission_ms: int
     agent_id: int
@@ -26,7 +26,7 @@ class Heard:
 
 @dataclass(frozen=True, slots=True)
 class Died:
-    """An agent died at `agent_ms`, the end of its last answered window, and why; `gave_up` says why it stays dead."""
+    """An agent died at `agent_ms`, the end of its last answered window; `gave_up` is the reason why it stays dead."""
 
     mission_ms: int
     agent_id: int
@@ -37,7 +37,7 @@ class Died:
 
 
 class Coordinator:
-    """Windows for a fleet. Public times are mission milliseconds; an agent's own are `theta` times that."""
+    """Grants windows to a fleet. Public times are mission milliseconds; an agent's own times are `theta` times that."""
 
     def __init__(self, host: Host, granted_ms: Mapping[int, int], theta: int, now_ms: int = 0) -> None:
         """`granted_ms`: for each agent, the agent time that it has lived to (0 for a new one)."""
@@ -47,7 +47,7 @@ class Coordinator:
         self.theta = theta
         self._now_ms = now_ms
         self._granted_ms = dict(granted_ms)
-        # What an agent has to do next is learned from its first window, which so is due at once.
+        # An agent's first window is due at once, because only its answer has the agent's next due time.
         self._due_ms: dict[int, int] = dict(granted_ms)
         self._heap = [(due_ms, agent_id) for agent_id, due_ms in self._due_ms.items()]
         heapq.heapify(self._heap)
@@ -55,11 +55,11 @@ class Coordinator:
         self._muted_until_ms: dict[int, int] = {}
 
     def mute(self, agent_id: int) -> None:
-        """From now on the agent lives unheard: what comes out of it comes to nothing."""
+        """Discards the agent's outputs from now on."""
         self._muted_until_ms[agent_id] = _NEVER_MS
 
     def unmute(self, agent_id: int, now_ms: int) -> None:
-        """What it does from mission time `now_ms` on is heard again."""
+        """Keeps the agent's outputs again from mission time `now_ms` on."""
         self._muted_until_ms[agent_id] = self.theta * now_ms
 
     @property
@@ -68,12 +68,12 @@ class Coordinator:
 
     @property
     def granted_ms(self) -> Mapping[int, int]:
-        """By aMussel, the agent time that it has lived to."""
+        """The agent time that each aMussel has lived to."""
         return MappingProxyType(self._granted_ms)
 
     @property
     def next_due_ms(self) -> int | None:
-        """The mission time by which some agent has something to do."""
+        """The mission time by which some agent acts."""
         if self._waiting:
             return self._now_ms
         while self._heap and self._due_ms.get(self._heap[0][1]) != self._heap[0][0]:
@@ -82,23 +82,23 @@ class Coordinator:
 
     @property
     def due_agent_ms(self) -> int | None:
-        """The agent time at which some agent next does something by itself, or has been told something."""
-        told_ms = min((facts[0][0] for facts in self._waiting.values()), default=None)
+        """The agent time at which some agent next acts by itself, or has a waiting stimulus."""
+        waiting_ms = min((facts[0][0] for facts in self._waiting.values()), default=None)
         while self._heap and self._due_ms.get(self._heap[0][1]) != self._heap[0][0]:
             heapq.heappop(self._heap)
         if not self._heap:
-            return told_ms
-        return self._heap[0][0] if told_ms is None else min(told_ms, self._heap[0][0])
+            return waiting_ms
+        return self._heap[0][0] if waiting_ms is None else min(waiting_ms, self._heap[0][0])
 
     def receive(self, agent_id: int, stimulus: Stimulus, now_ms: int) -> int | None:
-        """A fact of the world at mission time `now_ms`, for one agent.
+        """Takes a fact of the world at mission time `now_ms`, for one agent.
 
-        Gives the agent time that it is stamped with; None, and nothing is kept, for an agent that is not of the fleet.
+        Returns the fact's stamp in agent time. For an agent outside the fleet it keeps nothing and returns None.
         """
         return self.tell(agent_id, stimulus, self.theta * now_ms)
 
     def tell(self, agent_id: int, stimulus: Stimulus, agent_ms: int) -> int | None:
-        """`receive` for a fact that is stamped in agent time."""
+        """`receive` for a fact with a stamp in agent time."""
         granted_ms = self._granted_ms.get(agent_id)
         if granted_ms is None:
             return None
@@ -107,40 +107,40 @@ class Coordinator:
         return at_ms
 
     def advance(self, now_ms: int) -> list[Heard | Died]:
-        """Grants all that is due by mission time `now_ms`; what came out, by (time, agent, order)."""
+        """Grants everything due by mission time `now_ms`. Returns the outputs by (time, agent, order)."""
         if now_ms < self._now_ms:
             raise ValueError(f"time went back: {now_ms} before {self._now_ms}")
         self._now_ms = now_ms
         return self.grant(self.theta * now_ms)
 
     def grant(self, until_ms: int) -> list[Heard | Died]:
-        """Grants all that is due by agent time `until_ms`, within a tick; what came out, by (time, agent, order)."""
+        """Grants everything due by agent time `until_ms`, within a tick. Returns the outputs by (time, agent, order)."""
         waiting, self._waiting = self._waiting, {}
         chosen = set(waiting)
         while self._heap and self._heap[0][0] <= until_ms:
             due_ms, agent_id = heapq.heappop(self._heap)
             if self._due_ms.get(agent_id) == due_ms:
                 chosen.add(agent_id)
-        # An adopted agent may have lived past this time, under a supervisor that died before it could say so.
+        # An adopted agent may have lived past this time, under a supervisor that died before it recorded that.
         grants = {
             agent_id: Grant(max(until_ms, self._granted_ms[agent_id]), tuple(waiting.get(agent_id, ())))
             for agent_id in sorted(chosen)
         }
-        came: list[Heard | Died] = []
+        events: list[Heard | Died] = []
         while grants:
-            grants = self._grant(grants, came)
-        came.sort(key=lambda it: (it.mission_ms, it.agent_id))
-        return came
+            grants = self._grant(grants, events)
+        events.sort(key=lambda it: (it.mission_ms, it.agent_id))
+        return events
 
-    def _grant(self, grants: dict[int, Grant], came: list[Heard | Died]) -> dict[int, Grant]:
-        """One round; gives back the windows of agents that died in it and boot again."""
+    def _grant(self, grants: dict[int, Grant], events: list[Heard | Died]) -> dict[int, Grant]:
+        """Grants one round. Returns the windows of agents that died in it and boot again."""
         again: dict[int, Grant] = {}
         for agent_id, outcome in self._host.grant(grants).items():
             if isinstance(outcome, Death):
                 at_ms = self._granted_ms[agent_id]
                 gave_up = self._host.restart(agent_id, at_ms, outcome.cause)
                 mission_ms = -(-at_ms // self.theta)
-                came.append(Died(mission_ms, agent_id, at_ms, outcome.cause, outcome.reason, gave_up))
+                events.append(Died(mission_ms, agent_id, at_ms, outcome.cause, outcome.reason, gave_up))
                 if gave_up is None:
                     again[agent_id] = grants[agent_id]
                 else:
@@ -153,8 +153,8 @@ class Coordinator:
             else:
                 self._due_ms[agent_id] = outcome.next_due_ms
                 heapq.heappush(self._heap, (outcome.next_due_ms, agent_id))
-            heard_from_ms = self._muted_until_ms.get(agent_id, 0)
+            kept_from_ms = self._muted_until_ms.get(agent_id, 0)
             for output in outcome.outputs:
-                if output.at_ms >= heard_from_ms:
-                    came.append(Heard(-(-output.at_ms // self.theta), agent_id, output))
+                if output.at_ms >= kept_from_ms:
+                    events.append(Heard(-(-output.at_ms // self.theta), agent_id, output))
         return again

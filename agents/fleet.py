@@ -1,13 +1,14 @@
-"""What a fleet is made of: the numbers that its agents share, and what each is born with. Plain values, to cross a link."""
+"""A fleet's configuration, which its agents share, and an agent's initial state. Plain values that cross a link."""
 
 from __future__ import annotations
 
+from _blake2 import blake2b
 from dataclasses import asdict, dataclass
+from struct import Struct
 from typing import Any
 
 from agents.mussel.agent import AgentConfig
 from agents.mussel.body import WaterConfig
-from agents.mussel.crystal import drift_of
 from agents.mussel.physical import Physical
 from agents.mussel.reporter import Modem
 from agents.water.fields import Fields
@@ -27,6 +28,8 @@ from firmware_model.config import (
 from firmware_model.power.charge import Battery, ChargeModel, Flow, grains
 from firmware_model.power.rails import Loads
 from firmware_model.sampling.flash import PAGES
+
+_KEY = Struct("<QQ").pack
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,26 +54,26 @@ class FleetConfig:
     current_csv: str | None
     """The text of the current vector field's file; None for still water."""
     whole: FullFirmware | None = None
-    """Sleep, rails and two batteries; None is the paper's worst case."""
+    """The full firmware with sleep, rails and two batteries; None is the paper's worst case."""
     first_id: int = 1
-    """Who has the first acoustic timeslot; the others follow by their ids."""
+    """The aMussel with the first acoustic timeslot; the others follow by their ids."""
     coil_alignment_ms: int = 0
-    """From a contact until the charger starts."""
+    """The time from a contact until the charger starts."""
     clock_drift_ppb: int = 0
-    """The clocks of whole boards drift by up to so many parts of 10^9, either way, each by its own."""
+    """The largest drift of a whole board's clock, either way, in parts of 10^9; each clock has a drift of its own."""
     tides: tuple[tuple[int, int, int, int, int], ...] = ()
-    """Of each constituent what a `Tide` has, in its order."""
+    """The fields of a `Tide`, in their order, for each constituent."""
     current_profile: tuple[tuple[int, int], ...] = ()
-    """(depth in um, millionths of the current that are left there)."""
+    """(depth in um, the share of the current that is left there, in millionths)."""
     pin_chatter_ms: int = 2000
     pin_check_ms: int = 60_000
     oxygen_mg_l: Waters = OXYGEN
     temperature_c: Waters = TEMPERATURE
     turbidity_ntu: Waters = TURBIDITY
-    """What is true of the water."""
+    """The water's true values."""
     modem: Modem = Modem.V3
     flash_pages: int = PAGES
-    """Of `firmware_model.sampling.flash.PAGE_BYTES` each, for the log of one aMussel."""
+    """Flash pages of `firmware_model.sampling.flash.PAGE_BYTES` each, for the log of one aMussel."""
 
     def to_wire(self) -> dict[str, Any]:
         return asdict(self)
@@ -137,13 +140,13 @@ def _waters_of(wire: dict[str, Any]) -> Waters:
 
 
 def _stream(fleet: FleetConfig) -> Stream:
-    told = STILL if fleet.current_csv is None else parse_stream(fleet.current_csv)
+    stream = STILL if fleet.current_csv is None else parse_stream(fleet.current_csv)
     tides = tuple([Tide(*it) for it in fleet.tides])
-    return Stream.of(told.seconds, told.depths_um, told.fields, tides, fleet.current_profile)
+    return Stream.of(stream.seconds, stream.depths_um, stream.fields, tides, fleet.current_profile)
 
 
 class AgentConfigs:
-    """Makes agents' configurations that share what they can: a forked agent then shares the memory too."""
+    """Makes agents' configurations, which share their equal parts, so that forked agents share the memory too."""
 
     def __init__(self, fleet: FleetConfig) -> None:
         self._fleet = fleet
@@ -180,6 +183,15 @@ class AgentConfigs:
             drift_ppb=drift_of(fleet.seed, agent_id, fleet.clock_drift_ppb),
         )
         return AgentConfig(board, self._water, fleet.report_period_ms, fleet.heard_always, fleet.modem)
+
+
+def drift_of(seed: int, agent_id: int, bound_ppb: int) -> int:
+    """The drift of one aMussel's clock, since no two crystals are alike: a keyed hash of (seed, agent id).
+
+    Uniform on the integers of [-bound_ppb, +bound_ppb].
+    """
+    word = int.from_bytes(blake2b(_KEY(seed, agent_id), digest_size=8, person=b"crystal").digest(), "little")
+    return (word * (2 * bound_ppb + 1) >> 64) - bound_ppb
 
 
 def resting_on_bottom(

@@ -1,4 +1,4 @@
-"""How a packet travels between an aPad and an aMussel."""
+"""The media that carry packets between an aPad and an aMussel."""
 
 from __future__ import annotations
 

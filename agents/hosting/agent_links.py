@@ -1,8 +1,8 @@
-"""The links of all living agents: asks many at once, and waits for each one's whole answer or its death.
+"""The links of all living agents: asks many at once, and waits for the whole answer or the death of each.
 
-An agent that has not answered in time is killed by the watchdog if its process is stopped; one that only waits for a
-processor is asked again, and is killed after `_PATIENCE` such times, so that a busy machine changes no trace. A message
-that is no answer is counted in `dropped` and leaves the window open.
+The watchdog kills an agent that has not answered in time if its process is stopped. It asks an agent that only waits for
+a processor again, and kills it after `_PATIENCE` such times, so that a busy machine changes no trace. `dropped` counts
+messages that are no answers; they leave the window open.
 """
 
 from __future__ import annotations
@@ -34,13 +34,13 @@ _REASON_TIMEOUT_S = 1.0
 
 @dataclass(frozen=True, slots=True)
 class Answered:
-    """The whole outcome of `window`, with which the agent has lived to `granted_ms`, and the truths told on the way."""
+    """The whole outcome of `window`, after which the agent has lived to `granted_ms`, and the truths within it."""
 
     window: Key
     granted_ms: int
     reply: Reply
-    told: int
-    """How many truths the window told."""
+    truths_sent: int
+    """The number of truths that the window sent."""
     truths: tuple[Truth, ...] = ()
 
 
@@ -53,14 +53,14 @@ class _Living:
 
 @dataclass(slots=True)
 class _Open:
-    """A question without its whole answer."""
+    """A request without its whole answer."""
 
     frame: bytes
     parts: dict[int, tuple[Output, ...]] = field(default_factory=dict)
 
 
 class AgentLinks:
-    """Owned by one thread. `timeout_s` is the watchdog's."""
+    """Belongs to one thread. `timeout_s` is the watchdog's."""
 
     def __init__(self, nursery: NurseryLink, timeout_s: float) -> None:
         self._nursery = nursery
@@ -71,7 +71,7 @@ class AgentLinks:
         self._buffer = memoryview(bytearray(LIMIT_BYTES + 1))
         self.nursery_died = False
         self.dropped: Counter[str] = Counter()
-        self._hearer = TruthReceiver(nursery.truth, self.dropped)
+        self._truth_receiver = TruthReceiver(nursery.truth, self.dropped)
         self._epoll = select.epoll()
         self._epoll.register(nursery, select.EPOLLIN)
         self._epoll.register(nursery.truth, select.EPOLLIN)
@@ -81,7 +81,7 @@ class AgentLinks:
         return {agent_id: living.pid for agent_id, living in self._living.items()}
 
     def link(self, agent_id: int) -> socket.socket:
-        """The supervisor's end of a living agent's link; KeyError for another."""
+        """The supervisor's end of a living agent's link; KeyError for another agent."""
         return self._living[agent_id].link
 
     def add(self, agent_id: int, pid: int, descriptor: int) -> None:
@@ -90,7 +90,7 @@ class AgentLinks:
         self._living[agent_id] = _Living(agent_id, pid, link)
         self._agent_of[descriptor] = agent_id
         self._dead.pop(agent_id, None)
-        self._hearer.forget(agent_id)
+        self._truth_receiver.forget(agent_id)
         self._epoll.register(descriptor, select.EPOLLIN)
 
     def close(self) -> None:
@@ -100,9 +100,9 @@ class AgentLinks:
         self._epoll.close()
 
     def ask(self, key: Key, frames: dict[int, bytes]) -> dict[int, Answered | Death]:
-        """Sends each agent its frame, which carries `key`; what came of it, in the order of `frames`.
+        """Sends each agent its frame, which carries `key`. Returns the outcomes in the order of `frames`.
 
-        Raises Fenced when another supervisor has the fleet, ValueError when an agent refuses what it was asked.
+        Raises Fenced if another supervisor has taken over, ValueError if an agent refuses its frame.
         """
         outcomes: dict[int, Answered | Death] = {}
         open_: dict[int, _Open] = {}
@@ -111,7 +111,7 @@ class AgentLinks:
                 open_[agent_id] = _Open(frame)
                 self._send(agent_id, frame)
             else:
-                outcomes[agent_id] = self._dead.get(agent_id, _UNSTARTED)
+                outcomes[agent_id] = self._dead.get(agent_id, _NOT_RUNNING)
         asked_at_s = time.monotonic()
         impatience = 0
         while open_:
@@ -121,25 +121,25 @@ class AgentLinks:
                 asked_at_s = now_s
                 self._watch(open_, outcomes, impatience)
             self._wait(asked_at_s + self._timeout_s - now_s, key, open_, outcomes)
-        self._hearer.hear()
-        return {agent_id: self._whole(agent_id, key, outcomes[agent_id]) for agent_id in frames}
+        self._truth_receiver.receive()
+        return {agent_id: self._complete(agent_id, key, outcomes[agent_id]) for agent_id in frames}
 
-    def _whole(self, agent_id: int, key: Key, outcome: Answered | Death) -> Answered | Death:
+    def _complete(self, agent_id: int, key: Key, outcome: Answered | Death) -> Answered | Death:
         if isinstance(outcome, Death):
-            self._hearer.forget(agent_id)
+            self._truth_receiver.forget(agent_id)
             return outcome
-        told = self._hearer.take(agent_id, key)
-        if len(told) < outcome.told:
-            self.dropped["truth: lost"] += outcome.told - len(told)
-        return replace(outcome, truths=told)
+        truths = self._truth_receiver.take(agent_id, key)
+        if len(truths) < outcome.truths_sent:
+            self.dropped["truth: lost"] += outcome.truths_sent - len(truths)
+        return replace(outcome, truths=truths)
 
     def _send(self, agent_id: int, frame: bytes) -> None:
         try:
             self._living[agent_id].link.send(frame)
         except BlockingIOError:
-            pass  # it has more to read than it reads: the watchdog judges it
+            pass  # its link is full, since it does not read: the watchdog judges it
         except OSError:
-            pass  # it is dead, which the end of its link says with the reason
+            pass  # it is dead: the end of its link follows, and the nursery reports the reason
 
     def _wait(
         self, timeout_s: float, key: Key, open_: dict[int, _Open], outcomes: dict[int, Answered | Death]
@@ -147,13 +147,13 @@ class AgentLinks:
         for descriptor, _ in self._epoll.poll(timeout_s) if open_ else ():
             agent_id = self._agent_of.get(descriptor)
             if agent_id is not None:
-                self._hear(agent_id, key, open_, outcomes)
+                self._receive(agent_id, key, open_, outcomes)
             elif descriptor == self._nursery.truth.fileno():
-                self._hearer.hear()
+                self._truth_receiver.receive()
             elif descriptor == self._nursery.fileno():
-                self._hear_nursery()
+                self._pump_nursery()
 
-    def _hear(
+    def _receive(
         self, agent_id: int, key: Key, open_: dict[int, _Open], outcomes: dict[int, Answered | Death]
     ) -> None:
         link = self._living[agent_id].link
@@ -164,7 +164,7 @@ class AgentLinks:
         except OSError:
             size = 0
         if size == 0 and hung_up(link):
-            death = self._bury(agent_id, ResetCause.BROWN_OUT, None)
+            death = self._remove_dead(agent_id, ResetCause.BROWN_OUT, None)
             if open_.pop(agent_id, None) is not None:
                 outcomes[agent_id] = death
             return
@@ -173,17 +173,17 @@ class AgentLinks:
         except LinkError as error:
             self.dropped[f"agent: {error}"] += 1
             return
-        question = open_.get(agent_id)
+        request = open_.get(agent_id)
         if isinstance(message, Refusal):
-            self._refused(agent_id, message, key, waiting=question is not None)
-        elif question is None or message.key != key:
+            self._refused(agent_id, message, key, waiting=request is not None)
+        elif request is None or message.key != key:
             self.dropped["agent: an answer that was not waited for"] += 1
-        elif (answered := _assemble(question, message)) is not None:
+        elif (answered := _assemble(request, message)) is not None:
             del open_[agent_id]
             outcomes[agent_id] = answered
 
     def _refused(self, agent_id: int, refusal: Refusal, key: Key, waiting: bool) -> None:
-        # What an old supervisor was refused may reach this one: they hold the same end of the link.
+        # A refusal for an old supervisor may reach this one: they hold the same end of the link.
         if refusal.fenced and refusal.key[0] == key[0]:
             raise Fenced(refusal.reason)
         if waiting and refusal.key == key:
@@ -191,20 +191,20 @@ class AgentLinks:
         self.dropped[f"refused: {refusal.reason}"] += 1
 
     def _watch(self, open_: dict[int, _Open], outcomes: dict[int, Answered | Death], impatience: int) -> None:
-        """Kills what is stopped or too long silent; asks the others again, whose answer an old supervisor may have had."""
-        for agent_id, question in list(open_.items()):
+        """Kills stopped or long silent agents. Asks the others again: an old supervisor may have their answers."""
+        for agent_id, request in list(open_.items()):
             if impatience < _PATIENCE and not _stopped(self._living[agent_id].pid):
-                self._send(agent_id, question.frame)
+                self._send(agent_id, request.frame)
             else:
                 reason = f"no answer within {impatience * self._timeout_s:g} s: killed by the watchdog"
                 try:
                     self._nursery.kill(agent_id)
                 except NurseryDied:
                     self._lose_nursery()
-                outcomes[agent_id] = self._bury(agent_id, ResetCause.WATCHDOG, reason)
+                outcomes[agent_id] = self._remove_dead(agent_id, ResetCause.WATCHDOG, reason)
                 del open_[agent_id]
 
-    def _bury(self, agent_id: int, cause: ResetCause, reason: str | None) -> Death:
+    def _remove_dead(self, agent_id: int, cause: ResetCause, reason: str | None) -> Death:
         living = self._living.pop(agent_id)
         self._epoll.unregister(living.link)
         del self._agent_of[living.link.fileno()]
@@ -220,7 +220,7 @@ class AgentLinks:
                 self._lose_nursery()
         return "its nursery died"
 
-    def _hear_nursery(self) -> None:
+    def _pump_nursery(self) -> None:
         try:
             self._nursery.pump()
         except NurseryDied:
@@ -232,21 +232,21 @@ class AgentLinks:
             self._epoll.unregister(self._nursery)
 
 
-_UNSTARTED = Death(ResetCause.BROWN_OUT, "it was not running")
+_NOT_RUNNING = Death(ResetCause.BROWN_OUT, "it was not running")
 
 
-def _assemble(question: _Open, answer: Answer) -> Answered | None:
-    question.parts[answer.part] = answer.reply.outputs
-    if len(question.parts) < answer.parts:
+def _assemble(request: _Open, answer: Answer) -> Answered | None:
+    request.parts[answer.part] = answer.reply.outputs
+    if len(request.parts) < answer.parts:
         return None
-    outputs = tuple([output for part in range(answer.parts) for output in question.parts[part]])
+    outputs = tuple([output for part in range(answer.parts) for output in request.parts[part]])
     return Answered(answer.window, answer.granted_ms, Reply(answer.reply.next_due_ms, outputs), answer.truths)
 
 
 def _stopped(pid: int) -> bool:
-    """Whether a signal or a debugger holds the process."""
+    """True if a signal or a debugger holds the process."""
     try:
         with open(f"/proc/{pid}/stat", "rb") as file:
             return file.read().rpartition(b")")[2].split()[0] in (b"T", b"t")
     except OSError:
-        return False  # it has just ended, which its link says
+        return False  # it has just ended: the end of its link follows

@@ -1,4 +1,4 @@
-"""An agent's process: one link, one loop, one thread. Everything it does is an answer to a message."""
+"""An agent's process: one link, one loop, one thread. It acts only to answer a message."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ from agents.nursery.state_file import RecordPair
 
 
 class WindowHandler:
-    """An agent behind its link: takes a message, writes what is physical, tells the truth, and says what to answer."""
+    """An agent behind its link: takes a message, records the physical state, sends the truth, and makes the answer."""
 
     def __init__(
-        self, agent: Agent, slots: RecordPair, truth: socket.socket, key: Key, granted_ms: int
+        self, agent: Agent, records: RecordPair, truth: socket.socket, key: Key, granted_ms: int
     ) -> None:
-        """`key` and `granted_ms` are of the last answered window, which a restarted agent goes on from."""
+        """`key` and `granted_ms` belong to the last answered window, from which a restarted agent goes on."""
         self._agent = agent
-        self._slots = slots
+        self._records = records
         self._truth = truth
         self._agent_id = agent.config.board.agent_id
         self._epoch = key[0]
@@ -38,11 +38,11 @@ class WindowHandler:
         self._window = key
         self._granted_ms = granted_ms
         self._reply = Reply(agent.next_due_ms, ())
-        self._told = 0
+        self._truths_sent = 0
         self._answer: list[bytes] = []
 
     def take(self, data: bytes | memoryview) -> list[bytes]:
-        """The answer to one message. A window is refused before anything has changed, or done whole."""
+        """The answer to one message. The agent refuses a window before anything has changed, or runs all of it."""
         try:
             message = decode_to_agent(data)
         except LinkError as error:
@@ -63,7 +63,7 @@ class WindowHandler:
             self._run(key, message.grant)
         self._epoch = key[0]
         self._key = key
-        self._answer = encode_answer(key, self._window, self._granted_ms, self._told, self._reply)
+        self._answer = encode_answer(key, self._window, self._granted_ms, self._truths_sent, self._reply)
         return self._answer
 
     def _fault(self, grant: Grant) -> str | None:
@@ -80,41 +80,41 @@ class WindowHandler:
         for at_ms, stimulus in grant.stimuli:
             outputs += agent.receive(stimulus, at_ms)
         outputs += agent.advance(grant.until_ms)
-        self._slots.write(key, grant.until_ms, agent.physical)
-        self._tell(key, agent.take_truths())
+        self._records.write(key, grant.until_ms, agent.physical)
+        self._send_truths(key, agent.take_truths())
         self._window = key
         self._granted_ms = grant.until_ms
         self._reply = Reply(agent.next_due_ms, tuple(outputs))
 
     def _repeat(self, key: Key) -> None:
         agent = self._agent
-        self._tell(key, [Truth(self._granted_ms, self._agent_id, agent.board.state, agent.physical)])
+        self._send_truths(key, [Truth(self._granted_ms, self._agent_id, agent.board.state, agent.physical)])
 
-    def _tell(self, key: Key, told: list[Truth]) -> None:
-        self._told = len(told)
-        for datagram in truths.encode(self._agent_id, key, told):
+    def _send_truths(self, key: Key, sent: list[Truth]) -> None:
+        self._truths_sent = len(sent)
+        for datagram in truths.encode(self._agent_id, key, sent):
             self._truth.send(datagram)
 
 
-def serve(link: socket.socket, buffer: memoryview, servant: WindowHandler) -> None:
-    """Answers until the other end of the link is gone. The nursery bounds how long a fleet waits for a supervisor.
+def serve(link: socket.socket, buffer: memoryview, handler: WindowHandler) -> None:
+    """Answers until the other end of the link is gone. The nursery bounds a fleet's wait for a supervisor.
 
-    A message is received into `buffer`, of more than `LIMIT_BYTES`, so that one that is too long shows.
+    `buffer` holds more than `LIMIT_BYTES`, so that too long a message is noticed.
     """
-    while answer_one(link, buffer, servant):
+    while answer_one(link, buffer, handler):
         pass
 
 
-def answer_one(link: socket.socket, buffer: memoryview, servant: WindowHandler) -> bool:
+def answer_one(link: socket.socket, buffer: memoryview, handler: WindowHandler) -> bool:
     """Waits for a message and answers it; False at the end of the link."""
     size = link.recv_into(buffer)
     if size == 0 and hung_up(link):
         return False
-    for frame in servant.take(buffer[:size]):
+    for frame in handler.take(buffer[:size]):
         link.send(frame)
     return True
 
 
-def message_room() -> memoryview:
-    """A buffer for `serve`. It is mapped: only pages that a message fills become memory, of whoever receives it."""
+def message_buffer() -> memoryview:
+    """A buffer for `serve`. It is mapped, so only the pages that a message fills become memory of the receiving process."""
     return memoryview(mmap.mmap(-1, LIMIT_BYTES + 1, mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS))

@@ -1,4 +1,4 @@
-"""Where agents live, as the coordinator sees it: in one process, or a process each. Stamps are agent time."""
+"""The coordinator's interface to agents, in one process or a process each. Stamps are agent time."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from firmware_model.stimuli import ResetCause
 
 @dataclass(frozen=True, slots=True)
 class Grant:
-    """A window: time up to `until_ms`, and the facts in it as (at_ms, stimulus) in order."""
+    """A window: time up to `until_ms`, and its facts as (at_ms, stimulus) in order."""
 
     until_ms: int
     stimuli: tuple[tuple[int, Stimulus], ...] = ()
@@ -21,7 +21,7 @@ class Grant:
 
 @dataclass(frozen=True, slots=True)
 class Reply:
-    """A window's whole outcome. `next_due_ms` is when the agent next has something to do by itself."""
+    """A window's whole outcome. `next_due_ms` is when the agent next acts by itself."""
 
     next_due_ms: int | None
     outputs: tuple[Output, ...]
@@ -37,15 +37,15 @@ class Death:
 
 class Host(Protocol):
     def grant(self, grants: Mapping[int, Grant]) -> dict[int, Reply | Death]:
-        """Grants windows and waits for each one's outcome: an answer or a death, never longer than a stated time-out."""
+        """Grants windows and waits for the outcome of each: an answer or a death, within a stated time-out."""
         ...
 
     def restart(self, agent_id: int, at_ms: int, cause: ResetCause) -> str | None:
-        """Starts a dead agent's board again at `at_ms`; None, or why it is not started again (it died too often)."""
+        """Restarts a dead agent's board at `at_ms`. Returns None, or why it stays dead (it died too often)."""
         ...
 
     def take_truths(self) -> list[Truth]:
-        """Truths of answered windows since the last call. For the recorder alone."""
+        """The truths of answered windows since the last call, for the recorder alone."""
         ...
 
     def close(self) -> None:

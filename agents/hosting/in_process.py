@@ -15,7 +15,7 @@ from firmware_model.stimuli import ResetCause
 
 
 class InProcessHost:
-    """A Host without processes. `kill` marks an agent whose next window stays unanswered, as kill -9 does."""
+    """A Host without processes. After `kill`, an agent's next window stays unanswered, as after kill -9."""
 
     def __init__(self, fleet: FleetConfig, initial_states: Mapping[int, Physical]) -> None:
         self._codec = load_codec(fleet.codec)
@@ -27,7 +27,7 @@ class InProcessHost:
         }
         self._doomed: set[int] = set()
         self._kept = dict(initial_states)
-        """Physical state at the end of each agent's last answered window."""
+        """Each agent's physical state at the end of its last answered window."""
         self._truths: list[Truth] = []
 
     def kill(self, agent_id: int) -> None:

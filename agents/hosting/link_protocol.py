@@ -1,10 +1,10 @@
-"""What a supervisor and an agent's process say to each other: one msgpack array a message, over a SOCK_SEQPACKET socket.
+"""Messages between a supervisor and an agent's process: one msgpack array each, over a SOCK_SEQPACKET socket.
 
-A window carries a key, (epoch, sequence). The epoch counts supervisors: an agent that has heard a higher one refuses the
-lower ("fenced off"). A repeated key gets the same answer again, so that a supervisor may ask as often as it likes. A
-message of more than `LIMIT_BYTES`, or one that is not one of these four, is a LinkError: whoever received it drops and
-counts it, an agent also answers with a Refusal, and nothing else changes. To a supervisor such an answer is no answer,
-so that its watchdog judges the agent.
+A window carries a key, (epoch, sequence). The epoch counts supervisors: an agent that has received a higher epoch refuses
+a lower one ("fenced off"). A repeated key gets the same answer again, so a supervisor may ask as often as it likes. A
+message of more than `LIMIT_BYTES`, or of none of these four kinds, is a LinkError: the receiver drops and counts it, an
+agent also answers with a Refusal, and nothing else changes. For a supervisor a malformed answer is no answer, so its
+watchdog judges the agent.
 """
 
 from __future__ import annotations
@@ -23,23 +23,23 @@ from agents.mussel import outputs, stimuli
 LIMIT_BYTES = 65536
 """The largest message, either way, on any of the fleet's sockets."""
 OUTPUTS_AT_ONCE = 256
-"""An answer with more outputs than this travels in parts, and one with more bytes than `_PART_BYTES`."""
+"""An answer with more outputs than this, or with more bytes than `_PART_BYTES`, travels in parts."""
 _PART_BYTES = 8192
-"""Less than a message holds: what packing one touches stays an agent's memory."""
+"""Less than a message holds, because the memory that packing touches stays an agent's."""
 _OUTPUT_BYTES = 32
-"""Of an output, besides what it says."""
+"""The size of an output without its value."""
 
 _pack = msgpack.Packer().pack
-"""One for all: each `msgpack.packb` takes a buffer of a megabyte."""
+"""One packer for all messages, because each `msgpack.packb` takes a buffer of a megabyte."""
 
 Key = tuple[int, int]
 """(epoch, sequence) of a window."""
 NEVER: Key = (0, 0)
-"""The key of what an agent was born with, before any window."""
+"""The key of an agent's first record, before any window."""
 
 
 class LinkError(ValueError):
-    """Bytes that are not a message of this link, and why."""
+    """Bytes that are no message of this link, for this reason."""
 
 
 class Kind(IntEnum):
@@ -67,7 +67,7 @@ class Window:
 
 @dataclass(frozen=True, slots=True)
 class Repeat:
-    """A new supervisor's first word: answer the last window again, and send the present truth."""
+    """A new supervisor's first message: answer the last window again, and send the present truth."""
 
     key: Key
 
@@ -84,7 +84,7 @@ class Answer:
     window: Key
     granted_ms: int
     truths: int
-    """How many truths the window sent on the fleet's truth socket, so that none is lost silently."""
+    """The number of truths that the window sent on the fleet's truth socket, so that none is lost silently."""
     part: int
     parts: int
     reply: Reply
@@ -92,7 +92,7 @@ class Answer:
 
 @dataclass(frozen=True, slots=True)
 class Refusal:
-    """Why a message came to nothing. `key` is that message's, or the agent's last when it could not be read."""
+    """The agent refused a message. `key` is that message's, or the agent's last if it could not read the message."""
 
     key: Key
     fenced: bool
@@ -125,7 +125,7 @@ def encode_answer(key: Key, window: Key, granted_ms: int, truths: int, reply: Re
 
 
 def _parts(wire: list[list[Any]]) -> list[list[list[Any]]]:
-    """The outputs in order, in parts that a message holds; one empty part for none."""
+    """The outputs in order, in parts that fit a message; one empty part if there are none."""
     parts: list[list[list[Any]]] = [[]]
     room = _PART_BYTES
     for output in wire:
@@ -142,7 +142,7 @@ def _parts(wire: list[list[Any]]) -> list[list[list[Any]]]:
 
 
 def decode_to_agent(data: bytes | memoryview) -> Window | Repeat:
-    """What a supervisor said; LinkError for anything else."""
+    """Decodes a supervisor's message; LinkError for anything else."""
     fields = _array(data)
     if len(fields) == 5 and fields[0] == Kind.WINDOW and isinstance(fields[4], list):
         epoch, sequence, until_ms = _counts(fields[1:4])
@@ -154,16 +154,16 @@ def decode_to_agent(data: bytes | memoryview) -> Window | Repeat:
 
 
 def decode_from_agent(data: bytes | memoryview) -> Answer | Refusal:
-    """What an agent said; LinkError for anything else."""
+    """Decodes an agent's message; LinkError for anything else."""
     fields = _array(data)
     if len(fields) == 11 and fields[0] == Kind.ANSWER and isinstance(fields[10], list):
         epoch, sequence, of_epoch, of_sequence, granted_ms, truths, part, parts = _counts(fields[1:9])
         next_due_ms = None if fields[9] is None else _counts(fields[9:10])[0]
         try:
-            came = tuple([outputs.from_wire(wire) for wire in fields[10]])
+            decoded = tuple([outputs.from_wire(wire) for wire in fields[10]])
         except ValueError as error:
             raise LinkError(str(error)) from None
-        reply = Reply(next_due_ms, came)
+        reply = Reply(next_due_ms, decoded)
         return Answer((epoch, sequence), (of_epoch, of_sequence), granted_ms, truths, part, parts, reply)
     if len(fields) == 5 and fields[0] == Kind.REFUSAL and type(fields[3]) is bool and type(fields[4]) is str:
         epoch, sequence = _counts(fields[1:3])
@@ -202,14 +202,14 @@ def _fact(item: Any) -> tuple[int, stimuli.Stimulus]:
 
 
 def hung_up(sock: socket.socket) -> bool:
-    """Whether the other end is closed: an empty message, which is only malformed, reads just like that."""
+    """True if the other end is closed. An empty message, which is only malformed, reads like a closed end."""
     poll = select.poll()
     poll.register(sock, 0)
     return any(event & (select.POLLHUP | select.POLLERR) for _, event in poll.poll(0))
 
 
 def readable(sock: socket.socket | int, timeout_s: float) -> bool:
-    """Waits until there is something to read, or the end. `select.select` would end at descriptor 1023."""
+    """Waits until there is data, or the end of the link. `select.select` would fail beyond descriptor 1023."""
     poll = select.poll()
     poll.register(sock, select.POLLIN)
     return bool(poll.poll(max(0.0, timeout_s) * 1000))

@@ -1,4 +1,4 @@
-"""A supervisor's end of the control link: asks the nursery, and keeps what it says by itself. Every wait has a time-out."""
+"""A supervisor's end of the control link: sends requests and keeps the nursery's own reports. All waits have time-outs."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from typing import TypeVar
 from agents.hosting.link_protocol import LinkError, readable
 from agents.nursery import protocol
 
-_Wanted = TypeVar("_Wanted")
+_Awaited = TypeVar("_Awaited")
 
 ANSWER_TIMEOUT_S = 10.0
-"""A nursery that does not answer for so long counts as dead. Each agent that it starts makes this longer."""
+"""A nursery that does not answer for so long counts as dead. Each agent that it starts adds to this time."""
 SECONDS_PER_START = 0.05
 
 
 class Fenced(RuntimeError):
-    """A newer supervisor has this fleet: this one must not move it any more."""
+    """A newer supervisor has taken over this fleet; this one must not move it any more."""
 
 
 class NurseryDied(RuntimeError):
@@ -31,7 +31,7 @@ class NurseryDied(RuntimeError):
 
 @dataclass(frozen=True, slots=True)
 class Enrolled:
-    """An agent as the nursery has it: pid and link of a living one, and its newest slot."""
+    """The nursery's entry of an agent: its newest record, and the pid and link of a living agent."""
 
     agent_id: int
     pid: int
@@ -43,14 +43,14 @@ class Enrolled:
 
 @dataclass(slots=True)
 class Starting:
-    """The outcome of a Start: (pid, link) of the agents that live, and why the others do not."""
+    """The outcome of a Start: (pid, link) of the agents that live, and the reasons why the others do not."""
 
     living: dict[int, tuple[int, int]] = field(default_factory=dict)
     refused: dict[int, str] = field(default_factory=dict)
 
 
 class NurseryLink:
-    """Connected and greeted, or an exception: Fenced, OSError when there is no nursery, NurseryDied."""
+    """Connects and greets, or raises Fenced, NurseryDied, or OSError if there is no nursery."""
 
     def __init__(self, run_dir: str, epoch: int) -> None:
         self._sock = protocol.connect(run_dir, ANSWER_TIMEOUT_S)
@@ -59,22 +59,23 @@ class NurseryLink:
         self.pid = 0
         self.dropped: Counter[str] = Counter()
         self._died: dict[int, str] = {}
-        """Why processes ended, by pid."""
+        """The reason why each process ended, by pid."""
         try:
-            self._tell(protocol.Hello(epoch))
-            welcome, (truth,) = self._hear(protocol.Welcome, ANSWER_TIMEOUT_S)
+            self._send(protocol.Hello(epoch))
+            welcome, (truth,) = self._wait_for(protocol.Welcome, ANSWER_TIMEOUT_S)
             self.truth = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET, 0, truth)
-            # A library in this process may have set a default time-out, as rospy does (60 s): a read that shall not wait
-            # would then wait for so long.
+            # A library in this process may have set a default time-out, as rospy does (60 s): a read that must not wait
+            # would then wait for that time.
             self.truth.setblocking(False)
             self.pid = welcome.pid
             self._process = os.pidfd_open(self.pid)
-            self.roll: list[Enrolled] = []
+            self.entries: list[Enrolled] = []
             for _ in range(welcome.rolls):
-                roll, links = self._hear(protocol.ChildList, ANSWER_TIMEOUT_S)
-                handed = iter(links)
-                self.roll += [
-                    Enrolled(row[0], row[1], next(handed) if row[1] else None, *row[2:]) for row in roll.rows
+                children, links = self._wait_for(protocol.ChildList, ANSWER_TIMEOUT_S)
+                next_links = iter(links)
+                self.entries += [
+                    Enrolled(row[0], row[1], next(next_links) if row[1] else None, *row[2:])
+                    for row in children.rows
                 ]
         except BaseException:
             self._sock.close()
@@ -84,12 +85,12 @@ class NurseryLink:
         return self._sock.fileno()
 
     def pump(self) -> None:
-        """Takes what the nursery has said by itself. Raises Fenced or NurseryDied."""
+        """Takes the nursery's own reports. Raises Fenced or NurseryDied."""
         while readable(self._sock, 0):
             self._keep(self._receive())
 
     def start(self, rows: list[tuple[int, ...]]) -> Starting:
-        """Rows as of `protocol.Start`."""
+        """Starts agents, with rows as in `protocol.Start`."""
         outcome = Starting()
         for start in range(0, len(rows), protocol.DESCRIPTORS_AT_ONCE):
             self._start(tuple(rows[start : start + protocol.DESCRIPTORS_AT_ONCE]), outcome)
@@ -97,11 +98,10 @@ class NurseryLink:
 
     def _start(self, rows: tuple[tuple[int, ...], ...], outcome: Starting) -> None:
         self._request += 1
-        self._tell(protocol.Start(self._request, rows))
-        asked = [row[0] for row in rows]
+        self._send(protocol.Start(self._request, rows))
         deadline_s = time.monotonic() + ANSWER_TIMEOUT_S + SECONDS_PER_START * len(rows)
         answered = 0
-        while answered < len(asked):
+        while answered < len(rows):
             message, links = self._receive(deadline_s - time.monotonic())
             match message:
                 case protocol.Started(self._request, started):
@@ -115,13 +115,13 @@ class NurseryLink:
                     self._keep((message, links))
 
     def kill(self, agent_id: int) -> None:
-        """Returns when that agent's process is gone."""
+        """Kills an agent and returns when its process has ended."""
         self._request += 1
-        self._tell(protocol.Kill(self._request, agent_id))
-        self._hear(protocol.Killed, ANSWER_TIMEOUT_S)
+        self._send(protocol.Kill(self._request, agent_id))
+        self._wait_for(protocol.Killed, ANSWER_TIMEOUT_S)
 
     def why(self, pid: int, timeout_s: float) -> str:
-        """Why a process ended, which the nursery says as soon as it has reaped it."""
+        """The reason why a process ended; the nursery reports it as soon as it has reaped the process."""
         deadline_s = time.monotonic() + timeout_s
         while pid not in self._died:
             left_s = deadline_s - time.monotonic()
@@ -132,12 +132,12 @@ class NurseryLink:
         return self._died.pop(pid)
 
     def end(self, timeout_s: float) -> None:
-        """Ends the fleet and the nursery; one that does not within `timeout_s` is killed, and its agents with it.
+        """Ends the fleet and the nursery. Kills a nursery that lives on after `timeout_s`, and its agents with it.
 
-        Raises Fenced, and ends nothing, when they are another supervisor's.
+        Raises Fenced, and ends nothing, if they belong to another supervisor.
         """
         with suppress(NurseryDied):
-            self._tell(protocol.End())
+            self._send(protocol.End())
         if not readable(self._process, timeout_s):
             signal.pidfd_send_signal(self._process, signal.SIGKILL)
             readable(self._process, timeout_s)
@@ -147,17 +147,17 @@ class NurseryLink:
         self.truth.close()
         os.close(self._process)
 
-    def _tell(self, message: protocol.Message) -> None:
+    def _send(self, message: protocol.Message) -> None:
         if self._fenced is not None:
             raise Fenced(self._fenced)
         try:
             protocol.send(self._sock, message)
         except OSError as error:
-            # A supervisor that was fenced off has a word to read that says so.
+            # A supervisor that was fenced off has a message to read that says so.
             self.pump()
             raise NurseryDied(f"the nursery's link ended: {error}") from None
 
-    def _hear(self, kind: type[_Wanted], timeout_s: float) -> tuple[_Wanted, list[int]]:
+    def _wait_for(self, kind: type[_Awaited], timeout_s: float) -> tuple[_Awaited, list[int]]:
         deadline_s = time.monotonic() + timeout_s
         while True:
             message, links = self._receive(deadline_s - time.monotonic())
@@ -172,18 +172,18 @@ class NurseryLink:
             if left_s <= 0 or not readable(self._sock, left_s):
                 raise NurseryDied(f"the nursery (process {self.pid}) did not answer within {timeout_s:.0f} s")
             try:
-                heard = protocol.receive(self._sock)
+                received = protocol.receive(self._sock)
             except LinkError as error:
                 self.dropped[f"control: {error}"] += 1
                 continue
             except OSError:
-                heard = None
-            if heard is None:
+                received = None
+            if received is None:
                 raise NurseryDied("the nursery's link ended")
-            return heard
+            return received
 
-    def _keep(self, heard: tuple[protocol.Message, list[int]]) -> None:
-        message, links = heard
+    def _keep(self, received: tuple[protocol.Message, list[int]]) -> None:
+        message, links = received
         for link in links:
             os.close(link)
         match message:

@@ -1,4 +1,4 @@
-"""A process per agent, as a Host: windows go over the agents' links, and a nursery starts again what died."""
+"""A Host with a process per agent: windows go over the agents' links, and a nursery restarts dead agents."""
 
 from __future__ import annotations
 
@@ -26,15 +26,15 @@ WINDOW_TIMEOUT_S = 2.0
 _END_TIMEOUT_S = 5.0
 _NURSERIES = 3
 _NURSERIES_SPAN_S = 60.0
-"""More than `_NURSERIES` that die within this time are not followed by another."""
+"""After more than `_NURSERIES` deaths of nurseries within this time, the host starts no other."""
 
 
 class ProcessHost:
-    """A supervisor's hold on a fleet. Made by `start` or `adopt`.
+    """A supervisor's connection to its fleet. Made by `start` or `adopt`.
 
-    `granted_ms` is the agent time that each agent has lived to, and `repeated` each one's last reply, at the time of
-    `adopt`: a journal that ends before that window has not got those outputs. Every method but `close` raises Fenced
-    once a supervisor with a higher epoch has taken over; the fleet then is its.
+    At the time of `adopt`, `granted_ms` is the agent time that each agent has lived to, and `repeated` its last reply: a
+    journal that ends before that window lacks those outputs. Every method but `close` raises Fenced once a supervisor
+    with a higher epoch has taken over the fleet.
     """
 
     def __init__(
@@ -68,9 +68,9 @@ class ProcessHost:
         window_timeout_s: float = WINDOW_TIMEOUT_S,
         restart_policy: RestartPolicy | None = None,
     ) -> ProcessHost:
-        """A new fleet in an existing directory that has none yet, under a nursery of its own.
+        """Starts a new fleet, under its own nursery, in an existing directory without one.
 
-        Raises ValueError or FileExistsError for what cannot be a fleet, NurseryFailed when its nursery does not come up.
+        Raises ValueError or FileExistsError for a fleet that cannot be, NurseryFailed if its nursery does not come up.
         """
         prepare(run_dir, fleet, initial_states, restart_policy)
         return cls.adopt(run_dir, epoch, window_timeout_s=window_timeout_s)
@@ -81,8 +81,8 @@ class ProcessHost:
     ) -> ProcessHost:
         """Takes over the fleet of a run directory, as supervisor number `epoch`; starts a nursery if there is none.
 
-        Agents that have never run are started; one that has died dies in its next window, so that it is recorded.
-        Raises Fenced if `epoch` is not above that of a former supervisor, NurseryFailed if none comes up.
+        It starts agents that have never run. An agent that has died dies in its next window, so that the death is recorded.
+        Raises Fenced if `epoch` is not above that of a former supervisor, NurseryFailed if no nursery comes up.
         """
         process, run_dir = None, os.fspath(run_dir)
         try:
@@ -99,7 +99,7 @@ class ProcessHost:
 
     @property
     def pids(self) -> dict[int, int]:
-        """The processes of the agents that live, by id."""
+        """The pids of the living agents, by id."""
         return self._links.pids
 
     @property
@@ -108,7 +108,7 @@ class ProcessHost:
 
     @property
     def dropped(self) -> Counter[str]:
-        """Messages that came to nothing, counted by reason."""
+        """Dropped messages, counted by reason."""
         return self._dropped_before + self._links.dropped + self._nursery.dropped
 
     @property
@@ -133,7 +133,7 @@ class ProcessHost:
         row = (agent_id, at_ms, cause, *self._committed.get(agent_id, NEVER))
         try:
             if self._links.nursery_died:
-                self._follow_nursery()
+                self._replace_nursery()
             starting = self._nursery.start([row])
         except (NurseryDied, NurseryFailed) as error:
             return str(error)
@@ -146,23 +146,23 @@ class ProcessHost:
         return truths
 
     def close(self) -> None:
-        """Ends the fleet and its nursery, unless a newer supervisor has them."""
+        """Ends the fleet and its nursery, unless a newer supervisor has taken them over."""
         try:
             self._nursery.end(_END_TIMEOUT_S)
         except Fenced:
             if self._process is not None:
-                self._process.returncode = 0  # it lives on as another's: not ours to wait for
-        self._let_go()
+                self._process.returncode = 0  # it lives on for another supervisor: no need to wait for it
+        self._disconnect()
 
     def _take_child_list(self) -> None:
-        roll = self._nursery.roll
-        self._committed = {agent.agent_id: (agent.epoch, agent.sequence) for agent in roll}
-        self.granted_ms = {agent.agent_id: agent.granted_ms for agent in roll}
-        for agent in roll:
+        entries = self._nursery.entries
+        self._committed = {agent.agent_id: (agent.epoch, agent.sequence) for agent in entries}
+        self.granted_ms = {agent.agent_id: agent.granted_ms for agent in entries}
+        for agent in entries:
             if agent.link is not None:
                 self._links.add(agent.agent_id, agent.pid, agent.link)
         key = (self.epoch, 0)
-        repeats = {agent.agent_id: Repeat(key).encode() for agent in roll if agent.pid}
+        repeats = {agent.agent_id: Repeat(key).encode() for agent in entries if agent.pid}
         for agent_id, outcome in self._links.ask(key, repeats).items():
             if isinstance(outcome, Answered):
                 self._committed[agent_id] = outcome.window
@@ -170,7 +170,11 @@ class ProcessHost:
                 self.repeated[agent_id] = outcome.reply
                 self._truths += outcome.truths
         self._start_pending(
-            [agent.agent_id for agent in roll if not agent.pid and self._committed[agent.agent_id] == NEVER]
+            [
+                agent.agent_id
+                for agent in entries
+                if not agent.pid and self._committed[agent.agent_id] == NEVER
+            ]
         )
 
     def _start_pending(self, agent_ids: list[int]) -> None:
@@ -180,8 +184,8 @@ class ProcessHost:
         if starting.refused:
             raise NurseryFailed("; ".join(starting.refused.values()))
 
-    def _follow_nursery(self) -> None:
-        """Another nursery for this run directory; it starts agents again from the file."""
+    def _replace_nursery(self) -> None:
+        """Starts another nursery for this run directory; it restarts agents from the file."""
         now_s = time.monotonic()
         recent = [at_s for at_s in self._nurseries_died_at_s if at_s > now_s - _NURSERIES_SPAN_S]
         if len(recent) >= _NURSERIES:
@@ -190,12 +194,12 @@ class ProcessHost:
             )
         self._nurseries_died_at_s = [*recent, now_s]
         self._dropped_before = self.dropped
-        self._let_go()
+        self._disconnect()
         self._process = launch_nursery(self._run_dir)
         self._nursery = NurseryLink(self._run_dir, self.epoch)
         self._links = AgentLinks(self._nursery, self._window_timeout_s)
 
-    def _let_go(self) -> None:
+    def _disconnect(self) -> None:
         self._links.close()
         self._nursery.close()
         if self._process is not None:

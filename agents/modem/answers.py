@@ -1,4 +1,4 @@
-"""What a modem prints, byte for byte. Every answer ends in CR LF; a result may hold any byte before that."""
+"""A modem's printed answers, byte for byte. Each ends in CR LF; before that a result may hold any byte."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from agents.modem.firmware import BUILT, RELEASE, Firmware, voltage_steps
 from agents.modem.frames import Generation
 
 ERROR = b"E\r\n"
-NOTHING_CAME = b"#TO\r\n"
+TIME_OUT = b"#TO\r\n"
 TEST_TEXT = b"musselbed nanomodem: 64 bytes, sent because $Txxx asked for them"
 HELP = (
     b"musselbed nanomodem, NM3 serial commands:\r\n"
@@ -18,7 +18,7 @@ HELP = (
 )
 SPECTRUM_BINS = 257
 IMPULSE_STEPS = 128
-"""Samples of a channel impulse response, one each 62.5 us; a figure of ours."""
+"""Samples of a channel impulse response, one each 62.5 us. This number is our own choice."""
 _IMPULSE_STEP_US = 62.5
 _FULL_SCALE = 65535
 
@@ -27,8 +27,8 @@ def line(text: str) -> bytes:
     return text.encode("ascii") + b"\r\n"
 
 
-def told(generation: Generation, command: str) -> bytes:
-    """The local acknowledgement of a command that goes out as sound: V2 says it with `#`."""
+def acknowledgement(generation: Generation, command: str) -> bytes:
+    """The local acknowledgement of a command that sends sound; V2 begins it with `#`."""
     return line(("#" if generation is Generation.V2 else "$") + command)
 
 
@@ -50,7 +50,7 @@ def unicast(generation: Generation, data: bytes, appended: str) -> bytes:
 
 
 def quality(snr_db: float, doppler: int) -> str:
-    """`QzzD+-ddd`. The manual's scale of zz is not public: here it is the SNR in whole dB, 0 to 99."""
+    """`QzzD+-ddd`. The scale of zz is not public: here it is the SNR in whole dB, 0 to 99."""
     return f"Q{min(99, max(0, round(snr_db))):02}D{min(999, max(-999, doppler)):+04}"
 
 
@@ -74,13 +74,13 @@ def remote_report(firmware: Firmware, supply_mv: int, rms: int, peak: int, mean:
 
 
 def spectrum(mean: int) -> bytes:
-    """Flat at the mean: the water's noise has no colour here. Values are little-endian, which the facts leave open."""
+    """Flat at the mean, because the model's noise has no colour. The byte order is not public: little-endian here."""
     bins = struct.pack(f"<{SPECTRUM_BINS}H", *[min(_FULL_SCALE, mean)] * SPECTRUM_BINS)
     return f"#S{SPECTRUM_BINS:05}".encode() + bins + b"\r\n"
 
 
 def impulse_response(name: str, address: int, steps: int, echoes: tuple[tuple[int, float], ...]) -> bytes:
-    """`#CMxxxTtttttLzzzzz<uint16...>`: the direct sound first, at full scale, and each echo at its place."""
+    """`#CMxxxTtttttLzzzzz<uint16...>`: the direct sound first, at full scale, and each echo at its delay."""
     taps = [_FULL_SCALE] + [0] * (IMPULSE_STEPS - 1)
     for after_us, relative in echoes:
         at = round(after_us / _IMPULSE_STEP_US)
@@ -91,8 +91,8 @@ def impulse_response(name: str, address: int, steps: int, echoes: tuple[tuple[in
 
 
 def identity(unique_id: int) -> bytes:
-    """The chip's number, and addresses of 8 to 32 bits made of it; how a real one makes them is not public."""
-    born = unique_id.to_bytes(12, "big")
-    whole, short = crc32(born), crc_hqx(born, 0xFFFF)
+    """The chip's serial number, and addresses of 8 to 32 bits derived from it; a real modem's method is not public."""
+    serial = unique_id.to_bytes(12, "big")
+    whole, short = crc32(serial), crc_hqx(serial, 0xFFFF)
     a8, a24 = short & 0xFF, whole & 0xFF_FFFF
-    return line(f"#DID:0x{born.hex().upper()}-A8{a8:03}-A16{short:05}-A24{a24:08}-A32{whole:010}")
+    return line(f"#DID:0x{serial.hex().upper()}-A8{a8:03}-A16{short:05}-A24{a24:08}-A32{whole:010}")

@@ -1,7 +1,7 @@
-"""Commands out of bytes. They have no terminator and their data may be any byte, so the reader counts and never splits.
+"""Reads commands from bytes. Commands have no terminator and their data may be any byte, so the reader counts bytes.
 
-`GRAMMAR` has a row for each command: its letters, and the fields that follow. An error is told once; then all is skipped
-until the next `$`, or until the line has been silent.
+`GRAMMAR` has a row for each command: its letters, and the fields that follow. The reader reports an error once, and then
+skips all bytes until the next `$`, or until the line has been silent.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ class Field(Enum):
     ADDRESS = "xxx"
     DATA = "nn<data>"
     TIME = "[T<14>]"
-    """May follow only while the modem's timer is on: otherwise the command is over before it."""
+    """May follow only while the modem's timer is on; otherwise the command ends before it."""
 
 
 GRAMMAR: dict[Generation, dict[str, tuple[Field, ...]]] = {
@@ -72,13 +72,13 @@ LENGTH_DIGITS = {Generation.V2: 1, Generation.V3: 2}
 
 @dataclass(frozen=True, slots=True)
 class Command:
-    """`address` may be up to 999 here: what a modem makes of one beyond 255 is its answer."""
+    """`address` may be up to 999 here; the modem answers one beyond 255 with an error."""
 
     name: str
     address: int = 0
     data: bytes = b""
     timer_us: int | None = None
-    """When to send, by the modem's own timer; None for at once."""
+    """The reading of the modem's timer at which to send; None for at once."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,7 +89,7 @@ class Malformed:
 
 
 class CommandReader:
-    """Takes one byte at a time. `timed` says whether a time may follow where the grammar allows one."""
+    """Takes one byte at a time. While `timed` is true, a time may follow where the grammar allows one."""
 
     def __init__(self, generation: Generation) -> None:
         self.timed = False
@@ -103,7 +103,7 @@ class CommandReader:
         self._name = ""
         self._fields: tuple[Field, ...] = ()
         self._wanted = 0
-        """Bytes until the present number or the data are whole."""
+        """Bytes still missing from the present number or data."""
         self._taken = bytearray()
         self._counting = False
         self._address = 0
@@ -112,12 +112,12 @@ class CommandReader:
 
     @property
     def waiting(self) -> bool:
-        """Whether silence now would mean something: a command has begun, or bytes are being skipped."""
+        """True if a silence now has a meaning: a command has begun, or the reader is skipping bytes."""
         return self._inside or self._skipping
 
     @property
     def least(self) -> int:
-        """So many bytes at least are wanted until something is complete or wrong."""
+        """The fewest further bytes that can complete an item or make an error."""
         return self._wanted if self._in_data else 1
 
     @property
@@ -125,7 +125,7 @@ class CommandReader:
         return bool(self._wanted) and self._fields[0] is Field.DATA and not self._counting
 
     def fell_silent(self) -> Command | Malformed | None:
-        """The line was silent for too long: whatever was begun is over. A command that could have had a time has none."""
+        """Ends a command that was begun, because the line was silent for too long. An optional time is then absent."""
         complete = self._inside and self._fields == (Field.TIME,) and not self._wanted
         command = self._whole() if complete else None
         slow = self._inside and not complete
@@ -134,7 +134,7 @@ class CommandReader:
         return command if complete else Malformed("a command's bytes stopped coming") if slow else None
 
     def take(self, byte: int) -> list[Command | Malformed]:
-        """What the byte completes: nothing, a command, an error; or a command that it does not belong to and its own."""
+        """The items that the byte completes: none, a command, an error; or the command before it and its own item."""
         if not self._inside:
             return self._outside(byte)
         if not self._fields and not self._wanted:

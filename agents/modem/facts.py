@@ -1,4 +1,4 @@
-"""What reaches a modem, and what it does. `at_ms` and all times are those of the water that it hangs in."""
+"""A modem's stimuli and actions. `at_ms` and all times are those of the water that it hangs in."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from agents.modem.states import ModemState, Trigger
 
 @dataclass(frozen=True, slots=True)
 class SerialBytes:
-    """Somebody wrote these to the serial line, one right after the other. A modem may have several lines, from 0.
+    """The host wrote these bytes to the serial line without a gap. A modem may have several lines, from 0.
 
-    `paused`: whatever was written before, there was too long a silence in between.
+    `paused`: a silence separates them from earlier bytes, and is too long to be within one command.
     """
 
     data: bytes
@@ -22,25 +22,25 @@ class SerialBytes:
 
 
 @dataclass(frozen=True, slots=True)
-class Asked:
-    """A host that has no serial line between it and the modem wants this frame sent, whose source is the modem."""
+class FrameRequested:
+    """A host without a serial line asked the modem to send this frame. The frame's source is the modem."""
 
     frame: Frame
 
 
 @dataclass(frozen=True, slots=True)
 class SoundBegan:
-    """A frame begins to arrive, and will take so long: the receiver is busy with it, whatever comes of it."""
+    """A frame begins to arrive and keeps the receiver busy for `duration_ms`, whether or not it can be decoded."""
 
     duration_ms: int
 
 
 @dataclass(frozen=True, slots=True)
 class FrameArrived:
-    """A frame has arrived whole. `propagation_us` is how long its sound travelled; the arrival is rounded up to a ms.
+    """A whole frame has arrived. Its sound travelled for `propagation_us`; the arrival is rounded up to a ms.
 
-    `corrected` symbols were mended, `doppler` is as the modem prints it, -999 to 999; `echoes` are other ways that the
-    sound came, as (microseconds after the direct one, amplitude relative to it).
+    The modem corrected `corrected` symbols. `doppler` is as the modem prints it, -999 to 999. `echoes` are the sound's
+    other paths, as (microseconds after the direct one, amplitude relative to it).
     """
 
     frame: Frame
@@ -60,7 +60,7 @@ class SupplyChanged:
 
 @dataclass(frozen=True, slots=True)
 class NoiseChanged:
-    """What the receiver measures where nothing is sent, in its own units of 0 to 999999."""
+    """The receiver's measure of the noise while nobody sends, in its own units of 0 to 999999."""
 
     rms: int
     peak: int
@@ -69,7 +69,7 @@ class NoiseChanged:
 
 @dataclass(frozen=True, slots=True)
 class PowerCame:
-    """The modem starts: of all that it was told only its address is kept."""
+    """The modem starts and keeps no setting but its address."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,15 +78,22 @@ class PowerWent:
 
 
 Stimulus = (
-    SerialBytes | Asked | SoundBegan | FrameArrived | SupplyChanged | NoiseChanged | PowerCame | PowerWent
+    SerialBytes
+    | FrameRequested
+    | SoundBegan
+    | FrameArrived
+    | SupplyChanged
+    | NoiseChanged
+    | PowerCame
+    | PowerWent
 )
 
 
 class Pin(IntEnum):
     RXS = 0
-    """Rises for any frame that is heard, while it is enabled by `$XFE`."""
+    """Rises for every frame received, while `$XFE` enables it."""
     RXM = 1
-    """Rises for a unicast to this modem: what wakes a microcontroller that sleeps."""
+    """Rises for a unicast to this modem, to wake a sleeping microcontroller."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,7 +107,7 @@ class SerialOut:
 
 @dataclass(frozen=True, slots=True)
 class Delivered:
-    """Data or a beacon for this modem, told to the host that has no line."""
+    """Data or a beacon for this modem, reported to a host without a line."""
 
     at_ms: int
     frame: Frame
@@ -108,10 +115,10 @@ class Delivered:
 
 @dataclass(frozen=True, slots=True)
 class Answered:
-    """What came of a question that was `Asked`: the range in steps of 31.25 us of sound, or None by the time-out."""
+    """The answer to a requested question: the range in steps of 31.25 us of sound, or None at the time-out."""
 
     at_ms: int
-    asked: Frame
+    question: Frame
     steps: int | None
 
 
@@ -125,7 +132,7 @@ class EmitFrame:
 
 @dataclass(frozen=True, slots=True)
 class StateChanged:
-    """What it draws from now on is `SUPPLY_UA[new]`."""
+    """From now on the modem draws `SUPPLY_UA[new]`."""
 
     at_ms: int
     old: ModemState
@@ -141,7 +148,7 @@ class PinRose:
 
 @dataclass(frozen=True, slots=True)
 class Dropped:
-    """A frame or bytes that came to nothing, and why; counted by the host."""
+    """The modem discarded a frame or bytes, for this reason. The host counts these."""
 
     at_ms: int
     reason: str

@@ -1,4 +1,4 @@
-"""Which modem it is: its firmware's dialect, and the numbers that the manual leaves to the device."""
+"""A modem's model: its firmware's command set, and the numbers that the manual leaves to the device."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from agents.modem.frames import Generation
 
 
 class Firmware(Enum):
-    """V2 modems of 2016 to 2018; early V3; V3 with firmware 1.6.0, whose manual all else here follows."""
+    """V2 modems of 2016 to 2018; early V3; V3 with firmware 1.6.0, whose manual the rest of this package follows."""
 
     V2 = "v2"
     V3_EARLY = "v3-early"
@@ -27,25 +27,25 @@ BUILT = "2024-02-15T00:00:00"
 
 @dataclass(frozen=True, slots=True)
 class ModemConfig:
-    """`answer_wait_ms` is the manual's 4 s for `#TO`; the turnaround before an answer is not public, and assumed."""
+    """`answer_wait_ms` is the manual's 4 s for `#TO`. The turnaround before an answer is assumed; it is not public."""
 
     firmware: Firmware = Firmware.V3
     answer_wait_ms: int = 4000
     turnaround_ms: int = 5
     unique_id: int = 0
-    """What the chip was born with, 96 bits; `$D` shows it."""
+    """The chip's 96-bit serial number; `$D` shows it."""
     supply_mv: int = 5000
     lines: int = 1
-    """Serial lines. A real modem has one; each further one gets its own answers, and all get what is heard."""
+    """Serial lines; a real modem has one. Each line gets the answers to its own commands; all get the received frames."""
 
 
 def voltage_steps(firmware: Firmware, supply_mv: int) -> int:
-    """What the modem prints for a voltage: V = y x 15 / 65536 in V3, y x 1.1 x 6 / 1024 (10 bits) in V2."""
+    """The number y printed for a voltage: V = y x 15 / 65536 in V3, y x 1.1 x 6 / 1024 (10 bits) in V2."""
     if firmware is Firmware.V2:
         return min(1023, (supply_mv * 1024 * 10 + 33_000) // 66_000)
     return min(65535, (supply_mv * 65536 + 7_500) // 15_000)
 
 
 def range_steps(one_way_us: float) -> int:
-    """What the modem prints for a range of t x c x 3.125e-5 m: the one-way time in steps of 31.25 us."""
+    """The number t printed for a range of t x c x 3.125e-5 m: the one-way time in steps of 31.25 us."""
     return min(99_999, round(one_way_us / 31.25))

@@ -1,9 +1,9 @@
-"""What nanomodems send through the water: frames with an exact length in time.
+"""The frames that nanomodems send through the water, with an exact length in time.
 
-A frame is on the air from its start to its end and acts at its END. Durations are those of the manual of the V3 modem: a
-chirp of 30 ms and a header of 75 ms, and for data (n + 16) x 12.5 ms more; odd n would end on half a millisecond and are
-rounded up, so that nothing acts before it has arrived. For V2 40 bit/s and 7 bytes are all that is public: its 30 ms chirp
-and a header of two bytes are assumed.
+A frame is on the air from its start to its end and acts at its END. Durations follow the manual of the V3 modem: a chirp
+of 30 ms, a header of 75 ms, and for data (n + 16) x 12.5 ms more. An odd n would end on half a millisecond and is rounded
+up, so that no frame acts before it has arrived. For V2 only 40 bit/s and 7 bytes are public: its 30 ms chirp and a header
+of two bytes are assumed.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ ADDRESSES = 256
 
 
 class Generation(IntEnum):
-    """V2 is the modem of about 2016 to 2018, V3 that of today; they do not understand each other."""
+    """V2 is the modem of about 2016 to 2018, V3 today's modem. They do not understand each other."""
 
     V2 = 2
     V3 = 3
@@ -29,14 +29,14 @@ class FrameKind(IntEnum):
     PING = 4
     PING_REPLY = 5
     STATUS_REQUEST = 6
-    """Asks for voltage and noise, which come as a broadcast."""
+    """Asks for voltage and noise; the answer is a broadcast."""
     TEST_REQUEST = 7
-    """Asks for a text of 64 bytes, as a broadcast."""
+    """Asks for a text of 64 bytes; the answer is a broadcast."""
     ECHO_REQUEST = 8
-    """Asks to send the same bytes back, as a broadcast."""
+    """Asks for the same bytes back; the answer is a broadcast."""
     BEACON = 9
     PROBE = 10
-    """Asks for a PROBE_REPLY, of which the asker takes the channel's impulse response."""
+    """Asks for a PROBE_REPLY, from which the asking modem takes the channel's impulse response."""
     PROBE_REPLY = 11
 
 
@@ -44,7 +44,7 @@ WITH_DATA = frozenset(
     {FrameKind.BROADCAST, FrameKind.UNICAST, FrameKind.UNICAST_ACKED, FrameKind.ECHO_REQUEST}
 )
 TO_ALL = frozenset({FrameKind.BROADCAST, FrameKind.BEACON})
-"""Kinds that every modem in range takes; all others have one destination."""
+"""Kinds for every modem in range; all others have one destination."""
 ANSWERS = frozenset({FrameKind.ACK, FrameKind.PING_REPLY, FrameKind.PROBE_REPLY})
 V2_KINDS = frozenset(
     {
@@ -57,21 +57,21 @@ V2_KINDS = frozenset(
 )
 
 PAYLOAD_BYTES = {Generation.V2: (1, 7), Generation.V3: (2, 64)}
-"""The fewest and the most bytes of data that a frame carries."""
+"""The fewest and the most bytes of data in a frame."""
 
 SHORT_MS = {Generation.V2: 430, Generation.V3: 105}
-"""Chirp and header: all of a frame without data."""
+"""A frame without data: chirp and header."""
 _V2_BYTE_MS = 200  # 8 bit at 40 bit/s
 
 
 @dataclass(frozen=True, slots=True)
 class Frame:
-    """One transmission. `source` and `destination` are modems' addresses, 0 to 255; `destination` is None for kinds to all.
+    """One transmission. `source` and `destination` are modems' addresses, 0 to 255; kinds to all have no `destination`.
 
-    `flight_us` is of answers only: how long the question's sound travelled. A modem measures the round trip in steps of
-    62.5 us, finer than this house's milliseconds, so the way out comes back with the answer.
+    Only answers have `flight_us`, the travel time of the question's sound. A modem measures the round trip in steps of
+    62.5 us, finer than this model's milliseconds, so the answer brings the outward travel time back.
 
-    A unicast does not say on the air who sent it: its `source` is for the medium and for records, not for the receiver.
+    A unicast does not carry its sender's address: `source` serves the medium and the records, not the receiver.
     """
 
     kind: FrameKind
@@ -97,16 +97,16 @@ class Frame:
 
     @property
     def duration_ms(self) -> int:
-        """From its first sound to its last."""
+        """From the first sound to the last."""
         return duration_ms(self.generation, len(self.data))
 
     def is_for(self, address: int) -> bool:
-        """Whether a modem with this address takes it."""
+        """True if a modem with this address takes the frame."""
         return self.destination is None or self.destination == address
 
 
 def duration_ms(generation: Generation, payload_bytes: int) -> int:
-    """How long a frame with so much data lasts; 0 bytes is a frame without data."""
+    """The length of a frame with this much data; 0 bytes is a frame without data."""
     short_ms = SHORT_MS[generation]
     if payload_bytes == 0:
         return short_ms

@@ -1,89 +1,42 @@
 """A nanomodem: bytes on its serial line, frames in the water, and its state between them, moved by the three verbs.
 
-Of several things due at one time the end of a transmission goes first, then the end of a sound, a question's time-out, a
-frame that waits to be sent, then bytes that came and at last answers that have left. While it transmits it reads no
-bytes: they wait. Told to send while it receives, it sends, and what it was receiving is lost.
+Events that are due at one time go in this order: the end of a transmission, the end of a sound, a question's time-out, a
+frame that waits to be sent, received bytes, and printed answers. While the modem transmits, it reads no bytes: they
+wait. A modem that is told to send while it receives sends, and loses the frame that was arriving.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
-from agents.modem import answers, asking, obeying
+from agents.modem import answers, command_handler, sending
+from agents.modem.core import ModemCore
 from agents.modem.facts import (
     Action,
     Answered,
-    Asked,
     Dropped,
     EmitFrame,
     FrameArrived,
+    FrameRequested,
     NoiseChanged,
     PowerCame,
     PowerWent,
     SerialBytes,
     SerialOut,
     SoundBegan,
-    StateChanged,
     Stimulus,
     SupplyChanged,
 )
-from agents.modem.firmware import ModemConfig
-from agents.modem.frames import Frame, FrameKind
-from agents.modem.hearing import hear
-from agents.modem.serial_line import TICKS_PER_MS, SerialLine
-from agents.modem.states import HEARING, SUPPLY_UA, ModemState, Trigger, next_state
-from agents.modem.timer import MicrosecondTimer
+from agents.modem.frames import Frame
+from agents.modem.receiving import receive_frame
+from agents.modem.serial_line import TICKS_PER_MS
+from agents.modem.states import RECEPTIVE, ModemState, Trigger
 
 _INPUT, _OUTPUT = 4, 5
 
 
-@dataclass(frozen=True, slots=True)
-class Question:
-    """What a line asked and the water has not answered yet; `until_ms` is set when its last sound has left."""
-
-    name: str
-    frame: Frame
-    awaited: FrameKind
-    line: int | None
-    """None: it was asked without a line."""
-    until_ms: int | None = None
-
-
-class Modem:
-    """Powered from the start. `address` is kept over power-off and reset; whoever hosts the modem keeps it between runs."""
-
-    def __init__(self, config: ModemConfig, address: int, now_ms: int = 0) -> None:
-        self.config = config
-        self.address = address
-        self.state = ModemState.LISTENING
-        self.supply_mv = config.supply_mv
-        self.noise = NoiseChanged(0, 0, 0)
-        self.lines = [SerialLine(config.firmware.generation) for _ in range(config.lines)]
-        self.hearing_since_ms = now_ms
-        """Since when it has been able to hear without a break; of no meaning while it cannot."""
-        self._now_ms = now_ms
-        self._drawn = (now_ms, 0)
-        """When the state last changed, and what had been drawn by then."""
-        self._start_up()
-
-    def _start_up(self) -> None:
-        """Every start forgets all but the address."""
-        self.timer = MicrosecondTimer()
-        self.tells_quality = False
-        self.raises_rxs = False
-        self.corrected: int | None = None
-        self.question: Question | None = None
-        self.waiting: list[tuple[int, Frame]] = []
-        """Frames to be sent, each with its time, the next one first."""
-        self._sending: tuple[int, Frame] | None = None
-        self._sound_until_ms: int | None = None
-        for line in self.lines:
-            line.forget()
-
-    def drawn_ua_ms(self, now_ms: int) -> int:
-        """Charge drawn since the beginning, in microampere-milliseconds at 5 V: exact, whatever the windows."""
-        since_ms, drawn = self._drawn
-        return drawn + SUPPLY_UA[self.state] * (now_ms - since_ms)
+class Modem(ModemCore):
+    """The three verbs."""
 
     @property
     def next_due_ms(self) -> int | None:
@@ -101,14 +54,14 @@ class Modem:
         actions: list[Action] = []
         while dues := [due for due in self._dues() if due[0] <= now_ms]:
             dues.sort()
-            due_ms, which, number = dues[0]
+            due_ms, which, line_index = dues[0]
             self._now_ms = max(self._now_ms, due_ms)
             if which == _INPUT:
-                # Bytes up to whatever comes next of all else, which goes first at the same time if it is earlier in order.
-                limits = [due - ((other, line) < (_INPUT, number)) for due, other, line in dues[1:]]
-                actions += self._read(number, min([now_ms, *limits]))
+                # Reads bytes up to the next other event, or to just before it if the event goes first at the same time.
+                limits = [due - ((other, line) < (_INPUT, line_index)) for due, other, line in dues[1:]]
+                actions += self._read(line_index, min([now_ms, *limits]))
             elif which == _OUTPUT:
-                actions.append(SerialOut(self._now_ms, self.lines[number].printed(), number))
+                actions.append(SerialOut(self._now_ms, self.lines[line_index].printed(), line_index))
             else:
                 actions += self._fire(which)
         self._now_ms = now_ms
@@ -120,15 +73,15 @@ class Modem:
         match stimulus:
             case SerialBytes():
                 actions += self._take_bytes(stimulus)
-            case Asked(frame):
+            case FrameRequested(frame):
                 actions += self._take_frame(frame)
             case SoundBegan(duration_ms):
-                if self.state in HEARING:
+                if self.state in RECEPTIVE:
                     self._sound_until_ms = max(self._sound_until_ms or 0, now_ms + duration_ms)
                     if self.state is ModemState.LISTENING:
                         actions += self.go(Trigger.SOUND_BEGAN)
             case FrameArrived():
-                actions += hear(self, stimulus, now_ms)
+                actions += receive_frame(self, stimulus, now_ms)
             case SupplyChanged(supply_mv):
                 self.supply_mv = supply_mv
             case NoiseChanged():
@@ -144,39 +97,6 @@ class Modem:
                     actions += self.go(Trigger.POWER_WENT)
         return actions
 
-    def answer(self, number: int, data: bytes, tick: int | None = None) -> None:
-        """Prints on that line, from `tick` on or from now."""
-        self.lines[number].answer(data, self._now_ms * TICKS_PER_MS if tick is None else tick)
-
-    def ask(self, name: str, frame: Frame, awaited: FrameKind, line: int | None) -> None:
-        """The frame is a question of that line, by the command `name`; it waits for an answer once it is sent."""
-        self.question = Question(name, frame, awaited, line)
-
-    def send(self, frame: Frame, at_ms: int) -> None:
-        """Sends the frame at that time, or as soon after as nothing else is being sent."""
-        self.waiting.append((at_ms, frame))
-        self.waiting.sort(key=lambda it: it[0])
-
-    def restart(self) -> list[Action]:
-        self._start_up()
-        return self.go(Trigger.RESET_TOLD)
-
-    def fall_asleep(self) -> list[Action]:
-        self.waiting.clear()
-        self.question = None
-        return self.go(Trigger.SLEEP_TOLD)
-
-    def go(self, trigger: Trigger) -> list[Action]:
-        """Changes the state by the table."""
-        old, new = self.state, next_state(self.state, trigger)
-        self._drawn = (self._now_ms, self.drawn_ua_ms(self._now_ms))
-        self.state = new
-        if new is not ModemState.RECEIVING:
-            self._sound_until_ms = None
-        if new in HEARING and (old not in HEARING or trigger is Trigger.RESET_TOLD):
-            self.hearing_since_ms = self._now_ms
-        return [StateChanged(self._now_ms, old, trigger, new)]
-
     @property
     def _reads(self) -> bool:
         return self.state not in (ModemState.TRANSMITTING, ModemState.OFF)
@@ -190,13 +110,13 @@ class Modem:
         )
 
     def _dues(self) -> list[tuple[int, int, int]]:
-        """(time, which, line) of all that is due some time."""
+        """(time, which, line) of everything that has a due time."""
         dues = [(due, which, 0) for which, due in enumerate(self._timers()) if due is not None]
-        for number, line in enumerate(self.lines):
+        for line_index, line in enumerate(self.lines):
             if self._reads and (due := line.input_due_ms) is not None:
-                dues.append((due, _INPUT, number))
+                dues.append((due, _INPUT, line_index))
             if (due := line.output_due_ms) is not None:
-                dues.append((due, _OUTPUT, number))
+                dues.append((due, _OUTPUT, line_index))
         return dues
 
     def _fire(self, which: int) -> list[Action]:
@@ -214,39 +134,39 @@ class Modem:
             self.question = None
             if question.line is None:
                 return [Answered(now_ms, question.frame, None)]
-            self.answer(question.line, answers.NOTHING_CAME)
+            self.answer(question.line, answers.TIME_OUT)
             return []
         _, frame = self.waiting.pop(0)
         self._sending = (now_ms + frame.duration_ms, frame)
         return [*self.go(Trigger.SENDING_BEGAN), EmitFrame(now_ms, frame)]
 
-    def _take_bytes(self, came: SerialBytes) -> list[Action]:
+    def _take_bytes(self, written: SerialBytes) -> list[Action]:
         if self.state is ModemState.OFF:
             return [Dropped(self._now_ms, "bytes for a modem without power")]
-        lost = self.lines[came.line].write(came.data, self._now_ms, came.paused)
+        lost = self.lines[written.line].write(written.data, self._now_ms, written.paused)
         return [Dropped(self._now_ms, f"{lost} bytes beyond the serial line's buffer")] if lost else []
 
     def _take_frame(self, frame: Frame) -> list[Action]:
-        reason = asking.why_not(self, frame.kind)
+        reason = sending.why_not(self, frame.kind)
         if self.state in (ModemState.OFF, ModemState.SLEEPING):
             reason = f"the modem is {self.state.name.lower()}"
         if reason is not None:
             return [Dropped(self._now_ms, f"asked: {reason}")]
-        if frame.kind in asking.AWAITED:
-            self.ask("", frame, asking.AWAITED[frame.kind], None)
+        if frame.kind in sending.AWAITED:
+            self.ask("", frame, sending.AWAITED[frame.kind], None)
         self.send(frame, self._now_ms)
         return self._fire(3) if self._sending is None and self.waiting[0][1] is frame else []
 
-    def _read(self, number: int, until_ms: int) -> list[Action]:
-        came = self.lines[number].read(until_ms)
-        if came is None:
+    def _read(self, line_index: int, until_ms: int) -> list[Action]:
+        read = self.lines[line_index].read(until_ms)
+        if read is None:
             return []
-        tick, items = came
+        tick, items = read
         at_ms = -(-tick // TICKS_PER_MS)
-        # Bytes that waited for a transmission's end are read then.
+        # Bytes that waited for the end of a transmission are read then.
         tick = max(tick, (self._now_ms - 1) * TICKS_PER_MS + 1)
         self._now_ms = max(self._now_ms, at_ms)
         actions: list[Action] = []
         for item in items:
-            actions += obeying.obey(self, item, number, tick, self._now_ms)
+            actions += command_handler.handle(self, item, line_index, tick, self._now_ms)
         return actions

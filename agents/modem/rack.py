@@ -1,7 +1,7 @@
-"""All modems of a fleet side by side, as machines: where one of them can be opened, all must answer as modems do.
+"""All modems of a fleet, simulated in full: if somebody can open one of them, all must answer as modems do.
 
-Three verbs, like one modem: what comes out is told with whose it is. Modems whose hosts are simulated are wired to them
-without a line; those that are opened have one for whoever opened them.
+A rack has the three verbs of a modem, and adds the node to each action. A simulated host needs no serial line to its
+modem; an opened modem has a line for whoever opened it.
 """
 
 from __future__ import annotations
@@ -14,12 +14,12 @@ from agents.modem.facts import Action, Stimulus
 from agents.modem.firmware import ModemConfig
 from agents.modem.modem import Modem
 
-Did = tuple[int, Action]
-"""A node, and what its modem did."""
+NodeAction = tuple[int, Action]
+"""A node, and an action of its modem."""
 
 
 class Rack:
-    """`addresses` of all nodes; `opened` are those with a serial line. What they do is told in the order of time."""
+    """The modems with these `addresses`; `opened` nodes have a serial line. Actions come in the order of time."""
 
     def __init__(
         self, config: ModemConfig, addresses: Mapping[int, int], opened: Collection[int], now_ms: int = 0
@@ -42,27 +42,27 @@ class Rack:
             heapq.heappop(self._heap)
         return self._heap[0][0] if self._heap else None
 
-    def advance(self, now_ms: int) -> list[Did]:
-        """Lets time pass for all (ValueError if it went back)."""
+    def advance(self, now_ms: int) -> list[NodeAction]:
+        """Lets time pass for all modems (ValueError if it went back)."""
         if now_ms < self._now_ms:
             raise ValueError(f"time went back: {now_ms} before {self._now_ms}")
-        did: list[Did] = []
+        actions: list[NodeAction] = []
         while (due_ms := self.next_due_ms) is not None and due_ms <= now_ms:
             self._now_ms = due_ms
             node = self._heap[0][1]
-            did += [(node, action) for action in self._modems[node].advance(due_ms)]
-            self._plan(node)
+            actions += [(node, action) for action in self._modems[node].advance(due_ms)]
+            self._schedule(node)
         self._now_ms = now_ms
-        return did
+        return actions
 
-    def receive(self, node: int, stimulus: Stimulus, now_ms: int) -> list[Did]:
+    def receive(self, node: int, stimulus: Stimulus, now_ms: int) -> list[NodeAction]:
         """Takes a fact for one modem at `now_ms`, after everything that was due by then."""
-        did = self.advance(now_ms)
-        did += [(node, action) for action in self._modems[node].receive(stimulus, now_ms)]
-        self._plan(node)
-        return did
+        actions = self.advance(now_ms)
+        actions += [(node, action) for action in self._modems[node].receive(stimulus, now_ms)]
+        self._schedule(node)
+        return actions
 
-    def _plan(self, node: int) -> None:
+    def _schedule(self, node: int) -> None:
         due_ms = self._modems[node].next_due_ms
         if due_ms is None:
             self._due_ms.pop(node, None)

@@ -1,4 +1,4 @@
-"""A modem's states: half duplex, so it does one thing at a time. What is not in `TABLE` cannot happen, and raises."""
+"""A modem's states. It is half duplex, so it does one thing at a time. A transition outside `TABLE` raises."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ class ModemState(IntEnum):
     RECEIVING = 2
     TRANSMITTING = 3
     SLEEPING = 4
-    """Told so by `$Z`: the receiver is off, and no sound wakes it."""
+    """After `$Z`: the receiver is off, and no sound wakes it."""
 
 
 class Trigger(IntEnum):
@@ -44,7 +44,7 @@ TABLE: dict[tuple[ModemState, Trigger], ModemState] = {
     (ModemState.SLEEPING, Trigger.POWER_WENT): ModemState.OFF,
 }
 
-HEARING = frozenset({ModemState.LISTENING, ModemState.RECEIVING})
+RECEPTIVE = frozenset({ModemState.LISTENING, ModemState.RECEIVING})
 
 SUPPLY_UA: dict[ModemState, int] = {
     ModemState.OFF: 0,
@@ -53,11 +53,11 @@ SUPPLY_UA: dict[ModemState, int] = {
     ModemState.TRANSMITTING: 300_000,
     ModemState.SLEEPING: 0,
 }
-"""Microamperes from 5 V, by the data sheet; up to 300 mA when transmitting, and nothing is published for sleep."""
+"""Microamperes from 5 V, by the data sheet: up to 300 mA when transmitting. It publishes no figure for sleep."""
 
 
 def next_state(state: ModemState, trigger: Trigger) -> ModemState:
-    """ValueError for a transition that there is not."""
+    """ValueError for a transition that is not in the table."""
     try:
         return TABLE[state, trigger]
     except KeyError:

@@ -42,21 +42,21 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class AgentConfig:
-    """Everything an agent is made of but its physical state."""
+    """An agent's configuration: everything but its physical state."""
 
     board: BoardConfig
     water: WaterConfig
     report_period_ms: int
     heard_always: bool
-    """The paper's hearing: Wi-Fi works wherever the aMussel is. Otherwise only at the surface."""
+    """True for the paper's mode, in which Wi-Fi works at any depth; otherwise only at the surface."""
     modem: Modem = Modem.V3
 
 
 class Agent:
     """The three verbs around a body and its board.
 
-    Of several things due at one time the body's arrival goes first, then drift, then the board's timers, then the charger,
-    then the report, which so says the newest. A Truth follows every event that changed anything.
+    Events that are due at one time go in this order: the body's arrival, drift, the board's timers, the charger, the
+    report. So the report has the newest values. A Truth follows every event that changed anything.
     """
 
     def __init__(
@@ -68,7 +68,7 @@ class Agent:
         cause: ResetCause,
         flash: Flash | None = None,
     ) -> None:
-        """`flash` outlives the agent; without one a whole board's log is as long-lived as the agent."""
+        """`flash` outlives the agent; without one, a whole board's log ends with the agent."""
         self.config = config
         self._codec = codec
         self._flash = flash
@@ -78,7 +78,7 @@ class Agent:
         self._note_truth(now_ms)
 
     def _power_on(self, physical: Physical, now_ms: int, cause: ResetCause) -> list[Output]:
-        """Begins with what is physical: everything else of a former life is forgotten."""
+        """Starts from the physical state and forgets everything else from before."""
         config = self.config
         self._now_ms = now_ms
         self.body = Body(
@@ -103,7 +103,7 @@ class Agent:
         later = 0 if cause is ResetCause.POWER_ON else 1
         self._report_due_ms = self._report_after(now_ms + later)
         power = board_stimuli.PowerCameOn(cause, self.body.depth_at_um(now_ms) == 0, self.body.pin_high)
-        return self._tell_board(power, now_ms)
+        return self._stimulate_board(power, now_ms)
 
     def _open_logbook(self, physical: Physical) -> Logbook:
         # Imported here: the paper's worst case has no log.
@@ -147,7 +147,7 @@ class Agent:
         return min((due for due in self._dues() if due is not None), default=None)
 
     def take_truths(self) -> list[Truth]:
-        """The truths noted since the last call, in order."""
+        """The truths since the last call, in order."""
         truths, self._truths = self._truths, []
         return truths
 
@@ -186,23 +186,23 @@ class Agent:
             self.body.settle_depth(now_ms)
             surfaced = self.body.depth_um == 0
             self._report_due_ms = max(self._report_due_ms, self._report_after(now_ms))
-            return self._tell_board(
+            return self._stimulate_board(
                 board_stimuli.SurfaceReached() if surfaced else board_stimuli.BottomReached(), now_ms
             )
         if which == 1:
             self.body.drift(now_ms)
             return []
         if which == 2:
-            return self._obey(self.board.advance(now_ms))
+            return self._carry_out(self.board.advance(now_ms))
         if which == 3:
             self.body.align()
-            return self._tell_board(board_stimuli.ChargePinRose(), now_ms)
+            return self._stimulate_board(board_stimuli.ChargePinRose(), now_ms)
         self._report_due_ms += self.config.report_period_ms
-        # In the paper's hearing the report is the experiment's; else it needs the board's Wi-Fi, which the worst case has.
+        # In the paper's mode the report is the experiment's; else it needs the board's Wi-Fi, which the worst case has.
         is_off = not self.config.heard_always and not self.board.has_wifi
         if self.board.state is State.BOOTING or is_off:
             return []
-        return [WifiSent(now_ms, self._codec.encode(self._reporter.by_wifi(now_ms)))]
+        return [WifiSent(now_ms, self._codec.encode(self._reporter.wifi_status(now_ms)))]
 
     def _take(self, stimulus: Stimulus, now_ms: int) -> list[Output]:
         match stimulus:
@@ -210,7 +210,9 @@ class Agent:
                 if not self._at_surface(now_ms) or self.body.docked:
                     return [Dropped(now_ms, "a dock closed, but not around this aMussel")]
                 self.body.dock(north_um, east_um, now_ms)
-                return self._tell_board(board_stimuli.ChargePinRose(), now_ms) if self.body.pin_high else []
+                return (
+                    self._stimulate_board(board_stimuli.ChargePinRose(), now_ms) if self.body.pin_high else []
+                )
             case DockMoved(north_um, east_um):
                 if not self.body.docked:
                     return [Dropped(now_ms, "a dock moved that does not hold this aMussel")]
@@ -220,40 +222,40 @@ class Agent:
                 if not self.body.docked:
                     return [Dropped(now_ms, "a dock opened that does not hold this aMussel")]
                 self.body.let_go(now_ms)
-                return self._tell_board(board_stimuli.ChargePinFell(), now_ms)
+                return self._stimulate_board(board_stimuli.ChargePinFell(), now_ms)
             case CoilSlipped():
                 if not self.body.docked:
                     return [Dropped(now_ms, "coils slipped in a dock that does not hold this aMussel")]
                 self.body.slip(now_ms)
-                outputs = self._tell_board(board_stimuli.ChargePinFell(), now_ms)
+                outputs = self._stimulate_board(board_stimuli.ChargePinFell(), now_ms)
                 if self.body.pin_high:
-                    outputs += self._tell_board(board_stimuli.ChargePinRose(), now_ms)
+                    outputs += self._stimulate_board(board_stimuli.ChargePinRose(), now_ms)
                 return outputs
             case SoundArrived(data):
                 if self._at_surface(now_ms):
                     return [Dropped(now_ms, "sound does not reach a modem in air")]
-                return self._tell_board(board_stimuli.PacketHeard(data), now_ms)
+                return self._stimulate_board(board_stimuli.PacketHeard(data), now_ms)
             case PingArrived(travelled_us):
                 if self._at_surface(now_ms):
                     return [Dropped(now_ms, "sound does not reach a modem in air")]
                 if not self.board.hears:
                     return [Dropped(now_ms, "the modem is not listening")]
                 lasting_ms = RANGE_ANSWER_MS[self.config.modem]
-                spoke = self._tell_board(board_stimuli.ModemSpoke(lasting_ms), now_ms)
-                return [*spoke, PingAnswered(now_ms, travelled_us)]
+                status = self._stimulate_board(board_stimuli.ModemSpoke(lasting_ms), now_ms)
+                return [*status, PingAnswered(now_ms, travelled_us)]
             case ModemSent(lasting_ms):
-                return self._tell_board(board_stimuli.ModemSpoke(lasting_ms), now_ms)
+                return self._stimulate_board(board_stimuli.ModemSpoke(lasting_ms), now_ms)
             case WifiArrived(data):
                 if not self.config.heard_always and not self._at_surface(now_ms):
                     return [Dropped(now_ms, "Wi-Fi does not reach under water")]
-                return self._tell_board(board_stimuli.WifiReceived(data), now_ms)
+                return self._stimulate_board(board_stimuli.WifiReceived(data), now_ms)
             case Placed():
                 return self._power_on(self._placed(stimulus, now_ms), now_ms, ResetCause.POWER_ON)
             case WasReset(cause):
                 return self._power_on(self.physical, now_ms, ResetCause(cause))
 
     def _placed(self, at: Placed, now_ms: int) -> Physical:
-        """What is physical of one that was just put there; the log of its samples stays with it."""
+        """The physical state of an aMussel that was just put there; it keeps the log of its samples."""
         former = self.physical
         return Physical(
             Battery(now_ms, at.primary, Flow.DISCHARGING),
@@ -274,10 +276,10 @@ class Agent:
     def _at_surface(self, now_ms: int) -> bool:
         return self.body.depth_at_um(now_ms) == 0
 
-    def _tell_board(self, stimulus: board_stimuli.Stimulus, now_ms: int) -> list[Output]:
-        return self._obey(self.board.receive(stimulus, now_ms))
+    def _stimulate_board(self, stimulus: board_stimuli.Stimulus, now_ms: int) -> list[Output]:
+        return self._carry_out(self.board.receive(stimulus, now_ms))
 
-    def _obey(self, actions: list[board_actions.Action]) -> list[Output]:
+    def _carry_out(self, actions: list[board_actions.Action]) -> list[Output]:
         outputs: list[Output] = []
         for action in actions:
             match action:
@@ -288,11 +290,11 @@ class Agent:
                 case board_actions.SendStatus(at_ms, by):
                     outputs.append(self._status(at_ms, by))
                 case board_actions.SendAnswer(at_ms):
-                    outputs.append(SoundSent(at_ms, self._codec.encode(self._reporter.in_short(at_ms))))
+                    outputs.append(SoundSent(at_ms, self._codec.encode(self._reporter.answer(at_ms))))
                 case board_actions.LogSample() | board_actions.SendLog() | board_actions.DropLog():
                     outputs += self._log(action)
                 case _:
-                    pass  # the truth that follows the event says the new state and what flows
+                    pass  # the truth that follows the event has the new state and the charge flows
         return outputs
 
     def _log(
@@ -315,8 +317,8 @@ class Agent:
 
     def _status(self, now_ms: int, by: Rail) -> Output:
         if by is Rail.WIFI:
-            return WifiSent(now_ms, self._codec.encode(self._reporter.by_wifi(now_ms)))
-        return SoundSent(now_ms, self._codec.encode(self._reporter.by_sound(now_ms)))
+            return WifiSent(now_ms, self._codec.encode(self._reporter.wifi_status(now_ms)))
+        return SoundSent(now_ms, self._codec.encode(self._reporter.sound_status(now_ms)))
 
     def _note_truth(self, now_ms: int) -> None:
         now = (self.board.state, self.physical)

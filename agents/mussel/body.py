@@ -1,18 +1,36 @@
-"""The body in the water around a board: where it is, how deep, and whether a dock holds it. Agent time, micrometres."""
+"""The body in the water around a board: its place, its depth and its contact with a dock. Agent time, micrometres."""
 
 from __future__ import annotations
 
+from _blake2 import blake2b
 from dataclasses import dataclass
+from struct import Struct
 
-from agents.water.drift import drift_step_um
 from agents.water.fields import Fields
 from agents.water.stream import Stream
 from firmware_model.actions import Buoyancy
 
+_KEY = Struct("<QQQ").pack
+_WORDS = Struct("<QQ").unpack
+
+
+def drift_step_um(seed: int, agent_id: int, n: int, amplitude_um: int) -> tuple[int, int]:
+    """Step `n` of the paper's drift (section V-A), (north, east): a random step each mission second.
+
+    Both are independent and uniform on the integers of [-amplitude_um, +amplitude_um]. A keyed hash of (seed, agent id,
+    n) gives the same step in whatever order steps are computed, and a sum of steps is the same however time was cut.
+
+    All four arguments are integers from 0 to 2^64 - 1. Scaling a 64-bit word to the range makes no value likelier than
+    another by more than one part in 2^64 / (2 amplitude_um + 1).
+    """
+    width = 2 * amplitude_um + 1
+    north, east = _WORDS(blake2b(_KEY(seed, agent_id, n), digest_size=16).digest())
+    return (north * width >> 64) - amplitude_um, (east * width >> 64) - amplitude_um
+
 
 @dataclass(frozen=True, slots=True)
 class WaterConfig:
-    """How a body moves. `step_ms` is one mission second of agent time: drift belongs to the real water's clock."""
+    """A body's motion. `step_ms` is one mission second of agent time, because drift follows the real water's clock."""
 
     seed: int
     step_ms: int
@@ -24,7 +42,7 @@ class WaterConfig:
     amplitude_um: int
     current: Stream
     fields: Fields
-    """What the sensors are in."""
+    """The water around the sensors."""
     coil_alignment_ms: int = 0
     """From the contact, or from the coils' last slip, until the charger starts and its pin rises."""
 
@@ -39,7 +57,7 @@ def depth_um(
     surfacing_ms: int,
     sinking_ms: int,
 ) -> int:
-    """How deep a body is that began to move at `from_um`: up, down, or to where it is to hover, at constant rates."""
+    """The depth of a body that began to move at `from_um`: up, down, or to its hovering depth, at constant rates."""
     goal_um = {Buoyancy.FLOAT: 0, Buoyancy.HOVER: hover_um}.get(buoyancy, bottom_um)
     if goal_um < from_um:
         return max(goal_um, from_um - bottom_um * elapsed_ms // surfacing_ms)
@@ -47,7 +65,7 @@ def depth_um(
 
 
 class Body:
-    """Place, depth and contact. It moves up or down at a constant rate and drifts on the grid of mission seconds."""
+    """A body moves up or down at a constant rate, and drifts in steps of whole mission seconds."""
 
     def __init__(
         self,
@@ -72,11 +90,11 @@ class Body:
         self.buoyancy = buoyancy
         self.docked = docked
         self.pin_due_ms = pin_due_ms
-        """When the coils of the dock that holds it will be aligned; 0 when they are, or when no dock holds it."""
+        """When its dock's coils will be aligned; 0 if they are, or if no dock holds it."""
         self.hover_um = hover_um
-        """The depth that it hovers at, or moves to, while its buoyancy says so; else 0."""
+        """The depth at which it hovers, or to which it moves, while its buoyancy is HOVER; otherwise 0."""
         self._step = now_ms // water.step_ms
-        """The last drift step that has been taken (or missed, while docked)."""
+        """The last drift step that it took, or missed while docked."""
 
     def depth_at_um(self, now_ms: int) -> int:
         if self.docked:
@@ -94,7 +112,7 @@ class Body:
 
     @property
     def arrival_ms(self) -> int | None:
-        """When it reaches the surface or the bottom that it is moving to; None when it rests there, or is to hover."""
+        """When it reaches the surface or the bottom; None if it rests there already, or hovers."""
         water = self.water
         if self.docked or self.buoyancy is Buoyancy.HOVER:
             return None
@@ -109,7 +127,7 @@ class Body:
         self.depth_anchor_ms = now_ms
 
     def run_buoyancy(self, to: Buoyancy, now_ms: int, depth_mm: int | None = None) -> None:
-        """`depth_mm` is where to hover, the bottom if it is deeper than that; None: where it is."""
+        """`depth_mm` is the depth at which to hover, at most the bottom's; None is its present depth."""
         self._miss_steps(now_ms)
         self.settle_depth(now_ms)
         self.buoyancy = to
@@ -128,11 +146,11 @@ class Body:
 
     @property
     def drift_due_ms(self) -> int | None:
-        """The end of the mission second whose drift it takes next; None while nothing moves it."""
+        """The end of the mission second with its next drift step; None while nothing moves it."""
         return (self._step + 1) * self.water.step_ms if self._adrift else None
 
     def _miss_steps(self, now_ms: int) -> None:
-        """A body that was held does not catch up on the steps it missed."""
+        """A body that was held does not take the missed steps later."""
         if not self._adrift:
             self._step = now_ms // self.water.step_ms
 
@@ -151,11 +169,11 @@ class Body:
 
     @property
     def pin_high(self) -> bool:
-        """The charger's pin, by what is physical: a dock holds it and the coils are aligned."""
+        """The physical level of the charger's pin: high while a dock holds the body and the coils are aligned."""
         return self.docked and self.pin_due_ms == 0
 
     def dock(self, north_um: int, east_um: int, now_ms: int) -> None:
-        """A dock closes around it and the coils begin to align."""
+        """Closes a dock around the body; the coils begin to align."""
         if self.buoyancy is not Buoyancy.FLOAT:
             self.settle_depth(now_ms)
         self.docked = True
@@ -163,21 +181,21 @@ class Body:
         self.slip(now_ms)
 
     def slip(self, now_ms: int) -> None:
-        """The coils are apart: the charger stops until they are aligned again."""
+        """Moves the coils apart; the charger stops until they are aligned again."""
         self.pin_due_ms = now_ms + self.water.coil_alignment_ms if self.water.coil_alignment_ms else 0
 
     def align(self) -> None:
-        """The coils are aligned: the charger starts."""
+        """Aligns the coils; the charger starts."""
         self.pin_due_ms = 0
 
     def carry(self, north_um: int, east_um: int) -> None:
-        """The dock that holds it is there."""
+        """Moves the body with its dock."""
         self.north_um = north_um
         self.east_um = east_um
 
     def let_go(self, now_ms: int) -> None:
         self._miss_steps(now_ms)
         if self.buoyancy is not Buoyancy.FLOAT:
-            self.settle_depth(now_ms)  # the motors ran while the dock held it: it sinks from now on
+            self.settle_depth(now_ms)  # the motors ran while the dock held it, so it sinks from now on
         self.docked = False
         self.pin_due_ms = 0

@@ -1,4 +1,4 @@
-"""An aMussel's samples: read from the water, written into flash, uploaded in parts, acknowledged."""
+"""Takes an aMussel's samples from the water, writes them into flash and uploads them in parts."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from firmware_model.sampling.flash_log import FlashLog
 from firmware_model.sampling.sensors import SENSORS, sample
 
 _PACKETS_AT_ONCE = 4
-"""So many are under way before an acknowledgement is waited for."""
+"""The number of packets sent before the next acknowledgement."""
 
 
 class Logbook:
-    """`samples` and `acknowledged` are what the registers kept. A sample's noise is keyed by `seed`, id and sequence."""
+    """`samples` and `acknowledged` come from the registers. `seed`, id and sequence key a sample's noise."""
 
     def __init__(
         self, agent_id: int, seed: int, fields: Fields, flash: Flash, samples: int, acknowledged: int
@@ -27,12 +27,12 @@ class Logbook:
         self._fields = fields
         newest = self.log.newest()
         self.counts = NO_COUNTS if newest is None else newest.counts
-        """Of the newest sample; zeros before there is one, or where it cannot be read."""
+        """The counts of the newest sample; zeros if there is none, or if it cannot be read."""
         self._sent = 0
-        """Up to which sequence the log was sent in this upload."""
+        """The first sequence that this upload has not sent yet."""
 
     def take_sample(self, north_um: int, east_um: int, depth_um: int, now_ms: int, clock_ms: int) -> None:
-        """Of what is so at agent time `now_ms`, which the board takes for `clock_ms`."""
+        """Samples the water at agent time `now_ms`, when the board's clock reads `clock_ms`."""
         log = self.log
         sequence = log.next_sequence
         counts, saturated = sample(
@@ -44,14 +44,14 @@ class Logbook:
         self.counts = counts
 
     def begin_upload(self) -> Iterator[LogRecords]:
-        """The first packets of all that waits; made one by one, so that an agent never holds them all."""
+        """The first packets of all waiting records; made one by one, so that an agent never holds them all."""
         self._sent = self.log.waiting_from
         return self._next_packets()
 
     def acknowledge(self, next_sequence: int) -> Iterator[LogRecords] | None:
         """The packets that follow; None for an acknowledgement of records that were never taken.
 
-        One that acknowledges nothing new asks for what is missing: all is sent again from there.
+        An acknowledgement of nothing new asks for the missing records: the upload starts again from there.
         """
         log = self.log
         if next_sequence > log.next_sequence:

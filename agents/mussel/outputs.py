@@ -1,4 +1,4 @@
-"""What comes out of an agent: what the world can hear, and, on a channel of its own, the truth. Stamps are agent time."""
+"""An agent's outputs: those that the world receives, and the truth, on a channel of its own. Stamps are agent time."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class SoundSent:
 
 @dataclass(frozen=True, slots=True)
 class PingAnswered:
-    """The modem answered a ping, and says with it how long that was under way."""
+    """The modem answered a ping; `travelled_us` is the travel time of the ping's sound."""
 
     at_ms: int
     travelled_us: int
@@ -32,7 +32,7 @@ class PingAnswered:
 
 @dataclass(frozen=True, slots=True)
 class Dropped:
-    """A stimulus that came to nothing; counted, never raised."""
+    """A stimulus without effect; counted, never raised."""
 
     at_ms: int
     reason: str
@@ -43,7 +43,7 @@ Output = WifiSent | SoundSent | Dropped | PingAnswered
 _KINDS: tuple[type[Any], ...] = (WifiSent, SoundSent, Dropped, PingAnswered)
 _CODES: dict[type[Any], int] = {kind: code for code, kind in enumerate(_KINDS)}
 _VALUES = (("data", bytes), ("data", bytes), ("reason", str), ("travelled_us", int))
-"""The name and type of what each kind says besides its time."""
+"""The name and type of each kind's value besides its time."""
 
 
 def to_wire(output: Output) -> list[Any]:
@@ -64,7 +64,7 @@ def from_wire(wire: Any) -> Output:
 
 @dataclass(frozen=True, slots=True)
 class Truth:
-    """What an aMussel is, from `at_ms` until its next Truth. The recorder alone reads it."""
+    """An aMussel's true state, from `at_ms` until its next Truth. The recorder alone reads it."""
 
     HEAD: ClassVar[struct.Struct] = struct.Struct("<QHB")
 

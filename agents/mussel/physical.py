@@ -1,6 +1,6 @@
-"""What is physical of an aMussel: what a reset of its MU does not touch.
+"""The physical state of an aMussel, which a reset of its MU does not touch.
 
-The nursery keeps one of these for every agent; an agent that died is started again from it.
+The nursery keeps one of these for every agent, and restarts a dead agent from it.
 """
 
 from __future__ import annotations
@@ -31,15 +31,15 @@ class Physical:
     buoyancy: Buoyancy
     docked: bool
     pin_due_ms: int = 0
-    """When the coils of its dock will be aligned; 0 when they are, or when no dock holds it."""
+    """When its dock's coils will be aligned; 0 if they are, or if no dock holds it."""
     hover_um: int = 0
-    """The depth that it hovers at, or moves to; 0 when its buoyancy is another."""
+    """The depth at which it hovers, or to which it moves; 0 if its buoyancy is not HOVER."""
     samples: int = 0
-    """How many samples its log has ever taken; with `acknowledged`, in registers that outlive a reset."""
+    """The number of samples ever taken; like `acknowledged`, in a register that outlives a reset."""
     acknowledged: int = 0
-    """Its log's records below this sequence were acknowledged."""
+    """The log's records below this sequence were acknowledged."""
     kept: StoredSettings | None = None
-    """Its clock and its settings; None while nobody has told it anything."""
+    """Its clock and its settings; None until a command changes them."""
 
     def pack(self) -> bytes:
         return self.FORMAT.pack(
@@ -94,28 +94,28 @@ class Physical:
 def _packed(kept: StoredSettings | None) -> tuple[int, ...]:
     if kept is None:
         return (False, *(0,) * 12)
-    it = kept.settings
+    settings = kept.settings
     return (
         True,
         kept.anchor_ms,
         kept.reading_ms,
-        it.alarm_ms,
-        it.sample_ms,
-        it.frame_ms,
-        it.slot_ms,
-        it.guard_ms,
-        it.slot,
-        it.offset_ms,
-        it.safe_level,
-        it.switch_back,
-        it.low_level,
+        settings.alarm_ms,
+        settings.sample_ms,
+        settings.frame_ms,
+        settings.slot_ms,
+        settings.guard_ms,
+        settings.slot,
+        settings.offset_ms,
+        settings.safe_level,
+        settings.switch_back,
+        settings.low_level,
     )
 
 
 def _unpacked(is_kept: bool, anchor_ms: int, reading_ms: int, *settings: int) -> StoredSettings | None:
     if not is_kept:
         return None
-    # Imported here: the paper's worst case keeps nothing, and its agents carry nothing that they do not use.
+    # Imported here, because agents of the paper's worst case keep nothing and do not need the module.
     from firmware_model.settings import Settings, StoredSettings
 
     return StoredSettings(anchor_ms, reading_ms, Settings(*settings))

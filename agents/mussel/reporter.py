@@ -1,4 +1,4 @@
-"""What an aMussel says of itself, as packets: in full by Wi-Fi, and by sound what the modem's generation carries."""
+"""An aMussel's status packets: in full by Wi-Fi, and by sound as much as the modem's generation carries."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ class Modem(IntEnum):
 
 
 RANGE_ANSWER_MS = {Modem.V2: 430, Modem.V3: 105}
-"""How long a modem sends when it answers a ping for its range, which is a frame without data."""
+"""The length of a modem's answer to a ranging ping, which is a frame without data."""
 
 
 class Reporter:
-    """Counts the reports of one aMussel. Without a log it is the paper's worst case: with one status for all media."""
+    """Makes and counts the reports of one aMussel. The paper's worst case has no log and one status for all media."""
 
     def __init__(self, board: Board, body: Body, logbook: Logbook | None, modem: Modem) -> None:
         self._board = board
@@ -37,7 +37,7 @@ class Reporter:
         self._modem = modem
         self._sequence = 0
 
-    def by_wifi(self, now_ms: int) -> Packet:
+    def wifi_status(self, now_ms: int) -> Packet:
         basic, board, logbook = self._basic(now_ms), self._board, self._logbook
         if logbook is None or board.reset_cause is None:
             return basic
@@ -56,7 +56,7 @@ class Reporter:
             board.clock_offset_ms,
         )
 
-    def by_sound(self, now_ms: int) -> Packet:
+    def sound_status(self, now_ms: int) -> Packet:
         basic, logbook = self._basic(now_ms), self._logbook
         if self._modem is Modem.V2:
             return _short(basic)
@@ -65,8 +65,8 @@ class Reporter:
         log = logbook.log
         return AcousticStatus(basic, logbook.counts, log.next_sequence, log.waiting)
 
-    def in_short(self, now_ms: int) -> Packet:
-        """For whoever asked: what even a v2 modem carries, so that the air is soon free again."""
+    def answer(self, now_ms: int) -> Packet:
+        """The answer to a ping: as short as for a v2 modem, so that the channel is soon free again."""
         return _short(self._basic(now_ms))
 
     def _basic(self, now_ms: int) -> StatusPacket:

@@ -1,4 +1,4 @@
-"""Facts that reach an aMussel from the world, and their form on a link. Positions are local NED in micrometres."""
+"""Facts from the world for an aMussel, and their form on a link. Positions are local NED in micrometres."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 
 @dataclass(frozen=True, slots=True)
 class ContactClosed:
-    """A docking mechanism closed around the aMussel, which is now carried at this place."""
+    """A docking mechanism closed around the aMussel and now holds it at this place."""
 
     north_um: int
     east_um: int
@@ -24,7 +24,7 @@ class DockMoved:
 
 @dataclass(frozen=True, slots=True)
 class ContactOpened:
-    """The docking mechanism let the aMussel go."""
+    """The docking mechanism released the aMussel."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,26 +39,26 @@ class WifiArrived:
 
 @dataclass(frozen=True, slots=True)
 class CoilSlipped:
-    """The coils slipped apart in a closed dock: the charger stops, and has to be aligned again."""
+    """The coils slipped apart in a closed dock: the charger stops until they are aligned again."""
 
 
 @dataclass(frozen=True, slots=True)
 class PingArrived:
-    """A ping for this modem, whose sound was under way for `travelled_us`. The modem answers it without its board."""
+    """A ping for this modem, whose sound travelled for `travelled_us`. The modem answers it without its board."""
 
     travelled_us: int
 
 
 @dataclass(frozen=True, slots=True)
 class ModemSent:
-    """Its modem sent something that its board did not ask for, and that lasted so long: somebody has opened it."""
+    """The modem sent for `lasting_ms` without a request of its board, because somebody has opened the modem."""
 
     lasting_ms: int
 
 
 @dataclass(frozen=True, slots=True)
 class Placed:
-    """The aMussel was put here, undocked, with these charges (grains), and switched on: another, or one that is back."""
+    """An aMussel, new or returned, was put here, undocked, with these charges (grains), and switched on."""
 
     north_um: int
     east_um: int
@@ -69,7 +69,7 @@ class Placed:
 
 @dataclass(frozen=True, slots=True)
 class WasReset:
-    """Its MU was reset by `cause` (a ResetCause); what is physical went on."""
+    """Its MU was reset by `cause` (a ResetCause); its physical state stayed."""
 
     cause: int
 

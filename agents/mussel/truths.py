@@ -1,4 +1,4 @@
-"""Truths on the fleet's one truth socket: a datagram says whose they are and of which window, so that it commits whole."""
+"""Truths on the fleet's one truth socket. A datagram names its agent and window, so that a window commits whole."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class TruthMessage:
 
 
 def encode(agent_id: int, key: Key, truths: list[Truth]) -> list[bytes]:
-    """Datagrams that carry `truths`, in order; none for none."""
+    """The datagrams that carry `truths`, in order; none if there are no truths."""
     head = _HEAD.pack(agent_id, *key)
     return [
         head + b"".join([truth.pack() for truth in truths[start : start + _AT_ONCE]])
@@ -35,7 +35,7 @@ def encode(agent_id: int, key: Key, truths: list[Truth]) -> list[bytes]:
 
 
 def decode(data: bytes) -> TruthMessage:
-    """The inverse of `encode`, of one datagram; LinkError for other bytes."""
+    """The inverse of `encode`, for one datagram; LinkError for other bytes."""
     if len(data) > LIMIT_BYTES or len(data) < _HEAD.size or (len(data) - _HEAD.size) % _TRUTH_BYTES:
         raise LinkError(f"{len(data)} bytes are no truths")
     agent_id, epoch, sequence = _HEAD.unpack_from(data)
@@ -54,15 +54,15 @@ def decode(data: bytes) -> TruthMessage:
 
 
 class TruthReceiver:
-    """The reading end. What is no telling is counted in `dropped`."""
+    """The reading end. It counts other datagrams in `dropped`."""
 
     def __init__(self, sock: socket.socket, dropped: Counter[str]) -> None:
         self._sock = sock
         self._dropped = dropped
-        self._told: dict[int, list[TruthMessage]] = {}
+        self._messages: dict[int, list[TruthMessage]] = {}
 
-    def hear(self) -> None:
-        """Takes all that is there: an agent tells the truth before it answers."""
+    def receive(self) -> None:
+        """Reads all waiting datagrams. An agent sends its truths before it answers."""
         while True:
             try:
                 data = self._sock.recv(LIMIT_BYTES + 1, socket.MSG_DONTWAIT)
@@ -71,17 +71,17 @@ class TruthReceiver:
             if not data and hung_up(self._sock):
                 return
             try:
-                telling = decode(data)
+                message = decode(data)
             except LinkError as error:
                 self._dropped[f"truth: {error}"] += 1
                 continue
-            self._told.setdefault(telling.agent_id, []).append(telling)
+            self._messages.setdefault(message.agent_id, []).append(message)
 
     def take(self, agent_id: int, up_to: Key) -> tuple[Truth, ...]:
-        """An agent's truths up to an answered window, in order; any others of it are forgotten."""
-        tellings = self._told.pop(agent_id, [])
-        return tuple([truth for telling in tellings for truth in telling.truths if telling.key <= up_to])
+        """An agent's truths up to an answered window, in order; the receiver forgets its others."""
+        messages = self._messages.pop(agent_id, [])
+        return tuple([truth for message in messages for truth in message.truths if message.key <= up_to])
 
     def forget(self, agent_id: int) -> None:
-        """The truths of an unanswered window did not happen."""
-        self._told.pop(agent_id, None)
+        """Forgets the truths of an unanswered window, which did not happen."""
+        self._messages.pop(agent_id, None)

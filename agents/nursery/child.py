@@ -24,28 +24,28 @@ _SIGTERM = int(signal.SIGTERM)
 def live(
     nursery_pid: int,
     name: bytes,
-    theirs: int,
+    agent_end: int,
     link_fd: int,
     descriptors: int,
     link: socket.socket,
-    room: memoryview,
-    servant: WindowHandler,
+    buffer: memoryview,
+    handler: WindowHandler,
 ) -> None:
-    """A forked agent's whole life; it never returns.
+    """Runs a forked agent until its end; it never returns.
 
-    It runs once, unlike all that was rehearsed: so it finds what it needs in arguments and globals, because each attribute
-    that is looked up for the first time copies some five pages.
+    The warm-up cannot run this function. So it takes what it needs from arguments and globals, because the first look-up
+    of each attribute copies some five pages.
     """
     status = 1
     try:
-        _DUP2(theirs, link_fd)
+        _DUP2(agent_end, link_fd)
         _CLOSERANGE(link_fd + 1, descriptors)
         _PRCTL(_PR_SET_PDEATHSIG, _SIGKILL, 0, 0, 0)
         if _GETPPID() != nursery_pid:
             _EXIT(0)  # the nursery died before its death could be a signal
         _PRCTL(_PR_SET_NAME, name, 0, 0, 0)
         _SET_SIGNAL(_SIGTERM, _SIG_DFL)
-        serve(link, room, servant)
+        serve(link, buffer, handler)
         status = 0
     except BaseException:
         sys.excepthook(*sys.exc_info())

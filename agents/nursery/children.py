@@ -1,4 +1,4 @@
-"""The nursery's agents: forks them, knows their links, reaps them, and refuses to start one that dies too often."""
+"""Forks the nursery's agents, keeps their links, reaps them, and refuses to restart one that dies too often."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from agents.hosting.agent_process import WindowHandler, message_room
+from agents.hosting.agent_process import WindowHandler, message_buffer
 from agents.hosting.link_protocol import Key, readable
 from agents.mussel.agent import Agent
 from agents.nursery.child import live
 from agents.nursery.flash_file import FLASH_NAME, FlashRegion
 from agents.nursery.fleet_file import PHYSICAL_NAME, FleetFile
-from agents.nursery.memory_layout import fill_holes, gather_code, offer_for_merging, return_freed_memory
+from agents.nursery.memory_layout import offer_for_merging, return_freed_memory
 from agents.nursery.protocol import Died
 from agents.nursery.state_file import PAIR_BYTES, Record, RecordPair
-from agents.nursery.warm_up import ROUND, warm_up
+from agents.nursery.warm_up import warm_up
 from firmware_model.packets.codec import load_codec
 from firmware_model.stimuli import ResetCause
 
@@ -49,40 +49,41 @@ class Boot:
 
 @dataclass(frozen=True, slots=True)
 class PendingFork:
-    """All that a fork needs; `place` is in the order that was asked, `ours` and `theirs` are its link's ends."""
+    """Everything prepared for a fork. `place` is its index in the request."""
 
     place: int
     agent_id: int
     name: bytes
-    servant: WindowHandler
-    ours: int
-    theirs: int
+    handler: WindowHandler
+    supervisor_end: int
+    """The supervisor's end of the link."""
+    agent_end: int
 
 
 class NotStarted(ValueError):
-    """Why an agent was not started."""
+    """An agent was not started, for this reason."""
 
 
 class AgentProcesses:
-    """All agents of one fleet file. It forks: its process must have no threads and little memory."""
+    """All agents of one fleet file. Its process forks, and so must have no threads and little memory."""
 
     def __init__(self, run_dir: str, file: FleetFile) -> None:
-        """ValueError when another nursery, or an agent of one, keeps the physical file for too long."""
-        self._slots_fd = os.open(os.path.join(run_dir, PHYSICAL_NAME), os.O_RDWR | os.O_CREAT, 0o644)
-        _lock(self._slots_fd)
+        """ValueError if another nursery, or an agent of one, keeps the physical file locked for too long."""
+        self._records_fd = os.open(os.path.join(run_dir, PHYSICAL_NAME), os.O_RDWR | os.O_CREAT, 0o644)
+        _lock(self._records_fd)
         self._flash_fd = os.open(os.path.join(run_dir, FLASH_NAME), os.O_RDWR | os.O_CREAT, 0o644)
-        # Places below every sibling's descriptor, so that a child closes those in one call.
-        teller_fd = os.open(os.devnull, os.O_RDONLY)
+        # These descriptors lie below those of all links, so that a child closes its siblings' links in one call.
+        truth_fd = os.open(os.devnull, os.O_RDONLY)
         self._link = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        """A child's link takes its place there."""
-        self.truth, teller = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        with teller:
-            os.dup2(teller.fileno(), teller_fd)
-        self._teller = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET, 0, teller_fd)
-        self._teller.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _TRUTH_ROOM_BYTES)
-        self._room = message_room()
+        """A placeholder: in a child, the child's link takes its descriptor."""
+        self.truth, agents_end = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        with agents_end:
+            os.dup2(agents_end.fileno(), truth_fd)
+        self._truth_out = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET, 0, truth_fd)
+        self._truth_out.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _TRUTH_ROOM_BYTES)
+        self._buffer = message_buffer()
         self._descriptors = resource.getrlimit(resource.RLIMIT_NOFILE)[0]
-        self._upbringing = file.restart_policy
+        self._restart_policy = file.restart_policy
         self._codec = load_codec(file.fleet.codec)
         self._configs = file.fleet.maker()
         self._flash_pages = file.fleet.flash_pages
@@ -90,15 +91,14 @@ class AgentProcesses:
         self._restarted_at_s: dict[int, list[float]] = {}
         self.children: dict[int, Child] = {}
         self._id_of_pid: dict[int, int] = {}
-        # Births are written in the order of their places: a file without the last one has never been used.
-        if os.fstat(self._slots_fd).st_size <= PAIR_BYTES * (len(self._index) - 1):
+        # First records are written in order: a file without the last one has never been used.
+        if os.fstat(self._records_fd).st_size <= PAIR_BYTES * (len(self._index) - 1):
             for agent_id in self._index:
                 self._pair(agent_id).initial_state(file.initial_states[agent_id])
 
     def warm(self) -> None:
-        """Runs and touches all that an agent uses, then sets it apart from the garbage collector, to be shared."""
+        """Runs all code of an agent, then freezes its objects: the garbage collector must not write to shared pages."""
         agent_id = next(iter(self._index), 0)
-        gather_code(lambda: warm_up(self._configs, self._codec, agent_id, ROUND))
         warm_up(self._configs, self._codec, agent_id)
         gc.collect()
         gc.freeze()
@@ -106,16 +106,16 @@ class AgentProcesses:
         offer_for_merging()
 
     def rows(self) -> list[tuple[int, int, int, int, int]]:
-        """(agent_id, pid or 0, epoch, sequence, granted_ms) of each agent's newest slot."""
+        """(agent_id, pid or 0, epoch, sequence, granted_ms) of each agent's newest record."""
         rows = []
         for agent_id in self._index:
-            slot = _newest(self._pair(agent_id), None)
+            record = _newest(self._pair(agent_id), None)
             child = self.children.get(agent_id)
-            rows.append((agent_id, child.pid if child else 0, *slot.key, slot.granted_ms))
+            rows.append((agent_id, child.pid if child else 0, *record.key, record.granted_ms))
         return rows
 
     def start(self, wanted: Sequence[Boot]) -> list[Child | NotStarted]:
-        """Forks agents; a Child, or why there is none, for each wanted one in order."""
+        """Forks agents. Returns a Child, or why there is none, for each boot in order."""
         outcomes: dict[int, Child | NotStarted] = {}
         pending: list[PendingFork] = []
         for place, boot in enumerate(wanted):
@@ -125,23 +125,31 @@ class AgentProcesses:
                 pending.append(self._prepare_fork(place, boot))
             except NotStarted as refusal:
                 outcomes[place] = refusal
-        # What this process writes to between two forks, every agent after it pays for: so the forks come last, alone.
-        # What an agent makes goes into pages of its own, and not into the holes of pages that it would have to copy.
-        filling = fill_holes()
-        # An agent's garbage collector writes to every young object: freezing leaves it none of these.
+        # Each page that this process writes between two forks costs every later agent a copy: the forks come last, alone.
+        # An agent's garbage collector writes to every young object: freezing leaves none of them.
+        gc.collect()
+        return_freed_memory()
         gc.freeze()
         nursery_pid = os.getpid()
-        link, link_fd, room, descriptors = self._link, self._link.fileno(), self._room, self._descriptors
+        link, link_fd, buffer, descriptors = self._link, self._link.fileno(), self._buffer, self._descriptors
         pids = []
         for agent in pending:
             pid = os.fork()
             if pid == 0:
-                live(nursery_pid, agent.name, agent.theirs, link_fd, descriptors, link, room, agent.servant)
+                live(
+                    nursery_pid,
+                    agent.name,
+                    agent.agent_end,
+                    link_fd,
+                    descriptors,
+                    link,
+                    buffer,
+                    agent.handler,
+                )
             pids.append(pid)
-        del filling
         for pid, agent in zip(pids, pending, strict=True):
-            os.close(agent.theirs)
-            outcomes[agent.place] = self.children[agent.agent_id] = Child(pid, agent.ours)
+            os.close(agent.agent_end)
+            outcomes[agent.place] = self.children[agent.agent_id] = Child(pid, agent.supervisor_end)
             self._id_of_pid[pid] = agent.agent_id
         return [outcomes[place] for place in range(len(wanted))]
 
@@ -152,24 +160,24 @@ class AgentProcesses:
         if agent_id in self.children:
             raise NotStarted(f"aMussel {agent_id} lives already, as process {self.children[agent_id].pid}")
         pair = self._pair(agent_id)
-        slot = _newest(pair, boot.up_to)
-        if boot.at_ms < slot.granted_ms:
-            reason = f"it has lived to {slot.granted_ms} ms and cannot boot at {boot.at_ms} ms"
+        record = _newest(pair, boot.up_to)
+        if boot.at_ms < record.granted_ms:
+            reason = f"it has lived to {record.granted_ms} ms and cannot boot at {boot.at_ms} ms"
             raise NotStarted(f"aMussel {agent_id}: {reason}")
         if boot.cause is not ResetCause.POWER_ON:
             self._count_restart(agent_id)
-        ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        # Made here, it costs the agent's own process none of the memory that making it touches.
+        supervisor_end, agent_end = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        # Made before the fork, the agent costs its own process none of the memory that its making touches.
         flash = FlashRegion(self._flash_fd, self._index[agent_id], self._flash_pages)
-        flash.roll_back(slot.physical.samples)
+        flash.roll_back(record.physical.samples)
         config = self._configs.config(agent_id)
-        agent = Agent(config, self._codec, slot.physical, boot.at_ms, boot.cause, flash)
-        servant = WindowHandler(agent, pair, self._teller, slot.key, boot.at_ms)
+        agent = Agent(config, self._codec, record.physical, boot.at_ms, boot.cause, flash)
+        handler = WindowHandler(agent, pair, self._truth_out, record.key, boot.at_ms)
         name = b"amussel-%d" % agent_id
-        return PendingFork(place, agent_id, name, servant, ours.detach(), theirs.detach())
+        return PendingFork(place, agent_id, name, handler, supervisor_end.detach(), agent_end.detach())
 
     def kill(self, agent_id: int) -> None:
-        """Kills a stopped or stuck agent and waits for its end, which a SIGKILL brings in any state."""
+        """Kills a stopped or stuck agent and waits for its end; a SIGKILL ends it in any state."""
         child = self.children[agent_id]
         os.kill(child.pid, signal.SIGKILL)
         os.waitpid(child.pid, 0)
@@ -184,14 +192,14 @@ class AgentProcesses:
                 break
             agent_id = self._id_of_pid[pid]
             self._forget(agent_id)
-            died.append(Died(agent_id, pid, _words(status)))
+            died.append(Died(agent_id, pid, _ending(status)))
         return died
 
     def end(self) -> None:
-        """Ends every agent: SIGTERM, and SIGKILL for those that are still there after the stated time."""
+        """Ends every agent: SIGTERM, and SIGKILL for those still alive after the policy's time."""
         for child in self.children.values():
             os.kill(child.pid, signal.SIGTERM)
-        deadline_s = time.monotonic() + self._upbringing.ending_s
+        deadline_s = time.monotonic() + self._restart_policy.ending_s
         for agent_id, child in list(self.children.items()):
             descriptor = os.pidfd_open(child.pid)
             if not readable(descriptor, deadline_s - time.monotonic()):
@@ -199,11 +207,11 @@ class AgentProcesses:
             os.close(descriptor)
             os.waitpid(child.pid, 0)
             self._forget(agent_id)
-        os.fsync(self._slots_fd)
+        os.fsync(self._records_fd)
         os.fsync(self._flash_fd)
 
     def _count_restart(self, agent_id: int) -> None:
-        limit = self._upbringing
+        limit = self._restart_policy
         now_s = time.monotonic()
         recent = [at_s for at_s in self._restarted_at_s.get(agent_id, []) if at_s > now_s - limit.within_s]
         self._restarted_at_s[agent_id] = recent
@@ -219,11 +227,11 @@ class AgentProcesses:
         os.close(child.link)
 
     def _pair(self, agent_id: int) -> RecordPair:
-        return RecordPair(self._slots_fd, self._index[agent_id], agent_id)
+        return RecordPair(self._records_fd, self._index[agent_id], agent_id)
 
 
 def _lock(descriptor: int) -> None:
-    """Agents inherit this lock: it is free once a dead nursery's last agent is gone, too."""
+    """Locks the file. Agents inherit the lock, so a dead nursery's lock is free once its last agent has ended, too."""
 
     def give_up(*_: object) -> None:
         raise ValueError("another nursery, or an agent of one, lives there")
@@ -235,15 +243,15 @@ def _lock(descriptor: int) -> None:
 
 
 def _newest(pair: RecordPair, up_to: Key | None) -> Record:
-    slot = pair.newest(up_to)
-    if slot is None:
+    record = pair.newest(up_to)
+    if record is None:
         raise NotStarted(
             f"the physical file has no whole slot of aMussel {pair.agent_id} up to window {up_to}"
         )
-    return slot
+    return record
 
 
-def _words(status: int) -> str:
+def _ending(status: int) -> str:
     if os.WIFSIGNALED(status):
         return f"killed by {signal.Signals(os.WTERMSIG(status)).name}"
     return f"ended with exit status {os.WEXITSTATUS(status)}; nursery.log says why"

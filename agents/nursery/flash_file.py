@@ -1,7 +1,7 @@
 """The fleet's flash file: a region for each agent, which the nursery opens once and agents inherit open.
 
-It is read and written in place and never mapped: a mapped page would count as an agent's memory. What nobody wrote reads as
-zeros and takes no room on the disk.
+Agents read and write it in place and never map it, because a mapped page would count as an agent's memory. Unwritten parts
+read as zeros and take no room on the disk.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ class FlashRegion:
         self.program(page * self.page_bytes, bytes(self.page_bytes))
 
     def roll_back(self, next_sequence: int) -> None:
-        """As if no record from `next_sequence` on had been written: those of an unanswered window did not happen."""
+        """Erases the records from `next_sequence` on: those of an unanswered window did not happen."""
         ring = Ring(self.pages, self.page_bytes)
         at = ring.address(next_sequence)
         rest = bytes(self.page_bytes - at % self.page_bytes)

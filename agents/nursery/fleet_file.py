@@ -1,4 +1,4 @@
-"""What a nursery is to raise, in its run directory, so that a new nursery needs nothing but the directory."""
+"""The file of a run's fleet, so that a new nursery needs nothing but the run directory."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ class RestartPolicy:
     """How the nursery treats its agents and itself, in real seconds."""
 
     orphan_s: float = 600.0
-    """With no supervisor for so long, the fleet and the nursery end."""
+    """The fleet and the nursery end after this time without a supervisor."""
     restarts: int = 5
     within_s: float = 60.0
-    """An agent that would start again more than `restarts` times within `within_s` stays dead."""
+    """An agent that would restart more than `restarts` times within `within_s` stays dead."""
     ending_s: float = 2.0
-    """How long agents have to end when asked to, before they are killed."""
+    """The time that agents have to end after SIGTERM, before the nursery kills them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,7 +35,7 @@ class FleetFile:
     restart_policy: RestartPolicy
 
     def write(self, run_dir: str) -> None:
-        """Writes it into an existing directory. FileExistsError when a fleet lives there already."""
+        """Writes the file into an existing directory. FileExistsError if there is a fleet already."""
         restart_policy = self.restart_policy
         data: bytes = msgpack.packb(
             [
@@ -54,7 +54,7 @@ class FleetFile:
 
     @classmethod
     def read(cls, run_dir: str) -> FleetFile:
-        """The inverse of `write`; OSError when there is none."""
+        """The inverse of `write`; OSError if there is no file."""
         with open(os.path.join(run_dir, FLEET_NAME), "rb") as file:
             fleet, initial_states, restart_policy = msgpack.unpackb(file.read(), strict_map_key=False)
         return cls(

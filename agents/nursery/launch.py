@@ -1,14 +1,16 @@
-"""Brings a nursery to life in a run directory: a fresh interpreter in a session of its own, that outlives its starter."""
+"""Starts a nursery in a run directory: a fresh interpreter in a session of its own, which outlives its starter."""
 
 from __future__ import annotations
 
 import os
+import signal
 import subprocess
 import sys
-from collections.abc import Mapping
+import threading
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 
 from agents.fleet import FleetConfig
-from agents.hosting.interrupts import held_back
 from agents.hosting.link_protocol import readable
 from agents.mussel.physical import Physical
 from agents.nursery.fleet_file import MAX_AGENT_ID, FleetFile, RestartPolicy
@@ -18,7 +20,7 @@ LOG_NAME = "nursery.log"
 
 
 class NurseryFailed(RuntimeError):
-    """Why there is no nursery."""
+    """No nursery came up, for this reason."""
 
 
 def prepare(
@@ -27,9 +29,9 @@ def prepare(
     initial_states: Mapping[int, Physical],
     restart_policy: RestartPolicy | None = None,
 ) -> None:
-    """Writes what a nursery needs into an existing run directory.
+    """Writes a nursery's files into an existing run directory.
 
-    ValueError for an id that fits into no packet, FileExistsError where a fleet lives already.
+    ValueError for an id that fits into no packet, FileExistsError if the directory has a fleet already.
     """
     for agent_id in initial_states:
         if not 0 <= agent_id <= MAX_AGENT_ID:
@@ -38,18 +40,18 @@ def prepare(
 
 
 def launch_nursery(run_dir: str | os.PathLike[str]) -> subprocess.Popen[bytes]:
-    """Starts a nursery in a prepared directory and waits until it listens; NurseryFailed, in its own words, if it does not.
+    """Starts a nursery in a prepared directory and waits until it listens; NurseryFailed, with its own text, if it fails.
 
-    It says no word on the caller's terminal: what it has to tell goes to `nursery.log` in the directory.
+    It prints nothing on the caller's terminal: its messages go to `nursery.log` in the directory.
     """
     reading, writing = os.pipe()
     package_root = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
     search = [package_root, *(entry for entry in sys.path if entry and entry != package_root)]
-    with held_back() as let_in:
+    with signals_held_back() as let_in:
         try:
             with open(os.path.join(run_dir, LOG_NAME), "ab") as log:
                 process = subprocess.Popen(
-                    # -S: the path is handed over ready, and site would bring modules that no agent needs.
+                    # -S: PYTHONPATH has the whole path already, and site would import modules that no agent needs.
                     [sys.executable, "-S", "-m", "agents.nursery", os.fspath(run_dir), str(writing)],
                     env={**os.environ, "PYTHONPATH": os.pathsep.join(search)},
                     stdin=subprocess.DEVNULL,
@@ -64,7 +66,7 @@ def launch_nursery(run_dir: str | os.PathLike[str]) -> subprocess.Popen[bytes]:
             let_in()
             _wait_until_ready(reading, os.path.join(run_dir, LOG_NAME))
         except BaseException:
-            # Ctrl-C too: nobody else knows of it yet, and it would wait for a supervisor for ever.
+            # Ctrl-C too: nobody else knows of the nursery yet, and it would wait for a supervisor for ever.
             process.kill()
             process.wait()
             raise
@@ -73,8 +75,35 @@ def launch_nursery(run_dir: str | os.PathLike[str]) -> subprocess.Popen[bytes]:
     return process
 
 
+@contextmanager
+def signals_held_back() -> Iterator[Callable[[], None]]:
+    """Holds Ctrl-C and SIGTERM back while a process starts, because nobody else could end that process yet.
+
+    They act, as they did before, when the yielded function is called, or at the end. Python receives signals in the main
+    thread only, so in other threads nothing is held back.
+    """
+    received: list[int] = []
+    before = {}
+    if threading.current_thread() is threading.main_thread():
+        for number in (signal.SIGINT, signal.SIGTERM):
+            before[number] = signal.signal(number, lambda it, _: received.append(it))
+
+    def let_in() -> None:
+        while before:
+            signal.signal(*before.popitem())
+        if received:
+            signal.raise_signal(received.pop())
+
+    try:
+        yield let_in
+    finally:
+        let_in()
+
+
 def _wait_until_ready(reading: int, log: str) -> None:
-    heard = readable(reading, READY_TIMEOUT_S)
-    word = os.read(reading, 4096).decode() if heard else f"it was not ready within {READY_TIMEOUT_S:g} s\n"
-    if word != "ready\n":
-        raise NurseryFailed(word.strip() or f"the nursery ended at once; {log} says why")
+    answered = readable(reading, READY_TIMEOUT_S)
+    message = (
+        os.read(reading, 4096).decode() if answered else f"it was not ready within {READY_TIMEOUT_S:g} s\n"
+    )
+    if message != "ready\n":
+        raise NurseryFailed(message.strip() or f"the nursery ended at once; {log} says why")

@@ -1,4 +1,4 @@
-"""What a supervisor and the nursery say to each other, and how they meet. Agents' sockets travel along as descriptors."""
+"""Messages between a supervisor and the nursery, and their socket. Agents' sockets travel along as descriptors."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from agents.hosting.link_protocol import LIMIT_BYTES, LinkError
 
 SOCKET_NAME = "nursery.sock"
 DESCRIPTORS_AT_ONCE = 200
-"""Below the kernel's 253 descriptors a message."""
+"""At most so many descriptors in a message; the kernel's limit is 253."""
 
 
 @dataclass(frozen=True, slots=True)
 class Hello:
-    """A supervisor's first word. Epochs rise: whoever comes with a higher one takes over, a lower one is refused."""
+    """A supervisor's first message. Epochs rise: a supervisor with a higher one takes over, a lower one is refused."""
 
     epoch: int
 
 
 @dataclass(frozen=True, slots=True)
 class Start:
-    """Rows (agent_id, at_ms, ResetCause, epoch, sequence): boot it at agent time `at_ms` as it was at that key."""
+    """Rows (agent_id, at_ms, ResetCause, epoch, sequence): boot at agent time `at_ms`, in the state at that key."""
 
     request: int
     rows: tuple[tuple[int, ...], ...]
@@ -40,12 +40,12 @@ class Kill:
 
 @dataclass(frozen=True, slots=True)
 class End:
-    """End every agent, and then the nursery itself."""
+    """Ends every agent, and then the nursery itself."""
 
 
 @dataclass(frozen=True, slots=True)
 class Welcome:
-    """The answer to Hello; the truth socket's reading end comes along. `rolls` Rolls follow."""
+    """The answer to Hello, with the truth socket's reading end. `rolls` messages of ChildList follow."""
 
     pid: int
     rolls: int
@@ -53,9 +53,9 @@ class Welcome:
 
 @dataclass(frozen=True, slots=True)
 class ChildList:
-    """Rows (agent_id, pid, epoch, sequence, granted_ms): pid 0 is a dead one, the rest is its newest slot.
+    """Rows (agent_id, pid, epoch, sequence, granted_ms): pid 0 is a dead agent, the rest is its newest record.
 
-    The links of the living come along in the order of the rows.
+    The message brings the links of the living agents in the order of the rows.
     """
 
     rows: tuple[tuple[int, ...], ...]
@@ -77,12 +77,12 @@ class Killed:
 
 @dataclass(frozen=True, slots=True)
 class Ended:
-    """Every agent is gone, and the nursery goes."""
+    """Every agent has ended, and the nursery ends."""
 
 
 @dataclass(frozen=True, slots=True)
 class Died:
-    """An agent's process ended by itself or was killed from outside."""
+    """An agent's process ended by itself, or somebody else killed it."""
 
     agent_id: int
     pid: int
@@ -91,7 +91,7 @@ class Died:
 
 @dataclass(frozen=True, slots=True)
 class Refused:
-    """`request` is 0 for what has no number; `fenced` when a newer supervisor has taken over."""
+    """`request` is 0 for messages without a number; `fenced` is true if a newer supervisor has taken over."""
 
     request: int
     agent_id: int
@@ -102,7 +102,7 @@ class Refused:
 Message = Hello | Start | Kill | End | Welcome | ChildList | Started | Killed | Ended | Died | Refused
 
 _FIELDS: dict[type[Any], tuple[type | int, ...]] = {
-    # A number n stands for rows of n counts.
+    # A number n stands for rows of n numbers.
     Hello: (int,),
     Start: (int, 5),
     Kill: (int, int),
@@ -161,7 +161,7 @@ def _row(row: Any, wanted: int, kind: type[Any]) -> tuple[int, ...]:
 
 
 def send(sock: socket.socket, message: Message, descriptors: Sequence[int] = ()) -> None:
-    """Sends within the socket's own time-out; OSError when the other end is gone or does not listen."""
+    """Sends within the socket's own time-out; OSError if the other end is gone or does not read."""
     data = encode(message)
     if descriptors:
         socket.send_fds(sock, [data], list(descriptors))
@@ -170,9 +170,9 @@ def send(sock: socket.socket, message: Message, descriptors: Sequence[int] = ())
 
 
 def receive(sock: socket.socket) -> tuple[Message, list[int]] | None:
-    """A message and the descriptors with it, or None at the end of the link.
+    """A message and its descriptors, or None at the end of the link.
 
-    Raises LinkError for what is no message, after closing what came with it.
+    Raises LinkError for bytes that are no message, after closing their descriptors.
     """
     data, descriptors, flags, _ = socket.recv_fds(sock, LIMIT_BYTES, DESCRIPTORS_AT_ONCE)
     try:
@@ -188,7 +188,7 @@ def receive(sock: socket.socket) -> tuple[Message, list[int]] | None:
 
 
 def listen(run_dir: str) -> socket.socket:
-    """The nursery's socket in its run directory. A socket that a dead nursery left there is replaced."""
+    """The nursery's socket in its run directory. It replaces a socket that a dead nursery left."""
     sock = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     directory = os.open(run_dir, os.O_RDONLY | os.O_DIRECTORY)
     try:
@@ -203,7 +203,7 @@ def listen(run_dir: str) -> socket.socket:
 
 
 def connect(run_dir: str, timeout_s: float) -> socket.socket:
-    """A link to the nursery of a run directory, with that time-out. OSError when there is none."""
+    """A link to the nursery of a run directory, with that time-out. OSError if there is no nursery."""
     sock = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     directory = os.open(run_dir, os.O_RDONLY | os.O_DIRECTORY)
     try:
@@ -218,5 +218,5 @@ def connect(run_dir: str, timeout_s: float) -> socket.socket:
 
 
 def _short_path(directory: int) -> str:
-    """A Unix socket's path ends at 107 bytes; a run directory's may be longer."""
+    """A path within a Unix socket's 107 bytes; a run directory's may be longer."""
     return f"/proc/self/fd/{directory}/{SOCKET_NAME}"

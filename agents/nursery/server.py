@@ -1,4 +1,4 @@
-"""The nursery's one loop: it waits for whoever speaks, answers, and says who died."""
+"""The nursery's one loop: it receives requests, answers them, and reports deaths."""
 
 from __future__ import annotations
 
@@ -15,37 +15,37 @@ from agents.nursery.fleet_file import FleetFile
 from firmware_model.stimuli import ResetCause
 
 _SEND_TIMEOUT_S = 5.0
-"""A supervisor that does not listen for so long has left."""
-_GUESTS = 8
-"""Connections that have not said Hello yet; a further one is closed at once."""
+"""A supervisor that reads nothing for so long has left."""
+_NEWCOMERS = 8
+"""The most connections without a Hello; the nursery closes a further one at once."""
 
 
 class NurseryServer:
-    """Looks after a brood, for one supervisor at a time. `wakeup` is readable after a signal."""
+    """Manages the agents for one supervisor at a time. `wakeup` is readable after a signal."""
 
-    def __init__(self, run_dir: str, file: FleetFile, brood: AgentProcesses, wakeup: socket.socket) -> None:
-        self._brood = brood
+    def __init__(self, run_dir: str, file: FleetFile, agents: AgentProcesses, wakeup: socket.socket) -> None:
+        self._agents = agents
         self._orphan_s = file.restart_policy.orphan_s
-        self._epoch = max((row[2] for row in brood.rows()), default=0)
+        self._epoch = max((row[2] for row in agents.rows()), default=0)
         self._greeted = False
         self._listener = protocol.listen(run_dir)
         self._wakeup = wakeup
-        self._guests: dict[int, socket.socket] = {}
+        self._newcomers: dict[int, socket.socket] = {}
         self._supervisor: socket.socket | None = None
         self._left_at_s = time.monotonic()
         self._ending = False
 
     def run(self) -> None:
-        """Until told to end, or until the fleet has been an orphan for the stated time."""
+        """Runs until it is told to end, or until the fleet was an orphan for the policy's time."""
         while not self._ending:
-            readers = [self._listener, self._wakeup, *self._guests.values()]
+            readers = [self._listener, self._wakeup, *self._newcomers.values()]
             timeout_s = None
             if self._supervisor is not None:
                 readers.append(self._supervisor)
             else:
                 timeout_s = self._left_at_s + self._orphan_s - time.monotonic()
                 if timeout_s <= 0:
-                    _say(f"no supervisor for {self._orphan_s:g} s: the fleet ends")
+                    _log(f"no supervisor for {self._orphan_s:g} s: the fleet ends")
                     break
             poll = select.poll()
             for reader in readers:
@@ -56,115 +56,115 @@ class NurseryServer:
             self._reap(self._wakeup.fileno() in ready)
             for reader in readers[2:]:
                 if reader.fileno() in ready:
-                    self._hear(reader)
+                    self._receive(reader)
             if self._listener.fileno() in ready:
                 self._accept()
-        self._brood.end()
-        self._say_to_supervisor(protocol.Ended())
+        self._agents.end()
+        self._send_to_supervisor(protocol.Ended())
 
     def end(self) -> None:
         self._ending = True
 
     def _accept(self) -> None:
-        guest, _ = self._listener.accept()
-        guest.settimeout(_SEND_TIMEOUT_S)
-        if len(self._guests) < _GUESTS:
-            self._guests[guest.fileno()] = guest
+        newcomer, _ = self._listener.accept()
+        newcomer.settimeout(_SEND_TIMEOUT_S)
+        if len(self._newcomers) < _NEWCOMERS:
+            self._newcomers[newcomer.fileno()] = newcomer
         else:
-            guest.close()
+            newcomer.close()
 
-    def _hear(self, sock: socket.socket) -> None:
+    def _receive(self, sock: socket.socket) -> None:
         try:
-            heard = protocol.receive(sock)
+            received = protocol.receive(sock)
         except LinkError as error:
-            _say(f"a message was dropped: {error}")
-            self._say_to(sock, protocol.Refused(0, 0, False, f"dropped: {error}"))
+            _log(f"a message was dropped: {error}")
+            self._send(sock, protocol.Refused(0, 0, False, f"dropped: {error}"))
             return
         except OSError:
-            heard = None
-        if heard is None:
+            received = None
+        if received is None:
             self._leave(sock)
             return
-        message, descriptors = heard
+        message, descriptors = received
         for descriptor in descriptors:
             os.close(descriptor)
         if isinstance(message, protocol.Hello):
             self._greet(sock, message.epoch)
         elif sock is not self._supervisor:
-            self._say_to(sock, protocol.Refused(0, 0, False, "say Hello first"))
+            self._send(sock, protocol.Refused(0, 0, False, "say Hello first"))
         else:
-            self._obey(message)
+            self._handle(message)
 
     def _greet(self, sock: socket.socket, epoch: int) -> None:
         if epoch < self._epoch or (epoch == self._epoch and self._greeted):
             reason = f"fenced off: epoch {self._epoch} is taken; a new supervisor comes with a higher one, not {epoch}"
-            self._say_to(sock, protocol.Refused(0, 0, True, reason))
+            self._send(sock, protocol.Refused(0, 0, True, reason))
             return
         if self._supervisor is not None and self._supervisor is not sock:
-            self._say_to(
+            self._send(
                 self._supervisor, protocol.Refused(0, 0, True, f"fenced off: epoch {epoch} has taken over")
             )
             if self._supervisor is not None:
                 self._leave(self._supervisor)
-        self._guests.pop(sock.fileno(), None)
+        self._newcomers.pop(sock.fileno(), None)
         self._epoch, self._greeted, self._supervisor = epoch, True, sock
-        rows = self._brood.rows()
+        rows = self._agents.rows()
         chunks = [
             tuple(rows[start : start + protocol.DESCRIPTORS_AT_ONCE])
             for start in range(0, len(rows), protocol.DESCRIPTORS_AT_ONCE)
         ]
         welcome = protocol.Welcome(os.getpid(), len(chunks))
-        if not self._say_to(sock, welcome, [self._brood.truth.fileno()]):
+        if not self._send(sock, welcome, [self._agents.truth.fileno()]):
             return
         for chunk in chunks:
-            living = [self._brood.children[row[0]].link for row in chunk if row[1]]
-            if not self._say_to(sock, protocol.ChildList(chunk), living):
+            living = [self._agents.children[row[0]].link for row in chunk if row[1]]
+            if not self._send(sock, protocol.ChildList(chunk), living):
                 return
 
-    def _obey(self, message: protocol.Message) -> None:
+    def _handle(self, message: protocol.Message) -> None:
         match message:
             case protocol.Start(request, rows):
                 self._start(request, rows)
             case protocol.Kill(request, agent_id):
-                if agent_id in self._brood.children:
-                    self._brood.kill(agent_id)
-                # An agent that ended by itself a moment ago is what was asked for.
-                self._say_to_supervisor(protocol.Killed(request, agent_id))
+                if agent_id in self._agents.children:
+                    self._agents.kill(agent_id)
+                # An agent that ended by itself a moment ago fulfils the request, too.
+                self._send_to_supervisor(protocol.Killed(request, agent_id))
             case protocol.End():
                 self._ending = True
             case _:
-                self._say_to_supervisor(protocol.Refused(0, 0, False, "not a supervisor's word"))
+                self._send_to_supervisor(protocol.Refused(0, 0, False, "not a supervisor's word"))
 
     def _start(self, request: int, rows: tuple[tuple[int, ...], ...]) -> None:
         try:
-            wanted = [Boot(row[0], row[1], ResetCause(row[2]), (row[3], row[4])) for row in rows]
+            boots = [Boot(row[0], row[1], ResetCause(row[2]), (row[3], row[4])) for row in rows]
         except ValueError as error:
-            self._say_to_supervisor(protocol.Refused(request, 0, False, str(error)))
+            self._send_to_supervisor(protocol.Refused(request, 0, False, str(error)))
             return
         started: list[tuple[int, int]] = []
         links: list[int] = []
-        for boot, outcome in zip(wanted, self._brood.start(wanted), strict=True):
+        for boot, outcome in zip(boots, self._agents.start(boots), strict=True):
             if isinstance(outcome, NotStarted):
-                self._say_to_supervisor(protocol.Refused(request, boot.agent_id, False, str(outcome)))
+                self._send_to_supervisor(protocol.Refused(request, boot.agent_id, False, str(outcome)))
             else:
                 started.append((boot.agent_id, outcome.pid))
                 links.append(outcome.link)
         for start in range(0, len(started), protocol.DESCRIPTORS_AT_ONCE):
             part = slice(start, start + protocol.DESCRIPTORS_AT_ONCE)
-            self._say_to_supervisor(protocol.Started(request, tuple(started[part])), links[part])
+            self._send_to_supervisor(protocol.Started(request, tuple(started[part])), links[part])
 
     def _reap(self, signalled: bool) -> None:
         if signalled:
             self._wakeup.recv(4096)
-        for died in self._brood.reap():
-            _say(f"aMussel {died.agent_id} (process {died.pid}) {died.reason}")
-            self._say_to_supervisor(died)
+        for died in self._agents.reap():
+            _log(f"aMussel {died.agent_id} (process {died.pid}) {died.reason}")
+            self._send_to_supervisor(died)
 
-    def _say_to_supervisor(self, message: protocol.Message, links: list[int] | None = None) -> None:
+    def _send_to_supervisor(self, message: protocol.Message, links: list[int] | None = None) -> None:
         if self._supervisor is not None:
-            self._say_to(self._supervisor, message, links or [])
+            self._send(self._supervisor, message, links or [])
 
-    def _say_to(self, sock: socket.socket, message: protocol.Message, links: list[int] | None = None) -> bool:
+    def _send(self, sock: socket.socket, message: protocol.Message, links: list[int] | None = None) -> bool:
         try:
             protocol.send(sock, message, links or [])
         except OSError:
@@ -176,9 +176,9 @@ class NurseryServer:
         if sock is self._supervisor:
             self._supervisor = None
             self._left_at_s = time.monotonic()
-        self._guests.pop(sock.fileno(), None)
+        self._newcomers.pop(sock.fileno(), None)
         sock.close()
 
 
-def _say(line: str) -> None:
+def _log(line: str) -> None:
     print(f"nursery: {line}", file=sys.stderr, flush=True)

@@ -1,7 +1,7 @@
-"""The fleet's physical file: for each agent two slots, written in turn, each with the key of the window that ended so.
+"""The fleet's physical file: two records for each agent, written in turn, each with the key of the window before it.
 
-An agent writes its slot before it answers, so that a slot of an unanswered window may exist: it does not count. Whoever
-restarts an agent names the last answered key, and the newest whole slot up to that key is what the aMussel is.
+An agent writes its record before it answers, so a record of an unanswered window may exist; it does not count. A restart
+names the last answered key, and the newest whole record up to that key is the aMussel's state.
 """
 
 from __future__ import annotations
@@ -17,15 +17,15 @@ from agents.mussel.physical import Physical
 _HEAD = struct.Struct("<HIQQ")
 _CRC = struct.Struct("<I")
 _BODY_BYTES = _HEAD.size + Physical.FORMAT.size
-SLOT_BYTES = 256
-"""Room for a slot, so that none crosses a page of the file."""
-PAIR_BYTES = 2 * SLOT_BYTES
-"""An agent's two slots lie side by side."""
+RECORD_BYTES = 256
+"""The room of a record, so that none crosses a page of the file."""
+PAIR_BYTES = 2 * RECORD_BYTES
+"""An agent's two records lie side by side."""
 
 
 @dataclass(frozen=True, slots=True)
 class Record:
-    """An aMussel at the end of window `key`, at agent time `granted_ms`."""
+    """An aMussel's state at the end of window `key`, at agent time `granted_ms`."""
 
     key: Key
     granted_ms: int
@@ -33,7 +33,7 @@ class Record:
 
 
 class RecordPair:
-    """One agent's two slots in the file open as `fd`. The pair at `index` belongs to `agent_id`."""
+    """One agent's two records in the file open as `fd`. The pair at `index` belongs to `agent_id`."""
 
     def __init__(self, fd: int, index: int, agent_id: int) -> None:
         self._fd = fd
@@ -42,30 +42,30 @@ class RecordPair:
         self._next = 0
 
     def initial_state(self, physical: Physical) -> None:
-        """Writes what the agent is born with."""
+        """Writes the agent's first record."""
         self._next = 0
         self.write(NEVER, 0, physical)
 
     def write(self, key: Key, granted_ms: int, physical: Physical) -> None:
-        """Overwrites the slot that is not the newest committed one."""
+        """Overwrites the record that is not the newest committed one."""
         body = _HEAD.pack(self.agent_id, *key, granted_ms) + physical.pack()
-        os.pwrite(self._fd, body + _CRC.pack(crc32(body)), self._offset + SLOT_BYTES * self._next)
+        os.pwrite(self._fd, body + _CRC.pack(crc32(body)), self._offset + RECORD_BYTES * self._next)
         self._next = 1 - self._next
 
     def newest(self, up_to: Key | None) -> Record | None:
-        """The newest whole slot with a key up to `up_to` (any, when None). The next write spares it."""
+        """The newest whole record with a key up to `up_to` (any key, if None). The next write spares it."""
         found: Record | None = None
         for which in (0, 1):
-            slot = self._read(which)
-            if slot is None or (up_to is not None and slot.key > up_to):
+            record = self._read(which)
+            if record is None or (up_to is not None and record.key > up_to):
                 continue
-            if found is None or slot.key > found.key:
-                found = slot
+            if found is None or record.key > found.key:
+                found = record
                 self._next = 1 - which
         return found
 
     def _read(self, which: int) -> Record | None:
-        data = os.pread(self._fd, _BODY_BYTES + _CRC.size, self._offset + SLOT_BYTES * which)
+        data = os.pread(self._fd, _BODY_BYTES + _CRC.size, self._offset + RECORD_BYTES * which)
         if (
             len(data) < _BODY_BYTES + _CRC.size
             or crc32(data[:_BODY_BYTES]) != _CRC.unpack_from(data, _BODY_BYTES)[0]

@@ -1,20 +1,23 @@
-"""The life of an aMussel that never was, played in the nursery before it forks.
+"""A trial walk of an agent through its states, which the nursery plays before it forks.
 
 Python specialises code and fills caches as it runs, which copies pages that a forked agent would otherwise share. After
-this every path of an agent has run, so that a thousand agents share the result.
+the walk every path of an agent has run, so that all agents share the result. The walk needs no list of paths: in each
+state that it comes to, it tries every command and every stimulus, and then waits for what is due.
 """
 
 from __future__ import annotations
 
 import os
 import socket
-from collections.abc import Callable, Iterator
-from typing import Any, TypeVar
+import struct
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import replace
 
 from agents.fleet import AgentConfigs, resting_on_bottom
-from agents.hosting.agent_process import WindowHandler, answer_one, message_room
+from agents.hosting.agent_process import WindowHandler, answer_one, message_buffer
 from agents.hosting.host import Grant
-from agents.hosting.link_protocol import NEVER, Repeat, Window
+from agents.hosting.link_protocol import NEVER, Key, Repeat, Window
 from agents.mussel.agent import Agent, AgentConfig
 from agents.mussel.stimuli import (
     CoilSlipped,
@@ -31,206 +34,134 @@ from agents.mussel.stimuli import (
 )
 from agents.nursery.flash_file import FlashRegion
 from agents.nursery.state_file import RecordPair
-from firmware_model.config import BoardConfig, FullFirmware
-from firmware_model.packets import (
-    Beacon,
-    Command,
-    CommandPacket,
-    HoverAt,
-    Kind,
-    LogAck,
-    SetThreshold,
-    SleepSchedule,
-    SlotAssignment,
-    Threshold,
-)
+from firmware_model.packets import PLAIN_KINDS, CommandPacket, Packet
 from firmware_model.packets.codec import Codec
-from firmware_model.packets.commands import LATEST_MS
+from firmware_model.packets.command_packets import WITH_ARGUMENTS
+from firmware_model.packets.wire import HEAD
+from firmware_model.power.charge import FULL
+from firmware_model.states import State
 from firmware_model.stimuli import ResetCause
 
-_Value = TypeVar("_Value")
 _LIVES = 12
 """The interpreter specialises a function after eight calls."""
-ROUND = 3
-"""Lives that play every path."""
-_ALARM_MS = 10_000
-_REPORT_MS = 300_000
-"""Reports come at least so often: those who report seldom would rehearse for hours."""
+_VISITS = 15
+"""States that a life comes to."""
+_SELDOM_MS = 86_400_000
+"""The period of reports and drift in the walk: real ones would make most of its work."""
+_PAUSE_MS = 1000
+"""The time between two stimuli; the charger's pin settles in it."""
+_NUMBERS = ((0, 0), (1, 0), (3_600_000, 6), (2**64 - 1, 0))
+"""Arguments of a command: the first number, and by how many bits each next one is smaller. A falling row suits a sleep
+schedule, which wakes for less than its period, and a timeslot, which is shorter than its frame."""
 
 
-def warm_up(configs: AgentConfigs, codec: Codec, agent_id: int, lives: int = _LIVES) -> None:
-    """Plays all of an agent's paths, among them the refusals."""
-    slots, flash = os.memfd_create("rehearsal"), os.memfd_create("rehearsal")
-    hearer, teller = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-    asker, link = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-    with hearer, teller, asker, link, message_room() as room:
+def warm_up(configs: AgentConfigs, codec: Codec, agent_id: int) -> None:
+    """Runs an agent through all states that its configuration lets it reach, with refusals and restarts."""
+    config = configs.config(agent_id)
+    water = replace(config.water, step_ms=_SELDOM_MS)
+    walk = _Walk(replace(config, report_period_ms=_SELDOM_MS, water=water), codec)
+    for epoch in range(1, _LIVES + 1):
+        walk.live(epoch)
+    walk.close()
 
-        def ask(servant: WindowHandler, message: bytes) -> None:
-            asker.send(message)
-            answer_one(link, room, servant)
-            for end in (asker, hearer):
-                while _drained(end):
+
+class _Walk:
+    """One agent behind its link, all of whose files and sockets lead nowhere."""
+
+    def __init__(self, config: AgentConfig, codec: Codec) -> None:
+        self._config = config
+        self._codec = codec
+        self._records_fd, self._flash_fd = os.memfd_create("warm-up"), os.memfd_create("warm-up")
+        self._truth_out, self._truth_in = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        self._supervisor, self._link = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        self._buffer = message_buffer()
+        self._pair = RecordPair(self._records_fd, 0, config.board.agent_id)
+        self._pair.initial_state(resting_on_bottom(0.0, 0.0, config.water.bottom_um / 1e6, 0.5, 1.0))
+        self._stimuli = list(_stimuli(config, codec))
+        self._visits = dict.fromkeys(State, 0)
+        self._turns = dict.fromkeys(State, 0)
+        """By state, which stimulus is next: each state takes all of them in turn."""
+
+    def close(self) -> None:
+        self._buffer.release()
+        for sock in (self._truth_out, self._truth_in, self._supervisor, self._link):
+            sock.close()
+        os.close(self._records_fd)
+        os.close(self._flash_fd)
+
+    def live(self, epoch: int) -> None:
+        """Restarts the agent from its record, as the supervisor of that epoch, and lets it visit states."""
+        record = self._pair.newest((epoch, 0))
+        assert record is not None
+        flash = FlashRegion(self._flash_fd, 0, 3)
+        flash.roll_back(record.physical.samples)
+        cause = ResetCause.POWER_ON if epoch == 1 else ResetCause.BROWN_OUT
+        self._agent = Agent(self._config, self._codec, record.physical, record.granted_ms, cause, flash)
+        self._handler = WindowHandler(self._agent, self._pair, self._truth_in, record.key, record.granted_ms)
+        self._now_ms = record.granted_ms
+        self._key: Key = (epoch, 0)
+        self._ask(Repeat(self._key).encode())
+        for _ in range(_VISITS):
+            self._visit()
+        for wrong in (b"wrong", Window(NEVER, Grant(0)).encode(), Repeat((epoch, 1)).encode()):
+            self._ask(wrong)
+
+    def _visit(self) -> None:
+        """Waits for whatever is due in the present state; each third time it is visited, a stimulus ends it before."""
+        agent, state = self._agent, self._agent.board.state
+        self._visits[state] += 1
+        if self._visits[state] % 3 == 0:
+            for _ in self._stimuli:
+                stimulus = self._stimuli[self._turns[state] % len(self._stimuli)]
+                self._turns[state] += 1
+                # Twice: the second time it is often refused.
+                self._grant(self._now_ms + _PAUSE_MS, stimulus, stimulus)
+                if agent.board.state is not state:
+                    return
+        self._grant(agent.next_due_ms or self._now_ms)
+
+    def _grant(self, until_ms: int, *stimuli: Stimulus) -> None:
+        epoch, sequence = self._key
+        self._key = epoch, sequence + 1
+        facts = tuple((self._now_ms, stimulus) for stimulus in stimuli)
+        self._now_ms = max(self._now_ms, until_ms)
+        self._ask(Window(self._key, Grant(self._now_ms, facts)).encode())
+
+    def _ask(self, message: bytes) -> None:
+        self._supervisor.send(message)
+        answer_one(self._link, self._buffer, self._handler)
+        for end in (self._supervisor, self._truth_out):
+            with suppress(BlockingIOError):
+                while end.recv(1, socket.MSG_DONTWAIT):
                     pass
 
-        config = configs.config(agent_id)
-        config = _with(config, report_period_ms=min(config.report_period_ms, _REPORT_MS))
-        if config.board.whole is not None:
-            config = _with(config, board=_in_haste(config.board, config.board.whole))
-        for life in range(lives):
-            _live(config, codec, 0.5 if life % ROUND else 0.0, slots, FlashRegion(flash, 0, 3), teller, ask)
-    os.close(slots)
-    os.close(flash)
+
+def _stimuli(config: AgentConfig, codec: Codec) -> Iterator[Stimulus]:
+    bottom_um = config.water.bottom_um
+    yield from (ContactClosed(0, 0), DockMoved(1, 1), CoilSlipped(), ContactOpened())
+    yield from (PingArrived(1), ModemSent(100), SoundArrived(b"wrong"), WifiArrived(b"wrong"))
+    for data in _commands(codec, config.board.agent_id):
+        yield from (SoundArrived(data), WifiArrived(data))
+    for primary, secondary in ((FULL // 2, FULL), (0, FULL), (0, FULL // 20), (0, 0)):
+        yield Placed(0, 0, bottom_um, primary, secondary)
+    yield WasReset(ResetCause.WATCHDOG)
 
 
-def _in_haste(board: BoardConfig, whole: FullFirmware) -> BoardConfig:
-    """The same board with everything that it does in an hour within ten seconds."""
-    cycle = whole.cycle
-    if cycle is not None:
-        slots = None if cycle.slots is None else _with(cycle.slots, frame_ms=1000, slot_ms=1000, guard_ms=100)
-        processing_ms = min(cycle.processing_ms, 1000)
-        cycle = _with(
-            cycle,
-            alarm_ms=_ALARM_MS,
-            sample_ms=1000,
-            processing_ms=processing_ms,
-            slots=slots,
-            listen_ms=1000,
-        )
-    timekeeping = whole.timekeeping
-    if timekeeping is not None:
-        # In doubt 5 s after a beacon.
-        timekeeping = _with(timekeeping, bound_ppb=20_000_000, beacon_wait_ms=1000)
-    power = _with(whole.power, motor_run_ms=1000)
-    hasty = _with(
-        whole,
-        power=power,
-        cycle=cycle,
-        transmit_ms=100,
-        turnaround_ms=100,
-        answer_ms=100,
-        call_ms=1000,
-        hover_ms=2000,
-        stay_down_ms=1000,
-        timekeeping=timekeeping,
-    )
-    return _with(board, whole=hasty, slot=0)
-
-
-def _with(value: _Value, **changes: Any) -> _Value:
-    """`dataclasses.replace`, which knows nothing of the nursery's lean classes."""
-    kind: Any = type(value)
-    made: _Value = kind(**{name: changes.get(name, getattr(value, name)) for name in kind.__slots__})
-    return made
-
-
-def _live(
-    config: AgentConfig,
-    codec: Codec,
-    primary: float,
-    slots: int,
-    flash: FlashRegion,
-    teller: socket.socket,
-    ask: Callable[[WindowHandler, bytes], None],
-) -> None:
-    agent_id = config.board.agent_id
-    pair = RecordPair(slots, 0, agent_id)
-    secondary = 1.0 if primary else 0.1
-    pair.initial_state(resting_on_bottom(0.0, 0.0, config.water.bottom_um / 1e6, primary, secondary))
-    cause = ResetCause.POWER_ON
-    for epoch in (1, 2):
-        slot = pair.newest((epoch, 0))
-        if slot is None:
-            raise AssertionError("a slot just written was not found")
-        flash.roll_back(slot.physical.samples)
-        agent = Agent(config, codec, slot.physical, slot.granted_ms, cause, flash)
-        servant = WindowHandler(agent, pair, teller, slot.key, slot.granted_ms)
-        until_ms = slot.granted_ms
-        ask(servant, Repeat((epoch, 0)).encode())
-        sequence = 0
-        for part in (_days, _wakes):
-            for duration_ms, stimuli in part(agent, codec, agent_id, until_ms):
-                facts = tuple((until_ms, stimulus) for stimulus in stimuli)
-                until_ms += duration_ms
-                sequence += 1
-                window = Window((epoch, sequence), Grant(until_ms, facts)).encode()
-                ask(servant, window)
-                ask(servant, window)
-        for wrong in (b"wrong", Window(NEVER, Grant(0)).encode(), Repeat((epoch, 1)).encode()):
-            ask(servant, wrong)
-        cause = ResetCause.BROWN_OUT
-
-
-def _wakes(agent: Agent, codec: Codec, agent_id: int, now_ms: int) -> Iterator[tuple[int, list[Stimulus]]]:
-    """As `_days`, for a board that sleeps: a wake on the bottom, and one in a dock, where it sends its log."""
-    config = agent.config
-    cycle = None if config.board.whole is None else config.board.whole.cycle
-    if cycle is None:
-        return
-    words = (LogAck(agent_id, 1), LogAck(agent_id, 2**31), CommandPacket(Kind.BACK_UP_LOG, agent_id))
-    permission, *told = (codec.encode(word) for word in (CommandPacket(Kind.PERMISSION, agent_id), *words))
-    up_ms, in_dock_ms = config.water.surfacing_ms, config.board.pin_debounce_ms + config.water.step_ms
-    yield 2 * cycle.alarm_ms, []
-    yield up_ms, [SoundArrived(permission)]
-    yield in_dock_ms, [ContactClosed(0, 0)]
-    docked_ms = now_ms + 2 * cycle.alarm_ms + up_ms + in_dock_ms
-    yield cycle.alarm_ms - docked_ms % cycle.alarm_ms, []
-    yield cycle.sample_ms, [WifiArrived(data) for data in told]
-    yield config.board.release_wait_ms + config.water.sinking_ms, [ContactOpened()]
-
-
-def _days(agent: Agent, codec: Codec, agent_id: int, now_ms: int) -> Iterator[tuple[int, list[Stimulus]]]:
-    """(duration in agent ms, stimuli at its start), window by window, from the bottom to the bottom."""
-    config = agent.config
-    permission = codec.encode(CommandPacket(Kind.PERMISSION, agent_id))
-    release = codec.encode(CommandPacket(Kind.RELEASE, agent_id))
-    second_ms = config.water.step_ms
-    yield config.board.boot_ms + second_ms, []
-    yield config.report_period_ms, [SoundArrived(b"wrong")]
-    yield second_ms, [PingArrived(1)]
-    if config.board.whole is not None:
-        ping, hover = (codec.encode(CommandPacket(kind, agent_id)) for kind in (Kind.PING, Kind.HOVER))
-        yield 2 * _ALARM_MS, [SoundArrived(ping), SoundArrived(ping)]
-        yield 3000, [PingArrived(1), PingArrived(1), ModemSent(100)]
-        for word in _words(config.board, agent_id, now_ms):
-            yield 3000, [SoundArrived(codec.encode(word))]
-        yield _ALARM_MS, [SoundArrived(hover)]
-        yield _ALARM_MS, [SoundArrived(release), SoundArrived(hover)]
-    yield (
-        config.water.surfacing_ms,
-        [SoundArrived(permission), ContactOpened(), DockMoved(0, 0)],
-    )
-    yield second_ms, [SoundArrived(permission), PingArrived(1)]
-    yield config.board.pin_debounce_ms + second_ms, [ContactClosed(0, 0), ContactClosed(0, 0)]
-    yield config.report_period_ms + _ALARM_MS, [DockMoved(1, 1), CoilSlipped()]
-    yield config.board.pin_debounce_ms, [WifiArrived(release), ContactOpened()]
-    yield config.water.sinking_ms, [WifiArrived(permission)]
-    yield config.report_period_ms + second_ms, [WifiArrived(release)]
-    charge, secondary = agent.board.primary.charge, agent.board.secondary.charge
-    yield config.board.boot_ms + second_ms, [Placed(0, 0, config.water.bottom_um, charge, secondary)]
-    yield config.board.boot_ms + second_ms, [WasReset(ResetCause.WATCHDOG)]
-
-
-def _words(board: BoardConfig, agent_id: int, now_ms: int) -> Iterator[Command]:
-    """What changes a whole board's clock, settings and depth; each also as it cannot be obeyed."""
-    cycle = None if board.whole is None else board.whole.cycle
-    if cycle is not None:
-        yield SleepSchedule(agent_id, cycle.alarm_ms, cycle.sample_ms)
-        if cycle.slots is not None:
-            yield SlotAssignment(agent_id, cycle.slots.frame_ms, cycle.slots.slot_ms, 100, 0, -10)
-    yield SleepSchedule(agent_id, 0, 0)
-    yield SlotAssignment(agent_id, 0, 1, 0, 0, 0)
-    yield SetThreshold(agent_id, Threshold.SAFE_LEVEL, 0.2)
-    # Whatever the time in this life is, one of many beacons a second apart finds a board that waits for it.
-    for _ in range(12):
-        yield Beacon(agent_id, now_ms)
-    yield Beacon(agent_id, LATEST_MS + 1)
-    yield HoverAt(agent_id, 0.0)
-    yield HoverAt(agent_id, 1.0)
-    yield CommandPacket(Kind.SINK, agent_id)
-
-
-def _drained(hearer: socket.socket) -> bool:
-    try:
-        return bool(hearer.recv(1, socket.MSG_DONTWAIT))
-    except BlockingIOError:
-        return False
+def _commands(codec: Codec, agent_id: int) -> Iterator[bytes]:
+    """Every command of the firmware's packet tables, with numbers that can be obeyed and numbers that cannot."""
+    packets: list[Packet | None] = [CommandPacket(kind, agent_id) for kind in sorted(PLAIN_KINDS)]
+    for command in WITH_ARGUMENTS:
+        head = HEAD.pack(command.VERSION, command.KIND, agent_id)
+        sizes = [struct.calcsize(f"<{code}") for code in command.FORMAT.format[len(HEAD.format) :]]
+        for first, shift in _NUMBERS:
+            numbers = [(first >> shift * n).to_bytes(8, "little") for n in range(len(sizes))]
+            arguments = [number[:size] for number, size in zip(numbers, sizes, strict=True)]
+            packets.append(command.decode_body(b"".join([head, *arguments])))
+    for packet in packets:
+        if packet is None:
+            continue
+        try:
+            data = codec.encode(packet)
+        except Exception:  # a laboratory's codec may not know every command
+            continue
+        yield data

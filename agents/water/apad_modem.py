@@ -1,4 +1,4 @@
-"""The aPad's own modem as its queue: one sound at a time, and silence while the answer to a ping is awaited. Agent time."""
+"""The queue of the aPad's own modem: one sound at a time, and silence while a ping waits for its answer. Agent time."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ from dataclasses import dataclass
 from agents.modem.frames import Frame, FrameKind
 
 ANSWER_TIMEOUT_MS = 4000
-"""The modem's own: then a ping is taken for unanswered."""
-_ROOM = 256
+"""The modem's own time-out, after which a ping counts as unanswered."""
+_CAPACITY = 256
 
 
 @dataclass(frozen=True, slots=True)
 class Send:
     at_ms: int
     node: int | None
-    """Whom it is for, which an address may not tell; None for everyone."""
+    """The receiving node, because several nodes may share an address; None for everyone."""
     frame: Frame
 
 
@@ -29,54 +29,54 @@ class Unanswered:
 
 
 class APadModem:
-    """Three verbs. What it is asked to send goes out in the order of asking."""
+    """The three verbs. It sends frames in the order in which they were queued."""
 
     def __init__(self, now_ms: int = 0) -> None:
         self._waiting: deque[tuple[int, int | None, Frame]] = deque()
-        """(not before, whom for, what)."""
+        """(not before, receiver, frame)."""
         self._now_ms = now_ms
         self._free_ms = now_ms
-        self._asked: int | None = None
-        """The node whose answer is awaited, until `_free_ms`."""
+        self._pinged: int | None = None
+        """The node with an unanswered ping, until `_free_ms`."""
 
     @property
     def next_due_ms(self) -> int | None:
-        if self._asked is not None:
+        if self._pinged is not None:
             return self._free_ms
         return max(self._free_ms, self._waiting[0][0]) if self._waiting else None
 
     def advance(self, now_ms: int) -> list[Send | Unanswered]:
-        """What it sends up to `now_ms` (ValueError if time went back)."""
+        """Sends everything due by `now_ms` (ValueError if time went back)."""
         if now_ms < self._now_ms:
             raise ValueError(f"time went back: {now_ms} before {self._now_ms}")
-        done: list[Send | Unanswered] = []
+        events: list[Send | Unanswered] = []
         while (due_ms := self.next_due_ms) is not None and due_ms <= now_ms:
             at_ms = max(due_ms, self._now_ms)
             self._now_ms = at_ms
-            if self._asked is not None:
-                done.append(Unanswered(at_ms, self._asked))
-                self._asked = None
+            if self._pinged is not None:
+                events.append(Unanswered(at_ms, self._pinged))
+                self._pinged = None
                 continue
             _, node, frame = self._waiting.popleft()
             self._free_ms = at_ms + frame.duration_ms
             if frame.kind is FrameKind.PING:
-                self._asked = node
+                self._pinged = node
                 self._free_ms += ANSWER_TIMEOUT_MS
-            done.append(Send(at_ms, node, frame))
+            events.append(Send(at_ms, node, frame))
         self._now_ms = now_ms
-        return done
+        return events
 
     def ask(self, node: int | None, frame: Frame, not_before_ms: int = 0) -> bool:
-        """Queues a frame, to be sent then or later; False if there is no room, and it is dropped."""
-        if len(self._waiting) >= _ROOM:
+        """Queues a frame, to be sent then or later; drops it and returns False if there is no room."""
+        if len(self._waiting) >= _CAPACITY:
             return False
         self._waiting.append((not_before_ms, node, frame))
         return True
 
     def answered(self, node: int, now_ms: int) -> bool:
-        """An answer of `node` came; whether it was awaited."""
-        if self._asked != node:
+        """Takes an answer of `node`; False if no ping waited for it."""
+        if self._pinged != node:
             return False
-        self._asked = None
+        self._pinged = None
         self._free_ms = now_ms
         return True

@@ -1,7 +1,7 @@
-"""Chance in the water: what befalls a packet is a keyed hash of (seed, sender, time it began, receiver).
+"""Random numbers for packets in the water: a keyed hash of (seed, sender, time of the packet's begin, receiver).
 
-So it does not matter who asks, when, in what order, or how often, and a run that goes on after a crash draws no number
-twice: a sender begins no two packets at the same time.
+The numbers are the same whoever asks, in whatever order, and however often. A run that goes on after a crash draws no
+number twice, because a sender begins no two packets at the same time.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ _UNIT = 2.0**-64
 
 
 def fates(seed: int, sender: int, began_ms: int, receiver: int, lane: bytes) -> tuple[float, float, float]:
-    """(uniform, uniform, standard normal), independent; uniforms lie in [0, 1). `lane` tells kinds of packets apart."""
+    """(uniform, uniform, standard normal), independent; uniforms lie in [0, 1). `lane` separates kinds of packets."""
     digest = blake2b(_KEY(seed, sender, began_ms, receiver), digest_size=32, person=lane).digest()
     first, second, third, fourth = _WORDS(digest)
     normal = sqrt(-2 * log((third + 1) * _UNIT)) * cos(2 * pi * fourth * _UNIT)

@@ -1,6 +1,6 @@
 """A field of the water's current from a file, at one time and depth, in integer micrometres and micrometres a second.
 
-Integers, so that the same place gives the same velocity on every machine, whatever was asked before.
+With integers the same place has the same velocity on every machine, whatever was computed before.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from math import isfinite
 
 COLUMNS = ("north_m", "east_m", "north_m_s", "east_m_s")
 MAX_M = 1e6
-MAX_M_S = 20.0  # faster than any current: a wrong unit or a wrong column
+MAX_M_S = 20.0  # faster than any current: a value beyond it has a wrong unit or column
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,8 +20,8 @@ class CurrentField:
     """Velocities at the crossings of lines of constant north and of constant east, which need not be evenly spaced.
 
     `norths_um` and `easts_um` rise; velocities (um/s) are row by row, all easts of the lowest north first. Between the
-    lines it is bilinear, rounded to the nearest um/s; outside, that of the nearest point of the edge. One crossing only
-    is one current everywhere.
+    lines the velocity is bilinear, rounded to the nearest um/s; outside, it is that of the nearest point of the edge. A
+    single crossing is one current everywhere.
     """
 
     norths_um: array[int]
@@ -31,9 +31,9 @@ class CurrentField:
 
     @classmethod
     def parse(cls, text: str) -> CurrentField:
-        """The field of a CSV: a header naming the four `COLUMNS` in any order, a row a crossing, `#` for comments.
+        """Reads a CSV: a header naming the four `COLUMNS` in any order, a row a crossing, `#` for comments.
 
-        Rows may come in any order. Raises ValueError, `line N: ...`, for what is no such file or has gaps.
+        Rows may be in any order. Raises ValueError, `line N: ...`, for a file that is not so or has gaps.
         """
         crossings = _crossings(text)
         norths = sorted({north for north, _ in crossings})
@@ -52,7 +52,7 @@ class CurrentField:
 
     @property
     def is_still(self) -> bool:
-        """Whether no crossing has any current, so that nothing drifts in it anywhere."""
+        """True if no crossing has any current, so that nothing drifts."""
         return not any(self.north_um_s) and not any(self.east_um_s)
 
     def velocity_um_s(self, north_um: int, east_um: int) -> tuple[int, int]:
@@ -73,7 +73,7 @@ class CurrentField:
 
 
 def _cell(lines_um: array[int], at_um: int) -> tuple[int, int, int, int]:
-    """(index below, index above, way from below, width) among the lines; a cell of width 1 outside of them."""
+    """(index below, index above, distance from below, width) among the lines; a cell of width 1 outside them."""
     last = len(lines_um) - 1
     above = bisect_right(lines_um, at_um)
     if above == 0:
@@ -85,7 +85,7 @@ def _cell(lines_um: array[int], at_um: int) -> tuple[int, int, int, int]:
 
 
 def _crossings(text: str) -> dict[tuple[int, int], tuple[int, int]]:
-    """(north, east) in um to (north, east) in um/s, of every row."""
+    """Maps (north, east) in um to (north, east) in um/s, for every row."""
     columns: list[str] = []
     crossings: dict[tuple[int, int], tuple[int, int]] = {}
     for number, line in enumerate(text.removeprefix("\ufeff").splitlines(), start=1):

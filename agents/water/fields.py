@@ -1,4 +1,4 @@
-"""What is true of the water where a sensor is: oxygen, temperature, turbidity, and the pressure of its depth."""
+"""The water's true values at a sensor: oxygen, temperature, turbidity, and the pressure of its depth."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ _DEVIATION = (_SUMMED * (65536**2 - 1) / 12) ** 0.5
 
 class Field(Protocol):
     def value_at(self, north_um: int, east_um: int, depth_um: int, now_ms: int) -> float:
-        """In the unit of its quantity; `now_ms` is agent time. The same question has the same answer whenever asked."""
+        """The value in the unit of its quantity, at agent time `now_ms`. Equal arguments always give equal values."""
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class Constant:
-    """The same everywhere and always."""
+    """The same value everywhere and always."""
 
     value: float
 
@@ -39,20 +39,20 @@ class Constant:
 
 @dataclass(frozen=True, slots=True)
 class Fields:
-    """mg/l, degrees Celsius, NTU."""
+    """The fields of one water, in mg/l, degrees Celsius and NTU."""
 
     oxygen: Field
     temperature: Field
     turbidity: Field
 
     def values_at(self, north_um: int, east_um: int, depth_um: int, now_ms: int) -> Values:
-        """By `firmware_model.sampling.sensors.Quantity`."""
-        where = (north_um, east_um, depth_um, now_ms)
+        """The values in the order of `firmware_model.sampling.sensors.Quantity`."""
+        at = (north_um, east_um, depth_um, now_ms)
         return (
-            self.oxygen.value_at(*where),
+            self.oxygen.value_at(*at),
             SURFACE_MBAR + MBAR_PER_M * depth_um / 1e6,
-            self.temperature.value_at(*where),
-            self.turbidity.value_at(*where),
+            self.temperature.value_at(*at),
+            self.turbidity.value_at(*at),
         )
 
 

@@ -1,8 +1,8 @@
-"""The water as sound travels through it: who hears which packet, when, and why not. Agent time throughout.
+"""The water as sound travels through it: which receivers get which packet, when, and why not. Agent time throughout.
 
-A packet acts at its END at each receiver. What is decided there needs everything that began before, so whoever moves the
-medium grants senders time up to an end before they ask for it: see `agents.water.sea`. Delays and ends are whole
-milliseconds, rounded up, so that nothing acts before it has arrived; ranging has the delay in microseconds.
+A packet acts at its END at each receiver. The decision there needs everything that began before, so `agents.water.sea`
+grants senders time up to an end before it advances the medium to that end. Delays and ends are whole milliseconds,
+rounded up, so that no packet acts before it has arrived; ranging has the delay in microseconds.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ _LANE = b"sound"
 
 
 class Outcome(IntEnum):
-    """What became of a packet at a receiver. The first that holds, in this order, is told."""
+    """The outcome of a packet at a receiver: the first that holds, in this order."""
 
     RECEIVED = 0
     CUT = 1
-    """There is no link: the topology says so."""
+    """The topology has no link."""
     IN_AIR = 2
-    """The receiver was not under water all the while."""
+    """The receiver was not under water all the time."""
     TRANSMITTING = 3
     """Half duplex: the receiver was sending."""
     COLLIDED = 4
@@ -37,14 +37,14 @@ class Outcome(IntEnum):
     LOST = 5
     """The topology's loss."""
     NOISE = 6
-    """Too weak: the packet error rate's share."""
+    """Too weak: lost by the packet error rate."""
     OUT_OF_RANGE = 7
-    """The one whom it was for is beyond the range limit. Of a broadcast, those out there are not named."""
+    """The destination is beyond the range limit. A broadcast does not list the receivers out there."""
 
 
 @dataclass(frozen=True, slots=True)
 class Began:
-    """A modem began to send. `node` is who, which is more than the address that 8 bits carry."""
+    """A modem began to send. `node` identifies it where the 8-bit address may not."""
 
     node: int
     frame: Frame
@@ -52,7 +52,7 @@ class Began:
 
 @dataclass(frozen=True, slots=True)
 class Moved:
-    """A modem is here from now on; None takes it out of the water for good."""
+    """A modem is at this place from now on; None takes it out of the water for good."""
 
     node: int
     place: Place | None
@@ -60,7 +60,7 @@ class Moved:
 
 @dataclass(frozen=True, slots=True)
 class ThrustersRan:
-    """Thrusters beside this modem run from now on, or no longer."""
+    """Thrusters beside this modem started or stopped."""
 
     node: int
     running: bool
@@ -76,7 +76,7 @@ Stimulus = Began | Moved | ThrustersRan | LinksChanged
 
 @dataclass(frozen=True, slots=True)
 class Reception:
-    """A packet at one receiver, at its end there. `travelled_us` is how long its sound was under way."""
+    """A packet at one receiver, at its end there. Its sound travelled for `travelled_us`."""
 
     receiver: int
     at_ms: int
@@ -87,7 +87,7 @@ class Reception:
 
 @dataclass(frozen=True, slots=True)
 class Heard:
-    """A packet reached a modem that takes it, whole: at `reception.at_ms`."""
+    """A whole packet reached a modem that takes it, at `reception.at_ms`."""
 
     sender: int
     frame: Frame
@@ -96,13 +96,13 @@ class Heard:
 
 @dataclass(frozen=True, slots=True)
 class PacketEnded:
-    """All that became of a packet, told when it has been decided at everyone whom it was for and who was in range."""
+    """All outcomes of a packet, complete once they are decided at every destination in range."""
 
     sender: int
     began_ms: int
     frame: Frame
     unsent: str | None
-    """Why nothing went into the water, if so."""
+    """The reason why nothing went into the water; None if it did."""
     receptions: tuple[Reception, ...]
 
 
@@ -117,17 +117,17 @@ class _OnAir:
     frame: Frame
     place: Place
     waiting: int = 0
-    """At how many receivers it is still to be decided."""
+    """The number of receivers at which it is still undecided."""
     receptions: list[Reception] = field(default_factory=list)
 
 
 class Medium:
-    """Three verbs. Nodes are numbers; each has a modem's address, which several nodes of a large fleet share."""
+    """The three verbs. Nodes are numbers; each has a modem's address, which several nodes of a large fleet share."""
 
     def __init__(
         self, sound: Sound, seed: int, addresses: Iterable[tuple[int, int]], now_ms: int = 0
     ) -> None:
-        """`addresses`: (node, address 0 to 255) of all modems."""
+        """`addresses` has (node, address 0 to 255) of all modems."""
         self.sound = sound
         self._seed = seed
         self.now_ms = now_ms
@@ -141,10 +141,10 @@ class Medium:
         self._topology = Topology()
         self._on_air: list[_OnAir] = []
         self._ends: list[tuple[int, int, int, int, _OnAir, int]] = []
-        """(end at the receiver, begin, sender, receiver, packet, microseconds under way), a heap."""
+        """A heap of (end at the receiver, begin, sender, receiver, packet, travel time in us)."""
         self._ended: list[PacketEnded] = []
         self._reach_ms = -(-sound.delay_us(sound.range_limit_m) // 1000) + sound.reverberation_ms
-        """So long after a packet's end nothing of it is left anywhere."""
+        """The time from a packet's end until nothing of it is left anywhere."""
 
     @property
     def next_due_ms(self) -> int | None:
@@ -152,7 +152,7 @@ class Medium:
         return self._ends[0][0] if self._ends else None
 
     def advance(self, now_ms: int) -> list[Result]:
-        """What was decided up to `now_ms`, in the order of the ends (ValueError if time went back)."""
+        """Decides packets up to `now_ms`, in the order of their ends (ValueError if time went back)."""
         if now_ms < self.now_ms:
             raise ValueError(f"time went back: {now_ms} before {self.now_ms}")
         self.now_ms = now_ms
@@ -257,7 +257,7 @@ class Medium:
     def _disturbance(
         self, packet: _OnAir, receiver: int, place: Place, begin_ms: int, end_ms: int
     ) -> float | None:
-        """Power of all else that overlaps [begin_ms, end_ms) at the receiver, as if at once; None if it sent itself."""
+        """Summed power of all sounds that overlap [begin_ms, end_ms) at the receiver; None if the receiver was sending."""
         sound, power = self.sound, 0.0
         for other in self._on_air:
             if other is packet or other.began_ms >= end_ms or other.ends_ms + self._reach_ms <= begin_ms:
@@ -283,7 +283,7 @@ class Medium:
         return power
 
     def _forget(self) -> None:
-        """Packets that can disturb nothing any more, neither what is under way nor what begins later."""
+        """Forgets packets that can disturb nothing any more, neither present packets nor later ones."""
         if not self._on_air:
             return
         since_ms = min((packet.began_ms for packet in self._on_air if packet.waiting), default=self.now_ms)

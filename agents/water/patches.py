@@ -1,4 +1,4 @@
-"""Water that is not the same everywhere: layers, and patches that grow and wander, as one without oxygen does.
+"""Water that is not the same everywhere: layers, and patches that grow and move, such as a patch without oxygen.
 
 Places are local NED in micrometres, times agent milliseconds, values in the unit of their quantity.
 """
@@ -13,7 +13,7 @@ from agents.water.fields import Constant, Field
 
 @dataclass(frozen=True, slots=True)
 class Layers:
-    """Values at depths, (um, value) going down; linear between, beyond the ends as there."""
+    """Values at depths, as (um, value) going down: linear between them, constant beyond the ends."""
 
     points: tuple[tuple[int, float], ...]
 
@@ -30,11 +30,11 @@ class Layers:
 
 @dataclass(frozen=True, slots=True)
 class Patch:
-    """A patch within which a quantity becomes `core`: from nothing at `begins_ms` it grows for `growing_ms` to
-    `radius_um`, and its centre wanders with (`north_um_s`, `east_um_s`), seconds being agent time.
+    """A patch within which a quantity becomes `core`. From nothing at `begins_ms` it grows for `growing_ms` to
+    `radius_um`. Its centre moves with (`north_um_s`, `east_um_s`), in seconds of agent time.
 
-    Within half its radius at the time it is all there, from there outwards less, linearly, and at the radius nothing.
-    Upwards from `from_depth_um` there is nothing of it.
+    Its share is 1 within half its present radius, and falls linearly to 0 at the radius. Above `from_depth_um` the share
+    is 0.
     """
 
     core: float
@@ -48,7 +48,7 @@ class Patch:
     from_depth_um: int
 
     def share_at(self, north_um: int, east_um: int, depth_um: int, now_ms: int) -> float:
-        """How much of it there is, 0 to 1."""
+        """The patch's share at a place, 0 to 1."""
         elapsed_ms = now_ms - self.begins_ms
         if elapsed_ms <= 0 or depth_um < self.from_depth_um:
             return 0.0
@@ -60,7 +60,7 @@ class Patch:
 
 @dataclass(frozen=True, slots=True)
 class Patched:
-    """A calm field and patches in it, the later over the earlier."""
+    """A calm field with patches; later patches lie over earlier ones."""
 
     calm: Field
     patches: tuple[Patch, ...]
@@ -74,7 +74,7 @@ class Patched:
 
 @dataclass(frozen=True, slots=True)
 class Waters:
-    """One quantity's water as plain values, to cross a link: layers (um, value), and patches as a `Patch` has them."""
+    """One quantity's water as plain values that cross a link: layers (um, value), and the fields of each `Patch`."""
 
     layers: tuple[tuple[int, float], ...]
     patches: tuple[tuple[float, int, int, int, int, int, int, int, int], ...] = ()
@@ -87,4 +87,4 @@ class Waters:
 
 
 OXYGEN, TEMPERATURE, TURBIDITY = (Waters(((0, value),)) for value in (8.0, 18.0, 5.0))
-"""A calm bay, where nothing else is said: mg/l, degrees Celsius, NTU."""
+"""The defaults, a calm bay: mg/l, degrees Celsius, NTU."""

@@ -1,4 +1,4 @@
-"""Where modems are: places in the water, and a grid of cells to find the near ones of many."""
+"""Modems' places in the water, and a grid of cells that finds near modems among many."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from firmware_model.actions import Buoyancy
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """Where a modem is from a stated time on: local NED in micrometres, and how its depth goes on from its anchor.
+    """A modem's place from a stated time on, in local NED micrometres, and its vertical motion from an anchor time.
 
     The depth moves by `rise_um` (positive down) in each `rise_over_ms` until it reaches 0 or `bottom_um`. Depth 0 is in
-    air: the modem sits in the cap of a floating or docked aMussel. `in_water` holds a modem under water whatever its
-    depth, as that on a vehicle's keel.
+    air: the modem sits in the cap of a floating or docked aMussel. With `in_water` a modem is under water whatever its
+    depth, like the modem on a vehicle's keel.
     """
 
     north_um: int
@@ -37,12 +37,12 @@ class Place:
         return min(self.bottom_um, self.depth_um + self.rise_um * elapsed_ms // self.rise_over_ms)
 
     def hears_at(self, at_ms: int) -> bool:
-        """Whether there is water around the modem."""
+        """True if there is water around the modem."""
         return self.in_water or self.depth_at_um(at_ms) > 0
 
 
 def along_m(one: Place, other: Place) -> float:
-    """Their distance in the plane."""
+    """The horizontal distance between two places."""
     return hypot(one.north_um - other.north_um, one.east_um - other.east_um) / 1e6
 
 
@@ -54,7 +54,7 @@ def distance_m(one: Place, other: Place, at_ms: int) -> float:
 
 @dataclass(frozen=True, slots=True)
 class Sinking:
-    """How bodies go up and down, in agent milliseconds: what makes a place of what is physical."""
+    """The rates at which bodies rise and sink, in agent milliseconds; they turn a physical state into a place."""
 
     bottom_um: int
     surfacing_ms: int
@@ -73,7 +73,7 @@ class Sinking:
 
 
 class Grid:
-    """Nodes by square cells of `cell_um`: what lies within that distance is in a node's own cell or the eight around."""
+    """Nodes by square cells of `cell_um`: neighbours within that distance are in a node's own cell or the eight around."""
 
     def __init__(self, cell_um: int) -> None:
         self._cell_um = cell_um
@@ -96,7 +96,7 @@ class Grid:
             self._cells[cell].discard(node)
 
     def near(self, place: Place) -> Iterator[int]:
-        """Every node within the cell's width of the place, and some beyond, in no order."""
+        """Every node within a cell's width of the place, and some beyond, in no order."""
         north, east = self._cell(place)
         for row in (north - 1, north, north + 1):
             for column in (east - 1, east, east + 1):

@@ -1,10 +1,9 @@
-"""A fleet in its sea: lets time pass in rounds as fine as sound needs, and carries what is said between modems.
+"""A fleet in its sea: advances time in rounds as fine as sound needs, and carries packets between modems.
 
-A packet acts at its end, and an agent that does something at a time d can be heard from d + 105 ms on at the earliest: so
-long is the shortest packet. A round so never goes beyond the next end of a packet on its way, nor beyond that time after
-the next thing that anybody does; when nobody has anything to do, it goes to the tick. Whoever hears a packet meets it in
-the next round, stamped with its end. The medium knows where modems are from the fleet's truths: it is the world, not a
-mission.
+A packet acts at its end, and the shortest packet lasts 105 ms. So an agent that acts at a time d affects nobody before
+d + 105 ms. A round therefore ends at the next end of a packet under way, or 105 ms after the next action of anybody,
+whichever is first; if nobody has anything to do, it ends at the tick. A receiver takes a packet in the next round,
+stamped with its end. The medium takes modems' places from the fleet's truths, because it is the world, not a mission.
 """
 
 from __future__ import annotations
@@ -47,7 +46,7 @@ _FIRMWARE = {Generation.V2: Firmware.V2, Generation.V3: Firmware.V3}
 
 @dataclass(frozen=True, slots=True)
 class SeaConfig:
-    """Agent time. `wifi` is None where Wi-Fi has no limits but the water."""
+    """Agent time. If `wifi` is None, only the water limits Wi-Fi."""
 
     seed: int
     sound: Sound
@@ -58,16 +57,16 @@ class SeaConfig:
     range_noise_m: float
     """Standard deviation of a measured range."""
     thrusting_m_s: float
-    """An aPad that moves faster than this has its thrusters running."""
+    """The thrusters of an aPad that moves faster than this are running."""
     modems: Generation = Generation.V3
 
 
-Happened = tuple[int, int, int, medium.Stimulus | Heard]
-"""(agent time, order within it, node, what); a Heard is a Wi-Fi packet on its way to the aPad."""
+Event = tuple[int, int, int, medium.Stimulus | Heard]
+"""(agent time, order within it, node, stimulus); a Heard is a Wi-Fi packet on its way to the aPad."""
 
 
 class Sea:
-    """Around a coordinator, whose `advance` this one's takes the place of. Public times are mission milliseconds."""
+    """The sea around a coordinator; its `advance` replaces the coordinator's. Public times are mission milliseconds."""
 
     def __init__(
         self,
@@ -77,7 +76,7 @@ class Sea:
         now_ms: int = 0,
         opened: Collection[int] = (),
     ) -> None:
-        """`opened` are the agents whose modems somebody else may talk to: see `write`, and `Printed`."""
+        """`opened` are the agents whose modems somebody else may use: see `write` and `Printed`."""
         self.config = config
         self.dropped: Counter[str] = Counter()
         self._coordinator = coordinator
@@ -104,13 +103,15 @@ class Sea:
         self._places: dict[int, Place] = {}
         self._apad_at_ms: int | None = None
         self._truths: list[Truth] = []
-        self._told: list[medium.Result] = []
-        """Of the medium, between two ticks."""
+        self._undelivered: list[medium.Result] = []
+        """The medium's results between two ticks."""
 
     def take_truths(self) -> list[Truth]:
-        """The fleet's truths since the last call, of whose places the sea has taken note."""
+        """The fleet's truths since the last call; the sea moves the modems accordingly."""
         for truth in self._new_truths():
-            self._told += self._move(truth.agent_id, self.config.sinking.place(truth.physical), self.now_ms)
+            self._undelivered += self._move(
+                truth.agent_id, self.config.sinking.place(truth.physical), self.now_ms
+            )
         truths, self._truths = self._truths, []
         return truths
 
@@ -123,17 +124,17 @@ class Sea:
         self._places[node] = place
         return self._medium.receive(Moved(node, place), at_ms)
 
-    # What the aPad does, at ticks.
+    # The aPad acts at ticks.
 
     def carry_apad(self, north_m: float, east_m: float, at_ms: int) -> None:
-        """The aPad is here at mission time `at_ms`, now or since the last tick."""
+        """Places the aPad at mission time `at_ms`, which is now or after the last tick."""
         place = Place(round(north_m * 1e6), round(east_m * 1e6), self.config.keel_um, in_water=True)
         before = self._places.get(APAD)
         if before is not None and self._apad_at_ms is not None and at_ms > self._apad_at_ms:
             fast = 1000 * along_m(before, place) > self.config.thrusting_m_s * (at_ms - self._apad_at_ms)
-            self._told += self._medium.receive(ThrustersRan(APAD, fast), self.now_ms)
+            self._undelivered += self._medium.receive(ThrustersRan(APAD, fast), self.now_ms)
         self._apad_at_ms = at_ms
-        self._told += self._move(APAD, place, self.now_ms)
+        self._undelivered += self._move(APAD, place, self.now_ms)
 
     def say(self, agent_id: int | None, data: bytes, not_before_ms: int = 0) -> None:
         """Sends bytes by the aPad's modem, to one aMussel or to all: at that agent time, or as soon as it is free."""
@@ -142,20 +143,20 @@ class Sea:
             self._ask(agent_id, frame, not_before_ms)
 
     def ping(self, agent_id: int, not_before_ms: int = 0) -> None:
-        """Measures the range to an aMussel: Ranged or NotRanged comes of it."""
+        """Measures the range to an aMussel; Ranged or NotRanged follows."""
         ping = Frame(FrameKind.PING, APAD_ADDRESS, address_of(agent_id), generation=self.config.modems)
         self._ask(agent_id, ping, not_before_ms)
 
     def lay_links(self, topology: Topology) -> None:
-        """Links are as the topology says from now on."""
-        self._told += self._medium.receive(LinksChanged(topology), self.now_ms)
+        """Replaces the topology from now on."""
+        self._undelivered += self._medium.receive(LinksChanged(topology), self.now_ms)
 
     def wifi_reaches(self, agent_id: int, now_ms: int) -> bool:
-        """Whether what the aPad says to an aMussel by Wi-Fi now gets through the air."""
+        """True if a Wi-Fi packet that the aPad sends to an aMussel now gets through."""
         return self._through_the_air(APAD, agent_id, self._theta * now_ms)
 
     def write(self, agent_id: int, data: bytes) -> None:
-        """Whoever opened the modem wrote this to its serial line; what it prints comes as `Printed`."""
+        """Writes bytes to an opened modem's serial line; its output comes as `Printed`."""
         if self._modems is None:
             raise ValueError(f"the modem of aMussel {agent_id} has not been opened")
         self._modems.write(agent_id, data)
@@ -167,89 +168,87 @@ class Sea:
     # Rounds.
 
     def advance(self, now_ms: int) -> list[SeaResult]:
-        """Everything up to mission time `now_ms`, in the order of the rounds (ValueError if time went back)."""
+        """Runs everything up to mission time `now_ms`, in the order of the rounds (ValueError if time went back)."""
         until_ms = self._theta * now_ms
         if until_ms < self.now_ms:
             raise ValueError(f"time went back: {until_ms} before {self.now_ms}")
         results: list[SeaResult] = []
-        told, self._told = self._told, []
-        self._deliver(told, results)
+        undelivered, self._undelivered = self._undelivered, []
+        self._deliver(undelivered, results)
         while True:
             horizon_ms = self._horizon(until_ms)
             whole = horizon_ms == until_ms
-            came = self._coordinator.advance(now_ms) if whole else self._coordinator.grant(horizon_ms)
-            self._round(came, horizon_ms, results)
+            events = self._coordinator.advance(now_ms) if whole else self._coordinator.grant(horizon_ms)
+            self._round(events, horizon_ms, results)
             self.now_ms = horizon_ms
             if whole:
                 return results
 
     def _horizon(self, until_ms: int) -> int:
-        """The end of the next round: nothing that begins in it can act before its end."""
+        """The end of the next round, chosen so that nothing that begins in the round acts before its end."""
         horizon_ms = until_ms
         if (due_ms := self._medium.next_due_ms) is not None:
             horizon_ms = min(horizon_ms, due_ms)
         modems_ms = None if self._modems is None else self._modems.next_due_ms
-        for does_ms in (self._coordinator.due_agent_ms, self._keel.next_due_ms, modems_ms):
-            if does_ms is not None:
-                horizon_ms = min(horizon_ms, max(does_ms, self.now_ms) + SHORT_MS[self.config.modems])
+        for acts_ms in (self._coordinator.due_agent_ms, self._keel.next_due_ms, modems_ms):
+            if acts_ms is not None:
+                horizon_ms = min(horizon_ms, max(acts_ms, self.now_ms) + SHORT_MS[self.config.modems])
         return max(horizon_ms, self.now_ms)
 
-    def _round(self, came: list[Heard | Died], horizon_ms: int, results: list[SeaResult]) -> None:
-        """Brings what agents did in the round to the medium, in the order of time, and what that decided to agents."""
-        happened: list[Happened] = []
+    def _round(self, outputs: list[Heard | Died], horizon_ms: int, results: list[SeaResult]) -> None:
+        """Brings the agents' outputs to the medium, in the order of time, and the medium's decisions to the agents."""
+        events: list[Event] = []
         for truth in self._new_truths():
             moved = Moved(truth.agent_id, self.config.sinking.place(truth.physical))
-            happened.append((truth.at_ms, 0, truth.agent_id, moved))
+            events.append((truth.at_ms, 0, truth.agent_id, moved))
             if self._modems is not None:
                 self._modems.power(truth.agent_id, RAILS[truth.state] != 0, truth.at_ms)
-        for it in came:
+        for it in outputs:
             match it:
                 case Heard(_, agent_id, SoundSent() | PingAnswered() as output):
                     frame = self._frame(agent_id, output)
                     if frame is not None:
-                        self._send(happened, output.at_ms, agent_id, frame)
+                        self._send(events, output.at_ms, agent_id, frame)
                 case Heard(_, agent_id, WifiSent(at_ms)):
-                    happened.append((at_ms, 2, agent_id, it))
+                    events.append((at_ms, 2, agent_id, it))
                 case Died(_, agent_id, gave_up=reason) if reason is not None:
-                    happened.append((horizon_ms, 0, agent_id, Moved(agent_id, None)))
+                    events.append((horizon_ms, 0, agent_id, Moved(agent_id, None)))
                     results.append(it)
                 case _:
                     results.append(it)
-        for spoke in self._keel.advance(horizon_ms):
-            if isinstance(spoke, Send):
-                self._send(happened, spoke.at_ms, APAD, spoke.frame)
-            elif spoke.node is not None:
-                results.append(NotRanged(self._mission_ms(spoke.at_ms), spoke.node))
+        for action in self._keel.advance(horizon_ms):
+            if isinstance(action, Send):
+                self._send(events, action.at_ms, APAD, action.frame)
+            elif action.node is not None:
+                results.append(NotRanged(self._mission_ms(action.at_ms), action.node))
         if self._modems is not None:
             for sent in self._modems.round(horizon_ms):
-                happened.append((sent.at_ms, 1, sent.node, Began(sent.node, sent.frame)))
-                if not sent.asked and sent.node != APAD:
+                events.append((sent.at_ms, 1, sent.node, Began(sent.node, sent.frame)))
+                if not sent.from_host and sent.node != APAD:
                     self._tell(sent.node, ModemSent(sent.frame.duration_ms), sent.at_ms, results)
-        self._deliver(self._happen(happened, horizon_ms, results), results)
+        self._deliver(self._apply(events, horizon_ms, results), results)
         if self._modems is not None:
             results += [Printed(self._mission_ms(horizon_ms), *it) for it in self._modems.take_printed()]
 
-    def _happen(
-        self, happened: list[Happened], horizon_ms: int, results: list[SeaResult]
-    ) -> list[medium.Result]:
-        """Lets it happen in the order of time, up to the horizon; what the medium decided by then."""
+    def _apply(self, events: list[Event], horizon_ms: int, results: list[SeaResult]) -> list[medium.Result]:
+        """Applies the events in the order of time. Returns the medium's decisions up to the horizon."""
         decided: list[medium.Result] = []
-        for at_ms, _, node, what in sorted(happened, key=lambda it: it[:3]):
-            if isinstance(what, Heard):
+        for at_ms, _, node, event in sorted(events, key=lambda it: it[:3]):
+            if isinstance(event, Heard):
                 if self._through_the_air(node, APAD, at_ms):
-                    results.append(what)
+                    results.append(event)
                 continue
             now_ms = min(max(at_ms, self._medium.now_ms), horizon_ms)
-            if isinstance(what, Moved) and what.place is not None:
-                decided += self._move(node, what.place, now_ms)
+            if isinstance(event, Moved) and event.place is not None:
+                decided += self._move(node, event.place, now_ms)
             else:
-                decided += self._medium.receive(what, now_ms)
+                decided += self._medium.receive(event, now_ms)
         return decided + self._medium.advance(horizon_ms)
 
-    def _send(self, happened: list[Happened], at_ms: int, node: int, frame: Frame) -> None:
-        """By the node's modem, if there are modems; otherwise straight into the water."""
+    def _send(self, events: list[Event], at_ms: int, node: int, frame: Frame) -> None:
+        """Sends by the node's modem, if there are modems; otherwise straight into the water."""
         if self._modems is None:
-            happened.append((at_ms, 1, node, Began(node, frame)))
+            events.append((at_ms, 1, node, Began(node, frame)))
         else:
             self._modems.ask(node, frame, at_ms)
 
@@ -261,10 +260,10 @@ class Sea:
             node, at_ms, frame = it.reception.receiver, it.reception.at_ms, it.frame
             if self._modems is not None:
                 arrived = FrameArrived(frame, it.reception.travelled_us, it.reception.snr_db)
-                if not self._modems.hear(node, arrived, at_ms):
+                if not self._modems.frame_arrived(node, arrived, at_ms):
                     continue
             if node == APAD:
-                self._hear(it, results)
+                self._receive_at_apad(it, results)
                 continue
             ping = frame.kind is FrameKind.PING
             stimulus = PingArrived(it.reception.travelled_us) if ping else SoundArrived(frame.data)
@@ -275,8 +274,7 @@ class Sea:
         if agent_ms is not None:
             results.append(Told(self._mission_ms(at_ms), node, agent_ms, stimulus))
 
-    def _hear(self, heard: medium.Heard, results: list[SeaResult]) -> None:
-        """At the aPad's modem."""
+    def _receive_at_apad(self, heard: medium.Heard, results: list[SeaResult]) -> None:
         at_ms, frame = heard.reception.at_ms, heard.frame
         mission_ms = self._mission_ms(at_ms)
         if frame.kind is not FrameKind.PING_REPLY:
@@ -300,7 +298,7 @@ class Sea:
         return self._carrying(output.data, source, APAD_ADDRESS)
 
     def _carrying(self, data: bytes, source: int, to: int | None) -> Frame | None:
-        """A frame with these bytes, to one address or to all; None, counted, for more than a modem carries."""
+        """A frame with these bytes, to one address or to all; None, counted, if a modem cannot carry them."""
         modems = self.config.modems
         fewest, most = PAYLOAD_BYTES[modems]
         if not fewest <= len(data) <= most:

@@ -1,4 +1,4 @@
-"""What comes out of a fleet's sea for the aPad, and how its modems are numbered. Mission time."""
+"""The sea's events for the aPad, and the numbers of its modems. Mission time."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from agents.mussel.stimuli import Stimulus
 from agents.water.medium import PacketEnded
 
 APAD = 0
-"""The aPad's modem among the nodes; aMussels are theirs by their ids, which begin at 1."""
+"""The node of the aPad's modem; an aMussel's node is its id, which begins at 1."""
 APAD_ADDRESS = 255
 _ADDRESSES = 254
 
 
 def address_of(node: int) -> int:
-    """A modem's 8-bit address. aMussels beyond 254 share theirs; their packets carry ids."""
+    """A modem's 8-bit address. aMussels beyond 254 share addresses; their packets carry ids."""
     return APAD_ADDRESS if node == APAD else (node - 1) % _ADDRESSES + 1
 
 
@@ -30,7 +30,7 @@ class SoundReached:
 
 @dataclass(frozen=True, slots=True)
 class Ranged:
-    """A ping of the aPad's was answered."""
+    """An aMussel answered a ping of the aPad."""
 
     mission_ms: int
     agent_id: int
@@ -39,7 +39,7 @@ class Ranged:
 
 @dataclass(frozen=True, slots=True)
 class NotRanged:
-    """A ping of the aPad's was not answered in time."""
+    """An aMussel did not answer a ping of the aPad in time."""
 
     mission_ms: int
     agent_id: int
@@ -47,7 +47,7 @@ class NotRanged:
 
 @dataclass(frozen=True, slots=True)
 class Told:
-    """An agent was told something by the water, at agent time `agent_ms`."""
+    """An agent received a stimulus from the water, at agent time `agent_ms`."""
 
     mission_ms: int
     agent_id: int

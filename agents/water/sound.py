@@ -1,4 +1,4 @@
-"""What the water does to a modem's sound: how long it travels, how loud it arrives, and how often a packet is lost.
+"""The water's effect on a modem's sound: travel time, level at the receiver, and packet error rate.
 
 Levels are dB re 1 uPa, distances metres, times milliseconds unless a name says microseconds. Defaults are the published
 figures of the Newcastle nanomodem V3 at 28 kHz; a pool or a harbour has its own.
@@ -11,9 +11,9 @@ from dataclasses import dataclass
 from math import exp, inf, log, log10
 
 _CERTAIN = 700
-"""Log odds beyond which a float's exponential ends."""
+"""Log odds beyond which the exponential overflows a float."""
 _STEP_US = 62.5
-"""The modem times a round trip in these."""
+"""The step of the timer with which the modem measures a round trip."""
 SPHERICAL_DB = 20.0
 """Loss by spreading per tenfold distance in open water; 15 is the practical mean of shallow water, 10 cylindrical."""
 
@@ -28,10 +28,10 @@ def thorp_db_per_km(frequency_khz: float) -> float:
 class ErrorCurve:
     """Packet error rate against SNR, for some sizes of payload.
 
-    `rates[i][j]` is that of `sizes[i]` bytes at `snrs_db[j]`, all within (0, 1), sizes and SNRs rising. Between the points
-    the log odds are linear in the SNR, and between two sizes in the logarithm of the size. Beyond the first and the last
-    SNR they go on by the mean slope of all sizes there, so that a longer packet is never the safer. A payload outside of
-    the sizes is taken as the nearest.
+    `rates[i][j]` is the rate of `sizes[i]` bytes at `snrs_db[j]`; rates lie within (0, 1), sizes and SNRs rise. The log
+    odds are linear in the SNR between two points, and linear in the logarithm of the size between two sizes. Beyond the
+    first and the last SNR they continue with the mean slope of all sizes there, so that a longer packet is never safer.
+    A payload beyond the sizes counts as the nearest size.
     """
 
     snrs_db: tuple[float, ...]
@@ -49,7 +49,7 @@ class ErrorCurve:
             raise ValueError("rates must lie between 0 and 1, both excluded")
 
     def probability(self, snr_db: float, payload_bytes: int) -> float:
-        """That a packet with so much data is lost at this SNR. A frame without data counts as the smallest size."""
+        """The probability that a packet with so much data is lost. A frame without data counts as the smallest size."""
         if snr_db == inf:
             return 0.0
         size = min(max(payload_bytes, self.sizes[0]), self.sizes[-1])
@@ -72,7 +72,7 @@ class ErrorCurve:
         return first + (second - first) * (snr_db - snrs[low]) / (snrs[low + 1] - snrs[low])
 
     def _slope(self, low: int) -> float:
-        """Of the log odds a dB, from point `low` to the next, as a mean of all sizes."""
+        """The slope of the log odds per dB, from point `low` to the next, as a mean of all sizes."""
         rises = sum(_odds(row[low + 1]) - _odds(row[low]) for row in self.rates)
         return rises / len(self.rates) / (self.snrs_db[low + 1] - self.snrs_db[low])
 
@@ -90,12 +90,12 @@ NANOMODEM_ERRORS = ErrorCurve(
         (0.984, 0.932, 0.793, 0.483, 0.217, 0.068, 0.020, 0.007),
     ),
 )
-"""In harsh multipath, from the simulator of the modem's makers."""
+"""Error rates in harsh multipath, from the simulator of the modem's makers."""
 
 
 @dataclass(frozen=True, slots=True)
 class Sound:
-    """The water and the modem as sound meets them."""
+    """The acoustic properties of the water and the modem."""
 
     speed_m_s: float = 1500.0
     source_level_db: float = 168.0
@@ -109,17 +109,17 @@ class Sound:
     fading_db: float = 0.0
     """Multipath: standard deviation of each packet's own gain at each receiver."""
     reverberation_ms: int = 0
-    """For so long after its end a packet's echoes still disturb others."""
+    """A packet's echoes disturb others for so long after its end."""
     reverberation_db: float = 10.0
-    """So much weaker than the packet are its echoes."""
+    """Echoes are weaker than their packet by so much."""
     capture_db: float = 6.0
-    """A packet outlives others that overlap it if it is louder by so much than all of them together."""
+    """A packet survives others that overlap it if it is louder by so much than all of them together."""
     thruster_noise_db: float = 20.0
     """Running thrusters raise the noise at their own vehicle's modem by so much."""
     range_limit_m: float = 5000.0
-    """Sound is followed no further: neither as a packet nor as what disturbs one."""
+    """The model follows sound no further, neither as a packet nor as a disturbance."""
     turnaround_ms: int = 0
-    """From a modem's own sound's end until it hears again."""
+    """The time from the end of a modem's own sound until it can receive again."""
     errors: ErrorCurve = NANOMODEM_ERRORS
 
     def __post_init__(self) -> None:
@@ -140,11 +140,11 @@ class Sound:
 
     @property
     def noise_db(self) -> float:
-        """Over the modem's band."""
+        """Noise level over the modem's band."""
         return self.noise_db_per_hz + 10 * log10(self.bandwidth_hz)
 
     def level_db(self, distance_m: float) -> float:
-        """At so many metres from a sender; nearer than 1 m it is the source level."""
+        """Level at this distance from a sender; nearer than 1 m it is the source level."""
         metres = max(1.0, distance_m)
         return (
             self.source_level_db
@@ -160,13 +160,13 @@ class Sound:
         return round(1e6 * distance_m / self.speed_m_s)
 
     def range_m(self, round_trip_us: int, off_m: float) -> float:
-        """What a modem measures of a round trip, `off_m` being its error of this time: whole steps of its timer."""
+        """The range that a modem measures from a round trip with the error `off_m`, in whole steps of its timer."""
         step_m = _STEP_US * self.speed_m_s / 2e6
         return max(0, round((round_trip_us * self.speed_m_s / 2e6 + off_m) / step_m)) * step_m
 
     @property
     def ignored_db(self) -> float:
-        """The bound of what `range_limit_m` leaves out: a sound from beyond it lies below the noise by so much, at least.
+        """The error bound of `range_limit_m`: a sound from beyond it lies below the noise by at least so much.
 
         k such sounds at once would raise the noise by 10 log10(1 + k 10^(-ignored_db / 10)) dB at most.
         """

@@ -1,7 +1,7 @@
-"""The water's current as a body meets it: fields by depth and time, tides over them, and less of it near the bottom.
+"""The water's current at a body: fields by depth and time, tides over them, and a profile that weakens it by depth.
 
-All of it is what is said once and never changes, in whole micrometres, so that the same place at the same time has the same
-velocity whoever asks. Time is seconds of mission time: the current belongs to the real water's clock.
+All values are constant and in whole micrometres, so that the same place at the same time always has the same velocity.
+Time is seconds of mission time, because the current follows the real water's clock.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ _UNIT = 1_000_000
 
 @dataclass(frozen=True, slots=True)
 class Tide:
-    """One constituent: an ellipse that is gone round once in `period_s`.
+    """One constituent of the tide: an ellipse with the period `period_s`.
 
     North is `north_um_s` sin(2 pi (t / period + north_phase / 10^6)), and east likewise.
     """
@@ -45,8 +45,8 @@ def _wave(second: int, period_s: int, phase: int) -> float:
 class Stream:
     """`fields` are row by row: all `depths_um` of the first of `seconds`, then those of the next. Both rise.
 
-    Between two depths and between two times it is linear; outside, that of the nearest. `profile` is (depth in um, share in
-    millionths) by rising depth, linear between: what is left of all of it there.
+    The velocity is linear between two depths and between two times; outside, it is that of the nearest. `profile` has
+    (depth in um, share in millionths) by rising depth, linear between: the share of the whole current at that depth.
     """
 
     seconds: array[int]
@@ -55,7 +55,7 @@ class Stream:
     tides: tuple[Tide, ...]
     profile: tuple[tuple[int, int], ...]
     is_still: bool
-    """Whether nothing drifts in it anywhere, ever: kept, for bodies ask at every event."""
+    """True if nothing ever drifts anywhere. It is stored because bodies ask at every event."""
 
     @classmethod
     def of(
@@ -103,7 +103,7 @@ class Stream:
 
 
 def _between(lines: array[int], at: int) -> tuple[int, int, int, int]:
-    """(index below, index above, way from below, width); a cell of width 1 outside of the lines."""
+    """(index below, index above, distance from below, width); a cell of width 1 outside the lines."""
     last = len(lines) - 1
     above = bisect_right(lines, at)
     if above == 0:
@@ -114,14 +114,14 @@ def _between(lines: array[int], at: int) -> tuple[int, int, int, int]:
 
 
 def steady(field: CurrentField) -> Stream:
-    """One field at every depth and for ever."""
+    """A stream with one field at every depth and time."""
     return Stream.of(array("q", [0]), array("q", [0]), (field,))
 
 
 def parse_stream(text: str) -> Stream:
-    """The stream of a CSV as `CurrentField.parse` takes it, which may have the columns `depth_m` and `time_s` as well.
+    """Reads a CSV like that of `CurrentField.parse`, which may have the columns `depth_m` and `time_s` as well.
 
-    Every pair of a time and a depth has a field of its own. Raises ValueError, `line N: ...`, for what is no such file.
+    Every pair of a time and a depth has a field of its own. Raises ValueError, `line N: ...`, for any other file.
     """
     lines = text.removeprefix("\ufeff").splitlines()
     header = next((it for it in lines if it.partition("#")[0].strip()), "")
@@ -144,7 +144,7 @@ def parse_stream(text: str) -> Stream:
             )
         except (ValueError, OverflowError):
             raise ValueError(f"line {number}: time_s and depth_m: numbers are wanted") from None
-        # The blank lines keep the numbers of the lines right in what the field says of them.
+        # Blank lines keep the line numbers right in the errors of `CurrentField.parse`.
         part = parts.setdefault((time_s, depth_um), [",".join(kept)])
         part += [""] * (number - len(part) - 1)
         part.append(",".join(_without(cells, keys)))

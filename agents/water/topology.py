@@ -1,6 +1,6 @@
-"""Links that are cut, black out for a while or lose packets: rules laid over what the water itself does.
+"""Rules for links that are cut, black out for a while or lose packets, on top of the water's own effects.
 
-A rule is directed, so that a link may be worse one way than the other. Times are agent milliseconds.
+A rule has a direction, so a link may be worse one way than the other. Times are agent milliseconds.
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ ANY = "*"
 
 @dataclass(frozen=True, slots=True)
 class LinkRule:
-    """From `sender` to `receiver` (None is any) a packet is lost with probability `loss`; 1 cuts the link.
+    """A packet from `sender` to `receiver` (None is any) is lost with probability `loss`; 1 cuts the link.
 
-    It holds for packets that begin from `since_ms` on and before `until_ms`, None being for ever.
+    The rule holds for packets that begin from `since_ms` on and before `until_ms`; None is for ever.
     """
 
     sender: int | None
@@ -41,13 +41,13 @@ class LinkRule:
 
 
 class Topology:
-    """Rules, of which all that hold count: a packet gets through if it survives each of them."""
+    """A set of rules. A packet gets through if it survives every rule that holds."""
 
     def __init__(self, rules: Sequence[LinkRule] = ()) -> None:
         self.rules = tuple(rules)
 
     def loss(self, sender: int, receiver: int, at_ms: int) -> float:
-        """Probability that a packet that begins then is lost on this link; 1 if there is no link."""
+        """The probability that a packet that begins at `at_ms` is lost on this link; 1 if there is no link."""
         passes = 1.0
         for rule in self.rules:
             if rule.holds(sender, receiver, at_ms):
@@ -56,7 +56,7 @@ class Topology:
 
 
 def parse_topology(text: str, nodes: dict[str, int], agent_ms_per_s: int) -> Topology:
-    """The rules of a CSV: a header naming `COLUMNS`, or some of them with `from`, `to` and `loss` among them.
+    """Reads rules from a CSV with a header of `COLUMNS`, of which `since_s` and `until_s` may be left out.
 
     `from` and `to` are an aMussel's id, a name in `nodes` or `*`; seconds are mission time, of `agent_ms_per_s` each.
     Raises ValueError, `line N: ...`.

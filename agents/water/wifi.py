@@ -1,8 +1,8 @@
-"""Wi-Fi a hand's breadth above the waves: how far it reaches, and how often a packet is lost. Metres and dB.
+"""The range and the packet loss of Wi-Fi just above the waves. Metres and dB.
 
-The path loss is free space (Friis) near by and that of two rays over a flat sea far off, where both antennas' heights
-count: 40 log10(d) - 20 log10(h1 h2), whichever is the greater. A packet gets through with the logistic function of its
-margin above the receiver's sensitivity.
+The path loss is the greater of free space (Friis), which counts near by, and two rays over a flat sea, which count far
+off and depend on both antennas' heights: 40 log10(d) - 20 log10(h1 h2). The probability of delivery is the logistic
+function of the margin above the receiver's sensitivity.
 """
 
 from __future__ import annotations
@@ -18,17 +18,17 @@ _LIGHT_M_S = 299_792_458.0
 
 @dataclass(frozen=True, slots=True)
 class Wifi:
-    """One kind of radio on both sides."""
+    """The radio, the same kind on both sides."""
 
     frequency_mhz: float = 2440.0
     transmit_dbm: float = 20.0
     sensitivity_dbm: float = -85.0
-    """At which half of all packets get through."""
+    """The level at which half of all packets get through."""
     mussel_antenna_m: float = 0.05
-    """Height above the water, of a floating aMussel's and of an aPad's antenna."""
+    """Height of a floating aMussel's antenna above the water; the next field is the aPad's."""
     apad_antenna_m: float = 1.5
     slope_db: float = 1.5
-    """So many dB of margin change the odds of a packet e-fold."""
+    """The dB of margin that change the odds of a packet e-fold."""
 
     def __post_init__(self) -> None:
         for name in ("frequency_mhz", "mussel_antenna_m", "apad_antenna_m", "slope_db"):
@@ -42,10 +42,10 @@ class Wifi:
         return max(friis, two_rays)
 
     def delivery(self, distance_m: float) -> float:
-        """Probability that a packet gets through."""
+        """The probability that a packet gets through."""
         margin_db = self.transmit_dbm - self.path_loss_db(distance_m) - self.sensitivity_dbm
         return 1 / (1 + exp(min(700.0, -margin_db / self.slope_db)))
 
     def gets_through(self, distance_m: float, seed: int, sender: int, at_ms: int, receiver: int) -> bool:
-        """The fate of the packet that `sender` begins at agent time `at_ms`."""
+        """True if the packet that `sender` begins at agent time `at_ms` gets through."""
         return fates(seed, sender, at_ms, receiver, _LANE)[0] < self.delivery(distance_m)

@@ -8,7 +8,7 @@ import msgpack
 import pytest
 from fleets import PAPER
 
-from agents.fleet import FleetConfig
+from agents.fleet import FleetConfig, drift_of
 from agents.water.patches import Waters
 from firmware_model.config import FullFirmware, LastResort
 from firmware_model.power.charge import FULL
@@ -67,3 +67,12 @@ def test_agents_share_the_firmware_s_numbers_and_have_timeslots_of_their_own() -
 def test_one_that_has_no_timeslot_is_refused() -> None:
     with pytest.raises(ValueError, match="slot 60 does not lie in a frame of 60"):
         FLEETS["field"].maker().config(65)
+
+
+def test_crystals_differ_and_stay_within_the_bound() -> None:
+    drifts = [drift_of(7, agent_id, 50_000) for agent_id in range(1, 1001)]
+    assert max(map(abs, drifts)) <= 50_000 and len(set(drifts)) > 950
+    # Uniform: the mean's standard deviation is 50 000 / sqrt(3) / sqrt(1000) = 913.
+    assert abs(sum(drifts) / 1000) < 4 * 913
+    assert [drift_of(7, agent_id, 0) for agent_id in (1, 2)] == [0, 0]
+    assert drift_of(8, 1, 50_000) != drift_of(7, 1, 50_000)

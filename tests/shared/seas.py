@@ -1,4 +1,4 @@
-"""The sea that tests start from, where sound loses nothing, and a fleet of whole boards in it."""
+"""A sea without losses of sound, and a fleet of whole boards in it, from which tests start."""
 
 from __future__ import annotations
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from agents.modem import obeying
+from agents.modem import command_handler
 from agents.modem.modem import Modem
 from firmware_model.packets import StatusPacket
 
@@ -47,9 +47,11 @@ def test_a_modem_that_forgets_its_address_is_seen(fuzz: Any, monkeypatch: pytest
 
 
 def test_a_modem_that_hangs_is_seen(fuzz: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    obey = obeying.obey
+    handle = command_handler.handle
     monkeypatch.setattr(
-        obeying, "obey", lambda modem, came, *at: obey(modem, came, *at) if modem.question is None else []
+        command_handler,
+        "handle",
+        lambda modem, item, *at: handle(modem, item, *at) if modem.question is None else [],
     )
     monkeypatch.setattr(Modem, "_timers", lambda modem: (*_TIMERS(modem)[:2], None, *_TIMERS(modem)[3:]))
     with pytest.raises(fuzz.Broken, match="is answered with"):

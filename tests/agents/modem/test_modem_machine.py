@@ -12,11 +12,11 @@ from hypothesis import strategies as st
 from agents.modem.facts import (
     Action,
     Answered,
-    Asked,
     Delivered,
     Dropped,
     EmitFrame,
     FrameArrived,
+    FrameRequested,
     Pin,
     PinRose,
     PowerCame,
@@ -188,7 +188,7 @@ def test_the_address_outlives_power_and_the_rest_does_not() -> None:
     it = modem()
     it.receive(SerialBytes(b"$A077$XQE$XTE$P002"), 0)
     it.advance(1000)
-    assert it.question is not None and it.tells_quality
+    assert it.question is not None and it.reports_quality
     it.receive(PowerWent(), 1000)
     assert it.next_due_ms is None
     assert [type(action) for action in it.receive(SerialBytes(b"$?"), 1100)] == [Dropped]
@@ -196,7 +196,7 @@ def test_the_address_outlives_power_and_the_rest_does_not() -> None:
     answer = outs(it.receive(SerialBytes(b"$?$XTG"), 1200) + it.advance(1400))
     assert answer[0][1].startswith(b"#A077V21845")
     assert answer[1][1] == b"#XTG00000000000000\r\n"
-    assert it.question is None and not it.tells_quality
+    assert it.question is None and not it.reports_quality
 
 
 def test_pins_rise_for_a_unicast_and_for_any_frame() -> None:
@@ -235,13 +235,13 @@ def test_two_lines_get_their_own_answers_and_both_what_is_heard(pair: Pair) -> N
 def test_a_host_without_a_line_asks_and_is_told(pair: Pair) -> None:
     water = pair()
     ping = Frame(FrameKind.PING, 1, 2)
-    water.tell("near", Asked(ping))
+    water.tell("near", FrameRequested(ping))
     water.run(1000)
     lost = Frame(FrameKind.PING, 1, 3)
-    water.tell("near", Asked(lost))
+    water.tell("near", FrameRequested(lost))
     water.run(6000)
     words = Frame(FrameKind.UNICAST, 1, 2, b"words")
-    water.tell("near", Asked(words))
+    water.tell("near", FrameRequested(words))
     water.run(7000)
     # 105 ms out, 100 of way, 5 of turnaround, and the same back; the other ping is given up after 4 s.
     assert water.of("near", Answered) == [Answered(415, ping, 3200), Answered(1000 + 105 + 4000, lost, None)]
@@ -257,9 +257,9 @@ def test_a_host_without_a_line_asks_and_is_told(pair: Pair) -> None:
 
 def test_a_host_without_a_line_is_told_why_not() -> None:
     it = modem()
-    it.receive(Asked(Frame(FrameKind.BROADCAST, 1, None, b"one")), 0)
-    assert it.receive(Asked(Frame(FrameKind.BROADCAST, 1, None, b"two")), 1) == []
-    (refused,) = it.receive(Asked(Frame(FrameKind.BROADCAST, 1, None, b"three")), 2)
+    it.receive(FrameRequested(Frame(FrameKind.BROADCAST, 1, None, b"one")), 0)
+    assert it.receive(FrameRequested(Frame(FrameKind.BROADCAST, 1, None, b"two")), 1) == []
+    (refused,) = it.receive(FrameRequested(Frame(FrameKind.BROADCAST, 1, None, b"three")), 2)
     assert isinstance(refused, Dropped)
 
 
@@ -285,8 +285,8 @@ STIMULI: list[Stimulus] = [
     SerialBytes(b"$B02abT%014d" % 3_000_000),
     SerialBytes(b"$F", 1),
     SerialBytes(b"2", 0, paused=True),
-    Asked(Frame(FrameKind.PING, 1, 2)),
-    Asked(Frame(FrameKind.BROADCAST, 1, None, b"abc")),
+    FrameRequested(Frame(FrameKind.PING, 1, 2)),
+    FrameRequested(Frame(FrameKind.BROADCAST, 1, None, b"abc")),
     SoundBegan(330),
     FrameArrived(Frame(FrameKind.PING, 3, 1), 1234),
     FrameArrived(Frame(FrameKind.PING_REPLY, 2, 1, flight_us=1234), 1234),

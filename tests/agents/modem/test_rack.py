@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from agents.modem.facts import Asked, FrameArrived, SerialBytes, Stimulus
+from agents.modem.facts import FrameArrived, FrameRequested, SerialBytes, Stimulus
 from agents.modem.firmware import ModemConfig
 from agents.modem.frames import Frame, FrameKind
 from agents.modem.modem import Modem
@@ -16,8 +16,8 @@ from agents.modem.rack import Rack
 
 NODES = {1: 1, 2: 2, 7: 7}
 STIMULI: list[Stimulus] = [
-    Asked(Frame(FrameKind.PING, 1, 9)),
-    Asked(Frame(FrameKind.BROADCAST, 1, None, b"abc")),
+    FrameRequested(Frame(FrameKind.PING, 1, 9)),
+    FrameRequested(Frame(FrameKind.BROADCAST, 1, None, b"abc")),
     FrameArrived(Frame(FrameKind.PING, 9, 2)),
     FrameArrived(Frame(FrameKind.STATUS_REQUEST, 9, 7)),
     FrameArrived(Frame(FrameKind.BROADCAST, 9, None, b"abc")),

@@ -23,9 +23,9 @@ def told(agent_id: int, count: int) -> list[Truth]:
 def test_truths_cross_in_as_many_datagrams_as_they_need(count: int) -> None:
     datagrams = truths.encode(7, (2, 9), told(7, count))
     assert all(len(datagram) <= LIMIT_BYTES for datagram in datagrams)
-    tellings = [truths.decode(datagram) for datagram in datagrams]
-    assert all((telling.agent_id, telling.key) == (7, (2, 9)) for telling in tellings)
-    assert [truth for telling in tellings for truth in telling.truths] == told(7, count)
+    messages = [truths.decode(datagram) for datagram in datagrams]
+    assert all((message.agent_id, message.key) == (7, (2, 9)) for message in messages)
+    assert [truth for message in messages for truth in message.truths] == told(7, count)
 
 
 def test_what_is_no_telling_is_a_link_error() -> None:
@@ -39,8 +39,8 @@ def test_what_is_no_telling_is_a_link_error() -> None:
 
 def test_a_hearer_keeps_answered_windows_and_counts_garbage() -> None:
     dropped: Counter[str] = Counter()
-    hearing, telling = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-    with hearing, telling:
+    hearing, message = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    with hearing, message:
         hearer = truths.TruthReceiver(hearing, dropped)
         for data in (
             b"no truth",
@@ -48,14 +48,14 @@ def test_a_hearer_keeps_answered_windows_and_counts_garbage() -> None:
             *truths.encode(7, (2, 1), told(7, 2)),
             *truths.encode(7, (2, 2), told(7, 3)),
         ):
-            telling.send(data)
-        telling.send(truths.encode(8, (2, 2), told(8, 1))[0])
-        hearer.hear()
+            message.send(data)
+        message.send(truths.encode(8, (2, 2), told(8, 1))[0])
+        hearer.receive()
         assert hearer.take(7, (2, 1)) == tuple(told(7, 2))
         assert hearer.take(7, (2, 2)) == ()  # of an unanswered window, and so forgotten
         hearer.forget(8)
         assert hearer.take(8, (2, 2)) == ()
         assert dropped == {"truth: 8 bytes are no truths": 1, "truth: 0 bytes are no truths": 1}
-        telling.close()
-        hearer.hear()  # the end is no garbage
+        message.close()
+        hearer.receive()  # the end is no garbage
         assert sum(dropped.values()) == 2

@@ -10,7 +10,7 @@ import pytest
 from agents.fleet import resting_on_bottom
 from agents.hosting.link_protocol import NEVER
 from agents.mussel.physical import Physical
-from agents.nursery.state_file import SLOT_BYTES, Record, RecordPair
+from agents.nursery.state_file import RECORD_BYTES, Record, RecordPair
 
 
 def place(north_m: float) -> Physical:
@@ -52,8 +52,8 @@ def test_a_torn_slot_gives_way_to_the_other(file: int, torn_at: int) -> None:
     pair = RecordPair(file, 0, 7)
     pair.initial_state(place(0))
     pair.write((1, 1), 10, place(1))
-    byte = os.pread(file, 1, SLOT_BYTES + torn_at)[0]
-    os.pwrite(file, bytes([byte ^ 0x40]), SLOT_BYTES + torn_at)
+    byte = os.pread(file, 1, RECORD_BYTES + torn_at)[0]
+    os.pwrite(file, bytes([byte ^ 0x40]), RECORD_BYTES + torn_at)
     assert RecordPair(file, 0, 7).newest(None) == Record(NEVER, 0, place(0))
 
 

@@ -12,8 +12,8 @@ from typing import Any
 
 import pytest
 
+from agents.fleet import drift_of
 from agents.hosting.in_process import InProcessHost
-from agents.mussel.crystal import drift_of
 from apad_bridge.assembly import parts
 from apad_bridge.assembly.water import fleet_of
 from apad_bridge.runs.in_memory import MemoryRecorder

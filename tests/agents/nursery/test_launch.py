@@ -1,4 +1,4 @@
-"""Ctrl-C and SIGTERM while a process is begun."""
+"""Ctrl-C and SIGTERM while a nursery starts."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ import threading
 
 import pytest
 
-from agents.hosting.interrupts import held_back
+from agents.nursery.launch import signals_held_back
 
 
 def test_ctrl_c_waits_until_it_is_let_in() -> None:
     reached = []
-    with pytest.raises(KeyboardInterrupt), held_back() as let_in:
+    with pytest.raises(KeyboardInterrupt), signals_held_back() as let_in:
         signal.raise_signal(signal.SIGINT)
         reached.append("begun")
         let_in()
@@ -25,7 +25,7 @@ def test_it_acts_at_the_end_as_it_did_before(number: int) -> None:
     acted: list[int] = []
     before = signal.signal(number, lambda it, _: acted.append(it))
     try:
-        with held_back():
+        with signals_held_back():
             signal.raise_signal(number)
             assert acted == []
         assert acted == [number]
@@ -39,7 +39,7 @@ def test_in_another_thread_nothing_is_held() -> None:
     before, seen = signal.getsignal(signal.SIGINT), []
 
     def run() -> None:
-        with held_back() as let_in:
+        with signals_held_back() as let_in:
             seen.append(signal.getsignal(signal.SIGINT))
             let_in()
 

@@ -1,17 +1,13 @@
-"""Commands that go out as sound, at once or at a time of the modem's timer; some are questions that wait for an answer."""
+"""Commands that send sound, at once or at a time of the modem's timer; some are questions that wait for an answer."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from agents.modem import answers
 from agents.modem.commands import Command
+from agents.modem.core import ModemCore
 from agents.modem.facts import Action, Dropped
 from agents.modem.frames import TO_ALL, Frame, FrameKind
 from agents.modem.serial_line import TICKS_PER_MS
-
-if TYPE_CHECKING:
-    from agents.modem.modem import Modem
 
 _KINDS = {
     "B": FrameKind.BROADCAST,
@@ -30,15 +26,15 @@ AWAITED = {
     FrameKind.PING: FrameKind.PING_REPLY,
     FrameKind.PROBE: FrameKind.PROBE_REPLY,
 }
-"""What answers a question."""
+"""The kind of answer to each kind of question."""
 
 
 def goes_out(name: str) -> bool:
     return name in _KINDS
 
 
-def send(modem: Modem, command: Command, number: int, tick: int, now_ms: int) -> list[Action]:
-    """Acknowledges the command to its line and sends its frame; `E` if it cannot."""
+def send(modem: ModemCore, command: Command, line_index: int, tick: int, now_ms: int) -> list[Action]:
+    """Acknowledges the command on its line and sends its frame; answers `E` if it cannot."""
     wait_us: int | None = 0
     now_us = tick * 1000 // TICKS_PER_MS
     if command.timer_us is not None:
@@ -48,22 +44,22 @@ def send(modem: Modem, command: Command, number: int, tick: int, now_ms: int) ->
     if wait_us is None:
         reason = "a transmission can be put off by 2 s at most, and not into the past"
     if reason is not None or wait_us is None:
-        modem.answer(number, answers.ERROR, tick)
+        modem.answer(line_index, answers.ERROR, tick)
         return [Dropped(now_ms, f"serial: {reason}")]
     generation = modem.config.firmware.generation
     to = None if kind in TO_ALL else command.address
     frame = Frame(kind, modem.address, to, command.data, generation)
     address = "" if to is None else f"{to:03}"
     size = answers.length(generation, command.data) if command.data else ""
-    modem.answer(number, answers.told(generation, command.name + address + size), tick)
+    modem.answer(line_index, answers.acknowledgement(generation, command.name + address + size), tick)
     if kind in AWAITED:
-        modem.ask(command.name, frame, AWAITED[kind], number)
+        modem.ask(command.name, frame, AWAITED[kind], line_index)
     modem.send(frame, max(now_ms, -(-(now_us + wait_us) // 1000)))
     return []
 
 
-def why_not(modem: Modem, kind: FrameKind) -> str | None:
-    """Why a frame of this kind cannot be sent now."""
+def why_not(modem: ModemCore, kind: FrameKind) -> str | None:
+    """The reason why the modem cannot send a frame of this kind now; None if it can."""
     if modem.waiting:
         return "a frame waits to be sent already"
     if kind in AWAITED and modem.question is not None:

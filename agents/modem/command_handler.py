@@ -1,41 +1,39 @@
-"""What a modem does with a command from one of its serial lines."""
+"""Carries out the commands that a modem reads from one of its serial lines."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-from agents.modem import answers, asking
+from agents.modem import answers, sending
 from agents.modem.commands import Command, Malformed
+from agents.modem.core import ModemCore
 from agents.modem.facts import Action, Dropped
 from agents.modem.frames import ADDRESSES
 from agents.modem.serial_line import TICKS_PER_MS
 from agents.modem.states import ModemState, Trigger
 
-if TYPE_CHECKING:
-    from agents.modem.modem import Modem
-
 _US_PER_MS = 1000
 
 
-def obey(modem: Modem, came: Command | Malformed, number: int, tick: int, now_ms: int) -> list[Action]:
-    """Obeys what line `number` brought, its last byte whole at `tick`; a modem that sleeps answers nothing."""
+def handle(
+    modem: ModemCore, item: Command | Malformed, line_index: int, tick: int, now_ms: int
+) -> list[Action]:
+    """Handles what that line completed at `tick`, with its last byte. A sleeping modem answers nothing."""
     if modem.state is ModemState.SLEEPING:
-        # The first $W starts it; the manual says to repeat it until it is answered.
-        awake = isinstance(came, Command) and came.name == "W"
-        return modem.go(Trigger.WAKE_TOLD) if awake else []
-    if isinstance(came, Malformed):
-        modem.answer(number, answers.ERROR, tick)
-        return [Dropped(now_ms, f"serial: {came.reason}")]
-    if came.address >= ADDRESSES:
-        modem.answer(number, answers.ERROR, tick)
+        # The first $W starts it; the manual tells the host to repeat $W until the modem answers.
+        wakes = isinstance(item, Command) and item.name == "W"
+        return modem.go(Trigger.WAKE_TOLD) if wakes else []
+    if isinstance(item, Malformed):
+        modem.answer(line_index, answers.ERROR, tick)
+        return [Dropped(now_ms, f"serial: {item.reason}")]
+    if item.address >= ADDRESSES:
+        modem.answer(line_index, answers.ERROR, tick)
         return [Dropped(now_ms, "serial: an address is 0 to 255")]
-    if asking.goes_out(came.name):
-        return asking.send(modem, came, number, tick, now_ms)
-    return _obey_here(modem, came, number, tick)
+    if sending.goes_out(item.name):
+        return sending.send(modem, item, line_index, tick, now_ms)
+    return _handle_local(modem, item, line_index, tick)
 
 
-def _obey_here(modem: Modem, command: Command, number: int, tick: int) -> list[Action]:
-    """Commands that nothing in the water learns of."""
+def _handle_local(modem: ModemCore, command: Command, line_index: int, tick: int) -> list[Action]:
+    """Carries out a command that sends nothing through the water."""
     actions: list[Action] = []
     name = command.name
     now_us = tick * _US_PER_MS // TICKS_PER_MS
@@ -43,27 +41,27 @@ def _obey_here(modem: Modem, command: Command, number: int, tick: int) -> list[A
         if name == "A":
             modem.address = command.address
         if name in ("N", "S"):
-            modem.answer(number, answers.line(f"${name}"), tick)
-        modem.answer(number, _shown(modem, name), tick)
+            modem.answer(line_index, answers.line(f"${name}"), tick)
+        modem.answer(line_index, _report(modem, name), tick)
     elif name in ("Z", "W", "R"):
         if name == "R":
             actions = modem.restart()
         elif name == "Z":
             actions = modem.fall_asleep()
-        modem.answer(number, answers.line(f"${name}"), tick)
+        modem.answer(line_index, answers.line(f"${name}"), tick)
     elif name.startswith("XT"):
         _set_timer(modem, name, now_us)
-        modem.answer(number, answers.line(f"#{name}{modem.timer.read_us(now_us):014}"), tick)
+        modem.answer(line_index, answers.line(f"#{name}{modem.timer.read_us(now_us):014}"), tick)
     else:
         if name.startswith("XQ"):
-            modem.tells_quality = name == "XQE"
+            modem.reports_quality = name == "XQE"
         else:
             modem.raises_rxs = name == "XFE"
-        modem.answer(number, answers.line(f"#{name}"), tick)
+        modem.answer(line_index, answers.line(f"#{name}"), tick)
     return actions
 
 
-def _shown(modem: Modem, name: str) -> bytes:
+def _report(modem: ModemCore, name: str) -> bytes:
     match name:
         case "?":
             return answers.status(modem.config.firmware, modem.address, modem.supply_mv)
@@ -82,7 +80,7 @@ def _shown(modem: Modem, name: str) -> bytes:
             return answers.spectrum(modem.noise.mean)
 
 
-def _set_timer(modem: Modem, name: str, now_us: int) -> None:
+def _set_timer(modem: ModemCore, name: str, now_us: int) -> None:
     if name in ("XTE", "XTD"):
         modem.timer.switch(name == "XTE", now_us)
         for line in modem.lines:

@@ -1,17 +1,13 @@
-"""What a modem does with a frame that has arrived: prints it, answers it, or takes it as the answer to a question."""
+"""Receives a frame: prints it, answers it, or takes it as the answer to a question."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from agents.modem import answers
+from agents.modem.core import ModemCore
 from agents.modem.facts import Action, Answered, Delivered, Dropped, FrameArrived, Pin, PinRose
 from agents.modem.firmware import range_steps
 from agents.modem.frames import ANSWERS, Frame, FrameKind
-from agents.modem.states import HEARING
-
-if TYPE_CHECKING:
-    from agents.modem.modem import Modem
+from agents.modem.states import RECEPTIVE
 
 _DATA = (FrameKind.UNICAST, FrameKind.UNICAST_ACKED)
 _REPLIES = {
@@ -21,9 +17,9 @@ _REPLIES = {
 }
 
 
-def hear(modem: Modem, arrived: FrameArrived, now_ms: int) -> list[Action]:
+def receive_frame(modem: ModemCore, arrived: FrameArrived, now_ms: int) -> list[Action]:
     frame = arrived.frame
-    if modem.state not in HEARING or now_ms - frame.duration_ms < modem.hearing_since_ms:
+    if modem.state not in RECEPTIVE or now_ms - frame.duration_ms < modem.receptive_since_ms:
         return [Dropped(now_ms, f"sound: the modem was {modem.state.name.lower()} or had just been so")]
     if frame.generation is not modem.config.firmware.generation:
         return [Dropped(now_ms, "sound: a frame of another generation")]
@@ -38,23 +34,23 @@ def hear(modem: Modem, arrived: FrameArrived, now_ms: int) -> list[Action]:
     printed = _printed(modem, arrived, now_ms)
     if printed is not None:
         actions.append(Delivered(now_ms, frame))
-        for number in range(len(modem.lines)):
-            modem.answer(number, printed)
+        for line_index in range(len(modem.lines)):
+            modem.answer(line_index, printed)
     reply = _reply(modem, frame, arrived.propagation_us)
     if reply is not None:
         modem.send(reply, now_ms + modem.config.turnaround_ms)
     return actions
 
 
-def _printed(modem: Modem, arrived: FrameArrived, now_ms: int) -> bytes | None:
-    """What every line reads of it; None for requests, which a modem answers by itself."""
+def _printed(modem: ModemCore, arrived: FrameArrived, now_ms: int) -> bytes | None:
+    """The text that every line prints; None for requests, which a modem answers by itself."""
     frame, generation = arrived.frame, modem.config.firmware.generation
     time = ""
     if modem.timer.is_on:
-        # The first sound's arrival. Frames act at a whole ms: what rounding added is taken off again.
+        # The first sound's arrival. Frames act at a whole ms: this subtracts what the rounding added.
         began_us = 1000 * (now_ms - frame.duration_ms) - (-arrived.propagation_us % 1000)
         time = answers.timestamp(modem.timer.read_us(began_us))
-    quality = answers.quality(arrived.snr_db, arrived.doppler) if modem.tells_quality else ""
+    quality = answers.quality(arrived.snr_db, arrived.doppler) if modem.reports_quality else ""
     if frame.kind is FrameKind.BROADCAST:
         return answers.broadcast(generation, frame.source, frame.data, quality + time)
     if frame.kind in _DATA:
@@ -62,7 +58,7 @@ def _printed(modem: Modem, arrived: FrameArrived, now_ms: int) -> bytes | None:
     return answers.line(f"#F{frame.source:03}{time}") if frame.kind is FrameKind.BEACON else None
 
 
-def _reply(modem: Modem, frame: Frame, propagation_us: int) -> Frame | None:
+def _reply(modem: ModemCore, frame: Frame, propagation_us: int) -> Frame | None:
     generation = modem.config.firmware.generation
     if frame.kind in _REPLIES:
         kind = _REPLIES[frame.kind]
@@ -81,7 +77,7 @@ def _reply(modem: Modem, frame: Frame, propagation_us: int) -> Frame | None:
     return Frame(FrameKind.BROADCAST, modem.address, None, data, generation)
 
 
-def _take_answer(modem: Modem, arrived: FrameArrived, now_ms: int) -> list[Action]:
+def _take_answer(modem: ModemCore, arrived: FrameArrived, now_ms: int) -> list[Action]:
     question, frame = modem.question, arrived.frame
     if (
         question is None
@@ -90,7 +86,7 @@ def _take_answer(modem: Modem, arrived: FrameArrived, now_ms: int) -> list[Actio
         or question.until_ms is None
     ):
         return [Dropped(now_ms, "sound: an answer that is not waited for")]
-    # Half of the round trip; the turnaround is known to both and taken off.
+    # Half of the round trip; both modems know the turnaround, which is taken off.
     steps = range_steps((frame.flight_us + arrived.propagation_us) / 2)
     modem.question = None
     if question.line is None:

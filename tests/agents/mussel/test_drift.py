@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from agents.water.drift import drift_step_um
+from agents.mussel.body import drift_step_um
 
 words = st.integers(0, 2**64 - 1)
 
