@@ -35,7 +35,7 @@ from apad_bridge.assembly.water import fleet_of
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.records.summary import uptime_figures
 from apad_bridge.runs.in_memory import MemoryRecorder
-from apad_bridge.scenario.board_model import charge_model, full_firmware
+from apad_bridge.scenario.firmware_config import charge_model, full_firmware
 from apad_bridge.scenario.loader import from_data, load, resolve
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of

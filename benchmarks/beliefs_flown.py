@@ -18,7 +18,7 @@ from rich.progress import Progress
 from apad_bridge.mission.events import Fact, SoundHeard, WifiHeard
 from apad_bridge.records.summary import uptime_figures
 from apad_bridge.runs.in_memory import fly_in_memory, open_flight
-from apad_bridge.scenario.believing import Beliefs, Estimator, TwinModel
+from apad_bridge.scenario.estimator_options import Beliefs, Estimator, TwinModel
 from apad_bridge.scenario.loader import from_data, load, resolve
 from apad_bridge.scenario.schema import Scenario
 

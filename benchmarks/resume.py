@@ -16,7 +16,7 @@ from rich.table import Table
 from apad_bridge.assembly import parts
 from apad_bridge.beliefs.fleet import FleetBeliefs
 from apad_bridge.records.checkpoint import PERIOD_MS, ROWS, Checkpoint, restore
-from apad_bridge.scenario.believing import Beliefs, Estimator, TwinModel
+from apad_bridge.scenario.estimator_options import Beliefs, Estimator, TwinModel
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.schema import Scenario
 from firmware_model.packets import StatusPacket

@@ -17,7 +17,7 @@ from rich.console import Console
 from rich.table import Table
 
 from apad_bridge.assembly.division import divided
-from apad_bridge.planning.shares import Point, shares
+from apad_bridge.planning.allocation import Point, shares
 from apad_bridge.runs.in_memory import fly_in_memory
 from apad_bridge.scenario.loader import from_data, load, resolve
 from apad_bridge.scenario.schema import Scenario

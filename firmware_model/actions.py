@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import IntEnum
 
-from firmware_model.power.feed import ActiveBattery
+from firmware_model.power.active_battery import ActiveBattery
 from firmware_model.power.rails import Rail
 from firmware_model.states import State, Trigger
 

@@ -13,9 +13,9 @@ from firmware_model.config import BoardConfig
 from firmware_model.packets import Command, Kind
 from firmware_model.packets.codec import Codec
 from firmware_model.packets.commands import TRIGGERS, parse_command
+from firmware_model.power.active_battery import ActiveBattery, WorstCase
 from firmware_model.power.charge import Battery
 from firmware_model.power.charge_pin import ChargePin, Edge, Fault
-from firmware_model.power.feed import ActiveBattery, WorstCase
 from firmware_model.power.rails import RAILS, Rail
 from firmware_model.states import TABLE, Refused, State, Trigger, next_state
 from firmware_model.stimuli import (

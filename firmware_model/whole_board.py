@@ -26,9 +26,9 @@ from firmware_model.packets import (
 )
 from firmware_model.packets.codec import Codec
 from firmware_model.packets.commands import TRIGGERS
+from firmware_model.power.active_battery import ActiveBattery
 from firmware_model.power.charge import Battery
 from firmware_model.power.charge_pin import Edge
-from firmware_model.power.feed import ActiveBattery
 from firmware_model.power.power_path import Level, PowerPath
 from firmware_model.power.rails import Rail
 from firmware_model.power.switchboard import Switchboard

@@ -12,7 +12,7 @@ from apad_bridge.assembly.estimator import readings_apart_ms
 from apad_bridge.assembly.water import generation_of
 from apad_bridge.beliefs.pings import WorthItsEnergy, WorthItsWay
 from apad_bridge.beliefs.questions import candidate_below
-from apad_bridge.scenario.board_model import full_firmware
+from apad_bridge.scenario.firmware_config import full_firmware
 from apad_bridge.scenario.schema import Scenario
 from firmware_model.config import FullFirmware
 from firmware_model.packets.codec import load_codec

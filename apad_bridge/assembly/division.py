@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from apad_bridge.planning.shares import shares
+from apad_bridge.planning.allocation import shares
 from apad_bridge.ros_names.names import plain
 from apad_bridge.scenario.another_apad import AnotherAPad
 from apad_bridge.scenario.errors import ScenarioError

@@ -6,7 +6,8 @@ from collections.abc import Callable, Sequence
 
 from apad_bridge.beliefs.fleet import FleetBeliefs
 from apad_bridge.beliefs.hold_last import HoldLast
-from apad_bridge.beliefs.knowledge import (
+from apad_bridge.beliefs.modes import Mode
+from apad_bridge.beliefs.twin_parameters import (
     Calls,
     Charger,
     ClockKnowledge,
@@ -18,9 +19,8 @@ from apad_bridge.beliefs.knowledge import (
     Sensor,
     Water,
 )
-from apad_bridge.beliefs.modes import Mode
-from apad_bridge.scenario.believing import TwinModel
-from apad_bridge.scenario.board_model import charge_model, full_firmware
+from apad_bridge.scenario.estimator_options import TwinModel
+from apad_bridge.scenario.firmware_config import charge_model, full_firmware
 from apad_bridge.scenario.schema import DriftMode, Scenario
 from firmware_model.config import PATH_UNIT, FullFirmware
 from firmware_model.power.charge import FULL, Segments

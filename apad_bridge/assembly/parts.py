@@ -21,7 +21,7 @@ from apad_bridge.mission.sources import BeliefSource
 from apad_bridge.mission.state import MissionState
 from apad_bridge.mission.takeover import Takeover
 from apad_bridge.planning import registry
-from apad_bridge.scenario.board_model import charge_model, clock_drift_ppb, full_firmware
+from apad_bridge.scenario.firmware_config import charge_model, clock_drift_ppb, full_firmware
 from apad_bridge.scenario.schema import DriftMode, HearingMode, Scenario
 from apad_bridge.scenario.starts import Start
 from apad_bridge.scenario.water import ModemGeneration

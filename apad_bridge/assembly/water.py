@@ -16,8 +16,8 @@ from agents.water import sound, wifi
 from agents.water.patches import Waters
 from agents.water.places import Sinking
 from agents.water.sea import Sea, SeaConfig
-from apad_bridge.scenario.board_model import full_firmware
 from apad_bridge.scenario.currents import current_text
+from apad_bridge.scenario.firmware_config import full_firmware
 from apad_bridge.scenario.local_frame import LocalFrame
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.water import Fields, ModemGeneration, Sound, Water

@@ -15,10 +15,10 @@ import numpy as np
 from filterpy.kalman import predict, update
 from numpy.typing import NDArray
 
-from apad_bridge.beliefs.knowledge import Knowledge, Sensor
 from apad_bridge.beliefs.mixture import clamped, inside, normal_cdf, normal_pdf, truncated
 from apad_bridge.beliefs.modes import Mode
 from apad_bridge.beliefs.spent_charge import Spent
+from apad_bridge.beliefs.twin_parameters import Knowledge, Sensor
 
 Array = NDArray[np.float64]
 PRIMARY, SECONDARY, DRAIN, ASLEEP, AWAKE, HIGH, CHARGING = range(7)

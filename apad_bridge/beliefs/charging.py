@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from apad_bridge.beliefs.knowledge import Charger
+from apad_bridge.beliefs.twin_parameters import Charger
 
 _NODES = (-2.8569700138728, -1.3556261799743, 0.0, 1.3556261799743, 2.8569700138728)
 _WEIGHTS = (0.011257411327721, 0.222075922005613, 8 / 15, 0.222075922005613, 0.011257411327721)

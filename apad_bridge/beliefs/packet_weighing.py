@@ -12,9 +12,9 @@ from typing import Any, NamedTuple
 
 from apad_bridge.beliefs import charge_state as charge
 from apad_bridge.beliefs.charge_state import PRIMARY, SECONDARY, Anchor, Array
-from apad_bridge.beliefs.knowledge import Knowledge, Schedule
 from apad_bridge.beliefs.modes import DOCKED, SUBMERGED, Mode, mode_of
 from apad_bridge.beliefs.spent_charge import MS_PER_MIN, Load, Spent, propagated, spending
+from apad_bridge.beliefs.twin_parameters import Knowledge, Schedule
 from apad_bridge.beliefs.twin_state import (
     TwinState,
     charge_now,

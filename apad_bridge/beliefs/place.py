@@ -13,7 +13,7 @@ import numpy as np
 from filterpy.kalman import predict, update
 from numpy.typing import NDArray
 
-from apad_bridge.beliefs.knowledge import Water
+from apad_bridge.beliefs.twin_parameters import Water
 
 Array = NDArray[np.float64]
 _FIX_MATRIX = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0]])

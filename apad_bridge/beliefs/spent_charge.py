@@ -12,8 +12,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from apad_bridge.beliefs.knowledge import Cycle, Habits
 from apad_bridge.beliefs.modes import SUBMERGED, Mode
+from apad_bridge.beliefs.twin_parameters import Cycle, Habits
 
 MS_PER_MIN = 60_000
 _NEVER = 1e-12

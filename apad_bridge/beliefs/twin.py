@@ -16,7 +16,6 @@ from apad_bridge.beliefs import charge_state as charge
 from apad_bridge.beliefs import clock as clocks
 from apad_bridge.beliefs.belief import Belief, Clock, Source
 from apad_bridge.beliefs.charge_state import Anchor
-from apad_bridge.beliefs.knowledge import UNKNOWN, Knowledge, Schedule
 from apad_bridge.beliefs.measurement import (
     ClockSet,
     Docked,
@@ -35,6 +34,7 @@ from apad_bridge.beliefs.packet_weighing import NOTHING, HypothesisWeigher, Read
 from apad_bridge.beliefs.place import Place
 from apad_bridge.beliefs.spent_charge import Load
 from apad_bridge.beliefs.twin_belief import belief_from_state
+from apad_bridge.beliefs.twin_parameters import UNKNOWN, Knowledge, Schedule
 from apad_bridge.beliefs.twin_state import (
     TwinState,
     advanced,

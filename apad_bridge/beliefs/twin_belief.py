@@ -6,9 +6,9 @@ import math
 
 from apad_bridge.beliefs.belief import Belief, Source
 from apad_bridge.beliefs.charge_state import PRIMARY, SECONDARY
-from apad_bridge.beliefs.knowledge import Knowledge
 from apad_bridge.beliefs.mixture import Part, below, clamped
 from apad_bridge.beliefs.modes import FULL_CHARGE, SUBMERGED, Mode
+from apad_bridge.beliefs.twin_parameters import Knowledge
 from apad_bridge.beliefs.twin_state import TwinState, in_dock, obey_probability, primary_parts
 from firmware_model.states import State
 

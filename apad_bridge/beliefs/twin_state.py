@@ -15,11 +15,11 @@ from apad_bridge.beliefs import charge_state as charge
 from apad_bridge.beliefs import charging, spent_charge
 from apad_bridge.beliefs.belief import Clock
 from apad_bridge.beliefs.charge_state import DRAIN, PRIMARY, SECONDARY, Anchor, Array
-from apad_bridge.beliefs.knowledge import Habits, Knowledge, Schedule
 from apad_bridge.beliefs.mixture import Part, below
 from apad_bridge.beliefs.modes import SUBMERGED, Mode
 from apad_bridge.beliefs.place import Place
 from apad_bridge.beliefs.spent_charge import MS_PER_MIN, Load, Spent, merged
+from apad_bridge.beliefs.twin_parameters import Habits, Knowledge, Schedule
 
 _UNLIKELY = 1e-3
 """A hypothesis of lower probability is left out."""

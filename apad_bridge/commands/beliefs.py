@@ -10,8 +10,8 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from apad_bridge.analysis.belief_scores.compared import Record, best_record, compared_in
-from apad_bridge.analysis.belief_scores.scored import Score, Scores, scores_of
+from apad_bridge.analysis.belief_scores.comparisons import Record, best_record, compared_in
+from apad_bridge.analysis.belief_scores.scores import Score, Scores, scores_of
 from apad_bridge.records.run_directory import RunDirectoryError
 from apad_bridge.runs.exits import EXITS, Exit, UserError
 

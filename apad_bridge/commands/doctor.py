@@ -74,7 +74,7 @@ def _machine(agents: int) -> Iterator[Finding]:
 
 def _ros(master_uri: str, scenario: Scenario | None) -> Iterable[Finding]:
     try:
-        from apad_bridge.ros import diagnosis, diagnosis_apads
+        from apad_bridge.ros import diagnosis_apads, doctor_checks
     except ImportError as error:
         yield Finding("ROS", Status.FAIL, f"cannot be imported: {error}", interpreter.INSTALL)
         return

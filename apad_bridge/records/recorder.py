@@ -21,7 +21,7 @@ from apad_bridge.records.samples import TruthSample, Water, apad_sample, belief_
 from apad_bridge.records.summary import Ending, uptime_figures
 from apad_bridge.records.truth_lines import truth_data, truth_of
 from apad_bridge.records.uptime import UptimeMeter
-from apad_bridge.scenario.board_model import takes_samples
+from apad_bridge.scenario.firmware_config import takes_samples
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import Start, save_starts
 from apad_bridge.supervisor.context import LearnedState

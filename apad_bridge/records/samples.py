@@ -9,7 +9,7 @@ from agents.mussel.body import depth_um
 from agents.mussel.outputs import Truth
 from agents.mussel.physical import Physical
 from apad_bridge.beliefs.belief import Belief, Source
-from apad_bridge.scenario.board_model import charge_model
+from apad_bridge.scenario.firmware_config import charge_model
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.vehicle.commands import BatteryReported, PoseReported
 from firmware_model.power.charge import fraction

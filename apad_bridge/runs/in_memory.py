@@ -15,7 +15,7 @@ from apad_bridge.mission.call_queue import CallQueue
 from apad_bridge.mission.manual import CommandSource
 from apad_bridge.records.summary import uptime_figures
 from apad_bridge.records.uptime import UptimeMeter
-from apad_bridge.scenario.board_model import charge_model
+from apad_bridge.scenario.firmware_config import charge_model
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
 from apad_bridge.supervisor.clock import AsFastAsPossible

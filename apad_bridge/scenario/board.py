@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 
 from annotated_types import Ge
 
+from apad_bridge.scenario.full_firmware_options import WholeBoard
 from apad_bridge.scenario.quantities import (
     ChargeSegments,
     NotNegativeSeconds,
@@ -13,7 +14,6 @@ from apad_bridge.scenario.quantities import (
     RatePerMinute,
     frozen,
 )
-from apad_bridge.scenario.whole_board import WholeBoard
 
 
 @frozen

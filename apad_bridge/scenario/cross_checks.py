@@ -8,16 +8,16 @@ from pathlib import Path
 from agents.modem.frames import PAYLOAD_BYTES, Generation, duration_ms
 from apad_bridge.planning.registry import collection, redeployment
 from apad_bridge.scenario import schema
-from apad_bridge.scenario.believing import Estimator
-from apad_bridge.scenario.board_model import can_fill
 from apad_bridge.scenario.currents import problem_with_current
+from apad_bridge.scenario.estimator_options import Estimator
 from apad_bridge.scenario.faults import OF_A, OF_B
+from apad_bridge.scenario.firmware_config import can_fill
+from apad_bridge.scenario.full_firmware_options import SleepCycle, WholeBoard
 from apad_bridge.scenario.lab_interface.names import load_names
 from apad_bridge.scenario.links import problem_with_links
 from apad_bridge.scenario.local_frame import LocalFrame
 from apad_bridge.scenario.schema import DriftMode, FullWhen, HearingMode, Scenario
 from apad_bridge.scenario.water import ModemGeneration, Water
-from apad_bridge.scenario.whole_board import SleepCycle, WholeBoard
 
 Contradiction = tuple[str, str]
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from apad_bridge.scenario.board_model import grains_of_milliwatts
+from apad_bridge.scenario.firmware_config import grains_of_milliwatts
 from firmware_model import table_one
 from firmware_model.config import PATH_UNIT, Cycle
 from firmware_model.power.charge import FULL

@@ -14,8 +14,8 @@ from typing import Annotated, Literal
 from annotated_types import Ge, Le
 
 from apad_bridge.scenario.another_apad import AnotherAPad, Sharing
-from apad_bridge.scenario.believing import Beliefs
 from apad_bridge.scenario.board import Board
+from apad_bridge.scenario.estimator_options import Beliefs
 from apad_bridge.scenario.faults import OF_A, OF_B, Fault
 from apad_bridge.scenario.polygon import area_m2, is_simple
 from apad_bridge.scenario.quantities import (

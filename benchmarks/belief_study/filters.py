@@ -9,7 +9,10 @@ import numpy as np
 
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.hold_last import LastPacket
-from apad_bridge.beliefs.knowledge import (
+from apad_bridge.beliefs.measurement import Docked, Heard, Permitted, Released, TimeslotSilent
+from apad_bridge.beliefs.modes import Mode
+from apad_bridge.beliefs.twin import Twin
+from apad_bridge.beliefs.twin_parameters import (
     Charger,
     ClockKnowledge,
     Drain,
@@ -19,9 +22,6 @@ from apad_bridge.beliefs.knowledge import (
     Sensor,
     Water,
 )
-from apad_bridge.beliefs.measurement import Docked, Heard, Permitted, Released, TimeslotSilent
-from apad_bridge.beliefs.modes import Mode
-from apad_bridge.beliefs.twin import Twin
 from benchmarks.belief_study.truth import Doing, Event, Life
 from firmware_model.packets import StatusPacket
 from firmware_model.states import State

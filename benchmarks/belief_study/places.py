@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from apad_bridge.beliefs.knowledge import Water
 from apad_bridge.beliefs.measurement import Heard, TimeslotSilent
 from apad_bridge.beliefs.twin import Twin
+from apad_bridge.beliefs.twin_parameters import Water
 from benchmarks.belief_study.filters import NOMINAL
 from firmware_model.packets import StatusPacket
 from firmware_model.states import State

@@ -17,8 +17,8 @@ from firmware_model.actions import (
     SetRail,
     StateChanged,
 )
+from firmware_model.power.active_battery import ActiveBattery
 from firmware_model.power.charge import Battery, ChargeModel, fraction
-from firmware_model.power.feed import ActiveBattery
 from firmware_model.power.rails import Rail
 from firmware_model.states import State
 

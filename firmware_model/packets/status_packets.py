@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from firmware_model.packets.wire import CHARGE_STEPS, Kind, sealed
-from firmware_model.power.feed import ActiveBattery
+from firmware_model.power.active_battery import ActiveBattery
 from firmware_model.states import State
 from firmware_model.stimuli import ResetCause
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from enum import IntEnum
 
 from firmware_model.config import PATH_UNIT, Power
+from firmware_model.power.active_battery import ActiveBattery
 from firmware_model.power.charge import FULL, Battery, ChargeModel, Flow
-from firmware_model.power.feed import ActiveBattery
 from firmware_model.power.voltage import Meter, Watch
 
 

@@ -24,8 +24,8 @@ from firmware_model.packets import (
     Threshold,
 )
 from firmware_model.packets.codec import MusselbedCodec
+from firmware_model.power.active_battery import ActiveBattery
 from firmware_model.power.charge import FULL, Battery, Flow, grains
-from firmware_model.power.feed import ActiveBattery
 from firmware_model.power.rails import Rail
 from firmware_model.states import State
 from firmware_model.stimuli import (

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from apad_bridge.analysis.belief_scores.scored import Score, Scores
+from apad_bridge.analysis.belief_scores.scores import Score, Scores
 
 _ERROR, _COVERAGE, _COUNT = "#3b6ea5", "#b5542c", "#888888"
 _WANTED = 0.95

@@ -11,7 +11,7 @@ from typing import Any
 
 from apad_bridge.analysis.replay.history import DOCK_COUNT, History, PlanView
 from apad_bridge.records.journal import JournalContents
-from apad_bridge.scenario.board_model import charge_model
+from apad_bridge.scenario.firmware_config import charge_model
 from apad_bridge.scenario.schema import Scenario
 from firmware_model.power.charge import fraction
 

@@ -16,7 +16,7 @@ from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.modes import LIKELY, SUBMERGED, Mode
 from apad_bridge.mission.pool import floats
 from apad_bridge.mission.state import Phase
-from apad_bridge.planning.shares import Point, shares
+from apad_bridge.planning.allocation import Point, shares
 from apad_bridge.supervisor.core import Supervisor
 from firmware_model.state_groups import AT_WORK, BEYOND_HELP, STRANDED
 

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from apad_bridge.analysis.belief_scores.compared import Comparison, Record, compared_in
-from apad_bridge.analysis.belief_scores.scored import age_bin, scores_of
+from apad_bridge.analysis.belief_scores.comparisons import Comparison, Record, compared_in
+from apad_bridge.analysis.belief_scores.scores import age_bin, scores_of
 from apad_bridge.beliefs.modes import Mode
 from apad_bridge.commands.main import main
 from apad_bridge.records.bag import BagWriter

@@ -13,8 +13,8 @@ from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.hold_last import HoldLast
 from apad_bridge.records.samples import Water
 from apad_bridge.runs.in_memory import open_flight
-from apad_bridge.scenario.believing import Beliefs, Estimator, TwinModel
-from apad_bridge.scenario.board_model import charge_model, full_firmware
+from apad_bridge.scenario.estimator_options import Beliefs, Estimator, TwinModel
+from apad_bridge.scenario.firmware_config import charge_model, full_firmware
 from apad_bridge.scenario.loader import from_data, load, resolve
 from apad_bridge.scenario.schema import Scenario
 from firmware_model.bench import Bench

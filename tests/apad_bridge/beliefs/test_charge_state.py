@@ -12,9 +12,9 @@ import pytest
 from apad_bridge.assembly.estimator import knowledge_of
 from apad_bridge.beliefs import charge_state as charge
 from apad_bridge.beliefs.charge_state import ASLEEP, CHARGING, DRAIN, PRIMARY, SECONDARY
-from apad_bridge.beliefs.knowledge import Sensor
 from apad_bridge.beliefs.modes import Mode
 from apad_bridge.beliefs.spent_charge import Spent
+from apad_bridge.beliefs.twin_parameters import Sensor
 from apad_bridge.scenario.loader import load
 
 SENSOR = Sensor(0.01, (0.0,) * 4, (0.01,) * 4, 300_000)

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from apad_bridge.beliefs.charging import charged, propagated
-from apad_bridge.beliefs.knowledge import Charger
+from apad_bridge.beliefs.twin_parameters import Charger
 
 CURVE = ((0.16197, 0.001045), (0.5634, 0.00223), (1.0, 0.002911))
 CHARGER = Charger(CURVE, primary=1.2435, deviation=0.0)

@@ -12,13 +12,13 @@ from apad_bridge.assembly.estimator import knowledge_of
 from apad_bridge.beliefs import charge_state as charge
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.charge_state import PRIMARY, SIZE, Anchor
-from apad_bridge.beliefs.knowledge import UNKNOWN
 from apad_bridge.beliefs.measurement import Heard
 from apad_bridge.beliefs.modes import Mode
 from apad_bridge.beliefs.packet_weighing import HypothesisWeigher, Reading
 from apad_bridge.beliefs.twin import Twin
+from apad_bridge.beliefs.twin_parameters import UNKNOWN
 from apad_bridge.beliefs.twin_state import TwinState
-from apad_bridge.scenario.believing import TwinModel
+from apad_bridge.scenario.estimator_options import TwinModel
 from apad_bridge.scenario.loader import load
 from firmware_model.packets import StatusPacket
 from firmware_model.states import State

@@ -3,7 +3,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from apad_bridge.beliefs.knowledge import Habits, Schedule
 from apad_bridge.beliefs.modes import Mode
 from apad_bridge.beliefs.spent_charge import (
     Choice,
@@ -15,6 +14,7 @@ from apad_bridge.beliefs.spent_charge import (
     spending,
     usual_rows,
 )
+from apad_bridge.beliefs.twin_parameters import Habits, Schedule
 
 HOUR = 3_600_000
 PER_MIN = (0.0001, 0.001, 0.003, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)

@@ -6,17 +6,6 @@ import numpy as np
 import pytest
 
 from apad_bridge.beliefs.belief import Belief, Source
-from apad_bridge.beliefs.knowledge import (
-    Calls,
-    Charger,
-    ClockKnowledge,
-    Drain,
-    Habits,
-    Knowledge,
-    Schedule,
-    Sensor,
-    Water,
-)
 from apad_bridge.beliefs.measurement import (
     Docked,
     Fixed,
@@ -31,6 +20,17 @@ from apad_bridge.beliefs.measurement import (
 )
 from apad_bridge.beliefs.modes import Mode
 from apad_bridge.beliefs.twin import Twin
+from apad_bridge.beliefs.twin_parameters import (
+    Calls,
+    Charger,
+    ClockKnowledge,
+    Drain,
+    Habits,
+    Knowledge,
+    Schedule,
+    Sensor,
+    Water,
+)
 from apad_bridge.beliefs.twin_state import TwinState
 from firmware_model.packets import StatusPacket
 from firmware_model.states import State

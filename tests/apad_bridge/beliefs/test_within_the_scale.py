@@ -7,8 +7,8 @@ import pytest
 from numpy.typing import NDArray
 
 from apad_bridge.beliefs.charge_state import ASLEEP, CHARGING, PRIMARY, SECONDARY, SIZE, bounded, measured
-from apad_bridge.beliefs.knowledge import Sensor
 from apad_bridge.beliefs.modes import Mode
+from apad_bridge.beliefs.twin_parameters import Sensor
 
 SENSOR = Sensor(0.005, (0.0,) * 4, (0.02,) * 4, 300_000)
 METERED = Sensor(0.005, (0.0,) * 4, (0.02,) * 4, 300_000, saturates=True)

@@ -14,10 +14,10 @@ from apad_bridge.assembly.estimator import fleet_beliefs
 from apad_bridge.beliefs.fleet import FleetBeliefs
 from apad_bridge.beliefs.hold_last import HoldLast
 from apad_bridge.beliefs.measurement import ClockSet, Permitted
-from apad_bridge.beliefs.measurement_lines import measurement_of, measurement_row
+from apad_bridge.beliefs.measurement_rows import measurement_of, measurement_row
 from apad_bridge.beliefs.modes import Mode
 from apad_bridge.records.checkpoint import Checkpoint, restore
-from apad_bridge.scenario.believing import Beliefs, Estimator, TwinModel
+from apad_bridge.scenario.estimator_options import Beliefs, Estimator, TwinModel
 from apad_bridge.scenario.loader import load
 from firmware_model.packets import StatusPacket
 from firmware_model.states import State

@@ -6,8 +6,7 @@ import pytest
 
 from apad_bridge.doctor.finding import Status
 from apad_bridge.doctor.graph import Graph
-from apad_bridge.ros import diagnosis_apads
-from apad_bridge.ros.diagnosis_apads import check_apads
+from apad_bridge.ros.doctor_apad_checks import check_apads
 from apad_bridge.ros.types.wire_probe import NotTold
 
 GO_TO = "4a0312be411e8ffc59f768d30e967664"

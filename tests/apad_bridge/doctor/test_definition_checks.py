@@ -8,8 +8,7 @@ import pytest
 
 from apad_bridge.doctor.definitions import Definitions, check_definitions, python_md5s
 from apad_bridge.doctor.finding import Status
-from apad_bridge.ros import diagnosis
-from apad_bridge.ros.diagnosis import check_other_definitions
+from apad_bridge.ros.doctor_checks import check_other_definitions
 from apad_bridge.ros.types.generate import generate
 
 OURS, THEIRS = "d1c2e3fd518b63978e72fa7409f4ba71", "0" * 32

@@ -26,7 +26,7 @@ from apad_bridge.beliefs.measurement import (
 )
 from apad_bridge.records import checkpoint
 from apad_bridge.records.checkpoint import Checkpoint, NoCheckpoint, restore
-from apad_bridge.scenario.believing import Beliefs, Estimator, TwinModel
+from apad_bridge.scenario.estimator_options import Beliefs, Estimator, TwinModel
 from apad_bridge.scenario.loader import load
 from firmware_model.packets import ShortStatus, StatusPacket
 from firmware_model.states import State

@@ -10,11 +10,11 @@ import pytest
 import yaml
 
 from apad_bridge.assembly import parts
-from apad_bridge.scenario.board_model import charge_model, full_firmware
 from apad_bridge.scenario.errors import ScenarioError
+from apad_bridge.scenario.firmware_config import charge_model, full_firmware
+from apad_bridge.scenario.full_firmware_options import ModuleLoads
 from apad_bridge.scenario.loader import from_data, load, resolve, with_overrides, write_resolved
 from apad_bridge.scenario.schema import Scenario
-from apad_bridge.scenario.whole_board import ModuleLoads
 from firmware_model import table_one
 from firmware_model.config import LastResort, Slots, Timekeeping
 from firmware_model.power.charge import FULL

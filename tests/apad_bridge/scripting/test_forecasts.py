@@ -13,7 +13,7 @@ import pytest
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.mission.values import Refused
 from apad_bridge.runs.script_in_memory import fly_script
-from apad_bridge.scenario.believing import Beliefs, Estimator, TwinModel
+from apad_bridge.scenario.estimator_options import Beliefs, Estimator, TwinModel
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scripting.api import Api
 

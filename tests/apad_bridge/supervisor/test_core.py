@@ -19,7 +19,7 @@ from firmware_model.packets import (
     WifiStatus,
     decode,
 )
-from firmware_model.power.feed import ActiveBattery
+from firmware_model.power.active_battery import ActiveBattery
 from firmware_model.states import State
 from firmware_model.stimuli import ResetCause
 

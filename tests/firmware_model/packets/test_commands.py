@@ -22,7 +22,7 @@ from firmware_model.packets import (
 )
 from firmware_model.packets.codec import MusselbedCodec
 from firmware_model.packets.commands import TRIGGERS, parse_command
-from firmware_model.power.feed import ActiveBattery
+from firmware_model.power.active_battery import ActiveBattery
 from firmware_model.states import State, Trigger
 from firmware_model.table_one import FIELD, HOURLY, WORST_CASE, board, power
 

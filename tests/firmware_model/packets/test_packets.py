@@ -30,7 +30,7 @@ from firmware_model.packets import (
     decode,
 )
 from firmware_model.packets.sample_record import RECORD_BYTES, SampleRecord
-from firmware_model.power.feed import ActiveBattery
+from firmware_model.power.active_battery import ActiveBattery
 from firmware_model.states import State
 from firmware_model.stimuli import ResetCause
 

@@ -19,8 +19,8 @@ from apad_bridge.records.bag_samples import BagUnreadable, Instant, has_deviatio
 from apad_bridge.records.journal import Line, read_journal
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
 from apad_bridge.records.samples import BeliefSample, TruthSample, Water
-from apad_bridge.scenario.board_model import charge_model
 from apad_bridge.scenario.errors import ScenarioError
+from apad_bridge.scenario.firmware_config import charge_model
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.schema import Scenario
 from firmware_model.states import State

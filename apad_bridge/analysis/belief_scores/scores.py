@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from apad_bridge.analysis.belief_scores.compared import Comparison
+from apad_bridge.analysis.belief_scores.comparisons import Comparison
 
 AGES_H = ((1 / 60, "a minute"), (1.0, "1 h"), (6.0, "6 h"), (12.0, "12 h"), (24.0, "24 h"), (48.0, "48 h"))
 """The bins' upper ends, in agent time, and names; older samples have a bin of their own."""

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from apad_bridge.planning.shares import assigned, shares
+from apad_bridge.planning.allocation import assigned, shares
 
 METRES = st.integers(-40, 40).map(float)
 POINTS = st.tuples(METRES, METRES)

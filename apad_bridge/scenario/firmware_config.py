@@ -6,7 +6,7 @@ from decimal import ROUND_HALF_EVEN, Decimal
 
 from agents.modem.frames import Generation, duration_ms
 from apad_bridge.scenario.board import Board
-from apad_bridge.scenario.whole_board import (
+from apad_bridge.scenario.full_firmware_options import (
     BoardPower,
     LastResort,
     Metering,
