@@ -22,8 +22,8 @@ from firmware_model.config import (
     LastResort,
     Metering,
     Power,
-    Slots,
     Timekeeping,
+    Timeslots,
 )
 from firmware_model.power.charge import Battery, ChargeModel, Flow, grains
 from firmware_model.power.rails import Loads
@@ -131,7 +131,7 @@ def _power_of(wire: dict[str, Any]) -> Power:
 
 def _cycle_of(wire: dict[str, Any]) -> Cycle:
     slots = wire["slots"]
-    return Cycle(**{**wire, "slots": None if slots is None else Slots(**slots)})
+    return Cycle(**{**wire, "slots": None if slots is None else Timeslots(**slots)})
 
 
 def _waters_of(wire: dict[str, Any]) -> Waters:

@@ -35,7 +35,7 @@ from agents.hosting.process_host import ProcessHost
 from agents.mussel.stimuli import ContactClosed, ContactOpened, DockMoved, SoundArrived, WifiArrived
 from agents.nursery.flash_file import FLASH_NAME, FlashRegion
 from agents.nursery.launch import launch_nursery, prepare
-from firmware_model.config import FullFirmware, LastResort, Slots
+from firmware_model.config import FullFirmware, LastResort, Timeslots
 from firmware_model.packets import CommandPacket, Kind
 from firmware_model.packets.codec import MusselbedCodec
 from firmware_model.packets.sample_record import SampleRecord
@@ -78,7 +78,7 @@ FLEET = FleetConfig(
     drift_amplitude_um=5000,
     current_csv=None,
 )
-WAKES = replace(FIELD, slots=Slots(frame_ms=300_000, slot_ms=300))
+WAKES = replace(FIELD, slots=Timeslots(frame_ms=300_000, slot_ms=300))
 """Every hour: sample, process, await the timeslot and transmit; with a timeslot for each of a thousand."""
 WHOLE = FullFirmware(power(LastResort.CALL), WAKES, transmit_ms=300, call_ms=600_000, hover_ms=600_000)
 _WHOLE_FLEET = replace(FLEET, charge=MODEL, whole=WHOLE)

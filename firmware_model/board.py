@@ -78,7 +78,7 @@ class Board:
         return 0
 
     @property
-    def hears(self) -> bool:
+    def is_modem_listening(self) -> bool:
         """True while the modem listens; in the worst case always."""
         return True
 

@@ -80,7 +80,7 @@ class Power:
 
 
 @dataclass(frozen=True, slots=True)
-class Slots:
+class Timeslots:
     """Acoustic timeslots, computed from the time alike on all boards; each board has one timeslot in every frame."""
 
     frame_ms: int
@@ -107,7 +107,7 @@ class Cycle:
     """The sensors are on for so long: the whole of a short wake."""
     processing_ms: int
     """The Pi works on the samples for so long; 0 for a wake without the Pi."""
-    slots: Slots | None
+    slots: Timeslots | None
     """The timeslots in which boards transmit; None if the board goes back to sleep instead."""
     listen_ms: int
     """The board stays awake for so long after it has come to rest on the bottom."""

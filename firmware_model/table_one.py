@@ -17,7 +17,7 @@ from firmware_model.config import (
     LastResort,
     Metering,
     Power,
-    Slots,
+    Timeslots,
 )
 from firmware_model.power.charge import EMPTY_MV, FULL, FULL_MV, ChargeModel, grains, grains_per_ms
 from firmware_model.power.rails import Loads, Rail
@@ -166,7 +166,7 @@ FIELD = Cycle(
     alarm_ms=_HOUR_MS,
     sample_ms=10_000,
     processing_ms=60_000,
-    slots=Slots(frame_ms=300_000, slot_ms=5000),
+    slots=Timeslots(frame_ms=300_000, slot_ms=5000),
     listen_ms=60_000,
     report_ms=60_000,
 )

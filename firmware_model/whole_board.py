@@ -81,7 +81,7 @@ class WholeBoard(Board):
         return self._switches.rails
 
     @property
-    def hears(self) -> bool:
+    def is_modem_listening(self) -> bool:
         return self._switches.is_on(Rail.MODEM_LISTENING, Rail.MODEM_RECEIVING)
 
     @property
@@ -139,7 +139,7 @@ class WholeBoard(Board):
         return super()._pin_changed(high, noticed) + self._set_rails()
 
     def _packet_received(self, data: bytes) -> list[Action]:
-        if not self.hears:
+        if not self.is_modem_listening:
             return [Dropped(self._now_ms, "the modem is not listening")]
         self._switches.pulse(Rail.MODEM_RECEIVING, self._now_ms + self._whole.power.receive_ms)
         return self._set_rails() + super()._packet_received(data)

@@ -238,7 +238,7 @@ class Agent:
             case PingArrived(travelled_us):
                 if self._at_surface(now_ms):
                     return [Dropped(now_ms, "sound does not reach a modem in air")]
-                if not self.board.hears:
+                if not self.board.is_modem_listening:
                     return [Dropped(now_ms, "the modem is not listening")]
                 lasting_ms = RANGE_ANSWER_MS[self.config.modem]
                 status = self._stimulate_board(board_stimuli.ModemSpoke(lasting_ms), now_ms)

@@ -15,7 +15,7 @@ from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.fleet import FleetBeliefs
 from apad_bridge.beliefs.measurement import Fixed, Ranged
 from apad_bridge.beliefs.modes import Mode
-from apad_bridge.beliefs.pings import PingPolicy, to_ping
+from apad_bridge.beliefs.pings import PingPolicy, ids_to_ping
 from apad_bridge.mission.events import RangeHeard, SupervisorAction
 from apad_bridge.mission.orders import Note
 from apad_bridge.vehicle.commands import PoseReported
@@ -94,16 +94,16 @@ class RangingService:
         away = frozenset(it.agent_id for it in beliefs if _is_away(it))
         near = [it for it in beliefs if it.agent_id not in away]
         whereabouts, charges = (
-            [] if policy is None else to_ping(policy, near, now_ms)
+            [] if policy is None else ids_to_ping(policy, near, now_ms)
             for policy in (self._places, self._charges)
         )
         return self._scheduler.advance(now_ms, away, whereabouts, charges)
 
-    def heard_of(self, agent_id: int) -> None:
+    def short_status_received(self, agent_id: int) -> None:
         """Called for each short status of an aMussel, requested or not."""
         self._scheduler.short_status_received(agent_id)
 
-    def timed(self, actions: Sequence[SupervisorAction], now_ms: int) -> list[SupervisorAction]:
+    def schedule_sends(self, actions: Sequence[SupervisorAction], now_ms: int) -> list[SupervisorAction]:
         return self._scheduler.schedule_sends(actions, now_ms)
 
     def moved(self, agent_id: int, now_ms: int) -> None:
@@ -142,7 +142,7 @@ class RangingService:
 
 def _is_away(belief: Belief) -> bool:
     """True if an aMussel is docked or afloat, and cannot receive: for a carried belief, more probably than not."""
-    if belief.is_carried:
+    if belief.is_predicted:
         return belief.probability_of(*modes.DOCKED, Mode.FLOATING) > 0.5
     return belief.state in _AWAY
 

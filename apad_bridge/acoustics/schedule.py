@@ -23,7 +23,7 @@ from agents.packet_medium import Medium
 from agents.water.apad_modem import ANSWER_TIMEOUT_MS
 from apad_bridge.mission.events import Ping, Send, SupervisorAction
 from apad_bridge.mission.orders import Note
-from firmware_model.config import Slots
+from firmware_model.config import Timeslots
 from firmware_model.packets import EVERYONE, Beacon, CommandPacket, Kind, SlotAssignment
 from firmware_model.packets.codec import Codec
 
@@ -37,7 +37,7 @@ class ScheduleConfig:
 
     theta: int
     sound_speed_m_s: float
-    way_ms: int
+    longest_delay_ms: int
     """The longest propagation delay, by which a packet may reach into somebody's timeslot."""
     waits: bool
     assigns: bool
@@ -47,7 +47,7 @@ class ScheduleConfig:
     modems: Generation = Generation.V3
     answer_ms: int = 0
     """The time from the end of a status request to the end of the answer, without the propagation delays."""
-    breath_ms: int = 20
+    pause_ms: int = 20
     """The pause before a status request, and between packets of the mission. A moving aPad may send the second packet from
     nearer, so that it would run into the first packet, whose echoes are also still in the water."""
 
@@ -59,7 +59,7 @@ class AcousticScheduler:
         self,
         config: ScheduleConfig,
         codec: Codec,
-        slots: Slots | None,
+        slots: Timeslots | None,
         agent_ids: Iterable[int],
         now_ms: int = 0,
     ) -> None:
@@ -124,7 +124,7 @@ class AcousticScheduler:
             if not isinstance(it, Send) or it.medium is not Medium.SOUND or it.not_before_ms:
                 scheduled.append(it)
             elif (it.agent_id, it.data) not in self._scheduled:
-                send = self._with_send_time(it, now_ms, self._config.breath_ms)
+                send = self._with_send_time(it, now_ms, self._config.pause_ms)
                 self._scheduled[it.agent_id, it.data] = send.not_before_ms
                 scheduled.append(send)
         return scheduled
@@ -212,8 +212,8 @@ class AcousticScheduler:
     def _status_request(self, agent_id: int, now_ms: int) -> Send:
         """A request for a short status; nothing else is scheduled until the answer has arrived."""
         data = self._codec.encode(CommandPacket(Kind.PING, agent_id))
-        lasting_ms = self._duration_ms(data) + self._config.answer_ms + 2 * self._config.way_ms
-        at_ms = self._reserve(now_ms, self._config.breath_ms + lasting_ms) + self._config.breath_ms
+        lasting_ms = self._duration_ms(data) + self._config.answer_ms + 2 * self._config.longest_delay_ms
+        at_ms = self._reserve(now_ms, self._config.pause_ms + lasting_ms) + self._config.pause_ms
         self._status_requests.await_answer(agent_id, at_ms + lasting_ms)
         return Send(Medium.SOUND, agent_id, data, at_ms)
 
@@ -227,7 +227,7 @@ class AcousticScheduler:
         """Reserves the next free time of this length, at least `after_ms` after the last packet. Returns its beginning."""
         from_ms = max(self._config.theta * now_ms, self._free_from_ms + after_ms)
         # It must have arrived everywhere by then, and the owner of the first timeslot may be early by its guard.
-        needed_ms = lasting_ms + self._config.way_ms + self._config.guard_ms
+        needed_ms = lasting_ms + self._config.longest_delay_ms + self._config.guard_ms
         at_ms = self._window.first_ms(from_ms, needed_ms)
         self._free_from_ms = at_ms + lasting_ms
         return at_ms

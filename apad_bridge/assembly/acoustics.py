@@ -10,7 +10,7 @@ from apad_bridge.acoustics.ranging import RangingService
 from apad_bridge.acoustics.schedule import AcousticScheduler, ScheduleConfig
 from apad_bridge.assembly.estimator import readings_apart_ms
 from apad_bridge.assembly.water import generation_of
-from apad_bridge.beliefs.pings import WorthItsEnergy, WorthItsWay
+from apad_bridge.beliefs.pings import PingForCharge, PingForPlace
 from apad_bridge.beliefs.questions import candidate_below
 from apad_bridge.scenario.firmware_config import full_firmware
 from apad_bridge.scenario.schema import Scenario
@@ -37,14 +37,14 @@ def ranging_of(scenario: Scenario, agent_ids: Iterable[int]) -> RangingService |
     schedule = ScheduleConfig(
         theta=scenario.theta,
         sound_speed_m_s=speed_m_s,
-        way_ms=ceil(1000 * min(across_m, water.sound.range_limit_m) / speed_m_s),
+        longest_delay_ms=ceil(1000 * min(across_m, water.sound.range_limit_m) / speed_m_s),
         waits=water.talk.waits,
         assigns=water.talk.assigns,
         guard_ms=0 if timeslots is None else timeslots.guard_ms,
         beacon_period_ms=round(water.talk.beacon_period_s * 1000),
         ping_period_ms=round(water.talk.ping_period_s * 1000),
         modems=modems,
-        breath_ms=_PAUSE_MS + round(1000 * water.sound.reverberation_s),
+        pause_ms=_PAUSE_MS + round(1000 * water.sound.reverberation_s),
         answer_ms=0 if firmware is None else firmware.turnaround_ms + firmware.answer_ms,
     )
     localisation = water.localisation
@@ -67,7 +67,7 @@ def ranging_of(scenario: Scenario, agent_ids: Iterable[int]) -> RangingService |
         water.sound.keel_m,
         scenario.area.depth_m,
         deviation_m,
-        WorthItsWay(candidate_below(scenario.mission.pool_threshold), water.talk.ping_worth_m)
+        PingForPlace(candidate_below(scenario.mission.pool_threshold), water.talk.ping_worth_m)
         if water.talk.ping_worth_m
         else None,
         None if firmware is None else status_request_policy(scenario, water.talk.ask_worth_answers, firmware),
@@ -76,13 +76,13 @@ def ranging_of(scenario: Scenario, agent_ids: Iterable[int]) -> RangingService |
 
 def status_request_policy(
     scenario: Scenario, worth_answers: float, firmware: FullFirmware
-) -> WorthItsEnergy | None:
+) -> PingForCharge | None:
     """Builds the policy of status requests to aMussels with boards of `firmware`; None for no requests."""
     model = scenario.beliefs.twin
     if not worth_answers or model is None:
         return None
     answer = answer_charge(firmware)
-    return WorthItsEnergy(
+    return PingForCharge(
         candidate_below(scenario.mission.pool_threshold),
         wrong_plan_charge(firmware),
         answer * worth_answers,

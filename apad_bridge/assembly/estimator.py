@@ -10,13 +10,13 @@ from apad_bridge.beliefs.modes import Mode
 from apad_bridge.beliefs.twin_parameters import (
     Calls,
     Charger,
-    ClockKnowledge,
+    ClockParameters,
     Cycle,
     Drain,
     Habits,
-    Knowledge,
     Schedule,
     Sensor,
+    TwinParameters,
     Water,
 )
 from apad_bridge.scenario.estimator_options import TwinModel
@@ -61,7 +61,7 @@ def fleet_beliefs(scenario: Scenario, agent_ids: Sequence[int]) -> FleetBeliefs:
         return HoldLast(agent_ids, scenario.theta)
     from apad_bridge.beliefs.twin import Twin
 
-    twin = Twin(knowledge_of(scenario, model), schedules_of(scenario, agent_ids))
+    twin = Twin(twin_parameters_of(scenario, model), schedules_of(scenario, agent_ids))
     return FleetBeliefs(twin, agent_ids, due_every_ms=_report_ms(scenario), theta=scenario.theta)
 
 
@@ -82,13 +82,13 @@ def schedules_of(scenario: Scenario, agent_ids: Sequence[int]) -> dict[int, Sche
     }
 
 
-def knowledge_of(scenario: Scenario, model: TwinModel) -> Knowledge:
+def twin_parameters_of(scenario: Scenario, model: TwinModel) -> TwinParameters:
     board, theta = scenario.board, scenario.theta
     firmware = full_firmware(board, scenario.seed)
     deviations = (model.bias_deviation,) * 4
     drift = scenario.fleet.drift
     step_m = drift.amplitude_m if drift.mode is DriftMode.PAPER else 0.0
-    return Knowledge(
+    return TwinParameters(
         theta=theta,
         drain=_drain(scenario, firmware),
         charger=_charger(scenario),
@@ -113,7 +113,7 @@ def knowledge_of(scenario: Scenario, model: TwinModel) -> Knowledge:
         water=Water(step_m**2 / 3, model.current_deviation_m_s, _STEADY_CURRENT_S, model.fix_deviation_m),
         drain_deviation=model.drain_deviation,
         ageing_per_day=_AGEING_PER_DAY,
-        clock=ClockKnowledge(1000.0, 20.0, 1000.0 * theta),
+        clock=ClockParameters(1000.0, 20.0, 1000.0 * theta),
         surfacing_ms=round(board.surfacing_s * 1000),
         sinking_ms=round(board.sinking_s * 1000),
         float_timeout_ms=round(board.float_timeout_s * 1000),

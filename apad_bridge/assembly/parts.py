@@ -95,7 +95,7 @@ def simulated_apad(scenario: Scenario) -> SimulatedAPad:
     return SimulatedAPad(scenario.apad, misses(scenario))
 
 
-def nothing_known(scenario: Scenario, has_modem: bool = True) -> LearnedState:
+def initial_learned_state(scenario: Scenario, has_modem: bool = True) -> LearnedState:
     ids = agent_ids(scenario)
     return LearnedState(fleet_beliefs(scenario, ids), ranging_of(scenario, ids) if has_modem else None)
 
@@ -108,7 +108,7 @@ def supervisor(
     samples: SampleCollection | None = None,
     takeover: CallQueue | None = None,
     has_modem: bool = True,
-    docks_by_eye: bool = False,
+    has_visual_servoing: bool = False,
     breakdown: Breakdown | None = None,
     allocation: Allocation | None = None,
     known: LearnedState | None = None,
@@ -120,7 +120,7 @@ def supervisor(
     a `breakdown` it is one of several supervisors that take over from each other. `known` holds the state learned so far,
     and `allocation`, over its beliefs, the aMussels that it serves.
     """
-    known = known or nothing_known(scenario, has_modem)
+    known = known or initial_learned_state(scenario, has_modem)
     beliefs = known.beliefs
     if allocation is None:
         allocation = Allocation(beliefs, agent_ids(scenario))
@@ -140,7 +140,9 @@ def supervisor(
         )
     else:
         mission = _energy_exchange(scenario, allocation, state)
-    port = DockingPort(scenario.mission.docking, first_command_id=first_command_id, docks_by_eye=docks_by_eye)
+    port = DockingPort(
+        scenario.mission.docking, first_command_id=first_command_id, has_visual_servoing=has_visual_servoing
+    )
     return Supervisor(
         beliefs,
         mission,

@@ -54,7 +54,7 @@ class Belief:
     secondary: float
     north_m: float
     east_m: float
-    carried_ms: int = 0
+    predicted_ms: int = 0
     """The time past `heard_ms` over which the estimate was predicted."""
     charge_cov: tuple[float, float, float] = EXACT
     """Variance of the primary, covariance, variance of the secondary."""
@@ -73,14 +73,14 @@ class Belief:
 
     @property
     def at_ms(self) -> int:
-        return self.heard_ms + self.carried_ms
+        return self.heard_ms + self.predicted_ms
 
     def age_s(self, now_ms: int) -> float:
         """Mission seconds since the newest packet."""
         return (now_ms - self.heard_ms) / 1000
 
     @property
-    def is_carried(self) -> bool:
+    def is_predicted(self) -> bool:
         """True if the estimator predicts between packets; otherwise the belief is only as good as its newest packet."""
         return bool(self.mode_probabilities)
 

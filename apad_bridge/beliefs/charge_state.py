@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from apad_bridge.beliefs.mixture import clamped, inside, normal_cdf, normal_pdf, truncated
 from apad_bridge.beliefs.modes import Mode
 from apad_bridge.beliefs.spent_charge import Spent
-from apad_bridge.beliefs.twin_parameters import Knowledge, Sensor
+from apad_bridge.beliefs.twin_parameters import Sensor, TwinParameters
 
 Array = NDArray[np.float64]
 PRIMARY, SECONDARY, DRAIN, ASLEEP, AWAKE, HIGH, CHARGING = range(7)
@@ -68,17 +68,17 @@ _MEASUREMENT_MATRICES = {mode: _measurement_matrix(mode) for mode in Mode}
 _IDENTITY = np.eye(SIZE)
 
 
-def prior_state(knowledge: Knowledge) -> tuple[Array, Array]:
-    sensor = knowledge.sensor
+def prior_state(parameters: TwinParameters) -> tuple[Array, Array]:
+    sensor = parameters.sensor
     mean = np.array([0.5, 0.5, 1.0, *sensor.bias])
-    sds = (_UNKNOWN_SD, _UNKNOWN_SD, knowledge.drain_deviation, *sensor.bias_deviation)
+    sds = (_UNKNOWN_SD, _UNKNOWN_SD, parameters.drain_deviation, *sensor.bias_deviation)
     return mean, np.diag(np.square(sds))
 
 
-def process_noise(knowledge: Knowledge, elapsed_ms: int) -> Array:
+def process_noise(parameters: TwinParameters, elapsed_ms: int) -> Array:
     """The 7 x 7 process noise: the drain of an ageing battery does a random walk."""
     noise = np.zeros((SIZE, SIZE))
-    noise[DRAIN, DRAIN] = knowledge.ageing_per_day**2 * elapsed_ms / 86_400_000
+    noise[DRAIN, DRAIN] = parameters.ageing_per_day**2 * elapsed_ms / 86_400_000
     return noise
 
 

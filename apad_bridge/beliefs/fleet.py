@@ -33,7 +33,7 @@ class Estimator(Protocol):
         ...
 
 
-class Diary(Protocol):
+class BeliefLog(Protocol):
     """A log of every measurement that a fleet's beliefs come from, written as it is learned."""
 
     def learned(self, agent_id: int, measurement: Measurement) -> None: ...
@@ -66,7 +66,7 @@ class FleetBeliefs:
         self._stamp_checker = StampChecker(theta)
         self._now_ms = 0
         self._at_now: dict[int, Belief] = {}
-        self.diary: Diary | None = None
+        self.belief_log: BeliefLog | None = None
 
     def advance(self, now_ms: int) -> None:
         """ValueError if time went back."""
@@ -131,8 +131,8 @@ class FleetBeliefs:
         if belief is not None:
             self.forget(agent_id)
             self._beliefs[agent_id] = belief
-            if self.diary is not None:
-                self.diary.admitted(agent_id, self.estimator.kept(belief))
+            if self.belief_log is not None:
+                self.belief_log.admitted(agent_id, self.estimator.kept(belief))
 
     def dismiss(self, agent_id: int) -> None:
         """Removes an aMussel from this fleet."""
@@ -144,8 +144,8 @@ class FleetBeliefs:
         self._beliefs.pop(agent_id, None)
         self._at_now.pop(agent_id, None)
         self._stamp_checker.forget(agent_id)
-        if self.diary is not None:
-            self.diary.forgot(agent_id)
+        if self.belief_log is not None:
+            self.belief_log.forgot(agent_id)
 
     def learn(self, agent_id: int, measurement: Measurement) -> str | None:
         """Takes in any measurement of one aMussel; or returns the reason why it is rejected, and changes nothing."""
@@ -160,8 +160,8 @@ class FleetBeliefs:
         self._at_now.pop(agent_id, None)
         if isinstance(measurement, Heard):
             self._stamp_checker.accept(measurement.packet, measurement.at_ms)
-        if self.diary is not None:
-            self.diary.learned(agent_id, measurement)
+        if self.belief_log is not None:
+            self.belief_log.learned(agent_id, measurement)
         return None
 
     def kept(self) -> list[list[Any]]:

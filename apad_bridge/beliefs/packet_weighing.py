@@ -14,7 +14,7 @@ from apad_bridge.beliefs import charge_state as charge
 from apad_bridge.beliefs.charge_state import PRIMARY, SECONDARY, Anchor, Array
 from apad_bridge.beliefs.modes import DOCKED, SUBMERGED, Mode, mode_of
 from apad_bridge.beliefs.spent_charge import MS_PER_MIN, Load, Spent, propagated, spending
-from apad_bridge.beliefs.twin_parameters import Knowledge, Schedule
+from apad_bridge.beliefs.twin_parameters import Schedule, TwinParameters
 from apad_bridge.beliefs.twin_state import (
     TwinState,
     charge_now,
@@ -56,8 +56,8 @@ class Reading(NamedTuple):
 
 
 class HypothesisWeigher:
-    def __init__(self, knowledge: Knowledge) -> None:
-        self.knowledge = knowledge
+    def __init__(self, parameters: TwinParameters) -> None:
+        self.parameters = parameters
 
     def weigh(self, twin_state: TwinState, schedule: Schedule, reading: Reading) -> TwinState:
         """Corrects the charges with a reading, by one filter or by several weighed against each other."""
@@ -65,34 +65,34 @@ class HypothesisWeigher:
             hypotheses = self._dock_hypotheses(twin_state, reading.mode)
         elif reading.state in _AFTER_RELEASE and twin_state.since_ms == twin_state.anchor_ms:
             hypotheses = charge_now(
-                twin_state, self.knowledge, [self._spent_since_release(twin_state, reading.state)]
+                twin_state, self.parameters, [self._spent_since_release(twin_state, reading.state)]
             )
         else:
             hypotheses = charge_now(
-                twin_state, self.knowledge, self._spending_hypotheses(twin_state, schedule, reading.mode)
+                twin_state, self.parameters, self._spending_hypotheses(twin_state, schedule, reading.mode)
             )
         return self.corrected(twin_state, schedule, hypotheses, reading)
 
     def _dock_hypotheses(self, twin_state: TwinState, mode: Mode) -> list[Anchor]:
         """The docking was known; or somebody else docked or released the aMussel, and the charge may be anything."""
         if mode in DOCKED and twin_state.situation is Mode.CHARGING_PRIMARY:
-            return charge_now(twin_state, self.knowledge, ())
+            return charge_now(twin_state, self.parameters, ())
         weight, mean, cov = charge.moment_matched(
-            charge_now(twin_state, self.knowledge, paths(twin_state.load))
+            charge_now(twin_state, self.parameters, paths(twin_state.load))
         )
         cov[PRIMARY, PRIMARY] += _UNREPORTED_EVENT_SD**2
         return [Anchor(weight, mean, cov)]
 
     def _spent_since_release(self, twin_state: TwinState, state: State) -> Spent:
         """The charge spent since a release at the anchor; the motors have not run yet, or are running."""
-        drain = self.knowledge.drain
+        drain = self.parameters.drain
         waited = drain.per_min[Mode.IDLE] * (twin_state.at_ms - twin_state.anchor_ms) / MS_PER_MIN
         running = self._partial_motor_run() if state is State.SINKING else NOTHING
         return Spent(1.0, waited + running.mean, drain.motor_deviation**2 + running.variance)
 
     def _partial_motor_run(self) -> Spent:
         """The charge that running motors have taken so far, or will still take: uniform between 0 and one run."""
-        run = self.knowledge.drain.motor_run
+        run = self.parameters.drain.motor_run
         return Spent(1.0, run / 2, run**2 / 12)
 
     def _spending_hypotheses(self, twin_state: TwinState, schedule: Schedule, mode: Mode) -> list[Spent]:
@@ -106,7 +106,7 @@ class HypothesisWeigher:
         elif twin_state.situation is None:
             # It comes up by itself, or somebody else permitted it.
             _, mean, variance = load.total()
-            run = self.knowledge.drain.motor_run
+            run = self.parameters.drain.motor_run
             rows = [Spent(1.0, mean + run, variance + run**2)]
         else:
             rows = paths(load)
@@ -116,17 +116,17 @@ class HypothesisWeigher:
         total = math.fsum(row[0] for row in rows)
         if total < _NEGLIGIBLE**2:  # the packet states a mode that cannot be: only the total is known
             _, mean, variance = load.total()
-            return [Spent(1.0, mean, variance + self.knowledge.drain_deviation**2)]
+            return [Spent(1.0, mean, variance + self.parameters.drain_deviation**2)]
         return [Spent(row[0] / total, row[1], row[2]) for row in rows if row[0] > 0]
 
     def without_permission(self, twin_state: TwinState, schedule: Schedule) -> Load:
         """The charge spent if the aMussel never received the permission."""
         assert twin_state.unobeyed is not None
         before, at_ms = twin_state.unobeyed
-        chosen = choices(twin_state, self.knowledge, schedule)
-        drain_since = spending(self.knowledge.drain.per_min, schedule.cycle)
+        chosen = choices(twin_state, self.parameters, schedule)
+        drain_since = spending(self.parameters.drain.per_min, schedule.cycle)
         return propagated(
-            before, at_ms, twin_state.at_ms, drain_since, self.knowledge.habits.every_ms, chosen
+            before, at_ms, twin_state.at_ms, drain_since, self.parameters.habits.every_ms, chosen
         )
 
     def corrected(
@@ -134,7 +134,7 @@ class HypothesisWeigher:
     ) -> TwinState:
         """Corrects by one filter for each hypothesis; skips the unlikely ones while a likely one explains the reading."""
         charges = (reading.primary, reading.secondary)
-        sensor = self.knowledge.sensor
+        sensor = self.parameters.sensor
         offsets = sensor.offsets.get(reading.state, _NO_OFFSETS)
         total = math.fsum(row.weight for row in hypotheses)
         hypotheses = sorted(map(_clamped_if_outside, hypotheses), key=lambda row: -row.weight)
@@ -165,7 +165,7 @@ class HypothesisWeigher:
         Either the reading or the estimate may be wrong. So the variance grows so much that the next reading decides.
         """
         before = charge.moment_matched(hypotheses)
-        offset, _ = self.knowledge.sensor.offsets.get(reading.state, _NO_OFFSETS)
+        offset, _ = self.parameters.sensor.offsets.get(reading.state, _NO_OFFSETS)
         away = reading.primary - offset - float(before.mean[PRIMARY])
         doubted = before.cov.copy()
         doubted[PRIMARY, PRIMARY] += (away / 2) ** 2
@@ -193,15 +193,15 @@ class HypothesisWeigher:
             since_ms=since_ms,
             measured_ms=twin_state.at_ms,
             measured_mode=reading.mode,
-            **mode_observed(twin_state, self.knowledge, reading.mode),
+            **mode_observed(twin_state, self.parameters, reading.mode),
         )
         if reading.state in _TRANSIENT:
             spent = NOTHING
             if reading.state is State.RELEASED:
-                spent = sinking(NOTHING, self.knowledge)
+                spent = sinking(NOTHING, self.parameters)
             elif reading.state is State.SINKING:
                 spent = self._partial_motor_run()
-            return submerged(twin_state, self.knowledge, schedule, spent)
+            return submerged(twin_state, self.parameters, schedule, spent)
         if reading.state is State.SURFACING:
             _, left, variance = self._partial_motor_run()
             return replace(twin_state, load=twin_state.load.add(left, variance))

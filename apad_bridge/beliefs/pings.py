@@ -21,7 +21,7 @@ class PingPolicy(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class WorthItsEnergy:
+class PingForCharge:
     """Pings when the expected cost of a wrong plan exceeds the cost of an answer.
 
     The chance of a wrong decision without asking is the smaller probability of a question's two answers. Charges are of a
@@ -55,7 +55,7 @@ class WorthItsEnergy:
 
 
 @dataclass(frozen=True, slots=True)
-class WorthItsWay:
+class PingForPlace:
     """Pings when the expected search distance of the aPad exceeds the worth of an answer.
 
     The expected search distance is the probability that the aMussel will be fetched times the standard deviation of its
@@ -75,7 +75,7 @@ class WorthItsWay:
         return self.question(belief) * sqrt(north + east)
 
 
-def to_ping(policy: PingPolicy, beliefs: list[Belief], now_ms: int) -> list[int]:
+def ids_to_ping(policy: PingPolicy, beliefs: list[Belief], now_ms: int) -> list[int]:
     """The ids that are worth a ping now, the most urgent first, because the water carries one packet at a time."""
     worth = [belief for belief in beliefs if policy.is_worth(belief, now_ms)]
     worth.sort(key=lambda belief: (-policy.urgency(belief), belief.agent_id))

@@ -30,7 +30,7 @@ def full_above(threshold: float) -> Question:
     return lambda belief: 1 - belief.probability_at_most(threshold)
 
 
-def by(estimator: Estimator, belief: Belief, question: Question, at_ms: int) -> float:
+def probability_at(estimator: Estimator, belief: Belief, question: Question, at_ms: int) -> float:
     """The probability at mission time `at_ms`, if nothing more is received until then."""
     return question(estimator.predict(belief, max(at_ms, belief.at_ms)))
 

@@ -34,7 +34,7 @@ from apad_bridge.beliefs.packet_weighing import NOTHING, HypothesisWeigher, Read
 from apad_bridge.beliefs.place import Place
 from apad_bridge.beliefs.spent_charge import Load
 from apad_bridge.beliefs.twin_belief import belief_from_state
-from apad_bridge.beliefs.twin_parameters import UNKNOWN, Knowledge, Schedule
+from apad_bridge.beliefs.twin_parameters import UNKNOWN, Schedule, TwinParameters
 from apad_bridge.beliefs.twin_state import (
     TwinState,
     advanced,
@@ -64,10 +64,10 @@ _WAKE_STATES = (State.ACTIVE, State.PROCESSING)
 class Twin:
     """An `Estimator`. `schedules` are the commanded ones, by agent id; an aMussel without one follows its usual habits."""
 
-    def __init__(self, knowledge: Knowledge, schedules: Mapping[int, Schedule]) -> None:
-        self.knowledge = knowledge
+    def __init__(self, parameters: TwinParameters, schedules: Mapping[int, Schedule]) -> None:
+        self.parameters = parameters
         self._schedules = schedules
-        self._weigher = HypothesisWeigher(knowledge)
+        self._weigher = HypothesisWeigher(parameters)
 
     def predict(self, belief: Belief, to_ms: int) -> Belief:
         if to_ms < belief.at_ms:
@@ -92,7 +92,7 @@ class Twin:
                 twin_state = self._permitted(twin_state, belief.agent_id)
                 return self._to_belief(belief, twin_state, at_ms, belief.learned_from)
             case ClockSet(_, agent_ms):
-                clock, nominal_ms = self._clock_set(agent_ms, at_ms), self.knowledge.theta * at_ms
+                clock, nominal_ms = self._clock_set(agent_ms, at_ms), self.parameters.theta * at_ms
                 twin_state = replace(shifted_to_clock(twin_state, agent_ms), clock=clock, clock_ms=nominal_ms)
                 return self._to_belief(belief, twin_state, at_ms, belief.learned_from)
             case Docked():
@@ -101,12 +101,12 @@ class Twin:
                 )
             case Released(_, north_m, east_m):
                 twin_state = self._released(twin_state, belief.agent_id)
-                place = Place.at(north_m, east_m, _DOCK_VARIANCE_M2, self.knowledge.water)
+                place = Place.at(north_m, east_m, _DOCK_VARIANCE_M2, self.parameters.water)
                 twin_state = replace(twin_state, place=place, place_ms=at_ms)
                 return self._to_belief(belief, twin_state, at_ms, belief.learned_from | Source.RELEASE)
             case Fixed(_, north_m, east_m, variance_m2):
                 place = self._place(twin_state, at_ms).corrected_by_fix(
-                    north_m, east_m, variance_m2, self.knowledge.water
+                    north_m, east_m, variance_m2, self.parameters.water
                 )
             case Ranged(_, range_m, north_m, east_m, variance_m2):
                 place = self._place(twin_state, at_ms).corrected_by_range(
@@ -130,7 +130,7 @@ class Twin:
     def restored(self, agent_id: int, data: dict[str, Any]) -> Belief:
         return belief_from_state(
             state_from_data(data["memory"]),
-            self.knowledge,
+            self.parameters,
             agent_id,
             data["heard_ms"],
             State(data["state"]),
@@ -146,22 +146,24 @@ class Twin:
 
     def _agent_ms(self, twin_state: TwinState, at_ms: int) -> int:
         """The time on the aMussel's own clock at mission time `at_ms`, as estimated."""
-        return self.knowledge.theta * at_ms + round(twin_state.clock.offset_ms)
+        return self.parameters.theta * at_ms + round(twin_state.clock.offset_ms)
 
     def _propagated(self, belief: Belief, to_ms: int) -> TwinState:
         twin_state = belief.estimator_state
         assert isinstance(twin_state, TwinState), "a belief of another estimator"
         schedule = self._schedule(belief.agent_id)
-        return advanced(twin_state, self.knowledge, schedule, self._agent_ms(twin_state, to_ms))
+        return advanced(twin_state, self.parameters, schedule, self._agent_ms(twin_state, to_ms))
 
     def _place(self, twin_state: TwinState, at_ms: int) -> Place:
         afloat = twin_state.situation in (Mode.SURFACING, Mode.FLOATING)
-        return twin_state.place.propagated(self.knowledge.water, (at_ms - twin_state.place_ms) / 1000, afloat)
+        return twin_state.place.propagated(
+            self.parameters.water, (at_ms - twin_state.place_ms) / 1000, afloat
+        )
 
     def _to_belief(self, belief: Belief, twin_state: TwinState, at_ms: int, learned_from: Source) -> Belief:
         return belief_from_state(
             twin_state,
-            self.knowledge,
+            self.parameters,
             belief.agent_id,
             belief.heard_ms,
             belief.state,
@@ -175,11 +177,11 @@ class Twin:
     def _permitted(self, twin_state: TwinState, agent_id: int) -> TwinState:
         """Most probably the aMussel surfaces. A repeated permission counts if it is most probably still submerged."""
         if twin_state.situation is not None:
-            if twin_state.unobeyed is None or obey_probability(twin_state, self.knowledge) >= LIKELY:
+            if twin_state.unobeyed is None or obey_probability(twin_state, self.parameters) >= LIKELY:
                 return twin_state
             stayed = self._weigher.without_permission(twin_state, self._schedule(agent_id))
             twin_state = replace(twin_state, load=stayed)
-        drain = self.knowledge.drain
+        drain = self.parameters.drain
         return replace(
             twin_state,
             load=twin_state.load.add(drain.motor_run, drain.motor_deviation**2),
@@ -195,12 +197,12 @@ class Twin:
 
     def _released(self, twin_state: TwinState, agent_id: int) -> TwinState:
         twin_state = anchored(twin_state, self._bounded_now(twin_state), None)
-        spent = sinking(NOTHING, self.knowledge)
-        return submerged(twin_state, self.knowledge, self._schedule(agent_id), spent)
+        spent = sinking(NOTHING, self.parameters)
+        return submerged(twin_state, self.parameters, self._schedule(agent_id), spent)
 
     def _bounded_now(self, twin_state: TwinState) -> tuple[Anchor, ...]:
         """The present charge in [0, 1], as a few hypotheses, because a low charge stays far behind in a dock."""
-        rows = charge_now(twin_state, self.knowledge, paths(twin_state.load))
+        rows = charge_now(twin_state, self.parameters, paths(twin_state.load))
         return charge.reduced([bounded(row, after_measuring=False) for row in rows])
 
     # Packets.
@@ -243,28 +245,28 @@ class Twin:
     def _belief_after_status(
         self, belief: Belief, twin_state: TwinState, reading: Reading, at_ms: int
     ) -> Belief:
-        heard = replace(belief, heard_ms=at_ms, carried_ms=0, state=reading.state, silent_timeslots=0)
+        heard = replace(belief, heard_ms=at_ms, predicted_ms=0, state=reading.state, silent_timeslots=0)
         return self._to_belief(heard, twin_state, at_ms, Source.PACKET)
 
     def _is_independent(self, twin_state: TwinState, agent_id: int, mode: Mode) -> bool:
         """True for the first of the readings that share a mode and a period; periods are staggered to balance the ticks."""
         if mode is not twin_state.measured_mode:
             return True
-        apart_ms = self.knowledge.sensor.apart_ms
+        apart_ms = self.parameters.sensor.apart_ms
         stagger_ms = agent_id * _STAGGER_MS % apart_ms
         return (twin_state.at_ms + stagger_ms) // apart_ms > (twin_state.measured_ms + stagger_ms) // apart_ms
 
     def _first_belief(self, packet: StatusPacket, reading: Reading, at_ms: int) -> Belief:
-        knowledge = self.knowledge
-        mean, cov = charge.prior_state(knowledge)
-        nominal_ms = knowledge.theta * at_ms
-        ahead_ms, usual = packet.agent_ms - nominal_ms, knowledge.clock
+        parameters = self.parameters
+        mean, cov = charge.prior_state(parameters)
+        nominal_ms = parameters.theta * at_ms
+        ahead_ms, usual = packet.agent_ms - nominal_ms, parameters.clock
         clock = clocks.corrected(
             clocks.prior_clock(usual.offset_ms, usual.drift_ppm), ahead_ms, usual.reading_ms
         )
         if abs(ahead_ms) > _NEVER_SET_DEVIATIONS * math.hypot(usual.offset_ms, usual.reading_ms):
             clock = self._clock_set(packet.agent_ms, at_ms)
-        place = Place.at(packet.north_m, packet.east_m, knowledge.water.fix_deviation_m**2, knowledge.water)
+        place = Place.at(packet.north_m, packet.east_m, parameters.water.fix_deviation_m**2, parameters.water)
         twin_state = TwinState(
             nominal_ms + round(clock.offset_ms),
             (Anchor(1.0, mean, cov),),
@@ -281,21 +283,21 @@ class Twin:
         schedule = self._schedule(packet.agent_id)
         twin_state = self._weigher.corrected(twin_state, schedule, [Anchor(1.0, mean, cov)], reading)
         return belief_from_state(
-            twin_state, knowledge, packet.agent_id, at_ms, packet.state, at_ms, Source.PACKET, 0
+            twin_state, parameters, packet.agent_id, at_ms, packet.state, at_ms, Source.PACKET, 0
         )
 
     def _clock_set(self, agent_ms: int, at_ms: int) -> Clock:
-        known = self.knowledge.clock
-        return clocks.set_to(agent_ms - self.knowledge.theta * at_ms, known.reading_ms, known.drift_ppm)
+        known = self.parameters.clock
+        return clocks.set_to(agent_ms - self.parameters.theta * at_ms, known.reading_ms, known.drift_ppm)
 
     def _read_clock(self, twin_state: TwinState, packet: StatusPacket, at_ms: int) -> TwinState:
-        nominal_ms = self.knowledge.theta * at_ms
+        nominal_ms = self.parameters.theta * at_ms
         clock = clocks.propagated(twin_state.clock, nominal_ms - twin_state.clock_ms)
-        clock = clocks.corrected(clock, packet.agent_ms - nominal_ms, self.knowledge.clock.reading_ms)
+        clock = clocks.corrected(clock, packet.agent_ms - nominal_ms, self.parameters.clock.reading_ms)
         return replace(twin_state, clock=clock, clock_ms=nominal_ms)
 
     def _fixed(self, twin_state: TwinState, packet: StatusPacket, at_ms: int) -> TwinState:
-        water = self.knowledge.water
+        water = self.parameters.water
         variance_m2 = water.fix_deviation_m**2
         place = self._place(twin_state, at_ms).corrected_by_fix(
             packet.north_m, packet.east_m, variance_m2, water

@@ -8,7 +8,7 @@ from apad_bridge.beliefs.belief import Belief, Source
 from apad_bridge.beliefs.charge_state import PRIMARY, SECONDARY
 from apad_bridge.beliefs.mixture import Part, below, clamped
 from apad_bridge.beliefs.modes import FULL_CHARGE, SUBMERGED, Mode
-from apad_bridge.beliefs.twin_parameters import Knowledge
+from apad_bridge.beliefs.twin_parameters import TwinParameters
 from apad_bridge.beliefs.twin_state import TwinState, in_dock, obey_probability, primary_parts
 from firmware_model.states import State
 
@@ -17,7 +17,7 @@ _CERTAIN = 1e-9
 
 def belief_from_state(
     twin_state: TwinState,
-    knowledge: Knowledge,
+    parameters: TwinParameters,
     agent_id: int,
     heard_ms: int,
     state: State,
@@ -27,7 +27,7 @@ def belief_from_state(
 ) -> Belief:
     """The belief for mission time `at_ms`; it contains the twin state, from which the next belief is made."""
     if twin_state.situation is Mode.CHARGING_PRIMARY:
-        rows = in_dock(twin_state, knowledge)
+        rows = in_dock(twin_state, parameters)
         parts = tuple(
             Part(anchor.weight, mean, math.sqrt(variance))
             for anchor, ((mean, variance, _), _) in zip(twin_state.anchors, rows, strict=True)
@@ -36,7 +36,7 @@ def belief_from_state(
         both = 0.0
         modes = _docked(parts, second)
     else:
-        parts = primary_parts(twin_state, knowledge)
+        parts = primary_parts(twin_state, parameters)
         gave, gave_sd = twin_state.from_secondary
         cov = twin_state.cov
         second = Part(
@@ -45,11 +45,11 @@ def belief_from_state(
             math.sqrt(float(cov[SECONDARY, SECONDARY]) + gave_sd**2),
         )
         both = float(cov[PRIMARY, SECONDARY])
-        modes = _in_the_water(twin_state, knowledge, parts, second)
+        modes = _in_the_water(twin_state, parameters, parts, second)
     primary, variance = _moments(parts)
     afloat = twin_state.situation in (Mode.SURFACING, Mode.FLOATING)
     north_m, east_m, place_cov = twin_state.place.position_after(
-        knowledge.water, (at_ms - twin_state.place_ms) / 1000, afloat
+        parameters.water, (at_ms - twin_state.place_ms) / 1000, afloat
     )
     secondary, its_variance = clamped(second.mean, second.sd**2)
     return Belief(
@@ -95,12 +95,12 @@ def _docked(primary: tuple[Part, ...], secondary: Part) -> tuple[float, ...]:
 
 
 def _in_the_water(
-    twin_state: TwinState, knowledge: Knowledge, parts: tuple[Part, ...], secondary: Part
+    twin_state: TwinState, parameters: TwinParameters, parts: tuple[Part, ...], secondary: Part
 ) -> tuple[float, ...]:
     probabilities = [0.0] * len(Mode)
     empty = below(parts, 0.0)
     lost = empty * below((secondary,), 0.0) if empty > _CERTAIN else 0.0
-    obeyed = obey_probability(twin_state, knowledge)
+    obeyed = obey_probability(twin_state, parameters)
     if twin_state.situation is not None:
         probabilities[twin_state.situation] = obeyed * (1 - lost)
         by_mode, share = (twin_state.unobeyed or (twin_state.load, 0))[0].by_mode, (1 - obeyed) * (1 - lost)

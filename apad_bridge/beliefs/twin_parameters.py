@@ -136,7 +136,7 @@ class Water:
 
 
 @dataclass(frozen=True, slots=True)
-class ClockKnowledge:
+class ClockParameters:
     """Deviations of an unread clock's offset, of its drift, and of one reading, which includes the travel time of sound."""
 
     offset_ms: float
@@ -155,7 +155,7 @@ class Calls:
 
 
 @dataclass(frozen=True, slots=True)
-class Knowledge:
+class TwinParameters:
     theta: int
     drain: Drain
     charger: Charger
@@ -166,7 +166,7 @@ class Knowledge:
     """Relative, between aMussels."""
     ageing_per_day: float
     """Deviation by which the relative drain wanders in a day."""
-    clock: ClockKnowledge
+    clock: ClockParameters
     surfacing_ms: int
     sinking_ms: int
     float_timeout_ms: int

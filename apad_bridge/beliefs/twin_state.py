@@ -19,7 +19,7 @@ from apad_bridge.beliefs.mixture import Part, below
 from apad_bridge.beliefs.modes import SUBMERGED, Mode
 from apad_bridge.beliefs.place import Place
 from apad_bridge.beliefs.spent_charge import MS_PER_MIN, Load, Spent, merged
-from apad_bridge.beliefs.twin_parameters import Habits, Knowledge, Schedule
+from apad_bridge.beliefs.twin_parameters import Habits, Schedule, TwinParameters
 
 _UNLIKELY = 1e-3
 """A hypothesis of lower probability is left out."""
@@ -69,24 +69,24 @@ class TwinState:
         return self.anchors[0].cov
 
 
-def shares_of(twin_state: TwinState, knowledge: Knowledge) -> tuple[float, float, float]:
+def shares_of(twin_state: TwinState, parameters: TwinParameters) -> tuple[float, float, float]:
     """The probabilities of the modes that this aMussel takes up, from the usual shares and its observed modes."""
-    prior, habits = knowledge.habits.seen_before, knowledge.habits.shares
+    prior, habits = parameters.habits.seen_before, parameters.habits.shares
     total = prior + sum(twin_state.seen)
     a, b, c = ((prior * usual + n) / total for usual, n in zip(habits, twin_state.seen, strict=True))
     return a, b, c
 
 
-def choices(twin_state: TwinState, knowledge: Knowledge, schedule: Schedule) -> spent_charge.Choices:
+def choices(twin_state: TwinState, parameters: TwinParameters, schedule: Schedule) -> spent_charge.Choices:
     """The choice at each decision: by the schedule if there is one, else by usual shares and this aMussel's own modes."""
-    habits = knowledge.habits
+    habits = parameters.habits
 
     def at(decision_ms: int) -> spent_charge.Choice:
         scheduled = schedule.at(decision_ms)
         if scheduled is not None:
             return spent_charge.Choice(spent_charge.scheduled_rows(habits, scheduled), scheduled, 0.0)
         deviation = habits.plan_deviation * habits.every_ms / MS_PER_MIN
-        number, shares = decision_ms // habits.every_ms, shares_of(twin_state, knowledge)
+        number, shares = decision_ms // habits.every_ms, shares_of(twin_state, parameters)
         heard = twin_state.day[number % len(twin_state.day)] if twin_state.day else None
         trust = 0.0 if heard is None else _trust(habits, (number - heard[1]) * habits.every_ms)
         if heard is None or trust <= 0:
@@ -104,13 +104,13 @@ def _trust(habits: Habits, age_ms: int) -> float:
     return habits.daily * max(0.0, 1 - age_ms / habits.plan_lasts_ms)
 
 
-def mode_observed(twin_state: TwinState, knowledge: Knowledge, mode: Mode) -> dict[str, Any]:
+def mode_observed(twin_state: TwinState, parameters: TwinParameters, mode: Mode) -> dict[str, Any]:
     """The fields that change when `mode` was observed: its usual modes, and its mode at this hour."""
     if mode not in SUBMERGED:
         return {}
     a, b, c = (n + (one is mode) for n, one in zip(twin_state.seen, SUBMERGED, strict=True))
     changes: dict[str, Any] = {"load": Load.known(mode), "seen": (a, b, c)}
-    habits = knowledge.habits
+    habits = parameters.habits
     if habits.daily:
         decisions, number = DAY_MS // habits.every_ms, twin_state.at_ms // habits.every_ms
         day = list(twin_state.day or (None,) * decisions)
@@ -119,7 +119,7 @@ def mode_observed(twin_state: TwinState, knowledge: Knowledge, mode: Mode) -> di
     return changes
 
 
-def advanced(twin_state: TwinState, knowledge: Knowledge, schedule: Schedule, to_ms: int) -> TwinState:
+def advanced(twin_state: TwinState, parameters: TwinParameters, schedule: Schedule, to_ms: int) -> TwinState:
     """The twin state predicted to agent time `to_ms`, without new measurements."""
     elapsed_ms = to_ms - twin_state.at_ms
     if elapsed_ms <= 0:
@@ -127,11 +127,11 @@ def advanced(twin_state: TwinState, knowledge: Knowledge, schedule: Schedule, to
     if twin_state.situation is Mode.CHARGING_PRIMARY:
         return replace(twin_state, at_ms=to_ms)
     if twin_state.situation is not None:
-        return _afloat(twin_state, knowledge, schedule, to_ms)
-    decide = choices(twin_state, knowledge, schedule)
+        return _afloat(twin_state, parameters, schedule, to_ms)
+    decide = choices(twin_state, parameters, schedule)
     every_ms, spending = (
-        knowledge.habits.every_ms,
-        spent_charge.spending(knowledge.drain.per_min, schedule.cycle),
+        parameters.habits.every_ms,
+        spent_charge.spending(parameters.drain.per_min, schedule.cycle),
     )
     spent = spent_charge.propagated(twin_state.load, twin_state.at_ms, to_ms, spending, every_ms, decide)
     later = replace(twin_state, at_ms=to_ms, load=spent)
@@ -143,7 +143,7 @@ def advanced(twin_state: TwinState, knowledge: Knowledge, schedule: Schedule, to
             twin_state.load, twin_state.at_ms, next_ms, spending, every_ms, decide
         )
         later = replace(twin_state, at_ms=next_ms, load=spent)
-        twin_state = _drawn_from_backup(later, knowledge, next_ms - twin_state.at_ms)
+        twin_state = _drawn_from_backup(later, parameters, next_ms - twin_state.at_ms)
     return twin_state
 
 
@@ -162,10 +162,10 @@ def shifted_to_clock(twin_state: TwinState, agent_ms: int) -> TwinState:
     )
 
 
-def _afloat(twin_state: TwinState, knowledge: Knowledge, schedule: Schedule, to_ms: int) -> TwinState:
+def _afloat(twin_state: TwinState, parameters: TwinParameters, schedule: Schedule, to_ms: int) -> TwinState:
     """Surfacing, then floating, until a dock catches it or it sinks again by itself."""
-    per_min, surfaced_ms = knowledge.drain.per_min, twin_state.since_ms + knowledge.surfacing_ms
-    sinks_ms = surfaced_ms + knowledge.float_timeout_ms
+    per_min, surfaced_ms = parameters.drain.per_min, twin_state.since_ms + parameters.surfacing_ms
+    sinks_ms = surfaced_ms + parameters.float_timeout_ms
     at_ms, spent, situation = twin_state.at_ms, twin_state.load, twin_state.situation
     if situation is Mode.SURFACING:
         end_ms = min(to_ms, max(at_ms, surfaced_ms))
@@ -179,37 +179,39 @@ def _afloat(twin_state: TwinState, knowledge: Knowledge, schedule: Schedule, to_
         at_ms = end_ms
     later = replace(twin_state, at_ms=at_ms, load=spent, situation=situation)
     if to_ms > at_ms:
-        later = submerged(later, knowledge, schedule, sinking(spent.total(), knowledge))
-        return advanced(later, knowledge, schedule, to_ms)
+        later = submerged(later, parameters, schedule, sinking(spent.total(), parameters))
+        return advanced(later, parameters, schedule, to_ms)
     return later
 
 
-def obey_probability(twin_state: TwinState, knowledge: Knowledge) -> float:
+def obey_probability(twin_state: TwinState, parameters: TwinParameters) -> float:
     """The probability that it received the permission to surface; 1 without one, or after a packet from the surface.
 
     If a surfaced aMussel should be received, each missing packet lowers the probability (Bayes).
     """
     if twin_state.unobeyed is None:
         return 1.0
-    up_ms, calls = twin_state.at_ms - twin_state.unobeyed[1] - knowledge.surfacing_ms, knowledge.calls
+    up_ms, calls = twin_state.at_ms - twin_state.unobeyed[1] - parameters.surfacing_ms, parameters.calls
     if calls is None or up_ms < 0:
         return _OBEY_PRIOR
     unheard = _OBEY_PRIOR * calls.missed ** (1 + up_ms // calls.every_ms)
     return unheard / (unheard + 1 - _OBEY_PRIOR)
 
 
-def sinking(spent: Spent, knowledge: Knowledge) -> Spent:
+def sinking(spent: Spent, parameters: TwinParameters) -> Spent:
     """`spent`, and one way down, awake."""
-    drain = knowledge.drain
-    awake = drain.per_min[Mode.IDLE] * knowledge.sinking_ms / MS_PER_MIN
+    drain = parameters.drain
+    awake = drain.per_min[Mode.IDLE] * parameters.sinking_ms / MS_PER_MIN
     return Spent(spent[0], spent[1] + drain.motor_run + awake, spent[2] + drain.motor_deviation**2)
 
 
-def submerged(twin_state: TwinState, knowledge: Knowledge, schedule: Schedule, spent: Spent) -> TwinState:
+def submerged(
+    twin_state: TwinState, parameters: TwinParameters, schedule: Schedule, spent: Spent
+) -> TwinState:
     """Submerged again at `at_ms` with `spent` since the anchor: it takes up the scheduled mode, or a usual one."""
-    shares = shares_of(twin_state, knowledge)
+    shares = shares_of(twin_state, parameters)
     if schedule.at(twin_state.at_ms) is not None:
-        shares = choices(twin_state, knowledge, schedule)(twin_state.at_ms).rows[0]
+        shares = choices(twin_state, parameters, schedule)(twin_state.at_ms).rows[0]
     unscheduled_load = Load.from_shares(shares, spent[1], spent[2])
     return replace(
         twin_state, load=unscheduled_load, situation=None, since_ms=twin_state.at_ms, unobeyed=None
@@ -224,21 +226,21 @@ def _is_far_from_empty(twin_state: TwinState) -> bool:
     )
 
 
-def _drawn_from_backup(twin_state: TwinState, knowledge: Knowledge, elapsed_ms: int) -> TwinState:
+def _drawn_from_backup(twin_state: TwinState, parameters: TwinParameters, elapsed_ms: int) -> TwinState:
     """Adds what an aMussel with an empty primary drew from the secondary, asleep whatever was planned, in `elapsed_ms`.
 
     The span lies between two decisions.
     """
-    empty = below(primary_parts(twin_state, knowledge), 0.0)
+    empty = below(primary_parts(twin_state, parameters), 0.0)
     if empty < _UNLIKELY:
         return twin_state
-    amount = float(twin_state.mean[DRAIN]) * knowledge.drain.per_min[Mode.ASLEEP] * elapsed_ms / MS_PER_MIN
+    amount = float(twin_state.mean[DRAIN]) * parameters.drain.per_min[Mode.ASLEEP] * elapsed_ms / MS_PER_MIN
     mean, sd = twin_state.from_secondary
     spread = math.sqrt(empty * (1 - empty)) * amount
     return replace(twin_state, from_secondary=(mean + empty * amount, sd + spread))
 
 
-def primary_parts(twin_state: TwinState, knowledge: Knowledge) -> tuple[Part, ...]:
+def primary_parts(twin_state: TwinState, parameters: TwinParameters) -> tuple[Part, ...]:
     """The primary charge at `at_ms` as a mixture, not clamped to [0, 1]."""
     parts = []
     for weight, mean, cov in twin_state.anchors:
@@ -264,12 +266,12 @@ def paths(load: Load) -> list[Spent]:
     return [load.expected, *load.skewed_parts(rest)]
 
 
-def charge_now(twin_state: TwinState, knowledge: Knowledge, spent: Sequence[Spent]) -> list[Anchor]:
+def charge_now(twin_state: TwinState, parameters: TwinParameters, spent: Sequence[Spent]) -> list[Anchor]:
     """The state at `at_ms`, from each anchor by each hypothesis of `spent`; docked, nothing is spent. Not clamped."""
-    noise = charge.process_noise(knowledge, twin_state.at_ms - twin_state.anchor_ms)
+    noise = charge.process_noise(parameters, twin_state.at_ms - twin_state.anchor_ms)
     found = []
     if twin_state.situation is Mode.CHARGING_PRIMARY:
-        for anchor, rows in zip(twin_state.anchors, in_dock(twin_state, knowledge), strict=True):
+        for anchor, rows in zip(twin_state.anchors, in_dock(twin_state, parameters), strict=True):
             mean, cov = anchor.mean, anchor.cov + noise
             for row, moments in zip((PRIMARY, SECONDARY), rows, strict=True):
                 mean, cov = charge.with_moments(mean, cov, row, moments[:2], moments[2])
@@ -284,15 +286,17 @@ def charge_now(twin_state: TwinState, knowledge: Knowledge, spent: Sequence[Spen
     return found
 
 
-def in_dock(twin_state: TwinState, knowledge: Knowledge) -> list[tuple[tuple[float, float, float], ...]]:
+def in_dock(
+    twin_state: TwinState, parameters: TwinParameters
+) -> list[tuple[tuple[float, float, float], ...]]:
     """(mean, variance, slope) of both batteries at `at_ms`, by anchor; the primary feeds the board."""
     minutes = (twin_state.at_ms - twin_state.anchor_ms) / MS_PER_MIN
-    drain, coils = knowledge.drain, knowledge.charger.primary
+    drain, coils = parameters.drain, parameters.charger.primary
     against = drain.in_dock * drain.per_min[Mode.CHARGING_PRIMARY]
     return [
         tuple(
             charging.propagated(
-                knowledge.charger, count, lost, float(mean[row]), float(cov[row, row]), minutes
+                parameters.charger, count, lost, float(mean[row]), float(cov[row, row]), minutes
             )
             for row, count, lost in ((PRIMARY, coils, against * float(mean[DRAIN])), (SECONDARY, 1.0, 0.0))
         )

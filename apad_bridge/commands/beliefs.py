@@ -10,7 +10,7 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from apad_bridge.analysis.belief_scores.comparisons import Record, best_record, compared_in
+from apad_bridge.analysis.belief_scores.comparisons import Record, best_record, comparisons_in
 from apad_bridge.analysis.belief_scores.scores import Score, Scores, scores_of
 from apad_bridge.records.run_directory import RunDirectoryError
 from apad_bridge.runs.exits import EXITS, Exit, UserError
@@ -55,7 +55,7 @@ def run(arguments: argparse.Namespace) -> int:
         raise UserError(f"--figure {figure}: its name must end in one of {', '.join(_ENDINGS)}")
     try:
         record = arguments.record or best_record(arguments.directory)
-        scores = scores_of(compared_in(arguments.directory, round(1000 * arguments.period), record))
+        scores = scores_of(comparisons_in(arguments.directory, round(1000 * arguments.period), record))
     except (RunDirectoryError, OSError) as error:
         raise UserError(str(error)) from error
     if scores is None:

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from apad_bridge.doctor import graph, interpreter, machine, network, origin_check, scenario_check
-from apad_bridge.doctor.finding import Finding, Status, examined, warn
+from apad_bridge.doctor.finding import Finding, Status, run_check, warn
 from apad_bridge.ros_names.names import in_full
 from apad_bridge.runs.exits import EXITS, Exit
 
@@ -52,9 +52,9 @@ def run(arguments: argparse.Namespace) -> int:
 
 def diagnose(scenario_file: Path | None, master_uri: str) -> Iterator[Finding]:
     """All checks, in an order in which the first FAIL is the one to mend first."""
-    yield from examined("python", interpreter.check_python)
-    yield from examined("packages", interpreter.check_packages)
-    yield from examined("our packages", interpreter.check_shadows)
+    yield from run_check("python", interpreter.check_python)
+    yield from run_check("packages", interpreter.check_packages)
+    yield from run_check("our packages", interpreter.check_shadows)
     scenario: Scenario | None = None
     if scenario_file is not None:
         scenario, findings = scenario_check.read(scenario_file)
@@ -64,23 +64,23 @@ def diagnose(scenario_file: Path | None, master_uri: str) -> Iterator[Finding]:
 
 
 def _machine(agents: int) -> Iterator[Finding]:
-    yield from examined("open files", lambda: [machine.check_open_files(agents)])
-    yield from examined("processes", lambda: [machine.check_processes(agents)])
-    yield from examined("memory", lambda: [machine.check_memory(agents)])
-    yield from examined("pseudo-terminals", lambda: [machine.check_terminals()])
-    yield from examined("disk", lambda: [machine.check_disk(Path.cwd())])
-    yield from examined("loopback", machine.check_loopback)
+    yield from run_check("open files", lambda: [machine.check_open_files(agents)])
+    yield from run_check("processes", lambda: [machine.check_processes(agents)])
+    yield from run_check("memory", lambda: [machine.check_memory(agents)])
+    yield from run_check("pseudo-terminals", lambda: [machine.check_terminals()])
+    yield from run_check("disk", lambda: [machine.check_disk(Path.cwd())])
+    yield from run_check("loopback", machine.check_loopback)
 
 
 def _ros(master_uri: str, scenario: Scenario | None) -> Iterable[Finding]:
     try:
-        from apad_bridge.ros import diagnosis_apads, doctor_checks
+        from apad_bridge.ros import doctor_apad_checks, doctor_checks
     except ImportError as error:
         yield Finding("ROS", Status.FAIL, f"cannot be imported: {error}", interpreter.INSTALL)
         return
-    yield from examined("ROS packages", diagnosis.check_ros_packages)
-    yield from examined("messages", lambda: [diagnosis.check_messages()])
-    yield from examined("definitions", diagnosis.check_other_definitions)
+    yield from run_check("ROS packages", doctor_checks.check_ros_packages)
+    yield from run_check("messages", lambda: [doctor_checks.check_messages()])
+    yield from run_check("definitions", doctor_checks.check_other_definitions)
     if not master_uri:
         yield warn(
             "master",
@@ -99,16 +99,16 @@ def _ros(master_uri: str, scenario: Scenario | None) -> Iterable[Finding]:
         )
         return
     yield Finding("master", Status.OK, f"{master_uri} answers; {len(found.nodes)} nodes on it")
-    host, bind = diagnosis.announced_host(), diagnosis.bind_address()
+    host, bind = doctor_checks.announced_host(), doctor_checks.bind_address()
     ids, namespace = None, os.environ.get("ROS_NAMESPACE", "").strip("/")
     if scenario is not None:
         ids = scenario.fleet.ids
-    yield from examined("own address", lambda: graph.check_addresses(master_uri, host))
-    yield from examined("call back", lambda: [graph.check_call_back(master_uri, host, bind)])
-    yield from examined("clock", lambda: [graph.check_clock(found)])
-    yield from examined("nodes", lambda: graph.check_nodes(found))
-    yield from examined("aMussel ids", lambda: [graph.check_agents_present(found, ids, namespace)])
-    yield from examined("aPad", lambda: diagnosis_apads.check_apads(found))
+    yield from run_check("own address", lambda: graph.check_addresses(master_uri, host))
+    yield from run_check("call back", lambda: [graph.check_call_back(master_uri, host, bind)])
+    yield from run_check("clock", lambda: [graph.check_clock(found)])
+    yield from run_check("nodes", lambda: graph.check_nodes(found))
+    yield from run_check("aMussel ids", lambda: [graph.check_agents_present(found, ids, namespace)])
+    yield from run_check("aPad", lambda: doctor_apad_checks.check_apads(found))
     if scenario is not None:
         apad, origin = in_full(namespace, scenario.apad.name), scenario.area.origin
-        yield from examined("origin", lambda: [origin_check.check_origin(master_uri, apad, origin)])
+        yield from run_check("origin", lambda: [origin_check.check_origin(master_uri, apad, origin)])

@@ -8,7 +8,7 @@ import re
 from pathlib import Path
 from typing import Any
 
-from apad_bridge.analysis.layouts.fleet import shown
+from apad_bridge.analysis.layouts.fleet import layout_fleet
 from apad_bridge.analysis.layouts.kinds import KINDS
 from apad_bridge.runs.exits import EXITS, Exit, UserError
 from apad_bridge.scenario.errors import ScenarioError
@@ -64,7 +64,7 @@ def _layout_text(arguments: argparse.Namespace) -> str:
         )
     try:
         scenario = load(arguments.scenario)
-        fleet = shown(scenario, starts_of(scenario), f"/{namespace.strip('/')}".rstrip("/"))
+        fleet = layout_fleet(scenario, starts_of(scenario), f"/{namespace.strip('/')}".rstrip("/"))
     except ScenarioError as error:
         raise UserError(str(error)) from error
     return KINDS[arguments.kind].write(fleet)

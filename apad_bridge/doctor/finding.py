@@ -43,7 +43,7 @@ def fail(check: str, found: str, mend: str) -> Finding:
     return Finding(check, Status.FAIL, found, mend)
 
 
-def examined(check: str, examine: Callable[[], Iterable[Finding]]) -> list[Finding]:
+def run_check(check: str, examine: Callable[[], Iterable[Finding]]) -> list[Finding]:
     """Returns the findings of `examine`. A check that breaks becomes a FAIL and does not stop other checks."""
     findings: list[Finding] = []
     try:

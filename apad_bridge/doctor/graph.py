@@ -18,7 +18,7 @@ from apad_bridge.doctor.network import (
     Unreachable,
     address_of,
     call,
-    call_whole,
+    call_for_reply,
     host_and_port,
     route_address,
 )
@@ -120,14 +120,14 @@ def check_call_back(uri: str, announced: str, bind: str) -> Finding:
 def _unregister(uri: str, topic: str, ours: str) -> None:
     for method in ("unregisterPublisher", "unregisterSubscriber"):
         try:
-            call_whole(uri, method, topic, ours)
+            call_for_reply(uri, method, topic, ours)
         except Unreachable:
             continue  # the master is gone, and its registrations too
 
 
 def check_clock(graph: Graph) -> Finding:
     """Checks the source of the time that nodes on this master follow."""
-    code, _, simulated = call_whole(graph.uri, "getParam", "/use_sim_time")
+    code, _, simulated = call_for_reply(graph.uri, "getParam", "/use_sim_time")
     follows = code == 1 and bool(simulated)
     sources = graph.publishers.get("/clock", [])
     whose = ", ".join(

@@ -89,13 +89,13 @@ def connect(uri: str) -> socket.socket:
 
 def call(uri: str, method: str, *arguments: Any) -> Any:
     """Returns the value in the [code, message, value] of a ROS XML-RPC call. Raises Unreachable with the reason."""
-    code, message, value = call_whole(uri, method, *arguments)
+    code, message, value = call_for_reply(uri, method, *arguments)
     if code != 1:
         raise Unreachable(f"{method} at {uri}: {message}")
     return value
 
 
-def call_whole(uri: str, method: str, *arguments: Any) -> tuple[int, str, Any]:
+def call_for_reply(uri: str, method: str, *arguments: Any) -> tuple[int, str, Any]:
     connect(uri).close()
     transport = Timed(TIMEOUT_S)
 

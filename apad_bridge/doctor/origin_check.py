@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from apad_bridge.doctor.finding import Finding, ok, warn
-from apad_bridge.doctor.network import Unreachable, call, call_whole
+from apad_bridge.doctor.network import Unreachable, call, call_for_reply
 from apad_bridge.scenario.local_frame import LocalFrame, OriginLike
 
 _SAME_M = 1.0
@@ -17,7 +17,7 @@ def check_origin(uri: str, apad: str, ours: OriginLike) -> Finding:
     for namespace in _upwards(apad):
         names = [f"{namespace}/LocalOrigin{it}" for it in ("Lat", "Lon")]
         try:
-            if call_whole(uri, "hasParam", names[0])[2] is not True:
+            if call_for_reply(uri, "hasParam", names[0])[2] is not True:
                 continue
             latitude_deg, longitude_deg = (float(call(uri, "getParam", it)) for it in names)
             metres = math.hypot(

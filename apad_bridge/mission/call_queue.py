@@ -44,14 +44,14 @@ def _snapshot_of(mission: ManualMission) -> Snapshot:
     )
 
 
-class Flown(Protocol):
+class FlightMission(Protocol):
     """The mission of a flight: flown by hand all the time, or one that can be taken over."""
 
     def finish(self, reason: str) -> None: ...
 
 
 class _Call:
-    def __init__(self, act: Callable[[Flown, ManualMission | None], Any]) -> None:
+    def __init__(self, act: Callable[[FlightMission, ManualMission | None], Any]) -> None:
         self.act = act
         self.done = threading.Event()
         self.answer: Any = None
@@ -74,18 +74,18 @@ class CallQueue:
         Refused when a plan flies the aPad, when the mission is over, or without a tick within `timeout_s`.
         """
 
-        def by_hand(_: Flown, manual: ManualMission | None) -> T:
+        def by_hand(_: FlightMission, manual: ManualMission | None) -> T:
             if manual is None:
                 raise Refused("the mission flies the aPad: call take_over first")
             return act(manual)
 
         return self._call(by_hand, timeout_s)
 
-    def call_mission(self, act: Callable[[Flown], T], timeout_s: float = ANSWER_S) -> T:
+    def call_mission(self, act: Callable[[FlightMission], T], timeout_s: float = ANSWER_S) -> T:
         """Like `call`, but also while a plan flies the aPad."""
         return self._call(lambda flown, _: act(flown), timeout_s)
 
-    def _call(self, act: Callable[[Flown, ManualMission | None], T], timeout_s: float) -> T:
+    def _call(self, act: Callable[[FlightMission, ManualMission | None], T], timeout_s: float) -> T:
         call = _Call(act)
         with self._lock:
             if self._closed is not None:
@@ -120,7 +120,7 @@ class CallQueue:
         self.serve(mission, lambda: mission)
         self.show(mission)
 
-    def serve(self, flown: Flown, manual: Callable[[], ManualMission | None]) -> None:
+    def serve(self, flown: FlightMission, manual: Callable[[], ManualMission | None]) -> None:
         """Runs the calls since the last tick; each may change who flies the aPad, so each asks `manual` again."""
         with self._lock:
             calls, self._calls = self._calls, []

@@ -15,8 +15,14 @@ from apad_bridge.beliefs.belief import Belief
 from apad_bridge.mission.charging_watch import ChargingWatch
 from apad_bridge.mission.order_book import OrderBook
 from apad_bridge.mission.orders import Order, PermitSurfacing, TellClear
-from apad_bridge.mission.plans import asked, plan_note
-from apad_bridge.mission.pool import ChargingPool, floats, is_surfacing_or_floating, situation_of, unheard
+from apad_bridge.mission.plans import plan_note, plan_or_reason
+from apad_bridge.mission.pool import (
+    ChargingPool,
+    floats,
+    is_surfacing_or_floating,
+    placeholder_belief,
+    situation_of,
+)
 from apad_bridge.mission.sources import BeliefSource
 from apad_bridge.mission.state import MissionState, Phase, with_new_homes
 from apad_bridge.planning.candidates import Situation
@@ -183,7 +189,9 @@ class EnergyExchange(OrderBook):
             return
         situation = self._situation(pool, {})
         name = self._config.collection
-        solution = asked(name, lambda: self._collection.plan(situation, batch), situation, StepKind.COLLECT)
+        solution = plan_or_reason(
+            name, lambda: self._collection.plan(situation, batch), situation, StepKind.COLLECT
+        )
         if isinstance(solution, str):
             self._orders += self.end(solution, now_ms)
         elif solution.steps:
@@ -246,10 +254,12 @@ class EnergyExchange(OrderBook):
             self._idle(now_ms)
             return
         assert self._pose is not None
-        known = [belief or unheard(agent_id, self._pose) for agent_id, belief in beliefs.items()]
+        known = [belief or placeholder_belief(agent_id, self._pose) for agent_id, belief in beliefs.items()]
         situation = self._situation(known, docked)
         name = self._config.redeployment
-        solution = asked(name, lambda: self._redeployment.plan(situation), situation, StepKind.DEPLOY)
+        solution = plan_or_reason(
+            name, lambda: self._redeployment.plan(situation), situation, StepKind.DEPLOY
+        )
         if isinstance(solution, str):
             self._orders += self.end(solution, now_ms)
             return

@@ -32,7 +32,7 @@ class RangeHeard:
 
 
 @dataclass(frozen=True, slots=True)
-class OperatorAsked:
+class EndRequested:
     """A person wants the mission to end."""
 
     at_ms: int
@@ -40,14 +40,14 @@ class OperatorAsked:
 
 
 @dataclass(frozen=True, slots=True)
-class StandDownAsked:
+class StandDownRequested:
     """One of several aPads must leave its aMussels to the others."""
 
     at_ms: int
     reason: str
 
 
-Fact = WifiHeard | SoundHeard | RangeHeard | OperatorAsked | StandDownAsked | VehicleFact
+Fact = WifiHeard | SoundHeard | RangeHeard | EndRequested | StandDownRequested | VehicleFact
 
 
 @dataclass(frozen=True, slots=True)

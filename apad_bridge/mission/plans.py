@@ -14,7 +14,9 @@ STRATEGY_FAILED = "failure of strategy"
 """The start of the reason when a strategy raised an error or gave a plan that cannot be flown."""
 
 
-def asked(name: str, plan: Callable[[], Solution], situation: Situation, kind: StepKind) -> Solution | str:
+def plan_or_reason(
+    name: str, plan: Callable[[], Solution], situation: Situation, kind: StepKind
+) -> Solution | str:
     """The strategy's plan if it can be flown, else the reason. A user's error must not raise while a vehicle is out."""
     try:
         solution = plan()

@@ -18,21 +18,21 @@ from firmware_model.states import State
 
 
 def floats(belief: Belief) -> bool:
-    if belief.is_carried:
+    if belief.is_predicted:
         return belief.probability_of(Mode.FLOATING) >= LIKELY
     return belief.state is State.FLOATING
 
 
 def is_surfacing_or_floating(belief: Belief) -> bool:
     """The aMussel floats, or is on its way to the surface."""
-    if belief.is_carried:
+    if belief.is_predicted:
         return belief.probability_of(Mode.SURFACING, Mode.FLOATING) >= LIKELY
     return belief.state in (State.FLOATING, State.SURFACING)
 
 
 def can_be_fetched(belief: Belief) -> bool:
     """An aPad that goes there and permits surfacing finds the aMussel."""
-    if belief.is_carried:
+    if belief.is_predicted:
         return belief.probability_of(*DOCKED, Mode.LOST) < LIKELY
     return belief.state in TO_BE_FETCHED
 
@@ -78,11 +78,11 @@ class ChargingPool:
             and can_be_fetched(belief)
             and (belief.primary > 0 or belief.secondary > 0)
             and self._excluded_until_ms.get(belief.agent_id, now_ms) <= now_ms
-            and (belief.is_carried or now_ms - belief.heard_ms <= self._silence_ms)
+            and (belief.is_predicted or now_ms - belief.heard_ms <= self._silence_ms)
         )
 
 
-def unheard(agent_id: int, place_m: tuple[float, float]) -> Belief:
+def placeholder_belief(agent_id: int, place_m: tuple[float, float]) -> Belief:
     """A placeholder for a docked, never heard aMussel: it is let go at the aPad's place, which frees its dock."""
     return Belief(agent_id, 0, State.CHARGING, 0.0, 0.0, *place_m)
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
-from apad_bridge.mission.call_queue import CallQueue, Flown
+from apad_bridge.mission.call_queue import CallQueue, FlightMission
 from apad_bridge.mission.manual import ManualMission
 from apad_bridge.mission.orders import Note, Order
 from apad_bridge.mission.role import Mission
@@ -116,14 +116,14 @@ class Takeover:
         self._orders += mission.advance(self._now_ms)
 
 
-def take_over(mission: Flown) -> str:
+def take_over(mission: FlightMission) -> str:
     """A person takes the aPad over. A flight by hand or by a script needs nothing, and the answer states so."""
     if isinstance(mission, Takeover):
         return mission.take_over()
     return "no mission plans in this flight: orders are taken without it"
 
 
-def give_back(mission: Flown) -> str:
+def give_back(mission: FlightMission) -> str:
     if not isinstance(mission, Takeover):
         raise Refused("in this flight there is no mission to give the aPad back to")
     return mission.give_back()

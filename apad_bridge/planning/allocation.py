@@ -51,7 +51,10 @@ def shares(
     fixed_counts = [fixed_owners.count(n) for n in range(len(starts_m))]
 
     def owners_about(centres: Millimetres) -> list[int]:
-        return [*fixed_owners, *assigned(_squares(places[len(fixed_owners) :], centres), fixed_counts)]
+        return [
+            *fixed_owners,
+            *min_cost_assignment(_squares(places[len(fixed_owners) :], centres), fixed_counts),
+        ]
 
     owners = owners_about(centres)
     least = inf
@@ -64,7 +67,7 @@ def shares(
     )
 
 
-def assigned(costs: npt.NDArray[Any], fixed_counts: Sequence[int] = ()) -> list[int]:
+def min_cost_assignment(costs: npt.NDArray[Any], fixed_counts: Sequence[int] = ()) -> list[int]:
     """Assigns each row to an owner, such that the owners' sizes are as equal as possible and the sum of costs is the least.
 
     `costs` are whole numbers, (rows, owners); `fixed_counts` are the rows that each owner has besides. Rows get owners one

@@ -96,7 +96,7 @@ class BeliefChanges:
             "north_m": round(belief.north_m, 3),
             "east_m": round(belief.east_m, 3),
         }
-        if belief.is_carried:
+        if belief.is_predicted:
             low, high = belief.charge_interval()
             line |= {
                 "sd": round(belief.charge_cov[0] ** 0.5, 5),
@@ -109,7 +109,7 @@ class BeliefChanges:
 
 def _differs(before: Belief, belief: Belief) -> bool:
     """True if a belief changed enough for a line. A carried belief's mode, deviation and packet time count too."""
-    if not belief.is_carried:
+    if not belief.is_predicted:
         return before.state is not belief.state or abs(before.primary - belief.primary) >= BELIEVED_CHARGE
     sds = before.charge_cov[0] ** 0.5, belief.charge_cov[0] ** 0.5
     step = max(min(BELIEVED_CHARGE, 0.3 * sds[1]), BELIEVED_CHARGE / 10)

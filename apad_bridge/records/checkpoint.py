@@ -71,7 +71,7 @@ class Checkpoint:
         self._full_record_ms = now_ms
         self._written_counts: Counter[str] = Counter()
         self._file = self._write_full_record(now_ms)
-        beliefs.diary = self
+        beliefs.belief_log = self
 
     def learned(self, agent_id: int, measurement: Measurement) -> None:
         self._rows.append(measurement_row(agent_id, measurement))
@@ -104,7 +104,7 @@ class Checkpoint:
 
     def close(self) -> None:
         """Leaves the file as it is; a second call does nothing."""
-        self._beliefs.diary = None
+        self._beliefs.belief_log = None
         self._file.close()
 
     def _write_full_record(self, now_ms: int) -> LineFile:

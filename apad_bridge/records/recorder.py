@@ -137,7 +137,7 @@ class Recorder:
             self._journaled[agent_id] = truth
             self._journal.append(-(-truth.at_ms // self._scenario.theta), "truth", truth_data(truth))
 
-    def keep(self, learned: LearnedState, now_ms: int) -> None:
+    def begin_checkpoint(self, learned: LearnedState, now_ms: int) -> None:
         """Writes the checkpoint from mission time `now_ms` on, so that another supervisor can resume the run."""
         self._checkpoint = Checkpoint(
             self._directory.checkpoint, learned.beliefs, now_ms, learned.ranging, self._dropped_so_far
@@ -253,7 +253,7 @@ class Recorder:
         self.meter.ended(died["id"], died["agent_ms"])
 
     def _note_presence(self, at_ms: int, presence: Line) -> None:
-        self.meter.is_now(presence["id"], Presence(presence["is"]), self._scenario.theta * at_ms)
+        self.meter.set_presence(presence["id"], Presence(presence["is"]), self._scenario.theta * at_ms)
 
     def _replay(self, contents: JournalContents) -> None:
         """Rebuilds the uptimes and the newest truths from the lines of the journal."""

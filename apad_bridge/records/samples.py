@@ -117,7 +117,7 @@ def belief_sample(belief: Belief, now_ms: int) -> BeliefSample:
         belief.age_s(now_ms),
     )
     learned = min(belief.silent_timeslots, _MOST_TIMESLOTS), int(belief.learned_from)
-    if not belief.is_carried:
+    if not belief.is_predicted:
         return BeliefSample(*newest, *(nan,) * 8, (), nan, nan, *learned)
     primary, both, secondary = belief.charge_cov
     north, across, east = belief.place_cov

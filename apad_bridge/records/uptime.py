@@ -98,7 +98,7 @@ class UptimeMeter:
         if ledger is not None and ledger.ended_ms is None:
             ledger.ended_ms = max(at_ms, ledger.truth.at_ms)
 
-    def is_now(self, agent_id: int, presence: Presence, at_ms: int) -> None:
+    def set_presence(self, agent_id: int, presence: Presence, at_ms: int) -> None:
         """Sets an aMussel's presence after the tick at agent time `at_ms`; the times of calls must not fall."""
         ledger = self._ledgers.get(agent_id)
         if ledger is not None:

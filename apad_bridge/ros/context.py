@@ -103,7 +103,7 @@ def open_flight_context(
             _graph_events(stack, options, scenario, vehicle),
             roster=roster,
             keeps_samples=options.part is not Part.FLEET,
-            tell_served_elsewhere=relay.tell_served_elsewhere if isinstance(relay, SeveralRelay) else None,
+            send_contact=relay.send_contact if isinstance(relay, SeveralRelay) else None,
             allocation=allocation,
         )
 

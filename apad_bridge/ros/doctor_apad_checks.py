@@ -9,7 +9,7 @@ from apad_bridge.doctor.definitions import Md5s, python_md5s
 from apad_bridge.doctor.finding import Finding, fail, ok, warn
 from apad_bridge.doctor.graph import Graph
 from apad_bridge.ros.types.messages import generated_folder
-from apad_bridge.ros.types.wire_probe import NotTold, service_md5, stamp_offset_s, topic_md5
+from apad_bridge.ros.types.wire_probe import NotAnnounced, service_md5, stamp_offset_s, topic_md5
 from apad_bridge.ros.types.workspace_services import service_by_text
 
 _ACTION = "action_server"
@@ -90,7 +90,7 @@ def _check_md5s(graph: Graph, name: str, interface: _Interface, ours: Md5s) -> F
         probe = service_md5 if part in interface.services else topic_md5
         try:
             md5 = probe(graph, f"{name}/{part}")
-        except NotTold as error:
+        except NotAnnounced as error:
             silent.append(f"{part} ({error})")
             continue
         if md5 == ours[type_name]:
@@ -122,7 +122,7 @@ def _check_beside(graph: Graph, name: str, interface: _Interface, ours: Md5s) ->
             continue
         try:
             md5 = (service_md5 if full in graph.services else topic_md5)(graph, full)
-        except NotTold:
+        except NotAnnounced:
             continue
         if md5 == ours[type_name]:
             same.append(f"{part} {md5}")
@@ -143,7 +143,7 @@ def _check_offset(graph: Graph, topic: str, name: str) -> Finding:
     """The offset of the aPad's clock from this machine's, by the stamp of its next position."""
     try:
         offset_s = stamp_offset_s(graph, topic)
-    except NotTold as error:
+    except NotAnnounced as error:
         return warn(
             f"{name} clock",
             f"unknown: {topic}: {error}",

@@ -43,7 +43,7 @@ class _SilentRelay:
     def transmit(self, medium: Medium, agent_id: int, data: bytes, now_ms: int) -> None:
         pass
 
-    def said(self, send: Send, now_ms: int) -> None:
+    def forward(self, send: Send, now_ms: int) -> None:
         pass
 
 

@@ -21,7 +21,7 @@ from apad_bridge.scenario.starts import starts_of
 from apad_bridge.supervisor.clock import AsFastAsPossible
 from apad_bridge.supervisor.context import FlightContext
 from apad_bridge.supervisor.loop import Flight
-from apad_bridge.supervisor.packet_relay import PacketRelay, TellServedElsewhere
+from apad_bridge.supervisor.packet_relay import PacketRelay, SendContact
 from apad_bridge.supervisor.roster import Presence
 from apad_bridge.supervisor.sample_collection import SampleCollection
 from apad_bridge.vehicle.commands import BatteryReported, PoseReported
@@ -44,7 +44,7 @@ class MemoryRecorder:
     def event(self, at_ms: int, kind: str, **data: Any) -> None:
         self.events.append((at_ms, kind, data))
         if kind == "presence":
-            self.meter.is_now(data["id"], Presence(data["is"]), self._theta * at_ms)
+            self.meter.set_presence(data["id"], Presence(data["is"]), self._theta * at_ms)
 
     def truths(self, truths: list[Truth]) -> None:
         for truth in truths:
@@ -71,7 +71,7 @@ def open_flight(
     command_sources: Sequence[CommandSource] = (),
     takeover: CallQueue | None = None,
     relay: PacketRelay | None = None,
-    tell_served_elsewhere: TellServedElsewhere | None = None,
+    send_contact: SendContact | None = None,
     breakdown: Breakdown | None = None,
 ) -> tuple[Flight, MemoryRecorder]:
     """Opens a flight that is ready to `run`; returns it and its recorder.
@@ -88,9 +88,7 @@ def open_flight(
         scenario, command_sources=command_sources, samples=samples, takeover=takeover, breakdown=breakdown
     )
     recorder = MemoryRecorder(scenario)
-    context = FlightContext(
-        vehicle, AsFastAsPossible(), fleet, relay=relay, tell_served_elsewhere=tell_served_elsewhere
-    )
+    context = FlightContext(vehicle, AsFastAsPossible(), fleet, relay=relay, send_contact=send_contact)
     return Flight(supervisor, context, recorder), recorder
 
 

@@ -23,7 +23,7 @@ from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
 from apad_bridge.supervisor.context import LearnedState
 from apad_bridge.supervisor.core import PRIMITIVE_NAMES
-from apad_bridge.supervisor.roster import Became, Presence, Presences
+from apad_bridge.supervisor.roster import Presence, PresenceChange, Presences
 from apad_bridge.vehicle.docking import PRE_EMPTED
 from apad_bridge.vehicle.errors import PeerFailed
 from apad_bridge.vehicle.primitives import HoldPosition, PrimitiveFailed
@@ -79,11 +79,11 @@ def first_failure(journal: JournalContents) -> PrimitiveFailed | None:
     return latched
 
 
-def presence_changes(journal: JournalContents) -> Iterator[Became]:
+def presence_changes(journal: JournalContents) -> Iterator[PresenceChange]:
     """The changes of aMussels to real, retired or simulated, in the order in which they happened."""
     for line in journal.lines:
         if line["kind"] == "presence":
-            yield Became(line["t"], line["id"], Presence(line["is"]), line["by"])
+            yield PresenceChange(line["t"], line["id"], Presence(line["is"]), line["by"])
 
 
 def repeat_placements(
@@ -166,7 +166,7 @@ def presence_lines(presences: Presences) -> list[str]:
 
 def _nothing_learned(scenario: Scenario, options: RunOptions) -> LearnedState:
     # The aPad's modem is simulated with the water, and so with the fleet. A mission alone has none.
-    return parts.nothing_known(scenario, has_modem=options.part is not Part.MISSION)
+    return parts.initial_learned_state(scenario, has_modem=options.part is not Part.MISSION)
 
 
 def restore_learned(checkpoint: Path, learned: LearnedState, now_ms: int) -> tuple[str, Counter[str] | None]:

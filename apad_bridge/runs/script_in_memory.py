@@ -12,7 +12,7 @@ from apad_bridge.runs.in_memory import open_flight
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scripting.api import Api
 from apad_bridge.scripting.program import Program, ScriptSource, as_program
-from apad_bridge.scripting.rendezvous import AS_FAST_AS_POSSIBLE, Turns
+from apad_bridge.scripting.rendezvous import AS_FAST_AS_POSSIBLE, TurnTimeouts
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,7 +29,7 @@ class ScriptFlight:
 
 
 def fly_script(
-    scenario: Scenario, script: Path | Callable[[Api], object], turns: Turns = AS_FAST_AS_POSSIBLE
+    scenario: Scenario, script: Path | Callable[[Api], object], turns: TurnTimeouts = AS_FAST_AS_POSSIBLE
 ) -> ScriptFlight:
     """Flies a script's file, or a function that takes the API, to its end. ScriptError when the file is not a script."""
     program: Program = as_program(script) if isinstance(script, Path) else script

@@ -147,7 +147,7 @@ def _fly_mission(
     """Flies, and returns the summary. A script has ended by then, and its error is printed."""
     command_sources = command_sources_of(scenario, options, call_queue)
     if not options.script:  # a script cannot be resumed in the middle
-        start_state.recorder.keep(start_state.learned, start_state.start_ms)
+        start_state.recorder.begin_checkpoint(start_state.learned, start_state.start_ms)
     summary = flying.fly(
         scenario,
         without_commands(context) if options.dry_run else context,

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from annotated_types import Ge
 
-from apad_bridge.scenario.full_firmware_options import WholeBoard
+from apad_bridge.scenario.full_firmware_options import FullFirmwareOptions
 from apad_bridge.scenario.quantities import (
     ChargeSegments,
     NotNegativeSeconds,
@@ -37,7 +37,7 @@ class Board:
     """An aMussel that floats unserved for this long sinks again."""
     release_wait_s: NotNegativeSeconds
     """The wait for the release packet after the falling edge, before the aMussel sinks without it."""
-    whole: WholeBoard | None = None
+    whole: FullFirmwareOptions | None = None
 
     def __post_init__(self) -> None:
         equations = {"discharge_per_min": self.discharge_per_min, "charge_segments": self.charge_segments}

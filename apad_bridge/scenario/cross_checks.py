@@ -12,7 +12,7 @@ from apad_bridge.scenario.currents import problem_with_current
 from apad_bridge.scenario.estimator_options import Estimator
 from apad_bridge.scenario.faults import OF_A, OF_B
 from apad_bridge.scenario.firmware_config import can_fill
-from apad_bridge.scenario.full_firmware_options import SleepCycle, WholeBoard
+from apad_bridge.scenario.full_firmware_options import FullFirmwareOptions, SleepCycle
 from apad_bridge.scenario.lab_interface.names import load_names
 from apad_bridge.scenario.links import problem_with_links
 from apad_bridge.scenario.local_frame import LocalFrame
@@ -111,7 +111,9 @@ def _check_board(scenario: Scenario) -> Iterator[Contradiction]:
         yield from _check_cycle(scenario, whole, whole.cycle)
 
 
-def _check_cycle(scenario: Scenario, whole: WholeBoard, cycle: SleepCycle) -> Iterator[Contradiction]:
+def _check_cycle(
+    scenario: Scenario, whole: FullFirmwareOptions, cycle: SleepCycle
+) -> Iterator[Contradiction]:
     agents, transmit_s, timekeeping = scenario.fleet.count, whole.transmit_ms / 1000, whole.timekeeping
     awake_s, timeslots = cycle.sample_s + cycle.processing_s, cycle.slots
     if timeslots is not None:

@@ -8,11 +8,11 @@ from agents.modem.frames import Generation, duration_ms
 from apad_bridge.scenario.board import Board
 from apad_bridge.scenario.full_firmware_options import (
     BoardPower,
+    FullFirmwareOptions,
     LastResort,
     Metering,
     SleepCycle,
     Timekeeping,
-    WholeBoard,
 )
 from firmware_model import config
 from firmware_model.packets import ShortStatus
@@ -67,7 +67,7 @@ def full_firmware(
 
 
 def _at_its_age(
-    whole: WholeBoard, charge: ChargeModel, firmware: config.FullFirmware | None
+    whole: FullFirmwareOptions, charge: ChargeModel, firmware: config.FullFirmware | None
 ) -> tuple[ChargeModel, config.FullFirmware | None]:
     ageing = whole.power.ageing
     if ageing is None:
@@ -151,7 +151,7 @@ def _cycle(cycle: SleepCycle) -> config.Cycle:
         processing_ms=_ms(cycle.processing_s),
         slots=None
         if timeslots is None
-        else config.Slots(_ms(timeslots.frame_s), _ms(timeslots.slot_s), _ms(timeslots.guard_s)),
+        else config.Timeslots(_ms(timeslots.frame_s), _ms(timeslots.slot_s), _ms(timeslots.guard_s)),
         listen_ms=_ms(cycle.listen_s),
         report_ms=_ms(cycle.report_s),
     )

@@ -170,7 +170,7 @@ class Timekeeping:
 
 
 @frozen
-class WholeBoard:
+class FullFirmwareOptions:
     power: BoardPower
     cycle: SleepCycle | None
     """None: never asleep."""

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import TypeVar
 
 from apad_bridge.mission.manual import ManualMission
-from apad_bridge.mission.plans import asked, plan_note
-from apad_bridge.mission.pool import ChargingPool, situation_of, unheard
+from apad_bridge.mission.plans import plan_note, plan_or_reason
+from apad_bridge.mission.pool import ChargingPool, placeholder_belief, situation_of
 from apad_bridge.mission.values import Refused, dock_of
 from apad_bridge.planning import registry
 from apad_bridge.planning.candidates import Situation
@@ -44,7 +44,7 @@ def redeployment(mission: ManualMission, strategy: str | None) -> Plan:
     redeployer = _strategy(registry.redeployment, name)
     here = _pose(mission)
     docks = {agent: dock_index for dock_index, agent in mission.state.docked}
-    beliefs = [mission.beliefs.get(agent) or unheard(agent, here) for agent in docks]
+    beliefs = [mission.beliefs.get(agent) or placeholder_belief(agent, here) for agent in docks]
     situation = situation_of(mission.state, here, beliefs, docks)
     return _planned(mission, "redeploy", name, lambda: redeployer.plan(situation), situation, StepKind.DEPLOY)
 
@@ -61,7 +61,7 @@ def _planned(
     situation: Situation,
     kind: StepKind,
 ) -> Plan:
-    solution = asked(name, plan, situation, kind)
+    solution = plan_or_reason(name, plan, situation, kind)
     if isinstance(solution, str):
         raise Refused(solution)
     if solution.steps:

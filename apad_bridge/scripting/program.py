@@ -28,7 +28,7 @@ from apad_bridge.scripting.rendezvous import (
     Do,
     Finished,
     Rendezvous,
-    Turns,
+    TurnTimeouts,
     Wait,
 )
 
@@ -119,7 +119,7 @@ class ScriptSource:
         program: Program,
         name: str,
         tell: Callable[[str], None],
-        turns: Turns = AS_FAST_AS_POSSIBLE,
+        turns: TurnTimeouts = AS_FAST_AS_POSSIBLE,
     ) -> None:
         self._rendezvous = Rendezvous(turns)
         ids = range(scenario.fleet.first_id, scenario.fleet.first_id + scenario.fleet.count)

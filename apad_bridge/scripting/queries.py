@@ -12,7 +12,14 @@ from typing import TypeVar, cast
 
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.fleet import Estimator
-from apad_bridge.beliefs.questions import Question, by, candidate_below, full_above, lost, sure_at_ms
+from apad_bridge.beliefs.questions import (
+    Question,
+    candidate_below,
+    full_above,
+    lost,
+    probability_at,
+    sure_at_ms,
+)
 from apad_bridge.mission.manual import ManualMission
 from apad_bridge.mission.pool import ChargingPool
 from apad_bridge.mission.values import Agent, Location, Refused, dock_of
@@ -266,7 +273,7 @@ def chance(estimator: Estimator, belief: Belief, question: Question, at_ms: int,
         raise Refused(f"{at_ms / 1000:.0f} s are over: it is {now_ms / 1000:.0f} s")
     if at_ms > now_ms:
         _refuse_held(belief)
-    return by(estimator, belief, question, at_ms)
+    return probability_at(estimator, belief, question, at_ms)
 
 
 def sure_at(
@@ -283,7 +290,7 @@ def sure_at(
 
 def _refuse_held(belief: Belief) -> None:
     """Raises Refused for a belief that repeats the last packet and is not carried on in time."""
-    if not belief.is_carried:
+    if not belief.is_predicted:
         raise Refused(
             "this scenario's estimator believes the last packet and foretells nothing: say beliefs: {estimator: twin} in it"
         )

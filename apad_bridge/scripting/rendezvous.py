@@ -2,7 +2,7 @@
 
 The script runs between two requests. The supervisor's thread serves each request inside the mission's tick, while the
 script stands still. So a tick does not end before the script blocks in a sleep or a wait, and an `asap` flight is the same
-every time. A script that computes for longer than the times in `Turns` does not stop the flight.
+every time. A script that computes for longer than the times in `TurnTimeouts` does not stop the flight.
 """
 
 from __future__ import annotations
@@ -26,16 +26,16 @@ class Aborted(BaseException):
 
 
 @dataclass(frozen=True, slots=True)
-class Turns:
+class TurnTimeouts:
     """Limits in wall seconds: a tick waits `tick_s` for the script; after `busy_s` without a request the mission ends."""
 
     tick_s: float
     busy_s: float
 
 
-AS_FAST_AS_POSSIBLE = Turns(tick_s=30.0, busy_s=30.0)
+AS_FAST_AS_POSSIBLE = TurnTimeouts(tick_s=30.0, busy_s=30.0)
 """For virtual time, which waits for the script: otherwise every flight would be another one."""
-REAL_TIME = Turns(tick_s=0.2, busy_s=30.0)
+REAL_TIME = TurnTimeouts(tick_s=0.2, busy_s=30.0)
 """For real time: a tick is late by at most `tick_s`. A slower script has its next request served at a later tick."""
 
 
@@ -70,7 +70,7 @@ class Rendezvous:
     The script's thread calls `request` and `finish`, the supervisor's all the rest.
     """
 
-    def __init__(self, turns: Turns) -> None:
+    def __init__(self, turns: TurnTimeouts) -> None:
         self._turns = turns
         self._lock = threading.Condition()
         self._request: Request | Finished | None = None

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from typing import Protocol
 
 
-class Stopped(Protocol):
+class StopFlag(Protocol):
     """A stop sign as a waiting thread sees it."""
 
     def is_set(self) -> bool: ...
@@ -45,19 +45,19 @@ class StopSign:
         return self._is_set
 
 
-Between = Callable[[int], None]
+OnTimeReached = Callable[[int], None]
 """Called with a mission time that has come, between two ticks."""
 
-BEAT_S = 0.03
+POLL_PERIOD_S = 0.03
 """Wall seconds between two such calls: a device on a serial line does not wait for a tick."""
 
 
 class Pace(Protocol):
-    def reach(self, now_ms: int, stopped: Stopped, between: Between | None = None) -> None:
+    def reach(self, now_ms: int, stopped: StopFlag, between: OnTimeReached | None = None) -> None:
         """Returns when mission time `now_ms` has come for all participants, or at once when `stopped` is set.
 
-        Calls `between` about every `BEAT_S`, with times before `now_ms` that have come; a pace without a wall clock does
-        not call it.
+        Calls `between` about every `POLL_PERIOD_S`, with times before `now_ms` that have come; a pace without a wall clock
+        does not call it.
 
         TimeoutError, with the name, when a participant's confirmation does not come in the stated time.
         """
@@ -72,7 +72,7 @@ class Pace(Protocol):
 class AsFastAsPossible:
     behind_s = 0.0
 
-    def reach(self, now_ms: int, stopped: Stopped, between: Between | None = None) -> None:
+    def reach(self, now_ms: int, stopped: StopFlag, between: OnTimeReached | None = None) -> None:
         pass
 
 
@@ -93,7 +93,7 @@ class WallClock:
         self.behind_s = 0.0
         self.slipped_s = 0.0
 
-    def reach(self, now_ms: int, stopped: Stopped, between: Between | None = None) -> None:
+    def reach(self, now_ms: int, stopped: StopFlag, between: OnTimeReached | None = None) -> None:
         now_s = self._clock()
         if self._origin is None:
             self._origin = (now_ms, now_s)
@@ -102,7 +102,7 @@ class WallClock:
         if due_s > now_s:
             self.behind_s = 0.0
             while due_s > now_s and not stopped.wait(
-                min(due_s - now_s, BEAT_S) if between else due_s - now_s
+                min(due_s - now_s, POLL_PERIOD_S) if between else due_s - now_s
             ):
                 now_s = self._clock()
                 reached_ms = start_ms + int((now_s - start_s) * 1000 * self._speed)

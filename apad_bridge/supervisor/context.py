@@ -15,7 +15,7 @@ from apad_bridge.mission.breakdown import Breakdown
 from apad_bridge.supervisor.clock import Pace
 from apad_bridge.supervisor.core import Supervisor
 from apad_bridge.supervisor.fleet import Fleet
-from apad_bridge.supervisor.packet_relay import PacketRelay, TellServedElsewhere
+from apad_bridge.supervisor.packet_relay import PacketRelay, SendContact
 from apad_bridge.supervisor.roster import Roster
 from apad_bridge.vehicle.link import VehicleLink
 
@@ -52,11 +52,11 @@ class FlightContext:
     """Passes packets to another process that holds the other half of the bench: a fleet, or a supervisor."""
     held: tuple[int, ...] = ()
     """The aMussels that docks hold already."""
-    docks_by_eye: bool = False
+    has_visual_servoing: bool = False
     """True if the vehicle has visual servoing, which a simulated camera can feed."""
     dropped: Callable[[], Counter[str]] = Counter
     """The counts of messages that the context dropped, by reason."""
-    noticed: Callable[[int], list[tuple[str, dict[str, Any]]]] = lambda now_ms: []
+    take_events: Callable[[int], list[tuple[str, dict[str, Any]]]] = lambda now_ms: []
     """Returns the context's new events (kind, data): a master that is gone, a vehicle that is silent."""
     serial_lines: SerialLines | None = None
     """Serial lines, which are polled between ticks too."""
@@ -64,7 +64,7 @@ class FlightContext:
     """Changes which aMussels of the fleet are simulated."""
     keeps_samples: bool = True
     """False for a fleet whose mission is at the other end of a relay: its samples are uploaded there."""
-    tell_served_elsewhere: TellServedElsewhere | None = None
+    send_contact: SendContact | None = None
     """Delivers contacts to aMussels of other fleets, where one of several aPads may serve these."""
     breakdown: Breakdown | None = None
     """The conditions in which one of several aPads stands down; None for a single aPad, or when no aPad takes over."""

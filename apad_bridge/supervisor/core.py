@@ -12,13 +12,13 @@ from apad_bridge.beliefs.measurement import Docked, Permitted, Released
 from apad_bridge.mission.allocation import Allocation
 from apad_bridge.mission.breakdown import Breakdown
 from apad_bridge.mission.events import (
+    EndRequested,
     Fact,
     KeepSamples,
-    OperatorAsked,
     RangeHeard,
     Send,
     SoundHeard,
-    StandDownAsked,
+    StandDownRequested,
     SupervisorAction,
     WifiHeard,
 )
@@ -63,8 +63,8 @@ _PRIORITY: dict[type, int] = {
     SoundHeard: 3,
     RangeHeard: 3,
     WifiHeard: 3,
-    OperatorAsked: 4,
-    StandDownAsked: 4,
+    EndRequested: 4,
+    StandDownRequested: 4,
 }
 PRIMITIVE_NAMES: dict[type, str] = {
     GoToPoint: "go to point",
@@ -155,15 +155,18 @@ class Supervisor:
         actions += self._carry_out(self.mission.advance(now_ms), now_ms)
         if self._ranging is None:
             return actions
-        return [*self._ranging.timed(actions, now_ms), *self._ranging.advance(self.beliefs.all(), now_ms)]
+        return [
+            *self._ranging.schedule_sends(actions, now_ms),
+            *self._ranging.advance(self.beliefs.all(), now_ms),
+        ]
 
-    def timed(self, send: Send, now_ms: int) -> Send | None:
+    def schedule_sends(self, send: Send, now_ms: int) -> Send | None:
         """Another supervisor's packet to an aMussel, with the time at which the modem may send it.
 
         None if the same packet waits already.
         """
-        timed = [send] if self._ranging is None else self._ranging.timed([send], now_ms)
-        return next((it for it in timed if isinstance(it, Send)), None)
+        schedule_sends = [send] if self._ranging is None else self._ranging.schedule_sends([send], now_ms)
+        return next((it for it in schedule_sends if isinstance(it, Send)), None)
 
     def _handle(self, fact: Fact, now_ms: int) -> list[SupervisorAction]:
         match fact:
@@ -178,9 +181,9 @@ class Supervisor:
                 return (
                     [] if self._ranging is None else self._ranging.hear(fact, self.pose, self.beliefs, now_ms)
                 )
-            case OperatorAsked(_, reason):
+            case EndRequested(_, reason):
                 return self._carry_out(self.mission.end(reason, now_ms), now_ms)
-            case StandDownAsked(_, reason):
+            case StandDownRequested(_, reason):
                 return self._carry_out(self.mission.stand_down(reason, now_ms), now_ms)
             case PoseReported():
                 self.pose = fact
@@ -220,7 +223,7 @@ class Supervisor:
 
     def _believe_short_status(self, packet: ShortStatus, at_ms: int) -> str | None:
         if self._ranging is not None:
-            self._ranging.heard_of(packet.agent_id)
+            self._ranging.short_status_received(packet.agent_id)
         return self.beliefs.hear_short(packet, at_ms)
 
     def _reason_to_end(self, now_ms: int) -> str | None:

@@ -14,7 +14,7 @@ from agents.water.sea import Sea
 from agents.water.sea_events import SeaResult
 from agents.water.topology import Topology
 from apad_bridge.scenario.links import read_links
-from firmware_model.config import Slots
+from firmware_model.config import Timeslots
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,7 +71,7 @@ class Fleet:
     coordinator: Coordinator
     host: Host
     sea: Sea | None = None
-    timeslots: Slots | None = None
+    timeslots: Timeslots | None = None
     links: LinksFile | None = None
 
     def advance(self, now_ms: int) -> Sequence[SeaResult]:

@@ -26,8 +26,8 @@ from agents.packet_medium import Medium
 from agents.water.medium import PacketEnded
 from agents.water.sea_events import NotRanged, Ranged, SeaResult, SoundReached, Told
 from apad_bridge.mission.events import (
+    EndRequested,
     KeepSamples,
-    OperatorAsked,
     Ping,
     RangeHeard,
     Send,
@@ -40,7 +40,7 @@ from apad_bridge.supervisor.context import FlightContext, Watcher
 from apad_bridge.supervisor.core import TICK_MS, Supervisor
 from apad_bridge.supervisor.fleet import Fleet
 from apad_bridge.supervisor.packet_notes import packet_data
-from apad_bridge.supervisor.packet_relay import Felt
+from apad_bridge.supervisor.packet_relay import RemoteContact
 from apad_bridge.supervisor.recorder_interface import Recorder
 from apad_bridge.vehicle.commands import CloseDock, OpenDock, PoseReported
 from apad_bridge.vehicle.link import APadSeen, Carried, LetGo
@@ -149,7 +149,7 @@ class Flight:
         self._receive_from_vehicle(now_ms)
         self._receive_from_relay(now_ms)
         if self._stopped.is_set():
-            self.supervisor.receive(OperatorAsked(now_ms, self._stop_reason))
+            self.supervisor.receive(EndRequested(now_ms, self._stop_reason))
         for _ in range(_ROUNDS):
             if not self._act(now_ms):
                 break
@@ -171,7 +171,7 @@ class Flight:
             watch(now_ms)
 
     def _record_noticed(self, now_ms: int) -> None:
-        for kind, data in self._context.noticed(now_ms):
+        for kind, data in self._context.take_events(now_ms):
             self._recorder.event(now_ms, kind, **data)
 
     def _act(self, now_ms: int) -> bool:
@@ -198,7 +198,7 @@ class Flight:
                         if agent_id not in self.supervisor.allocation.served_for_others:
                             self._send(send, now_ms)
                         if self._relay is not None:
-                            self._relay.said(send, now_ms)
+                            self._relay.forward(send, now_ms)
                 case Ping(agent_id, not_before_ms):
                     if self._fleet is not None and self._fleet.sea is not None:
                         self._fleet.sea.ping(agent_id, not_before_ms)
@@ -227,7 +227,7 @@ class Flight:
         return (
             list(results)
             if serial_lines is None
-            else [it for it in results if not serial_lines.took(it, now_ms)]
+            else [it for it in results if not serial_lines.route(it, now_ms)]
         )
 
     def _receive_from_modem(self, now_ms: int) -> None:
@@ -309,10 +309,10 @@ class Flight:
             return
         for item in self._relay.advance(now_ms):
             if isinstance(item, Send):
-                send = self.supervisor.timed(item, now_ms)
+                send = self.supervisor.schedule_sends(item, now_ms)
                 if send is not None:
                     self._send(send, now_ms)
-            elif isinstance(item, Felt):
+            elif isinstance(item, RemoteContact):
                 self._stimulate(item.agent_id, item.stimulus, now_ms)
             else:
                 self.supervisor.receive(item)
@@ -348,12 +348,9 @@ class Flight:
                 stimulus = self._contacts.take(fact)
                 if stimulus is None:
                     continue
-                tell_served_elsewhere = self._context.tell_served_elsewhere
-                if (
-                    tell_served_elsewhere is not None
-                    and fact.agent_id in self.supervisor.allocation.served_for_others
-                ):
-                    tell_served_elsewhere(Felt(fact.agent_id, stimulus), now_ms)
+                send_contact = self._context.send_contact
+                if send_contact is not None and fact.agent_id in self.supervisor.allocation.served_for_others:
+                    send_contact(RemoteContact(fact.agent_id, stimulus), now_ms)
                 else:
                     self._stimulate(fact.agent_id, stimulus, now_ms)
             else:

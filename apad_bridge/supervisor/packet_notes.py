@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 from agents.water.medium import PacketEnded, Reception
-from firmware_model.config import Slots
+from firmware_model.config import Timeslots
 
 
-def packet_data(packet: PacketEnded, timeslots: Slots | None, speed_m_s: float) -> dict[str, Any]:
+def packet_data(packet: PacketEnded, timeslots: Timeslots | None, speed_m_s: float) -> dict[str, Any]:
     """Plain data. `began_ms` and the receptions' ends are agent time; `timeslot` is the timeslot in which it began.
 
     `heard` has a row for each receiver: id (0 is the aPad), outcome, SNR in dB, end, travel time in ms, travel distance

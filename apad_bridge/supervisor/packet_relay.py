@@ -12,20 +12,20 @@ from apad_bridge.mission.events import Send, SoundHeard, WifiHeard
 
 
 @dataclass(frozen=True, slots=True)
-class Felt:
+class RemoteContact:
     """A stimulus that an aMussel of this fleet gets from an aPad whose supervisor is elsewhere."""
 
     agent_id: int
     stimulus: Stimulus
 
 
-Came = WifiHeard | SoundHeard | Send | Felt
-TellServedElsewhere = Callable[[Felt, int], None]
+RelayedEvent = WifiHeard | SoundHeard | Send | RemoteContact
+SendContact = Callable[[RemoteContact, int], None]
 """Delivers a stimulus of an aPad's docks to an aMussel that is simulated elsewhere, at a mission time."""
 
 
 class PacketRelay(Protocol):
-    def advance(self, now_ms: int) -> Sequence[Came]:
+    def advance(self, now_ms: int) -> Sequence[RelayedEvent]:
         """Returns the items from the other side up to mission time `now_ms`: packets from aMussels, or items for them."""
         ...
 
@@ -33,6 +33,6 @@ class PacketRelay(Protocol):
         """Sends a packet from or to this aMussel to the other side."""
         ...
 
-    def said(self, send: Send, now_ms: int) -> None:
+    def forward(self, send: Send, now_ms: int) -> None:
         """Handles a packet that the supervisor of this process sent, to an aMussel of this fleet or of another."""
         ...

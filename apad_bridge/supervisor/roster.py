@@ -50,7 +50,7 @@ TABLE: dict[tuple[Presence, Trigger], Presence] = {
 
 
 @dataclass(frozen=True, slots=True)
-class Became:
+class PresenceChange:
     """A change of an aMussel's presence at mission time `at_ms`, from a run's journal; `by` names the caller."""
 
     at_ms: int
@@ -68,7 +68,7 @@ class Fault(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Moved:
+class PresenceRequest:
     """A request to change an aMussel's presence. `by` is for the journal."""
 
     agent_id: int
@@ -81,22 +81,22 @@ class Moved:
 
 
 @dataclass(frozen=True, slots=True)
-class Failed:
+class FaultRequest:
     """A request for a fault."""
 
     agent_id: int
     fault: Fault
 
 
-Asked = Moved | Failed
+RosterRequest = PresenceRequest | FaultRequest
 
 
 class RosterRequests(Protocol):
     """The queue of requests, and the way back for the answers."""
 
-    def take(self) -> list[Asked]: ...
+    def take(self) -> list[RosterRequest]: ...
 
-    def answer(self, request: Asked, refusal: str | None) -> None:
+    def answer(self, request: RosterRequest, refusal: str | None) -> None:
         """Answers a request with the reason for its refusal; None when it was done."""
         ...
 
@@ -111,7 +111,9 @@ _STIMULI: dict[Fault, Stimulus] = {
 class Presences:
     """The presences of a fleet's aMussels. It belongs to the flight's thread; any thread may read `simulated`."""
 
-    def __init__(self, agent_ids: Iterable[int], bottom_m: float, before: Iterable[Became] = ()) -> None:
+    def __init__(
+        self, agent_ids: Iterable[int], bottom_m: float, before: Iterable[PresenceChange] = ()
+    ) -> None:
         """All are simulated, except for changes under a former supervisor of the run; the newest change comes last."""
         self._bottom_m = bottom_m
         self._now = dict.fromkeys(agent_ids, Presence.SIMULATED)
@@ -133,13 +135,13 @@ class Presences:
         return self._now.get(agent_id)
 
     def do(
-        self, request: Asked, coordinator: Coordinator, beliefs: FleetBeliefs, now_ms: int
+        self, request: RosterRequest, coordinator: Coordinator, beliefs: FleetBeliefs, now_ms: int
     ) -> tuple[list[tuple[int, Stimulus]], Note] | str:
         """Returns the aMussels' stimuli and the note for the journal; or the reason for a refusal, without a change."""
         before = self._now.get(request.agent_id)
         if before is None:
             return f"aMussel {request.agent_id} is not of this fleet"
-        if isinstance(request, Failed):
+        if isinstance(request, FaultRequest):
             if before is not Presence.SIMULATED:
                 return f"aMussel {request.agent_id} is {before}: faults are for simulated ones"
             if request.fault is Fault.COIL_SLIP and not _is_docked(beliefs, request.agent_id):
@@ -174,7 +176,7 @@ class Presences:
     def _simulated_ids(self) -> frozenset[int]:
         return frozenset(it for it, presence in self._now.items() if presence is Presence.SIMULATED)
 
-    def _placed(self, request: Moved, beliefs: FleetBeliefs) -> Placed | None:
+    def _placed(self, request: PresenceRequest, beliefs: FleetBeliefs) -> Placed | None:
         """On the bottom, at the requested place or at the believed place of the real one; None without a belief."""
         if request.trigger is Trigger.TAKE_BACK:
             belief = beliefs.get(request.agent_id)
@@ -199,7 +201,7 @@ def _is_docked(beliefs: FleetBeliefs, agent_id: int) -> bool:
     return belief is not None and belief.state in DOCKED
 
 
-def _no_spawn(request: Moved) -> str | None:
+def _no_spawn(request: PresenceRequest) -> str | None:
     """The reason for refusing to spawn, or None. Charge 0 is refused: ROS 1 fills a field that is left out with 0."""
     if not all(0.0 < charge <= 1.0 for charge in request.charges):
         return "primary and secondary are charges above 0 and up to 1 (one that is left out is 0): say both"
@@ -214,7 +216,7 @@ class Roster:
     def __init__(self, presences: Presences, requests: RosterRequests) -> None:
         self.presences = presences
         self._requests = requests
-        self._answers: list[tuple[Asked, str | None]] = []
+        self._answers: list[tuple[RosterRequest, str | None]] = []
 
     def advance(
         self, coordinator: Coordinator, beliefs: FleetBeliefs, now_ms: int
@@ -251,7 +253,7 @@ class Claim:
     """Monotonic-clock time."""
 
 
-def given_back(before: Mapping[int, Became], claims: Iterable[Claim]) -> dict[int, str]:
+def unclaimed_real_ids(before: Mapping[int, PresenceChange], claims: Iterable[Claim]) -> dict[int, str]:
     """The real aMussels missing from the live claim of real ones of the node that had claimed them; and its name."""
     real = {claim.node: claim.ids for claim in claims if claim.real}
     return {
@@ -261,14 +263,16 @@ def given_back(before: Mapping[int, Became], claims: Iterable[Claim]) -> dict[in
     }
 
 
-def conflicts(
-    presence_of: Callable[[int], Presence | None], before: Mapping[int, Became], claims: Iterable[Claim]
+def claim_conflicts(
+    presence_of: Callable[[int], Presence | None],
+    before: Mapping[int, PresenceChange],
+    claims: Iterable[Claim],
 ) -> list[str]:
     """A line for a person on each aMussel for which living claims contradict the journal."""
     claims = list(claims)
     lines = [
         f"aMussel {agent_id} was real by {node}, which claims it no more: it is taken back"
-        for agent_id, node in sorted(given_back(before, claims).items())
+        for agent_id, node in sorted(unclaimed_real_ids(before, claims).items())
     ]
     for claim in claims:
         for agent_id in sorted(claim.ids):

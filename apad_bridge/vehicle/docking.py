@@ -2,7 +2,7 @@
 
 The docking profiles live here, so that every stack behind the port behaves alike. `virtual` waits out the
 docking time before it commands the mechanism. `camera` and `visual` command the mechanism at once and leave
-the time to the vehicle. `camera` needs a vehicle with visual servoing (`docks_by_eye`); on any other vehicle
+the time to the vehicle. `camera` needs a vehicle with visual servoing (`has_visual_servoing`); on any other vehicle
 it is `virtual`.
 
 `TABLE` alone decides what a primitive does next. The port drops and counts an event that the table does not
@@ -153,12 +153,12 @@ class DockingPort:
         *,
         stall_s: float = STALL_S,
         first_command_id: int = 1,
-        docks_by_eye: bool = False,
+        has_visual_servoing: bool = False,
     ) -> None:
         if not stall_s > 0:
             raise ValueError("stall_s must be above 0")
         self._docking = docking
-        self._docks_by_eye = docks_by_eye
+        self._docks_by_eye = has_visual_servoing
         self._stall_ms = round(stall_s * 1000)
         self._next_command_id = first_command_id
         self._now_ms = 0

@@ -13,7 +13,7 @@ from apad_bridge.vehicle.simulated.kinematics import Pose
 PublishedT = TypeVar("PublishedT")
 
 
-class LegacyVehicle(ABC, Generic[PublishedT]):
+class SimulatedStack(ABC, Generic[PublishedT]):
     """Steps every `grid_ms` in mission time, from `start_ms` on. The times of the aPad inside start at 0."""
 
     def __init__(self, apad: SimulatedAPad, start_ms: int, grid_ms: int, fault: Fault) -> None:

@@ -14,7 +14,7 @@ UNSTAMPED = -1
 
 
 @dataclass(frozen=True, slots=True)
-class PoseHeard:
+class PoseReceived:
     at_ms: int
     north_m: float
     east_m: float
@@ -22,14 +22,14 @@ class PoseHeard:
 
 
 @dataclass(frozen=True, slots=True)
-class StateHeard:
+class StateRefReceived:
     """`stateRef`. Our simulated aPad publishes it when it has handled everything due by its stamp."""
 
     at_ms: int
 
 
 @dataclass(frozen=True, slots=True)
-class BatteryHeard:
+class BatteryReceived:
     """The battery message has no stamp: `at_ms` is the time of arrival."""
 
     at_ms: int
@@ -37,6 +37,6 @@ class BatteryHeard:
 
 
 @dataclass(frozen=True, slots=True)
-class PoseShown:
+class PosePublished:
     at_ms: int
     pose: Pose

@@ -14,7 +14,7 @@ from typing import Generic, Protocol, TypeVar
 
 from apad_bridge.vehicle.commands import BatteryReported, PoseReported
 from apad_bridge.vehicle.link import LinkFact
-from apad_bridge.vehicle.stack_messages import BatteryHeard, PoseHeard, StateHeard
+from apad_bridge.vehicle.stack_messages import BatteryReceived, PoseReceived, StateRefReceived
 
 SILENT_MS = 5_000
 """Positions come at 10 Hz: fifty of them missing are no jitter."""
@@ -39,16 +39,16 @@ class Readings:
         self._pose: PoseReported | None = None
         self._battery: BatteryReported | None = None
 
-    def hear(self, message: PoseHeard | StateHeard | BatteryHeard) -> None:
+    def receive(self, message: PoseReceived | StateRefReceived | BatteryReceived) -> None:
         match message:
-            case PoseHeard():
+            case PoseReceived():
                 self._receive_pose(message)
-            case StateHeard(at_ms):
+            case StateRefReceived(at_ms):
                 self.state_ms = max(self.state_ms, at_ms)
-            case BatteryHeard():
+            case BatteryReceived():
                 self._receive_battery(message)
 
-    def _receive_pose(self, message: PoseHeard) -> None:
+    def _receive_pose(self, message: PoseReceived) -> None:
         if not all(map(math.isfinite, (message.north_m, message.east_m, message.heading_rad))):
             self.dropped["position: not finite"] += 1
         elif message.at_ms < self.position_ms:
@@ -59,7 +59,7 @@ class Readings:
                 message.at_ms, message.north_m, message.east_m, message.heading_rad
             )
 
-    def _receive_battery(self, message: BatteryHeard) -> None:
+    def _receive_battery(self, message: BatteryReceived) -> None:
         if not math.isfinite(message.percent):
             self.dropped["battery_level: not finite"] += 1
             return
@@ -121,7 +121,7 @@ class DeferredMessages(Generic[Message]):
 
     def defers(self, message: Message, now_ms: int) -> bool:
         """Keeps a later message and returns True. `stateRef` never waits: it states the vehicle's progress."""
-        if message.at_ms <= now_ms or isinstance(message, StateHeard):
+        if message.at_ms <= now_ms or isinstance(message, StateRefReceived):
             return False
         self._deferred.append(message)
         return True

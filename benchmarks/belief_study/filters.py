@@ -14,12 +14,12 @@ from apad_bridge.beliefs.modes import Mode
 from apad_bridge.beliefs.twin import Twin
 from apad_bridge.beliefs.twin_parameters import (
     Charger,
-    ClockKnowledge,
+    ClockParameters,
     Drain,
     Habits,
-    Knowledge,
     Schedule,
     Sensor,
+    TwinParameters,
     Water,
 )
 from benchmarks.belief_study.truth import Doing, Event, Life
@@ -37,7 +37,7 @@ _STATES = {
     Doing.SINKING: State.SINKING,
     Doing.EMPTY: State.EMPTY,
 }
-NOMINAL = Knowledge(
+NOMINAL = TwinParameters(
     theta=1,
     drain=Drain(
         # Asleep, idle, high load, surfacing, floating, docked three times, lost: what the nominal kind draws.
@@ -63,7 +63,7 @@ NOMINAL = Knowledge(
     water=Water(step_variance_m2=0.0, current_deviation_m_s=0.0, current_lasts_s=3600.0, fix_deviation_m=1.0),
     drain_deviation=0.06,
     ageing_per_day=0.002,
-    clock=ClockKnowledge(1000.0, 20.0, 1000.0),
+    clock=ClockParameters(1000.0, 20.0, 1000.0),
     surfacing_ms=4 * MINUTE,
     sinking_ms=4 * MINUTE,
     float_timeout_ms=12 * 60 * MINUTE,
@@ -77,19 +77,19 @@ def twin(life: Life, agent: int, knows_schedule: bool) -> Twin:
 
 def oracle(life: Life, agent: int, knows_schedule: bool) -> Twin:
     """The same filter with the true drain and the true biases of this aMussel."""
-    knowledge = NOMINAL
-    drain = knowledge.drain
+    parameters = NOMINAL
+    drain = parameters.drain
     factor = float(life.drain[agent])
     sag = life.sag[agent]
     known = replace(
-        knowledge,
+        parameters,
         drain=replace(
             drain,
             per_min=tuple(rate * factor for rate in drain.per_min),
             motor_run=drain.motor_run * factor,
         ),
         sensor=replace(
-            knowledge.sensor,
+            parameters.sensor,
             bias=tuple(float(sag[doing]) for doing in (Doing.ASLEEP, Doing.IDLE, Doing.HIGH, Doing.DOCKED)),
             bias_deviation=(1e-4, 1e-4, 1e-4, 1e-4),
         ),

@@ -7,7 +7,7 @@ import pytest
 
 from firmware_model.actions import StateChanged
 from firmware_model.bench import Bench
-from firmware_model.config import BoardConfig, Cycle, LastResort, Slots, Timekeeping
+from firmware_model.config import BoardConfig, Cycle, LastResort, Timekeeping, Timeslots
 from firmware_model.packets import Beacon, CommandPacket, Kind
 from firmware_model.power.charge import FULL, fraction
 from firmware_model.states import TABLE, State, Trigger
@@ -18,7 +18,7 @@ QUICK = Cycle(
     alarm_ms=20_000,
     sample_ms=3000,
     processing_ms=2000,
-    slots=Slots(10_000, 1000),
+    slots=Timeslots(10_000, 1000),
     listen_ms=5000,
     report_ms=2000,
 )

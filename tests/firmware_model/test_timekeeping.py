@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from firmware_model.actions import Action, Dropped, SendStatus, StateChanged
 from firmware_model.bench import Bench
-from firmware_model.config import BoardConfig, Cycle, Slots, Timekeeping
+from firmware_model.config import BoardConfig, Cycle, Timekeeping, Timeslots
 from firmware_model.packets import Beacon, SlotAssignment
 from firmware_model.settings import Settings
 from firmware_model.states import State
@@ -140,7 +140,7 @@ FRAME_MS, SLOT_MS, GUARD_MS = 60_000, 4000, 400
 def test_nobody_speaks_outside_of_its_slot_while_its_crystal_keeps_what_it_promises(
     drift_ppb: int, slot: int, beacons: list[int]
 ) -> None:
-    cycle = replace(FIELD, alarm_ms=400_000, slots=Slots(FRAME_MS, SLOT_MS, GUARD_MS))
+    cycle = replace(FIELD, alarm_ms=400_000, slots=Timeslots(FRAME_MS, SLOT_MS, GUARD_MS))
     bench = Bench(replace(config(cycle, drift_ppb, 60_000, GUARD_MS), slot=slot))
     for at_ms in sorted(beacons):
         bench.run_until(at_ms)

@@ -30,7 +30,7 @@ from apad_bridge.supervisor.clock import WallClock
 from apad_bridge.supervisor.context import FlightContext
 from apad_bridge.supervisor.fleet import Fleet
 from apad_bridge.supervisor.loop import Flight
-from apad_bridge.supervisor.roster import Became, Presence, Presences, Roster
+from apad_bridge.supervisor.roster import Presence, PresenceChange, Presences, Roster
 from apad_bridge.vehicle.link import InProcessVehicle
 
 SPEED = 20.0
@@ -65,7 +65,7 @@ def main() -> None:
     node, first_id, *claimant = sys.argv[1], int(sys.argv[2]), *sys.argv[3:]
     flown = scenario(first_id)
     initial_states = parts.initial_states(flown, starts_of(flown))
-    before = [Became(0, first_id + 2, Presence.REAL, name) for name in claimant]
+    before = [PresenceChange(0, first_id + 2, Presence.REAL, name) for name in claimant]
     presences = Presences(initial_states, flown.area.depth_m, before)
     gateway = open_gateway([], flown.theta, node_name=node)
     claims = ClaimBoard(f"/{node}", lambda: presences.simulated)

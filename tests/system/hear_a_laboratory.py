@@ -14,7 +14,7 @@ from pathlib import Path
 import rospy
 
 from apad_bridge.ros.links.laboratory import Laboratory
-from apad_bridge.scenario.lab_interface.messages import What
+from apad_bridge.scenario.lab_interface.messages import MessageKind
 from apad_bridge.scenario.lab_interface.names import load_names
 from firmware_model.packets.codec import load_codec
 
@@ -28,7 +28,7 @@ def main() -> None:
     now_ms = 0
     while not ended.wait(0.05):
         now_ms += 50
-        laboratory.publishers.publish(What.WIFI, 3, now_ms, on=True)
+        laboratory.publishers.publish(MessageKind.WIFI, 3, now_ms, on=True)
         for message in laboratory.subscribers.take(now_ms):
             print(json.dumps([type(message).__name__, *map(str, astuple(message)[-3:])]), flush=True)
     print(json.dumps(dict(laboratory.dropped)), flush=True)

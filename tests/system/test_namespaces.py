@@ -20,7 +20,7 @@ from free_ports import free_port
 from layout_topics import named_topics
 from rosbags.rosbag1 import Reader
 
-from apad_bridge.analysis.layouts.fleet import shown
+from apad_bridge.analysis.layouts.fleet import layout_fleet
 from apad_bridge.analysis.layouts.kinds import KINDS
 from apad_bridge.doctor.graph import Graph
 from apad_bridge.doctor.network import Unreachable
@@ -201,7 +201,7 @@ def test_two_fleets_with_the_same_ids_side_by_side(tmp_path: Path, environment: 
         few = with_overrides(load(tmp_path / "relative.yaml"), agents=3)
         for space in SPACES:
             for kind in KINDS.values():
-                named = named_topics(kind.write(shown(few, starts_of(few), f"/{space}"))) - {
+                named = named_topics(kind.write(layout_fleet(few, starts_of(few), f"/{space}"))) - {
                     "/musselbed/apad"
                 }
                 assert any(name.startswith(f"/{space}/") for name in named) and named <= graph.keys()

@@ -17,7 +17,7 @@ import pytest
 import yaml
 from layout_topics import named_topics
 
-from apad_bridge.analysis.layouts.fleet import shown
+from apad_bridge.analysis.layouts.fleet import layout_fleet
 from apad_bridge.analysis.layouts.kinds import KINDS
 from apad_bridge.records.journal import read_journal
 from apad_bridge.runs.children import supervisor_of
@@ -131,7 +131,7 @@ def test_each_serves_its_share_and_nobody_else(scenario: Path, tmp_path: Path) -
     run = tmp_path / "run"
     last(scenario, LONG_S)
     # Layouts name what is there; of a run's bag a layout also names the aPad's state, which has one name in all bags.
-    fleet = shown(load(scenario), starts_of(load(scenario)))
+    fleet = layout_fleet(load(scenario), starts_of(load(scenario)))
     by_layout = [named_topics(kind.write(fleet)) - {"/musselbed/apad"} for kind in KINDS.values()]
     assert all(any("apad2" in name for name in named) for named in by_layout)
     command = [*MUSSELBED, "run", str(scenario), "--speed", str(SPEED), "--out", str(run), "--json"]

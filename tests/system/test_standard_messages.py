@@ -12,7 +12,7 @@ import pytest
 import yaml
 from layout_topics import TYPES, named_topics
 
-from apad_bridge.analysis.layouts.fleet import shown
+from apad_bridge.analysis.layouts.fleet import layout_fleet
 from apad_bridge.analysis.layouts.kinds import KINDS
 from apad_bridge.ros.system.master import loopback_environment, start_master
 from apad_bridge.ros.types.messages import generated_folder
@@ -147,7 +147,7 @@ def published(environment: dict[str, str]) -> dict[str, str]:
 def test_layouts_name_topics_that_are_there(kind: str, environment: dict[str, str]) -> None:
     pool = load(HERE.parents[1] / "launch_scripts" / "scenarios" / "pool-12.yaml")
     two = with_overrides(pool, agents=2)
-    text = KINDS[kind].write(shown(two, starts_of(two)))
+    text = KINDS[kind].write(layout_fleet(two, starts_of(two)))
     assert "musselbed/enu" in text or kind not in ("rviz", "foxglove")
     topics = published(environment)
     named = named_topics(text)

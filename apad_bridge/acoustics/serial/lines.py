@@ -38,7 +38,7 @@ class SerialLines:
             self._store(self.attached.poll(now_ms))
         return [] if self.opened is None else self.opened.take()
 
-    def took(self, result: SeaResult, now_ms: int) -> bool:
+    def route(self, result: SeaResult, now_ms: int) -> bool:
         """Passes a result of the fleet to a serial line; False if it is not for one."""
         match result:
             case Printed(_, agent_id, data):

@@ -67,7 +67,7 @@ def best_record(run_dir: Path) -> Record:
     return Record.BAG if bags and all(map(has_deviations, bags)) else Record.JOURNAL
 
 
-def compared_in(run_dir: Path, period_ms: int, record: Record) -> Iterator[Comparison]:
+def comparisons_in(run_dir: Path, period_ms: int, record: Record) -> Iterator[Comparison]:
     """Yields a comparison for every aMussel with belief and truth in `record`.
 
     RunDirectoryError, one line, when the directory holds no such run.

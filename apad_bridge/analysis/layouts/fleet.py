@@ -70,7 +70,7 @@ class LayoutFleet:
         }
 
 
-def shown(scenario: Scenario, starts: Sequence[Start], namespace: str = "") -> LayoutFleet:
+def layout_fleet(scenario: Scenario, starts: Sequence[Start], namespace: str = "") -> LayoutFleet:
     """A scenario's fleet for a layout. `namespace` is empty, or a ROS name with a leading slash and none at its end."""
     apads = [
         LayoutAPad(

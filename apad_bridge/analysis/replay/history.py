@@ -93,7 +93,7 @@ class History:
             self.meter.ended(line["id"], line["agent_ms"])
 
     def _take_presence(self, line: Line) -> None:
-        self.meter.is_now(line["id"], Presence(line["is"]), self._theta * line["t"])
+        self.meter.set_presence(line["id"], Presence(line["is"]), self._theta * line["t"])
 
     def _take_apad(self, line: Line) -> None:
         self.now.apad = line

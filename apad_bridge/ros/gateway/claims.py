@@ -20,7 +20,15 @@ import rospy
 from apad_bridge.ros.gateway.fleet_guard import SecondFleet
 from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros_names.names import ours
-from apad_bridge.supervisor.roster import Claim, Moved, Presence, Presences, Trigger, conflicts, given_back
+from apad_bridge.supervisor.roster import (
+    Claim,
+    Presence,
+    PresenceRequest,
+    Presences,
+    Trigger,
+    claim_conflicts,
+    unclaimed_real_ids,
+)
 
 use_generated_messages()
 
@@ -72,25 +80,25 @@ class ClaimBoard:
         self._collect_others()
         claims = self._alive()
         with self._lock:
-            self._given_back |= given_back(presences.before, claims)
+            self._given_back |= unclaimed_real_ids(presences.before, claims)
         self._thread.start()
-        return conflicts(presences.of, presences.before, claims)
+        return claim_conflicts(presences.of, presences.before, claims)
 
-    def changes(self, presence_of: Callable[[int], Presence | None]) -> list[Moved]:
+    def changes(self, presence_of: Callable[[int], Presence | None]) -> list[PresenceRequest]:
         """The changes of our aMussels that others' present claims demand."""
         changes = []
         for claim in self._alive():
             for agent_id in sorted(claim.ids):
                 presence = presence_of(agent_id)
                 if claim.real and presence in (Presence.SIMULATED, Presence.RETIRED):
-                    changes.append(Moved(agent_id, Trigger.HAND_OVER, claim.node))
+                    changes.append(PresenceRequest(agent_id, Trigger.HAND_OVER, claim.node))
                 elif not claim.real and presence is Presence.SIMULATED and self._yields_to(claim):
-                    changes.append(Moved(agent_id, Trigger.RETIRE, claim.node))
+                    changes.append(PresenceRequest(agent_id, Trigger.RETIRE, claim.node))
         with self._lock:
-            given_back, self._given_back = self._given_back, {}
-        for agent_id, node in given_back.items():
+            unclaimed_real_ids, self._given_back = self._given_back, {}
+        for agent_id, node in unclaimed_real_ids.items():
             if presence_of(agent_id) is Presence.REAL:
-                changes.append(Moved(agent_id, Trigger.TAKE_BACK, node))
+                changes.append(PresenceRequest(agent_id, Trigger.TAKE_BACK, node))
         return changes
 
     def close(self) -> None:

@@ -54,7 +54,7 @@ def _agent(agent_id: int, belief: Belief | None, limits: Limits, now_ms: int) ->
         secondary=f"{belief.secondary:.3f}",
         last_heard=f"{belief.age_s(now_ms):.0f} s ago",
     )
-    if belief.is_carried:
+    if belief.is_predicted:
         status.values += _uncertainty(belief)
     if belief.state in BEYOND_HELP:
         status.level, status.message = DiagnosticStatus.ERROR, "lost: both batteries are empty"

@@ -17,7 +17,14 @@ import rospy
 from apad_bridge.ros.gateway.claims import ClaimBoard
 from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros_names.names import ours
-from apad_bridge.supervisor.roster import Asked, Failed, Fault, Moved, Presences, Trigger
+from apad_bridge.supervisor.roster import (
+    Fault,
+    FaultRequest,
+    PresenceRequest,
+    Presences,
+    RosterRequest,
+    Trigger,
+)
 
 use_generated_messages()
 
@@ -37,7 +44,7 @@ _A_PERSON = "a service call"
 
 @dataclass(slots=True)
 class _Call:
-    request: Asked
+    request: RosterRequest
     done: threading.Event = field(default_factory=threading.Event)
     refusal: str | None = None
 
@@ -51,7 +58,7 @@ class FleetServices:
         self._lock = threading.Lock()
         self._waiting: list[_Call] = []
         self._taken: list[_Call] = []
-        self._warned: set[Asked] = set()
+        self._warned: set[RosterRequest] = set()
         self._services = [
             rospy.Service(ours("spawn"), SpawnAmussel, self._spawn),
             rospy.Service(ours("retire"), AmusselById, self._change(Trigger.RETIRE)),
@@ -60,12 +67,12 @@ class FleetServices:
             rospy.Service(ours("inject_fault"), InjectFault, self._inject),
         ]
 
-    def take(self) -> list[Asked]:
+    def take(self) -> list[RosterRequest]:
         with self._lock:
             self._taken, self._waiting = self._waiting, []
         return [*self._claims.changes(self._presences.of), *(call.request for call in self._taken)]
 
-    def answer(self, request: Asked, refusal: str | None) -> None:
+    def answer(self, request: RosterRequest, refusal: str | None) -> None:
         for call in self._taken:
             if call.request is request:
                 call.refusal = refusal
@@ -81,7 +88,7 @@ class FleetServices:
             service.shutdown("the flight is over")
         self._claims.close()
 
-    def _call(self, request: Asked) -> str | None:
+    def _call(self, request: RosterRequest) -> str | None:
         """Waits for the answer: None, or the refusal."""
         call = _Call(request)
         with self._lock:
@@ -95,7 +102,7 @@ class FleetServices:
 
     def _change(self, trigger: Trigger) -> Callable[[Any], Any]:
         def answer(request: Any) -> Any:
-            refusal = self._call(Moved(request.id, trigger, _A_PERSON))
+            refusal = self._call(PresenceRequest(request.id, trigger, _A_PERSON))
             return AmusselByIdResponse(accepted=refusal is None, message=refusal or "")
 
         return answer
@@ -103,7 +110,7 @@ class FleetServices:
     def _spawn(self, request: Any) -> Any:
         charges = request.primary, request.secondary
         at = request.north_m, request.east_m
-        refusal = self._call(Moved(request.id, Trigger.SPAWN, _A_PERSON, at, charges))
+        refusal = self._call(PresenceRequest(request.id, Trigger.SPAWN, _A_PERSON, at, charges))
         return SpawnAmusselResponse(accepted=refusal is None, message=refusal or "")
 
     def _inject(self, request: Any) -> Any:
@@ -112,5 +119,5 @@ class FleetServices:
             return InjectFaultResponse(
                 accepted=False, message=f"no fault {request.fault!r}: there are {known}"
             )
-        refusal = self._call(Failed(request.id, Fault(request.fault)))
+        refusal = self._call(FaultRequest(request.id, Fault(request.fault)))
         return InjectFaultResponse(accepted=refusal is None, message=refusal or "")

@@ -15,7 +15,7 @@ from typing import Any
 
 import rospy
 
-from apad_bridge.mission.call_queue import CallQueue, Flown, Snapshot
+from apad_bridge.mission.call_queue import CallQueue, FlightMission, Snapshot
 from apad_bridge.mission.manual import ManualMission
 from apad_bridge.mission.takeover import give_back, take_over
 from apad_bridge.mission.values import Refused
@@ -134,7 +134,7 @@ class PrimitiveServices:
     def _trigger(self, act: Callable[[ManualMission], str]) -> Callable[[Any], Any]:
         return lambda _: _triggered(lambda: self._command_source.call(act))
 
-    def _mission_trigger(self, act: Callable[[Flown], str]) -> Callable[[Any], Any]:
+    def _mission_trigger(self, act: Callable[[FlightMission], str]) -> Callable[[Any], Any]:
         return lambda _: _triggered(lambda: self._command_source.call_mission(act))
 
     def _show(self, snapshot: Snapshot) -> None:
@@ -154,7 +154,7 @@ def _resume(mission: ManualMission) -> str:
     return "" if mission.resume() else "nothing was paused"
 
 
-def _end(flown: Flown) -> str:
+def _end(flown: FlightMission) -> str:
     flown.finish("a call")
     return ""
 

@@ -43,7 +43,7 @@ def agent_battery(belief: Belief, body: str) -> BatteryState:
 
     The values are believed for the stamp, which is the newest packet's, or the time that a belief was carried to.
     """
-    if belief.is_carried:
+    if belief.is_predicted:
         docked, full = belief.mode in DOCKED_MODES, belief.mode is Mode.FULL
     else:
         docked = belief.state in DOCKED
@@ -161,7 +161,7 @@ def agent_markers(belief: Belief, now_ms: int, world: str, ball_m: float, row: i
         label_m,
     )
     label.text = f"{belief.agent_id}: {100 * belief.primary:.0f} %"
-    if not belief.is_carried:
+    if not belief.is_predicted:
         return [ball, label]
     return [ball, label, _place_marker(belief, now_ms, world, at)]
 

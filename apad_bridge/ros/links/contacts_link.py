@@ -13,8 +13,8 @@ from apad_bridge.ros.links.inbox import Inbox
 from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros_names.names import of_amussel, of_apad
 from apad_bridge.vehicle.commands import VehicleCommand
-from apad_bridge.vehicle.generation_a.docks import DocksByHearsay
-from apad_bridge.vehicle.generation_a.messages import StaticHeard
+from apad_bridge.vehicle.generation_a.docks import ReportedDocks
+from apad_bridge.vehicle.generation_a.messages import HeldPositionReceived
 from apad_bridge.vehicle.link import APadSeen, Carried, LetGo, LinkFact
 
 use_generated_messages()
@@ -38,7 +38,7 @@ class ContactsLink:
     ) -> None:
         ids = list(agent_ids)
         self.dropped: Counter[str] = Counter()
-        self._docks = DocksByHearsay(ids, docked, now_ms)
+        self._docks = ReportedDocks(ids, docked, now_ms)
         self._inbox: Inbox[tuple[int, float, float, bool]] = Inbox()
         self._apad_places: Inbox[tuple[float, float]] = Inbox()
         self._apad_position_ms = now_ms
@@ -57,7 +57,7 @@ class ContactsLink:
             if not (math.isfinite(north_m) and math.isfinite(east_m)):
                 self.dropped["position_static: not finite"] += 1
                 continue
-            facts += self._docks.hear(StaticHeard(now_ms, agent_id, north_m, east_m, released))
+            facts += self._docks.receive(HeldPositionReceived(now_ms, agent_id, north_m, east_m, released))
         seen: list[LinkFact] = []
         for north_m, east_m in self._apad_places.take():
             self._apad_position_ms = now_ms

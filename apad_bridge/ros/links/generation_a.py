@@ -32,10 +32,10 @@ from apad_bridge.vehicle.generation_a.core import GenerationACore
 from apad_bridge.vehicle.generation_a.messages import (
     GoalCode,
     GoalOrder,
-    GoalsHeard,
-    GoalWord,
-    Heard,
-    StaticHeard,
+    GoalStatusEntry,
+    GoalStatusReceived,
+    HeldPositionReceived,
+    Received,
 )
 from apad_bridge.vehicle.link import LinkFact
 from apad_bridge.vehicle.telemetry import Sight
@@ -52,7 +52,7 @@ _RESULT = ("header.stamp", "status.goal_id.id", "status.status", "status.text")
 class Subscribers(LegacySubscribers):
     """Subscribes to the aPad called `name` and to `position_static` of each aMussel."""
 
-    def __init__(self, name: str, agent_ids: Iterable[int], inbox: Inbox[Heard], *, stamped: bool) -> None:
+    def __init__(self, name: str, agent_ids: Iterable[int], inbox: Inbox[Received], *, stamped: bool) -> None:
         self.has_server_status = False
         super().__init__(name, inbox, stamped=stamped, pose_fields=(*POSE_FIELDS, "status"))
         server = of_apad(name, "action_server")
@@ -75,22 +75,26 @@ class Subscribers(LegacySubscribers):
 
     def _take_static(self, message: Any, agent_id: int) -> None:
         position, released = message.position, message.status == 1
-        contact = StaticHeard(self._stamp(message), agent_id, position.north, position.east, released)
+        contact = HeldPositionReceived(
+            self._stamp(message), agent_id, position.north, position.east, released
+        )
         self._inbox.put(contact, always=released)
 
     def _take_status(self, message: Any) -> None:
         self.has_server_status = True
-        self._inbox.put(GoalsHeard(self._stamp(message), self._statuses(message.status_list), whole=True))
+        self._inbox.put(
+            GoalStatusReceived(self._stamp(message), self._statuses(message.status_list), whole=True)
+        )
 
     def _take_result(self, message: Any) -> None:
-        result = GoalsHeard(self._stamp(message), self._statuses([message.status]), whole=False)
+        result = GoalStatusReceived(self._stamp(message), self._statuses([message.status]), whole=False)
         self._inbox.put(result, always=True)
 
-    def _statuses(self, statuses: Iterable[Any]) -> tuple[GoalWord, ...]:
+    def _statuses(self, statuses: Iterable[Any]) -> tuple[GoalStatusEntry, ...]:
         known = []
         for status in statuses:
             try:
-                known.append(GoalWord(status.goal_id.id, GoalCode(status.status), status.text))
+                known.append(GoalStatusEntry(status.goal_id.id, GoalCode(status.status), status.text))
             except ValueError:
                 self._inbox.drop("a goal's status of no known code")
         return tuple(known)
@@ -150,7 +154,7 @@ class GenerationALink(LegacyLink[GenerationACore]):
             self._mechanism_ms = None
             self._wait_while(lambda: self._core.awaited_mechanisms, self._answer_s)
         facts = self._core.advance(now_ms)
-        if (order := self._core.again()) is not None:
+        if (order := self._core.take_resend()) is not None:
             self._goals.publish(_goal_message(order))
         return facts
 
@@ -173,9 +177,9 @@ class GenerationALink(LegacyLink[GenerationACore]):
         """
 
         def missing() -> list[str]:
-            unheard = set(self._core.unheard(now_ms))
-            self._excused &= unheard | set(self._core.untaken)
-            return sorted(unheard - self._excused)
+            silent_topics = set(self._core.silent_topics(now_ms))
+            self._excused &= silent_topics | set(self._core.unacknowledged)
+            return sorted(silent_topics - self._excused)
 
         still_missing = self._wait_while(missing, timeout_s)
         self._excused |= set(still_missing)

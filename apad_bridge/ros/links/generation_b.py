@@ -32,25 +32,25 @@ from apad_bridge.ros.types.live_types import live_services, unreadable_topics
 from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros_names.names import of_apad
 from apad_bridge.scenario.lab_interface.fields import has, write
-from apad_bridge.scenario.lab_interface.messages import DockSaid
+from apad_bridge.scenario.lab_interface.messages import DockReport
 from apad_bridge.scenario.schema import Docking, DockingProfile, Scenario
 from apad_bridge.vehicle.commands import MoveArm, VehicleCommand
 from apad_bridge.vehicle.generation_b.core import GenerationBCore
 from apad_bridge.vehicle.generation_b.messages import (
     PRIMITIVE_FINISHED,
-    Answered,
-    ArmHeard,
+    ArmReceived,
     Call,
     DockingOrder,
-    FinishedHeard,
+    FinishedReceived,
     GoToOrder,
-    Heard,
+    ManualReceived,
     Order,
-    PilotHeard,
     PositionOrder,
     Primitive,
+    Received,
+    ServiceAnswered,
     Status,
-    StatusHeard,
+    StatusReceived,
 )
 from apad_bridge.vehicle.link import LinkFact
 from apad_bridge.vehicle.simulated.misses import Misses
@@ -73,7 +73,7 @@ _DATA = ("data",)
 class Subscribers(LegacySubscribers):
     """Subscribes to the aPad called `name`. Only poses have a stamp."""
 
-    def __init__(self, name: str, inbox: Inbox[Heard], *, stamped: bool) -> None:
+    def __init__(self, name: str, inbox: Inbox[Received], *, stamped: bool) -> None:
         super().__init__(name, inbox, stamped=stamped)
         self._listen(of_apad(name, "goto_status"), Int32, _DATA, self._take_status, False)
         self._listen(of_apad(name, "docking_status"), Int32, _DATA, self._take_status, True)
@@ -83,7 +83,7 @@ class Subscribers(LegacySubscribers):
 
     def _take_status(self, message: Any, docking: bool) -> None:
         try:
-            status = StatusHeard(UNSTAMPED, docking, Status(message.data))
+            status = StatusReceived(UNSTAMPED, docking, Status(message.data))
         except ValueError:
             self._inbox.drop("a primitive's status of no known code")
             return
@@ -91,16 +91,16 @@ class Subscribers(LegacySubscribers):
 
     def _take_event(self, message: Any) -> None:
         if message.data == PRIMITIVE_FINISHED:
-            self._inbox.put(FinishedHeard(UNSTAMPED))
+            self._inbox.put(FinishedReceived(UNSTAMPED))
 
     def _take_manual(self, message: Any) -> None:
-        self._inbox.put(PilotHeard(UNSTAMPED, bool(message.data)), always=True)
+        self._inbox.put(ManualReceived(UNSTAMPED, bool(message.data)), always=True)
 
     def _take_arms(self, message: Any) -> None:
         dock_index = next(
             (dock_index for dock_index, opening in enumerate(message.data) if opening > _OPEN), None
         )
-        self._inbox.put(ArmHeard(UNSTAMPED, dock_index), always=True)
+        self._inbox.put(ArmReceived(UNSTAMPED, dock_index), always=True)
 
 
 SERVICES: dict[Primitive, Any] = {
@@ -220,9 +220,9 @@ class GenerationBLink(LegacyLink[GenerationBCore]):
         self._core.command(command, now_ms)
         self._send()
 
-    def hear_dock(self, alert: DockSaid) -> None:
+    def receive_dock_report(self, alert: DockReport) -> None:
         """Receives a dock's change from another source than the vehicle."""
-        self._core.hear_dock(alert)
+        self._core.receive_dock_report(alert)
 
     def close(self) -> None:
         self._subscribers.close()
@@ -246,14 +246,16 @@ class GenerationBLink(LegacyLink[GenerationBCore]):
         Statuses come each second. Messages without a stamp may come one tick late, but no later. While a vehicle publishes
         no statuses, it is not waited for again.
         """
-        missing = self._wait_while(lambda: [*self._core.unheard(now_ms), *self._silent_statuses()], timeout_s)
-        self._statuses_are_silent = self._core.status_words == self._statuses_before
-        self._statuses_before = self._core.status_words
+        missing = self._wait_while(
+            lambda: [*self._core.silent_topics(now_ms), *self._silent_statuses()], timeout_s
+        )
+        self._statuses_are_silent = self._core.status_count == self._statuses_before
+        self._statuses_before = self._core.status_count
         self._drain(_SETTLE_S)
         return missing
 
     def _silent_statuses(self) -> list[str]:
-        silent = self._core.status_words == self._statuses_before and not self._statuses_are_silent
+        silent = self._core.status_count == self._statuses_before and not self._statuses_are_silent
         return ["goto_status"] if silent else []
 
     def _send(self) -> None:
@@ -269,7 +271,7 @@ class GenerationBLink(LegacyLink[GenerationBCore]):
         def answered(response: Any, refused: str | None) -> None:
             if refused is None and not response.status:
                 refused = "its service answered that it does not take the order"
-            self._inbox.put(Answered(UNSTAMPED, call.number, refused), always=True)
+            self._inbox.put(ServiceAnswered(UNSTAMPED, call.number, refused), always=True)
 
         return answered
 

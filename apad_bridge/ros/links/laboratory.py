@@ -14,9 +14,15 @@ from typing import Protocol, runtime_checkable
 from agents.packet_medium import Medium
 from apad_bridge.mission.events import Send
 from apad_bridge.ros.links.laboratory_topics import LaboratoryPublishers, LaboratorySubscribers
-from apad_bridge.scenario.lab_interface.messages import DockSaid, PacketSaid, Said, What, WordSaid
+from apad_bridge.scenario.lab_interface.messages import (
+    ClearanceMessage,
+    DockReport,
+    LaboratoryMessage,
+    LaboratoryPacket,
+    MessageKind,
+)
 from apad_bridge.scenario.lab_interface.names import Names
-from apad_bridge.supervisor.packet_relay import Came, PacketRelay
+from apad_bridge.supervisor.packet_relay import PacketRelay, RelayedEvent
 from apad_bridge.vehicle.commands import DockClosed, DockOpened, VehicleCommand
 from apad_bridge.vehicle.link import LinkFact, VehicleLink
 from firmware_model.packets import CommandPacket, Kind
@@ -24,7 +30,10 @@ from firmware_model.packets.codec import Codec
 
 WIFI_GONE_MS = 10_000
 """An aMussel that has sent nothing by Wi-Fi for so long is reported to be off it."""
-_KINDS = {What.PERMISSION: (Kind.PERMISSION, Medium.SOUND), What.CLEAR: (Kind.RELEASE, Medium.WIFI)}
+_KINDS = {
+    MessageKind.PERMISSION: (Kind.PERMISSION, Medium.SOUND),
+    MessageKind.CLEAR: (Kind.RELEASE, Medium.WIFI),
+}
 _WHATS = {kind: what for what, (kind, _) in _KINDS.items()}
 
 
@@ -32,7 +41,7 @@ _WHATS = {kind: what for what, (kind, _) in _KINDS.items()}
 class DockAlertReceiver(Protocol):
     """A link whose vehicle does not publish what its docks hold."""
 
-    def hear_dock(self, alert: DockSaid) -> None: ...
+    def hear_dock(self, alert: DockReport) -> None: ...
 
 
 class Laboratory:
@@ -70,12 +79,12 @@ class LaboratoryLink:
         self._laboratory = laboratory
         self._vehicle = vehicle
         self._docks = docks
-        self.messages: list[Said] = []
+        self.messages: list[LaboratoryMessage] = []
 
     def advance(self, now_ms: int) -> list[LinkFact]:
         laboratory = self._laboratory
         for message in laboratory.subscribers.take(now_ms):
-            if not isinstance(message, DockSaid):
+            if not isinstance(message, DockReport):
                 self.messages.append(message)
             elif self._docks is not None:
                 self._docks.hear_dock(message)
@@ -84,7 +93,7 @@ class LaboratoryLink:
         facts = self._vehicle.advance(now_ms)
         for fact in facts:
             if isinstance(fact, DockClosed | DockOpened):
-                what = What.DOCKED if isinstance(fact, DockClosed) else What.RELEASED
+                what = MessageKind.DOCKED if isinstance(fact, DockClosed) else MessageKind.RELEASED
                 laboratory.publishers.publish(what, fact.agent_id, now_ms, dock_index=fact.dock_index)
         return facts
 
@@ -111,13 +120,13 @@ class LaboratoryRelay:
         self._on_wifi: dict[int, int] = {}
         """The time of the last packet by Wi-Fi of each aMussel that is on it."""
 
-    def advance(self, now_ms: int) -> list[Came]:
+    def advance(self, now_ms: int) -> list[RelayedEvent]:
         messages, self._link.messages = self._link.messages, []
-        received: list[Came] = [send for message in messages for send in self._sends(message)]
+        received: list[RelayedEvent] = [send for message in messages for send in self._sends(message)]
         for agent_id, last_ms in list(self._on_wifi.items()):
             if now_ms - last_ms > WIFI_GONE_MS:
                 del self._on_wifi[agent_id]
-                self._laboratory.publishers.publish(What.WIFI, agent_id, now_ms, on=False)
+                self._laboratory.publishers.publish(MessageKind.WIFI, agent_id, now_ms, on=False)
         return received if self._inner is None else [*received, *self._inner.advance(now_ms)]
 
     def transmit(self, medium: Medium, agent_id: int, data: bytes, now_ms: int) -> None:
@@ -127,15 +136,15 @@ class LaboratoryRelay:
             self._publish_command(agent_id, data, now_ms)
             return
         if medium is Medium.SOUND:
-            self._laboratory.publishers.publish(What.PACKET, agent_id, now_ms, data=data)
+            self._laboratory.publishers.publish(MessageKind.PACKET, agent_id, now_ms, data=data)
             return
         if agent_id not in self._on_wifi:
-            self._laboratory.publishers.publish(What.WIFI, agent_id, now_ms, on=True)
+            self._laboratory.publishers.publish(MessageKind.WIFI, agent_id, now_ms, on=True)
         self._on_wifi[agent_id] = now_ms
 
-    def said(self, send: Send, now_ms: int) -> None:
+    def forward(self, send: Send, now_ms: int) -> None:
         if self._inner is not None:
-            self._inner.said(send, now_ms)
+            self._inner.forward(send, now_ms)
         self._publish_command(send.agent_id, send.data, now_ms)
 
     def _publish_command(self, agent_id: int, data: bytes, now_ms: int) -> None:
@@ -143,14 +152,14 @@ class LaboratoryRelay:
         if isinstance(packet, CommandPacket) and (what := _WHATS.get(packet.kind)) is not None:
             self._laboratory.publishers.publish(what, agent_id, now_ms, data=data)
 
-    def _sends(self, message: Said) -> list[Send]:
+    def _sends(self, message: LaboratoryMessage) -> list[Send]:
         laboratory = self._laboratory
         match message:
-            case WordSaid(what, agent_id):
+            case ClearanceMessage(what, agent_id):
                 kind, medium = _KINDS[what]
                 ids = laboratory.ids if agent_id is None else [agent_id]
                 return [Send(medium, it, laboratory.codec.encode(CommandPacket(kind, it))) for it in ids]
-            case PacketSaid(medium, agent_id, data):
+            case LaboratoryPacket(medium, agent_id, data):
                 ids = laboratory.ids if agent_id is None else [agent_id]
                 return [Send(medium, it, data) for it in ids]
         return []

@@ -13,7 +13,13 @@ from apad_bridge.ros.system.ros_time import to_ros
 from apad_bridge.ros.types.any_message import AnyMessages, UnknownType, class_of
 from apad_bridge.ros.types.user_texts import text_folders
 from apad_bridge.scenario.lab_interface.fields import read, write
-from apad_bridge.scenario.lab_interface.messages import DockSaid, PacketSaid, Said, What, WordSaid
+from apad_bridge.scenario.lab_interface.messages import (
+    ClearanceMessage,
+    DockReport,
+    LaboratoryMessage,
+    LaboratoryPacket,
+    MessageKind,
+)
 from apad_bridge.scenario.lab_interface.names import Names, Publication, Subscription
 from apad_bridge.vehicle.errors import VehicleNotReady
 
@@ -41,7 +47,7 @@ class LaboratorySubscribers:
     def dropped(self) -> Counter[str]:
         return self._inbox.dropped + self._dropped
 
-    def take(self, now_ms: int) -> list[Said]:
+    def take(self, now_ms: int) -> list[LaboratoryMessage]:
         """The messages since the last call. One that cannot be interpreted is dropped and counted."""
         messages = []
         for subscription, agent_id, raw in self._inbox.take():
@@ -60,7 +66,7 @@ class LaboratorySubscribers:
 
     def _interpret(
         self, subscription: Subscription, topic_id: int | None, message: Any, now_ms: int
-    ) -> Said | None:
+    ) -> LaboratoryMessage | None:
         if subscription.when is not None and not subscription.when.is_met(message):
             return None
         agent_id = topic_id if topic_id is not None else subscription.id_of(message)
@@ -71,19 +77,19 @@ class LaboratorySubscribers:
         elif agent_id is not None and agent_id not in self._known:
             self._dropped[f"{subscription.topic}: of an aMussel that is not of this fleet"] += 1
             return None
-        if subscription.what in (What.DOCKED, What.RELEASED):
-            dock_index = subscription.slot_of(message)
+        if subscription.what in (MessageKind.DOCKED, MessageKind.RELEASED):
+            dock_index = subscription.dock_index_of(message)
             known = dock_index if dock_index is not None and 0 <= dock_index < 4 else None
-            return DockSaid(now_ms, agent_id, known, subscription.what is What.DOCKED)
+            return DockReport(now_ms, agent_id, known, subscription.what is MessageKind.DOCKED)
         if subscription.bytes is None:
             if agent_id is None and subscription.everyone is None:
                 self._dropped[f"{subscription.topic}: says no id"] += 1
                 return None
-            return WordSaid(subscription.what, agent_id)
+            return ClearanceMessage(subscription.what, agent_id)
         data = bytes(read(message, subscription.bytes))
         if len(data) > _LARGEST:
             raise ValueError("a packet too large to be one")
-        return PacketSaid(subscription.medium, agent_id, data)
+        return LaboratoryPacket(subscription.medium, agent_id, data)
 
     def _take(self, message: Any, source: tuple[Subscription, int | None]) -> None:
         self._inbox.put((*source, message), always=True)
@@ -93,7 +99,7 @@ class LaboratoryPublishers:
     """Raises VehicleNotReady when a type is known nowhere, or has no such field."""
 
     def __init__(self, names: Names, apad: str, agent_ids: Iterable[int]) -> None:
-        self._out: dict[What, list[tuple[Publication, int | None, rospy.Publisher]]] = {}
+        self._out: dict[MessageKind, list[tuple[Publication, int | None, rospy.Publisher]]] = {}
         ids, folders = list(agent_ids), text_folders()
         kinds: dict[str, Any] = {}
         for publication in names.tell:
@@ -110,7 +116,7 @@ class LaboratoryPublishers:
 
     def publish(
         self,
-        what: What,
+        what: MessageKind,
         agent_id: int,
         now_ms: int,
         *,

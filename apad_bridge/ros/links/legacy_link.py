@@ -44,11 +44,11 @@ class LegacyCore(Protocol):
     def dropped(self) -> Counter[str]: ...
 
     @property
-    def untaken(self) -> list[str]:
+    def unacknowledged(self) -> list[str]:
         """Keys of orders that the vehicle has not acknowledged."""
         ...
 
-    def hear(self, heard: Any, now_ms: int) -> None: ...
+    def receive(self, heard: Any, now_ms: int) -> None: ...
 
 
 Core = TypeVar("Core", bound=LegacyCore)
@@ -146,7 +146,7 @@ class LegacyLink(ABC, Generic[Core]):
         An order that was waited for in vain is not waited for again.
         """
         missing = self._wait_while(
-            lambda: [key for key in self._core.untaken if key not in self._excused], timeout_s
+            lambda: [key for key in self._core.unacknowledged if key not in self._excused], timeout_s
         )
         self._excused |= set(missing)
         return missing
@@ -170,7 +170,7 @@ class LegacyLink(ABC, Generic[Core]):
         for message in self._inbox.take(wait_s):
             if message.at_ms == UNSTAMPED:
                 message = replace(message, at_ms=self._now_ms)
-            self._core.hear(message, self._now_ms)
+            self._core.receive(message, self._now_ms)
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,7 +17,7 @@ from apad_bridge.ros.system.ros_time import to_ms
 from apad_bridge.ros.types.any_listener import AnyListener
 from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros_names.names import of_apad
-from apad_bridge.vehicle.stack_messages import UNSTAMPED, BatteryHeard, PoseHeard, StateHeard
+from apad_bridge.vehicle.stack_messages import UNSTAMPED, BatteryReceived, PoseReceived, StateRefReceived
 
 use_generated_messages()
 
@@ -78,10 +78,10 @@ class LegacySubscribers:
 
     def _take_pose(self, message: Any) -> None:
         position, yaw = message.position, message.orientation.yaw
-        self._inbox.put(PoseHeard(self._stamp(message), position.north, position.east, yaw))
+        self._inbox.put(PoseReceived(self._stamp(message), position.north, position.east, yaw))
 
     def _take_state(self, message: Any) -> None:
-        self._inbox.put(StateHeard(self._stamp(message)))
+        self._inbox.put(StateRefReceived(self._stamp(message)))
 
     def _take_battery(self, message: Any) -> None:
-        self._inbox.put(BatteryHeard(UNSTAMPED, message.data))
+        self._inbox.put(BatteryReceived(UNSTAMPED, message.data))

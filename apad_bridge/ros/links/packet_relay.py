@@ -29,7 +29,7 @@ from apad_bridge.ros.links.inbox import Inbox
 from apad_bridge.ros.system.ros_time import to_ros
 from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros_names.names import of_amussel, ours
-from apad_bridge.supervisor.packet_relay import Came, Felt
+from apad_bridge.supervisor.packet_relay import RelayedEvent, RemoteContact
 from firmware_model.packets import CommandPacket, Kind, StatusPacket
 from firmware_model.packets.codec import Codec
 from firmware_model.states import State
@@ -98,8 +98,8 @@ class RealAgentRelay:
     def dropped(self) -> Counter[str]:
         return self._topics.dropped
 
-    def advance(self, now_ms: int) -> list[Came]:
-        simulated, received = self._simulated(), list[Came]()
+    def advance(self, now_ms: int) -> list[RelayedEvent]:
+        simulated, received = self._simulated(), list[RelayedEvent]()
         for agent_id, medium, data in self._topics.take():
             if agent_id in simulated:
                 self._topics.dropped["a packet of a real aMussel whose id is simulated here"] += 1
@@ -110,7 +110,7 @@ class RealAgentRelay:
     def transmit(self, medium: Medium, agent_id: int, data: bytes, now_ms: int) -> None:
         """Does nothing: this process receives a simulated aMussel's packets already."""
 
-    def said(self, send: Send, now_ms: int) -> None:
+    def forward(self, send: Send, now_ms: int) -> None:
         if send.agent_id not in self._simulated():
             self._topics.transmit(send.medium, send.agent_id, send.data, now_ms)
 
@@ -142,14 +142,14 @@ class FleetRelay:
     def dropped(self) -> Counter[str]:
         return self._topics.dropped
 
-    def advance(self, now_ms: int) -> list[Came]:
+    def advance(self, now_ms: int) -> list[RelayedEvent]:
         sends = [Send(medium, agent_id, data) for agent_id, medium, data in self._topics.take()]
         return [*self._called.take(), *sends]
 
     def transmit(self, medium: Medium, agent_id: int, data: bytes, now_ms: int) -> None:
         self._topics.transmit(medium, agent_id, data, now_ms)
 
-    def said(self, send: Send, now_ms: int) -> None:
+    def forward(self, send: Send, now_ms: int) -> None:
         """Does nothing: a fleet alone has no supervisor that sends packets."""
 
     def close(self) -> None:
@@ -200,8 +200,8 @@ class MissionRelay:
     def dropped(self) -> Counter[str]:
         return self._topics.dropped + self._legacy.dropped
 
-    def advance(self, now_ms: int) -> list[Came]:
-        received: list[Came] = []
+    def advance(self, now_ms: int) -> list[RelayedEvent]:
+        received: list[RelayedEvent] = []
         for agent_id, medium, data in self._topics.take():
             self._with_packets.add(agent_id)
             received.append(_heard(medium, data, now_ms))
@@ -210,7 +210,7 @@ class MissionRelay:
     def transmit(self, medium: Medium, agent_id: int, data: bytes, now_ms: int) -> None:
         self._topics.transmit(medium, agent_id, data, now_ms)
 
-    def said(self, send: Send, now_ms: int) -> None:
+    def forward(self, send: Send, now_ms: int) -> None:
         """Does nothing: a mission alone has no aMussels in its process."""
 
     def close(self) -> None:
@@ -218,7 +218,7 @@ class MissionRelay:
         for subscriber in self._subscribers:
             subscriber.unregister()
 
-    def _take_legacy(self, now_ms: int) -> list[Came]:
+    def _take_legacy(self, now_ms: int) -> list[RelayedEvent]:
         published: set[int] = set()
         for agent_id, values in self._legacy.take():
             if not all(map(math.isfinite, values)):
@@ -273,8 +273,8 @@ class SeveralRelay:
         topics = self._fleet_topics.dropped + self._mission_topics.dropped
         return self._dropped + topics + self._felt.dropped
 
-    def advance(self, now_ms: int) -> list[Came]:
-        allocation, simulated, received = self._allocation, self._simulated(), list[Came]()
+    def advance(self, now_ms: int) -> list[RelayedEvent]:
+        allocation, simulated, received = self._allocation, self._simulated(), list[RelayedEvent]()
         for agent_id, medium, data in self._mission_topics.take():
             if agent_id in allocation.own & simulated:
                 # Packets of those served elsewhere are our own, which come back.
@@ -296,11 +296,11 @@ class SeveralRelay:
         if agent_id in self._allocation.served_elsewhere:
             self._fleet_topics.transmit(medium, agent_id, data, now_ms)
 
-    def said(self, send: Send, now_ms: int) -> None:
+    def forward(self, send: Send, now_ms: int) -> None:
         if send.agent_id not in self._simulated():
             self._mission_topics.transmit(send.medium, send.agent_id, send.data, now_ms)
 
-    def tell_served_elsewhere(self, felt: Felt, now_ms: int) -> None:
+    def send_contact(self, felt: RemoteContact, now_ms: int) -> None:
         data = json.dumps(to_wire(felt.stimulus)).encode()
         self._publisher.publish(_packet(_CONTACT, felt.agent_id, data, now_ms))
 
@@ -310,9 +310,9 @@ class SeveralRelay:
         self._publisher.unregister()
         self._subscriber.unregister()
 
-    def _decode_felt(self, agent_id: int, data: bytes) -> list[Felt]:
+    def _decode_felt(self, agent_id: int, data: bytes) -> list[RemoteContact]:
         try:
-            return [Felt(agent_id, from_wire(json.loads(data)))]
+            return [RemoteContact(agent_id, from_wire(json.loads(data)))]
         except (ValueError, TypeError, KeyError, IndexError):
             self._dropped["felt: no word of a dock"] += 1
             return []

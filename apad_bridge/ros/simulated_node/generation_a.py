@@ -16,10 +16,17 @@ from apad_bridge.ros.system.ros_time import to_ros
 from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros_names.names import of_apad
 from apad_bridge.scenario.schema import Scenario
-from apad_bridge.vehicle.generation_a.messages import Ended, Goal, Held, Outcome, Shown, SlowShown
+from apad_bridge.vehicle.generation_a.messages import (
+    BatteryAndProgressPublished,
+    Goal,
+    GoalEnded,
+    HeldPositionPublished,
+    Outcome,
+    Published,
+)
 from apad_bridge.vehicle.generation_a.simulated import GenerationAVehicle
 from apad_bridge.vehicle.simulated.apad import SimulatedAPad
-from apad_bridge.vehicle.stack_messages import PoseShown
+from apad_bridge.vehicle.stack_messages import PosePublished
 
 use_generated_messages()
 
@@ -122,21 +129,21 @@ class GenerationAServer(LegacyServer[GenerationAVehicle]):
     def _cancel_goal(self, handle: Any) -> None:
         self._do(lambda it: it.cancel(handle.get_goal_id().id, it.now_ms))
 
-    def _show(self, shown: list[Shown]) -> None:
+    def _show(self, shown: list[Published]) -> None:
         for item in shown:
             match item:
-                case PoseShown(at_ms, pose):
+                case PosePublished(at_ms, pose):
                     publish_pose(self._position, at_ms, pose)
                     publish_pose(self._state, at_ms, pose)
-                case Held():
+                case HeldPositionPublished():
                     self._publish_held(item)
-                case SlowShown(_, battery_percent, goal_key, covered_percent):
+                case BatteryAndProgressPublished(_, battery_percent, goal_key, covered_percent):
                     self._battery.publish(Float64(battery_percent))
                     self._publish_progress(goal_key, covered_percent)
-                case Ended():
+                case GoalEnded():
                     self._end_goal(item)
 
-    def _publish_held(self, held: Held) -> None:
+    def _publish_held(self, held: HeldPositionPublished) -> None:
         publisher = self._held.get(held.name)
         if publisher is None:
             try:
@@ -166,7 +173,7 @@ class GenerationAServer(LegacyServer[GenerationAVehicle]):
             handle.publish_feedback(feedback)
         self._server.publish_status()
 
-    def _end_goal(self, ended: Ended) -> None:
+    def _end_goal(self, ended: GoalEnded) -> None:
         handle = self._goals.pop(ended.key, None)
         if handle is None:
             return

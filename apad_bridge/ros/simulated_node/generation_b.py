@@ -19,20 +19,20 @@ from apad_bridge.scenario.schema import Scenario
 from apad_bridge.vehicle.generation_b import messages
 from apad_bridge.vehicle.generation_b.messages import (
     PRIMITIVE_FINISHED,
-    ArmShown,
-    BatteryShown,
+    ArmPublished,
+    BatteryPublished,
     CameraTurned,
     Finished,
     GoToBegun,
     GoToEnded,
     GoToLeft,
     Order,
-    Shown,
-    StatusShown,
+    Published,
+    StatusPublished,
 )
 from apad_bridge.vehicle.generation_b.simulated import GenerationBVehicle
 from apad_bridge.vehicle.simulated.apad import SimulatedAPad
-from apad_bridge.vehicle.stack_messages import PoseShown
+from apad_bridge.vehicle.stack_messages import PosePublished
 
 use_generated_messages()
 
@@ -98,7 +98,7 @@ class GenerationBServer(LegacyServer[GenerationBVehicle]):
             rospy.Service(of_apad(apad, f"commander/{name}"), Trigger, self._commands(act))
 
     def _listen(self, apad: str) -> None:
-        def listen(name: str, kind: Any, take: Callable[[GenerationBVehicle, Any], list[Shown]]) -> None:
+        def listen(name: str, kind: Any, take: Callable[[GenerationBVehicle, Any], list[Published]]) -> None:
             def taken(message: Any) -> None:
                 self._do(lambda vehicle: take(vehicle, message))
 
@@ -136,25 +136,25 @@ class GenerationBServer(LegacyServer[GenerationBVehicle]):
         self._show(self._vehicle.receive(order, self._vehicle.now_ms))
         return self._vehicle.takes
 
-    def _commands(self, act: Callable[[GenerationBVehicle, int], list[Shown]]) -> Callable[[Any], Any]:
+    def _commands(self, act: Callable[[GenerationBVehicle, int], list[Published]]) -> Callable[[Any], Any]:
         def answer(_: Any) -> Any:
             self._do(lambda it: act(it, it.now_ms))
             return TriggerResponse(True, "")
 
         return answer
 
-    def _show(self, shown: list[Shown]) -> None:
+    def _show(self, shown: list[Published]) -> None:
         out = self._out
         for item in shown:
             match item:
-                case PoseShown(at_ms, pose):
+                case PosePublished(at_ms, pose):
                     publish_pose(self._position, at_ms, pose)
-                case BatteryShown(_, percent):
+                case BatteryPublished(_, percent):
                     out["battery_level"].publish(Float64(percent))
                     self._go2point.publish_status()
-                case StatusShown(_, docking, status):
+                case StatusPublished(_, docking, status):
                     out["docking_status" if docking else "goto_status"].publish(Int32(status))
-                case ArmShown(_, arm):
+                case ArmPublished(_, arm):
                     out["dock_out"].publish(Float32MultiArray(data=[float(it) for it in arm.is_open]))
                 case CameraTurned(_, servo):
                     out["kinect_out"].publish(Float32(servo))

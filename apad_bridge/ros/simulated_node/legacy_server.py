@@ -16,7 +16,7 @@ from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros_names.names import CLOCK, of_apad
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.vehicle.simulated.kinematics import Pose
-from apad_bridge.vehicle.simulated_stack import LegacyVehicle
+from apad_bridge.vehicle.simulated_stack import SimulatedStack
 
 use_generated_messages()
 
@@ -24,7 +24,7 @@ from auv_msgs.msg import NavSts  # noqa: E402
 
 QUEUE = 200
 """Ten seconds of the fastest topic. A slower reader loses the oldest, and nobody waits for it."""
-Vehicle = TypeVar("Vehicle", bound=LegacyVehicle[Any])
+Vehicle = TypeVar("Vehicle", bound=SimulatedStack[Any])
 
 
 class LegacyServer(ABC, Generic[Vehicle]):

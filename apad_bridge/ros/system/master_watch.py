@@ -22,7 +22,7 @@ from rospy.impl.registration import (
     get_topic_manager,
 )
 
-from apad_bridge.doctor.network import Timed, Unreachable, call_whole
+from apad_bridge.doctor.network import Timed, Unreachable, call_for_reply
 from apad_bridge.ros.links.inbox import Inbox
 
 PERIOD_S = 1.0
@@ -68,7 +68,7 @@ class MasterWatch:
                     self._report("master_gone", uri=self._uri, why=str(error))
 
     def _look(self) -> None:
-        code, _, _ = call_whole(self._uri, "lookupNode", rospy.get_name())
+        code, _, _ = call_for_reply(self._uri, "lookupNode", rospy.get_name())
         was_gone, requested = self._gone_since_s, self._requested.is_set()
         if code == 1 and was_gone is None and not requested:
             return

@@ -17,7 +17,14 @@ from rosgraph_msgs.msg import Clock
 
 from apad_bridge.ros.system.ros_time import to_ms, to_ros
 from apad_bridge.ros_names.names import CLOCK
-from apad_bridge.supervisor.clock import BEAT_S, AsFastAsPossible, Between, Pace, Stopped, WallClock
+from apad_bridge.supervisor.clock import (
+    POLL_PERIOD_S,
+    AsFastAsPossible,
+    OnTimeReached,
+    Pace,
+    StopFlag,
+    WallClock,
+)
 
 PATIENCE_S = 5.0
 """Wall seconds that the aPad's node may take for a tick. It takes milliseconds: after this it is dead or stopped."""
@@ -82,7 +89,7 @@ class OwnMasterClock:
     def behind_s(self) -> float:
         return self._pace.behind_s
 
-    def reach(self, now_ms: int, stopped: Stopped, between: Between | None = None) -> None:
+    def reach(self, now_ms: int, stopped: StopFlag, between: OnTimeReached | None = None) -> None:
         self._link.wait_until_taken(SETTLE_S)
         while self._published_ms < now_ms or not self._has_published:
             step_ms = now_ms if stopped.is_set() else min(now_ms, self._published_ms + self._step_ms)
@@ -119,13 +126,13 @@ class FollowedClock:
         self._advanced = threading.Condition()
         self._subscriber = rospy.Subscriber(CLOCK, Clock, self._take, tcp_nodelay=True)
 
-    def reach(self, now_ms: int, stopped: Stopped, between: Between | None = None) -> None:
+    def reach(self, now_ms: int, stopped: StopFlag, between: OnTimeReached | None = None) -> None:
         moved_s, last_ms = time.monotonic(), self._now_ms
         while (self._origin_ms is None or self._now_ms < now_ms) and not stopped.is_set():
             with self._advanced:
                 # It wakes now and then to check `stopped`, which nothing announces here, and to call `between`.
                 if self._origin_ms is None or self._now_ms < now_ms:
-                    self._advanced.wait(0.1 if between is None else BEAT_S)
+                    self._advanced.wait(0.1 if between is None else POLL_PERIOD_S)
                 reached_ms, why = self._now_ms, self._why(now_ms)
             if reached_ms > last_ms:
                 moved_s, last_ms = time.monotonic(), reached_ms

@@ -10,7 +10,7 @@ import rosgraph
 from apad_bridge.doctor.graph import Graph
 from apad_bridge.doctor.network import Unreachable
 from apad_bridge.ros.types.any_message import AnyMessages
-from apad_bridge.ros.types.wire_probe import NotTold, service_md5, topic_definition
+from apad_bridge.ros.types.wire_probe import NotAnnounced, service_md5, topic_definition
 from apad_bridge.ros.types.workspace_services import service_by_text
 from apad_bridge.scenario.lab_interface.fields import has
 
@@ -29,7 +29,7 @@ def unreadable_topics(published: Needed) -> list[str]:
     for topic, (ours, fields) in published.items():
         try:
             theirs = topic_definition(graph, topic)
-        except NotTold:
+        except NotAnnounced:
             continue
         if theirs.md5 == ours._md5sum:
             continue
@@ -68,7 +68,7 @@ def live_services(services: Mapping[str, Any]) -> tuple[dict[str, Any], list[str
     for name, ours in services.items():
         try:
             md5 = service_md5(graph, name)
-        except NotTold:
+        except NotAnnounced:
             continue
         if md5 == ours._md5sum:
             continue

@@ -19,12 +19,12 @@ _HEADER = struct.Struct("<III")
 """The begin of every message with a std_msgs/Header: sequence, seconds, nanoseconds."""
 
 
-class NotTold(Exception):
+class NotAnnounced(Exception):
     """The node gave no answer. The text is the reason."""
 
 
 def topic_md5(graph: Graph, topic: str) -> str:
-    """The md5 that the first publisher of `topic` announces. NotTold after a time-out."""
+    """The md5 that the first publisher of `topic` announces. NotAnnounced after a time-out."""
     with _errors_as_not_told(), _subscribed(graph, topic) as (_, _, header):
         return _md5_in(header)
 
@@ -39,7 +39,7 @@ class Spoken:
 
 
 def topic_definition(graph: Graph, topic: str) -> Spoken:
-    """The announcement of the first publisher of `topic`. NotTold after a time-out."""
+    """The announcement of the first publisher of `topic`. NotAnnounced after a time-out."""
     with _errors_as_not_told(), _subscribed(graph, topic) as (_, _, header):
         return Spoken(header.get("type", "*"), _md5_in(header), header.get("message_definition", ""))
 
@@ -52,7 +52,7 @@ def service_md5(graph: Graph, service: str) -> str:
 
 
 def stamp_offset_s(graph: Graph, topic: str) -> float:
-    """The next stamp of `topic` minus this machine's clock. NotTold if no message comes, or it has no stamp."""
+    """The next stamp of `topic` minus this machine's clock. NotAnnounced if no message comes, or it has no stamp."""
     with _errors_as_not_told(), _subscribed(graph, topic) as (connection, rest, _):
         data = rest.getvalue()
         until_s = time.monotonic() + TIMEOUT_S
@@ -60,12 +60,12 @@ def stamp_offset_s(graph: Graph, topic: str) -> float:
             connection.settimeout(max(0.001, until_s - time.monotonic()))
             piece = connection.recv(4096)
             if not piece:
-                raise NotTold("the connection ended before a message came")
+                raise NotAnnounced("the connection ended before a message came")
             data += piece
         now_s = time.time()
         _, seconds, nanoseconds = _HEADER.unpack_from(data, 4)
     if seconds == 0:
-        raise NotTold("its messages are not stamped")
+        raise NotAnnounced("its messages are not stamped")
     return float(seconds + nanoseconds / 1e9 - now_s)
 
 
@@ -74,12 +74,12 @@ def _errors_as_not_told() -> Iterator[None]:
     try:
         yield
     except (Unreachable, ROSHandshakeException, OSError) as error:
-        raise NotTold(str(error)) from None
+        raise NotAnnounced(str(error)) from None
 
 
 def _md5_in(header: dict[str, str]) -> str:
     if "md5sum" not in header:
-        raise NotTold(header.get("error", "its answer has no md5sum"))
+        raise NotAnnounced(header.get("error", "its answer has no md5sum"))
     return header["md5sum"]
 
 
@@ -88,10 +88,10 @@ def _subscribed(graph: Graph, topic: str) -> Iterator[tuple[socket.socket, io.By
     """A short subscription without the master: the connection, the bytes after the header, the header."""
     nodes = graph.publishers.get(topic)
     if not nodes:
-        raise NotTold("nobody publishes it")
+        raise NotAnnounced("nobody publishes it")
     answer = call(str(call(graph.uri, "lookupNode", nodes[0])), "requestTopic", topic, [["TCPROS"]])
     if not isinstance(answer, list) or len(answer) != 3:
-        raise NotTold(f"{nodes[0]} offers no TCPROS")
+        raise NotAnnounced(f"{nodes[0]} offers no TCPROS")
     with connect(f"rosrpc://{answer[1]}:{answer[2]}") as connection:
         rest = io.BytesIO()
         request = {"callerid": CALLER, "topic": topic, "md5sum": "*", "type": "*", "tcp_nodelay": "1"}

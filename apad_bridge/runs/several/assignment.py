@@ -129,7 +129,7 @@ def view_of(name: str, start_m: tuple[float, float], supervisor: Supervisor) -> 
 
 
 def _is_lost(belief: Belief) -> bool:
-    if belief.is_carried:
+    if belief.is_predicted:
         return belief.probability_of(Mode.LOST) >= LIKELY
     return belief.state in BEYOND_HELP
 
@@ -141,6 +141,6 @@ def _is_free(belief: Belief, is_down: bool) -> bool:
     """
     if is_down and belief.primary <= 0 and floats(belief):
         return True
-    if belief.is_carried:
+    if belief.is_predicted:
         return belief.probability_of(*SUBMERGED) >= LIKELY
     return belief.state in AT_WORK | STRANDED

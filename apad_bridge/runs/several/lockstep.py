@@ -30,7 +30,7 @@ from apad_bridge.runs.status import Status
 from apad_bridge.scenario.another_apad import Sharing
 from apad_bridge.supervisor import recorder_interface
 from apad_bridge.supervisor.loop import Flight
-from apad_bridge.supervisor.packet_relay import Came, Felt
+from apad_bridge.supervisor.packet_relay import RelayedEvent, RemoteContact
 
 ASSIGNMENT_PERIOD_MS = 10_000
 """Mission time between two looks at the assignment. In this time an aPad that stood down can still receive packets from
@@ -55,9 +55,9 @@ class MemberRelay:
     def __init__(self, name: str, exchange: Exchange) -> None:
         self._name = name
         self._exchange = exchange
-        self._waiting: list[Came] = []
+        self._waiting: list[RelayedEvent] = []
 
-    def advance(self, now_ms: int) -> list[Came]:
+    def advance(self, now_ms: int) -> list[RelayedEvent]:
         waiting, self._waiting = self._waiting, []
         return waiting
 
@@ -68,16 +68,16 @@ class MemberRelay:
             packet = WifiHeard(now_ms, data) if medium is Medium.WIFI else SoundHeard(now_ms, data)
             self._exchange.relays[server].put(packet)
 
-    def said(self, send: Send, now_ms: int) -> None:
+    def forward(self, send: Send, now_ms: int) -> None:
         self._pass_on(send.agent_id, send)
 
-    def deliver(self, felt: Felt, now_ms: int) -> None:
+    def deliver(self, felt: RemoteContact, now_ms: int) -> None:
         self._pass_on(felt.agent_id, felt)
 
-    def put(self, item: Came) -> None:
+    def put(self, item: RelayedEvent) -> None:
         self._waiting.append(item)
 
-    def _pass_on(self, agent_id: int, item: Send | Felt) -> None:
+    def _pass_on(self, agent_id: int, item: Send | RemoteContact) -> None:
         home = self._exchange.home.get(agent_id)
         if home is not None and home != self._name:
             self._exchange.relays[home].put(item)
@@ -169,7 +169,7 @@ def fly_in_step(
             context = replace(
                 flying.in_process_context(scenario, fleet),
                 relay=exchange.relays[name],
-                tell_served_elsewhere=exchange.relays[name].deliver,
+                send_contact=exchange.relays[name].deliver,
                 breakdown=Breakdown(sharing.failed_go_tos),
             )
             prepared[name] = flying.prepare(scenario, context, recorder, status_listener(name))

@@ -14,7 +14,7 @@ from typing import Any
 
 from apad_bridge.mission.allocation import Allocation
 from apad_bridge.mission.breakdown import Breakdown
-from apad_bridge.mission.events import StandDownAsked
+from apad_bridge.mission.events import StandDownRequested
 from apad_bridge.records.journal import JournalContents
 from apad_bridge.runs.resuming import StartState
 from apad_bridge.runs.several.assignment import APadView, view_of
@@ -82,7 +82,7 @@ class MemberLink:
     def _apply_orders(self, orders: Orders, supervisor: Supervisor, now_ms: int) -> None:
         if orders.stands_down is not None and not self._stood_down:
             self._stood_down = True
-            supervisor.receive(StandDownAsked(now_ms, orders.stands_down))
+            supervisor.receive(StandDownRequested(now_ms, orders.stands_down))
         allocation = supervisor.allocation
         movable = self._view(supervisor).movable
         gave, kept = [], []
@@ -138,11 +138,11 @@ class MemberParts:
 
     def extend(self, context: FlightContext) -> FlightContext:
         """The same context with the link in it."""
-        watchers, noticed = context.watchers, context.noticed
+        watchers, take_events = context.watchers, context.take_events
         return replace(
             context,
             watchers=lambda supervisor: (self.link.watcher(supervisor), *watchers(supervisor)),
-            noticed=lambda now_ms: [*self.link.take_events(now_ms), *noticed(now_ms)],
+            take_events=lambda now_ms: [*self.link.take_events(now_ms), *take_events(now_ms)],
             breakdown=Breakdown(self.failed_go_tos),
         )
 

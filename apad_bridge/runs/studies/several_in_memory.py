@@ -43,7 +43,7 @@ def open_lockstep(members: Sequence[Member], sharing: Sharing) -> OpenedLockstep
         flight, recorders[member.name] = open_flight(
             member.scenario,
             relay=relay,
-            tell_served_elsewhere=relay.deliver,
+            send_contact=relay.deliver,
             breakdown=Breakdown(sharing.failed_go_tos),
         )
         flights[member.name] = MemberFlight(member.scenario.apad.start_m, flight, recorders[member.name])

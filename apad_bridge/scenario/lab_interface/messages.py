@@ -8,7 +8,7 @@ from enum import StrEnum
 from agents.packet_medium import Medium
 
 
-class What(StrEnum):
+class MessageKind(StrEnum):
     DOCKED = "docked"
     """A dock closed around an aMussel."""
     RELEASED = "released"
@@ -24,7 +24,7 @@ class What(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class DockSaid:
+class DockReport:
     """A docked alert or, with `closed` false, a release: of an aMussel, a dock, or both; None for the one not named."""
 
     at_ms: int
@@ -34,18 +34,18 @@ class DockSaid:
 
 
 @dataclass(frozen=True, slots=True)
-class WordSaid:
+class ClearanceMessage:
     """The permission to surface or the release payload for an aMussel; the id is None for all aMussels."""
 
-    what: What
+    what: MessageKind
     agent_id: int | None
 
 
 @dataclass(frozen=True, slots=True)
-class PacketSaid:
+class LaboratoryPacket:
     medium: Medium
     agent_id: int | None
     data: bytes
 
 
-Said = DockSaid | WordSaid | PacketSaid
+LaboratoryMessage = DockReport | ClearanceMessage | LaboratoryPacket

@@ -24,7 +24,7 @@ from pydantic.dataclasses import dataclass
 
 from agents.packet_medium import Medium
 from apad_bridge.scenario.lab_interface.fields import path_steps, read
-from apad_bridge.scenario.lab_interface.messages import What
+from apad_bridge.scenario.lab_interface.messages import MessageKind
 
 frozen = dataclass(frozen=True, kw_only=True, config=ConfigDict(extra="forbid", allow_inf_nan=False))
 Topic = Annotated[str, StringConstraints(pattern=r"^/?[A-Za-z{][A-Za-z0-9_{}/]*$")]
@@ -79,7 +79,7 @@ class Condition:
 
 @frozen
 class Subscription:
-    what: What
+    what: MessageKind
     topic: Topic
     id: NumberOf | None = None
     """The aMussel's id; None if the topic names the aMussel, or if nothing does."""
@@ -92,26 +92,30 @@ class Subscription:
     medium: Medium = Medium.SOUND
 
     def __post_init__(self) -> None:
-        if self.what is What.WIFI:
+        if self.what is MessageKind.WIFI:
             raise ValueError("wifi can be told and not heard: the bench knows its own aMussels' Wi-Fi")
-        if (self.what is What.PACKET) != (self.bytes is not None):
+        if (self.what is MessageKind.PACKET) != (self.bytes is not None):
             raise ValueError("a packet needs bytes, the field that holds them; nothing else has any")
         if self.bytes is not None:
             path_steps(self.bytes)
         has_addressee = self.id is not None or "{id}" in self.topic or self.everyone is not None
-        if not has_addressee and self.what not in (What.DOCKED, What.RELEASED, What.PACKET):
+        if not has_addressee and self.what not in (
+            MessageKind.DOCKED,
+            MessageKind.RELEASED,
+            MessageKind.PACKET,
+        ):
             raise ValueError("whom it is for must be said: an id, {id} in the topic, or everyone")
 
     def id_of(self, message: Any) -> int | None:
         return None if self.id is None else self.id.of(message)
 
-    def slot_of(self, message: Any) -> int | None:
+    def dock_index_of(self, message: Any) -> int | None:
         return None if self.slot is None else self.slot.of(message)
 
 
 @frozen
 class Publication:
-    what: What
+    what: MessageKind
     topic: Topic
     type: TypeName
     fields: dict[str, bool | int | float | str] = field(default_factory=dict)

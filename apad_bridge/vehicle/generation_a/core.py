@@ -22,7 +22,7 @@ from apad_bridge.vehicle.commands import (
     Hold,
     OpenDock,
 )
-from apad_bridge.vehicle.generation_a.docks import DocksByHearsay
+from apad_bridge.vehicle.generation_a.docks import ReportedDocks
 from apad_bridge.vehicle.generation_a.messages import (
     ENDS,
     GO_TO,
@@ -30,13 +30,13 @@ from apad_bridge.vehicle.generation_a.messages import (
     RELEASE,
     GoalCode,
     GoalOrder,
-    GoalsHeard,
-    GoalWord,
-    Heard,
-    StaticHeard,
+    GoalStatusEntry,
+    GoalStatusReceived,
+    HeldPositionReceived,
+    Received,
 )
 from apad_bridge.vehicle.link import LinkFact
-from apad_bridge.vehicle.stack_messages import BatteryHeard, PoseHeard, StateHeard
+from apad_bridge.vehicle.stack_messages import BatteryReceived, PoseReceived, StateRefReceived
 from apad_bridge.vehicle.telemetry import DeferredMessages, Readings, Sight, SilenceWatch, why_out_of_reach
 
 Command = GoTo | Hold | CloseDock | OpenDock
@@ -60,7 +60,7 @@ class _SentGoal:
 
 
 class GenerationACore:
-    """`hear` takes a message, `command` returns the goal to send, `advance` the facts stamped up to its time.
+    """`receive` takes a message, `command` returns the goal to send, `advance` the facts stamped up to its time.
 
     `battery_v` is (empty, full). `docked` are the agents by dock index that the vehicle is known to hold at
     `now_ms`. Goal keys begin with `nonce`, which no two runs on one server may share.
@@ -77,11 +77,11 @@ class GenerationACore:
         sight: Sight = lambda now_ms: {},
     ) -> None:
         self.readings = Readings(battery_v)
-        self.docks = DocksByHearsay(agent_ids, docked or {}, now_ms)
+        self.docks = ReportedDocks(agent_ids, docked or {}, now_ms)
         self._sight = sight
         self._nonce = nonce
         self._object_prefix = object_prefix
-        self._deferred: DeferredMessages[Heard] = DeferredMessages(now_ms)
+        self._deferred: DeferredMessages[Received] = DeferredMessages(now_ms)
         self._facts: list[LinkFact] = []
         self._goals: dict[str, _SentGoal] = {}
         self._latest_key = ""
@@ -95,7 +95,7 @@ class GenerationACore:
         """Unusable messages of the vehicle, by reason."""
         return self.readings.dropped + self.docks.dropped
 
-    def unheard(self, now_ms: int) -> list[str]:
+    def silent_topics(self, now_ms: int) -> list[str]:
         """Topics without a message up to `now_ms`, below the aPad's namespace or an aMussel's."""
         newest = (
             ("position", self.readings.position_ms),
@@ -105,7 +105,7 @@ class GenerationACore:
         return [topic for topic, at_ms in newest if at_ms < now_ms] + held
 
     @property
-    def untaken(self) -> list[str]:
+    def unacknowledged(self) -> list[str]:
         """Keys of the goals without the server's acknowledgement."""
         return [key for key, sent in self._goals.items() if not sent.is_taken]
 
@@ -134,7 +134,7 @@ class GenerationACore:
         self._latest_key = key
         return order
 
-    def again(self) -> GoalOrder | None:
+    def take_resend(self) -> GoalOrder | None:
         """A goal to repeat, returned once: the vehicle was silent when the goal was sent, and is back now."""
         order, self._resend = self._resend, None
         return order
@@ -149,22 +149,22 @@ class GenerationACore:
         if not changed.is_silent and latest is not None and not latest.is_taken:
             latest.sent_ms, self._resend = now_ms, latest.order
 
-    def hear(self, message: Heard, now_ms: int) -> None:
+    def receive(self, message: Received, now_ms: int) -> None:
         """Takes a message; one stamped after `now_ms` waits for its time."""
         if self._deferred.defers(message, now_ms):
             return
         match message:
-            case PoseHeard() | StateHeard() | BatteryHeard():
-                self.readings.hear(message)
-            case StaticHeard():
+            case PoseReceived() | StateRefReceived() | BatteryReceived():
+                self.readings.receive(message)
+            case HeldPositionReceived():
                 self._receive_held_position(message)
-            case GoalsHeard():
+            case GoalStatusReceived():
                 self._receive_goals(message)
 
     def advance(self, now_ms: int) -> list[LinkFact]:
         """New facts, each stamped at or before `now_ms`; of poses and places only the newest."""
         for message in self._deferred.advance(now_ms):
-            self.hear(message, now_ms)
+            self.receive(message, now_ms)
         self._watch_silence(now_ms)
         self._apply_dock_facts(self.docks.silent(self.readings.position_ms))
         self._time_out_goals(now_ms)
@@ -172,11 +172,11 @@ class GenerationACore:
         facts += self.docks.places()
         return facts + self.readings.take()
 
-    def _receive_held_position(self, message: StaticHeard) -> None:
+    def _receive_held_position(self, message: HeldPositionReceived) -> None:
         if not (math.isfinite(message.north_m) and math.isfinite(message.east_m)):
             self.docks.dropped["position_static: not finite"] += 1
             return
-        self._apply_dock_facts(self.docks.hear(message))
+        self._apply_dock_facts(self.docks.receive(message))
 
     def _apply_dock_facts(self, facts: list[LinkFact]) -> None:
         """Passes on changes at the docks; a change that fulfils a goal ends it."""
@@ -185,7 +185,7 @@ class GenerationACore:
             if any(_fulfils(fact, sent.command) for fact in facts):
                 del self._goals[key]
 
-    def _receive_goals(self, message: GoalsHeard) -> None:
+    def _receive_goals(self, message: GoalStatusReceived) -> None:
         named_keys = set()
         for status in message.words:
             named_keys.add(status.key)
@@ -198,9 +198,9 @@ class GenerationACore:
         self._status_ms = max(self._status_ms, message.at_ms)
         for key, sent in list(self._goals.items()):
             if sent.is_taken and key not in named_keys and sent.ended_ms is None:
-                self._end_goal(GoalWord(key, GoalCode.LOST, "did it restart?"), sent, message.at_ms)
+                self._end_goal(GoalStatusEntry(key, GoalCode.LOST, "did it restart?"), sent, message.at_ms)
 
-    def _end_goal(self, status: GoalWord, sent: _SentGoal, at_ms: int) -> None:
+    def _end_goal(self, status: GoalStatusEntry, sent: _SentGoal, at_ms: int) -> None:
         match sent.command, status.code:
             case CloseDock(_, _, agent_id), GoalCode.SUCCEEDED if not self.docks.holds(agent_id):
                 is_over = False

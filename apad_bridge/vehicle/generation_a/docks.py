@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from apad_bridge.vehicle.commands import DockClosed, DockOpened
 from apad_bridge.vehicle.docks import DOCK_INDICES
-from apad_bridge.vehicle.generation_a.messages import StaticHeard
+from apad_bridge.vehicle.generation_a.messages import HeldPositionReceived
 from apad_bridge.vehicle.link import Carried, LetGo, LinkFact
 
 RELEASE_SILENCE_MS = 2_000
@@ -30,7 +30,7 @@ class _Holding:
     """The time of the release order."""
 
 
-class DocksByHearsay:
+class ReportedDocks:
     """Docks fill in the order of perches: the vehicle takes the first free dock, whatever the command named.
 
     `docked` are the agents by dock index that the vehicle is known to hold at `now_ms`, as after a resume.
@@ -75,7 +75,7 @@ class DocksByHearsay:
         if (holding := self._held.get(agent_id)) is not None:
             holding.release_ms = None
 
-    def hear(self, message: StaticHeard) -> list[LinkFact]:
+    def receive(self, message: HeldPositionReceived) -> list[LinkFact]:
         """The changes at the docks. A position that only moved comes with `places`."""
         holding = self._held.get(message.agent_id)
         if message.agent_id in self._served_before and holding is None:

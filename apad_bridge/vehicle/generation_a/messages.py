@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum, IntEnum
 
-from apad_bridge.vehicle.stack_messages import BatteryHeard, PoseHeard, PoseShown, StateHeard
+from apad_bridge.vehicle.stack_messages import BatteryReceived, PosePublished, PoseReceived, StateRefReceived
 
 GO_TO, PERCH, RELEASE = 0, 1, 2
 """Kinds of goals, by their id."""
@@ -57,7 +57,7 @@ class GoalOrder:
 
 
 @dataclass(frozen=True, slots=True)
-class StaticHeard:
+class HeldPositionReceived:
     """`position_static` of an aMussel: held there, or, with `released`, let go."""
 
     at_ms: int
@@ -68,8 +68,8 @@ class StaticHeard:
 
 
 @dataclass(frozen=True, slots=True)
-class GoalWord:
-    """One goal's status in a GoalsHeard."""
+class GoalStatusEntry:
+    """One goal's status in a GoalStatusReceived."""
 
     key: str
     code: GoalCode
@@ -77,15 +77,15 @@ class GoalWord:
 
 
 @dataclass(frozen=True, slots=True)
-class GoalsHeard:
+class GoalStatusReceived:
     """The server's status array (`whole`: a goal that is missing from it is lost), or one result."""
 
     at_ms: int
-    words: tuple[GoalWord, ...]
+    words: tuple[GoalStatusEntry, ...]
     whole: bool
 
 
-Heard = PoseHeard | StateHeard | BatteryHeard | StaticHeard | GoalsHeard
+Received = PoseReceived | StateRefReceived | BatteryReceived | HeldPositionReceived | GoalStatusReceived
 
 
 # Messages of the simulated aPad: the goals that it takes, and the messages that it publishes.
@@ -108,7 +108,7 @@ class Goal:
 
 
 @dataclass(frozen=True, slots=True)
-class Held:
+class HeldPositionPublished:
     """The position at which the aPad holds `name`; with `released`, the last one."""
 
     at_ms: int
@@ -119,7 +119,7 @@ class Held:
 
 
 @dataclass(frozen=True, slots=True)
-class SlowShown:
+class BatteryAndProgressPublished:
     """Battery in percent, and a running go-to's covered percentage, negative when the distance has grown."""
 
     at_ms: int
@@ -129,11 +129,11 @@ class SlowShown:
 
 
 @dataclass(frozen=True, slots=True)
-class Ended:
+class GoalEnded:
     at_ms: int
     key: str
     outcome: Outcome
     reason: str = ""
 
 
-Shown = PoseShown | Held | SlowShown | Ended
+Published = PosePublished | HeldPositionPublished | BatteryAndProgressPublished | GoalEnded

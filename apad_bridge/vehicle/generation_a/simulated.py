@@ -18,18 +18,18 @@ from apad_bridge.vehicle.generation_a.messages import (
     GO_TO,
     PERCH,
     RELEASE,
-    Ended,
+    BatteryAndProgressPublished,
     Goal,
-    Held,
+    GoalEnded,
+    HeldPositionPublished,
     Outcome,
-    Shown,
-    SlowShown,
+    Published,
 )
 from apad_bridge.vehicle.simulated.apad import SimulatedAPad
 from apad_bridge.vehicle.simulated.docks import OFFSETS_M
 from apad_bridge.vehicle.simulated.misses import MISSED, Misses
-from apad_bridge.vehicle.simulated_stack import LegacyVehicle
-from apad_bridge.vehicle.stack_messages import PoseShown
+from apad_bridge.vehicle.simulated_stack import SimulatedStack
+from apad_bridge.vehicle.stack_messages import PosePublished
 
 HELD_PERIOD_MS = 50
 POSE_PERIOD_MS = 100
@@ -38,7 +38,7 @@ SLOW_PERIOD_MS = 1000
 _AGENT_NUMBER = re.compile(r"\d+$", re.ASCII)
 
 
-class GenerationAVehicle(LegacyVehicle[Shown]):
+class GenerationAVehicle(SimulatedStack[Published]):
     """The simulated stack of generation A. It has the three verbs in mission time, from `start_ms` on."""
 
     def __init__(
@@ -69,7 +69,7 @@ class GenerationAVehicle(LegacyVehicle[Shown]):
         """The held objects in the order of dock indices, without free docks."""
         return [self._docks[dock_index][0] for dock_index in sorted(self._docks)]
 
-    def receive(self, goal: Goal, now_ms: int) -> list[Shown]:
+    def receive(self, goal: Goal, now_ms: int) -> list[Published]:
         """A new goal pre-empts the running one, whatever its kind."""
         published = self.advance(now_ms)
         if self.has_crashed:
@@ -86,14 +86,14 @@ class GenerationAVehicle(LegacyVehicle[Shown]):
         self.dropped["goal: of no known kind, active for ever"] += 1
         return published
 
-    def cancel(self, key: str, now_ms: int) -> list[Shown]:
+    def cancel(self, key: str, now_ms: int) -> list[Published]:
         """Ends the goal; the vehicle still moves to the old target."""
         published = self.advance(now_ms)
         if self._goal is not None and self._goal.key == key and not self.has_crashed:
             published += self._end(Outcome.PREEMPTED, "cancelled")
         return published
 
-    def set_dock(self, dock_index: int, closed: bool, now_ms: int) -> list[Shown]:
+    def set_dock(self, dock_index: int, closed: bool, now_ms: int) -> list[Published]:
         """A person operates a mechanism. A refusal is a ValueError with its reason and changes nothing."""
         if dock_index not in range(len(OFFSETS_M)):
             raise ValueError(f"there is no dock {dock_index}")
@@ -103,7 +103,7 @@ class GenerationAVehicle(LegacyVehicle[Shown]):
             raise ValueError(f"dock {dock_index} is open")
         return [*self.advance(now_ms), self._let_go(dock_index)]
 
-    def change_battery(self, percent_points: float, now_ms: int) -> list[Shown]:
+    def change_battery(self, percent_points: float, now_ms: int) -> list[Published]:
         """`charging`, or `draining` with a minus sign. A number that is not finite changes nothing."""
         published = self.advance(now_ms)
         if math.isfinite(percent_points):
@@ -112,7 +112,7 @@ class GenerationAVehicle(LegacyVehicle[Shown]):
             self.dropped["charging or draining: not finite"] += 1
         return published
 
-    def _go_to(self, goal: Goal) -> list[Shown]:
+    def _go_to(self, goal: Goal) -> list[Published]:
         pose = self._apad.pose
         self._start_distance_m = math.hypot(goal.north_m - pose.north_m, goal.east_m - pose.east_m)
         if self._fault is Fault.STUCK:
@@ -122,7 +122,7 @@ class GenerationAVehicle(LegacyVehicle[Shown]):
         )
         return self._goal_end(self._apad.receive(command, self._apad_ms))
 
-    def _perch(self, goal: Goal) -> list[Shown]:
+    def _perch(self, goal: Goal) -> list[Published]:
         free = self.free_docks
         if not free or self._fault is Fault.PERCHES_NOTHING:
             return self._end(Outcome.SUCCEEDED)
@@ -136,7 +136,7 @@ class GenerationAVehicle(LegacyVehicle[Shown]):
         self._docks[dock_index] = (goal.name, serial)
         return [self._held(dock_index), *self._end(Outcome.SUCCEEDED)]
 
-    def _release(self, goal: Goal) -> list[Shown]:
+    def _release(self, goal: Goal) -> list[Published]:
         dock_index = next(
             (dock_index for dock_index in sorted(self._docks) if self._docks[dock_index][0] == goal.name),
             None,
@@ -156,7 +156,7 @@ class GenerationAVehicle(LegacyVehicle[Shown]):
                 self._let_go(held)
         return []
 
-    def _let_go(self, dock_index: int) -> Held:
+    def _let_go(self, dock_index: int) -> HeldPositionPublished:
         """Opens a dock and returns its object's last message. A refusal is a ValueError and changes nothing."""
         last = self._held(dock_index, released=True)
         _, serial = self._docks[dock_index]
@@ -167,9 +167,9 @@ class GenerationAVehicle(LegacyVehicle[Shown]):
         del self._docks[dock_index]
         return last
 
-    def _goal_end(self, facts: list[VehicleFact]) -> list[Shown]:
+    def _goal_end(self, facts: list[VehicleFact]) -> list[Published]:
         """Ends the running goal if `facts` say so; it is always the last goal that the aPad inside was given."""
-        published: list[Shown] = []
+        published: list[Published] = []
         for fact in facts:
             if isinstance(fact, Arrived) and self._goal is not None and self._goal.kind == GO_TO:
                 published += self._end(Outcome.SUCCEEDED)
@@ -177,22 +177,26 @@ class GenerationAVehicle(LegacyVehicle[Shown]):
                 published += self._end(Outcome.ABORTED, fact.reason)
         return published
 
-    def _end(self, outcome: Outcome, reason: str = "") -> list[Shown]:
+    def _end(self, outcome: Outcome, reason: str = "") -> list[Published]:
         goal, self._goal = self._goal, None
-        return [] if goal is None else [Ended(self._now_ms, goal.key, outcome, reason)]
+        return [] if goal is None else [GoalEnded(self._now_ms, goal.key, outcome, reason)]
 
-    def _step(self, at_ms: int, published: list[Shown]) -> None:
+    def _step(self, at_ms: int, published: list[Published]) -> None:
         since_ms = at_ms - self._start_ms
         published += self._goal_end(self._apad.advance(since_ms))
         published += [self._held(dock_index) for dock_index in sorted(self._docks)]
         if since_ms % SLOW_PERIOD_MS == 0:
             key = None if self._goal is None else self._goal.key
-            published.append(SlowShown(at_ms, self.battery_percent, key, self._covered_percent()))
+            published.append(
+                BatteryAndProgressPublished(at_ms, self.battery_percent, key, self._covered_percent())
+            )
         if since_ms % POSE_PERIOD_MS == 0:
-            published.append(PoseShown(at_ms, self.pose))
+            published.append(PosePublished(at_ms, self.pose))
 
-    def _held(self, dock_index: int, *, released: bool = False) -> Held:
-        return Held(self._now_ms, self._docks[dock_index][0], *self._apad.dock_position(dock_index), released)
+    def _held(self, dock_index: int, *, released: bool = False) -> HeldPositionPublished:
+        return HeldPositionPublished(
+            self._now_ms, self._docks[dock_index][0], *self._apad.dock_position(dock_index), released
+        )
 
     def _covered_percent(self) -> float:
         goal, pose = self._goal, self._apad.pose

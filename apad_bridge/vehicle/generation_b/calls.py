@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from apad_bridge.vehicle.generation_b.messages import Answered, Call, Order
+from apad_bridge.vehicle.generation_b.messages import Call, Order, ServiceAnswered
 
 ANSWER_MS = 5_000
 """A service without an answer for so long has failed: its node is gone, or its callback hangs."""
@@ -50,7 +50,7 @@ class Calls:
         calls, self._to_send = self._to_send, []
         return calls
 
-    def receive(self, answer: Answered) -> None:
+    def receive(self, answer: ServiceAnswered) -> None:
         """Takes a service's answer. Answers to replaced orders change nothing."""
         pending = self.pending
         if pending is None or answer.number != pending.number or pending.answered_ms is not None:

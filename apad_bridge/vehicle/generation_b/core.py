@@ -9,28 +9,28 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Mapping
 
-from apad_bridge.scenario.lab_interface.messages import DockSaid
+from apad_bridge.scenario.lab_interface.messages import DockReport
 from apad_bridge.scenario.schema import Docking
 from apad_bridge.vehicle.commands import VehicleCommand
 from apad_bridge.vehicle.generation_b.docks import BenchDocks
 from apad_bridge.vehicle.generation_b.messages import (
-    Answered,
-    ArmHeard,
+    ArmReceived,
     Call,
-    FinishedHeard,
-    Heard,
-    PilotHeard,
-    StatusHeard,
+    FinishedReceived,
+    ManualReceived,
+    Received,
+    ServiceAnswered,
+    StatusReceived,
 )
 from apad_bridge.vehicle.generation_b.tasks import Tasks
 from apad_bridge.vehicle.link import LinkFact
 from apad_bridge.vehicle.simulated.misses import Misses
-from apad_bridge.vehicle.stack_messages import BatteryHeard, PoseHeard, StateHeard
+from apad_bridge.vehicle.stack_messages import BatteryReceived, PoseReceived, StateRefReceived
 from apad_bridge.vehicle.telemetry import DeferredMessages, Readings, Sight, SilenceWatch
 
 
 class GenerationBCore:
-    """`hear` takes a message, `command` a port's command, `advance` returns the facts stamped up to its time.
+    """`receive` takes a message, `command` a port's command, `advance` returns the facts stamped up to its time.
 
     `take_calls` returns the calls to send to the vehicle's services. `battery_v` is (empty, full); `docked`
     are the agents by dock index known to be held at `now_ms`; `sight` gives the places of floating simulated
@@ -49,10 +49,10 @@ class GenerationBCore:
     ) -> None:
         self.readings = Readings(battery_v)
         self.docks = BenchDocks(agent_ids, docked or {}, misses, sight)
-        self.status_words = 0
+        self.status_count = 0
         """Number of messages of either status topic."""
         self._tasks = Tasks(docking, self.docks, self.readings)
-        self._deferred: DeferredMessages[Heard] = DeferredMessages(now_ms)
+        self._deferred: DeferredMessages[Received] = DeferredMessages(now_ms)
         self._silence = SilenceWatch()
 
     @property
@@ -61,11 +61,11 @@ class GenerationBCore:
         return self.readings.dropped + self.docks.dropped + self._tasks.dropped
 
     @property
-    def untaken(self) -> list[str]:
+    def unacknowledged(self) -> list[str]:
         """The last order, until its service answers."""
         return self._tasks.calls.unanswered
 
-    def unheard(self, now_ms: int) -> list[str]:
+    def silent_topics(self, now_ms: int) -> list[str]:
         return ["position"] if self.readings.position_ms < now_ms else []
 
     def take_calls(self) -> list[Call]:
@@ -74,33 +74,33 @@ class GenerationBCore:
     def command(self, command: VehicleCommand, now_ms: int) -> None:
         self._tasks.command(command, now_ms)
 
-    def hear(self, message: Heard, now_ms: int) -> None:
+    def receive(self, message: Received, now_ms: int) -> None:
         """Takes a message; one stamped after `now_ms` waits for its time."""
         if self._deferred.defers(message, now_ms):
             return
         match message:
-            case PoseHeard() | StateHeard() | BatteryHeard():
-                self.readings.hear(message)
-            case Answered():
+            case PoseReceived() | StateRefReceived() | BatteryReceived():
+                self.readings.receive(message)
+            case ServiceAnswered():
                 self._tasks.calls.receive(message)
-            case StatusHeard(at_ms, docking, status):
-                self.status_words += 1
+            case StatusReceived(at_ms, docking, status):
+                self.status_count += 1
                 self._tasks.receive_status(docking, status, at_ms)
-            case PilotHeard(at_ms, steers):
+            case ManualReceived(at_ms, steers):
                 self._tasks.receive_pilot(steers, at_ms)
-            case ArmHeard(at_ms, dock_index) if dock_index is not None:
+            case ArmReceived(at_ms, dock_index) if dock_index is not None:
                 self._tasks.receive_arm(dock_index, at_ms)
-            case ArmHeard() | FinishedHeard():
+            case ArmReceived() | FinishedReceived():
                 pass  # a closed arm, or some primitive's end: the status topics give the result
 
-    def hear_dock(self, report: DockSaid) -> None:
+    def receive_dock_report(self, report: DockReport) -> None:
         """Takes a report that a dock closed or opened, by id or else by dock and place. Known states change nothing."""
-        self._tasks.hear_dock(report)
+        self._tasks.receive_dock_report(report)
 
     def advance(self, now_ms: int) -> list[LinkFact]:
         """New facts, each stamped at or before `now_ms`; of poses and places only the newest."""
         for message in self._deferred.advance(now_ms):
-            self.hear(message, now_ms)
+            self.receive(message, now_ms)
         if not self._tasks.pilot_steers:
             changed = self._silence.look(self.readings.position_ms, now_ms)
             if changed is not None and not changed.is_silent:

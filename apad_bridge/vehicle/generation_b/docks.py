@@ -10,7 +10,7 @@ import math
 from collections import Counter
 from collections.abc import Iterable, Mapping
 
-from apad_bridge.scenario.lab_interface.messages import DockSaid
+from apad_bridge.scenario.lab_interface.messages import DockReport
 from apad_bridge.vehicle.commands import CloseDock, CommandFailed, DockOpened, OpenDock, PoseReported
 from apad_bridge.vehicle.docks import DOCK_INDICES
 from apad_bridge.vehicle.generation_b.messages import dock_direction_rad
@@ -84,7 +84,7 @@ class BenchDocks:
             return [fact, LetGo(now_ms, command.agent_id)]
         return [fact]
 
-    def apply_report(self, report: DockSaid, pose: PoseReported | None) -> list[LinkFact]:
+    def apply_report(self, report: DockReport, pose: PoseReported | None) -> list[LinkFact]:
         """Applies a report that others docked or undocked an aMussel, found by its id or else by place and dock."""
         agent_id, dock_index = report.agent_id, report.dock_index
         if not report.closed:

@@ -12,7 +12,7 @@ from enum import IntEnum, StrEnum
 from typing import Any
 
 from apad_bridge.vehicle.simulated.kinematics import Pose
-from apad_bridge.vehicle.stack_messages import BatteryHeard, PoseHeard, PoseShown, StateHeard
+from apad_bridge.vehicle.stack_messages import BatteryReceived, PosePublished, PoseReceived, StateRefReceived
 
 PRIMITIVE_FINISHED = "/PRIMITIVE_FINISHED"
 CAMERA_SERVO = (0.1, 0.46, 0.75, 1.0)
@@ -94,7 +94,7 @@ class Call:
 
 
 @dataclass(frozen=True, slots=True)
-class Answered:
+class ServiceAnswered:
     """A service's answer: it took the order, or `refused` states why not."""
 
     at_ms: int
@@ -103,7 +103,7 @@ class Answered:
 
 
 @dataclass(frozen=True, slots=True)
-class StatusHeard:
+class StatusReceived:
     """`goto_status`, or `docking_status` with `docking`."""
 
     at_ms: int
@@ -112,14 +112,14 @@ class StatusHeard:
 
 
 @dataclass(frozen=True, slots=True)
-class FinishedHeard:
+class FinishedReceived:
     """Some primitive ended: its controllers are off now."""
 
     at_ms: int
 
 
 @dataclass(frozen=True, slots=True)
-class PilotHeard:
+class ManualReceived:
     """`manual`: a person steers, or no longer does."""
 
     at_ms: int
@@ -127,13 +127,22 @@ class PilotHeard:
 
 
 @dataclass(frozen=True, slots=True)
-class ArmHeard:
+class ArmReceived:
     at_ms: int
     dock_index: int | None
     """The dock whose arm stands open; None while all arms are closed."""
 
 
-Heard = PoseHeard | StateHeard | BatteryHeard | Answered | StatusHeard | FinishedHeard | PilotHeard | ArmHeard
+Received = (
+    PoseReceived
+    | StateRefReceived
+    | BatteryReceived
+    | ServiceAnswered
+    | StatusReceived
+    | FinishedReceived
+    | ManualReceived
+    | ArmReceived
+)
 
 
 # Requests to the simulated aPad, as orders.
@@ -201,20 +210,20 @@ class Arm:
 
 
 @dataclass(frozen=True, slots=True)
-class BatteryShown:
+class BatteryPublished:
     at_ms: int
     percent: float
 
 
 @dataclass(frozen=True, slots=True)
-class StatusShown:
+class StatusPublished:
     at_ms: int
     docking: bool
     status: Status
 
 
 @dataclass(frozen=True, slots=True)
-class ArmShown:
+class ArmPublished:
     at_ms: int
     arm: Arm
 
@@ -260,11 +269,11 @@ class GoToEnded:
     left: GoToLeft
 
 
-Shown = (
-    PoseShown
-    | BatteryShown
-    | StatusShown
-    | ArmShown
+Published = (
+    PosePublished
+    | BatteryPublished
+    | StatusPublished
+    | ArmPublished
     | CameraTurned
     | Finished
     | GoToBegun

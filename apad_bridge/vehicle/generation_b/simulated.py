@@ -22,8 +22,8 @@ from apad_bridge.vehicle.generation_b.messages import (
     PULL_BACK_MS,
     SERVO_MS,
     Arm,
-    ArmShown,
-    BatteryShown,
+    ArmPublished,
+    BatteryPublished,
     CameraTurned,
     DockingOrder,
     Finished,
@@ -33,16 +33,16 @@ from apad_bridge.vehicle.generation_b.messages import (
     GoToOrder,
     Order,
     PositionOrder,
-    Shown,
+    Published,
     Status,
-    StatusShown,
+    StatusPublished,
     dock_direction_rad,
 )
 from apad_bridge.vehicle.simulated.apad import SimulatedAPad
 from apad_bridge.vehicle.simulated.kinematics import STEP_MS
 from apad_bridge.vehicle.simulated.motion import Coast, Steer
-from apad_bridge.vehicle.simulated_stack import LegacyVehicle
-from apad_bridge.vehicle.stack_messages import PoseShown
+from apad_bridge.vehicle.simulated_stack import SimulatedStack
+from apad_bridge.vehicle.stack_messages import PosePublished
 
 CLOSE_ENOUGH = (0.8, 0.9)
 
@@ -93,7 +93,7 @@ class Stage(Enum):
     PULLING = auto()
 
 
-class GenerationBVehicle(LegacyVehicle[Shown]):
+class GenerationBVehicle(SimulatedStack[Published]):
     """The simulated stack of generation B. It has the three verbs in mission time, from `start_ms` on."""
 
     def __init__(self, apad: SimulatedAPad, start_ms: int = 0, fault: Fault = Fault.NONE) -> None:
@@ -117,7 +117,7 @@ class GenerationBVehicle(LegacyVehicle[Shown]):
         """The services' answer to an order; None when they never answer."""
         return {Fault.REFUSES: False, Fault.HANGS: None}.get(self._fault, True)
 
-    def receive(self, order: Order, now_ms: int) -> list[Shown]:
+    def receive(self, order: Order, now_ms: int) -> list[Published]:
         """Takes an order, whatever is under way. The stack takes an impossible order too, and aborts it."""
         if not self.takes:
             return self.advance(now_ms)
@@ -145,23 +145,23 @@ class GenerationBVehicle(LegacyVehicle[Shown]):
                 self._begin_docking(order, published)
         return published
 
-    def stop(self, now_ms: int) -> list[Shown]:
+    def stop(self, now_ms: int) -> list[Published]:
         """`stop_mission`: the primitive ends, and with it the controllers."""
         published = self.advance(now_ms)
         self._end(Status.PREEMPTED, published, finished=self._stage is not Stage.OFF)
         return published
 
-    def pause(self, now_ms: int) -> list[Shown]:
+    def pause(self, now_ms: int) -> list[Published]:
         """`pause_mission`: a stop after which `go_on` begins the same primitive again."""
         self._paused = self._order
         return self.stop(now_ms)
 
-    def go_on(self, now_ms: int) -> list[Shown]:
+    def go_on(self, now_ms: int) -> list[Published]:
         """`continue_mission`: begins the paused primitive again; without one nothing happens."""
         order, self._paused = self._paused, None
         return self.advance(now_ms) if order is None else self.receive(order, now_ms)
 
-    def detect(self, horizontal: float | None, vertical: float | None, now_ms: int) -> list[Shown]:
+    def detect(self, horizontal: float | None, vertical: float | None, now_ms: int) -> list[Published]:
         """Takes a camera message. Each coordinate has its own topic; `vertical`, the second, ends a detection."""
         published = self.advance(now_ms)
         if horizontal is not None:
@@ -170,7 +170,7 @@ class GenerationBVehicle(LegacyVehicle[Shown]):
             self._seen = Detection(now_ms, self._horizontal, vertical)
         return published
 
-    def load(self, dock_index: int, closed: bool, now_ms: int) -> list[Shown]:
+    def load(self, dock_index: int, closed: bool, now_ms: int) -> list[Published]:
         """The bench, not the stack, sets a dock's occupancy, because charging costs energy."""
         published = self.advance(now_ms)
         serial = self._next_serial()
@@ -181,7 +181,7 @@ class GenerationBVehicle(LegacyVehicle[Shown]):
             self._apad.receive(OpenDock(serial, dock_index, holder), now_ms - self._start_ms)
         return published
 
-    def set_manual(self, steers: bool, now_ms: int) -> list[Shown]:
+    def set_manual(self, steers: bool, now_ms: int) -> list[Published]:
         """A pilot takes or leaves the joystick. It pre-empts primitives, and none begins while it is in use."""
         published = self.advance(now_ms)
         if steers and not self._is_manual:
@@ -189,7 +189,7 @@ class GenerationBVehicle(LegacyVehicle[Shown]):
         self._is_manual = steers
         return published
 
-    def _begin_docking(self, order: DockingOrder, published: list[Shown]) -> None:
+    def _begin_docking(self, order: DockingOrder, published: list[Published]) -> None:
         if order.dock_index not in range(len(CAMERA_SERVO)):
             self.dropped["docking: no such dock"] += 1
             self._order = None
@@ -202,11 +202,11 @@ class GenerationBVehicle(LegacyVehicle[Shown]):
             self._open_arm(order.dock_index, published)
         self._command(Coast(), published)
 
-    def _open_arm(self, dock_index: int, published: list[Shown]) -> None:
+    def _open_arm(self, dock_index: int, published: list[Published]) -> None:
         is_open = [it == dock_index for it in range(4)]
-        published.append(ArmShown(self._now_ms, Arm((is_open[0], is_open[1], is_open[2], is_open[3]))))
+        published.append(ArmPublished(self._now_ms, Arm((is_open[0], is_open[1], is_open[2], is_open[3]))))
 
-    def _step(self, at_ms: int, published: list[Shown]) -> None:
+    def _step(self, at_ms: int, published: list[Published]) -> None:
         """One grid instant: the boat's events, the primitive's reaction, and the periodic messages."""
         for fact in self._apad.advance(at_ms - self._start_ms):
             if isinstance(fact, Arrived) and self._stage is Stage.GOING:
@@ -220,13 +220,13 @@ class GenerationBVehicle(LegacyVehicle[Shown]):
             self._servo(self._order, at_ms, published)
         elif isinstance(self._order, GoToOrder):
             self._publish(self._left(self._order), published)
-        published.append(PoseShown(at_ms, self.pose))
+        published.append(PosePublished(at_ms, self.pose))
         if (at_ms - self._start_ms) % SLOW_PERIOD_MS == 0:
-            published.append(BatteryShown(at_ms, self.battery_percent))
+            published.append(BatteryPublished(at_ms, self.battery_percent))
             for docking in (False, True):
                 self._publish_status(docking, self._statuses[docking], published)
 
-    def _servo(self, order: DockingOrder, at_ms: int, published: list[Shown]) -> None:
+    def _servo(self, order: DockingOrder, at_ms: int, published: list[Published]) -> None:
         since_ms = at_ms - self._stage_ms
         if self._stage is Stage.SERVO and since_ms >= SERVO_MS:
             if order.docks:
@@ -245,7 +245,7 @@ class GenerationBVehicle(LegacyVehicle[Shown]):
             else:
                 self._command(steered, published)
 
-    def _end(self, status: Status, published: list[Shown], *, finished: bool) -> None:
+    def _end(self, status: Status, published: list[Published], *, finished: bool) -> None:
         """Ends the primitive under way: publishes its status and event, closes the arm, turns the controllers off."""
         stage, order, self._order = self._stage, self._order, None
         self._enter(Stage.OFF)
@@ -254,13 +254,13 @@ class GenerationBVehicle(LegacyVehicle[Shown]):
                 self._publish(GoToEnded(status, self.pose, self._left(order)), published)
             self._publish_status(False, status, published)
         elif stage in (Stage.SERVO, Stage.SERVOING, Stage.PULLING):
-            published.append(ArmShown(self._now_ms, _CLOSED))
+            published.append(ArmPublished(self._now_ms, _CLOSED))
             self._publish_status(True, status, published)
         if finished:
             self._publish(Finished(self._now_ms), published)
             self._apad.receive(Coast(), self._apad_ms)
 
-    def _command(self, command: GoTo | Hold | Coast | Steer, published: list[Shown]) -> None:
+    def _command(self, command: GoTo | Hold | Coast | Steer, published: list[Published]) -> None:
         if self._is_manual and not isinstance(command, Coast):
             self.dropped["order: a pilot steers"] += 1
             self._end(Status.PREEMPTED, published, finished=True)
@@ -272,11 +272,11 @@ class GenerationBVehicle(LegacyVehicle[Shown]):
     def _enter(self, stage: Stage) -> None:
         self._stage, self._stage_ms = stage, self._now_ms
 
-    def _publish_status(self, docking: bool, status: Status, published: list[Shown]) -> None:
+    def _publish_status(self, docking: bool, status: Status, published: list[Published]) -> None:
         self._statuses[docking] = status
-        self._publish(StatusShown(self._now_ms, docking, status), published)
+        self._publish(StatusPublished(self._now_ms, docking, status), published)
 
-    def _publish(self, message: Shown, published: list[Shown]) -> None:
+    def _publish(self, message: Published, published: list[Published]) -> None:
         """Publishes a primitive's state, unless the fault silences it."""
         if self._fault is not Fault.SILENT:
             published.append(message)

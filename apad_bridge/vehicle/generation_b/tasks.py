@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping
 
-from apad_bridge.scenario.lab_interface.messages import DockSaid
+from apad_bridge.scenario.lab_interface.messages import DockReport
 from apad_bridge.scenario.schema import Docking, DockingProfile
 from apad_bridge.vehicle.commands import (
     Arrived,
@@ -53,7 +53,7 @@ class ExternalDocking:
     def note_open_arm(self, dock_index: int) -> None:
         self._dock = dock_index
 
-    def receive(self, status: Status, at_ms: int, held: Mapping[int, int]) -> DockSaid | None:
+    def receive(self, status: Status, at_ms: int, held: Mapping[int, int]) -> DockReport | None:
         """The change of a dock, when this message of `docking_status` ends a docking that was running."""
         if status is Status.RUNNING:
             self._since_ms = at_ms if self._since_ms is None else self._since_ms
@@ -64,7 +64,7 @@ class ExternalDocking:
         if self._dock is None:
             self.dropped["docking by hand: no arm was seen to open"] += 1
             return None
-        return DockSaid(at_ms, None, self._dock, self._dock not in held)
+        return DockReport(at_ms, None, self._dock, self._dock not in held)
 
 
 NOTHING_THERE = "the aPad says it docked, but the aMussel is not there"
@@ -144,7 +144,7 @@ class Tasks:
         """Lets a docking that nobody here ordered end; it then leaves the controllers off."""
         did_run = self._external.runs
         if (report := self._external.receive(status, at_ms, self._docks.held)) is not None:
-            self.hear_dock(report)
+            self.receive_dock_report(report)
         if did_run and not self._external.runs and self._hold_task is not None:
             self._hold_task.is_lost = True
 
@@ -158,7 +158,7 @@ class Tasks:
             servo.has_let_go = True
             self._facts += self._docks.open(servo.command, at_ms)
 
-    def hear_dock(self, report: DockSaid) -> None:
+    def receive_dock_report(self, report: DockReport) -> None:
         self._facts += self._docks.apply_report(report, self._pose)
 
     def receive_pilot(self, steers: bool, at_ms: int) -> None:

@@ -15,7 +15,7 @@ from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.hold_last import HoldLast
 from apad_bridge.mission.events import RangeHeard
 from apad_bridge.vehicle.commands import PoseReported
-from firmware_model.config import Slots
+from firmware_model.config import Timeslots
 from firmware_model.packets import StatusPacket
 from firmware_model.packets.codec import MusselbedCodec
 from firmware_model.states import State
@@ -34,7 +34,7 @@ class Always:
 
 
 def ranging() -> RangingService:
-    slots = Slots(frame_ms=60_000, slot_ms=2000, guard_ms=100)
+    slots = Timeslots(frame_ms=60_000, slot_ms=2000, guard_ms=100)
     config = ScheduleConfig(
         2,
         1500.0,

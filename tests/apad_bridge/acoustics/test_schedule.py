@@ -12,16 +12,16 @@ from agents.water.sound import Sound
 from apad_bridge.acoustics.schedule import AcousticScheduler, ScheduleConfig
 from apad_bridge.mission.events import Ping, Send
 from apad_bridge.mission.orders import Note
-from firmware_model.config import Slots
+from firmware_model.config import Timeslots
 from firmware_model.packets import EVERYONE, Beacon, CommandPacket, Kind, SlotAssignment
 from firmware_model.packets.codec import MusselbedCodec
 
 CODEC = MusselbedCodec()
-SLOTS = Slots(frame_ms=300_000, slot_ms=5000)
+SLOTS = Timeslots(frame_ms=300_000, slot_ms=5000)
 CONFIG = ScheduleConfig(
     theta=1,
     sound_speed_m_s=1500.0,
-    way_ms=100,
+    longest_delay_ms=100,
     waits=True,
     assigns=True,
     guard_ms=40,
@@ -106,8 +106,8 @@ def test_two_permissions_in_a_row_do_not_meet_in_the_water() -> None:
     """
     echoing = Sound(noise_db_per_hz=-100, reverberation_ms=100, reverberation_db=1)
     outcomes = {}
-    for breath_ms in (20, 120):
-        config = replace(CONFIG, assigns=False, beacon_period_ms=0, waits=False, breath_ms=breath_ms)
+    for pause_ms in (20, 120):
+        config = replace(CONFIG, assigns=False, beacon_period_ms=0, waits=False, pause_ms=pause_ms)
         permissions = [
             Send(Medium.SOUND, it, CODEC.encode(CommandPacket(Kind.PERMISSION, it))) for it in (1, 2)
         ]
@@ -123,7 +123,7 @@ def test_two_permissions_in_a_row_do_not_meet_in_the_water() -> None:
         )
         ended += water.receive(water_medium.Began(0, actions[1]), second.not_before_ms)
         ended += water.advance(9000)
-        outcomes[breath_ms] = [
+        outcomes[pause_ms] = [
             it.outcome for end in ended if isinstance(end, water_medium.PacketEnded) for it in end.receptions
         ]
     received, collided = water_medium.Outcome.RECEIVED, water_medium.Outcome.COLLIDED

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from apad_bridge.analysis.belief_scores.comparisons import Comparison, Record, compared_in
+from apad_bridge.analysis.belief_scores.comparisons import Comparison, Record, comparisons_in
 from apad_bridge.analysis.belief_scores.scores import age_bin, scores_of
 from apad_bridge.beliefs.modes import Mode
 from apad_bridge.commands.main import main
@@ -96,7 +96,7 @@ def test_the_bag_and_the_journal_of_a_run_say_the_same(
 ) -> None:
     run = fly(tmp_path, True, capsys)
     bag, journal = (
-        {(it.at_ms, it.agent_id): it for it in compared_in(run, 5_000, record)} for record in Record
+        {(it.at_ms, it.agent_id): it for it in comparisons_in(run, 5_000, record)} for record in Record
     )
     assert len(bag) == 3 * 18 and set(bag) == set(journal)
     for key, it in bag.items():
@@ -143,7 +143,7 @@ def test_an_instant_of_a_bag_is_scored_by_hand(tmp_path: Path, capsys: pytest.Ca
     docked = truth._replace(agent_id=8, docked=True, state=int(State.CHARGING))
     bag.sample(10_000, [truth, docked], [belief, belief._replace(agent_id=8, charge_low=0.51)], None)
     bag.close()
-    first, second = compared_in(run, 10_000, Record.BAG)
+    first, second = comparisons_in(run, 10_000, Record.BAG)
     assert first.age_h == pytest.approx(0.5) and first.mode is Mode.IDLE and first.mode_right
     assert first.error == pytest.approx(0.03) and first.deviation == pytest.approx(0.02)
     assert first.covered is True and second.covered is False
@@ -172,7 +172,7 @@ def test_what_mostly_rests_at_an_end_is_told_by_its_moments(
         beliefs.append(BeliefSample(agent_id, int(State.ACTIVE), held.mean(), 1.0, *place, 0.0, *charges))
     bag.sample(10_000, truths, beliefs, None)
     bag.close()
-    assert [row.clamped for row in compared_in(run, 10_000, Record.BAG)] == [False, True, False, True]
+    assert [row.clamped for row in comparisons_in(run, 10_000, Record.BAG)] == [False, True, False, True]
 
 
 def test_a_run_whose_bag_is_torn_is_compared_by_its_journal(

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from agents.mussel.outputs import Truth
-from apad_bridge.assembly.estimator import fleet_beliefs, knowledge_of, schedules_of
+from apad_bridge.assembly.estimator import fleet_beliefs, schedules_of, twin_parameters_of
 from apad_bridge.assembly.parts import agent_ids
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.hold_last import HoldLast
@@ -51,11 +51,11 @@ def test_the_shipped_scenarios_hold_the_last_packet() -> None:
 
 
 def test_a_twin_is_told_the_worst_cases_equations() -> None:
-    knowledge = knowledge_of(WITH_TWINS, MODEL)
-    assert set(knowledge.drain.per_min[:5]) == {0.0010427134} and knowledge.drain.per_min[5] == 0.0
-    assert knowledge.charger.segments == ((0.16197, 0.001045), (0.5634, 0.00223), (1.0, 0.002911))
-    assert knowledge.water.step_variance_m2 == pytest.approx(0.005**2 / 3)
-    assert knowledge.sensor.apart_ms == 600_000  # 20 s of mission time at theta 30
+    parameters = twin_parameters_of(WITH_TWINS, MODEL)
+    assert set(parameters.drain.per_min[:5]) == {0.0010427134} and parameters.drain.per_min[5] == 0.0
+    assert parameters.charger.segments == ((0.16197, 0.001045), (0.5634, 0.00223), (1.0, 0.002911))
+    assert parameters.water.step_variance_m2 == pytest.approx(0.005**2 / 3)
+    assert parameters.sensor.apart_ms == 600_000  # 20 s of mission time at theta 30
 
 
 @pytest.mark.parametrize("settings", [{"estimator": "twin"}, {"twin": MODEL}])
@@ -84,7 +84,7 @@ def test_a_sleeper_is_told_what_its_board_will_draw(timeslot: int) -> None:
 def test_a_twin_is_told_what_a_metered_board_reads() -> None:
     """Compares with the battery monitor's own sums, and by hand with a known figure: 24 of 600 mV of a charger."""
     board = METERED.board
-    offsets = knowledge_of(METERED, MODEL).sensor.offsets
+    offsets = twin_parameters_of(METERED, MODEL).sensor.offsets
     whole = full_firmware(board)
     assert whole is not None and whole.power.metering is not None
     meter = Meter(charge_model(board), whole.power.metering, 1)
@@ -104,8 +104,8 @@ def test_a_twin_is_told_what_a_metered_board_reads() -> None:
     # 950 mW of radios beside an idle board are 257 mA at 3.7 V: 25.7 mV across 0.1 ohm.
     assert offsets[State.FLOATING] == pytest.approx((-0.0257 / 0.6, 0.0), abs=1e-4)
     assert offsets[State.TRANSMITTING][0] == 0.0 and State.EMPTY not in offsets
-    assert knowledge_of(METERED, MODEL).sensor.saturates
-    assert not knowledge_of(WITH_TWINS, MODEL).sensor.saturates
+    assert twin_parameters_of(METERED, MODEL).sensor.saturates
+    assert not twin_parameters_of(WITH_TWINS, MODEL).sensor.saturates
 
 
 @pytest.mark.parametrize("scenario", ["WHOLE", "METERED"])

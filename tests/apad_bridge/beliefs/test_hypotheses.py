@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from apad_bridge.assembly.estimator import knowledge_of
+from apad_bridge.assembly.estimator import twin_parameters_of
 from apad_bridge.beliefs import charge_state as charge
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.charge_state import PRIMARY, SIZE, Anchor
@@ -32,7 +32,7 @@ MODEL = TwinModel(
     current_deviation_m_s=0.02,
 )
 POOL = load(Path(__file__).parents[3] / "launch_scripts" / "scenarios" / "pool-12.yaml")
-KNOWLEDGE = knowledge_of(POOL, MODEL)
+KNOWLEDGE = twin_parameters_of(POOL, MODEL)
 
 
 def anchor(weight: float, primary: float, sd: float = 0.02) -> Anchor:

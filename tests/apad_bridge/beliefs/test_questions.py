@@ -7,8 +7,8 @@ import pytest
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.hold_last import LastPacket
 from apad_bridge.beliefs.modes import Mode
-from apad_bridge.beliefs.pings import WorthItsEnergy, WorthItsWay, to_ping
-from apad_bridge.beliefs.questions import by, candidate_below, full_above, lost, sure_at_ms
+from apad_bridge.beliefs.pings import PingForCharge, PingForPlace, ids_to_ping
+from apad_bridge.beliefs.questions import candidate_below, full_above, lost, probability_at, sure_at_ms
 from firmware_model.states import State
 
 HOUR = 3_600_000
@@ -36,7 +36,7 @@ def test_when_a_planner_will_be_nine_tenths_sure() -> None:
     start = believed(1, 1.0, 0.05, 0)
     low = candidate_below(0.5)
     assert low(start) < 1e-6
-    assert by(Draining(), start, low, 5 * HOUR) == pytest.approx(0.5)
+    assert probability_at(Draining(), start, low, 5 * HOUR) == pytest.approx(0.5)
     # The 0.9 quantile of a Gaussian lies at 1.2816 deviations: 0.064 of a battery, 38.4 minutes after it is at 0.5.
     found_ms = sure_at_ms(Draining(), start, low, 0.9, 10 * HOUR, HOUR)
     assert found_ms == pytest.approx(5 * HOUR + 0.6408 * HOUR, abs=2000)
@@ -60,7 +60,7 @@ def test_one_that_is_docked_or_lost_is_no_candidate() -> None:
 
 
 def test_a_ping_must_be_worth_its_energy() -> None:
-    policy = WorthItsEnergy(
+    policy = PingForCharge(
         candidate_below(0.5),
         wrong_plan_charge=0.06,
         answer_charge=0.005,
@@ -82,11 +82,11 @@ def test_a_ping_must_be_worth_its_energy() -> None:
         False,
         True,
     ]
-    assert to_ping(policy, [unsure, sure, empty, wide], 2 * HOUR) == [4, 1]
+    assert ids_to_ping(policy, [unsure, sure, empty, wide], 2 * HOUR) == [4, 1]
 
 
 def test_a_ping_must_be_worth_the_way_that_a_search_would_cost() -> None:
-    policy = WorthItsWay(candidate_below(0.5), answer_m=2.0)
+    policy = PingForPlace(candidate_below(0.5), answer_m=2.0)
 
     def placed(agent_id: int, charge: float, north_m2: float, east_m2: float) -> Belief:
         return replace(believed(agent_id, charge, 0.001, 0), place_cov=(north_m2, 0.0, east_m2))
@@ -99,4 +99,4 @@ def test_a_ping_must_be_worth_the_way_that_a_search_would_cost() -> None:
     )
     farther = placed(4, 0.2, 36.0, 64.0)
     assert policy.urgency(lost_sight_of) == pytest.approx(5.0)
-    assert to_ping(policy, [lost_sight_of, not_wanted, near, farther], 0) == [4, 1]
+    assert ids_to_ping(policy, [lost_sight_of, not_wanted, near, farther], 0) == [4, 1]

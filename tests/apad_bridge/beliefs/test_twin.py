@@ -23,12 +23,12 @@ from apad_bridge.beliefs.twin import Twin
 from apad_bridge.beliefs.twin_parameters import (
     Calls,
     Charger,
-    ClockKnowledge,
+    ClockParameters,
     Drain,
     Habits,
-    Knowledge,
     Schedule,
     Sensor,
+    TwinParameters,
     Water,
 )
 from apad_bridge.beliefs.twin_state import TwinState
@@ -37,7 +37,7 @@ from firmware_model.states import State
 
 HOUR = 3_600_000
 ASLEEP, IDLE, HIGH = 0.00007, 0.001, 0.003
-KNOWLEDGE = Knowledge(
+KNOWLEDGE = TwinParameters(
     theta=1,
     drain=Drain((ASLEEP, IDLE, HIGH, IDLE, 0.003, ASLEEP, ASLEEP, ASLEEP, 0.0), 0.027, 0.003, 0.6),
     charger=Charger(((0.16197, 0.001045), (0.5634, 0.00223), (1.0, 0.002911)), 1.2435, 0.04),
@@ -46,7 +46,7 @@ KNOWLEDGE = Knowledge(
     water=Water(0.001, 0.0, 3600.0, 1.0),
     drain_deviation=0.06,
     ageing_per_day=0.002,
-    clock=ClockKnowledge(1000.0, 20.0, 1000.0),
+    clock=ClockParameters(1000.0, 20.0, 1000.0),
     surfacing_ms=60_000,
     sinking_ms=60_000,
     float_timeout_ms=12 * HOUR,

@@ -6,8 +6,9 @@ import pytest
 
 from apad_bridge.doctor.finding import Status
 from apad_bridge.doctor.graph import Graph
+from apad_bridge.ros import doctor_apad_checks
 from apad_bridge.ros.doctor_apad_checks import check_apads
-from apad_bridge.ros.types.wire_probe import NotTold
+from apad_bridge.ros.types.wire_probe import NotAnnounced
 
 GO_TO = "4a0312be411e8ffc59f768d30e967664"
 SERVICES = {
@@ -20,11 +21,11 @@ SERVICES = {
 
 def found_of(monkeypatch: pytest.MonkeyPatch, services: dict[str, str]) -> dict[str, tuple[Status, str]]:
     def not_told(*_: object) -> str:
-        raise NotTold("nobody publishes it")
+        raise NotAnnounced("nobody publishes it")
 
-    monkeypatch.setattr(diagnosis_apads, "service_md5", lambda _, name: services[name])
-    monkeypatch.setattr(diagnosis_apads, "topic_md5", lambda *_: "d1c2e3fd518b63978e72fa7409f4ba71")
-    monkeypatch.setattr(diagnosis_apads, "stamp_offset_s", not_told)
+    monkeypatch.setattr(doctor_apad_checks, "service_md5", lambda _, name: services[name])
+    monkeypatch.setattr(doctor_apad_checks, "topic_md5", lambda *_: "d1c2e3fd518b63978e72fa7409f4ba71")
+    monkeypatch.setattr(doctor_apad_checks, "stamp_offset_s", not_told)
     graph = Graph("http://127.0.0.1:1/", {}, {}, {name: ["/boat_node"] for name in services}, {})
     return {it.check: (it.status, it.found) for it in check_apads(graph)}
 

@@ -8,6 +8,7 @@ import pytest
 
 from apad_bridge.doctor.definitions import Definitions, check_definitions, python_md5s
 from apad_bridge.doctor.finding import Status
+from apad_bridge.ros import doctor_checks
 from apad_bridge.ros.doctor_checks import check_other_definitions
 from apad_bridge.ros.types.generate import generate
 
@@ -61,7 +62,7 @@ def test_a_workspace_that_agrees_is_no_trouble() -> None:
 def workspace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Sets up a user's workspace in a shell without others; the installation's messages lie beside it."""
     generate(tmp_path / "ros")
-    monkeypatch.setattr(diagnosis, "generated_folder", lambda: tmp_path / "ros")
+    monkeypatch.setattr(doctor_checks, "generated_folder", lambda: tmp_path / "ros")
     monkeypatch.delenv("PYTHONPATH", raising=False)
     monkeypatch.delenv("ROS_PACKAGE_PATH", raising=False)
     return tmp_path / "workspace"

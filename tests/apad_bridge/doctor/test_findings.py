@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from apad_bridge.doctor.finding import Finding, Status, examined, fail, ok
+from apad_bridge.doctor.finding import Finding, Status, fail, ok, run_check
 
 
 def test_a_line_holds_status_what_was_found_and_the_mend() -> None:
@@ -26,7 +26,7 @@ def test_a_check_that_breaks_keeps_what_it_had_found() -> None:
         yield ok("first", "fine")
         raise KeyError("second")
 
-    first, broken = examined("both", breaks)
+    first, broken = run_check("both", breaks)
     assert first == ok("first", "fine")
     assert (broken.check, broken.status) == ("both", Status.FAIL)
     assert "KeyError: 'second'" in broken.found

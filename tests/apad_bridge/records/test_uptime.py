@@ -147,7 +147,7 @@ def test_only_a_simulated_one_in_the_water_is_counted(events, ticks, presence_by
         if isinstance(it, Truth):
             meter.take(it)
         else:
-            meter.is_now(7, it, at_ms)
+            meter.set_presence(7, it, at_ms)
     counted = [replace(it, charge=0) for it in meter.at(ticks * TICK_MS)]
     assert counted == ([replace(literal(truths, ticks, presence_by_tick), charge=0)] if truths else [])
 
@@ -165,11 +165,11 @@ def test_what_a_twin_does_is_told_apart():
     meter.take(other)
     meter.take(at(0, FULL, 0))
     meter.take(at(2, FULL, 5))
-    meter.is_now(7, Presence.REAL, 3 * tick_ms)
+    meter.set_presence(7, Presence.REAL, 3 * tick_ms)
     meter.take(at(5, 0, 9))
     assert meter.active_now(5 * TICK_MS) == 0
     meter.take(at(7, FULL // 2, 9))
-    meter.is_now(7, Presence.SIMULATED, 7 * tick_ms)
+    meter.set_presence(7, Presence.SIMULATED, 7 * tick_ms)
     meter.take(at(8, FULL // 2, 11))
     assert meter.active_now(9 * TICK_MS) == 1
     figures = uptime_figures(meter, 10 * TICK_MS, TICK_MS)
@@ -199,7 +199,7 @@ def test_what_a_twin_does_is_told_apart():
 def test_where_everybody_is_elsewhere_there_are_no_figures():
     meter = UptimeMeter(THETA, MODEL, TICK_MS)
     meter.take(truth(0, State.ACTIVE, False, (FULL, Flow.RESTING), (FULL, Flow.RESTING)))
-    meter.is_now(7, Presence.RETIRED, 0)
+    meter.set_presence(7, Presence.RETIRED, 0)
     figures = uptime_figures(meter, 4 * TICK_MS, TICK_MS)
     assert (
         figures["uptime_paper"] is None and figures["uptime_missing"] == "nobody was simulated in the water"

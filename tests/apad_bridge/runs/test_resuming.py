@@ -103,8 +103,8 @@ def a_crash(path: Path) -> tuple[RunDirectory, LearnedState]:
 
 def third_second(directory: RunDirectory) -> tuple[Recorder, LearnedState]:
     directory.path.mkdir()
-    recorder, learned = Recorder(directory, POOL, POOL.fleet.ids), parts.nothing_known(POOL)
-    recorder.keep(learned, 0)
+    recorder, learned = Recorder(directory, POOL, POOL.fleet.ids), parts.initial_learned_state(POOL)
+    recorder.begin_checkpoint(learned, 0)
     learned.beliefs.hear(StatusPacket(5, 0, State.ACTIVE, 0.5, 1.0, 2.0, 3.0, 3.0, 1000), 1000)
     recorder.event(1000, "presence", id=2, by="/lab", **{"is": "real"})
     recorder.event(2000, "presence", id=3, by="a service call", **{"is": "retired"})
@@ -164,8 +164,8 @@ def killed(directory: RunDirectory, path: Path) -> RunDirectory:
 def test_counts_of_what_was_dropped_go_on_through_two_kills(tmp_path: Path) -> None:
     directory = RunDirectory(tmp_path / "first")
     directory.path.mkdir()
-    first, learned = Recorder(directory, POOL, POOL.fleet.ids), parts.nothing_known(POOL)
-    first.keep(learned, 0)
+    first, learned = Recorder(directory, POOL, POOL.fleet.ids), parts.initial_learned_state(POOL)
+    first.begin_checkpoint(learned, 0)
     ticked(first, 1000, {"echo": 1})
     ticked(first, 2000, {"echo": 2, "late": 1})
     first.dropped_in_flight = lambda: Counter(echo=9)  # in the tick in which it is killed
@@ -176,7 +176,7 @@ def test_counts_of_what_was_dropped_go_on_through_two_kills(tmp_path: Path) -> N
     options = OPTIONS.on_own_master("http://h:2").next_epoch()
     second = resume_run(left, POOL, options, lines.append)
     assert lines[0] == LOST
-    second.recorder.keep(second.learned, second.start_ms)
+    second.recorder.begin_checkpoint(second.learned, second.start_ms)
     at_once = killed(left, tmp_path / "at_once")
     ticked(second.recorder, 3000, {"echo": 4})
     later = killed(left, tmp_path / "later")
@@ -184,7 +184,7 @@ def test_counts_of_what_was_dropped_go_on_through_two_kills(tmp_path: Path) -> N
 
     for left, more in ((at_once, 0), (later, 4)):
         third = resume_run(left, POOL, options, lines.append)
-        third.recorder.keep(third.learned, third.start_ms)
+        third.recorder.begin_checkpoint(third.learned, third.start_ms)
         summary = third.recorder.finish(4000, Ending("mission time", 0.0, 0, None, {"echo": 10}))
         assert summary["dropped"] == {"echo": 2 + more + 10, "late": 1}
 

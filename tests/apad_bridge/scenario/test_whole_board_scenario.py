@@ -16,7 +16,7 @@ from apad_bridge.scenario.full_firmware_options import ModuleLoads
 from apad_bridge.scenario.loader import from_data, load, resolve, with_overrides, write_resolved
 from apad_bridge.scenario.schema import Scenario
 from firmware_model import table_one
-from firmware_model.config import LastResort, Slots, Timekeeping
+from firmware_model.config import LastResort, Timekeeping, Timeslots
 from firmware_model.power.charge import FULL
 from firmware_model.power.rails import Rail, bits
 
@@ -129,7 +129,7 @@ def test_a_clock_that_drifts_and_a_firmware_that_knows_it() -> None:
     )
     assert fleet.whole is not None and fleet.whole.cycle is not None
     assert fleet.whole.timekeeping == Timekeeping(20_000, 90_000)
-    assert fleet.whole.cycle.slots == Slots(300_000, 5000, 1500)
+    assert fleet.whole.cycle.slots == Timeslots(300_000, 5000, 1500)
     drifts = {fleet.maker().config(agent_id).board.drift_ppb for agent_id in range(1, 13)}
     assert len(drifts) == 12 and max(map(abs, drifts)) <= 12_500
 

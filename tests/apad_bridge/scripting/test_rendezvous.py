@@ -11,9 +11,9 @@ from apad_bridge.runs.script_in_memory import fly_script
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scripting.api import Api
 from apad_bridge.scripting.program import SCRIPT_FAILED
-from apad_bridge.scripting.rendezvous import Aborted, Do, Finished, Rendezvous, Turns, Wait
+from apad_bridge.scripting.rendezvous import Aborted, Do, Finished, Rendezvous, TurnTimeouts, Wait
 
-PATIENT = Turns(tick_s=20.0, busy_s=20.0)
+PATIENT = TurnTimeouts(tick_s=20.0, busy_s=20.0)
 
 
 def test_what_is_asked_is_done_by_the_supervisor_s_thread() -> None:
@@ -119,7 +119,7 @@ def test_a_script_that_never_comes_back_ends_the_mission_not_the_machine(
         released.wait(60)
 
     monkeypatch.setattr(Rendezvous, "next", patient)
-    flight = fly_script(pool, script, Turns(tick_s=0.05, busy_s=0.05))
+    flight = fly_script(pool, script, TurnTimeouts(tick_s=0.05, busy_s=0.05))
     released.set()
     assert flight.ended_by == f"{SCRIPT_FAILED}: it neither called the API nor slept for 0.05 s"
     # Virtual time ran on only until the script was judged stuck.
@@ -147,6 +147,6 @@ def test_in_real_time_ticks_go_on_while_a_script_computes(pool: Scenario) -> Non
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Rendezvous, "next", counted)
-        flight = fly_script(pool, script, Turns(tick_s=0.01, busy_s=60.0))
+        flight = fly_script(pool, script, TurnTimeouts(tick_s=0.01, busy_s=60.0))
     assert flight.error is None
     assert seen[0] >= 2

@@ -4,12 +4,19 @@ from __future__ import annotations
 
 import pytest
 
-from apad_bridge.supervisor.roster import Became, Claim, Presence, Presences, conflicts, given_back
+from apad_bridge.supervisor.roster import (
+    Claim,
+    Presence,
+    PresenceChange,
+    Presences,
+    claim_conflicts,
+    unclaimed_real_ids,
+)
 
 PRESENCES = Presences(
     [1, 2, 3, 4],
     3.0,
-    [Became(0, 2, Presence.REAL, "/lab"), Became(0, 3, Presence.RETIRED, "/other")],
+    [PresenceChange(0, 2, Presence.REAL, "/lab"), PresenceChange(0, 3, Presence.RETIRED, "/other")],
 )
 
 
@@ -42,12 +49,12 @@ def claim(node: str, real: bool, *ids: int) -> Claim:
     ],
 )
 def test_each_difference_is_told_in_a_line(claims: list[Claim], lines: list[str]) -> None:
-    assert conflicts(PRESENCES.of, PRESENCES.before, claims) == lines
+    assert claim_conflicts(PRESENCES.of, PRESENCES.before, claims) == lines
 
 
 def test_a_real_one_is_given_back_by_its_claimant_alone() -> None:
     before = PRESENCES.before
-    assert given_back(before, [claim("/lab", True, 4)]) == {2: "/lab"}
-    assert given_back(before, [claim("/lab", True, 2)]) == {}
-    assert given_back(before, [claim("/somebody", True, 4)]) == {}
-    assert given_back(before, []) == {}, "a claim that is merely not repeated changes nothing"
+    assert unclaimed_real_ids(before, [claim("/lab", True, 4)]) == {2: "/lab"}
+    assert unclaimed_real_ids(before, [claim("/lab", True, 2)]) == {}
+    assert unclaimed_real_ids(before, [claim("/somebody", True, 4)]) == {}
+    assert unclaimed_real_ids(before, []) == {}, "a claim that is merely not repeated changes nothing"

@@ -3,7 +3,7 @@ from itertools import pairwise
 
 import pytest
 
-from apad_bridge.supervisor.clock import BEAT_S, WallClock
+from apad_bridge.supervisor.clock import POLL_PERIOD_S, WallClock
 
 
 class Hand:
@@ -71,5 +71,5 @@ def test_on_the_way_to_a_tick_it_tells_the_time_that_has_come(speed: float) -> N
     assert all(
         0 < after - before <= 31 * speed for before, after in pairwise(it for it in between_ms if it < 1000)
     )
-    assert 2 * 0.9 / speed / BEAT_S < len(between_ms) + 2 < 2 * 1.1 / speed / BEAT_S + 3
+    assert 2 * 0.9 / speed / POLL_PERIOD_S < len(between_ms) + 2 < 2 * 1.1 / speed / POLL_PERIOD_S + 3
     assert not {1000, 2000} & set(between_ms)

@@ -7,7 +7,7 @@ import pytest
 
 from agents.packet_medium import Medium
 from apad_bridge.assembly import parts
-from apad_bridge.mission.events import Fact, OperatorAsked, Send, SoundHeard, SupervisorAction, WifiHeard
+from apad_bridge.mission.events import EndRequested, Fact, Send, SoundHeard, SupervisorAction, WifiHeard
 from apad_bridge.scenario.loader import load
 from apad_bridge.vehicle.commands import BatteryReported, GoTo, Hold, PoseReported
 from firmware_model.packets import (
@@ -91,7 +91,7 @@ def test_bytes_that_are_nothing_are_counted_and_disturb_nothing() -> None:
 @pytest.mark.parametrize(
     ("fact", "now_ms", "reason"),
     [
-        (OperatorAsked(1000, "the operator"), 1000, "the operator"),
+        (EndRequested(1000, "the operator"), 1000, "the operator"),
         (BatteryReported(1000, 10.5, 0.0), 1000, "the aPad's battery"),
         (BatteryReported(1000, 16.0, 1.0), 2_400_000, "mission time"),
     ],

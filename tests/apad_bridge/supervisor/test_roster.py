@@ -29,14 +29,14 @@ from apad_bridge.supervisor.fleet import Fleet
 from apad_bridge.supervisor.loop import Flight
 from apad_bridge.supervisor.roster import (
     TABLE,
-    Asked,
-    Became,
-    Failed,
     Fault,
-    Moved,
+    FaultRequest,
     Presence,
+    PresenceChange,
+    PresenceRequest,
     Presences,
     Roster,
+    RosterRequest,
     Trigger,
 )
 from apad_bridge.vehicle.link import InProcessVehicle
@@ -51,14 +51,14 @@ class Paper:
     """A queue for the test's requests."""
 
     def __init__(self) -> None:
-        self.asked: list[Asked] = []
+        self.asked: list[RosterRequest] = []
         self.answers: list[str | None] = []
 
-    def take(self) -> list[Asked]:
+    def take(self) -> list[RosterRequest]:
         asked, self.asked = self.asked, []
         return asked
 
-    def answer(self, asked: Asked, refusal: str | None) -> None:
+    def answer(self, asked: RosterRequest, refusal: str | None) -> None:
         self.answers.append(refusal)
 
 
@@ -118,7 +118,7 @@ class Bench:
             recorder,
         )
 
-    def ask(self, *asked: Asked) -> list[str | None]:
+    def ask(self, *asked: RosterRequest) -> list[str | None]:
         self.paper.asked, self.paper.answers = list(asked), []
         self.ticks(1)
         return self.paper.answers
@@ -162,7 +162,7 @@ def test_a_real_one_is_believed_while_its_twin_goes_on_unheard_and_takes_over_wh
     bench = Bench()
     bench.ticks(5)
     beliefs = bench.flight.supervisor.beliefs
-    assert bench.ask(Moved(THE_ONE, Trigger.HAND_OVER, "a test")) == [None]
+    assert bench.ask(PresenceRequest(THE_ONE, Trigger.HAND_OVER, "a test")) == [None]
     bench.ticks(5)
     assert beliefs.get(THE_ONE) is None  # its twin reports every second, and is muted
     _, twin_m = bench.truth()
@@ -171,7 +171,7 @@ def test_a_real_one_is_believed_while_its_twin_goes_on_unheard_and_takes_over_wh
     assert belief is not None
     assert (belief.north_m, belief.primary) == pytest.approx((twin_m + 4.0, 0.5), abs=0.01)
     assert bench.truth()[1] == pytest.approx(twin_m)
-    assert bench.ask(Moved(THE_ONE, Trigger.TAKE_BACK, "a test")) == [None]
+    assert bench.ask(PresenceRequest(THE_ONE, Trigger.TAKE_BACK, "a test")) == [None]
     bench.ticks(10)
     assert bench.truth()[1] == pytest.approx(twin_m + 4.0, abs=0.01)
     heard = beliefs.get(THE_ONE)
@@ -187,7 +187,9 @@ def test_a_real_one_is_believed_while_its_twin_goes_on_unheard_and_takes_over_wh
 def test_uptimes_are_of_the_simulated_ones_and_others_are_told_apart() -> None:
     bench = Bench()
     bench.ticks(11)
-    bench.ask(Moved(THE_ONE, Trigger.HAND_OVER, "a test"), Moved(1, Trigger.RETIRE, "a test"))
+    bench.ask(
+        PresenceRequest(THE_ONE, Trigger.HAND_OVER, "a test"), PresenceRequest(1, Trigger.RETIRE, "a test")
+    )
     bench.ticks(8)
     figures = uptime_figures(bench.recorder.meter, bench.flight.now_ms - 1000)
     # Ticks 1 to 19 of two aMussels, and ticks 1 to 11 of the two whose presence changed at the end of tick 11.
@@ -199,20 +201,20 @@ def test_uptimes_are_of_the_simulated_ones_and_others_are_told_apart() -> None:
 
 def test_taken_back_before_anything_was_heard_of_the_real_one_is_refused() -> None:
     bench = Bench()
-    bench.ask(Moved(THE_ONE, Trigger.HAND_OVER, "a test"))
-    (refusal,) = bench.ask(Moved(THE_ONE, Trigger.TAKE_BACK, "a test"))
+    bench.ask(PresenceRequest(THE_ONE, Trigger.HAND_OVER, "a test"))
+    (refusal,) = bench.ask(PresenceRequest(THE_ONE, Trigger.TAKE_BACK, "a test"))
     assert refusal is not None and "nothing was heard" in refusal
 
 
 def test_a_retired_one_is_planned_for_no_more_and_may_be_spawned_elsewhere() -> None:
     bench = Bench(charge=0.5)  # below the threshold: all of them are to be collected
     bench.ticks(3)
-    assert bench.ask(*(Moved(it, Trigger.RETIRE, "a test") for it in (1, 2, 4))) == [None] * 3
-    assert bench.ask(Moved(THE_ONE, Trigger.RETIRE, "a test")) == [None]
+    assert bench.ask(*(PresenceRequest(it, Trigger.RETIRE, "a test") for it in (1, 2, 4))) == [None] * 3
+    assert bench.ask(PresenceRequest(THE_ONE, Trigger.RETIRE, "a test")) == [None]
     bench.ticks(60)
     assert bench.flight.supervisor.beliefs.all() == []
     assert not [it for it in bench.recorder.events if it[1] == "dock"]
-    assert bench.ask(Moved(THE_ONE, Trigger.SPAWN, "a test", (7.0, 8.0), (0.25, 0.75))) == [None]
+    assert bench.ask(PresenceRequest(THE_ONE, Trigger.SPAWN, "a test", (7.0, 8.0), (0.25, 0.75))) == [None]
     bench.ticks(2)
     belief = bench.flight.supervisor.beliefs.get(THE_ONE)
     assert belief is not None
@@ -223,7 +225,7 @@ def test_a_reset_by_fault_is_a_reset() -> None:
     bench = Bench()
     bench.ticks(3)
     before = bench.truth()
-    assert bench.ask(Failed(THE_ONE, Fault.BROWN_OUT)) == [None]
+    assert bench.ask(FaultRequest(THE_ONE, Fault.BROWN_OUT)) == [None]
     wires = [data["wire"] for _, kind, data in bench.recorder.events if kind == "stimulus"]
     assert wires[-1:] == [[8, 1]]
     bench.ticks(3)
@@ -233,13 +235,15 @@ def test_a_reset_by_fault_is_a_reset() -> None:
 def test_what_cannot_be_is_refused_in_words() -> None:
     bench = Bench()
     bench.ticks(2)
-    unknown, spawned = bench.ask(Moved(77, Trigger.RETIRE, "a test"), Moved(1, Trigger.SPAWN, "a test"))
+    unknown, spawned = bench.ask(
+        PresenceRequest(77, Trigger.RETIRE, "a test"), PresenceRequest(1, Trigger.SPAWN, "a test")
+    )
     assert unknown == "aMussel 77 is not of this fleet"
     assert spawned == "aMussel 1 is simulated: it cannot spawn"
-    bench.ask(Moved(1, Trigger.HAND_OVER, "a test"))
-    (faulty,) = bench.ask(Failed(1, Fault.WATCHDOG))
+    bench.ask(PresenceRequest(1, Trigger.HAND_OVER, "a test"))
+    (faulty,) = bench.ask(FaultRequest(1, Fault.WATCHDOG))
     assert faulty == "aMussel 1 is real: faults are for simulated ones"
-    (slipped,) = bench.ask(Failed(2, Fault.COIL_SLIP))
+    (slipped,) = bench.ask(FaultRequest(2, Fault.COIL_SLIP))
     assert slipped == "aMussel 2 is in no dock, as far as is heard: a coil slips only there"
 
 
@@ -259,10 +263,10 @@ def test_what_is_left_out_of_a_spawning_is_refused(
 ) -> None:
     bench = Bench()
     bench.ticks(2)
-    bench.ask(Moved(1, Trigger.RETIRE, "a test"))
-    (answer,) = bench.ask(Moved(1, Trigger.SPAWN, "a test", at, charges))
+    bench.ask(PresenceRequest(1, Trigger.RETIRE, "a test"))
+    (answer,) = bench.ask(PresenceRequest(1, Trigger.SPAWN, "a test", at, charges))
     assert answer is not None and refusal in answer
-    assert bench.ask(Moved(1, Trigger.SPAWN, "a test", (5.0, 5.0), (0.5, 1.0))) == [None]
+    assert bench.ask(PresenceRequest(1, Trigger.SPAWN, "a test", (5.0, 5.0), (0.5, 1.0))) == [None]
 
 
 def test_one_in_a_dock_is_left_alone() -> None:
@@ -272,7 +276,7 @@ def test_one_in_a_dock_is_left_alone() -> None:
         bench.ticks(1)
         assert bench.flight.now_ms < 300_000
     docked = next(belief.agent_id for belief in beliefs.all() if belief.state is State.CHARGING)
-    (refusal,) = bench.ask(Moved(docked, Trigger.RETIRE, "a test"))
+    (refusal,) = bench.ask(PresenceRequest(docked, Trigger.RETIRE, "a test"))
     assert refusal == f"aMussel {docked} is in a dock: undock it first"
 
 
@@ -282,7 +286,7 @@ def test_what_was_done_is_answered_when_it_is_recorded() -> None:
     order: list[str] = []
 
     class RosterRequests(Paper):
-        def answer(self, asked: Asked, refusal: str | None) -> None:
+        def answer(self, asked: RosterRequest, refusal: str | None) -> None:
             order.append("answered")
 
     class Records(Witness):
@@ -294,7 +298,7 @@ def test_what_was_done_is_answered_when_it_is_recorded() -> None:
             order.append("on disk")
 
     requests = RosterRequests()
-    requests.asked = [Moved(THE_ONE, Trigger.HAND_OVER, "a test")]
+    requests.asked = [PresenceRequest(THE_ONE, Trigger.HAND_OVER, "a test")]
     bench.flight = bench.begin(Records(bench.scenario), Roster(bench.presences, requests))
     bench.ticks(1)
     assert order == ["said", "on disk", "answered"]
@@ -303,8 +307,13 @@ def test_what_was_done_is_answered_when_it_is_recorded() -> None:
 def test_another_supervisor_knows_who_is_real_and_who_is_retired() -> None:
     bench = Bench()
     bench.ticks(3)
-    bench.ask(Moved(THE_ONE, Trigger.HAND_OVER, "a test"), Moved(1, Trigger.RETIRE, "a test"))
-    bench.ask(Moved(1, Trigger.SPAWN, "a test", (7.0, 8.0), (0.5, 0.5)), Moved(2, Trigger.RETIRE, "a test"))
+    bench.ask(
+        PresenceRequest(THE_ONE, Trigger.HAND_OVER, "a test"), PresenceRequest(1, Trigger.RETIRE, "a test")
+    )
+    bench.ask(
+        PresenceRequest(1, Trigger.SPAWN, "a test", (7.0, 8.0), (0.5, 0.5)),
+        PresenceRequest(2, Trigger.RETIRE, "a test"),
+    )
     lines = [{"t": at_ms, "kind": kind, **data} for at_ms, kind, data in bench.recorder.events]
     journal = JournalContents(json.loads(json.dumps(lines)), 0)
 
@@ -326,8 +335,8 @@ def test_another_supervisor_knows_who_is_real_and_who_is_retired() -> None:
 def test_one_that_was_placed_as_the_supervisor_died_is_placed_once(felt: bool) -> None:
     bench = Bench()
     bench.ticks(3)
-    bench.ask(Moved(1, Trigger.RETIRE, "a test"))
-    bench.ask(Moved(1, Trigger.SPAWN, "a test", (7.0, 8.0), (0.5, 0.5)))
+    bench.ask(PresenceRequest(1, Trigger.RETIRE, "a test"))
+    bench.ask(PresenceRequest(1, Trigger.SPAWN, "a test", (7.0, 8.0), (0.5, 0.5)))
     if felt:
         bench.ticks(1)
     lines = [{"t": at_ms, "kind": kind, **data} for at_ms, kind, data in bench.recorder.events]
@@ -344,5 +353,5 @@ def test_one_that_was_placed_as_the_supervisor_died_is_placed_once(felt: bool) -
 
 
 def test_changes_of_ids_that_are_not_of_the_fleet_are_nobodys() -> None:
-    again = Presences([1], 3.0, [Became(5, 9, Presence.REAL, "/lab")])
+    again = Presences([1], 3.0, [PresenceChange(5, 9, Presence.REAL, "/lab")])
     assert again.of(9) is None and again.simulated == {1}

@@ -16,7 +16,7 @@ from apad_bridge.vehicle.generation_b.core import GenerationBCore
 from apad_bridge.vehicle.generation_b.simulated import GenerationBVehicle
 from apad_bridge.vehicle.simulated.apad import SimulatedAPad
 from apad_bridge.vehicle.simulated.misses import Misses
-from apad_bridge.vehicle.stack_messages import BatteryHeard, PoseHeard, PoseShown, StateHeard
+from apad_bridge.vehicle.stack_messages import BatteryReceived, PosePublished, PoseReceived, StateRefReceived
 
 POOL = load(Path(__file__).parents[3] / "launch_scripts" / "scenarios" / "pool-12.yaml")
 BATTERY_V = (10.5, 16.0)
@@ -41,9 +41,9 @@ def made_at(request: pytest.FixtureRequest) -> Callable[[int], Vehicle]:
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
 def test_what_is_not_finite_is_dropped_and_counted(core: Core, bad: float) -> None:
-    core.hear(PoseHeard(0, bad, 0.0, 0.0), 0)
-    core.hear(PoseHeard(0, 0.0, 0.0, bad), 0)
-    core.hear(BatteryHeard(0, bad), 0)
+    core.receive(PoseReceived(0, bad, 0.0, 0.0), 0)
+    core.receive(PoseReceived(0, 0.0, 0.0, bad), 0)
+    core.receive(BatteryReceived(0, bad), 0)
     assert core.advance(0) == []
     assert core.dropped == {"position: not finite": 2, "battery_level: not finite": 1}
 
@@ -55,21 +55,21 @@ def test_what_is_not_finite_is_dropped_and_counted(core: Core, bad: float) -> No
 def test_percent_becomes_a_fraction_and_a_voltage(
     core: Core, percent: float, fraction: float, voltage_v: float
 ) -> None:
-    core.hear(BatteryHeard(1_000, percent), 1_000)
+    core.receive(BatteryReceived(1_000, percent), 1_000)
     assert core.advance(1_000) == [BatteryReported(1_000, voltage_v, fraction)]
 
 
 def test_of_poses_only_the_newest_is_told_and_an_overtaken_one_is_counted(core: Core) -> None:
-    core.hear(PoseHeard(100, 2.1, 3.1, 0.0), 100)
-    core.hear(PoseHeard(900, 4.0, 5.0, 0.5), 1_000)
-    core.hear(PoseHeard(800, 2.1, 3.1, 0.0), 1_000)
+    core.receive(PoseReceived(100, 2.1, 3.1, 0.0), 100)
+    core.receive(PoseReceived(900, 4.0, 5.0, 0.5), 1_000)
+    core.receive(PoseReceived(800, 2.1, 3.1, 0.0), 1_000)
     assert core.advance(1_000) == [PoseReported(900, 4.0, 5.0, 0.5)]
     assert core.dropped == {"position: a newer one overtook it": 1}
 
 
 def test_what_is_stamped_later_waits_for_its_time_but_stateRef_counts_at_once(core: Core) -> None:
-    core.hear(PoseHeard(1_500, 4.0, 5.0, 0.0), 1_000)
-    core.hear(StateHeard(2_000), 1_000)  # from a node that is ahead
+    core.receive(PoseReceived(1_500, 4.0, 5.0, 0.0), 1_000)
+    core.receive(StateRefReceived(2_000), 1_000)  # from a node that is ahead
     assert core.readings.state_ms == 2_000
     assert core.advance(1_000) == []
     assert core.advance(2_000) == [PoseReported(1_500, 4.0, 5.0, 0.0)]
@@ -83,7 +83,7 @@ def test_a_cores_time_never_goes_back(core: Core) -> None:
 
 def test_a_vehicle_starts_at_any_time_and_never_goes_back(made_at: Callable[[int], Vehicle]) -> None:
     vehicle = made_at(5_000)
-    poses = [it for it in vehicle.advance(6_000) if isinstance(it, PoseShown)]
+    poses = [it for it in vehicle.advance(6_000) if isinstance(it, PosePublished)]
     assert [it.at_ms for it in poses] == list(range(5_000, 6_001, 100))
     assert (poses[0].pose.north_m, poses[0].pose.east_m) == POOL.apad.start_m
     with pytest.raises(ValueError, match="time went back"):

@@ -333,7 +333,7 @@ def test_a_virtual_docking_may_open_the_arm_meanwhile() -> None:
 
 
 def test_a_single_amussel_may_be_docked_visually() -> None:
-    port = DockingPort(replace(VIRTUAL, camera_ids=(9,), visual_ids=(8,)), docks_by_eye=True)
+    port = DockingPort(replace(VIRTUAL, camera_ids=(9,), visual_ids=(8,)), has_visual_servoing=True)
     for agent_id in (8, 9):
         assert isinstance(port.receive(DockMussel(agent_id, 2, agent_id), 0)[-1], CloseDock)
         port.receive(CommandFailed(0, agent_id - 7, "?"), 0)

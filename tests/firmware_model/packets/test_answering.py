@@ -176,7 +176,7 @@ def test_a_reset_forgets_what_it_was_asked() -> None:
 def test_what_the_modem_sends_by_itself_is_drawn_without_waking_the_board() -> None:
     bench = asleep()
     bench.tell(ModemSpoke(105))
-    assert not bench.board.hears
+    assert not bench.board.is_modem_listening
     bench.run(minutes=1)
     rails = [(it.at_ms - 1_800_000, it.rail, it.on) for it in bench.did(SetRail)]
     assert rails == [

@@ -15,7 +15,7 @@ import yaml
 from rosbags.interfaces import Nodetype
 from rosbags.rosbag1 import Reader
 
-from apad_bridge.analysis.layouts.fleet import LayoutFleet, hexadecimal, shown
+from apad_bridge.analysis.layouts.fleet import LayoutFleet, hexadecimal, layout_fleet
 from apad_bridge.analysis.layouts.kinds import KINDS
 from apad_bridge.assembly.division import Member, members
 from apad_bridge.commands.main import main
@@ -47,7 +47,7 @@ def pool() -> LayoutFleet:
 
 def of_scenario(name: str, namespace: str = "") -> LayoutFleet:
     scenario = load(LAUNCH / "scenarios" / f"{name}.yaml")
-    return shown(scenario, starts_of(scenario), namespace)
+    return layout_fleet(scenario, starts_of(scenario), namespace)
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -123,7 +123,7 @@ def battery_ids(names: list[str]) -> list[int]:
 
 
 def test_each_aPad_is_shown_with_whom_it_serves(bay: Scenario, bay_members: tuple[Member, ...]) -> None:
-    fleet = shown(bay, starts_of(bay))
+    fleet = layout_fleet(bay, starts_of(bay))
     wanted = {member.name: list(member.scenario.fleet.ids) for member in bay_members}
     assert len(wanted) == 5
     curves, paths = plotjuggler_curves(fleet), foxglove_paths(fleet)
@@ -140,7 +140,7 @@ def test_each_aPad_is_shown_with_whom_it_serves(bay: Scenario, bay_members: tupl
 
 def test_one_of_several_by_itself_keeps_its_names(bay_members: tuple[Member, ...]) -> None:
     second = bay_members[1]
-    fleet = shown(second.scenario, second.starts)
+    fleet = layout_fleet(second.scenario, second.starts)
     (apad,) = fleet.apads
     assert apad.ids == second.scenario.fleet.ids
     assert rviz_topics(fleet)[0] == "/musselbed/apad2/markers"
@@ -150,7 +150,7 @@ def test_an_aPad_of_a_global_name(pool: LayoutFleet) -> None:
     data = resolve(load(LAUNCH / "scenarios" / "pool-12.yaml"))
     data["apad"]["name"] = "/lab/boat"
     scenario = from_data(data, "pool-12")
-    fleet = shown(scenario, starts_of(scenario))
+    fleet = layout_fleet(scenario, starts_of(scenario))
     assert rviz_topics(fleet) == rviz_topics(pool), "what is of the bench does not depend on the aPad's name"
     assert foxglove_paths(fleet).keys() == {"/lab/boat", "run.bag"}
 
@@ -235,7 +235,7 @@ def test_plotjuggler_is_told_to_take_what_it_plots(pool: LayoutFleet) -> None:
 
 def test_lists_are_not_too_long_for_plotjuggler(bay: Scenario) -> None:
     many = with_overrides(bay, agents=400)
-    root = ElementTree.fromstring(KINDS["plotjuggler"].write(shown(many, starts_of(many))))
+    root = ElementTree.fromstring(KINDS["plotjuggler"].write(layout_fleet(many, starts_of(many))))
     assert {it.attrib["value"] for it in root.iter("max_array_size")} == {"400"}
 
 
@@ -246,7 +246,7 @@ def test_neighbours_have_colours_of_their_own() -> None:
 
 
 def test_the_area_fits_into_rviz(bay: Scenario) -> None:
-    data = yaml.safe_load(KINDS["rviz"].write(shown(bay, starts_of(bay))))["Visualization Manager"]
+    data = yaml.safe_load(KINDS["rviz"].write(layout_fleet(bay, starts_of(bay))))["Visualization Manager"]
     view = data["Views"]["Current"]
     # The area is 60 m by 200 m, north first; RViz 1.14 draws on 1327 x 768 of a 1360 x 860 window, so the width decides.
     assert (view["X"], view["Y"]) == (100, 30)
@@ -259,7 +259,7 @@ def test_the_area_fits_into_rviz(bay: Scenario) -> None:
 
 
 def test_foxglove_hides_every_frame(bay: Scenario) -> None:
-    scene = json.loads(KINDS["foxglove"].write(shown(bay, starts_of(bay))))["configById"]["3D!scene"]
+    scene = json.loads(KINDS["foxglove"].write(layout_fleet(bay, starts_of(bay))))["configById"]["3D!scene"]
     hidden = {name for name, how in scene["transforms"].items() if how == {"visible": False}}
     bodies = [*(f"amussel{n}" for n in range(1, 121)), *(f"apad{n}" for n in range(1, 6))]
     assert hidden == {
@@ -270,7 +270,7 @@ def test_foxglove_hides_every_frame(bay: Scenario) -> None:
 
 
 def test_grids_are_the_same_in_both_programs(bay: Scenario) -> None:
-    fleet = shown(bay, starts_of(bay))
+    fleet = layout_fleet(bay, starts_of(bay))
     in_foxglove = json.loads(KINDS["foxglove"].write(fleet))["configById"]["3D!scene"]["layers"]["grid"]
     in_rviz = yaml.safe_load(KINDS["rviz"].write(fleet))["Visualization Manager"]["Displays"][0]
     assert in_foxglove["size"] / in_foxglove["divisions"] == in_rviz["Cell Size"] == 5

@@ -102,11 +102,11 @@ def test_an_estimate_that_nobody_heard_alerts_nobody() -> None:
     heard = Belief(7, 1000, State.ACTIVE, 0.9, 1.0, 10.0, 20.0)
     sleeping = tuple(float(mode is Mode.ASLEEP) for mode in Mode)
     carried = replace(
-        heard, primary=0.5, carried_ms=60_000, charge_cov=(1e-4, 0.0, 0.0), mode_probabilities=sleeping
+        heard, primary=0.5, predicted_ms=60_000, charge_cov=(1e-4, 0.0, 0.0), mode_probabilities=sleeping
     )
     falls = Falls(0.8)
     assert falls.hear([heard]) == [] and falls.hear([carried]) == []
-    confirmed = replace(carried, heard_ms=61_000, carried_ms=0)
+    confirmed = replace(carried, heard_ms=61_000, predicted_ms=0)
     assert falls.hear([confirmed]) == [confirmed]
 
 

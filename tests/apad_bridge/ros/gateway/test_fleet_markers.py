@@ -13,7 +13,7 @@ from apad_bridge.beliefs.hold_last import HoldLast
 from apad_bridge.beliefs.modes import Mode
 from apad_bridge.mission.allocation import Allocation
 from apad_bridge.ros.gateway.fleet_markers import FleetMarkers
-from apad_bridge.supervisor.roster import Moved, Presences, Trigger
+from apad_bridge.supervisor.roster import PresenceRequest, Presences, Trigger
 from apad_bridge.vehicle.commands import PoseReported
 from firmware_model.packets import StatusPacket
 from firmware_model.states import State
@@ -79,7 +79,7 @@ BOTH = {"amussels", "labels"}
 
 def moved(apad: APad, presences: Presences, agent_id: int, trigger: Trigger) -> None:
     coordinator: Any = SimpleNamespace(mute=lambda agent_id: None, unmute=lambda agent_id, at_ms: None)
-    done = presences.do(Moved(agent_id, trigger, "a test"), coordinator, apad.beliefs, apad.now_ms)
+    done = presences.do(PresenceRequest(agent_id, trigger, "a test"), coordinator, apad.beliefs, apad.now_ms)
     assert not isinstance(done, str), done
 
 

@@ -9,7 +9,13 @@ import pytest
 from agents.packet_medium import Medium
 from apad_bridge.mission.events import Send
 from apad_bridge.ros.links.laboratory import WIFI_GONE_MS, Laboratory
-from apad_bridge.scenario.lab_interface.messages import DockSaid, PacketSaid, Said, What, WordSaid
+from apad_bridge.scenario.lab_interface.messages import (
+    ClearanceMessage,
+    DockReport,
+    LaboratoryMessage,
+    LaboratoryPacket,
+    MessageKind,
+)
 from apad_bridge.vehicle.commands import DockClosed, DockOpened, VehicleCommand
 from apad_bridge.vehicle.link import LinkFact
 from firmware_model.packets import CommandPacket, Kind
@@ -22,15 +28,15 @@ class Topics:
     """Stands in for the subscribers, with messages to receive, and for the publishers, with those published."""
 
     def __init__(self) -> None:
-        self.to_receive: list[Said] = []
+        self.to_receive: list[LaboratoryMessage] = []
         self.published: list[tuple[Any, ...]] = []
         self.dropped: Any = None
 
-    def take(self, now_ms: int) -> list[Said]:
+    def take(self, now_ms: int) -> list[LaboratoryMessage]:
         received, self.to_receive = self.to_receive, []
         return received
 
-    def publish(self, what: What, agent_id: int, now_ms: int, **more: Any) -> None:
+    def publish(self, what: MessageKind, agent_id: int, now_ms: int, **more: Any) -> None:
         self.published.append((what, agent_id, *more.values()))
 
     def close(self) -> None:
@@ -40,7 +46,7 @@ class Topics:
 class Vehicle:
     def __init__(self) -> None:
         self.facts: list[LinkFact] = []
-        self.alerts: list[DockSaid] = []
+        self.alerts: list[DockReport] = []
 
     def advance(self, now_ms: int) -> list[LinkFact]:
         return self.facts
@@ -48,7 +54,7 @@ class Vehicle:
     def command(self, command: VehicleCommand, now_ms: int) -> None:
         pass
 
-    def hear_dock(self, alert: DockSaid) -> None:
+    def hear_dock(self, alert: DockReport) -> None:
         self.alerts.append(alert)
 
     def close(self) -> None:
@@ -72,17 +78,17 @@ def test_docks_by_others_reach_the_vehicle_and_its_own_are_told(
 ) -> None:
     vehicle = Vehicle()
     link = laboratory.wrap_link(vehicle, vehicle)
-    alert = DockSaid(1_000, None, 2, True)
+    alert = DockReport(1_000, None, 2, True)
     topics.to_receive = [alert]
     vehicle.facts = [DockClosed(1_000, 2, 3), DockOpened(1_000, 1, 4)]
     assert link.advance(1_000) == vehicle.facts
     assert vehicle.alerts == [alert]
-    assert topics.published == [(What.DOCKED, 3, 2), (What.RELEASED, 4, 1)]
+    assert topics.published == [(MessageKind.DOCKED, 3, 2), (MessageKind.RELEASED, 4, 1)]
 
 
 def test_an_alert_that_the_vehicle_needs_not_is_counted(laboratory: Laboratory, topics: Topics) -> None:
     link = laboratory.wrap_link(Vehicle(), None)
-    topics.to_receive = [DockSaid(1_000, 3, 2, True)]
+    topics.to_receive = [DockReport(1_000, 3, 2, True)]
     link.advance(1_000)
     assert laboratory.ignored.total() == 1
 
@@ -91,9 +97,9 @@ def test_words_and_packets_become_what_aMussels_hear(laboratory: Laboratory, top
     link = laboratory.wrap_link(Vehicle(), None)
     relay = laboratory.wrap_relay(None, link, is_mission=False)
     topics.to_receive = [
-        WordSaid(What.PERMISSION, 3),
-        WordSaid(What.CLEAR, None),
-        PacketSaid(Medium.SOUND, 4, b"bytes"),
+        ClearanceMessage(MessageKind.PERMISSION, 3),
+        ClearanceMessage(MessageKind.CLEAR, None),
+        LaboratoryPacket(Medium.SOUND, 4, b"bytes"),
     ]
     link.advance(1_000)
     permission = CODEC.encode(CommandPacket(Kind.PERMISSION, 3))
@@ -110,9 +116,9 @@ def test_words_and_packets_become_what_aMussels_hear(laboratory: Laboratory, top
 def test_what_is_said_to_amussels_and_by_them_is_told(laboratory: Laboratory, topics: Topics) -> None:
     relay = laboratory.wrap_relay(None, laboratory.wrap_link(Vehicle(), None), is_mission=False)
     data = CODEC.encode(CommandPacket(Kind.RELEASE, 3))
-    relay.said(Send(Medium.WIFI, 3, data), 0)
+    relay.forward(Send(Medium.WIFI, 3, data), 0)
     relay.transmit(Medium.SOUND, 4, b"status", 0)
-    assert topics.published == [(What.CLEAR, 3, data), (What.PACKET, 4, b"status")]
+    assert topics.published == [(MessageKind.CLEAR, 3, data), (MessageKind.PACKET, 4, b"status")]
 
 
 def test_the_wifis_status_is_told_when_it_changes(laboratory: Laboratory, topics: Topics) -> None:
@@ -121,6 +127,6 @@ def test_the_wifis_status_is_told_when_it_changes(laboratory: Laboratory, topics
         relay.transmit(Medium.WIFI, 3, b"status", now_ms)
         relay.advance(now_ms)
     relay.advance(2_000 + WIFI_GONE_MS)
-    assert topics.published == [(What.WIFI, 3, True)]
+    assert topics.published == [(MessageKind.WIFI, 3, True)]
     relay.advance(2_001 + WIFI_GONE_MS)
-    assert topics.published == [(What.WIFI, 3, True), (What.WIFI, 3, False)]
+    assert topics.published == [(MessageKind.WIFI, 3, True), (MessageKind.WIFI, 3, False)]

@@ -14,11 +14,16 @@ from apad_bridge.vehicle.commands import VehicleCommand
 from apad_bridge.vehicle.docking import DockingPort
 from apad_bridge.vehicle.generation_a import messages as shown_a
 from apad_bridge.vehicle.generation_a.core import GenerationACore
-from apad_bridge.vehicle.generation_a.messages import GoalCode, GoalsHeard, GoalWord, StaticHeard
+from apad_bridge.vehicle.generation_a.messages import (
+    GoalCode,
+    GoalStatusEntry,
+    GoalStatusReceived,
+    HeldPositionReceived,
+)
 from apad_bridge.vehicle.generation_a.simulated import GenerationAVehicle
 from apad_bridge.vehicle.generation_b import messages as shown_b
 from apad_bridge.vehicle.generation_b.core import GenerationBCore
-from apad_bridge.vehicle.generation_b.messages import Answered, ArmHeard, StatusHeard
+from apad_bridge.vehicle.generation_b.messages import ArmReceived, ServiceAnswered, StatusReceived
 from apad_bridge.vehicle.generation_b.simulated import GenerationBVehicle
 from apad_bridge.vehicle.primitives import (
     DockChanged,
@@ -33,7 +38,7 @@ from apad_bridge.vehicle.primitives import (
 )
 from apad_bridge.vehicle.simulated.apad import SimulatedAPad
 from apad_bridge.vehicle.simulated.misses import Misses
-from apad_bridge.vehicle.stack_messages import PoseHeard, PoseShown
+from apad_bridge.vehicle.stack_messages import PosePublished, PoseReceived
 
 ROOT = Path(__file__).parents[4]
 POOL = load(ROOT / "launch_scripts" / "scenarios" / "pool-12.yaml")
@@ -65,13 +70,13 @@ class WithA:
             return
         goal = shown_a.Goal(order.key, order.kind, order.north_m, order.east_m, order.name)
         self._active.append(order.key)
-        self._report(GoalWord(order.key, GoalCode.ACTIVE), now_ms)
+        self._report(GoalStatusEntry(order.key, GoalCode.ACTIVE), now_ms)
         self._receive(self.vehicle.receive(goal, now_ms), now_ms)
 
-    def _report(self, status: GoalWord, at_ms: int) -> None:
-        self.core.hear(GoalsHeard(at_ms, (status,), whole=False), at_ms)
+    def _report(self, status: GoalStatusEntry, at_ms: int) -> None:
+        self.core.receive(GoalStatusReceived(at_ms, (status,), whole=False), at_ms)
 
-    def _receive(self, shown: list[shown_a.Shown], now_ms: int) -> None:
+    def _receive(self, shown: list[shown_a.Published], now_ms: int) -> None:
         codes = {
             shown_a.Outcome.SUCCEEDED: GoalCode.SUCCEEDED,
             shown_a.Outcome.PREEMPTED: GoalCode.PREEMPTED,
@@ -79,17 +84,21 @@ class WithA:
         }
         for it in shown:
             match it:
-                case PoseShown(at_ms, pose):
-                    self.core.hear(PoseHeard(at_ms, pose.north_m, pose.east_m, pose.heading_rad), now_ms)
-                case shown_a.Held(at_ms, name, north_m, east_m, released):
+                case PosePublished(at_ms, pose):
+                    self.core.receive(
+                        PoseReceived(at_ms, pose.north_m, pose.east_m, pose.heading_rad), now_ms
+                    )
+                case shown_a.HeldPositionPublished(at_ms, name, north_m, east_m, released):
                     agent_id = int(name.removeprefix("amussel"))
-                    self.core.hear(StaticHeard(at_ms, agent_id, north_m, east_m, released), now_ms)
-                case shown_a.SlowShown(at_ms) if not self.vehicle.has_crashed:
-                    statuses = tuple(GoalWord(key, GoalCode.ACTIVE) for key in self._active)
-                    self.core.hear(GoalsHeard(at_ms, statuses, whole=True), now_ms)
-                case shown_a.Ended(at_ms, key, outcome, reason):
+                    self.core.receive(
+                        HeldPositionReceived(at_ms, agent_id, north_m, east_m, released), now_ms
+                    )
+                case shown_a.BatteryAndProgressPublished(at_ms) if not self.vehicle.has_crashed:
+                    statuses = tuple(GoalStatusEntry(key, GoalCode.ACTIVE) for key in self._active)
+                    self.core.receive(GoalStatusReceived(at_ms, statuses, whole=True), now_ms)
+                case shown_a.GoalEnded(at_ms, key, outcome, reason):
                     self._active.remove(key)
-                    self._report(GoalWord(key, codes[outcome], reason), at_ms)
+                    self._report(GoalStatusEntry(key, codes[outcome], reason), at_ms)
 
 
 class WithB:
@@ -112,18 +121,20 @@ class WithB:
                 refused = (
                     None if self.vehicle.takes else "its service answered that it does not take the order"
                 )
-                self.core.hear(Answered(now_ms, call.number, refused), now_ms)
+                self.core.receive(ServiceAnswered(now_ms, call.number, refused), now_ms)
 
-    def _receive(self, shown: list[shown_b.Shown], now_ms: int) -> None:
+    def _receive(self, shown: list[shown_b.Published], now_ms: int) -> None:
         for it in shown:
             match it:
-                case PoseShown(at_ms, pose):
-                    self.core.hear(PoseHeard(at_ms, pose.north_m, pose.east_m, pose.heading_rad), now_ms)
-                case shown_b.StatusShown(at_ms, docking, status):
-                    self.core.hear(StatusHeard(at_ms, docking, status), now_ms)
-                case shown_b.ArmShown(at_ms, arm):
+                case PosePublished(at_ms, pose):
+                    self.core.receive(
+                        PoseReceived(at_ms, pose.north_m, pose.east_m, pose.heading_rad), now_ms
+                    )
+                case shown_b.StatusPublished(at_ms, docking, status):
+                    self.core.receive(StatusReceived(at_ms, docking, status), now_ms)
+                case shown_b.ArmPublished(at_ms, arm):
                     dock_index = arm.is_open.index(True) if True in arm.is_open else None
-                    self.core.hear(ArmHeard(at_ms, dock_index), now_ms)
+                    self.core.receive(ArmReceived(at_ms, dock_index), now_ms)
 
 
 class Bench:

@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import pytest
 
 from apad_bridge.scenario.lab_interface.fields import read, write
-from apad_bridge.scenario.lab_interface.messages import What
+from apad_bridge.scenario.lab_interface.messages import MessageKind
 from apad_bridge.scenario.lab_interface.names import DEFAULT, load_names
 
 ROOT = Path(__file__).parents[4]
@@ -37,15 +37,15 @@ def test_names_in_the_docs_can_be_read(tmp_path: Path) -> None:
 
 
 def test_ids_and_slots_come_out_of_texts_and_numbers() -> None:
-    docked = next(ear for ear in load_names(SHIPPED / "strings.yaml").hear if ear.what is What.DOCKED)
+    docked = next(ear for ear in load_names(SHIPPED / "strings.yaml").hear if ear.what is MessageKind.DOCKED)
     message = SimpleNamespace(data="amussel17 closed, dock 3")
-    assert (docked.id_of(message), docked.slot_of(message)) == (17, 2)
+    assert (docked.id_of(message), docked.dock_index_of(message)) == (17, 2)
     nothing = SimpleNamespace(data="hello")
-    assert (docked.id_of(nothing), docked.slot_of(nothing)) == (None, None)
+    assert (docked.id_of(nothing), docked.dock_index_of(nothing)) == (None, None)
 
 
 def test_a_broadcast_is_for_everyone() -> None:
-    (tap,) = [ear for ear in load_names(SHIPPED / "modem.yaml").hear if ear.what is What.PACKET]
+    (tap,) = [ear for ear in load_names(SHIPPED / "modem.yaml").hear if ear.what is MessageKind.PACKET]
     assert tap.everyone is not None
     assert tap.everyone.is_met(SimpleNamespace(req_type=1))
     assert not tap.everyone.is_met(SimpleNamespace(req_type=2))

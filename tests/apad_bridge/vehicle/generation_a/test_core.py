@@ -25,12 +25,12 @@ from apad_bridge.vehicle.generation_a.messages import (
     RELEASE,
     GoalCode,
     GoalOrder,
-    GoalsHeard,
-    GoalWord,
-    StaticHeard,
+    GoalStatusEntry,
+    GoalStatusReceived,
+    HeldPositionReceived,
 )
 from apad_bridge.vehicle.link import Carried, LetGo, LinkFact
-from apad_bridge.vehicle.stack_messages import PoseHeard
+from apad_bridge.vehicle.stack_messages import PoseReceived
 
 THERE = GoTo(1, 5.0, 6.0, 0.5, 0.5)
 
@@ -41,15 +41,15 @@ def core() -> GenerationACore:
 
 
 def says(core: GenerationACore, at_ms: int, key: str, code: GoalCode, text: str = "") -> None:
-    core.hear(GoalsHeard(at_ms, (GoalWord(key, code, text),), whole=False), at_ms)
+    core.receive(GoalStatusReceived(at_ms, (GoalStatusEntry(key, code, text),), whole=False), at_ms)
 
 
 def shows(core: GenerationACore, at_ms: int, agent_id: int, released: bool = False) -> None:
-    core.hear(StaticHeard(at_ms, agent_id, 2.0, 3.0, released), at_ms)
+    core.receive(HeldPositionReceived(at_ms, agent_id, 2.0, 3.0, released), at_ms)
 
 
 def is_at(core: GenerationACore, at_ms: int) -> None:
-    core.hear(PoseHeard(at_ms, 2.1, 3.1, 0.0), at_ms)
+    core.receive(PoseReceived(at_ms, 2.1, 3.1, 0.0), at_ms)
 
 
 def tells(core: GenerationACore, now_ms: int) -> list[LinkFact]:
@@ -66,10 +66,12 @@ def test_commands_become_goals_of_the_three_kinds(core: GenerationACore) -> None
 
 def test_a_go_to_that_succeeds_has_arrived_once(core: GenerationACore) -> None:
     core.command(THERE, 0)
-    core.hear(GoalsHeard(1_000, (GoalWord("run-1", GoalCode.ACTIVE),), whole=True), 1_000)
+    core.receive(GoalStatusReceived(1_000, (GoalStatusEntry("run-1", GoalCode.ACTIVE),), whole=True), 1_000)
     assert tells(core, 1_000) == []
     says(core, 9_000, "run-1", GoalCode.SUCCEEDED)
-    core.hear(GoalsHeard(9_000, (GoalWord("run-1", GoalCode.SUCCEEDED),), whole=True), 9_000)
+    core.receive(
+        GoalStatusReceived(9_000, (GoalStatusEntry("run-1", GoalCode.SUCCEEDED),), whole=True), 9_000
+    )
     assert tells(core, 9_000) == [Arrived(9_000, 1)]
 
 
@@ -99,18 +101,20 @@ def test_a_goal_pre_empted_by_our_next_one_has_not_failed(core: GenerationACore)
 
 def test_a_goal_that_nobody_takes_fails_after_five_seconds(core: GenerationACore) -> None:
     core.command(THERE, 1_000)
-    assert core.untaken == ["run-1"]
+    assert core.unacknowledged == ["run-1"]
     assert tells(core, 5_999) == []
     assert tells(core, 6_000) == [CommandFailed(6_000, 1, "no action server took the goal within 5 s")]
-    assert core.untaken == []
+    assert core.unacknowledged == []
 
 
 def test_a_server_that_restarted_has_lost_the_goal(core: GenerationACore) -> None:
     core.command(THERE, 0)
-    core.hear(GoalsHeard(500, (), whole=True), 500)
+    core.receive(GoalStatusReceived(500, (), whole=True), 500)
     assert tells(core, 500) == []  # not yet taken, so not lost
-    core.hear(GoalsHeard(1_000, (GoalWord("run-1", GoalCode.ACTIVE),), whole=True), 1_000)
-    core.hear(GoalsHeard(2_000, (GoalWord("another's", GoalCode.ACTIVE),), whole=True), 2_000)
+    core.receive(GoalStatusReceived(1_000, (GoalStatusEntry("run-1", GoalCode.ACTIVE),), whole=True), 1_000)
+    core.receive(
+        GoalStatusReceived(2_000, (GoalStatusEntry("another's", GoalCode.ACTIVE),), whole=True), 2_000
+    )
     (failed,) = tells(core, 2_000)
     assert isinstance(failed, CommandFailed) and "LOST" in failed.reason
 
@@ -150,7 +154,7 @@ def test_of_places_only_the_newest_is_told(core: GenerationACore) -> None:
     shows(core, 0, 7)
     tells(core, 0)
     for at_ms in range(50, 1_050, 50):
-        core.hear(StaticHeard(at_ms, 7, at_ms / 1000, 0.0, False), at_ms)
+        core.receive(HeldPositionReceived(at_ms, 7, at_ms / 1000, 0.0, False), at_ms)
     assert tells(core, 1_000) == [Carried(1_000, 7, 1.0, 0.0)]
     assert tells(core, 1_000) == []
 
@@ -232,7 +236,7 @@ def test_after_a_resume_the_docks_are_as_they_were() -> None:
 
 
 def test_a_place_that_is_not_finite_is_dropped_and_counted(core: GenerationACore) -> None:
-    core.hear(StaticHeard(0, 7, 0.0, math.nan, False), 0)
+    core.receive(HeldPositionReceived(0, 7, 0.0, math.nan, False), 0)
     assert core.advance(0) == []
     assert core.dropped == {"position_static: not finite": 1}
 
@@ -253,11 +257,11 @@ def test_a_fifth_that_is_held_is_counted(core: GenerationACore) -> None:
 
 def test_a_tick_is_heard_when_every_topic_has_spoken_up_to_it(core: GenerationACore) -> None:
     shows(core, 950, 7)
-    assert core.unheard(1_000) == ["position", "action_server/status", "/amussel7/position_static"]
+    assert core.silent_topics(1_000) == ["position", "action_server/status", "/amussel7/position_static"]
     is_at(core, 1_000)
-    core.hear(GoalsHeard(1_000, (), whole=True), 1_000)
+    core.receive(GoalStatusReceived(1_000, (), whole=True), 1_000)
     shows(core, 1_000, 7)
-    assert core.unheard(1_000) == []
+    assert core.silent_topics(1_000) == []
 
 
 def test_a_perch_from_afar_is_not_ordered() -> None:
@@ -278,11 +282,11 @@ def test_a_goal_that_was_sent_to_a_silent_vehicle_is_sent_again_when_it_is_heard
     tells(core, 5_000)
     order = core.command(THERE, 6_000)
     for now_ms in range(7_000, 30_000, 1_000):
-        assert tells(core, now_ms) == [] and core.again() is None
+        assert tells(core, now_ms) == [] and core.take_resend() is None
     is_at(core, 30_000)
     assert tells(core, 30_000) == []
-    assert core.again() == order
-    assert core.again() is None
+    assert core.take_resend() == order
+    assert core.take_resend() is None
     for now_ms in range(31_000, 35_000, 1_000):
         is_at(core, now_ms)
         assert tells(core, now_ms) == []

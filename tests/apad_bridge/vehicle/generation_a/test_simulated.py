@@ -14,16 +14,16 @@ from apad_bridge.vehicle.generation_a.messages import (
     GO_TO,
     PERCH,
     RELEASE,
-    Ended,
+    BatteryAndProgressPublished,
     Goal,
-    Held,
+    GoalEnded,
+    HeldPositionPublished,
     Outcome,
-    Shown,
-    SlowShown,
+    Published,
 )
 from apad_bridge.vehicle.generation_a.simulated import GenerationAVehicle
 from apad_bridge.vehicle.simulated.apad import SimulatedAPad
-from apad_bridge.vehicle.stack_messages import PoseShown
+from apad_bridge.vehicle.stack_messages import PosePublished
 
 POOL = load(Path(__file__).parents[4] / "launch_scripts" / "scenarios" / "pool-12.yaml")
 NORTH_M, EAST_M = POOL.apad.start_m
@@ -47,19 +47,19 @@ def release(name: str) -> Goal:
     return Goal(f"release {name}", RELEASE, 0.0, 0.0, name)
 
 
-def ends(published: list[Shown]) -> list[tuple[str, Outcome]]:
-    return [(it.key, it.outcome) for it in published if isinstance(it, Ended)]
+def ends(published: list[Published]) -> list[tuple[str, Outcome]]:
+    return [(it.key, it.outcome) for it in published if isinstance(it, GoalEnded)]
 
 
-def held(published: list[Shown]) -> list[Held]:
-    return [it for it in published if isinstance(it, Held)]
+def held(published: list[Published]) -> list[HeldPositionPublished]:
+    return [it for it in published if isinstance(it, HeldPositionPublished)]
 
 
 def test_a_go_to_succeeds_once_the_mean_distance_of_a_second_is_below_the_radius() -> None:
     apad = vehicle()
     apad.receive(go_to("there", NORTH_M + 5), 0)
     published = apad.advance(30_000)
-    (ended,) = [it for it in published if isinstance(it, Ended)]
+    (ended,) = [it for it in published if isinstance(it, GoalEnded)]
     assert (ended.key, ended.outcome) == ("there", Outcome.SUCCEEDED)
     # 5 m at 0.5 m/s, half a metre early, half a second for the mean, and the start from rest.
     assert 9_000 < ended.at_ms < 12_500
@@ -70,7 +70,11 @@ def test_feedback_is_the_percentage_covered_and_negative_farther_away() -> None:
     apad.receive(go_to("east", NORTH_M, EAST_M + 6), 0)
     apad.advance(5_000)
     apad.receive(go_to("back", NORTH_M, EAST_M), 5_000)
-    slow = [it for it in apad.advance(30_000) if isinstance(it, SlowShown) and it.goal_key == "back"]
+    slow = [
+        it
+        for it in apad.advance(30_000)
+        if isinstance(it, BatteryAndProgressPublished) and it.goal_key == "back"
+    ]
     assert slow[0].covered_percent < 0  # it cannot turn on the spot
     assert slow[-1].covered_percent > 60
 
@@ -155,7 +159,7 @@ def test_a_crash_in_release_silences_all_that_is_held_but_not_the_position() -> 
     apad.receive(release("amussel1"), 0)
     published = apad.advance(2_000)
     assert held(published) == [] and ends(published) == []
-    assert [it.at_ms for it in published if isinstance(it, PoseShown)] == list(range(100, 2_100, 100))
+    assert [it.at_ms for it in published if isinstance(it, PosePublished)] == list(range(100, 2_100, 100))
     assert ends(apad.receive(go_to("there", NORTH_M), 2_000)) == []
     assert apad.dropped.total() == 1
 
@@ -183,7 +187,7 @@ def test_a_person_may_open_a_dock_but_not_close_one() -> None:
 def test_how_time_is_cut_never_shows(cuts: list[int]) -> None:
     orders = {0: perch("amussel1"), 1_730: go_to("there", NORTH_M + 3), 9_000: release("amussel1")}
 
-    def flown(instants: set[int]) -> list[Shown]:
+    def flown(instants: set[int]) -> list[Published]:
         apad, published = vehicle(), []
         for at_ms in sorted(instants | set(orders)):
             published += apad.receive(orders[at_ms], at_ms) if at_ms in orders else apad.advance(at_ms)

@@ -22,20 +22,20 @@ from apad_bridge.vehicle.commands import (
 )
 from apad_bridge.vehicle.generation_b.core import GenerationBCore
 from apad_bridge.vehicle.generation_b.messages import (
-    Answered,
-    ArmHeard,
+    ArmReceived,
     DockingOrder,
     GoToOrder,
+    ManualReceived,
     Order,
-    PilotHeard,
     PositionOrder,
+    ServiceAnswered,
     Status,
-    StatusHeard,
+    StatusReceived,
 )
 from apad_bridge.vehicle.generation_b.tasks import PILOT
 from apad_bridge.vehicle.link import Carried, LetGo, LinkFact
 from apad_bridge.vehicle.simulated.misses import MISSED, Misses
-from apad_bridge.vehicle.stack_messages import PoseHeard
+from apad_bridge.vehicle.stack_messages import PoseReceived
 
 THERE = GoTo(1, 5.0, 6.0, 0.5, 0.5)
 SERVO = Servo(
@@ -66,20 +66,20 @@ class Apad:
         self.is_at(0, 2.0, 3.0)
 
     def is_at(self, at_ms: int, north_m: float, east_m: float, heading_rad: float = 0.0) -> None:
-        self.core.hear(PoseHeard(at_ms, north_m, east_m, heading_rad), at_ms)
+        self.core.receive(PoseReceived(at_ms, north_m, east_m, heading_rad), at_ms)
 
     def answers(self, at_ms: int, refused: str | None = None) -> list[Order]:
         """Answers all orders and returns them."""
         calls = self.core.take_calls()
         for call in calls:
-            self.core.hear(Answered(at_ms, call.number, refused), at_ms)
+            self.core.receive(ServiceAnswered(at_ms, call.number, refused), at_ms)
         return [call.order for call in calls]
 
     def goes(self, at_ms: int, status: Status) -> None:
-        self.core.hear(StatusHeard(at_ms, False, status), at_ms)
+        self.core.receive(StatusReceived(at_ms, False, status), at_ms)
 
     def docks(self, at_ms: int, status: Status) -> None:
-        self.core.hear(StatusHeard(at_ms, True, status), at_ms)
+        self.core.receive(StatusReceived(at_ms, True, status), at_ms)
 
     def tells(self, now_ms: int) -> list[LinkFact]:
         """The new facts, without readings of pose and battery, and without places that only moved."""
@@ -313,25 +313,25 @@ def test_an_undocking_lets_go_when_the_arm_opens_and_the_next_order_waits_until_
     apad = Apad()
     apad.core.command(CloseDock(1, 2, 7), 0)
     apad.tells(0)
-    apad.core.hear(ArmHeard(1_000, 2), 1_000)  # moved for people to see: 7 is docked virtually
+    apad.core.receive(ArmReceived(1_000, 2), 1_000)  # moved for people to see: 7 is docked virtually
     assert apad.tells(1_000) == []
     core = Apad().core
     core.command(CloseDock(1, 2, 8), 0)
     (call,) = core.take_calls()
-    core.hear(Answered(0, call.number, None), 0)
+    core.receive(ServiceAnswered(0, call.number, None), 0)
     for at_ms, status in ((0, Status.RUNNING), (40_000, Status.DONE)):
-        core.hear(StatusHeard(at_ms, True, status), at_ms)
+        core.receive(StatusReceived(at_ms, True, status), at_ms)
     core.advance(40_000)
     core.take_calls()
     core.command(OpenDock(2, 2, 8), 50_000)
     (call,) = core.take_calls()
-    core.hear(ArmHeard(50_000, 2), 50_000)
-    core.hear(Answered(50_000, call.number, None), 50_000)
-    core.hear(StatusHeard(50_000, True, Status.RUNNING), 50_000)
+    core.receive(ArmReceived(50_000, 2), 50_000)
+    core.receive(ServiceAnswered(50_000, call.number, None), 50_000)
+    core.receive(StatusReceived(50_000, True, Status.RUNNING), 50_000)
     assert core.advance(60_000) == [DockOpened(50_000, 2, 8), LetGo(50_000, 8)]
     core.command(GoTo(3, 5.0, 6.0, 0.5, 0.5), 60_000)
     assert core.take_calls() == []  # it still pulls back
-    core.hear(StatusHeard(85_000, True, Status.DONE), 85_000)
+    core.receive(StatusReceived(85_000, True, Status.DONE), 85_000)
     assert core.advance(85_000) == []
     assert [call.order for call in core.take_calls()] == [GoToOrder(5.0, 6.0, 0.5, 0.5)]
 
@@ -362,12 +362,12 @@ def test_a_real_amussel_takes_a_dock_and_no_simulated_one_does_then() -> None:
 
 def test_a_docking_by_hand_takes_the_simulated_amussel_that_is_there() -> None:
     apad = Apad({5: (2.2, 3.5), 6: (9.0, 9.0)})
-    apad.core.hear(ArmHeard(0, 1), 0)
+    apad.core.receive(ArmReceived(0, 1), 0)
     apad.docks(0, Status.RUNNING)
-    apad.core.hear(ArmHeard(40_000, None), 40_000)
+    apad.core.receive(ArmReceived(40_000, None), 40_000)
     apad.docks(40_000, Status.DONE)
     assert apad.tells(40_000) == [DockClosed(40_000, 1, 5)]
-    apad.core.hear(ArmHeard(50_000, 1), 50_000)
+    apad.core.receive(ArmReceived(50_000, 1), 50_000)
     apad.docks(50_000, Status.RUNNING)
     apad.docks(90_000, Status.DONE)
     assert apad.tells(90_000) == [DockOpened(90_000, 1, 5), LetGo(90_000, 5)]
@@ -375,7 +375,7 @@ def test_a_docking_by_hand_takes_the_simulated_amussel_that_is_there() -> None:
 
 def test_a_docking_by_hand_far_from_all_is_counted() -> None:
     apad = Apad({6: (9.0, 9.0)})
-    apad.core.hear(ArmHeard(0, 1), 0)
+    apad.core.receive(ArmReceived(0, 1), 0)
     apad.docks(0, Status.RUNNING)
     apad.docks(40_000, Status.DONE)
     assert apad.tells(40_000) == []
@@ -387,13 +387,13 @@ def test_a_pilot_is_not_fought() -> None:
     apad.core.command(THERE, 0)
     apad.answers(0)
     apad.goes(0, Status.RUNNING)
-    apad.core.hear(PilotHeard(1_000, True), 1_000)
+    apad.core.receive(ManualReceived(1_000, True), 1_000)
     apad.goes(1_000, Status.PREEMPTED)
     assert apad.tells(1_000) == [CommandFailed(1_000, 1, PILOT)]
     apad.core.command(GoTo(2, 7.0, 8.0, 0.5, 0.5), 2_000)
     assert apad.tells(20_000) == []
     assert apad.answers(20_000) == []
-    apad.core.hear(PilotHeard(21_000, False), 21_000)
+    apad.core.receive(ManualReceived(21_000, False), 21_000)
     assert apad.answers(21_000) == [GoToOrder(7.0, 8.0, 0.5, 0.5)]
 
 
@@ -402,8 +402,8 @@ def test_an_answer_to_an_order_that_was_replaced_changes_nothing() -> None:
     apad.core.command(THERE, 0)
     (call,) = apad.core.take_calls()
     apad.core.command(Hold(2, 2.0, 3.0), 0)
-    apad.core.hear(Answered(0, call.number, None), 0)
-    assert apad.core.untaken == ["order 2"]
+    apad.core.receive(ServiceAnswered(0, call.number, None), 0)
+    assert apad.core.unacknowledged == ["order 2"]
 
 
 def test_a_vehicle_that_is_heard_again_after_a_silence_is_told_again() -> None:

@@ -15,7 +15,7 @@ from apad_bridge.scenario.faults import Fault
 from apad_bridge.scenario.loader import load
 from apad_bridge.vehicle.generation_b import messages
 from apad_bridge.vehicle.generation_b.messages import (
-    ArmShown,
+    ArmPublished,
     CameraTurned,
     DockingOrder,
     Finished,
@@ -24,9 +24,9 @@ from apad_bridge.vehicle.generation_b.messages import (
     GoToLeft,
     GoToOrder,
     PositionOrder,
-    Shown,
+    Published,
     Status,
-    StatusShown,
+    StatusPublished,
 )
 from apad_bridge.vehicle.generation_b.simulated import GenerationBVehicle, Stage
 from apad_bridge.vehicle.simulated.apad import SimulatedAPad
@@ -43,12 +43,12 @@ def vehicle(drift_m_s: tuple[float, float] = (0.0, 0.0), start_ms: int = 0) -> G
     return made
 
 
-def status_changes(published: list[Shown], docking: bool = False) -> list[tuple[int, Status]]:
+def status_changes(published: list[Published], docking: bool = False) -> list[tuple[int, Status]]:
     """Changes of a status, with their times."""
     told: list[tuple[int, Status]] = []
     for it in published:
         if (
-            isinstance(it, StatusShown)
+            isinstance(it, StatusPublished)
             and it.docking is docking
             and (not told or told[-1][1] is not it.status)
         ):
@@ -110,7 +110,9 @@ def test_docking_stands_still_for_27_s_and_then_searches_for_ever() -> None:
     apad = vehicle()
     published = apad.receive(replace(DOCK, dock_index=2), 0)
     assert CameraTurned(0, 0.75) in published
-    assert [it.arm.is_open for it in published if isinstance(it, ArmShown)] == [(False, False, True, False)]
+    assert [it.arm.is_open for it in published if isinstance(it, ArmPublished)] == [
+        (False, False, True, False)
+    ]
     apad.advance(27_000)
     assert apad.pose.heading_rad == 0.0
     apad.advance(37_000)
@@ -136,7 +138,7 @@ def test_docking_follows_its_law_and_ends_when_the_target_is_low_in_the_image() 
     apad.detect(0.0, 0.85, 37_000)
     published = apad.advance(37_100)
     assert status_changes(published, docking=True)[-1][1] is Status.DONE
-    assert [it.arm.is_open for it in published if isinstance(it, ArmShown)] == [(False,) * 4]
+    assert [it.arm.is_open for it in published if isinstance(it, ArmPublished)] == [(False,) * 4]
 
 
 def test_a_detection_older_than_a_second_is_none() -> None:
@@ -154,7 +156,7 @@ def test_undocking_pulls_back_for_8_s() -> None:
     apad.receive(UNDOCK, 0)
     published = apad.advance(35_000)
     assert status_changes(published, docking=True)[-1] == (35_000, Status.DONE)
-    arms = [(it.at_ms, it.arm.is_open[0]) for it in published if isinstance(it, ArmShown)]
+    arms = [(it.at_ms, it.arm.is_open[0]) for it in published if isinstance(it, ArmPublished)]
     assert arms == [(27_000, True), (35_000, False)]
     # 0.3 m/s for 8 s, less the start from rest.
     assert -2.4 < apad.pose.north_m - NORTH_M < -2.1
@@ -244,7 +246,7 @@ def test_requests_are_met_by_their_fields() -> None:
 @settings(max_examples=20, deadline=None)
 @given(st.lists(st.integers(1, 9_000), min_size=1, max_size=12))
 def test_however_time_is_cut_the_same_is_shown(cuts: list[int]) -> None:
-    def flown(instants: list[int]) -> tuple[list[Shown], tuple[float, float]]:
+    def flown(instants: list[int]) -> tuple[list[Published], tuple[float, float]]:
         apad = vehicle(drift_m_s=(0.05, 0.02))
         published = apad.receive(GoToOrder(NORTH_M + 2, EAST_M + 1, 0.5, 0.5), 0)
         for at_ms in instants:
