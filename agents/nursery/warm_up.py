@@ -114,8 +114,7 @@ class _Walk:
             for _ in self._stimuli:
                 stimulus = self._stimuli[self._turns[state] % len(self._stimuli)]
                 self._turns[state] += 1
-                # Twice: the second time it is often refused.
-                self._grant(self._now_ms + _PAUSE_MS, stimulus, stimulus)
+                self._grant(self._now_ms + _PAUSE_MS, stimulus)
                 if agent.board.state is not state:
                     return
         self._grant(agent.next_due_ms or self._now_ms)
