@@ -99,9 +99,10 @@ class NurseryLink:
     def _start(self, rows: tuple[tuple[int, ...], ...], outcome: Starting) -> None:
         self._request += 1
         self._send(protocol.Start(self._request, rows))
+        agent_ids = [row[0] for row in rows]
         deadline_s = time.monotonic() + ANSWER_TIMEOUT_S + SECONDS_PER_START * len(rows)
         answered = 0
-        while answered < len(rows):
+        while answered < len(agent_ids):
             message, links = self._receive(deadline_s - time.monotonic())
             match message:
                 case protocol.Started(self._request, started):
