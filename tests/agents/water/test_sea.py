@@ -1,4 +1,4 @@
-"""A fleet in its sea, with agents as objects: receivers, times and ranges of packets, and cuts of time that change nothing."""
+"""A fleet in its sea, with agents as objects: who receives what and when, ranges, and cuts of time that change nothing."""
 
 from __future__ import annotations
 
