@@ -95,9 +95,9 @@ class Coordinator:
 
         Returns the fact's stamp in agent time. For an agent outside the fleet it keeps nothing and returns None.
         """
-        return self.tell(agent_id, stimulus, self.theta * now_ms)
+        return self.receive_at(agent_id, stimulus, self.theta * now_ms)
 
-    def tell(self, agent_id: int, stimulus: Stimulus, agent_ms: int) -> int | None:
+    def receive_at(self, agent_id: int, stimulus: Stimulus, agent_ms: int) -> int | None:
         """`receive` for a fact with a stamp in agent time."""
         granted_ms = self._granted_ms.get(agent_id)
         if granted_ms is None:

@@ -30,7 +30,7 @@ class NurseryDied(RuntimeError):
 
 
 @dataclass(frozen=True, slots=True)
-class Enrolled:
+class ChildEntry:
     """The nursery's entry of an agent: its newest record, and the pid and link of a living agent."""
 
     agent_id: int
@@ -42,7 +42,7 @@ class Enrolled:
 
 
 @dataclass(slots=True)
-class Starting:
+class StartOutcome:
     """The outcome of a Start: (pid, link) of the agents that live, and the reasons why the others do not."""
 
     living: dict[int, tuple[int, int]] = field(default_factory=dict)
@@ -69,12 +69,12 @@ class NurseryLink:
             self.truth.setblocking(False)
             self.pid = welcome.pid
             self._process = os.pidfd_open(self.pid)
-            self.entries: list[Enrolled] = []
+            self.entries: list[ChildEntry] = []
             for _ in range(welcome.rolls):
                 children, links = self._wait_for(protocol.ChildList, ANSWER_TIMEOUT_S)
                 next_links = iter(links)
                 self.entries += [
-                    Enrolled(row[0], row[1], next(next_links) if row[1] else None, *row[2:])
+                    ChildEntry(row[0], row[1], next(next_links) if row[1] else None, *row[2:])
                     for row in children.rows
                 ]
         except BaseException:
@@ -89,19 +89,20 @@ class NurseryLink:
         while readable(self._sock, 0):
             self._keep(self._receive())
 
-    def start(self, rows: list[tuple[int, ...]]) -> Starting:
+    def start(self, rows: list[tuple[int, ...]]) -> StartOutcome:
         """Starts agents, with rows as in `protocol.Start`."""
-        outcome = Starting()
+        outcome = StartOutcome()
         for start in range(0, len(rows), protocol.DESCRIPTORS_AT_ONCE):
             self._start(tuple(rows[start : start + protocol.DESCRIPTORS_AT_ONCE]), outcome)
         return outcome
 
-    def _start(self, rows: tuple[tuple[int, ...], ...], outcome: Starting) -> None:
+    def _start(self, rows: tuple[tuple[int, ...], ...], outcome: StartOutcome) -> None:
         self._request += 1
         self._send(protocol.Start(self._request, rows))
+        agent_ids = [row[0] for row in rows]
         deadline_s = time.monotonic() + ANSWER_TIMEOUT_S + SECONDS_PER_START * len(rows)
         answered = 0
-        while answered < len(rows):
+        while answered < len(agent_ids):
             message, links = self._receive(deadline_s - time.monotonic())
             match message:
                 case protocol.Started(self._request, started):

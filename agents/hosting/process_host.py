@@ -134,12 +134,12 @@ class ProcessHost:
         try:
             if self._links.nursery_died:
                 self._replace_nursery()
-            starting = self._nursery.start([row])
+            outcome = self._nursery.start([row])
         except (NurseryDied, NurseryFailed) as error:
             return str(error)
-        for pid, descriptor in starting.living.values():
+        for pid, descriptor in outcome.living.values():
             self._links.add(agent_id, pid, descriptor)
-        return starting.refused.get(agent_id)
+        return outcome.refused.get(agent_id)
 
     def take_truths(self) -> list[Truth]:
         truths, self._truths = self._truths, []
@@ -178,11 +178,11 @@ class ProcessHost:
         )
 
     def _start_pending(self, agent_ids: list[int]) -> None:
-        starting = self._nursery.start([(agent_id, 0, ResetCause.POWER_ON, *NEVER) for agent_id in agent_ids])
-        for agent_id, (pid, descriptor) in starting.living.items():
+        outcome = self._nursery.start([(agent_id, 0, ResetCause.POWER_ON, *NEVER) for agent_id in agent_ids])
+        for agent_id, (pid, descriptor) in outcome.living.items():
             self._links.add(agent_id, pid, descriptor)
-        if starting.refused:
-            raise NurseryFailed("; ".join(starting.refused.values()))
+        if outcome.refused:
+            raise NurseryFailed("; ".join(outcome.refused.values()))
 
     def _replace_nursery(self) -> None:
         """Starts another nursery for this run directory; it restarts agents from the file."""

@@ -9,11 +9,27 @@ code of an agent before it forks: Python's caches are filled then, in pages that
 
 from __future__ import annotations
 
+# Some of these imports serve agents only. Imported first, they leave the agents' own modules in pages next to each other,
+# which saves an agent some 0.1 MB.
+import array  # noqa: F401
+import binascii  # noqa: F401
+import bisect  # noqa: F401
+import contextlib  # noqa: F401
+import ctypes  # noqa: F401
+import dataclasses  # noqa: F401
+import decimal  # noqa: F401
+import enum  # noqa: F401
+import fcntl  # noqa: F401
+import mmap  # noqa: F401
 import os
 import resource
+import select  # noqa: F401
 import signal
 import socket
+import struct  # noqa: F401
 import sys
+
+import msgpack  # noqa: F401
 
 from agents.nursery.children import AgentProcesses
 from agents.nursery.fleet_file import FleetFile

@@ -17,7 +17,7 @@ MAX_AGENT_ID = 65535
 
 @dataclass(frozen=True, slots=True)
 class RestartPolicy:
-    """How the nursery treats its agents and itself, in real seconds."""
+    """The nursery's rules for restarts and endings, in real seconds."""
 
     orphan_s: float = 600.0
     """The fleet and the nursery end after this time without a supervisor."""

@@ -14,7 +14,7 @@ from agents.hosting.link_protocol import LIMIT_BYTES, LinkError
 
 SOCKET_NAME = "nursery.sock"
 DESCRIPTORS_AT_ONCE = 200
-"""At most so many descriptors in a message; the kernel's limit is 253."""
+"""The most descriptors in a message; the kernel's limit is 253."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -80,7 +80,7 @@ class _Walk:
         self._stimuli = list(_stimuli(config, codec))
         self._visits = dict.fromkeys(State, 0)
         self._turns = dict.fromkeys(State, 0)
-        """By state, which stimulus is next: each state takes all of them in turn."""
+        """The index of each state's next stimulus: a state takes all of them in turn."""
 
     def close(self) -> None:
         self._buffer.release()
@@ -107,15 +107,14 @@ class _Walk:
             self._ask(wrong)
 
     def _visit(self) -> None:
-        """Waits for whatever is due in the present state; each third time it is visited, a stimulus ends it before."""
+        """Waits for the next due time; at each third visit of a state, sends stimuli until one of them ends the state."""
         agent, state = self._agent, self._agent.board.state
         self._visits[state] += 1
         if self._visits[state] % 3 == 0:
             for _ in self._stimuli:
                 stimulus = self._stimuli[self._turns[state] % len(self._stimuli)]
                 self._turns[state] += 1
-                # Twice: the second time it is often refused.
-                self._grant(self._now_ms + _PAUSE_MS, stimulus, stimulus)
+                self._grant(self._now_ms + _PAUSE_MS, stimulus)
                 if agent.board.state is not state:
                     return
         self._grant(agent.next_due_ms or self._now_ms)

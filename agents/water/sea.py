@@ -270,7 +270,7 @@ class Sea:
             self._tell(node, stimulus, at_ms, results)
 
     def _tell(self, node: int, stimulus: Stimulus, at_ms: int, results: list[SeaResult]) -> None:
-        agent_ms = self._coordinator.tell(node, stimulus, at_ms)
+        agent_ms = self._coordinator.receive_at(node, stimulus, at_ms)
         if agent_ms is not None:
             results.append(Told(self._mission_ms(at_ms), node, agent_ms, stimulus))
 

@@ -99,7 +99,7 @@ class Sound:
 
     speed_m_s: float = 1500.0
     source_level_db: float = 168.0
-    """At 1 m."""
+    """Level at 1 m."""
     spreading_db: float = SPHERICAL_DB
     """Loss per tenfold distance."""
     absorption_db_per_km: float = 6.0

@@ -1,4 +1,4 @@
-"""The coordinator's laws, with agents as objects and with a host that only notes what it is granted."""
+"""The coordinator's laws, with agents as objects and with a host that only notes its grants."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ FLEET = PAPER
 def fly(
     facts: list[tuple[int, int, Stimulus]], cuts: list[int]
 ) -> tuple[list[Heard | Died], dict[int, list[Truth]]]:
-    """What came out by 40 s of mission time, and each aMussel's truths."""
+    """The outputs up to 40 s of mission time, and each aMussel's truths."""
     initial_states = {agent_id: resting_on_bottom(0.0, agent_id, 3.0, 0.3, 1.0) for agent_id in IDS}
     host = InProcessHost(FLEET, initial_states)
     coordinator = Coordinator(host, dict.fromkeys(IDS, 0), FLEET.theta)
@@ -61,7 +61,7 @@ def test_any_windows_give_the_same_trace(facts: list[tuple[int, int, Stimulus]],
 
 
 class NotingHost:
-    """Answers every window with the same next due time, or as `outcomes` says; a restart goes as `gave_up` says."""
+    """Answers every window with the same next due time or from `outcomes`; a restart returns `gave_up`."""
 
     def __init__(self, next_due_ms: int | None = None) -> None:
         self.next_due_ms = next_due_ms

@@ -1,4 +1,4 @@
-"""A fleet's numbers across a link, and what its agents are made of."""
+"""A fleet's configuration across a link, and its agents' configurations."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The link's words, and an agent behind its link: asked twice, asked by an old supervisor, asked in garbage."""
+"""The link's messages, and an agent behind its link: repeated requests, an old supervisor, garbage."""
 
 from __future__ import annotations
 
@@ -114,7 +114,7 @@ def test_a_window_too_large_for_the_link_is_the_granters_mistake() -> None:
 
 @pytest.fixture
 def served() -> Iterator[tuple[WindowHandler, socket.socket, RecordPair]]:
-    """An agent behind its link, the end of its truth socket, and its slots."""
+    """An agent behind its link, the end of its truth socket, and its records."""
     slots = os.memfd_create("slots")
     pair = RecordPair(slots, 0, 7)
     physical = resting_on_bottom(1.0, 2.0, 3.0, 0.5, 1.0)

@@ -47,7 +47,7 @@ class Water:
             self._note(name, modem.advance(until_ms))
 
     def printed(self, name: str, line: int = 0) -> bytes:
-        """All that the modem has printed since the last call."""
+        """The modem's output since the last call."""
         outs = [
             it.data for who, it in self.seen if who == name and isinstance(it, SerialOut) and it.line == line
         ]
@@ -84,7 +84,7 @@ Pair = Callable[..., Water]
 
 @pytest.fixture
 def pair() -> Pair:
-    """Two modems, `near` with address 1 and `far` with address 2, 150 m apart if nothing else is said."""
+    """Two modems, `near` with address 1 and `far` with address 2, 150 m apart by default."""
 
     def make(firmware: Firmware = Firmware.V3, propagation_us: int = 100_000, **config: int) -> Water:
         of = ModemConfig(firmware, **config)

@@ -1,4 +1,4 @@
-"""Ten thousand of the fuzz benchmark's inputs; and that the benchmark would see a failure."""
+"""Ten thousand of the fuzz benchmark's inputs; and a failure that the benchmark would find."""
 
 from __future__ import annotations
 

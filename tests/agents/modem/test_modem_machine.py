@@ -1,4 +1,4 @@
-"""The machine's timing, states and energy, by hand; and the law that windows do not show."""
+"""The modem's timing, states and energy, by hand; and the law that windows change nothing."""
 
 from __future__ import annotations
 
@@ -154,7 +154,7 @@ def test_half_duplex_what_comes_while_it_sends_is_lost() -> None:
     assert isinstance(lost, Dropped)
     it.advance(1200)
     assert it.state is ModemState.LISTENING
-    # This one began while it sent.
+    # This frame began while the modem sent.
     (lost,) = it.receive(FrameArrived(PING), 1250)
     assert isinstance(lost, Dropped)
     assert it.receive(FrameArrived(PING), 1300) == []
@@ -321,7 +321,7 @@ def test_windows_do_not_show(told: list[tuple[int, Stimulus]], cuts: list[int]) 
     while (due_ms := dues.next_due_ms) is not None and due_ms <= 20_000:
         before = len(by_dues)
         by_dues += dues.advance(due_ms)
-        # Whatever is stamped earlier than this call was told too late by next_due_ms.
+        # next_due_ms was too late for an action with a stamp before this call.
         assert all(action.at_ms == due_ms for action in by_dues[before:])
     for until_ms in range(at_ms, 20_000, 377):
         many += cut.advance(until_ms)

@@ -1,4 +1,4 @@
-"""A rack of modems: the same as each of them by itself."""
+"""A rack of modems acts like each of its modems alone."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Every row of the V3 manual's table, byte for byte: what is printed at once, what later, and what the far modem prints."""
+"""Every row of the V3 manual's table, byte for byte: the answers at once, later, and at the far modem."""
 
 from __future__ import annotations
 

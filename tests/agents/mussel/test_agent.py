@@ -1,4 +1,4 @@
-"""An agent's own laws: however time is cut, and wherever it resets, the same life comes out."""
+"""An agent's own laws: cuts of time and resets do not change its outputs."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ END_MS = 2_000_000
 
 @dataclass(frozen=True)
 class Reset:
-    """kill -9 in a story: a new agent from what is physical."""
+    """A kill -9: a new agent from the physical state."""
 
 
 def agent(charge: float = 0.5) -> Agent:

@@ -1,4 +1,4 @@
-"""The random step: uniform, independent between axes, agents, seeds and steps, and free of any order."""
+"""The random step: uniform, independent between axes, agents, seeds and steps, and the same in any order."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""An agent's samples and statuses: what it measures, by which medium it says what, and how its log leaves it in a dock."""
+"""An agent's samples, its statuses by each medium, and the upload of its log in a dock."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def records(outputs: list[Output]) -> list[SampleRecord]:
 
 
 def docked_after(samples: int, flash: MemoryFlash | None = None) -> tuple[Agent, int, list[Output]]:
-    """An agent that has just woken in a dock, with so many samples in its log; when, and what it said."""
+    """An agent that has just woken in a dock, with so many samples in its log; the time, and its outputs."""
     mussel = boot(flash=flash)
     up_ms = samples * CYCLE.alarm_ms + 30_000
     mussel.advance(up_ms)

@@ -1,4 +1,4 @@
-"""Truths on their own channel: whole windows count, and what is no truth is counted too."""
+"""Truths on their own channel: only whole windows count, and other datagrams are counted as dropped."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""An agent whose board is the whole firmware: its life survives cuts, resets and the wire, and its board's words go out."""
+"""An agent with the whole firmware: cuts, resets and the wire change nothing, and its statuses go out."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ DRIFTING = replace(
         whole=replace(_FIELD.whole, timekeeping=Timekeeping(50_000_000, 30_000), stay_down_ms=300_000),
     ),
 )
-"""Its clock is so bad, and so badly thought of, that within half an hour everything happens that does in days."""
+"""Its clock is so bad, with so wide a bound, that half an hour has the events of days."""
 WORDS: tuple[Command, ...] = (
     Beacon(7, 500_000),
     Beacon(0, 1_500_000),
@@ -200,7 +200,7 @@ def test_it_hovers_at_the_depth_that_it_is_told_and_a_reset_leaves_it_there() ->
 
 
 def reported(config: AgentConfig) -> tuple[int, StatusPacket]:
-    """When its first status went out by sound, and what it said."""
+    """The time of its first status by sound, and the status."""
     sounds = [output for output in agent(config=config).advance(400_000) if isinstance(output, SoundSent)]
     packet = CODEC.decode(sounds[0].data)
     assert isinstance(packet, AcousticStatus)
@@ -230,7 +230,7 @@ def test_what_it_was_told_outlives_its_process() -> None:
 
 
 def docked(contact_ms: int) -> Agent:
-    """At the surface since 130 s; the dock closes at `contact_ms`."""
+    """An aMussel at the surface since 130 s; the dock closes at `contact_ms`."""
     mussel = agent(0.5, 0.5)
     mussel.receive(SoundArrived(COMMANDS[Kind.PERMISSION]), 70_000)
     mussel.receive(ContactClosed(0, 0), contact_ms)

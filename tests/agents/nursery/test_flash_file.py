@@ -1,4 +1,4 @@
-"""The fleet's flash file: regions that lie side by side, and what an unanswered window wrote did not happen."""
+"""The fleet's flash file: its regions do not touch, and the writes of an unanswered window are undone."""
 
 from __future__ import annotations
 

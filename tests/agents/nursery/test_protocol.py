@@ -1,4 +1,4 @@
-"""The control link's words, and descriptors that travel with them."""
+"""The control link's messages, and the descriptors that travel with them."""
 
 from __future__ import annotations
 

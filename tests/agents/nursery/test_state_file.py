@@ -1,4 +1,4 @@
-"""The physical file: which of an agent's two slots counts, whatever was torn."""
+"""The physical file: the newest whole one of an agent's two records counts."""
 
 from __future__ import annotations
 

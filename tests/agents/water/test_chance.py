@@ -1,4 +1,4 @@
-"""Chance in the water: keyed, uniform or normal as stated, and independent of all but its key."""
+"""Random numbers in the water: keyed, uniform or normal as stated, and independent of all but its key."""
 
 from statistics import correlation, fmean, pstdev
 
@@ -9,7 +9,7 @@ def test_they_are_distributed_as_stated() -> None:
     drawn = [fates(1, sender, 37 * n, 0, b"sound") for sender in range(1, 11) for n in range(1000)]
     first, second, normal = (list(it) for it in zip(*drawn, strict=True))
     for uniform in (first, second):
-        # Of 10 000 draws the mean deviates by 0.0029, a tenth's share by 0.003: four times that.
+        # The standard deviation of 10 000 draws' mean is 0.0029, of a tenth's share 0.003: four times that.
         assert abs(fmean(uniform) - 0.5) < 0.012
         assert all(
             abs(sum(n / 10 <= it < (n + 1) / 10 for it in uniform) / 1e4 - 0.1) < 0.012 for n in range(10)

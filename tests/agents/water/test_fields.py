@@ -1,4 +1,4 @@
-"""What is true of the water, and the noise of the sensors in it."""
+"""The water's true values, and the noise of the sensors."""
 
 from statistics import fmean, pstdev
 
@@ -18,7 +18,7 @@ def test_pressure_is_that_of_the_column_above() -> None:
 def test_noise_has_mean_0_and_variance_1_and_no_correlation() -> None:
     drawn = [unit_noises(7, agent_id, n) for agent_id in range(1, 11) for n in range(500)]
     for of_one in zip(*drawn, strict=True):
-        # Of 5000 draws the mean deviates by 0.014, the deviation by 0.010: five times that.
+        # The standard error of 5000 draws' mean is 0.014, of their deviation 0.010: five times that.
         assert abs(fmean(of_one)) < 0.07
         assert abs(pstdev(of_one) - 1) < 0.05
         assert max(map(abs, of_one)) < 4.9

@@ -1,4 +1,4 @@
-"""The medium against hand calculations: delays, collisions, capture, half duplex, and what is deaf."""
+"""The medium against hand calculations: delays, collisions, capture, half duplex, and modems that cannot receive."""
 
 from math import sqrt
 
@@ -46,7 +46,7 @@ def broadcast(source: int, size: int = 16) -> Frame:
 
 
 def outcomes(results: list[Result]) -> dict[tuple[int, int], Outcome]:
-    """By (sender, receiver)."""
+    """Results by (sender, receiver)."""
     ended = [result for result in results if isinstance(result, PacketEnded)]
     return {(it.sender, reception.receiver): reception.outcome for it in ended for reception in it.receptions}
 
@@ -198,7 +198,7 @@ def test_reverberation_disturbs_after_the_end() -> None:
 
 
 def test_running_thrusters_mask_their_own_modem_only() -> None:
-    """At 1 km SNR is 13 dB; 30 dB more noise leave -17, at which hardly a packet in ten thousand gets through."""
+    """SNR at 1 km is 13 dB; 30 dB more noise leave -17, and hardly a packet in ten thousand gets through."""
     water = medium(0, 1000, sound=Sound(thruster_noise_db=30))
     water.receive(ThrustersRan(0, True), 0)
     water.receive(Began(1, unicast(1, 0)), 0)

@@ -1,4 +1,4 @@
-"""Laws of the medium: no cut of time and no order of ties changes anything; and what another implementation says."""
+"""Laws of the medium: no cut of time and no order of ties changes anything; a second implementation agrees."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ def test_the_order_of_ties_changes_nothing(seed: int, sent: list[Sent], draw: ra
 def judged_by_hand(
     where: dict[int, tuple[float, float, float]], sent: list[Sent]
 ) -> dict[tuple[int, int, int], Outcome]:
-    """(begin, sender, receiver): every pair and every other packet, from the definitions, without any cleverness."""
+    """(begin, sender, receiver): every pair and every other packet, straight from the definitions."""
     lasting_ms = 505
     on_air: list[Sent] = []
     for packet in sent:
@@ -150,7 +150,7 @@ def test_24_modems_are_judged_as_by_another_implementation(seed: int, sent: list
 
 
 def test_culling_by_cells_leaves_out_nobody_within_the_limit() -> None:
-    """300 modems over 4 x 4 km, one after another: whoever lies within 600 m is judged, and nobody else."""
+    """300 modems over 4 x 4 km, one after another: the medium decides at those within 600 m, and nowhere else."""
     where = places(3, 4000.0, 300)
     sound = Sound(noise_db_per_hz=-100, range_limit_m=600)
     medium = filled(sound, where)

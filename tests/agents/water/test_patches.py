@@ -1,4 +1,4 @@
-"""Layers and patches against hand calculations: an anoxic patch grows, wanders, and is sampled by the sensors' field."""
+"""Layers and patches against hand calculations: an anoxic patch grows, moves, and is sampled by the sensors' field."""
 
 from __future__ import annotations
 

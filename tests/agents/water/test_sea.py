@@ -1,4 +1,4 @@
-"""A fleet in its sea, with agents as objects: who hears whom and when, ranges, and that cutting time changes nothing."""
+"""A fleet in its sea, with agents as objects: who receives what and when, ranges, and cuts of time that change nothing."""
 
 from __future__ import annotations
 
@@ -123,7 +123,7 @@ def test_a_sleeper_that_is_asked_answers_half_a_second_later_and_sleeps_on() -> 
 
 
 def test_a_range_costs_the_battery_what_the_modem_draws_for_its_answer() -> None:
-    """105 ms at 1500 mW instead of listening at 12.5, of a battery of 7400 mWh; and nobody was woken."""
+    """105 ms at 1500 mW instead of listening at 12.5, of a battery of 7400 mWh; and no board woke."""
     bench, other = Bench(240), Bench(240)
     bench.run(100_000)
     other.run(100_000)
@@ -178,7 +178,7 @@ def test_range_noise_has_the_stated_spread() -> None:
 
 
 def test_what_two_say_at_once_is_lost_to_both() -> None:
-    """The aPad speaks in an aMussel's slot: neither hears the other."""
+    """The aPad sends in an aMussel's timeslot: neither receives the other."""
     bench = Bench(150)
     bench.run(3_900_000)
     bench.sea.say(1, command(Kind.PING, 1))
@@ -199,7 +199,7 @@ def test_a_blackout_of_one_link_one_way() -> None:
 
 
 def test_wifi_reaches_as_far_as_its_model_says() -> None:
-    """At 2 km 20 + 85 dB are 49 dB too few; at 20 m they are 30 too many."""
+    """20 + 85 dB are 49 dB too few at 2 km, and 30 too many at 20 m."""
     docks = Bench(20, 2000, sea=replace(SEA, wifi=Wifi()))
     docks.run(100_000)
     for agent_id in (1, 2):
@@ -237,7 +237,7 @@ words = st.lists(
 def played(
     asked: list[tuple[int, int, str]], cuts_ms: list[int]
 ) -> tuple[list[SeaResult], dict[int, list[Truth]]]:
-    """An hour and a bit of agent time at theta 60; the aPad says what is asked at whole seconds of mission time."""
+    """An hour and a bit of agent time at theta 60; the aPad sends packets at whole seconds of mission time."""
     fleet = replace(FLEET, theta=60, report_period_ms=60_000, drifts_always=True, drift_amplitude_um=50_000)
     bench = Bench(100, 220, 410, sea=replace(SEA, wifi=Wifi(), range_noise_m=0.1), fleet=fleet)
     truths: list[Truth] = []

@@ -1,4 +1,4 @@
-"""A sea in which modems have been opened: any of them answers as modems do, and nobody else notices."""
+"""A sea with opened modems: each answers like a real modem, and no other part notices."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class Bench:
         return new
 
     def ask(self, agent_id: int, command: bytes, for_ms: int = 6000) -> bytes:
-        """What that modem printed after the command, within the time."""
+        """That modem's output after the command, within the time."""
         self.sea.write(agent_id, command)
         return printed(self.run(for_ms), agent_id)
 
@@ -80,7 +80,7 @@ def test_its_words_reach_boards_and_the_apad_as_packets() -> None:
     bench.ask(1, b"$B05hello")
     told = [it for it in bench.came if isinstance(it, Told)]
     assert {it.agent_id for it in told if isinstance(it.stimulus, SoundArrived)} == {2, 3}
-    # What the driver sent is drawn from the battery of the board that it drives the modem of: 6 and 5 bytes.
+    # The battery of the modem's own board pays for the driver's 6 and 5 bytes.
     assert [(it.agent_id, it.stimulus) for it in told if isinstance(it.stimulus, ModemSent)] == [
         (1, ModemSent(380)),
         (1, ModemSent(368)),
@@ -128,7 +128,7 @@ def test_machines_send_the_same_packets_as_no_machines(theta: int) -> None:
     assert [type(it) for it in ranges[0]] == [Ranged, Ranged]
     assert [(type(it), it.agent_id) for it in ranges[1]] == [(type(it), it.agent_id) for it in ranges[0]]
     assert [it.range_m for it in ranges[1]] == [it.range_m for it in ranges[0]]
-    # Where there are machines, they answer pings by themselves, without waking a board.
+    # Simulated modems answer pings by themselves, without waking a board.
     asked = [
         sum(isinstance(it, Told) and isinstance(it.stimulus, PingArrived) for it in bench.came)
         for bench in (plain, opened)

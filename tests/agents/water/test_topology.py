@@ -1,4 +1,4 @@
-"""Rules for links: what they say, and what is no rule."""
+"""Rules for links, and files that are refused."""
 
 import pytest
 
