@@ -17,7 +17,7 @@ from rich.console import Console
 from rich.table import Table
 
 from apad_bridge.assembly.division import divided
-from apad_bridge.planning.allocation import Point, shares
+from apad_bridge.planning.allocation import Point, allocate
 from apad_bridge.runs.in_memory import fly_in_memory
 from apad_bridge.scenario.loader import from_data, load, resolve
 from apad_bridge.scenario.schema import Scenario
@@ -41,7 +41,7 @@ def in_order(starts_m: Sequence[Point], places_m: Mapping[int, Point]) -> list[t
     return [tuple(int(it) for it in part) for part in parts]
 
 
-DIVISIONS: dict[str, Division] = {"planned": shares, "nearest": nearest, "in order of ids": in_order}
+DIVISIONS: dict[str, Division] = {"planned": allocate, "nearest": nearest, "in order of ids": in_order}
 
 
 def measure() -> dict[str, Any]:

@@ -31,7 +31,7 @@ import sys
 
 import msgpack  # noqa: F401
 
-from agents.nursery.children import AgentProcesses
+from agents.nursery.agent_processes import AgentProcesses
 from agents.nursery.fleet_file import FleetFile
 from agents.nursery.server import NurseryServer
 

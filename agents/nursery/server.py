@@ -10,7 +10,7 @@ import time
 
 from agents.hosting.link_protocol import LinkError
 from agents.nursery import protocol
-from agents.nursery.children import AgentProcesses, Boot, NotStarted
+from agents.nursery.agent_processes import AgentProcesses, Boot, NotStarted
 from agents.nursery.fleet_file import FleetFile
 from firmware_model.stimuli import ResetCause
 

@@ -32,7 +32,7 @@ from agents.water.sea_events import (
     Ranged,
     SeaResult,
     SoundReached,
-    Told,
+    StimulusDelivered,
     address_of,
 )
 from agents.water.sea_modems import SeaModems
@@ -136,7 +136,7 @@ class Sea:
         self._apad_at_ms = at_ms
         self._undelivered += self._move(APAD, place, self.now_ms)
 
-    def say(self, agent_id: int | None, data: bytes, not_before_ms: int = 0) -> None:
+    def send_sound(self, agent_id: int | None, data: bytes, not_before_ms: int = 0) -> None:
         """Sends bytes by the aPad's modem, to one aMussel or to all: at that agent time, or as soon as it is free."""
         frame = self._carrying(data, APAD_ADDRESS, None if agent_id is None else address_of(agent_id))
         if frame is not None:
@@ -147,7 +147,7 @@ class Sea:
         ping = Frame(FrameKind.PING, APAD_ADDRESS, address_of(agent_id), generation=self.config.modems)
         self._ask(agent_id, ping, not_before_ms)
 
-    def lay_links(self, topology: Topology) -> None:
+    def set_topology(self, topology: Topology) -> None:
         """Replaces the topology from now on."""
         self._undelivered += self._medium.receive(LinksChanged(topology), self.now_ms)
 
@@ -272,7 +272,7 @@ class Sea:
     def _tell(self, node: int, stimulus: Stimulus, at_ms: int, results: list[SeaResult]) -> None:
         agent_ms = self._coordinator.receive_at(node, stimulus, at_ms)
         if agent_ms is not None:
-            results.append(Told(self._mission_ms(at_ms), node, agent_ms, stimulus))
+            results.append(StimulusDelivered(self._mission_ms(at_ms), node, agent_ms, stimulus))
 
     def _receive_at_apad(self, heard: medium.Heard, results: list[SeaResult]) -> None:
         at_ms, frame = heard.reception.at_ms, heard.frame

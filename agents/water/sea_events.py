@@ -46,7 +46,7 @@ class NotRanged:
 
 
 @dataclass(frozen=True, slots=True)
-class Told:
+class StimulusDelivered:
     """An agent received a stimulus from the water, at agent time `agent_ms`."""
 
     mission_ms: int
@@ -64,4 +64,4 @@ class Printed:
     data: bytes
 
 
-SeaResult = Printed | Heard | Died | SoundReached | Ranged | NotRanged | Told | PacketEnded
+SeaResult = Printed | Heard | Died | SoundReached | Ranged | NotRanged | StimulusDelivered | PacketEnded

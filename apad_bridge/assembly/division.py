@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from apad_bridge.planning.allocation import shares
+from apad_bridge.planning.allocation import allocate
 from apad_bridge.ros_names.names import plain
 from apad_bridge.scenario.another_apad import AnotherAPad
 from apad_bridge.scenario.errors import ScenarioError
@@ -26,7 +26,7 @@ class Member:
 def members(scenario: Scenario, starts: Sequence[Start]) -> tuple[Member, ...]:
     """Returns the members in the scenario's order of aPads, each with its planned share."""
     places_m = {start.agent_id: (start.north_m, start.east_m) for start in starts}
-    return divided(scenario, starts, shares([apad.start_m for apad in _apads(scenario)], places_m))
+    return divided(scenario, starts, allocate([apad.start_m for apad in _apads(scenario)], places_m))
 
 
 def divided(

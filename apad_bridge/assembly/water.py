@@ -116,7 +116,7 @@ def fleet_of(
     if water.links_file is None:
         return Fleet(coordinator, host, sea, timeslots)
     links = LinksFile(Path(water.links_file), scenario.theta)
-    sea.lay_links(links.read())
+    sea.set_topology(links.read())
     return Fleet(coordinator, host, sea, timeslots, links)
 
 

@@ -29,7 +29,7 @@ Millimetres = npt.NDArray[np.int64]
 _FAR = np.iinfo(np.int64).max // 4
 
 
-def shares(
+def allocate(
     starts_m: Sequence[Point],
     places_m: Mapping[int, Point],
     fixed_owner_of: Mapping[int, int] = MappingProxyType({}),

@@ -24,7 +24,7 @@ from agents.mussel.stimuli import (
 )
 from agents.packet_medium import Medium
 from agents.water.medium import PacketEnded
-from agents.water.sea_events import NotRanged, Ranged, SeaResult, SoundReached, Told
+from agents.water.sea_events import NotRanged, Ranged, SeaResult, SoundReached, StimulusDelivered
 from apad_bridge.mission.events import (
     EndRequested,
     KeepSamples,
@@ -280,7 +280,7 @@ class Flight:
                 case NotRanged(at_ms, agent_id):
                     self.supervisor.receive(RangeHeard(at_ms, agent_id, None))
                     self._recorder.event(now_ms, "range", id=agent_id, range_m=None)
-                case Told(_, agent_id, agent_ms, stimulus):
+                case StimulusDelivered(_, agent_id, agent_ms, stimulus):
                     self._note_stimulus(now_ms, agent_id, agent_ms, stimulus)
                 case PacketEnded() as packet:
                     self._note_packet(self._fleet, packet, now_ms)
@@ -296,7 +296,7 @@ class Flight:
         if changed is None or fleet.sea is None:
             return
         if changed.topology is not None:
-            fleet.sea.lay_links(changed.topology)
+            fleet.sea.set_topology(changed.topology)
         rules = None if changed.topology is None else [list(astuple(it)) for it in changed.topology.rules]
         self._recorder.event(now_ms, "links", rules=rules, problem=changed.problem)
 
@@ -330,7 +330,9 @@ class Flight:
     def _send(self, send: Send, now_ms: int) -> None:
         sea = None if self._fleet is None else self._fleet.sea
         if sea is not None and send.medium is Medium.SOUND:
-            sea.say(None if send.agent_id == EVERYONE else send.agent_id, send.data, send.not_before_ms)
+            sea.send_sound(
+                None if send.agent_id == EVERYONE else send.agent_id, send.data, send.not_before_ms
+            )
             return
         if sea is not None and not sea.wifi_reaches(send.agent_id, now_ms):
             return

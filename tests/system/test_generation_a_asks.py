@@ -40,6 +40,6 @@ def test_it_is_asked_configured_charged_and_drained(tmp_path: Path) -> None:
     assert told["coils_free"] == [False] * 5
     assert told["coils_held"] == [True, False, False, False, False]
     assert told["docks"] == [[1, 2, 3], ["amussel7"]] and told["charge_info"] == ["charger", "amussel7"]
-    assert told["result_of_change"] is False and "slot 0 is open" in told["refused"]
+    assert told["result_of_change"] is False and "dock 0 is open" in told["refused"]
     full, drained, charged = told["battery"]
     assert drained == pytest.approx(full - 30, abs=0.01) and charged == pytest.approx(full - 20, abs=0.01)

@@ -340,9 +340,9 @@ def test_a_laboratorys_words_are_heard_and_told_by_its_own_names(
 
     assert "data: True" in tool("rostopic", "echo", "-n", "1", "/amussel3/wifi_status")
     with latched(environment, "/base/docked_alert", "std_msgs/String", "data: 'amussel17, dock 3'"):
-        assert json.loads(line_of(program.stdout)) == ["DockSaid", "17", "2", "True"]
+        assert json.loads(line_of(program.stdout)) == ["DockReport", "17", "2", "True"]
     with latched(environment, "/stamped", "geometry_msgs/PointStamped", "{point: {x: 4.0}}"):
-        assert json.loads(line_of(program.stdout)) == ["WordSaid", "clear", "4"]
+        assert json.loads(line_of(program.stdout)) == ["ClearanceMessage", "clear", "4"]
     said, _ = program.communicate("", timeout=PATIENCE_S)
     assert json.loads(said.splitlines()[-1]) == {}
 

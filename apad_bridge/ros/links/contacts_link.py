@@ -9,7 +9,7 @@ from typing import Any
 
 import rospy
 
-from apad_bridge.ros.links.inbox import Inbox
+from apad_bridge.ros.system.inbox import Inbox
 from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros_names.names import of_amussel, of_apad
 from apad_bridge.vehicle.commands import VehicleCommand

@@ -20,9 +20,9 @@ import rospy
 from actionlib_msgs.msg import GoalStatusArray
 
 from apad_bridge.assembly import parts
-from apad_bridge.ros.links.inbox import Inbox
 from apad_bridge.ros.links.legacy_link import LegacyLink, OpenedAPad
 from apad_bridge.ros.links.legacy_subscribers import POSE_FIELDS, LegacySubscribers
+from apad_bridge.ros.system.inbox import Inbox
 from apad_bridge.ros.types.live_types import differing_listeners, unreadable_topics
 from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros_names.names import AMUSSEL, of_amussel, of_apad

@@ -8,7 +8,7 @@ from typing import Any
 
 import rospy
 
-from apad_bridge.ros.links.inbox import Inbox
+from apad_bridge.ros.system.inbox import Inbox
 from apad_bridge.ros.system.ros_time import to_ros
 from apad_bridge.ros.types.any_message import AnyMessages, UnknownType, class_of
 from apad_bridge.ros.types.user_texts import text_folders

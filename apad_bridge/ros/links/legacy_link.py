@@ -15,7 +15,7 @@ from typing import Any, ClassVar, Generic, Protocol, TypeVar
 
 import rospy
 
-from apad_bridge.ros.links.inbox import Inbox
+from apad_bridge.ros.system.inbox import Inbox
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.vehicle.commands import VehicleCommand
 from apad_bridge.vehicle.errors import VehicleNotReady

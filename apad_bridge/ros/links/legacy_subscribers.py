@@ -12,7 +12,7 @@ from typing import Any
 import rospy
 from std_msgs.msg import Float64
 
-from apad_bridge.ros.links.inbox import Inbox
+from apad_bridge.ros.system.inbox import Inbox
 from apad_bridge.ros.system.ros_time import to_ms
 from apad_bridge.ros.types.any_listener import AnyListener
 from apad_bridge.ros.types.messages import use_generated_messages

@@ -25,7 +25,7 @@ from agents.mussel.stimuli import from_wire, to_wire
 from agents.packet_medium import Medium
 from apad_bridge.mission.allocation import Allocation
 from apad_bridge.mission.events import Send, SoundHeard, WifiHeard
-from apad_bridge.ros.links.inbox import Inbox
+from apad_bridge.ros.system.inbox import Inbox
 from apad_bridge.ros.system.ros_time import to_ros
 from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros_names.names import of_amussel, ours

@@ -23,7 +23,7 @@ from rospy.impl.registration import (
 )
 
 from apad_bridge.doctor.network import Timed, Unreachable, call_for_reply
-from apad_bridge.ros.links.inbox import Inbox
+from apad_bridge.ros.system.inbox import Inbox
 
 PERIOD_S = 1.0
 _CALL_S = 5.0

@@ -16,7 +16,7 @@ from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.modes import LIKELY, SUBMERGED, Mode
 from apad_bridge.mission.pool import floats
 from apad_bridge.mission.state import Phase
-from apad_bridge.planning.allocation import Point, shares
+from apad_bridge.planning.allocation import Point, allocate
 from apad_bridge.supervisor.core import Supervisor
 from firmware_model.state_groups import AT_WORK, BEYOND_HELP, STRANDED
 
@@ -80,7 +80,7 @@ class Assignment:
             free |= {agent_id for it in up for agent_id in it.movable}
         planned_m = {i: at for i, at in places_m.items() if owners[i] in index or i in free}
         stays = {i: index[owners[i]] for i in planned_m.keys() - free}
-        planned = shares([_centre(it, self._shares[it.name]) for it in up], planned_m, stays)
+        planned = allocate([_centre(it, self._shares[it.name]) for it in up], planned_m, stays)
         return sorted(
             (
                 Move(agent_id, owners[agent_id], it.name)

@@ -12,7 +12,7 @@ from agents.fleet import FleetConfig
 from agents.mussel.agent import Agent
 from agents.mussel.outputs import Truth
 from agents.nursery import warm_up
-from firmware_model.config import LastResort, Slots, Timekeeping
+from firmware_model.config import LastResort, Timekeeping, Timeslots
 from firmware_model.packets import PLAIN_KINDS, Packet
 from firmware_model.packets.codec import MusselbedCodec
 from firmware_model.packets.command_packets import WITH_ARGUMENTS
@@ -24,7 +24,7 @@ WHOLE = replace(
     whole=replace(
         FLEET.whole,
         power=power(LastResort.CALL),
-        cycle=replace(FIELD, slots=Slots(300_000, 1000, guard_ms=100)),
+        cycle=replace(FIELD, slots=Timeslots(300_000, 1000, guard_ms=100)),
         timekeeping=Timekeeping(20_000, 60_000),
     ),
 )

@@ -16,7 +16,7 @@ from agents.mussel.outputs import Truth
 from agents.mussel.stimuli import ContactClosed, SoundArrived
 from agents.water.medium import Outcome, PacketEnded
 from agents.water.sea import Sea, SeaConfig
-from agents.water.sea_events import NotRanged, Ranged, SeaResult, SoundReached, Told, address_of
+from agents.water.sea_events import NotRanged, Ranged, SeaResult, SoundReached, StimulusDelivered, address_of
 from agents.water.sound import Sound
 from agents.water.topology import LinkRule, Topology
 from agents.water.wifi import Wifi
@@ -84,10 +84,10 @@ def test_a_permission_is_met_at_its_end_and_wakes_a_sleeper() -> None:
     bench = Bench(750)
     bench.run(100_000)
     assert bench.state(1) is State.SLEEPING
-    bench.sea.say(1, command(Kind.PERMISSION, 1))
-    told = of(Told, bench.run(101_000))
+    bench.sea.send_sound(1, command(Kind.PERMISSION, 1))
+    told = of(StimulusDelivered, bench.run(101_000))
     # 6 bytes last 105 + 22 * 12.5 = 380 ms, and are 500 ms under way.
-    assert told == [Told(100_880, 1, 100_880, SoundArrived(command(Kind.PERMISSION, 1)))]
+    assert told == [StimulusDelivered(100_880, 1, 100_880, SoundArrived(command(Kind.PERMISSION, 1)))]
     bench.run(102_000)
     assert bench.state(1) is State.SURFACING
 
@@ -95,7 +95,7 @@ def test_a_permission_is_met_at_its_end_and_wakes_a_sleeper() -> None:
 def test_beyond_the_range_nobody_surfaces() -> None:
     bench = Bench(750, sea=replace(SEA, sound=Sound(range_limit_m=700)))
     bench.run(100_000)
-    bench.sea.say(1, command(Kind.PERMISSION, 1))
+    bench.sea.send_sound(1, command(Kind.PERMISSION, 1))
     (packet,) = of(PacketEnded, bench.run(110_000))
     assert isinstance(packet, PacketEnded) and packet.receptions[0].outcome is Outcome.OUT_OF_RANGE
     assert bench.state(1) is State.SLEEPING
@@ -104,8 +104,12 @@ def test_beyond_the_range_nobody_surfaces() -> None:
 def test_one_word_reaches_everyone() -> None:
     bench = Bench(150, 300, 450)
     bench.run(100_000)
-    bench.sea.say(None, command(Kind.HOVER, 2))
-    told = [(it.agent_id, it.agent_ms) for it in of(Told, bench.run(110_000)) if isinstance(it, Told)]
+    bench.sea.send_sound(None, command(Kind.HOVER, 2))
+    told = [
+        (it.agent_id, it.agent_ms)
+        for it in of(StimulusDelivered, bench.run(110_000))
+        if isinstance(it, StimulusDelivered)
+    ]
     assert told == [(1, 100_480), (2, 100_580), (3, 100_680)]
     assert [bench.state(n) for n in (1, 2, 3)] == [State.SLEEPING, State.HOVERING, State.SLEEPING]
 
@@ -114,7 +118,7 @@ def test_a_sleeper_that_is_asked_answers_half_a_second_later_and_sleeps_on() -> 
     """The question lasts 105 + 22 * 12.5 = 380 ms, the answer of 7 bytes 105 + 23 * 12.5 = 392.5; 100 ms under way."""
     bench = Bench(150)
     bench.run(100_000)
-    bench.sea.say(1, command(Kind.PING, 1))
+    bench.sea.send_sound(1, command(Kind.PING, 1))
     (reached,) = (it for it in bench.run(110_000) if isinstance(it, SoundReached))
     assert reached.mission_ms == 100_000 + 380 + 100 + 500 + 393 + 100
     answer = MusselbedCodec().decode(reached.data)
@@ -153,7 +157,7 @@ def test_ranges_are_those_of_the_places_to_the_modems_step() -> None:
 def test_one_at_the_surface_does_not_answer_a_ping() -> None:
     bench = Bench(240)
     bench.run(100_000)
-    bench.sea.say(1, command(Kind.PERMISSION, 1))
+    bench.sea.send_sound(1, command(Kind.PERMISSION, 1))
     bench.run(200_000)
     assert bench.state(1) is State.FLOATING
     bench.sea.ping(1)
@@ -181,7 +185,7 @@ def test_what_two_say_at_once_is_lost_to_both() -> None:
     """The aPad sends in an aMussel's timeslot: neither receives the other."""
     bench = Bench(150)
     bench.run(3_900_000)
-    bench.sea.say(1, command(Kind.PING, 1))
+    bench.sea.send_sound(1, command(Kind.PING, 1))
     ended = [it for it in bench.run(3_910_000) if isinstance(it, PacketEnded)]
     assert {(it.sender, it.receptions[0].outcome) for it in ended} == {
         (0, Outcome.TRANSMITTING),
@@ -191,11 +195,11 @@ def test_what_two_say_at_once_is_lost_to_both() -> None:
 
 def test_a_blackout_of_one_link_one_way() -> None:
     bench = Bench(150, 300)
-    bench.sea.lay_links(Topology([LinkRule(1, 0, 1.0)]))
+    bench.sea.set_topology(Topology([LinkRule(1, 0, 1.0)]))
     results = bench.run(2 * HOUR_MS)
     assert [it.agent_id for it in results if isinstance(it, SoundReached)] == [2]
-    bench.sea.say(1, command(Kind.PING, 1))
-    assert len(of(Told, bench.run(2 * HOUR_MS + 10_000))) == 1
+    bench.sea.send_sound(1, command(Kind.PING, 1))
+    assert len(of(StimulusDelivered, bench.run(2 * HOUR_MS + 10_000))) == 1
 
 
 def test_wifi_reaches_as_far_as_its_model_says() -> None:
@@ -203,7 +207,7 @@ def test_wifi_reaches_as_far_as_its_model_says() -> None:
     docks = Bench(20, 2000, sea=replace(SEA, wifi=Wifi()))
     docks.run(100_000)
     for agent_id in (1, 2):
-        docks.sea.say(agent_id, command(Kind.PERMISSION, agent_id))
+        docks.sea.send_sound(agent_id, command(Kind.PERMISSION, agent_id))
     heard = {it.agent_id for it in docks.run(2 * HOUR_MS) if isinstance(it, Heard)}
     assert heard == {1}
     assert docks.sea.wifi_reaches(1, 2 * HOUR_MS) and not docks.sea.wifi_reaches(2, 2 * HOUR_MS)
@@ -252,7 +256,7 @@ def played(
             elif what == "dock":
                 bench.coordinator.receive(agent_id, ContactClosed(1, 2), now_ms)
             else:
-                bench.sea.say(agent_id, command(Kind[what.upper()], agent_id))
+                bench.sea.send_sound(agent_id, command(Kind[what.upper()], agent_id))
     told: dict[int, list[Truth]] = {}
     for truth in truths:
         told.setdefault(truth.agent_id, []).append(truth)

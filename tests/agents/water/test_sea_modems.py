@@ -15,7 +15,7 @@ from agents.mussel.reporter import Modem
 from agents.mussel.stimuli import ModemSent, PingArrived, SoundArrived
 from agents.water.medium import PacketEnded
 from agents.water.sea import Sea, SeaConfig
-from agents.water.sea_events import NotRanged, Printed, Ranged, SeaResult, SoundReached, Told
+from agents.water.sea_events import NotRanged, Printed, Ranged, SeaResult, SoundReached, StimulusDelivered
 from firmware_model.packets import CommandPacket, Kind, ShortStatus
 from firmware_model.packets.codec import MusselbedCodec
 
@@ -74,11 +74,11 @@ def test_its_words_reach_boards_and_the_apad_as_packets() -> None:
     bench.run(5000)
     permission = MusselbedCodec().encode(CommandPacket(Kind.PERMISSION, 2))
     bench.ask(1, b"$U002%02d" % len(permission) + permission)
-    assert [it.stimulus for it in bench.came if isinstance(it, Told) and it.agent_id == 2] == [
+    assert [it.stimulus for it in bench.came if isinstance(it, StimulusDelivered) and it.agent_id == 2] == [
         SoundArrived(permission)
     ]
     bench.ask(1, b"$B05hello")
-    told = [it for it in bench.came if isinstance(it, Told)]
+    told = [it for it in bench.came if isinstance(it, StimulusDelivered)]
     assert {it.agent_id for it in told if isinstance(it.stimulus, SoundArrived)} == {2, 3}
     # The battery of the modem's own board pays for the driver's 6 and 5 bytes.
     assert [(it.agent_id, it.stimulus) for it in told if isinstance(it.stimulus, ModemSent)] == [
@@ -89,17 +89,17 @@ def test_its_words_reach_boards_and_the_apad_as_packets() -> None:
     # A beacon carries no data, so no board learns of it.
     bench.came.clear()
     bench.ask(1, b"$F")
-    assert [it.stimulus for it in bench.came if isinstance(it, Told)] == [ModemSent(105)]
+    assert [it.stimulus for it in bench.came if isinstance(it, StimulusDelivered)] == [ModemSent(105)]
 
 
 def test_the_board_goes_on_beside_whoever_opened_its_modem() -> None:
     bench = Bench(1)
     bench.run(5000)
     permission = MusselbedCodec().encode(CommandPacket(Kind.PERMISSION, 1))
-    bench.sea.say(1, permission)
+    bench.sea.send_sound(1, permission)
     came = bench.run(3000)
     assert printed(came, 1) == b"#U%02d" % len(permission) + permission + b"\r\n"
-    assert SoundArrived(permission) in [it.stimulus for it in came if isinstance(it, Told)]
+    assert SoundArrived(permission) in [it.stimulus for it in came if isinstance(it, StimulusDelivered)]
 
 
 def packets(bench: Bench) -> list[tuple[int, int, bytes, tuple[object, ...]]]:
@@ -115,8 +115,8 @@ def test_machines_send_the_same_packets_as_no_machines(theta: int) -> None:
     fleet = replace(FLEET, theta=theta)
     plain, opened = Bench(fleet=fleet), Bench(2, fleet=fleet)
     for bench in (plain, opened):
-        bench.sea.say(1, b"a word")
-        bench.sea.say(None, b"to all")
+        bench.sea.send_sound(1, b"a word")
+        bench.sea.send_sound(None, b"to all")
         bench.sea.ping(2)
         bench.run(2 * HOUR_MS // theta, step_ms=1000)
         bench.sea.ping(3)
@@ -130,7 +130,7 @@ def test_machines_send_the_same_packets_as_no_machines(theta: int) -> None:
     assert [it.range_m for it in ranges[1]] == [it.range_m for it in ranges[0]]
     # Simulated modems answer pings by themselves, without waking a board.
     asked = [
-        sum(isinstance(it, Told) and isinstance(it.stimulus, PingArrived) for it in bench.came)
+        sum(isinstance(it, StimulusDelivered) and isinstance(it.stimulus, PingArrived) for it in bench.came)
         for bench in (plain, opened)
     ]
     assert asked == [2, 0]
@@ -163,8 +163,8 @@ def test_v2_modems_carry_short_statuses_at_40_bit_a_second() -> None:
     bench.run(5000)
     assert bench.ask(1, b"$P002") == b"#P002\r\n#R002T03200\r\n"
     permission = MusselbedCodec().encode(CommandPacket(Kind.PERMISSION, 3))
-    bench.sea.say(3, permission)
-    bench.sea.say(3, bytes(8))
+    bench.sea.send_sound(3, permission)
+    bench.sea.send_sound(3, bytes(8))
     bench.run(HOUR_MS + 600_000, step_ms=1000)
     carried = [it.frame for it in bench.came if isinstance(it, PacketEnded) and it.frame.data]
     assert (carried[0].data, carried[0].duration_ms) == (permission, 430 + 6 * 200)

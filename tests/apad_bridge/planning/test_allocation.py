@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from apad_bridge.planning.allocation import assigned, shares
+from apad_bridge.planning.allocation import allocate, min_cost_assignment
 
 METRES = st.integers(-40, 40).map(float)
 POINTS = st.tuples(METRES, METRES)
@@ -32,7 +32,7 @@ def least_by_trying_all(costs: list[list[int]]) -> int:
 
 @given(COSTS)
 def test_no_even_division_costs_less(costs: list[list[int]]) -> None:
-    owner_of = assigned(np.array(costs, dtype=np.int64))
+    owner_of = min_cost_assignment(np.array(costs, dtype=np.int64))
     sizes = [owner_of.count(owner) for owner in range(len(costs[0]))]
     assert max(sizes) - min(sizes) <= 1
     assert sum(row[owner] for row, owner in zip(costs, owner_of, strict=True)) == least_by_trying_all(costs)
@@ -42,12 +42,12 @@ def test_no_even_division_costs_less(costs: list[list[int]]) -> None:
 def test_each_is_served_once_and_by_equal_shares(
     starts_m: list[tuple[float, float]], places_m: dict[int, tuple[float, float]]
 ) -> None:
-    found = shares(starts_m, places_m)
+    found = allocate(starts_m, places_m)
     assert sorted(agent_id for share in found for agent_id in share) == sorted(places_m)
     assert all(list(share) == sorted(share) for share in found)
     assert max(map(len, found)) - min(map(len, found)) <= 1
     # The order of the places does not matter.
-    assert shares(starts_m, dict(reversed(places_m.items()))) == found
+    assert allocate(starts_m, dict(reversed(places_m.items()))) == found
 
 
 @given(COSTS, st.data())
@@ -64,7 +64,7 @@ def test_who_has_some_already_is_given_fewer(costs: list[list[int]], data: st.Da
 
     divisions = [list(it) for it in product(range(owners), repeat=len(costs))]
     evenest = min(sum(size**2 for size in sizes(it)) for it in divisions)
-    found = assigned(np.array(costs, dtype=np.int64), fixed_counts)
+    found = min_cost_assignment(np.array(costs, dtype=np.int64), fixed_counts)
     assert sum(size**2 for size in sizes(found)) == evenest
     assert cost(found) == min(cost(it) for it in divisions if sum(n**2 for n in sizes(it)) == evenest)
 
@@ -79,7 +79,7 @@ def test_who_stays_stays(
 ) -> None:
     keepers = st.integers(0, len(starts_m) - 1)
     fixed_owner_of = {it: data.draw(keepers) for it in places_m if data.draw(st.booleans())}
-    found = shares(starts_m, places_m, fixed_owner_of)
+    found = allocate(starts_m, places_m, fixed_owner_of)
     assert sorted(agent_id for share in found for agent_id in share) == sorted(places_m)
     assert all(agent_id in found[keeper] for agent_id, keeper in fixed_owner_of.items())
 
@@ -92,19 +92,19 @@ HEAPS = {
 
 
 def test_each_takes_the_heap_that_it_stands_beside() -> None:
-    assert shares([(5.0, 190.0), (5.0, 10.0), (5.0, 90.0)], HEAPS) == ((3, 6, 9), (2, 5, 7), (1, 4, 8))
+    assert allocate([(5.0, 190.0), (5.0, 10.0), (5.0, 90.0)], HEAPS) == ((3, 6, 9), (2, 5, 7), (1, 4, 8))
 
 
 def test_from_one_harbour_they_part_all_the_same() -> None:
     """From one start all shares are equally good at first; the moving centres find the heaps."""
-    found = shares([(0.0, 0.0), (0.0, 1.0), (0.0, 2.0)], HEAPS)
+    found = allocate([(0.0, 0.0), (0.0, 1.0), (0.0, 2.0)], HEAPS)
     assert sorted(found) == [(1, 4, 8), (2, 5, 7), (3, 6, 9)]
 
 
 def test_nearness_gives_way_to_equal_numbers() -> None:
     """Five lie about the first aPad and one about the second, so the farthest two of the five change over."""
     places_m = {1: (0.0, 0.0), 2: (0.0, 1.0), 3: (0.0, 2.0), 4: (0.0, 3.0), 5: (0.0, 4.0), 6: (0.0, 100.0)}
-    assert shares([(0.0, 2.0), (0.0, 100.0)], places_m) == ((1, 2, 3), (4, 5, 6))
+    assert allocate([(0.0, 2.0), (0.0, 100.0)], places_m) == ((1, 2, 3), (4, 5, 6))
 
 
 def test_a_hundred_kilometres_are_exact_and_more_is_refused() -> None:
@@ -115,12 +115,12 @@ def test_a_hundred_kilometres_are_exact_and_more_is_refused() -> None:
         3: (corner, corner - apart),
         4: (-corner, -corner + apart),
     }
-    assert shares([(-corner, 0.0), (corner, 0.0)], places_m) == ((2, 4), (1, 3))
+    assert allocate([(-corner, 0.0), (corner, 0.0)], places_m) == ((2, 4), (1, 3))
     assert dist(places_m[1], places_m[3]) == pytest.approx(apart)
     with pytest.raises(ValueError, match="100 km"):
-        shares([(0.0, 0.0)], {1: (2e5, 0.0)})
+        allocate([(0.0, 0.0)], {1: (2e5, 0.0)})
 
 
 def test_somebody_has_to_serve() -> None:
     with pytest.raises(ValueError, match="aPad"):
-        shares([], {1: (0.0, 0.0)})
+        allocate([], {1: (0.0, 0.0)})

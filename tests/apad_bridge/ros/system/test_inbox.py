@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import threading
 
-from apad_bridge.ros.links.inbox import Inbox
+from apad_bridge.ros.system.inbox import Inbox
 
 
 def test_a_full_inbox_counts_what_it_drops_and_takes_what_must_not_be_lost() -> None:
