@@ -34,7 +34,8 @@ def below(parts: Sequence[Part], charge: float) -> float:
         return 0.0
     if charge >= 1:
         return 1.0
-    return math.fsum(weight * _cdf(charge, mean, sd) for weight, mean, sd in parts)
+    # Weights may sum to a rounding error above 1, and callers take roots of 1 - probability.
+    return min(1.0, math.fsum(weight * _cdf(charge, mean, sd) for weight, mean, sd in parts))
 
 
 def below_strictly(parts: Sequence[Part], charge: float) -> float:
@@ -43,7 +44,7 @@ def below_strictly(parts: Sequence[Part], charge: float) -> float:
         return 0.0
     if charge > 1:
         return 1.0
-    return math.fsum(weight * _cdf(charge, mean, sd, strictly=True) for weight, mean, sd in parts)
+    return min(1.0, math.fsum(weight * _cdf(charge, mean, sd, strictly=True) for weight, mean, sd in parts))
 
 
 def interval(parts: Sequence[Part], share: float) -> tuple[float, float]:

@@ -79,3 +79,10 @@ def test_what_rests_at_an_end_is_counted_there() -> None:
     assert below(parts, 1.0) == 1.0
     assert below_strictly(parts, 1.0) == pytest.approx(0.0228, abs=1e-4)
     assert quantile([Part(1.0, -0.2, 0.1)], 0.5) == 0.0
+
+
+def test_a_probability_is_never_above_1_though_weights_are_rounded() -> None:
+    # 0.1 + 0.2 + 0.7 is 1 and a bit; all parts lie at 0 for certain.
+    parts = [Part(weight, -0.4, 0.005) for weight in (0.1, 0.2, 0.7000000000000001)]
+    assert sum(weight for weight, _, _ in parts) > 1
+    assert below(parts, 0.0) == below_strictly(parts, 0.5) == 1.0
