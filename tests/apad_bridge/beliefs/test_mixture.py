@@ -82,7 +82,7 @@ def test_what_rests_at_an_end_is_counted_there() -> None:
 
 
 def test_a_probability_is_never_above_1_though_weights_are_rounded() -> None:
-    # 0.1 + 0.2 + 0.7 is 1 and a bit; all parts lie at 0 for certain.
-    parts = [Part(weight, -0.4, 0.005) for weight in (0.1, 0.2, 0.7000000000000001)]
+    # The weights are one unit in the last place too heavy; all parts lie at 0 for certain.
+    parts = [Part(weight, -0.4, 0.005) for weight in (0.5, 0.5 + 2**-52)]
     assert sum(weight for weight, _, _ in parts) > 1
     assert below(parts, 0.0) == below_strictly(parts, 0.5) == 1.0
