@@ -41,7 +41,7 @@ _WHATS = {kind: what for what, (kind, _) in _KINDS.items()}
 class DockAlertReceiver(Protocol):
     """A link whose vehicle does not publish what its docks hold."""
 
-    def hear_dock(self, alert: DockReport) -> None: ...
+    def receive_dock_report(self, alert: DockReport) -> None: ...
 
 
 class Laboratory:
@@ -87,7 +87,7 @@ class LaboratoryLink:
             if not isinstance(message, DockReport):
                 self.messages.append(message)
             elif self._docks is not None:
-                self._docks.hear_dock(message)
+                self._docks.receive_dock_report(message)
             else:
                 laboratory.ignored["a docked alert, where the aPad itself tells what it holds"] += 1
         facts = self._vehicle.advance(now_ms)

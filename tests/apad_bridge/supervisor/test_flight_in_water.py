@@ -245,7 +245,7 @@ class Elsewhere:
     def transmit(self, medium: Medium, agent_id: int, data: bytes, now_ms: int) -> None:
         self.heard.append((medium, agent_id))
 
-    def said(self, send: Send, now_ms: int) -> None:
+    def forward(self, send: Send, now_ms: int) -> None:
         pass
 
 

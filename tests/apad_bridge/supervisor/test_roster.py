@@ -75,7 +75,7 @@ class Elsewhere:
     def transmit(self, medium: Medium, agent_id: int, data: bytes, now_ms: int) -> None:
         pass
 
-    def said(self, send: Send, now_ms: int) -> None:
+    def forward(self, send: Send, now_ms: int) -> None:
         pass
 
 

@@ -54,7 +54,7 @@ class Vehicle:
     def command(self, command: VehicleCommand, now_ms: int) -> None:
         pass
 
-    def hear_dock(self, alert: DockReport) -> None:
+    def receive_dock_report(self, alert: DockReport) -> None:
         self.alerts.append(alert)
 
     def close(self) -> None:
