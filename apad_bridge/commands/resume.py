@@ -62,8 +62,6 @@ def run(arguments: argparse.Namespace) -> int:
         raise UserError(f"the run has ended: see {directory.summary}")
     if options.apad is APadKind.ROS and not arguments.confirm_motion:
         _ask_whether_it_may_move()
-    options = options.next_epoch()
-    options.save(path)
     scenario = load(directory.scenario)
     duration_ms = round(scenario.duration_s * 1000)
     with peers_may_fail(), FlightProgress(scenario.name, duration_ms, quiet=arguments.json) as progress:

@@ -1,11 +1,13 @@
 """Child processes of a run in sessions of their own, none the parent of another, so that each can die alone.
 
-A file in the run's directory names the supervisor: its pid and the kernel's start time of that process, so that a reused
-pid names no supervisor. SIGTERM acts as Ctrl-C: a process that is asked to end, at any moment, first ends its children.
+A supervisor holds its run's directory locked (flock) for as long as it lives, so that no second one touches the records. A
+file there names the supervisor: its pid and the kernel's start time of that process, so that a reused pid names no
+supervisor. SIGTERM acts as Ctrl-C: a process that is asked to end, at any moment, first ends its children.
 """
 
 from __future__ import annotations
 
+import fcntl
 import os
 import signal
 import subprocess
@@ -14,6 +16,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import IO
+
+from apad_bridge.vehicle.errors import PeerFailed
 
 _PID_FILE = "supervisor.pid"
 
@@ -82,13 +86,27 @@ def terminated_as_interrupted() -> Iterator[None]:
 
 @contextmanager
 def supervising(run_dir: Path) -> Iterator[None]:
-    """Names this process as the run's supervisor while this context is entered."""
+    """Makes this process the run's one supervisor while this context is entered; PeerFailed when another process is it.
+
+    The lock ends with the process, however that dies; no child inherits it.
+    """
     path = run_dir / _PID_FILE
-    path.write_text(f"{os.getpid()} {_start_time(os.getpid())}\n")
+    lock = os.open(run_dir, os.O_RDONLY | os.O_DIRECTORY)
     try:
-        yield
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            pid = supervisor_of(run_dir)
+            raise PeerFailed(
+                f"{run_dir} has a living supervisor{'' if pid is None else f' (pid {pid})'}: there is nothing to resume"
+            ) from None
+        path.write_text(f"{os.getpid()} {_start_time(os.getpid())}\n")
+        try:
+            yield
+        finally:
+            path.unlink(missing_ok=True)
     finally:
-        path.unlink(missing_ok=True)
+        os.close(lock)
 
 
 def supervisor_of(run_dir: Path) -> int | None:

@@ -54,10 +54,12 @@ def fly(
         options.save(directory.path)
         if options.part is not Part.MISSION:
             stack.callback(end_fleet, directory.path, start_nursery(scenario, starts, directory.path))
+        resume = False
         while True:
             code, result = watch_supervisor(
-                start_supervisor(directory.path, options, resume=options.is_resumed), progress, relay
+                start_supervisor(directory.path, options, resume=resume), progress, relay
             )
+            resume = True
             if result is not None:
                 return result
             if code >= 0:
@@ -77,7 +79,7 @@ def fly(
                 if relay is not None:
                     failure = f"its supervisor died ({signal.Signals(-code).name})"
                     relay(json.dumps({"squad": {"broken": failure}}))
-                options = replace(options.next_epoch(), keeps=True)
+                options = replace(RunOptions.load(directory.path), keeps=True)
                 options.save(directory.path)
                 continue
             progress.print_message(
@@ -86,11 +88,10 @@ def fly(
             )
             if options.on_death is OnDeath.WAIT:
                 return _wait_for_resume(directory.path, progress)
-            options = options.next_epoch()
-            options.save(directory.path)
 
 
 def start_supervisor(run_dir: Path, options: RunOptions, *, resume: bool) -> Child:
+    """Starts a supervisor. One that resumes takes the next epoch itself, once it holds the run's lock."""
     return Child(
         "supervisor",
         "apad_bridge.runs.supervisor_process",

@@ -66,6 +66,9 @@ def command_sources_of(
 def fly(run_dir: Path, resume: bool) -> int:
     directory = RunDirectory(run_dir)
     scenario, options = load(directory.scenario), RunOptions.load(run_dir)
+    if resume:
+        options = options.next_epoch()
+        options.save(run_dir)
     start_state = (
         resuming.resume_run(directory, scenario, options, write_line)
         if resume
@@ -175,8 +178,12 @@ def main() -> int:
     parser.add_argument("run", type=Path)
     parser.add_argument("--resume", action="store_true")
     arguments = parser.parse_args()
-    with supervising(arguments.run):
-        return fly(arguments.run, arguments.resume)
+    try:
+        with supervising(arguments.run):
+            return fly(arguments.run, arguments.resume)
+    except PeerFailed as error:  # what fails after the records are open is handled in `fly`
+        write_line(json.dumps({"failed": str(error)}))
+        return Exit.PEER_FAILED
 
 
 if __name__ == "__main__":

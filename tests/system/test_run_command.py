@@ -214,6 +214,31 @@ def test_kill_9_of_the_supervisor_and_resume_goes_on_with_the_docks_as_they_were
     assert children_of(run) == []
 
 
+def test_of_several_that_resume_a_run_at_once_one_flies_it_and_the_others_touch_nothing(fly: Any) -> None:
+    process, run = fly(20)
+    wait_for(lambda: len(docked(run)) == 2, "no two were docked")
+    os.kill(int((run / "supervisor.pid").read_text().split()[0]), signal.SIGKILL)
+    command = [*MUSSELBED, "resume", str(run), "--json"]
+    callers = [
+        subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=ROOT)
+        for _ in range(3)
+    ]
+    outputs = [caller.communicate(timeout=PATIENCE_S) for caller in callers]
+    process.communicate(timeout=PATIENCE_S)
+
+    codes = [caller.returncode for caller in callers]
+    assert codes.count(0) == 1 and set(codes) <= {0, 2, 3}, outputs
+    for code, (_, stderr) in zip(codes, outputs, strict=True):
+        assert code == 0 or ("there is nothing to resume" in stderr and "Traceback" not in stderr)
+    assert json.loads((run / "run.json").read_text())["epoch"] == 2
+    lines = read_journal(run / "journal.jsonl").lines
+    assert [line["kind"] for line in lines].count("resumed") == 1
+    assert sorted(path.name for path in run.glob("*.bag")) == ["run-1.bag", "run.bag"]
+    with Reader(run / "run-1.bag") as bag:
+        assert bag.message_count > 0
+    assert children_of(run) == []
+
+
 def test_kill_9_of_an_agent_while_it_charges_and_it_goes_on_charging(fly: Any) -> None:
     process, run = fly(20)
     agent_id = wait_for(lambda: charging(run), "nothing charges")[0]

@@ -22,7 +22,7 @@ def main() -> int:
     logging.basicConfig(
         filename=log, level=logging.INFO, format="%(asctime)s %(name)s %(levelname)s %(message)s"
     )
-    # Before any thread starts: every thread inherits the mask, so that only sigtimedwait receives these signals.
+    # Before any thread starts: every thread inherits the mask, so that only sigwait receives these signals.
     signal.pthread_sigmask(signal.SIG_BLOCK, _ENDING)
     master = Master(0)
     master.start()
@@ -30,10 +30,17 @@ def main() -> int:
     # rosmaster prints now and then; the starter has stopped reading by then.
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
     threading.Thread(target=_end_after_the_starter, args=(orphan_s,), daemon=True).start()
-    while master.ok() and signal.sigtimedwait(_ENDING, 1.0) is None:
-        pass
+    threading.Thread(target=_end_with_the_master, args=(master,), daemon=True).start()
+    # Not sigtimedwait: CPython 3.11 returns garbage, and no signal, when SIGCONT comes after the time is over.
+    signal.sigwait(_ENDING)
     master.stop()
     return 0
+
+
+def _end_with_the_master(master: Master) -> None:
+    while master.ok():
+        threading.Event().wait(1.0)
+    os.kill(os.getpid(), signal.SIGTERM)
 
 
 def _end_after_the_starter(orphan_s: float) -> None:

@@ -60,6 +60,20 @@ def test_it_answers_from_a_session_of_its_own_on_loopback_only(master: Master) -
     assert port is not None and listening_addresses(port) == {"0100007F"}
 
 
+def test_a_master_that_was_stopped_and_continued_goes_on(master: Master) -> None:
+    ended = os.pidfd_open(master.pid)
+    try:
+        os.kill(master.pid, signal.SIGSTOP)
+        os.waitid(os.P_PID, master.pid, os.WSTOPPED)
+        assert not wait_until_gone(ended, 1.5), "longer than any wait of the master's own"
+        os.kill(master.pid, signal.SIGCONT)
+        os.waitid(os.P_PID, master.pid, os.WCONTINUED)
+        assert not wait_until_gone(ended, 2.0)
+        assert pid_that_answers(master.uri) == master.pid
+    finally:
+        os.close(ended)
+
+
 def test_two_masters_are_two_although_the_shell_names_the_first(
     master: Master, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
