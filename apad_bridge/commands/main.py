@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import argparse
+import errno
 import os
+import select
 import sys
 from importlib import import_module
 from importlib.metadata import version
-from typing import Any
+from typing import Any, TextIO
 
 from apad_bridge.runs.children import terminated_as_interrupted
 from apad_bridge.runs.exits import EXITS, Exit, UserError
@@ -38,7 +40,7 @@ def parser() -> argparse.ArgumentParser:
         "--time asap",
     )
     top.add_argument("--version", action="version", version=f"musselbed {version('musselbed')}")
-    commands = top.add_subparsers(dest="command", metavar="COMMAND", required=True)
+    commands = top.add_subparsers(dest="command", metavar="COMMAND")
     for name in _COMMANDS:
         try:
             import_module(f"apad_bridge.commands.{name}").add_parser(commands)
@@ -66,16 +68,44 @@ def _in_namespace(arguments: list[str]) -> list[str]:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    chosen = parser().parse_args(_in_namespace(sys.argv[1:] if arguments is None else arguments))
+    top = parser()
+    chosen = top.parse_args(_in_namespace(sys.argv[1:] if arguments is None else arguments))
+    if chosen.command is None:
+        top.print_help()
+        return Exit.USER_MISTAKE
     try:
         with terminated_as_interrupted():
             code: int = chosen.run(chosen)
+            sys.stdout.flush()
     except UserError as error:
         print(f"musselbed {chosen.command}: {error}", file=sys.stderr)
         return Exit.USER_MISTAKE
     except KeyboardInterrupt:
         return Exit.INTERRUPTED
+    except BrokenPipeError:
+        if not _has_lost_its_reader(sys.stdout):
+            raise
+        _discard(sys.stdout)
+        return Exit.PEER_FAILED
+    except OSError as error:
+        if error.errno != errno.ENOSPC:
+            raise
+        where = error.filename or "the output, or the disk of the run's directory"
+        print(f"musselbed {chosen.command}: {where}: {error.strerror}", file=sys.stderr)
+        _discard(sys.stdout)
+        return Exit.PEER_FAILED
     return code
+
+
+def _has_lost_its_reader(stream: TextIO) -> bool:
+    poll = select.poll()
+    poll.register(stream.fileno(), 0)
+    return any(events & select.POLLERR for _, events in poll.poll(0))
+
+
+def _discard(stream: TextIO) -> None:
+    """Lets the interpreter's own flush at its exit succeed: what could not be written once is not tried again."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
 if __name__ == "__main__":

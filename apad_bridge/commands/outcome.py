@@ -32,7 +32,11 @@ def report(
     else:
         console = Console(markup=False)
         print_table(console, name, flown_by, summary)
-        console.print(f"the run's files: {directory.path}", highlight=False, soft_wrap=True)
+        console.print(
+            f"the run's files: {directory.path}   (see it: musselbed replay {directory.path})",
+            highlight=False,
+            soft_wrap=True,
+        )
     sys.stdout.flush()
     if summary["ended_by"].startswith(STRATEGY_FAILED):
         return Exit.PEER_FAILED
@@ -46,7 +50,7 @@ def print_plan(plan: dict[str, Any] | None, as_json: bool) -> int:
     elif plan is None:
         print("no plan: there are never enough candidates")
     else:
-        steps = ", ".join(f"aMussel {step['agent']} into dock {step['dock']}" for step in plan["steps"])
+        steps = ", ".join(f"aMussel {step['agent']} into dock {step['dock'] + 1}" for step in plan["steps"])
         costs = plan["costs"]
         print(f"at {plan['t'] / 1000:.0f} s, {plan['strategy']}: {steps}")
         print(

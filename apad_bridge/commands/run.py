@@ -161,11 +161,12 @@ def options_of(arguments: argparse.Namespace) -> RunOptions:
     if arguments.speed <= 0:
         raise UserError(f"--speed must be above 0, not {arguments.speed}")
     if time is TimeSource.ASAP and apad is APadKind.ROS:
-        raise UserError(
-            "--time asap flies the simulated aPad in-process: leave out --apad ros, or use --time wall"
-        )
+        mend = "leave out --apad ros, or use --time wall" if "apad" in arguments else "use --time wall or ros"
+        raise UserError(f"--time asap flies the simulated aPad in-process: {mend}")
     if time is TimeSource.ROS and apad is APadKind.SIM:
         raise UserError("--time ros follows somebody else's /clock: it needs --apad ros")
+    if arguments.speed != 1 and time is TimeSource.ASAP:
+        raise UserError("--speed is of --time wall: leave it out, asap flies as fast as the machine goes")
     if arguments.speed != 1 and (apad is APadKind.ROS or time is not TimeSource.WALL):
         raise UserError("--speed needs --time wall and the simulated aPad: a real vehicle moves in real time")
     manual, dry_run = getattr(arguments, "manual", False), getattr(arguments, "dry_run", False)

@@ -28,7 +28,11 @@ def print_table(console: Console, name: str, collection: str, summary: dict[str,
     for apad, apad_summary in summary.get("apads", {}).items():
         if apad_summary["uptime_paper"] is not None:
             table.add_row(f"{apad}, {apad_summary['agents']} aMussels", *_figures(apad_summary), style="dim")
-    if (paper := _PAPER.get((name, collection))) is not None:
+    if (
+        table.row_count > 0
+        and (paper := _PAPER.get((name, collection))) is not None
+        and _is_as_shipped(summary)
+    ):
         table.add_row(f"{collection} (paper)", *paper, style="dim")
     if table.row_count > 0:
         console.print(table)
@@ -54,6 +58,19 @@ def print_table(console: Console, name: str, collection: str, summary: dict[str,
         highlight=False,
         soft_wrap=True,
     )
+
+
+def _is_as_shipped(summary: dict[str, Any]) -> bool:
+    """True for a whole flight of the pool with its own fleet, time scale and seed, with which the paper's row compares."""
+    own = {
+        "theta": 30,
+        "seed": 1,
+        "agents": 12,
+        "mission_s": 2400.0,
+        "apart": None,
+        "ended_by": "mission time",
+    }
+    return all(summary[key] == value for key, value in own.items())
 
 
 def _figures(summary: dict[str, Any]) -> list[str]:

@@ -51,6 +51,8 @@ def fly(
     """
     with ExitStack() as stack:
         options = _open_ros(stack, options, directory.path).at_port(free_port())
+        if options.owns_master:
+            progress.print_message(f"the run's own ROS master: ROS_MASTER_URI={options.master_uri}")
         options.save(directory.path)
         if options.part is not Part.MISSION:
             stack.callback(end_fleet, directory.path, start_nursery(scenario, starts, directory.path))

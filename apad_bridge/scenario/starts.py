@@ -81,7 +81,10 @@ def read_starts(path: Path, area: Area, first_id: int, count: int) -> tuple[Star
     chosen = sorted((row for row in rows if row.agent_id >= first_id), key=lambda row: row.agent_id)[:count]
     if len(chosen) < count:
         raise ScenarioError(
-            [f"{table}: {len(chosen)} rows with an id of {first_id} or above, but fleet.count is {count}"]
+            [
+                f"{table}: {len(chosen)} rows with an id of {first_id} or above, but fleet.count is {count}: "
+                "add rows, or let starts be drawn: start: {charge: [0.7, 1.0]}"
+            ]
         )
     return tuple(Start(row.agent_id, row.north_m, row.east_m, row.primary, row.secondary) for row in chosen)
 

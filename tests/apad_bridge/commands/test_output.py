@@ -1,0 +1,98 @@
+"""What commands print, to whom: help for nobody's command, no traceback for a reader that is gone or a full disk."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from rich.console import Console
+
+from apad_bridge.commands.main import main
+from apad_bridge.commands.table import print_table
+
+ROOT = Path(__file__).parents[3]
+MUSSELBED = [sys.executable, "-m", "apad_bridge.commands.main"]
+POOL = "launch_scripts/scenarios/pool-12.yaml"
+
+
+def test_without_a_command_the_help_is_printed(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([]) == 2
+    assert "usage: musselbed" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("command", [["doctor"], ["mu", "states"], ["layout", "foxglove", POOL]])
+def test_a_reader_that_leaves_is_no_traceback(command: list[str]) -> None:
+    with subprocess.Popen(
+        [*MUSSELBED, *command], cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as done:
+        assert done.stdout is not None and done.stderr is not None
+        done.stdout.close()
+        assert done.stderr.read() == ""
+        assert done.wait(60) == 3
+
+
+@pytest.mark.parametrize("command", [["doctor"], ["mu", "states"], ["layout", "foxglove", POOL]])
+def test_a_full_disk_under_the_output_is_one_line(command: list[str]) -> None:
+    with open("/dev/full", "w") as full:
+        done = subprocess.run(
+            [*MUSSELBED, *command], cwd=ROOT, stdout=full, stderr=subprocess.PIPE, text=True, timeout=60
+        )
+    assert done.returncode == 3
+    assert done.stderr.count("\n") == 1 and done.stderr.endswith("No space left on device\n")
+
+
+@pytest.mark.parametrize(
+    ("command", "mend"),
+    [
+        (["mission", POOL, "--time", "asap"], "use --time wall or ros"),
+        (["run", POOL, "--time", "asap", "--apad", "ros"], "leave out --apad ros, or use --time wall"),
+        (
+            ["run", POOL, "--time", "asap", "--speed", "5"],
+            "leave it out, asap flies as fast as the machine goes",
+        ),
+        (["run", POOL, "--agents", "24"], "let starts be drawn: start: {charge: [0.7, 1.0]}"),
+    ],
+)
+def test_a_mistake_is_answered_with_the_mend_that_fits(
+    command: list[str], mend: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(ROOT)
+    assert main(command) == 2
+    assert capsys.readouterr().err.rstrip().endswith(mend)
+
+
+SUMMARY = {
+    "theta": 30,
+    "seed": 1,
+    "agents": 12,
+    "mission_s": 2400.0,
+    "apart": None,
+    "ended_by": "mission time",
+    "uptime_paper": {"mean": 74.3, "max": 85.0, "min": 61.9},
+    "cost_m": 276.9,
+    "active_mean": 8.92,
+    "samples_uploaded": None,
+    "amussels_lost": 0,
+    "emptied": 0,
+    "services": 16,
+    "apad_energy_fraction": 0.2,
+}
+
+
+@pytest.mark.parametrize(
+    ("change", "is_beside"),
+    [
+        ({}, True),
+        ({"theta": 15}, False),
+        ({"seed": 2}, False),
+        ({"agents": 8}, False),
+        ({"uptime_paper": None}, False),
+    ],
+)
+def test_the_papers_row_stands_beside_the_papers_flight_alone(
+    change: dict[str, object], is_beside: bool, capsys: pytest.CaptureFixture[str]
+) -> None:
+    print_table(Console(width=100), "pool-12", "cautious", SUMMARY | change)
+    assert ("(paper)" in capsys.readouterr().out) is is_beside
