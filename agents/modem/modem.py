@@ -40,7 +40,7 @@ class Modem(ModemCore):
 
     @property
     def next_due_ms(self) -> int | None:
-        """When something may happen next. Until then bytes only gather."""
+        """The time at which something may happen next. Until then bytes only gather."""
         dues = [*self._timers(), *(line.output_due_ms for line in self.lines)]
         if self._reads:
             dues += [line.wake_ms for line in self.lines]

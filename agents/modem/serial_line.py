@@ -49,7 +49,7 @@ class SerialLine:
 
     @property
     def input_due_ms(self) -> int | None:
-        """When the next byte ends, or the silence within a command becomes too long."""
+        """The time at which the next byte ends, or the silence within a command becomes too long."""
         if self._coming and (not self.reader.waiting or not self._silence_before_next()):
             return _ms(self._coming[0][0])
         if self.reader.waiting:

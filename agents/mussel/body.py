@@ -112,7 +112,7 @@ class Body:
 
     @property
     def arrival_ms(self) -> int | None:
-        """When it reaches the surface or the bottom; None if it rests there already, or hovers."""
+        """The time at which the body reaches the surface or the bottom; None if it rests there already, or hovers."""
         water = self.water
         if self.docked or self.buoyancy is Buoyancy.HOVER:
             return None

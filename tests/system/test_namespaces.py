@@ -125,7 +125,7 @@ def graph_of(uri: str, child: subprocess.Popen[str]) -> tuple[dict[str, list[str
 
 
 def charged(run: Path) -> int:
-    """How many aMussels have charged."""
+    """Counts the aMussels that have charged."""
     return len(
         set(
             re.findall(

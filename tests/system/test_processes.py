@@ -53,7 +53,7 @@ def coordinator(host: Host) -> Coordinator:
 
 
 def gone(pid: int, timeout_s: float = PATIENCE_S) -> bool:
-    """Whether the process ends within the time; for one that is not ours to wait for."""
+    """True if the process ends within the time; for one that is not ours to wait for."""
     try:
         descriptor = os.pidfd_open(pid)
     except ProcessLookupError:

@@ -110,7 +110,7 @@ def browse(page: Path, profile: Path, *flags: str, at: str = "") -> str:
 
 
 def shown(dom: str) -> dict[str, object]:
-    """What a person would read."""
+    """Returns the text that a person would read."""
 
     def text(of: str) -> str:
         found = re.search(rf'id="{of}"[^>]*>(.*?)</(?:p|b|output)>', dom)

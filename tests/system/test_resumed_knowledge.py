@@ -74,7 +74,7 @@ def begin() -> Iterator[Callable[..., subprocess.Popen[str]]]:
 
 
 def noted(run: Path) -> dict[int, int]:
-    """When each was heard last, by what stands in the notebook."""
+    """Returns the time at which each was heard last, by the checkpoint."""
     path, heard = run / "checkpoint.jsonl", dict[int, int]()
     for text in path.read_text().splitlines() if path.exists() else []:
         line = json.loads(text)
@@ -122,7 +122,7 @@ def test_the_next_supervisor_knows_who_is_real_and_who_sleeps_and_for_how_long(
     bridge.wait(PATIENCE_S)
     wait_for(lambda: all_quiet(read_journal(journal).last_ms), "it was never quiet")
     os.kill(int((run / "supervisor.pid").read_text().split()[0]), signal.SIGKILL)
-    first_knew = wait_for(lambda: noted(run), "the notebook is gone")
+    first_knew = wait_for(lambda: noted(run), "the checkpoint is gone")
     spoken = begin("/usr/bin/rostopic", "echo", "-n", 1, "/musselbed/beliefs", env=tools)
 
     resumed = begin(*MUSSELBED, "resume", run)

@@ -50,7 +50,7 @@ def a_port() -> str:
 
 
 def roslaunch(environment: dict[str, str], *arguments: str) -> str:
-    """What it says on both outputs."""
+    """Returns the text of both outputs."""
     done = subprocess.run(
         ["roslaunch", *arguments],
         env=environment,

@@ -99,7 +99,7 @@ def released(run: Path, apad: str) -> bool:
 
 
 def taken_over(run: Path) -> bool:
-    """Whether apad1 took all of apad2 on, and one of them has felt its dock."""
+    """True if apad1 took all of apad2 on, and one of them has felt its dock."""
     first, second = lines_of(run, "apad1"), lines_of(run, "apad2")
     took = {line["id"] for line in first if line["kind"] == "took_on"}
     docked = {line["agent"] for line in first if line["kind"] == "dock" and line["closed"]}
@@ -238,7 +238,7 @@ def test_one_that_is_killed_leaves_its_aMussels_to_the_other(
 
 
 def _names(entry: Path, words: str) -> bool:
-    """Whether a process's command line names the run."""
+    """True if a process's command line names the run."""
     if not re.fullmatch(r"\d+", entry.name):
         return False
     try:

@@ -46,7 +46,7 @@ class Bench:
         return new
 
     def ask(self, agent_id: int, command: bytes, for_ms: int = 6000) -> bytes:
-        """That modem's output after the command, within the time."""
+        """Returns the modem's output after the command, within the time."""
         self.sea.write(agent_id, command)
         return printed(self.run(for_ms), agent_id)
 

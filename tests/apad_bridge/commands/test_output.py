@@ -1,4 +1,4 @@
-"""What commands print, to whom: help for nobody's command, no traceback for a reader that is gone or a full disk."""
+"""The output of commands: help without a command, and no traceback for a reader that is gone or a full disk."""
 
 from __future__ import annotations
 
