@@ -15,6 +15,7 @@ from apad_bridge.mission.charging_watch import ChargingWatch
 from apad_bridge.mission.event_log import EventLog
 from apad_bridge.mission.order_book import OrderBook
 from apad_bridge.mission.orders import PermitSurfacing, TellClear
+from apad_bridge.mission.pool import floats, is_surfacing_or_floating
 from apad_bridge.mission.sources import BeliefSource
 from apad_bridge.mission.values import Refused, Status, dock_of
 from apad_bridge.scenario.schema import Mission
@@ -22,7 +23,6 @@ from apad_bridge.vehicle.commands import DEFAULT_MANOEUVRE, Manoeuvre
 from apad_bridge.vehicle.docking import PRE_EMPTED
 from apad_bridge.vehicle.primitives import DockMussel, UndockMussel
 from firmware_model.state_groups import BEYOND_HELP
-from firmware_model.states import State
 
 
 class SurfacingStep(Enum):
@@ -48,10 +48,10 @@ class SurfacingWait:
 
     def next_step(self, belief: Belief | None, config: Mission, now_ms: int) -> SurfacingStep:
         """The step at `now_ms`; raises GivenUp."""
-        if belief is not None and belief.state is State.FLOATING:
+        if belief is not None and floats(belief):
             return SurfacingStep.CLOSE
         waited_ms = now_ms - self.since_ms
-        if belief is not None and belief.state is State.SURFACING:
+        if belief is not None and is_surfacing_or_floating(belief):
             if waited_ms > config.silence_timeout_s * 1000:
                 raise GivenUp("it does not come up")
             return SurfacingStep.WAIT
@@ -80,6 +80,8 @@ class DockingRoutine:
         self._events = events
         self._charging_watch = ChargingWatch(config.full_threshold, config.full_when, 0)
         self._surfacing: SurfacingWait | None = None
+        self._permitted: int | None = None
+        """The aMussel that was permitted to surface last, on the way to it."""
         self._mechanism: DockMussel | UndockMussel | None = None
         self._manoeuvre = DEFAULT_MANOEUVRE
 
@@ -110,11 +112,17 @@ class DockingRoutine:
     def dock(
         self, dock_index: int, agent_id: int, manoeuvre: Manoeuvre, here: tuple[float, float], now_ms: int
     ) -> None:
-        """Begins a docking with the permission to surface; `advance` continues it."""
+        """Begins a docking, with the permission to surface unless that was sent already; `advance` continues it."""
         self._begin()
         self._manoeuvre = manoeuvre
-        self._surfacing = SurfacingWait(dock_index, agent_id, now_ms)
+        self._surfacing = SurfacingWait(dock_index, agent_id, now_ms, int(agent_id == self._permitted))
+        self._permitted = None
         self.advance(here, now_ms)
+
+    def permit_surfacing(self, agent_id: int) -> None:
+        """Sends the permission ahead of a docking, which then repeats it in the scenario's time and not at once."""
+        self._permitted = agent_id
+        self._book.order(PermitSurfacing(agent_id))
 
     def undock(self, dock_index: int, manoeuvre: Manoeuvre, now_ms: int) -> None:
         agent_id = self._book.docks[dock_index]
@@ -122,6 +130,8 @@ class DockingRoutine:
             raise Refused(f"dock {dock_of(dock_index)} is empty")
         self.pre_empt(now_ms)
         self._begin()
+        # A service counts by the belief at the order: on the way down the aMussel draws from its battery again.
+        self._book.set(leaves_full=self.is_full(agent_id))
         self._mechanism = UndockMussel(self._book.next_id(), dock_index, agent_id, manoeuvre)
         self._book.order(self._mechanism)
 
@@ -186,7 +196,7 @@ class DockingRoutine:
         self._events.record(now_ms, "docking", agent_id, dock_of(dock_index), status, reason)
 
     def _released(self, agent_id: int) -> None:
-        full = self.is_full(agent_id)
+        full = self._book.state.leaves_full
         self._book.order(TellClear(agent_id))
         self._book.note("released", agent=agent_id, full=full)
         self._book.set(services=self._book.state.services + full)

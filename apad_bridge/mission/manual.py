@@ -14,7 +14,7 @@ from typing import Protocol
 from apad_bridge.mission.docking_routine import DockingRoutine
 from apad_bridge.mission.event_log import EventLog
 from apad_bridge.mission.order_book import OrderBook
-from apad_bridge.mission.orders import Order, PermitSurfacing, TellClear
+from apad_bridge.mission.orders import Order, TellClear
 from apad_bridge.mission.sources import PredictingBeliefSource
 from apad_bridge.mission.state import MissionState, Phase, with_new_homes
 from apad_bridge.mission.values import Refused, Status, dock_of
@@ -211,7 +211,7 @@ class ManualMission(OrderBook):
     def permit_surfacing(self, agent_id: int) -> None:
         self._require_place()
         self._docking_routine.belief_of(agent_id)
-        self.order(PermitSurfacing(agent_id))
+        self._docking_routine.permit_surfacing(agent_id)
 
     def tell_clear(self, agent_id: int) -> None:
         self._require_place()

@@ -46,16 +46,21 @@ def test_a_script_s_flight_is_the_same_every_time(pool: Scenario) -> None:
     assert (first.events, first.said) == (again.events, again.said)
 
 
-def test_the_paper_s_mission_as_a_script_does_what_the_mission_does(pool: Scenario) -> None:
+@pytest.mark.parametrize(
+    ("shipped", "duration_s", "least"), [("pool-12", 1200.0, 4), ("sound-12", 4200.0, 7)]
+)
+def test_the_paper_s_mission_as_a_script_does_what_the_mission_does(
+    shipped: str, duration_s: float, least: int
+) -> None:
     def deeds(events: object) -> list[object]:
         assert isinstance(events, (list, tuple))
         return [it for it in events if it[1] in ("dock", "released")]
 
-    half = replace(pool, duration_s=1200.0)
-    figures, recorder = fly_in_memory(half)
-    flight = fly_script(half, EXAMPLES / "energy_exchange.py")
+    scenario = replace(load(ROOT / f"launch_scripts/scenarios/{shipped}.yaml"), duration_s=duration_s)
+    figures, recorder = fly_in_memory(scenario)
+    flight = fly_script(scenario, EXAMPLES / "energy_exchange.py")
     assert flight.ended_by == "mission time"
-    assert flight.state.services == figures["services"] > 4
+    assert flight.state.services == figures["services"] > least
     assert flight.state.cost_m == pytest.approx(figures["cost_m"], abs=1e-6)
     # Every dock closes and opens at the same second around the same aMussel.
     assert deeds(flight.events) == deeds(recorder.events)
