@@ -144,7 +144,7 @@ class Modem(ModemCore):
         if self.state is ModemState.OFF:
             return [Dropped(self._now_ms, "bytes for a modem without power")]
         lost = self.lines[written.line].write(written.data, self._now_ms, written.paused)
-        return [Dropped(self._now_ms, f"{lost} bytes beyond the serial line's buffer")] if lost else []
+        return [Dropped(self._now_ms, "bytes beyond the serial line's buffer")] if lost else []
 
     def _take_frame(self, frame: Frame) -> list[Action]:
         reason = sending.why_not(self, frame.kind)

@@ -19,6 +19,7 @@ _COMMANDS = (
     "resume",
     "fleet",
     "mission",
+    "apad",
     "script",
     "replay",
     "beliefs",

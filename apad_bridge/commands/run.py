@@ -180,7 +180,7 @@ def options_of(arguments: argparse.Namespace) -> RunOptions:
     if arguments.remap and time is TimeSource.ASAP:
         raise UserError("--remap names things of ROS, which --time asap does without")
     return RunOptions(
-        namespace="" if time is TimeSource.ASAP else _namespace(),
+        namespace="" if time is TimeSource.ASAP else namespace_of_shell(),
         remappings=tuple(arguments.remap),
         open_modems=tuple(sorted(set(arguments.open_modem))),
         modem="" if arguments.modem is None else str(arguments.modem.absolute()),
@@ -194,7 +194,7 @@ def options_of(arguments: argparse.Namespace) -> RunOptions:
     )
 
 
-def _namespace() -> str:
+def namespace_of_shell() -> str:
     """The namespace in ROS_NAMESPACE, which roslaunch sets for the nodes of a group."""
     namespace = os.environ.get("ROS_NAMESPACE", "")
     if not _NAMESPACE.fullmatch(namespace):

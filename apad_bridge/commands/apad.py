@@ -1,0 +1,57 @@
+"""`musselbed apad SCENARIO`: the simulated aPad alone, as a stand-in for a real one."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from pathlib import Path
+from typing import Any
+
+from apad_bridge.commands.run import namespace_of_shell, peers_may_fail
+from apad_bridge.ros.system.route import environment_for, somebodys_master
+from apad_bridge.runs.exits import EXITS, UserError
+from apad_bridge.scenario.errors import ScenarioError
+from apad_bridge.scenario.loader import load
+from apad_bridge.scenario.schema import Generation
+
+
+def add_parser(commands: Any) -> None:
+    parser = commands.add_parser(
+        "apad",
+        help="the simulated aPad alone, for any ROS 1 client",
+        description="Puts the scenario's simulated aPad on the master at ROS_MASTER_URI, with the topics, services and "
+        "actions of its generation, and nothing else: no fleet, no mission. It prints `ready` when it is on the graph, "
+        "and ends at Ctrl-C.",
+        epilog=f"exit codes: {EXITS}",
+    )
+    parser.add_argument("scenario", type=Path, metavar="SCENARIO.yaml")
+    parser.add_argument("--apad", metavar="NAME", help="which of the scenario's aPads (default: the first)")
+    parser.add_argument(
+        "--generation",
+        choices=[it.value for it in Generation],
+        help="of the aPad's software, instead of the scenario's",
+    )
+    parser.add_argument(
+        "--time",
+        choices=["wall", "clock"],
+        default="wall",
+        help="wall: real time; clock: the master's /clock, and it ends when that is silent for 10 min (default: wall)",
+    )
+    parser.set_defaults(run=run)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    try:
+        load(arguments.scenario)
+    except ScenarioError as error:
+        raise UserError(str(error)) from error
+    with peers_may_fail():
+        environment = environment_for(somebodys_master(), namespace_of_shell())
+    command = [sys.executable, "-m", "apad_bridge.ros.simulated_node.apad_node"]
+    command += ["--scenario", str(arguments.scenario), "--time", arguments.time]
+    for option in ("apad", "generation"):
+        if (value := getattr(arguments, option)) is not None:
+            command += [f"--{option}", value]
+    sys.stdout.flush()
+    os.execve(command[0], command, {**os.environ, **environment})
