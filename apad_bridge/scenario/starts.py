@@ -50,7 +50,22 @@ def starts_of(scenario: Scenario) -> tuple[Start, ...]:
             random_start(scenario.seed, agent_id, scenario.area, fleet.start) for agent_id in fleet.ids
         )
     starts = read_starts(Path(fleet.start), scenario.area, fleet.first_id, fleet.count)
-    return tuple(start for start in starts if not fleet.share or start.agent_id in fleet.share)
+    if fleet.share:
+        return tuple(start for start in starts if start.agent_id in fleet.share)
+    if (ids := [start.agent_id for start in starts]) != list(fleet.ids):
+        last_id = fleet.first_id + fleet.count - 1
+        raise ScenarioError(
+            [
+                f"{fleet.start}: the ids {_abbreviated(ids)} are not {fleet.first_id} to {last_id}, "
+                "which fleet.first_id and fleet.count say: number the rows without gaps, and let first_id be the lowest"
+            ]
+        )
+    return starts
+
+
+def _abbreviated(ids: list[int]) -> str:
+    shown = [str(agent_id) for agent_id in ids[:6]]
+    return ", ".join([*shown, "..."] if len(ids) > len(shown) else shown)
 
 
 def random_start(seed: int, agent_id: int, area: Area, start: RandomStart) -> Start:

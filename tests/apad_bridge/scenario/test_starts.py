@@ -199,3 +199,17 @@ def test_a_failed_save_leaves_the_old_file_as_it_was(tmp_path: Path) -> None:
         save_starts(tmp_path / "s.csv", [Start(1, 1e9, 6.0, 0.5)], ORIGIN)
     assert (tmp_path / "s.csv").read_bytes() == before
     assert len(list(tmp_path.iterdir())) == 1
+
+
+@pytest.mark.parametrize(("first_id", "shown"), [(1, "1 to 4"), (3, "3 to 6")])
+def test_ids_with_gaps_are_refused_and_not_dropped(tmp_path: Path, first_id: int, shown: str) -> None:
+    rows = "".join(f"{agent_id},1,1,0.9\n" for agent_id in (3, 7, 12, 24))
+    (tmp_path / "s.csv").write_text("id,north,east,battery\n" + rows)
+    pool = load(SCENARIOS / "pool-12.yaml")
+    fleet = replace(pool.fleet, start=str(tmp_path / "s.csv"), count=4, first_id=first_id)
+    with pytest.raises(ScenarioError) as caught:
+        starts_of(replace(pool, fleet=fleet))
+    assert caught.value.lines == (
+        f"{tmp_path}/s.csv: the ids 3, 7, 12, 24 are not {shown}, which fleet.first_id and fleet.count say: "
+        "number the rows without gaps, and let first_id be the lowest",
+    )
