@@ -42,7 +42,14 @@ def add_parser(commands: Any) -> None:
 def run(arguments: argparse.Namespace) -> int:
     path = arguments.directory
     try:
-        directory, options = RunDirectory.open(path), RunOptions.load(path)
+        directory = RunDirectory.open(path)
+        run_format = format_of(directory.journal)
+        if run_format != FORMAT_VERSION:
+            raise UserError(
+                f"{directory.journal} has format {run_format}, and this version resumes format {FORMAT_VERSION} alone: "
+                f"resume the run with the version that began it ({directory.versions})"
+            )
+        options = RunOptions.load(path)
     except (RunDirectoryError, OSError, ValueError) as error:
         raise UserError(str(error)) from error
     if options.time is TimeSource.ASAP:
@@ -51,11 +58,6 @@ def run(arguments: argparse.Namespace) -> int:
         )
     if options.script:
         raise UserError(f"a script cannot go on in the middle: musselbed script {options.script} begins anew")
-    if (run_format := format_of(directory.journal)) != FORMAT_VERSION:
-        raise UserError(
-            f"{directory.journal} has format {run_format}, and this version goes on with format {FORMAT_VERSION} alone: "
-            f"resume it with the version that began it ({directory.versions})"
-        )
     if (pid := supervisor_of(path)) is not None:
         raise UserError(f"the run's supervisor lives (pid {pid}): there is nothing to resume")
     if directory.summary.exists():

@@ -372,6 +372,11 @@ def test_resume_refuses_what_cannot_be_resumed(scenario: Path, tmp_path: Path) -
     again = musselbed("resume", run)
     assert again.returncode == 2
     assert "--time asap" in again.stderr
+    journal = run / "journal.jsonl"
+    journal.write_text(journal.read_text().replace('"format":2', '"format":1', 1))
+    older = musselbed("resume", run)
+    assert older.returncode == 2
+    assert "has format 1" in older.stderr and older.stderr.count("\n") == 1
     nothing = musselbed("resume", tmp_path)
     assert nothing.returncode == 2
     assert "no run" in nothing.stderr
