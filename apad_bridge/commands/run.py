@@ -30,6 +30,7 @@ from apad_bridge.scenario.schema import Generation, Hosting, Scenario
 from apad_bridge.scenario.starts import Start, starts_of
 from apad_bridge.vehicle.errors import PeerFailed
 
+SLOWEST, FASTEST = 0.01, 10_000.0
 _TIMES = """asap: virtual time, as fast as the machine goes, the simulated aPad in the same process, no ROS;
 wall: real time (times --speed with the simulated aPad); ros: the /clock of somebody else's master"""
 
@@ -158,8 +159,8 @@ def read_scenario(arguments: argparse.Namespace) -> tuple[Scenario, Sequence[Sta
 
 def options_of(arguments: argparse.Namespace) -> RunOptions:
     apad, time = APadKind(getattr(arguments, "apad", APadKind.ROS)), TimeSource(arguments.time)
-    if arguments.speed <= 0:
-        raise UserError(f"--speed must be above 0, not {arguments.speed}")
+    if not SLOWEST <= arguments.speed <= FASTEST:
+        raise UserError(f"--speed must be {SLOWEST:g} to {FASTEST:g}, not {arguments.speed}")
     if time is TimeSource.ASAP and apad is APadKind.ROS:
         mend = "leave out --apad ros, or use --time wall" if "apad" in arguments else "use --time wall or ros"
         raise UserError(f"--time asap flies the simulated aPad in-process: {mend}")

@@ -42,6 +42,8 @@ def load(path: Path) -> Scenario:
 
     Raises ScenarioError with a line for each mistake, also if there is no such file.
     """
+    if path.is_char_device() or path.is_block_device():
+        raise ScenarioError([f"{path}: is a device, and not a file"])
     try:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:

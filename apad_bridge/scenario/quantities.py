@@ -8,6 +8,15 @@ from annotated_types import Ge, Gt, Le
 from pydantic import AfterValidator, ConfigDict, StringConstraints
 from pydantic.dataclasses import dataclass
 
+_LEAST, _GREATEST = 1e-9, 1e9
+"""The range of any quantity of a scenario, in whatever unit; beyond this range arithmetic overflows."""
+
+
+def _not_tiny(quantity: float) -> float:
+    if quantity < _LEAST:
+        raise ValueError(f"must be {_LEAST:g} or more")
+    return quantity
+
 
 def _whole_milliseconds(seconds: float) -> float:
     # Time is integer milliseconds inside: a period of 0.4 ms would be none at all.
@@ -29,12 +38,12 @@ def _rising_to_one(segments: tuple[tuple[float, float], ...]) -> tuple[tuple[flo
     return segments
 
 
-Positive = Annotated[float, Gt(0)]
-NotNegative = Annotated[float, Ge(0)]
+Positive = Annotated[float, Gt(0), Le(_GREATEST), AfterValidator(_not_tiny)]
+NotNegative = Annotated[float, Ge(0), Le(_GREATEST)]
 PositiveSeconds = Annotated[float, Ge(0.001), Le(1e9), AfterValidator(_whole_milliseconds)]
 NotNegativeSeconds = Annotated[float, Ge(0), Le(1e9), AfterValidator(_whole_milliseconds)]
 Fraction = Annotated[float, Ge(0), Le(1)]
-RatePerMinute = Annotated[float, Gt(0), AfterValidator(_ten_decimals)]
+RatePerMinute = Annotated[float, Gt(0), Le(1000), AfterValidator(_ten_decimals)]
 """Rate of a battery's charge. The firmware model counts charge in grains: 1e-10 a minute is one grain a millisecond."""
 ChargeSegments = Annotated[tuple[tuple[Fraction, RatePerMinute], ...], AfterValidator(_rising_to_one)]
 """(upper end of the segment on [0, 1], rate a minute), rising; the last ends at 1."""

@@ -302,7 +302,7 @@ class Scenario:
     description: str = ""
     seed: Annotated[int, Ge(0), Le(2**63 - 1)]
     duration_s: PositiveSeconds
-    theta: Annotated[int, Ge(1)]
+    theta: Annotated[int, Ge(1), Le(1_000_000)]
     area: Area
     fleet: Fleet
     board: Board

@@ -54,6 +54,8 @@ class Row:
 
 def read_table(path: Path, frame: LocalFrame) -> list[Row]:
     """Reads all rows in the order of the file. Raises ScenarioError with a `FILE:LINE: message` for each wrong row."""
+    if path.is_char_device() or path.is_block_device():
+        raise ScenarioError([f"{path}: is a device, and not a file"])
     try:
         text = path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:

@@ -11,6 +11,8 @@ from typing import Any
 
 import yaml
 
+MOST_VALUES = 100_000
+"""A scenario with twenty thousand listed ids has fewer."""
 _TAG = "tag:yaml.org,2002:"
 _NUMBER_STARTS = list("-+.0123456789")
 
@@ -51,10 +53,25 @@ _resolve("float", r"[-+]?(?:\.[0-9]+|(?:0|[1-9][0-9]*)(?:\.[0-9]*)?)(?:[eE][-+]?
 _resolve("float", r"[-+]?\.(?:inf|Inf|INF)|\.(?:nan|NaN|NAN)", _NUMBER_STARTS)
 
 
+def _count(data: Any, known: dict[int, int]) -> int:
+    """Counts the values of data, an alias with all that it stands for, without walking anything twice."""
+    if not isinstance(data, dict | list):
+        return 1
+    if id(data) not in known:
+        known[id(data)] = 1  # for one that holds itself, which `loader` refuses
+        known[id(data)] = 1 + sum(
+            _count(it, known) for it in (data.values() if isinstance(data, dict) else data)
+        )
+    return known[id(data)]
+
+
 def parse_yaml(text: str) -> Any:
     """Returns the plain data of one YAML document. Raises a one-line ValueError, `line 3, column 5: ...`, if it is none."""
     try:
-        return yaml.load(text, Loader=_CoreLoader)
+        data = yaml.load(text, Loader=_CoreLoader)
+        if _count(data, {}) > MOST_VALUES:
+            raise ValueError(f"holds more than {MOST_VALUES} values: aliases (*name) repeat others too often")
+        return data
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         where = f"line {mark.line + 1}, column {mark.column + 1}: " if mark else ""

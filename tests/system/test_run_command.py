@@ -316,7 +316,7 @@ def agent_name(agent_id: int) -> str:
     [
         (("--time", "asap", "--apad", "ros"), "leave out --apad ros"),
         (("--time", "ros"), "it needs --apad ros"),
-        (("--speed", "0"), "--speed must be above 0"),
+        (("--speed", "0"), "--speed must be 0.01 to 10000, not 0.0"),
         (("--speed", "5", "--apad", "ros"), "a real vehicle moves in real time"),
         (("--strategy", "gready"), "known: "),
         (("--theta", "0"), "theta"),

@@ -11,6 +11,7 @@ import pytest
 from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.loader import load, with_overrides
 from apad_bridge.scenario.schema import RandomStart
+from apad_bridge.scenario.starts import starts_of
 
 SCENARIOS = Path(__file__).parents[3] / "launch_scripts" / "scenarios"
 POOL = Path(__file__).with_name("pool.yaml").read_text()
@@ -264,6 +265,46 @@ def test_a_value_beside_a_profile_wins_and_a_profile_that_is_none_is_one_line(tm
     with pytest.raises(ScenarioError) as caught:
         load(path)
     assert caught.value.lines == (f"{path}: board.profile: must be 'worst-case' or 'mu', not 'worst'",)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "path"),
+    [
+        ("theta: 30", "theta: 9223372036854775808", "theta"),
+        ("depth_m: 3.0", "depth_m: 1e308", "area.depth_m"),
+        ("capacity_wh: 230", "capacity_wh: 1e308", "apad.battery.capacity_wh"),
+        ("capacity_wh: 230", "capacity_wh: 5e-324", "apad.battery.capacity_wh"),
+        ("hotel_w: 25", "hotel_w: 1e308", "apad.battery.hotel_w"),
+        ("thruster_max_n: 30", "thruster_max_n: .inf", "apad.thruster_max_n"),
+        ("discharge_per_min: 0.0010427134", "discharge_per_min: 1e300", "board.discharge_per_min"),
+    ],
+)
+def test_a_number_that_arithmetic_cannot_bear_is_refused_by_its_key(
+    old: str, new: str, path: str, tmp_path: Path
+) -> None:
+    assert old in POOL
+    (tmp_path / "x.yaml").write_text(
+        POOL.replace(old, new).replace("pool-12.csv", str(SCENARIOS / "pool-12.csv"))
+    )
+    with pytest.raises(ScenarioError) as caught:
+        load(tmp_path / "x.yaml")
+    (line,) = caught.value.lines
+    assert line.startswith(f"{tmp_path}/x.yaml: {path}: must be ")
+
+
+def test_aliases_that_multiply_are_refused_before_they_are_written_out(tmp_path: Path) -> None:
+    levels = [f"a{n}: &a{n} [{', '.join([f'*a{n - 1}'] * 10)}]" for n in range(1, 9)]
+    (tmp_path / "x.yaml").write_text("\n".join(["a0: &a0 [1]", *levels]) + "\n")
+    with pytest.raises(ScenarioError, match="holds more than 100000 values"):
+        load(tmp_path / "x.yaml")
+
+
+def test_a_device_is_no_scenario_and_no_starts(tmp_path: Path) -> None:
+    with pytest.raises(ScenarioError, match="/dev/zero: is a device"):
+        load(Path("/dev/zero"))
+    (tmp_path / "x.yaml").write_text(POOL.replace("pool-12.csv", "/dev/zero"))
+    with pytest.raises(ScenarioError, match="/dev/zero: is a device"):
+        starts_of(load(tmp_path / "x.yaml"))
 
 
 def test_overrides_change_what_they_name_and_nothing_else() -> None:
