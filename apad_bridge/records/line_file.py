@@ -66,7 +66,7 @@ def _decode(raw: bytes) -> Line | None:
         return None
     try:
         line = json.loads(raw)
-    except ValueError:
+    except (ValueError, RecursionError):
         return None
     return line if isinstance(line, dict) else None
 

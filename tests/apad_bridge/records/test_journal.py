@@ -108,3 +108,9 @@ def test_a_journal_says_its_format_in_its_first_line(path):
     assert format_of(path) == FORMAT_VERSION
     path.write_text("garbage\n")
     assert format_of(path) is None
+
+
+def test_a_line_that_is_nested_without_end_is_dropped_and_counted(path):
+    path.write_text('{"t":0,"kind":"run"}\n' + "[" * 100_000 + "\n")
+    contents = read_journal(path)
+    assert ([line["kind"] for line in contents.lines], contents.dropped) == (["run"], 1)
