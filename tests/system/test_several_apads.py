@@ -52,6 +52,8 @@ def scenario(tmp_path: Path) -> Path:
     data["mission"].update(batch=2)
     data["mission"]["docking"].update(dock_s=3, undock_s=1)
     data["board"]["float_timeout_s"] = 432000
+    # A tenth of the paper's: nobody runs empty and sinks before its docking, however long a busy machine lets this fly.
+    data["board"]["discharge_per_min"] = 0.0001042713
     path = tmp_path / "two.yaml"
     path.write_text(yaml.safe_dump(data))
     return path
