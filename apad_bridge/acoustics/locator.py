@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from apad_bridge.acoustics.least_squares import Floats, NoFix, Solution, mirrored, solve
+from apad_bridge.beliefs.input_ranges import out_of_range
 
 AMBIGUOUS = 9.0
 """Ranges do not separate two places whose weighted squared residuals differ by less: three standard deviations."""
@@ -77,9 +78,11 @@ class Locator:
 
     def take(self, taken: RangeTaken, near_m: tuple[float, float] | None = None) -> PositionFix | None:
         """Takes a range and returns the fix from all ranges of this aMussel, or None. `near_m` is its believed place."""
-        numbers = (taken.range_m, taken.north_m, taken.east_m, taken.depth_m)
-        if not all(map(math.isfinite, numbers)) or taken.range_m < 0:
-            self.dropped["a range that is no length"] += 1
+        reason = out_of_range(
+            range_m=taken.range_m, north_m=taken.north_m, east_m=taken.east_m, depth_m=taken.depth_m
+        )
+        if reason is not None:
+            self.dropped[f"a range: {reason}"] += 1
             return None
         self.remember(taken)
         try:

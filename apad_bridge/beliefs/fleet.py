@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable
 from dataclasses import replace
 from typing import Any, Protocol
 
 from apad_bridge.beliefs.belief import Belief, Source
+from apad_bridge.beliefs.input_ranges import out_of_range
 from apad_bridge.beliefs.measurement import ClockSet, Heard, HeardShort, Measurement, Rejected
 from apad_bridge.beliefs.stamp_checker import Stamp, StampChecker, StampVerdict
 from firmware_model.packets import ShortStatus, StatusPacket
@@ -101,11 +101,15 @@ class FleetBeliefs:
         """Takes in a packet received at mission time `at_ms`; or returns the reason why not, and changes nothing."""
         if packet.agent_id not in self._known:
             return "a status of an unknown aMussel"
-        numbers = (packet.north_m, packet.east_m, packet.depth_m, packet.primary, packet.secondary)
-        if not all(map(math.isfinite, numbers)):
-            return "a status with a number that is not finite"
-        if not (0 <= packet.primary <= 1 and 0 <= packet.secondary <= 1):
-            return "a status with a charge outside [0, 1]"
+        reason = out_of_range(
+            north_m=packet.north_m,
+            east_m=packet.east_m,
+            depth_m=packet.depth_m,
+            charge=packet.primary,
+            secondary_charge=packet.secondary,
+        )
+        if reason is not None:
+            return f"a status: {reason}"
         match self._stamp_checker.judge(packet, at_ms):
             case StampVerdict.OVERTAKEN:
                 return "a status that a newer one overtook"
@@ -122,6 +126,8 @@ class FleetBeliefs:
             return "a short status of an aMussel whose place is not known"
         if at_ms < before.heard_ms:
             return "a status that a newer one overtook"
+        if (reason := out_of_range(charge=packet.primary, secondary_charge=packet.secondary)) is not None:
+            return f"a short status: {reason}"
         heard = HeardShort(at_ms, packet.state, packet.primary, packet.secondary)
         return self.learn(packet.agent_id, heard)
 

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Protocol
 
+from apad_bridge.beliefs.input_ranges import FARTHEST_M
 from apad_bridge.mission.docking_routine import DockingRoutine
 from apad_bridge.mission.event_log import EventLog
 from apad_bridge.mission.order_book import OrderBook
@@ -18,7 +19,6 @@ from apad_bridge.mission.orders import Order, TellClear
 from apad_bridge.mission.sources import PredictingBeliefSource
 from apad_bridge.mission.state import MissionState, Phase, with_new_homes
 from apad_bridge.mission.values import Refused, Status, dock_of
-from apad_bridge.scenario.local_frame import FARTHEST_M
 from apad_bridge.scenario.schema import Mission
 from apad_bridge.vehicle.commands import DEFAULT_MANOEUVRE, Manoeuvre
 from apad_bridge.vehicle.docking import PRE_EMPTED

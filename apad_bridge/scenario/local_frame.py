@@ -15,8 +15,6 @@ from typing import Protocol
 EQUATORIAL_RADIUS_M = 6378137.0  # WGS-84, a
 FLATTENING = 1 / 298.257223563  # WGS-84, f
 ECCENTRICITY_2 = FLATTENING * (2 - FLATTENING)
-FARTHEST_M = 50_000.0
-"""The largest distance from the origin at which the bench sends an aPad or places an aMussel."""
 
 _CLOSE_ENOUGH_M = 1e-7
 _ROUNDS = 20

@@ -14,10 +14,10 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 
+from apad_bridge.beliefs.input_ranges import FARTHEST_M
 from apad_bridge.mission.manual import ManualMission
 from apad_bridge.mission.values import Event, Refused, Status, dock_index_of, dock_of, manoeuvre_of
 from apad_bridge.planning.costs import CostBreakdown
-from apad_bridge.scenario.local_frame import FARTHEST_M
 from apad_bridge.scripting import planned
 from apad_bridge.scripting.arguments import checks_arguments
 from apad_bridge.scripting.planned import Plan

@@ -18,8 +18,8 @@ from typing import Protocol
 from agents.coordinator import Coordinator
 from agents.mussel.stimuli import CoilSlipped, Placed, Stimulus, WasReset
 from apad_bridge.beliefs.fleet import FleetBeliefs
+from apad_bridge.beliefs.input_ranges import FARTHEST_M
 from apad_bridge.mission.orders import Note
-from apad_bridge.scenario.local_frame import FARTHEST_M
 from firmware_model.power.charge import grains
 from firmware_model.state_groups import DOCKED
 from firmware_model.stimuli import ResetCause

@@ -17,6 +17,7 @@ import math
 from collections import Counter
 from enum import Enum, auto
 
+from apad_bridge.beliefs.input_ranges import out_of_range
 from apad_bridge.scenario.schema import ArmUse, Docking, DockingProfile
 from apad_bridge.vehicle.commands import (
     Arrived,
@@ -311,8 +312,8 @@ class DockingPort:
         self._apply(event, now_ms, actions, reason)
 
     def _take_pose(self, pose: PoseReported, now_ms: int) -> None:
-        if not (math.isfinite(pose.north_m) and math.isfinite(pose.east_m)):
-            self.dropped["pose: not finite"] += 1
+        if (reason := out_of_range(north_m=pose.north_m, east_m=pose.east_m)) is not None:
+            self.dropped[f"pose: {reason}"] += 1
             return
         self._pose = pose
         if self._progress is not None:

@@ -12,6 +12,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Generic, Protocol, TypeVar
 
+from apad_bridge.beliefs.input_ranges import out_of_range
 from apad_bridge.vehicle.commands import BatteryReported, PoseReported
 from apad_bridge.vehicle.link import LinkFact
 from apad_bridge.vehicle.stack_messages import BatteryReceived, PoseReceived, StateRefReceived
@@ -49,8 +50,9 @@ class Readings:
                 self._receive_battery(message)
 
     def _receive_pose(self, message: PoseReceived) -> None:
-        if not all(map(math.isfinite, (message.north_m, message.east_m, message.heading_rad))):
-            self.dropped["position: not finite"] += 1
+        reason = out_of_range(north_m=message.north_m, east_m=message.east_m, yaw_rad=message.heading_rad)
+        if reason is not None:
+            self.dropped[f"position: {reason}"] += 1
         elif message.at_ms < self.position_ms:
             self.dropped["position: a newer one overtook it"] += 1
         else:
@@ -60,10 +62,9 @@ class Readings:
             )
 
     def _receive_battery(self, message: BatteryReceived) -> None:
-        if not math.isfinite(message.percent):
-            self.dropped["battery_level: not finite"] += 1
+        if (reason := out_of_range(battery_percent=message.percent)) is not None:
+            self.dropped[f"battery_level: {reason}"] += 1
             return
-        # Gauges in the field overshoot both ends.
         fraction = min(1.0, max(0.0, message.percent / 100))
         voltage_v = self._empty_v + fraction * (self._full_v - self._empty_v)
         self._battery = BatteryReported(message.at_ms, voltage_v, fraction)

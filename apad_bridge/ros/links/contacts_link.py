@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from typing import Any
 
 import rospy
 
+from apad_bridge.beliefs.input_ranges import out_of_range
 from apad_bridge.ros.system.inbox import Inbox
 from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros_names.names import of_amussel, of_apad
@@ -54,14 +54,16 @@ class ContactsLink:
         """Contacts and the aPad's place, stamped `now_ms` because the clocks of a vehicle at sea are not ours."""
         facts: list[LinkFact] = []
         for agent_id, north_m, east_m, released in self._inbox.take():
-            if not (math.isfinite(north_m) and math.isfinite(east_m)):
-                self.dropped["position_static: not finite"] += 1
+            if (reason := out_of_range(north_m=north_m, east_m=east_m)) is not None:
+                self.dropped[f"position_static: {reason}"] += 1
                 continue
             facts += self._docks.receive(HeldPositionReceived(now_ms, agent_id, north_m, east_m, released))
         seen: list[LinkFact] = []
         for north_m, east_m in self._apad_places.take():
             self._apad_position_ms = now_ms
-            if math.isfinite(north_m) and math.isfinite(east_m):
+            if (reason := out_of_range(north_m=north_m, east_m=east_m)) is not None:
+                self.dropped[f"position: {reason}"] += 1
+            else:
                 seen = [APadSeen(now_ms, north_m, east_m)]
         facts += [*self._docks.silent(self._apad_position_ms), *self._docks.places()]
         return [*seen, *(fact for fact in facts if isinstance(fact, Carried | LetGo))]

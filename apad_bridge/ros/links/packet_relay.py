@@ -12,7 +12,6 @@ as bytes of the fleet's codec. Each class here is a `PacketRelay` for another di
 from __future__ import annotations
 
 import json
-import math
 from collections import Counter
 from collections.abc import Callable, Iterable
 from typing import Any
@@ -23,6 +22,7 @@ from std_srvs.srv import Trigger, TriggerResponse
 
 from agents.mussel.stimuli import from_wire, to_wire
 from agents.packet_medium import Medium
+from apad_bridge.beliefs.input_ranges import out_of_range
 from apad_bridge.mission.allocation import Allocation
 from apad_bridge.mission.events import Send, SoundHeard, WifiHeard
 from apad_bridge.ros.system.inbox import Inbox
@@ -186,7 +186,7 @@ class MissionRelay:
         self._with_packets: set[int] = set()
         self._places: dict[int, tuple[float, float]] = {}
         self._charges: dict[int, float] = {}
-        self._legacy: Inbox[tuple[int, tuple[float, ...]]] = Inbox()
+        self._legacy: Inbox[tuple[int, dict[str, float]]] = Inbox()
         self._subscribers = [
             subscriber
             for agent_id in ids
@@ -221,14 +221,14 @@ class MissionRelay:
     def _take_legacy(self, now_ms: int) -> list[RelayedEvent]:
         published: set[int] = set()
         for agent_id, values in self._legacy.take():
-            if not all(map(math.isfinite, values)):
-                self._topics.dropped["an aMussel's topic: not finite"] += 1
+            if (reason := out_of_range(**values)) is not None:
+                self._topics.dropped[f"an aMussel's topic: {reason}"] += 1
                 continue
             published.add(agent_id)
-            if len(values) == 2:
-                self._places[agent_id] = (values[0], values[1])
+            if "battery_percent" in values:
+                self._charges[agent_id] = min(1.0, max(0.0, values["battery_percent"] / 100))
             else:
-                self._charges[agent_id] = min(1.0, max(0.0, values[0] / 100))
+                self._places[agent_id] = (values["north_m"], values["east_m"])
         known = published & self._places.keys() & self._charges.keys()
         return [self._status(agent_id, now_ms) for agent_id in sorted(known - self._with_packets)]
 
@@ -240,10 +240,10 @@ class MissionRelay:
         return WifiHeard(now_ms, self._codec.encode(packet))
 
     def _take_place(self, message: Any, agent_id: int) -> None:
-        self._legacy.put((agent_id, (message.position.north, message.position.east)))
+        self._legacy.put((agent_id, {"north_m": message.position.north, "east_m": message.position.east}))
 
     def _take_charge(self, message: Any, agent_id: int) -> None:
-        self._legacy.put((agent_id, (message.data,)))
+        self._legacy.put((agent_id, {"battery_percent": message.data}))
 
 
 class SeveralRelay:

@@ -7,11 +7,11 @@ mission time.
 
 from __future__ import annotations
 
-import math
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
+from apad_bridge.beliefs.input_ranges import out_of_range
 from apad_bridge.vehicle.commands import (
     Arrived,
     CloseDock,
@@ -173,8 +173,8 @@ class GenerationACore:
         return facts + self.readings.take()
 
     def _receive_held_position(self, message: HeldPositionReceived) -> None:
-        if not (math.isfinite(message.north_m) and math.isfinite(message.east_m)):
-            self.docks.dropped["position_static: not finite"] += 1
+        if (reason := out_of_range(north_m=message.north_m, east_m=message.east_m)) is not None:
+            self.docks.dropped[f"position_static: {reason}"] += 1
             return
         self._apply_dock_facts(self.docks.receive(message))
 

@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 import re
 
+from apad_bridge.beliefs.input_ranges import out_of_range
 from apad_bridge.scenario.faults import Fault
 from apad_bridge.vehicle.commands import Arrived, CloseDock, CommandFailed, GoTo, OpenDock, VehicleFact
 from apad_bridge.vehicle.generation_a.messages import (
@@ -104,12 +105,12 @@ class GenerationAVehicle(SimulatedStack[Published]):
         return [*self.advance(now_ms), self._let_go(dock_index)]
 
     def change_battery(self, percent_points: float, now_ms: int) -> list[Published]:
-        """`charging`, or `draining` with a minus sign. A number that is not finite changes nothing."""
+        """`charging`, or `draining` with a minus sign. A number out of range changes nothing."""
         published = self.advance(now_ms)
-        if math.isfinite(percent_points):
+        if (reason := out_of_range(percent_points=percent_points)) is None:
             self._apad.change_battery(percent_points / 100, now_ms - self._start_ms)
         else:
-            self.dropped["charging or draining: not finite"] += 1
+            self.dropped[f"charging or draining: {reason}"] += 1
         return published
 
     def _go_to(self, goal: Goal) -> list[Published]:

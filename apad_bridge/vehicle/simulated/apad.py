@@ -6,6 +6,7 @@ import math
 from collections import deque
 from collections.abc import Mapping
 
+from apad_bridge.beliefs.input_ranges import out_of_range
 from apad_bridge.scenario.schema import APad
 from apad_bridge.vehicle.commands import (
     Arrived,
@@ -237,8 +238,8 @@ class SimulatedAPad:
 
 def _refusal(command: GoTo | Hold) -> str | None:
     """The reason to refuse a go-to or hold (the field stack aborts at speed 0 and at radius 0 likewise)."""
-    if not (math.isfinite(command.north_m) and math.isfinite(command.east_m)):
-        return "the goal is not a finite position"
+    if (reason := out_of_range(north_m=command.north_m, east_m=command.east_m)) is not None:
+        return f"the goal's {reason}"
     if isinstance(command, GoTo):
         if not command.speed_m_s > 0:
             return "speed_m_s must be above 0"

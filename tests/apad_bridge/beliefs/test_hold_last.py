@@ -28,8 +28,9 @@ def test_it_believes_the_newest_packet() -> None:
     ("packet", "reason"),
     [
         (replace(PACKET, agent_id=7), "unknown aMussel"),
-        (replace(PACKET, north_m=math.nan), "not finite"),
-        (replace(PACKET, east_m=math.inf), "not finite"),
+        (replace(PACKET, north_m=math.nan), "north_m is outside"),
+        (replace(PACKET, east_m=math.inf), "east_m is outside"),
+        (replace(PACKET, depth_m=1e308), "depth_m is outside"),
         (replace(PACKET, primary=1.01), "outside"),
         (replace(PACKET, secondary=-0.01), "outside"),
         (replace(PACKET, agent_ms=59_999), "overtook"),

@@ -39,13 +39,17 @@ def made_at(request: pytest.FixtureRequest) -> Callable[[int], Vehicle]:
     return lambda start_ms: GenerationBVehicle(SimulatedAPad(POOL.apad), start_ms)
 
 
-@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
-def test_what_is_not_finite_is_dropped_and_counted(core: Core, bad: float) -> None:
+@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf, 1e308, -1e308])
+def test_a_number_out_of_range_is_dropped_and_counted(core: Core, bad: float) -> None:
     core.receive(PoseReceived(0, bad, 0.0, 0.0), 0)
     core.receive(PoseReceived(0, 0.0, 0.0, bad), 0)
     core.receive(BatteryReceived(0, bad), 0)
     assert core.advance(0) == []
-    assert core.dropped == {"position: not finite": 2, "battery_level: not finite": 1}
+    assert core.dropped == {
+        "position: north_m is outside -50000 to 50000": 1,
+        "position: yaw_rad is outside -1000 to 1000": 1,
+        "battery_level: battery_percent is outside -50 to 200": 1,
+    }
 
 
 @pytest.mark.parametrize(

@@ -258,7 +258,7 @@ def test_the_first_cause_of_a_run_of_failures_is_kept_until_something_succeeds()
 @pytest.mark.parametrize(
     ("fact", "reason"),
     [
-        (pose(10, math.nan), "pose: not finite"),
+        (pose(10, math.nan), "pose: north_m is outside -50000 to 50000"),
         (DockClosed(10, 4, 1), "dock: no such dock"),
         (DockOpened(10, -1, 1), "dock: no such dock"),
         (Arrived(10, 1), "arrived: while acting"),

@@ -235,10 +235,11 @@ def test_after_a_resume_the_docks_are_as_they_were() -> None:
     assert DockOpened(15_000, 2, 8) in tells(core, 16_000)
 
 
-def test_a_place_that_is_not_finite_is_dropped_and_counted(core: GenerationACore) -> None:
-    core.receive(HeldPositionReceived(0, 7, 0.0, math.nan, False), 0)
+@pytest.mark.parametrize("bad", [math.nan, 1e308])
+def test_a_place_that_cannot_be_is_dropped_and_counted(core: GenerationACore, bad: float) -> None:
+    core.receive(HeldPositionReceived(0, 7, 0.0, bad, False), 0)
     assert core.advance(0) == []
-    assert core.dropped == {"position_static: not finite": 1}
+    assert core.dropped == {"position_static: east_m is outside -50000 to 50000": 1}
 
 
 def test_messages_of_an_unknown_amussel_disturb_nothing(core: GenerationACore) -> None:

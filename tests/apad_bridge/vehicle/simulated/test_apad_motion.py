@@ -113,8 +113,8 @@ def test_hold_goes_there_and_never_completes(config):
     [
         (GoTo(4, 1.0, 1.0, 0.0, 0.5), "speed_m_s"),
         (GoTo(4, 1.0, 1.0, 0.5, 0.0), "victory_radius_m"),
-        (GoTo(4, math.nan, 1.0, 0.5, 0.5), "finite"),
-        (Hold(4, 0.0, math.inf), "finite"),
+        (GoTo(4, math.nan, 1.0, 0.5, 0.5), "outside"),
+        (Hold(4, 0.0, math.inf), "outside"),
     ],
 )
 def test_an_impossible_command_fails_and_changes_nothing(config, command, word):
