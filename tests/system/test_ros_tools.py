@@ -13,9 +13,11 @@ import pytest
 from apad_bridge.ros.system.master import Master, loopback_environment, start_master
 from apad_bridge.ros.types.generate import generate
 from apad_bridge.ros.types.messages import generated_folder
+from apad_bridge.ros_names import table
 
 pytestmark = pytest.mark.system
 ROOT = Path(__file__).parents[2]
+POOL = ROOT / "launch_scripts/scenarios/pool-12.yaml"
 
 PUBLISHER = """
 import sys
@@ -38,7 +40,8 @@ def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder laid out as an installed clone, as far as setup.bash looks."""
     root = tmp_path_factory.mktemp("clone")
     (root / "launch_scripts").mkdir()
-    shutil.copy(ROOT / "launch_scripts" / "setup.bash", root / "launch_scripts")
+    for name in ("setup.bash", "package.xml"):
+        shutil.copy(ROOT / "launch_scripts" / name, root / "launch_scripts")
     messages = generated_folder(root / ".venv")
     messages.parent.mkdir(parents=True)
     generate(messages)
@@ -103,6 +106,50 @@ def test_rosmsg_rossrv_and_rosbag_know_the_definitions(installed: Path, tmp_path
     ):
         assert line in shown.stdout
     assert "11f270ad3c6a896e6e40b3ee541fbd39" in shown.stdout
+
+
+def published_types() -> set[tuple[str, str]]:
+    """(tool, type) for the types of all topics and services in the table of names."""
+    sections = [it for it in vars(table).values() if isinstance(it, table.Section)]
+    tools = {table.Kind.TOPIC: "rosmsg", table.Kind.SERVICE: "rossrv"}
+    return {(tools[row.kind], row.type) for it in sections for row in it.rows if row.kind in tools}
+
+
+def test_every_type_that_we_publish_can_be_shown(installed: Path, tmp_path: Path) -> None:
+    types = published_types()
+    assert ("rosmsg", "sensor_msgs/NavSatFix") in types
+    script = "\n".join(
+        f"{tool} show {name} >/dev/null || echo missing {name}" for tool, name in sorted(types)
+    )
+    shown = in_a_shell(installed, script, loopback_environment(tmp_path))
+    assert (shown.returncode, shown.stdout) == (0, ""), shown.stderr
+
+
+def test_the_tools_that_read_every_package_xml_accept_ours(
+    installed: Path, master: Master, tmp_path: Path
+) -> None:
+    """An e-mail address without a dot ended each of these tools in every shell that had sourced setup.bash."""
+    run = tmp_path / "run"
+    words = ["run", str(POOL), "--time", "asap", "--out", str(run)]
+    flown = subprocess.run(
+        [sys.executable, "-m", "apad_bridge.commands.main", *words],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        cwd=ROOT,
+    )
+    assert flown.returncode == 0, flown.stderr
+    script = f"""
+    rospack depends-on std_msgs
+    rosbag check '{run}/run.bag'
+    rosbag fix '{run}/run.bag' '{tmp_path}/fixed.bag'
+    roswtf
+    """
+    told = in_a_shell(installed, script, loopback_environment(tmp_path / "ros", master.uri))
+    output = told.stdout + told.stderr
+    assert told.returncode == 0 and "Traceback" not in output and "InvalidPackage" not in output, output
+    assert "migrated successfully" in output
+    assert (tmp_path / "fixed.bag").stat().st_size > 0
 
 
 def test_a_workspace_that_was_sourced_before_wins(installed: Path, tmp_path: Path) -> None:
