@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from apad_bridge.doctor import graph, interpreter, machine, network, origin_check, scenario_check
-from apad_bridge.doctor.finding import Finding, Status, run_check, warn
+from apad_bridge.doctor.finding import Finding, Status, fail, run_check, warn
 from apad_bridge.ros_names.names import in_full
 from apad_bridge.runs.exits import EXITS, Exit
 
@@ -91,12 +91,7 @@ def _ros(master_uri: str, scenario: Scenario | None) -> Iterable[Finding]:
     try:
         found = graph.Graph.read(master_uri)
     except network.Unreachable as error:
-        yield warn(
-            "master",
-            f"none at {master_uri}, and what needs one was not checked: {error}",
-            "nothing to mend for `musselbed run`, which brings its own; for an aPad's: see that it is on and that its host "
-            "is in /etc/hosts",
-        )
+        yield _unreachable_master(master_uri, error)
         return
     yield Finding("master", Status.OK, f"{master_uri} answers; {len(found.nodes)} nodes on it")
     host, bind = doctor_checks.announced_host(), doctor_checks.bind_address()
@@ -112,3 +107,20 @@ def _ros(master_uri: str, scenario: Scenario | None) -> Iterable[Finding]:
     if scenario is not None:
         apad, origin = in_full(namespace, scenario.apad.name), scenario.area.origin
         yield from run_check("origin", lambda: [origin_check.check_origin(master_uri, apad, origin)])
+
+
+def _unreachable_master(uri: str, error: network.Unreachable) -> Finding:
+    """A master on another machine is an aPad's and has to answer; on this machine `musselbed run` brings its own."""
+    found = f"none at {uri}, and what needs one was not checked: {error}"
+    if network.is_loopback(uri):
+        return warn(
+            "master",
+            found,
+            "nothing to mend for `musselbed run`, which brings its own; for others: start roscore",
+        )
+    return fail(
+        "master",
+        found,
+        "see that its machine is on, that its host is in /etc/hosts, and that its roscore runs; to fly without it: "
+        "unset ROS_MASTER_URI",
+    )

@@ -66,6 +66,14 @@ def host_and_port(uri: str) -> tuple[str, int]:
     return host, port
 
 
+def is_loopback(uri: str) -> bool:
+    """True if the URI's host is this machine by its loopback address; False for a name that cannot be resolved."""
+    try:
+        return address_of(host_and_port(uri)[0]).startswith("127.")
+    except Unreachable:
+        return False
+
+
 def route_address(address: str) -> str:
     """Returns this machine's source address of packets to `address`, without sending any."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:

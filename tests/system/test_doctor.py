@@ -60,6 +60,13 @@ def test_without_a_master_a_sound_machine_is_sound(tmp_path: Path) -> None:
     assert not any("call back" in line for line in lines)
 
 
+def test_a_master_elsewhere_that_does_not_answer_is_a_failure(tmp_path: Path) -> None:
+    done = run_doctor(loopback_environment(tmp_path, "http://apad1.invalid:11311"), str(POOL))
+    (master_line,) = [line for line in done.stdout.splitlines() if line.split()[1] == "master:"]
+    assert done.returncode == 3, done.stdout
+    assert master_line.startswith("FAIL") and "/etc/hosts" in master_line
+
+
 def test_a_master_that_is_gone_is_no_failure(tmp_path: Path, master: Master) -> None:
     master.stop()
     found = checks(loopback_environment(tmp_path, master.uri))
