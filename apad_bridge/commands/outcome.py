@@ -10,9 +10,9 @@ from typing import Any
 from rich.console import Console
 
 from apad_bridge.commands.table import print_table
-from apad_bridge.mission.plans import STRATEGY_FAILED
+from apad_bridge.mission.ending import EndReason
 from apad_bridge.records.run_directory import RunDirectory
-from apad_bridge.runs.exits import Exit
+from apad_bridge.runs.exits import Exit, exit_of_all
 
 
 def report(
@@ -38,9 +38,12 @@ def report(
             soft_wrap=True,
         )
     sys.stdout.flush()
-    if summary["ended_by"].startswith(STRATEGY_FAILED):
-        return Exit.PEER_FAILED
-    return Exit.INTERRUPTED if summary["ended_by"] == "the operator" else Exit.DONE
+    return exit_of_all(end_reasons(summary))
+
+
+def end_reasons(summary: dict[str, Any]) -> list[EndReason]:
+    """Why the mission ended; with several aPads, each one's reason."""
+    return [EndReason(each["end_reason"]) for each in summary.get("apads", {"": summary}).values()]
 
 
 def print_plan(plan: dict[str, Any] | None, as_json: bool) -> int:

@@ -11,14 +11,15 @@ from pathlib import Path
 from typing import Any
 
 from apad_bridge.commands import run as run_command
-from apad_bridge.commands.outcome import report
+from apad_bridge.commands.outcome import end_reasons, report
+from apad_bridge.mission.ending import EndReason
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
 from apad_bridge.runs import parent
-from apad_bridge.runs.exits import EXITS, Exit, UserError
+from apad_bridge.runs.exits import EXITS, UserError
 from apad_bridge.runs.flying import fly_in_process
 from apad_bridge.runs.progress import FlightProgress
 from apad_bridge.scenario.run_options import APadKind, OnDeath, Part, TimeSource
-from apad_bridge.scripting.program import SCRIPT_FAILED, ScriptError, ScriptSource, as_program
+from apad_bridge.scripting.program import ScriptError, ScriptSource, as_program
 
 _SCENARIO = re.compile(r"^# scenario:\s*(\S+)\s*$", re.MULTILINE)
 
@@ -83,10 +84,9 @@ def run(arguments: argparse.Namespace) -> int:
         else:
             summary = parent.fly(scenario, starts, options, directory, progress)
     code = report(scenario.name, file.name, directory, summary, arguments.json, progress.messages)
-    if not summary["ended_by"].startswith(SCRIPT_FAILED):
-        return code
-    print(f"musselbed script: {summary['ended_by']}", file=sys.stderr)
-    return Exit.PEER_FAILED
+    if EndReason.SCRIPT_FAILED in end_reasons(summary):
+        print(f"musselbed script: {summary['ended_by']}", file=sys.stderr)
+    return code
 
 
 def _scenario_of(file: Path) -> Path:

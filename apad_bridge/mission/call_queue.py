@@ -10,6 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Protocol, TypeVar
 
+from apad_bridge.mission.ending import MissionEnd
 from apad_bridge.mission.manual import ManualMission
 from apad_bridge.mission.values import Refused, Status
 
@@ -47,7 +48,7 @@ def _snapshot_of(mission: ManualMission) -> Snapshot:
 class FlightMission(Protocol):
     """The mission of a flight: flown by hand all the time, or one that can be taken over."""
 
-    def finish(self, reason: str) -> None: ...
+    def finish(self, end: MissionEnd) -> None: ...
 
 
 class _Call:

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.mission.charging_watch import ChargingWatch
+from apad_bridge.mission.ending import EndReason, MissionEnd
 from apad_bridge.mission.order_book import OrderBook
 from apad_bridge.mission.orders import Order, PermitSurfacing, TellClear
 from apad_bridge.mission.plans import plan_note, plan_or_reason
@@ -145,11 +146,11 @@ class EnergyExchange(OrderBook):
             self._enter(Phase.STANDS_DOWN, now_ms, plan=Solution(()))
         return self.take_orders()
 
-    def end(self, reason: str, now_ms: int) -> list[Order]:
+    def end(self, end: MissionEnd, now_ms: int) -> list[Order]:
         """Ends the mission at once: the aPad holds its position. A second call changes nothing."""
         if self.state.phase is not Phase.ENDED:
             self._hold(now_ms)
-            self._enter(Phase.ENDED, now_ms, ended_by=reason)
+            self._enter(Phase.ENDED, now_ms, ended_by=end)
         return self.take_orders()
 
     # The phases.
@@ -193,7 +194,7 @@ class EnergyExchange(OrderBook):
             name, lambda: self._collection.plan(situation, batch), situation, StepKind.COLLECT
         )
         if isinstance(solution, str):
-            self._orders += self.end(solution, now_ms)
+            self._orders += self.end(MissionEnd(EndReason.STRATEGY_FAILED, solution), now_ms)
         elif solution.steps:
             self._orders.append(plan_note("collect", name, solution, situation, self._config.costs))
             self.set(plan=solution)
@@ -261,7 +262,7 @@ class EnergyExchange(OrderBook):
             name, lambda: self._redeployment.plan(situation), situation, StepKind.DEPLOY
         )
         if isinstance(solution, str):
-            self._orders += self.end(solution, now_ms)
+            self._orders += self.end(MissionEnd(EndReason.STRATEGY_FAILED, solution), now_ms)
             return
         self._orders.append(plan_note("redeploy", name, solution, situation, self._config.costs))
         self.set(plan=solution)

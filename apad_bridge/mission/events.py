@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from agents.packet_medium import Medium
+from apad_bridge.mission.ending import MissionEnd
 from apad_bridge.mission.orders import Note
 from apad_bridge.vehicle.commands import VehicleCommand, VehicleFact
 from firmware_model.packets.sample_record import SampleRecord
@@ -33,10 +34,10 @@ class RangeHeard:
 
 @dataclass(frozen=True, slots=True)
 class EndRequested:
-    """A person wants the mission to end."""
+    """The mission shall end."""
 
     at_ms: int
-    reason: str
+    end: MissionEnd
 
 
 @dataclass(frozen=True, slots=True)

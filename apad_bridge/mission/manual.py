@@ -13,6 +13,7 @@ from typing import Protocol
 
 from apad_bridge.beliefs.input_ranges import FARTHEST_M
 from apad_bridge.mission.docking_routine import DockingRoutine
+from apad_bridge.mission.ending import MissionEnd
 from apad_bridge.mission.event_log import EventLog
 from apad_bridge.mission.order_book import OrderBook
 from apad_bridge.mission.orders import Order, TellClear
@@ -111,21 +112,21 @@ class ManualMission(OrderBook):
     def stand_down(self, reason: str, now_ms: int) -> list[Order]:
         return []
 
-    def end(self, reason: str, now_ms: int) -> list[Order]:
+    def end(self, end: MissionEnd, now_ms: int) -> list[Order]:
         self.now_ms = now_ms
-        self.finish(reason)
+        self.finish(end)
         return self.take_orders()
 
-    def finish(self, reason: str) -> None:
+    def finish(self, end: MissionEnd) -> None:
         """Like `end`, from within a command source: the orders go out with those of this tick."""
         if self.state.phase is Phase.ENDED:
             return
         if self.pose is not None:
             self.order(HoldPosition(self.next_id(), *self.pose))
-        self.set(phase=Phase.ENDED, since_ms=self.now_ms, ended_by=reason)
+        self.set(phase=Phase.ENDED, since_ms=self.now_ms, ended_by=end)
         self.snapshot()
         for command_source in self._command_sources:
-            command_source.close(reason)
+            command_source.close(str(end))
 
     # The interface of command sources.
 

@@ -5,13 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import asdict
 
+from apad_bridge.mission.ending import EndReason
 from apad_bridge.mission.orders import Note
 from apad_bridge.planning.candidates import Situation
 from apad_bridge.planning.costs import Scales, cost_of
 from apad_bridge.planning.solution import Solution, StepKind, check_solution
-
-STRATEGY_FAILED = "failure of strategy"
-"""The start of the reason when a strategy raised an error or gave a plan that cannot be flown."""
 
 
 def plan_or_reason(
@@ -22,7 +20,7 @@ def plan_or_reason(
         solution = plan()
         check_solution(solution, situation, kind)
     except Exception as error:
-        return f"{STRATEGY_FAILED} {name!r}: {type(error).__name__}: {error}"
+        return f"{EndReason.STRATEGY_FAILED} {name!r}: {type(error).__name__}: {error}"
     return solution
 
 

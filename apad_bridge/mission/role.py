@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Protocol
 
+from apad_bridge.mission.ending import MissionEnd
 from apad_bridge.mission.orders import Order
 from apad_bridge.mission.state import MissionState
 from apad_bridge.vehicle.primitives import Outcome
@@ -35,6 +36,6 @@ class Mission(Protocol):
         """
         ...
 
-    def end(self, reason: str, now_ms: int) -> list[Order]:
+    def end(self, end: MissionEnd, now_ms: int) -> list[Order]:
         """Ends the mission at once; a second call changes nothing."""
         ...

@@ -8,6 +8,7 @@ from enum import StrEnum
 from typing import Any
 
 from apad_bridge.beliefs.belief import Belief
+from apad_bridge.mission.ending import MissionEnd
 from apad_bridge.planning.solution import Solution
 from firmware_model.state_groups import DOCKED
 
@@ -48,10 +49,16 @@ class MissionState:
     services: int = 0
     leaves_full: bool = False
     """The aMussel being undocked was believed full at the order, which counts because sinking costs charge."""
-    ended_by: str | None = None
+    ended_by: MissionEnd | None = None
 
     def to_json(self) -> dict[str, Any]:
-        return {**asdict(self), "plan": self.plan.encode()}
+        ended_by = self.ended_by
+        return {
+            **asdict(self),
+            "plan": self.plan.encode(),
+            "ended_by": None if ended_by is None else str(ended_by),
+            "end_reason": None if ended_by is None else ended_by.reason.value,
+        }
 
     def stood_down(self) -> MissionState:
         """The same state without a plan and with nothing under way."""
@@ -60,13 +67,17 @@ class MissionState:
     @classmethod
     def from_json(cls, data: dict[str, Any]) -> MissionState:
         """The inverse of `to_json`; KeyError, TypeError or ValueError for anything else."""
+        known, reason = dict(data), data.get("end_reason")
+        known.pop("end_reason", None)
+        text = data["ended_by"]
         return cls(
             **{
-                **data,
+                **known,
                 "phase": Phase(data["phase"]),
                 "plan": Solution.decode(data["plan"]),
                 "docked": tuple((dock_index, agent_id) for dock_index, agent_id in data["docked"]),
                 "homes": tuple((agent_id, north, east) for agent_id, north, east in data["homes"]),
+                "ended_by": None if text is None else MissionEnd.restored(text, reason),
             }
         )
 

@@ -11,6 +11,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from apad_bridge.mission.call_queue import CallQueue, FlightMission
+from apad_bridge.mission.ending import MissionEnd
 from apad_bridge.mission.manual import ManualMission
 from apad_bridge.mission.orders import Note, Order
 from apad_bridge.mission.role import Mission
@@ -73,13 +74,13 @@ class Takeover:
     def stand_down(self, reason: str, now_ms: int) -> list[Order]:
         return self._flying.stand_down(reason, now_ms)
 
-    def end(self, reason: str, now_ms: int) -> list[Order]:
-        self._calls.close(reason)
-        return self._flying.end(reason, now_ms)
+    def end(self, end: MissionEnd, now_ms: int) -> list[Order]:
+        self._calls.close(str(end))
+        return self._flying.end(end, now_ms)
 
-    def finish(self, reason: str) -> None:
+    def finish(self, end: MissionEnd) -> None:
         """Like `end`, from within a call."""
-        self._orders += self.end(reason, self._now_ms)
+        self._orders += self.end(end, self._now_ms)
 
     def take_over(self) -> str:
         """The aPad holds its position and waits for orders; a commanded mechanism is not stopped half-way.

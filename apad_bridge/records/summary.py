@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass, field
 from typing import Any
 
+from apad_bridge.mission.ending import MissionEnd
 from apad_bridge.records.uptime import AgentUptime, UptimeMeter
 from apad_bridge.supervisor.roster import Presence
 from firmware_model.power.charge import fraction
@@ -25,7 +26,7 @@ class Ending:
     The cost is in metres; `apad_energy_fraction` is the used fraction of the aPad's battery.
     """
 
-    ended_by: str
+    ended_by: MissionEnd
     cost_m: float
     services: int
     apad_energy_fraction: float | None

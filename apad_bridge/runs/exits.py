@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from enum import IntEnum
+from typing import assert_never
+
+from apad_bridge.mission.ending import EndReason
 
 
 class Exit(IntEnum):
@@ -17,6 +21,32 @@ EXITS = (
     "0 done, 1 a bug of ours (with its traceback), 2 a mistake in what was asked (one line with the mend), "
     "3 something that was needed failed or fell silent, 130 ended by Ctrl-C, with its records whole"
 )
+
+
+def exit_of(reason: EndReason) -> Exit:
+    """The exit code of a run whose mission ended for this reason."""
+    match reason:
+        case (
+            EndReason.MISSION_TIME
+            | EndReason.APAD_BATTERY
+            | EndReason.CALL
+            | EndReason.FIRST_PLAN
+            | EndReason.SCRIPT_ENDED
+            | EndReason.SCRIPT_ABORTED
+        ):
+            return Exit.DONE
+        case EndReason.OPERATOR:
+            return Exit.INTERRUPTED
+        case EndReason.SCRIPT_FAILED | EndReason.STRATEGY_FAILED:
+            return Exit.PEER_FAILED
+        case _:
+            assert_never(reason)
+
+
+def exit_of_all(reasons: Iterable[EndReason]) -> Exit:
+    """The exit code of several aPads' missions: a failure of one comes before Ctrl-C, and Ctrl-C before the rest."""
+    codes = {exit_of(reason) for reason in reasons}
+    return next((it for it in (Exit.PEER_FAILED, Exit.INTERRUPTED) if it in codes), Exit.DONE)
 
 
 class UserError(Exception):

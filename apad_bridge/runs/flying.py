@@ -17,6 +17,7 @@ from agents.hosting.process_host import ProcessHost
 from apad_bridge.assembly import parts
 from apad_bridge.assembly.water import fleet_of
 from apad_bridge.mission.call_queue import CallQueue
+from apad_bridge.mission.ending import EndReason, MissionEnd
 from apad_bridge.mission.manual import CommandSource
 from apad_bridge.mission.state import MissionState
 from apad_bridge.records.journal import FORMAT_VERSION
@@ -158,7 +159,7 @@ def stopped_by_signals(*flights: Flight) -> Iterator[None]:
 
     def stop(*_: object) -> None:
         for flight in flights:
-            flight.stop("the operator")
+            flight.stop(MissionEnd(EndReason.OPERATOR))
 
     with ExitStack() as stack:
         for number in (signal.SIGINT, signal.SIGTERM):
@@ -188,7 +189,7 @@ def prepare(
     def show_tick(now_ms: int) -> None:
         show_status(Status.of(supervisor, now_ms, context.pace.behind_s))
         if spec.until_first_plan and supervisor.mission.state.plan.steps:
-            flight.stop("the dry run's plan")
+            flight.stop(MissionEnd(EndReason.FIRST_PLAN))
 
     flight_recorder = (
         recorder if context.announce is None else _AnnouncingRecorder(recorder, context.announce)
@@ -197,7 +198,8 @@ def prepare(
     recorder.dropped_in_flight = lambda: flight.all_dropped
 
     def finish() -> dict[str, Any]:
-        recorder.event(flight.now_ms, "end", reason=flight.ended_by)
+        end = flight.ended_by
+        recorder.event(flight.now_ms, "end", reason=str(end), end_reason=end.reason.value)
         return recorder.finish(flight.now_ms, _ending(flight, spec.resume_point))
 
     return PreparedFlight(flight, finish)

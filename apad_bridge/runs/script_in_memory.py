@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from apad_bridge.mission.ending import EndReason
 from apad_bridge.mission.state import MissionState
 from apad_bridge.runs.in_memory import open_flight
 from apad_bridge.scenario.schema import Scenario
@@ -20,6 +21,7 @@ class ScriptFlight:
     """The result: the reason and time of the end, the script's output, the journal's events, the mission's last state."""
 
     ended_by: str
+    end_reason: EndReason
     mission_s: float
     said: tuple[str, ...]
     events: tuple[tuple[int, str, dict[str, Any]], ...]
@@ -37,10 +39,11 @@ def fly_script(
     messages: list[str] = []
     command_source = ScriptSource(scenario, program, name, messages.append, turns)
     flight, recorder = open_flight(scenario, (command_source,))
-    ended_by = flight.run()
+    end = flight.run()
     command_source.join()
     return ScriptFlight(
-        ended_by,
+        str(end),
+        end.reason,
         flight.now_ms / 1000,
         tuple(messages),
         tuple(recorder.events),

@@ -15,6 +15,7 @@ import json
 from collections.abc import Sequence
 
 from apad_bridge.beliefs.input_ranges import FARTHEST_M
+from apad_bridge.mission.ending import EndReason, MissionEnd
 from apad_bridge.mission.manual import ManualMission
 from apad_bridge.mission.values import Event, Refused, Status, dock_index_of, dock_of, manoeuvre_of
 from apad_bridge.planning.costs import CostBreakdown
@@ -198,7 +199,7 @@ class Api(Queries):
 
     def abort(self, reason: str = "the script") -> None:
         """Ends the mission and the script at this call; the aPad holds its position."""
-        self._do(lambda mission: mission.finish(reason))
+        self._do(lambda mission: mission.finish(MissionEnd(EndReason.SCRIPT_ABORTED, reason)))
         self._rendezvous.request(Wait(None, self._until_ms(FOR_EVER_S)))
 
     def note(self, kind: str, **data: object) -> None:

@@ -18,6 +18,7 @@ from pathlib import Path
 from types import CodeType
 from typing import Any
 
+from apad_bridge.mission.ending import EndReason, MissionEnd
 from apad_bridge.mission.manual import ManualMission
 from apad_bridge.scenario.local_frame import LocalFrame
 from apad_bridge.scenario.schema import Scenario
@@ -32,9 +33,6 @@ from apad_bridge.scripting.rendezvous import (
     Wait,
 )
 
-SCRIPT_FAILED = "failure of the script"
-"""The start of the ending's reason when the script raised or was stuck."""
-SCRIPT_ENDED = "the script's end"
 Program = Callable[[Api], object]
 """The function that runs in the script's thread."""
 _JOIN_S = 2.0
@@ -143,16 +141,15 @@ class ScriptSource:
             match request:
                 case None:
                     if self._rendezvous.is_stuck:
-                        mission.finish(
-                            f"{SCRIPT_FAILED}: it neither called the API nor slept for {self._rendezvous.busy_s:g} s"
-                        )
+                        busy_s = self._rendezvous.busy_s
+                        mission.finish(_failure(f"it neither called the API nor slept for {busy_s:g} s"))
                     return
                 case Finished(failure):
                     if failure is not None:
-                        mission.finish(f"{SCRIPT_FAILED}: {failure}")
+                        mission.finish(_failure(failure))
                     elif not mission.is_busy:
                         # Its last order is finished first: a script may end with a docking.
-                        mission.finish(SCRIPT_ENDED)
+                        mission.finish(MissionEnd(EndReason.SCRIPT_ENDED))
                     return
                 case Do():
                     self._rendezvous.answer(_outcome(request.act))
@@ -196,6 +193,10 @@ class ScriptSource:
             self.error = error
             failure = _one_line(error, self._name)
         self._rendezvous.finish(failure)
+
+
+def _failure(cause: str) -> MissionEnd:
+    return MissionEnd(EndReason.SCRIPT_FAILED, f"{EndReason.SCRIPT_FAILED}: {cause}")
 
 
 def _outcome(act: Callable[[], Any]) -> Any:

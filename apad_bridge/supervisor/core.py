@@ -11,6 +11,7 @@ from apad_bridge.beliefs.fleet import FleetBeliefs
 from apad_bridge.beliefs.measurement import Docked, Permitted, Released
 from apad_bridge.mission.allocation import Allocation
 from apad_bridge.mission.breakdown import Breakdown
+from apad_bridge.mission.ending import EndReason, MissionEnd
 from apad_bridge.mission.events import (
     EndRequested,
     Fact,
@@ -148,8 +149,8 @@ class Supervisor:
             actions += self._handle(fact, now_ms)
         actions += self._acknowledge()
         actions += self._pass_on(self.port.advance(now_ms), now_ms)
-        if (reason := self._reason_to_end(now_ms)) is not None:
-            actions += self._carry_out(self.mission.end(reason, now_ms), now_ms)
+        if (end := self._reason_to_end(now_ms)) is not None:
+            actions += self._carry_out(self.mission.end(MissionEnd(end), now_ms), now_ms)
         elif (reason := self._reason_to_stand_down()) is not None:
             actions += self._carry_out(self.mission.stand_down(reason, now_ms), now_ms)
         actions += self._carry_out(self.mission.advance(now_ms), now_ms)
@@ -181,8 +182,8 @@ class Supervisor:
                 return (
                     [] if self._ranging is None else self._ranging.hear(fact, self.pose, self.beliefs, now_ms)
                 )
-            case EndRequested(_, reason):
-                return self._carry_out(self.mission.end(reason, now_ms), now_ms)
+            case EndRequested(_, end):
+                return self._carry_out(self.mission.end(end, now_ms), now_ms)
             case StandDownRequested(_, reason):
                 return self._carry_out(self.mission.stand_down(reason, now_ms), now_ms)
             case PoseReported():
@@ -226,19 +227,19 @@ class Supervisor:
             self._ranging.short_status_received(packet.agent_id)
         return self.beliefs.hear_short(packet, at_ms)
 
-    def _reason_to_end(self, now_ms: int) -> str | None:
+    def _reason_to_end(self, now_ms: int) -> EndReason | None:
         if now_ms >= self._duration_ms:
-            return "mission time"
+            return EndReason.MISSION_TIME
         return self._battery_ends if self._breakdown is None else None
 
     def _reason_to_stand_down(self) -> str | None:
         return None if self._breakdown is None else self._battery_ends or self._breakdown.take()
 
     @property
-    def _battery_ends(self) -> str | None:
+    def _battery_ends(self) -> EndReason | None:
         battery = self.battery
         is_empty = battery is not None and battery.fraction <= self._end_at_apad_fraction
-        return "the aPad's battery" if is_empty else None
+        return EndReason.APAD_BATTERY if is_empty else None
 
     # With several aPads: the aMussels that this one serves.
 

@@ -25,6 +25,7 @@ from agents.mussel.stimuli import (
 from agents.packet_medium import Medium
 from agents.water.medium import PacketEnded
 from agents.water.sea_events import NotRanged, Ranged, SeaResult, SoundReached, StimulusDelivered
+from apad_bridge.mission.ending import EndReason, MissionEnd
 from apad_bridge.mission.events import (
     EndRequested,
     KeepSamples,
@@ -107,7 +108,7 @@ class Flight:
         self._watchers = (*context.watchers(supervisor), self._record_noticed, *watchers)
         self._contacts = Contacts(context.held)
         self._stopped = StopSign()
-        self._stop_reason = "the operator"
+        self._stop_end = MissionEnd(EndReason.OPERATOR)
 
     @property
     def all_dropped(self) -> Counter[str]:
@@ -117,19 +118,22 @@ class Flight:
         dropped += self._context.dropped()
         return dropped if self._fleet is None else dropped + self._fleet.dropped
 
-    def stop(self, reason: str) -> None:
-        self._stop_reason = reason
+    def stop(self, end: MissionEnd) -> None:
+        self._stop_end = end
         self._stopped.set()
 
-    def run(self) -> str:
-        """Flies until the mission has ended; returns the reason."""
+    def run(self) -> MissionEnd:
+        """Flies until the mission has ended; returns its end."""
         while not self.step():
             pass
         return self.ended_by
 
     @property
-    def ended_by(self) -> str:
-        return self.supervisor.mission.state.ended_by or ""
+    def ended_by(self) -> MissionEnd:
+        """The mission's end; only after it has ended."""
+        ended_by = self.supervisor.mission.state.ended_by
+        assert ended_by is not None
+        return ended_by
 
     def step(self) -> bool:
         """Waits for the next tick and runs it; True if the mission has ended with it."""
@@ -149,7 +153,7 @@ class Flight:
         self._receive_from_vehicle(now_ms)
         self._receive_from_relay(now_ms)
         if self._stopped.is_set():
-            self.supervisor.receive(EndRequested(now_ms, self._stop_reason))
+            self.supervisor.receive(EndRequested(now_ms, self._stop_end))
         for _ in range(_ROUNDS):
             if not self._act(now_ms):
                 break

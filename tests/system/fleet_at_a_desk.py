@@ -16,6 +16,7 @@ from typing import Any
 from agents.coordinator import Coordinator
 from agents.hosting.in_process import InProcessHost
 from apad_bridge.assembly import parts
+from apad_bridge.mission.ending import EndReason, MissionEnd
 from apad_bridge.ros.gateway.battery_alerts import BatteryAlerts
 from apad_bridge.ros.gateway.claims import ClaimBoard
 from apad_bridge.ros.gateway.fleet_guard import SecondFleet
@@ -96,7 +97,7 @@ def main() -> None:
         ),
         PrintingRecorder(),
     )
-    signal.signal(signal.SIGTERM, lambda *_: flight.stop("told to end"))
+    signal.signal(signal.SIGTERM, lambda *_: flight.stop(MissionEnd(EndReason.OPERATOR, "told to end")))
     print("flying", flush=True)
     flight.run()
     services.close()

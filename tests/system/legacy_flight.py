@@ -100,7 +100,7 @@ def fly(scenario: Scenario, over_ros: bool, speed: float | None, patience_s: flo
         begun_s = time.monotonic()
         ended_by = flight.run()
         return {
-            "ended_by": ended_by,
+            "ended_by": str(ended_by),
             "decisions": decisions.kept,
             "cost_m": supervisor.mission.state.cost_m,
             "services": supervisor.mission.state.services,

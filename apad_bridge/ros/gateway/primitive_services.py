@@ -16,6 +16,7 @@ from typing import Any
 import rospy
 
 from apad_bridge.mission.call_queue import CallQueue, FlightMission, Snapshot
+from apad_bridge.mission.ending import EndReason, MissionEnd
 from apad_bridge.mission.manual import ManualMission
 from apad_bridge.mission.takeover import give_back, take_over
 from apad_bridge.mission.values import Refused
@@ -155,7 +156,7 @@ def _resume(mission: ManualMission) -> str:
 
 
 def _end(flown: FlightMission) -> str:
-    flown.finish("a call")
+    flown.finish(MissionEnd(EndReason.CALL))
     return ""
 
 

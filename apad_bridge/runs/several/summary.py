@@ -49,6 +49,7 @@ def combined_summary(name: str, of_each: Mapping[str, Summary], handed_on: int =
         "seed": flights[0]["seed"],
         "mission_s": max(flight["mission_s"] for flight in flights),
         "ended_by": _common_text(of_each, "ended_by"),
+        "end_reason": flights[0]["end_reason"] if len({it["end_reason"] for it in flights}) == 1 else None,
         "first_cause": _common_text(of_each, "first_cause"),
         **{key: _combined(flights, key, sum) for key in ("counted_s", "counted_at_end")},
         "uptime_paper": _spread(flights, "uptime_paper"),

@@ -8,13 +8,13 @@ from pathlib import Path
 import pytest
 
 from apad_bridge.commands.main import main
+from apad_bridge.mission.ending import EndReason
 from apad_bridge.records.journal import read_journal
 from apad_bridge.runs.exits import Exit
 from apad_bridge.runs.script_in_memory import fly_script
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scripting.api import Api
-from apad_bridge.scripting.program import SCRIPT_ENDED
 
 ROOT = Path(__file__).parents[3]
 PAGE = ROOT / "docs/scripting.md"
@@ -28,7 +28,7 @@ def test_a_script_leaves_a_run_behind(tmp_path: Path, capsys: pytest.CaptureFixt
     words = ["script", str(tmp_path / "mine.py"), "--scenario", POOL, *HERE, "--out", str(run), "--json"]
     assert main(words) == Exit.DONE
     summary = json.loads(capsys.readouterr().out)
-    assert (summary["ended_by"], summary["run"]) == (SCRIPT_ENDED, str(run))
+    assert (summary["ended_by"], summary["run"]) == (EndReason.SCRIPT_ENDED, str(run))
     assert (run / "script.py").read_text() == (tmp_path / "mine.py").read_text()
     journal = read_journal(run / "journal.jsonl")
     assert [line["said"] for line in journal.lines if line["kind"] == "script"] == ["got 10"]
@@ -108,7 +108,7 @@ def test_every_script_on_the_page_flies(
     path.write_text(text)
     named = re.match(r"# scenario: (\S+)", text)
     flight = fly_script(load(ROOT / named[1]) if named else pool, path)
-    assert (flight.error, flight.ended_by) == (None, SCRIPT_ENDED)
+    assert (flight.error, flight.ended_by) == (None, EndReason.SCRIPT_ENDED)
     expected = re.findall(r"# prints: (.*)", text)
     assert list(flight.said[: len(expected)]) == expected
 

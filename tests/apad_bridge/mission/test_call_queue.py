@@ -7,6 +7,7 @@ import pytest
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.hold_last import LastPacket
 from apad_bridge.mission.call_queue import CallQueue
+from apad_bridge.mission.ending import EndReason, MissionEnd
 from apad_bridge.mission.manual import ManualMission
 from apad_bridge.mission.orders import Note, PermitSurfacing, TellClear
 from apad_bridge.mission.values import Refused, Status
@@ -61,11 +62,11 @@ def test_a_call_is_done_at_the_next_tick_by_the_flight_s_thread(pool: Scenario) 
         told.append(command_source.wait(20).goto)
         with pytest.raises(Refused, match="dock 1 is empty"):
             command_source.call(lambda mission: mission.undock(0))
-        command_source.call(lambda mission: mission.finish("enough"))
+        command_source.call(lambda mission: mission.finish(MissionEnd(EndReason.CALL, "enough")))
 
     thread = threading.Thread(target=caller, daemon=True)
     thread.start()
-    assert flight.run() == "enough"
+    assert str(flight.run()) == "enough"
     thread.join(60)
     assert told == [threading.current_thread(), Status.DONE]
     with pytest.raises(Refused, match="the mission is over: enough"):

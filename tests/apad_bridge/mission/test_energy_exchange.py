@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from apad_bridge.beliefs.belief import Belief
+from apad_bridge.mission.ending import EndReason, MissionEnd
 from apad_bridge.mission.energy_exchange import EnergyExchange
 from apad_bridge.mission.orders import Note, Order, PermitSurfacing, TellClear
 from apad_bridge.mission.state import MissionState, Phase
@@ -230,10 +231,10 @@ def test_a_stray_at_the_surface_is_told_that_it_may_sink() -> None:
 
 def test_it_ends_once_and_holds() -> None:
     bench = ready_for_a_round()
-    orders = bench.mission.end("the operator", bench.now_ms)
+    orders = bench.mission.end(MissionEnd(EndReason.OPERATOR), bench.now_ms)
     assert any(isinstance(order, HoldPosition) for order in orders)
-    assert bench.mission.state.ended_by == "the operator"
-    assert bench.mission.end("mission time", bench.now_ms) == []
+    assert bench.mission.state.ended_by == MissionEnd(EndReason.OPERATOR)
+    assert bench.mission.end(MissionEnd(EndReason.MISSION_TIME), bench.now_ms) == []
     assert [o for o in bench.tick() if isinstance(o, Primitive)] == []
 
 
@@ -313,8 +314,9 @@ def test_a_strategy_that_fails_ends_the_mission_holding(strategy: object, why: s
     bench.tick()
     assert bench.mission.state.phase is Phase.ENDED
     assert bench.mission.state.ended_by is not None
-    assert bench.mission.state.ended_by.startswith("failure of strategy 'cautious'")
-    assert why in bench.mission.state.ended_by
+    assert bench.mission.state.ended_by.reason is EndReason.STRATEGY_FAILED
+    assert str(bench.mission.state.ended_by).startswith("failure of strategy 'cautious'")
+    assert why in str(bench.mission.state.ended_by)
     assert isinstance([o for o in bench.orders if isinstance(o, Primitive)][-1], HoldPosition)
 
 

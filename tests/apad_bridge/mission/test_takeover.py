@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 
 from apad_bridge.mission.call_queue import CallQueue
+from apad_bridge.mission.ending import EndReason, MissionEnd
 from apad_bridge.mission.manual import ManualMission
 from apad_bridge.mission.state import MissionState, Phase
 from apad_bridge.mission.takeover import Takeover, give_back, take_over
@@ -118,8 +119,8 @@ def test_it_is_not_given_back_in_the_middle_of_a_docking(pool: Scenario) -> None
 def test_a_call_can_end_the_flight_and_then_nobody_takes_it(pool: Scenario) -> None:
     flying = Flying(pool)
     flying.seconds(3)
-    flying.call_mission(lambda flown: flown.finish("seen enough"))
-    assert flying.flight.supervisor.mission.state.ended_by == "seen enough"
+    flying.call_mission(lambda flown: flown.finish(MissionEnd(EndReason.CALL, "seen enough")))
+    assert str(flying.flight.supervisor.mission.state.ended_by) == "seen enough"
     with pytest.raises(Refused, match="the mission is over: seen enough"):
         flying.calls.call_mission(take_over)
 

@@ -15,6 +15,7 @@ from agents.mussel.outputs import Truth
 from agents.mussel.physical import Physical
 from apad_bridge.assembly import parts
 from apad_bridge.beliefs.belief import Belief
+from apad_bridge.mission.ending import EndReason, MissionEnd
 from apad_bridge.records.journal import read_journal
 from apad_bridge.records.recorder import DAY_MS, Recorder
 from apad_bridge.records.run_directory import RunDirectory
@@ -33,7 +34,7 @@ from firmware_model.power.charge import FULL, Battery, Flow
 from firmware_model.states import State
 
 SCENARIOS = Path(__file__).parents[3] / "launch_scripts" / "scenarios"
-ENDING = Ending("mission time", 12.5, 3, 0.25, {"a packet": 2})
+ENDING = Ending(MissionEnd(EndReason.MISSION_TIME), 12.5, 3, 0.25, {"a packet": 2})
 FREE = (None, None, None, None)
 
 

@@ -5,11 +5,11 @@ from pathlib import Path
 
 import pytest
 
+from apad_bridge.mission.ending import EndReason
 from apad_bridge.runs.in_memory import fly_in_memory
 from apad_bridge.runs.script_in_memory import fly_script
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.schema import Scenario
-from apad_bridge.scripting.program import SCRIPT_ENDED
 
 ROOT = Path(__file__).parents[3]
 EXAMPLES = ROOT / "launch_scripts/examples"
@@ -32,7 +32,7 @@ def test_listing_1_runs_as_the_paper_prints_it() -> None:
     comment, _, listing = text.partition("\n")
     assert (comment[0], listing) == ("#", LISTING_1)
     flight = fly_script(load(ROOT / "launch_scripts/scenarios/bay-24.yaml"), EXAMPLES / "listing_1.py")
-    assert (flight.ended_by, flight.error) == (SCRIPT_ENDED, None)
+    assert (flight.ended_by, flight.error) == (EndReason.SCRIPT_ENDED, None)
     # The second docking mechanism is dock 1 on the wire.
     assert flight.state.docked == ((1, 24),)
     assert flight.said[-1] == "Goal reached. Docking start."
@@ -68,7 +68,7 @@ def test_the_paper_s_mission_as_a_script_does_what_the_mission_does(
 
 def test_a_behaviour_serves_those_in_need_one_by_one(pool: Scenario) -> None:
     flight = fly_script(pool, EXAMPLES / "first_in_need.py")
-    assert (flight.ended_by, flight.error, flight.state.docked) == (SCRIPT_ENDED, None, ())
+    assert (flight.ended_by, flight.error, flight.state.docked) == (EndReason.SCRIPT_ENDED, None, ())
     docks = [(data["agent"], data["closed"]) for _, kind, data in flight.events if kind == "dock"]
     first, second = docks[0][0], docks[2][0]
     assert docks == [(first, True), (first, False), (second, True), (second, False)]

@@ -7,12 +7,12 @@ from typing import Any
 
 import pytest
 
+from apad_bridge.mission.ending import EndReason
 from apad_bridge.mission.values import Refused, Status, dock_index_of, dock_of
 from apad_bridge.runs.script_in_memory import ScriptFlight, fly_script
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scripting.api import Api
 from apad_bridge.scripting.behaviours import Behaviour
-from apad_bridge.scripting.program import SCRIPT_ENDED, SCRIPT_FAILED
 
 
 def results_of(scenario: Scenario, script: Callable[[Api, list[Any]], object]) -> list[Any]:
@@ -259,8 +259,8 @@ def test_a_dock_that_is_taken_is_refused(pool: Scenario) -> None:
 
 
 def failed(flight: ScriptFlight) -> str:
-    assert flight.ended_by.startswith(f"{SCRIPT_FAILED}: ")
-    return flight.ended_by.removeprefix(f"{SCRIPT_FAILED}: ")
+    assert flight.ended_by.startswith(f"{EndReason.SCRIPT_FAILED}: ")
+    return flight.ended_by.removeprefix(f"{EndReason.SCRIPT_FAILED}: ")
 
 
 def test_a_script_that_polls_without_letting_time_pass_is_told_so(pool: Scenario) -> None:
@@ -291,7 +291,7 @@ def test_time_is_mission_time_however_it_is_got(pool: Scenario, tmp_path: Path) 
     flight = fly_script(pool, path)
     # A sleep ends at the first tick at or after its end.
     assert flight.said == ("(0.0, 0.0, 0) 4.0 4000000000 True __main__", "two-words!", "a", "b")
-    assert (flight.ended_by, flight.mission_s) == (SCRIPT_ENDED, 4.0)
+    assert (flight.ended_by, flight.mission_s) == (EndReason.SCRIPT_ENDED, 4.0)
 
 
 def test_a_script_may_import_what_lies_beside_it(pool: Scenario, tmp_path: Path) -> None:

@@ -4,11 +4,11 @@ from collections.abc import Callable
 
 import pytest
 
+from apad_bridge.mission.ending import EndReason
 from apad_bridge.mission.values import Refused
 from apad_bridge.runs.script_in_memory import fly_script
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scripting.api import Api
-from apad_bridge.scripting.program import SCRIPT_ENDED
 
 
 @pytest.mark.parametrize(
@@ -70,4 +70,4 @@ def test_what_cannot_be_done_is_refused_in_one_line(
         assert "\n" not in str(raised.value)
 
     flight = fly_script(pool, caught)
-    assert (flight.error, flight.ended_by) == (None, SCRIPT_ENDED)
+    assert (flight.error, flight.ended_by) == (None, EndReason.SCRIPT_ENDED)

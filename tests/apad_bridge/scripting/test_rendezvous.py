@@ -7,10 +7,10 @@ import time
 
 import pytest
 
+from apad_bridge.mission.ending import EndReason
 from apad_bridge.runs.script_in_memory import fly_script
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scripting.api import Api
-from apad_bridge.scripting.program import SCRIPT_FAILED
 from apad_bridge.scripting.rendezvous import Aborted, Do, Finished, Rendezvous, TurnTimeouts, Wait
 
 PATIENT = TurnTimeouts(tick_s=20.0, busy_s=20.0)
@@ -121,7 +121,7 @@ def test_a_script_that_never_comes_back_ends_the_mission_not_the_machine(
     monkeypatch.setattr(Rendezvous, "next", patient)
     flight = fly_script(pool, script, TurnTimeouts(tick_s=0.05, busy_s=0.05))
     released.set()
-    assert flight.ended_by == f"{SCRIPT_FAILED}: it neither called the API nor slept for 0.05 s"
+    assert flight.ended_by == f"{EndReason.SCRIPT_FAILED}: it neither called the API nor slept for 0.05 s"
     # Virtual time ran on only until the script was judged stuck.
     assert flight.mission_s == pytest.approx(3, abs=2)
 

@@ -7,6 +7,7 @@ import pytest
 
 from agents.packet_medium import Medium
 from apad_bridge.assembly import parts
+from apad_bridge.mission.ending import EndReason, MissionEnd
 from apad_bridge.mission.events import EndRequested, Fact, Send, SoundHeard, SupervisorAction, WifiHeard
 from apad_bridge.scenario.loader import load
 from apad_bridge.vehicle.commands import BatteryReported, GoTo, Hold, PoseReported
@@ -91,7 +92,7 @@ def test_bytes_that_are_nothing_are_counted_and_disturb_nothing() -> None:
 @pytest.mark.parametrize(
     ("fact", "now_ms", "reason"),
     [
-        (EndRequested(1000, "the operator"), 1000, "the operator"),
+        (EndRequested(1000, MissionEnd(EndReason.OPERATOR)), 1000, "the operator"),
         (BatteryReported(1000, 10.5, 0.0), 1000, "the aPad's battery"),
         (BatteryReported(1000, 16.0, 1.0), 2_400_000, "mission time"),
     ],
@@ -102,7 +103,7 @@ def test_a_flight_ends_by_the_operator_the_battery_or_the_time(fact: Fact, now_m
     supervisor.receive(fact)
     actions = supervisor.advance(now_ms)
     assert supervisor.has_ended
-    assert supervisor.mission.state.ended_by == reason
+    assert str(supervisor.mission.state.ended_by) == reason
     held = [action for action in actions if isinstance(action, Hold)]
     assert (held[-1].north_m, held[-1].east_m) == (3.0, 4.0)
 

@@ -18,6 +18,7 @@ from apad_bridge.acoustics.serial.lines import SerialLines, open_serial_lines
 from apad_bridge.acoustics.serial.nanomodem import AnswerReader, Direction, Message, RoutedPacket
 from apad_bridge.assembly import parts
 from apad_bridge.assembly.water import fleet_of
+from apad_bridge.mission.ending import EndReason, MissionEnd
 from apad_bridge.runs.in_memory import MemoryRecorder
 from apad_bridge.scenario.loader import from_data, load, resolve
 from apad_bridge.scenario.schema import Scenario
@@ -66,7 +67,7 @@ def flying(
     try:
         yield flight, recorder
     finally:
-        flight.stop("the test")
+        flight.stop(MissionEnd(EndReason.OPERATOR, "the test"))
         thread.join(60)
         assert not thread.is_alive()
 

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import pytest
 
+from apad_bridge.commands.outcome import report
+from apad_bridge.mission.ending import EndReason
+from apad_bridge.records.run_directory import RunDirectory
+from apad_bridge.runs.exits import Exit
 from apad_bridge.runs.several.summary import combined_summary
 
 
@@ -14,6 +19,7 @@ def flight(agents: int, mean: float, **more: Any) -> dict[str, Any]:
     figures = {
         **{"theta": 30, "seed": 1, "agents": agents, "mission_s": 100.0, "ended_by": "mission time"},
         **{"uptime_paper": spread, "uptime_submerged": spread, "active_mean": agents * mean / 100},
+        **{"end_reason": "mission time"},
         **{"amussels_lost": 0, "emptied": 1, "dead_time_s": 5.0, "cost_m": 12.5, "services": 4, "gave_up": 0},
         **{"samples_taken": None, "samples_uploaded": None, "samples_waiting": None, "samples_lost": None},
         **{"counted_s": agents * 100.0, "counted_at_end": agents, "apart": None},
@@ -57,3 +63,25 @@ def test_words_stand_with_whom_they_are_of() -> None:
     )
     assert whole["ended_by"] == "a: mission time; b: x"
     assert whole["first_cause"] == "b: stalled"
+
+
+DONE, STOPPED, FAILED = EndReason.MISSION_TIME, EndReason.OPERATOR, EndReason.STRATEGY_FAILED
+
+
+@pytest.mark.parametrize(
+    ("reasons", "code"),
+    [
+        ((DONE, DONE), Exit.DONE),
+        ((DONE, FAILED), Exit.PEER_FAILED),
+        ((STOPPED, DONE), Exit.INTERRUPTED),
+        ((STOPPED, FAILED), Exit.PEER_FAILED),
+    ],
+)
+def test_of_several_apads_a_failure_decides_the_exit_code(
+    reasons: tuple[EndReason, EndReason], code: Exit, capsys: pytest.CaptureFixture[str]
+) -> None:
+    whole = combined_summary(
+        "two", {it: flight(1, 60.0, end_reason=why.value) for it, why in zip("ab", reasons, strict=True)}
+    )
+    assert whole["end_reason"] == (DONE if set(reasons) == {DONE} else None)
+    assert report("two", "greedy", RunDirectory(Path("run")), whole, as_json=True) is code
