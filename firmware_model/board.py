@@ -6,6 +6,7 @@
 
 from __future__ import annotations
 
+from enum import Enum, auto
 from typing import TYPE_CHECKING
 
 from firmware_model.actions import MOTORS, REPORTS, Action, Dropped, RunBuoyancy, SendStatus, StateChanged
@@ -37,6 +38,21 @@ if TYPE_CHECKING:
     from firmware_model.timers import Deadline
 
 _DOCKED = (State.CHARGING, State.REPORTING)
+
+
+class Timer(Enum):
+    """The timers of a board, in the order in which those due together fire."""
+
+    PIN = auto()
+    """The charger's pin: an edge becomes certain, or is looked for."""
+    BATTERIES = auto()
+    """A battery reaches a level."""
+    PULSE = auto()
+    """A rail that was on for a stated time goes off."""
+    DEADLINE = auto()
+    """The state ends by itself."""
+    ANSWER = auto()
+    """The modem answers a ping."""
 
 
 class Board:
@@ -107,15 +123,15 @@ class Board:
 
     @property
     def next_due_ms(self) -> int | None:
-        """The time of the board's next timer; timers due together fire in the order pin, batteries, pulses, deadline."""
+        """The time of the board's next timer; those due together fire in the order of `Timer`."""
         return self._next()[0]
 
-    def _next(self) -> tuple[int | None, int]:
-        """The time of the next timer, and its number: 0 the pin, 3 the deadline."""
+    def _next(self) -> tuple[int | None, Timer]:
+        """The next timer and its time; only the pin and the deadline of a state are the worst case's."""
         due_ms = self._pin.next_due_ms
         if self._deadline is not None and (due_ms is None or self._deadline[0] < due_ms):
-            return self._deadline[0], 3
-        return due_ms, 0
+            return self._deadline[0], Timer.DEADLINE
+        return due_ms, Timer.PIN
 
     def advance(self, now_ms: int) -> list[Action]:
         """Fires every timer that is due by `now_ms`, in order, each at its own time (ValueError if time went back)."""
@@ -123,16 +139,16 @@ class Board:
             raise ValueError(f"time went back: {now_ms} before {self._now_ms}")
         actions: list[Action] = []
         while True:
-            due_ms, which = self._next()
+            due_ms, timer = self._next()
             if due_ms is None or due_ms > now_ms:
                 break
             self._now_ms = due_ms
-            actions += self._fire(which, due_ms)
+            actions += self._fire(timer, due_ms)
         self._now_ms = now_ms
         return actions
 
-    def _fire(self, which: int, now_ms: int) -> list[Action]:
-        if which == 0:
+    def _fire(self, timer: Timer, now_ms: int) -> list[Action]:
+        if timer is Timer.PIN:
             edge, fault = self._pin.due(now_ms)
             faults: list[Action] = [] if fault is None else [Dropped(now_ms, fault.value)]
             return faults if edge is None else faults + self._pin_edge(edge)

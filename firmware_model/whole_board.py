@@ -12,7 +12,7 @@ from firmware_model.actions import (
     SendAnswer,
     SendLog,
 )
-from firmware_model.board import Board
+from firmware_model.board import Board, Timer
 from firmware_model.config import BoardConfig, FullFirmware
 from firmware_model.packets import (
     Beacon,
@@ -37,6 +37,7 @@ from firmware_model.states import TABLE, State, Trigger
 from firmware_model.timers import Deadline, full_deadline, last_resort
 
 _EMPTIED = {ActiveBattery.SECONDARY: Trigger.BATTERY_EMPTIED, ActiveBattery.NEITHER: Trigger.BOTH_EMPTIED}
+_TIMERS = tuple(Timer)
 _CLOCK_STATES = (State.SLEEPING, State.CHARGING, State.AWAITING_SLOT)
 _NOT_SENT = "a status: no beacon came, and the clock may be off by more than the guard"
 _OFFSETS_MS = (-(1 << 31), (1 << 31) - 1)
@@ -100,25 +101,25 @@ class WholeBoard(Board):
     def clock_ms(self, now_ms: int) -> int:
         return self._store.clock.reading_at(now_ms)
 
-    def _next(self) -> tuple[int | None, int]:
-        """Adds to the numbers of `Board`: 1 the batteries, 2 a pulse, 4 an answer."""
-        due_ms, which = self._pin.next_due_ms, 0
+    def _next(self) -> tuple[int | None, Timer]:
+        due_ms, first = self._pin.next_due_ms, 0
         deadline_ms = None if self._deadline is None else self._deadline[0]
+        # In the order of Timer, after the pin.
         dues = self._batteries.due_ms, self._switches.due_ms, deadline_ms, self._answers_ms
-        for n, other_ms in enumerate(dues, 1):
+        for place, other_ms in enumerate(dues, 1):
             if other_ms is not None and (due_ms is None or other_ms < due_ms):
-                due_ms, which = other_ms, n
-        return due_ms, which
+                due_ms, first = other_ms, place
+        return due_ms, _TIMERS[first]
 
-    def _fire(self, which: int, now_ms: int) -> list[Action]:
-        if which == 1:
+    def _fire(self, timer: Timer, now_ms: int) -> list[Action]:
+        if timer is Timer.BATTERIES:
             return self._level_reached(now_ms)
-        if which == 2:
+        if timer is Timer.PULSE:
             self._switches.due(now_ms)
             return self._set_rails()
-        if which == 4:
+        if timer is Timer.ANSWER:
             return self._answer(now_ms)
-        return super()._fire(which, now_ms)
+        return super()._fire(timer, now_ms)
 
     def _deadline_reached(self, trigger: Trigger) -> list[Action]:
         actions: list[Action] = []
