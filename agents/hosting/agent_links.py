@@ -188,7 +188,8 @@ class AgentLinks:
             raise Fenced(refusal.reason)
         if waiting and refusal.key == key:
             raise ValueError(f"aMussel {agent_id} refused its window: {refusal.reason}")
-        self.dropped[f"refused: {refusal.reason}"] += 1
+        # Details follow a colon.
+        self.dropped[f"refused: {refusal.reason.partition(':')[0]}"] += 1
 
     def _watch(self, open_: dict[int, _Open], outcomes: dict[int, Answered | Death], impatience: int) -> None:
         """Kills stopped or long silent agents. Asks the others again: an old supervisor may have their answers."""

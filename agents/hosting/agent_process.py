@@ -54,7 +54,7 @@ class WindowHandler:
         if key == self._key and self._answer:
             return self._answer
         if key <= self._key:
-            return [Refusal(key, False, f"{key} comes after {self._key}").encode()]
+            return [Refusal(key, False, f"not after the last window: {key} after {self._key}").encode()]
         if not isinstance(message, Window):
             self._repeat(key)
         elif (fault := self._fault(message.grant)) is not None:

@@ -193,7 +193,9 @@ class NurseryLink:
             case protocol.Refused(_, _, True, reason):
                 self._fenced = reason
                 raise Fenced(reason)
-            case protocol.Refused(_, _, False, reason):
+            case protocol.Refused(0, _, False, reason):
                 self.dropped[f"nursery: {reason}"] += 1
+            case protocol.Refused():
+                self.dropped["nursery: it refused a start that nobody waits for"] += 1
             case _:
                 self.dropped[f"control: an unexpected {type(message).__name__}"] += 1

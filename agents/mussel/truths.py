@@ -37,7 +37,7 @@ def encode(agent_id: int, key: Key, truths: list[Truth]) -> list[bytes]:
 def decode(data: bytes) -> TruthMessage:
     """The inverse of `encode`, for one datagram; LinkError for other bytes."""
     if len(data) > LIMIT_BYTES or len(data) < _HEAD.size or (len(data) - _HEAD.size) % _TRUTH_BYTES:
-        raise LinkError(f"{len(data)} bytes are no truths")
+        raise LinkError("bytes that are no truths")
     agent_id, epoch, sequence = _HEAD.unpack_from(data)
     try:
         truths = tuple(
@@ -46,8 +46,8 @@ def decode(data: bytes) -> TruthMessage:
                 for start in range(_HEAD.size, len(data), _TRUTH_BYTES)
             ]
         )
-    except ValueError as error:
-        raise LinkError(str(error)) from None
+    except ValueError:
+        raise LinkError("a truth with a value that cannot be") from None
     if any(truth.agent_id != agent_id for truth in truths):
         raise LinkError("a truth of another agent")
     return TruthMessage(agent_id, (epoch, sequence), truths)

@@ -302,9 +302,7 @@ class Sea:
         modems = self.config.modems
         fewest, most = PAYLOAD_BYTES[modems]
         if not fewest <= len(data) <= most:
-            self.dropped[
-                f"sound: {len(data)} bytes, and a {modems.name} modem carries {fewest} to {most}"
-            ] += 1
+            self.dropped[f"sound: not the {fewest} to {most} bytes that a {modems.name} modem carries"] += 1
             return None
         return Frame(FrameKind.BROADCAST if to is None else FrameKind.UNICAST, source, to, data, modems)
 

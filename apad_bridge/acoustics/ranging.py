@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import astuple
+from dataclasses import astuple, dataclass
 from typing import Any
 
 from apad_bridge.acoustics.locator import Locator, PositionFix, RangeTaken
@@ -22,6 +22,27 @@ from apad_bridge.vehicle.commands import PoseReported
 from firmware_model.state_groups import DOCKED, UP_AND_UNDOCKED
 
 _AWAY = DOCKED | UP_AND_UNDOCKED
+_RANGE, _MOVED = "range", "moved"
+
+
+@dataclass(frozen=True, slots=True)
+class Moved:
+    """The aMussel was moved: its ranges hold no longer."""
+
+    agent_id: int
+
+
+RangesChanged = RangeTaken | Moved
+
+
+def _row_of(change: RangesChanged) -> list[Any]:
+    return [_MOVED if isinstance(change, Moved) else _RANGE, *astuple(change)]
+
+
+def _change_of(row: Sequence[Any]) -> RangesChanged:
+    """The inverse of `_row_of`; KeyError or TypeError for another row."""
+    kind: type[RangesChanged] = {_RANGE: RangeTaken, _MOVED: Moved}[row[0]]
+    return kind(*row[1:])
 
 
 class RangingService:
@@ -49,8 +70,8 @@ class RangingService:
         self._keel_m = keel_m
         self._depth_m = depth_m
         self._deviation_m = deviation_m
-        self._rows: list[tuple[Any, ...]] = []
-        """Changes since the last `full_state` or `updates`: ranges, and moved aMussels, whose id is alone in its row."""
+        self._changes: list[RangesChanged] = []
+        """Changes since the last `full_state` or `updates`."""
         self._last_scheduler_state: dict[str, Any] = scheduler.full_state()
 
     @property
@@ -62,17 +83,17 @@ class RangingService:
 
     def full_state(self) -> dict[str, Any]:
         """Everything that was learned, as plain data; `updates` returns the later changes."""
-        self._rows, self._last_scheduler_state = [], self._scheduler.full_state()
-        ranges = [] if self._locator is None else [astuple(it) for it in self._locator.ranges]
+        self._changes, self._last_scheduler_state = [], self._scheduler.full_state()
+        ranges = [] if self._locator is None else [_row_of(it) for it in self._locator.ranges]
         return {"talk": self._last_scheduler_state, "ranges": ranges}
 
     def updates(self) -> dict[str, Any] | None:
         """The changes since the last call of `full_state` or `updates`; None if there are none."""
         scheduler_state = self._scheduler.full_state()
-        if scheduler_state == self._last_scheduler_state and not self._rows:
+        if scheduler_state == self._last_scheduler_state and not self._changes:
             return None
-        rows, self._rows, self._last_scheduler_state = self._rows, [], scheduler_state
-        return {"talk": scheduler_state, "rows": rows}
+        changes, self._changes, self._last_scheduler_state = self._changes, [], scheduler_state
+        return {"talk": scheduler_state, "rows": [_row_of(it) for it in changes]}
 
     def restore(self, state: dict[str, Any]) -> None:
         """Takes over another service's `full_state`; KeyError, TypeError or ValueError for any other data."""
@@ -85,10 +106,11 @@ class RangingService:
         for row in updates["rows"]:
             if self._locator is None:
                 continue
-            if len(row) == 1:
-                self._locator.forget(*row)
-            else:
-                self._locator.remember(RangeTaken(*row))
+            match _change_of(row):
+                case Moved(agent_id):
+                    self._locator.forget(agent_id)
+                case RangeTaken() as taken:
+                    self._locator.remember(taken)
 
     def advance(self, beliefs: Sequence[Belief], now_ms: int) -> list[SupervisorAction]:
         away = frozenset(it.agent_id for it in beliefs if _is_away(it))
@@ -111,7 +133,7 @@ class RangingService:
         self._scheduler.moved(agent_id, now_ms)
         if self._locator is not None:
             self._locator.forget(agent_id)
-            self._rows.append((agent_id,))
+            self._changes.append(Moved(agent_id))
 
     def hear(
         self, fact: RangeHeard, pose: PoseReported | None, beliefs: FleetBeliefs, now_ms: int
@@ -123,7 +145,7 @@ class RangingService:
         if self._locator is None or pose is None:
             return actions
         taken = RangeTaken(fact.at_ms, fact.agent_id, fact.range_m, pose.north_m, pose.east_m, self._keel_m)
-        self._rows.append(astuple(taken))
+        self._changes.append(taken)
         belief = beliefs.get(fact.agent_id)
         fix = self._locator.take(taken, None if belief is None else (belief.north_m, belief.east_m))
         if fix is None:

@@ -20,7 +20,7 @@ from apad_bridge.beliefs.measurement import Measurement
 from apad_bridge.beliefs.measurement_rows import measurement_of, measurement_row
 from apad_bridge.records.line_file import LineFile, read_lines
 
-FORMAT = 2
+FORMAT = 3
 ROWS = 10_000
 PERIOD_MS = 600_000
 """A full record is due after so many rows, or so much mission time: a resumed supervisor replays no more than that."""
@@ -159,13 +159,16 @@ def restore(path: Path, beliefs: FleetBeliefs, ranging: CheckpointedState | None
     for line in lines:
         if line is None:
             return Restored(until_ms, rows, whole=False, counts=counts)
-        for row in line["learned"]:
-            _learn(beliefs, row)
-        if ranging is not None and "ears" in line:
-            ranging.apply_updates(line["ears"])
-        if "counts" in line:
-            counts = Counter(line["counts"])
-        rows, until_ms = rows + len(line["learned"]), line["t"]
+        try:
+            for row in line["learned"]:
+                _learn(beliefs, row)
+            if ranging is not None and "ears" in line:
+                ranging.apply_updates(line["ears"])
+            if "counts" in line:
+                counts = Counter(line["counts"])
+            rows, until_ms = rows + len(line["learned"]), line["t"]
+        except (AttributeError, IndexError, KeyError, TypeError, ValueError):
+            return Restored(until_ms, rows, whole=False, counts=counts)
     return Restored(until_ms, rows, whole=True, counts=counts)
 
 

@@ -187,7 +187,7 @@ class ModemQueue:
         """Queues a packet. A report replaces an older waiting report of the same aMussel."""
         actions = self.advance(now_ms)
         if not _FEWEST <= len(packet.encode()) <= _MOST:
-            reason = f"sound: {len(packet.data)} bytes, and a modem carries {MOST_BYTES} besides the id"
+            reason = f"sound: more than the {MOST_BYTES} bytes that a modem carries besides the id"
             return [*actions, self._drop(reason, packet)]
         if priority is Priority.REPORT:
             for older in [it for it in self._waiting if _is_superseded_by(it, packet)]:

@@ -14,7 +14,7 @@ from __future__ import annotations
 import json
 from collections import Counter
 from collections.abc import Callable, Iterable
-from typing import Any
+from typing import Any, NamedTuple
 
 import rospy
 from std_msgs.msg import Float64
@@ -48,6 +48,19 @@ _CONTACT_QUEUE = 1000
 _MEDIA = {medium.value: medium for medium in Medium}
 _LARGEST = 1024
 """Bytes; no packet of Wi-Fi or sound here comes near it."""
+
+
+class LegacyPlace(NamedTuple):
+    """What an aMussel's `position` says."""
+
+    north_m: float
+    east_m: float
+
+
+class LegacyCharge(NamedTuple):
+    """What an aMussel's `battery_level` says."""
+
+    battery_percent: float
 
 
 class PacketTopics:
@@ -184,9 +197,9 @@ class MissionRelay:
         self._theta = theta
         self._is_held = is_held
         self._with_packets: set[int] = set()
-        self._places: dict[int, tuple[float, float]] = {}
+        self._places: dict[int, LegacyPlace] = {}
         self._charges: dict[int, float] = {}
-        self._legacy: Inbox[tuple[int, dict[str, float]]] = Inbox()
+        self._legacy: Inbox[tuple[int, LegacyPlace | LegacyCharge]] = Inbox()
         self._subscribers = [
             subscriber
             for agent_id in ids
@@ -221,14 +234,15 @@ class MissionRelay:
     def _take_legacy(self, now_ms: int) -> list[RelayedEvent]:
         published: set[int] = set()
         for agent_id, values in self._legacy.take():
-            if (reason := out_of_range(**values)) is not None:
+            if (reason := out_of_range(**values._asdict())) is not None:
                 self._topics.dropped[f"an aMussel's topic: {reason}"] += 1
                 continue
             published.add(agent_id)
-            if "battery_percent" in values:
-                self._charges[agent_id] = min(1.0, max(0.0, values["battery_percent"] / 100))
-            else:
-                self._places[agent_id] = (values["north_m"], values["east_m"])
+            match values:
+                case LegacyPlace():
+                    self._places[agent_id] = values
+                case LegacyCharge(percent):
+                    self._charges[agent_id] = min(1.0, max(0.0, percent / 100))
         known = published & self._places.keys() & self._charges.keys()
         return [self._status(agent_id, now_ms) for agent_id in sorted(known - self._with_packets)]
 
@@ -240,10 +254,10 @@ class MissionRelay:
         return WifiHeard(now_ms, self._codec.encode(packet))
 
     def _take_place(self, message: Any, agent_id: int) -> None:
-        self._legacy.put((agent_id, {"north_m": message.position.north, "east_m": message.position.east}))
+        self._legacy.put((agent_id, LegacyPlace(message.position.north, message.position.east)))
 
     def _take_charge(self, message: Any, agent_id: int) -> None:
-        self._legacy.put((agent_id, {"battery_percent": message.data}))
+        self._legacy.put((agent_id, LegacyCharge(message.data)))
 
 
 class SeveralRelay:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+import genpy
 import rospy
 
 from apad_bridge.ros.types.any_message import AnyMessages
@@ -30,6 +31,8 @@ class AnyListener:
                 else:
                     message = self._messages.decode(raw)
                 take(message, *arguments)
+            except genpy.DeserializationError:
+                self._failed(f"{topic}: bytes that are not of its definition")
             except (ValueError, AttributeError, KeyError) as error:
                 self._failed(f"{topic}: {error}")
 

@@ -29,7 +29,7 @@ class AnyMessages:
         try:
             return made().deserialize(message._buff)
         except genpy.DeserializationError as error:
-            raise ValueError(f"{header['type']}: {error}") from error
+            raise ValueError(f"{header['type']}: bytes that are not of its definition") from error
 
     def class_of(self, kind: str, md5: str, text: str) -> Any:
         """The class of a publisher's own text. ValueError when the text is not of this md5, or no definition."""

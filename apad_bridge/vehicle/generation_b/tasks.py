@@ -193,7 +193,9 @@ class Tasks:
             if self._commanded is not None:
                 self._fail(cause, now_ms)
             else:
-                self._dropped[f"hold after the end of a primitive: {cause}"] += 1
+                self._dropped[
+                    "a hold after the end of a primitive: its service refused it, or did not answer"
+                ] += 1
                 if self._hold_task is not None:
                     self._hold_task.ordered_ms = now_ms
         if self._go_to_task is not None:

@@ -55,7 +55,18 @@ def test_a_hearer_keeps_answered_windows_and_counts_garbage() -> None:
         assert hearer.take(7, (2, 2)) == ()  # of an unanswered window, and so forgotten
         hearer.forget(8)
         assert hearer.take(8, (2, 2)) == ()
-        assert dropped == {"truth: 8 bytes are no truths": 1, "truth: 0 bytes are no truths": 1}
+        assert dropped == {"truth: bytes that are no truths": 2}
+        state = 14 + 10  # the datagram's head, and the stamp and the id of its truth
+        for odd in range(200):
+            wrong = bytearray(truths.encode(7, (2, 3), told(7, 1))[0])
+            wrong[state] = 56 + odd
+            message.send(bytes(15 + odd % 40))
+            message.send(wrong)
+            hearer.receive()
+        assert dropped == {
+            "truth: bytes that are no truths": 202,
+            "truth: a truth with a value that cannot be": 200,
+        }
         message.close()
         hearer.receive()  # the end is no garbage
-        assert sum(dropped.values()) == 2
+        assert sum(dropped.values()) == 402

@@ -164,11 +164,12 @@ def test_v2_modems_carry_short_statuses_at_40_bit_a_second() -> None:
     assert bench.ask(1, b"$P002") == b"#P002\r\n#R002T03200\r\n"
     permission = MusselbedCodec().encode(CommandPacket(Kind.PERMISSION, 3))
     bench.sea.send_sound(3, permission)
-    bench.sea.send_sound(3, bytes(8))
+    for size in range(8, 208):
+        bench.sea.send_sound(3, bytes(size))
     bench.run(HOUR_MS + 600_000, step_ms=1000)
     carried = [it.frame for it in bench.came if isinstance(it, PacketEnded) and it.frame.data]
     assert (carried[0].data, carried[0].duration_ms) == (permission, 430 + 6 * 200)
-    assert bench.sea.dropped["sound: 8 bytes, and a V2 modem carries 1 to 7"] == 1
+    assert bench.sea.dropped["sound: not the 1 to 7 bytes that a V2 modem carries"] == 200
     reached = [MusselbedCodec().decode(it.data) for it in bench.came if isinstance(it, SoundReached)]
     assert {it.agent_id for it in reached if isinstance(it, ShortStatus)} >= {1, 2}
     assert {frame.duration_ms for frame in carried[1:]} == {1830}

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from math import dist
 
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -122,3 +123,11 @@ def test_without_anything_new_there_are_no_updates() -> None:
     it.advance(beliefs().all(), 0)
     assert it.updates() is not None
     assert it.updates() is None
+
+
+@pytest.mark.parametrize("row", [[], [7], ["moved"], ["range", 1, 2], [1000, 7, 5.0, 1.0, 2.0, 3.0]])
+def test_a_row_of_no_known_kind_is_refused(row: list[object]) -> None:
+    it = ranging()
+    state = it.full_state()
+    with pytest.raises((IndexError, KeyError, TypeError)):
+        it.apply_updates({"talk": state["talk"], "rows": [row]})
