@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from _blake2 import blake2b
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from struct import Struct
 from typing import Any
 
+from agents.modem.frames import Generation
 from agents.mussel.agent import AgentConfig
-from agents.mussel.body import WaterConfig
+from agents.mussel.body import BodyConfig, Sinking, WaterConfig
 from agents.mussel.physical import Physical
-from agents.mussel.reporter import Modem
-from agents.water.fields import Fields
-from agents.water.patches import OXYGEN, TEMPERATURE, TURBIDITY, Waters
-from agents.water.stream import STILL, Stream, Tide, parse_stream
+from agents.mussel.reporter import ReportConfig
+from agents.water.patches import CALM_BAY, FieldsConfig
+from agents.water.stream import STILL_CURRENT, CurrentConfig
 from firmware_model.actions import Buoyancy
 from firmware_model.config import (
     BoardConfig,
@@ -39,39 +39,16 @@ class FleetConfig:
     theta: int
     seed: int
     codec: str
-    charge: ChargeModel
-    pin_debounce_ms: int
-    boot_ms: int
-    float_timeout_ms: int
-    release_wait_ms: int
-    report_period_ms: int
-    heard_always: bool
-    bottom_um: int
-    surfacing_ms: int
-    sinking_ms: int
-    drifts_always: bool
-    drift_amplitude_um: int
-    current_csv: str | None
-    """The text of the current vector field's file; None for still water."""
-    whole: FullFirmware | None = None
-    """The full firmware with sleep, rails and two batteries; None is the paper's worst case."""
+    board: BoardConfig
+    """The board of every aMussel; its id, timeslot and clock's drift are 0 here, and each aMussel has its own."""
+    body: BodyConfig
+    reports: ReportConfig
+    current: CurrentConfig = STILL_CURRENT
+    fields: FieldsConfig = CALM_BAY
     first_id: int = 1
     """The aMussel with the first acoustic timeslot; the others follow by their ids."""
-    coil_alignment_ms: int = 0
-    """The time from a contact until the charger starts."""
     clock_drift_ppb: int = 0
     """The largest drift of a whole board's clock, either way, in parts of 10^9; each clock has a drift of its own."""
-    tides: tuple[tuple[int, int, int, int, int], ...] = ()
-    """The fields of a `Tide`, in their order, for each constituent."""
-    current_profile: tuple[tuple[int, int], ...] = ()
-    """(depth in um, the share of the current that is left there, in millionths)."""
-    pin_chatter_ms: int = 2000
-    pin_check_ms: int = 60_000
-    oxygen_mg_l: Waters = OXYGEN
-    temperature_c: Waters = TEMPERATURE
-    turbidity_ntu: Waters = TURBIDITY
-    """The water's true values."""
-    modem: Modem = Modem.V3
     flash_pages: int = PAGES
     """Flash pages of `firmware_model.sampling.flash.PAGE_BYTES` each, for the log of one aMussel."""
 
@@ -81,23 +58,31 @@ class FleetConfig:
     @classmethod
     def from_wire(cls, wire: dict[str, Any]) -> FleetConfig:
         """The inverse of `to_wire`; KeyError, TypeError or ValueError for anything else."""
-        whole = wire["whole"]
+        body, reports = wire["body"], wire["reports"]
         return cls(
             **{
                 **wire,
-                "charge": _charge_of(wire["charge"]),
-                "modem": Modem(wire["modem"]),
-                "whole": None if whole is None else _whole_of(whole),
-                **{
-                    name: _waters_of(wire[name]) for name in ("oxygen_mg_l", "temperature_c", "turbidity_ntu")
-                },
-                "tides": tuple([tuple(it) for it in wire["tides"]]),
-                "current_profile": tuple([tuple(it) for it in wire["current_profile"]]),
+                "board": _board_of(wire["board"]),
+                "body": BodyConfig(**{**body, "sinking": Sinking(**body["sinking"])}),
+                "reports": ReportConfig(**{**reports, "modem": Generation(reports["modem"])}),
+                "current": CurrentConfig.from_wire(wire["current"]),
+                "fields": FieldsConfig.from_wire(wire["fields"]),
             }
         )
 
     def maker(self) -> AgentConfigs:
         return AgentConfigs(self)
+
+
+def _board_of(wire: dict[str, Any]) -> BoardConfig:
+    whole = wire["whole"]
+    return BoardConfig(
+        **{
+            **wire,
+            "charge": _charge_of(wire["charge"]),
+            "whole": None if whole is None else _whole_of(whole),
+        }
+    )
 
 
 def _charge_of(wire: dict[str, Any]) -> ChargeModel:
@@ -134,55 +119,26 @@ def _cycle_of(wire: dict[str, Any]) -> Cycle:
     return Cycle(**{**wire, "slots": None if slots is None else Timeslots(**slots)})
 
 
-def _waters_of(wire: dict[str, Any]) -> Waters:
-    layers, patches = (tuple([tuple(it) for it in wire[key]]) for key in ("layers", "patches"))
-    return Waters(layers, patches)
-
-
-def _stream(fleet: FleetConfig) -> Stream:
-    stream = STILL if fleet.current_csv is None else parse_stream(fleet.current_csv)
-    tides = tuple([Tide(*it) for it in fleet.tides])
-    return Stream.of(stream.seconds, stream.depths_um, stream.fields, tides, fleet.current_profile)
-
-
 class AgentConfigs:
     """Makes agents' configurations, which share their equal parts, so that forked agents share the memory too."""
 
     def __init__(self, fleet: FleetConfig) -> None:
         self._fleet = fleet
-        cycle = None if fleet.whole is None else fleet.whole.cycle
+        cycle = None if fleet.board.whole is None else fleet.board.whole.cycle
         self._has_slots = cycle is not None and cycle.slots is not None
         self._water = WaterConfig(
-            seed=fleet.seed,
-            step_ms=1000 * fleet.theta,
-            bottom_um=fleet.bottom_um,
-            surfacing_ms=fleet.surfacing_ms,
-            sinking_ms=fleet.sinking_ms,
-            drifts_always=fleet.drifts_always,
-            amplitude_um=fleet.drift_amplitude_um,
-            current=_stream(fleet),
-            coil_alignment_ms=fleet.coil_alignment_ms,
-            fields=Fields(
-                fleet.oxygen_mg_l.field(), fleet.temperature_c.field(), fleet.turbidity_ntu.field()
-            ),
+            fleet.seed, 1000 * fleet.theta, fleet.body, fleet.current.stream(), fleet.fields.fields()
         )
 
     def config(self, agent_id: int) -> AgentConfig:
         fleet = self._fleet
-        board = BoardConfig(
-            agent_id,
-            fleet.charge,
-            fleet.pin_debounce_ms,
-            fleet.boot_ms,
-            fleet.float_timeout_ms,
-            fleet.release_wait_ms,
-            fleet.whole,
-            agent_id - fleet.first_id if self._has_slots else 0,
-            fleet.pin_chatter_ms,
-            fleet.pin_check_ms,
+        board = replace(
+            fleet.board,
+            agent_id=agent_id,
+            slot=agent_id - fleet.first_id if self._has_slots else 0,
             drift_ppb=drift_of(fleet.seed, agent_id, fleet.clock_drift_ppb),
         )
-        return AgentConfig(board, self._water, fleet.report_period_ms, fleet.heard_always, fleet.modem)
+        return AgentConfig(board, self._water, fleet.reports)
 
 
 def drift_of(seed: int, agent_id: int, bound_ppb: int) -> int:

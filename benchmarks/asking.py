@@ -35,7 +35,7 @@ from apad_bridge.assembly.water import fleet_of
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.records.summary import uptime_figures
 from apad_bridge.runs.in_memory import MemoryRecorder
-from apad_bridge.scenario.firmware_config import charge_model, full_firmware
+from apad_bridge.scenario.firmware_config import board_config, charge_model
 from apad_bridge.scenario.loader import from_data, load, resolve
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
@@ -207,7 +207,7 @@ def _flown(thought: Scenario, truth: Scenario) -> dict[str, float]:
         for _, kind, event in recorder.events
         if kind == "packet"
     )
-    whole = full_firmware(truth.board, truth.seed)
+    whole = board_config(truth.board, truth.seed).whole
     assert whole is not None
     return {
         "lost": figures["amussels_lost"],

@@ -32,10 +32,12 @@ from rich.table import Table
 from agents.coordinator import Coordinator, Heard
 from agents.fleet import FleetConfig, resting_on_bottom
 from agents.hosting.process_host import ProcessHost
+from agents.mussel.body import BodyConfig, Sinking
+from agents.mussel.reporter import ReportConfig
 from agents.mussel.stimuli import ContactClosed, ContactOpened, DockMoved, SoundArrived, WifiArrived
 from agents.nursery.flash_file import FLASH_NAME, FlashRegion
 from agents.nursery.launch import launch_nursery, prepare
-from firmware_model.config import FullFirmware, LastResort, Timeslots
+from firmware_model.config import BoardConfig, FullFirmware, LastResort, Timeslots
 from firmware_model.packets import CommandPacket, Kind
 from firmware_model.packets.codec import MusselbedCodec
 from firmware_model.packets.sample_record import SampleRecord
@@ -64,24 +66,21 @@ FLEET = FleetConfig(
     theta=THETA,
     seed=1,
     codec="musselbed-1",
-    charge=WORST_CASE,
-    pin_debounce_ms=50,
-    boot_ms=2000,
-    float_timeout_ms=43_200_000,
-    release_wait_ms=120_000,
-    report_period_ms=1000 * THETA,
-    heard_always=True,
-    bottom_um=3_000_000,
-    surfacing_ms=60_000,
-    sinking_ms=60_000,
-    drifts_always=True,
-    drift_amplitude_um=5000,
-    current_csv=None,
+    board=BoardConfig(
+        agent_id=0,
+        charge=WORST_CASE,
+        pin_debounce_ms=50,
+        boot_ms=2000,
+        float_timeout_ms=43_200_000,
+        release_wait_ms=120_000,
+    ),
+    body=BodyConfig(Sinking(3_000_000, 60_000, 60_000), drifts_always=True, drift_amplitude_um=5000),
+    reports=ReportConfig(1000 * THETA, heard_always=True),
 )
 WAKES = replace(FIELD, slots=Timeslots(frame_ms=300_000, slot_ms=300))
 """Every hour: sample, process, await the timeslot and transmit; with a timeslot for each of a thousand."""
 WHOLE = FullFirmware(power(LastResort.CALL), WAKES, transmit_ms=300, call_ms=600_000, hover_ms=600_000)
-_WHOLE_FLEET = replace(FLEET, charge=MODEL, whole=WHOLE)
+_WHOLE_FLEET = replace(FLEET, board=replace(FLEET.board, charge=MODEL, whole=WHOLE))
 FULL_LOG = "whole board, full log"
 FLEETS = {"worst case": FLEET, "whole board": _WHOLE_FLEET, FULL_LOG: _WHOLE_FLEET}
 LOGGED = 2500

@@ -6,10 +6,11 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from agents.modem.frames import SHORT_MS
 from agents.mussel.body import Body, WaterConfig
 from agents.mussel.outputs import Dropped, Output, PingAnswered, SoundSent, Truth, WifiSent
 from agents.mussel.physical import Physical
-from agents.mussel.reporter import RANGE_ANSWER_MS, Modem, Reporter
+from agents.mussel.reporter import ReportConfig, Reporter
 from agents.mussel.stimuli import (
     CoilSlipped,
     ContactClosed,
@@ -46,10 +47,7 @@ class AgentConfig:
 
     board: BoardConfig
     water: WaterConfig
-    report_period_ms: int
-    heard_always: bool
-    """True for the paper's mode, in which Wi-Fi works at any depth; otherwise only at the surface."""
-    modem: Modem = Modem.V3
+    reports: ReportConfig
 
 
 class Agent:
@@ -98,7 +96,7 @@ class Agent:
             config.board, self._codec, physical.primary, physical.secondary, now_ms, physical.kept
         )
         self._logbook = None if config.board.whole is None else self._open_logbook(physical)
-        self._reporter = Reporter(self.board, self.body, self._logbook, config.modem)
+        self._reporter = Reporter(self.board, self.body, self._logbook, config.reports.modem)
         # A reset agent may have reported at this very time before it died: its next report is a later one.
         later = 0 if cause is ResetCause.POWER_ON else 1
         self._report_due_ms = self._report_after(now_ms + later)
@@ -176,7 +174,9 @@ class Agent:
 
     def _dues(self) -> tuple[int | None, ...]:
         report_ms = (
-            self._report_due_ms if self.config.heard_always or self._at_surface(self._now_ms) else None
+            self._report_due_ms
+            if self.config.reports.heard_always or self._at_surface(self._now_ms)
+            else None
         )
         body = self.body
         return body.arrival_ms, body.drift_due_ms, self.board.next_due_ms, body.pin_due_ms or None, report_ms
@@ -197,9 +197,9 @@ class Agent:
         if which == 3:
             self.body.align()
             return self._stimulate_board(board_stimuli.ChargePinRose(), now_ms)
-        self._report_due_ms += self.config.report_period_ms
+        self._report_due_ms += self.config.reports.period_ms
         # In the paper's mode the report is the experiment's; else it needs the board's Wi-Fi, which the worst case has.
-        is_off = not self.config.heard_always and not self.board.has_wifi
+        is_off = not self.config.reports.heard_always and not self.board.has_wifi
         if self.board.state is State.BOOTING or is_off:
             return []
         return [WifiSent(now_ms, self._codec.encode(self._reporter.wifi_status(now_ms)))]
@@ -240,13 +240,13 @@ class Agent:
                     return [Dropped(now_ms, "sound does not reach a modem in air")]
                 if not self.board.is_modem_listening:
                     return [Dropped(now_ms, "the modem is not listening")]
-                lasting_ms = RANGE_ANSWER_MS[self.config.modem]
+                lasting_ms = SHORT_MS[self.config.reports.modem]
                 status = self._stimulate_board(board_stimuli.ModemSpoke(lasting_ms), now_ms)
                 return [*status, PingAnswered(now_ms, travelled_us)]
             case ModemSent(lasting_ms):
                 return self._stimulate_board(board_stimuli.ModemSpoke(lasting_ms), now_ms)
             case WifiArrived(data):
-                if not self.config.heard_always and not self._at_surface(now_ms):
+                if not self.config.reports.heard_always and not self._at_surface(now_ms):
                     return [Dropped(now_ms, "Wi-Fi does not reach under water")]
                 return self._stimulate_board(board_stimuli.WifiReceived(data), now_ms)
             case Placed():
@@ -271,7 +271,8 @@ class Agent:
         )
 
     def _report_after(self, now_ms: int) -> int:
-        return -(-now_ms // self.config.report_period_ms) * self.config.report_period_ms
+        period_ms = self.config.reports.period_ms
+        return -(-now_ms // period_ms) * period_ms
 
     def _at_surface(self, now_ms: int) -> bool:
         return self.body.depth_at_um(now_ms) == 0

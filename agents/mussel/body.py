@@ -29,39 +29,46 @@ def drift_step_um(seed: int, agent_id: int, n: int, amplitude_um: int) -> tuple[
 
 
 @dataclass(frozen=True, slots=True)
-class WaterConfig:
-    """A body's motion. `step_ms` is one mission second of agent time, because drift follows the real water's clock."""
+class Sinking:
+    """The constant rates at which bodies rise and sink: the whole way from the bottom, or to it, in agent milliseconds."""
 
-    seed: int
-    step_ms: int
     bottom_um: int
     surfacing_ms: int
     sinking_ms: int
+
+    def depth_um(self, from_um: int, buoyancy: Buoyancy, hover_um: int, elapsed_ms: int) -> int:
+        """The depth of a body that began to move at `from_um`: up, down, or to its hovering depth."""
+        goal_um = {Buoyancy.FLOAT: 0, Buoyancy.HOVER: hover_um}.get(buoyancy, self.bottom_um)
+        if goal_um < from_um:
+            return max(goal_um, from_um - self.bottom_um * elapsed_ms // self.surfacing_ms)
+        return min(goal_um, from_um + self.bottom_um * elapsed_ms // self.sinking_ms)
+
+
+@dataclass(frozen=True, slots=True)
+class BodyConfig:
+    """The numbers of every body of a fleet."""
+
+    sinking: Sinking
     drifts_always: bool
     """The paper's mode: every undocked body takes a random step and follows the current each mission second."""
-    amplitude_um: int
-    current: Stream
-    fields: Fields
-    """The water around the sensors."""
+    drift_amplitude_um: int
     coil_alignment_ms: int = 0
     """From the contact, or from the coils' last slip, until the charger starts and its pin rises."""
 
 
-def depth_um(
-    from_um: int,
-    buoyancy: Buoyancy,
-    hover_um: int,
-    elapsed_ms: int,
-    *,
-    bottom_um: int,
-    surfacing_ms: int,
-    sinking_ms: int,
-) -> int:
-    """The depth of a body that began to move at `from_um`: up, down, or to its hovering depth, at constant rates."""
-    goal_um = {Buoyancy.FLOAT: 0, Buoyancy.HOVER: hover_um}.get(buoyancy, bottom_um)
-    if goal_um < from_um:
-        return max(goal_um, from_um - bottom_um * elapsed_ms // surfacing_ms)
-    return min(goal_um, from_um + bottom_um * elapsed_ms // sinking_ms)
+@dataclass(frozen=True, slots=True)
+class WaterConfig:
+    """A body in its water.
+
+    `step_ms` is one mission second of agent time, because drift follows the real water's clock.
+    """
+
+    seed: int
+    step_ms: int
+    body: BodyConfig
+    current: Stream
+    fields: Fields
+    """The water around the sensors."""
 
 
 class Body:
@@ -83,6 +90,8 @@ class Body:
     ) -> None:
         self.agent_id = agent_id
         self.water = water
+        self._config = water.body
+        self._sinking = water.body.sinking
         self.north_um = north_um
         self.east_um = east_um
         self.depth_anchor_ms = depth_anchor_ms
@@ -99,28 +108,21 @@ class Body:
     def depth_at_um(self, now_ms: int) -> int:
         if self.docked:
             return 0
-        water = self.water
-        return depth_um(
-            self.depth_um,
-            self.buoyancy,
-            self.hover_um,
-            now_ms - self.depth_anchor_ms,
-            bottom_um=water.bottom_um,
-            surfacing_ms=water.surfacing_ms,
-            sinking_ms=water.sinking_ms,
+        return self._sinking.depth_um(
+            self.depth_um, self.buoyancy, self.hover_um, now_ms - self.depth_anchor_ms
         )
 
     @property
     def arrival_ms(self) -> int | None:
         """The time at which the body reaches the surface or the bottom; None if it rests there already, or hovers."""
-        water = self.water
+        sinking = self._sinking
         if self.docked or self.buoyancy is Buoyancy.HOVER:
             return None
         if self.buoyancy is Buoyancy.FLOAT:
-            way_um, over_ms = self.depth_um, water.surfacing_ms
+            way_um, over_ms = self.depth_um, sinking.surfacing_ms
         else:
-            way_um, over_ms = water.bottom_um - self.depth_um, water.sinking_ms
-        return None if way_um == 0 else self.depth_anchor_ms - (-way_um * over_ms // water.bottom_um)
+            way_um, over_ms = sinking.bottom_um - self.depth_um, sinking.sinking_ms
+        return None if way_um == 0 else self.depth_anchor_ms - (-way_um * over_ms // sinking.bottom_um)
 
     def settle_depth(self, now_ms: int) -> None:
         self.depth_um = self.depth_at_um(now_ms)
@@ -131,18 +133,18 @@ class Body:
         self._miss_steps(now_ms)
         self.settle_depth(now_ms)
         self.buoyancy = to
-        hover_um = self.depth_um if depth_mm is None else min(self.water.bottom_um, 1000 * depth_mm)
+        hover_um = self.depth_um if depth_mm is None else min(self._sinking.bottom_um, 1000 * depth_mm)
         self.hover_um = hover_um if to is Buoyancy.HOVER else 0
 
     @property
     def _adrift(self) -> bool:
-        water = self.water
+        current = self.water.current
         if self.docked:
             return False
-        on_bottom = self.buoyancy is Buoyancy.SINK and self.depth_um == water.bottom_um
-        if water.drifts_always:
-            return water.amplitude_um > 0 or not water.current.is_still
-        return not on_bottom and not water.current.is_still
+        on_bottom = self.buoyancy is Buoyancy.SINK and self.depth_um == self._sinking.bottom_um
+        if self._config.drifts_always:
+            return self._config.drift_amplitude_um > 0 or not current.is_still
+        return not on_bottom and not current.is_still
 
     @property
     def drift_due_ms(self) -> int | None:
@@ -156,10 +158,10 @@ class Body:
 
     def drift(self, now_ms: int) -> None:
         """Takes the step of the mission second that ends at `now_ms`."""
-        water = self.water
+        water, amplitude_um = self.water, self._config.drift_amplitude_um
         self._step = now_ms // water.step_ms
-        if water.drifts_always and water.amplitude_um:
-            north_um, east_um = drift_step_um(water.seed, self.agent_id, self._step, water.amplitude_um)
+        if self._config.drifts_always and amplitude_um:
+            north_um, east_um = drift_step_um(water.seed, self.agent_id, self._step, amplitude_um)
         else:
             north_um = east_um = 0
         depth_um = self.depth_at_um(now_ms)
@@ -182,7 +184,8 @@ class Body:
 
     def slip(self, now_ms: int) -> None:
         """Moves the coils apart; the charger stops until they are aligned again."""
-        self.pin_due_ms = now_ms + self.water.coil_alignment_ms if self.water.coil_alignment_ms else 0
+        alignment_ms = self._config.coil_alignment_ms
+        self.pin_due_ms = now_ms + alignment_ms if alignment_ms else 0
 
     def align(self) -> None:
         """Aligns the coils; the charger starts."""

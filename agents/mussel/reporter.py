@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from enum import IntEnum
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from agents.modem.frames import Generation
 from agents.mussel.body import Body
 from firmware_model.board import Board
 from firmware_model.packets import AcousticStatus, Packet, ShortStatus, StatusPacket, WifiStatus
@@ -14,23 +15,21 @@ if TYPE_CHECKING:
     from agents.mussel.logbook import Logbook
 
 
-class Modem(IntEnum):
-    """The nanomodem's generation."""
+@dataclass(frozen=True, slots=True)
+class ReportConfig:
+    """The reports of every aMussel of a fleet. `period_ms` is agent time between two reports by Wi-Fi."""
 
-    V2 = 2
-    """7 bytes a packet."""
-    V3 = 3
-    """64 bytes a packet."""
-
-
-RANGE_ANSWER_MS = {Modem.V2: 430, Modem.V3: 105}
-"""The length of a modem's answer to a ranging ping, which is a frame without data."""
+    period_ms: int
+    heard_always: bool
+    """True for the paper's mode, in which Wi-Fi works at any depth; otherwise only at the surface."""
+    modem: Generation = Generation.V3
+    """The nanomodem: a packet by sound has 7 bytes with V2, and 64 with V3."""
 
 
 class Reporter:
     """Makes and counts the reports of one aMussel. The paper's worst case has no log and one status for all media."""
 
-    def __init__(self, board: Board, body: Body, logbook: Logbook | None, modem: Modem) -> None:
+    def __init__(self, board: Board, body: Body, logbook: Logbook | None, modem: Generation) -> None:
         self._board = board
         self._body = body
         self._logbook = logbook
@@ -58,7 +57,7 @@ class Reporter:
 
     def sound_status(self, now_ms: int) -> Packet:
         basic, logbook = self._basic(now_ms), self._logbook
-        if self._modem is Modem.V2:
+        if self._modem is Generation.V2:
             return _short(basic)
         if logbook is None:
             return basic

@@ -59,7 +59,8 @@ def warm_up(configs: AgentConfigs, codec: Codec, agent_id: int) -> None:
     """Runs an agent through all states that its configuration lets it reach, with refusals and restarts."""
     config = configs.config(agent_id)
     water = replace(config.water, step_ms=_SELDOM_MS)
-    walk = _Walk(replace(config, report_period_ms=_SELDOM_MS, water=water), codec)
+    reports = replace(config.reports, period_ms=_SELDOM_MS)
+    walk = _Walk(replace(config, reports=reports, water=water), codec)
     for epoch in range(1, _LIVES + 1):
         walk.live(epoch)
     walk.close()
@@ -76,7 +77,7 @@ class _Walk:
         self._supervisor, self._link = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         self._buffer = message_buffer()
         self._pair = RecordPair(self._records_fd, 0, config.board.agent_id)
-        self._pair.initial_state(resting_on_bottom(0.0, 0.0, config.water.bottom_um / 1e6, 0.5, 1.0))
+        self._pair.initial_state(resting_on_bottom(0.0, 0.0, _bottom_um(config) / 1e6, 0.5, 1.0))
         self._stimuli = list(_stimuli(config, codec))
         self._visits = dict.fromkeys(State, 0)
         self._turns = dict.fromkeys(State, 0)
@@ -135,8 +136,12 @@ class _Walk:
                     pass
 
 
+def _bottom_um(config: AgentConfig) -> int:
+    return config.water.body.sinking.bottom_um
+
+
 def _stimuli(config: AgentConfig, codec: Codec) -> Iterator[Stimulus]:
-    bottom_um = config.water.bottom_um
+    bottom_um = _bottom_um(config)
     yield from (ContactClosed(0, 0), DockMoved(1, 1), CoilSlipped(), ContactOpened())
     yield from (PingArrived(1), ModemSent(100), SoundArrived(b"wrong"), WifiArrived(b"wrong"))
     for data in _commands(codec, config.board.agent_id):

@@ -7,8 +7,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import sqrt
+from typing import Any
 
-from agents.water.fields import Constant, Field
+from agents.water.fields import Constant, Field, Fields
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,17 +75,36 @@ class Patched:
 
 @dataclass(frozen=True, slots=True)
 class Waters:
-    """One quantity's water as plain values that cross a link: layers (um, value), and the fields of each `Patch`."""
+    """One quantity's water as plain values that cross a link: layers (um, value), and patches."""
 
     layers: tuple[tuple[int, float], ...]
-    patches: tuple[tuple[float, int, int, int, int, int, int, int, int], ...] = ()
+    patches: tuple[Patch, ...] = ()
 
     def field(self) -> Field:
         calm: Field = Constant(self.layers[0][1]) if len(self.layers) == 1 else Layers(self.layers)
-        if not self.patches:
-            return calm
-        return Patched(calm, tuple([Patch(*it) for it in self.patches]))
+        return Patched(calm, self.patches) if self.patches else calm
+
+    @classmethod
+    def from_wire(cls, wire: dict[str, Any]) -> Waters:
+        return cls(
+            tuple([tuple(it) for it in wire["layers"]]), tuple([Patch(**it) for it in wire["patches"]])
+        )
 
 
-OXYGEN, TEMPERATURE, TURBIDITY = (Waters(((0, value),)) for value in (8.0, 18.0, 5.0))
-"""The defaults, a calm bay: mg/l, degrees Celsius, NTU."""
+@dataclass(frozen=True, slots=True)
+class FieldsConfig:
+    """The water's true values as plain values that cross a link."""
+
+    oxygen_mg_l: Waters
+    temperature_c: Waters
+    turbidity_ntu: Waters
+
+    def fields(self) -> Fields:
+        return Fields(self.oxygen_mg_l.field(), self.temperature_c.field(), self.turbidity_ntu.field())
+
+    @classmethod
+    def from_wire(cls, wire: dict[str, Any]) -> FieldsConfig:
+        return cls(**{name: Waters.from_wire(it) for name, it in wire.items()})
+
+
+CALM_BAY = FieldsConfig(Waters(((0, 8.0),)), Waters(((0, 18.0),)), Waters(((0, 5.0),)))

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from math import hypot, sqrt
 
+from agents.mussel.body import Sinking
 from agents.mussel.physical import Physical
 from firmware_model.actions import Buoyancy
 
@@ -52,24 +53,17 @@ def distance_m(one: Place, other: Place, at_ms: int) -> float:
     return sqrt(north * north + east * east + down * down) / 1e6
 
 
-@dataclass(frozen=True, slots=True)
-class Sinking:
-    """The rates at which bodies rise and sink, in agent milliseconds; they turn a physical state into a place."""
-
-    bottom_um: int
-    surfacing_ms: int
-    sinking_ms: int
-
-    def place(self, physical: Physical) -> Place:
-        if physical.docked:
-            return Place(physical.north_um, physical.east_um, 0)
-        here = (physical.north_um, physical.east_um, physical.depth_um, physical.depth_anchor_ms)
-        match physical.buoyancy:
-            case Buoyancy.FLOAT:
-                return Place(*here, -self.bottom_um, self.surfacing_ms, self.bottom_um)
-            case Buoyancy.SINK:
-                return Place(*here, self.bottom_um, self.sinking_ms, self.bottom_um)
-        return Place(*here)
+def place_of(physical: Physical, sinking: Sinking) -> Place:
+    """The place of an aMussel's modem, which sits in the cap of its body."""
+    if physical.docked:
+        return Place(physical.north_um, physical.east_um, 0)
+    here = (physical.north_um, physical.east_um, physical.depth_um, physical.depth_anchor_ms)
+    match physical.buoyancy:
+        case Buoyancy.FLOAT:
+            return Place(*here, -sinking.bottom_um, sinking.surfacing_ms, sinking.bottom_um)
+        case Buoyancy.SINK:
+            return Place(*here, sinking.bottom_um, sinking.sinking_ms, sinking.bottom_um)
+    return Place(*here)
 
 
 class Grid:

@@ -17,13 +17,14 @@ from agents.hosting.host import Host
 from agents.modem.facts import FrameArrived
 from agents.modem.firmware import Firmware
 from agents.modem.frames import PAYLOAD_BYTES, SHORT_MS, Frame, FrameKind, Generation
+from agents.mussel.body import Sinking
 from agents.mussel.outputs import PingAnswered, SoundSent, Truth, WifiSent
 from agents.mussel.stimuli import ModemSent, PingArrived, SoundArrived, Stimulus
 from agents.water import medium
 from agents.water.apad_modem import APadModem, Send
 from agents.water.chance import fates
 from agents.water.medium import Began, LinksChanged, Medium, Moved, PacketEnded, ThrustersRan
-from agents.water.places import Place, Sinking, along_m
+from agents.water.places import Place, along_m, place_of
 from agents.water.sea_events import (
     APAD,
     APAD_ADDRESS,
@@ -110,7 +111,7 @@ class Sea:
         """The fleet's truths since the last call; the sea moves the modems accordingly."""
         for truth in self._new_truths():
             self._undelivered += self._move(
-                truth.agent_id, self.config.sinking.place(truth.physical), self.now_ms
+                truth.agent_id, place_of(truth.physical, self.config.sinking), self.now_ms
             )
         truths, self._truths = self._truths, []
         return truths
@@ -199,7 +200,7 @@ class Sea:
         """Brings the agents' outputs to the medium, in the order of time, and the medium's decisions to the agents."""
         events: list[Event] = []
         for truth in self._new_truths():
-            moved = Moved(truth.agent_id, self.config.sinking.place(truth.physical))
+            moved = Moved(truth.agent_id, place_of(truth.physical, self.config.sinking))
             events.append((truth.at_ms, 0, truth.agent_id, moved))
             if self._modems is not None:
                 self._modems.power(truth.agent_id, RAILS[truth.state] != 0, truth.at_ms)

@@ -10,6 +10,7 @@ from array import array
 from bisect import bisect_right
 from dataclasses import dataclass
 from math import pi, sin
+from typing import Any
 
 from agents.water.current import STILL_WATER, CurrentField
 
@@ -170,3 +171,27 @@ def _assembled(parts: dict[tuple[int, int], list[str]]) -> Stream:
 
 
 STILL = steady(STILL_WATER)
+
+
+@dataclass(frozen=True, slots=True)
+class CurrentConfig:
+    """A current as plain values that cross a link."""
+
+    csv: str | None = None
+    """The text of the file for `parse_stream`; None for no field beside the tides."""
+    tides: tuple[Tide, ...] = ()
+    profile: tuple[tuple[int, int], ...] = ()
+    """As a `Stream` has it."""
+
+    def stream(self) -> Stream:
+        """Raises ValueError for a file that `parse_stream` refuses."""
+        stream = STILL if self.csv is None else parse_stream(self.csv)
+        return Stream.of(stream.seconds, stream.depths_um, stream.fields, self.tides, self.profile)
+
+    @classmethod
+    def from_wire(cls, wire: dict[str, Any]) -> CurrentConfig:
+        tides = tuple([Tide(**it) for it in wire["tides"]])
+        return cls(wire["csv"], tides, tuple([tuple(it) for it in wire["profile"]]))
+
+
+STILL_CURRENT = CurrentConfig()

@@ -12,7 +12,7 @@ from apad_bridge.assembly.estimator import readings_apart_ms
 from apad_bridge.assembly.water import generation_of
 from apad_bridge.beliefs.pings import PingForCharge, PingForPlace
 from apad_bridge.beliefs.questions import candidate_below
-from apad_bridge.scenario.firmware_config import full_firmware
+from apad_bridge.scenario.firmware_config import board_config
 from apad_bridge.scenario.schema import Scenario
 from firmware_model.config import FullFirmware
 from firmware_model.packets.codec import load_codec
@@ -30,7 +30,7 @@ def ranging_of(scenario: Scenario, agent_ids: Iterable[int]) -> RangingService |
     if water is None:
         return None
     modems = generation_of(water.modems)
-    firmware = full_firmware(scenario.board, scenario.seed, modems)
+    firmware = board_config(scenario.board, scenario.seed, modems).whole
     timeslots = None if firmware is None or firmware.cycle is None else firmware.cycle.slots
     speed_m_s, corners = water.sound.sound_speed_m_s, scenario.area.polygon_m
     across_m = max(dist(one, other) for one in corners for other in corners) + scenario.area.depth_m

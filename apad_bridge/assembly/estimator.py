@@ -20,7 +20,7 @@ from apad_bridge.beliefs.twin_parameters import (
     Water,
 )
 from apad_bridge.scenario.estimator_options import TwinModel
-from apad_bridge.scenario.firmware_config import charge_model, full_firmware
+from apad_bridge.scenario.firmware_config import board_config, charge_model
 from apad_bridge.scenario.schema import DriftMode, Scenario
 from firmware_model.config import PATH_UNIT, FullFirmware
 from firmware_model.power.charge import FULL, Segments
@@ -72,7 +72,7 @@ def _report_ms(scenario: Scenario) -> int:
 
 def schedules_of(scenario: Scenario, agent_ids: Sequence[int]) -> dict[int, Schedule]:
     """Builds the boards' schedules: always awake, as the paper's worst case, or asleep but for the wakes of their cycle."""
-    firmware = full_firmware(scenario.board, scenario.seed)
+    firmware = board_config(scenario.board, scenario.seed).whole
     if firmware is None or firmware.cycle is None:
         return dict.fromkeys(agent_ids, Schedule((0,), (Mode.IDLE,)))
     first_id = scenario.fleet.first_id
@@ -84,7 +84,7 @@ def schedules_of(scenario: Scenario, agent_ids: Sequence[int]) -> dict[int, Sche
 
 def twin_parameters_of(scenario: Scenario, model: TwinModel) -> TwinParameters:
     board, theta = scenario.board, scenario.theta
-    firmware = full_firmware(board, scenario.seed)
+    firmware = board_config(board, scenario.seed).whole
     deviations = (model.bias_deviation,) * 4
     drift = scenario.fleet.drift
     step_m = drift.amplitude_m if drift.mode is DriftMode.PAPER else 0.0

@@ -6,11 +6,13 @@ from collections.abc import Sequence
 
 from agents.fleet import FleetConfig, resting_on_bottom
 from agents.modem.frames import Generation
+from agents.mussel.body import BodyConfig
 from agents.mussel.physical import Physical
-from agents.mussel.reporter import Modem
+from agents.mussel.reporter import ReportConfig
+from agents.water.patches import CALM_BAY
 from apad_bridge.assembly.acoustics import ranging_of
 from apad_bridge.assembly.estimator import fleet_beliefs
-from apad_bridge.assembly.water import agents_water, generation_of
+from apad_bridge.assembly.water import current_config, fields_config, generation_of
 from apad_bridge.mission.allocation import Allocation
 from apad_bridge.mission.breakdown import Breakdown
 from apad_bridge.mission.call_queue import CallQueue
@@ -21,10 +23,9 @@ from apad_bridge.mission.sources import BeliefSource
 from apad_bridge.mission.state import MissionState
 from apad_bridge.mission.takeover import Takeover
 from apad_bridge.planning import registry
-from apad_bridge.scenario.firmware_config import charge_model, clock_drift_ppb, full_firmware
+from apad_bridge.scenario.firmware_config import board_config, clock_drift_ppb, sinking_of
 from apad_bridge.scenario.schema import DriftMode, HearingMode, Scenario
 from apad_bridge.scenario.starts import Start
-from apad_bridge.scenario.water import ModemGeneration
 from apad_bridge.supervisor.context import LearnedState
 from apad_bridge.supervisor.core import Supervisor
 from apad_bridge.supervisor.sample_collection import SampleCollection
@@ -39,39 +40,28 @@ def agent_ids(scenario: Scenario) -> Sequence[int]:
 
 
 def fleet_config(scenario: Scenario) -> FleetConfig:
-    board, drift, theta = scenario.board, scenario.fleet.drift, scenario.theta
-    agents_view, water = agents_water(scenario), scenario.water
+    board, drift, theta, water = scenario.board, scenario.fleet.drift, scenario.theta, scenario.water
+    modems = Generation.V3 if water is None else generation_of(water.modems)
     return FleetConfig(
         theta=theta,
         seed=scenario.seed,
         codec=scenario.hearing.codec,
-        charge=charge_model(board),
-        pin_debounce_ms=board.pin_debounce_ms,
-        pin_chatter_ms=board.pin_chatter_ms,
-        pin_check_ms=round(board.pin_check_s * 1000),
-        coil_alignment_ms=round(board.coil_alignment_s * 1000),
-        boot_ms=board.boot_ms,
-        float_timeout_ms=round(board.float_timeout_s * 1000),
-        release_wait_ms=round(board.release_wait_s * 1000),
-        report_period_ms=round(scenario.hearing.report_period_s * 1000) * theta,
-        heard_always=scenario.hearing.mode is HearingMode.PAPER,
-        bottom_um=round(scenario.area.depth_m * 1e6),
-        surfacing_ms=round(board.surfacing_s * 1000),
-        sinking_ms=round(board.sinking_s * 1000),
-        drifts_always=drift.mode is DriftMode.PAPER,
-        drift_amplitude_um=round(drift.amplitude_m * 1e6),
-        current_csv=agents_view.current_csv,
-        tides=agents_view.tides,
-        current_profile=agents_view.current_profile,
-        oxygen_mg_l=agents_view.oxygen_mg_l,
-        temperature_c=agents_view.temperature_c,
-        turbidity_ntu=agents_view.turbidity_ntu,
-        whole=full_firmware(
-            board, scenario.seed, Generation.V3 if water is None else generation_of(water.modems)
+        board=board_config(board, scenario.seed, modems),
+        body=BodyConfig(
+            sinking_of(scenario),
+            drifts_always=drift.mode is DriftMode.PAPER,
+            drift_amplitude_um=round(drift.amplitude_m * 1e6),
+            coil_alignment_ms=round(board.coil_alignment_s * 1000),
         ),
-        clock_drift_ppb=clock_drift_ppb(board),
+        reports=ReportConfig(
+            round(scenario.hearing.report_period_s * 1000) * theta,
+            heard_always=scenario.hearing.mode is HearingMode.PAPER,
+            modem=modems,
+        ),
+        current=current_config(scenario),
+        fields=CALM_BAY if water is None else fields_config(water.fields),
         first_id=scenario.fleet.first_id,
-        modem=Modem.V2 if water is not None and water.modems is ModemGeneration.V2 else Modem.V3,
+        clock_drift_ppb=clock_drift_ppb(board),
     )
 
 

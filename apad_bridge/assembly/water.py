@@ -1,91 +1,63 @@
-"""Builds the simulated water from the scenario's block `water`: a fleet's sea, and the agents' part as plain values.
-
-The agents receive currents, tides and fields.
-"""
+"""Builds the simulated water from the scenario's block `water`: a fleet's sea, and the agents' part as plain values."""
 
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 
 from agents.coordinator import Coordinator
 from agents.hosting.host import Host
 from agents.modem.frames import Generation
 from agents.water import sound, wifi
-from agents.water.patches import Waters
-from agents.water.places import Sinking
+from agents.water.patches import FieldsConfig, Patch, Waters
 from agents.water.sea import Sea, SeaConfig
+from agents.water.stream import CurrentConfig, Tide
 from apad_bridge.scenario.currents import current_text
-from apad_bridge.scenario.firmware_config import full_firmware
+from apad_bridge.scenario.firmware_config import board_config, sinking_of
 from apad_bridge.scenario.local_frame import LocalFrame
 from apad_bridge.scenario.schema import Scenario
-from apad_bridge.scenario.water import Fields, ModemGeneration, Sound, Water
+from apad_bridge.scenario.water import Current, Fields, ModemGeneration, Sound, Water
 from apad_bridge.supervisor.fleet import Fleet, LinksFile
 
 
-@dataclass(frozen=True, slots=True)
-class AgentsWater:
-    """The water in the form of the agents' `FleetConfig`."""
-
-    current_csv: str | None
-    tides: tuple[tuple[int, int, int, int, int], ...]
-    current_profile: tuple[tuple[int, int], ...]
-    oxygen_mg_l: Waters
-    temperature_c: Waters
-    turbidity_ntu: Waters
-
-
-def agents_water(scenario: Scenario) -> AgentsWater:
-    """Converts the scenario's water for the agents, and reads the current's file."""
-    fields = Fields() if scenario.water is None else scenario.water.fields
-    return AgentsWater(
-        _current(scenario),
-        _tides(scenario),
-        _profile(scenario),
-        *(_waters(fields, name) for name in ("oxygen_mg_l", "temperature_c", "turbidity_ntu")),
+def current_config(scenario: Scenario) -> CurrentConfig:
+    """Converts the scenario's current, and reads its file. OSError, or ValueError for a file that is no current."""
+    current = Current() if scenario.water is None else scenario.water.current or Current()
+    name = scenario.fleet.drift.current_file or current.file
+    return CurrentConfig(
+        None if name is None else current_text(Path(name), LocalFrame.about(scenario.area.origin)),
+        tuple(
+            Tide(
+                round(tide.period_h * 3600),
+                round(tide.north_m_s * 1e6),
+                round(tide.east_m_s * 1e6),
+                round(tide.north_phase_deg / 360 * 1e6),
+                round(tide.east_phase_deg / 360 * 1e6),
+            )
+            for tide in current.tides
+        ),
+        tuple((round(depth * 1e6), round(fraction * 1e6)) for depth, fraction in current.profile),
     )
 
 
-def _current(scenario: Scenario) -> str | None:
-    name = scenario.fleet.drift.current_file
-    if name is None and scenario.water is not None and scenario.water.current is not None:
-        name = scenario.water.current.file
-    return None if name is None else current_text(Path(name), LocalFrame.about(scenario.area.origin))
-
-
-def _tides(scenario: Scenario) -> tuple[tuple[int, int, int, int, int], ...]:
-    if scenario.water is None or scenario.water.current is None:
-        return ()
-    return tuple(
-        (
-            round(tide.period_h * 3600),
-            round(tide.north_m_s * 1e6),
-            round(tide.east_m_s * 1e6),
-            round(tide.north_phase_deg / 360 * 1e6),
-            round(tide.east_phase_deg / 360 * 1e6),
-        )
-        for tide in scenario.water.current.tides
-    )
-
-
-def _profile(scenario: Scenario) -> tuple[tuple[int, int], ...]:
-    if scenario.water is None or scenario.water.current is None:
-        return ()
-    return tuple(
-        (round(depth * 1e6), round(fraction * 1e6)) for depth, fraction in scenario.water.current.profile
+def fields_config(fields: Fields) -> FieldsConfig:
+    """Converts the water's true values."""
+    return FieldsConfig(
+        *(_waters(fields, name) for name in ("oxygen_mg_l", "temperature_c", "turbidity_ntu"))
     )
 
 
 def _waters(fields: Fields, name: str) -> Waters:
     layers = tuple((round(depth_m * 1e6), value) for depth_m, value in getattr(fields, name))
     patches = tuple(
-        (
+        Patch(
             core,
             round(patch.begins_s * 1000),
             round(patch.growing_s * 1000),
-            *(round(it * 1e6) for it in patch.place_m),
-            *(round(it * 1e6) for it in patch.drift_m_s),
+            round(patch.place_m[0] * 1e6),
+            round(patch.place_m[1] * 1e6),
+            round(patch.drift_m_s[0] * 1e6),
+            round(patch.drift_m_s[1] * 1e6),
             round(patch.radius_m * 1e6),
             round(patch.from_depth_m * 1e6),
         )
@@ -107,7 +79,7 @@ def fleet_of(
     `opened` are the aMussels whose modems are open to other programs, in a scenario with water.
     """
     coordinator = Coordinator(host, granted_ms, scenario.theta, now_ms)
-    firmware = full_firmware(scenario.board)
+    firmware = board_config(scenario.board).whole
     timeslots = None if firmware is None or firmware.cycle is None else firmware.cycle.slots
     water = scenario.water
     if water is None:
@@ -121,7 +93,7 @@ def fleet_of(
 
 
 def sea_config(scenario: Scenario, water: Water) -> SeaConfig:
-    board, settings, radio = scenario.board, water.sound, water.wifi
+    settings, radio = water.sound, water.wifi
     return SeaConfig(
         seed=scenario.seed,
         sound=sound_of(settings),
@@ -135,11 +107,7 @@ def sea_config(scenario: Scenario, water: Water) -> SeaConfig:
             radio.apad_antenna_m,
             radio.slope_db,
         ),
-        sinking=Sinking(
-            round(scenario.area.depth_m * 1e6),
-            round(board.surfacing_s * 1000),
-            round(board.sinking_s * 1000),
-        ),
+        sinking=sinking_of(scenario),
         keel_um=round(settings.keel_m * 1e6),
         range_noise_m=settings.range_noise_m,
         thrusting_m_s=settings.thrusting_m_s,

@@ -5,11 +5,10 @@ from __future__ import annotations
 from math import nan, sqrt
 from typing import NamedTuple
 
-from agents.mussel.body import depth_um
 from agents.mussel.outputs import Truth
 from agents.mussel.physical import Physical
 from apad_bridge.beliefs.belief import Belief, Source
-from apad_bridge.scenario.firmware_config import charge_model
+from apad_bridge.scenario.firmware_config import charge_model, sinking_of
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.vehicle.commands import BatteryReported, PoseReported
 from firmware_model.power.charge import fraction
@@ -70,11 +69,8 @@ class Water:
     """Extrapolates a Truth until the next one: batteries and depth are linear from their anchors."""
 
     def __init__(self, scenario: Scenario) -> None:
-        board = scenario.board
-        self.charge = charge_model(board)
-        self._bottom_um = round(scenario.area.depth_m * 1e6)
-        self._surfacing_ms = round(board.surfacing_s * 1000)
-        self._sinking_ms = round(board.sinking_s * 1000)
+        self.charge = charge_model(scenario.board)
+        self._sinking = sinking_of(scenario)
 
     def sample(self, truth: Truth, agent_ms: int) -> TruthSample:
         """The aMussel at agent time `agent_ms`, at or after the truth's."""
@@ -94,15 +90,8 @@ class Water:
     def depth_um(self, physical: Physical, agent_ms: int) -> int:
         if physical.docked:
             return 0
-        return depth_um(
-            physical.depth_um,
-            physical.buoyancy,
-            physical.hover_um,
-            agent_ms - physical.depth_anchor_ms,
-            bottom_um=self._bottom_um,
-            surfacing_ms=self._surfacing_ms,
-            sinking_ms=self._sinking_ms,
-        )
+        elapsed_ms = agent_ms - physical.depth_anchor_ms
+        return self._sinking.depth_um(physical.depth_um, physical.buoyancy, physical.hover_um, elapsed_ms)
 
 
 def belief_sample(belief: Belief, now_ms: int) -> BeliefSample:

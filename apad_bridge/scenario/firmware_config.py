@@ -5,6 +5,7 @@ from __future__ import annotations
 from decimal import ROUND_HALF_EVEN, Decimal
 
 from agents.modem.frames import Generation, duration_ms
+from agents.mussel.body import Sinking
 from apad_bridge.scenario.board import Board
 from apad_bridge.scenario.full_firmware_options import (
     BoardPower,
@@ -14,6 +15,7 @@ from apad_bridge.scenario.full_firmware_options import (
     SleepCycle,
     Timekeeping,
 )
+from apad_bridge.scenario.schema import Scenario
 from firmware_model import config
 from firmware_model.packets import ShortStatus
 from firmware_model.power.ageing import aged, capacity_left
@@ -37,22 +39,39 @@ _CELL_MV = 3700
 _RANGE_MV = FULL_MV - EMPTY_MV
 
 
+def board_config(board: Board, seed: int = 0, modems: Generation = Generation.V3) -> config.BoardConfig:
+    """Builds the configuration that all boards share, with their batteries at their age.
+
+    `seed` is for the noise of readings. An aMussel's id, timeslot and clock's drift are its own, and 0 here.
+    """
+    as_new = config.BoardConfig(
+        agent_id=0,
+        charge=_charge_as_new(board),
+        pin_debounce_ms=board.pin_debounce_ms,
+        boot_ms=board.boot_ms,
+        float_timeout_ms=_ms(board.float_timeout_s),
+        release_wait_ms=_ms(board.release_wait_s),
+        whole=None if board.whole is None else _full_firmware(board.whole, seed, modems),
+        pin_chatter_ms=board.pin_chatter_ms,
+        pin_check_ms=_ms(board.pin_check_s),
+    )
+    ageing = None if board.whole is None else board.whole.power.ageing
+    return as_new if ageing is None else aged(as_new, capacity_left(ageing.cycles, ageing.years))
+
+
 def charge_model(board: Board) -> ChargeModel:
     """Builds the charge model of the board's batteries at their age."""
-    if board.whole is None:
-        assert board.discharge_per_min is not None and board.charge_segments is not None  # checked by Board
-        return ChargeModel.from_minutes(board.discharge_per_min, board.charge_segments)
-    return _at_its_age(board.whole, _charge_as_new(board.whole.power), None)[0]
+    return board_config(board).charge
 
 
-def full_firmware(
-    board: Board, seed: int = 0, modems: Generation = Generation.V3
-) -> config.FullFirmware | None:
-    """Builds the full firmware's configuration, with `seed` for the noise of readings; None for the paper's worst case."""
-    whole = board.whole
-    if whole is None:
-        return None
-    as_new = config.FullFirmware(
+def sinking_of(scenario: Scenario) -> Sinking:
+    """Builds the rates at which the bodies rise and sink."""
+    board = scenario.board
+    return Sinking(round(scenario.area.depth_m * 1e6), _ms(board.surfacing_s), _ms(board.sinking_s))
+
+
+def _full_firmware(whole: FullFirmwareOptions, seed: int, modems: Generation) -> config.FullFirmware:
+    return config.FullFirmware(
         _power(whole.power, whole.last_resort, seed),
         None if whole.cycle is None else _cycle(whole.cycle),
         whole.transmit_ms,
@@ -63,21 +82,13 @@ def full_firmware(
         whole.turnaround_ms,
         duration_ms(modems, ShortStatus.BYTES),
     )
-    return _at_its_age(whole, _charge_as_new(whole.power), as_new)[1]
 
 
-def _at_its_age(
-    whole: FullFirmwareOptions, charge: ChargeModel, firmware: config.FullFirmware | None
-) -> tuple[ChargeModel, config.FullFirmware | None]:
-    ageing = whole.power.ageing
-    if ageing is None:
-        return charge, firmware
-    as_new = config.BoardConfig(0, charge, 0, 0, 0, 0, firmware)
-    old = aged(as_new, capacity_left(ageing.cycles, ageing.years))
-    return old.charge, old.whole
-
-
-def _charge_as_new(power: BoardPower) -> ChargeModel:
+def _charge_as_new(board: Board) -> ChargeModel:
+    if board.whole is None:
+        assert board.discharge_per_min is not None and board.charge_segments is not None  # checked by Board
+        return ChargeModel.from_minutes(board.discharge_per_min, board.charge_segments)
+    power = board.whole.power
     one_coil = tuple((grains(end), grains_per_ms(rate)) for end, rate in power.charge_segments)
     factor = round(power.two_coils * _COIL_UNIT)
     return ChargeModel(0, one_coil, tuple((end, rate * factor // _COIL_UNIT) for end, rate in one_coil))
@@ -95,13 +106,13 @@ def clock_drift_ppb(board: Board) -> int:
 
 def can_fill(board: Board, start: float, level: float) -> bool:
     """Returns True if a docked board's primary battery ever gets from `start` above `level` under the docked load."""
-    whole = full_firmware(board)
-    load = 0
+    firmware, load = board_config(board), 0
+    whole = firmware.whole
     if whole is not None:
         on = rails_of(State.CHARGING, whole.power.kept_on, whole.cycle is None, 0)
         load = whole.power.loads.total(on) * whole.power.path // config.PATH_UNIT
     docked = Battery(0, grains(start), Flow.CHARGING, load, coils=1 if whole is None else 2)
-    return charge_model(board).reaches_at_ms(docked, min(FULL, grains(level) + 1)) is not None
+    return firmware.charge.reaches_at_ms(docked, min(FULL, grains(level) + 1)) is not None
 
 
 def _power(power: BoardPower, last_resort: LastResort, seed: int) -> config.Power:

@@ -6,37 +6,39 @@ from dataclasses import replace
 
 import msgpack
 import pytest
-from fleets import PAPER
+from fleets import PAPER, with_whole_boards
 
 from agents.fleet import FleetConfig, drift_of
-from agents.water.patches import Waters
+from agents.water.patches import CALM_BAY, Patch, Waters
+from agents.water.stream import CurrentConfig, Tide
 from firmware_model.config import FullFirmware, LastResort
 from firmware_model.power.charge import FULL
 from firmware_model.power.rails import Rail, bits
-from firmware_model.table_one import FIELD, HOURLY, METERING, MODEL, power
+from firmware_model.table_one import FIELD, HOURLY, METERING, power
 
 WORST = PAPER
 POWER = power(LastResort.SURFACE, bits(Rail.PI))
 FLEETS = {
     "worst case": WORST,
-    "field": replace(
-        WORST, charge=MODEL, whole=FullFirmware(POWER, FIELD, 1000, 60_000, 600_000), first_id=5
-    ),
-    "hourly": replace(WORST, charge=MODEL, whole=FullFirmware(POWER, HOURLY, 1000, 60_000, 600_000)),
-    "metered": replace(
-        WORST,
-        charge=MODEL,
-        whole=FullFirmware(power(LastResort.CALL, 0, METERING, FULL // 3), FIELD, 1000, 60_000, 600_000),
-        pin_check_ms=1000,
+    "field": with_whole_boards(replace(WORST, first_id=5), FullFirmware(POWER, FIELD, 1000, 60_000, 600_000)),
+    "hourly": with_whole_boards(WORST, FullFirmware(POWER, HOURLY, 1000, 60_000, 600_000)),
+    "metered": with_whole_boards(
+        replace(WORST, board=replace(WORST.board, pin_check_ms=1000)),
+        FullFirmware(power(LastResort.CALL, 0, METERING, FULL // 3), FIELD, 1000, 60_000, 600_000),
     ),
     "in the sea": replace(
         WORST,
-        current_csv="north_m,east_m,north_m_s,east_m_s,time_s\n0,0,0.1,0,0\n0,0,0.2,0,60\n",
-        tides=((44_714, 300_000, -10_000, 250_000, 0), (86_400, 1, 2, 3, 4)),
-        current_profile=((0, 1_000_000), (3_000_000, 200_000)),
-        oxygen_mg_l=Waters(((0, 8.5), (3_000_000, 6.0)), ((0.2, 1, 2, 3, 4, 5, 6, 7, 8),)),
+        current=CurrentConfig(
+            "north_m,east_m,north_m_s,east_m_s,time_s\n0,0,0.1,0,0\n0,0,0.2,0,60\n",
+            (Tide(44_714, 300_000, -10_000, 250_000, 0), Tide(86_400, 1, 2, 3, 4)),
+            ((0, 1_000_000), (3_000_000, 200_000)),
+        ),
+        fields=replace(
+            CALM_BAY,
+            oxygen_mg_l=Waters(((0, 8.5), (3_000_000, 6.0)), (Patch(0.2, 1, 2, 3, 4, 5, 6, 7, 8),)),
+        ),
     ),
-    "never asleep": replace(WORST, charge=MODEL, whole=FullFirmware(POWER, None, 1000, 60_000, 600_000)),
+    "never asleep": with_whole_boards(WORST, FullFirmware(POWER, None, 1000, 60_000, 600_000)),
 }
 
 
@@ -54,7 +56,9 @@ def test_a_fleet_crosses_the_link_whole(fleet: FleetConfig) -> None:
 def test_what_is_no_whole_board_is_refused(change: dict[str, object]) -> None:
     wire = FLEETS["field"].to_wire()
     with pytest.raises((KeyError, TypeError, ValueError)):
-        FleetConfig.from_wire({**wire, "whole": {**wire["whole"], **change}})
+        FleetConfig.from_wire(
+            {**wire, "board": {**wire["board"], "whole": {**wire["board"]["whole"], **change}}}
+        )
 
 
 def test_agents_share_the_firmware_s_numbers_and_have_timeslots_of_their_own() -> None:

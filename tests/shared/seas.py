@@ -4,28 +4,22 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from fleets import PAPER, STILL
+from fleets import STILL, reporting_every, with_whole_boards
 
-from agents.water.places import Sinking
 from agents.water.sea import SeaConfig
 from agents.water.sound import Sound
 from firmware_model.config import FullFirmware
-from firmware_model.table_one import FIELD, MODEL, power
+from firmware_model.table_one import FIELD, power
 
 SEA = SeaConfig(
     seed=3,
     sound=Sound(noise_db_per_hz=-100),
     wifi=None,
-    sinking=Sinking(3_000_000, 60_000, 45_000),
+    sinking=STILL.body.sinking,
     keel_um=3_000_000,
     range_noise_m=0.0,
     thrusting_m_s=0.1,
 )
-FLEET = replace(
-    PAPER,
-    theta=1,
-    charge=MODEL,
-    report_period_ms=600_000,
-    whole=FullFirmware(power(), FIELD, 1000, 60_000, 600_000),
-    **STILL,
+FLEET = with_whole_boards(
+    reporting_every(replace(STILL, theta=1), 600_000), FullFirmware(power(), FIELD, 1000, 60_000, 600_000)
 )

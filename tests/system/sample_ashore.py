@@ -14,11 +14,13 @@ from pathlib import Path
 from agents.coordinator import Coordinator, Heard
 from agents.fleet import FleetConfig, resting_on_bottom
 from agents.hosting.process_host import ProcessHost
+from agents.mussel.body import BodyConfig, Sinking
 from agents.mussel.outputs import WifiSent
+from agents.mussel.reporter import ReportConfig
 from agents.mussel.stimuli import ContactClosed, ContactOpened, SoundArrived, WifiArrived
 from apad_bridge.records.sample_file import SampleFile
 from apad_bridge.supervisor.sample_collection import SampleCollection, Taken
-from firmware_model.config import FullFirmware, LastResort
+from firmware_model.config import BoardConfig, FullFirmware, LastResort
 from firmware_model.packets import CommandPacket, Kind, LogRecords
 from firmware_model.packets.codec import MusselbedCodec
 from firmware_model.table_one import HOURLY, MODEL, power
@@ -31,20 +33,17 @@ FLEET = FleetConfig(
     theta=1,
     seed=3,
     codec="musselbed-1",
-    charge=MODEL,
-    pin_debounce_ms=50,
-    boot_ms=2000,
-    float_timeout_ms=600_000,
-    release_wait_ms=10_000,
-    report_period_ms=10_000,
-    heard_always=False,
-    bottom_um=3_000_000,
-    surfacing_ms=5000,
-    sinking_ms=5000,
-    drifts_always=False,
-    drift_amplitude_um=0,
-    current_csv=None,
-    whole=FullFirmware(power(LastResort.WAIT), CYCLE, transmit_ms=500, call_ms=60_000, hover_ms=120_000),
+    board=BoardConfig(
+        agent_id=0,
+        charge=MODEL,
+        pin_debounce_ms=50,
+        boot_ms=2000,
+        float_timeout_ms=600_000,
+        release_wait_ms=10_000,
+        whole=FullFirmware(power(LastResort.WAIT), CYCLE, transmit_ms=500, call_ms=60_000, hover_ms=120_000),
+    ),
+    body=BodyConfig(Sinking(3_000_000, 5000, 5000), drifts_always=False, drift_amplitude_um=0),
+    reports=ReportConfig(10_000, heard_always=False),
 )
 
 

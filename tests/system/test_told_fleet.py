@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from fleets import PAPER, STILL
+from fleets import STILL, with_whole_boards
 
 from agents.coordinator import Coordinator, Died, Heard
 from agents.fleet import resting_on_bottom
@@ -38,12 +38,14 @@ pytestmark = pytest.mark.system
 THETA = 30
 IDS = (1, 2)
 POWER = power(LastResort.SURFACE, metering=METERING, low_level=MODEL.segments[0][0])
-FLEET = replace(
-    PAPER,
-    seed=11,
-    charge=MODEL,
-    **STILL,
-    whole=FullFirmware(
+FLEET = with_whole_boards(
+    replace(
+        STILL,
+        seed=11,
+        body=replace(STILL.body, coil_alignment_ms=20_000),
+        clock_drift_ppb=400_000,
+    ),
+    FullFirmware(
         POWER,
         replace(FIELD, alarm_ms=600_000),
         transmit_ms=1000,
@@ -51,8 +53,6 @@ FLEET = replace(
         hover_ms=300_000,
         timekeeping=Timekeeping(400_000, 120_000),
     ),
-    coil_alignment_ms=20_000,
-    clock_drift_ppb=400_000,
 )
 """Clocks of up to 400 parts in a million: in doubt, by a guard of 700 ms, within half an hour."""
 BIRTHS = {agent_id: resting_on_bottom(0.0, agent_id, 3.0, 0.2, 1.0) for agent_id in IDS}

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import pytest
-from fleets import PAPER
+from fleets import PAPER, STILL
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -35,7 +35,7 @@ from agents.nursery.state_file import RecordPair
 from firmware_model.packets.codec import MusselbedCodec
 from firmware_model.stimuli import ResetCause
 
-FLEET = replace(PAPER, drifts_always=False, drift_amplitude_um=0)
+FLEET = replace(PAPER, body=STILL.body)
 TIMES = st.integers(0, 2**63)
 KEYS = st.tuples(st.integers(1, 2**32 - 1), st.integers(0, 2**63))
 FACTS = st.tuples(

@@ -5,14 +5,14 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
-from fleets import PAPER, STILL
+from fleets import PAPER, STILL, reporting_every, with_whole_boards
 
 from agents.fleet import FleetConfig, resting_on_bottom
+from agents.modem.frames import Generation
 from agents.mussel.agent import Agent
 from agents.mussel.outputs import Dropped, Output, SoundSent, WifiSent
-from agents.mussel.reporter import Modem
 from agents.mussel.stimuli import ContactClosed, SoundArrived, WifiArrived
-from agents.water.patches import Waters
+from agents.water.patches import FieldsConfig, Waters
 from firmware_model.config import FullFirmware, LastResort
 from firmware_model.packets import (
     AcousticStatus,
@@ -31,21 +31,18 @@ from firmware_model.sampling.flash import MemoryFlash
 from firmware_model.sampling.sensors import SENSORS, Quantity, values
 from firmware_model.states import State
 from firmware_model.stimuli import ResetCause
-from firmware_model.table_one import FIELD, MODEL, WORST_CASE, power
+from firmware_model.table_one import FIELD, power
 
 CODEC = MusselbedCodec()
 CYCLE = replace(FIELD, alarm_ms=600_000, sample_ms=10_000, report_ms=20_000)
-FLEET = replace(
-    PAPER,
-    theta=1,
-    charge=MODEL,
-    report_period_ms=60_000,
-    whole=FullFirmware(power(LastResort.CALL), CYCLE, transmit_ms=1000, call_ms=600_000, hover_ms=600_000),
-    first_id=7,
-    oxygen_mg_l=Waters(((0, 6.0),)),
-    temperature_c=Waters(((0, 25.0),)),
-    turbidity_ntu=Waters(((0, 2000.0),)),
-    **STILL,
+FLEET = with_whole_boards(
+    replace(
+        reporting_every(STILL, 60_000),
+        theta=1,
+        first_id=7,
+        fields=FieldsConfig(*(Waters(((0, value),)) for value in (6.0, 25.0, 2000.0))),
+    ),
+    FullFirmware(power(LastResort.CALL), CYCLE, transmit_ms=1000, call_ms=600_000, hover_ms=600_000),
 )
 BORN = resting_on_bottom(1.0, 2.0, 3.0, 0.9, 1.0)
 
@@ -93,7 +90,10 @@ def test_a_sample_is_what_is_true_of_the_water_but_for_noise_and_range() -> None
 def test_each_medium_has_its_own_status() -> None:
     by_sound = packets(boot().advance(1_200_000), SoundSent)
     assert by_sound and all(isinstance(it, AcousticStatus) for it in by_sound)
-    short = packets(boot(replace(FLEET, modem=Modem.V2)).advance(1_200_000), SoundSent)
+    short = packets(
+        boot(replace(FLEET, reports=replace(FLEET.reports, modem=Generation.V2))).advance(1_200_000),
+        SoundSent,
+    )
     assert len(short) == len(by_sound) and all(isinstance(it, ShortStatus) for it in short)
     _, _, outputs = docked_after(2)
     (status,) = [it for it in packets(outputs) if isinstance(it, WifiStatus) and it.basic.depth_m == 0][-1:]
@@ -102,7 +102,7 @@ def test_each_medium_has_its_own_status() -> None:
 
 
 def test_the_worst_case_has_no_log_and_one_status() -> None:
-    mussel = boot(replace(FLEET, whole=None, charge=WORST_CASE, heard_always=True))
+    mussel = boot(replace(reporting_every(PAPER, 60_000), theta=1, first_id=7))
     outputs = mussel.advance(1_200_000)
     assert packets(outputs) and all(type(it) is StatusPacket for it in packets(outputs))
     assert mussel.physical.samples == 0
@@ -156,8 +156,8 @@ def test_it_stays_awake_while_somebody_takes_its_log() -> None:
 def test_a_long_log_goes_out_four_packets_at_once() -> None:
     """600 records are 34 packets of 18: four, and then as many as were acknowledged."""
     quick = replace(CYCLE, alarm_ms=20_000, sample_ms=1000, processing_ms=0, slots=None, report_ms=5000)
-    assert FLEET.whole is not None
-    mussel = boot(replace(FLEET, whole=replace(FLEET.whole, cycle=quick)))
+    assert FLEET.board.whole is not None
+    mussel = boot(with_whole_boards(FLEET, replace(FLEET.board.whole, cycle=quick)))
     mussel.advance(12_061_500)  # 603 alarms; it listens through the first three, having just booted
     assert mussel.physical.samples == 600
     mussel.receive(SoundArrived(CommandPacket(Kind.PERMISSION, 7).encode()), 12_061_500)

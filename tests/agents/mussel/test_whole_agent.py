@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from fleets import PAPER, STILL
+from fleets import STILL
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -49,10 +49,9 @@ from firmware_model.table_one import FIELD, METERING, board, power
 
 CODEC = MusselbedCodec()
 COMMANDS = {kind: CODEC.encode(CommandPacket(kind, 7)) for kind in sorted(PLAIN_KINDS)}
-WATER = replace(PAPER, **STILL).maker().config(7).water
-WATER = replace(WATER, coil_alignment_ms=20_000)
+WATER = replace(STILL, body=replace(STILL.body, coil_alignment_ms=20_000)).maker().config(7).water
 CYCLE = replace(FIELD, alarm_ms=200_000)
-CONFIG = AgentConfig(board(CYCLE, power(LastResort.CALL), agent_id=7), WATER, 30_000, heard_always=False)
+CONFIG = AgentConfig(board(CYCLE, power(LastResort.CALL), agent_id=7), WATER, STILL.reports)
 _FIELD = board(CYCLE, power(LastResort.SURFACE, metering=METERING, low_level=FULL // 2), agent_id=7)
 assert _FIELD.whole is not None
 DRIFTING = replace(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
-from fleets import PAPER
+from fleets import PAPER, with_whole_boards
 from seas import FLEET
 
 from agents.fleet import FleetConfig
@@ -19,10 +19,10 @@ from firmware_model.packets.command_packets import WITH_ARGUMENTS
 from firmware_model.states import State
 from firmware_model.table_one import FIELD, power
 
-WHOLE = replace(
+WHOLE = with_whole_boards(
     FLEET,
-    whole=replace(
-        FLEET.whole,
+    replace(
+        FLEET.board.whole,
         power=power(LastResort.CALL),
         cycle=replace(FIELD, slots=Timeslots(300_000, 1000, guard_ms=100)),
         timekeeping=Timekeeping(20_000, 60_000),

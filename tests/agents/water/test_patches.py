@@ -47,6 +47,6 @@ def test_above_it_the_water_is_as_before() -> None:
 
 def test_the_later_lies_over_the_earlier() -> None:
     still = (HOUR, 1, 0, 0, 0, 0, 10 * METRE, 0)
-    waters = Waters(((0, 8.0),), ((2.0, *still), (5.0, *still)))
+    waters = Waters(((0, 8.0),), (Patch(2.0, *still), Patch(5.0, *still)))
     assert waters.field().value_at(0, 0, 0, 2 * HOUR) == 5.0
     assert Waters(((0, 8.0),)).field() == Constant(8.0)

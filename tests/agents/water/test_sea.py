@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
+from fleets import reporting_every
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from seas import FLEET, SEA
@@ -242,7 +243,8 @@ def played(
     asked: list[tuple[int, int, str]], cuts_ms: list[int]
 ) -> tuple[list[SeaResult], dict[int, list[Truth]]]:
     """An hour and a bit of agent time at theta 60; the aPad sends packets at whole seconds of mission time."""
-    fleet = replace(FLEET, theta=60, report_period_ms=60_000, drifts_always=True, drift_amplitude_um=50_000)
+    drifting = replace(FLEET.body, drifts_always=True, drift_amplitude_um=50_000)
+    fleet = reporting_every(replace(FLEET, theta=60, body=drifting), 60_000)
     bench = Bench(100, 220, 410, sea=replace(SEA, wifi=Wifi(), range_noise_m=0.1), fleet=fleet)
     truths: list[Truth] = []
     for now_ms in sorted({*range(0, 70_000, 1000), *cuts_ms}):

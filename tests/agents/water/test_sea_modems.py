@@ -11,7 +11,6 @@ from agents.coordinator import Coordinator
 from agents.fleet import FleetConfig, resting_on_bottom
 from agents.hosting.in_process import InProcessHost
 from agents.modem.frames import Generation
-from agents.mussel.reporter import Modem
 from agents.mussel.stimuli import ModemSent, PingArrived, SoundArrived
 from agents.water.medium import PacketEnded
 from agents.water.sea import Sea, SeaConfig
@@ -158,7 +157,7 @@ def test_a_status_over_the_serial_line_is_the_same_packet_as_in_memory() -> None
 
 
 def test_v2_modems_carry_short_statuses_at_40_bit_a_second() -> None:
-    fleet = replace(FLEET, modem=Modem.V2)
+    fleet = replace(FLEET, reports=replace(FLEET.reports, modem=Generation.V2))
     bench = Bench(1, fleet=fleet, sea=replace(SEA, modems=Generation.V2))
     bench.run(5000)
     assert bench.ask(1, b"$P002") == b"#P002\r\n#R002T03200\r\n"

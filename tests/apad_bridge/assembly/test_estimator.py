@@ -14,11 +14,10 @@ from apad_bridge.beliefs.hold_last import HoldLast
 from apad_bridge.records.samples import Water
 from apad_bridge.runs.in_memory import open_flight
 from apad_bridge.scenario.estimator_options import Beliefs, Estimator, TwinModel
-from apad_bridge.scenario.firmware_config import charge_model, full_firmware
+from apad_bridge.scenario.firmware_config import board_config
 from apad_bridge.scenario.loader import from_data, load, resolve
 from apad_bridge.scenario.schema import Scenario
 from firmware_model.bench import Bench
-from firmware_model.config import BoardConfig
 from firmware_model.power.charge import FULL, Battery, Flow, grains
 from firmware_model.power.rails import rails_of
 from firmware_model.power.voltage import Meter
@@ -67,10 +66,7 @@ def test_a_twin_and_its_model_come_together(settings: dict[str, object]) -> None
 @pytest.mark.parametrize("timeslot", [0, 7, 59])
 def test_a_sleeper_is_told_what_its_board_will_draw(timeslot: int) -> None:
     """Compares with the firmware itself, minute by minute through a night."""
-    board = WHOLE.board
-    whole = full_firmware(board)
-    config = BoardConfig(1 + timeslot, charge_model(board), 50, 2000, 43_200_000, 120_000, whole, timeslot)
-    bench = Bench(config)
+    bench = Bench(replace(board_config(WHOLE.board), agent_id=1 + timeslot, slot=timeslot))
     bench.run(hours=1)
     began, began_ms = bench.primary_fraction, bench.now_ms
     first_id = WHOLE.fleet.first_id
@@ -83,11 +79,11 @@ def test_a_sleeper_is_told_what_its_board_will_draw(timeslot: int) -> None:
 
 def test_a_twin_is_told_what_a_metered_board_reads() -> None:
     """Compares with the battery monitor's own sums, and by hand with a known figure: 24 of 600 mV of a charger."""
-    board = METERED.board
+    board = board_config(METERED.board)
     offsets = twin_parameters_of(METERED, MODEL).sensor.offsets
-    whole = full_firmware(board)
+    whole = board.whole
     assert whole is not None and whole.power.metering is not None
-    meter = Meter(charge_model(board), whole.power.metering, 1)
+    meter = Meter(board.charge, whole.power.metering, 1)
     for state, flow in (
         (State.SLEEPING, Flow.DISCHARGING),
         (State.PROCESSING, Flow.DISCHARGING),

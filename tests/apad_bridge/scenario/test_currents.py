@@ -110,7 +110,7 @@ def test_a_body_drifts_by_its_depth_and_state() -> None:
 def test_two_currents_contradict_each_other(tmp_path: Path) -> None:
     (tmp_path / "c.csv").write_text("north_m,east_m,north_m_s,east_m_s\n0,0,0.1,0\n")
     data = resolve(tidal(file=str(tmp_path / "c.csv")))
-    assert parts.fleet_config(from_data(data, "one")).current_csv is not None
+    assert parts.fleet_config(from_data(data, "one")).current.csv is not None
     data["fleet"]["drift"]["current_file"] = str(tmp_path / "c.csv")
     with pytest.raises(ScenarioError, match=r"water\.current: .*leave one out"):
         from_data(data, "two")

@@ -11,7 +11,7 @@ import yaml
 
 from apad_bridge.assembly import parts
 from apad_bridge.scenario.errors import ScenarioError
-from apad_bridge.scenario.firmware_config import charge_model, full_firmware
+from apad_bridge.scenario.firmware_config import board_config, charge_model
 from apad_bridge.scenario.full_firmware_options import ModuleLoads
 from apad_bridge.scenario.loader import from_data, load, resolve, with_overrides, write_resolved
 from apad_bridge.scenario.schema import Scenario
@@ -42,18 +42,18 @@ def power_with(keys: str) -> tuple[str, str]:
 
 
 def test_the_profiles_are_table_one_to_the_grain() -> None:
-    whole = full_firmware(SHIPPED.board)
+    whole = board_config(SHIPPED.board).whole
     assert whole is not None
     assert whole.power == table_one.power(LastResort.CALL)
     assert whole.cycle == table_one.FIELD
     assert charge_model(SHIPPED.board) == table_one.MODEL
-    hourly = full_firmware(changed((CYCLE_LINE, "cycle: hourly")).board)
+    hourly = board_config(changed((CYCLE_LINE, "cycle: hourly")).board).whole
     assert hourly is not None and hourly.cycle == replace(table_one.HOURLY, report_ms=60_000)
 
 
 def test_the_worst_case_has_no_whole_firmware() -> None:
     pool = load(SCENARIOS / "pool-12.yaml")
-    assert parts.fleet_config(pool).whole is None
+    assert parts.fleet_config(pool).board.whole is None
     assert charge_model(pool.board) == table_one.WORST_CASE
 
 
@@ -61,7 +61,7 @@ def test_one_module_is_overridden_and_the_others_stay() -> None:
     scenario = changed(
         ("power: table-one", "power: {profile: table-one, loads_mw: {gsm: 0, pi: 1200.5}, kept_on: [pi]}")
     )
-    whole = full_firmware(scenario.board)
+    whole = board_config(scenario.board).whole
     assert whole is not None
     # 1200.5 mW of 7.4 Wh: 1.2005 / 7.4 / 3.6e6 of a battery a millisecond.
     assert whole.power.loads.of[Rail.PI] == round(FULL * 1.2005 / 7.4 / 3_600_000)
@@ -72,9 +72,9 @@ def test_one_module_is_overridden_and_the_others_stay() -> None:
 
 
 def test_twice_the_capacity_lasts_twice_as_long() -> None:
-    whole = full_firmware(
+    whole = board_config(
         changed(("power: table-one", "power: {profile: table-one, capacity_wh: 14.8}")).board
-    )
+    ).whole
     assert whole is not None
     assert all(
         abs(2 * ours - theirs) <= 1
@@ -84,14 +84,14 @@ def test_twice_the_capacity_lasts_twice_as_long() -> None:
 
 def test_metering_is_table_one_s_to_the_grain_with_the_scenario_s_seed() -> None:
     fleet = parts.fleet_config(changed(power_with("metering: table-one, low_level: 0.3")))
-    assert fleet.whole is not None
-    assert fleet.whole.power.metering == replace(table_one.METERING, seed=1)
-    assert fleet.whole.power.low_level == FULL * 3 // 10
+    assert fleet.board.whole is not None
+    assert fleet.board.whole.power.metering == replace(table_one.METERING, seed=1)
+    assert fleet.board.whole.power.low_level == FULL * 3 // 10
 
 
 def test_batteries_of_an_age_fill_and_empty_sooner() -> None:
     board = changed(power_with("ageing: {cycles: 250, years: 2}")).board
-    whole = full_firmware(board)
+    whole = board_config(board).whole
     assert whole is not None
     # 250 cycles take 10 % of the capacity, two years 6 %.
     assert whole.power.loads.of[Rail.PI] == table_one.LOADS.of[Rail.PI] * 10_000 // 8400
@@ -107,12 +107,12 @@ def test_what_lies_between_a_dock_and_a_charger() -> None:
     )
     fleet = parts.fleet_config(scenario)
     board = fleet.maker().config(1).board
-    assert (board.pin_chatter_ms, board.pin_check_ms, fleet.coil_alignment_ms) == (900, 30_000, 1500)
+    assert (board.pin_chatter_ms, board.pin_check_ms, fleet.body.coil_alignment_ms) == (900, 30_000, 1500)
 
 
 def test_one_number_of_a_cycle_is_overridden() -> None:
     scenario = changed((CYCLE_LINE, "cycle: {profile: field, alarm_s: 1800, slots: null}"))
-    whole = full_firmware(scenario.board)
+    whole = board_config(scenario.board).whole
     assert whole is not None and whole.cycle is not None
     assert (whole.cycle.alarm_ms, whole.cycle.processing_ms, whole.cycle.slots) == (1_800_000, 60_000, None)
 
@@ -127,15 +127,15 @@ def test_a_clock_that_drifts_and_a_firmware_that_knows_it() -> None:
             (CYCLE_LINE, "cycle: {profile: field, slots: {frame_s: 300, slot_s: 5, guard_s: 1.5}}"),
         )
     )
-    assert fleet.whole is not None and fleet.whole.cycle is not None
-    assert fleet.whole.timekeeping == Timekeeping(20_000, 90_000)
-    assert fleet.whole.cycle.slots == Timeslots(300_000, 5000, 1500)
+    assert fleet.board.whole is not None and fleet.board.whole.cycle is not None
+    assert fleet.board.whole.timekeeping == Timekeeping(20_000, 90_000)
+    assert fleet.board.whole.cycle.slots == Timeslots(300_000, 5000, 1500)
     drifts = {fleet.maker().config(agent_id).board.drift_ppb for agent_id in range(1, 13)}
     assert len(drifts) == 12 and max(map(abs, drifts)) <= 12_500
 
 
 def test_never_asleep_is_no_cycle() -> None:
-    assert parts.fleet_config(changed((CYCLE_LINE, "cycle: never"))).whole.cycle is None  # type: ignore[union-attr]
+    assert parts.fleet_config(changed((CYCLE_LINE, "cycle: never"))).board.whole.cycle is None  # type: ignore[union-attr]
 
 
 def test_the_modules_of_a_scenario_are_those_of_the_board() -> None:
