@@ -29,6 +29,7 @@ from apad_bridge.scenario.starts import Start
 from apad_bridge.supervisor.context import LearnedState
 from apad_bridge.supervisor.core import Supervisor
 from apad_bridge.supervisor.sample_collection import SampleCollection
+from apad_bridge.vehicle.capabilities import Capabilities, of_simulated_apad
 from apad_bridge.vehicle.docking import DockingPort
 from apad_bridge.vehicle.simulated.apad import SimulatedAPad
 from apad_bridge.vehicle.simulated.misses import Misses
@@ -98,7 +99,7 @@ def supervisor(
     samples: SampleCollection | None = None,
     takeover: CallQueue | None = None,
     has_modem: bool = True,
-    has_visual_servoing: bool = False,
+    capabilities: Capabilities | None = None,
     breakdown: Breakdown | None = None,
     allocation: Allocation | None = None,
     known: LearnedState | None = None,
@@ -108,8 +109,10 @@ def supervisor(
     It flies the paper's mission, which `takeover` can take over, or, with `command_sources`, a manual mission that executes
     their orders. Without `samples` it does not collect the aMussels' logs; without a modem it runs no ranging service. With
     a `breakdown` it is one of several supervisors that take over from each other. `known` holds the state learned so far,
-    and `allocation`, over its beliefs, the aMussels that it serves.
+    and `allocation`, over its beliefs, the aMussels that it serves. Without `capabilities` the vehicle is
+    the simulated aPad.
     """
+    state = state or MissionState(dock_count=scenario.apad.docks)
     known = known or initial_learned_state(scenario, has_modem)
     beliefs = known.beliefs
     if allocation is None:
@@ -131,7 +134,9 @@ def supervisor(
     else:
         mission = _energy_exchange(scenario, allocation, state)
     port = DockingPort(
-        scenario.mission.docking, first_command_id=first_command_id, has_visual_servoing=has_visual_servoing
+        scenario.mission.docking,
+        first_command_id=first_command_id,
+        capabilities=capabilities or of_simulated_apad(scenario.apad.docks),
     )
     return Supervisor(
         beliefs,

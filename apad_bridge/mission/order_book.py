@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 from apad_bridge.mission.orders import Note, Order
-from apad_bridge.mission.pool import DOCK_COUNT
 from apad_bridge.mission.state import MissionState
 
 
@@ -20,7 +19,7 @@ class OrderBook:
     def docks(self) -> tuple[int | None, ...]:
         """The agent in each dock, None for a free one."""
         held = dict(self.state.docked)
-        return tuple(held.get(dock_index) for dock_index in range(DOCK_COUNT))
+        return tuple(held.get(dock_index) for dock_index in range(self.state.dock_count))
 
     def dock_changed(self, dock_index: int, agent_id: int, closed: bool) -> None:
         """Notes that a dock closed around an aMussel, or let it go."""

@@ -37,9 +37,6 @@ def can_be_fetched(belief: Belief) -> bool:
     return belief.state in TO_BE_FETCHED
 
 
-DOCK_COUNT = 4
-
-
 class ChargingPool:
     """The paper's charging selection pool. An aMussel whose step was given up stays excluded for a while."""
 
@@ -111,5 +108,5 @@ def situation_of(
         for it in beliefs
     )
     taken = {dock_index for dock_index, _ in state.docked}
-    free = tuple(dock_index for dock_index in range(DOCK_COUNT) if dock_index not in taken)
+    free = tuple(dock_index for dock_index in range(state.dock_count) if dock_index not in taken)
     return Situation(*place_m, candidates, free)

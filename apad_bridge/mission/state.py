@@ -10,6 +10,7 @@ from typing import Any
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.mission.ending import MissionEnd
 from apad_bridge.planning.solution import Solution
+from apad_bridge.scenario.schema import PAPER_DOCKS
 from firmware_model.state_groups import DOCKED
 
 
@@ -37,6 +38,7 @@ class MissionState:
     phase: Phase = Phase.IDLE
     since_ms: int = 0
     plan: Solution = field(default_factory=lambda: Solution(()))
+    dock_count: int = PAPER_DOCKS
     docked: tuple[tuple[int, int], ...] = ()
     """(dock index, agent) of the closed docks, by dock index."""
     homes: tuple[tuple[int, float, float], ...] = ()

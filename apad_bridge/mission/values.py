@@ -9,12 +9,7 @@ import math
 from dataclasses import dataclass
 from enum import IntEnum
 
-from apad_bridge.mission.pool import DOCK_COUNT
 from apad_bridge.vehicle.commands import Manoeuvre
-
-DOCKS = tuple(range(1, DOCK_COUNT + 1))
-"""Dock numbers, as people and the paper's API count them."""
-
 
 KINDS = ("goto", "docking", "docked", "undocked", "heard", "state", "low")
 """Kinds of events: see `Event`."""
@@ -55,7 +50,7 @@ class Agent:
     location: Location
     age_s: float
     dock: int | None
-    """1 to 4, or None in the water."""
+    """The dock's number, from 1 on, or None in the water."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,13 +78,14 @@ def manoeuvre_of(yaw_rate_rad_s: float | None, surge_m_s: float | None) -> Manoe
     return Manoeuvre(yaw_rate_rad_s, surge_m_s)
 
 
-def dock_index_of(dock: int) -> int:
-    """The dock index on the wire (0-3) of a dock's number (1-4). Refused for anything else."""
-    if dock not in DOCKS or isinstance(dock, bool):
-        raise Refused(f"there is no dock {dock!r}: the docks are {DOCKS[0]} to {DOCKS[-1]}")
+def dock_index_of(dock: int, dock_count: int) -> int:
+    """The dock index on the wire, from 0 on, of a dock's number, from 1 on. Refused where the aPad has no such dock."""
+    if dock not in range(1, dock_count + 1) or isinstance(dock, bool):
+        docks = f"the docks are 1 to {dock_count}" if dock_count > 1 else "the only dock is 1"
+        raise Refused(f"there is no dock {dock!r}: {docks}")
     return dock - 1
 
 
 def dock_of(dock_index: int) -> int:
-    """The number (1-4) of a dock index (0-3)."""
+    """The number, from 1 on, of a dock index, from 0 on."""
     return dock_index + 1

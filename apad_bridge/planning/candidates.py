@@ -14,7 +14,7 @@ class Candidate:
     """One agent as the mission believes it to be: in the pool, waiting to be collected, or docked.
 
     Places are local NED metres. `charge` and `secondary` are the two batteries' scaled voltages in [0, 1].
-    A docked agent goes back to its home. `dock_index` (0-3) is the dock that holds it, None while it is in the water.
+    A docked agent goes back to its home. `dock_index` is the dock that holds it, None while it is in the water.
     """
 
     agent_id: int

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import rospy
 
@@ -24,7 +24,7 @@ from apad_bridge.ros.links.contacts_link import ContactsLink
 from apad_bridge.ros.links.laboratory import DockAlertReceiver, Laboratory
 from apad_bridge.ros.links.legacy_link import LegacyLink
 from apad_bridge.ros.links.packet_relay import FleetRelay, MissionRelay, RealAgentRelay, SeveralRelay
-from apad_bridge.ros.links.vehicles import READY_S, TruthsAt, open_apad, publishes_contacts
+from apad_bridge.ros.links.vehicles import READY_S, TruthsAt, open_apad, reports_contact
 from apad_bridge.ros.system.master_watch import GraphEvent, MasterWatch
 from apad_bridge.ros.system.ros_pace import FollowedClock, OwnMasterClock
 from apad_bridge.ros_names.namespaces import beside_others, is_one_of_several
@@ -83,8 +83,9 @@ def open_flight_context(
                 vehicle.wait_until_ready(READY_S)
         except (SecondFleet, GatewayFailed, VehicleNotReady) as error:
             raise PeerFailed(str(error)) from error
-        docks = vehicle if isinstance(vehicle, DockAlertReceiver) else None
-        link = laboratory.wrap_link(vehicle, docks)
+        capabilities = None if isinstance(vehicle, ContactsLink) else vehicle.capabilities
+        is_bench = capabilities is not None and not capabilities.reports_contact
+        link = laboratory.wrap_link(vehicle, cast(DockAlertReceiver, vehicle) if is_bench else None)
         yield FlightContext(
             ListeningLink(link) if options.part is Part.FLEET else link,
             _pace(options, vehicle, now_ms, in_fine_steps=bool(watches)),
@@ -98,7 +99,7 @@ def open_flight_context(
             gateway.event,
             laboratory.wrap_relay(relay, link, is_mission=options.part is Part.MISSION),
             held,
-            docks is not None,
+            capabilities,
             lambda: vehicle.dropped + laboratory.dropped + relay.dropped,
             _graph_events(stack, options, scenario, vehicle),
             roster=roster,
@@ -150,8 +151,10 @@ def _vehicle(
     scenario: Scenario, options: RunOptions, docked: Mapping[int, int], now_ms: int, truths_at: TruthsAt
 ) -> tuple[APadLink | ContactsLink, tuple[Watcher, ...]]:
     """The link to the aPad, or to somebody else's dock contacts for a fleet alone; and the watchers that it needs."""
-    if options.part is Part.FLEET and publishes_contacts(scenario):
-        return ContactsLink(scenario.apad.name, parts.agent_ids(scenario), docked, now_ms), ()
+    if options.part is Part.FLEET and reports_contact(scenario):
+        return ContactsLink(
+            scenario.apad.name, parts.agent_ids(scenario), docked, now_ms, scenario.apad.docks
+        ), ()
     opened = open_apad(scenario, options, docked, now_ms, truths_at)
     return opened.link, () if opened.watch is None else (opened.watch,)
 

@@ -3,91 +3,60 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
 
+from apad_bridge.assembly.stacks import STACKS
 from apad_bridge.doctor.definitions import Md5s, python_md5s
 from apad_bridge.doctor.finding import Finding, fail, ok, warn
 from apad_bridge.doctor.graph import Graph
 from apad_bridge.ros.types.messages import generated_folder
 from apad_bridge.ros.types.wire_probe import NotAnnounced, service_md5, stamp_offset_s, topic_md5
 from apad_bridge.ros.types.workspace_services import service_by_text
+from apad_bridge.vehicle.stack import Stack
 
-_ACTION = "action_server"
-_PRIMITIVE = "commander/primitive"
-
-
-@dataclass(frozen=True, slots=True)
-class _Interface:
-    """The name by which a generation is recognised, and the types of its topics and services, whose md5s are checked.
-
-    We do not use the topics and services in `beside`: where one is there and differs, only the simulated aPad differs.
-    """
-
-    known_by: str
-    topics: dict[str, str]
-    services: dict[str, str]
-    beside: dict[str, str] = field(default_factory=dict)
-
-
-_A = _Interface(
-    _ACTION,
-    {
-        f"{_ACTION}/result": "apad/aPadActionResult",
-        f"{_ACTION}/feedback": "apad/aPadActionFeedback",
-        "position": "auv_msgs/NavSts",
-    },
-    {
-        "check_docking_availability": "misc_msgs/GetDockingInfo",
-        "change_docking_status": "misc_msgs/ChangeDockingStatus",
-        "get_battery_level": "misc_msgs/GetChargeInfo",
-    },
-)
-_B = _Interface(
-    _PRIMITIVE,
-    {"position": "auv_msgs/NavSts"},
-    {
-        f"{_PRIMITIVE}/go2point": "misc_msgs/Go2pointPrimitiveService",
-        f"{_PRIMITIVE}/dynamic_positioning": "misc_msgs/DynamicPositioningPrimitiveService",
-        f"{_PRIMITIVE}/docking": "misc_msgs/DockingPrimitiveService",
-    },
-    {
-        "commander/go2point": "misc_msgs/Go2pointService",
-        "commander/docking": "misc_msgs/DockingService",
-        "go2point/result": "navcon_msgs/GoToPointActionResult",
-        "go2point/feedback": "navcon_msgs/GoToPointActionFeedback",
-    },
-)
 _LATE_S = 0.5
 """A larger offset of clocks causes a warning: it is far above a network's delay."""
 
 
 def check_apads(graph: Graph) -> Iterator[Finding]:
     """Asks the aPads on the graph, of any generation, for their md5s, and compares them with our definitions."""
-    goal, service = f"/{_ACTION}/goal", f"/{_PRIMITIVE}/go2point"
-    found = [
-        (topic.removesuffix(goal), _A)
-        for topic, nodes in graph.subscribers.items()
-        if topic.endswith(goal) and nodes and graph.types.get(topic) in ("apad/aPadActionGoal", "*", None)
-    ]
-    found += [(name.removesuffix(service), _B) for name in graph.services if name.endswith(service)]
+    found = [(name, stack) for stack in STACKS for name in _named_like(graph, stack)]
     if not found:
         mend = (
-            f"start it, or fly the simulated one: musselbed run --apad sim; a real one has the action NAME/{_ACTION} "
-            f"or services below NAME/{_PRIMITIVE}"
+            "start it, or fly the simulated one: musselbed run --apad sim; a real one has "
+            f"{' or '.join(f'{stack.known_by} below its NAME' for stack in STACKS)}"
         )
         yield warn("aPad", "none on this master", mend)
         return
     ours = python_md5s(generated_folder(), ("apad", "auv_msgs", "misc_msgs", "navcon_msgs"))
-    for name, interface in sorted(found, key=lambda it: (it[0], it[1].known_by)):
-        yield _check_md5s(graph, name, interface, ours)
-        yield from _check_beside(graph, name, interface, ours)
+    for name, stack in sorted(found, key=lambda it: (it[0], it[1].generation)):
+        yield _check_md5s(graph, name, stack, ours)
+        yield from _check_beside(graph, name, stack, ours)
         yield _check_offset(graph, f"{name}/position", name)
 
 
-def _check_md5s(graph: Graph, name: str, interface: _Interface, ours: Md5s) -> Finding:
+def _named_like(graph: Graph, stack: Stack) -> set[str]:
+    """The namespaces below which the graph has all by which the stack is recognised."""
+    marks = [
+        {
+            topic.removesuffix(f"/{action}/goal")
+            for topic, nodes in graph.subscribers.items()
+            if topic.endswith(f"/{action}/goal")
+            and nodes
+            and graph.types.get(topic) in (f"{kind}Goal", "*", None)
+        }
+        for action, kind in stack.recognised_actions.items()
+    ]
+    marks += [
+        {name.removesuffix(f"/{service}") for name in graph.services if name.endswith(f"/{service}")}
+        for service in stack.recognised_services
+    ]
+    return set.intersection(*marks)
+
+
+def _check_md5s(graph: Graph, name: str, stack: Stack, ours: Md5s) -> Finding:
     differing, silent, same = [], [], []
-    for part, type_name in {**interface.topics, **interface.services}.items():
-        probe = service_md5 if part in interface.services else topic_md5
+    for part, type_name in {**stack.topic_types, **stack.service_types}.items():
+        probe = service_md5 if part in stack.service_types else topic_md5
         try:
             md5 = probe(graph, f"{name}/{part}")
         except NotAnnounced as error:
@@ -95,7 +64,7 @@ def _check_md5s(graph: Graph, name: str, interface: _Interface, ours: Md5s) -> F
             continue
         if md5 == ours[type_name]:
             same.append(f"{part} {md5}")
-        elif part in interface.services and service_by_text(type_name, md5) is not None:
+        elif part in stack.service_types and service_by_text(type_name, md5) is not None:
             same.append(f"{part} {md5} (by the text on ROS_PACKAGE_PATH, ours is {ours[type_name]})")
         else:
             differing.append(f"{part}: {type_name} is {md5}, ours {ours[type_name]}")
@@ -111,12 +80,12 @@ def _check_md5s(graph: Graph, name: str, interface: _Interface, ours: Md5s) -> F
             f"did not tell the md5 of {'; '.join(silent)}",
             "start its nodes; see the lines of its nodes above",
         )
-    return ok(name, f"an aPad with {interface.known_by}; speaks our definitions: {', '.join(same)}")
+    return ok(name, f"an aPad with {stack.known_by}; speaks our definitions: {', '.join(same)}")
 
 
-def _check_beside(graph: Graph, name: str, interface: _Interface, ours: Md5s) -> Iterator[Finding]:
+def _check_beside(graph: Graph, name: str, stack: Stack, ours: Md5s) -> Iterator[Finding]:
     differing, same = [], []
-    for part, type_name in interface.beside.items():
+    for part, type_name in stack.unused_types.items():
         full = f"{name}/{part}"
         if full not in graph.services and full not in graph.publishers:
             continue

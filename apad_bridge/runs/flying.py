@@ -217,7 +217,7 @@ def _supervisor(scenario: Scenario, context: FlightContext, recorder: Recorder, 
         takeover=spec.takeover,
         # The aPad's modem is simulated with the water, and so with the fleet. A mission alone has none.
         has_modem=context.fleet is not None,
-        has_visual_servoing=context.has_visual_servoing,
+        capabilities=context.capabilities,
         breakdown=context.breakdown,
         allocation=context.allocation,
         known=spec.learned,

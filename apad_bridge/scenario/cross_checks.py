@@ -37,17 +37,22 @@ def contradictions(scenario: Scenario) -> list[Contradiction]:
     ]
 
 
-def _check_apad(scenario: Scenario) -> list[Contradiction]:
+def _check_apad(scenario: Scenario) -> Iterator[Contradiction]:
+    batch, docks = scenario.mission.batch, scenario.apad.docks
+    if batch > docks:
+        yield (
+            "mission.batch",
+            f"{batch} aMussels do not fit into {docks} docks (apad.docks): leave it out, or lower it",
+        )
     if scenario.apad.interface is None:
-        return []
+        return
     path = Path(scenario.apad.interface)
     try:
         load_names(path)
     except OSError as error:
-        return [("apad.interface", f"{error.strerror}: {path}")]
+        yield "apad.interface", f"{error.strerror}: {path}"
     except ValueError as error:
-        return [("apad.interface", f"{path}: {error}")]
-    return []
+        yield "apad.interface", f"{path}: {error}"
 
 
 def _check_further_apads(scenario: Scenario) -> Iterator[Contradiction]:

@@ -19,7 +19,7 @@ from pydantic_core import ErrorDetails
 from apad_bridge.scenario.cross_checks import contradictions
 from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.profiles import with_profiles
-from apad_bridge.scenario.schema import RandomStart, Scenario
+from apad_bridge.scenario.schema import MAX_DOCKS, PAPER_DOCKS, RandomStart, Scenario
 from apad_bridge.scenario.unknown_keys import explain_unknown_key
 from apad_bridge.scenario.yaml_text import parse_yaml
 
@@ -68,7 +68,7 @@ def from_data(data: Any, source: str) -> Scenario:
         )
     try:
         # JSON on the way, because only there the strict mode accepts lists for tuples and texts for enumerations.
-        scenario = _SCENARIO.validate_json(json.dumps(with_profiles(data)), strict=True)
+        scenario = _SCENARIO.validate_json(json.dumps(_with_batch(with_profiles(data))), strict=True)
     except ValidationError as error:
         lines = [
             _error_line(source, data, details)
@@ -190,6 +190,17 @@ def _without_profile_keys(errors: list[ErrorDetails]) -> list[ErrorDetails]:
         if details["type"] != "missing"
         or not any(details["loc"][: len(block)] == block for block in misnamed)
     ]
+
+
+def _with_batch(data: dict[str, Any]) -> dict[str, Any]:
+    """A mission without a `batch` collects as many aMussels as the aPad has docks."""
+    mission, apad = data.get("mission"), data.get("apad")
+    if not isinstance(mission, dict) or "batch" in mission or not isinstance(apad, dict):
+        return data
+    docks = apad.get("docks")
+    # Only a number of docks that the schema accepts, so that a wrong one is told of once.
+    batch = docks if type(docks) is int and 1 <= docks <= MAX_DOCKS else PAPER_DOCKS
+    return {**data, "mission": {**mission, "batch": batch}}
 
 
 def _error_line(source: str, data: Any, details: ErrorDetails) -> str:

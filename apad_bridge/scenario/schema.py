@@ -30,6 +30,10 @@ from apad_bridge.scenario.quantities import (
 )
 from apad_bridge.scenario.water import Water
 
+PAPER_DOCKS = 4
+MAX_DOCKS = 16
+"""More would not fit around a hull of the paper's size."""
+
 
 @frozen
 class Origin:
@@ -213,7 +217,8 @@ class Mission:
     """Name of a collection strategy: `none`, `greedy`, `cautious`, or one from a user's package."""
     redeployment: str = "greedy-redeploy"
     pool_threshold: Fraction
-    batch: Annotated[int, Ge(1), Le(4)]
+    batch: Annotated[int, Ge(1), Le(MAX_DOCKS)]
+    """Left out in a file: the number of the aPad's docks."""
     full_threshold: Fraction
     full_when: FullWhen = FullWhen.PRIMARY
     speed_m_s: Positive
@@ -253,6 +258,10 @@ class Generation(StrEnum):
     """Mission primitives: services below `commander/primitive`."""
 
 
+MOST_DOCKS = {Generation.AUTO: MAX_DOCKS, Generation.A: MAX_DOCKS, Generation.B: 4}
+"""The docks that a generation's messages can name: the docking primitive of B knows slots 0 to 3."""
+
+
 @frozen
 class APad:
     """The simulated aPad. A real aPad needs its name, and its generation if it offers both."""
@@ -262,6 +271,8 @@ class APad:
     generation: Generation = Generation.AUTO
     interface: str | None = None
     """A YAML file with the laboratory's own topics, relative to the scenario file; None for musselbed's topics."""
+    docks: Annotated[int, Ge(1), Le(MAX_DOCKS)] = PAPER_DOCKS
+    """The number of its docking mechanisms. Where on the hull they are follows from its software."""
     start_m: tuple[float, float]
     max_speed_m_s: Positive
     max_acceleration_m_s2: Positive
@@ -284,6 +295,11 @@ class APad:
         if self.fault not in possible:
             raise ValueError(
                 f"fault: {self.fault} is of the other generation; possible are: {', '.join(sorted(possible))}"
+            )
+        if self.docks > MOST_DOCKS[self.generation]:
+            raise ValueError(
+                f"docks: {self.docks} are more than the {MOST_DOCKS[self.generation]} that an aPad of generation "
+                f"{self.generation} can name"
             )
 
 

@@ -103,7 +103,7 @@ class Api(Queries):
 
         `yaw_rate` (rad/s) and `surge_speed` (m/s) replace the scenario's for an aPad that docks by visual servoing.
         """
-        dock_index, manoeuvre = dock_index_of(number), manoeuvre_of(yaw_rate, surge_speed)
+        dock_index, manoeuvre = self._dock_index_of(number), manoeuvre_of(yaw_rate, surge_speed)
         if not dock:
             self._do(lambda mission: self._undock(mission, dock_index, id, manoeuvre))
             return
@@ -145,7 +145,7 @@ class Api(Queries):
 
     def collect(self, id: int, dock: int, timeout: float = 3600.0) -> bool:
         """Goes to an aMussel, letting it surface on the way, and docks it. True if it is in the dock at the end."""
-        dock_index_of(dock)  # A wrong dock is refused now, and not after the go-to.
+        self._dock_index_of(dock)  # A wrong dock is refused now, and not after the go-to.
         until_s = self.now() + timeout
         self.permit_surfacing(id)
         self.go_to_local(*self._place_of(id))
@@ -255,6 +255,9 @@ class Api(Queries):
     def cost(self) -> float:
         """The distance of all go-tos so far in metres, straight from point to point, as the paper counts it."""
         return self._do(lambda mission: mission.state.cost_m)
+
+    def _dock_index_of(self, number: int) -> int:
+        return self._do(lambda mission: dock_index_of(number, mission.state.dock_count))
 
     def _undock(self, mission: ManualMission, dock_index: int, id: int | None, manoeuvre: Manoeuvre) -> None:
         holder = mission.docks[dock_index]

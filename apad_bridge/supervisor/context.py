@@ -17,6 +17,7 @@ from apad_bridge.supervisor.core import Supervisor
 from apad_bridge.supervisor.fleet import Fleet
 from apad_bridge.supervisor.packet_relay import PacketRelay, SendContact
 from apad_bridge.supervisor.roster import Roster
+from apad_bridge.vehicle.capabilities import Capabilities
 from apad_bridge.vehicle.link import VehicleLink
 
 
@@ -52,8 +53,8 @@ class FlightContext:
     """Passes packets to another process that holds the other half of the bench: a fleet, or a supervisor."""
     held: tuple[int, ...] = ()
     """The aMussels that docks hold already."""
-    has_visual_servoing: bool = False
-    """True if the vehicle has visual servoing, which a simulated camera can feed."""
+    capabilities: Capabilities | None = None
+    """The vehicle's; None: those of the simulated aPad with the scenario's docks."""
     dropped: Callable[[], Counter[str]] = Counter
     """The counts of messages that the context dropped, by reason."""
     take_events: Callable[[int], list[tuple[str, dict[str, Any]]]] = lambda now_ms: []

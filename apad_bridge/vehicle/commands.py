@@ -44,7 +44,7 @@ DEFAULT_MANOEUVRE = Manoeuvre()
 
 @dataclass(frozen=True, slots=True)
 class CloseDock:
-    """Close docking mechanism `dock_index` (0-3) around aMussel `agent_id`."""
+    """Close docking mechanism `dock_index` around aMussel `agent_id`."""
 
     command_id: int
     dock_index: int
@@ -54,7 +54,7 @@ class CloseDock:
 
 @dataclass(frozen=True, slots=True)
 class OpenDock:
-    """Open docking mechanism `dock_index` (0-3) and let aMussel `agent_id` go."""
+    """Open docking mechanism `dock_index` and let aMussel `agent_id` go."""
 
     command_id: int
     dock_index: int

@@ -2,8 +2,7 @@
 
 The docking profiles live here, so that every stack behind the port behaves alike. `virtual` waits out the
 docking time before it commands the mechanism. `camera` and `visual` command the mechanism at once and leave
-the time to the vehicle. `camera` needs a vehicle with visual servoing (`has_visual_servoing`); on any other vehicle
-it is `virtual`.
+the time to the vehicle. `camera` needs a vehicle that `sees_amussels`; on any other vehicle it is `virtual`.
 
 `TABLE` alone decides what a primitive does next. The port drops and counts an event that the table does not
 name in the present phase and never raises: such an event is a late or wrong report from the vehicle.
@@ -19,6 +18,7 @@ from enum import Enum, auto
 
 from apad_bridge.beliefs.input_ranges import out_of_range
 from apad_bridge.scenario.schema import ArmUse, Docking, DockingProfile
+from apad_bridge.vehicle.capabilities import Capabilities, of_simulated_apad
 from apad_bridge.vehicle.commands import (
     Arrived,
     BatteryReported,
@@ -34,7 +34,7 @@ from apad_bridge.vehicle.commands import (
     VehicleCommand,
     VehicleFact,
 )
-from apad_bridge.vehicle.docks import DOCK_INDICES, DockTable
+from apad_bridge.vehicle.docks import DockTable
 from apad_bridge.vehicle.primitives import (
     DockChanged,
     DockMussel,
@@ -133,6 +133,7 @@ class GoToProgress:
 
 
 Action = VehicleCommand | Outcome
+_SIMULATED = of_simulated_apad()
 STALL_S = 60.0
 PRE_EMPTED = "pre-empted"
 
@@ -154,12 +155,12 @@ class DockingPort:
         *,
         stall_s: float = STALL_S,
         first_command_id: int = 1,
-        has_visual_servoing: bool = False,
+        capabilities: Capabilities = _SIMULATED,
     ) -> None:
         if not stall_s > 0:
             raise ValueError("stall_s must be above 0")
         self._docking = docking
-        self._docks_by_eye = has_visual_servoing
+        self._capabilities = capabilities
         self._stall_ms = round(stall_s * 1000)
         self._next_command_id = first_command_id
         self._now_ms = 0
@@ -275,12 +276,13 @@ class DockingPort:
         """A vehicle without a camera docks `camera` aMussels virtually, in the scenario's time."""
         profile = self._docking.profile_of(agent_id)
         return profile is DockingProfile.VIRTUAL or (
-            profile is DockingProfile.CAMERA and not self._docks_by_eye
+            profile is DockingProfile.CAMERA and not self._capabilities.sees_amussels
         )
 
     def _open_arm(self, primitive: DockMussel | UndockMussel, actions: list[Action]) -> None:
         if (
-            self._is_virtual(primitive.agent_id)
+            self._capabilities.moves_arms
+            and self._is_virtual(primitive.agent_id)
             and self._docking.arm is ArmUse.MOVED
             and self._arm_dock is None
         ):
@@ -320,7 +322,7 @@ class DockingPort:
             self._progress.take(pose, now_ms)
 
     def _take_dock(self, fact: DockClosed | DockOpened, now_ms: int, actions: list[Action]) -> None:
-        if fact.dock_index not in DOCK_INDICES:
+        if fact.dock_index not in self._capabilities.docks.indices:
             self.dropped["dock: no such dock"] += 1
             return
         closed = isinstance(fact, DockClosed)

@@ -7,8 +7,6 @@ from types import MappingProxyType
 
 from apad_bridge.vehicle.commands import DockClosed, DockOpened
 
-DOCK_INDICES = range(4)
-
 
 class DockTable:
     def __init__(self) -> None:

@@ -31,7 +31,7 @@ class HoldPosition:
 
 @dataclass(frozen=True, slots=True)
 class DockMussel:
-    """Take aMussel `agent_id` into dock `dock_index` (0-3), where the vehicle is."""
+    """Take aMussel `agent_id` into dock `dock_index`, where the vehicle is."""
 
     primitive_id: int
     dock_index: int

@@ -7,6 +7,7 @@ from collections import Counter
 from typing import Generic, TypeVar
 
 from apad_bridge.scenario.faults import Fault
+from apad_bridge.vehicle.capabilities import DockPlaces
 from apad_bridge.vehicle.simulated.apad import SimulatedAPad
 from apad_bridge.vehicle.simulated.kinematics import Pose
 
@@ -38,6 +39,10 @@ class SimulatedStack(ABC, Generic[PublishedT]):
     @property
     def pose(self) -> Pose:
         return self._apad.pose
+
+    @property
+    def docks(self) -> DockPlaces:
+        return self._apad.capabilities.docks
 
     @property
     def battery_percent(self) -> float:

@@ -86,7 +86,9 @@ def comparisons_in(run_dir: Path, period_ms: int, record: Record) -> Iterator[Co
         scenario = load(directory.scenario)
     except ScenarioError as error:
         raise RunDirectoryError(error.lines[0]) from error
-    history = History(read_journal(directory.journal), scenario.theta, charge_model(scenario.board))
+    history = History(
+        read_journal(directory.journal), scenario.theta, charge_model(scenario.board), scenario.apad.docks
+    )
     water = Water(scenario)
     for now_ms in range(0, history.end_ms + 1, period_ms):
         try:

@@ -13,8 +13,6 @@ from apad_bridge.records.uptime import UptimeMeter
 from apad_bridge.supervisor.roster import Presence
 from firmware_model.power.charge import ChargeModel
 
-DOCK_COUNT = 4
-
 
 @dataclass(slots=True)
 class PlanView:
@@ -34,7 +32,7 @@ class RunState:
     beliefs: dict[int, Line] = field(default_factory=dict)
     gone: set[int] = field(default_factory=set)
     apad: Line | None = None
-    docks: tuple[int | None, ...] = (None,) * DOCK_COUNT
+    docks: tuple[int | None, ...] = ()
     cost_m: float = 0.0
     phase: str = ""
     primitive: str = ""
@@ -44,12 +42,12 @@ class RunState:
 class History:
     """A run's history. `advance` takes all lines up to a mission time; `now` and `meter` are then as of that time."""
 
-    def __init__(self, journal: JournalContents, theta: int, charge: ChargeModel) -> None:
+    def __init__(self, journal: JournalContents, theta: int, charge: ChargeModel, dock_count: int) -> None:
         # Sorted by time; lines of the same time stay in the order in which they became known.
         self._lines = sorted(journal.lines, key=lambda line: line["t"])
         self._next = 0
         self.end_ms = journal.last_ms
-        self.now = RunState()
+        self.now = RunState(docks=(None,) * dock_count)
         self._theta = theta
         self.meter = UptimeMeter(theta, charge)
         self._handlers: dict[str, Callable[[Line], None]] = {

@@ -1,6 +1,5 @@
 // The map: local NED metres, north up, one scale both ways. `view` is the run at one time, from page.js.
 
-const DOCK_ANGLES = [45, 135, 225, 315]; // docks 1-4, degrees clockwise from the bow
 const RECENT_MS = 300000;
 
 function drawMap(canvas, data, view, marked) {
@@ -31,7 +30,7 @@ function drawMap(canvas, data, view, marked) {
     if (agent.dock !== null || agent.place === null) continue;
     drawMussel(ctx, at(agent.place), 9, agent, marked);
   }
-  if (view.apad) drawApad(ctx, at(view.apad.place), view, marked);
+  if (view.apad) drawApad(ctx, at(view.apad.place), data, view, marked);
   drawScaleBar(ctx, toScreen.perMetre, width, height);
 }
 
@@ -104,8 +103,8 @@ function drawMussel(ctx, [x, y], radius, agent, marked) {
   ctx.font = FONT;
 }
 
-// The aPad's hull with its bow, its four docks and the docked aMussels, larger than in reality.
-function drawApad(ctx, [x, y], view, marked) {
+// The aPad's hull with its bow, its docks and the docked aMussels, larger than in reality.
+function drawApad(ctx, [x, y], data, view, marked) {
   const heading = view.apad.heading;
   ctx.save();
   ctx.translate(x, y);
@@ -123,8 +122,8 @@ function drawApad(ctx, [x, y], view, marked) {
   ctx.fill();
   ctx.stroke();
   ctx.restore();
-  DOCK_ANGLES.forEach((degrees, dock) => {
-    const angle = heading + degrees * Math.PI / 180;
+  data.dock_bearings.forEach((bearing, dock) => {
+    const angle = (data.docks_turn ? heading : 0) + bearing;
     const place = [x + 19 * Math.sin(angle), y - 19 * Math.cos(angle)];
     const agent = view.agents.find((it) => it.dock === dock);
     if (agent) { drawMussel(ctx, place, 8, agent, marked); return; }

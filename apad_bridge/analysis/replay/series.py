@@ -9,7 +9,8 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import Any
 
-from apad_bridge.analysis.replay.history import DOCK_COUNT, History, PlanView
+from apad_bridge.analysis.replay.history import History, PlanView
+from apad_bridge.assembly.stacks import stack_of
 from apad_bridge.records.journal import JournalContents
 from apad_bridge.scenario.firmware_config import charge_model
 from apad_bridge.scenario.schema import Scenario
@@ -68,12 +69,13 @@ def page_data(scenario: Scenario, journal: JournalContents, summary: dict[str, A
     start = journal.first("run")
     if start is None:
         raise ValueError("the journal has no line `run`: the flight never began")
-    history = History(journal, scenario.theta, charge_model(scenario.board))
+    history = History(journal, scenario.theta, charge_model(scenario.board), scenario.apad.docks)
     sampler = _Sampler(scenario, history, [agent["id"] for agent in start["agents"]])
     times = sample_times(history.end_ms, len(start["agents"]))
     for now_ms in times:
         sampler.sample(now_ms)
     end = journal.first("end")
+    places = stack_of(scenario.apad.generation).capabilities(scenario.apad.docks).docks
     return {
         "name": scenario.name,
         "description": scenario.description,
@@ -83,6 +85,8 @@ def page_data(scenario: Scenario, journal: JournalContents, summary: dict[str, A
         "redeployment": scenario.mission.redeployment,
         "pool_threshold": scenario.mission.pool_threshold,
         "polygon": [list(corner) for corner in scenario.area.polygon_m],
+        "dock_bearings": [round(it, 4) for it in places.bearings_rad],
+        "docks_turn": places.turn_with_hull,
         "homes": {agent["id"]: [agent["north_m"], agent["east_m"]] for agent in start["agents"]},
         "ended_by": None if end is None else end["reason"],
         "dropped_lines": journal.dropped,
@@ -164,7 +168,6 @@ class _Sampler:
     def columns(self) -> dict[str, Any]:
         return {
             "has_truth": bool(self._history.meter.agent_ids),
-            "dock_count": DOCK_COUNT,
             "agents": [
                 {
                     "id": agent.agent_id,

@@ -33,7 +33,7 @@ def docking_act(request: Any, *, dock: bool) -> Callable[[ManualMission], None]:
     """The mission's part of a goal or request to dock, or undock."""
 
     def act(mission: ManualMission) -> None:
-        dock_index = dock_index_of(request.number)
+        dock_index = dock_index_of(request.number, mission.state.dock_count)
         manoeuvre = manoeuvre_of(request.max_yaw_rate_rad_s or None, request.max_surge_m_s or None)
         if dock:
             mission.dock(dock_index, request.id, manoeuvre)

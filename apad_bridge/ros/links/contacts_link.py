@@ -35,10 +35,11 @@ class ContactsLink:
         agent_ids: Iterable[int],
         docked: Mapping[int, int],
         now_ms: int,
+        dock_count: int,
     ) -> None:
         ids = list(agent_ids)
         self.dropped: Counter[str] = Counter()
-        self._docks = ReportedDocks(ids, docked, now_ms)
+        self._docks = ReportedDocks(ids, docked, now_ms, dock_count)
         self._inbox: Inbox[tuple[int, float, float, bool]] = Inbox()
         self._apad_places: Inbox[tuple[float, float]] = Inbox()
         self._apad_position_ms = now_ms

@@ -26,7 +26,7 @@ from apad_bridge.ros.system.inbox import Inbox
 from apad_bridge.ros.types.live_types import differing_listeners, unreadable_topics
 from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros_names.names import AMUSSEL, of_amussel, of_apad
-from apad_bridge.scenario.schema import Scenario
+from apad_bridge.scenario.schema import PAPER_DOCKS, Scenario
 from apad_bridge.vehicle.commands import CloseDock, MoveArm, OpenDock, VehicleCommand
 from apad_bridge.vehicle.generation_a.core import GenerationACore
 from apad_bridge.vehicle.generation_a.messages import (
@@ -37,6 +37,7 @@ from apad_bridge.vehicle.generation_a.messages import (
     HeldPositionReceived,
     Received,
 )
+from apad_bridge.vehicle.generation_a.stack import STACK
 from apad_bridge.vehicle.link import LinkFact
 from apad_bridge.vehicle.telemetry import Sight
 
@@ -109,7 +110,7 @@ ANSWER_ON_OUR_CLOCK_S = 1.0
 class GenerationALink(LegacyLink[GenerationACore]):
     """A VehicleLink. `name` is the aPad's namespace; `docked` maps the index of a dock to the aMussel that it holds."""
 
-    GENERATION = "A"
+    STACK = STACK
     MEND = "put its own into apad_bridge/ros/definitions and run launch_scripts/install"
 
     def __init__(
@@ -122,10 +123,12 @@ class GenerationALink(LegacyLink[GenerationACore]):
         docked: Mapping[int, int] | None = None,
         now_ms: int = 0,
         sight: Sight = lambda now_ms: {},
+        dock_count: int = PAPER_DOCKS,
     ) -> None:
         ids, nonce = list(agent_ids), f"musselbed-{secrets.token_hex(4)}"
         prefix = rospy.resolve_name(AMUSSEL)[1:]
-        super().__init__(name, GenerationACore(ids, battery_v, nonce, docked, now_ms, prefix, sight), now_ms)
+        core = GenerationACore(ids, battery_v, nonce, docked, now_ms, prefix, sight, dock_count)
+        super().__init__(name, core, now_ms, dock_count)
         self._answer_s = ANSWER_ON_OUR_CLOCK_S if our_clock else ANSWER_S
         self._mechanism_ms: int | None = None
         self._subscribers = Subscribers(name, ids, self._inbox, stamped=our_clock)
@@ -159,8 +162,7 @@ class GenerationALink(LegacyLink[GenerationACore]):
         return facts
 
     def command(self, command: VehicleCommand, now_ms: int) -> None:
-        if isinstance(command, MoveArm):
-            return  # generation A moves its arms with a perch, and by no other order
+        assert not isinstance(command, MoveArm), "the stack has no such order, as its capabilities state"
         if isinstance(command, CloseDock | OpenDock):
             self._mechanism_ms = now_ms
         if (order := self._core.command(command, now_ms)) is not None:
@@ -210,5 +212,6 @@ def open_link(
             docked=docked,
             now_ms=now_ms,
             sight=sight,
+            dock_count=scenario.apad.docks,
         )
     )

@@ -33,7 +33,7 @@ from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros_names.names import of_apad
 from apad_bridge.scenario.lab_interface.fields import has, write
 from apad_bridge.scenario.lab_interface.messages import DockReport
-from apad_bridge.scenario.schema import Docking, DockingProfile, Scenario
+from apad_bridge.scenario.schema import PAPER_DOCKS, Docking, DockingProfile, Scenario
 from apad_bridge.vehicle.commands import MoveArm, VehicleCommand
 from apad_bridge.vehicle.generation_b.core import GenerationBCore
 from apad_bridge.vehicle.generation_b.messages import (
@@ -51,7 +51,9 @@ from apad_bridge.vehicle.generation_b.messages import (
     ServiceAnswered,
     Status,
     StatusReceived,
+    arms,
 )
+from apad_bridge.vehicle.generation_b.stack import STACK
 from apad_bridge.vehicle.link import LinkFact
 from apad_bridge.vehicle.simulated.misses import Misses
 from apad_bridge.vehicle.stack_messages import UNSTAMPED
@@ -150,7 +152,7 @@ class ServiceCalls:
 class GenerationBLink(LegacyLink[GenerationBCore]):
     """A VehicleLink. `name` is the aPad's namespace; `docked` maps the index of a dock to the aMussel that it holds."""
 
-    GENERATION = "B"
+    STACK = STACK
     MEND = "source its workspace, or put its texts into apad_bridge/ros/definitions and run launch_scripts/install"
 
     def __init__(
@@ -166,10 +168,10 @@ class GenerationBLink(LegacyLink[GenerationBCore]):
         camera: VirtualCamera | None = None,
         docked: Mapping[int, int] | None = None,
         now_ms: int = 0,
+        dock_count: int = PAPER_DOCKS,
     ) -> None:
-        super().__init__(
-            name, GenerationBCore(agent_ids, battery_v, docking, misses, sight, docked, now_ms), now_ms
-        )
+        core = GenerationBCore(agent_ids, battery_v, docking, misses, sight, docked, now_ms, dock_count)
+        super().__init__(name, core, now_ms, dock_count)
         self._subscribers = Subscribers(name, self._inbox, stamped=our_clock)
         self._docking = docking
         self._statuses_before = 0
@@ -215,8 +217,8 @@ class GenerationBLink(LegacyLink[GenerationBCore]):
 
     def command(self, command: VehicleCommand, now_ms: int) -> None:
         if isinstance(command, MoveArm):
-            is_open = [float(command.is_open and dock_index == command.dock_index) for dock_index in range(4)]
-            self._arms.publish(Float32MultiArray(data=is_open))
+            arm = arms(command.dock_index if command.is_open else None)
+            self._arms.publish(Float32MultiArray(data=[float(it) for it in arm.is_open]))
         self._core.command(command, now_ms)
         self._send()
 
@@ -333,6 +335,7 @@ def open_link(
         camera=camera,
         docked=docked,
         now_ms=now_ms,
+        dock_count=apad.docks,
     )
     if camera is None:
         return OpenedAPad(link)

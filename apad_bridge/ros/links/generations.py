@@ -7,12 +7,13 @@ import time
 import rosgraph
 import rospy
 
-from apad_bridge.assembly.stacks import STACKS, Stack, stack_of
+from apad_bridge.assembly.stacks import STACKS, stack_of
 from apad_bridge.doctor.graph import Graph
 from apad_bridge.doctor.network import Unreachable
 from apad_bridge.ros_names.names import of_apad
 from apad_bridge.scenario.schema import Generation
 from apad_bridge.vehicle.errors import VehicleNotReady
+from apad_bridge.vehicle.stack import Stack
 
 
 def offered_generations(graph: Graph, name: str) -> set[Generation]:
@@ -26,11 +27,11 @@ def offered_generations(graph: Graph, name: str) -> set[Generation]:
 
 
 def _goals(stack: Stack, name: str) -> list[str]:
-    return [f"{rospy.resolve_name(of_apad(name, action))}/goal" for action in stack.actions]
+    return [f"{rospy.resolve_name(of_apad(name, action))}/goal" for action in stack.recognised_actions]
 
 
 def _services(stack: Stack, name: str) -> list[str]:
-    return [str(rospy.resolve_name(of_apad(name, service))) for service in stack.services]
+    return [str(rospy.resolve_name(of_apad(name, service))) for service in stack.recognised_services]
 
 
 def _absence(stack: Stack, name: str) -> str:

@@ -78,9 +78,8 @@ class LaboratorySubscribers:
             self._dropped[f"{subscription.topic}: of an aMussel that is not of this fleet"] += 1
             return None
         if subscription.what in (MessageKind.DOCKED, MessageKind.RELEASED):
-            dock_index = subscription.dock_index_of(message)
-            known = dock_index if dock_index is not None and 0 <= dock_index < 4 else None
-            return DockReport(now_ms, agent_id, known, subscription.what is MessageKind.DOCKED)
+            closed = subscription.what is MessageKind.DOCKED
+            return DockReport(now_ms, agent_id, subscription.dock_index_of(message), closed)
         if subscription.bytes is None:
             if agent_id is None and subscription.everyone is None:
                 self._dropped[f"{subscription.topic}: says no id"] += 1

@@ -20,6 +20,7 @@ from apad_bridge.scenario.schema import Scenario
 from apad_bridge.vehicle.commands import VehicleCommand
 from apad_bridge.vehicle.errors import VehicleNotReady
 from apad_bridge.vehicle.link import LinkFact
+from apad_bridge.vehicle.stack import Stack
 from apad_bridge.vehicle.stack_messages import UNSTAMPED
 from apad_bridge.vehicle.telemetry import Readings, Sight
 
@@ -60,12 +61,13 @@ class LegacyLink(ABC, Generic[Core]):
     A fact without a stamp became true at the tick that receives it.
     """
 
-    GENERATION: ClassVar[str]
+    STACK: ClassVar[Stack]
     MEND: ClassVar[str]
     """The mend for a person whose aPad uses other definitions."""
 
-    def __init__(self, name: str, core: Core, now_ms: int) -> None:
+    def __init__(self, name: str, core: Core, now_ms: int, dock_count: int) -> None:
         self.name = name
+        self.capabilities = self.STACK.capabilities(dock_count)
         self._core = core
         self._now_ms = now_ms
         self._inbox: Inbox[Any] = Inbox()
@@ -126,7 +128,7 @@ class LegacyLink(ABC, Generic[Core]):
                 self._refuse_other_definitions()
                 raise VehicleNotReady(
                     f"{rospy.resolve_name(self.name)} is not ready after {timeout_s:g} s: {', '.join(missing)}; "
-                    f"does an aPad of generation {self.GENERATION} run under this name on this master?"
+                    f"does an aPad of generation {self.STACK.generation.name} run under this name on this master?"
                 )
             # rospy has no event for a new connection.
             time.sleep(0.02)

@@ -13,7 +13,9 @@ from apad_bridge.records.samples import TruthSample
 from apad_bridge.ros.links.generations import live_generation, offered_generations
 from apad_bridge.ros.links.legacy_link import OpenedAPad, OpenLink
 from apad_bridge.scenario.run_options import APadKind, RunOptions
-from apad_bridge.scenario.schema import Generation, Scenario
+from apad_bridge.scenario.schema import MOST_DOCKS, Generation, Scenario
+from apad_bridge.vehicle.capabilities import Capabilities
+from apad_bridge.vehicle.errors import VehicleNotReady
 
 READY_S = 15.0
 _AFLOAT_M = 0.1
@@ -21,19 +23,23 @@ _AFLOAT_M = 0.1
 TruthsAt = Callable[[int], list[TruthSample]]
 
 
-def publishes_contacts(scenario: Scenario) -> bool:
-    """True unless the aPad is of a generation that does not publish what its docks hold.
+def reports_contact(scenario: Scenario) -> bool:
+    """True unless the aPad's stack does not report what its docks hold.
 
     The scenario names the generation, or the graph shows exactly one at this moment.
     """
     generation = scenario.apad.generation
     if generation is not Generation.AUTO:
-        return stack_of(generation).publishes_contacts
+        return _capabilities(generation, scenario).reports_contact
     try:
         offered = offered_generations(Graph.read(rosgraph.get_master_uri()), scenario.apad.name)
     except Unreachable:
         return True
-    return len(offered) != 1 or stack_of(offered.pop()).publishes_contacts
+    return len(offered) != 1 or _capabilities(offered.pop(), scenario).reports_contact
+
+
+def _capabilities(generation: Generation, scenario: Scenario) -> Capabilities:
+    return stack_of(generation).capabilities(scenario.apad.docks)
 
 
 def open_apad(
@@ -54,5 +60,10 @@ def open_apad(
             if it.depth_m < _AFLOAT_M and not it.docked
         }
 
+    if scenario.apad.docks > MOST_DOCKS[generation]:
+        raise VehicleNotReady(
+            f"{scenario.apad.name} is of generation {generation.name}, which can name {MOST_DOCKS[generation]} docks, "
+            f"and apad.docks is {scenario.apad.docks}: lower it"
+        )
     open_link: OpenLink = load(stack_of(generation).link)
     return open_link(scenario, sight, docked, now_ms, our_clock=ours)

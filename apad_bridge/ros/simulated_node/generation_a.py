@@ -52,7 +52,7 @@ from navcon_msgs.srv import (  # noqa: E402
 _HELD_STATUS, _RELEASED_STATUS = 0, 1
 
 
-class GenerationAServer(LegacyServer[GenerationAVehicle]):
+class Server(LegacyServer[GenerationAVehicle]):
     """Serves the aPad called `name`. The action server's lock guards the vehicle. The node is initialised before."""
 
     def __init__(self, name: str, make_vehicle: Callable[[int], GenerationAVehicle]) -> None:
@@ -207,8 +207,9 @@ class GenerationAServer(LegacyServer[GenerationAVehicle]):
     def _send_energy(self, request: Any) -> Any:
         """True when the dock of coil `coil` holds an aMussel. The docks charge by themselves."""
         with self._lock:
+            vehicle = self._running()
             return SendEnergyResponse(
-                request.coil in range(4) and request.coil not in self._running().free_docks
+                request.coil in vehicle.docks.indices and request.coil not in vehicle.free_docks
             )
 
     def _answer_battery(self, _: Any) -> Any:

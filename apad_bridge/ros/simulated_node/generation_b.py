@@ -48,7 +48,7 @@ from musselbed_msgs.msg import DockAlert  # noqa: E402
 Conversion = Callable[[Any], Order]
 
 
-class GenerationBServer(LegacyServer[GenerationBVehicle]):
+class Server(LegacyServer[GenerationBVehicle]):
     """Serves the aPad called `name`. The action server's lock guards the vehicle. The node is initialised before."""
 
     def __init__(self, name: str, make_vehicle: Callable[[int], GenerationBVehicle]) -> None:

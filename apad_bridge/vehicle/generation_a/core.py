@@ -12,6 +12,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from apad_bridge.beliefs.input_ranges import out_of_range
+from apad_bridge.scenario.schema import PAPER_DOCKS
 from apad_bridge.vehicle.commands import (
     Arrived,
     CloseDock,
@@ -75,9 +76,10 @@ class GenerationACore:
         now_ms: int = 0,
         object_prefix: str = "amussel",
         sight: Sight = lambda now_ms: {},
+        dock_count: int = PAPER_DOCKS,
     ) -> None:
         self.readings = Readings(battery_v)
-        self.docks = ReportedDocks(agent_ids, docked or {}, now_ms)
+        self.docks = ReportedDocks(agent_ids, docked or {}, now_ms, dock_count)
         self._sight = sight
         self._nonce = nonce
         self._object_prefix = object_prefix

@@ -6,8 +6,8 @@ from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
+from apad_bridge.scenario.schema import PAPER_DOCKS
 from apad_bridge.vehicle.commands import DockClosed, DockOpened
-from apad_bridge.vehicle.docks import DOCK_INDICES
 from apad_bridge.vehicle.generation_a.messages import HeldPositionReceived
 from apad_bridge.vehicle.link import Carried, LetGo, LinkFact
 
@@ -36,7 +36,14 @@ class ReportedDocks:
     `docked` are the agents by dock index that the vehicle is known to hold at `now_ms`, as after a resume.
     """
 
-    def __init__(self, agent_ids: Iterable[int], docked: Mapping[int, int], now_ms: int = 0) -> None:
+    def __init__(
+        self,
+        agent_ids: Iterable[int],
+        docked: Mapping[int, int],
+        now_ms: int = 0,
+        count: int = PAPER_DOCKS,
+    ) -> None:
+        self._indices = range(count)
         self.dropped: Counter[str] = Counter()
         self._served = frozenset(agent_ids)
         self._served_before: frozenset[int] = frozenset()
@@ -93,7 +100,7 @@ class ReportedDocks:
             holding.heard_ms, holding.place_m, holding.is_new = message.at_ms, place_m, True
             return []
         taken = {other.dock_index for other in self._held.values()}
-        free = [dock_index for dock_index in DOCK_INDICES if dock_index not in taken]
+        free = [dock_index for dock_index in self._indices if dock_index not in taken]
         if not free:
             self.dropped["position_static of more aMussels than there are docks"] += 1
             return []

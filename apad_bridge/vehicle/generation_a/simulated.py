@@ -27,7 +27,6 @@ from apad_bridge.vehicle.generation_a.messages import (
     Published,
 )
 from apad_bridge.vehicle.simulated.apad import SimulatedAPad
-from apad_bridge.vehicle.simulated.docks import OFFSETS_M
 from apad_bridge.vehicle.simulated.misses import MISSED, Misses
 from apad_bridge.vehicle.simulated_stack import SimulatedStack
 from apad_bridge.vehicle.stack_messages import PosePublished
@@ -63,7 +62,7 @@ class GenerationAVehicle(SimulatedStack[Published]):
 
     @property
     def free_docks(self) -> list[int]:
-        return [dock_index for dock_index in range(len(OFFSETS_M)) if dock_index not in self._docks]
+        return [dock_index for dock_index in self.docks.indices if dock_index not in self._docks]
 
     @property
     def held(self) -> list[str]:
@@ -96,7 +95,7 @@ class GenerationAVehicle(SimulatedStack[Published]):
 
     def set_dock(self, dock_index: int, closed: bool, now_ms: int) -> list[Published]:
         """A person operates a mechanism. A refusal is a ValueError with its reason and changes nothing."""
-        if dock_index not in range(len(OFFSETS_M)):
+        if dock_index not in self.docks.indices:
             raise ValueError(f"there is no dock {dock_index}")
         if closed:
             raise ValueError("a dock closes by a perch, which names what it holds")

@@ -10,7 +10,7 @@ from collections import Counter
 from collections.abc import Iterable, Mapping
 
 from apad_bridge.scenario.lab_interface.messages import DockReport
-from apad_bridge.scenario.schema import Docking
+from apad_bridge.scenario.schema import PAPER_DOCKS, Docking
 from apad_bridge.vehicle.commands import VehicleCommand
 from apad_bridge.vehicle.generation_b.docks import BenchDocks
 from apad_bridge.vehicle.generation_b.messages import (
@@ -22,6 +22,7 @@ from apad_bridge.vehicle.generation_b.messages import (
     ServiceAnswered,
     StatusReceived,
 )
+from apad_bridge.vehicle.generation_b.stack import dock_places
 from apad_bridge.vehicle.generation_b.tasks import Tasks
 from apad_bridge.vehicle.link import LinkFact
 from apad_bridge.vehicle.simulated.misses import Misses
@@ -46,9 +47,10 @@ class GenerationBCore:
         sight: Sight = lambda now_ms: {},
         docked: Mapping[int, int] | None = None,
         now_ms: int = 0,
+        dock_count: int = PAPER_DOCKS,
     ) -> None:
         self.readings = Readings(battery_v)
-        self.docks = BenchDocks(agent_ids, docked or {}, misses, sight)
+        self.docks = BenchDocks(agent_ids, docked or {}, misses, sight, dock_places(dock_count))
         self.status_count = 0
         """Number of messages of either status topic."""
         self._tasks = Tasks(docking, self.docks, self.readings)

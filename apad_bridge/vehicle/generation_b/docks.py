@@ -11,16 +11,13 @@ from collections import Counter
 from collections.abc import Iterable, Mapping
 
 from apad_bridge.scenario.lab_interface.messages import DockReport
+from apad_bridge.vehicle.capabilities import DockPlaces
 from apad_bridge.vehicle.commands import CloseDock, CommandFailed, DockOpened, OpenDock, PoseReported
-from apad_bridge.vehicle.docks import DOCK_INDICES
-from apad_bridge.vehicle.generation_b.messages import dock_direction_rad
 from apad_bridge.vehicle.link import Carried, LetGo, LinkFact
 from apad_bridge.vehicle.simulated.docks import Docks
 from apad_bridge.vehicle.simulated.misses import MISSED, Misses
 from apad_bridge.vehicle.telemetry import Sight, why_out_of_reach
 
-DOCK_M = 0.4
-"""From the aPad's middle to an aMussel in a dock: assumed, a little more than half the hull."""
 REACH_M = 1.5
 """A docking that names no aMussel catches none beyond this distance."""
 
@@ -29,10 +26,16 @@ class BenchDocks:
     """`docked` are the agents by dock index that are known to be held already, as after a resume."""
 
     def __init__(
-        self, simulated_ids: Iterable[int], docked: Mapping[int, int], misses: Misses, sight: Sight
+        self,
+        simulated_ids: Iterable[int],
+        docked: Mapping[int, int],
+        misses: Misses,
+        sight: Sight,
+        places: DockPlaces,
     ) -> None:
+        self._places = places
         self._simulated = sorted(simulated_ids)
-        self._docks = Docks()
+        self._docks = Docks(places.count)
         self.dropped: Counter[str] = Counter()
         self._misses = misses
         self._sight = sight
@@ -60,7 +63,7 @@ class BenchDocks:
         return (
             there_m is not None
             and pose is not None
-            and math.dist(dock_place_m(command.dock_index, pose), there_m) > REACH_M
+            and math.dist(self._place_m(command.dock_index, pose), there_m) > REACH_M
         )
 
     def close(self, command: CloseDock, pose: PoseReported | None, now_ms: int) -> list[LinkFact]:
@@ -86,7 +89,8 @@ class BenchDocks:
 
     def apply_report(self, report: DockReport, pose: PoseReported | None) -> list[LinkFact]:
         """Applies a report that others docked or undocked an aMussel, found by its id or else by place and dock."""
-        agent_id, dock_index = report.agent_id, report.dock_index
+        agent_id = report.agent_id
+        dock_index = report.dock_index if report.dock_index in self._places.indices else None
         if not report.closed:
             if agent_id is None and dock_index is not None:
                 agent_id = self.held.get(dock_index)
@@ -103,7 +107,7 @@ class BenchDocks:
         if self.holds(agent_id):
             return []
         if dock_index is None or dock_index in self.held:
-            dock_index = next((it for it in DOCK_INDICES if it not in self.held), None)
+            dock_index = next((it for it in self._places.indices if it not in self.held), None)
         if dock_index is None:
             self.dropped["a docking by others: all docks are taken"] += 1
             return []
@@ -114,7 +118,7 @@ class BenchDocks:
 
     def _caught(self, dock_index: int | None, pose: PoseReported, now_ms: int) -> int | None:
         """The free simulated aMussel nearest to the closed dock, if one is within reach."""
-        place_m = (pose.north_m, pose.east_m) if dock_index is None else dock_place_m(dock_index, pose)
+        place_m = (pose.north_m, pose.east_m) if dock_index is None else self._place_m(dock_index, pose)
         near = [
             (math.dist(place_m, there_m), agent_id)
             for agent_id, there_m in self._sight(now_ms).items()
@@ -134,10 +138,7 @@ class BenchDocks:
         ]
 
     def _carried(self, dock_index: int, agent_id: int, pose: PoseReported, now_ms: int) -> Carried:
-        return Carried(now_ms, agent_id, *dock_place_m(dock_index, pose))
+        return Carried(now_ms, agent_id, *self._place_m(dock_index, pose))
 
-
-def dock_place_m(dock_index: int, pose: PoseReported) -> tuple[float, float]:
-    """The place at which a dock holds its aMussel, (north, east): the docks turn with the hull."""
-    bearing_rad = pose.heading_rad + dock_direction_rad(dock_index)
-    return pose.north_m + DOCK_M * math.cos(bearing_rad), pose.east_m + DOCK_M * math.sin(bearing_rad)
+    def _place_m(self, dock_index: int, pose: PoseReported) -> tuple[float, float]:
+        return self._places.place_m(dock_index, pose.north_m, pose.east_m, pose.heading_rad)

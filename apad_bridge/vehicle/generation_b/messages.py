@@ -206,7 +206,12 @@ def goal(wanted: Any) -> GoToOrder:
 class Arm:
     """`dock_out`: the state of the arms, by dock index."""
 
-    is_open: tuple[bool, bool, bool, bool]
+    is_open: tuple[bool, ...]
+
+
+def arms(opened: int | None) -> Arm:
+    """All four arms, with the arm of dock `opened` open; a vehicle with fewer docks publishes four all the same."""
+    return Arm(tuple(slot == opened for slot in range(len(CAMERA_SERVO))))
 
 
 @dataclass(frozen=True, slots=True)

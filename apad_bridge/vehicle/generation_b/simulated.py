@@ -21,7 +21,6 @@ from apad_bridge.vehicle.generation_b.messages import (
     PULL_BACK_M_S,
     PULL_BACK_MS,
     SERVO_MS,
-    Arm,
     ArmPublished,
     BatteryPublished,
     CameraTurned,
@@ -36,6 +35,7 @@ from apad_bridge.vehicle.generation_b.messages import (
     Published,
     Status,
     StatusPublished,
+    arms,
     dock_direction_rad,
 )
 from apad_bridge.vehicle.simulated.apad import SimulatedAPad
@@ -78,7 +78,6 @@ SLOW_PERIOD_MS = 1000
 _AT_ONCE = {Fault.DROPS: Status.PREEMPTED, Fault.LIES: Status.DONE}
 """The status with which a go-to ends as soon as it begins."""
 _WANDERS_MS = 5_000
-_CLOSED = Arm((False, False, False, False))
 
 
 class Stage(Enum):
@@ -203,8 +202,7 @@ class GenerationBVehicle(SimulatedStack[Published]):
         self._command(Coast(), published)
 
     def _open_arm(self, dock_index: int, published: list[Published]) -> None:
-        is_open = [it == dock_index for it in range(4)]
-        published.append(ArmPublished(self._now_ms, Arm((is_open[0], is_open[1], is_open[2], is_open[3]))))
+        published.append(ArmPublished(self._now_ms, arms(dock_index)))
 
     def _step(self, at_ms: int, published: list[Published]) -> None:
         """One grid instant: the boat's events, the primitive's reaction, and the periodic messages."""
@@ -254,7 +252,7 @@ class GenerationBVehicle(SimulatedStack[Published]):
                 self._publish(GoToEnded(status, self.pose, self._left(order)), published)
             self._publish_status(False, status, published)
         elif stage in (Stage.SERVO, Stage.SERVOING, Stage.PULLING):
-            published.append(ArmPublished(self._now_ms, _CLOSED))
+            published.append(ArmPublished(self._now_ms, arms(None)))
             self._publish_status(True, status, published)
         if finished:
             self._publish(Finished(self._now_ms), published)

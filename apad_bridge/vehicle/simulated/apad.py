@@ -8,6 +8,7 @@ from collections.abc import Mapping
 
 from apad_bridge.beliefs.input_ranges import out_of_range
 from apad_bridge.scenario.schema import APad
+from apad_bridge.vehicle.capabilities import of_simulated_apad
 from apad_bridge.vehicle.commands import (
     Arrived,
     BatteryReported,
@@ -21,7 +22,7 @@ from apad_bridge.vehicle.commands import (
     VehicleCommand,
     VehicleFact,
 )
-from apad_bridge.vehicle.simulated.docks import OFFSETS_M, Docks
+from apad_bridge.vehicle.simulated.docks import Docks
 from apad_bridge.vehicle.simulated.kinematics import STEP_MS, Pose
 from apad_bridge.vehicle.simulated.misses import MISSED, Misses
 from apad_bridge.vehicle.simulated.motion import Coast, Motion, Steer
@@ -71,7 +72,8 @@ class SimulatedAPad:
     def __init__(self, config: APad, misses: Misses | None = None) -> None:
         self._motion = Motion(config)
         self._battery = Battery(config.battery)
-        self._docks = Docks()
+        self.capabilities = of_simulated_apad(config.docks)
+        self._docks = Docks(config.docks)
         self._misses = misses
         self._now_ms = 0
         self._instant_ms = -STEP_MS
@@ -231,9 +233,9 @@ class SimulatedAPad:
         return self._docks.docked
 
     def dock_position(self, dock_index: int) -> tuple[float, float]:
-        """The place at which dock `dock_index` (0-3) holds an aMussel: (north, east) in metres."""
-        north_m, east_m = OFFSETS_M[dock_index]
-        return self.pose.north_m + north_m, self.pose.east_m + east_m
+        """The place at which dock `dock_index` holds an aMussel: (north, east) in metres."""
+        pose = self.pose
+        return self.capabilities.docks.place_m(dock_index, pose.north_m, pose.east_m, pose.heading_rad)
 
 
 def _refusal(command: GoTo | Hold) -> str | None:

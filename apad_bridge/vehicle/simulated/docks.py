@@ -1,4 +1,4 @@
-"""The four docking mechanisms: their occupancy and their refusals."""
+"""Docking mechanisms: their occupancy and their refusals."""
 
 from __future__ import annotations
 
@@ -7,15 +7,12 @@ from types import MappingProxyType
 
 from apad_bridge.vehicle.commands import CloseDock, CommandFailed, DockClosed, DockOpened, OpenDock
 
-OFFSETS_M = ((-0.1, -0.1), (-0.1, 0.1), (0.1, -0.1), (0.1, 0.1))
-"""(north, east) of each dock from the aPad. The offsets do NOT turn with the heading: the public simulator's
-aPad holds its aMussels so, and a comparison with it should show the same places."""
-
 
 class Docks:
     """Mechanisms act at once: the docking port, or a real vehicle, accounts for the docking time."""
 
-    def __init__(self) -> None:
+    def __init__(self, count: int) -> None:
+        self._indices = range(count)
         self._agent_by_dock: dict[int, int] = {}
 
     @property
@@ -27,7 +24,7 @@ class Docks:
         """The reason why this dock cannot close around this aMussel; None if it can."""
         dock_index, agent_id = command.dock_index, command.agent_id
         holder = self._agent_by_dock.get(dock_index)
-        if dock_index not in range(len(OFFSETS_M)):
+        if dock_index not in self._indices:
             return f"there is no dock {dock_index}"
         if holder is not None:
             return f"dock {dock_index} holds aMussel {holder}"
@@ -44,7 +41,7 @@ class Docks:
     def open(self, command: OpenDock, now_ms: int) -> DockOpened | CommandFailed:
         dock_index, agent_id = command.dock_index, command.agent_id
         holder = self._agent_by_dock.get(dock_index)
-        if dock_index not in range(len(OFFSETS_M)):
+        if dock_index not in self._indices:
             reason = f"there is no dock {dock_index}"
         elif holder is None:
             reason = f"dock {dock_index} is empty"

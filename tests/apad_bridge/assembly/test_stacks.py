@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from apad_bridge.assembly.stacks import STACKS, Stack, load, stack_of
+from apad_bridge.assembly.stacks import STACKS, load, stack_of
 from apad_bridge.ros_names.names import of_apad
 from apad_bridge.scenario.schema import Generation
+from apad_bridge.vehicle.stack import Stack
 
 
 def test_every_generation_has_one_entry() -> None:
@@ -28,6 +29,6 @@ def test_every_entry_names_parts_that_exist(stack: Stack) -> None:
 
 @pytest.mark.parametrize("stack", STACKS, ids=lambda it: it.generation)
 def test_every_generation_is_recognised_by_names_in_the_table(stack: Stack) -> None:
-    assert stack.actions or stack.services
-    for leaf in (*stack.actions, *stack.services):
+    assert stack.recognised_actions or stack.recognised_services
+    for leaf in (*stack.recognised_actions, *stack.recognised_services):
         assert of_apad("apad1", leaf) == f"apad1/{leaf}"

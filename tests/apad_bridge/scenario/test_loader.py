@@ -186,8 +186,37 @@ def test_a_key_like_no_other_is_told_those_there_are(refusals: Refusals) -> None
 
 
 def test_all_mistakes_are_listed_at_once(refusals: Refusals) -> None:
-    lines = refusals(("theta: 30", "theta: no"), ("  batch: 4", "  batch: 5"), ("hotel_w: 25", "hotel_w: -1"))
+    lines = refusals(
+        ("theta: 30", "theta: no"), ("  batch: 4", "  batch: 17"), ("hotel_w: 25", "hotel_w: -1")
+    )
     assert [line.split(":")[0] for line in lines] == ["theta", "mission.batch", "apad.battery.hotel_w"]
+
+
+@pytest.mark.parametrize(
+    ("docks", "line"),
+    [
+        ("0", "apad.docks: must be greater than or equal to 1, not 0"),
+        ("17", "apad.docks: must be less than or equal to 16, not 17"),
+        ("2.5", "apad.docks: must be a valid integer, not 2.5"),
+        ("true", "apad.docks: must be a valid integer, not true"),
+        ('"4"', "apad.docks: must be a valid integer, not '4'"),
+        (
+            "6, generation: b",
+            "apad: docks: 6 are more than the 4 that an aPad of generation b can name",
+        ),
+    ],
+)
+def test_a_number_of_docks_that_cannot_be_is_told_in_one_line(
+    refusals: Refusals, docks: str, line: str
+) -> None:
+    docks, _, more = docks.partition(", ")
+    assert refusals(("  batch: 4\n", ""), ("\napad:\n", f"\napad:\n  docks: {docks}\n  {more}\n")) == [line]
+
+
+def test_a_batch_that_does_not_fit_into_the_docks_is_refused(refusals: Refusals) -> None:
+    assert refusals(("\napad:\n", "\napad:\n  docks: 2\n")) == [
+        "mission.batch: 4 aMussels do not fit into 2 docks (apad.docks): leave it out, or lower it"
+    ]
 
 
 def test_files_that_are_not_there_are_named(refusals: Refusals, tmp_path: Path) -> None:

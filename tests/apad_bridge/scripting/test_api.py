@@ -24,11 +24,11 @@ def results_of(scenario: Scenario, script: Callable[[Api, list[Any]], object]) -
 
 
 def test_docks_count_from_1_in_the_api_and_from_0_on_the_wire() -> None:
-    assert [dock_index_of(dock) for dock in (1, 2, 3, 4)] == [0, 1, 2, 3]
+    assert [dock_index_of(dock, 4) for dock in (1, 2, 3, 4)] == [0, 1, 2, 3]
     assert [dock_of(dock_index) for dock_index in range(4)] == [1, 2, 3, 4]
     for wrong in (0, 5, -1, True):
         with pytest.raises(Refused, match="the docks are 1 to 4"):
-            dock_index_of(wrong)
+            dock_index_of(wrong, 4)
 
 
 def test_who_there_is_and_where(pool: Scenario) -> None:

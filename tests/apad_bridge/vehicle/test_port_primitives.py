@@ -7,7 +7,9 @@ from dataclasses import replace
 
 import pytest
 
-from apad_bridge.scenario.schema import ArmUse, Docking, DockingProfile
+from apad_bridge.assembly.stacks import stack_of
+from apad_bridge.scenario.schema import ArmUse, Docking, DockingProfile, Generation
+from apad_bridge.vehicle.capabilities import of_simulated_apad
 from apad_bridge.vehicle.commands import (
     Arrived,
     BatteryReported,
@@ -32,6 +34,7 @@ from apad_bridge.vehicle.primitives import (
     UndockMussel,
 )
 
+OF_B = stack_of(Generation.B).capabilities(4)
 VIRTUAL = Docking(profile=DockingProfile.VIRTUAL, dock_s=15, undock_s=5, timeout_s=60)
 VISUAL = replace(VIRTUAL, profile=DockingProfile.VISUAL)
 GO = GoToPoint(1, 10.0, 0.0, 0.5, 0.5)
@@ -325,15 +328,29 @@ def test_what_waits_behind_a_mechanism_is_not_kept_waiting_by_another_try() -> N
 
 
 def test_a_virtual_docking_may_open_the_arm_meanwhile() -> None:
-    port = DockingPort(replace(VIRTUAL, arm=ArmUse.MOVED))
+    port = DockingPort(replace(VIRTUAL, arm=ArmUse.MOVED), capabilities=OF_B)
     assert port.receive(DockMussel(1, 2, 9), 0) == [MoveArm(1, 2, True)]
     assert port.advance(15_000) == [CloseDock(2, 2, 9)]
     told = port.receive(DockClosed(15_000, 2, 9), 15_000)
     assert told[1:] == [PrimitiveSucceeded(15_000, 1), MoveArm(3, 2, False)]
 
 
+def test_a_vehicle_without_an_order_for_its_arms_is_given_none() -> None:
+    port = DockingPort(replace(VIRTUAL, arm=ArmUse.MOVED))
+    assert port.receive(DockMussel(1, 2, 9), 0) == []
+    assert port.advance(15_000) == [CloseDock(1, 2, 9)]
+
+
+@pytest.mark.parametrize("docks", [1, 4, 6])
+def test_a_report_of_a_dock_that_the_vehicle_has_not_is_dropped(docks: int) -> None:
+    port = DockingPort(VIRTUAL, capabilities=of_simulated_apad(docks))
+    assert port.receive(DockClosed(0, docks - 1, 9), 0) == [DockChanged(0, docks - 1, 9, True)]
+    assert port.receive(DockClosed(0, docks, 8), 0) == []
+    assert port.dropped == {"dock: no such dock": 1}
+
+
 def test_a_single_amussel_may_be_docked_visually() -> None:
-    port = DockingPort(replace(VIRTUAL, camera_ids=(9,), visual_ids=(8,)), has_visual_servoing=True)
+    port = DockingPort(replace(VIRTUAL, camera_ids=(9,), visual_ids=(8,)), capabilities=OF_B)
     for agent_id in (8, 9):
         assert isinstance(port.receive(DockMussel(agent_id, 2, agent_id), 0)[-1], CloseDock)
         port.receive(CommandFailed(0, agent_id - 7, "?"), 0)

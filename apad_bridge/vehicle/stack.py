@@ -1,0 +1,44 @@
+"""A stack: the aPad software of one generation, as one value that everybody reads."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+from apad_bridge.scenario.schema import Generation
+from apad_bridge.vehicle.capabilities import Capabilities
+
+
+@dataclass(frozen=True, slots=True)
+class Stack:
+    """How the graph shows a stack, what it can do, and which definitions it uses.
+
+    `package` is the name of its folder below `vehicle/` and of its modules in `ros/links/` and `ros/simulated_node/`.
+    Names of topics, services and actions are below the aPad's namespace.
+    """
+
+    generation: Generation
+    package: str
+    known_by: str
+    """Names, for a person, the interface by which it is recognised."""
+    capabilities: Callable[[int], Capabilities]
+    """Its capabilities with this number of docks."""
+    recognised_actions: Mapping[str, str] = field(default_factory=dict)
+    """Actions with their types: the stack is recognised where a node subscribes to the goals of all ..."""
+    recognised_services: tuple[str, ...] = ()
+    """... and where all these services are offered."""
+    topic_types: Mapping[str, str] = field(default_factory=dict)
+    """The types of the topics that we subscribe to; their md5s are checked."""
+    service_types: Mapping[str, str] = field(default_factory=dict)
+    unused_types: Mapping[str, str] = field(default_factory=dict)
+    """The types of topics and services that we do not use: where one differs, only the simulated aPad differs."""
+
+    @property
+    def link(self) -> str:
+        """MODULE:FUNCTION that opens the link, as `apad_bridge.ros.links.legacy_link.OpenLink`."""
+        return f"apad_bridge.ros.links.{self.package}:open_link"
+
+    @property
+    def server(self) -> str:
+        """MODULE:CLASS of the simulated node's server, a `LegacyServer`."""
+        return f"apad_bridge.ros.simulated_node.{self.package}:Server"

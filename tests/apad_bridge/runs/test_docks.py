@@ -1,0 +1,111 @@
+"""Flights with another number of docks than the paper's four: the mission, scripts, the journal and the replay page."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from apad_bridge.analysis.replay.series import page_data
+from apad_bridge.commands.main import main
+from apad_bridge.mission.values import Refused
+from apad_bridge.records.journal import read_journal
+from apad_bridge.runs.exits import Exit
+from apad_bridge.runs.in_memory import fly_in_memory
+from apad_bridge.runs.script_in_memory import fly_script
+from apad_bridge.scenario.loader import from_data, load, resolve, write_resolved
+from apad_bridge.scenario.schema import Scenario
+from apad_bridge.scripting.api import Api
+
+POOL = Path(__file__).parents[3] / "launch_scripts" / "scenarios" / "pool-12.yaml"
+
+
+def eight(docks: int) -> Scenario:
+    """Eight aMussels that are all candidates from the start."""
+    data = resolve(load(POOL))
+    data |= {"theta": 600, "duration_s": 500}
+    data["fleet"] |= {"count": 8, "start": {"charge": [0.6, 0.7]}}
+    data["apad"]["docks"] = docks
+    del data["mission"]["batch"]
+    return from_data(data, "eight")
+
+
+def changes(events: list[tuple[int, str, dict[str, Any]]]) -> list[tuple[int, int, bool]]:
+    """(dock index, agent, closed) of each change at the docks."""
+    return [(data["dock"], data["agent"], data["closed"]) for _, kind, data in events if kind == "dock"]
+
+
+@pytest.mark.parametrize("docks", [1, 2, 6])
+def test_the_mission_fills_all_docks_before_it_releases(docks: int) -> None:
+    scenario = eight(docks)
+    assert scenario.mission.batch == docks
+    figures, recorder = fly_in_memory(scenario)
+    found = changes(recorder.events)
+    assert [dock for dock, _, _ in found[:docks]] == list(range(docks))
+    assert all(closed for _, _, closed in found[:docks])
+    assert sorted(found[docks : 2 * docks]) == sorted(
+        (dock, agent, False) for dock, agent, _ in found[:docks]
+    )
+    assert figures["services"] >= docks
+
+
+def test_a_script_uses_the_docks_that_there_are() -> None:
+    def script(api: Api, found: list[Any]) -> None:
+        found.append(api.free_docks())
+        found.append(api.collect(3, 6))
+        found.append((api.docks()[6], api.agent(3).dock))
+        with pytest.raises(Refused, match="there is no dock 7: the docks are 1 to 6"):
+            api.collect(4, 7)
+        found.append([len(api.plan_collection(batch=8).steps)])
+
+    found: list[Any] = []
+    flight = fly_script(eight(6), lambda api: script(api, found))
+    assert flight.error is None, flight.ended_by
+    assert found == [[1, 2, 3, 4, 5, 6], True, (3, 6), [5]]
+
+
+def test_a_vehicle_with_one_dock_has_dock_1_alone() -> None:
+    def script(api: Api, found: list[Any]) -> None:
+        with pytest.raises(Refused, match="there is no dock 2: the only dock is 1"):
+            api.docking(True, 2, 3)
+        found.append(api.docks())
+
+    found: list[Any] = []
+    flight = fly_script(eight(1), lambda api: script(api, found))
+    assert flight.error is None, flight.ended_by
+    assert found == [{1: None}]
+
+
+@pytest.mark.parametrize("docks", [1, 6])
+def test_a_runs_records_tell_how_many_docks_there_were(
+    docks: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    scenario = tmp_path / "eight.yaml"
+    write_resolved(scenario, eight(docks))
+    run = tmp_path / "run"
+    words = ["run", str(scenario), "--time", "asap", "--hosting", "one_process", "--out", str(run), "--json"]
+    assert main(words) == Exit.DONE
+    assert json.loads(capsys.readouterr().out)["services"] >= docks
+    journal = read_journal(run / "journal.jsonl")
+    assert {len(line["docks"]) for line in journal.lines if line["kind"] == "apad"} == {docks}
+    assert {line["snapshot"]["dock_count"] for line in journal.lines if line["kind"] == "mission"} == {docks}
+    data = page_data(load(run / "scenario.yaml"), journal, None)
+    assert len(data["dock_bearings"]) == docks and {len(it) for it in data["docks"]} == {docks}
+
+
+def test_a_run_from_before_there_was_a_number_is_shown_with_four(tmp_path: Path) -> None:
+    data = resolve(load(POOL))
+    del data["apad"]["docks"]
+    old = from_data(data, "old")
+    assert old.apad.docks == 4
+    agents = [{"id": 1, "north_m": 1.0, "east_m": 2.0, "primary": 1.0, "secondary": 1.0}]
+    journal = tmp_path / "journal.jsonl"
+    lines = [
+        {"t": 0, "kind": "run", "format": 2, "agents": agents},
+        {"t": 1000, "kind": "dock", "dock": 3, "agent": 1, "closed": True},
+    ]
+    journal.write_text("".join(json.dumps(line) + "\n" for line in lines))
+    shown = page_data(old, read_journal(journal), None)
+    assert shown["docks"] == [[None] * 4, [None, None, None, 1]] and len(shown["dock_bearings"]) == 4
