@@ -1,0 +1,65 @@
+"""Runs over ROS, in processes of their own, of aPads with another number of docks than four."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from apad_bridge.records.journal import Line, read_journal
+from apad_bridge.scenario import loader
+
+pytestmark = pytest.mark.system
+ROOT = Path(__file__).parents[2]
+PATIENCE_S = 120.0
+
+
+def scenario(tmp_path: Path, docks: int, generation: str) -> Path:
+    """Seven aMussels that are candidates from the start and charged within a minute."""
+    rows = [(2, 3), (4, 8), (9, 5), (8, 9), (3, 6), (7, 3), (10, 8)]
+    table = [f"{n},{north},{east},0.7{n}" for n, (north, east) in enumerate(rows, start=1)]
+    (tmp_path / "seven.csv").write_text("\n".join(["id,north,east,battery", *table, ""]))
+    data = loader.resolve(loader.load(ROOT / "launch_scripts" / "scenarios" / "pool-12.yaml"))
+    data |= {"theta": 600, "duration_s": 330}
+    data["fleet"] |= {"count": 7, "start": str(tmp_path / "seven.csv")}
+    data["apad"] |= {"start_m": [6, 6], "generation": generation, "docks": docks}
+    del data["mission"]["batch"]
+    path = tmp_path / "scenario.yaml"
+    loader.write_resolved(path, loader.from_data(data, "seven"))
+    return path
+
+
+def flown(path: Path, out: Path, *options: str) -> tuple[dict[str, Any], list[Line]]:
+    command = [sys.executable, "-m", "apad_bridge.commands.main", "run", str(path), *options]
+    command += ["--hosting", "one_process", "--json", "--out", str(out)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S, cwd=ROOT)
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout), read_journal(out / "journal.jsonl").lines
+
+
+def changes(lines: list[Line]) -> list[tuple[int, int, bool]]:
+    return [(line["dock"], line["agent"], line["closed"]) for line in lines if line["kind"] == "dock"]
+
+
+@pytest.mark.parametrize(("generation", "docks"), [("a", 1), ("a", 6), ("b", 1), ("b", 3)])
+def test_a_run_over_ros_uses_all_docks_as_one_in_virtual_time_does(
+    tmp_path: Path, generation: str, docks: int
+) -> None:
+    path = scenario(tmp_path, docks, generation)
+    summary, lines = flown(path, tmp_path / "ros", "--speed", "500")
+    virtual, virtual_lines = flown(path, tmp_path / "asap", "--time", "asap")
+    found = changes(lines)
+    assert {dock for dock, _, _ in found} == set(range(docks))
+    assert [closed for _, _, closed in found[: 2 * docks]] == [True] * docks + [False] * docks
+    # Messages of generation B have no stamps: the last change may fall beyond the end.
+    assert abs(len(found) - len(changes(virtual_lines))) <= (generation == "b")
+    assert all(one == other for one, other in zip(found, changes(virtual_lines), strict=False))
+    assert (
+        abs(summary["services"] - virtual["services"]) <= (generation == "b") and summary["services"] >= docks
+    )
+    assert summary["first_cause"] is None and summary["dropped"] == {}
+    assert {len(line["docks"]) for line in lines if line["kind"] == "apad"} == {docks}
