@@ -5,16 +5,24 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from apad_bridge.beliefs.belief import Belief
-from apad_bridge.scenario.schema import FullWhen
+from apad_bridge.scenario.schema import FullWhen, Mission
+
+
+def is_full(belief: Belief | None, config: Mission) -> bool:
+    """The aMussel is believed full, by the scenario's definition; one that was never heard is not."""
+    return belief is not None and _level(belief, config.full_when) > config.full_threshold
+
+
+def _level(belief: Belief, full_when: FullWhen) -> float:
+    """The charge that counts: the primary battery's, or the lower of both, as the scenario says."""
+    return belief.primary if full_when is FullWhen.PRIMARY else min(belief.primary, belief.secondary)
 
 
 class ChargingWatch:
-    """Gives an aMussel up after `patience_ms` of mission time without a gain in believed charge."""
+    """Gives an aMussel up after the scenario's `silence_timeout_s` without a gain in believed charge."""
 
-    def __init__(self, full_threshold: float, full_when: FullWhen, patience_ms: int) -> None:
-        self._full_threshold = full_threshold
-        self._full_when = full_when
-        self._patience_ms = patience_ms
+    def __init__(self, config: Mission) -> None:
+        self._config = config
         self._start_ms = 0
         self._best: dict[int, tuple[float, int]] = {}
         self._given_up: set[int] = set()
@@ -29,13 +37,13 @@ class ChargingWatch:
         given_up: list[tuple[int, str]] = []
         for agent_id, belief in sorted(docked.items()):
             best, gained_ms = self._best.get(agent_id, (-1.0, self._start_ms))
-            if belief is not None and self._level(belief) > best:
-                best, gained_ms = self._level(belief), now_ms
+            if belief is not None and (level := _level(belief, self._config.full_when)) > best:
+                best, gained_ms = level, now_ms
             self._best[agent_id] = (best, gained_ms)
             if (
-                not self.is_full(belief)
+                not is_full(belief, self._config)
                 and agent_id not in self._given_up
-                and now_ms - gained_ms > self._patience_ms
+                and now_ms - gained_ms > self._config.silence_timeout_s * 1000
             ):
                 self._given_up.add(agent_id)
                 given_up.append((agent_id, "its believed charge does not rise"))
@@ -43,13 +51,6 @@ class ChargingWatch:
 
     def done(self, docked: Mapping[int, Belief | None]) -> bool:
         """Every docked aMussel is believed full, or was given up."""
-        return all(agent_id in self._given_up or self.is_full(belief) for agent_id, belief in docked.items())
-
-    def is_full(self, belief: Belief | None) -> bool:
-        return belief is not None and self._level(belief) > self._full_threshold
-
-    def _level(self, belief: Belief) -> float:
-        """The charge that counts: the primary battery's, or the lower of both, as the scenario says."""
-        return (
-            belief.primary if self._full_when is FullWhen.PRIMARY else min(belief.primary, belief.secondary)
+        return all(
+            agent_id in self._given_up or is_full(belief, self._config) for agent_id, belief in docked.items()
         )

@@ -1,202 +1,185 @@
-"""Docking and undocking for a commanded mission: one at a time, from the order to its end.
+"""Docking and undocking, one at a time: for the paper's mission, for scripts, for calls by hand, and after a takeover.
 
-A docking follows the paper's mission: permit the aMussel to surface, wait until it floats, then close the
-mechanism.
+A docking follows the paper: permit the aMussel to surface, wait until it floats, close the mechanism around it. An
+undocking opens the mechanism, tells the aMussel that it is clear to sink, and counts a service.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum, auto
 
 from apad_bridge.beliefs.belief import Belief
-from apad_bridge.mission.charging_watch import ChargingWatch
-from apad_bridge.mission.event_log import EventLog
+from apad_bridge.mission.charging_watch import is_full
 from apad_bridge.mission.order_book import OrderBook
 from apad_bridge.mission.orders import PermitSurfacing, TellClear
 from apad_bridge.mission.pool import floats, is_surfacing_or_floating
 from apad_bridge.mission.sources import BeliefSource
-from apad_bridge.mission.values import Refused, Status, dock_of
 from apad_bridge.scenario.schema import Mission
 from apad_bridge.vehicle.commands import DEFAULT_MANOEUVRE, Manoeuvre
-from apad_bridge.vehicle.docking import PRE_EMPTED
-from apad_bridge.vehicle.primitives import DockMussel, UndockMussel
-from firmware_model.state_groups import BEYOND_HELP
+from apad_bridge.vehicle.primitives import (
+    DockMussel,
+    PrimitiveFailed,
+    PrimitiveSucceeded,
+    UndockMussel,
+)
 
 
-class SurfacingStep(Enum):
+class DockingStep(Enum):
+    """What the routine did at a tick."""
+
     WAIT = auto()
     PERMIT = auto()
-    """Send the permission to surface (again)."""
+    """It sent the permission to surface (again)."""
     CLOSE = auto()
-    """The aMussel floats: the mechanism may close."""
+    """The aMussel floats: it ordered the mechanism to close."""
 
 
 class GivenUp(Exception):
-    """Ends the routine; the text is the reason."""
+    """The aMussel is not docked: the routine has ended, and the text is the reason."""
+
+
+class OutOfReach(GivenUp):
+    """The aMussel floats, but not where the aPad is."""
 
 
 @dataclass(slots=True)
 class SurfacingWait:
     """Decides the next step at every tick, until the aMussel floats or the scenario's times (`Mission`) are over."""
 
-    dock_index: int
     agent_id: int
     since_ms: int
     permissions: int = 0
+    """Number of permissions sent since `since_ms`, and the one before the aPad set out."""
 
-    def next_step(self, belief: Belief | None, config: Mission, now_ms: int) -> SurfacingStep:
+    def next_step(self, belief: Belief | None, config: Mission, now_ms: int) -> DockingStep:
         """The step at `now_ms`; raises GivenUp."""
         if belief is not None and floats(belief):
-            return SurfacingStep.CLOSE
+            return DockingStep.CLOSE
         waited_ms = now_ms - self.since_ms
         if belief is not None and is_surfacing_or_floating(belief):
             if waited_ms > config.silence_timeout_s * 1000:
                 raise GivenUp("it does not come up")
-            return SurfacingStep.WAIT
+            return DockingStep.WAIT
         if waited_ms < config.permission_repeat_s * 1000 * self.permissions:
-            return SurfacingStep.WAIT
+            return DockingStep.WAIT
         if self.permissions >= config.surfacing_attempts:
             raise GivenUp("it does not answer the permission to surface")
         self.permissions += 1
-        return SurfacingStep.PERMIT
-
-
-REACH_M = 3.0
-"""An aMussel believed beyond this (or twice the victory radius) is out of a mechanism's reach."""
+        return DockingStep.PERMIT
 
 
 class DockingRoutine:
-    """Writes orders and notes into the mission's book. Dock indices count from 0; places are NED metres."""
+    """Writes orders, notes and the count of services into the mission's book.
 
-    def __init__(self, config: Mission, beliefs: BeliefSource, book: OrderBook, events: EventLog) -> None:
-        self.status = Status.IDLE
-        self.order_count = 0
-        """Number of accepted orders to dock or undock."""
+    Dock indices count from 0; places are (north, east) in metres; times are mission milliseconds. It keeps nothing over a
+    resume: the mission begins the step under way anew.
+    """
+
+    def __init__(self, config: Mission, beliefs: BeliefSource, book: OrderBook, reach_m: float) -> None:
+        """An aMussel believed farther away than `reach_m` is out of a mechanism's reach."""
         self._config = config
         self._beliefs = beliefs
         self._book = book
-        self._events = events
-        self._charging_watch = ChargingWatch(config.full_threshold, config.full_when, 0)
-        self._surfacing: SurfacingWait | None = None
+        self._reach_m = reach_m
         self._permitted: int | None = None
         """The aMussel that was permitted to surface last, on the way to it."""
-        self._mechanism: DockMussel | UndockMussel | None = None
-        self._manoeuvre = DEFAULT_MANOEUVRE
-
-    def belief_of(self, agent_id: int) -> Belief:
-        """The belief about an aMussel. Refused when the aMussel was never heard."""
-        belief = self._beliefs.get(agent_id)
-        if belief is None:
-            # In ROS 1 a field that is left out of a call is 0.
-            hint = "" if agent_id else ": say the aMussel's id, which is 0 where it is left out"
-            raise Refused(f"aMussel {agent_id} was never heard{hint}")
-        return belief
-
-    def is_full(self, agent_id: int) -> bool:
-        """The aMussel is believed full, by the scenario's definition."""
-        return self._charging_watch.is_full(self._beliefs.get(agent_id))
-
-    def refuse_dock(self, dock_index: int, agent_id: int, here: tuple[float, float]) -> None:
-        """Refused for an aMussel that cannot be docked from here."""
-        belief, docks = self.belief_of(agent_id), self._book.docks
-        if docks[dock_index] is not None:
-            raise Refused(f"dock {dock_of(dock_index)} holds aMussel {docks[dock_index]}")
-        if agent_id in docks:
-            raise Refused(f"aMussel {agent_id} is in dock {dock_of(docks.index(agent_id))} already")
-        if belief.state in BEYOND_HELP:
-            raise Refused(f"aMussel {agent_id} is lost: it can no longer surface")
-        self._refuse_beyond_reach(belief, here)
-
-    def dock(
-        self, dock_index: int, agent_id: int, manoeuvre: Manoeuvre, here: tuple[float, float], now_ms: int
-    ) -> None:
-        """Begins a docking, with the permission to surface unless that was sent already; `advance` continues it."""
-        self._begin()
-        self._manoeuvre = manoeuvre
-        self._surfacing = SurfacingWait(dock_index, agent_id, now_ms, int(agent_id == self._permitted))
-        self._permitted = None
-        self.advance(here, now_ms)
+        self._wait: SurfacingWait | None = None
+        self._next: DockMussel | None = None
+        """The order to give when the aMussel of `_wait` floats; None while the aPad is on its way to it."""
+        self.mechanism: DockMussel | UndockMussel | None = None
+        """The order that the port carries out; another mission's routine goes on with it after a takeover."""
 
     def permit_surfacing(self, agent_id: int) -> None:
         """Sends the permission ahead of a docking, which then repeats it in the scenario's time and not at once."""
         self._permitted = agent_id
         self._book.order(PermitSurfacing(agent_id))
 
-    def undock(self, dock_index: int, manoeuvre: Manoeuvre, now_ms: int) -> None:
-        agent_id = self._book.docks[dock_index]
-        if agent_id is None:
-            raise Refused(f"dock {dock_of(dock_index)} is empty")
-        self.pre_empt(now_ms)
-        self._begin()
-        # A service counts by the belief at the order: on the way down the aMussel draws from its battery again.
-        self._book.set(leaves_full=self.is_full(agent_id))
-        self._mechanism = UndockMussel(self._book.next_id(), dock_index, agent_id, manoeuvre)
-        self._book.order(self._mechanism)
+    def call_up(self, agent_id: int, now_ms: int) -> None:
+        """Permits the aMussel to surface, and has `advance` repeat it while the aPad is on its way to it."""
+        self._next = None
+        self._wait = SurfacingWait(agent_id, now_ms, permissions=1)
+        self.permit_surfacing(agent_id)
 
-    def advance(self, here: tuple[float, float], now_ms: int) -> None:
-        """Checks whether the aMussel has surfaced, and takes the next step."""
-        waiting = self._surfacing
-        if waiting is None:
-            return
-        belief = self._beliefs.get(waiting.agent_id)
+    def dock(
+        self, dock_index: int, agent_id: int, now_ms: int, manoeuvre: Manoeuvre = DEFAULT_MANOEUVRE
+    ) -> None:
+        """Begins a docking where the aPad is; `advance` permits the aMussel to surface, waits, and closes the mechanism."""
+        self._wait = SurfacingWait(agent_id, now_ms, int(agent_id == self._permitted))
+        self._next = DockMussel(0, dock_index, agent_id, manoeuvre)
+        self._permitted = None
+
+    def undock(self, dock_index: int, agent_id: int, manoeuvre: Manoeuvre = DEFAULT_MANOEUVRE) -> None:
+        """Opens the mechanism that holds the aMussel.
+
+        A service counts by the belief at this order: on the way down the aMussel draws from its battery again.
+        """
+        self._wait = self._next = None
+        self._book.set(leaves_full=is_full(self._beliefs.get(agent_id), self._config))
+        self.mechanism = UndockMussel(self._book.next_id(), dock_index, agent_id, manoeuvre)
+        self._book.order(self.mechanism)
+
+    def advance(self, here: tuple[float, float], now_ms: int) -> DockingStep:
+        """Takes the next step. GivenUp, and the routine has ended, when the aMussel cannot be docked from `here`.
+
+        On the way to the aMussel it only repeats the permission.
+        """
+        wait, order = self._wait, self._next
+        if wait is None:
+            return DockingStep.WAIT
+        belief = self._beliefs.get(wait.agent_id)
         try:
-            step = waiting.next_step(belief, self._config, now_ms)
-            if step is SurfacingStep.CLOSE and belief is not None:
-                self._refuse_beyond_reach(belief, here)
-        except (GivenUp, Refused) as given_up:
-            self._book.note("given_up", agent=waiting.agent_id, what="dock", reason=str(given_up))
-            self._end_surfacing(Status.FAILED, str(given_up), now_ms)
-            return
-        if step is SurfacingStep.PERMIT:
-            self._book.order(PermitSurfacing(waiting.agent_id))
-        elif step is SurfacingStep.CLOSE:
-            self._surfacing = None
-            self._mechanism = DockMussel(
-                self._book.next_id(), waiting.dock_index, waiting.agent_id, self._manoeuvre
-            )
-            self._book.order(self._mechanism)
+            step = wait.next_step(belief, self._config, now_ms)
+            if step is DockingStep.CLOSE and belief is not None and order is not None:
+                self.check_reach(belief, here)
+        except GivenUp:
+            if order is None:
+                return DockingStep.WAIT  # the aPad finds out when it is there
+            self._wait = self._next = None
+            raise
+        if step is DockingStep.PERMIT:
+            self._book.order(PermitSurfacing(wait.agent_id))
+        elif step is DockingStep.CLOSE:
+            if order is None:
+                return DockingStep.WAIT
+            self._close(order)
+        return step
 
-    def pre_empt(self, now_ms: int) -> None:
-        """Ends the wait for another primitive. Once the mechanism is ordered, the port decides instead."""
-        self._end_surfacing(Status.PREEMPTED, PRE_EMPTED, now_ms)
+    def check_reach(self, belief: Belief, here: tuple[float, float]) -> None:
+        """Raises OutOfReach for an aMussel that is believed too far from `here`."""
+        away_m = math.dist(here, (belief.north_m, belief.east_m))
+        if away_m > self._reach_m:
+            raise OutOfReach(f"aMussel {belief.agent_id} is believed {away_m:.1f} m away: go there first")
+
+    def pre_empt(self) -> bool:
+        """Ends the wait for an aMussel. True if a docking waited; an ordered mechanism is the port's to end."""
+        waited = self._next is not None
+        self._wait = self._next = None
+        return waited
 
     def paused_for(self, pause_ms: int) -> None:
         """Prolongs the wait for an aMussel by a pause, in which the mission sends no permissions."""
-        if self._surfacing is not None:
-            self._surfacing.since_ms += pause_ms
+        if self._wait is not None:
+            self._wait.since_ms += pause_ms
 
-    def ended(self, primitive_id: int, status: Status, reason: str | None, now_ms: int) -> None:
-        """Takes the port's outcome; an outcome of another primitive changes nothing."""
-        if self._mechanism is None or primitive_id != self._mechanism.primitive_id:
-            return
-        ended, self._mechanism = self._mechanism, None
-        if isinstance(ended, UndockMussel) and status is Status.DONE:
-            self._released(ended.agent_id)
-        self._end(status, ended.agent_id, ended.dock_index, reason, now_ms)
+    def receive(self, outcome: PrimitiveSucceeded | PrimitiveFailed) -> bool:
+        """Takes the outcome of a primitive; False, and nothing happens, if it is not the mechanism's."""
+        if self.mechanism is None or outcome.primitive_id != self.mechanism.primitive_id:
+            return False
+        ended, self.mechanism = self.mechanism, None
+        if isinstance(ended, UndockMussel) and isinstance(outcome, PrimitiveSucceeded):
+            self.released(ended.agent_id)
+        return True
 
-    def _begin(self) -> None:
-        self.status = Status.RUNNING
-        self.order_count += 1
-
-    def _refuse_beyond_reach(self, belief: Belief, here: tuple[float, float]) -> None:
-        away_m = math.dist(here, (belief.north_m, belief.east_m))
-        if away_m > max(REACH_M, 2 * self._config.victory_radius_m):
-            raise Refused(f"aMussel {belief.agent_id} is believed {away_m:.1f} m away: go there first")
-
-    def _end_surfacing(self, status: Status, reason: str, now_ms: int) -> None:
-        if self._surfacing is not None:
-            dock_index, agent_id = self._surfacing.dock_index, self._surfacing.agent_id
-            self._surfacing = None
-            self._end(status, agent_id, dock_index, reason, now_ms)
-
-    def _end(self, status: Status, agent_id: int, dock_index: int, reason: str | None, now_ms: int) -> None:
-        self.status = status
-        self._events.record(now_ms, "docking", agent_id, dock_of(dock_index), status, reason)
-
-    def _released(self, agent_id: int) -> None:
+    def released(self, agent_id: int) -> None:
+        """Ends an undocking: the aMussel is free."""
         full = self._book.state.leaves_full
         self._book.order(TellClear(agent_id))
         self._book.note("released", agent=agent_id, full=full)
         self._book.set(services=self._book.state.services + full)
+
+    def _close(self, order: DockMussel) -> None:
+        self._wait = self._next = None
+        self.mechanism = replace(order, primitive_id=self._book.next_id())
+        self._book.order(self.mechanism)

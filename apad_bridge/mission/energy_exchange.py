@@ -13,17 +13,12 @@ from dataclasses import dataclass
 
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.mission.charging_watch import ChargingWatch
+from apad_bridge.mission.docking_routine import DockingRoutine, DockingStep, GivenUp, OutOfReach
 from apad_bridge.mission.ending import EndReason, MissionEnd
 from apad_bridge.mission.order_book import OrderBook
-from apad_bridge.mission.orders import Order, PermitSurfacing, TellClear
+from apad_bridge.mission.orders import Order, TellClear
 from apad_bridge.mission.plans import plan_note, plan_or_reason
-from apad_bridge.mission.pool import (
-    ChargingPool,
-    floats,
-    is_surfacing_or_floating,
-    placeholder_belief,
-    situation_of,
-)
+from apad_bridge.mission.pool import ChargingPool, placeholder_belief, situation_of
 from apad_bridge.mission.sources import BeliefSource
 from apad_bridge.mission.state import MissionState, Phase, with_new_homes
 from apad_bridge.planning.candidates import Situation
@@ -32,13 +27,11 @@ from apad_bridge.planning.strategy import CollectionStrategy, RedeploymentStrate
 from apad_bridge.scenario.schema import Mission
 from apad_bridge.vehicle.primitives import (
     DockChanged,
-    DockMussel,
     GoToPoint,
     HoldPosition,
     Outcome,
     PrimitiveFailed,
     PrimitiveSucceeded,
-    UndockMussel,
 )
 from firmware_model.state_groups import UP_AND_UNDOCKED
 
@@ -99,9 +92,8 @@ class EnergyExchange(OrderBook):
         self._collection = collection
         self._redeployment = redeployment
         self._pose: tuple[float, float] | None = None
-        self._charging = ChargingWatch(
-            config.full_threshold, config.full_when, round(config.silence_timeout_s * 1000)
-        )
+        self._charging = ChargingWatch(config)
+        self.docking_routine = DockingRoutine(config, beliefs, self, 2 * config.victory_radius_m)
         self._pool = ChargingPool(config, beliefs)
         self._sink_reminders = SinkReminders(round(config.permission_repeat_s * 1000))
         self._must_begin = True
@@ -118,9 +110,11 @@ class EnergyExchange(OrderBook):
             case DockChanged(_, dock_index, agent_id, closed):
                 self.dock_changed(dock_index, agent_id, closed)
             case PrimitiveSucceeded(_, primitive_id) if primitive_id == self.state.primitive_id:
+                self.docking_routine.receive(outcome)
                 if self._behaviour.success is not None:
                     self._behaviour.success(self, now_ms)
             case PrimitiveFailed(_, primitive_id, reason) if primitive_id == self.state.primitive_id:
+                self.docking_routine.receive(outcome)
                 if self.state.plan.steps:
                     self._give_up(reason, now_ms)
         return self.take_orders()
@@ -179,6 +173,12 @@ class EnergyExchange(OrderBook):
         else:
             self._finish_step(now_ms)
 
+    def _resume_undocking(self, now_ms: int) -> None:
+        """The dock may have opened when no supervisor was there to see it."""
+        if not self._is_held(self._step.agent_id):
+            self.docking_routine.released(self._step.agent_id)
+        self._resume_deploying(now_ms)
+
     def _consider_collecting(self, now_ms: int) -> None:
         if self.state.docked:
             # Docked by hand, or before a crash: charge the docked aMussels first.
@@ -206,39 +206,29 @@ class EnergyExchange(OrderBook):
             self._give_up("it was never heard", now_ms)
             return
         self._go_to(belief.north_m, belief.east_m)
-        self.order(PermitSurfacing(belief.agent_id))
-        self._enter(Phase.GO_COLLECT, now_ms, attempts=0)
-
-    def _watch_surfacing(self, now_ms: int) -> None:
-        belief = self._beliefs.get(self._step.agent_id)
-        if belief is not None and floats(belief):
-            if self._pose is not None and self._distance(belief) > 2 * self._config.victory_radius_m:
-                self._go_to(belief.north_m, belief.east_m)
-                self._enter(Phase.GO_COLLECT, now_ms, attempts=self.state.attempts + 1)
-            else:
-                self.order(DockMussel(self.next_id(), self._step.dock_index, belief.agent_id))
-                self._enter(Phase.DOCK, now_ms)
-            return
-        self._repeat_permission(now_ms)
+        self.docking_routine.call_up(belief.agent_id, now_ms)
+        self._enter(Phase.GO_COLLECT, now_ms)
 
     def _repeat_permission(self, now_ms: int) -> None:
-        """Repeats the permission to an aMussel believed under water; after the last attempt gives up the step."""
+        self.docking_routine.advance(self._here, now_ms)
+
+    def _watch_surfacing(self, now_ms: int) -> None:
+        try:
+            step = self.docking_routine.advance(self._here, now_ms)
+        except OutOfReach:
+            self._go_again(now_ms)
+        except GivenUp as given_up:
+            self._give_up(str(given_up), now_ms)
+        else:
+            if step is DockingStep.CLOSE:
+                self._enter(Phase.DOCK, now_ms)
+
+    def _go_again(self, now_ms: int) -> None:
+        """Goes after an aMussel that floats out of reach, for the water has carried it on."""
         belief = self._beliefs.get(self._step.agent_id)
-        waited_ms = now_ms - self.state.since_ms
-        if belief is not None and is_surfacing_or_floating(belief):
-            if (
-                waited_ms > self._config.silence_timeout_s * 1000
-                and self.state.phase is Phase.AWAIT_SURFACING
-            ):
-                self._give_up("it does not come up", now_ms)
-            return
-        if waited_ms < self._config.permission_repeat_s * 1000 * (self.state.attempts + 1):
-            return
-        if self.state.attempts + 1 < self._config.surfacing_attempts:
-            self.set(attempts=self.state.attempts + 1)
-            self.order(PermitSurfacing(self._step.agent_id))
-        elif self.state.phase is Phase.AWAIT_SURFACING:
-            self._give_up("it does not answer the permission to surface", now_ms)
+        assert belief is not None
+        self._go_to(belief.north_m, belief.east_m)
+        self._enter(Phase.GO_COLLECT, now_ms)
 
     def _start_charging(self, now_ms: int) -> None:
         self._hold_and_charge(now_ms)
@@ -254,8 +244,7 @@ class EnergyExchange(OrderBook):
         if not docked:
             self._idle(now_ms)
             return
-        assert self._pose is not None
-        known = [belief or placeholder_belief(agent_id, self._pose) for agent_id, belief in beliefs.items()]
+        known = [belief or placeholder_belief(agent_id, self._here) for agent_id, belief in beliefs.items()]
         situation = self._situation(known, docked)
         name = self._config.redeployment
         solution = plan_or_reason(
@@ -269,7 +258,7 @@ class EnergyExchange(OrderBook):
         self._next_step(now_ms)
 
     def _go_deploy(self, now_ms: int) -> None:
-        north_m, east_m = self._homes().get(self._step.agent_id, self._pose or (0.0, 0.0))
+        north_m, east_m = self._homes().get(self._step.agent_id, self._here)
         self._go_to(north_m, east_m)
         self._enter(Phase.GO_DEPLOY, now_ms)
 
@@ -278,20 +267,12 @@ class EnergyExchange(OrderBook):
         self._enter(Phase.IDLE, now_ms, plan=Solution(()))
 
     def _await_surfacing(self, now_ms: int) -> None:
-        self._enter(Phase.AWAIT_SURFACING, now_ms, attempts=0)
+        self.docking_routine.dock(self._step.dock_index, self._step.agent_id, now_ms)
+        self._enter(Phase.AWAIT_SURFACING, now_ms)
 
     def _undock(self, now_ms: int) -> None:
-        agent_id = self._step.agent_id
-        self.set(leaves_full=self._charging.is_full(self._beliefs.get(agent_id)))
-        self.order(UndockMussel(self.next_id(), self._step.dock_index, agent_id))
+        self.docking_routine.undock(self._step.dock_index, self._step.agent_id)
         self._enter(Phase.UNDOCK, now_ms)
-
-    def _released(self, now_ms: int) -> None:
-        agent_id = self._step.agent_id
-        self.order(TellClear(agent_id))
-        self.note("released", agent=agent_id, full=self.state.leaves_full)
-        self.set(services=self.state.services + self.state.leaves_full)
-        self._finish_step(now_ms)
 
     def _give_up(self, reason: str, now_ms: int) -> None:
         step = self._step
@@ -321,6 +302,11 @@ class EnergyExchange(OrderBook):
     def _behaviour(self) -> _PhaseBehaviour:
         return _BEHAVIOURS[self.state.phase]
 
+    @property
+    def _here(self) -> tuple[float, float]:
+        assert self._pose is not None  # nothing is done before it is known
+        return self._pose
+
     def _is_held(self, agent_id: int) -> bool:
         return agent_id in dict(self.state.docked).values()
 
@@ -329,8 +315,7 @@ class EnergyExchange(OrderBook):
         return self.state.plan.steps[0]
 
     def _situation(self, beliefs: list[Belief], docks: dict[int, int]) -> Situation:
-        assert self._pose is not None
-        return situation_of(self.state, self._pose, beliefs, docks)
+        return situation_of(self.state, self._here, beliefs, docks)
 
     def _homes(self) -> dict[int, tuple[float, float]]:
         return {agent_id: (north_m, east_m) for agent_id, north_m, east_m in self.state.homes}
@@ -346,8 +331,7 @@ class EnergyExchange(OrderBook):
             self.order(TellClear(agent_id))
 
     def _go_to(self, north_m: float, east_m: float) -> None:
-        assert self._pose is not None
-        metres = math.dist(self._pose, (north_m, east_m))
+        metres = math.dist(self._here, (north_m, east_m))
         self.set(cost_m=self.state.cost_m + metres)
         self.note("leg", metres=round(metres, 4))
         config = self._config
@@ -356,10 +340,6 @@ class EnergyExchange(OrderBook):
     def _hold(self, now_ms: int) -> None:
         if self._pose is not None:
             self.order(HoldPosition(self.next_id(), *self._pose))
-
-    def _distance(self, belief: Belief) -> float:
-        assert self._pose is not None
-        return math.dist(self._pose, (belief.north_m, belief.east_m))
 
     def _enter(self, phase: Phase, now_ms: int, **changes: object) -> None:
         self.set(phase=phase, since_ms=now_ms, **changes)
@@ -381,7 +361,7 @@ _BEHAVIOURS = {
     Phase.DOCK: _PhaseBehaviour(_M._resume_collecting, success=_M._finish_step),
     Phase.CHARGE: _PhaseBehaviour(_M._hold_and_charge, tick=_M._consider_deploying),
     Phase.GO_DEPLOY: _PhaseBehaviour(_M._resume_deploying, success=_M._undock),
-    Phase.UNDOCK: _PhaseBehaviour(_M._resume_deploying, success=_M._released),
+    Phase.UNDOCK: _PhaseBehaviour(_M._resume_undocking, success=_M._finish_step),
     Phase.STANDS_DOWN: _PhaseBehaviour(_nothing),
     Phase.ENDED: _PhaseBehaviour(_nothing),
     Phase.COMMANDED: _PhaseBehaviour(_nothing),

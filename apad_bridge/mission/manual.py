@@ -11,8 +11,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Protocol
 
+from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.input_ranges import FARTHEST_M
-from apad_bridge.mission.docking_routine import DockingRoutine
+from apad_bridge.mission.charging_watch import is_full
+from apad_bridge.mission.docking_routine import DockingRoutine, GivenUp, OutOfReach
 from apad_bridge.mission.ending import MissionEnd
 from apad_bridge.mission.event_log import EventLog
 from apad_bridge.mission.order_book import OrderBook
@@ -25,12 +27,18 @@ from apad_bridge.vehicle.commands import DEFAULT_MANOEUVRE, Manoeuvre
 from apad_bridge.vehicle.docking import PRE_EMPTED
 from apad_bridge.vehicle.primitives import (
     DockChanged,
+    DockMussel,
     GoToPoint,
     HoldPosition,
     Outcome,
     PrimitiveFailed,
     PrimitiveSucceeded,
+    UndockMussel,
 )
+from firmware_model.state_groups import BEYOND_HELP
+
+REACH_M = 3.0
+"""A person's docking is refused for an aMussel believed beyond this (or twice the victory radius)."""
 
 
 class CommandSource(Protocol):
@@ -68,7 +76,14 @@ class ManualMission(OrderBook):
         self.goto_orders = 0
         """Number of accepted orders to go somewhere."""
         self.events = EventLog(config.pool_threshold)
-        self._docking_routine = DockingRoutine(config, beliefs, self, self.events)
+        self.docking = Status.IDLE
+        """The status of the last docking or undocking."""
+        self.docking_orders = 0
+        """Number of accepted orders to dock or undock."""
+        self._docking: tuple[int, int] | None = None
+        """(agent, dock index) of the last docking or undocking."""
+        reach_m = max(REACH_M, 2 * config.victory_radius_m)
+        self._docking_routine = DockingRoutine(config, beliefs, self, reach_m)
         self._command_sources = command_sources
         self._target: GoToPoint | None = None
         """The target of the running or paused go-to."""
@@ -85,11 +100,11 @@ class ManualMission(OrderBook):
             case DockChanged(_, dock_index, agent_id, closed):
                 self.dock_changed(dock_index, agent_id, closed)
                 self.events.record(now_ms, "docked" if closed else "undocked", agent_id, dock_of(dock_index))
-            case PrimitiveSucceeded(_, primitive_id):
-                self._end_primitive(primitive_id, Status.DONE, None)
-            case PrimitiveFailed(_, primitive_id, reason):
+            case PrimitiveSucceeded():
+                self._end_primitive(outcome, Status.DONE, None)
+            case PrimitiveFailed(_, _, reason):
                 self._end_primitive(
-                    primitive_id, Status.PREEMPTED if reason == PRE_EMPTED else Status.FAILED, reason
+                    outcome, Status.PREEMPTED if reason == PRE_EMPTED else Status.FAILED, reason
                 )
         return self.take_orders()
 
@@ -104,7 +119,7 @@ class ManualMission(OrderBook):
             self.snapshot()
         self.events.compare(self.beliefs.all(), now_ms)
         if not self.paused:
-            self._docking_routine.advance(self.pose, now_ms)
+            self._advance_docking(self.pose)
         for command_source in self._command_sources:
             command_source.act(self, now_ms)
         return self.take_orders()
@@ -136,16 +151,6 @@ class ManualMission(OrderBook):
         return not self.paused and Status.RUNNING in (self.goto, self.docking)
 
     @property
-    def docking(self) -> Status:
-        """The status of the last docking or undocking."""
-        return self._docking_routine.status
-
-    @property
-    def docking_orders(self) -> int:
-        """Number of accepted orders to dock or undock."""
-        return self._docking_routine.order_count
-
-    @property
     def failure(self) -> str | None:
         """The reason of the last failed primitive."""
         return self.events.failure
@@ -159,7 +164,7 @@ class ManualMission(OrderBook):
 
     def is_full(self, agent_id: int) -> bool:
         """The aMussel is believed full, by the scenario's definition."""
-        return self._docking_routine.is_full(agent_id)
+        return is_full(self.beliefs.get(agent_id), self.config)
 
     def go_to(
         self, north_m: float, east_m: float, speed_m_s: float | None = None, radius_m: float | None = None
@@ -177,7 +182,7 @@ class ManualMission(OrderBook):
             )
         if speed_m_s > self._max_speed_m_s:
             raise Refused(f"a speed of {speed_m_s:g} m/s: apad.max_speed_m_s is {self._max_speed_m_s:g} m/s")
-        self._docking_routine.pre_empt(self.now_ms)
+        self._pre_empt_docking()
         self.goto_orders += 1
         self._start_go_to(
             GoToPoint(0, north_m, east_m, speed_m_s, radius_m), math.dist(here, (north_m, east_m))
@@ -190,28 +195,35 @@ class ManualMission(OrderBook):
         if not all(map(math.isfinite, point)):
             raise Refused("a hold needs finite numbers")
         _refuse_far(*point)
-        self._docking_routine.pre_empt(self.now_ms)
+        self._pre_empt_docking()
         self.order(HoldPosition(self.next_id(), *point))
 
     def dock(self, dock_index: int, agent_id: int, manoeuvre: Manoeuvre = DEFAULT_MANOEUVRE) -> None:
         """Permits the aMussel to surface, waits until it floats, and closes the mechanism around it."""
         here = self._require_place()
-        self._docking_routine.refuse_dock(dock_index, agent_id, here)
-        self._docking_routine.pre_empt(self.now_ms)
+        self._refuse_dock(dock_index, agent_id, here)
+        self._pre_empt_docking()
         if self.goto is Status.RUNNING:
             self.order(HoldPosition(self.next_id(), *here))
-        self._docking_routine.dock(dock_index, agent_id, manoeuvre, here, self.now_ms)
+        self._begin_docking(agent_id, dock_index)
+        self._docking_routine.dock(dock_index, agent_id, self.now_ms, manoeuvre)
+        self._advance_docking(here)
         self.snapshot()
 
     def undock(self, dock_index: int, manoeuvre: Manoeuvre = DEFAULT_MANOEUVRE) -> None:
         """Opens a mechanism, and tells its aMussel that it is clear to sink."""
         self._require_place()
-        self._docking_routine.undock(dock_index, manoeuvre, self.now_ms)
+        agent_id = self.docks[dock_index]
+        if agent_id is None:
+            raise Refused(f"dock {dock_of(dock_index)} is empty")
+        self._pre_empt_docking()
+        self._begin_docking(agent_id, dock_index)
+        self._docking_routine.undock(dock_index, agent_id, manoeuvre)
         self.snapshot()
 
     def permit_surfacing(self, agent_id: int) -> None:
         self._require_place()
-        self._docking_routine.belief_of(agent_id)
+        self._belief_of(agent_id)
         self._docking_routine.permit_surfacing(agent_id)
 
     def tell_clear(self, agent_id: int) -> None:
@@ -239,6 +251,12 @@ class ManualMission(OrderBook):
             self._start_go_to(self._target, 0.0)
         return True
 
+    def go_on_with(self, mechanism: DockMussel | UndockMussel | None) -> None:
+        """Awaits the end of a mechanism that the mission before this one has ordered; None for none."""
+        if mechanism is not None:
+            self._begin_docking(mechanism.agent_id, mechanism.dock_index)
+            self._docking_routine.mechanism = mechanism
+
     # Helpers.
 
     def _require_place(self) -> tuple[float, float]:
@@ -258,13 +276,62 @@ class ManualMission(OrderBook):
         self.order(self._target)
         self.snapshot()
 
-    def _end_primitive(self, primitive_id: int, status: Status, reason: str | None) -> None:
-        if self._target is not None and primitive_id == self._target.primitive_id:
+    def _end_primitive(
+        self, outcome: PrimitiveSucceeded | PrimitiveFailed, status: Status, reason: str | None
+    ) -> None:
+        if self._target is not None and outcome.primitive_id == self._target.primitive_id:
             self._target = None
             self.goto = status
             self.events.record(self.now_ms, "goto", status=status, reason=reason)
-        else:
-            self._docking_routine.ended(primitive_id, status, reason, self.now_ms)
+        elif self._docking_routine.receive(outcome):
+            self._end_docking(status, reason)
+
+    def _belief_of(self, agent_id: int) -> Belief:
+        """The belief about an aMussel. Refused when the aMussel was never heard."""
+        belief = self.beliefs.get(agent_id)
+        if belief is None:
+            # In ROS 1 a field that is left out of a call is 0.
+            hint = "" if agent_id else ": say the aMussel's id, which is 0 where it is left out"
+            raise Refused(f"aMussel {agent_id} was never heard{hint}")
+        return belief
+
+    def _refuse_dock(self, dock_index: int, agent_id: int, here: tuple[float, float]) -> None:
+        """Refused for an aMussel that cannot be docked from here."""
+        belief, docks = self._belief_of(agent_id), self.docks
+        if docks[dock_index] is not None:
+            raise Refused(f"dock {dock_of(dock_index)} holds aMussel {docks[dock_index]}")
+        if agent_id in docks:
+            raise Refused(f"aMussel {agent_id} is in dock {dock_of(docks.index(agent_id))} already")
+        if belief.state in BEYOND_HELP:
+            raise Refused(f"aMussel {agent_id} is lost: it can no longer surface")
+        try:
+            self._docking_routine.check_reach(belief, here)
+        except OutOfReach as out_of_reach:
+            raise Refused(str(out_of_reach)) from None
+
+    def _begin_docking(self, agent_id: int, dock_index: int) -> None:
+        self._docking = (agent_id, dock_index)
+        self.docking = Status.RUNNING
+        self.docking_orders += 1
+
+    def _advance_docking(self, here: tuple[float, float]) -> None:
+        try:
+            self._docking_routine.advance(here, self.now_ms)
+        except GivenUp as given_up:
+            assert self._docking is not None
+            self.note("given_up", agent=self._docking[0], what="dock", reason=str(given_up))
+            self._end_docking(Status.FAILED, str(given_up))
+
+    def _pre_empt_docking(self) -> None:
+        """Ends the wait for an aMussel. Once the mechanism is ordered, the port decides instead."""
+        if self._docking_routine.pre_empt():
+            self._end_docking(Status.PREEMPTED, PRE_EMPTED)
+
+    def _end_docking(self, status: Status, reason: str | None) -> None:
+        assert self._docking is not None
+        agent_id, dock_index = self._docking
+        self.docking = status
+        self.events.record(self.now_ms, "docking", agent_id, dock_of(dock_index), status, reason)
 
 
 def _refuse_far(north_m: float, east_m: float) -> None:

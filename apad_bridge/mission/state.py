@@ -45,8 +45,6 @@ class MissionState:
     """(agent, north, east): the place where each aMussel was first heard and is brought back to."""
     primitive_id: int = 0
     """The id of the primitive under way."""
-    attempts: int = 0
-    """Permissions sent for the step under way, beyond the first."""
     cost_m: float = 0.0
     services: int = 0
     leaves_full: bool = False
@@ -68,9 +66,13 @@ class MissionState:
 
     @classmethod
     def from_json(cls, data: dict[str, Any]) -> MissionState:
-        """The inverse of `to_json`; KeyError, TypeError or ValueError for anything else."""
+        """The inverse of `to_json`; KeyError, TypeError or ValueError for anything else.
+
+        `attempts` is in the journals of earlier runs, and a resumed step begins anew.
+        """
         known, reason = dict(data), data.get("end_reason")
         known.pop("end_reason", None)
+        known.pop("attempts", None)
         text = data["ended_by"]
         return cls(
             **{

@@ -12,9 +12,9 @@ from dataclasses import replace
 
 from apad_bridge.mission.call_queue import CallQueue, FlightMission
 from apad_bridge.mission.ending import MissionEnd
+from apad_bridge.mission.energy_exchange import EnergyExchange
 from apad_bridge.mission.manual import ManualMission
 from apad_bridge.mission.orders import Note, Order
-from apad_bridge.mission.role import Mission
 from apad_bridge.mission.state import MissionState, Phase
 from apad_bridge.mission.values import Refused, Status
 from apad_bridge.planning.solution import Solution
@@ -26,7 +26,7 @@ class Takeover:
 
     def __init__(
         self,
-        planned: Callable[[MissionState | None], Mission],
+        planned: Callable[[MissionState | None], EnergyExchange],
         by_hand: Callable[[MissionState], ManualMission],
         calls: CallQueue,
         state: MissionState | None = None,
@@ -37,7 +37,7 @@ class Takeover:
         self._now_ms = 0
         self._pose: tuple[float, float] | None = None
         self._orders: list[Order] = []
-        self._flying: Mission | ManualMission
+        self._flying: EnergyExchange | ManualMission
         # A resumed flight goes on as it was flown, by hand or by the plan.
         self._flying = (
             by_hand(state) if state is not None and state.phase is Phase.COMMANDED else planned(state)
@@ -87,9 +87,12 @@ class Takeover:
 
         Like `give_back`, it returns a message when nothing changes, else an empty text.
         """
-        if self.by_hand is not None:
+        planned = self._flying
+        if isinstance(planned, ManualMission):
             return "the aPad was taken over already"
-        self._change(self._by_hand(self.state), taken=True)
+        manual = self._by_hand(self.state)
+        manual.go_on_with(planned.docking_routine.mechanism)
+        self._change(manual, taken=True)
         return ""
 
     def give_back(self) -> str:
@@ -99,12 +102,10 @@ class Takeover:
             return "the mission flies the aPad already"
         if manual.docking is Status.RUNNING:
             raise Refused("a docking is under way: wait for its end, or order a hold")
-        self._change(
-            self._planned(replace(self.state, phase=Phase.IDLE, plan=Solution(()), attempts=0)), taken=False
-        )
+        self._change(self._planned(replace(self.state, phase=Phase.IDLE, plan=Solution(()))), taken=False)
         return ""
 
-    def _change(self, mission: Mission | ManualMission, *, taken: bool) -> None:
+    def _change(self, mission: EnergyExchange | ManualMission, *, taken: bool) -> None:
         if self.state.phase is Phase.ENDED:
             raise Refused(f"the mission is over: {self.state.ended_by}")
         if (manual := self.by_hand) is not None:

@@ -255,6 +255,38 @@ def test_a_resumed_mission_does_not_dock_twice_what_the_dock_holds() -> None:
     assert PermitSurfacing(3) not in bench.orders
 
 
+def undocking_state() -> MissionState:
+    """A journal's state with one aMussel, believed full, being let go."""
+    bench = Bench(agents=1)
+    bench.mission.receive(DockChanged(0, 2, 1, True), 0)
+    bench.told.say(1, 0, State.CHARGING, 1.0)
+    bench.tick()
+    bench.tick()
+    bench.succeed()
+    assert isinstance(bench.primitive(), UndockMussel)
+    return MissionState.from_json(bench.mission.state.to_json())
+
+
+def test_a_resumed_undocking_is_ordered_again() -> None:
+    bench = Bench(agents=1, state=undocking_state())
+    bench.told.say(1, 0, State.CHARGING, 1.0)
+    bench.tick()
+    bench.succeed()
+    bench.succeed()
+    assert TellClear(1) in bench.orders
+    assert bench.notes("released") == [{"agent": 1, "full": True}]
+    assert bench.mission.state.services == 1
+
+
+def test_an_undocking_that_ended_without_a_supervisor_is_a_service() -> None:
+    bench = Bench(agents=1, state=replace(undocking_state(), docked=()))
+    bench.told.say(1, 0, State.FLOATING, 1.0)
+    bench.tick()
+    assert TellClear(1) in bench.orders
+    assert bench.notes("released") == [{"agent": 1, "full": True}]
+    assert (bench.mission.state.services, bench.mission.state.phase) == (1, Phase.IDLE)
+
+
 def test_a_resumed_charging_wait_gives_nobody_up_before_it_was_heard_for_long_enough() -> None:
     state = replace(ready_state(), phase=Phase.CHARGE, since_ms=0, plan=Solution(()))
     bench = Bench(agents=0, state=state)

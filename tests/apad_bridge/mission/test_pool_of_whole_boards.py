@@ -96,7 +96,7 @@ def test_a_dock_is_nobody_s_home(state: State, is_home: bool) -> None:
 def test_full_is_what_the_scenario_says(
     full_when: FullWhen, primary: float, secondary: float, full: bool
 ) -> None:
-    watch = ChargingWatch(0.99, full_when, patience_ms=1000)
+    watch = ChargingWatch(replace(MISSION, full_threshold=0.99, full_when=full_when))
     docked = told(State.REPORTING, primary=primary, secondary=secondary)
     watch.start(0)
     assert watch.give_up_stalled(docked, 0) == []
@@ -104,7 +104,9 @@ def test_full_is_what_the_scenario_says(
 
 
 def test_who_gains_in_the_battery_that_is_waited_for_is_not_given_up() -> None:
-    watch = ChargingWatch(0.99, FullWhen.BOTH, patience_ms=1000)
+    watch = ChargingWatch(
+        replace(MISSION, full_threshold=0.99, full_when=FullWhen.BOTH, silence_timeout_s=1.0)
+    )
     watch.start(0)
     for now_ms in range(0, 5001, 1000):
         docked = told(State.CHARGING, primary=1.0, secondary=0.5 + now_ms / 20_000)

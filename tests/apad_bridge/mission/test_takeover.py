@@ -6,15 +6,23 @@ from typing import Any
 
 import pytest
 
+from apad_bridge.beliefs.belief import Belief
+from apad_bridge.beliefs.fleet import Estimator
 from apad_bridge.mission.call_queue import CallQueue
 from apad_bridge.mission.ending import EndReason, MissionEnd
+from apad_bridge.mission.energy_exchange import EnergyExchange
 from apad_bridge.mission.manual import ManualMission
+from apad_bridge.mission.orders import Order, TellClear
 from apad_bridge.mission.state import MissionState, Phase
 from apad_bridge.mission.takeover import Takeover, give_back, take_over
 from apad_bridge.mission.values import Refused, Status
+from apad_bridge.planning import registry
+from apad_bridge.planning.solution import Solution, Step, StepKind
 from apad_bridge.runs.in_memory import MemoryRecorder, open_flight
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.supervisor.loop import Flight
+from apad_bridge.vehicle.primitives import DockChanged, GoToPoint, PrimitiveSucceeded, UndockMussel
+from firmware_model.states import State
 
 
 class Flying:
@@ -114,6 +122,53 @@ def test_it_is_not_given_back_in_the_middle_of_a_docking(pool: Scenario) -> None
     flying.call_mission(give_back)
     assert flying.phase is Phase.CHARGE
     assert flying.flight.supervisor.mission.docks == (3, None, None, None)
+
+
+class Told(dict[int, Belief]):
+    def all(self) -> list[Belief]:
+        return list(self.values())
+
+    @property
+    def estimator(self) -> Estimator:
+        raise AssertionError("nobody forecasts here")
+
+
+def test_a_mechanism_that_opens_when_a_person_takes_over_is_a_service_all_the_same(pool: Scenario) -> None:
+    told = Told({3: Belief(3, 0, State.CHARGING, 1.0, 1.0, 5.0, 5.0)})
+    to_redeploy = MissionState(
+        Phase.GO_DEPLOY,
+        plan=Solution((Step(StepKind.DEPLOY, 3, 0),)),
+        docked=((0, 3),),
+        homes=((3, 5.0, 5.0),),
+    )
+    takeover = Takeover(
+        lambda state: EnergyExchange(
+            pool.mission,
+            told,
+            registry.collection("cautious"),
+            registry.redeployment("greedy-redeploy"),
+            state,
+        ),
+        lambda state: ManualMission(pool.mission, 1.0, told, (), state),
+        CallQueue(),
+        to_redeploy,
+    )
+    takeover.moved(5.0, 5.0)
+
+    def ordered(orders: list[Order], kind: type[GoToPoint] | type[UndockMussel]) -> int:
+        return next(it.primitive_id for it in orders if isinstance(it, kind))
+
+    go_to = ordered(takeover.advance(1000), GoToPoint)
+    undock = ordered(takeover.receive(PrimitiveSucceeded(2000, go_to), 2000), UndockMussel)
+    takeover.take_over()
+    takeover.advance(3000)
+    assert takeover.by_hand is not None and takeover.by_hand.docking is Status.RUNNING
+    takeover.receive(DockChanged(4000, 0, 3, False), 4000)
+    orders = takeover.receive(PrimitiveSucceeded(4000, undock), 4000)
+    assert TellClear(3) in orders
+    assert takeover.state.services == 1
+    assert takeover.by_hand.docking is Status.DONE
+    assert takeover.by_hand.events.take("docking")[0].agent == 3
 
 
 def test_a_call_can_end_the_flight_and_then_nobody_takes_it(pool: Scenario) -> None:
