@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, cast
 
@@ -21,9 +23,9 @@ from apad_bridge.ros.gateway.gateway import Gateway, GatewayFailed, TruthSource,
 from apad_bridge.ros.gateway.standard_messages import ball_size_m
 from apad_bridge.ros.gateway.standard_topics import StandardTopics
 from apad_bridge.ros.links.contacts_link import ContactsLink
-from apad_bridge.ros.links.laboratory import DockAlertReceiver, Laboratory
+from apad_bridge.ros.links.laboratory import DockAlertReceiver, Laboratory, LaboratoryLink
 from apad_bridge.ros.links.legacy_link import LegacyLink
-from apad_bridge.ros.links.packet_relay import FleetRelay, MissionRelay, RealAgentRelay, SeveralRelay
+from apad_bridge.ros.links.packet_topics import AMusselServices, AMusselTopics, PacketTopics
 from apad_bridge.ros.links.vehicles import READY_S, TruthsAt, open_apad, reports_contact
 from apad_bridge.ros.system.master_watch import GraphEvent, MasterWatch
 from apad_bridge.ros.system.ros_pace import FollowedClock, OwnMasterClock
@@ -35,6 +37,15 @@ from apad_bridge.scenario.schema import Scenario
 from apad_bridge.supervisor.clock import Pace, WallClock
 from apad_bridge.supervisor.context import FlightContext, Watcher
 from apad_bridge.supervisor.fleet import Fleet
+from apad_bridge.supervisor.packet_relay import (
+    FLEET_ALONE,
+    MISSION_ALONE,
+    Division,
+    Outcome,
+    PacketRelay,
+    one_of_several,
+    whole_flight,
+)
 from apad_bridge.supervisor.roster import Presences, Roster
 from apad_bridge.vehicle.errors import PeerFailed, VehicleNotReady
 from apad_bridge.vehicle.listening_link import ListeningLink
@@ -77,15 +88,15 @@ def open_flight_context(
             beside = _beside_the_gateway(scenario, options, shown, presences)
             vehicle, watches = _vehicle(scenario, options, docked, now_ms, truths_at)
             stack.callback(vehicle.close)
-            relay = _relay(options, scenario, vehicle, presences, allocation)
-            stack.callback(relay.close)
+            relayed = _open_relay(options, scenario, vehicle, presences, allocation, laboratory)
+            stack.callback(relayed.close)
             if not isinstance(vehicle, ContactsLink):
                 vehicle.wait_until_ready(READY_S)
         except (SecondFleet, GatewayFailed, VehicleNotReady) as error:
             raise PeerFailed(str(error)) from error
         capabilities = None if isinstance(vehicle, ContactsLink) else vehicle.capabilities
         is_bench = capabilities is not None and not capabilities.reports_contact
-        link = laboratory.wrap_link(vehicle, cast(DockAlertReceiver, vehicle) if is_bench else None)
+        link = LaboratoryLink(laboratory, vehicle, cast(DockAlertReceiver, vehicle) if is_bench else None)
         yield FlightContext(
             ListeningLink(link) if options.part is Part.FLEET else link,
             _pace(options, vehicle, now_ms, in_fine_steps=bool(watches)),
@@ -97,14 +108,13 @@ def open_flight_context(
                 *_allocation_watcher(allocation, vehicle),
             ),
             gateway.event,
-            laboratory.wrap_relay(relay, link, is_mission=options.part is Part.MISSION),
+            relayed.relay,
             held,
             capabilities,
-            lambda: vehicle.dropped + laboratory.dropped + relay.dropped,
+            lambda: vehicle.dropped + laboratory.dropped + relayed.dropped,
             _graph_events(stack, options, scenario, vehicle),
             roster=roster,
             keeps_samples=options.part is not Part.FLEET,
-            send_contact=relay.send_contact if isinstance(relay, SeveralRelay) else None,
             allocation=allocation,
         )
 
@@ -176,22 +186,49 @@ def _roster(
     return Roster(presences, services)
 
 
-def _relay(
+@dataclass(frozen=True, slots=True)
+class _RelayParts:
+    """The relay to aMussels, or to a mission, that are elsewhere; and what it carries packets by."""
+
+    relay: PacketRelay
+    channels: tuple[PacketTopics | AMusselServices | AMusselTopics, ...]
+
+    @property
+    def dropped(self) -> Counter[str]:
+        return sum((it.dropped for it in self.channels), self.relay.dropped)
+
+    def close(self) -> None:
+        for channel in self.channels:
+            channel.close()
+
+
+def _open_relay(
     options: RunOptions,
     scenario: Scenario,
     vehicle: APadLink | ContactsLink,
     presences: Presences,
     allocation: Allocation | None,
-) -> FleetRelay | MissionRelay | RealAgentRelay | SeveralRelay:
-    """Joins this process to aMussels, or to a mission, that are elsewhere."""
+    laboratory: Laboratory,
+) -> _RelayParts:
     ids, codec = parts.agent_ids(scenario), load_codec(scenario.hearing.codec)
+    division = _division(options, presences, allocation)
+    topics = PacketTopics(ids if allocation is None else scenario.fleet.all_ids, division.peers)
+    channels: tuple[PacketTopics | AMusselServices | AMusselTopics, ...] = (topics,)
+    if division is FLEET_ALONE:
+        channels = (AMusselServices(ids, codec), topics)
+    elif division is MISSION_ALONE and not isinstance(vehicle, ContactsLink):
+        channels = (topics, AMusselTopics(ids, codec, scenario.theta, vehicle.holds, topics.senders))
+    inlets = [laboratory.take, *(channel.take for channel in channels)]
+    relay = PacketRelay(division, inlets, {Outcome.PUBLISH: topics.publish, **laboratory.outlets})
+    return _RelayParts(relay, channels)
+
+
+def _division(options: RunOptions, presences: Presences, allocation: Allocation | None) -> Division:
     if allocation is not None:
-        return SeveralRelay(scenario.fleet.all_ids, allocation, lambda: presences.simulated)
+        return one_of_several(allocation, lambda: presences.simulated)
     if options.part is Part.FLEET:
-        return FleetRelay(ids, codec)
-    if options.part is Part.MISSION and not isinstance(vehicle, ContactsLink):
-        return MissionRelay(ids, codec, scenario.theta, vehicle.holds)
-    return RealAgentRelay(ids, lambda: presences.simulated)
+        return FLEET_ALONE
+    return MISSION_ALONE if options.part is Part.MISSION else whole_flight(lambda: presences.simulated)
 
 
 def _allocation_watcher(

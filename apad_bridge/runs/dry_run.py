@@ -7,10 +7,8 @@ from dataclasses import replace
 from typing import Any
 
 from agents.hosting.in_process import InProcessHost
-from agents.packet_medium import Medium
 from apad_bridge.assembly import parts
 from apad_bridge.assembly.water import fleet_of
-from apad_bridge.mission.events import Send
 from apad_bridge.runs.in_memory import MemoryRecorder
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import Start
@@ -18,7 +16,6 @@ from apad_bridge.supervisor.clock import AsFastAsPossible
 from apad_bridge.supervisor.context import FlightContext
 from apad_bridge.supervisor.core import TICK_MS
 from apad_bridge.supervisor.loop import Flight
-from apad_bridge.supervisor.packet_relay import PacketRelay
 from apad_bridge.vehicle.commands import VehicleCommand
 from apad_bridge.vehicle.link import InProcessVehicle, VehicleLink
 
@@ -34,27 +31,10 @@ class _UncommandedVehicle:
         pass
 
 
-class _SilentRelay:
-    """A packet relay that receives and never transmits."""
-
-    def __init__(self, relay: PacketRelay) -> None:
-        self.advance = relay.advance
-
-    def transmit(self, medium: Medium, agent_id: int, data: bytes, now_ms: int) -> None:
-        pass
-
-    def forward(self, send: Send, now_ms: int) -> None:
-        pass
-
-
 def without_commands(context: FlightContext) -> FlightContext:
     """The same context, but neither the vehicle nor a real aMussel is commanded."""
-    relay = context.relay
-    return replace(
-        context,
-        vehicle=_UncommandedVehicle(context.vehicle),
-        relay=None if relay is None else _SilentRelay(relay),
-    )
+    relay = None if context.relay is None else context.relay.without_outlets()
+    return replace(context, vehicle=_UncommandedVehicle(context.vehicle), relay=relay)
 
 
 def first_plan(scenario: Scenario, starts: Sequence[Start]) -> dict[str, Any] | None:

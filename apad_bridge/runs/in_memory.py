@@ -21,7 +21,7 @@ from apad_bridge.scenario.starts import starts_of
 from apad_bridge.supervisor.clock import AsFastAsPossible
 from apad_bridge.supervisor.context import FlightContext
 from apad_bridge.supervisor.loop import Flight
-from apad_bridge.supervisor.packet_relay import PacketRelay, SendContact
+from apad_bridge.supervisor.packet_relay import PacketRelay
 from apad_bridge.supervisor.roster import Presence
 from apad_bridge.supervisor.sample_collection import SampleCollection
 from apad_bridge.vehicle.commands import BatteryReported, PoseReported
@@ -71,7 +71,6 @@ def open_flight(
     command_sources: Sequence[CommandSource] = (),
     takeover: CallQueue | None = None,
     relay: PacketRelay | None = None,
-    send_contact: SendContact | None = None,
     breakdown: Breakdown | None = None,
 ) -> tuple[Flight, MemoryRecorder]:
     """Opens a flight that is ready to `run`; returns it and its recorder.
@@ -88,7 +87,7 @@ def open_flight(
         scenario, command_sources=command_sources, samples=samples, takeover=takeover, breakdown=breakdown
     )
     recorder = MemoryRecorder(scenario)
-    context = FlightContext(vehicle, AsFastAsPossible(), fleet, relay=relay, send_contact=send_contact)
+    context = FlightContext(vehicle, AsFastAsPossible(), fleet, relay=relay)
     return Flight(supervisor, context, recorder), recorder
 
 

@@ -15,7 +15,7 @@ from apad_bridge.mission.breakdown import Breakdown
 from apad_bridge.supervisor.clock import Pace
 from apad_bridge.supervisor.core import Supervisor
 from apad_bridge.supervisor.fleet import Fleet
-from apad_bridge.supervisor.packet_relay import PacketRelay, SendContact
+from apad_bridge.supervisor.packet_relay import PacketRelay
 from apad_bridge.supervisor.roster import Roster
 from apad_bridge.vehicle.capabilities import Capabilities
 from apad_bridge.vehicle.link import VehicleLink
@@ -50,7 +50,7 @@ class FlightContext:
     announce: Announce | None = None
     """Receives every event of the flight, as the journal does."""
     relay: PacketRelay | None = None
-    """Passes packets to another process that holds the other half of the bench: a fleet, or a supervisor."""
+    """Relays packets, and the contacts of docks, between this flight's aMussels and supervisor and those elsewhere."""
     held: tuple[int, ...] = ()
     """The aMussels that docks hold already."""
     capabilities: Capabilities | None = None
@@ -65,8 +65,6 @@ class FlightContext:
     """Changes which aMussels of the fleet are simulated."""
     keeps_samples: bool = True
     """False for a fleet whose mission is at the other end of a relay: its samples are uploaded there."""
-    send_contact: SendContact | None = None
-    """Delivers contacts to aMussels of other fleets, where one of several aPads may serve these."""
     breakdown: Breakdown | None = None
     """The conditions in which one of several aPads stands down; None for a single aPad, or when no aPad takes over."""
     allocation: Allocation | None = None

@@ -195,14 +195,11 @@ class Flight:
                     pass
                 case KeepSamples(agent_id, records):
                     self._recorder.samples(agent_id, records)
-                case Send(medium, agent_id, data) as send:
-                    if self._fleet is None and self._relay is not None:
-                        self._relay.transmit(medium, agent_id, data, now_ms)
-                    else:
-                        if agent_id not in self.supervisor.allocation.served_for_others:
-                            self._send(send, now_ms)
-                        if self._relay is not None:
-                            self._relay.forward(send, now_ms)
+                case Send() as send:
+                    if send.agent_id not in self.supervisor.allocation.served_for_others:
+                        self._send(send, now_ms)
+                    if self._relay is not None:
+                        self._relay.forward(send, now_ms)
                 case Ping(agent_id, not_before_ms):
                     if self._fleet is not None and self._fleet.sea is not None:
                         self._fleet.sea.ping(agent_id, not_before_ms)
@@ -354,9 +351,9 @@ class Flight:
                 stimulus = self._contacts.take(fact)
                 if stimulus is None:
                     continue
-                send_contact = self._context.send_contact
-                if send_contact is not None and fact.agent_id in self.supervisor.allocation.served_for_others:
-                    send_contact(RemoteContact(fact.agent_id, stimulus), now_ms)
+                served_for_others = self.supervisor.allocation.served_for_others
+                if self._relay is not None and fact.agent_id in served_for_others:
+                    self._relay.send_contact(RemoteContact(fact.agent_id, stimulus), now_ms)
                 else:
                     self._stimulate(fact.agent_id, stimulus, now_ms)
             else:

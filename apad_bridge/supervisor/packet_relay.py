@@ -1,38 +1,232 @@
-"""Relays packets between aMussels and a supervisor in different processes: a fleet without a mission, or the reverse."""
+"""Relays packets between aMussels and supervisors that live in different processes, by one table of routing rules.
+
+`RULES` says what becomes of a packet, by the place where it begins, the standing of its aMussel in this process, and its
+medium. A `Division` gives the standings. The relay knows neither ROS nor a clock: its inlets bring the packets of other
+processes, and its outlets carry packets to them.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import json
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from enum import Enum, auto
 
-from agents.mussel.stimuli import Stimulus
+from agents.mussel.stimuli import Stimulus, from_wire, to_wire
 from agents.packet_medium import Medium
+from apad_bridge.mission.allocation import Allocation
 from apad_bridge.mission.events import Send, SoundHeard, WifiHeard
+
+
+class Source(Enum):
+    """The place where a packet begins. A dock's contact with an aMussel travels as a packet without a medium."""
+
+    LOCAL_AMUSSEL = auto()
+    """An aMussel that this process simulates. The supervisor of this process has its packet already."""
+    LOCAL_SUPERVISOR = auto()
+    LOCAL_DOCK = auto()
+    REMOTE_AMUSSEL = auto()
+    REMOTE_SUPERVISOR = auto()
+    REMOTE_DOCK = auto()
+    LABORATORY = auto()
+    """Anybody who commands aMussels by a laboratory's own messages."""
+
+
+class Standing(Enum):
+    """Where an aMussel lives and who serves it, as one process sees it."""
+
+    OURS = auto()
+    """Simulated and served here."""
+    REAL = auto()
+    """A real aMussel, served here. If this process simulates its twin, the twin is muted."""
+    LENT = auto()
+    """Simulated here, and served by another supervisor."""
+    BORROWED = auto()
+    """Served here, and simulated by another process."""
+    FOREIGN = auto()
+    """Neither simulated nor served here."""
+
+
+class Outcome(Enum):
+    PUBLISH = auto()
+    """Other processes get the packet."""
+    RECEIVE = auto()
+    """The flight gets it: the supervisor an aMussel's packet, the aMussel a command or a contact."""
+    REFUSE = auto()
+    """The packet is dropped and counted, because two aMussels would speak under one id."""
+    TELL_PACKET = auto()
+    """The laboratory gets the packet's bytes."""
+    TELL_WIFI = auto()
+    """The laboratory is told that the aMussel is on the Wi-Fi."""
+    TELL_COMMAND = auto()
+    """The laboratory gets the command in a message of its own, if it has one."""
+
+
+@dataclass(frozen=True, slots=True)
+class Rule:
+    """What becomes of a packet from `source`, by its aMussel's standing and its medium; None stands for any."""
+
+    source: Source
+    standing: Standing | None
+    medium: Medium | None
+    outcome: Outcome
+
+    def applies(self, source: Source, standing: Standing, medium: Medium | None) -> bool:
+        return (
+            source is self.source
+            and self.standing in (None, standing)
+            and (self.medium is None or medium is self.medium)
+        )
+
+
+RULES = (
+    Rule(Source.LOCAL_AMUSSEL, Standing.LENT, None, Outcome.PUBLISH),
+    Rule(Source.LOCAL_AMUSSEL, None, Medium.SOUND, Outcome.TELL_PACKET),
+    Rule(Source.LOCAL_AMUSSEL, None, Medium.WIFI, Outcome.TELL_WIFI),
+    Rule(Source.LOCAL_SUPERVISOR, Standing.REAL, None, Outcome.PUBLISH),
+    Rule(Source.LOCAL_SUPERVISOR, Standing.BORROWED, None, Outcome.PUBLISH),
+    Rule(Source.LOCAL_SUPERVISOR, Standing.FOREIGN, None, Outcome.PUBLISH),
+    Rule(Source.LOCAL_SUPERVISOR, None, None, Outcome.TELL_COMMAND),
+    Rule(Source.LOCAL_DOCK, Standing.BORROWED, None, Outcome.PUBLISH),
+    Rule(Source.REMOTE_AMUSSEL, Standing.REAL, None, Outcome.RECEIVE),
+    Rule(Source.REMOTE_AMUSSEL, Standing.BORROWED, None, Outcome.RECEIVE),
+    Rule(Source.REMOTE_AMUSSEL, Standing.OURS, None, Outcome.REFUSE),
+    Rule(Source.REMOTE_SUPERVISOR, Standing.LENT, None, Outcome.RECEIVE),
+    Rule(Source.REMOTE_DOCK, Standing.OURS, None, Outcome.RECEIVE),
+    Rule(Source.REMOTE_DOCK, Standing.REAL, None, Outcome.RECEIVE),  # its twin feels the same docks
+    Rule(Source.REMOTE_DOCK, Standing.LENT, None, Outcome.RECEIVE),
+    Rule(Source.LABORATORY, None, None, Outcome.RECEIVE),
+)
+"""All rules that apply act, in this order. A packet to which none applies goes no further: the packets of a lent aMussel
+come back from the topic on which this process published them, for example."""
+
+
+def outcomes(source: Source, standing: Standing, medium: Medium | None) -> list[Outcome]:
+    return [rule.outcome for rule in RULES if rule.applies(source, standing, medium)]
+
+
+@dataclass(frozen=True, slots=True)
+class Division:
+    """How aMussels and supervisors are divided between this process and others."""
+
+    standing: Callable[[int], Standing]
+    """The present standing of an aMussel, or of EVERYONE."""
+    peers: tuple[Source, ...]
+    """The sources in other processes."""
+
+
+def whole_flight(simulated: Callable[[], frozenset[int]]) -> Division:
+    """A supervisor with a fleet. An aMussel that is not simulated is real."""
+    return Division(
+        lambda agent_id: Standing.OURS if agent_id in simulated() else Standing.REAL, (Source.REMOTE_AMUSSEL,)
+    )
+
+
+FLEET_ALONE = Division(lambda _: Standing.LENT, (Source.REMOTE_SUPERVISOR,))
+MISSION_ALONE = Division(lambda _: Standing.BORROWED, (Source.REMOTE_AMUSSEL,))
+
+
+def one_of_several(allocation: Allocation, simulated: Callable[[], frozenset[int]]) -> Division:
+    """One of several aPads that take over from each other."""
+
+    def standing(agent_id: int) -> Standing:
+        if agent_id in allocation.own:
+            if agent_id in allocation.served_elsewhere:
+                return Standing.LENT
+            return Standing.OURS if agent_id in simulated() else Standing.REAL
+        return Standing.BORROWED if agent_id in allocation.served else Standing.FOREIGN
+
+    return Division(standing, (Source.REMOTE_AMUSSEL, Source.REMOTE_SUPERVISOR, Source.REMOTE_DOCK))
+
+
+@dataclass(frozen=True, slots=True)
+class RelayedPacket:
+    """A packet of an aMussel, or for an aMussel or EVERYONE, with its mission time."""
+
+    source: Source
+    agent_id: int
+    medium: Medium | None
+    data: bytes
+    at_ms: int
 
 
 @dataclass(frozen=True, slots=True)
 class RemoteContact:
-    """A stimulus that an aMussel of this fleet gets from an aPad whose supervisor is elsewhere."""
+    """A stimulus that an aMussel gets from the dock of an aPad whose supervisor is in another process."""
 
     agent_id: int
     stimulus: Stimulus
 
 
 RelayedEvent = WifiHeard | SoundHeard | Send | RemoteContact
-SendContact = Callable[[RemoteContact, int], None]
-"""Delivers a stimulus of an aPad's docks to an aMussel that is simulated elsewhere, at a mission time."""
+Inlet = Callable[[int], Sequence[RelayedPacket]]
+"""Returns the packets that arrived since the last call, at a mission time."""
+Outlet = Callable[[RelayedPacket], None]
 
 
-class PacketRelay(Protocol):
-    def advance(self, now_ms: int) -> Sequence[RelayedEvent]:
-        """Returns the items from the other side up to mission time `now_ms`: packets from aMussels, or items for them."""
-        ...
+class PacketRelay:
+    """Applies the rules. An outcome without an outlet has no effect: a flight without a laboratory tells none."""
+
+    def __init__(
+        self, division: Division, inlets: Sequence[Inlet], outlets: Mapping[Outcome, Outlet]
+    ) -> None:
+        self.dropped: Counter[str] = Counter()
+        self._division = division
+        self._inlets = inlets
+        self._outlets = outlets
+
+    def without_outlets(self) -> PacketRelay:
+        """The same relay, which receives and transmits nothing. Its drops count in this one's."""
+        silent = PacketRelay(self._division, self._inlets, {})
+        silent.dropped = self.dropped
+        return silent
+
+    def advance(self, now_ms: int) -> list[RelayedEvent]:
+        """Returns the events for this flight up to mission time `now_ms`."""
+        received: list[RelayedEvent] = []
+        for inlet in self._inlets:
+            for packet in inlet(now_ms):
+                received += self._route(packet)
+        return received
 
     def transmit(self, medium: Medium, agent_id: int, data: bytes, now_ms: int) -> None:
-        """Sends a packet from or to this aMussel to the other side."""
-        ...
+        """Routes a packet that an aMussel of this process sent."""
+        self._route(RelayedPacket(Source.LOCAL_AMUSSEL, agent_id, medium, data, now_ms))
 
     def forward(self, send: Send, now_ms: int) -> None:
-        """Handles a packet that the supervisor of this process sent, to an aMussel of this fleet or of another."""
-        ...
+        """Routes a packet that the supervisor of this process sent."""
+        self._route(RelayedPacket(Source.LOCAL_SUPERVISOR, send.agent_id, send.medium, send.data, now_ms))
+
+    def send_contact(self, felt: RemoteContact, now_ms: int) -> None:
+        """Routes a contact of this process's docks with an aMussel."""
+        data = json.dumps(to_wire(felt.stimulus)).encode()
+        self._route(RelayedPacket(Source.LOCAL_DOCK, felt.agent_id, None, data, now_ms))
+
+    def _route(self, packet: RelayedPacket) -> list[RelayedEvent]:
+        received: list[RelayedEvent] = []
+        for outcome in outcomes(packet.source, self._division.standing(packet.agent_id), packet.medium):
+            if outcome is Outcome.RECEIVE:
+                received += self._received(packet)
+            elif outcome is Outcome.REFUSE:
+                self.dropped["a packet of a real aMussel whose id is simulated here"] += 1
+            elif (carry := self._outlets.get(outcome)) is not None:
+                carry(packet)
+        return received
+
+    def _received(self, packet: RelayedPacket) -> list[RelayedEvent]:
+        match packet.source, packet.medium:
+            case Source.REMOTE_AMUSSEL, Medium.WIFI:
+                return [WifiHeard(packet.at_ms, packet.data)]
+            case Source.REMOTE_AMUSSEL, Medium.SOUND:
+                return [SoundHeard(packet.at_ms, packet.data)]
+            case ((Source.REMOTE_SUPERVISOR | Source.LABORATORY), Medium() as medium):
+                return [Send(medium, packet.agent_id, packet.data)]
+            case Source.REMOTE_DOCK, None:
+                try:
+                    return [RemoteContact(packet.agent_id, from_wire(json.loads(packet.data)))]
+                except (ValueError, TypeError, KeyError, IndexError):
+                    self.dropped["felt: no contact of a dock"] += 1
+                    return []
+        self.dropped["packet: no such medium"] += 1
+        return []

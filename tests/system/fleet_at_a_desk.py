@@ -22,7 +22,7 @@ from apad_bridge.ros.gateway.claims import ClaimBoard
 from apad_bridge.ros.gateway.fleet_guard import SecondFleet
 from apad_bridge.ros.gateway.fleet_services import FleetServices
 from apad_bridge.ros.gateway.gateway import open_gateway
-from apad_bridge.ros.links.packet_relay import RealAgentRelay
+from apad_bridge.ros.links.packet_topics import PacketTopics
 from apad_bridge.scenario.loader import from_data, load, resolve
 from apad_bridge.scenario.local_frame import LocalFrame
 from apad_bridge.scenario.schema import Scenario
@@ -31,6 +31,7 @@ from apad_bridge.supervisor.clock import WallClock
 from apad_bridge.supervisor.context import FlightContext
 from apad_bridge.supervisor.fleet import Fleet
 from apad_bridge.supervisor.loop import Flight
+from apad_bridge.supervisor.packet_relay import Outcome, PacketRelay, whole_flight
 from apad_bridge.supervisor.roster import Presence, PresenceChange, Presences, Roster
 from apad_bridge.vehicle.link import InProcessVehicle
 
@@ -82,7 +83,9 @@ def main() -> None:
     frame, threshold = LocalFrame.about(flown.area.origin), flown.mission.pool_threshold
     alerts = BatteryAlerts(initial_states, frame, threshold, "", lambda: presences.simulated)
     services = FleetServices(presences, claims)
-    relay = RealAgentRelay(initial_states, lambda: presences.simulated)
+    division = whole_flight(lambda: presences.simulated)
+    topics = PacketTopics(initial_states, division.peers)
+    relay = PacketRelay(division, [topics.take], {Outcome.PUBLISH: topics.publish})
     host = InProcessHost(parts.fleet_config(flown), initial_states)
     supervisor = parts.supervisor(flown)
     flight = Flight(
@@ -101,7 +104,7 @@ def main() -> None:
     print("flying", flush=True)
     flight.run()
     services.close()
-    relay.close()
+    topics.close()
     gateway.close()
 
 

@@ -14,11 +14,9 @@ from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from typing import Any
 
-from agents.packet_medium import Medium
 from apad_bridge.assembly import parts
 from apad_bridge.assembly.division import Member
 from apad_bridge.mission.breakdown import Breakdown
-from apad_bridge.mission.events import Send, SoundHeard, WifiHeard
 from apad_bridge.records.recorder import Recorder
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.runs import flying
@@ -30,7 +28,14 @@ from apad_bridge.runs.status import Status
 from apad_bridge.scenario.another_apad import Sharing
 from apad_bridge.supervisor import recorder_interface
 from apad_bridge.supervisor.loop import Flight
-from apad_bridge.supervisor.packet_relay import RelayedEvent, RemoteContact
+from apad_bridge.supervisor.packet_relay import (
+    Division,
+    Outcome,
+    PacketRelay,
+    RelayedPacket,
+    Source,
+    Standing,
+)
 
 ASSIGNMENT_PERIOD_MS = 10_000
 """Mission time between two looks at the assignment. In this time an aPad that stood down can still receive packets from
@@ -38,49 +43,44 @@ the aMussels that it called up."""
 
 
 class Exchange:
-    """Passes packets and contacts between flights. `own` names the aMussels simulated beside each aPad."""
+    """Carries packets and contacts between flights. `own` names the aMussels simulated beside each aPad.
+
+    A flight handles at its next tick what another sent it.
+    """
 
     def __init__(self, own: Mapping[str, Iterable[int]]) -> None:
         self.home = {agent_id: name for name, ids in own.items() for agent_id in ids}
         self.server = dict(self.home)
-        self.relays = {name: MemberRelay(name, self) for name in own}
+        self._waiting: dict[str, list[RelayedPacket]] = {name: [] for name in own}
 
+    def relay(self, name: str) -> PacketRelay:
+        """Makes the relay of the flight of this aPad."""
+        division = Division(lambda agent_id: self._standing(name, agent_id), tuple(_AS_REMOTE.values()))
+        return PacketRelay(division, [lambda now_ms: self._take(name)], {Outcome.PUBLISH: self._carry})
 
-class MemberRelay:
-    """One flight's end of the exchange: a PacketRelay that also delivers contacts to aMussels of other fleets.
+    def _standing(self, name: str, agent_id: int) -> Standing:
+        is_served_here = self.server.get(agent_id) == name
+        if self.home.get(agent_id) == name:
+            return Standing.OURS if is_served_here else Standing.LENT
+        return Standing.BORROWED if is_served_here else Standing.FOREIGN
 
-    The flight handles what the relay receives at its next tick.
-    """
-
-    def __init__(self, name: str, exchange: Exchange) -> None:
-        self._name = name
-        self._exchange = exchange
-        self._waiting: list[RelayedEvent] = []
-
-    def advance(self, now_ms: int) -> list[RelayedEvent]:
-        waiting, self._waiting = self._waiting, []
+    def _take(self, name: str) -> list[RelayedPacket]:
+        waiting, self._waiting[name] = self._waiting[name], []
         return waiting
 
-    def transmit(self, medium: Medium, agent_id: int, data: bytes, now_ms: int) -> None:
-        """Passes a received packet of an aMussel of this fleet to the aPad that serves it."""
-        server = self._exchange.server[agent_id]
-        if server != self._name:
-            packet = WifiHeard(now_ms, data) if medium is Medium.WIFI else SoundHeard(now_ms, data)
-            self._exchange.relays[server].put(packet)
+    def _carry(self, packet: RelayedPacket) -> None:
+        """Takes an aMussel's packet to its server, and all else to its home; a packet to EVERYONE has neither."""
+        name_of = self.server if packet.source is Source.LOCAL_AMUSSEL else self.home
+        name = name_of.get(packet.agent_id)
+        if name is not None:
+            self._waiting[name].append(replace(packet, source=_AS_REMOTE[packet.source]))
 
-    def forward(self, send: Send, now_ms: int) -> None:
-        self._pass_on(send.agent_id, send)
 
-    def deliver(self, felt: RemoteContact, now_ms: int) -> None:
-        self._pass_on(felt.agent_id, felt)
-
-    def put(self, item: RelayedEvent) -> None:
-        self._waiting.append(item)
-
-    def _pass_on(self, agent_id: int, item: Send | RemoteContact) -> None:
-        home = self._exchange.home.get(agent_id)
-        if home is not None and home != self._name:
-            self._exchange.relays[home].put(item)
+_AS_REMOTE = {
+    Source.LOCAL_AMUSSEL: Source.REMOTE_AMUSSEL,
+    Source.LOCAL_SUPERVISOR: Source.REMOTE_SUPERVISOR,
+    Source.LOCAL_DOCK: Source.REMOTE_DOCK,
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -168,8 +168,7 @@ def fly_in_step(
             stack.callback(fleet.host.close)
             context = replace(
                 flying.in_process_context(scenario, fleet),
-                relay=exchange.relays[name],
-                send_contact=exchange.relays[name].deliver,
+                relay=exchange.relay(name),
                 breakdown=Breakdown(sharing.failed_go_tos),
             )
             prepared[name] = flying.prepare(scenario, context, recorder, status_listener(name))

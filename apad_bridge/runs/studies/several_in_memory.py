@@ -39,11 +39,9 @@ def open_lockstep(members: Sequence[Member], sharing: Sharing) -> OpenedLockstep
     exchange, assignment = Exchange(served), Assignment(served)
     recorders, flights = {}, {}
     for member in members:
-        relay = exchange.relays[member.name]
         flight, recorders[member.name] = open_flight(
             member.scenario,
-            relay=relay,
-            send_contact=relay.deliver,
+            relay=exchange.relay(member.name),
             breakdown=Breakdown(sharing.failed_go_tos),
         )
         flights[member.name] = MemberFlight(member.scenario.apad.start_m, flight, recorders[member.name])

@@ -13,7 +13,6 @@ from agents.hosting.in_process import InProcessHost
 from agents.packet_medium import Medium
 from apad_bridge.assembly import parts
 from apad_bridge.assembly.water import fleet_of
-from apad_bridge.mission.events import Send
 from apad_bridge.runs.in_memory import MemoryRecorder, fly_in_memory
 from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.loader import from_data, load, resolve
@@ -22,6 +21,7 @@ from apad_bridge.scenario.starts import starts_of
 from apad_bridge.supervisor.clock import AsFastAsPossible
 from apad_bridge.supervisor.context import FlightContext
 from apad_bridge.supervisor.loop import Flight
+from apad_bridge.supervisor.packet_relay import FLEET_ALONE, Outcome, PacketRelay, RelayedPacket, Source
 from apad_bridge.vehicle.link import APadSeen, InProcessVehicle
 from apad_bridge.vehicle.simulated.apad import SimulatedAPad
 from firmware_model.packets import AcousticStatus, CommandPacket, Kind
@@ -234,19 +234,14 @@ def test_sensors_meet_an_anoxic_patch_that_grows_and_say_so_by_sound() -> None:
 class Elsewhere:
     """The other half of the bench, with another aPad, which stands still."""
 
-    def __init__(self, said: list[Send]) -> None:
-        self.heard: list[tuple[Medium, int]] = []
+    def __init__(self, said: list[RelayedPacket]) -> None:
+        self.heard: list[RelayedPacket] = []
+        self.relay = PacketRelay(FLEET_ALONE, [self._take], {Outcome.PUBLISH: self.heard.append})
         self._said = said
 
-    def advance(self, now_ms: int) -> list[Any]:
+    def _take(self, now_ms: int) -> list[RelayedPacket]:
         said, self._said = self._said, []
-        return [*said]
-
-    def transmit(self, medium: Medium, agent_id: int, data: bytes, now_ms: int) -> None:
-        self.heard.append((medium, agent_id))
-
-    def forward(self, send: Send, now_ms: int) -> None:
-        pass
+        return said
 
 
 class SeenFromAfar:
@@ -272,18 +267,18 @@ def test_a_fleet_alone_shares_what_reached_the_aPad_and_hears_what_its_planner_s
     )
     recorder = MemoryRecorder(scenario)
     permission = load_codec("musselbed-1").encode(CommandPacket(Kind.PERMISSION, 7))
-    elsewhere = Elsewhere([Send(Medium.SOUND, 7, permission)])
+    elsewhere = Elsewhere([RelayedPacket(Source.REMOTE_SUPERVISOR, 7, Medium.SOUND, permission, 0)])
     flight = Flight(
         parts.supervisor(scenario),
-        FlightContext(SeenFromAfar(), AsFastAsPossible(), fleet, relay=elsewhere),
+        FlightContext(SeenFromAfar(), AsFastAsPossible(), fleet, relay=elsewhere.relay),
         recorder,
     )
     for now_ms in range(0, 200_000, 1000):
         flight.tick(now_ms)
-    by_sound = {agent_id for medium, agent_id in elsewhere.heard if medium is Medium.SOUND}
+    by_sound = {packet.agent_id for packet in elsewhere.heard if packet.medium is Medium.SOUND}
     # 7 was permitted to surface before its first timeslot, and sends by Wi-Fi since.
     assert by_sound == set(range(1, 13)) - {3, 7}
-    assert (Medium.WIFI, 7) in elsewhere.heard
+    assert (Medium.WIFI, 7) in {(packet.medium, packet.agent_id) for packet in elsewhere.heard}
     (word,) = [packet for packet in packets(recorder) if packet["from"] == 0]
     assert word["began_ms"] == 60_000, "it waited for the end of the timeslots"
 

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,9 +15,7 @@ from agents.hosting.host import Grant
 from agents.hosting.in_process import InProcessHost
 from agents.mussel.outputs import Truth
 from agents.mussel.stimuli import from_wire
-from agents.packet_medium import Medium
 from apad_bridge.assembly import parts
-from apad_bridge.mission.events import Send, SoundHeard, WifiHeard
 from apad_bridge.runs.in_memory import MemoryRecorder
 from apad_bridge.scenario.loader import from_data as scenario_from
 from apad_bridge.scenario.loader import load, resolve
@@ -26,6 +25,15 @@ from apad_bridge.supervisor.clock import AsFastAsPossible
 from apad_bridge.supervisor.context import FlightContext
 from apad_bridge.supervisor.fleet import Fleet
 from apad_bridge.supervisor.loop import Flight
+from apad_bridge.supervisor.packet_relay import (
+    FLEET_ALONE,
+    MISSION_ALONE,
+    Division,
+    Outcome,
+    PacketRelay,
+    RelayedPacket,
+    Source,
+)
 from apad_bridge.vehicle.link import InProcessVehicle
 from apad_bridge.vehicle.simulated.apad import SimulatedAPad
 from firmware_model.states import State
@@ -154,31 +162,16 @@ def test_recorded_stimuli_played_again_in_any_windows_give_the_same_truths(
     assert by_agent(host.take_truths()) == by_agent(recorded.kept)
 
 
-class Wire:
-    """Two ends of a relay, joined by lists."""
+def joined(
+    division: Division, peer: Source, out: list[RelayedPacket], into: list[RelayedPacket]
+) -> PacketRelay:
+    """One of two relays that lists join."""
 
-    def __init__(self, out: list[Any], into: list[Any]) -> None:
-        self._out, self._into = out, into
+    def take(now_ms: int) -> list[RelayedPacket]:
+        packets, into[:] = [replace(packet, source=peer) for packet in into], []
+        return packets
 
-    def advance(self, now_ms: int) -> list[Any]:
-        items, self._into[:] = list(self._into), []
-        return items
-
-    def transmit(self, medium: Medium, agent_id: int, data: bytes, now_ms: int) -> None:
-        self._out.append((medium, agent_id, data, now_ms))
-
-
-class FleetEnd(Wire):
-    def advance(self, now_ms: int) -> list[Any]:
-        return [Send(medium, agent_id, data) for medium, agent_id, data, _ in super().advance(now_ms)]
-
-
-class MissionEnd(Wire):
-    def advance(self, now_ms: int) -> list[Any]:
-        return [
-            WifiHeard(at_ms, data) if medium is Medium.WIFI else SoundHeard(at_ms, data)
-            for medium, _, data, at_ms in super().advance(now_ms)
-        ]
+    return PacketRelay(division, [take], {Outcome.PUBLISH: out.append})
 
 
 class Observed:
@@ -208,8 +201,8 @@ class Shared(InProcessVehicle):
 
 def test_a_fleet_alone_and_a_mission_alone_joined_by_a_relay_serve_aMussels() -> None:
     scenario = short_scenario()
-    to_fleet: list[Any] = []
-    to_mission: list[Any] = []
+    to_fleet: list[RelayedPacket] = []
+    to_mission: list[RelayedPacket] = []
     vehicle = Shared(SimulatedAPad(scenario.apad))
     alone = short_scenario(collection="none")
     fleet_side = Flight(
@@ -218,13 +211,18 @@ def test_a_fleet_alone_and_a_mission_alone_joined_by_a_relay_serve_aMussels() ->
             vehicle.observer,  # type: ignore[arg-type]
             AsFastAsPossible(),
             new_fleet(alone),
-            relay=FleetEnd(to_mission, to_fleet),
+            relay=joined(FLEET_ALONE, Source.REMOTE_SUPERVISOR, to_mission, to_fleet),
         ),
         Witness(alone),
     )
     mission_side = Flight(
         parts.supervisor(scenario),
-        FlightContext(vehicle, AsFastAsPossible(), None, relay=MissionEnd(to_fleet, to_mission)),
+        FlightContext(
+            vehicle,
+            AsFastAsPossible(),
+            None,
+            relay=joined(MISSION_ALONE, Source.REMOTE_AMUSSEL, to_fleet, to_mission),
+        ),
         Witness(scenario),
     )
     for now_ms in range(0, 120_000, 1000):

@@ -14,7 +14,6 @@ from agents.hosting.in_process import InProcessHost
 from agents.mussel.outputs import Truth
 from agents.packet_medium import Medium
 from apad_bridge.assembly import parts
-from apad_bridge.mission.events import Send, SoundHeard, WifiHeard
 from apad_bridge.records.journal import JournalContents
 from apad_bridge.records.recorder import Recorder
 from apad_bridge.records.summary import uptime_figures
@@ -27,6 +26,7 @@ from apad_bridge.supervisor.clock import AsFastAsPossible
 from apad_bridge.supervisor.context import FlightContext
 from apad_bridge.supervisor.fleet import Fleet
 from apad_bridge.supervisor.loop import Flight
+from apad_bridge.supervisor.packet_relay import PacketRelay, RelayedPacket, Source, whole_flight
 from apad_bridge.supervisor.roster import (
     TABLE,
     Fault,
@@ -63,20 +63,19 @@ class Paper:
 
 
 class Elsewhere:
-    """A relay by which a real aMussel's packets arrive."""
+    """The process by which a real aMussel's packets arrive."""
 
     def __init__(self) -> None:
         self.packets: list[StatusPacket] = []
 
-    def advance(self, now_ms: int) -> list[WifiHeard | SoundHeard | Send]:
+    def take(self, now_ms: int) -> list[RelayedPacket]:
         packets, self.packets = self.packets, []
-        return [WifiHeard(now_ms, MusselbedCodec().encode(packet)) for packet in packets]
-
-    def transmit(self, medium: Medium, agent_id: int, data: bytes, now_ms: int) -> None:
-        pass
-
-    def forward(self, send: Send, now_ms: int) -> None:
-        pass
+        return [
+            RelayedPacket(
+                Source.REMOTE_AMUSSEL, it.agent_id, Medium.WIFI, MusselbedCodec().encode(it), now_ms
+            )
+            for it in packets
+        ]
 
 
 class Witness(MemoryRecorder):
@@ -112,7 +111,7 @@ class Bench:
                 InProcessVehicle(parts.simulated_apad(self.scenario)),
                 AsFastAsPossible(),
                 Fleet(self.coordinator, self.host),
-                relay=self.elsewhere,
+                relay=PacketRelay(whole_flight(lambda: self.presences.simulated), [self.elsewhere.take], {}),
                 roster=roster,
             ),
             recorder,

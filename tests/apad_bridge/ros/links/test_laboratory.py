@@ -8,7 +8,7 @@ import pytest
 
 from agents.packet_medium import Medium
 from apad_bridge.mission.events import Send
-from apad_bridge.ros.links.laboratory import WIFI_GONE_MS, Laboratory
+from apad_bridge.ros.links.laboratory import WIFI_GONE_MS, Laboratory, LaboratoryLink
 from apad_bridge.scenario.lab_interface.messages import (
     ClearanceMessage,
     DockReport,
@@ -16,6 +16,7 @@ from apad_bridge.scenario.lab_interface.messages import (
     LaboratoryPacket,
     MessageKind,
 )
+from apad_bridge.supervisor.packet_relay import PacketRelay, whole_flight
 from apad_bridge.vehicle.commands import DockClosed, DockOpened, VehicleCommand
 from apad_bridge.vehicle.link import LinkFact
 from firmware_model.packets import CommandPacket, Kind
@@ -73,11 +74,16 @@ def laboratory(topics: Topics, monkeypatch: pytest.MonkeyPatch) -> Laboratory:
     return Laboratory(None, "apad1", [3, 4], CODEC)  # type: ignore[arg-type]
 
 
+def relay_of(laboratory: Laboratory) -> PacketRelay:
+    """The relay of a flight that simulates both aMussels."""
+    return PacketRelay(whole_flight(lambda: frozenset({3, 4})), [laboratory.take], laboratory.outlets)
+
+
 def test_docks_by_others_reach_the_vehicle_and_its_own_are_told(
     laboratory: Laboratory, topics: Topics
 ) -> None:
     vehicle = Vehicle()
-    link = laboratory.wrap_link(vehicle, vehicle)
+    link = LaboratoryLink(laboratory, vehicle, vehicle)
     alert = DockReport(1_000, None, 2, True)
     topics.to_receive = [alert]
     vehicle.facts = [DockClosed(1_000, 2, 3), DockOpened(1_000, 1, 4)]
@@ -87,15 +93,15 @@ def test_docks_by_others_reach_the_vehicle_and_its_own_are_told(
 
 
 def test_an_alert_that_the_vehicle_needs_not_is_counted(laboratory: Laboratory, topics: Topics) -> None:
-    link = laboratory.wrap_link(Vehicle(), None)
+    link = LaboratoryLink(laboratory, Vehicle(), None)
     topics.to_receive = [DockReport(1_000, 3, 2, True)]
     link.advance(1_000)
     assert laboratory.ignored.total() == 1
 
 
 def test_words_and_packets_become_what_aMussels_hear(laboratory: Laboratory, topics: Topics) -> None:
-    link = laboratory.wrap_link(Vehicle(), None)
-    relay = laboratory.wrap_relay(None, link, is_mission=False)
+    link = LaboratoryLink(laboratory, Vehicle(), None)
+    relay = relay_of(laboratory)
     topics.to_receive = [
         ClearanceMessage(MessageKind.PERMISSION, 3),
         ClearanceMessage(MessageKind.CLEAR, None),
@@ -114,7 +120,7 @@ def test_words_and_packets_become_what_aMussels_hear(laboratory: Laboratory, top
 
 
 def test_what_is_said_to_amussels_and_by_them_is_told(laboratory: Laboratory, topics: Topics) -> None:
-    relay = laboratory.wrap_relay(None, laboratory.wrap_link(Vehicle(), None), is_mission=False)
+    relay = relay_of(laboratory)
     data = CODEC.encode(CommandPacket(Kind.RELEASE, 3))
     relay.forward(Send(Medium.WIFI, 3, data), 0)
     relay.transmit(Medium.SOUND, 4, b"status", 0)
@@ -122,7 +128,7 @@ def test_what_is_said_to_amussels_and_by_them_is_told(laboratory: Laboratory, to
 
 
 def test_the_wifis_status_is_told_when_it_changes(laboratory: Laboratory, topics: Topics) -> None:
-    relay = laboratory.wrap_relay(None, laboratory.wrap_link(Vehicle(), None), is_mission=False)
+    relay = relay_of(laboratory)
     for now_ms in (0, 1_000, 2_000):
         relay.transmit(Medium.WIFI, 3, b"status", now_ms)
         relay.advance(now_ms)

@@ -1,0 +1,219 @@
+"""Carries packets over ROS between aMussels and supervisors that live in different processes, for a `PacketRelay`.
+
+`/musselbed/heard` carries the packets that aMussels transmit, `/musselbed/said` those that a supervisor sends to them, both
+as bytes of the fleet's codec, and `/musselbed/felt` the contacts of one aPad's docks with another's aMussels. No aPad of
+generation B publishes which aMussels it holds. Peers without packets use an aMussel's services and legacy topics.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Container, Iterable
+from typing import Any, NamedTuple
+
+import rospy
+from std_msgs.msg import Float64
+from std_srvs.srv import Trigger, TriggerResponse
+
+from agents.packet_medium import Medium
+from apad_bridge.beliefs.input_ranges import out_of_range
+from apad_bridge.ros.system.inbox import Inbox
+from apad_bridge.ros.system.ros_time import to_ros
+from apad_bridge.ros.types.messages import use_generated_messages
+from apad_bridge.ros_names.names import of_amussel, ours
+from apad_bridge.supervisor.packet_relay import RelayedPacket, Source
+from firmware_model.packets import EVERYONE, CommandPacket, Kind, StatusPacket
+from firmware_model.packets.codec import Codec
+from firmware_model.states import State
+
+use_generated_messages()
+
+from auv_msgs.msg import NavSts  # noqa: E402
+from musselbed_msgs.msg import Packet  # noqa: E402
+
+_HEARD, _SAID, _FELT = ours("heard"), ours("said"), ours("felt")
+_TOPICS = {
+    Source.REMOTE_AMUSSEL: (_HEARD, _SAID, Source.LOCAL_SUPERVISOR),
+    Source.REMOTE_SUPERVISOR: (_SAID, _HEARD, Source.LOCAL_AMUSSEL),
+    Source.REMOTE_DOCK: (_FELT, _FELT, Source.LOCAL_DOCK),
+}
+"""By peer: the topic of its packets, the topic to it, and the source of the latter's packets."""
+_CONTACT = "contact"
+"""Stands on `felt` for the medium."""
+_QUEUE = 5000
+"""Packets that a thousand aMussels send in five seconds; a reader that stalls for longer loses the oldest."""
+_MEDIA: dict[str, Medium | None] = {**{medium.value: medium for medium in Medium}, _CONTACT: None}
+_LARGEST = 1024
+"""Bytes; no packet of Wi-Fi or sound here comes near it."""
+_SERVICES = (("surface", Kind.PERMISSION, Medium.SOUND), ("sink", Kind.RELEASE, Medium.WIFI))
+
+
+class PacketTopics:
+    """The topics to and from `peers`. A message that is no packet of these aMussels is dropped and counted."""
+
+    def __init__(self, agent_ids: Iterable[int], peers: Iterable[Source]) -> None:
+        self.senders: set[int] = set()
+        """The aMussels of other processes that have sent packets."""
+        self._dropped: Counter[str] = Counter()
+        self._known = frozenset(agent_ids)
+        self._inbox: Inbox[tuple[Source, int, str, bytes]] = Inbox()
+        self._publishers = {}
+        self._subscribers = []
+        for peer in peers:
+            incoming, outgoing, sends = _TOPICS[peer]
+            self._publishers[sends] = rospy.Publisher(outgoing, Packet, queue_size=_QUEUE)
+            self._subscribers.append(rospy.Subscriber(incoming, Packet, self._put, peer, tcp_nodelay=True))
+
+    @property
+    def dropped(self) -> Counter[str]:
+        return self._dropped + self._inbox.dropped
+
+    def take(self, now_ms: int) -> list[RelayedPacket]:
+        """The packets since the last call, stamped `now_ms`, because the clocks of other processes are not ours."""
+        packets = []
+        for source, agent_id, medium, data in self._inbox.take():
+            is_command_to_all = source is Source.REMOTE_SUPERVISOR and agent_id == EVERYONE
+            if agent_id not in self._known and not is_command_to_all:
+                self._dropped["packet of an aMussel that is not of this fleet"] += 1
+            elif len(data) > _LARGEST:
+                self._dropped["packet: too large"] += 1
+            elif medium not in _MEDIA:
+                self._dropped["packet: no such medium"] += 1
+            else:
+                if source is Source.REMOTE_AMUSSEL:
+                    self.senders.add(agent_id)
+                packets.append(RelayedPacket(source, agent_id, _MEDIA[medium], data, now_ms))
+        return packets
+
+    def publish(self, packet: RelayedPacket) -> None:
+        """Publishes on the topic of the packet's source."""
+        medium = _CONTACT if packet.medium is None else packet.medium.value
+        message = Packet(mission_time_ms=packet.at_ms, agent=packet.agent_id, medium=medium, data=packet.data)
+        message.header.stamp = to_ros(packet.at_ms)
+        self._publishers[packet.source].publish(message)
+
+    def close(self) -> None:
+        for publisher in self._publishers.values():
+            publisher.unregister()
+        for subscriber in self._subscribers:
+            subscriber.unregister()
+
+    def _put(self, message: Any, source: Source) -> None:
+        always = source is Source.REMOTE_DOCK
+        self._inbox.put((source, message.agent, message.medium, bytes(message.data)), always=always)
+
+
+class AMusselServices:
+    """`/amusselN/surface` and `/amusselN/sink`, by which a supervisor without packets sends a permission and a release."""
+
+    def __init__(self, agent_ids: Iterable[int], codec: Codec) -> None:
+        self._codec = codec
+        self._called: Inbox[tuple[int, Medium, bytes]] = Inbox()
+        self._services = [
+            rospy.Service(of_amussel(agent_id, name), Trigger, self._service(agent_id, kind, medium))
+            for agent_id in agent_ids
+            for name, kind, medium in _SERVICES
+        ]
+
+    @property
+    def dropped(self) -> Counter[str]:
+        return self._called.dropped
+
+    def take(self, now_ms: int) -> list[RelayedPacket]:
+        return [RelayedPacket(Source.REMOTE_SUPERVISOR, *called, now_ms) for called in self._called.take()]
+
+    def close(self) -> None:
+        for service in self._services:
+            service.shutdown("the flight is over")
+
+    def _service(self, agent_id: int, kind: Kind, medium: Medium) -> Callable[[Any], Any]:
+        data = self._codec.encode(CommandPacket(kind, agent_id))
+
+        def answer(_: Any) -> Any:
+            self._called.put((agent_id, medium, data))
+            return TriggerResponse(success=True, message=f"told aMussel {agent_id} by {medium.value}")
+
+        return answer
+
+
+class PublishedPlace(NamedTuple):
+    """The place in an aMussel's `position`."""
+
+    north_m: float
+    east_m: float
+
+
+class PublishedCharge(NamedTuple):
+    """The charge in an aMussel's `battery_level`."""
+
+    battery_percent: float
+
+
+class AMusselTopics:
+    """`/amusselN/position` and `battery_level` of aMussels that have no packets, as status packets.
+
+    The topics of an aMussel in `senders`, which sends packets, are ignored. Topics carry no state: an aMussel known by
+    them alone is taken to float, as in the paper's experiments, and to charge while a dock holds it (`is_held`).
+    """
+
+    def __init__(
+        self,
+        agent_ids: Iterable[int],
+        codec: Codec,
+        theta: int,
+        is_held: Callable[[int], bool],
+        senders: Container[int],
+    ) -> None:
+        self._codec = codec
+        self._theta = theta
+        self._is_held = is_held
+        self._senders = senders
+        self._places: dict[int, PublishedPlace] = {}
+        self._charges: dict[int, float] = {}
+        self._dropped: Counter[str] = Counter()
+        self._inbox: Inbox[tuple[int, PublishedPlace | PublishedCharge]] = Inbox()
+        self._subscribers = [
+            subscriber
+            for agent_id in agent_ids
+            for subscriber in (
+                rospy.Subscriber(of_amussel(agent_id, "position"), NavSts, self._take_place, agent_id),
+                rospy.Subscriber(of_amussel(agent_id, "battery_level"), Float64, self._take_charge, agent_id),
+            )
+        ]
+
+    @property
+    def dropped(self) -> Counter[str]:
+        return self._dropped + self._inbox.dropped
+
+    def take(self, now_ms: int) -> list[RelayedPacket]:
+        published: set[int] = set()
+        for agent_id, values in self._inbox.take():
+            if (reason := out_of_range(**values._asdict())) is not None:
+                self._dropped[f"an aMussel's topic: {reason}"] += 1
+                continue
+            published.add(agent_id)
+            match values:
+                case PublishedPlace():
+                    self._places[agent_id] = values
+                case PublishedCharge(percent):
+                    self._charges[agent_id] = min(1.0, max(0.0, percent / 100))
+        known = published & self._places.keys() & self._charges.keys()
+        return [self._status(agent_id, now_ms) for agent_id in sorted(known) if agent_id not in self._senders]
+
+    def close(self) -> None:
+        for subscriber in self._subscribers:
+            subscriber.unregister()
+
+    def _status(self, agent_id: int, now_ms: int) -> RelayedPacket:
+        state = State.CHARGING if self._is_held(agent_id) else State.FLOATING
+        north_m, east_m = self._places[agent_id]
+        charge = self._charges[agent_id]
+        packet = StatusPacket(agent_id, 0, state, charge, 1.0, north_m, east_m, 0.0, now_ms * self._theta)
+        data = self._codec.encode(packet)
+        return RelayedPacket(Source.REMOTE_AMUSSEL, agent_id, Medium.WIFI, data, now_ms)
+
+    def _take_place(self, message: Any, agent_id: int) -> None:
+        self._inbox.put((agent_id, PublishedPlace(message.position.north, message.position.east)))
+
+    def _take_charge(self, message: Any, agent_id: int) -> None:
+        self._inbox.put((agent_id, PublishedCharge(message.data)))

@@ -1,0 +1,191 @@
+"""The routing rules of packets between processes, row by row, and as laws over several processes."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from agents.mussel.stimuli import ContactClosed, to_wire
+from agents.packet_medium import Medium
+from apad_bridge.beliefs.fleet import FleetBeliefs
+from apad_bridge.beliefs.hold_last import HoldLast
+from apad_bridge.mission.allocation import Allocation
+from apad_bridge.mission.events import Send, SoundHeard, WifiHeard
+from apad_bridge.supervisor.packet_relay import (
+    FLEET_ALONE,
+    MISSION_ALONE,
+    Division,
+    Outcome,
+    PacketRelay,
+    RelayedPacket,
+    RemoteContact,
+    Source,
+    Standing,
+    one_of_several,
+    outcomes,
+    whole_flight,
+)
+from firmware_model.packets import EVERYONE
+
+FOR_OTHERS = {Outcome.PUBLISH, Outcome.RECEIVE, Outcome.REFUSE}
+AMUSSEL, SUPERVISOR, DOCK = Source.LOCAL_AMUSSEL, Source.LOCAL_SUPERVISOR, Source.LOCAL_DOCK
+
+
+@pytest.mark.parametrize(
+    ("source", "expected"),
+    [
+        #                            ours       real       lent       borrowed   foreign
+        (AMUSSEL, ("", "", "PUBLISH", "", "")),
+        (SUPERVISOR, ("", "PUBLISH", "", "PUBLISH", "PUBLISH")),
+        (DOCK, ("", "", "", "PUBLISH", "")),
+        (Source.REMOTE_AMUSSEL, ("REFUSE", "RECEIVE", "", "RECEIVE", "")),
+        (Source.REMOTE_SUPERVISOR, ("", "", "RECEIVE", "", "")),
+        (Source.REMOTE_DOCK, ("RECEIVE", "RECEIVE", "RECEIVE", "", "")),
+        (Source.LABORATORY, ("RECEIVE",) * 5),
+    ],
+)
+def test_each_rule_between_processes(source: Source, expected: tuple[str, ...]) -> None:
+    for medium in [None] if source in (DOCK, Source.REMOTE_DOCK) else list(Medium):
+        routed = [set(outcomes(source, it, medium)) & FOR_OTHERS for it in Standing]
+        assert [",".join(it.name for it in row) for row in routed] == list(expected)
+
+
+@pytest.mark.parametrize("standing", Standing)
+def test_a_laboratory_is_told_what_this_process_sends_and_nothing_of_others(standing: Standing) -> None:
+    def told(source: Source, medium: Medium) -> set[Outcome]:
+        return set(outcomes(source, standing, medium)) - FOR_OTHERS
+
+    assert told(AMUSSEL, Medium.SOUND) == {Outcome.TELL_PACKET}
+    assert told(AMUSSEL, Medium.WIFI) == {Outcome.TELL_WIFI}
+    assert told(SUPERVISOR, Medium.SOUND) == told(SUPERVISOR, Medium.WIFI) == {Outcome.TELL_COMMAND}
+    for source in set(Source) - {AMUSSEL, SUPERVISOR}:
+        assert not told(source, Medium.SOUND) and not told(source, Medium.WIFI)
+
+
+class Process:
+    """A relay whose packets to others are kept in `published`, and those from others put into `arrived`."""
+
+    def __init__(self, division: Division) -> None:
+        self.arrived: list[RelayedPacket] = []
+        self.published: list[RelayedPacket] = []
+        self.relay = PacketRelay(division, [self._take], {Outcome.PUBLISH: self.published.append})
+
+    def _take(self, now_ms: int) -> list[RelayedPacket]:
+        arrived, self.arrived = self.arrived, []
+        return arrived
+
+
+def test_a_whole_flight_hears_real_amussels_and_refuses_a_second_voice_of_a_simulated_one() -> None:
+    process = Process(whole_flight(lambda: frozenset({1, 2})))
+    process.arrived = [
+        RelayedPacket(Source.REMOTE_AMUSSEL, 3, Medium.SOUND, b"real", 5),
+        RelayedPacket(Source.REMOTE_AMUSSEL, 1, Medium.SOUND, b"second voice", 5),
+        RelayedPacket(Source.REMOTE_AMUSSEL, 4, Medium.WIFI, b"real too", 5),
+    ]
+    assert process.relay.advance(5) == [SoundHeard(5, b"real"), WifiHeard(5, b"real too")]
+    assert process.relay.dropped.total() == 1
+    for agent_id in (1, 3, EVERYONE):
+        process.relay.forward(Send(Medium.SOUND, agent_id, b""), 6)
+        process.relay.transmit(Medium.WIFI, agent_id, b"", 6)
+    assert [(it.source, it.agent_id) for it in process.published] == [(SUPERVISOR, 3), (SUPERVISOR, EVERYONE)]
+
+
+def test_a_fleet_and_a_mission_alone_make_a_flight_together() -> None:
+    fleet, mission = Process(FLEET_ALONE), Process(MISSION_ALONE)
+    fleet.relay.transmit(Medium.WIFI, 7, b"status", 1_000)
+    mission.relay.forward(Send(Medium.SOUND, 7, b"permission"), 1_000)
+    mission.relay.forward(Send(Medium.SOUND, EVERYONE, b"beacon"), 1_000)
+    (status,), commands = fleet.published, mission.published
+    mission.arrived = [RelayedPacket(Source.REMOTE_AMUSSEL, 7, status.medium, status.data, 2_000)]
+    fleet.arrived = [
+        RelayedPacket(Source.REMOTE_SUPERVISOR, it.agent_id, it.medium, it.data, 2_000) for it in commands
+    ]
+    assert mission.relay.advance(2_000) == [WifiHeard(2_000, b"status")]
+    assert fleet.relay.advance(2_000) == [
+        Send(Medium.SOUND, 7, b"permission"),
+        Send(Medium.SOUND, EVERYONE, b"beacon"),
+    ]
+
+
+NAMES = ("a", "b", "c")
+IDS = range(1, 7)
+PEER = {
+    AMUSSEL: Source.REMOTE_AMUSSEL,
+    SUPERVISOR: Source.REMOTE_SUPERVISOR,
+    DOCK: Source.REMOTE_DOCK,
+}
+
+
+def processes_of(servers: list[str], real: frozenset[int]) -> dict[str, Process]:
+    """Three aPads, each with two aMussels of its own; `servers` names who serves each aMussel."""
+    processes = {}
+    for n, name in enumerate(NAMES):
+        own = frozenset(IDS[2 * n : 2 * n + 2])
+        allocation = Allocation(FleetBeliefs(HoldLast(IDS), IDS), own)
+        for agent_id, server in zip(IDS, servers, strict=True):
+            if server == name:
+                allocation.take(agent_id)
+            else:
+                allocation.give(agent_id)
+        processes[name] = Process(one_of_several(allocation, lambda own=own: own - real))
+    return processes
+
+
+@given(
+    servers=st.lists(st.sampled_from(NAMES), min_size=len(IDS), max_size=len(IDS)),
+    real=st.frozensets(st.sampled_from(IDS)),
+    agent_id=st.sampled_from(IDS),
+)
+def test_of_several_apads_exactly_the_one_concerned_receives_each_packet(
+    servers: list[str], real: frozenset[int], agent_id: int
+) -> None:
+    """A topic brings each published packet to all processes, its own publisher included."""
+    processes = processes_of(servers, real)
+    home, server = NAMES[(agent_id - 1) // 2], servers[agent_id - 1]
+    processes[home].relay.transmit(Medium.SOUND, agent_id, b"status", 0)
+    processes[server].relay.forward(Send(Medium.SOUND, agent_id, b"command"), 0)
+    processes[server].relay.send_contact(RemoteContact(agent_id, ContactClosed(1, 2)), 0)
+    published = [packet for it in processes.values() for packet in it.published]
+    received = {}
+    for name, process in processes.items():
+        process.arrived = [
+            RelayedPacket(PEER[it.source], it.agent_id, it.medium, it.data, 1_000) for it in published
+        ]
+        received[name] = process.relay.advance(1_000)
+    status = SoundHeard(1_000, b"status")
+    command = Send(Medium.SOUND, agent_id, b"command")
+    contact = RemoteContact(agent_id, ContactClosed(1, 2))
+    expected: dict[str, list[object]] = {name: [] for name in NAMES}
+    if home != server:
+        expected[server] = [status]
+        expected[home] = [command, contact]
+    assert received == expected
+    assert not any(it.relay.dropped for it in processes.values())
+
+
+@pytest.mark.parametrize("data", [b"", b"{", b"[]", b"[0, 1]", b'["x"]', b"[99]", b"\xff", b"null"])
+def test_a_contact_that_is_none_is_dropped_and_counted(data: bytes) -> None:
+    process = Process(FLEET_ALONE)
+    process.arrived = [RelayedPacket(Source.REMOTE_DOCK, 1, None, data, 0)]
+    assert process.relay.advance(0) == []
+    assert process.relay.dropped.total() == 1
+
+
+def test_a_packet_without_a_medium_that_is_no_contact_is_dropped_and_counted() -> None:
+    process = Process(MISSION_ALONE)
+    data = json.dumps(to_wire(ContactClosed(1, 2))).encode()
+    process.arrived = [RelayedPacket(Source.REMOTE_AMUSSEL, 1, None, data, 0)]
+    assert process.relay.advance(0) == []
+    assert process.relay.dropped.total() == 1
+
+
+def test_a_relay_without_outlets_receives_and_transmits_nothing() -> None:
+    process = Process(MISSION_ALONE)
+    process.arrived = [RelayedPacket(Source.REMOTE_AMUSSEL, 1, Medium.WIFI, b"status", 0)]
+    silent = process.relay.without_outlets()
+    silent.forward(Send(Medium.SOUND, 1, b""), 0)
+    assert silent.advance(0) == [WifiHeard(0, b"status")]
+    assert process.published == []
