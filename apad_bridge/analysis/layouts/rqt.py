@@ -1,6 +1,8 @@
 """The layout for rqt: batteries in rqt_plot, /diagnostics in rqt_runtime_monitor, and rqt_topic and rqt_console.
 
-A perspective is JSON: groups of keys, whose values are Python's repr of rqt's settings.
+A perspective is JSON: groups of keys, whose values are Python's repr of rqt's settings. It names no arrangement of the
+docks, which rqt keeps as bytes of Qt's: rqt restores one only where there is one (qt_gui's `main_window.py`), and otherwise
+puts the docks side by side.
 """
 
 from __future__ import annotations
@@ -9,17 +11,9 @@ import json
 from typing import Any
 
 from apad_bridge.analysis.layouts.fleet import LayoutAPad, LayoutFleet
-from apad_bridge.analysis.layouts.qt_window import Column, Dock, Tabs, geometry, state
 
-_WIDTH_PX, _HEIGHT_PX = 1600, 900
 _PLOT, _MONITOR = "rqt_plot/Plot", "rqt_runtime_monitor/RuntimeMonitor"
 _TOPICS, _CONSOLE = "rqt_topic/TopicPlugin", "rqt_console/Console"
-_WIDGETS = {
-    _PLOT: "DataPlotWidget",
-    _MONITOR: "RuntimeMonitorWidget",
-    _TOPICS: "TopicWidget",
-    _CONSOLE: "ConsoleWidget",
-}
 Group = dict[str, Any]
 
 
@@ -31,23 +25,11 @@ def layout(fleet: LayoutFleet) -> str:
     for single in (_MONITOR, _TOPICS, _CONSOLE):
         plugins[_name(single, 1)] = _group({})
     running = {_PLOT: list(plots), _MONITOR: [1], _TOPICS: [1], _CONSOLE: [1]}
-    window = {
-        "geometry": _bytes(geometry(_WIDTH_PX, _HEIGHT_PX)),
-        "state": _bytes(_docks([_dock(_PLOT, number) for number in plots])),
-    }
     perspective = _group(
         {},
-        mainwindow=_group(window),
         pluginmanager=_group({"running-plugins": _value(running)}, **plugins),
     )
     return json.dumps(perspective, indent=2) + "\n"
-
-
-def _docks(plots: list[Dock]) -> bytes:
-    """The docks: plots to the left, a tab for each aPad; diagnostics to the upper right, console and topics below them."""
-    left = Column(((Tabs(tuple(plots)) if len(plots) > 1 else plots[0], 1.0),))
-    right = Column(((_dock(_MONITOR, 1), 0.5), (Tabs((_dock(_CONSOLE, 1), _dock(_TOPICS, 1))), 0.5)))
-    return state(((left, 0.6), (right, 0.4)), _WIDTH_PX, _HEIGHT_PX)
 
 
 def _plot(fleet: LayoutFleet, apad: LayoutAPad) -> Group:
@@ -66,21 +48,9 @@ def _name(plugin: str, number: int) -> str:
     return f"plugin__{plugin.replace('/', '__')}__{number}"
 
 
-def _dock(plugin: str, number: int) -> Dock:
-    return Dock(f"{plugin.replace('/', '__')}__{number}__{_WIDGETS[plugin]}")
-
-
 def _group(keys: dict[str, Any], **groups: Group) -> Group:
     return {"keys": keys, "groups": groups}
 
 
 def _value(value: Any) -> dict[str, str]:
     return {"type": "repr", "repr": repr(value)}
-
-
-def _bytes(data: bytes) -> dict[str, str]:
-    """Bytes as rqt evaluates them: hexadecimal digits in a QByteArray."""
-    return {
-        "type": "repr(QByteArray.hex)",
-        "repr(QByteArray.hex)": f"QtCore.QByteArray({data.hex().encode()!r})",
-    }
