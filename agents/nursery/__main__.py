@@ -31,6 +31,7 @@ import sys
 
 import msgpack  # noqa: F401
 
+from agents.hosting.started import end_with_starter, outlive_starter
 from agents.nursery.agent_processes import AgentProcesses
 from agents.nursery.fleet_file import FleetFile
 from agents.nursery.server import NurseryServer
@@ -41,12 +42,14 @@ def main(arguments: list[str]) -> int:
     if not 1 <= len(arguments) <= 2:
         print("usage: python -m agents.nursery RUN_DIR [READY_DESCRIPTOR]", file=sys.stderr)
         return 2
+    end_with_starter()
     ready = int(arguments[1]) if len(arguments) == 2 else os.dup(sys.stderr.fileno())
     try:
         server = _prepare(arguments[0])
     except (OSError, ValueError) as error:
         os.write(ready, f"no nursery in {arguments[0]}: {error}\n".encode())
         return 1
+    outlive_starter()
     os.write(ready, b"ready\n")
     os.close(ready)
     server.run()

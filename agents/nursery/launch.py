@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import os
-import signal
 import subprocess
 import sys
-import threading
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 
 from agents.fleet import FleetConfig
+from agents.hosting import started
+from agents.hosting.interrupts import held_back, let_in
 from agents.hosting.link_protocol import readable
 from agents.mussel.physical import Physical
 from agents.nursery.fleet_file import MAX_AGENT_ID, FleetFile, RestartPolicy
@@ -47,13 +46,13 @@ def launch_nursery(run_dir: str | os.PathLike[str]) -> subprocess.Popen[bytes]:
     reading, writing = os.pipe()
     package_root = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
     search = [package_root, *(entry for entry in sys.path if entry and entry != package_root)]
-    with signals_held_back() as let_in:
+    with held_back():
         try:
             with open(os.path.join(run_dir, LOG_NAME), "ab") as log:
                 process = subprocess.Popen(
                     # -S: PYTHONPATH has the whole path already, and site would import modules that no agent needs.
                     [sys.executable, "-S", "-m", "agents.nursery", os.fspath(run_dir), str(writing)],
-                    env={**os.environ, "PYTHONPATH": os.pathsep.join(search)},
+                    env={**os.environ, "PYTHONPATH": os.pathsep.join(search), **started.environment()},
                     stdin=subprocess.DEVNULL,
                     stdout=log,
                     stderr=log,
@@ -63,8 +62,8 @@ def launch_nursery(run_dir: str | os.PathLike[str]) -> subprocess.Popen[bytes]:
         finally:
             os.close(writing)
         try:
-            let_in()
-            _wait_until_ready(reading, os.path.join(run_dir, LOG_NAME))
+            with let_in():
+                _wait_until_ready(reading, os.path.join(run_dir, LOG_NAME))
         except BaseException:
             # Ctrl-C too: nobody else knows of the nursery yet, and it would wait for a supervisor for ever.
             process.kill()
@@ -73,31 +72,6 @@ def launch_nursery(run_dir: str | os.PathLike[str]) -> subprocess.Popen[bytes]:
         finally:
             os.close(reading)
     return process
-
-
-@contextmanager
-def signals_held_back() -> Iterator[Callable[[], None]]:
-    """Holds Ctrl-C and SIGTERM back while a process starts, because nobody else could end that process yet.
-
-    They act, as they did before, when the yielded function is called, or at the end. Python receives signals in the main
-    thread only, so in other threads nothing is held back.
-    """
-    received: list[int] = []
-    before = {}
-    if threading.current_thread() is threading.main_thread():
-        for number in (signal.SIGINT, signal.SIGTERM):
-            before[number] = signal.signal(number, lambda it, _: received.append(it))
-
-    def let_in() -> None:
-        while before:
-            signal.signal(*before.popitem())
-        if received:
-            signal.raise_signal(received.pop())
-
-    try:
-        yield let_in
-    finally:
-        let_in()
 
 
 def _wait_until_ready(reading: int, log: str) -> None:

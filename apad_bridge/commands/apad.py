@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from agents.hosting import started
 from apad_bridge.commands.run import namespace_of_shell, peers_may_fail
 from apad_bridge.ros.system.route import environment_for, somebodys_master
 from apad_bridge.runs.exits import EXITS, UserError
@@ -48,7 +49,7 @@ def run(arguments: argparse.Namespace) -> int:
         raise UserError(str(error)) from error
     with peers_may_fail():
         environment = environment_for(somebodys_master(), namespace_of_shell())
-    command = [sys.executable, "-m", "apad_bridge.ros.simulated_node.apad_node"]
+    command = [sys.executable, "-m", started.__name__, "apad_bridge.ros.simulated_node.apad_node"]
     command += ["--scenario", str(arguments.scenario), "--time", arguments.time]
     for option in ("apad", "generation"):
         if (value := getattr(arguments, option)) is not None:

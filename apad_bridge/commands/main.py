@@ -1,18 +1,22 @@
-"""The command `musselbed`."""
+"""The command `musselbed`.
+
+It imports little before `main` runs, so that Ctrl-C in the first second ends the command in silence.
+"""
 
 from __future__ import annotations
 
-import argparse
 import errno
 import os
 import select
 import sys
 from importlib import import_module
-from importlib.metadata import version
-from typing import Any, TextIO
+from typing import TYPE_CHECKING, Any, TextIO
 
-from apad_bridge.runs.children import terminated_as_interrupted
+from agents.hosting import interrupts
 from apad_bridge.runs.exits import EXITS, Exit, UserError
+
+if TYPE_CHECKING:
+    import argparse
 
 _COMMANDS = (
     "run",
@@ -30,9 +34,14 @@ _COMMANDS = (
 )
 
 _NS = "__ns:="
+_MACHINE_IS_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EMFILE, errno.ENFILE)
+"""Errors of a disk, a quota, `ulimit -f` and `ulimit -n`: not the user's, and no bug of ours."""
 
 
 def parser() -> argparse.ArgumentParser:
+    import argparse
+    from importlib.metadata import version
+
     top = argparse.ArgumentParser(
         prog="musselbed",
         description="A vehicle-in-the-loop test bench: a real or simulated ROS 1 aPad serves a fleet of simulated "
@@ -56,7 +65,7 @@ def _add_unloadable(commands: Any, name: str, error: ImportError) -> None:
         raise UserError(f"cannot be loaded ({error}); `musselbed doctor` says what stands in the way")
 
     stub = commands.add_parser(name, help=f"cannot be loaded: {error}")
-    stub.add_argument("rest", nargs=argparse.REMAINDER)
+    stub.add_argument("rest", nargs="...")
     stub.set_defaults(run=refuse)
 
 
@@ -69,13 +78,24 @@ def _in_namespace(arguments: list[str]) -> list[str]:
 
 
 def main(arguments: list[str] | None = None) -> int:
+    """Runs the command line; without `arguments` it is the program's own, whose process ends after this."""
+    if arguments is not None:
+        return _run(arguments)
+    interrupts.leave_at_once()
+    try:
+        return _run(sys.argv[1:])
+    finally:
+        interrupts.leave_at_once()
+
+
+def _run(arguments: list[str]) -> int:
     top = parser()
-    chosen = top.parse_args(_in_namespace(sys.argv[1:] if arguments is None else arguments))
+    chosen = top.parse_args(_in_namespace(arguments))
     if chosen.command is None:
         top.print_help()
         return Exit.USER_MISTAKE
     try:
-        with terminated_as_interrupted():
+        with interrupts.interruptible():
             code: int = chosen.run(chosen)
             sys.stdout.flush()
     except UserError as error:
@@ -89,7 +109,7 @@ def main(arguments: list[str] | None = None) -> int:
         _discard(sys.stdout)
         return Exit.PEER_FAILED
     except OSError as error:
-        if error.errno != errno.ENOSPC:
+        if error.errno not in _MACHINE_IS_FULL:
             raise
         where = error.filename or "the output, or the disk of the run's directory"
         print(f"musselbed {chosen.command}: {where}: {error.strerror}", file=sys.stderr)

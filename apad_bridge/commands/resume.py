@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from agents.hosting.interrupts import held_back
 from apad_bridge.commands.outcome import report
 from apad_bridge.commands.run import peers_may_fail
 from apad_bridge.records.journal import FORMAT_VERSION, format_of
@@ -66,7 +67,8 @@ def run(arguments: argparse.Namespace) -> int:
         _ask_whether_it_may_move()
     scenario = load(directory.scenario)
     duration_ms = round(scenario.duration_s * 1000)
-    with peers_may_fail(), FlightProgress(scenario.name, duration_ms, quiet=arguments.json) as progress:
+    flight = FlightProgress(scenario.name, duration_ms, quiet=arguments.json)
+    with peers_may_fail(), held_back(), flight as progress:
         code, summary = watch_supervisor(start_supervisor(path, options, resume=True), progress)
         if summary is None:
             raise PeerFailed(f"the supervisor ended with status {code}; see {path}/supervisor.log")

@@ -1,8 +1,10 @@
 """Child processes of a run in sessions of their own, none the parent of another, so that each can die alone.
 
+Until a child is ready, the end of its starter ends it.
+
 A supervisor holds its run's directory locked (flock) for as long as it lives, so that no second one touches the records. A
 file there names the supervisor: its pid and the kernel's start time of that process, so that a reused pid names no
-supervisor. SIGTERM acts as Ctrl-C: a process that is asked to end, at any moment, first ends its children.
+supervisor.
 """
 
 from __future__ import annotations
@@ -17,6 +19,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import IO
 
+from agents.hosting import started
 from apad_bridge.vehicle.errors import PeerFailed
 
 _PID_FILE = "supervisor.pid"
@@ -32,13 +35,13 @@ class Child:
         self.log = log
         with log.open("ab") as stderr:
             self._process = subprocess.Popen(
-                [sys.executable, "-m", module, *arguments],
+                [sys.executable, "-m", started.__name__, module, *arguments],
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.PIPE,
                 stderr=stderr,
                 text=True,
                 start_new_session=True,
-                env={**os.environ, **environment},
+                env={**os.environ, **environment, **started.environment()},
             )
         assert self._process.stdout is not None
         self.lines: IO[str] = self._process.stdout
@@ -72,16 +75,6 @@ class Child:
         """The last line of its log, for an error message."""
         lines = self.log.read_text(errors="replace").strip().splitlines()
         return lines[-1] if lines else "it said nothing"
-
-
-@contextmanager
-def terminated_as_interrupted() -> Iterator[None]:
-    """SIGTERM raises KeyboardInterrupt while this is entered. For the main thread alone (ValueError elsewhere)."""
-    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, before)
 
 
 @contextmanager

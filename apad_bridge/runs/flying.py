@@ -5,13 +5,13 @@
 
 from __future__ import annotations
 
-import signal
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from agents.hosting import interrupts
 from agents.hosting.in_process import InProcessHost
 from agents.hosting.process_host import ProcessHost
 from apad_bridge.assembly import parts
@@ -24,6 +24,7 @@ from apad_bridge.records.journal import FORMAT_VERSION
 from apad_bridge.records.recorder import Recorder
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.records.summary import Ending
+from apad_bridge.runs.children import supervising
 from apad_bridge.runs.nurseries import FOLDER
 from apad_bridge.runs.progress import ProgressDisplay
 from apad_bridge.runs.status import Status
@@ -86,16 +87,16 @@ def fly_in_process(
     progress: ProgressDisplay,
     command_sources: Sequence[CommandSource] = (),
 ) -> dict[str, Any]:
-    """Flies to the end and returns the summary."""
-    recorder = Recorder(directory, scenario, parts.agent_ids(scenario))
-    journal_start(recorder, scenario, starts)
-    fleet = open_fleet(scenario, starts, directory.path / FOLDER)
-    try:
+    """Flies to the end and returns the summary. PeerFailed when the fleet does not start."""
+    with interrupts.held_back(), ExitStack() as stack:
+        stack.enter_context(supervising(directory.path))
+        recorder = Recorder(directory, scenario, parts.agent_ids(scenario))
+        stack.callback(recorder.close)
+        journal_start(recorder, scenario, starts)
+        fleet = open_fleet(scenario, starts, directory.path / FOLDER)
+        stack.callback(fleet.host.close)
         spec = RunSpec(command_sources=tuple(command_sources))
         return fly(scenario, in_process_context(scenario, fleet), recorder, progress.show_status, spec)
-    finally:
-        recorder.close()
-        fleet.host.close()
 
 
 def journal_start(recorder: Recorder, scenario: Scenario, starts: Sequence[Start]) -> None:
@@ -146,24 +147,23 @@ def fly(
     show_status: Callable[[Status], None],
     spec: RunSpec = FROM_START,
 ) -> dict[str, Any]:
-    """Flies to the end and returns the summary. SIGINT and SIGTERM end the flight in order."""
+    """Flies to the end and returns the summary. SIGINT, SIGTERM and SIGHUP end it in order."""
     prepared = prepare(scenario, context, recorder, show_status, spec)
-    with stopped_by_signals(prepared.flight):
-        prepared.flight.run()
-    return prepared.finish()
+    with interrupts.held_back():
+        with stopped_by_signals(prepared.flight):
+            prepared.flight.run()
+        return prepared.finish()
 
 
 @contextmanager
 def stopped_by_signals(*flights: Flight) -> Iterator[None]:
-    """SIGINT and SIGTERM end the flights in order while this context is entered."""
+    """Signals that ask the process to end stop the flights in order while this context is entered."""
 
-    def stop(*_: object) -> None:
+    def stop() -> None:
         for flight in flights:
             flight.stop(MissionEnd(EndReason.OPERATOR))
 
-    with ExitStack() as stack:
-        for number in (signal.SIGINT, signal.SIGTERM):
-            stack.callback(signal.signal, number, signal.signal(number, stop))
+    with interrupts.received_by(stop):
         yield
 
 

@@ -17,6 +17,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from agents.hosting.interrupts import held_back, received_by
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.ros.simulated_node.apad_process import APadNodeFailed, start_apad_node, stop_apad_node
 from apad_bridge.ros.system.master import MasterFailed, start_master
@@ -49,7 +50,7 @@ def fly(
 
     For one of several aPads, `relay` takes the lines that its supervisor writes for the parent of all.
     """
-    with ExitStack() as stack:
+    with held_back(), ExitStack() as stack:
         options = _open_ros(stack, options, directory.path).at_port(free_port())
         if options.owns_master:
             progress.print_message(f"the run's own ROS master: ROS_MASTER_URI={options.master_uri}")
@@ -108,7 +109,7 @@ def watch_supervisor(
 ) -> tuple[int, dict[str, Any] | None]:
     """Shows the supervisor's output until it ends; returns its exit code, and the summary if it wrote one.
 
-    PeerFailed when the supervisor reports that something it needs failed. Ctrl-C and SIGTERM here ask it to end in
+    PeerFailed when the supervisor reports that something it needs failed. Ctrl-C, SIGTERM and SIGHUP here ask it to end in
     order; KeyboardInterrupt when it then ends without a summary.
     """
     result: dict[str, Any] | None = None
@@ -155,23 +156,21 @@ def watch_supervisor(
 
 
 class Interrupts:
-    """Notes SIGINT and SIGTERM while it is entered, so that the parent ends things in order instead of dying."""
+    """Notes signals that ask to end while it is entered, so that the parent ends things in order instead of dying."""
 
     def __init__(self) -> None:
         self.interrupted = False
         self._buffer = b""
-        self._handlers_before: dict[int, Any] = {}
+        self._entered = ExitStack()
 
     def __enter__(self) -> Interrupts:
-        for number in (signal.SIGINT, signal.SIGTERM):
-            self._handlers_before[number] = signal.signal(number, self._note)
+        self._entered.enter_context(received_by(self._note))
         return self
 
     def __exit__(self, *_: object) -> None:
-        for number, handler in self._handlers_before.items():
-            signal.signal(number, handler)
+        self._entered.close()
 
-    def _note(self, *_: object) -> None:
+    def _note(self) -> None:
         self.interrupted = True
 
     def read_line(self, child: Child, timeout_s: float) -> str | None:

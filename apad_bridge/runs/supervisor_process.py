@@ -10,10 +10,13 @@ import argparse
 import contextlib
 import json
 import sys
+from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from agents.hosting.interrupts import held_back, let_in
+from agents.hosting.started import outlive_starter
 from apad_bridge.acoustics.serial.lines import open_serial_lines
 from apad_bridge.mission.call_queue import CallQueue
 from apad_bridge.mission.manual import CommandSource
@@ -80,33 +83,38 @@ def fly(run_dir: Path, resume: bool) -> int:
         resume_point = replace(resume_point, state=resume_point.state.stood_down())
         recorder.event(start_ms, "stands_down", reason="its supervisor died")
     try:
-        fleet = (
-            None if options.part is Part.MISSION else _adopt_fleet(scenario, options, run_dir, start_state)
-        )
-        docked = {} if resume_point is None else dict(resume_point.state.docked)
-        # The bodies' state, not the mission's: a contact that was on its way when a supervisor died is delivered again,
-        # and one that a body has felt is not.
-        docked_ids = tuple(it.agent_id for it in recorder.truths_at(start_ms) if it.docked)
-        if member is not None:
-            docked_ids += tuple(sorted(member.allocation.served_for_others & set(docked.values())))
-        with (
-            open_flight_context(
-                scenario,
-                options,
-                fleet,
-                docked,
-                docked_ids,
-                start_ms,
-                recorder.truths_at,
-                start_state.presences,
-                write_line,
-                None if member is None else member.allocation,
-            ) as context,
-            primitives_offered(scenario, options) as call_queue,
-            open_serial_lines(
-                run_dir, options.open_modems, options.modem, start_ms, write_line
-            ) as serial_lines,
-        ):
+        with ExitStack() as stack:
+            with let_in():  # it waits for others: for agents, the master, the aPad
+                fleet = (
+                    None
+                    if options.part is Part.MISSION
+                    else _adopt_fleet(scenario, options, run_dir, start_state)
+                )
+                docked = {} if resume_point is None else dict(resume_point.state.docked)
+                # The bodies' state, not the mission's: a contact that was on its way when a supervisor died is delivered
+                # again, and one that a body has felt is not.
+                docked_ids = tuple(it.agent_id for it in recorder.truths_at(start_ms) if it.docked)
+                if member is not None:
+                    docked_ids += tuple(sorted(member.allocation.served_for_others & set(docked.values())))
+                context = stack.enter_context(
+                    open_flight_context(
+                        scenario,
+                        options,
+                        fleet,
+                        docked,
+                        docked_ids,
+                        start_ms,
+                        recorder.truths_at,
+                        start_state.presences,
+                        write_line,
+                        None if member is None else member.allocation,
+                    )
+                )
+                call_queue = stack.enter_context(primitives_offered(scenario, options))
+                serial_lines = stack.enter_context(
+                    open_serial_lines(run_dir, options.open_modems, options.modem, start_ms, write_line)
+                )
+            outlive_starter()
             context = replace(context, serial_lines=serial_lines)
             if member is not None:
                 context = member.extend(context)
@@ -179,8 +187,10 @@ def main() -> int:
     parser.add_argument("--resume", action="store_true")
     arguments = parser.parse_args()
     try:
-        with supervising(arguments.run):
+        with held_back(), supervising(arguments.run):
             return fly(arguments.run, arguments.resume)
+    except KeyboardInterrupt:
+        return Exit.INTERRUPTED
     except PeerFailed as error:  # what fails after the records are open is handled in `fly`
         write_line(json.dumps({"failed": str(error)}))
         return Exit.PEER_FAILED

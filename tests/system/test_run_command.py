@@ -130,7 +130,7 @@ def decisions(run: Path) -> list[tuple[str, list[int]]]:
 
 
 @pytest.mark.parametrize("begun", ["fleet", "supervisor.log"])
-@pytest.mark.parametrize("word", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("word", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_a_run_that_is_told_to_end_while_it_starts_leaves_nothing(
     fly: Callable[..., tuple[subprocess.Popen[str], Path]], word: signal.Signals, begun: str
 ) -> None:

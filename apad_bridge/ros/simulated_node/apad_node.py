@@ -11,7 +11,6 @@ SIGTERM or SIGINT, and ends by itself when /clock was silent for `--orphan-s` wa
 from __future__ import annotations
 
 import argparse
-import signal
 import sys
 import time
 from pathlib import Path
@@ -19,6 +18,8 @@ from typing import TYPE_CHECKING, Any
 
 import rospy
 
+from agents.hosting import interrupts
+from agents.hosting.started import outlive_starter
 from apad_bridge.assembly.division import with_apad
 from apad_bridge.assembly.stacks import load as load_part
 from apad_bridge.assembly.stacks import stack_of
@@ -27,7 +28,7 @@ from apad_bridge.ros_names.names import plain
 from apad_bridge.ros_names.namespaces import beside_others, is_one_of_several
 from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.loader import load, with_overrides
-from apad_bridge.scenario.schema import Generation
+from apad_bridge.scenario.schema import Generation, Scenario
 from apad_bridge.supervisor.clock import StopSign
 
 if TYPE_CHECKING:
@@ -56,34 +57,44 @@ def main() -> int:
     except ScenarioError as wrong:
         print(f"musselbed: {wrong}", file=sys.stderr)
         return 2
-    stop = StopSign()
-    for number in (signal.SIGTERM, signal.SIGINT):
-        signal.signal(number, lambda *_: stop.set())
     try:
         use_generated_messages()
     except MessagesUnusable as wrong:
         print(f"musselbed: {wrong}", file=sys.stderr)
         return 1
-    name = plain(scenario.apad.name)
     follows_clock = arguments.time == "clock"
-    # Its own supervisor publishes the changes of its docks.
-    remappings = beside_others(scenario.apad.name) if is_one_of_several(whole) else []
-    rospy.init_node(
-        f"{name}_simulated", argv=remappings, disable_signals=True, xmlrpc_port=arguments.xmlrpc_port
-    )
-    server: type[LegacyServer[Any]] = load_part(stack_of(scenario.apad.generation).server)
-    node = server.of_scenario(scenario)
-    if follows_clock:
-        node.follow_clock()
-    print("ready", flush=True)
-    while not follows_clock and not stop.wait(_WALL_STEP_S) and not rospy.is_shutdown():
-        node.advance_to(time.time_ns() // 1_000_000)
-    while not stop.wait(1.0) and not rospy.is_shutdown():
-        if time.monotonic() - node.clock_arrived_s > arguments.orphan_s:
-            print(f"musselbed: no /clock for {arguments.orphan_s:g} s: the aPad's node ends", file=sys.stderr)
-            break
+    try:
+        with interrupts.interruptible():  # rospy waits for its master for ever
+            node = _on_graph(whole, scenario, arguments.xmlrpc_port)
+            if follows_clock:
+                node.follow_clock()
+    except KeyboardInterrupt:
+        rospy.signal_shutdown("asked to end while it started")
+        return interrupts.INTERRUPTED
+    outlive_starter()
+    stop = StopSign()
+    with interrupts.received_by(stop.set):
+        print("ready", flush=True)
+        while not follows_clock and not stop.wait(_WALL_STEP_S) and not rospy.is_shutdown():
+            node.advance_to(time.time_ns() // 1_000_000)
+        while not stop.wait(1.0) and not rospy.is_shutdown():
+            if time.monotonic() - node.clock_arrived_s > arguments.orphan_s:
+                print(
+                    f"musselbed: no /clock for {arguments.orphan_s:g} s: the aPad's node ends",
+                    file=sys.stderr,
+                )
+                break
     rospy.signal_shutdown("asked to end")
     return 0
+
+
+def _on_graph(whole: Scenario, scenario: Scenario, xmlrpc_port: int) -> LegacyServer[Any]:
+    # Its own supervisor publishes the changes of its docks.
+    remappings = beside_others(scenario.apad.name) if is_one_of_several(whole) else []
+    name = f"{plain(scenario.apad.name)}_simulated"
+    rospy.init_node(name, argv=remappings, disable_signals=True, xmlrpc_port=xmlrpc_port)
+    server: type[LegacyServer[Any]] = load_part(stack_of(scenario.apad.generation).server)
+    return server.of_scenario(scenario)
 
 
 if __name__ == "__main__":

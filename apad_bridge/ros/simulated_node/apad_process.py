@@ -13,6 +13,8 @@ import xmlrpc.client
 from http.client import HTTPException
 from pathlib import Path
 
+from agents.hosting import started
+from agents.hosting.interrupts import held_back, let_in
 from apad_bridge.ros.system.master import loopback_environment
 from apad_bridge.ros_names.names import USE_SIM_TIME
 
@@ -41,22 +43,37 @@ def start_apad_node(
     except (OSError, HTTPException, xmlrpc.client.Error) as error:
         raise APadNodeFailed(f"no ROS master answers at {master_uri} ({error})") from None
     command = [
-        *(sys.executable, "-m", "apad_bridge.ros.simulated_node.apad_node", "--scenario", str(scenario)),
+        *(
+            sys.executable,
+            "-m",
+            started.__name__,
+            "apad_bridge.ros.simulated_node.apad_node",
+            "--scenario",
+            str(scenario),
+        ),
         *("--xmlrpc-port", str(xmlrpc_port)),
     ]
-    with log.open("ab") as errors:
-        child = subprocess.Popen(
-            command,
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=errors,
-            env=loopback_environment(log.parent / "ros", master_uri) | {"ROS_NAMESPACE": f"/{namespace}"},
-            start_new_session=True,
-        )
-    if _is_ready(child, ready_s):
+    environment = loopback_environment(log.parent / "ros", master_uri) | started.environment()
+    with held_back():
+        with log.open("ab") as errors:
+            child = subprocess.Popen(
+                command,
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.PIPE,
+                stderr=errors,
+                env=environment | {"ROS_NAMESPACE": f"/{namespace}"},
+                start_new_session=True,
+            )
+        is_ready, status = False, None
+        try:
+            with let_in():
+                is_ready = _is_ready(child, ready_s)
+            status = child.poll()
+        finally:
+            if not is_ready:
+                stop_apad_node(child, patience_s=1.0)
+    if is_ready:
         return child
-    status = child.poll()
-    stop_apad_node(child, patience_s=1.0)
     lines = log.read_text(errors="replace").strip().splitlines()
     how = f"ended with status {status}" if status is not None else f"was not ready within {ready_s:g} s"
     raise APadNodeFailed(f"the simulated aPad's node {how}: {lines[-1] if lines else 'it said nothing'}")

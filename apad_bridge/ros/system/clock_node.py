@@ -9,7 +9,6 @@ on a master that it did not start, and this node refuses to when another one doe
 from __future__ import annotations
 
 import argparse
-import signal
 import sys
 import time
 
@@ -17,6 +16,8 @@ import rosgraph
 import rospy
 from rosgraph_msgs.msg import Clock
 
+from agents.hosting import interrupts
+from agents.hosting.started import outlive_starter
 from apad_bridge.ros.system.ros_time import to_ros
 from apad_bridge.ros_names.names import CLOCK
 from apad_bridge.supervisor.clock import StopSign
@@ -39,25 +40,35 @@ def main() -> int:
     speed: float = parser.parse_args().speed
     if speed <= 0:
         parser.error(f"--speed must be above 0, not {speed:g}")
+    try:
+        with interrupts.interruptible():  # rospy waits for its master for ever
+            refusal = _join_graph()
+    except KeyboardInterrupt:
+        return interrupts.INTERRUPTED
+    if refusal is not None:
+        print(f"musselbed: {refusal}", file=sys.stderr)
+        return 3
+    outlive_starter()
     stop = StopSign()
-    for number in (signal.SIGTERM, signal.SIGINT):
-        signal.signal(number, lambda *_: stop.set())
+    with interrupts.received_by(stop.set):
+        topic = rospy.Publisher(CLOCK, Clock, queue_size=10)
+        # It begins at the time of day, because a zero means "no time yet" to ROS.
+        start_ms, start_s = time.time_ns() // 1_000_000, time.monotonic()
+        while not stop.wait(_PERIOD_S) and not rospy.is_shutdown():
+            topic.publish(Clock(to_ros(stamp_ms(start_ms, time.monotonic() - start_s, speed))))
+    rospy.signal_shutdown("asked to end")
+    return 0
+
+
+def _join_graph() -> str | None:
+    """Makes this process a node, or returns the reason why there can be none."""
     node = rospy.resolve_name(NODE)
     publishers, _, _ = rosgraph.Master(node).getSystemState()
     others = {node for topic, nodes in publishers if topic == CLOCK for node in nodes} - {node}
     if others:
-        print(
-            f"musselbed: /clock comes from {', '.join(sorted(others))} already: end it first", file=sys.stderr
-        )
-        return 3
+        return f"/clock comes from {', '.join(sorted(others))} already: end it first"
     rospy.init_node(NODE, argv=[], disable_signals=True)
-    topic = rospy.Publisher(CLOCK, Clock, queue_size=10)
-    # It begins at the time of day, because a zero means "no time yet" to ROS.
-    start_ms, start_s = time.time_ns() // 1_000_000, time.monotonic()
-    while not stop.wait(_PERIOD_S) and not rospy.is_shutdown():
-        topic.publish(Clock(to_ros(stamp_ms(start_ms, time.monotonic() - start_s, speed))))
-    rospy.signal_shutdown("asked to end")
-    return 0
+    return None
 
 
 if __name__ == "__main__":

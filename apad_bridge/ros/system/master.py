@@ -16,8 +16,11 @@ from dataclasses import dataclass, field
 from http.client import HTTPConnection, HTTPException
 from pathlib import Path
 
+from agents.hosting.interrupts import held_back, let_in
+
 ORPHAN_S = 600.0
-"""A master outlives its starter by this by default: long enough for `musselbed resume` to find the run's nodes alive."""
+"""A master outlives its starter by this by default, once it is ready: long enough for `musselbed resume` to find the
+run's nodes alive."""
 
 _PROGRAM = Path(__file__).with_name("master_process.py")
 
@@ -55,26 +58,29 @@ def start_master(home: Path, timeout_s: float, orphan_s: float = ORPHAN_S) -> Ma
     home.mkdir(parents=True, exist_ok=True)
     log = home / "master.log"
     deadline_s = time.monotonic() + timeout_s
-    with open(home / "master.err", "ab") as errors:
-        process = subprocess.Popen(
-            [sys.executable, "-I", str(_PROGRAM), str(log.absolute()), str(orphan_s)],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=errors,
-            env=loopback_environment(home),
-            start_new_session=True,
-        )
-    try:
-        uri = _printed_uri(process, deadline_s)
-        _check_answer(uri, process.pid, deadline_s)
-    except MasterFailed as error:
-        _end(process, 1.0)
-        raise MasterFailed(
-            f"the embedded ROS master {error}: no node was started; see {home / 'master.err'}"
-        ) from None
-    except BaseException:
-        _end(process, 1.0)
-        raise
+    with held_back():
+        with open(home / "master.err", "ab") as errors:
+            process = subprocess.Popen(
+                [sys.executable, "-I", str(_PROGRAM), str(log.absolute()), str(orphan_s)],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=errors,
+                env=loopback_environment(home),
+                start_new_session=True,
+            )
+        try:
+            with let_in():
+                uri = _printed_uri(process, deadline_s)
+                _check_answer(uri, process.pid, deadline_s)
+            _let_it_outlive_us(process)
+        except MasterFailed as error:
+            _end(process, 1.0)
+            raise MasterFailed(
+                f"the embedded ROS master {error}: no node was started; see {home / 'master.err'}"
+            ) from None
+        except BaseException:
+            _end(process, 1.0)
+            raise
     return Master(uri, process)
 
 
@@ -105,6 +111,15 @@ def _printed_uri(process: subprocess.Popen[bytes], deadline_s: float) -> str:
                 raise MasterFailed(f"ended with exit code {process.wait(timeout=5)}")
             printed += piece
     return printed.decode().strip()
+
+
+def _let_it_outlive_us(process: subprocess.Popen[bytes]) -> None:
+    assert process.stdin is not None
+    try:
+        process.stdin.write(b"stay\n")
+        process.stdin.flush()
+    except BrokenPipeError:
+        raise MasterFailed("ended while it started") from None
 
 
 def _check_answer(uri: str, pid: int, deadline_s: float) -> None:

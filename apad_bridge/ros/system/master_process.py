@@ -1,7 +1,7 @@
 """Runs an embedded ROS master. `master.py` starts this program by its path; it imports nothing of musselbed.
 
 Use: master_process.py LOG ORPHAN_S. It prints its URI when it is bound, and ends at SIGTERM. When the other end of standard
-input closes, the starter is dead, and the master ends ORPHAN_S seconds later.
+input closes, the starter is dead: the master ends at once if nothing was written there before, else ORPHAN_S seconds later.
 """
 
 from __future__ import annotations
@@ -44,9 +44,11 @@ def _end_with_the_master(master: Master) -> None:
 
 
 def _end_after_the_starter(orphan_s: float) -> None:
+    was_taken_over = False
     while os.read(sys.stdin.fileno(), 64):
-        pass
-    threading.Event().wait(orphan_s)
+        was_taken_over = True
+    if was_taken_over:
+        threading.Event().wait(orphan_s)
     os.kill(os.getpid(), signal.SIGTERM)
 
 

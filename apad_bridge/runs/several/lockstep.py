@@ -14,12 +14,14 @@ from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from typing import Any
 
+from agents.hosting import interrupts
 from apad_bridge.assembly import parts
 from apad_bridge.assembly.division import Member
 from apad_bridge.mission.breakdown import Breakdown
 from apad_bridge.records.recorder import Recorder
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.runs import flying
+from apad_bridge.runs.children import supervising
 from apad_bridge.runs.nurseries import FOLDER
 from apad_bridge.runs.progress import ProgressDisplay
 from apad_bridge.runs.several.assignment import Assignment, Move, view_of
@@ -142,7 +144,7 @@ def fly_in_step(
 ) -> tuple[dict[str, dict[str, Any]], int]:
     """Returns the summaries by aPad, and the number of aMussels that were handed on to another aPad.
 
-    SIGINT and SIGTERM end all flights in order.
+    SIGINT, SIGTERM and SIGHUP end all flights in order.
     """
     served = {member.name: member.scenario.fleet.ids for member in members}
     exchange = Exchange(served)
@@ -156,11 +158,12 @@ def fly_in_step(
 
         return take
 
-    with ExitStack() as stack:
+    with interrupts.held_back(), ExitStack() as stack:
         prepared, flights = {}, {}
         for member in members:
             name, scenario = member.name, member.scenario
             directory = directories[name]
+            stack.enter_context(supervising(directory.path))
             recorder = Recorder(directory, scenario, parts.agent_ids(scenario))
             stack.callback(recorder.close)
             flying.journal_start(recorder, scenario, member.starts)

@@ -11,9 +11,10 @@ import json
 import sys
 from pathlib import Path
 
+from agents.hosting import interrupts
+from agents.hosting.started import outlive_starter
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.runs import parent
-from apad_bridge.runs.children import terminated_as_interrupted
 from apad_bridge.runs.exits import Exit
 from apad_bridge.runs.status import Status
 from apad_bridge.scenario.loader import load
@@ -23,12 +24,13 @@ from apad_bridge.vehicle.errors import PeerFailed
 
 
 class _ParentRelay:
-    """A ProgressDisplay that writes lines for the parent of all."""
+    """A ProgressDisplay that writes lines for the parent of all. From the first status on, the run outlives that parent."""
 
     def print_message(self, text: str) -> None:
         _write_line(json.dumps({"said": text}))
 
     def show_status(self, status: Status) -> None:
+        outlive_starter()
         _write_line(status.to_line())
 
 
@@ -41,7 +43,7 @@ def main() -> int:
     directory = RunDirectory(Path(sys.argv[1]))
     scenario, options = load(directory.scenario), RunOptions.load(directory.path)
     try:
-        with terminated_as_interrupted():
+        with interrupts.interruptible():
             summary = parent.fly(
                 scenario, starts_of(scenario), options, directory, _ParentRelay(), _write_line
             )

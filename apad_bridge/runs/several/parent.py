@@ -16,6 +16,7 @@ from contextlib import ExitStack
 from dataclasses import replace
 from typing import Any
 
+from agents.hosting.interrupts import held_back
 from apad_bridge.assembly.division import Member
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.ros.simulated_node.apad_process import APadNodeFailed, start_apad_node, stop_apad_node
@@ -56,7 +57,7 @@ def fly_side_by_side(
     reassigner = (
         Reassigner({it.name: it.scenario.fleet.ids for it in members}, folders) if takes_over else None
     )
-    with ExitStack() as stack:
+    with held_back(), ExitStack() as stack:
         uri, time_source, nodes = _open_ros(stack, members, options, whole)
         children: dict[str, Child] = {}
         for member in members:

@@ -1,4 +1,4 @@
-"""A command that SIGTERM asks to end ends as with Ctrl-C."""
+"""A command that SIGTERM or SIGHUP asks to end ends as with Ctrl-C."""
 
 from __future__ import annotations
 
@@ -8,26 +8,15 @@ import signal
 
 import pytest
 
+from agents.hosting.interrupts import ENDING
 from apad_bridge.commands import main as command
-from apad_bridge.runs.children import terminated_as_interrupted
 from apad_bridge.runs.exits import Exit
 
 
-def test_what_was_begun_is_ended_at_sigterm() -> None:
-    ended = []
-    with pytest.raises(KeyboardInterrupt), terminated_as_interrupted():
-        try:
-            os.kill(os.getpid(), signal.SIGTERM)
-            signal.pause()
-        finally:
-            ended.append("in order")
-    assert ended == ["in order"]
-    assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
-
-
-def test_a_terminated_command_says_so_by_its_exit_code(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("number", ENDING)
+def test_a_terminated_command_says_so_by_its_exit_code(number: int, monkeypatch: pytest.MonkeyPatch) -> None:
     def is_terminated(_: argparse.Namespace) -> int:
-        os.kill(os.getpid(), signal.SIGTERM)
+        os.kill(os.getpid(), number)
         signal.pause()
         return Exit.DONE
 

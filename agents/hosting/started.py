@@ -1,0 +1,51 @@
+"""A process that another of ours started. Until it is ready, the end of its starter ends it; afterwards it outlives it.
+
+    python -m agents.hosting.started MODULE [arguments]
+
+runs a module as such a process. While the module is imported, a signal that asks the process to end ends it in silence.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import runpy
+import signal
+import sys
+
+from agents.hosting.interrupts import leave_at_once
+
+_VARIABLE = "MUSSELBED_STARTER"
+_PR_SET_PDEATHSIG = 1
+
+
+def environment() -> dict[str, str]:
+    """The variable by which a process that this one starts knows its starter."""
+    return {_VARIABLE: str(os.getpid())}
+
+
+def end_with_starter() -> None:
+    """From now on the starter's end kills this process, at once if it has ended. Does nothing for one started by hand."""
+    starter = os.environ.pop(_VARIABLE, None)
+    if starter is None:
+        return
+    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, int(signal.SIGKILL), 0, 0, 0)
+    if os.getppid() != int(starter):
+        os._exit(1)
+
+
+def outlive_starter() -> None:
+    """From now on this process outlives its starter."""
+    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, 0, 0, 0, 0)
+
+
+def main() -> None:
+    leave_at_once()
+    end_with_starter()
+    _, module, *arguments = sys.argv
+    sys.argv = [module, *arguments]
+    runpy.run_module(module, run_name="__main__", alter_sys=True)
+
+
+if __name__ == "__main__":
+    main()

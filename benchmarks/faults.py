@@ -1,0 +1,430 @@
+"""Faults inflicted on real runs, and their consequences: what is left over, torn or lost. FAULTS is the table of them.
+
+A try runs musselbed in a terminal of its own and a new directory, and inflicts the fault. Then it counts the processes that
+are left, the tracebacks on the terminal and in the logs, the records that do not open, and the missions that ended
+otherwise than documented. A variable in their environment marks the processes of a try.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import pty
+import random
+import resource
+import select
+import signal
+import socket
+import struct
+import subprocess
+import sys
+import tempfile
+import time
+import uuid
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack, closing, contextmanager, suppress
+from dataclasses import dataclass, field, replace
+from functools import partial
+from pathlib import Path
+from typing import Any, TypeVar
+
+from rich.console import Console
+from rich.table import Table
+from rosbags.rosbag1 import Reader
+from rosbags.rosbag1.reader import ReaderError
+
+from apad_bridge.records.journal import read_journal
+from apad_bridge.scenario.loader import load, write_resolved
+
+ROOT = Path(__file__).parents[1]
+SCENARIO = ROOT / "launch_scripts" / "scenarios" / "pool-12.yaml"
+MUSSELBED = Path(sys.executable).with_name("musselbed")
+TRIES = 3
+SEED = 20261122
+_VARIABLE = "MUSSELBED_FAULT_TRY"
+_GONE_S = 10.0
+"""The time that a run's processes have to be gone, once its command has ended."""
+_END_S = 240.0
+"""The longest time that a command may take; it takes some seconds, and a busy machine longer."""
+_TRACEBACK = "Traceback (most recent call last)"
+_WALL = ("--time", "wall", "--speed", "20")
+
+Found = TypeVar("Found")
+
+
+class Terminal:
+    """A command in a pseudo-terminal of its own, which is its controlling one."""
+
+    def __init__(self, command: list[str], variables: Mapping[str, str], limits: Mapping[int, int]) -> None:
+        self._output = b""
+        self.code: int | None = None
+        """The exit code; negative for a signal, None while it runs."""
+        self.pid, self._master = pty.fork()
+        if self.pid == 0:
+            try:
+                for kind, limit in limits.items():
+                    resource.setrlimit(kind, (limit, limit))
+                os.execve(command[0], command, {**os.environ, "COLUMNS": "200", **variables})
+            finally:
+                os._exit(127)
+        self._ended = os.pidfd_open(self.pid)
+
+    @property
+    def output(self) -> str:
+        return self._output.decode(errors="replace")
+
+    def run_for(self, seconds: float) -> bool:
+        """Reads its output for that time, or until it ends; True if it has ended."""
+        until_s = time.monotonic() + seconds
+        while self.code is None:
+            left_s = until_s - time.monotonic()
+            if left_s <= 0:
+                return False
+            readers = [self._ended] if self._master < 0 else [self._ended, self._master]
+            ready, _, _ = select.select(readers, [], [], left_s)
+            if self._master in ready:
+                self._read()
+            if self._ended in ready:
+                _, status = os.waitpid(self.pid, 0)
+                self.code = os.waitstatus_to_exitcode(status)
+        while self._master >= 0 and select.select([self._master], [], [], 0)[0]:
+            self._read()
+        return True
+
+    def _read(self) -> None:
+        try:
+            piece = os.read(self._master, 65536)
+        except OSError:  # the other end has closed
+            piece = b""
+        self._output += piece
+        if not piece:
+            self.hang_up()
+
+    def press(self, key: bytes) -> None:
+        with suppress(OSError):
+            os.write(self._master, key)
+
+    def hang_up(self) -> None:
+        """Closes the terminal, as a lost ssh connection does."""
+        if self._master >= 0:
+            os.close(self._master)
+            self._master = -1
+
+    def send(self, number: int) -> None:
+        if self.code is None:
+            os.kill(self.pid, number)
+
+    def close(self) -> None:
+        """Kills the command if it still runs."""
+        if self.code is None:
+            os.kill(self.pid, signal.SIGKILL)
+            os.waitpid(self.pid, 0)
+        self.hang_up()
+        os.close(self._ended)
+
+
+@dataclass(slots=True)
+class Try:
+    """One try: its directory, its random numbers, and the commands that it started."""
+
+    folder: Path
+    rng: random.Random
+    token: str = field(default_factory=lambda: uuid.uuid4().hex)
+    terminals: list[Terminal] = field(default_factory=list)
+
+    @property
+    def run_dir(self) -> Path:
+        return self.folder / "run"
+
+    def start(self, *arguments: str | Path, limits: Mapping[int, int] | None = None) -> Terminal:
+        """Starts musselbed in a terminal of its own, with these limits of its resources."""
+        terminal = Terminal([str(MUSSELBED), *map(str, arguments)], {_VARIABLE: self.token}, limits or {})
+        self.terminals.append(terminal)
+        return terminal
+
+    def run(
+        self,
+        *options: str,
+        duration_s: float = 300,
+        run_dir: Path | None = None,
+        limits: Mapping[int, int] | None = None,
+    ) -> Terminal:
+        """Starts `musselbed run` of the paper's pool, for so many seconds of mission time."""
+        scenario = self.folder / "scenario.yaml"
+        write_resolved(scenario, replace(load(SCENARIO), duration_s=duration_s))
+        return self.start("run", scenario, "--out", run_dir or self.run_dir, *options, limits=limits)
+
+    def processes(self, words: str = "") -> list[int]:
+        """The living processes of this try whose command line has these words."""
+        mark = f"{_VARIABLE}={self.token}".encode()
+        found = []
+        for entry in Path("/proc").glob("[0-9]*"):
+            with suppress(OSError):
+                line = (entry / "cmdline").read_bytes().replace(b"\0", b" ").decode(errors="replace")
+                if words in line and mark in (entry / "environ").read_bytes():
+                    found.append(int(entry.name))
+        return sorted(found)
+
+    def the_process(self, words: str) -> int:
+        """The pid of the first process with these words, as soon as there is one."""
+        return self.wait_for(lambda: next(iter(self.processes(words)), None), words)
+
+    def has_flown(self, mission_s: float) -> None:
+        """Returns when the journal has come to this mission time."""
+        journal = self.run_dir / "journal.jsonl"
+        self.wait_for(
+            lambda: (journal.exists() and read_journal(journal).last_ms >= 1000 * mission_s) or None,
+            f"{mission_s:g} s of mission time",
+        )
+
+    def wait_for(self, look: Callable[[], Found | None], what: str, timeout_s: float = 60.0) -> Found:
+        """The first answer of `look` that is not None; TimeoutError when there is none in time."""
+        until_s = time.monotonic() + timeout_s
+        while (found := look()) is None:
+            if time.monotonic() > until_s:
+                raise TimeoutError(f"{what} did not come within {timeout_s:g} s")
+            for terminal in self.terminals:
+                terminal.run_for(0.05)
+            time.sleep(0.02)
+        return found
+
+
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """A row of the table. `inflict` flies a mission with the fault, and returns what was lost of it, or None."""
+
+    name: str
+    inflict: Callable[[Try], str | None]
+
+
+@dataclass(frozen=True, slots=True)
+class Consequences:
+    """What one try counts, and why."""
+
+    left_over: int
+    tracebacks: int
+    torn_records: int
+    lost_missions: int
+    notes: tuple[str, ...]
+
+
+def tried(fault: Fault, seed: str) -> Consequences:
+    """Inflicts a fault once. Ends whatever it leaves over."""
+    with tempfile.TemporaryDirectory(prefix="fault-") as folder, ExitStack() as stack:
+        attempt = Try(Path(folder), random.Random(seed))
+        stack.callback(_kill_all, attempt)
+        try:
+            lost = fault.inflict(attempt)
+        except TimeoutError as error:
+            lost = str(error)
+        left = _left_over(attempt)
+        for terminal in attempt.terminals:
+            stack.callback(terminal.close)
+        texts = {f"terminal {n}": it.output for n, it in enumerate(attempt.terminals)}
+        for path in [*Path(folder).rglob("*.log"), *Path(folder).rglob("*.err")]:
+            texts[str(path.relative_to(folder))] = path.read_text(errors="replace")
+        tracebacks = {name: text.count(_TRACEBACK) for name, text in texts.items() if _TRACEBACK in text}
+        torn = [reason for run in Path(folder).rglob("journal.jsonl") for reason in _torn(run.parent)]
+        notes = [
+            *(f"left over: {words}" for words in left),
+            *(f"{n} tracebacks in {name}: {_last_error(texts[name])}" for name, n in tracebacks.items()),
+            *torn,
+            *([f"{lost}; it said: {attempt.terminals[0].output.strip()[-600:]!r}"] if lost else []),
+        ]
+    return Consequences(len(left), sum(tracebacks.values()), len(torn), int(lost is not None), tuple(notes))
+
+
+def _last_error(text: str) -> str:
+    after = text.rpartition(_TRACEBACK)[2].splitlines()
+    return next((line for line in after[1:] if line and not line.startswith(" ")), "")
+
+
+def _left_over(attempt: Try) -> list[str]:
+    """The command lines of the processes that are still there some time after their commands have ended."""
+    until_s = time.monotonic() + _GONE_S
+    while (pids := attempt.processes()) and time.monotonic() < until_s:
+        time.sleep(0.1)
+    lines = []
+    for pid in pids:
+        with suppress(OSError):
+            lines.append(Path(f"/proc/{pid}/cmdline").read_bytes().replace(b"\0", b" ").decode()[:160])
+    return lines
+
+
+def _kill_all(attempt: Try) -> None:
+    for pid in attempt.processes():
+        with suppress(ProcessLookupError):
+            os.kill(pid, signal.SIGKILL)
+
+
+def _torn(run_dir: Path) -> Iterator[str]:
+    for path in run_dir.glob("*.bag"):
+        try:
+            with closing(Reader(path)) as reader:
+                reader.open()
+        except (ReaderError, OSError, AssertionError, struct.error) as error:
+            yield f"{path.name} ({path.stat().st_size} bytes) does not open: {error}"
+    dropped = read_journal(run_dir / "journal.jsonl").dropped
+    if dropped:
+        yield f"journal.jsonl has {dropped} lines that cannot be read"
+
+
+def _expect(terminal: Terminal, codes: set[int], words: str = "", within_s: float = _END_S) -> str | None:
+    """Waits for the command's end; what was lost if its code or its words are others."""
+    if not terminal.run_for(within_s):
+        return f"it still ran after {within_s:g} s"
+    if terminal.code not in codes:
+        return f"exit code {terminal.code} instead of {sorted(codes)}"
+    if words not in terminal.output:
+        return f"it does not say {words!r}"
+    return None
+
+
+def _interrupted(attempt: Try, kind: signal.Signals, *, over_ros: bool) -> str | None:
+    options = _WALL if over_ros else ("--time", "asap")
+    terminal = attempt.run(*options)
+    terminal.run_for(attempt.rng.uniform(0.03, 6.0 if over_ros else 3.0))
+    match kind:
+        case signal.SIGINT:
+            terminal.press(b"\x03")
+        case signal.SIGTERM:
+            terminal.send(signal.SIGTERM)
+        case signal.SIGHUP:
+            terminal.hang_up()
+    lost = _expect(terminal, {0, 130}, within_s=30.0)
+    # Before it runs a line of ours, the interpreter ends by the signal itself.
+    return None if terminal.code == -kind and not attempt.run_dir.exists() else lost
+
+
+def _resumed_twice(attempt: Try) -> str | None:
+    first = attempt.run(*_WALL)
+    attempt.has_flown(5)
+    os.kill(attempt.the_process("runs.supervisor_process"), signal.SIGKILL)
+    attempt.wait_for(lambda: "To go on" in first.output or None, "the parent's word")
+    both = [attempt.start("resume", attempt.run_dir) for _ in range(2)]
+    codes = []
+    for terminal in [*both, first]:
+        if not terminal.run_for(_END_S):
+            return "a command did not end"
+        codes.append(terminal.code)
+    refused = sum(code in (2, 3) for code in codes[:2])
+    return None if refused == 1 and codes.count(0) == 2 else f"exit codes {codes}"
+
+
+def _disk_full(attempt: Try, *, over_ros: bool) -> str | None:
+    with _small_disk(attempt.folder / "disk") as disk:
+        run_dir = disk / "run"
+        limits = {} if disk.is_mount() else {resource.RLIMIT_FSIZE: 100_000}
+        options = _WALL if over_ros else ("--time", "asap")
+        terminal = attempt.run(*options, duration_s=2400, run_dir=run_dir, limits=limits)
+        lost = _expect(terminal, {3}, str(run_dir))
+        _left_over(attempt)
+        torn = list(_torn(run_dir)) if (run_dir / "journal.jsonl").exists() else []
+    return lost or (torn[0] if torn else None)
+
+
+@contextmanager
+def _small_disk(folder: Path) -> Iterator[Path]:
+    """A disk of 1.2 MB in memory; without the right to mount one, a plain folder."""
+    folder.mkdir()
+    mount = ["mount", "-t", "tmpfs", "-o", "size=1200k", "tmpfs", str(folder)]
+    mounted = os.geteuid() == 0 and subprocess.run(mount, capture_output=True, check=False).returncode == 0
+    try:
+        yield folder
+    finally:
+        if mounted:
+            subprocess.run(["umount", "-l", str(folder)], check=True)
+
+
+def _fleet_given_up(attempt: Try) -> str | None:
+    terminal = attempt.run("--time", "wall", "--speed", "10", duration_s=2400)
+    attempt.has_flown(5)
+    killed: set[int] = set()
+    for _ in range(4):
+
+        def another() -> int | None:
+            return next((pid for pid in attempt.processes("agents.nursery") if pid not in killed), None)
+
+        try:
+            nursery = attempt.wait_for(another, "another nursery", 20.0)
+        except TimeoutError:
+            break
+        killed.add(nursery)
+        # All agents have the nursery's command line: the nursery is the one with the lowest pid.
+        os.kill(nursery, signal.SIGKILL)
+    return _expect(terminal, {3}, "nurseries died", within_s=60.0)
+
+
+def _master_stopped(attempt: Try) -> str | None:
+    terminal = attempt.run(*_WALL)
+    attempt.has_flown(5)
+    master = attempt.the_process("master_process.py")
+    os.kill(master, signal.SIGSTOP)
+    terminal.run_for(4.0)
+    os.kill(master, signal.SIGCONT)
+    return _expect(terminal, {0})
+
+
+def _silent_connections(attempt: Try) -> str | None:
+    """Connects to every port of the run as soon as it listens, and says nothing."""
+    terminal = attempt.run(*_WALL)
+    with ExitStack() as stack:
+        taken: set[int] = set()
+        until_s = time.monotonic() + _END_S
+        while not terminal.run_for(0.02) and time.monotonic() < until_s:
+            for port in _ports(attempt.processes()) - taken:
+                with suppress(OSError):
+                    stack.enter_context(socket.create_connection(("127.0.0.1", port), 1.0))
+                    taken.add(port)
+        return _expect(terminal, {0}, within_s=0.1)
+
+
+def _ports(pids: list[int]) -> set[int]:
+    """The TCP ports at which these processes listen."""
+    inodes = set()
+    for pid in pids:
+        with suppress(OSError):
+            for entry in Path(f"/proc/{pid}/fd").iterdir():
+                with suppress(OSError):
+                    target = os.readlink(entry)
+                    if target.startswith("socket:["):
+                        inodes.add(target[8:-1])
+    rows = [line.split() for line in Path("/proc/net/tcp").read_text().splitlines()[1:]]
+    return {int(row[1].rpartition(":")[2], 16) for row in rows if row[3] == "0A" and row[9] in inodes}
+
+
+FAULTS = (
+    *(
+        Fault(f"{kind.name} while a run starts, {where}", partial(_interrupted, kind=kind, over_ros=over_ros))
+        for kind in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+        for where, over_ros in (("asap", False), ("over ROS", True))
+    ),
+    Fault("two resumes at once", _resumed_twice),
+    Fault("full disk, asap", partial(_disk_full, over_ros=False)),
+    Fault("full disk, over ROS", partial(_disk_full, over_ros=True)),
+    Fault("fleet given up", _fleet_given_up),
+    Fault("master stopped and continued", _master_stopped),
+    Fault("silent TCP connections", _silent_connections),
+)
+
+
+def measure(tries: int = TRIES) -> dict[str, Any]:
+    """Each fault `tries` times. The rows' counts are sums over the tries."""
+    return {"rows": [_measured(fault, tries) for fault in FAULTS]}
+
+
+def _measured(fault: Fault, tries: int) -> dict[str, Any]:
+    results = [tried(fault, f"{SEED} {fault.name} {n}") for n in range(tries)]
+    row: dict[str, Any] = {"fault": fault.name, "tries": tries}
+    for key in ("left_over", "tracebacks", "torn_records", "lost_missions"):
+        row[key] = sum(getattr(it, key) for it in results)
+    row["notes"] = [note for it in results for note in it.notes]
+    print(json.dumps(row), file=sys.stderr, flush=True)
+    return row
+
+
+def show(result: dict[str, Any], console: Console) -> None:
+    table = Table("fault", "tries", "left over", "tracebacks", "torn records", "lost missions")
+    for row in result["rows"]:
+        table.add_row(*(str(value) for key, value in row.items() if key != "notes"))
+    console.print(table)
