@@ -229,7 +229,7 @@ def tried(fault: Fault, seed: str) -> Consequences:
             *(f"left over: {words}" for words in left),
             *(f"{n} tracebacks in {name}: {_last_error(texts[name])}" for name, n in tracebacks.items()),
             *torn,
-            *([f"{lost}; it said: {attempt.terminals[0].output.strip()[-600:]!r}"] if lost else []),
+            *([f"{lost}; it said: {attempt.terminals[0].output.strip()[-200:]!r}"] if lost else []),
         ]
     return Consequences(len(left), sum(tracebacks.values()), len(torn), int(lost is not None), tuple(notes))
 

@@ -29,6 +29,7 @@ from apad_bridge.records.packet_lines import SoundRow, sound_rows
 from apad_bridge.records.samples import belief_sample
 from apad_bridge.ros.gateway.agent_topics import AgentReport, AgentTopics
 from apad_bridge.ros.gateway.fleet_guard import refuse_second_fleet
+from apad_bridge.ros.system.handshakes import bound_handshakes
 from apad_bridge.ros.system.ros_time import to_ros
 from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros_names.names import of_amussel, ours
@@ -77,6 +78,7 @@ def open_gateway(
     master_uri = rosgraph.get_master_uri()
     try:
         refuse_second_fleet(rospy.resolve_name(node_name), [] if is_resumed else ids, master_uri)
+        bound_handshakes()
         rospy.init_node(
             node_name,
             argv=list(remappings),

@@ -18,6 +18,7 @@ from rosgraph_msgs.msg import Clock
 
 from agents.hosting import interrupts
 from agents.hosting.started import outlive_starter
+from apad_bridge.ros.system.handshakes import bound_handshakes
 from apad_bridge.ros.system.ros_time import to_ros
 from apad_bridge.ros_names.names import CLOCK
 from apad_bridge.supervisor.clock import StopSign
@@ -67,6 +68,7 @@ def _join_graph() -> str | None:
     others = {node for topic, nodes in publishers if topic == CLOCK for node in nodes} - {node}
     if others:
         return f"/clock comes from {', '.join(sorted(others))} already: end it first"
+    bound_handshakes()
     rospy.init_node(NODE, argv=[], disable_signals=True)
     return None
 
