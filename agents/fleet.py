@@ -12,6 +12,7 @@ from agents.mussel.agent import AgentConfig
 from agents.mussel.body import BodyConfig, Sinking, WaterConfig
 from agents.mussel.physical import Physical
 from agents.mussel.reporter import ReportConfig
+from agents.water.chance import fates
 from agents.water.patches import CALM_BAY, FieldsConfig
 from agents.water.stream import STILL_CURRENT, CurrentConfig
 from firmware_model.actions import Buoyancy
@@ -25,11 +26,43 @@ from firmware_model.config import (
     Timekeeping,
     Timeslots,
 )
+from firmware_model.power.ageing import AS_NEW, rescaled
 from firmware_model.power.charge import Battery, ChargeModel, Flow, grains
 from firmware_model.power.rails import Loads
 from firmware_model.sampling.flash import PAGES
 
 _KEY = Struct("<QQ").pack
+_MOST_DEVIATIONS = 3.0
+"""A draw from a spread lies no farther off, so that no battery is left without a capacity."""
+
+
+@dataclass(frozen=True, slots=True)
+class Spread:
+    """How far one board's drain and battery capacity differ from the nominal: standard deviations in 1/10000.
+
+    The draws are a keyed hash of (seed, agent id): normal, and cut at three deviations.
+    """
+
+    seed: int = 0
+    drain: int = 0
+    capacity: int = 0
+
+    def applied(self, board: BoardConfig) -> BoardConfig:
+        """This board's own configuration; the very same object without a spread."""
+        if not (self.drain or self.capacity):
+            return board
+        drain = AS_NEW + round(self.drain * deviations_of(self.seed, board.agent_id, b"drain"))
+        capacity = AS_NEW + round(self.capacity * deviations_of(self.seed, board.agent_id, b"capacity"))
+        return rescaled(board, drain, capacity)
+
+    def charge_model(self, nominal: ChargeModel, agent_id: int) -> ChargeModel:
+        """The charge model of this aMussel's batteries."""
+        return self.applied(BoardConfig(agent_id, nominal, 0, 0, 0, 0)).charge
+
+
+def deviations_of(seed: int, agent_id: int, of: bytes) -> float:
+    """How many standard deviations an aMussel is off the nominal in the quantity named `of` (16 bytes at most)."""
+    return max(-_MOST_DEVIATIONS, min(_MOST_DEVIATIONS, fates(seed, agent_id, 0, 0, of)[2]))
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,6 +84,7 @@ class FleetConfig:
     """The largest drift of a whole board's clock, either way, in parts of 10^9; each clock has a drift of its own."""
     flash_pages: int = PAGES
     """Flash pages of `firmware_model.sampling.flash.PAGE_BYTES` each, for the log of one aMussel."""
+    spread: Spread = Spread()
 
     def to_wire(self) -> dict[str, Any]:
         return asdict(self)
@@ -67,6 +101,7 @@ class FleetConfig:
                 "reports": ReportConfig(**{**reports, "modem": Generation(reports["modem"])}),
                 "current": CurrentConfig.from_wire(wire["current"]),
                 "fields": FieldsConfig.from_wire(wire["fields"]),
+                "spread": Spread(**wire["spread"]),
             }
         )
 
@@ -138,7 +173,7 @@ class AgentConfigs:
             slot=agent_id - fleet.first_id if self._has_slots else 0,
             drift_ppb=drift_of(fleet.seed, agent_id, fleet.clock_drift_ppb),
         )
-        return AgentConfig(board, self._water, fleet.reports)
+        return AgentConfig(fleet.spread.applied(board), self._water, fleet.reports)
 
 
 def drift_of(seed: int, agent_id: int, bound_ppb: int) -> int:

@@ -35,7 +35,7 @@ from apad_bridge.assembly.water import fleet_of
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.records.summary import uptime_figures
 from apad_bridge.runs.in_memory import MemoryRecorder
-from apad_bridge.scenario.firmware_config import board_config, charge_model
+from apad_bridge.scenario.firmware_config import board_config, charge_models
 from apad_bridge.scenario.loader import from_data, load, resolve
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
@@ -160,7 +160,7 @@ def _sown(initial_states: dict[int, Physical]) -> Iterator[StatusPacket]:
             (fraction(it.primary.charge), fraction(it.secondary.charge)),
             (it.north_um / 1e6, it.east_um / 1e6),
         )
-        yield StatusPacket(agent_id, 0, State.ACTIVE, *charges, *place, it.depth_um / 1e6, 0)
+        yield StatusPacket(agent_id, 0, State.SLEEPING, *charges, *place, it.depth_um / 1e6, 0)
 
 
 class Scoring(MemoryRecorder):
@@ -168,7 +168,7 @@ class Scoring(MemoryRecorder):
 
     def __init__(self, scenario: Scenario) -> None:
         super().__init__(scenario)
-        self._model = charge_model(scenario.board)
+        self._charge_of = charge_models(scenario)
         self._batteries: dict[int, Battery] = {}
         self._squares: list[float] = []
 
@@ -185,7 +185,9 @@ class Scoring(MemoryRecorder):
         if now_ms % 60_000:
             return
         for it in beliefs:
-            charge = self._model.charge_at(self._batteries[it.agent_id], self._theta * now_ms)
+            charge = self._charge_of(it.agent_id).charge_at(
+                self._batteries[it.agent_id], self._theta * now_ms
+            )
             self._squares.append((it.primary - fraction(charge)) ** 2)
 
 

@@ -23,7 +23,7 @@ from apad_bridge.mission.sources import BeliefSource
 from apad_bridge.mission.state import MissionState
 from apad_bridge.mission.takeover import Takeover
 from apad_bridge.planning import registry
-from apad_bridge.scenario.firmware_config import board_config, clock_drift_ppb, sinking_of
+from apad_bridge.scenario.firmware_config import board_config, clock_drift_ppb, sinking_of, spread_of
 from apad_bridge.scenario.schema import DriftMode, HearingMode, Scenario
 from apad_bridge.scenario.starts import Start
 from apad_bridge.supervisor.context import LearnedState
@@ -63,6 +63,7 @@ def fleet_config(scenario: Scenario) -> FleetConfig:
         fields=CALM_BAY if water is None else fields_config(water.fields),
         first_id=scenario.fleet.first_id,
         clock_drift_ppb=clock_drift_ppb(board),
+        spread=spread_of(scenario),
     )
 
 

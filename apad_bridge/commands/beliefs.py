@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.table import Table
 
 from apad_bridge.analysis.belief_scores.comparisons import Record, best_record, comparisons_in
-from apad_bridge.analysis.belief_scores.scores import Score, Scores, scores_of
+from apad_bridge.analysis.belief_scores.scores import LOW_COVERAGE, Score, Scores, scores_of
 from apad_bridge.records.run_directory import RunDirectoryError
 from apad_bridge.runs.exits import EXITS, Exit, UserError
 
@@ -73,21 +73,38 @@ def run(arguments: argparse.Namespace) -> int:
         print(json.dumps({"record": record, **scores.to_json()}))
     else:
         _show(scores, record, Console())
+    _warn(scores)
     return Exit.DONE
+
+
+def _warn(scores: Scores) -> None:
+    """Says on stderr which bins of beliefs claim to know more than they do."""
+    console = Console(stderr=True, soft_wrap=True)
+    for name, score in scores.overconfident.items():
+        assert score.coverage is not None
+        console.print(
+            f"warning: {name}: the intervals of 95 % hold the truth in {score.coverage:.0%} of {score.samples} samples, "
+            f"less than {LOW_COVERAGE:.0%}: a planner trusts these beliefs too much; let the scenario's beliefs.twin "
+            "assume wider deviations",
+            highlight=False,
+            markup=False,
+        )
 
 
 def _show(scores: Scores, record: Record, console: Console) -> None:
     table = Table(
         padding=(0, 0, 0, 1),
         title=f"Charges believed, less true ones, by the run's {record}",
-        caption="by the age of the newest packet, by what it was doing, by aMussel; cover: of the 95 % interval; "
+        caption="by the age of the newest packet, by what it was doing, by aMussel; cover, width: of the 95 % interval; "
         "mode: share that is right; place: rms error in m, and the cover of its 95 % ellipse",
     )
     table.add_column("", min_width=12)
-    for name in ("samples", "rmse", "bias", "cover", "nees", "mode", "place", "cover"):
+    for name in ("samples", "rmse", "bias", "cover", "width", "nees", "mode", "place", "cover"):
         # On a narrow screen the row names fold; the figures are not cut.
         table.add_column(name, justify="right", no_wrap=True, min_width=5)
     _row(table, "all", scores.overall)
+    if scores.secondary is not None:
+        _row(table, "secondary battery", scores.secondary)
     for head, bins in (
         ("packet up to", scores.by_age),
         ("mode", scores.by_mode),
@@ -109,6 +126,7 @@ def _row(table: Table, name: str, score: Score) -> None:
         f"{score.rmse:.4f}",
         f"{score.bias:+.4f}",
         _or_dash(score.coverage, ".3f"),
+        _or_dash(score.width, ".3f"),
         _or_dash(score.nees, ".2f"),
         f"{score.mode_right:.3f}",
         _or_dash(score.place_rmse_m, ".2f"),

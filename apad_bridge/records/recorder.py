@@ -64,7 +64,7 @@ class Recorder:
         self._scenario = scenario
         self._agent_ids = frozenset(agent_ids)
         self._water = Water(scenario)
-        self.meter = UptimeMeter(scenario.theta, self._water.charge)
+        self.meter = UptimeMeter(scenario.theta, self._water.charge_of)
         self._newest: dict[int, Truth] = {}
         self._journaled: dict[int, Truth] = {}
         self._beliefs: Sequence[Belief] = ()

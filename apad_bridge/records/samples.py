@@ -8,7 +8,7 @@ from typing import NamedTuple
 from agents.mussel.outputs import Truth
 from agents.mussel.physical import Physical
 from apad_bridge.beliefs.belief import Belief, Source
-from apad_bridge.scenario.firmware_config import charge_model, sinking_of
+from apad_bridge.scenario.firmware_config import charge_models, sinking_of
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.vehicle.commands import BatteryReported, PoseReported
 from firmware_model.power.charge import fraction
@@ -69,12 +69,12 @@ class Water:
     """Extrapolates a Truth until the next one: batteries and depth are linear from their anchors."""
 
     def __init__(self, scenario: Scenario) -> None:
-        self.charge = charge_model(scenario.board)
+        self.charge_of = charge_models(scenario)
         self._sinking = sinking_of(scenario)
 
     def sample(self, truth: Truth, agent_ms: int) -> TruthSample:
         """The aMussel at agent time `agent_ms`, at or after the truth's."""
-        physical, charge_at = truth.physical, self.charge.charge_at
+        physical, charge_at = truth.physical, self.charge_of(truth.agent_id).charge_at
         return TruthSample(
             truth.agent_id,
             int(truth.state),

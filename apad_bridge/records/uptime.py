@@ -15,6 +15,7 @@ its ticks counted apart, and nothing that happens to it then is counted.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from agents.mussel.outputs import Truth
@@ -62,9 +63,10 @@ class _Ledger:
 class UptimeMeter:
     """Takes every Truth, for each aMussel in order of time; gives the counts for any mission time from the last one on."""
 
-    def __init__(self, theta: int, charge: ChargeModel, tick_ms: int = 1000) -> None:
+    def __init__(self, theta: int, charge_of: Callable[[int], ChargeModel], tick_ms: int = 1000) -> None:
+        """`charge_of` returns the charge model of an aMussel's batteries."""
         self._theta = theta
-        self.charge = charge
+        self.charge_of = charge_of
         self._tick_ms = tick_ms
         self._step_ms = theta * tick_ms
         self._ledgers: dict[int, _Ledger] = {}
@@ -123,7 +125,8 @@ class UptimeMeter:
         for agent_id, ledger in self._ledgers.items():
             physical, is_simulated = ledger.truth.physical, self._presence(agent_id) is Presence.SIMULATED
             if is_simulated and not physical.docked and not _has_ended(ledger.ended_ms, agent_ms):
-                active += self.charge.charge_at(physical.primary, max(agent_ms, ledger.truth.at_ms)) > 0
+                charge = self.charge_of(ledger.truth.agent_id)
+                active += charge.charge_at(physical.primary, max(agent_ms, ledger.truth.at_ms)) > 0
         return active
 
     def _presence(self, agent_id: int) -> Presence:
@@ -139,9 +142,9 @@ class UptimeMeter:
             key = "retired" if presence is Presence.RETIRED else "beside_real"
             return replace(counted, presence=presence, **{key: getattr(counted, key) + ticks})
         end_ms = max(start_ms, until_ms if ledger.ended_ms is None else min(until_ms, ledger.ended_ms))
-        primary = truth.physical.primary
-        empty_ms = self._span_at_zero(primary, start_ms, end_ms)
-        backup_empty_ms = self._span_at_zero(truth.physical.secondary, start_ms, end_ms)
+        primary, charge = truth.physical.primary, self.charge_of(truth.agent_id)
+        empty_ms = _span_at_zero(charge, primary, start_ms, end_ms)
+        backup_empty_ms = _span_at_zero(charge, truth.physical.secondary, start_ms, end_ms)
         dead = self._ticks_between(*empty_ms)
         charged = self._ticks_between(start_ms, end_ms) - dead
         both_ms = (max(empty_ms[0], backup_empty_ms[0]), min(empty_ms[1], backup_empty_ms[1]))
@@ -154,7 +157,7 @@ class UptimeMeter:
             lost=counted.lost
             or both_ms[0] < both_ms[1]
             or (truth.state in BEYOND_HELP and start_ms < end_ms),
-            charge=self.charge.charge_at(primary, max(truth.at_ms, end_ms - 1)),
+            charge=charge.charge_at(primary, max(truth.at_ms, end_ms - 1)),
             samples=truth.physical.samples - sum(map(len, counted.apart)),
             presence=presence,
         )
@@ -163,16 +166,17 @@ class UptimeMeter:
         """Ticks in [start, end) of agent time."""
         return max(0, max(0, (end_ms - 1) // self._step_ms) - max(0, (start_ms - 1) // self._step_ms))
 
-    def _span_at_zero(self, battery: Battery, start_ms: int, end_ms: int) -> tuple[int, int]:
-        """The part of [start, end) in which the battery is at 0; it is always one piece."""
-        empty_at_ms = self.charge.falls_to_at_ms(battery, 0)
-        if empty_at_ms is None:
-            return end_ms, end_ms
-        # A battery that falls to 0 stays there; a battery that begins at 0 leaves it once it gains more than it loses.
-        leaves_at_ms = self.charge.reaches_at_ms(battery, 1) if battery.charge == 0 else None
-        until_ms = end_ms if leaves_at_ms is None else min(end_ms, leaves_at_ms)
-        from_ms = max(start_ms, empty_at_ms)
-        return (from_ms, until_ms) if from_ms < until_ms else (end_ms, end_ms)
+
+def _span_at_zero(model: ChargeModel, battery: Battery, start_ms: int, end_ms: int) -> tuple[int, int]:
+    """The part of [start, end) in which the battery is at 0; it is always one piece."""
+    empty_at_ms = model.falls_to_at_ms(battery, 0)
+    if empty_at_ms is None:
+        return end_ms, end_ms
+    # A battery that falls to 0 stays there; a battery that begins at 0 leaves it once it gains more than it loses.
+    leaves_at_ms = model.reaches_at_ms(battery, 1) if battery.charge == 0 else None
+    until_ms = end_ms if leaves_at_ms is None else min(end_ms, leaves_at_ms)
+    from_ms = max(start_ms, empty_at_ms)
+    return (from_ms, until_ms) if from_ms < until_ms else (end_ms, end_ms)
 
 
 def _has_ended(ended_ms: int | None, agent_ms: int) -> bool:

@@ -15,7 +15,7 @@ from apad_bridge.mission.call_queue import CallQueue
 from apad_bridge.mission.manual import CommandSource
 from apad_bridge.records.summary import uptime_figures
 from apad_bridge.records.uptime import UptimeMeter
-from apad_bridge.scenario.firmware_config import charge_model
+from apad_bridge.scenario.firmware_config import charge_models
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
 from apad_bridge.supervisor.clock import AsFastAsPossible
@@ -34,7 +34,7 @@ class MemoryRecorder:
 
     def __init__(self, scenario: Scenario) -> None:
         self._theta = scenario.theta
-        self.meter = UptimeMeter(scenario.theta, charge_model(scenario.board))
+        self.meter = UptimeMeter(scenario.theta, charge_models(scenario))
         self.events: list[tuple[int, str, dict[str, Any]]] = []
         self.taken: dict[int, int] = {}
         """The number of samples that each aMussel has ever taken, by id."""

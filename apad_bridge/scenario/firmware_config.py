@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from decimal import ROUND_HALF_EVEN, Decimal
+from functools import cache
 
+from agents.fleet import Spread
 from agents.modem.frames import Generation, duration_ms
 from agents.mussel.body import Sinking
 from apad_bridge.scenario.board import Board
@@ -18,7 +21,7 @@ from apad_bridge.scenario.full_firmware_options import (
 from apad_bridge.scenario.schema import Scenario
 from firmware_model import config
 from firmware_model.packets import ShortStatus
-from firmware_model.power.ageing import aged, capacity_left
+from firmware_model.power.ageing import AS_NEW, aged, capacity_left
 from firmware_model.power.charge import (
     EMPTY_MV,
     FULL,
@@ -68,6 +71,18 @@ def sinking_of(scenario: Scenario) -> Sinking:
     """Builds the rates at which the bodies rise and sink."""
     board = scenario.board
     return Sinking(round(scenario.area.depth_m * 1e6), _ms(board.surfacing_s), _ms(board.sinking_s))
+
+
+def spread_of(scenario: Scenario) -> Spread:
+    """Converts the spread among the fleet's boards."""
+    spread = scenario.fleet.spread
+    return Spread(scenario.seed, round(spread.drain * AS_NEW), round(spread.capacity * AS_NEW))
+
+
+def charge_models(scenario: Scenario) -> Callable[[int], ChargeModel]:
+    """Returns the charge model of each aMussel's own batteries, by id."""
+    nominal, spread = charge_model(scenario.board), spread_of(scenario)
+    return cache(lambda agent_id: spread.charge_model(nominal, agent_id))
 
 
 def _full_firmware(whole: FullFirmwareOptions, seed: int, modems: Generation) -> config.FullFirmware:

@@ -91,6 +91,22 @@ class Drift:
     """CSV: north_m, east_m, north_m_s, east_m_s; relative to the scenario file."""
 
 
+SpreadDeviation = Annotated[float, Ge(0), Le(0.3)]
+"""Draws are cut at three deviations, so that at least a tenth of the nominal is left."""
+
+
+@frozen
+class Spread:
+    """How far the fleet's aMussels differ from their board's numbers: one standard deviation, relative. The draws follow
+    from the scenario's seed; no estimator is told them."""
+
+    drain: SpreadDeviation = 0.0
+    capacity: SpreadDeviation = 0.0
+    """Of both batteries of an aMussel alike: they drain and charge faster the less they hold."""
+    secondary_start: SpreadDeviation = 0.0
+    """How far below full a secondary battery starts, where the start does not state its charge."""
+
+
 @frozen
 class Fleet:
     count: Annotated[int, Ge(0), Le(20000)]
@@ -103,6 +119,7 @@ class Fleet:
     """The ids that this aPad serves if it is one of several; empty for all."""
     hosting: Hosting = Hosting.PROCESSES
     drift: Drift
+    spread: Spread = Spread()
 
     def __post_init__(self) -> None:
         if list(self.share) != sorted(set(self.share)) or not all(it in self.all_ids for it in self.share):

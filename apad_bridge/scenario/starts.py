@@ -6,12 +6,13 @@ agents nor on the order of the draws.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
 from hashlib import blake2b
 from pathlib import Path
 from struct import Struct
 
+from agents.fleet import deviations_of
 from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.loader import write_atomically
 from apad_bridge.scenario.local_frame import LocalFrame
@@ -45,11 +46,21 @@ def starts_of(scenario: Scenario) -> tuple[Start, ...]:
     Raises ScenarioError with a line for each mistake in the file that they come from.
     """
     fleet = scenario.fleet
+
+    def secondary_of(agent_id: int) -> float:
+        """The charge of a secondary battery that no start states: a battery loses charge in store, and gains none."""
+        below_full = fleet.spread.secondary_start * abs(deviations_of(scenario.seed, agent_id, b"secondary"))
+        return 1.0 - below_full
+
     if isinstance(fleet.start, RandomStart):
         return tuple(
-            random_start(scenario.seed, agent_id, scenario.area, fleet.start) for agent_id in fleet.ids
+            replace(
+                random_start(scenario.seed, agent_id, scenario.area, fleet.start),
+                secondary=secondary_of(agent_id),
+            )
+            for agent_id in fleet.ids
         )
-    starts = read_starts(Path(fleet.start), scenario.area, fleet.first_id, fleet.count)
+    starts = read_starts(Path(fleet.start), scenario.area, fleet.first_id, fleet.count, secondary_of)
     if fleet.share:
         return tuple(start for start in starts if start.agent_id in fleet.share)
     if (ids := [start.agent_id for start in starts]) != list(fleet.ids):
@@ -81,8 +92,12 @@ def random_start(seed: int, agent_id: int, area: Area, start: RandomStart) -> St
     return Start(agent_id, place[0], place[1], min(high, low + fraction * (high - low)))
 
 
-def read_starts(path: Path, area: Area, first_id: int, count: int) -> tuple[Start, ...]:
+def read_starts(
+    path: Path, area: Area, first_id: int, count: int, secondary_of: Callable[[int], float] = lambda _: 1.0
+) -> tuple[Start, ...]:
     """Reads the `count` lowest ids from `first_id` on from a CSV or a former run's directory.
+
+    `secondary_of` returns the charge of a secondary battery, by id, where the file has no such column.
 
     In a directory, it reads `ends.csv` if the run got so far, else `starts.csv`. Places in a CSV must lie in or near the
     area's bounding box; places of a former run need not, because its agents may have drifted. Raises ScenarioError.
@@ -101,7 +116,16 @@ def read_starts(path: Path, area: Area, first_id: int, count: int) -> tuple[Star
                 "add rows, or let starts be drawn: start: {charge: [0.7, 1.0]}"
             ]
         )
-    return tuple(Start(row.agent_id, row.north_m, row.east_m, row.primary, row.secondary) for row in chosen)
+    return tuple(
+        Start(
+            row.agent_id,
+            row.north_m,
+            row.east_m,
+            row.primary,
+            secondary_of(row.agent_id) if row.secondary is None else row.secondary,
+        )
+        for row in chosen
+    )
 
 
 def save_starts(path: Path, starts: Iterable[Start], origin: Origin) -> None:

@@ -49,7 +49,8 @@ class Row:
     north_m: float
     east_m: float
     primary: float
-    secondary: float
+    secondary: float | None
+    """None if the file does not state it."""
 
 
 def read_table(path: Path, frame: LocalFrame) -> list[Row]:
@@ -129,7 +130,7 @@ def _row(line: int, columns: list[str], cells: list[str], frame: LocalFrame) -> 
         north_m,
         east_m,
         _charge("battery", texts["battery"]),
-        _charge("secondary", texts.get("secondary", "1")),
+        _charge("secondary", texts["secondary"]) if "secondary" in texts else None,
     )
 
 

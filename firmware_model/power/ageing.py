@@ -1,4 +1,4 @@
-"""The ageing of batteries by years and charge cycles, relative to a new battery; the charge scale stays [0, 1].
+"""Boards whose batteries or loads differ from the nominal: by age, or one by one. The charge scale stays [0, 1].
 
 An aged battery discharges and charges faster on the scale of voltage: every rate is divided by the remaining capacity.
 Both batteries of an aMussel age alike here.
@@ -46,15 +46,28 @@ def aged(config: BoardConfig, capacity: int) -> BoardConfig:
     """The board on batteries with `capacity` of 10000 of the capacity as new; every rate rounded down."""
     if not 0 < capacity <= AS_NEW:
         raise ValueError(f"a capacity lies in 1 to {AS_NEW}, not {capacity}")
+    return rescaled(config, AS_NEW, capacity)
+
+
+def rescaled(config: BoardConfig, drain: int, capacity: int) -> BoardConfig:
+    """The board with `drain` of 10000 of its loads, on batteries with `capacity` of 10000; every rate rounded down.
+
+    ValueError when either is not positive.
+    """
+    if min(drain, capacity) <= 0:
+        raise ValueError(f"a drain and a capacity are positive, not {drain} and {capacity}")
 
     def faster(rate: int) -> int:
         return rate * AS_NEW // capacity
+
+    def drawn(rate: int) -> int:
+        return rate * drain // capacity
 
     def curve(segments: Segments) -> Segments:
         return tuple((end, faster(rate)) for end, rate in segments)
 
     charge = ChargeModel(
-        faster(config.charge.discharge), curve(config.charge.segments), curve(config.charge.segments_by_two)
+        drawn(config.charge.discharge), curve(config.charge.segments), curve(config.charge.segments_by_two)
     )
     whole = config.whole
     if whole is not None:
@@ -66,6 +79,6 @@ def aged(config: BoardConfig, capacity: int) -> BoardConfig:
                 sag_ms=metering.sag_ms * capacity // AS_NEW,
                 sag_from=faster(metering.sag_from),
             )
-        loads = Loads(tuple(faster(load) for load in power.loads.of))
+        loads = Loads(tuple(drawn(load) for load in power.loads.of))
         whole = replace(whole, power=replace(power, loads=loads, metering=metering))
     return replace(config, charge=charge, whole=whole)

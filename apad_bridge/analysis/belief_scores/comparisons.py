@@ -20,7 +20,7 @@ from apad_bridge.records.journal import Line, read_journal
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
 from apad_bridge.records.samples import BeliefSample, TruthSample, Water
 from apad_bridge.scenario.errors import ScenarioError
-from apad_bridge.scenario.firmware_config import charge_model
+from apad_bridge.scenario.firmware_config import charge_models
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.schema import Scenario
 from firmware_model.states import State
@@ -28,6 +28,8 @@ from firmware_model.states import State
 _HALF_RESTS = 0.683
 _CERTAIN = 1e-6
 """A belief with a smaller deviation rests at full or at empty."""
+_Z_95 = 1.959964
+"""The half width of a Gaussian's central interval of 95 %, in deviations."""
 
 
 class Record(StrEnum):
@@ -36,25 +38,35 @@ class Record(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Comparison:
-    """One aMussel's belief and truth at one time.
+class ChargeComparison:
+    """The believed and the true charge of one battery; `deviation` is None for a belief without uncertainty."""
 
-    The age is agent time since the newest packet; `deviation` is None for a belief without uncertainty.
-    """
+    error: float
+    """The believed minus the true charge."""
+    deviation: float | None
+    covered: bool | None
+    """True if the truth lay in the interval of 95 %."""
+    width: float | None
+    """The width of that interval."""
+    clamped: bool
+    """True if the truth rests at 0 or 1, or more than half of the belief does."""
+
+
+@dataclass(frozen=True, slots=True)
+class Comparison:
+    """One aMussel's belief and truth at one time. The age is agent time since the newest packet."""
 
     agent_id: int
     at_ms: int
     age_h: float
     mode: Mode
     """The true mode."""
+    is_released: bool
+    """True if it floats after a release and waits until it is clear to sink: a part of the mode FLOATING."""
     mode_right: bool
-    error: float
-    """The believed minus the true primary charge."""
-    deviation: float | None
-    covered: bool | None
-    """True if the truth lay in the interval of 95 %."""
-    clamped: bool
-    """True if the truth rests at 0 or 1, or more than half of the belief does."""
+    primary: ChargeComparison
+    secondary: ChargeComparison | None
+    """None where the record has no deviation of the secondary battery's charge."""
     place_error_m: float | None
     """None in a dock, where the place is the aPad's."""
     place_square: float | None = None
@@ -87,7 +99,7 @@ def comparisons_in(run_dir: Path, period_ms: int, record: Record) -> Iterator[Co
     except ScenarioError as error:
         raise RunDirectoryError(error.lines[0]) from error
     history = History(
-        read_journal(directory.journal), scenario.theta, charge_model(scenario.board), scenario.apad.docks
+        read_journal(directory.journal), scenario.theta, charge_models(scenario), scenario.apad.docks
     )
     water = Water(scenario)
     for now_ms in range(0, history.end_ms + 1, period_ms):
@@ -107,24 +119,53 @@ def _in_bag_at(instant: Instant) -> Iterator[Comparison]:
     theta = round(instant.agent_ms / instant.at_ms) if instant.at_ms else 1
     for belief in instant.beliefs:
         truth = truths.get(belief.agent_id)
-        if truth is None:
-            continue
-        has_deviation = not math.isnan(belief.charge_deviation)
-        yield Comparison(
-            belief.agent_id,
-            instant.at_ms,
-            theta * belief.age_s / 3600,
-            (mode := _true_mode(truth)),
-            _believed_mode(belief) is mode,
-            belief.charge - truth.primary,
-            belief.charge_deviation if has_deviation else None,
-            belief.charge_low <= truth.primary <= belief.charge_high if has_deviation else None,
-            not 0 < truth.primary < 1 or _rests(belief.charge, belief.charge_deviation),
-            None
-            if truth.docked
-            else math.hypot(belief.north_m - truth.north_m, belief.east_m - truth.east_m),
-            None if truth.docked else _place_square(belief, truth),
-        )
+        if truth is not None:
+            yield compared(belief, truth, instant.at_ms, theta)
+
+
+def compared(belief: BeliefSample, truth: TruthSample, at_ms: int, theta: int) -> Comparison:
+    """Compares the samples of one aMussel at mission time `at_ms`."""
+    return Comparison(
+        belief.agent_id,
+        at_ms,
+        theta * belief.age_s / 3600,
+        (mode := _true_mode(truth)),
+        truth.state == State.RELEASED,
+        _believed_mode(belief) is mode,
+        _charge_compared(
+            belief.charge,
+            truth.primary,
+            _or_none(belief.charge_deviation),
+            (belief.charge_low, belief.charge_high),
+        ),
+        _secondary_compared(belief, truth),
+        None if truth.docked else math.hypot(belief.north_m - truth.north_m, belief.east_m - truth.east_m),
+        None if truth.docked else _place_square(belief, truth),
+    )
+
+
+def _secondary_compared(belief: BeliefSample, truth: TruthSample) -> ChargeComparison | None:
+    """The secondary's belief is one Gaussian, which records hold by its moments."""
+    deviation = _or_none(belief.secondary_deviation)
+    if deviation is None:
+        return None
+    half = _Z_95 * deviation + _CERTAIN
+    interval = max(0.0, belief.secondary - half), min(1.0, belief.secondary + half)
+    return _charge_compared(belief.secondary, truth.secondary, deviation, interval)
+
+
+def _charge_compared(
+    believed: float, true: float, deviation: float | None, interval: tuple[float, float]
+) -> ChargeComparison:
+    low, high = interval
+    clamped = not 0 < true < 1 or (deviation is not None and _rests(believed, deviation))
+    if deviation is None:
+        return ChargeComparison(believed - true, None, None, None, clamped)
+    return ChargeComparison(believed - true, deviation, low <= true <= high, high - low, clamped)
+
+
+def _or_none(number: float) -> float | None:
+    return None if math.isnan(number) else number
 
 
 def _true_mode(truth: TruthSample) -> Mode:
@@ -163,17 +204,16 @@ def _in_journal_at(history: History, water: Water, scenario: Scenario, now_ms: i
             continue
         sample = water.sample(truth, max(scenario.theta * now_ms, truth.at_ms))
         mode = _true_mode(sample)
-        deviation = line.get("sd")
+        interval = line.get("low", math.nan), line.get("high", math.nan)
         yield Comparison(
             agent_id,
             now_ms,
             scenario.theta * (now_ms - line["heard"]) / 3_600_000,
             mode,
+            sample.state == State.RELEASED,
             _mode_in(line) is mode,
-            line["charge"] - sample.primary,
-            deviation,
-            None if deviation is None else line["low"] <= sample.primary <= line["high"],
-            not 0 < sample.primary < 1 or (deviation is not None and _rests(line["charge"], deviation)),
+            _charge_compared(line["charge"], sample.primary, line.get("sd"), interval),
+            None,
             None
             if sample.docked
             else math.hypot(line["north_m"] - sample.north_m, line["east_m"] - sample.east_m),

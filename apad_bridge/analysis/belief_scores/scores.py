@@ -7,11 +7,17 @@ from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from apad_bridge.analysis.belief_scores.comparisons import Comparison
+from apad_bridge.analysis.belief_scores.comparisons import ChargeComparison, Comparison
 
 AGES_H = ((1 / 60, "a minute"), (1.0, "1 h"), (6.0, "6 h"), (12.0, "12 h"), (24.0, "24 h"), (48.0, "48 h"))
 """The bins' upper ends, in agent time, and names; older samples have a bin of their own."""
 OLDER = "older"
+RELEASED = "released"
+"""The row of aMussels that wait at the surface until they are clear to sink; they count as floating too."""
+LOW_COVERAGE = 0.85
+"""Intervals of 95 % that hold the truth more seldom than this mislead a planner."""
+_ENOUGH_SAMPLES = 50
+"""The least number of samples in a bin whose coverage means anything."""
 _CERTAIN = 1e-9
 _ELLIPSE_95 = -2 * math.log(0.05)
 """The squared deviation in two dimensions below which 95 % lie."""
@@ -26,6 +32,8 @@ class Score:
     bias: float
     coverage: float | None
     """The share of samples in the interval of 95 %."""
+    width: float | None
+    """The mean width of that interval."""
     nees: float | None
     """The mean square of the error in deviations, without charges that rest at 0 or 1; it is 1 for consistent beliefs."""
     mode_right: float
@@ -41,10 +49,28 @@ class Scores:
     overall: Score
     by_age: dict[str, Score]
     by_mode: dict[str, Score]
+    """By the true mode; `released` is a part of `floating`."""
     by_agent: dict[str, Score]
+    secondary: Score | None
+    """The charge of the secondary battery, of all aMussels; None without its deviations."""
 
     def to_json(self) -> dict[str, Any]:
         return asdict(self)
+
+    @property
+    def overconfident(self) -> dict[str, Score]:
+        """The bins of `_ENOUGH_SAMPLES` or more whose coverage is below `LOW_COVERAGE`, by a name that says which."""
+        groups = {"packet up to": self.by_age, "mode": self.by_mode, "aMussel": self.by_agent}
+        bins = {"all": self.overall} | (
+            {} if self.secondary is None else {"secondary battery": self.secondary}
+        )
+        for head, group in groups.items():
+            bins |= {f"{head} {name}": score for name, score in group.items()}
+        return {name: score for name, score in bins.items() if _is_overconfident(score)}
+
+
+def _is_overconfident(score: Score) -> bool:
+    return score.samples >= _ENOUGH_SAMPLES and score.coverage is not None and score.coverage < LOW_COVERAGE
 
 
 def scores_of(rows: Iterable[Comparison]) -> Scores | None:
@@ -53,11 +79,19 @@ def scores_of(rows: Iterable[Comparison]) -> Scores | None:
     if not comparisons:
         return None
     names = [name for _, name in AGES_H] + [OLDER]
+    by_mode = _by(comparisons, lambda row: row.mode.name.lower().replace("_", " "), str)
+    released = [row for row in comparisons if row.is_released]
+    if released:
+        by_mode[RELEASED] = _score(released)
+    secondary = [(row, row.secondary) for row in comparisons if row.secondary is not None]
     return Scores(
         _score(comparisons),
         _by(comparisons, lambda row: age_bin(row.age_h), names.index),
-        _by(comparisons, lambda row: row.mode.name.lower().replace("_", " "), str),
+        by_mode,
         _by(comparisons, lambda row: str(row.agent_id), int),
+        _score_of_charges([row for row, _ in secondary], [charge for _, charge in secondary])
+        if secondary
+        else None,
     )
 
 
@@ -75,20 +109,26 @@ def _by(
 
 
 def _score(rows: list[Comparison]) -> Score:
-    covered = [row.covered for row in rows if row.covered is not None]
+    return _score_of_charges(rows, [row.primary for row in rows])
+
+
+def _score_of_charges(rows: list[Comparison], charges: list[ChargeComparison]) -> Score:
+    covered = [charge.covered for charge in charges if charge.covered is not None]
+    widths = [charge.width for charge in charges if charge.width is not None]
     unclamped = [
-        (row.error / row.deviation) ** 2
-        for row in rows
-        if row.deviation is not None and row.deviation > _CERTAIN and not row.clamped
+        (charge.error / charge.deviation) ** 2
+        for charge in charges
+        if charge.deviation is not None and charge.deviation > _CERTAIN and not charge.clamped
     ]
     places = [row.place_error_m**2 for row in rows if row.place_error_m is not None]
     squares = [row.place_square for row in rows if row.place_square is not None]
     count = len(rows)
     return Score(
         count,
-        math.sqrt(math.fsum(row.error**2 for row in rows) / count),
-        math.fsum(row.error for row in rows) / count,
+        math.sqrt(math.fsum(charge.error**2 for charge in charges) / count),
+        math.fsum(charge.error for charge in charges) / count,
         sum(covered) / len(covered) if covered else None,
+        math.fsum(widths) / len(widths) if widths else None,
         math.fsum(unclamped) / len(unclamped) if unclamped else None,
         sum(row.mode_right for row in rows) / count,
         math.sqrt(math.fsum(places) / len(places)) if places else None,

@@ -42,14 +42,20 @@ class RunState:
 class History:
     """A run's history. `advance` takes all lines up to a mission time; `now` and `meter` are then as of that time."""
 
-    def __init__(self, journal: JournalContents, theta: int, charge: ChargeModel, dock_count: int) -> None:
+    def __init__(
+        self,
+        journal: JournalContents,
+        theta: int,
+        charge_of: Callable[[int], ChargeModel],
+        dock_count: int,
+    ) -> None:
         # Sorted by time; lines of the same time stay in the order in which they became known.
         self._lines = sorted(journal.lines, key=lambda line: line["t"])
         self._next = 0
         self.end_ms = journal.last_ms
         self.now = RunState(docks=(None,) * dock_count)
         self._theta = theta
-        self.meter = UptimeMeter(theta, charge)
+        self.meter = UptimeMeter(theta, charge_of)
         self._handlers: dict[str, Callable[[Line], None]] = {
             "truth": self._take_truth,
             "belief": self._take_belief,

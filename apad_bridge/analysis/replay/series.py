@@ -12,7 +12,7 @@ from typing import Any
 from apad_bridge.analysis.replay.history import History, PlanView
 from apad_bridge.assembly.stacks import stack_of
 from apad_bridge.records.journal import JournalContents
-from apad_bridge.scenario.firmware_config import charge_model
+from apad_bridge.scenario.firmware_config import charge_models
 from apad_bridge.scenario.schema import Scenario
 from firmware_model.power.charge import fraction
 
@@ -69,7 +69,7 @@ def page_data(scenario: Scenario, journal: JournalContents, summary: dict[str, A
     start = journal.first("run")
     if start is None:
         raise ValueError("the journal has no line `run`: the flight never began")
-    history = History(journal, scenario.theta, charge_model(scenario.board), scenario.apad.docks)
+    history = History(journal, scenario.theta, charge_models(scenario), scenario.apad.docks)
     sampler = _Sampler(scenario, history, [agent["id"] for agent in start["agents"]])
     times = sample_times(history.end_ms, len(start["agents"]))
     for now_ms in times:
@@ -136,7 +136,7 @@ class _Sampler:
         truth, belief = now.truths.get(agent_id), now.beliefs.get(agent_id)
         docked = agent_id in now.docks
         if truth is not None:
-            physical, charge = truth.physical, self._history.meter.charge
+            physical, charge = truth.physical, self._history.meter.charge_of(agent_id)
             at_ms = max(self._scenario.theta * now_ms, truth.at_ms)
             left: float | None = fraction(charge.charge_at(physical.primary, at_ms))
             place: tuple[float | None, float | None] = (physical.north_um / 1e6, physical.east_um / 1e6)

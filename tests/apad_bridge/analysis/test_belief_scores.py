@@ -8,7 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from apad_bridge.analysis.belief_scores.comparisons import Comparison, Record, comparisons_in
+from apad_bridge.analysis.belief_scores.comparisons import (
+    ChargeComparison,
+    Comparison,
+    Record,
+    comparisons_in,
+)
 from apad_bridge.analysis.belief_scores.scores import age_bin, scores_of
 from apad_bridge.beliefs.modes import Mode
 from apad_bridge.commands.main import main
@@ -27,7 +32,9 @@ def row(
     agent_id: int, age_h: float, error: float, deviation: float | None, clamped: bool = False
 ) -> Comparison:
     covered = None if deviation is None else abs(error) <= 1.96 * deviation
-    return Comparison(agent_id, 0, age_h, Mode.IDLE, True, error, deviation, covered, clamped, None)
+    width = None if deviation is None else 2 * 1.96 * deviation
+    charge = ChargeComparison(error, deviation, covered, width, clamped)
+    return Comparison(agent_id, 0, age_h, Mode.IDLE, False, True, charge, None, None)
 
 
 def test_scores_are_counted_by_hand() -> None:
@@ -66,6 +73,44 @@ def test_beliefs_that_claim_to_be_certain_have_no_coverage() -> None:
     assert scores is not None and scores.overall.coverage is None and scores.overall.nees is None
 
 
+def test_bins_of_overconfident_beliefs_are_named() -> None:
+    sure, unsure = [row(1, 0.0, 0.03, 0.01)] * 50, [row(2, 30.0, 0.01, 0.01)] * 60
+    scores = scores_of([*sure, *unsure])
+    assert scores is not None
+    assert list(scores.overconfident) == ["all", "packet up to a minute", "mode idle", "aMussel 1"]
+    few = scores_of([*sure[1:], *unsure])
+    # 49 samples say too little for a bin of their own.
+    assert few is not None and list(few.overconfident) == ["all", "mode idle"]
+
+
+def test_released_aMussels_and_the_secondary_battery_have_rows_of_their_own(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run = fly(tmp_path, False, capsys)
+    (run / "run.bag").unlink()
+    bag = BagWriter(run / "run.bag", theta=30)
+    place, charges = (10.0, 20.0), (0.01, 0.02, 0.0, 0.48, 0.52)
+    truth = TruthSample(1, int(State.RELEASED), 0.6, 0.9, *place, 0.0, False, 0)
+    belief = BeliefSample(1, int(State.RELEASED), 0.5, 0.93, *place, 0.0, *charges)
+    second = truth._replace(agent_id=2, state=int(State.FLOATING), primary=0.51, secondary=0.8)
+    for second_of_mission in range(60):
+        bag.sample(10_000 * second_of_mission, [truth, second], [belief, belief._replace(agent_id=2)], None)
+    bag.close()
+    assert main(["beliefs", str(run), "--json"]) == 0
+    output, errors = capsys.readouterr()
+    found = json.loads(output)
+    assert {name: (it["samples"], it["coverage"]) for name, it in found["by_mode"].items()} == {
+        "floating": (120, 0.5),
+        "released": (60, 0.0),
+    }
+    assert found["overall"]["width"] == pytest.approx(0.04)
+    # 0.03 away is within 1.96 deviations of 0.02, and 0.13 is not.
+    secondary = found["secondary"]
+    assert secondary["coverage"] == 0.5 and secondary["width"] == pytest.approx(2 * 0.0392, abs=1e-4)
+    warned = [line for line in errors.splitlines() if line.startswith("warning: ")]
+    assert len(warned) == len(errors.splitlines()) and any(" mode released: " in line for line in warned)
+
+
 def fly(folder: Path, twins: bool, capsys: pytest.CaptureFixture[str]) -> Path:
     text = (SCENARIOS / "pool-12.yaml").read_text()
     text = text.replace("duration_s: 2400", "duration_s: 90").replace(
@@ -101,11 +146,15 @@ def test_the_bag_and_the_journal_of_a_run_say_the_same(
     assert len(bag) == 3 * 18 and set(bag) == set(journal)
     for key, it in bag.items():
         other = journal[key]
-        assert (it.mode, it.mode_right, it.clamped) == (other.mode, other.mode_right, other.clamped)
+        assert (it.mode, it.mode_right, it.primary.clamped) == (
+            other.mode,
+            other.mode_right,
+            other.primary.clamped,
+        )
         # The journal repeats a belief when it has moved by a third of its deviation.
-        assert it.deviation is not None and other.deviation is not None
-        assert it.error == pytest.approx(other.error, abs=max(0.0015, it.deviation))
-        assert it.deviation == pytest.approx(other.deviation, abs=0.0011)
+        assert it.primary.deviation is not None and other.primary.deviation is not None
+        assert it.primary.error == pytest.approx(other.primary.error, abs=max(0.0015, it.primary.deviation))
+        assert it.primary.deviation == pytest.approx(other.primary.deviation, abs=0.0011)
         assert it.place_square is not None and other.place_square is None
     for record in Record:
         assert main(["beliefs", str(run), "--json", "--from", record]) == 0
@@ -145,8 +194,8 @@ def test_an_instant_of_a_bag_is_scored_by_hand(tmp_path: Path, capsys: pytest.Ca
     bag.close()
     first, second = comparisons_in(run, 10_000, Record.BAG)
     assert first.age_h == pytest.approx(0.5) and first.mode is Mode.IDLE and first.mode_right
-    assert first.error == pytest.approx(0.03) and first.deviation == pytest.approx(0.02)
-    assert first.covered is True and second.covered is False
+    assert first.primary.error == pytest.approx(0.03) and first.primary.deviation == pytest.approx(0.02)
+    assert first.primary.covered is True and second.primary.covered is False
     assert first.place_error_m == 4.0 and first.place_square == pytest.approx(16 / 3)
     assert second.place_error_m is None and second.place_square is None
     scores = scores_of([first, second])
@@ -172,7 +221,12 @@ def test_what_mostly_rests_at_an_end_is_told_by_its_moments(
         beliefs.append(BeliefSample(agent_id, int(State.ACTIVE), held.mean(), 1.0, *place, 0.0, *charges))
     bag.sample(10_000, truths, beliefs, None)
     bag.close()
-    assert [row.clamped for row in comparisons_in(run, 10_000, Record.BAG)] == [False, True, False, True]
+    assert [row.primary.clamped for row in comparisons_in(run, 10_000, Record.BAG)] == [
+        False,
+        True,
+        False,
+        True,
+    ]
 
 
 def test_a_run_whose_bag_is_torn_is_compared_by_its_journal(
