@@ -218,7 +218,7 @@ def _flown(thought: Scenario, truth: Scenario) -> dict[str, float]:
         "least_uptime": figures["uptime_paper"]["min"],
         "samples": sum(recorder.taken.values()),
         "error": recorder.error,
-        "cost_m": supervisor.mission.state.cost_m,
+        "cost_m": supervisor.mission.state.planned_m,
         "asked": kinds["asked"],
         "answers_sent": answers,
         "unanswered": kinds["unanswered"],

@@ -94,7 +94,7 @@ def _on_beliefs(scenario: Scenario, seed: int) -> dict[str, Any]:
     flight.run()
     state = flight.supervisor.mission.state
     figures = uptime_figures(recorder.meter, flight.now_ms)
-    return {**figures, "cost_m": state.cost_m, "services": state.services}
+    return {**figures, "cost_m": state.planned_m, "services": state.services}
 
 
 def _figures(flight: dict[str, Any]) -> dict[str, float]:

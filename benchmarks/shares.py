@@ -97,7 +97,7 @@ def _flown(scenario: Scenario, division: Division) -> dict[str, float]:
         "largest": max(n for n, _ in flights),
         "mean": sum(n * it["uptime_paper"]["mean"] for n, it in flights) / COUNT,
         "least": min(it["uptime_paper"]["min"] for _, it in flights),
-        "cost_m": sum(it["cost_m"] for _, it in flights),
+        "cost_m": sum(it["planned_m"] for _, it in flights),
         "emptied": sum(it["emptied"] for _, it in flights),
         "planned_ms": planned_ms,
     }

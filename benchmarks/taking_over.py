@@ -60,7 +60,7 @@ def _flown(scenario: Scenario, transfers: bool) -> dict[str, float]:
     return {
         "mean": sum(it["counted_s"] * it["uptime_paper"]["mean"] for it in figures) / counted_s,
         "least": min(it["uptime_paper"]["min"] for it in figures),
-        "cost_m": sum(it["cost_m"] for it in figures),
+        "cost_m": sum(it["planned_m"] for it in figures),
         "emptied": sum(it["emptied"] for it in figures),
         "services": sum(it["services"] for it in figures),
         "handed_on": opened.runner.handed_on_count,

@@ -36,6 +36,11 @@ def print_table(console: Console, name: str, collection: str, summary: dict[str,
         table.add_row(f"{collection} (paper)", *paper, style="dim")
     if table.row_count > 0:
         console.print(table)
+    console.print(
+        f"cost: {summary['planned_m']:.2f} m in straight legs, as the paper counts; {summary['cost_m']:.2f} m driven",
+        highlight=False,
+        soft_wrap=True,
+    )
     if summary["samples_uploaded"] is not None:
         console.print(
             f"{_count_text(summary['samples_taken'])} samples taken, {summary['samples_uploaded']} uploaded, "
@@ -76,7 +81,7 @@ def _is_as_shipped(summary: dict[str, Any]) -> bool:
 def _figures(summary: dict[str, Any]) -> list[str]:
     uptime = summary["uptime_paper"]
     spread = [f"{uptime[key]:.2f}" for key in ("mean", "max", "min")]
-    return [*spread, f"{summary['cost_m']:.2f}", f"{summary['active_mean']:.2f}"]
+    return [*spread, f"{summary['planned_m']:.2f}", f"{summary['active_mean']:.2f}"]
 
 
 def _percent(fraction: float | None) -> str:

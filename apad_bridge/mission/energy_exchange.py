@@ -7,7 +7,6 @@ given-up steps.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Container, Iterable
 from dataclasses import dataclass
 
@@ -31,7 +30,6 @@ from apad_bridge.vehicle.primitives import (
     HoldPosition,
     Outcome,
     PrimitiveFailed,
-    PrimitiveSucceeded,
 )
 from firmware_model.state_groups import UP_AND_UNDOCKED
 
@@ -91,7 +89,6 @@ class EnergyExchange(OrderBook):
         self._beliefs = beliefs
         self._collection = collection
         self._redeployment = redeployment
-        self._pose: tuple[float, float] | None = None
         self._charging = ChargingWatch(config)
         self.docking_routine = DockingRoutine(config, beliefs, self, 2 * config.victory_radius_m)
         self._pool = ChargingPool(config, beliefs)
@@ -100,29 +97,24 @@ class EnergyExchange(OrderBook):
         """The primitive of the state must be ordered: at the start, and after a resume."""
         self._began_ms: int | None = None
 
-    def moved(self, north_m: float, east_m: float) -> None:
-        """Takes the aPad's position."""
-        self._pose = (north_m, east_m)
-
     def receive(self, outcome: Outcome, now_ms: int) -> list[Order]:
         """Takes an outcome of the port; an outcome of a primitive that is not under way changes nothing."""
-        match outcome:
-            case DockChanged(_, dock_index, agent_id, closed):
-                self.dock_changed(dock_index, agent_id, closed)
-            case PrimitiveSucceeded(_, primitive_id) if primitive_id == self.state.primitive_id:
-                self.docking_routine.receive(outcome)
-                if self._behaviour.success is not None:
-                    self._behaviour.success(self, now_ms)
-            case PrimitiveFailed(_, primitive_id, reason) if primitive_id == self.state.primitive_id:
-                self.docking_routine.receive(outcome)
+        self.note_outcome(outcome)
+        if isinstance(outcome, DockChanged):
+            return self.take_orders()
+        self.docking_routine.receive(outcome)
+        if outcome.primitive_id == self.state.primitive_id:
+            if isinstance(outcome, PrimitiveFailed):
                 if self.state.plan.steps:
-                    self._give_up(reason, now_ms)
+                    self._give_up(outcome.reason, now_ms)
+            elif self._behaviour.success is not None:
+                self._behaviour.success(self, now_ms)
         return self.take_orders()
 
     def advance(self, now_ms: int) -> list[Order]:
         """Acts on the beliefs at `now_ms`."""
         self._learn_homes()
-        if self._pose is None or self.state.phase is Phase.ENDED:
+        if self.pose is None or self.state.phase is Phase.ENDED:
             return self.take_orders()
         if self._must_begin:
             if not self._can_begin(now_ms):
@@ -143,7 +135,7 @@ class EnergyExchange(OrderBook):
     def end(self, end: MissionEnd, now_ms: int) -> list[Order]:
         """Ends the mission at once: the aPad holds its position. A second call changes nothing."""
         if self.state.phase is not Phase.ENDED:
-            self._hold(now_ms)
+            self.hold_at_end()
             self._enter(Phase.ENDED, now_ms, ended_by=end)
         return self.take_orders()
 
@@ -304,8 +296,8 @@ class EnergyExchange(OrderBook):
 
     @property
     def _here(self) -> tuple[float, float]:
-        assert self._pose is not None  # nothing is done before it is known
-        return self._pose
+        assert self.pose is not None  # nothing is done before it is known
+        return self.pose
 
     def _is_held(self, agent_id: int) -> bool:
         return agent_id in dict(self.state.docked).values()
@@ -331,15 +323,12 @@ class EnergyExchange(OrderBook):
             self.order(TellClear(agent_id))
 
     def _go_to(self, north_m: float, east_m: float) -> None:
-        metres = math.dist(self._here, (north_m, east_m))
-        self.set(cost_m=self.state.cost_m + metres)
-        self.note("leg", metres=round(metres, 4))
         config = self._config
         self.order(GoToPoint(self.next_id(), north_m, east_m, config.speed_m_s, config.victory_radius_m))
 
     def _hold(self, now_ms: int) -> None:
-        if self._pose is not None:
-            self.order(HoldPosition(self.next_id(), *self._pose))
+        if self.pose is not None:
+            self.order(HoldPosition(self.next_id(), *self.pose))
 
     def _enter(self, phase: Phase, now_ms: int, **changes: object) -> None:
         self.set(phase=phase, since_ms=now_ms, **changes)

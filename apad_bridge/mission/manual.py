@@ -69,7 +69,6 @@ class ManualMission(OrderBook):
         self.beliefs = beliefs
         super().__init__(replace(state or MissionState(), phase=Phase.COMMANDED))
         self.now_ms = 0
-        self.pose: tuple[float, float] | None = None
         self.goto = Status.IDLE
         self.paused = False
         self._paused_ms = 0
@@ -91,14 +90,11 @@ class ManualMission(OrderBook):
 
     # The supervisor's interface.
 
-    def moved(self, north_m: float, east_m: float) -> None:
-        self.pose = (north_m, east_m)
-
     def receive(self, outcome: Outcome, now_ms: int) -> list[Order]:
         self.now_ms = now_ms
+        self.note_outcome(outcome)
         match outcome:
             case DockChanged(_, dock_index, agent_id, closed):
-                self.dock_changed(dock_index, agent_id, closed)
                 self.events.record(now_ms, "docked" if closed else "undocked", agent_id, dock_of(dock_index))
             case PrimitiveSucceeded():
                 self._end_primitive(outcome, Status.DONE, None)
@@ -136,8 +132,7 @@ class ManualMission(OrderBook):
         """Like `end`, from within a command source: the orders go out with those of this tick."""
         if self.state.phase is Phase.ENDED:
             return
-        if self.pose is not None:
-            self.order(HoldPosition(self.next_id(), *self.pose))
+        self.hold_at_end()
         self.set(phase=Phase.ENDED, since_ms=self.now_ms, ended_by=end)
         self.snapshot()
         for command_source in self._command_sources:
@@ -170,7 +165,7 @@ class ManualMission(OrderBook):
         self, north_m: float, east_m: float, speed_m_s: float | None = None, radius_m: float | None = None
     ) -> None:
         """Goes to a point; the scenario gives the default speed and victory radius."""
-        here = self._require_place()
+        self._require_place()
         speed_m_s = self.config.speed_m_s if speed_m_s is None else speed_m_s
         radius_m = self.config.victory_radius_m if radius_m is None else radius_m
         if not all(map(math.isfinite, (north_m, east_m, speed_m_s, radius_m))):
@@ -184,9 +179,7 @@ class ManualMission(OrderBook):
             raise Refused(f"a speed of {speed_m_s:g} m/s: apad.max_speed_m_s is {self._max_speed_m_s:g} m/s")
         self._pre_empt_docking()
         self.goto_orders += 1
-        self._start_go_to(
-            GoToPoint(0, north_m, east_m, speed_m_s, radius_m), math.dist(here, (north_m, east_m))
-        )
+        self._start_go_to(GoToPoint(0, north_m, east_m, speed_m_s, radius_m))
 
     def hold(self, north_m: float | None = None, east_m: float | None = None) -> None:
         """Dynamic positioning at a point, or at the aPad's place; it pre-empts any primitive."""
@@ -248,7 +241,7 @@ class ManualMission(OrderBook):
         self.paused = False
         self._docking_routine.paused_for(self.now_ms - self._paused_ms)
         if self.goto is Status.RUNNING and self._target is not None:
-            self._start_go_to(self._target, 0.0)
+            self._start_go_to(self._target)
         return True
 
     def go_on_with(self, mechanism: DockMussel | UndockMussel | None) -> None:
@@ -268,11 +261,9 @@ class ManualMission(OrderBook):
             raise Refused("the aPad's place is not known yet")
         return self.pose
 
-    def _start_go_to(self, target: GoToPoint, metres: float) -> None:
+    def _start_go_to(self, target: GoToPoint) -> None:
         self._target = replace(target, primitive_id=self.next_id())
         self.goto = Status.RUNNING
-        self.set(cost_m=self.state.cost_m + metres)
-        self.note("leg", metres=round(metres, 4))
         self.order(self._target)
         self.snapshot()
 
@@ -283,6 +274,7 @@ class ManualMission(OrderBook):
             self._target = None
             self.goto = status
             self.events.record(self.now_ms, "goto", status=status, reason=reason)
+            self.snapshot()
         elif self._docking_routine.receive(outcome):
             self._end_docking(status, reason)
 

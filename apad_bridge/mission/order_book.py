@@ -1,19 +1,62 @@
-"""The base of every mission: its state, and the orders and notes of this tick."""
+"""The base of every mission: its state, the orders and notes of this tick, and the count of its way."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 from apad_bridge.mission.orders import Note, Order
-from apad_bridge.mission.state import MissionState
+from apad_bridge.mission.state import Leg, MissionState
+from apad_bridge.vehicle.primitives import (
+    DockChanged,
+    GoToPoint,
+    HoldPosition,
+    Outcome,
+    Primitive,
+    PrimitiveFailed,
+    PrimitiveSucceeded,
+)
+
+CHORD_M = 0.5
+"""The driven way is counted in chords of at least this, so that a standing vehicle's scattered fixes count nothing."""
 
 
 class OrderBook:
-    """`state` is one frozen value; `snapshot` writes it into the journal."""
+    """`state` is one frozen value; `snapshot` writes it into the journal.
+
+    A leg is the way of one go-to. It begins at its order and ends with its outcome or with the next primitive's order.
+    `cost_m` counts what is driven on legs: the chords between the aPad's reported positions, each of `CHORD_M` or more,
+    and the last one of a leg whole. `planned_m` counts the straight way from a leg's start to its goal, as the paper does.
+    Of a leg that fails or makes way for another order it counts the part by which the aPad came nearer to the goal. A leg
+    that the mission's end cuts off counts whole, because the paper adds a leg when it begins.
+
+    So in an undisturbed flight each leg's driven way is its planned one less what remained at the arrival, at most the
+    victory radius. A resumed mission ends the former one's leg where it first hears the aPad, with one straight chord
+    from the last point in the journal.
+    """
 
     def __init__(self, state: MissionState) -> None:
         self.state = state
+        self.pose: tuple[float, float] | None = None
+        """The aPad's place (north, east) in metres; None until it was heard."""
         self._orders: list[Order] = []
+
+    def moved(self, north_m: float, east_m: float) -> None:
+        """Takes the aPad's position, and counts the way while a leg is under way."""
+        self.pose = (north_m, east_m)
+        if self.state.leg is not None and math.dist(self.state.leg.counted, self.pose) >= CHORD_M:
+            self._count_chord(self.state.leg, self.pose)
+
+    def note_outcome(self, outcome: Outcome) -> None:
+        """Notes what an outcome tells of a dock or of the leg under way."""
+        leg = self.state.leg
+        match outcome:
+            case DockChanged(_, dock_index, agent_id, closed):
+                self._dock_changed(dock_index, agent_id, closed)
+            case PrimitiveSucceeded(_, primitive_id) if leg is not None and primitive_id == leg.primitive_id:
+                self._end_leg(as_planned=True)
+            case PrimitiveFailed(_, primitive_id, _) if leg is not None and primitive_id == leg.primitive_id:
+                self._end_leg(as_planned=False)
 
     @property
     def docks(self) -> tuple[int | None, ...]:
@@ -21,7 +64,7 @@ class OrderBook:
         held = dict(self.state.docked)
         return tuple(held.get(dock_index) for dock_index in range(self.state.dock_count))
 
-    def dock_changed(self, dock_index: int, agent_id: int, closed: bool) -> None:
+    def _dock_changed(self, dock_index: int, agent_id: int, closed: bool) -> None:
         """Notes that a dock closed around an aMussel, or let it go."""
         held = {at: agent for at, agent in self.state.docked if at != dock_index}
         if closed:
@@ -37,6 +80,11 @@ class OrderBook:
         self.note("mission", phase=self.state.phase.value, snapshot=self.state.to_json())
 
     def order(self, order: Order) -> None:
+        """Gives an order; a primitive ends the leg under way, and a go-to begins one (the aPad's place is known then)."""
+        if isinstance(order, Primitive):
+            self._end_leg(as_planned=False)
+        if isinstance(order, GoToPoint):
+            self._begin_leg(order)
         self._orders.append(order)
 
     def set(self, **changes: object) -> None:
@@ -50,3 +98,27 @@ class OrderBook:
     def take_orders(self) -> list[Order]:
         orders, self._orders = self._orders, []
         return orders
+
+    def hold_at_end(self) -> None:
+        """Gives the mission's last order: the aPad holds its position, where that is known."""
+        self._end_leg(as_planned=True)
+        if self.pose is not None:
+            self.order(HoldPosition(self.next_id(), *self.pose))
+
+    def _begin_leg(self, go_to: GoToPoint) -> None:
+        assert self.pose is not None
+        leg = Leg(go_to.primitive_id, self.pose, (go_to.north_m, go_to.east_m), self.pose)
+        self.set(leg=leg, planned_m=self.state.planned_m + leg.planned_m)
+        self.note("leg", metres=round(leg.planned_m, 4))
+
+    def _end_leg(self, *, as_planned: bool) -> None:
+        if self.state.leg is None or self.pose is None:
+            return
+        leg = self._count_chord(self.state.leg, self.pose)
+        left_m = 0.0 if as_planned else min(leg.planned_m, math.dist(self.pose, leg.goal))
+        self.set(leg=None, planned_m=self.state.planned_m - left_m)
+
+    def _count_chord(self, leg: Leg, here: tuple[float, float]) -> Leg:
+        counted = replace(leg, counted=here)
+        self.set(leg=counted, cost_m=self.state.cost_m + math.dist(leg.counted, here))
+        return counted

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass, field, replace
 from enum import StrEnum
@@ -32,6 +33,26 @@ class Phase(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
+class Leg:
+    """The way of the go-to under way. Points are (north, east) in metres."""
+
+    primitive_id: int
+    start: tuple[float, float]
+    goal: tuple[float, float]
+    counted: tuple[float, float]
+    """The point up to which the driven way is counted."""
+
+    @property
+    def planned_m(self) -> float:
+        return math.dist(self.start, self.goal)
+
+    @classmethod
+    def from_json(cls, data: dict[str, Any]) -> Leg:
+        start, goal, counted = (data[key] for key in ("start", "goal", "counted"))
+        return cls(data["primitive_id"], tuple(start), tuple(goal), tuple(counted))
+
+
+@dataclass(frozen=True, slots=True)
 class MissionState:
     """Times are mission milliseconds. `plan` holds the steps not yet finished, the one under way first."""
 
@@ -45,7 +66,12 @@ class MissionState:
     """(agent, north, east): the place where each aMussel was first heard and is brought back to."""
     primitive_id: int = 0
     """The id of the primitive under way."""
+    leg: Leg | None = None
+    """The leg under way, for a go-to."""
     cost_m: float = 0.0
+    """Metres driven on legs."""
+    planned_m: float = 0.0
+    """Metres of the straight legs; see `OrderBook`."""
     services: int = 0
     leaves_full: bool = False
     """The aMussel being undocked was believed full at the order, which counts because sinking costs charge."""
@@ -68,15 +94,17 @@ class MissionState:
     def from_json(cls, data: dict[str, Any]) -> MissionState:
         """The inverse of `to_json`; KeyError, TypeError or ValueError for anything else.
 
-        `attempts` is in the journals of earlier runs, and a resumed step begins anew.
+        A journal from before `planned_m` has the planned metres as `cost_m`, and `attempts`, which nobody needs.
         """
-        known, reason = dict(data), data.get("end_reason")
+        known, reason, leg = dict(data), data.get("end_reason"), data.get("leg")
         known.pop("end_reason", None)
         known.pop("attempts", None)
         text = data["ended_by"]
         return cls(
             **{
+                "planned_m": data["cost_m"],
                 **known,
+                "leg": None if leg is None else Leg.from_json(leg),
                 "phase": Phase(data["phase"]),
                 "plan": Solution.decode(data["plan"]),
                 "docked": tuple((dock_index, agent_id) for dock_index, agent_id in data["docked"]),

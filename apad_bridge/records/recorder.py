@@ -204,6 +204,7 @@ class Recorder:
             "first_cause": ending.first_cause,
             **uptime_figures(self.meter, at_ms),
             "cost_m": ending.cost_m,
+            "planned_m": ending.planned_m,
             "services": ending.services,
             "apad_energy_fraction": ending.apad_energy_fraction,
             **self._sample_figures(ending, at_ms),

@@ -23,11 +23,14 @@ NO_TRUTH = "no truth was recorded: real aMussels, or another's fleet"
 class Ending:
     """Facts about the end of a flight that the records do not hold.
 
-    The cost is in metres; `apad_energy_fraction` is the used fraction of the aPad's battery.
+    `apad_energy_fraction` is the used fraction of the aPad's battery.
     """
 
     ended_by: MissionEnd
     cost_m: float
+    """Metres driven on go-tos."""
+    planned_m: float
+    """Metres of the go-tos' straight legs, as the paper counts its cost."""
     services: int
     apad_energy_fraction: float | None
     dropped: Mapping[str, int]

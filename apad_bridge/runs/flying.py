@@ -242,6 +242,7 @@ def _ending(flight: Flight, resume_point: ResumePoint | None) -> Ending:
         ended_by=flight.ended_by,
         first_cause=None if failure is None else failure.reason,
         cost_m=supervisor.mission.state.cost_m,
+        planned_m=supervisor.mission.state.planned_m,
         services=supervisor.mission.state.services,
         apad_energy_fraction=_fraction_used(supervisor, resume_point),
         dropped=flight.all_dropped,

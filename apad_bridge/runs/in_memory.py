@@ -13,6 +13,7 @@ from apad_bridge.beliefs.belief import Belief
 from apad_bridge.mission.breakdown import Breakdown
 from apad_bridge.mission.call_queue import CallQueue
 from apad_bridge.mission.manual import CommandSource
+from apad_bridge.mission.state import MissionState
 from apad_bridge.records.summary import uptime_figures
 from apad_bridge.records.uptime import UptimeMeter
 from apad_bridge.scenario.firmware_config import charge_models
@@ -92,9 +93,13 @@ def open_flight(
 
 
 def fly_in_memory(scenario: Scenario) -> tuple[dict[str, Any], MemoryRecorder]:
-    """Returns the summary's figures (those of `uptime_figures`, `cost_m` and `services`), and the recorder."""
+    """Returns the summary's figures (those of `uptime_figures`, and the mission's), and the recorder."""
     flight, recorder = open_flight(scenario)
     flight.run()
-    state = flight.supervisor.mission.state
     figures = uptime_figures(recorder.meter, flight.now_ms)
-    return {**figures, "cost_m": state.cost_m, "services": state.services}, recorder
+    return {**figures, **mission_figures(flight.supervisor.mission.state)}, recorder
+
+
+def mission_figures(state: MissionState) -> dict[str, Any]:
+    """The summary's figures of the mission: `cost_m`, `planned_m` and `services`."""
+    return {"cost_m": state.cost_m, "planned_m": state.planned_m, "services": state.services}

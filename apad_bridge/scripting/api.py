@@ -253,7 +253,7 @@ class Api(Queries):
         return self._do(lambda mission: planned.cost(mission, plan))
 
     def cost(self) -> float:
-        """The distance of all go-tos so far in metres, straight from point to point, as the paper counts it."""
+        """The way that the aPad has driven on go-tos so far, in metres."""
         return self._do(lambda mission: mission.state.cost_m)
 
     def _dock_index_of(self, number: int) -> int:

@@ -103,6 +103,7 @@ def fly(scenario: Scenario, over_ros: bool, speed: float | None, patience_s: flo
             "ended_by": str(ended_by),
             "decisions": decisions.kept,
             "cost_m": supervisor.mission.state.cost_m,
+            "planned_m": supervisor.mission.state.planned_m,
             "services": supervisor.mission.state.services,
             "flight_s": time.monotonic() - begun_s,
             "dropped": dict(flight.dropped + supervisor.dropped + supervisor.port.dropped),

@@ -138,7 +138,10 @@ def test_a_flight_over_ros_decides_as_one_in_virtual_time(
     closed = [data["agent"] for _, kind, data in virtual["decisions"] if kind == "dock" and data["closed"]]
     assert len(closed) == 4 and virtual["services"] == 4
     assert over_ros["decisions"] == virtual["decisions"]
-    assert over_ros["cost_m"] == pytest.approx(virtual["cost_m"], abs=1e-6)
+    assert over_ros["planned_m"] == pytest.approx(virtual["planned_m"], abs=1e-6)
+    # How far within the victory radius a leg is driven is a matter of when the arrival is heard.
+    radius_m = loader.load(scenario).mission.victory_radius_m
+    assert over_ros["cost_m"] == pytest.approx(virtual["cost_m"], abs=8 * radius_m)
     assert over_ros["services"] == virtual["services"]
     assert over_ros["dropped"] == over_ros["vehicle_dropped"] == {}
 
@@ -157,7 +160,8 @@ def test_a_flight_over_generation_b_makes_the_same_decisions(
         there[0] - here[0] for there, here in zip(over_ros["decisions"], virtual["decisions"], strict=True)
     ]
     assert all(0 <= it <= 2 for it in late_s)
-    assert over_ros["cost_m"] == pytest.approx(virtual["cost_m"], abs=2)
+    for key in ("planned_m", "cost_m"):
+        assert over_ros[key] == pytest.approx(virtual[key], abs=2), key
     assert over_ros["services"] == virtual["services"]
     assert over_ros["dropped"] == over_ros["vehicle_dropped"] == {}
 

@@ -17,6 +17,8 @@ from agents.mussel.physical import Physical
 from apad_bridge.analysis.replay.build import build_replay
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.modes import Mode
+from apad_bridge.mission.state import MissionState, Phase
+from apad_bridge.planning.solution import Solution, Step, StepKind
 from apad_bridge.records.recorder import Recorder
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.scenario.loader import load
@@ -91,7 +93,9 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
         if now_s == 10:
             steps = [{"agent": 2, "dock": 0}, {"agent": 3, "dock": 1}]
             recorder.event(now_ms, "plan", what="collect", strategy="cautious", steps=steps)
-            recorder.event(now_ms, "leg", metres=7.5)
+            collect = Solution(tuple(Step(StepKind.COLLECT, it["agent"], it["dock"]) for it in steps))
+            state = MissionState(Phase.GO_COLLECT, plan=collect, cost_m=7.5)
+            recorder.event(now_ms, "mission", phase=state.phase.value, snapshot=state.to_json())
             recorder.event(now_ms, "primitive", name="go to point", phase="started", north_m=5.0, east_m=15.0)
         pose = PoseReported(now_ms, 14.0, 2.0 + min(now_s, DOCKED_S) / 10, 1.0)
         recorder.tick(

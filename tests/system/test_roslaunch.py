@@ -126,7 +126,7 @@ def test_five_aPads_on_roslaunchs_master(tmp_path: Path, environment: dict[str, 
     # Each flew an aPad of its own: all took the first aMussel, which lies 1 m from where that aPad starts.
     for name, own in summary["apads"].items():
         assert own["ended_by"] == "mission time", name
-        assert own["cost_m"] == pytest.approx(1.0, abs=0.05), name
+        assert own["planned_m"] == pytest.approx(1.0, abs=0.05), name
 
 
 def test_a_second_clock_is_refused(tmp_path: Path) -> None:

@@ -63,7 +63,6 @@ class History:
             "presence": self._take_presence,
             "apad": self._take_apad,
             "dock": self._take_dock,
-            "leg": self._take_leg,
             "mission": self._take_mission,
             "plan": self._take_plan,
             "primitive": self._take_primitive,
@@ -108,11 +107,9 @@ class History:
         docks[line["dock"]] = line["agent"] if line["closed"] else None
         self.now.docks = tuple(docks)
 
-    def _take_leg(self, line: Line) -> None:
-        self.now.cost_m += line["metres"]
-
     def _take_mission(self, line: Line) -> None:
         self.now.phase = line["phase"]
+        self.now.cost_m = line["snapshot"]["cost_m"]
         if self.now.plan is not None:
             self.now.plan.left = len(line["snapshot"]["plan"])
 

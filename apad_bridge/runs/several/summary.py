@@ -27,7 +27,8 @@ def combined_status(each: Sequence[Status], apads: int) -> Status:
 
 Summary = Mapping[str, Any]
 _SUMS = (
-    *("agents", "active_mean", "amussels_lost", "emptied", "dead_time_s", "cost_m", "services", "gave_up"),
+    *("agents", "active_mean", "amussels_lost", "emptied", "dead_time_s", "services", "gave_up"),
+    *("cost_m", "planned_m"),
     *("samples_taken", "samples_uploaded", "samples_waiting", "samples_lost"),
 )
 

@@ -9,7 +9,7 @@ from typing import Any
 from apad_bridge.assembly.division import Member
 from apad_bridge.mission.breakdown import Breakdown
 from apad_bridge.records.summary import uptime_figures
-from apad_bridge.runs.in_memory import MemoryRecorder, open_flight
+from apad_bridge.runs.in_memory import MemoryRecorder, mission_figures, open_flight
 from apad_bridge.runs.several.assignment import Assignment
 from apad_bridge.runs.several.lockstep import Exchange, LockstepRunner, MemberFlight
 from apad_bridge.scenario.another_apad import Sharing
@@ -25,12 +25,12 @@ class OpenedLockstep:
     flights: dict[str, MemberFlight]
 
     def figures(self) -> dict[str, dict[str, Any]]:
-        """The figures of `uptime_figures`, `cost_m` and `services`, by aPad."""
+        """The figures of `uptime_figures` and of the mission, by aPad."""
         figures_of = {}
         for name, it in self.flights.items():
             state = it.flight.supervisor.mission.state
             figures = uptime_figures(self.recorders[name].meter, it.flight.now_ms)
-            figures_of[name] = {**figures, "cost_m": state.cost_m, "services": state.services}
+            figures_of[name] = {**figures, **mission_figures(state)}
         return figures_of
 
 

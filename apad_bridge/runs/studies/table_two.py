@@ -34,7 +34,7 @@ def row_of(figures: dict[str, Any]) -> dict[str, float]:
     uptime = figures["uptime_paper"]
     return {
         **{key: uptime[key] for key in ("mean", "max", "min")},
-        "cost_m": figures["cost_m"],
+        "cost_m": figures["planned_m"],  # the paper adds up straight legs
         "active_mean": figures["active_mean"],
     }
 

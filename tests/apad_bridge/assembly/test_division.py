@@ -97,7 +97,8 @@ def test_a_run_of_several_is_the_runs_of_each(
         figures.pop("samples_taken")  # None in a run whose boards take no samples
         assert {key: each[name][key] for key in figures} == figures
     assert summary["services"] == sum(it["services"] for it in alone.values()) > 0
-    assert summary["cost_m"] == pytest.approx(sum(it["cost_m"] for it in alone.values()))
+    for key in ("cost_m", "planned_m"):
+        assert summary[key] == pytest.approx(sum(it[key] for it in alone.values())), key
     # The shares are equal: the mean over aMussels is the mean of the two means.
     means = [it["uptime_paper"]["mean"] for it in alone.values()]
     assert summary["uptime_paper"]["mean"] == pytest.approx(sum(means) / 2)

@@ -44,7 +44,11 @@ class Bench:
     """A mission that the test drives."""
 
     def __init__(
-        self, agents: int = 4, collection: str = "cautious", state: MissionState | None = None
+        self,
+        agents: int = 4,
+        collection: str = "cautious",
+        state: MissionState | None = None,
+        place: tuple[float, float] = (0.0, 0.0),
     ) -> None:
         self.told = Told()
         self.now_ms = 0
@@ -56,7 +60,7 @@ class Bench:
             registry.redeployment("greedy-redeploy"),
             state,
         )
-        self.mission.moved(0.0, 0.0)
+        self.mission.moved(*place)
         for agent_id in range(1, agents + 1):
             self.told.say(agent_id, 0, State.ACTIVE, 0.5 + agent_id / 100)
 
@@ -120,7 +124,10 @@ def test_it_goes_to_the_lowest_first_and_permits_it_to_surface_on_the_way() -> N
     assert (goto.north_m, goto.east_m) == (10.0, 0.0)
     assert goto.speed_m_s == 0.5
     assert PermitSurfacing(1) in bench.orders
-    assert bench.mission.state.cost_m == 10.0
+    assert (bench.mission.state.cost_m, bench.mission.state.planned_m) == (0.0, 10.0)
+    bench.orders = [goto]
+    bench.succeed()
+    assert (bench.mission.state.cost_m, bench.mission.state.planned_m) == (10.0, 10.0)
 
 
 def test_it_docks_only_what_floats_and_repeats_the_permission() -> None:
@@ -202,6 +209,17 @@ def test_a_failed_go_to_skips_the_step_and_says_why() -> None:
     bench.fail("stalled")
     assert bench.notes("given_up")[0] == {"agent": 1, "what": "collect", "reason": "stalled"}
     assert PermitSurfacing(2) in bench.orders
+
+
+def test_a_leg_that_a_resumed_mission_takes_up_is_counted_once() -> None:
+    bench = Bench()
+    bench.tick()
+    bench.mission.moved(4.0, 0.0)
+    after = Bench(state=MissionState.from_json(bench.mission.state.to_json()), place=(6.0, 0.0))
+    after.tick()
+    after.succeed()
+    assert after.mission.state.cost_m == pytest.approx(10.0)
+    assert after.mission.state.planned_m == pytest.approx(10.0)
 
 
 def test_an_answer_to_a_primitive_that_is_over_changes_nothing() -> None:

@@ -34,7 +34,7 @@ from firmware_model.power.charge import FULL, Battery, Flow
 from firmware_model.states import State
 
 SCENARIOS = Path(__file__).parents[3] / "launch_scripts" / "scenarios"
-ENDING = Ending(MissionEnd(EndReason.MISSION_TIME), 12.5, 3, 0.25, {"a packet": 2})
+ENDING = Ending(MissionEnd(EndReason.MISSION_TIME), 12.5, 13.0, 3, 0.25, {"a packet": 2})
 FREE = (None, None, None, None)
 
 
@@ -89,7 +89,8 @@ def test_a_flight_leaves_everything_behind(tmp_path, scenario):
     summary = recorder.finish(600_000, ENDING)
     assert json.loads(directory.summary.read_text()) == summary
     assert (summary["agents"], summary["mission_s"], summary["theta"]) == (12, 600.0, 30)
-    assert (summary["cost_m"], summary["services"], summary["ended_by"]) == (12.5, 3, "mission time")
+    assert (summary["cost_m"], summary["planned_m"]) == (12.5, 13.0)
+    assert (summary["services"], summary["ended_by"]) == (3, "mission time")
     assert summary["dropped"]["a packet"] == 2
     assert summary["active_mean"] == pytest.approx(12 * summary["uptime_paper"]["mean"] / 100)
     assert 0 < summary["uptime_submerged"]["mean"] < summary["uptime_paper"]["mean"] < 100

@@ -187,7 +187,7 @@ def test_counts_of_what_was_dropped_go_on_through_two_kills(tmp_path: Path) -> N
         third = resume_run(left, POOL, options, lines.append)
         third.recorder.begin_checkpoint(third.learned, third.start_ms)
         summary = third.recorder.finish(
-            4000, Ending(MissionEnd(EndReason.MISSION_TIME), 0.0, 0, None, {"echo": 10})
+            4000, Ending(MissionEnd(EndReason.MISSION_TIME), 0.0, 0.0, 0, None, {"echo": 10})
         )
         assert summary["dropped"] == {"echo": 2 + more + 10, "late": 1}
 
@@ -221,7 +221,7 @@ def test_who_ends_a_run_takes_the_checkpoint_away_and_who_is_stopped_leaves_it(t
         directory = RunDirectory(tmp_path / name)
         recorder, _ = third_second(directory)
         if ends:
-            recorder.finish(3000, Ending(MissionEnd(EndReason.MISSION_TIME), 0.0, 0, None, {}))
+            recorder.finish(3000, Ending(MissionEnd(EndReason.MISSION_TIME), 0.0, 0.0, 0, None, {}))
         recorder.close()
         assert directory.checkpoint.exists() is not ends
 

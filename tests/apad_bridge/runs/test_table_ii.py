@@ -51,7 +51,13 @@ def test_cautious_on_random_configurations_has_the_paper_s_row_inside_its_centra
         assert 5 <= percentile_of(paper, [row[key] for row in rows]) <= 95, key
 
 
-def test_the_shipped_pool_loses_no_mussel() -> None:
-    figures, _ = fly_in_memory(load(SCENARIOS / "pool-12.yaml"))
+def test_the_shipped_pool_loses_no_mussel_and_drives_what_it_planned() -> None:
+    scenario = load(SCENARIOS / "pool-12.yaml")
+    figures, recorder = fly_in_memory(scenario)
     assert (figures["amussels_lost"], figures["emptied"]) == (0, 0)
     assert figures["services"] >= 12
+    legs = [data["metres"] for _, kind, data in recorder.events if kind == "leg"]
+    assert figures["planned_m"] == pytest.approx(sum(legs), abs=1e-4 * len(legs))
+    # Each leg ends within the victory radius of its goal, and mission time cuts the last one off.
+    least_m = sum(legs[:-1]) - scenario.mission.victory_radius_m * len(legs)
+    assert least_m < figures["cost_m"] < figures["planned_m"]

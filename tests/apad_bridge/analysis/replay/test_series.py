@@ -119,6 +119,7 @@ def test_texts_and_cost_follow_the_mission():
         "strategy": "cautious",
         "steps": [{"agent": 4, "dock": 0}, {"agent": 2, "dock": 1}],
     }
+    before = {"plan": [["collect", 4, 0], ["collect", 2, 1]], "cost_m": 2.5}
     lines = [
         {"t": 1000, "kind": "plan", **plan},
         {
@@ -137,7 +138,13 @@ def test_texts_and_cost_follow_the_mission():
             "north_m": 0,
             "east_m": 0,
         },
-        {"t": 1000, "kind": "leg", "metres": 2.5},
+        {"t": 1000, "kind": "leg", "metres": 4.5},
+        {
+            "t": 1000,
+            "kind": "mission",
+            "phase": "go to aMussel",
+            "snapshot": before,
+        },
         {
             "t": 2000,
             "kind": "primitive",
@@ -147,8 +154,12 @@ def test_texts_and_cost_follow_the_mission():
             "east_m": 2.0,
         },
         {"t": 3000, "kind": "primitive", "name": "dock", "phase": "started", "agent": 4, "dock": 0},
-        {"t": 3000, "kind": "mission", "phase": "dock", "snapshot": {"plan": [["collect", 2, 1]]}},
-        {"t": 3000, "kind": "leg", "metres": 1.0},
+        {
+            "t": 3000,
+            "kind": "mission",
+            "phase": "dock",
+            "snapshot": {"plan": [["collect", 2, 1]], "cost_m": 3.5},
+        },
         {"t": 3000, "kind": "dock", "dock": 0, "agent": 4, "closed": True},
     ]
     data = data_of(run_line(2, 4), *lines)
