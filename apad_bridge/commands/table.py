@@ -55,6 +55,16 @@ def print_table(console: Console, name: str, collection: str, summary: dict[str,
             highlight=False,
             soft_wrap=True,
         )
+    if summary["causes"]:
+        causes = "; ".join(f"{count} x {cause}" for cause, count in summary["causes"].items())
+        console.print(
+            f"{summary['steps_given_up']} steps given up; what failed: {causes}",
+            highlight=False,
+            soft_wrap=True,
+        )
+    if summary["left_alone"]:
+        ids = ", ".join(map(str, summary["left_alone"]))
+        console.print(f"left alone after failed tries: aMussel {ids}", highlight=False, soft_wrap=True)
     console.print(
         f"lost {_count_text(summary['amussels_lost'])}, emptied {_count_text(summary['emptied'])}, "
         f"{summary['services']} served, "

@@ -1,9 +1,9 @@
-"""Detects that one of several aPads is stuck and has to leave its aMussels to others."""
+"""Detects an aPad that is stuck: one of several leaves its aMussels to others, and a single one says so and tries again."""
 
 from __future__ import annotations
 
 from apad_bridge.vehicle.docking import PRE_EMPTED
-from apad_bridge.vehicle.primitives import GoToPoint, Outcome, Primitive, PrimitiveFailed
+from apad_bridge.vehicle.primitives import Outcome, PrimitiveFailed
 
 
 class Breakdown:
@@ -12,20 +12,20 @@ class Breakdown:
     def __init__(self, after: int) -> None:
         """`after` failures in a row are a breakdown."""
         self._after = after
-        self._failed = 0
+        self._taken = 0
         self._last_reason = ""
+        self.failed = 0
+        """Number of go-tos that failed since one last succeeded."""
 
-    def note(self, primitive: Primitive, outcome: Outcome) -> None:
-        if not isinstance(primitive, GoToPoint):
-            return
+    def go_to_ended(self, outcome: Outcome) -> None:
         if not isinstance(outcome, PrimitiveFailed):
-            self._failed = 0
+            self.failed = self._taken = 0
         elif outcome.reason != PRE_EMPTED:
-            self._failed, self._last_reason = self._failed + 1, outcome.reason
+            self.failed, self._last_reason = self.failed + 1, outcome.reason
 
     def take(self) -> str | None:
-        """The reason of a breakdown, once; the count then starts again. None without a breakdown."""
-        if self._failed < self._after:
+        """The reason of a breakdown, once for each `after` failures in a row. None without a breakdown."""
+        if self.failed < self._taken + self._after:
             return None
-        self._failed = 0
-        return f"{self._after} go-tos in a row failed: {self._last_reason}"
+        self._taken = self.failed
+        return f"{self.failed} go-tos in a row failed: {self._last_reason}"

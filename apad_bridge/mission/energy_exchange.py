@@ -11,6 +11,7 @@ from collections.abc import Callable, Container, Iterable
 from dataclasses import dataclass
 
 from apad_bridge.beliefs.belief import Belief
+from apad_bridge.mission.breakdown import Breakdown
 from apad_bridge.mission.charging_watch import ChargingWatch
 from apad_bridge.mission.docking_routine import DockingRoutine, DockingStep, GivenUp, OutOfReach
 from apad_bridge.mission.ending import EndReason, MissionEnd
@@ -32,6 +33,11 @@ from apad_bridge.vehicle.primitives import (
     PrimitiveFailed,
 )
 from firmware_model.state_groups import UP_AND_UNDOCKED
+
+STUCK_AFTER = 3
+"""So many go-tos that fail in a row are the aPad's fault and not the aMussels'."""
+LEGS_PER_STEP = 3
+"""A step is given up when its aMussel floats out of reach after so many go-tos."""
 
 
 class SinkReminders:
@@ -93,22 +99,30 @@ class EnergyExchange(OrderBook):
         self.docking_routine = DockingRoutine(config, beliefs, self, 2 * config.victory_radius_m)
         self._pool = ChargingPool(config, beliefs)
         self._sink_reminders = SinkReminders(round(config.permission_repeat_s * 1000))
+        self._breakdown = Breakdown(STUCK_AFTER)
+        self._legs = 0
+        """Number of go-tos ordered for the step under way."""
         self._must_begin = True
         """The primitive of the state must be ordered: at the start, and after a resume."""
         self._began_ms: int | None = None
 
     def receive(self, outcome: Outcome, now_ms: int) -> list[Order]:
         """Takes an outcome of the port; an outcome of a primitive that is not under way changes nothing."""
+        leg = self.state.leg
         self.note_outcome(outcome)
         if isinstance(outcome, DockChanged):
             return self.take_orders()
         self.docking_routine.receive(outcome)
+        if leg is not None and outcome.primitive_id == leg.primitive_id:
+            self._breakdown.go_to_ended(outcome)
         if outcome.primitive_id == self.state.primitive_id:
             if isinstance(outcome, PrimitiveFailed):
                 if self.state.plan.steps:
                     self._give_up(outcome.reason, now_ms)
             elif self._behaviour.success is not None:
                 self._behaviour.success(self, now_ms)
+        if (reason := self._breakdown.take()) is not None:
+            self.note("stuck", reason=reason)
         return self.take_orders()
 
     def advance(self, now_ms: int) -> list[Order]:
@@ -167,17 +181,19 @@ class EnergyExchange(OrderBook):
 
     def _resume_undocking(self, now_ms: int) -> None:
         """The dock may have opened when no supervisor was there to see it."""
-        if not self._is_held(self._step.agent_id):
+        if self._is_held(self._step.agent_id):
+            self._go_deploy(now_ms)
+        else:
             self.docking_routine.released(self._step.agent_id)
-        self._resume_deploying(now_ms)
+            self._finish_service(now_ms)
 
     def _consider_collecting(self, now_ms: int) -> None:
         if self.state.docked:
             # Docked by hand, or before a crash: charge the docked aMussels first.
             self._start_charging(now_ms)
             return
-        pool = self._pool.candidates(now_ms)
-        batch = self._pool.batch_of(pool)
+        pool = self._pool.candidates(now_ms, self._left_alone)
+        batch = self._pool.batch_of(pool, self._left_alone)
         if not batch:
             return
         situation = self._situation(pool, {})
@@ -197,6 +213,7 @@ class EnergyExchange(OrderBook):
         if belief is None:
             self._give_up("it was never heard", now_ms)
             return
+        self._legs = 0
         self._go_to(belief.north_m, belief.east_m)
         self.docking_routine.call_up(belief.agent_id, now_ms)
         self._enter(Phase.GO_COLLECT, now_ms)
@@ -219,6 +236,9 @@ class EnergyExchange(OrderBook):
         """Goes after an aMussel that floats out of reach, for the water has carried it on."""
         belief = self._beliefs.get(self._step.agent_id)
         assert belief is not None
+        if self._legs >= LEGS_PER_STEP:
+            self._give_up(f"it still floats out of reach after {self._legs} go-tos", now_ms)
+            return
         self._go_to(belief.north_m, belief.east_m)
         self._enter(Phase.GO_COLLECT, now_ms)
 
@@ -266,8 +286,28 @@ class EnergyExchange(OrderBook):
         self.docking_routine.undock(self._step.dock_index, self._step.agent_id)
         self._enter(Phase.UNDOCK, now_ms)
 
+    def _finish_service(self, now_ms: int) -> None:
+        """Ends a release. A try has helped when the aMussel leaves with a charge above the pool's threshold."""
+        agent_id = self._step.agent_id
+        belief = self._beliefs.get(agent_id)
+        if belief is None or self._pool.is_low(belief):
+            self._count_failed_try(agent_id, "it left its dock with too little charge")
+        else:
+            self.set(failed_tries=tuple(it for it in self.state.failed_tries if it[0] != agent_id))
+        self._finish_step(now_ms)
+
+    def _count_failed_try(self, agent_id: int, reason: str) -> None:
+        tries = dict(self.state.failed_tries)
+        tries[agent_id] = tries.get(agent_id, 0) + 1
+        self.set(failed_tries=tuple(sorted(tries.items())))
+        if tries[agent_id] == self._config.collection_attempts:
+            self.note("left_alone", agent=agent_id, tries=tries[agent_id], reason=reason)
+
     def _give_up(self, reason: str, now_ms: int) -> None:
         step = self._step
+        if step.kind is StepKind.COLLECT and self._breakdown.failed <= 1:
+            # Of go-tos that fail in a row only the first may be the aMussel's fault.
+            self._count_failed_try(step.agent_id, reason)
         self.note("given_up", agent=step.agent_id, what=step.kind.value, reason=reason)
         self._pool.exclude(step.agent_id, now_ms)
         self._finish_step(now_ms)
@@ -293,6 +333,12 @@ class EnergyExchange(OrderBook):
     @property
     def _behaviour(self) -> _PhaseBehaviour:
         return _BEHAVIOURS[self.state.phase]
+
+    @property
+    def _left_alone(self) -> frozenset[int]:
+        """The aMussels whose tries are used up."""
+        attempts = self._config.collection_attempts
+        return frozenset(agent_id for agent_id, tries in self.state.failed_tries if tries >= attempts)
 
     @property
     def _here(self) -> tuple[float, float]:
@@ -323,6 +369,7 @@ class EnergyExchange(OrderBook):
             self.order(TellClear(agent_id))
 
     def _go_to(self, north_m: float, east_m: float) -> None:
+        self._legs += 1
         config = self._config
         self.order(GoToPoint(self.next_id(), north_m, east_m, config.speed_m_s, config.victory_radius_m))
 
@@ -350,7 +397,7 @@ _BEHAVIOURS = {
     Phase.DOCK: _PhaseBehaviour(_M._resume_collecting, success=_M._finish_step),
     Phase.CHARGE: _PhaseBehaviour(_M._hold_and_charge, tick=_M._consider_deploying),
     Phase.GO_DEPLOY: _PhaseBehaviour(_M._resume_deploying, success=_M._undock),
-    Phase.UNDOCK: _PhaseBehaviour(_M._resume_undocking, success=_M._finish_step),
+    Phase.UNDOCK: _PhaseBehaviour(_M._resume_undocking, success=_M._finish_service),
     Phase.STANDS_DOWN: _PhaseBehaviour(_nothing),
     Phase.ENDED: _PhaseBehaviour(_nothing),
     Phase.COMMANDED: _PhaseBehaviour(_nothing),

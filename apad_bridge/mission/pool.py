@@ -5,7 +5,7 @@ An aMussel's believed state is that of its last packet, or of a belief that is c
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Container, Iterable, Mapping, Sequence
 
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.modes import DOCKED, LIKELY, Mode
@@ -45,22 +45,36 @@ class ChargingPool:
         self._beliefs = beliefs
         self._excluded_until_ms: dict[int, int] = {}
 
-    def candidates(self, now_ms: int) -> list[Belief]:
-        """The aMussels heard of late, in the water, at or below the pool's threshold and not lost, by id."""
-        return [belief for belief in self._beliefs.all() if self._is_candidate(belief, now_ms)]
+    def candidates(self, now_ms: int, left_alone: Container[int] = ()) -> list[Belief]:
+        """The aMussels heard of late, in the water, at or below the pool's threshold and not lost, by id.
 
-    def batch_of(self, candidates: Sequence[Belief]) -> int:
+        Without those that are `left_alone`.
+        """
+        return [
+            belief
+            for belief in self._beliefs.all()
+            if belief.agent_id not in left_alone and self._is_candidate(belief, now_ms)
+        ]
+
+    def batch_of(self, candidates: Sequence[Belief], left_alone: Container[int] = ()) -> int:
         """The number of candidates to collect now; 0 means to wait for more.
 
-        The batch is never larger than the number of aMussels that can still come up. The mission does not
-        wait at all while an aMussel that surfaced to survive floats with its primary battery empty.
+        The batch is never larger than the number of aMussels that can still come up and are not `left_alone`.
+        The mission does not wait at all while an aMussel that surfaced to survive floats with its primary battery empty.
         """
-        left = sum(belief.state not in BEYOND_HELP for belief in self._beliefs.all())
+        left = sum(
+            belief.state not in BEYOND_HELP and belief.agent_id not in left_alone
+            for belief in self._beliefs.all()
+        )
         batch = min(self._config.batch, max(1, left))
         if len(candidates) >= batch:
             return batch
         urgent = any(it.state is State.FLOATING and it.primary <= 0 for it in candidates)
         return len(candidates) if urgent else 0
+
+    def is_low(self, belief: Belief) -> bool:
+        """The aMussel is likely at or below the pool's threshold."""
+        return belief.probability_at_most(self._config.pool_threshold) >= LIKELY
 
     def exclude(self, agent_id: int, now_ms: int) -> None:
         self._excluded_until_ms[agent_id] = now_ms + self._silence_ms
@@ -71,7 +85,7 @@ class ChargingPool:
 
     def _is_candidate(self, belief: Belief, now_ms: int) -> bool:
         return (
-            belief.probability_at_most(self._config.pool_threshold) >= LIKELY
+            self.is_low(belief)
             and can_be_fetched(belief)
             and (belief.primary > 0 or belief.secondary > 0)
             and self._excluded_until_ms.get(belief.agent_id, now_ms) <= now_ms

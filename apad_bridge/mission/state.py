@@ -75,7 +75,14 @@ class MissionState:
     services: int = 0
     leaves_full: bool = False
     """The aMussel being undocked was believed full at the order, which counts because sinking costs charge."""
+    failed_tries: tuple[tuple[int, int], ...] = ()
+    """(agent, number of tries to serve it that failed since one last helped), by agent; only those above 0."""
     ended_by: MissionEnd | None = None
+
+    def phase_text(self, *, place_is_known: bool) -> str:
+        """The phase, by the name that people use. Nothing is done before the aPad's place is known."""
+        waits = not place_is_known and self.phase is not Phase.ENDED
+        return "waits for the aPad's position" if waits else self.phase.value
 
     def to_json(self) -> dict[str, Any]:
         ended_by = self.ended_by
@@ -107,6 +114,7 @@ class MissionState:
                 "leg": None if leg is None else Leg.from_json(leg),
                 "phase": Phase(data["phase"]),
                 "plan": Solution.decode(data["plan"]),
+                "failed_tries": tuple((agent_id, tries) for agent_id, tries in data.get("failed_tries", ())),
                 "docked": tuple((dock_index, agent_id) for dock_index, agent_id in data["docked"]),
                 "homes": tuple((agent_id, north, east) for agent_id, north, east in data["homes"]),
                 "ended_by": None if text is None else MissionEnd.restored(text, reason),

@@ -96,13 +96,16 @@ class Takeover:
         return ""
 
     def give_back(self) -> str:
-        """Refused while a docking is under way."""
+        """Refused while a docking is under way. The mission then tries aMussels again that it had left alone."""
         manual = self.by_hand
         if manual is None:
             return "the mission flies the aPad already"
         if manual.docking is Status.RUNNING:
             raise Refused("a docking is under way: wait for its end, or order a hold")
-        self._change(self._planned(replace(self.state, phase=Phase.IDLE, plan=Solution(()))), taken=False)
+        self._change(
+            self._planned(replace(self.state, phase=Phase.IDLE, plan=Solution(()), failed_tries=())),
+            taken=False,
+        )
         return ""
 
     def _change(self, mission: EnergyExchange | ManualMission, *, taken: bool) -> None:

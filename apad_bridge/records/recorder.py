@@ -18,7 +18,7 @@ from apad_bridge.records.packet_lines import sound_rows
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.records.sample_file import SAMPLE_KEYS, SampleFile, sample_figures
 from apad_bridge.records.samples import TruthSample, Water, apad_sample, belief_sample
-from apad_bridge.records.summary import Ending, uptime_figures
+from apad_bridge.records.summary import Ending, FailureCounts, uptime_figures
 from apad_bridge.records.truth_lines import truth_data, truth_of
 from apad_bridge.records.uptime import UptimeMeter
 from apad_bridge.scenario.firmware_config import takes_samples
@@ -69,6 +69,7 @@ class Recorder:
         self._journaled: dict[int, Truth] = {}
         self._beliefs: Sequence[Belief] = ()
         self._given_up: set[int] = set()
+        self._failures = FailureCounts()
         self._apad_changes = APadChanges()
         self._belief_changes = BeliefChanges()
         self._sampled_ms: int | None = None
@@ -107,6 +108,7 @@ class Recorder:
     def event(self, at_ms: int, kind: str, **data: Any) -> None:
         """Records an event at mission time `at_ms`; plain data only."""
         self._journal.append(at_ms, kind, data)
+        self._failures.take(at_ms, kind, data)
         if kind == "died" and data.get("gave_up") is not None:
             self._count_given_up(data)
         if kind == "presence":
@@ -202,6 +204,7 @@ class Recorder:
             "ended_by": str(ending.ended_by),
             "end_reason": ending.ended_by.reason.value,
             "first_cause": ending.first_cause,
+            **self._failures.figures(),
             **uptime_figures(self.meter, at_ms),
             "cost_m": ending.cost_m,
             "planned_m": ending.planned_m,
@@ -258,8 +261,9 @@ class Recorder:
         self.meter.set_presence(presence["id"], Presence(presence["is"]), self._scenario.theta * at_ms)
 
     def _replay(self, contents: JournalContents) -> None:
-        """Rebuilds the uptimes and the newest truths from the lines of the journal."""
+        """Rebuilds the uptimes, the newest truths and the counts of failures from the lines of the journal."""
         for line in contents.lines:
+            self._failures.take(line["t"], line["kind"], line)
             if line["kind"] == "truth":
                 truth = truth_of(line)
                 self.meter.take(truth)

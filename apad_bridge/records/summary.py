@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from collections import Counter
 from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass, field
 from typing import Any
@@ -9,6 +11,7 @@ from typing import Any
 from apad_bridge.mission.ending import MissionEnd
 from apad_bridge.records.uptime import AgentUptime, UptimeMeter
 from apad_bridge.supervisor.roster import Presence
+from apad_bridge.vehicle.docking import PRE_EMPTED
 from firmware_model.power.charge import fraction
 
 _KEYS = (
@@ -39,6 +42,56 @@ class Ending:
     """The first failure of a run in which something failed."""
     samples_gone: Mapping[int, Set[int]] = field(default_factory=dict)
     """The sequence numbers of samples that can no longer be uploaded, by aMussel."""
+
+
+_NUMBER = re.compile(r"\d+(\.\d+)?")
+
+
+class FailureCounts:
+    """Counts the failures of a run from the journal's events.
+
+    A step that is given up because its primitive failed has one cause with it. Causes that differ in their numbers alone,
+    such as the metres left to go, are one, under the text that came first.
+    """
+
+    def __init__(self) -> None:
+        self.steps_given_up = 0
+        self.left_alone: set[int] = set()
+        """The aMussels that the mission has left alone."""
+        self._causes: Counter[str] = Counter()
+        self._texts: dict[str, str] = {}
+        self._newest: tuple[int, str] | None = None
+
+    @property
+    def causes(self) -> dict[str, int]:
+        """Number of failures by cause, the most frequent first."""
+        return {self._texts[cause]: count for cause, count in self._causes.most_common()}
+
+    def take(self, at_ms: int, kind: str, data: Mapping[str, Any]) -> None:
+        if kind == "primitive" and data.get("phase") == "failed" and data["reason"] != PRE_EMPTED:
+            self._count(data["reason"])
+            self._newest = (at_ms, data["reason"])
+        elif kind == "given_up":
+            self.steps_given_up += 1
+            if self._newest != (at_ms, data["reason"]):
+                self._count(data["reason"])
+        elif kind == "left_alone":
+            self.left_alone.add(data["agent"])
+        elif kind == "override" and not data["taken"]:
+            self.left_alone.clear()  # a person gives them another chance
+
+    def figures(self) -> dict[str, Any]:
+        """The keys of summary.json."""
+        return {
+            "causes": self.causes,
+            "steps_given_up": self.steps_given_up,
+            "left_alone": sorted(self.left_alone),
+        }
+
+    def _count(self, reason: str) -> None:
+        cause = _NUMBER.sub("#", reason)
+        self._texts.setdefault(cause, reason)
+        self._causes[cause] += 1
 
 
 def uptime_figures(meter: UptimeMeter, now_ms: int, tick_ms: int = 1000) -> dict[str, Any]:

@@ -26,7 +26,7 @@ from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.records.summary import Ending
 from apad_bridge.runs.children import supervising
 from apad_bridge.runs.nurseries import FOLDER
-from apad_bridge.runs.progress import ProgressDisplay
+from apad_bridge.runs.progress import ProgressDisplay, failure_line
 from apad_bridge.runs.status import Status
 from apad_bridge.scenario.schema import Hosting, Scenario
 from apad_bridge.scenario.starts import Start
@@ -96,7 +96,7 @@ def fly_in_process(
         fleet = open_fleet(scenario, starts, directory.path / FOLDER)
         stack.callback(fleet.host.close)
         spec = RunSpec(command_sources=tuple(command_sources))
-        return fly(scenario, in_process_context(scenario, fleet), recorder, progress.show_status, spec)
+        return fly(scenario, in_process_context(scenario, fleet), recorder, progress, spec)
 
 
 def journal_start(recorder: Recorder, scenario: Scenario, starts: Sequence[Start]) -> None:
@@ -144,11 +144,11 @@ def fly(
     scenario: Scenario,
     context: FlightContext,
     recorder: Recorder,
-    show_status: Callable[[Status], None],
+    progress: ProgressDisplay,
     spec: RunSpec = FROM_START,
 ) -> dict[str, Any]:
     """Flies to the end and returns the summary. SIGINT, SIGTERM and SIGHUP end it in order."""
-    prepared = prepare(scenario, context, recorder, show_status, spec)
+    prepared = prepare(scenario, context, recorder, progress, spec)
     with interrupts.held_back():
         with stopped_by_signals(prepared.flight):
             prepared.flight.run()
@@ -180,20 +180,23 @@ def prepare(
     scenario: Scenario,
     context: FlightContext,
     recorder: Recorder,
-    show_status: Callable[[Status], None],
+    progress: ProgressDisplay,
     spec: RunSpec = FROM_START,
 ) -> PreparedFlight:
-    """Builds the flight that `fly` runs."""
+    """Builds the flight that `fly` runs. `progress` shows its status at each tick, and its failures as they happen."""
     supervisor = _supervisor(scenario, context, recorder, spec)
 
     def show_tick(now_ms: int) -> None:
-        show_status(Status.of(supervisor, now_ms, context.pace.behind_s))
+        progress.show_status(Status.of(supervisor, now_ms, context.pace.behind_s))
         if spec.until_first_plan and supervisor.mission.state.plan.steps:
             flight.stop(MissionEnd(EndReason.FIRST_PLAN))
 
-    flight_recorder = (
-        recorder if context.announce is None else _AnnouncingRecorder(recorder, context.announce)
-    )
+    def print_failure(at_ms: int, kind: str, **data: Any) -> None:
+        if (line := failure_line(at_ms, kind, data)) is not None:
+            progress.print_message(line)
+
+    listeners = [print_failure, *(() if context.announce is None else (context.announce,))]
+    flight_recorder = _AnnouncingRecorder(recorder, listeners)
     flight = Flight(supervisor, context, flight_recorder, spec.start_ms, (show_tick,))
     recorder.dropped_in_flight = lambda: flight.all_dropped
 
@@ -260,15 +263,16 @@ def _fraction_used(supervisor: Supervisor, resume_point: ResumePoint | None) -> 
 
 
 class _AnnouncingRecorder:
-    """Passes each event of the flight to the recorder and to a listener."""
+    """Passes each event of the flight to the recorder and to listeners."""
 
-    def __init__(self, recorder: Recorder, announce: Announce) -> None:
+    def __init__(self, recorder: Recorder, listeners: Sequence[Announce]) -> None:
         self.truths = recorder.truths
         self.samples = recorder.samples
         self.tick = recorder.tick
         self._recorder = recorder
-        self._announce = announce
+        self._listeners = listeners
 
     def event(self, at_ms: int, kind: str, **data: Any) -> None:
         self._recorder.event(at_ms, kind, **data)
-        self._announce(at_ms, kind, **data)
+        for listener in self._listeners:
+            listener(at_ms, kind, **data)

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import json
+from collections.abc import Callable
 from types import TracebackType
-from typing import Protocol
+from typing import Any, Protocol
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 
+from agents.hosting.started import outlive_starter
 from apad_bridge.runs.status import Status
+from apad_bridge.vehicle.docking import PRE_EMPTED
 
 _LINE_EVERY_MS = 300_000
 
@@ -19,6 +23,54 @@ class ProgressDisplay(Protocol):
     def print_message(self, text: str) -> None: ...
 
     def show_status(self, status: Status) -> None: ...
+
+
+class ParentDisplay:
+    """A ProgressDisplay that writes lines for the parent process, which shows them.
+
+    From the first status on, this process outlives that parent.
+    """
+
+    def __init__(self, write_line: Callable[[str], None]) -> None:
+        self._write_line = write_line
+
+    def print_message(self, text: str) -> None:
+        self._write_line(json.dumps({"said": text}))
+
+    def show_status(self, status: Status) -> None:
+        outlive_starter()
+        self._write_line(status.to_line())
+
+
+_NOT_DONE = {
+    "collect": "is not collected this time",
+    "deploy": "is not brought home this time",
+    "charge": "is not charged any further",
+    "dock": "is not docked",
+}
+"""What became of an aMussel whose step was given up, by the `what` of the journal's line `given_up`."""
+
+
+def failure_line(at_ms: int, kind: str, data: dict[str, Any]) -> str | None:
+    """A line for a person about an event of the journal that is a failure; None for any other event."""
+    reason = data.get("reason")
+    match kind, data:
+        case "primitive", {"phase": "failed", "name": name} if reason != PRE_EMPTED:
+            at = ""
+            if "agent" in data:
+                at = f" (aMussel {data['agent']}, dock {data['dock'] + 1})"
+            elif "north_m" in data:
+                at = f" ({data['north_m']:.1f} m north, {data['east_m']:.1f} m east)"
+            text = f"{name}{at} failed"
+        case "given_up", {"agent": agent, "what": what}:
+            text = f"aMussel {agent} {_NOT_DONE[what]}"
+        case "left_alone", {"agent": agent, "tries": tries}:
+            text = f"aMussel {agent} is left alone from now on: {tries} tries in a row failed, the last one"
+        case "stuck", _:
+            text = "the aPad does not get anywhere"
+        case _:
+            return None
+    return f"{_clock(at_ms)}  {text}: {reason}"
 
 
 class FlightProgress:

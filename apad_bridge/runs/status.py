@@ -32,7 +32,7 @@ class Status:
         state = supervisor.mission.state
         return cls(
             now_ms,
-            state.phase.value,
+            state.phase_text(place_is_known=supervisor.pose is not None),
             supervisor.primitive,
             len(beliefs),
             sum(b.state not in DOCKED and b.primary > 0 for b in beliefs),

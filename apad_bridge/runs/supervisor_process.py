@@ -16,7 +16,6 @@ from pathlib import Path
 from typing import Any
 
 from agents.hosting.interrupts import held_back, let_in
-from agents.hosting.started import outlive_starter
 from apad_bridge.acoustics.serial.lines import open_serial_lines
 from apad_bridge.mission.call_queue import CallQueue
 from apad_bridge.mission.manual import CommandSource
@@ -29,6 +28,7 @@ from apad_bridge.runs.children import supervising
 from apad_bridge.runs.dry_run import without_commands
 from apad_bridge.runs.exits import Exit
 from apad_bridge.runs.nurseries import adopt
+from apad_bridge.runs.progress import ParentDisplay
 from apad_bridge.runs.several.member import member_parts
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.run_options import Part, RunOptions
@@ -114,7 +114,6 @@ def fly(run_dir: Path, resume: bool) -> int:
                 serial_lines = stack.enter_context(
                     open_serial_lines(run_dir, options.open_modems, options.modem, start_ms, write_line)
                 )
-            outlive_starter()
             context = replace(context, serial_lines=serial_lines)
             if member is not None:
                 context = member.extend(context)
@@ -163,7 +162,7 @@ def _fly_mission(
         scenario,
         without_commands(context) if options.dry_run else context,
         start_state.recorder,
-        lambda status: write_line(status.to_line()),
+        ParentDisplay(write_line),
         flying.RunSpec(
             start_state.resume_point,
             start_state.learned,

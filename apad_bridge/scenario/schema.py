@@ -249,6 +249,8 @@ class Mission:
     surfacing_attempts: Annotated[int, Ge(1)]
     silence_timeout_s: PositiveSeconds
     """The mission stops waiting for an aMussel that has been silent for this long, and goes on without it."""
+    collection_attempts: Annotated[int, Ge(1)] = 5
+    """The mission leaves an aMussel alone after so many tries in a row that did not help it."""
 
 
 @frozen

@@ -309,8 +309,8 @@ class Supervisor:
         primitive = self._named.pop(outcome.primitive_id, None)
         if primitive is None:
             return []
-        if self._breakdown is not None:
-            self._breakdown.note(primitive, outcome)
+        if self._breakdown is not None and isinstance(primitive, GoToPoint):
+            self._breakdown.go_to_ended(outcome)
         if isinstance(outcome, PrimitiveFailed):
             return [_primitive_note(primitive, "failed", outcome.reason)]
         return [_primitive_note(primitive, "succeeded")]

@@ -109,9 +109,9 @@ def _mission(supervisor: Supervisor, apad: str) -> DiagnosticStatus:
     state = supervisor.mission.state
     docks = ("-" if agent_id is None else str(agent_id) for agent_id in supervisor.mission.docks)
     return DiagnosticStatus(
-        level=DiagnosticStatus.OK,
+        level=DiagnosticStatus.OK if supervisor.pose is not None else DiagnosticStatus.STALE,
         name=f"musselbed: mission {apad}".rstrip(),
-        message=state.phase.value,
+        message=state.phase_text(place_is_known=supervisor.pose is not None),
         hardware_id="supervisor",
         values=_values(
             services=state.services,

@@ -136,6 +136,18 @@ class LockstepRunner:
             taker.recorder.event(now_ms, "took_on", id=move.agent_id, of=move.giver)
 
 
+class _MemberDisplay:
+    """One flight's ProgressDisplay: its lines begin with the aPad's name."""
+
+    def __init__(self, name: str, progress: ProgressDisplay, show_status: Callable[[Status], None]) -> None:
+        self._name = name
+        self._progress = progress
+        self.show_status = show_status
+
+    def print_message(self, text: str) -> None:
+        self._progress.print_message(f"{self._name}: {text}")
+
+
 def fly_in_step(
     members: Sequence[Member],
     sharing: Sharing,
@@ -174,7 +186,8 @@ def fly_in_step(
                 relay=exchange.relay(name),
                 breakdown=Breakdown(sharing.failed_go_tos),
             )
-            prepared[name] = flying.prepare(scenario, context, recorder, status_listener(name))
+            display = _MemberDisplay(name, progress, status_listener(name))
+            prepared[name] = flying.prepare(scenario, context, recorder, display)
             flights[name] = MemberFlight(scenario.apad.start_m, prepared[name].flight, recorder)
         runner = LockstepRunner(flights, exchange, Assignment(served) if sharing.transfers else None)
         with flying.stopped_by_signals(*(it.flight for it in flights.values())):

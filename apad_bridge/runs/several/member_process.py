@@ -12,26 +12,14 @@ import sys
 from pathlib import Path
 
 from agents.hosting import interrupts
-from agents.hosting.started import outlive_starter
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.runs import parent
 from apad_bridge.runs.exits import Exit
-from apad_bridge.runs.status import Status
+from apad_bridge.runs.progress import ParentDisplay
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.run_options import RunOptions
 from apad_bridge.scenario.starts import starts_of
 from apad_bridge.vehicle.errors import PeerFailed
-
-
-class _ParentRelay:
-    """A ProgressDisplay that writes lines for the parent of all. From the first status on, the run outlives that parent."""
-
-    def print_message(self, text: str) -> None:
-        _write_line(json.dumps({"said": text}))
-
-    def show_status(self, status: Status) -> None:
-        outlive_starter()
-        _write_line(status.to_line())
 
 
 def _write_line(line: str) -> None:
@@ -45,7 +33,7 @@ def main() -> int:
     try:
         with interrupts.interruptible():
             summary = parent.fly(
-                scenario, starts_of(scenario), options, directory, _ParentRelay(), _write_line
+                scenario, starts_of(scenario), options, directory, ParentDisplay(_write_line), _write_line
             )
     except PeerFailed as error:
         _write_line(json.dumps({"failed": str(error)}))

@@ -28,7 +28,7 @@ def combined_status(each: Sequence[Status], apads: int) -> Status:
 Summary = Mapping[str, Any]
 _SUMS = (
     *("agents", "active_mean", "amussels_lost", "emptied", "dead_time_s", "services", "gave_up"),
-    *("cost_m", "planned_m"),
+    *("cost_m", "planned_m", "steps_given_up"),
     *("samples_taken", "samples_uploaded", "samples_waiting", "samples_lost"),
 )
 
@@ -42,8 +42,10 @@ def combined_summary(name: str, of_each: Mapping[str, Summary], handed_on: int =
     """
     flights = list(of_each.values())
     dropped: Counter[str] = Counter()
+    causes: Counter[str] = Counter()
     for flight in flights:
         dropped.update(flight["dropped"])
+        causes.update(flight["causes"])
     return {
         "name": name,
         "theta": flights[0]["theta"],
@@ -52,6 +54,8 @@ def combined_summary(name: str, of_each: Mapping[str, Summary], handed_on: int =
         "ended_by": _common_text(of_each, "ended_by"),
         "end_reason": flights[0]["end_reason"] if len({it["end_reason"] for it in flights}) == 1 else None,
         "first_cause": _common_text(of_each, "first_cause"),
+        "causes": dict(causes.most_common()),
+        "left_alone": sorted({agent_id for flight in flights for agent_id in flight["left_alone"]}),
         **{key: _combined(flights, key, sum) for key in ("counted_s", "counted_at_end")},
         "uptime_paper": _spread(flights, "uptime_paper"),
         "uptime_submerged": _spread(flights, "uptime_submerged"),

@@ -7,7 +7,7 @@ import pytest
 
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.mission.ending import EndReason, MissionEnd
-from apad_bridge.mission.energy_exchange import EnergyExchange
+from apad_bridge.mission.energy_exchange import LEGS_PER_STEP, EnergyExchange
 from apad_bridge.mission.orders import Note, Order, PermitSurfacing, TellClear
 from apad_bridge.mission.state import MissionState, Phase
 from apad_bridge.planning import registry
@@ -220,6 +220,111 @@ def test_a_leg_that_a_resumed_mission_takes_up_is_counted_once() -> None:
     after.succeed()
     assert after.mission.state.cost_m == pytest.approx(10.0)
     assert after.mission.state.planned_m == pytest.approx(10.0)
+
+
+def test_an_aPad_that_does_not_get_anywhere_is_said_and_nobody_is_left_alone_for_it() -> None:
+    bench = Bench()
+    said: list[object] = []
+    for _ in range(4 * MISSION.collection_attempts):
+        bench.tick(int(MISSION.silence_timeout_s) + 1)
+        while any(isinstance(order, GoToPoint) for order in bench.orders):
+            bench.orders = [order for order in bench.orders if isinstance(order, GoToPoint)]
+            bench.fail("stalled")
+            said += bench.notes("stuck")
+            assert bench.notes("left_alone") == []
+    assert said[0] == {"reason": "3 go-tos in a row failed: stalled"}
+    assert bench.mission.state.failed_tries == ((1, 1),)
+
+
+def deaf(bench: Bench, agent_id: int) -> None:
+    """From the go-to just ordered: the aMussel does not answer, and is given up."""
+    assert PermitSurfacing(agent_id) in bench.orders
+    bench.orders = [order for order in bench.orders if isinstance(order, GoToPoint)]
+    bench.succeed()
+    while not bench.notes("given_up"):
+        bench.tick()
+
+
+def test_one_that_is_tried_in_vain_is_left_alone_and_the_others_are_served() -> None:
+    bench = Bench()
+    for attempt in range(1, MISSION.collection_attempts + 1):
+        bench.tick(int(MISSION.silence_timeout_s) + 1)
+        deaf(bench, 1)
+        left_alone = bench.notes("left_alone")
+        assert bool(left_alone) is (attempt == MISSION.collection_attempts)
+        for agent_id in (2, 3, 4):
+            bench.orders = [order for order in bench.orders if isinstance(order, GoToPoint)]
+            bench.collect(agent_id)
+        bring_home(bench, (2, 3, 4), charge=1.0)
+        for agent_id in (2, 3, 4):
+            bench.told.say(agent_id, bench.now_ms, State.ACTIVE, 0.7)
+    assert left_alone == [
+        {
+            "agent": 1,
+            "tries": MISSION.collection_attempts,
+            "reason": "it does not answer the permission to surface",
+        }
+    ]
+    # Three candidates are a whole batch from now on, and the fourth is not called any more.
+    bench.tick(int(MISSION.silence_timeout_s) + 1)
+    assert PermitSurfacing(2) in bench.orders
+    # Another supervisor of the run leaves it alone as well; a person who gives the aPad back does not.
+    state = MissionState.from_json(bench.mission.state.to_json())
+    assert dict(state.failed_tries) == {1: MISSION.collection_attempts}
+
+
+def bring_home(bench: Bench, agent_ids: tuple[int, ...], charge: float) -> None:
+    """From the charging wait to the last release; the docked aMussels then have `charge`."""
+    for agent_id in agent_ids:
+        bench.told.say(agent_id, bench.now_ms, State.CHARGING, charge)
+    bench.tick()
+    if bench.mission.state.phase is Phase.CHARGE:
+        bench.tick(int(MISSION.silence_timeout_s) + 1)
+    for _ in agent_ids:
+        bench.succeed()
+        released = bench.succeed()
+        assert isinstance(released, UndockMussel)
+        bench.told.say(released.agent_id, bench.now_ms, State.ACTIVE, charge)
+    assert bench.mission.state.phase is Phase.IDLE
+
+
+def test_one_that_never_gains_charge_is_left_alone() -> None:
+    """An aMussel whose charge does not rise in the dock would be fetched for ever."""
+    bench = Bench(agents=1)
+    for attempt in range(1, MISSION.collection_attempts + 1):
+        bench.told.say(1, bench.now_ms, State.ACTIVE, 0.5)
+        bench.tick()
+        bench.orders = [order for order in bench.orders if isinstance(order, GoToPoint)]
+        bench.collect(1)
+        bring_home(bench, (1,), charge=0.5)
+        assert dict(bench.mission.state.failed_tries) == {1: attempt}
+    bench.tick(int(MISSION.silence_timeout_s) + 1)
+    assert [order for order in bench.orders if isinstance(order, Primitive)] == []
+
+
+def test_a_try_that_helps_forgets_those_that_failed() -> None:
+    bench = Bench(agents=1, state=MissionState(failed_tries=((1, 4), (7, 2))))
+    bench.tick()
+    bench.orders = [order for order in bench.orders if isinstance(order, GoToPoint)]
+    bench.collect(1)
+    bring_home(bench, (1,), charge=0.9)  # not full, and above the pool's threshold
+    assert bench.mission.state.failed_tries == ((7, 2),)
+
+
+def test_one_that_floats_away_again_and_again_is_given_up() -> None:
+    bench = Bench(agents=1)
+    bench.tick()
+    bench.orders = [order for order in bench.orders if isinstance(order, GoToPoint)]
+    go_tos = 0
+    while not bench.notes("given_up"):
+        goto = bench.succeed()
+        assert isinstance(goto, GoToPoint)
+        go_tos += 1
+        assert go_tos <= LEGS_PER_STEP
+        bench.told.say(1, bench.now_ms, State.FLOATING, 0.5, goto.north_m + 5.0, goto.east_m)
+        bench.tick()
+    assert go_tos == LEGS_PER_STEP
+    assert bench.notes("given_up")[0]["reason"] == "it still floats out of reach after 3 go-tos"
 
 
 def test_an_answer_to_a_primitive_that_is_over_changes_nothing() -> None:

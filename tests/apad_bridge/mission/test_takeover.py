@@ -140,6 +140,7 @@ def test_a_mechanism_that_opens_when_a_person_takes_over_is_a_service_all_the_sa
         plan=Solution((Step(StepKind.DEPLOY, 3, 0),)),
         docked=((0, 3),),
         homes=((3, 5.0, 5.0),),
+        failed_tries=((7, 5),),
     )
     takeover = Takeover(
         lambda state: EnergyExchange(
@@ -163,12 +164,18 @@ def test_a_mechanism_that_opens_when_a_person_takes_over_is_a_service_all_the_sa
     takeover.take_over()
     takeover.advance(3000)
     assert takeover.by_hand is not None and takeover.by_hand.docking is Status.RUNNING
+    with pytest.raises(Refused, match="a docking is under way"):
+        takeover.give_back()
     takeover.receive(DockChanged(4000, 0, 3, False), 4000)
     orders = takeover.receive(PrimitiveSucceeded(4000, undock), 4000)
     assert TellClear(3) in orders
     assert takeover.state.services == 1
     assert takeover.by_hand.docking is Status.DONE
     assert takeover.by_hand.events.take("docking")[0].agent == 3
+    # A person who gives the aPad back gives those another chance that were left alone.
+    assert takeover.state.failed_tries == ((7, 5),)
+    takeover.give_back()
+    assert takeover.state.failed_tries == ()
 
 
 def test_a_call_can_end_the_flight_and_then_nobody_takes_it(pool: Scenario) -> None:

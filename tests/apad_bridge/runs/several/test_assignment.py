@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from apad_bridge.mission.breakdown import Breakdown
 from apad_bridge.runs.several.assignment import APadView, Assignment
 from apad_bridge.vehicle.docking import PRE_EMPTED
-from apad_bridge.vehicle.primitives import DockMussel, GoToPoint, PrimitiveFailed, PrimitiveSucceeded
+from apad_bridge.vehicle.primitives import PrimitiveFailed, PrimitiveSucceeded
 
 NAMES = ("a", "b", "c", "d")
 METRES = st.integers(-50, 50).map(float)
@@ -127,15 +127,18 @@ def test_an_aMussel_in_two_shares_is_refused() -> None:
 
 def test_a_breakdown_is_go_tos_that_fail_in_a_row() -> None:
     def fail(breakdown: Breakdown, reason: str = "stalled") -> None:
-        breakdown.note(GoToPoint(1, 0.0, 0.0, 1.0, 1.0), PrimitiveFailed(0, 1, reason))
+        breakdown.go_to_ended(PrimitiveFailed(0, 1, reason))
 
     breakdown = Breakdown(2)
     fail(breakdown)
-    breakdown.note(GoToPoint(2, 0.0, 0.0, 1.0, 1.0), PrimitiveSucceeded(0, 2))
+    breakdown.go_to_ended(PrimitiveSucceeded(0, 2))
     fail(breakdown)
     fail(breakdown, PRE_EMPTED)
-    breakdown.note(DockMussel(3, 0, 1), PrimitiveFailed(0, 3, "missed"))
     assert breakdown.take() is None
     fail(breakdown)
     assert breakdown.take() == "2 go-tos in a row failed: stalled"
     assert breakdown.take() is None
+    fail(breakdown)
+    assert breakdown.take() is None
+    fail(breakdown)
+    assert breakdown.take() == "4 go-tos in a row failed: stalled"

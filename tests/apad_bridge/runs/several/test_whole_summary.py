@@ -21,7 +21,7 @@ def flight(agents: int, mean: float, **more: Any) -> dict[str, Any]:
         **{"uptime_paper": spread, "uptime_submerged": spread, "active_mean": agents * mean / 100},
         **{"end_reason": "mission time"},
         **{"amussels_lost": 0, "emptied": 1, "dead_time_s": 5.0, "services": 4, "gave_up": 0},
-        **{"cost_m": 12.5, "planned_m": 13.0},
+        **{"cost_m": 12.5, "planned_m": 13.0, "steps_given_up": 1, "causes": {"missed": 1}, "left_alone": []},
         **{"samples_taken": None, "samples_uploaded": None, "samples_waiting": None, "samples_lost": None},
         **{"counted_s": agents * 100.0, "counted_at_end": agents, "apart": None},
         **{"final_charge_mean": mean / 100, "apad_energy_fraction": 0.2, "first_cause": None, "dropped": {}},
@@ -37,7 +37,7 @@ def test_every_aMussel_counts_alike() -> None:
     assert whole["final_charge_mean"] == pytest.approx(0.65)
     assert whole["active_mean"] == pytest.approx(2.6)
     assert (whole["agents"], whole["services"], whole["cost_m"], whole["emptied"]) == (4, 8, 25.0, 2)
-    assert whole["planned_m"] == 26.0
+    assert (whole["planned_m"], whole["steps_given_up"], whole["causes"]) == (26.0, 2, {"missed": 2})
     assert (whole["mission_s"], whole["dropped"]) == (100.0, {"late": 2})
     assert whole["samples_taken"] is None
 

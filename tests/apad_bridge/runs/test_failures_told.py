@@ -1,0 +1,93 @@
+"""Failures reach a person: as lines while the flight goes on, and as counts in the summary."""
+
+from dataclasses import replace
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from apad_bridge.assembly import parts
+from apad_bridge.records.journal import read_journal
+from apad_bridge.records.recorder import Recorder
+from apad_bridge.records.run_directory import RunDirectory
+from apad_bridge.records.summary import Ending
+from apad_bridge.runs.flying import fly_in_process
+from apad_bridge.runs.in_memory import open_flight
+from apad_bridge.runs.progress import FlightProgress, failure_line
+from apad_bridge.runs.status import Status
+from apad_bridge.scenario.schema import Hosting, Scenario
+from apad_bridge.scenario.starts import starts_of
+from apad_bridge.vehicle.commands import VehicleFact
+
+
+def flown(scenario: Scenario, path: Path) -> tuple[RunDirectory, dict[str, Any], list[str]]:
+    """The run's directory, its summary and the lines for a person."""
+    scenario = replace(scenario, fleet=replace(scenario.fleet, hosting=Hosting.ONE_PROCESS))
+    directory = RunDirectory.create(scenario.name, datetime.now(UTC), path / "run")
+    with FlightProgress(scenario.name, round(scenario.duration_s * 1000), quiet=True) as progress:
+        summary = fly_in_process(scenario, starts_of(scenario), directory, progress)
+    return directory, summary, progress.messages
+
+
+@pytest.fixture
+def stuck(pool: Scenario) -> Scenario:
+    """Its aPad does not move: ten go-tos fail in ten minutes, one each minute."""
+    return replace(pool, duration_s=620.0, apad=replace(pool.apad, max_speed_m_s=1e-6))
+
+
+def test_a_stuck_aPad_is_told_and_costs_nothing(stuck: Scenario, tmp_path: Path) -> None:
+    directory, summary, lines = flown(stuck, tmp_path)
+    assert (summary["cost_m"], summary["planned_m"]) == (
+        pytest.approx(0.0, abs=0.01),
+        pytest.approx(0.0, abs=20.0),  # the go-to that mission time cut off
+    )
+    journal = read_journal(directory.journal)
+    given_up = [line for line in journal.lines if line["kind"] == "given_up"]
+    assert summary["steps_given_up"] == len(given_up) >= 8
+    # One cause, whatever the metres to go.
+    ((cause, count),) = summary["causes"].items()
+    assert cause.startswith("stalled: not 0.5 m nearer within 60 s") and count == len(given_up)
+    first = given_up[0]
+    at = f"{first['t'] // 60_000:02d}:{first['t'] // 1000 % 60:02d}"
+    assert f"{at}  aMussel {first['agent']} is not collected this time: {first['reason']}" in lines
+    assert sum("go to point (" in line and ") failed: stalled" in line for line in lines) == count
+    stuck_lines = [
+        line for line in lines if "the aPad does not get anywhere: 3 go-tos in a row failed" in line
+    ]
+    assert len(stuck_lines) == 1
+    # Nobody is left alone for what is the aPad's fault.
+    assert summary["left_alone"] == [] and len(given_up) > 5
+
+
+def test_the_counts_go_on_in_a_resumed_run(stuck: Scenario, tmp_path: Path) -> None:
+    directory, summary, _ = flown(replace(stuck, duration_s=300.0), tmp_path)
+    recorder, _ = Recorder.resume(directory, stuck, parts.agent_ids(stuck))
+    recorder.event(301_000, "given_up", agent=3, what="collect", reason="it does not come up")
+    again = recorder.finish(302_000, Ending("mission time", 0.0, 0.0, 0, None, {}))
+    assert again["steps_given_up"] == summary["steps_given_up"] + 1
+    assert again["causes"] == summary["causes"] | {"it does not come up": 1}
+
+
+def test_a_pre_emption_is_no_failure() -> None:
+    failed = {"name": "go to point", "phase": "failed", "north_m": 1.0, "east_m": 2.0, "reason": "pre-empted"}
+    assert failure_line(0, "primitive", failed) is None
+    line = failure_line(61_000, "primitive", failed | {"reason": "no GPS"})
+    assert line == "01:01  go to point (1.0 m north, 2.0 m east) failed: no GPS"
+
+
+def test_a_mission_whose_aPad_was_never_heard_says_what_it_waits_for(pool: Scenario) -> None:
+    flight, _ = open_flight(pool)
+    receive = flight.supervisor.receive
+
+    def hears_no_vehicle(fact: Any) -> None:
+        if not isinstance(fact, VehicleFact):
+            receive(fact)
+
+    flight.supervisor.receive = hears_no_vehicle  # type: ignore[method-assign]
+    flight.tick(0)
+    flight.tick(1000)
+    assert Status.of(flight.supervisor, 1000, 0.0).phase == "waits for the aPad's position"
+    flight.supervisor.receive = receive  # type: ignore[method-assign]
+    flight.tick(2000)
+    assert Status.of(flight.supervisor, 2000, 0.0).phase == "go to aMussel"
