@@ -16,6 +16,7 @@ from apad_bridge.commands import several
 from apad_bridge.commands.modem_checks import check_modems
 from apad_bridge.commands.outcome import print_plan, report
 from apad_bridge.planning import registry
+from apad_bridge.records.event_kinds import EventKind
 from apad_bridge.records.journal import read_journal
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
 from apad_bridge.runs import parent
@@ -225,7 +226,7 @@ def run(arguments: argparse.Namespace) -> int:
         else:
             summary = parent.fly(scenario, starts, options, directory, progress)
     if options.dry_run:
-        return print_plan(read_journal(directory.journal).first("plan"), arguments.json)
+        return print_plan(read_journal(directory.journal).first(EventKind.PLAN), arguments.json)
     flown_by = "by hand" if options.manual else scenario.mission.collection
     return report(scenario.name, flown_by, directory, summary, arguments.json, progress.messages)
 

@@ -10,9 +10,19 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from apad_bridge.records.line_file import Line, LineFile, read_lines
+from apad_bridge.records.event_kinds import EventKind, fault_of, refuse_wrong
+from apad_bridge.records.line_file import Line, LineFile, numbered_lines, read_lines
+from apad_bridge.records.run_directory import RunDirectoryError
 
-__all__ = ["FORMAT_VERSION", "Journal", "JournalContents", "Line", "format_of", "read_journal"]
+__all__ = [
+    "FORMAT_VERSION",
+    "Journal",
+    "JournalContents",
+    "JournalDamaged",
+    "Line",
+    "format_of",
+    "read_journal",
+]
 
 FORMAT_VERSION = 2
 _RENAMED_IN_2 = {
@@ -23,6 +33,10 @@ _RENAMED_IN_2 = {
 }
 """The new names of keys of format 1, by kind of line."""
 _QUIET_TICK = b',"kind":"tick"}\n'
+
+
+class JournalDamaged(RunDirectoryError):
+    """A line lacks a field of its kind, or has a wrong one; the message names the file and the line's number."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +50,7 @@ class JournalContents:
         """The newest mission time that a line names; 0 for an empty journal."""
         return max((line["t"] for line in self.lines), default=0)
 
-    def first(self, kind: str) -> Line | None:
+    def first(self, kind: EventKind) -> Line | None:
         return next((line for line in self.lines if line["kind"] == kind), None)
 
 
@@ -55,7 +69,9 @@ class Journal:
         return self._file.torn_bytes
 
     def append(self, at_ms: int, kind: str, data: Line) -> None:
-        """Appends a line. ValueError for a value that JSON lacks (NaN); TypeError for data that is not plain."""
+        """Appends a line. ValueError for a line that is not of the table of kinds, and for a value that JSON lacks (NaN);
+        TypeError for data that is not plain."""
+        refuse_wrong(kind, data)
         self._file.append({"t": at_ms, "kind": kind, **data})
         self.last_ms = max(self.last_ms, at_ms)
 
@@ -68,27 +84,38 @@ class Journal:
 
 
 def read_journal(path: Path) -> JournalContents:
-    """Reads all lines, with the current format's keys; of quiet ticks in a row only the last. OSError for no file."""
+    """Reads all lines, with the current format's keys; of quiet ticks in a row only the last.
+
+    OSError for no file; JournalDamaged for a line of a known kind without its fields. Further fields, and kinds of another
+    version, are left as they are.
+    """
     lines: list[Line] = []
     dropped, is_old = 0, False
-    for line in read_lines(path, newest_of=_QUIET_TICK):
+    for number, line in numbered_lines(path, newest_of=_QUIET_TICK):
         if line is None or type(line.get("t")) is not int or type(line.get("kind")) is not str:
             dropped += 1
-        else:
-            is_old = is_old or (line["kind"] == "run" and line.get("format") == 1)
-            lines.append(_of_format_2(line) if is_old else line)
+            continue
+        is_old = is_old or (line["kind"] == EventKind.RUN and line.get("format") == 1)
+        if is_old:
+            line = _of_format_2(line)
+        if (fault := fault_of(line["kind"], line)) is not None:
+            raise JournalDamaged(
+                f"{path}, line {number}: {fault}: damaged, or of another version: mend or remove the line, or use "
+                "the version that flew the run (versions.json beside it)"
+            )
+        lines.append(line)
     return JournalContents(lines, dropped)
 
 
 def format_of(path: Path) -> int | None:
     """The format that a journal's first line states, or None. OSError for no such file."""
     first = next(iter(read_lines(path)), None)
-    return None if first is None or first.get("kind") != "run" else first.get("format")
+    return None if first is None or first.get("kind") != EventKind.RUN else first.get("format")
 
 
 def _of_format_2(line: Line) -> Line:
     """A line of format 1 with the keys that format 2 has for it; its `run` line keeps the old number."""
-    if line["kind"] == "plan":
+    if line["kind"] == EventKind.PLAN and isinstance(line.get("steps"), list):
         return line | {"steps": [_renamed(step, {"slot": "dock"}) for step in line["steps"]]}
     return _renamed(line, _RENAMED_IN_2.get(line["kind"], {}))
 

@@ -42,23 +42,28 @@ class LineFile:
             self._descriptor = -1
 
 
-def read_lines(path: Path, newest_of: bytes = b"") -> Iterator[Line | None]:
-    """Yields each line in order; None for a line that is no whole JSON object. OSError when there is no such file.
+def read_lines(path: Path) -> Iterator[Line | None]:
+    """Yields each line in order; None for a line that is no whole JSON object. OSError when there is no such file."""
+    return (line for _, line in numbered_lines(path))
+
+
+def numbered_lines(path: Path, newest_of: bytes = b"") -> Iterator[tuple[int, Line | None]]:
+    """Like `read_lines`, with the number of each line in the file, from 1.
 
     Of successive lines that end in `newest_of` it yields only the last; skipping the others costs next to nothing.
     """
-    waiting = b""
+    waiting, number = b"", 0
     with path.open("rb") as file:
-        for raw in file:
+        for number, raw in enumerate(file, 1):
             if newest_of and raw.endswith(newest_of):
                 waiting = raw
                 continue
             if waiting:
-                yield _decode(waiting)
+                yield number - 1, _decode(waiting)
                 waiting = b""
-            yield _decode(raw)
+            yield number, _decode(raw)
     if waiting:
-        yield _decode(waiting)
+        yield number, _decode(waiting)
 
 
 def _decode(raw: bytes) -> Line | None:

@@ -13,12 +13,13 @@ from apad_bridge.beliefs.belief import Belief
 from apad_bridge.records.bag import BagWriter, repair_bag
 from apad_bridge.records.changes import APadChanges, BeliefChanges, differs_in_kind, has_moved
 from apad_bridge.records.checkpoint import Checkpoint
+from apad_bridge.records.event_kinds import EventKind
 from apad_bridge.records.journal import Journal, JournalContents, Line, read_journal
 from apad_bridge.records.packet_lines import sound_rows
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.records.sample_file import SAMPLE_KEYS, SampleFile, sample_figures
 from apad_bridge.records.samples import TruthSample, Water, apad_sample, belief_sample
-from apad_bridge.records.summary import Ending, FailureCounts, uptime_figures
+from apad_bridge.records.summary import Ending, FailureCounts, amussel_figures, uptime_figures
 from apad_bridge.records.truth_lines import truth_data, truth_of
 from apad_bridge.records.uptime import UptimeMeter
 from apad_bridge.scenario.firmware_config import takes_samples
@@ -30,7 +31,7 @@ from apad_bridge.vehicle.commands import BatteryReported, PoseReported
 from firmware_model.packets.sample_record import SampleRecord
 
 DAY_MS = 86_400_000
-_JOURNAL_ONLY = frozenset({"stimulus"})
+_JOURNAL_ONLY = frozenset({EventKind.STIMULUS})
 """Kinds of events with too many lines for the bag, where nobody looks for them."""
 
 
@@ -70,6 +71,7 @@ class Recorder:
         self._beliefs: Sequence[Belief] = ()
         self._given_up: set[int] = set()
         self._failures = FailureCounts()
+        self._services: Counter[int] = Counter()
         self._apad_changes = APadChanges()
         self._belief_changes = BeliefChanges()
         self._sampled_ms: int | None = None
@@ -96,7 +98,7 @@ class Recorder:
         lost_ms = 0 if repair is None else max(0, contents.last_ms - repair.last_ms)
         recorder.event(
             contents.last_ms,
-            "resumed",
+            EventKind.RESUMED,
             journal_dropped=contents.dropped,
             journal_torn_bytes=torn_bytes,
             bag_repaired=None if repair is None else {"name": bags[-1].name, **asdict(repair)},
@@ -109,11 +111,13 @@ class Recorder:
         """Records an event at mission time `at_ms`; plain data only."""
         self._journal.append(at_ms, kind, data)
         self._failures.take(at_ms, kind, data)
-        if kind == "died" and data.get("gave_up") is not None:
+        if kind == EventKind.DIED and data.get("gave_up") is not None:
             self._count_given_up(data)
-        if kind == "presence":
+        if kind == EventKind.PRESENCE:
             self._note_presence(at_ms, data)
-        if kind == "packet":
+        if kind == EventKind.RELEASED:
+            self._count_service(data)
+        if kind == EventKind.PACKET:
             for row in sound_rows(data):
                 self._bag.sound(at_ms, row)
         if kind not in _JOURNAL_ONLY:
@@ -137,7 +141,7 @@ class Recorder:
             elif not has_moved(truth, journaled):
                 continue
             self._journaled[agent_id] = truth
-            self._journal.append(-(-truth.at_ms // self._scenario.theta), "truth", truth_data(truth))
+            self._journal.append(-(-truth.at_ms // self._scenario.theta), EventKind.TRUTH, truth_data(truth))
 
     def begin_checkpoint(self, learned: LearnedState, now_ms: int) -> None:
         """Writes the checkpoint from mission time `now_ms` on, so that another supervisor can resume the run."""
@@ -167,15 +171,15 @@ class Recorder:
         apad = None if pose is None else apad_sample(pose, battery, primitive, docks)
         self._beliefs = beliefs
         if apad is not None and (line := self._apad_changes.line(now_ms, apad)) is not None:
-            self._journal.append(now_ms, "apad", line)
+            self._journal.append(now_ms, EventKind.APAD, line)
         for line in self._belief_changes.lines(list(beliefs)):
-            self._journal.append(now_ms, "belief", line)
+            self._journal.append(now_ms, EventKind.BELIEF, line)
         if self._is_sampled(now_ms):
             belief_samples = [belief_sample(belief, now_ms) for belief in beliefs]
             self._bag.sample(now_ms, self.truths_at(now_ms), belief_samples, apad)
         if self._journal.last_ms < now_ms:
             # A quiet tick leaves its time, because a resumed run must know up to which time the fleet was granted.
-            self._journal.append(now_ms, "tick", {})
+            self._journal.append(now_ms, EventKind.TICK, {})
         # The checkpoint is written first: learning an update twice does no harm, and the mission may have acted on it.
         if self._checkpoint is not None:
             self._checkpoint.flush(now_ms)
@@ -212,6 +216,7 @@ class Recorder:
             "apad_energy_fraction": ending.apad_energy_fraction,
             **self._sample_figures(ending, at_ms),
             "gave_up": len(self._given_up),
+            "amussels": amussel_figures(self.meter, self._services, self._agent_ids, at_ms),
             "dropped": dict(sorted(self._all_dropped(ending).items())),
         }
         ends = self._ends(at_ms)
@@ -257,6 +262,10 @@ class Recorder:
         self._given_up.add(died["id"])
         self.meter.ended(died["id"], died["agent_ms"])
 
+    def _count_service(self, released: Line) -> None:
+        if released["full"]:
+            self._services[released["agent"]] += 1
+
     def _note_presence(self, at_ms: int, presence: Line) -> None:
         self.meter.set_presence(presence["id"], Presence(presence["is"]), self._scenario.theta * at_ms)
 
@@ -264,14 +273,16 @@ class Recorder:
         """Rebuilds the uptimes, the newest truths and the counts of failures from the lines of the journal."""
         for line in contents.lines:
             self._failures.take(line["t"], line["kind"], line)
-            if line["kind"] == "truth":
+            if line["kind"] == EventKind.TRUTH:
                 truth = truth_of(line)
                 self.meter.take(truth)
                 self._newest[truth.agent_id] = self._journaled[truth.agent_id] = truth
-            elif line["kind"] == "died" and line["gave_up"] is not None:
+            elif line["kind"] == EventKind.DIED and line["gave_up"] is not None:
                 self._count_given_up(line)
-            elif line["kind"] == "presence":
+            elif line["kind"] == EventKind.PRESENCE:
                 self._note_presence(line["t"], line)
+            elif line["kind"] == EventKind.RELEASED:
+                self._count_service(line)
         self._sampled_ms = contents.last_ms
 
     def _ends(self, at_ms: int) -> list[Start]:

@@ -1,14 +1,15 @@
-"""The figures of summary.json that are counted from the truth."""
+"""The fields of summary.json, and the figures in it that are counted from the truth."""
 
 from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Mapping, Sequence, Set
+from collections.abc import Iterable, Mapping, Sequence, Set
 from dataclasses import dataclass, field
 from typing import Any
 
 from apad_bridge.mission.ending import MissionEnd
+from apad_bridge.records.event_kinds import BOOLEAN, INTEGER, NUMBER, TEXT, EventKind, Field, Type
 from apad_bridge.records.uptime import AgentUptime, UptimeMeter
 from apad_bridge.supervisor.roster import Presence
 from apad_bridge.vehicle.docking import PRE_EMPTED
@@ -68,16 +69,16 @@ class FailureCounts:
         return {self._texts[cause]: count for cause, count in self._causes.most_common()}
 
     def take(self, at_ms: int, kind: str, data: Mapping[str, Any]) -> None:
-        if kind == "primitive" and data.get("phase") == "failed" and data["reason"] != PRE_EMPTED:
+        if kind == EventKind.PRIMITIVE and data.get("phase") == "failed" and data["reason"] != PRE_EMPTED:
             self._count(data["reason"])
             self._newest = (at_ms, data["reason"])
-        elif kind == "given_up":
+        elif kind == EventKind.GIVEN_UP:
             self.steps_given_up += 1
             if self._newest != (at_ms, data["reason"]):
                 self._count(data["reason"])
-        elif kind == "left_alone":
+        elif kind == EventKind.LEFT_ALONE:
             self.left_alone.add(data["agent"])
-        elif kind == "override" and not data["taken"]:
+        elif kind == EventKind.OVERRIDE and not data["taken"]:
             self.left_alone.clear()  # a person gives them another chance
 
     def figures(self) -> dict[str, Any]:
@@ -92,6 +93,87 @@ class FailureCounts:
         cause = _NUMBER.sub("#", reason)
         self._texts.setdefault(cause, reason)
         self._causes[cause] += 1
+
+
+_SPREAD, _OBJECT = Type(dict, "{mean, max, min}"), Type(dict, "object")
+
+SUMMARY: tuple[Field, ...] = (
+    Field("name", TEXT, "the scenario's name"),
+    Field("theta", INTEGER, "agent time per mission time"),
+    Field("seed", INTEGER, "of all that is random"),
+    Field("agents", INTEGER, "how many aMussels the fleet has"),
+    Field("mission_s", NUMBER, "mission time at the end", "s"),
+    Field("ended_by", TEXT, "why the mission ended, for people"),
+    Field("end_reason", TEXT, "the same, one of a fixed set"),
+    Field("first_cause", TEXT, "the first failure of the aPad that was not overcome"),
+    Field("causes", _OBJECT, "how often something failed, by cause"),
+    Field("steps_given_up", INTEGER, "steps of plans that the mission gave up"),
+    Field("left_alone", Type(list, "list of integer"), "aMussels that the mission no longer tries to serve"),
+    Field("counted_s", NUMBER, "time in the water as simulated ones, over all aMussels", "s"),
+    Field("counted_at_end", INTEGER, "aMussels that count at the end"),
+    Field("uptime_paper", _SPREAD, "share of ticks undocked with charge in the primary battery", "%"),
+    Field("uptime_submerged", _SPREAD, "share of ticks under water on the primary battery", "%"),
+    Field("active_mean", NUMBER, "aMussels that were active at a tick, in the paper's meaning"),
+    Field("amussels_lost", INTEGER, "aMussels whose batteries were both empty at some time"),
+    Field("emptied", INTEGER, "aMussels whose primary battery was empty at some time"),
+    Field("samples_taken", INTEGER, "samples that the sensors took"),
+    Field("dead_time_s", NUMBER, "time with an empty primary battery, over all aMussels", "s"),
+    Field("final_charge_mean", NUMBER, "charge of the primary batteries at the end", "0 to 1"),
+    Field("apart", _OBJECT, "what the figures leave out: twins of real aMussels, and retired ones", "s"),
+    Field("uptime_missing", TEXT, "why there are no uptimes; only where there are none", optional=True),
+    Field("cost_m", NUMBER, "the way that the aPad drove on its legs, by its reported positions", "m"),
+    Field("planned_m", NUMBER, "the straight ways that it was ordered to go, as the paper counts them", "m"),
+    Field("services", INTEGER, "aMussels that left a dock full"),
+    Field("apad_energy_fraction", NUMBER, "used part of the aPad's battery", "0 to 1"),
+    Field("samples_uploaded", INTEGER, "samples on disk"),
+    Field("samples_lost", INTEGER, "samples that can no longer be uploaded"),
+    Field("samples_waiting", INTEGER, "samples still aboard"),
+    Field("gave_up", INTEGER, "aMussels whose process stayed dead"),
+    Field("amussels", _OBJECT, "each aMussel's own figures, by its id"),
+    Field("dropped", _OBJECT, "how often something was dropped, by reason"),
+)
+"""In order. A figure that nobody knows is null."""
+
+AMUSSEL: tuple[Field, ...] = (
+    Field("uptime_paper", NUMBER, "its uptime, as above", "%"),
+    Field("uptime_submerged", NUMBER, "its other uptime", "%"),
+    Field("services", INTEGER, "how often it left a dock of this aPad full"),
+    Field("samples_taken", INTEGER, "samples that its sensors took"),
+    Field("final_charge", NUMBER, "charge of its primary battery at the end", "0 to 1"),
+    Field("emptied", BOOLEAN, "its primary battery was empty at some time"),
+    Field("lost", BOOLEAN, "both batteries were empty at some time"),
+)
+"""The figures of one aMussel; all but `services` are null where nothing of it was counted here."""
+
+
+def amussel_figures(
+    meter: UptimeMeter, services: Mapping[int, int], agent_ids: Iterable[int], now_ms: int
+) -> dict[str, dict[str, Any]]:
+    """The figures of each aMussel by its id, which is a text in JSON.
+
+    `services` also has the aMussels of other aPads' fleets that this one served.
+    """
+    uptimes, ticks = {it.agent_id: it for it in meter.at(now_ms)}, meter.ticks(now_ms)
+    return {
+        str(agent_id): _figures_of(uptimes.get(agent_id), ticks) | {"services": services.get(agent_id, 0)}
+        for agent_id in sorted({*agent_ids, *services})
+    }
+
+
+def _figures_of(uptime: AgentUptime | None, ticks: int) -> dict[str, Any]:
+    span = 0 if uptime is None else ticks - uptime.beside_real - uptime.retired
+    if uptime is None or not span:
+        return {field.name: None for field in AMUSSEL}
+    is_left = uptime.presence is Presence.SIMULATED
+    return {
+        "uptime_paper": 100 * uptime.paper / span,
+        "uptime_submerged": 100 * uptime.submerged / span,
+        "services": 0,
+        "samples_taken": uptime.samples,
+        "final_charge": fraction(uptime.charge) if is_left else None,
+        "emptied": uptime.emptied,
+        "lost": uptime.lost,
+    }
 
 
 def uptime_figures(meter: UptimeMeter, now_ms: int, tick_ms: int = 1000) -> dict[str, Any]:

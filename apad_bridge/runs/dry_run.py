@@ -9,6 +9,7 @@ from typing import Any
 from agents.hosting.in_process import InProcessHost
 from apad_bridge.assembly import parts
 from apad_bridge.assembly.water import fleet_of
+from apad_bridge.records.event_kinds import EventKind
 from apad_bridge.runs.in_memory import MemoryRecorder
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import Start
@@ -60,5 +61,5 @@ class _FirstPlanRecorder(MemoryRecorder):
         self.plan: dict[str, Any] | None = None
 
     def event(self, at_ms: int, kind: str, **data: Any) -> None:
-        if kind == "plan" and self.plan is None:
+        if kind == EventKind.PLAN and self.plan is None:
             self.plan = {"t": at_ms, **data}

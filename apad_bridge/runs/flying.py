@@ -20,6 +20,7 @@ from apad_bridge.mission.call_queue import CallQueue
 from apad_bridge.mission.ending import EndReason, MissionEnd
 from apad_bridge.mission.manual import CommandSource
 from apad_bridge.mission.state import MissionState
+from apad_bridge.records.event_kinds import EventKind
 from apad_bridge.records.journal import FORMAT_VERSION
 from apad_bridge.records.recorder import Recorder
 from apad_bridge.records.run_directory import RunDirectory
@@ -103,7 +104,7 @@ def journal_start(recorder: Recorder, scenario: Scenario, starts: Sequence[Start
     """Writes the journal's first line, which a reader needs before anything else."""
     recorder.event(
         0,
-        "run",
+        EventKind.RUN,
         format=FORMAT_VERSION,
         scenario=scenario.name,
         theta=scenario.theta,
@@ -202,7 +203,7 @@ def prepare(
 
     def finish() -> dict[str, Any]:
         end = flight.ended_by
-        recorder.event(flight.now_ms, "end", reason=str(end), end_reason=end.reason.value)
+        recorder.event(flight.now_ms, EventKind.END, reason=str(end), end_reason=end.reason.value)
         return recorder.finish(flight.now_ms, _ending(flight, spec.resume_point))
 
     return PreparedFlight(flight, finish)

@@ -14,6 +14,7 @@ from apad_bridge.mission.breakdown import Breakdown
 from apad_bridge.mission.call_queue import CallQueue
 from apad_bridge.mission.manual import CommandSource
 from apad_bridge.mission.state import MissionState
+from apad_bridge.records.event_kinds import EventKind, refuse_wrong
 from apad_bridge.records.summary import uptime_figures
 from apad_bridge.records.uptime import UptimeMeter
 from apad_bridge.scenario.firmware_config import charge_models
@@ -43,8 +44,9 @@ class MemoryRecorder:
         """The uploaded samples by aMussel, in the order of their arrival."""
 
     def event(self, at_ms: int, kind: str, **data: Any) -> None:
+        refuse_wrong(kind, data)
         self.events.append((at_ms, kind, data))
-        if kind == "presence":
+        if kind == EventKind.PRESENCE:
             self.meter.set_presence(data["id"], Presence(data["is"]), self._theta * at_ms)
 
     def truths(self, truths: list[Truth]) -> None:

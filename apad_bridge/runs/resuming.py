@@ -14,6 +14,7 @@ from apad_bridge.assembly import parts
 from apad_bridge.beliefs.fleet import FleetBeliefs
 from apad_bridge.mission.state import MissionState
 from apad_bridge.records.checkpoint import NoCheckpoint, restore
+from apad_bridge.records.event_kinds import EventKind
 from apad_bridge.records.journal import JournalContents, Line
 from apad_bridge.records.recorder import Recorder, Resumed
 from apad_bridge.records.run_directory import RunDirectory
@@ -48,18 +49,18 @@ def find_resume_point(journal: JournalContents, epoch: int, gap_ms: int) -> Resu
     """The newest mission snapshot, and the time with the gap granted; PeerFailed when the run has ended."""
     state, fraction = MissionState(), None
     for line in journal.lines:
-        if line["kind"] == "mission":
+        if line["kind"] == EventKind.MISSION:
             state = MissionState.from_json(line["snapshot"])
-        elif line["kind"] == "dock":
+        elif line["kind"] == EventKind.DOCK:
             agent_in_dock = {
                 dock_index: agent_id for dock_index, agent_id in state.docked if dock_index != line["dock"]
             }
             if line["closed"]:
                 agent_in_dock[line["dock"]] = line["agent"]
             state = replace(state, docked=tuple(sorted(agent_in_dock.items())))
-        elif line["kind"] == "apad" and fraction is None:
+        elif line["kind"] == EventKind.APAD and fraction is None:
             fraction = line["battery"]
-        elif line["kind"] == "end":
+        elif line["kind"] == EventKind.END:
             raise PeerFailed("this run has ended: there is nothing to go on with")
     # Ticks are at whole seconds; the journal's last line may lie between two ticks.
     now_ms = (journal.last_ms + gap_ms) // 1000 * 1000
@@ -70,7 +71,7 @@ def first_failure(journal: JournalContents) -> PrimitiveFailed | None:
     """The failure that a docking port had latched, from the journal, which does not keep the primitive's id: it is 0."""
     latched: PrimitiveFailed | None = None
     for line in journal.lines:
-        if line["kind"] != "primitive":
+        if line["kind"] != EventKind.PRIMITIVE:
             continue
         if line["phase"] == "succeeded" and line["name"] != PRIMITIVE_NAMES[HoldPosition]:
             latched = None
@@ -82,7 +83,7 @@ def first_failure(journal: JournalContents) -> PrimitiveFailed | None:
 def presence_changes(journal: JournalContents) -> Iterator[PresenceChange]:
     """The changes of aMussels to real, retired or simulated, in the order in which they happened."""
     for line in journal.lines:
-        if line["kind"] == "presence":
+        if line["kind"] == EventKind.PRESENCE:
             yield PresenceChange(line["t"], line["id"], Presence(line["is"]), line["by"])
 
 
@@ -95,11 +96,11 @@ def repeat_placements(
     for agent_id, line in placed.items():
         if line["agent_ms"] >= granted_ms.get(agent_id, line["agent_ms"] + 1):
             agent_ms = coordinator.receive(agent_id, from_wire(line["wire"]), now_ms)
-            recorder.event(now_ms, "stimulus", id=agent_id, agent_ms=agent_ms, wire=line["wire"])
+            recorder.event(now_ms, EventKind.STIMULUS, id=agent_id, agent_ms=agent_ms, wire=line["wire"])
 
 
 def _is_placing(line: Line) -> bool:
-    return bool(line["kind"] == "stimulus" and line["wire"][0] == _PLACED)
+    return bool(line["kind"] == EventKind.STIMULUS and line["wire"][0] == _PLACED)
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,7 +151,7 @@ def resume_run(
     lines = [*loss_lines(resumed, dropped), *presence_lines(presences), beliefs_line]
     for line in lines:
         report(line)
-    recorder.event(resumed.journal.last_ms, "restored", told=lines)
+    recorder.event(resumed.journal.last_ms, EventKind.RESTORED, told=lines)
     return StartState(recorder, presences, learned, start, resumed.journal)
 
 

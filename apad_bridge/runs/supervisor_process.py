@@ -19,7 +19,8 @@ from agents.hosting.interrupts import held_back, let_in
 from apad_bridge.acoustics.serial.lines import open_serial_lines
 from apad_bridge.mission.call_queue import CallQueue
 from apad_bridge.mission.manual import CommandSource
-from apad_bridge.records.run_directory import RunDirectory
+from apad_bridge.records.event_kinds import EventKind
+from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
 from apad_bridge.ros.context import open_flight_context
 from apad_bridge.ros.gateway.primitive_services import primitives_offered
 from apad_bridge.ros.system.route import why_silent
@@ -81,7 +82,7 @@ def fly(run_dir: Path, resume: bool) -> int:
     member = member_parts(scenario, options, run_dir, start_state, write_line)
     if member is not None and resume_point is not None and options.keeps:
         resume_point = replace(resume_point, state=resume_point.state.stood_down())
-        recorder.event(start_ms, "stands_down", reason="its supervisor died")
+        recorder.event(start_ms, EventKind.STANDS_DOWN, reason="its supervisor died")
     try:
         with ExitStack() as stack:
             with let_in():  # it waits for others: for agents, the master, the aPad
@@ -190,7 +191,10 @@ def main() -> int:
             return fly(arguments.run, arguments.resume)
     except KeyboardInterrupt:
         return Exit.INTERRUPTED
-    except PeerFailed as error:  # what fails after the records are open is handled in `fly`
+    except (
+        PeerFailed,
+        RunDirectoryError,
+    ) as error:  # what fails after the records are open is handled in `fly`
         write_line(json.dumps({"failed": str(error)}))
         return Exit.PEER_FAILED
 

@@ -26,6 +26,9 @@ from apad_bridge.scripting.queries import FOR_EVER_S, Queries
 from apad_bridge.scripting.rendezvous import Wait
 from apad_bridge.vehicle.commands import Manoeuvre
 
+_OWN_FIELDS = frozenset({"t", "at_ms", "kind", "what", "said"})
+"""Fields of an event that the journal names itself."""
+
 
 class Behaviour:
     """A base class for behaviours: derive from it, define `tick`, and give an instance to `api.run`.
@@ -204,8 +207,10 @@ class Api(Queries):
 
     def note(self, kind: str, **data: object) -> None:
         """Writes an event of your own into the run's journal and bag; plain data only."""
+        if taken := sorted(_OWN_FIELDS & data.keys()):
+            raise Refused(f"note: the journal has fields of these names itself: {', '.join(taken)}")
         try:
-            json.dumps(data)
+            json.dumps(data, allow_nan=False)
         except (TypeError, ValueError) as error:
             raise Refused(f"note: only plain data can be written into the journal: {error}") from None
         self._do(lambda mission: mission.note("script", what=kind, **data))

@@ -21,8 +21,9 @@ from apad_bridge.mission.state import MissionState, Phase
 from apad_bridge.planning.solution import Solution, Step, StepKind
 from apad_bridge.records.recorder import Recorder
 from apad_bridge.records.run_directory import RunDirectory
+from apad_bridge.runs.flying import journal_start
 from apad_bridge.scenario.loader import load
-from apad_bridge.scenario.starts import starts_of
+from apad_bridge.scenario.starts import Start, starts_of
 from apad_bridge.vehicle.commands import BatteryReported, PoseReported
 from firmware_model.actions import Buoyancy
 from firmware_model.power.charge import Battery, Flow, grains
@@ -76,11 +77,7 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
     )
     directory.write_inputs(scenario, starts_of(scenario)[:4])
     recorder = Recorder(directory, scenario, PLACES)
-    agents = [
-        {"id": n, "north_m": place[0], "east_m": place[1], "primary": 1.0, "secondary": 1.0}
-        for n, place in PLACES.items()
-    ]
-    recorder.event(0, "run", format=1, agents=agents)
+    journal_start(recorder, scenario, [Start(n, *place, 1.0, 1.0) for n, place in PLACES.items()])
     told = {
         0: [truth(0, 1, 0.95), truth(0, 2, 0.6), truth(0, 3, 0.5), truth(0, 4, 0.0)],
         DOCKED_S: [truth(DOCKED_S, 2, 0.6, docked=True)],
@@ -92,7 +89,10 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
         slots: tuple[int | None, ...] = (2, None, None, None) if now_s >= DOCKED_S else (None,) * 4
         if now_s == 10:
             steps = [{"agent": 2, "dock": 0}, {"agent": 3, "dock": 1}]
-            recorder.event(now_ms, "plan", what="collect", strategy="cautious", steps=steps)
+            costs = dict.fromkeys(("distance_m", "demand", "distance_cost", "energy_cost"), 0.0)
+            recorder.event(
+                now_ms, "plan", what="collect", strategy="cautious", steps=steps, costs=costs, beliefs=[]
+            )
             collect = Solution(tuple(Step(StepKind.COLLECT, it["agent"], it["dock"]) for it in steps))
             state = MissionState(Phase.GO_COLLECT, plan=collect, cost_m=7.5)
             recorder.event(now_ms, "mission", phase=state.phase.value, snapshot=state.to_json())

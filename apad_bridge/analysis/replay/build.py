@@ -26,6 +26,8 @@ def build_replay(run_dir: Path) -> Path:
         data = page_data(scenario, read_journal(directory.journal), _summary(directory))
     except ScenarioError as error:
         raise RunDirectoryError(error.lines[0]) from error
+    except RunDirectoryError:
+        raise
     except (KeyError, TypeError, ValueError) as error:
         raise RunDirectoryError(f"{directory.journal}: cannot be shown: {error}") from error
     write_atomically(directory.replay, render(data))

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from agents.mussel.outputs import Truth
+from apad_bridge.records.event_kinds import EventKind
 from apad_bridge.records.journal import JournalContents, Line
 from apad_bridge.records.truth_lines import truth_of
 from apad_bridge.records.uptime import UptimeMeter
@@ -57,15 +58,15 @@ class History:
         self._theta = theta
         self.meter = UptimeMeter(theta, charge_of)
         self._handlers: dict[str, Callable[[Line], None]] = {
-            "truth": self._take_truth,
-            "belief": self._take_belief,
-            "died": self._take_death,
-            "presence": self._take_presence,
-            "apad": self._take_apad,
-            "dock": self._take_dock,
-            "mission": self._take_mission,
-            "plan": self._take_plan,
-            "primitive": self._take_primitive,
+            EventKind.TRUTH: self._take_truth,
+            EventKind.BELIEF: self._take_belief,
+            EventKind.DIED: self._take_death,
+            EventKind.PRESENCE: self._take_presence,
+            EventKind.APAD: self._take_apad,
+            EventKind.DOCK: self._take_dock,
+            EventKind.MISSION: self._take_mission,
+            EventKind.PLAN: self._take_plan,
+            EventKind.PRIMITIVE: self._take_primitive,
         }
 
     def advance(self, now_ms: int) -> None:
@@ -79,7 +80,9 @@ class History:
     def trace(self) -> list[tuple[int, float, float]]:
         """The aPad's track as (mission ms, north, east), one for each line of it."""
         return [
-            (line["t"], line["north_m"], line["east_m"]) for line in self._lines if line["kind"] == "apad"
+            (line["t"], line["north_m"], line["east_m"])
+            for line in self._lines
+            if line["kind"] == EventKind.APAD
         ]
 
     def _take_truth(self, line: Line) -> None:

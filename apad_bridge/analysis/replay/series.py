@@ -11,6 +11,7 @@ from typing import Any
 
 from apad_bridge.analysis.replay.history import History, PlanView
 from apad_bridge.assembly.stacks import stack_of
+from apad_bridge.records.event_kinds import EventKind
 from apad_bridge.records.journal import JournalContents
 from apad_bridge.scenario.firmware_config import charge_models
 from apad_bridge.scenario.schema import Scenario
@@ -66,7 +67,7 @@ def sample_times(end_ms: int, agents: int) -> list[int]:
 
 def page_data(scenario: Scenario, journal: JournalContents, summary: dict[str, Any] | None) -> dict[str, Any]:
     """The page's data, as plain data. ValueError when the journal has no line `run`."""
-    start = journal.first("run")
+    start = journal.first(EventKind.RUN)
     if start is None:
         raise ValueError("the journal has no line `run`: the flight never began")
     history = History(journal, scenario.theta, charge_models(scenario), scenario.apad.docks)
@@ -74,7 +75,7 @@ def page_data(scenario: Scenario, journal: JournalContents, summary: dict[str, A
     times = sample_times(history.end_ms, len(start["agents"]))
     for now_ms in times:
         sampler.sample(now_ms)
-    end = journal.first("end")
+    end = journal.first(EventKind.END)
     places = stack_of(scenario.apad.generation).capabilities(scenario.apad.docks).docks
     return {
         "name": scenario.name,

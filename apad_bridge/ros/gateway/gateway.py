@@ -25,6 +25,7 @@ import rosgraph
 import rospy
 
 from apad_bridge.beliefs.belief import Belief
+from apad_bridge.records.event_kinds import EventKind
 from apad_bridge.records.packet_lines import SoundRow, sound_rows
 from apad_bridge.records.samples import belief_sample
 from apad_bridge.ros.gateway.agent_topics import AgentReport, AgentTopics
@@ -151,7 +152,7 @@ class Gateway:
 
     def event(self, at_ms: int, kind: str, **data: Any) -> None:
         """Publishes an event of the mission on /musselbed/mission; a packet of sound on /musselbed/sound as well."""
-        if kind == "packet" and self._sound.get_num_connections() > 0:
+        if kind == EventKind.PACKET and self._sound.get_num_connections() > 0:
             for row in sound_rows(data):
                 self._sound.publish(_transmission(row, at_ms))
         if self._events.get_num_connections() == 0:

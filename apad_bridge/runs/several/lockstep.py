@@ -18,6 +18,7 @@ from agents.hosting import interrupts
 from apad_bridge.assembly import parts
 from apad_bridge.assembly.division import Member
 from apad_bridge.mission.breakdown import Breakdown
+from apad_bridge.records.event_kinds import EventKind
 from apad_bridge.records.recorder import Recorder
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.runs import flying
@@ -132,8 +133,8 @@ class LockstepRunner:
             self._exchange.server[move.agent_id] = move.taker
             assignment.record_move(move)
             self.moves.append((now_ms, move))
-            giver.recorder.event(now_ms, "handed_on", id=move.agent_id, to=move.taker)
-            taker.recorder.event(now_ms, "took_on", id=move.agent_id, of=move.giver)
+            giver.recorder.event(now_ms, EventKind.HANDED_ON, id=move.agent_id, to=move.taker)
+            taker.recorder.event(now_ms, EventKind.TOOK_ON, id=move.agent_id, of=move.giver)
 
 
 class _MemberDisplay:

@@ -15,6 +15,7 @@ from typing import Any
 from apad_bridge.mission.allocation import Allocation
 from apad_bridge.mission.breakdown import Breakdown
 from apad_bridge.mission.events import StandDownRequested
+from apad_bridge.records.event_kinds import EventKind
 from apad_bridge.records.journal import JournalContents
 from apad_bridge.runs.resuming import StartState
 from apad_bridge.runs.several.assignment import APadView, view_of
@@ -95,7 +96,7 @@ class MemberLink:
                 [agent_id, now_ms, None if belief is None else supervisor.beliefs.estimator.kept(belief)]
             )
             supervisor.stop_serving(agent_id)
-            self._events.append(("handed_on", {"id": agent_id}))
+            self._events.append((EventKind.HANDED_ON, {"id": agent_id}))
         self._pending = {
             it: transfer for it, transfer in orders.serves.items() if it not in allocation.served
         }
@@ -118,7 +119,7 @@ class MemberLink:
                 agent_id,
                 None if transfer.estimate is None else estimator.restored(agent_id, transfer.estimate),
             )
-            self._events.append(("took_on", {"id": agent_id}))
+            self._events.append((EventKind.TOOK_ON, {"id": agent_id}))
 
     def _view(self, supervisor: Supervisor) -> APadView:
         view = view_of(self._name, self._start_m, supervisor)
@@ -171,7 +172,7 @@ def member_parts(
 def restore_allocation(allocation: Allocation, journal: JournalContents) -> None:
     """Restores the allocation that a former supervisor of the run had, from its journal."""
     for line in journal.lines:
-        if line["kind"] == "took_on":
+        if line["kind"] == EventKind.TOOK_ON:
             allocation.take(line["id"])
-        elif line["kind"] == "handed_on":
+        elif line["kind"] == EventKind.HANDED_ON:
             allocation.give(line["id"])

@@ -66,6 +66,7 @@ def combined_summary(name: str, of_each: Mapping[str, Summary], handed_on: int =
         **{key: _combined(flights, key, sum) for key in _SUMS},
         "handed_on": handed_on,
         "apart": _excluded(flights),
+        "amussels": _amussels(flights),
         "dropped": dict(sorted(dropped.items())),
         "apads": {apad: dict(flight) for apad, flight in of_each.items()},
     }
@@ -99,6 +100,19 @@ def _excluded(flights: list[Summary]) -> dict[str, float] | None:
     for flight in flights:
         apart.update(flight["apart"] or {})
     return dict(apart) or None
+
+
+def _amussels(flights: list[Summary]) -> dict[str, dict[str, Any]]:
+    """Each aMussel's figures from where it is simulated; its services by all aPads."""
+    found: dict[str, dict[str, Any]] = {}
+    for flight in flights:
+        for agent_id, figures in flight["amussels"].items():
+            known = found.setdefault(agent_id, dict(figures) | {"services": 0})
+            known.update(
+                {key: value for key, value in figures.items() if value is not None and key != "services"}
+            )
+            known["services"] += figures["services"]
+    return dict(sorted(found.items(), key=lambda it: int(it[0])))
 
 
 def _common_text(of_each: Mapping[str, Summary], key: str) -> str | None:

@@ -254,7 +254,8 @@ def test_a_journal_of_another_version_is_told_in_one_line(
     journal.write_text(shorter)
     assert main(["beliefs", str(run), "--from", "journal"]) == 2
     errors = capsys.readouterr().err
-    assert errors.count("\n") == 1 and "a line that this version does not read" in errors
+    assert "a line `truth` with a wrong `primary`" in errors and "the version that flew the run" in errors
+    assert errors.count("\n") == 1 and "journal.jsonl, line " in errors
 
 
 def test_a_run_with_a_bag_of_means_is_scored(

@@ -11,6 +11,7 @@ from apad_bridge.commands import replay
 from apad_bridge.records.recorder import Recorder
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.runs.exits import UserError
+from apad_bridge.runs.flying import journal_start
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.starts import starts_of
 
@@ -28,7 +29,7 @@ def run_dir(tmp_path):
     directory = RunDirectory.create("pool-12", datetime(2026, 5, 4, tzinfo=UTC), tmp_path / "run")
     directory.write_inputs(scenario, starts_of(scenario))
     recorder = Recorder(directory, scenario, [1])
-    recorder.event(0, "run", format=1, agents=[{"id": 1, "north_m": 1.0, "east_m": 2.0}])
+    journal_start(recorder, scenario, starts_of(scenario)[:1])
     recorder.tick(0, [], None, None, "none", (None, None, None, None))
     recorder.close()
     return directory.path
@@ -64,3 +65,15 @@ def test_a_browser_that_is_not_there_is_said(run_dir, monkeypatch):
     with pytest.raises(UserError, match="no browser could be started"):
         command(run_dir, "--open")
     assert opened == [(run_dir / "replay.html").as_uri()]
+
+
+@pytest.mark.parametrize(
+    "line", [b'{"t":9,"kind":"belief","id":1}', b'{"t":9,"kind":"dock","dock":7,"agent":1,"closed":true}']
+)
+def test_a_damaged_line_is_said_by_file_and_number(run_dir, line):
+    journal = run_dir / "journal.jsonl"
+    number = journal.read_bytes().count(b"\n") + 1
+    journal.write_bytes(journal.read_bytes() + line + b"\n")
+    with pytest.raises(UserError) as raised:
+        command(run_dir)
+    assert str(raised.value).startswith(f"{journal}, line {number}: ") and "\n" not in str(raised.value)

@@ -1,10 +1,19 @@
 """Tests the journal: lines are read as they were written, and a kill costs only the line that it tore."""
 
+import json
 import math
+from pathlib import Path
 
 import pytest
 
-from apad_bridge.records.journal import FORMAT_VERSION, Journal, format_of, read_journal
+from apad_bridge.records.event_kinds import KINDS, EventKind
+from apad_bridge.records.journal import FORMAT_VERSION, Journal, JournalDamaged, format_of, read_journal
+from apad_bridge.records.page import markdown
+
+ROOT = Path(__file__).parents[3]
+SAID = {"what": "collect", "strategy": "größte", "steps": [{"agent": 3, "dock": 0}], "beliefs": []} | {
+    "costs": {"distance_m": 1.5, "demand": 0.5, "distance_cost": 1.5, "energy_cost": 2}
+}
 
 
 @pytest.fixture
@@ -15,27 +24,27 @@ def path(tmp_path):
 def test_lines_come_back_in_order(path):
     journal = Journal(path)
     journal.append(1000, "leg", {"metres": 3.25})
-    journal.append(500, "plan", {"steps": [{"agent": 3, "dock": 0}], "strategy": "größte"})
+    journal.append(500, "plan", SAID)
     journal.close()
     contents = read_journal(path)
     assert contents.lines == [
         {"t": 1000, "kind": "leg", "metres": 3.25},
-        {"t": 500, "kind": "plan", "steps": [{"agent": 3, "dock": 0}], "strategy": "größte"},
+        {"t": 500, "kind": "plan", **SAID},
     ]
     assert (contents.dropped, contents.last_ms) == (0, 1000)
 
 
 def test_what_is_flushed_is_on_disk_before_the_close(path):
     journal = Journal(path)
-    journal.append(0, "run", {})
+    journal.append(0, "tick", {})
     assert path.read_bytes() == b""
     journal.flush()
-    assert path.read_bytes() == b'{"t":0,"kind":"run"}\n'
+    assert path.read_bytes() == b'{"t":0,"kind":"tick"}\n'
 
 
 def test_every_torn_length_costs_one_line_and_is_said(path):
     journal = Journal(path)
-    journal.append(0, "run", {})
+    journal.append(0, "tick", {})
     journal.append(1000, "leg", {"metres": 1})
     journal.close()
     whole = path.read_bytes()
@@ -43,67 +52,80 @@ def test_every_torn_length_costs_one_line_and_is_said(path):
     for length in range(first + 1, len(whole)):
         path.write_bytes(whole[:length])
         contents = read_journal(path)
-        assert [line["kind"] for line in contents.lines] == ["run"]
+        assert [line["kind"] for line in contents.lines] == ["tick"]
         assert contents.dropped == 1
 
 
 def test_a_journal_goes_on_after_a_torn_line(path):
-    path.write_bytes(b'{"t":0,"kind":"run"}\n{"t":1000,"ki')
+    path.write_bytes(b'{"t":0,"kind":"tick"}\n{"t":1000,"ki')
     journal = Journal(path)
     assert journal.torn_bytes == 13
-    journal.append(2000, "end", {})
+    journal.append(2000, "end", {"reason": "a call"})
     journal.close()
     contents = read_journal(path)
-    assert [line["kind"] for line in contents.lines] == ["run", "end"]
+    assert [line["kind"] for line in contents.lines] == ["tick", "end"]
     assert contents.dropped == 0
 
 
 def test_a_torn_line_longer_than_one_look_is_cut_whole(path):
-    path.write_bytes(b'{"t":0,"kind":"run"}\n' + b"x" * 200_000)
+    path.write_bytes(b'{"t":0,"kind":"tick"}\n' + b"x" * 200_000)
     journal = Journal(path)
     journal.close()
     assert journal.torn_bytes == 200_000
-    assert path.read_bytes() == b'{"t":0,"kind":"run"}\n'
+    assert path.read_bytes() == b'{"t":0,"kind":"tick"}\n'
 
 
 @pytest.mark.parametrize(
     "line", [b"[1]", b"{}", b'{"t":"0","kind":"run"}', b'{"t":0,"kind":7}', b"\xff\xfe", b"null"]
 )
 def test_a_line_that_is_none_is_counted(path, line):
-    path.write_bytes(line + b'\n{"t":0,"kind":"run"}\n')
+    path.write_bytes(line + b'\n{"t":0,"kind":"tick"}\n')
     contents = read_journal(path)
     assert (len(contents.lines), contents.dropped) == (1, 1)
 
 
 def test_not_a_number_is_refused(path):
     journal = Journal(path)
-    with pytest.raises(ValueError, match="not JSON compliant"):
+    with pytest.raises(ValueError, match="`leg` with a wrong `metres`"):
         journal.append(0, "leg", {"metres": math.nan})
     journal.close()
     assert path.read_bytes() == b""
 
 
 def test_a_journal_of_format_1_is_read_with_the_keys_of_today(path):
-    path.write_text(
-        '{"t":0,"kind":"run","format":1}\n'
-        '{"t":1,"kind":"plan","steps":[{"agent":3,"slot":0}],"what":"collect"}\n'
-        '{"t":2,"kind":"primitive","name":"dock","agent":3,"slot":0}\n'
-        '{"t":3,"kind":"dock","slot":0,"agent":3,"closed":true}\n'
-        '{"t":4,"kind":"packet","from":3,"slot":5}\n'
-        '{"t":5,"kind":"apad","slots":[3,-1,-1,-1]}\n'
-    )
+    run = {
+        "scenario": "a",
+        "theta": 1,
+        "seed": 1,
+        "duration_s": 9,
+        "pool_threshold": 0.8,
+        "full_threshold": 0.9,
+    }
+    apad = {"north_m": 0, "east_m": 0, "heading_rad": 0, "voltage_v": None, "battery": 1, "primitive": "none"}
+    packet = {"address": None, "what": "ping", "bytes": 0, "began_ms": 4, "lasted_ms": 1, "unsent": None}
+    lines = [
+        {"t": 0, "kind": "run", "format": 1, **run, "agents": []},
+        {"t": 1, "kind": "plan", **SAID, "steps": [{"agent": 3, "slot": 0}]},
+        {"t": 2, "kind": "primitive", "name": "dock", "phase": "started", "agent": 3, "slot": 0},
+        {"t": 3, "kind": "dock", "slot": 0, "agent": 3, "closed": True},
+        {"t": 4, "kind": "packet", "from": 3, **packet, "heard": [], "data": "", "slot": 5},
+        {"t": 5, "kind": "apad", **apad, "slots": [3, -1, -1, -1]},
+    ]
+    path.write_text("".join(json.dumps(line) + "\n" for line in lines))
     assert format_of(path) == 1
-    _, plan, primitive, dock, packet, apad = read_journal(path).lines
-    assert plan == {"t": 1, "kind": "plan", "steps": [{"agent": 3, "dock": 0}], "what": "collect"}
-    assert primitive == {"t": 2, "kind": "primitive", "name": "dock", "agent": 3, "dock": 0}
-    assert dock == {"t": 3, "kind": "dock", "dock": 0, "agent": 3, "closed": True}
-    assert packet == {"t": 4, "kind": "packet", "from": 3, "timeslot": 5}
-    assert apad == {"t": 5, "kind": "apad", "docks": [3, -1, -1, -1]}
+    assert read_journal(path).lines[1:] == [
+        {"t": 1, "kind": "plan", **SAID},
+        {"t": 2, "kind": "primitive", "name": "dock", "phase": "started", "agent": 3, "dock": 0},
+        {"t": 3, "kind": "dock", "dock": 0, "agent": 3, "closed": True},
+        {"t": 4, "kind": "packet", "from": 3, **packet, "heard": [], "data": "", "timeslot": 5},
+        {"t": 5, "kind": "apad", **apad, "docks": [3, -1, -1, -1]},
+    ]
 
 
 def test_a_journal_says_its_format_in_its_first_line(path):
     journal = Journal(path)
-    journal.append(0, "run", {"format": FORMAT_VERSION})
+    run = {"format": FORMAT_VERSION, "scenario": "a", "theta": 1, "seed": 1, "duration_s": 9.0, "agents": []}
+    journal.append(0, "run", {**run, "pool_threshold": 0.8, "full_threshold": 0.99})
     journal.close()
     assert format_of(path) == FORMAT_VERSION
     path.write_text("garbage\n")
@@ -111,6 +133,66 @@ def test_a_journal_says_its_format_in_its_first_line(path):
 
 
 def test_a_line_that_is_nested_without_end_is_dropped_and_counted(path):
-    path.write_text('{"t":0,"kind":"run"}\n' + "[" * 100_000 + "\n")
+    path.write_text('{"t":0,"kind":"tick"}\n' + "[" * 100_000 + "\n")
     contents = read_journal(path)
-    assert ([line["kind"] for line in contents.lines], contents.dropped) == (["run"], 1)
+    assert ([line["kind"] for line in contents.lines], contents.dropped) == (["tick"], 1)
+
+
+@pytest.mark.parametrize(
+    ("kind", "data", "why"),
+    [
+        ("leak", {}, "`leak` is no kind of event"),
+        ("leg", {"metres": 1.0, "feet": 3.3}, "`leg` has a field that its table does not: feet"),
+        ("leg", {}, "`leg` without `metres`"),
+        ("leg", {"metres": "1"}, "`leg` with a wrong `metres`"),
+        ("dock", {"dock": 99, "agent": 1, "closed": True}, "`dock` with a wrong `dock`"),
+        ("dock", {"dock": True, "agent": 1, "closed": True}, "`dock` with a wrong `dock`"),
+        ("presence", {"id": 1, "is": "lost", "by": "me"}, "`presence` with a wrong `is`"),
+        ("script", {"said": 5}, "`script` with a wrong `said`"),
+    ],
+)
+def test_an_event_that_is_not_of_the_table_is_our_own_mistake(path, kind, data, why):
+    journal = Journal(path)
+    with pytest.raises(ValueError, match=why):
+        journal.append(0, kind, data)
+    journal.close()
+    assert path.read_bytes() == b""
+
+
+def test_a_script_names_further_fields(path):
+    journal = Journal(path)
+    journal.append(0, "script", {"what": "leak", "litres": [1, {"a": None}]})
+    journal.close()
+    assert read_journal(path).lines[0]["litres"] == [1, {"a": None}]
+
+
+@pytest.mark.parametrize(
+    ("damaged", "why"),
+    [
+        (b'{"t":5,"kind":"leg"}', "a line `leg` without `metres`"),
+        (b'{"t":5,"kind":"leg","metres":"far"}', "a line `leg` with a wrong `metres`"),
+        (b'{"t":5,"kind":"leg","metres":NaN}', "a line `leg` with a wrong `metres`"),
+        (
+            b'{"t":5,"kind":"mission","phase":"dock","snapshot":{}}',
+            "a line `mission` with a wrong `snapshot`",
+        ),
+        (b'{"t":5,"kind":"truth","id":1}', "a line `truth` without `agent_ms`"),
+    ],
+)
+def test_a_damaged_line_is_named_by_file_and_number(path, damaged, why):
+    quiet = b'{"t":1,"kind":"tick"}\n' * 3
+    path.write_bytes(quiet + b"torn\n" + quiet + damaged + b"\n" + quiet)
+    with pytest.raises(JournalDamaged) as raised:
+        read_journal(path)
+    assert f"{path}, line 8: {why}" in str(raised.value) and "\n" not in str(raised.value)
+
+
+def test_kinds_and_fields_of_another_version_are_left_alone(path):
+    path.write_bytes(b'{"t":5,"kind":"leak","litres":2}\n{"t":6,"kind":"leg","metres":1,"feet":3}\n')
+    assert [line["kind"] for line in read_journal(path).lines] == ["leak", "leg"]
+
+
+def test_every_kind_has_its_row_and_the_page_is_current():
+    assert [it.kind for it in KINDS] == list(EventKind)
+    page = (ROOT / "docs" / "records.md").read_text()
+    assert markdown() in page, "put what `python -m apad_bridge.records.page` prints into docs/records.md"

@@ -2,9 +2,11 @@
 
 import json
 import shutil
+from collections import Counter
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
+from statistics import mean
 
 import pytest
 from rosbags.rosbag1 import Reader
@@ -19,7 +21,7 @@ from apad_bridge.mission.ending import EndReason, MissionEnd
 from apad_bridge.records.journal import read_journal
 from apad_bridge.records.recorder import DAY_MS, Recorder
 from apad_bridge.records.run_directory import RunDirectory
-from apad_bridge.records.summary import Ending
+from apad_bridge.records.summary import AMUSSEL, SUMMARY, Ending
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.starts import read_starts, starts_of
 from apad_bridge.supervisor.clock import AsFastAsPossible
@@ -92,6 +94,16 @@ def test_a_flight_leaves_everything_behind(tmp_path, scenario):
     assert (summary["cost_m"], summary["planned_m"]) == (12.5, 13.0)
     assert (summary["services"], summary["ended_by"]) == (3, "mission time")
     assert summary["dropped"]["a packet"] == 2
+    assert list(summary) == [field.name for field in SUMMARY if field.name != "uptime_missing"]
+    each = summary["amussels"]
+    assert list(each) == [str(agent_id) for agent_id in range(1, 13)]
+    assert all(list(figures) == [field.name for field in AMUSSEL] for figures in each.values())
+    for key in ("uptime_paper", "uptime_submerged"):
+        of_all = [figures[key] for figures in each.values()]
+        assert summary[key] == {"mean": pytest.approx(mean(of_all)), "max": max(of_all), "min": min(of_all)}
+    assert summary["final_charge_mean"] == pytest.approx(mean(it["final_charge"] for it in each.values()))
+    left_full = Counter(str(it["agent"]) for it in lines_of(recorder, "released") if it["full"])
+    assert left_full and left_full == Counter({it: figures["services"] for it, figures in each.items()})
     assert summary["active_mean"] == pytest.approx(12 * summary["uptime_paper"]["mean"] / 100)
     assert 0 < summary["uptime_submerged"]["mean"] < summary["uptime_paper"]["mean"] < 100
     ends = read_starts(tmp_path / "run", scenario.area, 1, 12)

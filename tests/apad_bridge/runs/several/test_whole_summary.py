@@ -23,8 +23,13 @@ def flight(agents: int, mean: float, **more: Any) -> dict[str, Any]:
         **{"amussels_lost": 0, "emptied": 1, "dead_time_s": 5.0, "services": 4, "gave_up": 0},
         **{"cost_m": 12.5, "planned_m": 13.0, "steps_given_up": 1, "causes": {"missed": 1}, "left_alone": []},
         **{"samples_taken": None, "samples_uploaded": None, "samples_waiting": None, "samples_lost": None},
-        **{"counted_s": agents * 100.0, "counted_at_end": agents, "apart": None},
-        **{"final_charge_mean": mean / 100, "apad_energy_fraction": 0.2, "first_cause": None, "dropped": {}},
+        **{"counted_s": agents * 100.0, "counted_at_end": agents, "apart": None, "amussels": {}},
+        **{
+            "final_charge_mean": mean / 100,
+            "apad_energy_fraction": 0.2,
+            "first_cause": None,
+            "dropped": {},
+        },
     }
     return {**figures, **more}
 
@@ -65,6 +70,19 @@ def test_words_stand_with_whom_they_are_of() -> None:
     )
     assert whole["ended_by"] == "a: mission time; b: x"
     assert whole["first_cause"] == "b: stalled"
+
+
+def test_an_aMussel_has_its_figures_from_where_it_is_simulated_and_its_services_from_all() -> None:
+    known = {"uptime_paper": 60.0, "final_charge": 0.5, "lost": False}
+    unknown = dict.fromkeys(known)
+    whole = combined_summary(
+        "two",
+        {
+            "a": flight(1, 60.0, amussels={"10": {**unknown, "services": 2}, "9": {**known, "services": 1}}),
+            "b": flight(1, 80.0, amussels={"10": {**known, "services": 3}}),
+        },
+    )
+    assert whole["amussels"] == {"9": {**known, "services": 1}, "10": {**known, "services": 5}}
 
 
 DONE, STOPPED, FAILED = EndReason.MISSION_TIME, EndReason.OPERATOR, EndReason.STRATEGY_FAILED
