@@ -1,4 +1,4 @@
-"""Child processes of a run in sessions of their own, none the parent of another, so that each can die alone.
+"""Child processes of a run, in sessions of their own, so that each can die alone; and how a parent reads them.
 
 Until a child is ready, the end of its starter ends it.
 
@@ -11,18 +11,24 @@ from __future__ import annotations
 
 import fcntl
 import os
+import selectors
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import IO
 
 from agents.hosting import started
+from agents.hosting.interrupts import received_by
+from apad_bridge.runs.parent_protocol import Message, Said, from_line
 from apad_bridge.vehicle.errors import PeerFailed
 
 _PID_FILE = "supervisor.pid"
+_LOOK_S = 0.2
+"""Wall seconds without a line, after which a parent looks around."""
 
 
 class Child:
@@ -75,6 +81,65 @@ class Child:
         """The last line of its log, for an error message."""
         lines = self.log.read_text(errors="replace").strip().splitlines()
         return lines[-1] if lines else "it said nothing"
+
+
+class Interrupts:
+    """Notes signals that ask to end while it is entered, so that the parent ends things in order instead of dying."""
+
+    def __init__(self) -> None:
+        self.interrupted = False
+        self._entered = ExitStack()
+
+    def __enter__(self) -> Interrupts:
+        self._entered.enter_context(received_by(self._note))
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._entered.close()
+
+    def _note(self) -> None:
+        self.interrupted = True
+
+
+class EndedTooSlowly(Exception):
+    """Children that were asked to end still run after their time."""
+
+
+def read_children(
+    children: Mapping[str, Child],
+    interrupts: Interrupts,
+    end_s: float,
+    look: Callable[[], None] = lambda: None,
+) -> Iterator[tuple[str, Message | None]]:
+    """Yields each message with its child's name, and None at the end of that child's output, until all have ended.
+
+    An interrupt asks all of them to end in order; EndedTooSlowly when they do not within `end_s`. `look` is called at least
+    five times a second.
+    """
+    deadline_s: float | None = None
+    unread = dict.fromkeys(children, b"")
+    with selectors.DefaultSelector() as selector:
+        for name, child in children.items():
+            selector.register(child.lines, selectors.EVENT_READ, name)
+        while selector.get_map():
+            if interrupts.interrupted and deadline_s is None:
+                deadline_s = time.monotonic() + end_s
+                for child in children.values():
+                    child.ask_to_end()
+            if deadline_s is not None and time.monotonic() > deadline_s:
+                raise EndedTooSlowly
+            look()
+            for key, _ in selector.select(_LOOK_S):
+                name = key.data
+                chunk = os.read(children[name].lines.fileno(), 65536)
+                *lines, unread[name] = (unread[name] + chunk).split(b"\n")
+                for line in lines:
+                    yield name, from_line(line.decode(errors="replace"))
+                if not chunk:
+                    selector.unregister(key.fileobj)
+                    if unread[name]:
+                        yield name, Said(unread[name].decode(errors="replace"))
+                    yield name, None
 
 
 @contextmanager

@@ -7,23 +7,22 @@ continues with it.
 from __future__ import annotations
 
 import json
-import os
-import select
 import signal
 import time
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, assert_never
 
-from agents.hosting.interrupts import held_back, received_by
+from agents.hosting.interrupts import held_back
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.ros.simulated_node.apad_process import APadNodeFailed, start_apad_node, stop_apad_node
 from apad_bridge.ros.system.master import MasterFailed, start_master
 from apad_bridge.ros.system.route import environment_for, free_port, somebodys_master
-from apad_bridge.runs.children import Child, supervisor_of
+from apad_bridge.runs.children import Child, EndedTooSlowly, Interrupts, read_children, supervisor_of
 from apad_bridge.runs.nurseries import end_fleet, start_nursery
+from apad_bridge.runs.parent_protocol import Broken, Failed, Gave, Kept, MemberReport, Said, Seen, Summary
 from apad_bridge.runs.progress import ProgressDisplay
 from apad_bridge.runs.status import Status
 from apad_bridge.scenario.run_options import APadKind, OnDeath, Part, RunOptions
@@ -38,17 +37,21 @@ WAIT_FOR_RESUME_S = 600.0
 """A fleet without a supervisor is kept for `musselbed resume` for this time."""
 
 
+def _ignore(report: MemberReport) -> None:
+    """A run of a single aPad has no parent of several."""
+
+
 def fly(
     scenario: Scenario,
     starts: Sequence[Start],
     options: RunOptions,
     directory: RunDirectory,
     progress: ProgressDisplay,
-    relay: Callable[[str], None] | None = None,
+    relay: Callable[[MemberReport], None] = _ignore,
 ) -> dict[str, Any]:
     """Flies the run with processes of its own and returns its summary. PeerFailed when something that it needs fails.
 
-    For one of several aPads, `relay` takes the lines that its supervisor writes for the parent of all.
+    For one of several aPads, `relay` takes the reports that its supervisor writes for the parent of all.
     """
     with held_back(), ExitStack() as stack:
         options = _open_ros(stack, options, directory.path).at_port(free_port())
@@ -79,9 +82,7 @@ def fly(
                     f"the supervisor died ({signal.Signals(-code).name}): another one keeps its aMussels, whom the other "
                     "aPads go on to serve, and orders nothing"
                 )
-                if relay is not None:
-                    failure = f"its supervisor died ({signal.Signals(-code).name})"
-                    relay(json.dumps({"squad": {"broken": failure}}))
+                relay(Broken(f"its supervisor died ({signal.Signals(-code).name})"))
                 options = replace(RunOptions.load(directory.path), keeps=True)
                 options.save(directory.path)
                 continue
@@ -105,7 +106,7 @@ def start_supervisor(run_dir: Path, options: RunOptions, *, resume: bool) -> Chi
 
 
 def watch_supervisor(
-    child: Child, progress: ProgressDisplay, relay: Callable[[str], None] | None = None
+    child: Child, progress: ProgressDisplay, relay: Callable[[MemberReport], None] = _ignore
 ) -> tuple[int, dict[str, Any] | None]:
     """Shows the supervisor's output until it ends; returns its exit code, and the summary if it wrote one.
 
@@ -114,36 +115,30 @@ def watch_supervisor(
     """
     result: dict[str, Any] | None = None
     failed: str | None = None
-    deadline_s: float | None = None
-    with Interrupts() as interrupts:
-        while True:
-            if interrupts.interrupted and deadline_s is None:
-                deadline_s = time.monotonic() + _END_S
-                child.ask_to_end()
-            if deadline_s is not None and time.monotonic() > deadline_s:
-                child.end(1.0)
-                raise PeerFailed(
-                    f"the supervisor did not end within {_END_S:g} s and was killed; "
-                    f"its records end there: {child.log.parent}"
-                )
-            line = interrupts.read_line(child, 0.2)
-            if line is None:
-                continue
-            if not line:
-                break
-            status = Status.from_line(line)
-            if status is not None:
-                progress.show_status(status)
-            elif line.startswith("{"):
-                message = json.loads(line)
-                result = message.get("summary", result)
-                failed = message.get("failed", failed)
-                if "said" in message:
-                    progress.print_message(message["said"])
-                if "squad" in message and relay is not None:
-                    relay(line.rstrip())
-            else:
-                progress.print_message(line.rstrip())
+    try:
+        with Interrupts() as interrupts:
+            for _, message in read_children({child.name: child}, interrupts, _END_S):
+                match message:
+                    case Status():
+                        progress.show_status(message)
+                    case Said(text):
+                        progress.print_message(text)
+                    case Summary(figures):
+                        result = figures
+                    case Failed(reason):
+                        failed = reason
+                    case Seen() | Gave() | Kept() | Broken():
+                        relay(message)
+                    case None:
+                        pass
+                    case _:
+                        assert_never(message)
+    except EndedTooSlowly:
+        child.end(1.0)
+        raise PeerFailed(
+            f"the supervisor did not end within {_END_S:g} s and was killed; "
+            f"its records end there: {child.log.parent}"
+        ) from None
     code = child.wait(_END_S)
     child.end(1.0)
     if failed is not None:
@@ -153,40 +148,6 @@ def watch_supervisor(
         progress.print_message(f"the supervisor ended without a summary; see {child.log.parent}")
         raise KeyboardInterrupt
     return (-signal.SIGKILL if code is None else code), result
-
-
-class Interrupts:
-    """Notes signals that ask to end while it is entered, so that the parent ends things in order instead of dying."""
-
-    def __init__(self) -> None:
-        self.interrupted = False
-        self._buffer = b""
-        self._entered = ExitStack()
-
-    def __enter__(self) -> Interrupts:
-        self._entered.enter_context(received_by(self._note))
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._entered.close()
-
-    def _note(self) -> None:
-        self.interrupted = True
-
-    def read_line(self, child: Child, timeout_s: float) -> str | None:
-        """Returns a line of the child; empty at its end, None when there was no line in time."""
-        if b"\n" not in self._buffer:
-            readable, _, _ = select.select([child.lines], [], [], timeout_s)
-            if not readable:
-                return None
-            chunk = os.read(child.lines.fileno(), 65536)
-            if not chunk:
-                return ""
-            self._buffer += chunk
-            if b"\n" not in self._buffer:
-                return None
-        line, self._buffer = self._buffer.split(b"\n", 1)
-        return line.decode(errors="replace") + "\n"
 
 
 def _open_ros(stack: ExitStack, options: RunOptions, run_dir: Path) -> RunOptions:

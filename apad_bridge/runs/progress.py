@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Callable
 from types import TracebackType
 from typing import Any, Protocol
 
@@ -11,6 +9,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 
 from agents.hosting.started import outlive_starter
+from apad_bridge.runs.parent_protocol import say, write
 from apad_bridge.runs.status import Status
 from apad_bridge.vehicle.docking import PRE_EMPTED
 
@@ -31,15 +30,12 @@ class ParentDisplay:
     From the first status on, this process outlives that parent.
     """
 
-    def __init__(self, write_line: Callable[[str], None]) -> None:
-        self._write_line = write_line
-
     def print_message(self, text: str) -> None:
-        self._write_line(json.dumps({"said": text}))
+        say(text)
 
     def show_status(self, status: Status) -> None:
         outlive_starter()
-        self._write_line(status.to_line())
+        write(status)
 
 
 _NOT_DONE = {

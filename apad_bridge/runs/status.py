@@ -1,9 +1,8 @@
-"""The status of a running flight: a JSON line once a tick, from the supervisor to the process that shows it to a person."""
+"""The status of a running flight, once a tick, from the supervisor to the process that shows it to a person."""
 
 from __future__ import annotations
 
-import json
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 
 from apad_bridge.supervisor.core import Supervisor
 from firmware_model.state_groups import DOCKED
@@ -42,14 +41,3 @@ class Status:
             None if supervisor.battery is None else supervisor.battery.fraction,
             behind_s,
         )
-
-    def to_line(self) -> str:
-        return json.dumps(asdict(self))
-
-    @classmethod
-    def from_line(cls, line: str) -> Status | None:
-        """None for a line that is not a status."""
-        try:
-            return cls(**json.loads(line))
-        except (ValueError, TypeError):
-            return None

@@ -1,14 +1,11 @@
 """The supervisor of a run over ROS, a process of its own: python -m apad_bridge.runs.supervisor_process RUN [--resume]
 
-Its standard output is for the parent: a JSON line a tick (`Status`), lines for a person, and at last the summary. The
-process continues without a reader of its output.
+Its standard output is for the parent: the messages of `parent_protocol`.
 """
 
 from __future__ import annotations
 
 import argparse
-import contextlib
-import json
 import sys
 from contextlib import ExitStack
 from dataclasses import replace
@@ -29,6 +26,7 @@ from apad_bridge.runs.children import supervising
 from apad_bridge.runs.dry_run import without_commands
 from apad_bridge.runs.exits import Exit
 from apad_bridge.runs.nurseries import adopt
+from apad_bridge.runs.parent_protocol import Failed, Summary, say, write
 from apad_bridge.runs.progress import ParentDisplay
 from apad_bridge.runs.several.member import member_parts
 from apad_bridge.scenario.loader import load
@@ -41,12 +39,6 @@ from apad_bridge.supervisor.fleet import Fleet
 from apad_bridge.vehicle.errors import PeerFailed
 
 
-def write_line(line: str) -> None:
-    """Writes a line to the parent, if there still is one."""
-    with contextlib.suppress(BrokenPipeError):
-        print(line, flush=True)
-
-
 def command_sources_of(
     scenario: Scenario, options: RunOptions, call_queue: CallQueue | None
 ) -> tuple[CommandSource, ...]:
@@ -56,13 +48,9 @@ def command_sources_of(
     command_sources: tuple[CommandSource, ...] = (call_queue,)
     if options.script:
         path = Path(options.script)
-
-        def write_message(line: str) -> None:
-            write_line(json.dumps({"said": line}))
-
         command_sources = (
             *command_sources,
-            ScriptSource(scenario, as_program(path), path.name, write_message, REAL_TIME),
+            ScriptSource(scenario, as_program(path), path.name, say, REAL_TIME),
         )
     return command_sources
 
@@ -74,12 +62,12 @@ def fly(run_dir: Path, resume: bool) -> int:
         options = options.next_epoch()
         options.save(run_dir)
     start_state = (
-        resuming.resume_run(directory, scenario, options, write_line)
+        resuming.resume_run(directory, scenario, options, say)
         if resume
         else resuming.begin_run(directory, scenario, options)
     )
     recorder, resume_point, start_ms = start_state.recorder, start_state.resume_point, start_state.start_ms
-    member = member_parts(scenario, options, run_dir, start_state, write_line)
+    member = member_parts(scenario, options, run_dir, start_state, write)
     if member is not None and resume_point is not None and options.keeps:
         resume_point = replace(resume_point, state=resume_point.state.stood_down())
         recorder.event(start_ms, EventKind.STANDS_DOWN, reason="its supervisor died")
@@ -107,13 +95,13 @@ def fly(run_dir: Path, resume: bool) -> int:
                         start_ms,
                         recorder.truths_at,
                         start_state.presences,
-                        write_line,
+                        say,
                         None if member is None else member.allocation,
                     )
                 )
                 call_queue = stack.enter_context(primitives_offered(scenario, options))
                 serial_lines = stack.enter_context(
-                    open_serial_lines(run_dir, options.open_modems, options.modem, start_ms, write_line)
+                    open_serial_lines(run_dir, options.open_modems, options.modem, start_ms, say)
                 )
             context = replace(context, serial_lines=serial_lines)
             if member is not None:
@@ -125,13 +113,13 @@ def fly(run_dir: Path, resume: bool) -> int:
         # A node falls silent with its master: the master is then the cause to name.
         why = why_silent(options.master_uri)
         cause = str(error) if why is None else f"the ROS master at {options.master_uri} is gone ({why})"
-        write_line(json.dumps({"failed": cause}))
+        write(Failed(cause))
         return Exit.PEER_FAILED
     finally:
         recorder.close()
     if fleet is not None:
         fleet.host.close()
-    write_line(json.dumps({"summary": summary}))
+    write(Summary(summary))
     return Exit.DONE
 
 
@@ -163,7 +151,7 @@ def _fly_mission(
         scenario,
         without_commands(context) if options.dry_run else context,
         start_state.recorder,
-        ParentDisplay(write_line),
+        ParentDisplay(),
         flying.RunSpec(
             start_state.resume_point,
             start_state.learned,
@@ -195,7 +183,7 @@ def main() -> int:
         PeerFailed,
         RunDirectoryError,
     ) as error:  # what fails after the records are open is handled in `fly`
-        write_line(json.dumps({"failed": str(error)}))
+        write(Failed(str(error)))
         return Exit.PEER_FAILED
 
 

@@ -1,14 +1,12 @@
 """The link of one of several aPads' supervisors to the parent of all, over ROS: applies its orders, reports to it.
 
-The orders name the aMussels to serve. A report is a line of JSON, `{"squad": ...}`: `seen` is the view for the planner,
-`gave` holds the beliefs of the aMussels that were handed on, `kept` names those that cannot be handed on at the moment.
+The orders name the aMussels to serve; the reports are messages of `parent_protocol`.
 """
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -17,10 +15,11 @@ from apad_bridge.mission.breakdown import Breakdown
 from apad_bridge.mission.events import StandDownRequested
 from apad_bridge.records.event_kinds import EventKind
 from apad_bridge.records.journal import JournalContents
+from apad_bridge.runs.parent_protocol import Gave, HandedOver, Kept, MemberReport, Seen
 from apad_bridge.runs.resuming import StartState
 from apad_bridge.runs.several.assignment import APadView, view_of
 from apad_bridge.runs.several.lockstep import ASSIGNMENT_PERIOD_MS
-from apad_bridge.runs.several.protocol import ORDERS_FILE, Orders, TransferredBelief, view_data
+from apad_bridge.runs.several.protocol import ORDERS_FILE, Orders, TransferredBelief
 from apad_bridge.scenario.run_options import RunOptions
 from apad_bridge.scenario.schema import DockingProfile, Scenario
 from apad_bridge.supervisor.context import FlightContext, Watcher
@@ -37,7 +36,7 @@ class MemberLink:
         run_dir: Path,
         name: str,
         start_m: tuple[float, float],
-        write_line: Callable[[str], None],
+        report: Callable[[MemberReport], None],
         cannot_move: frozenset[int] = frozenset(),
     ) -> None:
         """`cannot_move` are the aMussels that no other aPad can serve."""
@@ -45,7 +44,7 @@ class MemberLink:
         self._run_dir = run_dir
         self._name = name
         self._start_m = start_m
-        self._write_line = write_line
+        self._report = report
         self._stamp: tuple[int, int] | None = None
         self._pending: dict[int, TransferredBelief] = {}
         """aMussels to take on when this mission's time reaches the time of the transferred belief."""
@@ -59,7 +58,7 @@ class MemberLink:
                 self._apply_orders(orders, supervisor, now_ms)
             self._take_pending(supervisor, now_ms)
             if orders is not None or now_ms % ASSIGNMENT_PERIOD_MS == 0:
-                self._report("seen", view_data(self._view(supervisor), supervisor.allocation))
+                self._report(Seen(**asdict(self._view(supervisor))))
 
         return watch
 
@@ -92,18 +91,17 @@ class MemberLink:
                 kept.append(agent_id)
                 continue
             belief = supervisor.beliefs.get(agent_id)
-            gave.append(
-                [agent_id, now_ms, None if belief is None else supervisor.beliefs.estimator.kept(belief)]
-            )
+            estimate = None if belief is None else supervisor.beliefs.estimator.kept(belief)
+            gave.append(HandedOver(agent_id, now_ms, estimate))
             supervisor.stop_serving(agent_id)
             self._events.append((EventKind.HANDED_ON, {"id": agent_id}))
         self._pending = {
             it: transfer for it, transfer in orders.serves.items() if it not in allocation.served
         }
         if gave:
-            self._report("gave", gave)
+            self._report(Gave(tuple(gave)))
         if kept:
-            self._report("kept", kept)
+            self._report(Kept(tuple(kept)))
 
     def _take_pending(self, supervisor: Supervisor, now_ms: int) -> None:
         """Takes on the aMussels whose transferred belief is not in the future.
@@ -124,9 +122,6 @@ class MemberLink:
     def _view(self, supervisor: Supervisor) -> APadView:
         view = view_of(self._name, self._start_m, supervisor)
         return replace(view, movable=view.movable - self._cannot_move)
-
-    def _report(self, kind: str, data: Any) -> None:
-        self._write_line(json.dumps({"squad": {kind: data}}))
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,7 +148,7 @@ def member_parts(
     options: RunOptions,
     run_dir: Path,
     start_state: StartState,
-    write_line: Callable[[str], None],
+    report: Callable[[MemberReport], None],
 ) -> MemberParts | None:
     """None for an aPad that flies alone."""
     if not options.is_one_of_several:
@@ -165,7 +160,7 @@ def member_parts(
     apad, profile_of = scenario.apad, scenario.mission.docking.profile_of
     # Only the run that simulates an aMussel knows what a camera would see of it.
     cannot_move = frozenset(it for it in scenario.fleet.ids if profile_of(it) is DockingProfile.CAMERA)
-    link = MemberLink(run_dir, apad.name, apad.start_m, write_line, cannot_move)
+    link = MemberLink(run_dir, apad.name, apad.start_m, report, cannot_move)
     return MemberParts(link, allocation, scenario.sharing.failed_go_tos)
 
 

@@ -6,15 +6,11 @@ that simulated aPads and supervisors follow; each mission's time begins when its
 
 from __future__ import annotations
 
-import json
-import os
-import selectors
 import subprocess
-import time
 from collections.abc import Mapping, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import replace
-from typing import Any
+from typing import Any, assert_never
 
 from agents.hosting.interrupts import held_back
 from apad_bridge.assembly.division import Member
@@ -22,8 +18,8 @@ from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.ros.simulated_node.apad_process import APadNodeFailed, start_apad_node, stop_apad_node
 from apad_bridge.ros.system.master import MasterFailed, start_master
 from apad_bridge.ros.system.route import environment_for, somebodys_master
-from apad_bridge.runs.children import Child
-from apad_bridge.runs.parent import Interrupts
+from apad_bridge.runs.children import Child, EndedTooSlowly, Interrupts, read_children
+from apad_bridge.runs.parent_protocol import Broken, Failed, Gave, Kept, Message, Said, Seen, Summary
 from apad_bridge.runs.progress import ProgressDisplay
 from apad_bridge.runs.several.reassignment import Reassigner
 from apad_bridge.runs.several.summary import combined_status
@@ -131,7 +127,6 @@ class MemberWatch:
         self._children = children
         self._nodes = nodes
         self._progress = progress
-        self._unread = dict.fromkeys(children, b"")
         self._statuses: dict[str, Status] = {}
         self._summaries: dict[str, dict[str, Any]] = {}
         self._failures: dict[str, str] = {}
@@ -141,23 +136,11 @@ class MemberWatch:
 
         KeyboardInterrupt when it was asked to end before there was a summary or a failure.
         """
-        deadline_s: float | None = None
-        with Interrupts() as interrupts, selectors.DefaultSelector() as selector:
-            for name, child in self._children.items():
-                selector.register(child.lines, selectors.EVENT_READ, name)
-            while selector.get_map():
-                if interrupts.interrupted and deadline_s is None:
-                    deadline_s = time.monotonic() + _END_S
-                    for child in self._children.values():
-                        child.ask_to_end()
-                if deadline_s is not None and time.monotonic() > deadline_s:
-                    break
-                self._end_without_apad()
-                for key, _ in selector.select(0.2):
-                    if not self._read(key.data):
-                        selector.unregister(key.fileobj)
-                        self._output_closed(key.data)
-        if deadline_s is not None and not self._summaries and not self._failures:
+        # Children that end too slowly are killed below.
+        with Interrupts() as interrupts, suppress(EndedTooSlowly):
+            for name, message in read_children(self._children, interrupts, _END_S, self._end_without_apad):
+                self._handle(name, message)
+        if interrupts.interrupted and not self._summaries and not self._failures:
             # Asked to end while all were starting: the caller, which started them, ends them.
             self._progress.print_message("ended before a mission began")
             raise KeyboardInterrupt
@@ -197,30 +180,24 @@ class MemberWatch:
         if self._reassigner is not None and name not in self._summaries:
             self._reassigner.member_ended(name)
 
-    def _read(self, name: str) -> bool:
-        """Handles the lines that a member wrote; False at the end of its output."""
-        chunk = os.read(self._children[name].lines.fileno(), 65536)
-        *lines, self._unread[name] = (self._unread[name] + chunk).split(b"\n")
-        for line in lines:
-            self._handle_line(name, line.decode(errors="replace"))
-        return bool(chunk)
-
-    def _handle_line(self, name: str, line: str) -> None:
-        status = Status.from_line(line)
-        if status is not None:
-            self._statuses[name] = status
-            self._progress.show_status(combined_status(list(self._statuses.values()), len(self._children)))
-        elif line.startswith("{"):
-            message = json.loads(line)
-            if "summary" in message:
-                self._summaries[name] = message["summary"]
-            if "failed" in message:
-                self._failures[name] = message["failed"]
-            if "broken" in message.get("squad", ()):
-                self._broken[name] = message["squad"]["broken"]
-            if "squad" in message and self._reassigner is not None:
-                self._reassigner.receive(name, message["squad"])
-            if "said" in message:
-                self._progress.print_message(f"{name}: {message['said']}")
-        else:
-            self._progress.print_message(f"{name}: {line}")
+    def _handle(self, name: str, message: Message | None) -> None:
+        match message:
+            case Status():
+                self._statuses[name] = message
+                combined = combined_status(list(self._statuses.values()), len(self._children))
+                self._progress.show_status(combined)
+            case Said(text):
+                self._progress.print_message(f"{name}: {text}")
+            case Summary(figures):
+                self._summaries[name] = figures
+            case Failed(reason):
+                self._failures[name] = reason
+            case Broken(reason):
+                self._broken[name] = reason
+            case Seen() | Gave() | Kept():
+                if self._reassigner is not None:
+                    self._reassigner.receive(name, message)
+            case None:
+                self._output_closed(name)
+            case _:
+                assert_never(message)

@@ -7,12 +7,10 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from apad_bridge.mission.allocation import Allocation
-from apad_bridge.runs.several.assignment import APadView
 from apad_bridge.scenario.loader import write_atomically
 
 ORDERS_FILE = "squad.json"
@@ -49,15 +47,3 @@ class Orders:
             {agent_id: TransferredBelief(at_ms, estimate) for agent_id, at_ms, estimate in data["serves"]},
             data["stands_down"],
         )
-
-
-def view_data(view: APadView, allocation: Allocation) -> dict[str, Any]:
-    return {**asdict(view), "movable": sorted(view.movable), "served": sorted(allocation.served)}
-
-
-def view_from(data: dict[str, Any]) -> tuple[APadView, frozenset[int]]:
-    """The view that a member reported of its aPad, and the aMussels that the aPad serves."""
-    north_m, east_m = data["place_m"]
-    places_m = {int(agent_id): (at[0], at[1]) for agent_id, at in data["places_m"].items()}
-    view = APadView(data["name"], data["is_down"], (north_m, east_m), places_m, frozenset(data["movable"]))
-    return view, frozenset(data["served"])

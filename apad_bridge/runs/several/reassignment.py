@@ -7,12 +7,13 @@ taker's orders contain the aMussel. So it is never in two shares, and a lost tra
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
-from typing import Any
+from typing import assert_never
 
+from apad_bridge.runs.parent_protocol import Gave, Kept, Seen
 from apad_bridge.runs.several.assignment import APadView, Assignment, Move
-from apad_bridge.runs.several.protocol import Orders, TransferredBelief, view_from
+from apad_bridge.runs.several.protocol import Orders, TransferredBelief
 
 
 class Reassigner:
@@ -37,16 +38,20 @@ class Reassigner:
     def shares(self) -> Mapping[str, frozenset[int]]:
         return self._assignment.shares
 
-    def receive(self, name: str, message: Mapping[str, Any]) -> None:
-        """Handles a member's report. KeyError, TypeError or ValueError when it is malformed."""
-        for agent_id, at_ms, estimate in message.get("gave", ()):
-            self._complete_move(agent_id, TransferredBelief(at_ms, estimate))
-        for agent_id in message.get("kept", ()):
-            if self._pending_moves.pop(agent_id, None) is not None:
-                self._order_service(name, agent_id, TransferredBelief())
-        if "seen" in message:
-            self._views[name], _ = view_from(message["seen"])
-            self._plan_moves()
+    def receive(self, name: str, report: Seen | Gave | Kept) -> None:
+        match report:
+            case Gave(transfers):
+                for it in transfers:
+                    self._complete_move(it.agent_id, TransferredBelief(it.at_ms, it.estimate))
+            case Kept(agent_ids):
+                for agent_id in agent_ids:
+                    if self._pending_moves.pop(agent_id, None) is not None:
+                        self._order_service(name, agent_id, TransferredBelief())
+            case Seen():
+                self._views[name] = APadView(**asdict(report))
+                self._plan_moves()
+            case _:
+                assert_never(report)
         self._write()
 
     def stand_down(self, name: str, reason: str) -> None:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import json
 import os
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+from apad_bridge.runs.parent_protocol import Failed, Message, Said, Summary, to_line
 from apad_bridge.runs.several.parent import MemberWatch
 from apad_bridge.runs.status import Status
 
@@ -15,7 +15,7 @@ from apad_bridge.runs.status import Status
 class Run:
     """A run of one aPad: it writes its lines to a real pipe; asked to end, it writes `last` and ends."""
 
-    def __init__(self, *message: dict[str, Any] | str, last: dict[str, Any] | None = None) -> None:
+    def __init__(self, *message: Message | str, last: Message | None = None) -> None:
         reader, self._writer = os.pipe()
         self.lines = os.fdopen(reader)
         self.log = Path("somewhere/parent.log")
@@ -38,8 +38,8 @@ class Run:
     def last_log_line(self) -> str:
         return "its last words"
 
-    def _say(self, message: dict[str, Any] | str) -> None:
-        text = message if isinstance(message, str) else json.dumps(message)
+    def _say(self, message: Message | str) -> None:
+        text = message if isinstance(message, str) else to_line(message)
         os.write(self._writer, f"{text}\n".encode())
 
 
@@ -55,8 +55,8 @@ class ProgressLog:
         self.statuses.append(status)
 
 
-def status(now_ms: int, served: int, way_m: float) -> str:
-    return Status(now_ms, "dock", "dock", 4, 3, 1, served, way_m, 0.9, 0.0).to_line()
+def status(now_ms: int, served: int, way_m: float) -> Status:
+    return Status(now_ms, "dock", "dock", 4, 3, 1, served, way_m, 0.9, 0.0)
 
 
 def read_all(runs: dict[str, Run], nodes: dict[str, Any], progress: ProgressLog) -> Any:
@@ -70,8 +70,8 @@ def read_all(runs: dict[str, Run], nodes: dict[str, Any], progress: ProgressLog)
 def test_statuses_are_added_and_words_stand_with_their_aPad() -> None:
     progress = ProgressLog()
     runs = {
-        "a": Run(status(9000, 2, 10.0), {"said": "hello"}, {"summary": {"services": 2}}),
-        "b": Run(status(7000, 1, 5.0), {"summary": {"services": 1}}),
+        "a": Run(status(9000, 2, 10.0), Said("hello"), Summary({"services": 2})),
+        "b": Run(status(7000, 1, 5.0), Summary({"services": 1})),
     }
     assert read_all(runs, {}, progress) == ({"a": {"services": 2}, "b": {"services": 1}}, {})
     last = progress.statuses[-1]
@@ -80,7 +80,7 @@ def test_statuses_are_added_and_words_stand_with_their_aPad() -> None:
 
 
 def test_one_that_fails_leaves_the_others_their_summaries() -> None:
-    runs = {"a": Run({"summary": {}}), "b": Run({"failed": "no fleet"}), "c": Run()}
+    runs = {"a": Run(Summary({})), "b": Run(Failed("no fleet")), "c": Run()}
     summaries, failures = read_all(runs, {}, ProgressLog())
     assert summaries == {"a": {}}
     assert failures == {"b": "no fleet", "c": "ended without a summary: its last words; see somewhere"}
@@ -88,9 +88,16 @@ def test_one_that_fails_leaves_the_others_their_summaries() -> None:
 
 def test_a_simulated_aPad_that_died_ends_its_own_run_only() -> None:
     """Run `a` has written its summary and needs no end. Run `b` would fly on without its vehicle."""
-    runs = {"a": Run({"summary": {}}), "b": Run(last={"summary": {"services": 1}})}
+    runs = {"a": Run(Summary({})), "b": Run(last=Summary({"services": 1}))}
     nodes = {"a": SimpleNamespace(poll=lambda: None), "b": SimpleNamespace(poll=lambda: -9)}
     summaries, failures = read_all(runs, nodes, ProgressLog())
     assert summaries == {"a": {}, "b": {"services": 1}}
     assert failures == {"b": "the simulated aPad's node ended with status -9"}
     assert (runs["a"].asked, runs["b"].asked) == (0, 1)
+
+
+def test_a_line_that_is_no_message_is_shown_as_text() -> None:
+    lines = ["a warning", "{", '{"status": {"now_ms": "x"}}', '{"summary": 5}', "[]", "5", '{"gave": [[1]]}']
+    progress = ProgressLog()
+    assert read_all({"a": Run(*lines, Summary({}))}, {}, progress) == ({"a": {}}, {})
+    assert progress.message == [f"a: {line}" for line in lines]

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import tempfile
 from pathlib import Path
-from typing import Any
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from apad_bridge.runs.parent_protocol import Gave, HandedOver, Kept, Seen
 from apad_bridge.runs.several.protocol import Orders, TransferredBelief
 from apad_bridge.runs.several.reassignment import Reassigner
 
@@ -24,7 +24,7 @@ class Member:
         self.name, self.folder = name, folder
         self.served = set(HOMES[name])
         self.is_down = False
-        self.reports: list[dict[str, Any]] = []
+        self.reports: list[Seen | Gave | Kept] = []
 
     def obey(self, busy: frozenset[int]) -> None:
         orders = Orders.load(self.folder)
@@ -34,18 +34,13 @@ class Member:
         gave = sorted(self.served - orders.serves.keys() - busy)
         estimate = sorted((self.served - orders.serves.keys()) & busy)
         self.served = (self.served & orders.serves.keys()) | set(estimate) | orders.serves.keys()
-        self.reports += [{"gave": [[it, 0, {"of": it}] for it in gave]}, {"kept": estimate}]
+        self.reports += [Gave(tuple(HandedOver(it, 0, {"of": it}) for it in gave)), Kept(tuple(estimate))]
 
     def report(self, busy: frozenset[int]) -> None:
-        view = {
-            "name": self.name,
-            "is_down": self.is_down,
-            "place_m": [0.0, 0.0],
-            "places_m": {str(it): [10.0 * it, 0.0] for it in self.served},
-            "movable": sorted(self.served - busy),
-            "served": sorted(self.served),
-        }
-        self.reports.append({"seen": view})
+        places_m = {it: (10.0 * it, 0.0) for it in self.served}
+        self.reports.append(
+            Seen(self.name, self.is_down, (0.0, 0.0), places_m, frozenset(self.served - busy))
+        )
 
 
 def opened(folder: Path) -> tuple[Reassigner, dict[str, Member]]:
