@@ -14,7 +14,7 @@ from apad_bridge.records.bag import BagWriter, repair_bag
 from apad_bridge.records.changes import APadChanges, BeliefChanges, differs_in_kind, has_moved
 from apad_bridge.records.checkpoint import Checkpoint
 from apad_bridge.records.event_kinds import EventKind
-from apad_bridge.records.journal import Journal, JournalContents, Line, read_journal
+from apad_bridge.records.journal import Journal, JournalContents, JournalDamaged, Line, read_journal
 from apad_bridge.records.packet_lines import sound_rows
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.records.sample_file import SAMPLE_KEYS, SampleFile, sample_figures
@@ -87,13 +87,19 @@ class Recorder:
     ) -> tuple[Recorder, Resumed]:
         """Continues the records of a run whose supervisor died: repairs its bag, begins another, and rebuilds the uptimes.
 
-        The losses are in the result and in the journal's line `resumed`.
+        The losses are in the result and in the journal's line `resumed`. JournalDamaged when the journal cannot be read.
         """
         contents = read_journal(directory.journal)
         bags = directory.bags
         repair = repair_bag(bags[-1]) if bags else None
         recorder = cls(directory, scenario, agent_ids)
-        recorder._replay(contents)
+        try:
+            recorder._replay(contents)
+        except ValueError as error:
+            recorder.close()
+            raise JournalDamaged(
+                f"{directory.journal}: two of its lines contradict each other: {error}"
+            ) from error
         torn_bytes = recorder._journal.torn_bytes
         lost_ms = 0 if repair is None else max(0, contents.last_ms - repair.last_ms)
         recorder.event(

@@ -1,6 +1,8 @@
 import json
 import os
 import shutil
+import subprocess
+import sys
 import time
 from collections import Counter
 from pathlib import Path
@@ -16,9 +18,12 @@ from apad_bridge.records.journal import JournalContents, read_journal
 from apad_bridge.records.recorder import Recorder
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.records.summary import Ending
+from apad_bridge.runs.exits import Exit
+from apad_bridge.runs.parent_protocol import Failed, from_line
 from apad_bridge.runs.resuming import find_resume_point, gap_ms, resume_run
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.run_options import APadKind, OnDeath, Part, RunOptions, TimeSource
+from apad_bridge.scenario.starts import starts_of
 from apad_bridge.supervisor.context import LearnedState
 from apad_bridge.vehicle.errors import PeerFailed
 from firmware_model.packets import StatusPacket
@@ -131,6 +136,48 @@ def test_what_is_restored_and_what_is_lost_is_told_and_journaled(tmp_path: Path)
     start_state.recorder.close()
     restored = read_journal(directory.journal).first("restored")
     assert restored is not None and restored["told"] == lines
+
+
+BATTERY = '"primary":[0,9,0,0,1],"secondary":[0,9,0,0,1]'
+WHERE = '"north_um":0,"east_um":0,"depth":[0,0],"buoyancy":"SINK","docked":false'
+
+
+@pytest.mark.parametrize(
+    ("lines", "why"),
+    [
+        (
+            ['{"t":9,"kind":"leg","metres":1}', '{"t":9,"kind":"dock","dock":0,"agent":1}'],
+            ", line {}: a line `dock`",
+        ),
+        (
+            [
+                f'{{"t":9,"kind":"truth","id":1,"agent_ms":{ms},"state":"ACTIVE",{BATTERY},{WHERE}}}'
+                for ms in (9, 8)
+            ],
+            ": two of its lines contradict each other: time went back",
+        ),
+    ],
+)
+def test_a_damaged_journal_is_one_line_for_the_parent(tmp_path: Path, lines: list[str], why: str) -> None:
+    directory, _ = a_crash(tmp_path)
+    directory.write_inputs(POOL, starts_of(POOL))
+    OPTIONS.on_own_master("http://h:2").save(directory.path)
+    before = directory.journal.read_bytes()
+    directory.journal.write_bytes(before + "".join(f"{line}\n" for line in lines).encode())
+    ended = subprocess.run(
+        [sys.executable, "-m", "apad_bridge.runs.supervisor_process", str(directory.path), "--resume"],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+    assert (ended.returncode, ended.stderr) == (Exit.PEER_FAILED, "")
+    message = from_line(ended.stdout.rstrip("\n"))
+    number = before.count(b"\n") + len(lines)
+    assert isinstance(message, Failed) and message.reason.startswith(
+        f"{directory.journal}{why.format(number)}"
+    )
+    assert "\n" not in message.reason
 
 
 @pytest.mark.parametrize(
