@@ -222,7 +222,13 @@ class Recorder:
             "apad_energy_fraction": ending.apad_energy_fraction,
             **self._sample_figures(ending, at_ms),
             "gave_up": len(self._given_up),
-            "amussels": amussel_figures(self.meter, self._services, self._agent_ids, at_ms),
+            "amussels": amussel_figures(
+                self.meter,
+                self._services,
+                self._agent_ids,
+                at_ms,
+                takes_samples=takes_samples(scenario.board),
+            ),
             "dropped": dict(sorted(self._all_dropped(ending).items())),
         }
         ends = self._ends(at_ms)

@@ -138,7 +138,7 @@ AMUSSEL: tuple[Field, ...] = (
     Field("uptime_paper", NUMBER, "its uptime, as above", "%"),
     Field("uptime_submerged", NUMBER, "its other uptime", "%"),
     Field("services", INTEGER, "how often it left a dock of this aPad full"),
-    Field("samples_taken", INTEGER, "samples that its sensors took"),
+    Field("samples_taken", INTEGER, "samples that its sensors took; null for boards without a log"),
     Field("final_charge", NUMBER, "charge of its primary battery at the end", "0 to 1"),
     Field("emptied", BOOLEAN, "its primary battery was empty at some time"),
     Field("lost", BOOLEAN, "both batteries were empty at some time"),
@@ -147,15 +147,23 @@ AMUSSEL: tuple[Field, ...] = (
 
 
 def amussel_figures(
-    meter: UptimeMeter, services: Mapping[int, int], agent_ids: Iterable[int], now_ms: int
+    meter: UptimeMeter,
+    services: Mapping[int, int],
+    agent_ids: Iterable[int],
+    now_ms: int,
+    *,
+    takes_samples: bool,
 ) -> dict[str, dict[str, Any]]:
     """The figures of each aMussel by its id, which is a text in JSON.
 
     `services` also has the aMussels of other aPads' fleets that this one served.
     """
     uptimes, ticks = {it.agent_id: it for it in meter.at(now_ms)}, meter.ticks(now_ms)
+    unknown = {} if takes_samples else {"samples_taken": None}
     return {
-        str(agent_id): _figures_of(uptimes.get(agent_id), ticks) | {"services": services.get(agent_id, 0)}
+        str(agent_id): _figures_of(uptimes.get(agent_id), ticks)
+        | {"services": services.get(agent_id, 0)}
+        | unknown
         for agent_id in sorted({*agent_ids, *services})
     }
 

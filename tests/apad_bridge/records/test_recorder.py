@@ -102,6 +102,7 @@ def test_a_flight_leaves_everything_behind(tmp_path, scenario):
         of_all = [figures[key] for figures in each.values()]
         assert summary[key] == {"mean": pytest.approx(mean(of_all)), "max": max(of_all), "min": min(of_all)}
     assert summary["final_charge_mean"] == pytest.approx(mean(it["final_charge"] for it in each.values()))
+    assert summary["samples_taken"] is None and {it["samples_taken"] for it in each.values()} == {None}
     left_full = Counter(str(it["agent"]) for it in lines_of(recorder, "released") if it["full"])
     assert left_full and left_full == Counter({it: figures["services"] for it, figures in each.items()})
     assert summary["active_mean"] == pytest.approx(12 * summary["uptime_paper"]["mean"] / 100)
