@@ -2,20 +2,19 @@
 
 Plain k-means makes clusters of up to twice the mean size, and the aMussels of an overloaded aPad starve. So this is
 k-means under a capacity. It assigns the aMussels to shares such that the sum of squared distances to the shares' centres
-is the least of all divisions into equal shares (an exact minimum-cost flow). Then it moves the centres to the centroids of
-their shares, and repeats both until the sum no longer falls. The first centres are the aPads' starts, so that each share
-begins at its aPad.
+is the least of all divisions into equal shares (an assignment problem, solved exactly). Then it moves the centres to the
+centroids of their shares, and repeats both until the sum no longer falls. The first centres are the aPads' starts, so that
+each share begins at its aPad.
 
 When an aPad fails during a mission, the same algorithm runs over the remaining aPads. The first centres are then the
 centroids of the aMussels that they serve. aMussels that cannot be moved stay with their aPad and count.
 
-All numbers are whole millimetres: sums are exact, the order of aPads and ids breaks ties, and the iteration must end.
+All numbers are whole millimetres: sums are exact, the same input gives the same shares, and the iteration must end.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from itertools import product
 from math import inf
 from types import MappingProxyType
 from typing import Any
@@ -26,7 +25,6 @@ import numpy.typing as npt
 Point = tuple[float, float]
 """(north, east), metres."""
 Millimetres = npt.NDArray[np.int64]
-_FAR = np.iinfo(np.int64).max // 4
 
 
 def allocate(
@@ -70,22 +68,26 @@ def allocate(
 def min_cost_assignment(costs: npt.NDArray[Any], fixed_counts: Sequence[int] = ()) -> list[int]:
     """Assigns each row to an owner, such that the owners' sizes are as equal as possible and the sum of costs is the least.
 
-    `costs` are whole numbers, (rows, owners); `fixed_counts` are the rows that each owner has besides. Rows get owners one
-    by one, each along the cheapest chain of moves (a row displaces another row, which displaces a third, ...) to an owner
-    with room: successive shortest paths, which is exact.
+    `costs` are whole numbers, (rows, owners); `fixed_counts` are the rows that each owner has besides. In the assignment
+    problem an owner is a column for each row that it must get, and one more where it may get one more; rows without a
+    cost fill what is left of the latter.
     """
+    # Imported here because it takes 0.4 s, and only several aPads divide a fleet.
+    from scipy.optimize import linear_sum_assignment
+
     rows, owners = costs.shape
-    owner_of = np.full(rows, -1, dtype=np.int64)
-    sizes = list(fixed_counts) or [0] * owners
-    even, rows_to_even = _even_size(rows, sizes)
-    for row in range(rows):
-        # All get `even` first. The last rows decide which owners get one more: their chains may move any row.
-        has_room = [size < even + (row >= rows_to_even) for size in sizes]
-        last, chain = _cheapest_chain(costs, owner_of, row, has_room)
-        sizes[last] += 1
-        for moved, owner in chain:
-            owner_of[moved] = owner
-    return [int(owner) for owner in owner_of]
+    sizes = np.array(fixed_counts or [0] * owners)
+    even, must_get = _even_size(rows, sizes.tolist())
+    owner_of = np.concatenate(
+        (np.repeat(np.arange(owners), np.maximum(0, even - sizes)), np.flatnonzero(sizes <= even))
+    )
+    # The least of a row changes no choice; without it the costs are smaller, and exact as floats up to 2^53.
+    needed = (costs - costs.min(axis=1, keepdims=True))[:, owner_of].astype(float)
+    fillers = np.zeros((len(owner_of) - rows, len(owner_of)))
+    fillers[:, :must_get] = np.inf
+    _, columns = linear_sum_assignment(np.vstack((needed, fillers)))
+    chosen: list[int] = owner_of[columns[:rows]].tolist()
+    return chosen
 
 
 def _even_size(rows: int, sizes: Sequence[int]) -> tuple[int, int]:
@@ -94,38 +96,6 @@ def _even_size(rows: int, sizes: Sequence[int]) -> tuple[int, int]:
     while sum(max(0, even + 1 - size) for size in sizes) <= rows:
         even += 1
     return even, sum(max(0, even - size) for size in sizes)
-
-
-def _cheapest_chain(
-    costs: npt.NDArray[Any], owner_of: npt.NDArray[Any], row: int, has_room: Sequence[bool]
-) -> tuple[int, list[tuple[int, int]]]:
-    """Returns the owner that grows, and the moves (row, new owner), by Bellman and Ford's shortest path over the owners."""
-    owners = len(has_room)
-    prices = np.full((owners, owners), _FAR, dtype=np.int64)
-    movers = np.zeros((owners, owners), dtype=np.int64)
-    for owner in range(owners):
-        owned_rows = np.flatnonzero(owner_of == owner)
-        if owned_rows.size:
-            differences = costs[owned_rows] - costs[owned_rows, owner][:, None]
-            cheapest = differences.argmin(axis=0)
-            prices[owner] = differences[cheapest, np.arange(owners)]
-            movers[owner] = owned_rows[cheapest]
-    costs_to = [int(it) for it in costs[row]]
-    predecessors: list[int | None] = [None] * owners
-    steps, is_settled = prices.tolist(), False
-    # The loop ends soon: the assigned rows have the least cost, so no cycle of moves gains anything.
-    while not is_settled:
-        is_settled = True
-        for source, target in product(range(owners), repeat=2):
-            through = costs_to[source] + steps[source][target]
-            if through < costs_to[target]:
-                costs_to[target], predecessors[target], is_settled = through, source, False
-    last = min((owner for owner in range(owners) if has_room[owner]), key=lambda owner: costs_to[owner])
-    chain, target = [], last
-    while (previous := predecessors[target]) is not None:
-        chain.append((int(movers[previous, target]), target))
-        target = previous
-    return last, [*chain, (row, target)]
 
 
 def _millimetres(points_m: Sequence[Point]) -> Millimetres:
