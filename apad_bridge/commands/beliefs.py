@@ -15,7 +15,8 @@ from apad_bridge.analysis.belief_scores.scores import LOW_COVERAGE, Score, Score
 from apad_bridge.records.run_directory import RunDirectoryError
 from apad_bridge.runs.exits import EXITS, Exit, UserError
 
-_ENDINGS = (".png", ".svg", ".pdf")
+FIGURE_ENDINGS = (".png", ".svg", ".pdf")
+"""The formats of `--figure`, here and in `musselbed fit battery`."""
 
 
 def add_parser(commands: Any) -> None:
@@ -51,8 +52,8 @@ def run(arguments: argparse.Namespace) -> int:
     if not arguments.period >= 0.001:
         raise UserError(f"--period {arguments.period}: must be a millisecond or more")
     figure: Path | None = arguments.figure
-    if figure is not None and figure.suffix not in _ENDINGS:
-        raise UserError(f"--figure {figure}: its name must end in one of {', '.join(_ENDINGS)}")
+    if figure is not None and figure.suffix not in FIGURE_ENDINGS:
+        raise UserError(f"--figure {figure}: its name must end in one of {', '.join(FIGURE_ENDINGS)}")
     try:
         record = arguments.record or best_record(arguments.directory)
         scores = scores_of(comparisons_in(arguments.directory, round(1000 * arguments.period), record))

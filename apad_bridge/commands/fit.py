@@ -18,7 +18,8 @@ from apad_bridge.analysis.battery_fit.battery_log import (
     LogFormat,
     read_log,
 )
-from apad_bridge.analysis.battery_fit.figure import svg
+from apad_bridge.analysis.battery_fit.figure import draw
+from apad_bridge.commands.beliefs import FIGURE_ENDINGS
 from apad_bridge.runs.exits import EXITS, Exit, UserError
 
 
@@ -61,7 +62,10 @@ def add_parser(commands: Any) -> None:
         "--full-mv", type=float, default=4200.0, metavar="MV", help="what is 1 (default: 4200)"
     )
     battery.add_argument(
-        "--figure", type=Path, metavar="FILE.svg", help="draw rows, curve and residuals (of one log)"
+        "--figure",
+        type=Path,
+        metavar="FILE",
+        help="draw rows, curve and residuals (of one log), as .png, .svg or .pdf",
     )
     battery.add_argument("--json", action="store_true", help="fit, residuals and block as JSON on stdout")
     battery.set_defaults(run=run_battery)
@@ -104,9 +108,9 @@ def _refuse_contradictions(arguments: argparse.Namespace) -> None:
         raise UserError("one log, or one of a charge and one of a discharge")
     if arguments.figure is not None and len(arguments.logs) > 1:
         raise UserError("--figure draws one log: fit them one by one")
-    if arguments.figure is not None and arguments.figure.suffix != ".svg":
+    if arguments.figure is not None and arguments.figure.suffix not in FIGURE_ENDINGS:
         raise UserError(
-            f"--figure {arguments.figure}: the picture is an SVG: call it {arguments.figure.stem}.svg"
+            f"--figure {arguments.figure}: its name must end in one of {', '.join(FIGURE_ENDINGS)}"
         )
 
 
@@ -123,7 +127,7 @@ def block_of(fits: list[BatteryFit]) -> dict[str, Any]:
 
 def _write_figure(path: Path, fitted: BatteryFit) -> None:
     try:
-        path.write_text(svg(fitted), encoding="utf-8")
+        draw(fitted, path)
     except OSError as error:
         raise UserError(f"{path} cannot be written: {error.strerror}") from None
 

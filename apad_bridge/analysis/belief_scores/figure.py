@@ -15,9 +15,6 @@ _MAX_LABELS = 40
 
 def draw(scores: Scores, path: Path, title: str) -> None:
     """Writes the picture in the format of the file's ending: .png, .svg or .pdf. ValueError for another ending."""
-    import matplotlib
-
-    matplotlib.use("Agg")
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(11, 9), layout="constrained")

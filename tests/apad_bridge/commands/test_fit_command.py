@@ -74,7 +74,7 @@ def test_more_segments_fit_better(logs: Path, capsys: pytest.CaptureFixture[str]
         ("charge.csv --direction discharging", "goes the wrong way"),
         ("charge.csv discharge.csv charge.csv", "one log, or one of a charge"),
         ("charge.csv discharge.csv --figure a.svg", "draws one log"),
-        ("charge.csv --figure a.png", "call it a.svg"),
+        ("charge.csv --figure a.jpeg", "must end in one of .png, .svg, .pdf"),
         ("charge.csv --figure no/a.svg", "cannot be written"),
         ("charge.csv --empty-mv 4300", "--empty-mv must lie below"),
         ("missing.csv", "No such file"),
@@ -93,4 +93,4 @@ def test_every_command_on_the_page_runs(logs: Path, capsys: pytest.CaptureFixtur
     for command in commands:
         assert main(shlex.split(command, comments=True)) == Exit.DONE, command
         assert capsys.readouterr().out
-    assert (logs / "charge.svg").read_text().startswith("<svg")
+    assert (logs / "charge.svg").read_text().startswith("<?xml")

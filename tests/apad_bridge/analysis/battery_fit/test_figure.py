@@ -1,63 +1,49 @@
-"""Tests the picture of a fit: its elements and their places."""
+"""Tests the picture of a fit: what is drawn, and where."""
 
-import xml.etree.ElementTree as ET
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
-from apad_bridge.analysis.battery_fit.battery_fit import fit_log
+from apad_bridge.analysis.battery_fit.battery_fit import BatteryFit, fit_log
 from apad_bridge.analysis.battery_fit.battery_log import BatteryLog
-from apad_bridge.analysis.battery_fit.figure import svg, ticks
-
-SVG = "{http://www.w3.org/2000/svg}"
+from apad_bridge.analysis.battery_fit.figure import draw, figure_of
 
 
-def drawn(rows: int, outlier: float = 0.0, name: str = "a.csv") -> ET.Element:
-    scaled = np.linspace(0.1, 0.9, rows)
-    scaled[rows // 2] += outlier
-    return ET.fromstring(svg(fit_log(BatteryLog(name, np.arange(float(rows)), scaled, 0), 2)))
+def fitted(rows: int, outlier: float = 0.0, name: str = "a.csv") -> BatteryFit:
+    """Rises from 0.1 to 0.5 in the first half of `rows` minutes and to 0.7 in the second."""
+    minutes = np.arange(float(rows))
+    scaled = np.interp(minutes, [0, rows // 2, rows - 1], [0.1, 0.5, 0.7])
+    scaled[rows // 4] += outlier
+    return fit_log(BatteryLog(name, minutes, scaled, 0), 2)
 
 
-def test_rows_curve_and_breakpoints_are_drawn_where_they_lie() -> None:
-    picture = drawn(200)
-    assert len(picture.findall(f"{SVG}circle[@class='row']")) == 2 * 200
-    (curve,) = picture.findall(f"{SVG}polyline[@class='curve']")
-    points = [tuple(map(float, point.split(","))) for point in curve.get("points", "").split()]
-    knots = [
-        (float(dot.get("cx", "")), float(dot.get("cy", "")))
-        for dot in picture.findall(f"{SVG}circle[@class='knot']")
-    ]
-    assert points == knots
-    # The frame of the upper panel: x from 70 to 840, y from 46 down to 376, showing -0.02 to 1.02.
-    assert points[0] == pytest.approx((70, 376 - 330 * 0.12 / 1.04), abs=0.1)
-    assert points[-1] == pytest.approx((840, 376 - 330 * 0.92 / 1.04), abs=0.1)
+def points(panel: Any, label: str) -> np.ndarray:
+    (line,) = [it for it in panel.lines if it.get_label() == label]
+    drawn: np.ndarray = line.get_xydata()
+    return drawn
 
 
-def test_a_long_log_is_thinned_but_keeps_its_outlier() -> None:
-    picture = drawn(20_000, outlier=0.4)
-    dots = picture.findall(f"{SVG}circle[@class='row']")
-    assert len(dots) == 2 * 1500
-    # 0.9 in the upper panel, in the middle.
-    assert any(
-        abs(float(dot.get("cx", "")) - 455) < 1
-        and abs(float(dot.get("cy", "")) - (376 - 330 * 0.92 / 1.04)) < 1
-        for dot in dots
+def test_rows_curve_and_residuals_are_drawn_where_they_lie() -> None:
+    upper, lower = figure_of(fitted(201, outlier=0.1)).axes
+    assert points(upper, "rows")[:3] == pytest.approx(np.array([(0, 0.1), (1, 0.104), (2, 0.108)]))
+    assert points(upper, "curve") == pytest.approx(
+        np.array([(0, 0.1), (100, 0.5), (200, 0.7)]), abs=0.01, rel=0.02
     )
+    residuals = points(lower, "residuals")
+    assert residuals[50] == pytest.approx((50, 0.1), abs=0.01)
+    assert np.abs(np.delete(residuals[:, 1], 50)).max() < 0.01
+    rates = [float(it.get_text().removesuffix(" / min")) for it in upper.texts]
+    assert rates == pytest.approx([0.004, 0.002], rel=0.05)
 
 
-def test_a_name_is_text_whatever_is_in_it() -> None:
-    picture = drawn(20, name="<b>&.csv")
-    assert picture.findall(f"{SVG}text[@class='title']")[0].text == "<b>&.csv"
+def test_a_name_is_text_whatever_is_in_it(tmp_path: Path) -> None:
+    draw(fitted(20, name="<b>&$x^$_.csv"), tmp_path / "a.svg")
+    assert figure_of(fitted(20, name="$x^$.csv")).get_suptitle() == "$x^$.csv"
 
 
-@pytest.mark.parametrize(
-    ("low", "high", "about", "expected"),
-    [
-        (-0.02, 1.02, 6, [0, 0.2, 0.4, 0.6, 0.8, 1.0]),
-        (0, 485, 8, [0, 100, 200, 300, 400]),
-        (-0.011, 0.011, 4, [-0.01, 0, 0.01]),
-        (3, 4, 4, [3, 3.5, 4]),
-    ],
-)
-def test_ticks_are_round_numbers(low: float, high: float, about: int, expected: list[float]) -> None:
-    assert ticks(low, high, about) == pytest.approx(expected)
+@pytest.mark.parametrize(("ending", "begins"), [("svg", b"<?xml"), ("png", b"\x89PNG"), ("pdf", b"%PDF")])
+def test_the_ending_chooses_the_format(ending: str, begins: bytes, tmp_path: Path) -> None:
+    draw(fitted(20), tmp_path / f"a.{ending}")
+    assert (tmp_path / f"a.{ending}").read_bytes().startswith(begins)
