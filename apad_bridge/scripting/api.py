@@ -12,7 +12,6 @@ ends the script.
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
 
 from apad_bridge.beliefs.input_ranges import FARTHEST_M
 from apad_bridge.mission.ending import EndReason, MissionEnd
@@ -20,7 +19,7 @@ from apad_bridge.mission.manual import ManualMission
 from apad_bridge.mission.values import Event, Refused, Status, dock_index_of, dock_of, manoeuvre_of
 from apad_bridge.planning.costs import CostBreakdown
 from apad_bridge.scripting import planned
-from apad_bridge.scripting.arguments import checks_arguments
+from apad_bridge.scripting.arguments import Flag, Point, checks_arguments
 from apad_bridge.scripting.planned import Plan
 from apad_bridge.scripting.queries import FOR_EVER_S, Queries
 from apad_bridge.scripting.rendezvous import Wait
@@ -60,9 +59,7 @@ class Api(Queries):
 
     # Primitives: each call gives an order and returns at once.
 
-    def go_to(
-        self, point: Sequence[float], speed: float | None = None, victory_radius: float | None = None
-    ) -> None:
+    def go_to(self, point: Point, speed: float | None = None, victory_radius: float | None = None) -> None:
         """Sends the aPad to `[lat, lon]` in degrees.
 
         `speed` (m/s) and `victory_radius` (m) default to the scenario's.
@@ -86,14 +83,14 @@ class Api(Queries):
         self._refuse_others(id)
         return self._do(lambda mission: mission.goto)
 
-    def hold(self, point: Sequence[float] | None = None) -> None:
+    def hold(self, point: Point | None = None) -> None:
         """Holds the position at `[lat, lon]`, or where the aPad is; pre-empts the primitive under way."""
         place = (None, None) if point is None else self._frame.to_local(*point)
         self._do(lambda mission: mission.hold(*place))
 
     def docking(
         self,
-        dock: bool,
+        dock: Flag,
         number: int,
         id: int | None = None,
         yaw_rate: float | None = None,

@@ -1,4 +1,4 @@
-"""Checks the arguments of a script's API calls before anything is done.
+"""Checks the arguments of a script's API calls before anything is done, by their annotations.
 
 A wrong argument gives one line that names the argument, in place of an error from deep inside the API.
 """
@@ -6,28 +6,43 @@ A wrong argument gives one line that names the argument, in place of an error fr
 from __future__ import annotations
 
 import inspect
-import typing
 from collections.abc import Callable, Sequence
 from functools import wraps
-from numbers import Integral, Real
-from types import NoneType, UnionType
-from typing import Any, TypeVar
+from typing import Annotated, Any, TypeVar
+
+import numpy as np
+from annotated_types import Len
+from pydantic import (
+    ConfigDict,
+    Strict,
+    ValidationError,
+    ValidatorFunctionWrapHandler,
+    WrapValidator,
+    validate_call,
+)
+from pydantic_core import ErrorDetails, PydanticCustomError
 
 from apad_bridge.mission.values import Refused
 
 C = TypeVar("C", bound=type)
-_KIND_NAMES: dict[Any, str] = {
-    float: "a number",
-    int: "a whole number",
-    str: "a text",
-    bool: "True or False",
-    Sequence: "[latitude, longitude] in degrees",
-    Callable: "a function",
-}
+
+
+def _point(value: Any, check: ValidatorFunctionWrapHandler) -> Any:
+    try:
+        return check(value)
+    except ValidationError:
+        raise PydanticCustomError("point", "must be [latitude, longitude] in degrees") from None
+
+
+Point = Annotated[Sequence[float], Len(2, 2), WrapValidator(_point)]
+"""[latitude, longitude] in degrees."""
+Flag = Annotated[bool, Strict(False)]
+"""True or False, or 1 or 0 for them."""
+_STRICT = ConfigDict(strict=True, arbitrary_types_allowed=True)
 
 
 def checks_arguments(cls: C) -> C:
-    """Decorates a class: its public methods raise Refused for arguments of a kind that their annotations do not allow."""
+    """Decorates a class: its public methods raise Refused for arguments that their annotations do not allow."""
     for name, method in list(vars(cls).items()):
         if inspect.isfunction(method) and not name.startswith("_"):
             setattr(cls, name, _checked(method))
@@ -35,56 +50,40 @@ def checks_arguments(cls: C) -> C:
 
 
 def _checked(method: Callable[..., Any]) -> Callable[..., Any]:
-    signature = inspect.signature(method)
-    allowed: dict[str, tuple[Any, ...]] = {}
+    checked: list[Callable[..., Any]] = []
+    names = list(inspect.signature(method).parameters)
+
+    # Validated apart from the call, so that an error of pydantic's from inside the method is not taken for the caller's.
+    @wraps(method)
+    def arguments(*args: Any, **kwargs: Any) -> Any:
+        return args, kwargs
 
     @wraps(method)
-    def checked(*args: Any, **kwargs: Any) -> Any:
-        if not allowed:  # Resolved at the first call, when every module that an annotation names is imported.
-            allowed.update((name, _kinds(hint)) for name, hint in typing.get_type_hints(method).items())
+    def call(*args: Any, **kwargs: Any) -> Any:
+        if not checked:  # Made at the first call, when every module that an annotation names is imported.
+            checked.append(validate_call(config=_STRICT)(arguments))
         try:
-            bound = signature.bind(*args, **kwargs).arguments
-        except TypeError as error:
-            raise Refused(f"{method.__name__}: {error}") from None
-        for name, value in bound.items():
-            kinds = allowed.get(name, (object,))
-            if signature.parameters[name].kind is inspect.Parameter.VAR_KEYWORD or any(
-                _is_of(value, kind) for kind in kinds
-            ):
-                continue
-            kind_names = " or ".join(
-                _KIND_NAMES.get(kind, f"a {kind.__name__}") for kind in kinds if kind is not NoneType
-            )
-            raise Refused(f"{method.__name__}: {name} must be {kind_names}, not {value!r}")
+            args, kwargs = checked[0](*map(_plain, args), **{name: _plain(it) for name, it in kwargs.items()})
+        except ValidationError as error:
+            raise Refused(f"{method.__name__}: {_line(error.errors(), names)}") from None
         return method(*args, **kwargs)
 
-    return checked
+    return call
 
 
-def _kinds(hint: Any) -> tuple[Any, ...]:
-    """The members of a union, each without its type arguments."""
-    parts = typing.get_args(hint) if typing.get_origin(hint) in (UnionType, typing.Union) else (hint,)
-    origins = [typing.get_origin(part) or part for part in parts]
-    return tuple(Callable if it is typing.get_origin(Callable[[], None]) else it for it in origins)
+def _plain(value: Any) -> Any:
+    """A number or point of numpy's as Python's."""
+    return value.tolist() if isinstance(value, np.generic | np.ndarray) else value
 
 
-def _is_of(value: Any, kind: Any) -> bool:
-    if kind is float:
-        return isinstance(value, Real) and not isinstance(value, bool)
-    if kind is int:
-        return isinstance(value, Integral) and not isinstance(value, bool)
-    if kind is bool:
-        return isinstance(value, bool) or value in (0, 1)
-    if kind is Callable:
-        return callable(value)
-    if kind is Sequence:
-        return _is_place(value)
-    return not inspect.isclass(kind) or isinstance(value, kind)
-
-
-def _is_place(value: Any) -> bool:
-    """True for two numbers in any iterable with a length, such as an array."""
-    try:
-        return len(value) == 2 and all(_is_of(it, float) for it in value)
-    except TypeError:
-        return False
+def _line(errors: list[ErrorDetails], names: list[str]) -> str:
+    """The first mistake. pydantic names a positional argument by its index, and has an error for each member of a union."""
+    at = errors[0]["loc"][0]
+    name = dict(enumerate(names)).get(at, f"argument {at}") if isinstance(at, int) else at
+    messages = dict.fromkeys(
+        it["msg"].replace("Input should be", "must be").removesuffix(", unable to interpret input")
+        for it in errors
+        if it["loc"][0] == at
+    )
+    told = " or ".join(messages).replace(" or must be", " or")
+    return f"{name} {told}, not {errors[0]['input']!r}" if told.startswith("must be") else f"{name}: {told}"

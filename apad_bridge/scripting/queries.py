@@ -190,7 +190,7 @@ class Queries:
 
     def _until_ms(self, seconds: float) -> int:
         if not seconds >= 0:
-            raise Refused(f"a time of {seconds} s cannot be waited for")
+            raise Refused(f"a time of {seconds:g} s cannot be waited for")
         return self._do(lambda mission: mission.now_ms) + round(min(seconds, FOR_EVER_S) * 1000)
 
     def _await_first_packet(self, id: int) -> None:
@@ -243,7 +243,7 @@ class Queries:
 
 def _ms(seconds: float) -> int:
     if not 0 <= seconds <= FOR_EVER_S:
-        raise Refused(f"a time of {seconds} s cannot be foretold")
+        raise Refused(f"a time of {seconds:g} s cannot be foretold")
     return round(seconds * 1000)
 
 

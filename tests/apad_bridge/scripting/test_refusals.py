@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 
+import numpy as np
 import pytest
 
 from apad_bridge.mission.ending import EndReason
@@ -45,17 +46,22 @@ from apad_bridge.scripting.api import Api
         (lambda api: api.collect(4, 5), "there is no dock 5"),
         (lambda api: api.go_to(5), r"go_to: point must be \[latitude, longitude\] in degrees, not 5"),
         (lambda api: api.go_to([1, 2, 3]), "go_to: point must be"),
-        (lambda api: api.go_to_local("north", 1), "go_to_local: north_m must be a number, not 'north'"),
-        (lambda api: api.go_to_local(1, 1, speed="fast"), "speed must be a number, not 'fast'"),
+        (lambda api: api.go_to_local("north", 1), "go_to_local: north_m must be a valid number, not 'north'"),
+        (lambda api: api.go_to_local(1, 1, speed="fast"), "speed must be a valid number, not 'fast'"),
         (lambda api: api.hold("here"), "hold: point must be"),
-        (lambda api: api.docking(True), "docking: missing a required argument: 'number'"),
-        (lambda api: api.docking(True, 1, 3, yaw_rate="slow"), "yaw_rate must be a number"),
-        (lambda api: api.tell_clear("x"), "tell_clear: id must be a whole number, not 'x'"),
-        (lambda api: api.collect(4, 1, timeout="x"), "timeout must be a number"),
-        (lambda api: api.get_location(None), "id must be a whole number or a text, not None"),
-        (lambda api: api.sleep("x"), "sleep: seconds must be a number, not 'x'"),
-        (lambda api: api.wait_until(True, 5), "wait_until: condition must be a function, not True"),
-        (lambda api: api.say(5), "say: text must be a text, not 5"),
+        (lambda api: api.hold([1, "x"]), "hold: point must be"),
+        (lambda api: api.battery(True), "battery: id must be a valid integer, not True"),
+        (lambda api: api.battery("3"), "battery: id must be a valid integer, not '3'"),
+        (lambda api: api.battery(3, 4), "battery: argument 2: Unexpected positional argument"),
+        (lambda api: api.docking(2, 1, 3), "docking: dock must be a valid boolean"),
+        (lambda api: api.docking(True), "docking: number: Missing required argument"),
+        (lambda api: api.docking(True, 1, 3, yaw_rate="slow"), "yaw_rate must be a valid number"),
+        (lambda api: api.tell_clear("x"), "tell_clear: id must be a valid integer, not 'x'"),
+        (lambda api: api.collect(4, 1, timeout="x"), "timeout must be a valid number"),
+        (lambda api: api.get_location(None), "id must be a valid integer or a valid string, not None"),
+        (lambda api: api.sleep("x"), "sleep: seconds must be a valid number, not 'x'"),
+        (lambda api: api.wait_until(True, 5), "wait_until: condition must be callable, not True"),
+        (lambda api: api.say(5), "say: text must be a valid string, not 5"),
         (lambda api: api.note("seen", t=5), "the journal has fields of these names itself: t"),
         (lambda api: api.note("seen", what=5, at_ms=5), "names itself: at_ms, what"),
         (
@@ -63,8 +69,8 @@ from apad_bridge.scripting.api import Api
             "only plain data can be written into the journal",
         ),
         (lambda api: api.note("seen", it=object()), "only plain data can be written into the journal"),
-        (lambda api: api.run(5), "run: behaviour must be a Behaviour, not 5"),
-        (lambda api: api.cost_of(5), "cost_of: plan must be a Plan, not 5"),
+        (lambda api: api.run(5), "run: behaviour must be an instance of Behaviour, not 5"),
+        (lambda api: api.cost_of(5), "cost_of: plan must be an instance of Plan, not 5"),
     ],
 )
 def test_what_cannot_be_done_is_refused_in_one_line(
@@ -76,4 +82,16 @@ def test_what_cannot_be_done_is_refused_in_one_line(
         assert "\n" not in str(raised.value)
 
     flight = fly_script(pool, caught)
+    assert (flight.error, flight.ended_by) == (None, EndReason.SCRIPT_ENDED)
+
+
+def test_numbers_of_numpy_are_numbers_and_arrays_are_points(pool: Scenario) -> None:
+    def script(api: Api) -> None:
+        assert api.battery(np.int64(3)) == api.battery(3)
+        api.go_to(np.array([43.9331, 15.4444]))
+        api.go_to_local(np.float32(1), 2)
+        with pytest.raises(Refused, match="dock 1 is empty"):
+            api.docking(np.bool_(False), 1)
+
+    flight = fly_script(pool, script)
     assert (flight.error, flight.ended_by) == (None, EndReason.SCRIPT_ENDED)
