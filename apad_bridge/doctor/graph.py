@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import re
 import threading
+import time
 from collections.abc import Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -25,6 +26,8 @@ from apad_bridge.doctor.network import (
 from apad_bridge.ros_names.names import in_full
 
 _AT_ONCE = 16
+_AGAIN_S = 0.1
+"""The pause before a master is asked again."""
 _MAX_LISTED = 8
 Names = dict[str, list[str]]
 
@@ -45,6 +48,18 @@ class Graph:
         state = call(uri, "getSystemState")
         publishers, subscribers, services = ({name: list(nodes) for name, nodes in part} for part in state)
         return cls(uri, publishers, subscribers, services, dict(call(uri, "getTopicTypes")))
+
+    @classmethod
+    def read_within(cls, uri: str, timeout_s: float) -> Graph:
+        """Asks a master that does not answer again, as on a busy machine. Raises Unreachable after `timeout_s`."""
+        until_s = time.monotonic() + timeout_s
+        while True:
+            try:
+                return cls.read(uri)
+            except Unreachable:
+                if time.monotonic() > until_s:
+                    raise
+                time.sleep(_AGAIN_S)
 
     @property
     def nodes(self) -> list[str]:

@@ -45,7 +45,8 @@ def live_generation(name: str, timeout_s: float) -> Generation:
     until_s, whole = time.monotonic() + timeout_s, rospy.resolve_name(name)
     while True:
         try:
-            offered = offered_generations(Graph.read(rosgraph.get_master_uri()), name)
+            left_s = max(0.0, until_s - time.monotonic())
+            offered = offered_generations(Graph.read_within(rosgraph.get_master_uri(), left_s), name)
         except Unreachable as error:
             raise VehicleNotReady(str(error)) from None
         if len(offered) == 1:

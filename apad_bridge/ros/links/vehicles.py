@@ -32,7 +32,9 @@ def reports_contact(scenario: Scenario) -> bool:
     if generation is not Generation.AUTO:
         return _capabilities(generation, scenario).reports_contact
     try:
-        offered = offered_generations(Graph.read(rosgraph.get_master_uri()), scenario.apad.name)
+        offered = offered_generations(
+            Graph.read_within(rosgraph.get_master_uri(), READY_S), scenario.apad.name
+        )
     except Unreachable:
         return True
     return len(offered) != 1 or _capabilities(offered.pop(), scenario).reports_contact

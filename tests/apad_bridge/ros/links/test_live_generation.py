@@ -1,0 +1,55 @@
+"""Tests how the generation of a live aPad is recognised, on a master that a busy machine keeps from answering."""
+
+from __future__ import annotations
+
+import pytest
+
+from apad_bridge.assembly.stacks import STACKS
+from apad_bridge.doctor.graph import Graph
+from apad_bridge.doctor.network import Unreachable
+from apad_bridge.ros.links import generations
+from apad_bridge.ros.links.generations import live_generation
+from apad_bridge.vehicle.errors import VehicleNotReady
+
+SILENT = Unreachable("getSystemState at http://here:1: no answer within 2 s")
+EMPTY = Graph("http://here:1", {}, {}, {}, {})
+OF_A = Graph(
+    "http://here:1",
+    {},
+    {f"/apad1/{action}/goal": ["/apad1_simulated"] for action in STACKS[0].actions},
+    {f"/apad1/{service}": ["/apad1_simulated"] for service in STACKS[0].services},
+    {},
+)
+
+
+@pytest.fixture
+def answers(monkeypatch: pytest.MonkeyPatch) -> list[Graph | Unreachable]:
+    """What the master answers to one question after the other; the last answer is repeated."""
+    told: list[Graph | Unreachable] = []
+
+    def read(uri: str) -> Graph:
+        answer = told.pop(0) if len(told) > 1 else told[0]
+        if isinstance(answer, Unreachable):
+            raise answer
+        return answer
+
+    monkeypatch.setattr(generations.Graph, "read", read)
+    return told
+
+
+def test_a_master_that_answers_late_is_asked_again(answers: list[Graph | Unreachable]) -> None:
+    answers += [SILENT, EMPTY, SILENT, OF_A]
+    assert live_generation("apad1", 60.0) is STACKS[0].generation
+    assert answers == [OF_A]
+
+
+@pytest.mark.parametrize(
+    ("answer", "told"),
+    [(SILENT, "no answer within 2 s"), (EMPTY, "/apad1 is not there after 0.2 s: nobody listens to")],
+)
+def test_what_never_comes_is_told_when_the_time_is_over(
+    answers: list[Graph | Unreachable], answer: Graph | Unreachable, told: str
+) -> None:
+    answers.append(answer)
+    with pytest.raises(VehicleNotReady, match=told):
+        live_generation("apad1", 0.2)
