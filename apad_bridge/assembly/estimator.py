@@ -49,6 +49,8 @@ _MISSED = 0.1
 """The largest fraction of Wi-Fi reports from the surface that an aPad beside the aMussel misses. An aPad farther off
 receives none, assumes that the aMussel stayed below, and repeats the permission; it receives them when it has come."""
 _COIL_DEVIATION = 0.02
+_RATE_DEVIATION = 0.1
+"""Capacities differ by a tenth: a battery that holds less is full sooner."""
 _MOTOR_DEVIATION = 0.003
 _AGEING_PER_DAY = 0.001
 _STEADY_CURRENT_S = 3600.0
@@ -117,6 +119,9 @@ def twin_parameters_of(scenario: Scenario, model: TwinModel) -> TwinParameters:
         surfacing_ms=round(board.surfacing_s * 1000),
         sinking_ms=round(board.sinking_s * 1000),
         float_timeout_ms=round(board.float_timeout_s * 1000),
+        motor_run_ms=0 if firmware is None else firmware.power.motor_run_ms,
+        release_wait_ms=round(board.release_wait_s * 1000),
+        listening_ms=0 if firmware is None or firmware.cycle is None else firmware.cycle.listen_ms,
         calls=None if scenario.water is None else Calls(_report_ms(scenario) * theta, _MISSED),
     )
 
@@ -144,8 +149,16 @@ def _drain(scenario: Scenario, firmware: FullFirmware | None) -> Drain:
         cycle = _cycle_of(firmware, 0)
         rates[Mode.ASLEEP] = cycle.in_all * _MS_PER_MIN / cycle.period_ms
     motor_run = firmware.power.loads.of[Rail.MOTORS] * firmware.power.motor_run_ms / FULL
+    scheduled_per_min = rates[Mode.IDLE if firmware.cycle is None else Mode.ASLEEP]
+    listening_ms = 0 if firmware.cycle is None else firmware.cycle.listen_ms
+    release_wait_ms = scenario.board.release_wait_s * 1000
     return Drain(
-        tuple(rates[mode] for mode in Mode), motor_run, _MOTOR_DEVIATION, firmware.power.path / PATH_UNIT
+        tuple(rates[mode] for mode in Mode),
+        motor_run,
+        _MOTOR_DEVIATION,
+        firmware.power.path / PATH_UNIT,
+        listening=(rates[Mode.IDLE] - scheduled_per_min) * listening_ms / _MS_PER_MIN,
+        release_wait=(draw_per_min(State.RELEASED) - scheduled_per_min) * release_wait_ms / _MS_PER_MIN,
     )
 
 
@@ -214,4 +227,4 @@ def _charger(scenario: Scenario) -> Charger:
 
     one_coil = per_min(model.segments)
     coils = per_min(model.segments_by_two)[-1][1] / one_coil[-1][1] if model.segments_by_two else 1.0
-    return Charger(one_coil, coils, _COIL_DEVIATION)
+    return Charger(one_coil, coils, _COIL_DEVIATION, _RATE_DEVIATION)

@@ -1,8 +1,8 @@
-"""The state vector of a twin's power filter, with its prediction and its update: seven numbers, estimated together.
+"""The state vector of a twin's power filter, with its prediction and its update: eight numbers, estimated together.
 
-The numbers are both charges at the anchor; the drain, relative to the nominal kind's; and four voltage biases, because a
-sensor reads low under a load and high on a charger. Drain and biases differ between aMussels; the filter learns them from
-packets.
+The numbers are both charges at the anchor; the drain, relative to the nominal kind's; four voltage biases, because a
+sensor reads low under a load and high on a charger; and the charging rate, relative to the nominal kind's. Drain, biases
+and charging rate differ between aMussels; the filter learns them from packets.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ from apad_bridge.beliefs.spent_charge import Spent
 from apad_bridge.beliefs.twin_parameters import Sensor, TwinParameters
 
 Array = NDArray[np.float64]
-PRIMARY, SECONDARY, DRAIN, ASLEEP, AWAKE, HIGH, CHARGING = range(7)
-SIZE = 7
+PRIMARY, SECONDARY, DRAIN, ASLEEP, AWAKE, HIGH, CHARGING, RATE = range(8)
+SIZE = 8
 _UNKNOWN_SD = 0.6
 """Deviation of an unknown charge: wider than [0, 1], so that the first packet alone decides."""
 _UNINFORMATIVE = 1e4
@@ -55,7 +55,7 @@ class Anchor(NamedTuple):
 
 
 def _measurement_matrix(mode: Mode) -> Array:
-    """The 2 x 7 matrix from the state to the two measured charges: a load biases the primary alone, a charger both."""
+    """The 2 x 8 matrix from the state to the two measured charges: a load biases the primary alone, a charger both."""
     bias = _BIAS_OF[mode]
     reading = np.zeros((2, SIZE))
     reading[0, PRIMARY] = reading[1, SECONDARY] = reading[0, bias] = 1.0
@@ -70,13 +70,14 @@ _IDENTITY = np.eye(SIZE)
 
 def prior_state(parameters: TwinParameters) -> tuple[Array, Array]:
     sensor = parameters.sensor
-    mean = np.array([0.5, 0.5, 1.0, *sensor.bias])
-    sds = (_UNKNOWN_SD, _UNKNOWN_SD, parameters.drain_deviation, *sensor.bias_deviation)
+    mean = np.array([0.5, 0.5, 1.0, *sensor.bias, 1.0])
+    rate = parameters.charger.rate_deviation
+    sds = (_UNKNOWN_SD, _UNKNOWN_SD, parameters.drain_deviation, *sensor.bias_deviation, rate)
     return mean, np.diag(np.square(sds))
 
 
 def process_noise(parameters: TwinParameters, elapsed_ms: int) -> Array:
-    """The 7 x 7 process noise: the drain of an ageing battery does a random walk."""
+    """The 8 x 8 process noise: the drain of an ageing battery does a random walk."""
     noise = np.zeros((SIZE, SIZE))
     noise[DRAIN, DRAIN] = parameters.ageing_per_day**2 * elapsed_ms / 86_400_000
     return noise
@@ -95,6 +96,24 @@ def discharged(
     new_mean[SECONDARY] -= from_secondary[0]
     new_cov[PRIMARY, PRIMARY] += (mean[DRAIN] ** 2 + cov[DRAIN, DRAIN]) * spent[2]
     new_cov[SECONDARY, SECONDARY] += from_secondary[1]
+    return new_mean, new_cov
+
+
+def charged(
+    mean: Array, cov: Array, rows: Sequence[tuple[float, float, float, float]], noise: Array
+) -> tuple[Array, Array]:
+    """The state after a time in a dock; `rows` are (mean, variance, slope, slope by the charging rate) of both charges.
+
+    The variances are those of the nonlinear curve; the slopes give every covariance.
+    """
+    transition = _IDENTITY.copy()
+    for row, (_, _, slope, by_rate) in zip((PRIMARY, SECONDARY), rows, strict=True):
+        transition[row, row], transition[row, RATE] = slope, by_rate
+    new_cov = transition @ cov @ transition.T + noise
+    new_mean = mean.copy()
+    for row, (its_mean, variance, _, _) in zip((PRIMARY, SECONDARY), rows, strict=True):
+        new_mean[row] = its_mean
+        new_cov[row, row] = max(new_cov[row, row], variance)
     return new_mean, new_cov
 
 

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 from apad_bridge.beliefs.twin_parameters import Charger
 
 _NODES = (-2.8569700138728, -1.3556261799743, 0.0, 1.3556261799743, 2.8569700138728)
+_RATE_STEP = 0.01
 _WEIGHTS = (0.011257411327721, 0.222075922005613, 8 / 15, 0.222075922005613, 0.011257411327721)
 """The five points and weights of Gauss-Hermite quadrature for a standard normal variable."""
 
@@ -31,24 +33,56 @@ def charged(charger: Charger, coils: float, load_per_min: float, charge: float, 
     raise AssertionError("the last segment ends at 1")
 
 
-def propagated(
-    charger: Charger, coils: float, load_per_min: float, mean: float, variance: float, minutes: float
-) -> tuple[float, float, float]:
-    """Mean and variance after `minutes`, not clamped at 1, and the regression slope of the new charge on the old one.
+class Rate(NamedTuple):
+    """A charging rate relative to the nominal one, and its covariance with the charge."""
 
-    They are computed from five quadrature points of the old charge. The alignment of the coils adds to the variance: the
-    square of the charge that a rate of one deviation less would lose.
+    mean: float
+    variance: float
+    covariance: float
+
+
+NOMINAL = Rate(1.0, 0.0, 0.0)
+
+
+class Charged(NamedTuple):
+    """A charge after a time in a dock, not clamped at 1."""
+
+    mean: float
+    variance: float
+    slope: float
+    """The regression slope of the new charge on the old one."""
+    by_rate: float
+    """The slope of the new charge on the relative charging rate."""
+
+
+def propagated(
+    charger: Charger,
+    coils: float,
+    load_per_min: float,
+    mean: float,
+    variance: float,
+    minutes: float,
+    rate: Rate = NOMINAL,
+) -> Charged:
+    """The charge after `minutes`, from `mean` and `variance` before.
+
+    The moments are computed from five quadrature points of the old charge. Two things add to the variance: the alignment
+    of the coils, by the square of the charge that a rate of one deviation less would lose; and the uncertain rate.
     """
+    coils *= rate.mean
     sd = math.sqrt(max(variance, 0.0))
     middle = charged(charger, coils, load_per_min, mean, minutes)
-    less = charged(charger, coils * (1 - charger.deviation), load_per_min, mean, minutes)
-    extra = (middle - less) ** 2
+    less = charged(charger, coils * (1 - _RATE_STEP), load_per_min, mean, minutes)
+    by_rate = (middle - less) / _RATE_STEP / rate.mean
+    extra = by_rate**2 * ((charger.deviation * rate.mean) ** 2 + rate.variance)
     if sd < 1e-6:
-        return middle, extra, 1.0
+        return Charged(middle, extra, 1.0, by_rate)
     first = second = cross = 0.0
     for node, weight in zip(_NODES, _WEIGHTS, strict=True):
         new = charged(charger, coils, load_per_min, min(1.0, mean + sd * node), minutes)
         first += weight * new
         second += weight * new * new
         cross += weight * node * new
-    return first, max(0.0, second - first * first) + extra, cross / sd
+    slope = cross / sd
+    variance = second - first * first + extra + 2 * slope * by_rate * rate.covariance
+    return Charged(first, max(0.0, variance), slope, by_rate)

@@ -13,15 +13,20 @@ from typing import Any, NamedTuple
 from apad_bridge.beliefs import charge_state as charge
 from apad_bridge.beliefs.charge_state import PRIMARY, SECONDARY, Anchor, Array
 from apad_bridge.beliefs.modes import DOCKED, SUBMERGED, Mode, mode_of
-from apad_bridge.beliefs.spent_charge import MS_PER_MIN, Load, Spent, propagated, spending
+from apad_bridge.beliefs.spent_charge import MS_PER_MIN, Load, Spent
 from apad_bridge.beliefs.twin_parameters import Schedule, TwinParameters
 from apad_bridge.beliefs.twin_state import (
+    NOTHING,
     TwinState,
     charge_now,
-    choices,
+    listening,
+    load_of_all,
+    load_when_spent,
     mode_observed,
+    obey_probability,
     paths,
-    sinking,
+    released,
+    spent_hypotheses,
     submerged,
 )
 from firmware_model.states import State
@@ -34,7 +39,6 @@ _GATE = 5.0
 """The gate in deviations of the reading; a reading beyond it is not believed, and the next one decides."""
 _UNREPORTED_EVENT_SD = 0.3
 """Deviation of a charge after an event that nobody reported: a docking by hand, or a release."""
-NOTHING = Spent(1.0, 0.0, 0.0)
 _NO_OFFSETS = (0.0, 0.0)
 _AFTER_RELEASE = (State.RELEASED, State.SINKING)
 _TRANSIENT = (State.RELEASED, State.SINKING, State.BOOTING)
@@ -69,7 +73,7 @@ class HypothesisWeigher:
             )
         else:
             hypotheses = charge_now(
-                twin_state, self.parameters, self._spending_hypotheses(twin_state, schedule, reading.mode)
+                twin_state, self.parameters, self._spending_hypotheses(twin_state, reading.mode)
             )
         return self.corrected(twin_state, schedule, hypotheses, reading)
 
@@ -78,7 +82,7 @@ class HypothesisWeigher:
         if mode in DOCKED and twin_state.situation is Mode.CHARGING_PRIMARY:
             return charge_now(twin_state, self.parameters, ())
         weight, mean, cov = charge.moment_matched(
-            charge_now(twin_state, self.parameters, paths(twin_state.load))
+            charge_now(twin_state, self.parameters, spent_hypotheses(twin_state, self.parameters))
         )
         cov[PRIMARY, PRIMARY] += _UNREPORTED_EVENT_SD**2
         return [Anchor(weight, mean, cov)]
@@ -95,16 +99,14 @@ class HypothesisWeigher:
         run = self.parameters.drain.motor_run
         return Spent(1.0, run / 2, run**2 / 12)
 
-    def _spending_hypotheses(self, twin_state: TwinState, schedule: Schedule, mode: Mode) -> list[Spent]:
+    def _spending_hypotheses(self, twin_state: TwinState, mode: Mode) -> list[Spent]:
         """The ways in which the aMussel can have come to the stated mode, each with the charge spent on the way."""
-        load = twin_state.load
+        load = load_when_spent(twin_state)
         if mode in SUBMERGED:
-            if twin_state.unobeyed is not None:
-                load = self.without_permission(twin_state, schedule)
-            rest = load.skewed_parts(load.unexpected(mode))
-            rows = [load.expected, *rest] if mode is load.expected_mode else rest
+            rows = self._submerged_hypotheses(twin_state, load, mode)
         elif twin_state.situation is None:
             # It comes up by itself, or somebody else permitted it.
+            load = load_of_all(twin_state, self.parameters)
             _, mean, variance = load.total()
             run = self.parameters.drain.motor_run
             rows = [Spent(1.0, mean + run, variance + run**2)]
@@ -119,15 +121,17 @@ class HypothesisWeigher:
             return [Spent(1.0, mean, variance + self.parameters.drain_deviation**2)]
         return [Spent(row[0] / total, row[1], row[2]) for row in rows if row[0] > 0]
 
-    def without_permission(self, twin_state: TwinState, schedule: Schedule) -> Load:
-        """The charge spent if the aMussel never received the permission."""
-        assert twin_state.unobeyed is not None
-        before, at_ms = twin_state.unobeyed
-        chosen = choices(twin_state, self.parameters, schedule)
-        drain_since = spending(self.parameters.drain.per_min, schedule.cycle)
-        return propagated(
-            before, at_ms, twin_state.at_ms, drain_since, self.parameters.habits.every_ms, chosen
-        )
+    def _submerged_hypotheses(self, twin_state: TwinState, load: Load, mode: Mode) -> list[Spent]:
+        """One that should float did not obey; one that should have sunk again may have obeyed before, or not."""
+        if twin_state.unobeyed is None:
+            return _in_mode(load, mode)
+        stayed = _in_mode(twin_state.unobeyed[0], mode)
+        if twin_state.situation is not None:
+            return stayed
+        obeyed = obey_probability(twin_state, self.parameters, twin_state.at_ms)
+        return [Spent(obeyed * p, mean, variance) for p, mean, variance in _in_mode(load, mode)] + [
+            Spent((1 - obeyed) * p, mean, variance) for p, mean, variance in stayed
+        ]
 
     def corrected(
         self, twin_state: TwinState, schedule: Schedule, hypotheses: list[Anchor], reading: Reading
@@ -196,16 +200,23 @@ class HypothesisWeigher:
             **mode_observed(twin_state, self.parameters, reading.mode),
         )
         if reading.state in _TRANSIENT:
-            spent = NOTHING
             if reading.state is State.RELEASED:
-                spent = sinking(NOTHING, self.parameters)
-            elif reading.state is State.SINKING:
-                spent = self._partial_motor_run()
+                return released(twin_state, self.parameters, schedule)
+            spent = self._partial_motor_run() if reading.state is State.SINKING else NOTHING
+            spent = spent._replace(mean=spent.mean + self.parameters.drain.listening)
             return submerged(twin_state, self.parameters, schedule, spent)
         if reading.state is State.SURFACING:
             _, left, variance = self._partial_motor_run()
             return replace(twin_state, load=twin_state.load.add(left, variance))
+        if reading.state is State.ACTIVE and reading.mode is Mode.ASLEEP:
+            return listening(twin_state, self.parameters)
         return twin_state
+
+
+def _in_mode(load: Load, mode: Mode) -> list[Spent]:
+    """The hypotheses of a submerged aMussel in `mode`."""
+    rest = load.skewed_parts(load.unexpected(mode))
+    return [load.expected, *rest] if mode is load.expected_mode else rest
 
 
 def _clamped_if_outside(row: Anchor) -> Anchor:
@@ -231,5 +242,6 @@ def anchored(
         "since_ms": twin_state.at_ms,
         "from_secondary": (0.0, 0.0),
         "unobeyed": None,
+        "pending": None,
     }
     return replace(twin_state, **(settled | changes))

@@ -84,6 +84,17 @@ class Load:
             self.unscheduled_decisions,
         )
 
+    def mixed_with(self, other: Load, share: float) -> Load:
+        """This load with probability `share`, else the other one; the likelier one's expected path stays the expected."""
+        a, b, c = (
+            merged([Spent(share * one[0], *one[1:]), Spent((1 - share) * two[0], *two[1:])])
+            for one, two in zip(self.by_mode, other.by_mode, strict=True)
+        )
+        likelier, weight = (self, share) if share >= 0.5 else (other, 1 - share)
+        p, mean, variance = likelier.expected
+        decisions = max(self.unscheduled_decisions, other.unscheduled_decisions)
+        return Load((a, b, c), Spent(weight * p, mean, variance), likelier.expected_mode, decisions)
+
     def unexpected(self, mode: Mode) -> Spent:
         """The part of `mode` without the expected path."""
         whole = self.by_mode[mode]

@@ -30,20 +30,22 @@ from apad_bridge.beliefs.measurement import (
     TimeslotSilent,
 )
 from apad_bridge.beliefs.modes import LIKELY, SUBMERGED, Mode
-from apad_bridge.beliefs.packet_weighing import NOTHING, HypothesisWeigher, Reading, anchored, bounded
+from apad_bridge.beliefs.packet_weighing import HypothesisWeigher, Reading, anchored, bounded
 from apad_bridge.beliefs.place import Place
 from apad_bridge.beliefs.spent_charge import Load
 from apad_bridge.beliefs.twin_belief import belief_from_state
 from apad_bridge.beliefs.twin_parameters import UNKNOWN, Schedule, TwinParameters
 from apad_bridge.beliefs.twin_state import (
+    Pending,
     TwinState,
     advanced,
     charge_now,
+    load_of_all,
+    load_when_spent,
     obey_probability,
     paths,
+    released,
     shifted_to_clock,
-    sinking,
-    submerged,
 )
 from apad_bridge.beliefs.twin_state_data import state_from_data, state_to_data
 from firmware_model.packets import StatusPacket
@@ -57,8 +59,17 @@ _STAGGER_MS = 7_919
 _NEVER_SET_DEVIATIONS = 5.0
 """The limit of a first reading in deviations; a clock farther off was never set to nominal time."""
 _DOCK_VARIANCE_M2 = 1.0
+_HEARD_WITHIN_MS = 2_000
+"""The mission time within which a permission is heard: the aPad acts once a second, and waits for a free channel."""
 _WAKE_STATES = (State.ACTIVE, State.PROCESSING)
 """Parts of a short wake, a minute each; a packet in the aMussel's timeslot comes after them."""
+
+
+def _within_a_wake(reading: Reading, schedule: Schedule, agent_ms: int) -> Reading:
+    """A board that is awake while it should sleep is in a short wake, or listens before it sleeps: it counts as asleep."""
+    if reading.state in _WAKE_STATES and schedule.at(agent_ms) is Mode.ASLEEP:
+        return reading._replace(mode=Mode.ASLEEP)
+    return reading
 
 
 class Twin:
@@ -89,7 +100,7 @@ class Twin:
                 silent = replace(belief, silent_timeslots=belief.silent_timeslots + 1)
                 return self._to_belief(silent, twin_state, at_ms, belief.learned_from | Source.SILENCE)
             case Permitted():
-                twin_state = self._permitted(twin_state, belief.agent_id)
+                twin_state = self._permitted(twin_state)
                 return self._to_belief(belief, twin_state, at_ms, belief.learned_from)
             case ClockSet(_, agent_ms):
                 clock, nominal_ms = self._clock_set(agent_ms, at_ms), self.parameters.theta * at_ms
@@ -174,20 +185,24 @@ class Twin:
 
     # Actions of the aPad.
 
-    def _permitted(self, twin_state: TwinState, agent_id: int) -> TwinState:
+    def _permitted(self, twin_state: TwinState) -> TwinState:
         """Most probably the aMussel surfaces. A repeated permission counts if it is most probably still submerged."""
         if twin_state.situation is not None:
-            if twin_state.unobeyed is None or obey_probability(twin_state, self.parameters) >= LIKELY:
+            obeyed = obey_probability(twin_state, self.parameters, twin_state.at_ms)
+            if twin_state.unobeyed is None or obeyed >= LIKELY:
                 return twin_state
-            stayed = self._weigher.without_permission(twin_state, self._schedule(agent_id))
-            twin_state = replace(twin_state, load=stayed)
-        drain = self.parameters.drain
+            twin_state = replace(twin_state, load=twin_state.unobeyed[0], unobeyed=None, pending=None)
+        drain, at_ms, load = self.parameters.drain, twin_state.at_ms, load_of_all(twin_state, self.parameters)
+        runs_ms = self.parameters.theta * _HEARD_WITHIN_MS + self.parameters.motor_run_ms
         return replace(
             twin_state,
-            load=twin_state.load.add(drain.motor_run, drain.motor_deviation**2),
+            load=load,
             situation=Mode.SURFACING,
-            since_ms=twin_state.at_ms,
-            unobeyed=(twin_state.load, twin_state.at_ms),
+            since_ms=at_ms,
+            unobeyed=(load, at_ms),
+            pending=Pending(
+                at_ms, at_ms + runs_ms, drain.motor_run, drain.motor_deviation**2, Mode.SURFACING
+            ),
         )
 
     def _docked(self, twin_state: TwinState) -> TwinState:
@@ -197,18 +212,20 @@ class Twin:
 
     def _released(self, twin_state: TwinState, agent_id: int) -> TwinState:
         twin_state = anchored(twin_state, self._bounded_now(twin_state), None)
-        spent = sinking(NOTHING, self.parameters)
-        return submerged(twin_state, self.parameters, self._schedule(agent_id), spent)
+        return released(twin_state, self.parameters, self._schedule(agent_id))
 
     def _bounded_now(self, twin_state: TwinState) -> tuple[Anchor, ...]:
         """The present charge in [0, 1], as a few hypotheses, because a low charge stays far behind in a dock."""
-        rows = charge_now(twin_state, self.parameters, paths(twin_state.load))
+        rows = charge_now(twin_state, self.parameters, paths(load_when_spent(twin_state)))
         return charge.reduced([bounded(row, after_measuring=False) for row in rows])
 
     # Packets.
 
     def _packet_received(self, belief: Belief | None, packet: StatusPacket, at_ms: int) -> Belief:
         reading = Reading.stated(packet.state, packet.primary, packet.secondary)
+        schedule = self._schedule(packet.agent_id)
+        if schedule.cycle is not None:
+            reading = _within_a_wake(reading, schedule, packet.agent_ms)
         if belief is None:
             return self._first_belief(packet, reading, at_ms)
         twin_state = belief.estimator_state
@@ -236,8 +253,7 @@ class Twin:
         twin_state = self._propagated(belief, at_ms)
         schedule = self._schedule(belief.agent_id)
         reading = Reading.stated(heard.state, heard.primary, heard.secondary)
-        if heard.state in _WAKE_STATES and schedule.at(self._agent_ms(twin_state, at_ms)) is Mode.ASLEEP:
-            reading = reading._replace(mode=Mode.ASLEEP)
+        reading = _within_a_wake(reading, schedule, self._agent_ms(twin_state, at_ms))
         if self._is_independent(twin_state, belief.agent_id, reading.mode):
             twin_state = self._weigher.weigh(twin_state, schedule, reading)
         return self._belief_after_status(belief, twin_state, reading, at_ms)

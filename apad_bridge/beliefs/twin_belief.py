@@ -9,7 +9,7 @@ from apad_bridge.beliefs.charge_state import PRIMARY, SECONDARY
 from apad_bridge.beliefs.mixture import Part, below, clamped
 from apad_bridge.beliefs.modes import FULL_CHARGE, SUBMERGED, Mode
 from apad_bridge.beliefs.twin_parameters import TwinParameters
-from apad_bridge.beliefs.twin_state import TwinState, in_dock, obey_probability, primary_parts
+from apad_bridge.beliefs.twin_state import TwinState, in_dock, load_of_all, obey_probability, primary_parts
 from firmware_model.states import State
 
 _CERTAIN = 1e-9
@@ -30,7 +30,7 @@ def belief_from_state(
         rows = in_dock(twin_state, parameters)
         parts = tuple(
             Part(anchor.weight, mean, math.sqrt(variance))
-            for anchor, ((mean, variance, _), _) in zip(twin_state.anchors, rows, strict=True)
+            for anchor, ((mean, variance, _, _), _) in zip(twin_state.anchors, rows, strict=True)
         )
         second = Part(1.0, rows[0][1][0], math.sqrt(rows[0][1][1]))
         both = 0.0
@@ -100,12 +100,16 @@ def _in_the_water(
     probabilities = [0.0] * len(Mode)
     empty = below(parts, 0.0)
     lost = empty * below((secondary,), 0.0) if empty > _CERTAIN else 0.0
-    obeyed = obey_probability(twin_state, parameters)
+    obeyed, pending = obey_probability(twin_state, parameters, twin_state.at_ms), twin_state.pending
     if twin_state.situation is not None:
         probabilities[twin_state.situation] = obeyed * (1 - lost)
         by_mode, share = (twin_state.unobeyed or (twin_state.load, 0))[0].by_mode, (1 - obeyed) * (1 - lost)
     else:
-        by_mode, share = twin_state.load.by_mode, 1 - lost
+        by_mode, share = load_of_all(twin_state, parameters).by_mode, 1 - lost
+        if pending is not None:
+            not_yet = (1 - pending.spent_by(twin_state.at_ms)) * share
+            probabilities[pending.mode] = not_yet
+            share -= not_yet
     # With an empty primary it sleeps on the secondary, whatever was planned.
     asleep_on_backup = max(0.0, empty - lost) * share
     for mode in SUBMERGED:

@@ -29,6 +29,10 @@ class Drain:
     """Deviation of a whole way up or down: the run and all that goes with it."""
     in_dock: float
     """The share of the load that reaches a battery which is being charged."""
+    listening: float = 0.0
+    """Beyond what the schedule says: what a board takes that listens on the bottom, from rest until it sleeps."""
+    release_wait: float = 0.0
+    """The most that an aMussel takes, beyond the schedule, that was released and waits until it is clear to sink."""
 
     def __post_init__(self) -> None:
         if len(self.per_min) != len(Mode):
@@ -77,6 +81,8 @@ class Charger:
     """The output of the primary's coils, in coils."""
     deviation: float
     """Relative deviation of a docking's charging rate, from the alignment of the coils."""
+    rate_deviation: float = 0.0
+    """Relative deviation of the charging rate between aMussels, from the capacity of their batteries."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -171,6 +177,11 @@ class TwinParameters:
     sinking_ms: int
     float_timeout_ms: int
     """After floating unserved for so long, an aMussel sinks again."""
+    motor_run_ms: int = 0
+    release_wait_ms: int = 0
+    """An aMussel that was released sinks after so long at the latest."""
+    listening_ms: int = 0
+    """A board stays awake for so long after it has come to rest on the bottom."""
     calls: Calls | None = None
     """Packets from the surface; None if it is unknown when a surfaced aMussel should be received."""
 

@@ -14,7 +14,7 @@ from typing import Any
 from apad_bridge.beliefs import charge_state as charge
 from apad_bridge.beliefs import charging, spent_charge
 from apad_bridge.beliefs.belief import Clock
-from apad_bridge.beliefs.charge_state import DRAIN, PRIMARY, SECONDARY, Anchor, Array
+from apad_bridge.beliefs.charge_state import DRAIN, PRIMARY, RATE, SECONDARY, Anchor, Array
 from apad_bridge.beliefs.mixture import Part, below
 from apad_bridge.beliefs.modes import SUBMERGED, Mode
 from apad_bridge.beliefs.place import Place
@@ -26,7 +26,28 @@ _UNLIKELY = 1e-3
 _OBEY_PRIOR = 0.9
 """The probability that an aMussel received the permission to surface, before any packet from it."""
 _FAR_FROM_EMPTY = 0.4
+_LEAST_RATE = 0.1
+"""A smaller estimate of the relative charging rate is no charger's."""
+NOTHING = Spent(1.0, 0.0, 0.0)
 DAY_MS = 86_400_000
+
+
+@dataclass(frozen=True, slots=True)
+class Pending:
+    """A charge that is spent at once, at an unknown agent time between two: every one of these times is alike."""
+
+    from_ms: int
+    until_ms: int
+    mean: float
+    variance: float
+    mode: Mode
+    """The mode until then."""
+
+    def spent_by(self, at_ms: int) -> float:
+        """The probability that it is spent at `at_ms`."""
+        if at_ms >= self.until_ms:
+            return 1.0
+        return max(0.0, (at_ms - self.from_ms) / (self.until_ms - self.from_ms))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -50,7 +71,10 @@ class TwinState:
     from_secondary: tuple[float, float] = (0.0, 0.0)
     """Mean and deviation of the charge that the secondary gave since the anchor."""
     unobeyed: tuple[Load, int] | None = None
-    """The load, and its time, in case the permission was not received."""
+    """The load at `at_ms` in case the newest permission was not received, and the time of that permission. It is kept
+    until a packet decides, also after an aMussel that obeyed would have sunk again."""
+    pending: Pending | None = None
+    """What `load` does not contain yet."""
     seen: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """The number of observations of each mode of `SUBMERGED`."""
     day: tuple[tuple[Mode, int] | None, ...] = ()
@@ -124,32 +148,61 @@ def advanced(twin_state: TwinState, parameters: TwinParameters, schedule: Schedu
     elapsed_ms = to_ms - twin_state.at_ms
     if elapsed_ms <= 0:
         return twin_state
+    if twin_state.pending is not None and to_ms >= twin_state.pending.until_ms:
+        twin_state = replace(twin_state, load=load_when_spent(twin_state), pending=None)
     if twin_state.situation is Mode.CHARGING_PRIMARY:
         return replace(twin_state, at_ms=to_ms)
     if twin_state.situation is not None:
         return _afloat(twin_state, parameters, schedule, to_ms)
-    decide = choices(twin_state, parameters, schedule)
-    every_ms, spending = (
-        parameters.habits.every_ms,
-        spent_charge.spending(parameters.drain.per_min, schedule.cycle),
-    )
-    spent = spent_charge.propagated(twin_state.load, twin_state.at_ms, to_ms, spending, every_ms, decide)
-    later = replace(twin_state, at_ms=to_ms, load=spent)
+    later = _loads_advanced(twin_state, parameters, schedule, to_ms)
     if _is_far_from_empty(later):
         return later  # the common case is cheap
+    every_ms = parameters.habits.every_ms
     while twin_state.at_ms < to_ms:
         next_ms = min(to_ms, (twin_state.at_ms // every_ms + 1) * every_ms)
-        spent = spent_charge.propagated(
-            twin_state.load, twin_state.at_ms, next_ms, spending, every_ms, decide
-        )
-        later = replace(twin_state, at_ms=next_ms, load=spent)
+        later = _loads_advanced(twin_state, parameters, schedule, next_ms)
         twin_state = _drawn_from_backup(later, parameters, next_ms - twin_state.at_ms)
     return twin_state
 
 
+def _loads_advanced(
+    twin_state: TwinState, parameters: TwinParameters, schedule: Schedule, to_ms: int
+) -> TwinState:
+    """The loads at `to_ms` of a submerged aMussel, or of one that the permission may not have reached."""
+    decide = choices(twin_state, parameters, schedule)
+    spending = spent_charge.spending(parameters.drain.per_min, schedule.cycle)
+
+    def propagated(load: Load) -> Load:
+        every_ms = parameters.habits.every_ms
+        return spent_charge.propagated(load, twin_state.at_ms, to_ms, spending, every_ms, decide)
+
+    load, unobeyed = twin_state.load, twin_state.unobeyed
+    if unobeyed is not None:
+        unobeyed = (propagated(unobeyed[0]), unobeyed[1])
+    if twin_state.situation is None:
+        load = propagated(load)
+    return replace(twin_state, at_ms=to_ms, load=load, unobeyed=unobeyed)
+
+
+def load_when_spent(twin_state: TwinState) -> Load:
+    """The load with what is pending."""
+    pending = twin_state.pending
+    return twin_state.load if pending is None else twin_state.load.add(pending.mean, pending.variance)
+
+
+def load_of_all(twin_state: TwinState, parameters: TwinParameters) -> Load:
+    """The load with what is pending, whether it obeyed a permission or not."""
+    load, unobeyed = load_when_spent(twin_state), twin_state.unobeyed
+    if unobeyed is None:
+        return load
+    return load.mixed_with(unobeyed[0], obey_probability(twin_state, parameters, twin_state.at_ms))
+
+
 def shifted_to_clock(twin_state: TwinState, agent_ms: int) -> TwinState:
     """The same state on a clock that was set and shows `agent_ms` now: no time has passed for the batteries."""
-    by_ms, unobeyed = agent_ms - twin_state.at_ms, twin_state.unobeyed
+    by_ms, unobeyed, pending = agent_ms - twin_state.at_ms, twin_state.unobeyed, twin_state.pending
+    if pending is not None:
+        pending = replace(pending, from_ms=pending.from_ms + by_ms, until_ms=pending.until_ms + by_ms)
     return replace(
         twin_state,
         at_ms=agent_ms,
@@ -157,13 +210,18 @@ def shifted_to_clock(twin_state: TwinState, agent_ms: int) -> TwinState:
         since_ms=twin_state.since_ms + by_ms,
         measured_ms=twin_state.measured_ms + by_ms,
         unobeyed=None if unobeyed is None else (unobeyed[0], unobeyed[1] + by_ms),
+        pending=pending,
         packet=(-1, agent_ms),
         day=(),
     )
 
 
 def _afloat(twin_state: TwinState, parameters: TwinParameters, schedule: Schedule, to_ms: int) -> TwinState:
-    """Surfacing, then floating, until a dock catches it or it sinks again by itself."""
+    """Surfacing, then floating, until a dock catches it or it sinks again by itself; or it never heard the permission."""
+    if obey_probability(twin_state, parameters, to_ms) < _UNLIKELY:
+        assert twin_state.unobeyed is not None
+        stayed = replace(twin_state, load=twin_state.unobeyed[0], situation=None, unobeyed=None, pending=None)
+        return advanced(stayed, parameters, schedule, to_ms)
     per_min, surfaced_ms = parameters.drain.per_min, twin_state.since_ms + parameters.surfacing_ms
     sinks_ms = surfaced_ms + parameters.float_timeout_ms
     at_ms, spent, situation = twin_state.at_ms, twin_state.load, twin_state.situation
@@ -177,21 +235,24 @@ def _afloat(twin_state: TwinState, parameters: TwinParameters, schedule: Schedul
         end_ms = min(to_ms, max(at_ms, sinks_ms))
         spent = spent.add(per_min[Mode.FLOATING] * (end_ms - at_ms) / MS_PER_MIN)
         at_ms = end_ms
-    later = replace(twin_state, at_ms=at_ms, load=spent, situation=situation)
+    later = _loads_advanced(twin_state, parameters, schedule, at_ms)
+    later = replace(later, load=spent, situation=situation)
     if to_ms > at_ms:
-        later = submerged(later, parameters, schedule, sinking(spent.total(), parameters))
-        return advanced(later, parameters, schedule, to_ms)
+        sunk = submerged(later, parameters, schedule, sinking(spent.total(), parameters))
+        return advanced(replace(sunk, unobeyed=later.unobeyed), parameters, schedule, to_ms)
     return later
 
 
-def obey_probability(twin_state: TwinState, parameters: TwinParameters) -> float:
+def obey_probability(twin_state: TwinState, parameters: TwinParameters, at_ms: int) -> float:
     """The probability that it received the permission to surface; 1 without one, or after a packet from the surface.
 
-    If a surfaced aMussel should be received, each missing packet lowers the probability (Bayes).
+    If a surfaced aMussel should be received, each packet that is missing at agent time `at_ms` lowers the probability
+    (Bayes).
     """
     if twin_state.unobeyed is None:
         return 1.0
-    up_ms, calls = twin_state.at_ms - twin_state.unobeyed[1] - parameters.surfacing_ms, parameters.calls
+    calls = parameters.calls
+    up_ms = min(at_ms - twin_state.unobeyed[1] - parameters.surfacing_ms, parameters.float_timeout_ms)
     if calls is None or up_ms < 0:
         return _OBEY_PRIOR
     unheard = _OBEY_PRIOR * calls.missed ** (1 + up_ms // calls.every_ms)
@@ -202,7 +263,26 @@ def sinking(spent: Spent, parameters: TwinParameters) -> Spent:
     """`spent`, and one way down, awake."""
     drain = parameters.drain
     awake = drain.per_min[Mode.IDLE] * parameters.sinking_ms / MS_PER_MIN
-    return Spent(spent[0], spent[1] + drain.motor_run + awake, spent[2] + drain.motor_deviation**2)
+    mean = spent[1] + drain.motor_run + awake + drain.listening
+    return Spent(spent[0], mean, spent[2] + drain.motor_deviation**2)
+
+
+def released(twin_state: TwinState, parameters: TwinParameters, schedule: Schedule) -> TwinState:
+    """Released at `at_ms`, and soon to sink: it waits at the surface until it is clear, or until the wait is over."""
+    _, mean, variance = sinking(NOTHING, parameters)
+    wait, at_ms = parameters.drain.release_wait, twin_state.at_ms
+    until_ms = at_ms + parameters.release_wait_ms + parameters.motor_run_ms
+    pending = Pending(at_ms, until_ms, mean + wait / 2, variance + wait**2 / 12, Mode.FLOATING)
+    return replace(submerged(twin_state, parameters, schedule, NOTHING), pending=pending)
+
+
+def listening(twin_state: TwinState, parameters: TwinParameters) -> TwinState:
+    """Awake on the bottom at `at_ms`, and asleep after a part of the time for which it listens."""
+    spends, at_ms = parameters.drain.listening, twin_state.at_ms
+    if not parameters.listening_ms:
+        return twin_state
+    until_ms = at_ms + parameters.listening_ms
+    return replace(twin_state, pending=Pending(at_ms, until_ms, spends / 2, spends**2 / 12, Mode.IDLE))
 
 
 def submerged(
@@ -214,7 +294,12 @@ def submerged(
         shares = choices(twin_state, parameters, schedule)(twin_state.at_ms).rows[0]
     unscheduled_load = Load.from_shares(shares, spent[1], spent[2])
     return replace(
-        twin_state, load=unscheduled_load, situation=None, since_ms=twin_state.at_ms, unobeyed=None
+        twin_state,
+        load=unscheduled_load,
+        situation=None,
+        since_ms=twin_state.at_ms,
+        unobeyed=None,
+        pending=None,
     )
 
 
@@ -247,7 +332,7 @@ def primary_parts(twin_state: TwinState, parameters: TwinParameters) -> tuple[Pa
         at, drain = float(mean[PRIMARY]), float(mean[DRAIN])
         at_var, drain_var = float(cov[PRIMARY, PRIMARY]), float(cov[DRAIN, DRAIN])
         both = float(cov[PRIMARY, DRAIN])
-        for probability, spent, variance in paths(twin_state.load):
+        for probability, spent, variance in spent_hypotheses(twin_state, parameters):
             if weight * probability < _UNLIKELY:
                 continue
             spread = (
@@ -256,6 +341,24 @@ def primary_parts(twin_state: TwinState, parameters: TwinParameters) -> tuple[Pa
             parts.append(Part(weight * probability, at - drain * spent, math.sqrt(max(0.0, spread))))
     total = math.fsum(part.weight for part in parts)
     return tuple(Part(weight / total, mean, sd) for weight, mean, sd in parts)
+
+
+def spent_hypotheses(twin_state: TwinState, parameters: TwinParameters) -> list[Spent]:
+    """The charge spent since the anchor, outside of a dock: it obeyed the permission or not; what is pending is spent or
+    not."""
+    rows, pending = paths(twin_state.load), twin_state.pending
+    if pending is not None:
+        done = pending.spent_by(twin_state.at_ms)
+        rows = [Spent((1 - done) * p, mean, variance) for p, mean, variance in rows] + [
+            Spent(done * p, mean + pending.mean, variance + pending.variance) for p, mean, variance in rows
+        ]
+    if twin_state.unobeyed is None:
+        return rows
+    obeyed = obey_probability(twin_state, parameters, twin_state.at_ms)
+    stayed = paths(twin_state.unobeyed[0])
+    return [Spent(obeyed * p, mean, variance) for p, mean, variance in rows] + [
+        Spent((1 - obeyed) * p, mean, variance) for p, mean, variance in stayed
+    ]
 
 
 def paths(load: Load) -> list[Spent]:
@@ -272,10 +375,7 @@ def charge_now(twin_state: TwinState, parameters: TwinParameters, spent: Sequenc
     found = []
     if twin_state.situation is Mode.CHARGING_PRIMARY:
         for anchor, rows in zip(twin_state.anchors, in_dock(twin_state, parameters), strict=True):
-            mean, cov = anchor.mean, anchor.cov + noise
-            for row, moments in zip((PRIMARY, SECONDARY), rows, strict=True):
-                mean, cov = charge.with_moments(mean, cov, row, moments[:2], moments[2])
-            found.append(Anchor(anchor.weight, mean, cov))
+            found.append(Anchor(anchor.weight, *charge.charged(anchor.mean, anchor.cov, rows, noise)))
         return found
     from_mean, from_sd = twin_state.from_secondary
     for weight, mean, cov in twin_state.anchors:
@@ -286,17 +386,23 @@ def charge_now(twin_state: TwinState, parameters: TwinParameters, spent: Sequenc
     return found
 
 
-def in_dock(
-    twin_state: TwinState, parameters: TwinParameters
-) -> list[tuple[tuple[float, float, float], ...]]:
-    """(mean, variance, slope) of both batteries at `at_ms`, by anchor; the primary feeds the board."""
+def in_dock(twin_state: TwinState, parameters: TwinParameters) -> list[tuple[charging.Charged, ...]]:
+    """Both batteries at `at_ms`, by anchor; the primary feeds the board."""
     minutes = (twin_state.at_ms - twin_state.anchor_ms) / MS_PER_MIN
     drain, coils = parameters.drain, parameters.charger.primary
     against = drain.in_dock * drain.per_min[Mode.CHARGING_PRIMARY]
     return [
         tuple(
             charging.propagated(
-                parameters.charger, count, lost, float(mean[row]), float(cov[row, row]), minutes
+                parameters.charger,
+                count,
+                lost,
+                float(mean[row]),
+                float(cov[row, row]),
+                minutes,
+                charging.Rate(
+                    max(_LEAST_RATE, float(mean[RATE])), float(cov[RATE, RATE]), float(cov[RATE, row])
+                ),
             )
             for row, count, lost in ((PRIMARY, coils, against * float(mean[DRAIN])), (SECONDARY, 1.0, 0.0))
         )

@@ -6,6 +6,7 @@ Arrays are the base64 of their little-endian doubles, because a thousand aMussel
 from __future__ import annotations
 
 from base64 import b64decode, b64encode
+from dataclasses import astuple
 from typing import Any
 
 import numpy as np
@@ -15,14 +16,14 @@ from apad_bridge.beliefs.charge_state import SIZE, Anchor, Array
 from apad_bridge.beliefs.modes import Mode
 from apad_bridge.beliefs.place import Place
 from apad_bridge.beliefs.spent_charge import Load, Spent
-from apad_bridge.beliefs.twin_state import TwinState
+from apad_bridge.beliefs.twin_state import Pending, TwinState
 
 Plain = dict[str, Any]
 
 
 def state_to_data(twin_state: TwinState) -> Plain:
     """The state in JSON's types: numbers unchanged, modes by name. Keys are the fields' names."""
-    clock, unobeyed = twin_state.clock, twin_state.unobeyed
+    clock, unobeyed, pending = twin_state.clock, twin_state.unobeyed, twin_state.pending
     return {
         "at_ms": twin_state.at_ms,
         "anchors": [[weight, _packed(mean), _packed(cov)] for weight, mean, cov in twin_state.anchors],
@@ -38,6 +39,7 @@ def state_to_data(twin_state: TwinState) -> Plain:
         "from_secondary": twin_state.from_secondary,
         "unobeyed": None if unobeyed is None else [_load_data(unobeyed[0]), unobeyed[1]],
         "seen": twin_state.seen,
+        "pending": None if pending is None else [*astuple(pending)[:-1], pending.mode.name],
         "day": [None if heard is None else [heard[0].name, heard[1]] for heard in twin_state.day],
         "measured_ms": twin_state.measured_ms,
         "measured_mode": _name(twin_state.measured_mode),
@@ -47,7 +49,7 @@ def state_to_data(twin_state: TwinState) -> Plain:
 
 def state_from_data(data: Plain) -> TwinState:
     """The inverse of `state_to_data`; KeyError, TypeError or ValueError for anything else."""
-    (mean, cov), unobeyed = data["place"], data["unobeyed"]
+    (mean, cov), unobeyed, pending = data["place"], data["unobeyed"], data["pending"]
     first, second = data["from_secondary"]
     asleep, idle, high = data["seen"]
     sequence, agent_ms = data["packet"]
@@ -68,12 +70,18 @@ def state_from_data(data: Plain) -> TwinState:
         packet=(sequence, agent_ms),
         from_secondary=(first, second),
         unobeyed=None if unobeyed is None else (_load_of(unobeyed[0]), unobeyed[1]),
+        pending=None if pending is None else _pending_of(pending),
         seen=(asleep, idle, high),
         day=tuple(None if heard is None else (Mode[heard[0]], heard[1]) for heard in data["day"]),
         measured_ms=data["measured_ms"],
         measured_mode=_mode(data["measured_mode"]),
         gated=data["gated"],
     )
+
+
+def _pending_of(data: list[Any]) -> Pending:
+    from_ms, until_ms, mean, variance, mode = data
+    return Pending(from_ms, until_ms, mean, variance, Mode[mode])
 
 
 def _packed(array: Array) -> str:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from statistics import correlation, mean, stdev
 
 import msgpack
 import pytest
 from fleets import PAPER, with_whole_boards
 
-from agents.fleet import FleetConfig, drift_of
+from agents.fleet import FleetConfig, Spread, deviations_of, drift_of
 from agents.water.patches import CALM_BAY, Patch, Waters
 from agents.water.stream import CurrentConfig, Tide
 from firmware_model.config import FullFirmware, LastResort
@@ -38,6 +39,7 @@ FLEETS = {
             oxygen_mg_l=Waters(((0, 8.5), (3_000_000, 6.0)), (Patch(0.2, 1, 2, 3, 4, 5, 6, 7, 8),)),
         ),
     ),
+    "differing": replace(WORST, spread=Spread(7, drain=1000, capacity=500)),
     "never asleep": with_whole_boards(WORST, FullFirmware(POWER, None, 1000, 60_000, 600_000)),
 }
 
@@ -71,6 +73,34 @@ def test_agents_share_the_firmware_s_numbers_and_have_timeslots_of_their_own() -
 def test_one_that_has_no_timeslot_is_refused() -> None:
     with pytest.raises(ValueError, match="slot 60 does not lie in a frame of 60"):
         FLEETS["field"].maker().config(65)
+
+
+def test_boards_of_a_spread_differ_in_what_they_draw_and_in_what_their_batteries_hold() -> None:
+    """A drain of d and a capacity of c, both relative: loads are d / c times the nominal, a charger's rates 1 / c."""
+    fleet = replace(FLEETS["field"], first_id=1, spread=Spread(7, drain=1000, capacity=1000))
+    assert fleet.whole is not None
+    drains, capacities = [], []
+    for agent_id in range(1, 61):
+        board = fleet.maker().config(agent_id).board
+        assert board.whole is not None
+        capacity = fleet.charge.segments[0][1] / board.charge.segments[0][1]
+        own, nominal = board.whole.power.loads.of, fleet.whole.power.loads.of
+        drain = own[Rail.MOTORS] / nominal[Rail.MOTORS] * capacity
+        assert [load / drain * capacity for load in own] == pytest.approx(nominal, rel=1e-3, abs=1)
+        assert fleet.spread.charge_model(fleet.charge, agent_id) == board.charge
+        drains.append(drain)
+        capacities.append(capacity)
+    for found in (drains, capacities):
+        assert len(set(found)) > 50 and min(found) >= 0.7 and max(found) <= 1.3
+        # Sixty draws of deviation 0.1: the mean's is 0.013, the deviation's 0.009.
+        assert mean(found) == pytest.approx(1.0, abs=0.05) and stdev(found) == pytest.approx(0.1, abs=0.035)
+    assert correlation(drains, capacities) == pytest.approx(0.0, abs=0.4)
+
+
+def test_a_fleet_without_a_spread_keeps_the_very_numbers() -> None:
+    board = FLEETS["field"].maker().config(5).board
+    assert Spread(7).applied(board) is board
+    assert max(abs(deviations_of(7, agent_id, b"drain")) for agent_id in range(5000)) == 3.0
 
 
 def test_crystals_differ_and_stay_within_the_bound() -> None:

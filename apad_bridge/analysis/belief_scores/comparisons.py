@@ -30,6 +30,8 @@ _CERTAIN = 1e-6
 """A belief with a smaller deviation rests at full or at empty."""
 _Z_95 = 1.959964
 """The half width of a Gaussian's central interval of 95 %, in deviations."""
+_MEETS_AN_END = 3.0
+"""A Gaussian whose mean is nearer to 0 or 1 than so many deviations was cut there."""
 
 
 class Record(StrEnum):
@@ -145,13 +147,17 @@ def compared(belief: BeliefSample, truth: TruthSample, at_ms: int, theta: int) -
 
 
 def _secondary_compared(belief: BeliefSample, truth: TruthSample) -> ChargeComparison | None:
-    """The secondary's belief is one Gaussian, which records hold by its moments."""
+    """The secondary's belief is one Gaussian held in [0, 1], which records hold by its moments.
+
+    Where it meets an end its density is highest there, so its shortest interval reaches the end.
+    """
     deviation = _or_none(belief.secondary_deviation)
     if deviation is None:
         return None
-    half = _Z_95 * deviation + _CERTAIN
-    interval = max(0.0, belief.secondary - half), min(1.0, belief.secondary + half)
-    return _charge_compared(belief.secondary, truth.secondary, deviation, interval)
+    charge, half = belief.secondary, _Z_95 * deviation
+    low = 0.0 if charge <= _MEETS_AN_END * deviation else charge - half
+    high = 1.0 if 1 - charge <= _MEETS_AN_END * deviation else charge + half
+    return _charge_compared(charge, truth.secondary, deviation, (low, high))
 
 
 def _charge_compared(

@@ -1,4 +1,4 @@
-"""The seven numbers of a twin's filter against calculations by hand: updates by readings, and process noise."""
+"""The eight numbers of a twin's filter against calculations by hand: updates by readings, and process noise."""
 
 from __future__ import annotations
 
@@ -11,23 +11,23 @@ import pytest
 
 from apad_bridge.assembly.estimator import twin_parameters_of
 from apad_bridge.beliefs import charge_state as charge
-from apad_bridge.beliefs.charge_state import ASLEEP, CHARGING, DRAIN, PRIMARY, SECONDARY
+from apad_bridge.beliefs.charge_state import ASLEEP, CHARGING, DRAIN, PRIMARY, RATE, SECONDARY, SIZE
 from apad_bridge.beliefs.modes import Mode
 from apad_bridge.beliefs.spent_charge import Spent
 from apad_bridge.beliefs.twin_parameters import Sensor
 from apad_bridge.scenario.loader import load
 
 SENSOR = Sensor(0.01, (0.0,) * 4, (0.01,) * 4, 300_000)
-NO_NOISE = np.zeros((7, 7))
+NO_NOISE = np.zeros((SIZE, SIZE))
 
 
 def state(charge_1: float, charge_2: float, **variances: float) -> tuple[charge.Array, charge.Array]:
-    """A state without bias, with the nominal drain; certain, except for the variances given."""
-    cov = np.zeros((7, 7))
+    """A state without bias, with the nominal drain and charging rate; certain, except for the variances given."""
+    cov = np.zeros((SIZE, SIZE))
     for name, variance in variances.items():
         row = getattr(charge, name.upper())
         cov[row, row] = variance
-    return np.array([charge_1, charge_2, 1.0, 0.0, 0.0, 0.0, 0.0]), cov
+    return np.array([charge_1, charge_2, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0]), cov
 
 
 def test_a_charger_lifts_what_both_batteries_read() -> None:
@@ -65,6 +65,19 @@ def test_what_was_spent_goes_out_with_all_that_is_uncertain_of_it() -> None:
     assert left[PRIMARY, PRIMARY] == pytest.approx(1e-4 + 0.2**2 * 1e-2 + (1.1**2 + 1e-2) * 4e-4)
     assert left[PRIMARY, DRAIN] == pytest.approx(-0.2 * 1e-2)
     assert left[SECONDARY, SECONDARY] == pytest.approx(5e-4)
+
+
+def test_a_dock_makes_the_charge_go_with_the_charging_rate() -> None:
+    """Charge 0.5 +- 0.02, rate 1 +- 0.1, by hand: slopes of 1 on the charge and of 0.3 on the rate, 0.3 gained."""
+    mean, cov = state(0.5, 0.9, primary=4e-4, rate=1e-2)
+    variance = 4e-4 + 0.3**2 * 1e-2
+    after, left = charge.charged(mean, cov, [(0.8, variance, 1.0, 0.3), (0.95, 0.0, 1.0, 0.0)], NO_NOISE)
+    assert after[[PRIMARY, SECONDARY, RATE]] == pytest.approx([0.8, 0.95, 1.0])
+    assert left[PRIMARY, PRIMARY] == pytest.approx(variance)
+    assert left[PRIMARY, RATE] == pytest.approx(0.3 * 1e-2)
+    # A reading 0.06 above the expectation is a faster charger, to 0.3e-2 / (13e-4 + 1e-4) of it.
+    found, _, _, _ = charge.measured(after, left, SENSOR, Mode.CHARGING_PRIMARY, (0.86, 0.95))
+    assert found[RATE] == pytest.approx(1 + 0.06 * 0.3e-2 / (variance + 1e-4), rel=1e-3)
 
 
 def test_the_drain_of_an_ageing_battery_wanders_by_a_days_deviation_in_a_day() -> None:

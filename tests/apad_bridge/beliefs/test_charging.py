@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from apad_bridge.beliefs.charging import charged, propagated
+from apad_bridge.beliefs.charging import Rate, charged, propagated
 from apad_bridge.beliefs.twin_parameters import Charger
 
 CURVE = ((0.16197, 0.001045), (0.5634, 0.00223), (1.0, 0.002911))
@@ -50,14 +50,27 @@ def test_moments_are_those_of_many_batteries(
     spread = float(weights @ (ends - expected) ** 2)
     less = charged(charger, 1 - deviation, 0.0, mean, minutes)
     extra = (charged(charger, 1.0, 0.0, mean, minutes) - less) ** 2
-    found, variance, slope = propagated(charger, 1.0, 0.0, mean, sd**2, minutes)
+    found, variance, slope, _ = propagated(charger, 1.0, 0.0, mean, sd**2, minutes)
     assert found == pytest.approx(expected, abs=0.01)
     assert variance == pytest.approx(spread + extra, rel=0.35, abs=2e-5)
     assert slope == pytest.approx(float(weights @ (z * ends)) / sd, rel=0.2, abs=0.05)
 
 
 def test_a_charge_that_is_known_exactly_is_carried_exactly() -> None:
-    assert propagated(CHARGER, 1.0, 0.0, 0.5, 0.0, 10) == (pytest.approx(0.5223), 0.0, 1.0)
+    found = propagated(CHARGER, 1.0, 0.0, 0.5, 0.0, 10)
+    # At twice the rate it would gain twice as much: the slope on the rate is what it gains.
+    assert found == (pytest.approx(0.5223), 0.0, 1.0, pytest.approx(0.0223))
+
+
+def test_an_unknown_rate_spreads_what_is_gained() -> None:
+    """0.0223 gained, 10 % up or down, beside a charge that goes with the rate: var = a^2 + 2 a b rho + b^2."""
+    sd, of_rate, together = 0.01, 0.1, 0.5 * 0.01 * 0.1
+    found = propagated(CHARGER, 1.0, 0.0, 0.45, sd**2, 10, Rate(1.0, of_rate**2, together))
+    gained = 0.0223
+    by_hand = sd**2 + (gained * of_rate) ** 2 + 2 * gained * together
+    assert found.variance == pytest.approx(by_hand, rel=0.02) and found.by_rate == pytest.approx(gained)
+    faster = propagated(CHARGER, 1.0, 0.0, 0.45, 0.0, 10, Rate(1.2, 0.0, 0.0))
+    assert faster.mean == pytest.approx(0.45 + 1.2 * gained)
 
 
 def test_a_load_above_what_the_charger_gives_empties_it() -> None:

@@ -36,7 +36,7 @@ KNOWLEDGE = twin_parameters_of(POOL, MODEL)
 
 
 def anchor(weight: float, primary: float, sd: float = 0.02) -> Anchor:
-    mean, cov = np.array([primary, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0]), np.zeros((SIZE, SIZE))
+    mean, cov = np.array([primary, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0]), np.zeros((SIZE, SIZE))
     cov[PRIMARY, PRIMARY] = sd**2
     return Anchor(weight, mean, cov)
 

@@ -123,6 +123,16 @@ def test_the_shipped_variants_of_the_pool_differ_in_nothing_else() -> None:
             "leave this key out, or use mode: paper",
         ),
         (
+            "amplitude_m: 0.005}",
+            "amplitude_m: 0.005}\n  spread: {drain: 0.31}",
+            "fleet.spread.drain: must be less than or equal to 0.3, not 0.31",
+        ),
+        (
+            "amplitude_m: 0.005}",
+            "amplitude_m: 0.005}\n  spread: {capacity: -0.1}",
+            "fleet.spread.capacity: must be greater than or equal to 0, not -0.1",
+        ),
+        (
             "full_threshold: 0.99",
             "full_threshold: 0.8",
             "mission.full_threshold: must be above mission.pool_threshold (0.8), "

@@ -14,7 +14,7 @@ from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.loader import load, with_overrides
 from apad_bridge.scenario.local_frame import LocalFrame
 from apad_bridge.scenario.polygon import contains
-from apad_bridge.scenario.schema import Area, Origin, RandomStart
+from apad_bridge.scenario.schema import Area, Origin, RandomStart, Spread
 from apad_bridge.scenario.starts import Start, random_start, read_starts, save_starts, starts_of
 
 SCENARIOS = Path(__file__).parents[3] / "launch_scripts" / "scenarios"
@@ -213,3 +213,22 @@ def test_ids_with_gaps_are_refused_and_not_dropped(tmp_path: Path, first_id: int
         f"{tmp_path}/s.csv: the ids 3, 7, 12, 24 are not {shown}, which fleet.first_id and fleet.count say: "
         "number the rows without gaps, and let first_id be the lowest",
     )
+
+
+def test_secondaries_start_below_full_where_nobody_states_their_charge(tmp_path: Path) -> None:
+    (tmp_path / "unstated.csv").write_text("id,north,east,battery\n1,5,5,0.7\n2,6,6,0.8\n3,7,7,0.9\n")
+    (tmp_path / "stated.csv").write_text(
+        "id,north,east,battery,secondary\n1,5,5,0.7,1\n2,6,6,0.8,0.5\n3,7,7,0.9,1\n"
+    )
+    pool = load(SCENARIOS / "pool-12.yaml")
+    spread = Spread(secondary_start=0.1)
+
+    def secondaries(start: str | RandomStart, spread: Spread) -> list[float]:
+        fleet = replace(pool.fleet, count=3, start=start, spread=spread)
+        return [it.secondary for it in starts_of(replace(pool, fleet=fleet))]
+
+    drawn = secondaries(str(tmp_path / "unstated.csv"), spread)
+    assert len(set(drawn)) == 3 and all(0.7 <= charge < 1 for charge in drawn)
+    assert secondaries(ANY_CHARGE, spread) == drawn
+    assert secondaries(str(tmp_path / "stated.csv"), spread) == [1.0, 0.5, 1.0]
+    assert secondaries(str(tmp_path / "unstated.csv"), Spread()) == [1.0, 1.0, 1.0]
