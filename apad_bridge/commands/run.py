@@ -24,6 +24,7 @@ from apad_bridge.runs.dry_run import first_plan
 from apad_bridge.runs.exits import EXITS, Exit, UserError
 from apad_bridge.runs.flying import fly_in_process
 from apad_bridge.runs.progress import FlightProgress
+from apad_bridge.scenario.cross_checks import warnings
 from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.loader import load, with_overrides
 from apad_bridge.scenario.run_options import APadKind, OnDeath, Part, RunOptions, TimeSource
@@ -208,6 +209,9 @@ def run(arguments: argparse.Namespace) -> int:
     options = options_of(arguments)
     scenario, starts = read_scenario(arguments)
     check_modems(options, scenario)
+    if options.apad is APadKind.SIM:
+        for happens, mend in warnings(scenario):
+            print(f"musselbed: warning: {happens}: {mend}", file=sys.stderr)
     if scenario.apads:
         with peers_may_fail():
             return several.run(options, scenario, starts, arguments.out, arguments.json)

@@ -68,7 +68,7 @@ def print_table(console: Console, name: str, collection: str, summary: dict[str,
     console.print(
         f"lost {_count_text(summary['amussels_lost'])}, emptied {_count_text(summary['emptied'])}, "
         f"{summary['services']} served, "
-        f"aPad used {_percent(summary['apad_energy_fraction'])} of its battery; "
+        f"{_energy(summary)}; "
         f"ended by {summary['ended_by']}",
         highlight=False,
         soft_wrap=True,
@@ -94,8 +94,11 @@ def _figures(summary: dict[str, Any]) -> list[str]:
     return [*spread, f"{summary['planned_m']:.2f}", f"{summary['active_mean']:.2f}"]
 
 
-def _percent(fraction: float | None) -> str:
-    return "an unknown part" if fraction is None else f"{100 * fraction:.1f} %"
+def _energy(summary: dict[str, Any]) -> str:
+    fraction = summary["apad_energy_fraction"]
+    if fraction is None:
+        return f"no figure of the aPad's energy ({summary['apad_energy_missing']})"
+    return f"aPad used {100 * fraction:.1f} % of its battery"
 
 
 def _count_text(count: int | None) -> str:

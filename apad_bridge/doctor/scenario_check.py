@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from apad_bridge.doctor.finding import Finding, fail, ok
+from apad_bridge.doctor.finding import Finding, fail, ok, warn
 from apad_bridge.scenario.errors import ScenarioError
 
 if TYPE_CHECKING:
@@ -28,7 +28,10 @@ def read(path: Path) -> tuple[Scenario | None, list[Finding]]:
         ]
     mission = scenario.mission
     found = f"{path} can be read; strategies {mission.collection} and {mission.redeployment}"
-    return scenario, [ok("scenario", found), *_check_starts_and_codec(scenario)]
+    from apad_bridge.scenario.cross_checks import warnings
+
+    doubts = [warn("scenario", happens, mend) for happens, mend in warnings(scenario)]
+    return scenario, [ok("scenario", found), *doubts, *_check_starts_and_codec(scenario)]
 
 
 def _check_starts_and_codec(scenario: Scenario) -> Iterator[Finding]:

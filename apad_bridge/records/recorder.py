@@ -19,7 +19,13 @@ from apad_bridge.records.packet_lines import sound_rows
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.records.sample_file import SAMPLE_KEYS, SampleFile, sample_figures
 from apad_bridge.records.samples import TruthSample, Water, apad_sample, belief_sample
-from apad_bridge.records.summary import Ending, FailureCounts, amussel_figures, uptime_figures
+from apad_bridge.records.summary import (
+    Ending,
+    FailureCounts,
+    amussel_figures,
+    apad_energy,
+    uptime_figures,
+)
 from apad_bridge.records.truth_lines import truth_data, truth_of
 from apad_bridge.records.uptime import UptimeMeter
 from apad_bridge.scenario.firmware_config import takes_samples
@@ -219,7 +225,7 @@ class Recorder:
             "cost_m": ending.cost_m,
             "planned_m": ending.planned_m,
             "services": ending.services,
-            "apad_energy_fraction": ending.apad_energy_fraction,
+            **apad_energy(ending, scenario.theta),
             **self._sample_figures(ending, at_ms),
             "gave_up": len(self._given_up),
             "amussels": amussel_figures(

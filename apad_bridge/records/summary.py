@@ -124,7 +124,8 @@ SUMMARY: tuple[Field, ...] = (
     Field("cost_m", NUMBER, "the way that the aPad drove on its legs, by its reported positions", "m"),
     Field("planned_m", NUMBER, "the straight ways that it was ordered to go, as the paper counts them", "m"),
     Field("services", INTEGER, "aMussels that left a dock full"),
-    Field("apad_energy_fraction", NUMBER, "used part of the aPad's battery", "0 to 1"),
+    Field("apad_energy_fraction", NUMBER, "used part of the aPad's battery; at theta 1 alone", "0 to 1"),
+    Field("apad_energy_missing", TEXT, "why there is no such part"),
     Field("samples_uploaded", INTEGER, "samples on disk"),
     Field("samples_lost", INTEGER, "samples that can no longer be uploaded"),
     Field("samples_waiting", INTEGER, "samples still aboard"),
@@ -182,6 +183,17 @@ def _figures_of(uptime: AgentUptime | None, ticks: int) -> dict[str, Any]:
         "emptied": uptime.emptied,
         "lost": uptime.lost,
     }
+
+
+def apad_energy(ending: Ending, theta: int) -> dict[str, Any]:
+    """The keys of summary.json of the aPad's energy; None where it compares with nothing, and then the reason."""
+    reason = None
+    if theta != 1:
+        reason = f"it compares at theta 1 alone: at {theta} the aMussels charge {theta} times as fast as the aPad spends"
+    elif ending.apad_energy_fraction is None:
+        reason = "the aPad's battery was not heard"
+    used = ending.apad_energy_fraction if reason is None else None
+    return {"apad_energy_fraction": used, "apad_energy_missing": reason}
 
 
 def uptime_figures(meter: UptimeMeter, now_ms: int, tick_ms: int = 1000) -> dict[str, Any]:

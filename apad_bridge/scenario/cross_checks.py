@@ -20,6 +20,7 @@ from apad_bridge.scenario.schema import DriftMode, FullWhen, HearingMode, Scenar
 from apad_bridge.scenario.water import ModemGeneration, Water
 
 Contradiction = tuple[str, str]
+_S_PER_HOUR = 3600
 
 
 def contradictions(scenario: Scenario) -> list[Contradiction]:
@@ -35,6 +36,30 @@ def contradictions(scenario: Scenario) -> list[Contradiction]:
         *_check_apad(scenario),
         *_check_further_apads(scenario),
     ]
+
+
+def warnings(scenario: Scenario) -> list[Contradiction]:
+    """Returns (what must happen, the mend) of everything that such a scenario can be flown with, but hardly to the end."""
+    mission, battery = scenario.mission, scenario.apad.battery
+    starts = {scenario.apad.name: battery.start_fraction}
+    for it in scenario.apads:
+        starts[it.name] = (
+            battery.start_fraction if it.battery_start_fraction is None else it.battery_start_fraction
+        )
+    found = []
+    for name, start in starts.items():
+        left_wh = max(0.0, start - mission.end_at_apad_fraction) * battery.capacity_wh
+        if left_wh < battery.hotel_w * scenario.duration_s / _S_PER_HOUR:
+            found.append(
+                (
+                    f"{name}'s battery ends its mission within {left_wh / battery.hotel_w:.1f} h of "
+                    f"{scenario.duration_s / _S_PER_HOUR:.1f} h, whatever it does: apad.battery.hotel_w is "
+                    f"{battery.hotel_w:g} W, and {left_wh:.0f} Wh are there for it",
+                    "lower duration_s or apad.battery.hotel_w, or raise apad.battery.capacity_wh; theta makes the "
+                    "aMussels' days shorter",
+                )
+            )
+    return found
 
 
 def _check_apad(scenario: Scenario) -> Iterator[Contradiction]:

@@ -63,6 +63,9 @@ def combined_summary(name: str, of_each: Mapping[str, Summary], handed_on: int =
         "apad_energy_fraction": _combined(
             flights, "apad_energy_fraction", lambda values: sum(values) / len(values)
         ),
+        "apad_energy_missing": next(
+            (reason for flight in flights if (reason := flight["apad_energy_missing"]) is not None), None
+        ),
         **{key: _combined(flights, key, sum) for key in _SUMS},
         "handed_on": handed_on,
         "apart": _excluded(flights),

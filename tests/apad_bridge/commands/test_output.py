@@ -11,6 +11,7 @@ from rich.console import Console
 
 from apad_bridge.commands.main import main
 from apad_bridge.commands.table import print_table
+from apad_bridge.records.summary import Ending, apad_energy
 
 ROOT = Path(__file__).parents[3]
 MUSSELBED = [sys.executable, "-m", "apad_bridge.commands.main"]
@@ -82,6 +83,7 @@ SUMMARY = {
     "emptied": 0,
     "services": 16,
     "apad_energy_fraction": 0.2,
+    "apad_energy_missing": None,
 }
 
 
@@ -100,3 +102,32 @@ def test_the_papers_row_stands_beside_the_papers_flight_alone(
 ) -> None:
     print_table(Console(width=100), "pool-12", "cautious", SUMMARY | change)
     assert ("(paper)" in capsys.readouterr().out) is is_beside
+
+
+@pytest.mark.parametrize(("theta", "used", "figure"), [(1, 0.25, 0.25), (30, 0.25, None), (1, None, None)])
+def test_the_apads_energy_is_a_figure_at_theta_1_alone(
+    theta: int, used: float | None, figure: float | None, capsys: pytest.CaptureFixture[str]
+) -> None:
+    found = apad_energy(Ending("mission time", 1.0, 2, used, {}), theta)
+    assert found["apad_energy_fraction"] == figure
+    assert (found["apad_energy_missing"] is None) is (figure is not None)
+    print_table(Console(width=100), "pool-12", "cautious", SUMMARY | found)
+    shown = capsys.readouterr().out
+    assert ("aPad used 25.0 % of its battery" in shown) is (figure is not None)
+    assert ("no figure of the aPad's energy" in shown) is (figure is None)
+
+
+def test_an_apad_that_must_run_empty_is_warned_of_before_it_flies(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """230 Wh at 25 W of computers and sensors last 9.2 h; the shipped scenarios ask for 4 h at most."""
+    shipped = (ROOT / "launch_scripts/scenarios/whole-board-12.yaml").read_text()
+    (tmp_path / "pool-12.csv").write_text((ROOT / "launch_scripts/scenarios/pool-12.csv").read_text())
+    for duration_s, warned in ((14400, 0), (33119, 0), (33121, 1)):
+        path = tmp_path / "long.yaml"
+        path.write_text(shipped.replace("duration_s: 14400", f"duration_s: {duration_s}"))
+        assert main(["run", str(path), "--theta", "1", "--dry-run"]) == 0
+        lines = capsys.readouterr().err.splitlines()
+        assert len(lines) == warned and all("within 9.2 h" in line and "hotel_w" in line for line in lines)
+        main(["doctor", str(path)])
+        assert capsys.readouterr().out.count("WARN scenario: ") == warned

@@ -27,6 +27,7 @@ def flight(agents: int, mean: float, **more: Any) -> dict[str, Any]:
         **{
             "final_charge_mean": mean / 100,
             "apad_energy_fraction": 0.2,
+            "apad_energy_missing": None,
             "first_cause": None,
             "dropped": {},
         },
