@@ -97,7 +97,13 @@ class FleetConfig:
             **{
                 **wire,
                 "board": _board_of(wire["board"]),
-                "body": BodyConfig(**{**body, "sinking": Sinking(**body["sinking"])}),
+                "body": BodyConfig(
+                    **{
+                        **body,
+                        "sinking": Sinking(**body["sinking"]),
+                        "leeway_um_s": tuple(body["leeway_um_s"]),
+                    }
+                ),
                 "reports": ReportConfig(**{**reports, "modem": Generation(reports["modem"])}),
                 "current": CurrentConfig.from_wire(wire["current"]),
                 "fields": FieldsConfig.from_wire(wire["fields"]),

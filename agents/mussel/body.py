@@ -52,6 +52,8 @@ class BodyConfig:
     drifts_always: bool
     """The paper's mode: every undocked body takes a random step and follows the current each mission second."""
     drift_amplitude_um: int
+    leeway_um_s: tuple[int, int] = (0, 0)
+    """The velocity (north, east) that the wind adds to a body at the surface, beside the current's."""
     coil_alignment_ms: int = 0
     """From the contact, or from the coils' last slip, until the charger starts and its pin rises."""
 
@@ -142,6 +144,8 @@ class Body:
         if self.docked:
             return False
         on_bottom = self.buoyancy is Buoyancy.SINK and self.depth_um == self._sinking.bottom_um
+        if self.buoyancy is Buoyancy.FLOAT and self._config.leeway_um_s != (0, 0):
+            return True
         if self._config.drifts_always:
             return self._config.drift_amplitude_um > 0 or not current.is_still
         return not on_bottom and not current.is_still
@@ -166,8 +170,9 @@ class Body:
             north_um = east_um = 0
         depth_um = self.depth_at_um(now_ms)
         north_um_s, east_um_s = water.current.velocity_um_s(self.north_um, self.east_um, depth_um, self._step)
-        self.north_um += north_um + north_um_s
-        self.east_um += east_um + east_um_s
+        leeway_north_um, leeway_east_um = self._config.leeway_um_s if depth_um == 0 else (0, 0)
+        self.north_um += north_um + north_um_s + leeway_north_um
+        self.east_um += east_um + east_um_s + leeway_east_um
 
     @property
     def pin_high(self) -> bool:

@@ -12,7 +12,7 @@ from agents.mussel.reporter import ReportConfig
 from agents.water.patches import CALM_BAY
 from apad_bridge.assembly.acoustics import ranging_of
 from apad_bridge.assembly.estimator import fleet_beliefs
-from apad_bridge.assembly.water import current_config, fields_config, generation_of
+from apad_bridge.assembly.water import current_config, fields_config, generation_of, leeway_um_s
 from apad_bridge.mission.allocation import Allocation
 from apad_bridge.mission.breakdown import Breakdown
 from apad_bridge.mission.call_queue import CallQueue
@@ -52,6 +52,7 @@ def fleet_config(scenario: Scenario) -> FleetConfig:
             sinking_of(scenario),
             drifts_always=drift.mode is DriftMode.PAPER,
             drift_amplitude_um=round(drift.amplitude_m * 1e6),
+            leeway_um_s=leeway_um_s(scenario),
             coil_alignment_ms=round(board.coil_alignment_s * 1000),
         ),
         reports=ReportConfig(

@@ -47,6 +47,13 @@ def fields_config(fields: Fields) -> FieldsConfig:
     )
 
 
+def leeway_um_s(scenario: Scenario) -> tuple[int, int]:
+    wind = None if scenario.water is None else scenario.water.wind
+    if wind is None:
+        return 0, 0
+    return round(wind.leeway * wind.north_m_s * 1e6), round(wind.leeway * wind.east_m_s * 1e6)
+
+
 def _waters(fields: Fields, name: str) -> Waters:
     layers = tuple((round(depth_m * 1e6), value) for depth_m, value in getattr(fields, name))
     patches = tuple(

@@ -107,6 +107,19 @@ class Current:
             raise ValueError("profile must go down")
 
 
+WindSpeed = Annotated[float, Ge(-60), Le(60)]
+
+
+@frozen
+class Wind:
+    """A steady wind, by where it blows to. What floats goes with a part of it, beside the current."""
+
+    north_m_s: WindSpeed
+    east_m_s: WindSpeed
+    leeway: Annotated[float, Ge(0), Le(0.2)] = 0.03
+    """The share of the wind's speed: 3 % is the usual figure for what floats awash."""
+
+
 @frozen
 class Patch:
     """A patch of changed water that grows and drifts, in agent time."""
@@ -185,6 +198,7 @@ class Water:
     talk: Talk = Talk()
     localisation: Localisation | None = None
     current: Current | None = None
+    wind: Wind | None = None
     fields: Fields = Fields()
     links_file: str | None = None
     """CSV: from, to, loss and optionally since_s, until_s; relative to the scenario file. Read again when it changes."""

@@ -8,7 +8,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from agents.mussel.body import drift_step_um
+from agents.mussel.body import Body, BodyConfig, Sinking, WaterConfig, drift_step_um
+from agents.water.patches import CALM_BAY
+from agents.water.stream import STILL
+from firmware_model.actions import Buoyancy
 
 words = st.integers(0, 2**64 - 1)
 
@@ -57,3 +60,30 @@ def test_the_order_of_asking_does_not_matter(order: list[int]) -> None:
 
 def test_no_amplitude_is_no_drift() -> None:
     assert drift_step_um(1, 2, 3, 0) == (0, 0)
+
+
+def blown(seconds: int, cuts: list[int]) -> list[tuple[int, int]]:
+    """Places (um) each second of a body in still water and a wind, which surfaces from 3 m within 10 s, and is docked at
+    30 s; time is also cut at `cuts` (ms)."""
+    config = BodyConfig(Sinking(3_000_000, 10_000, 10_000), False, 0, leeway_um_s=(150_000, -60_000))
+    water = WaterConfig(1, 1000, config, STILL, CALM_BAY.fields())
+    body = Body(7, water, 0, 0, 0, 3_000_000, Buoyancy.SINK, False, 0)
+    assert body.drift_due_ms is None  # at rest on the bottom
+    body.run_buoyancy(Buoyancy.FLOAT, 0)
+    places = []
+    for now_ms in sorted({*range(1000, 1000 * seconds + 1, 1000), *cuts}):
+        while (due_ms := body.drift_due_ms) is not None and due_ms <= now_ms:
+            body.drift(due_ms)
+        if now_ms == 30_000:
+            body.dock(body.north_um, body.east_um, now_ms)
+        if now_ms % 1000 == 0:
+            places.append((body.north_um, body.east_um))
+    return places
+
+
+@given(st.lists(st.integers(1, 39_999), max_size=20))
+def test_wind_moves_what_floats_and_nothing_else(cuts: list[int]) -> None:
+    places = blown(40, cuts)
+    assert places[8] == (0, 0)  # on its way up
+    # From the tenth second on at the surface: 21 steps until the dock holds it.
+    assert places[29] == (21 * 150_000, 21 * -60_000) and places[39] == places[29]

@@ -123,6 +123,16 @@ def test_the_shipped_variants_of_the_pool_differ_in_nothing_else() -> None:
             "leave this key out, or use mode: paper",
         ),
         (
+            "theta: 30",
+            "theta: 30\nwater: {wind: {north_m_s: 61, east_m_s: 0}}",
+            "water.wind.north_m_s: must be less than or equal to 60, not 61",
+        ),
+        (
+            "theta: 30",
+            "theta: 30\nwater: {wind: {north_m_s: 6, east_m_s: 0, leeway: 0.3}}",
+            "water.wind.leeway: must be less than or equal to 0.2, not 0.3",
+        ),
+        (
             "amplitude_m: 0.005}",
             "amplitude_m: 0.005}\n  spread: {drain: 0.31}",
             "fleet.spread.drain: must be less than or equal to 0.3, not 0.31",
