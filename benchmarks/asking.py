@@ -31,7 +31,7 @@ from agents.mussel.outputs import Truth
 from agents.mussel.physical import Physical
 from apad_bridge.assembly import parts
 from apad_bridge.assembly.acoustics import answer_charge
-from apad_bridge.assembly.water import fleet_of
+from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.records.summary import uptime_figures
 from apad_bridge.runs.in_memory import MemoryRecorder
@@ -193,14 +193,16 @@ class Scoring(MemoryRecorder):
 
 def _flown(thought: Scenario, truth: Scenario) -> dict[str, float]:
     initial_states = parts.initial_states(truth, starts_of(truth))
-    host = InProcessHost(parts.fleet_config(truth), initial_states)
-    supervisor = parts.supervisor(thought, samples=SampleCollection(parts.agent_ids(thought)))
+    host = InProcessHost(parts.fleet_config(flight_config(truth)), initial_states)
+    supervisor = parts.supervisor(flight_config(thought), samples=SampleCollection(thought.fleet.ids))
     for packet in _sown(initial_states):
         supervisor.beliefs.hear(packet, 0)
     recorder = Scoring(truth)
     vehicle = InProcessVehicle(parts.simulated_apad(truth))
-    fleet = fleet_of(truth, host, dict.fromkeys(initial_states, 0))
-    flight = Flight(supervisor, FlightContext(vehicle, AsFastAsPossible(), fleet), recorder)
+    fleet = parts.fleet_of(flight_config(truth), host, dict.fromkeys(initial_states, 0))
+    flight = Flight(
+        supervisor, FlightContext(vehicle=vehicle, pace=AsFastAsPossible(), fleet=fleet), recorder
+    )
     flight.run()
     figures = uptime_figures(recorder.meter, flight.now_ms)
     kinds = Counter(kind for _, kind, _ in recorder.events)

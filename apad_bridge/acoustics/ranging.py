@@ -162,6 +162,45 @@ class RangingService:
         beliefs.learn(taken.agent_id, ranged)
 
 
+class NoRanging:
+    """The service of an aPad without water, or without a modem in it: packets go out at once, and nothing is pinged.
+
+    It learns nothing, so its state is empty.
+    """
+
+    def __init__(self) -> None:
+        self.dropped: Counter[str] = Counter()
+
+    def full_state(self) -> dict[str, Any]:
+        return {}
+
+    def updates(self) -> None:
+        return None
+
+    def restore(self, state: dict[str, Any] | None) -> None:
+        pass
+
+    def apply_updates(self, updates: dict[str, Any]) -> None:
+        pass
+
+    def advance(self, beliefs: Sequence[Belief], now_ms: int) -> list[SupervisorAction]:
+        return []
+
+    def short_status_received(self, agent_id: int) -> None:
+        pass
+
+    def schedule_sends(self, actions: Sequence[SupervisorAction], now_ms: int) -> list[SupervisorAction]:
+        return list(actions)
+
+    def moved(self, agent_id: int, now_ms: int) -> None:
+        pass
+
+    def hear(
+        self, fact: RangeHeard, pose: PoseReported | None, beliefs: FleetBeliefs, now_ms: int
+    ) -> list[SupervisorAction]:
+        return []
+
+
 def _is_away(belief: Belief) -> bool:
     """True if an aMussel is docked or afloat, and cannot receive: for a carried belief, more probably than not."""
     if belief.is_predicted:

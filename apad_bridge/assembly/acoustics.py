@@ -1,21 +1,19 @@
-"""Builds an aPad's acoustic services beside its mission from the scenario's block `water`."""
+"""Converts the scenario's block `water` for the aPad's acoustic service beside its mission."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from dataclasses import dataclass
 from math import ceil, dist, hypot
 
-from apad_bridge.acoustics.locator import Locator, LocatorConfig
-from apad_bridge.acoustics.ranging import RangingService
-from apad_bridge.acoustics.schedule import AcousticScheduler, ScheduleConfig
+from agents.modem.frames import Generation
+from apad_bridge.acoustics.locator import LocatorConfig
+from apad_bridge.acoustics.schedule import ScheduleConfig
 from apad_bridge.assembly.estimator import readings_apart_ms
-from apad_bridge.assembly.water import generation_of
 from apad_bridge.beliefs.pings import PingForCharge, PingForPlace
 from apad_bridge.beliefs.questions import candidate_below
-from apad_bridge.scenario.firmware_config import board_config
 from apad_bridge.scenario.schema import Scenario
+from apad_bridge.scenario.water import Water
 from firmware_model.config import FullFirmware
-from firmware_model.packets.codec import load_codec
 from firmware_model.power.charge import FULL
 from firmware_model.power.rails import Rail, bits, rails_of
 from firmware_model.states import State
@@ -24,53 +22,59 @@ _PAUSE_MS = 20
 """The pause between two packets, beside the time in which the echoes of the first die away."""
 
 
-def ranging_of(scenario: Scenario, agent_ids: Iterable[int]) -> RangingService | None:
-    """Builds the aPad's ranging service; None if the scenario has no water."""
-    water = scenario.water
-    if water is None:
-        return None
-    modems = generation_of(water.modems)
-    firmware = board_config(scenario.board, scenario.seed, modems).whole
+@dataclass(frozen=True, slots=True)
+class AcousticsConfig:
+    """The configuration of an aPad's acoustic service."""
+
+    schedule: ScheduleConfig
+    locator: LocatorConfig | None
+    """None: pings give delays and no places."""
+    keel_m: float
+    """The depth of the aPad's modem."""
+    range_deviation_m: float
+    """Standard deviation of a range."""
+    places: PingForPlace | None
+    """Decides which aMussels to ping because their place is too uncertain; None for no such pings."""
+    charges: PingForCharge | None
+    """Decides which aMussels to ask for their status; None for no such requests."""
+
+
+def acoustics_config(
+    scenario: Scenario, water: Water, firmware: FullFirmware | None, modems: Generation
+) -> AcousticsConfig:
     timeslots = None if firmware is None or firmware.cycle is None else firmware.cycle.slots
-    speed_m_s, corners = water.sound.sound_speed_m_s, scenario.area.polygon_m
-    across_m = max(dist(one, other) for one in corners for other in corners) + scenario.area.depth_m
-    schedule = ScheduleConfig(
-        theta=scenario.theta,
-        sound_speed_m_s=speed_m_s,
-        longest_delay_ms=ceil(1000 * min(across_m, water.sound.range_limit_m) / speed_m_s),
-        waits=water.talk.waits,
-        assigns=water.talk.assigns,
-        guard_ms=0 if timeslots is None else timeslots.guard_ms,
-        beacon_period_ms=round(water.talk.beacon_period_s * 1000),
-        ping_period_ms=round(water.talk.ping_period_s * 1000),
-        modems=modems,
-        pause_ms=_PAUSE_MS + round(1000 * water.sound.reverberation_s),
-        answer_ms=0 if firmware is None else firmware.turnaround_ms + firmware.answer_ms,
-    )
-    localisation = water.localisation
-    locator = None
-    if localisation is not None:
-        depth_m = scenario.area.depth_m
-        locator = Locator(
-            LocatorConfig(
-                localisation.deviation_m,
-                depth_m,
-                localisation.memory_s,
-                localisation.apart_m,
-                worst_hdop=localisation.worst_hdop,
-            )
-        )
-    deviation_m = 1.0 if localisation is None else localisation.deviation_m
-    return RangingService(
-        AcousticScheduler(schedule, load_codec(scenario.hearing.codec), timeslots, agent_ids),
-        locator,
+    speed_m_s, corners, depth_m = water.sound.sound_speed_m_s, scenario.area.polygon_m, scenario.area.depth_m
+    across_m = max(dist(one, other) for one in corners for other in corners) + depth_m
+    localisation, talk = water.localisation, water.talk
+    return AcousticsConfig(
+        ScheduleConfig(
+            theta=scenario.theta,
+            sound_speed_m_s=speed_m_s,
+            longest_delay_ms=ceil(1000 * min(across_m, water.sound.range_limit_m) / speed_m_s),
+            waits=talk.waits,
+            assigns=talk.assigns,
+            guard_ms=0 if timeslots is None else timeslots.guard_ms,
+            beacon_period_ms=round(talk.beacon_period_s * 1000),
+            ping_period_ms=round(talk.ping_period_s * 1000),
+            modems=modems,
+            pause_ms=_PAUSE_MS + round(1000 * water.sound.reverberation_s),
+            answer_ms=0 if firmware is None else firmware.turnaround_ms + firmware.answer_ms,
+        ),
+        None
+        if localisation is None
+        else LocatorConfig(
+            localisation.deviation_m,
+            depth_m,
+            localisation.memory_s,
+            localisation.apart_m,
+            worst_hdop=localisation.worst_hdop,
+        ),
         water.sound.keel_m,
-        scenario.area.depth_m,
-        deviation_m,
-        PingForPlace(candidate_below(scenario.mission.pool_threshold), water.talk.ping_worth_m)
-        if water.talk.ping_worth_m
+        1.0 if localisation is None else localisation.deviation_m,
+        PingForPlace(candidate_below(scenario.mission.pool_threshold), talk.ping_worth_m)
+        if talk.ping_worth_m
         else None,
-        None if firmware is None else status_request_policy(scenario, water.talk.ask_worth_answers, firmware),
+        None if firmware is None else status_request_policy(scenario, talk.ask_worth_answers, firmware),
     )
 
 

@@ -1,11 +1,12 @@
-"""Builds a scenario's estimator and its knowledge: the kind of board, the water, and the trust in both."""
+"""Builds the configuration of a scenario's estimator: the kind of board, the water, and the trust in both."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
-from apad_bridge.beliefs.fleet import FleetBeliefs
-from apad_bridge.beliefs.hold_last import HoldLast
+from agents.mussel.body import BodyConfig
+from agents.mussel.reporter import ReportConfig
 from apad_bridge.beliefs.modes import Mode
 from apad_bridge.beliefs.twin_parameters import (
     Calls,
@@ -20,10 +21,9 @@ from apad_bridge.beliefs.twin_parameters import (
     Water,
 )
 from apad_bridge.scenario.estimator_options import TwinModel
-from apad_bridge.scenario.firmware_config import board_config, charge_model
 from apad_bridge.scenario.schema import DriftMode, Scenario
-from firmware_model.config import PATH_UNIT, FullFirmware
-from firmware_model.power.charge import FULL, Segments
+from firmware_model.config import PATH_UNIT, BoardConfig, FullFirmware
+from firmware_model.power.charge import FULL, ChargeModel, Segments
 from firmware_model.power.rails import Rail, rails_of
 from firmware_model.state_groups import DOCKED
 from firmware_model.states import State
@@ -56,44 +56,51 @@ _AGEING_PER_DAY = 0.001
 _STEADY_CURRENT_S = 3600.0
 
 
-def fleet_beliefs(scenario: Scenario, agent_ids: Sequence[int]) -> FleetBeliefs:
-    """Builds the scenario's estimator. Only twins import filterpy, which takes half a second."""
+@dataclass(frozen=True, slots=True)
+class TwinConfig:
+    """The configuration of an estimator with a twin for each aMussel."""
+
+    parameters: TwinParameters
+    schedules: dict[int, Schedule]
+    """The boards' schedules by id."""
+    due_every_ms: int
+    """The period of reports in mission time."""
+
+
+def twin_config(
+    scenario: Scenario, board: BoardConfig, body: BodyConfig, reports: ReportConfig
+) -> TwinConfig | None:
+    """Builds the twins' configuration; None for the estimator that holds the last packet."""
     model = scenario.beliefs.twin
     if model is None:
-        return HoldLast(agent_ids, scenario.theta)
-    from apad_bridge.beliefs.twin import Twin
-
-    twin = Twin(twin_parameters_of(scenario, model), schedules_of(scenario, agent_ids))
-    return FleetBeliefs(twin, agent_ids, due_every_ms=_report_ms(scenario), theta=scenario.theta)
-
-
-def _report_ms(scenario: Scenario) -> int:
-    """Returns the report period in mission time."""
-    return round(scenario.hearing.report_period_s * 1000)
+        return None
+    return TwinConfig(
+        twin_parameters(scenario, model, board, body, reports),
+        schedules(board.whole, scenario.fleet.first_id, scenario.fleet.ids),
+        reports.period_ms // scenario.theta,
+    )
 
 
-def schedules_of(scenario: Scenario, agent_ids: Sequence[int]) -> dict[int, Schedule]:
+def schedules(firmware: FullFirmware | None, first_id: int, ids: Sequence[int]) -> dict[int, Schedule]:
     """Builds the boards' schedules: always awake, as the paper's worst case, or asleep but for the wakes of their cycle."""
-    firmware = board_config(scenario.board, scenario.seed).whole
     if firmware is None or firmware.cycle is None:
-        return dict.fromkeys(agent_ids, Schedule((0,), (Mode.IDLE,)))
-    first_id = scenario.fleet.first_id
+        return dict.fromkeys(ids, Schedule((0,), (Mode.IDLE,)))
     return {
-        agent_id: Schedule((0,), (Mode.ASLEEP,), _cycle_of(firmware, agent_id - first_id))
-        for agent_id in agent_ids
+        agent_id: Schedule((0,), (Mode.ASLEEP,), _cycle_of(firmware, agent_id - first_id)) for agent_id in ids
     }
 
 
-def twin_parameters_of(scenario: Scenario, model: TwinModel) -> TwinParameters:
-    board, theta = scenario.board, scenario.theta
-    firmware = board_config(board, scenario.seed).whole
+def twin_parameters(
+    scenario: Scenario, model: TwinModel, board: BoardConfig, body: BodyConfig, reports: ReportConfig
+) -> TwinParameters:
+    theta, firmware = scenario.theta, board.whole
     deviations = (model.bias_deviation,) * 4
     drift = scenario.fleet.drift
     step_m = drift.amplitude_m if drift.mode is DriftMode.PAPER else 0.0
     return TwinParameters(
         theta=theta,
-        drain=_drain(scenario, firmware),
-        charger=_charger(scenario),
+        drain=_drain(board),
+        charger=_charger(board.charge),
         sensor=Sensor(
             model.sensor_noise,
             (0.0,) * 4,
@@ -116,13 +123,13 @@ def twin_parameters_of(scenario: Scenario, model: TwinModel) -> TwinParameters:
         drain_deviation=model.drain_deviation,
         ageing_per_day=_AGEING_PER_DAY,
         clock=ClockParameters(1000.0, 20.0, 1000.0 * theta),
-        surfacing_ms=round(board.surfacing_s * 1000),
-        sinking_ms=round(board.sinking_s * 1000),
-        float_timeout_ms=round(board.float_timeout_s * 1000),
+        surfacing_ms=body.sinking.surfacing_ms,
+        sinking_ms=body.sinking.sinking_ms,
+        float_timeout_ms=board.float_timeout_ms,
         motor_run_ms=0 if firmware is None else firmware.power.motor_run_ms,
-        release_wait_ms=round(board.release_wait_s * 1000),
+        release_wait_ms=board.release_wait_ms,
         listening_ms=0 if firmware is None or firmware.cycle is None else firmware.cycle.listen_ms,
-        calls=None if scenario.water is None else Calls(_report_ms(scenario) * theta, _MISSED),
+        calls=None if scenario.water is None else Calls(reports.period_ms, _MISSED),
     )
 
 
@@ -131,11 +138,11 @@ def readings_apart_ms(theta: int) -> int:
     return max(_READING_APART_MS, _MISSION_APART_MS * theta)
 
 
-def _drain(scenario: Scenario, firmware: FullFirmware | None) -> Drain:
+def _drain(board: BoardConfig) -> Drain:
+    firmware = board.whole
     if firmware is None:
         # Equation (1) for every state in the water; in a dock equation (2) covers everything.
-        per_min = scenario.board.discharge_per_min
-        assert per_min is not None
+        per_min = board.charge.discharge * _MS_PER_MIN / FULL
         return Drain(
             tuple(0.0 if mode >= Mode.CHARGING_PRIMARY else per_min for mode in Mode),
             0.0,
@@ -151,7 +158,7 @@ def _drain(scenario: Scenario, firmware: FullFirmware | None) -> Drain:
     motor_run = firmware.power.loads.of[Rail.MOTORS] * firmware.power.motor_run_ms / FULL
     scheduled_per_min = rates[Mode.IDLE if firmware.cycle is None else Mode.ASLEEP]
     listening_ms = 0 if firmware.cycle is None else firmware.cycle.listen_ms
-    release_wait_ms = scenario.board.release_wait_s * 1000
+    release_wait_ms = board.release_wait_ms
     return Drain(
         tuple(rates[mode] for mode in Mode),
         motor_run,
@@ -219,9 +226,7 @@ def _offsets(firmware: FullFirmware | None) -> dict[State, tuple[float, float]]:
     return offsets
 
 
-def _charger(scenario: Scenario) -> Charger:
-    model = charge_model(scenario.board)
-
+def _charger(model: ChargeModel) -> Charger:
     def per_min(segments: Segments) -> tuple[tuple[float, float], ...]:
         return tuple((end / FULL, rate * _MS_PER_MIN / FULL) for end, rate in segments)
 

@@ -1,20 +1,25 @@
-"""Builds the parts of a flight from a scenario, and converts the scenario's numbers for them."""
+"""Builds the parts of a flight from its configuration."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
+from pathlib import Path
 
+from agents.coordinator import Coordinator
 from agents.fleet import FleetConfig, resting_on_bottom
-from agents.modem.frames import Generation
-from agents.mussel.body import BodyConfig
+from agents.hosting.host import Host
 from agents.mussel.physical import Physical
-from agents.mussel.reporter import ReportConfig
 from agents.water.patches import CALM_BAY
-from apad_bridge.assembly.acoustics import ranging_of
-from apad_bridge.assembly.estimator import fleet_beliefs
-from apad_bridge.assembly.water import current_config, fields_config, generation_of, leeway_um_s
+from agents.water.sea import Sea
+from apad_bridge.acoustics.locator import Locator
+from apad_bridge.acoustics.ranging import NoRanging, RangingService
+from apad_bridge.acoustics.schedule import AcousticScheduler
+from apad_bridge.assembly.flight_config import FlightConfig
+from apad_bridge.assembly.water import current_config, fields_config
+from apad_bridge.beliefs.fleet import FleetBeliefs
+from apad_bridge.beliefs.hold_last import HoldLast
 from apad_bridge.mission.allocation import Allocation
-from apad_bridge.mission.breakdown import Breakdown
+from apad_bridge.mission.breakdown import NeverStandsDown, StandDownRule
 from apad_bridge.mission.call_queue import CallQueue
 from apad_bridge.mission.energy_exchange import EnergyExchange
 from apad_bridge.mission.manual import CommandSource, ManualMission
@@ -23,12 +28,12 @@ from apad_bridge.mission.sources import BeliefSource
 from apad_bridge.mission.state import MissionState
 from apad_bridge.mission.takeover import Takeover
 from apad_bridge.planning import registry
-from apad_bridge.scenario.firmware_config import board_config, clock_drift_ppb, sinking_of, spread_of
-from apad_bridge.scenario.schema import DriftMode, HearingMode, Scenario
+from apad_bridge.scenario.firmware_config import spread_of
+from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import Start
-from apad_bridge.supervisor.context import LearnedState
-from apad_bridge.supervisor.core import Supervisor
-from apad_bridge.supervisor.sample_collection import SampleCollection
+from apad_bridge.supervisor.core import LearnedState, Supervisor
+from apad_bridge.supervisor.fleet import Fleet, InSea, LinksFile, WithoutWater
+from apad_bridge.supervisor.sample_collection import NoSampleCollection, SampleCollection
 from apad_bridge.vehicle.capabilities import Capabilities, of_simulated_apad
 from apad_bridge.vehicle.docking import DockingPort
 from apad_bridge.vehicle.simulated.apad import SimulatedAPad
@@ -36,36 +41,48 @@ from apad_bridge.vehicle.simulated.misses import Misses
 from firmware_model.packets.codec import load_codec
 
 
-def agent_ids(scenario: Scenario) -> Sequence[int]:
-    return scenario.fleet.ids
+def fleet_config(config: FlightConfig) -> FleetConfig:
+    """Builds the configuration of the flight's agents, and reads the current's file.
 
-
-def fleet_config(scenario: Scenario) -> FleetConfig:
-    board, drift, theta, water = scenario.board, scenario.fleet.drift, scenario.theta, scenario.water
-    modems = Generation.V3 if water is None else generation_of(water.modems)
+    OSError, or ValueError for a file that is no current.
+    """
+    scenario = config.scenario
     return FleetConfig(
-        theta=theta,
+        theta=scenario.theta,
         seed=scenario.seed,
         codec=scenario.hearing.codec,
-        board=board_config(board, scenario.seed, modems),
-        body=BodyConfig(
-            sinking_of(scenario),
-            drifts_always=drift.mode is DriftMode.PAPER,
-            drift_amplitude_um=round(drift.amplitude_m * 1e6),
-            leeway_um_s=leeway_um_s(scenario),
-            coil_alignment_ms=round(board.coil_alignment_s * 1000),
-        ),
-        reports=ReportConfig(
-            round(scenario.hearing.report_period_s * 1000) * theta,
-            heard_always=scenario.hearing.mode is HearingMode.PAPER,
-            modem=modems,
-        ),
+        board=config.board,
+        body=config.body,
+        reports=config.reports,
         current=current_config(scenario),
-        fields=CALM_BAY if water is None else fields_config(water.fields),
+        fields=CALM_BAY if scenario.water is None else fields_config(scenario.water.fields),
         first_id=scenario.fleet.first_id,
-        clock_drift_ppb=clock_drift_ppb(board),
+        clock_drift_ppb=config.clock_drift_ppb,
         spread=spread_of(scenario),
     )
+
+
+def fleet_of(
+    config: FlightConfig,
+    host: Host,
+    granted_ms: Mapping[int, int],
+    now_ms: int = 0,
+    opened: Collection[int] = (),
+) -> Fleet:
+    """Builds the fleet that runs in `host` at mission time `now_ms`; each aMussel has run up to its `granted_ms`.
+
+    `opened` are the aMussels whose modems are open to other programs, in a scenario with water.
+    """
+    scenario = config.scenario
+    coordinator = Coordinator(host, granted_ms, scenario.theta, now_ms)
+    if config.sea is None or scenario.water is None:
+        return Fleet(coordinator, host, WithoutWater(coordinator, host), config.timeslots)
+    sea = Sea(config.sea, coordinator, host, now_ms, opened)
+    if scenario.water.links_file is None:
+        return Fleet(coordinator, host, InSea(sea), config.timeslots)
+    links = LinksFile(Path(scenario.water.links_file), scenario.theta)
+    sea.set_topology(links.read())
+    return Fleet(coordinator, host, InSea(sea), config.timeslots, links)
 
 
 def initial_states(scenario: Scenario, starts: Sequence[Start]) -> dict[int, Physical]:
@@ -88,37 +105,63 @@ def simulated_apad(scenario: Scenario) -> SimulatedAPad:
     return SimulatedAPad(scenario.apad, misses(scenario))
 
 
-def initial_learned_state(scenario: Scenario, has_modem: bool = True) -> LearnedState:
-    ids = agent_ids(scenario)
-    return LearnedState(fleet_beliefs(scenario, ids), ranging_of(scenario, ids) if has_modem else None)
+def initial_learned_state(config: FlightConfig, has_modem: bool = True) -> LearnedState:
+    """Builds the state of a supervisor that has learned nothing yet. Without a modem it runs no ranging service."""
+    beliefs = fleet_beliefs(config)
+    ranging = ranging_service(config) if has_modem else NoRanging()
+    return LearnedState(beliefs, ranging, Allocation(beliefs, config.ids))
+
+
+def fleet_beliefs(config: FlightConfig) -> FleetBeliefs:
+    """Builds the scenario's estimator. Only twins import filterpy, which takes half a second."""
+    twin, theta = config.twin, config.scenario.theta
+    if twin is None:
+        return HoldLast(config.ids, theta)
+    from apad_bridge.beliefs.twin import Twin
+
+    return FleetBeliefs(
+        Twin(twin.parameters, twin.schedules), config.ids, due_every_ms=twin.due_every_ms, theta=theta
+    )
+
+
+def ranging_service(config: FlightConfig) -> RangingService | NoRanging:
+    """Builds the aPad's ranging service, which does nothing if the scenario has no water."""
+    acoustics = config.acoustics
+    if acoustics is None:
+        return NoRanging()
+    codec = load_codec(config.scenario.hearing.codec)
+    return RangingService(
+        AcousticScheduler(acoustics.schedule, codec, config.timeslots, config.ids),
+        None if acoustics.locator is None else Locator(acoustics.locator),
+        acoustics.keel_m,
+        config.scenario.area.depth_m,
+        acoustics.range_deviation_m,
+        acoustics.places,
+        acoustics.charges,
+    )
 
 
 def supervisor(
-    scenario: Scenario,
+    config: FlightConfig,
     state: MissionState | None = None,
     first_command_id: int = 1,
     command_sources: Sequence[CommandSource] = (),
-    samples: SampleCollection | None = None,
+    samples: SampleCollection | NoSampleCollection | None = None,
     takeover: CallQueue | None = None,
-    has_modem: bool = True,
     capabilities: Capabilities | None = None,
-    breakdown: Breakdown | None = None,
-    allocation: Allocation | None = None,
-    known: LearnedState | None = None,
+    stands_down: StandDownRule | None = None,
+    learned: LearnedState | None = None,
 ) -> Supervisor:
     """Builds a supervisor that knows nothing yet, or one that goes on with a mission's journaled `state`.
 
     It flies the paper's mission, which `takeover` can take over, or, with `command_sources`, a manual mission that executes
-    their orders. Without `samples` it does not collect the aMussels' logs; without a modem it runs no ranging service. With
-    a `breakdown` it is one of several supervisors that take over from each other. `known` holds the state learned so far,
-    and `allocation`, over its beliefs, the aMussels that it serves. Without `capabilities` the vehicle is
-    the simulated aPad.
+    their orders. Without `samples` it does not collect the aMussels' logs. `stands_down` is the rule of one of several
+    supervisors that take over from each other. `learned` holds the state learned so far. Without `capabilities` the vehicle
+    is the simulated aPad.
     """
+    scenario, learned = config.scenario, learned or initial_learned_state(config)
     state = state or MissionState(dock_count=scenario.apad.docks)
-    known = known or initial_learned_state(scenario, has_modem)
-    beliefs = known.beliefs
-    if allocation is None:
-        allocation = Allocation(beliefs, agent_ids(scenario))
+    beliefs, allocation = learned.beliefs, learned.allocation
     mission: Mission
     if command_sources:
         mission = ManualMission(
@@ -141,16 +184,14 @@ def supervisor(
         capabilities=capabilities or of_simulated_apad(scenario.apad.docks),
     )
     return Supervisor(
-        beliefs,
+        learned,
         mission,
         port,
         load_codec(scenario.hearing.codec),
-        samples,
+        samples or NoSampleCollection(),
         round(scenario.duration_s * 1000),
         scenario.mission.end_at_apad_fraction,
-        known.ranging,
-        allocation,
-        breakdown,
+        stands_down or NeverStandsDown(),
     )
 
 

@@ -1,23 +1,19 @@
-"""Builds the simulated water from the scenario's block `water`: a fleet's sea, and the agents' part as plain values."""
+"""Converts the scenario's block `water` for a fleet's sea and for the agents, as plain values."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
 from pathlib import Path
 
-from agents.coordinator import Coordinator
-from agents.hosting.host import Host
 from agents.modem.frames import Generation
+from agents.mussel.body import Sinking
 from agents.water import sound, wifi
 from agents.water.patches import FieldsConfig, Patch, Waters
-from agents.water.sea import Sea, SeaConfig
+from agents.water.sea import SeaConfig
 from agents.water.stream import CurrentConfig, Tide
 from apad_bridge.scenario.currents import current_text
-from apad_bridge.scenario.firmware_config import board_config, sinking_of
 from apad_bridge.scenario.local_frame import LocalFrame
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.water import Current, Fields, ModemGeneration, Sound, Water
-from apad_bridge.supervisor.fleet import Fleet, LinksFile
 
 
 def current_config(scenario: Scenario) -> CurrentConfig:
@@ -74,35 +70,10 @@ def _waters(fields: Fields, name: str) -> Waters:
     return Waters(layers, patches)
 
 
-def fleet_of(
-    scenario: Scenario,
-    host: Host,
-    granted_ms: Mapping[int, int],
-    now_ms: int = 0,
-    opened: Collection[int] = (),
-) -> Fleet:
-    """Builds the fleet that runs in `host` at mission time `now_ms`; each aMussel has run up to its `granted_ms`.
-
-    `opened` are the aMussels whose modems are open to other programs, in a scenario with water.
-    """
-    coordinator = Coordinator(host, granted_ms, scenario.theta, now_ms)
-    firmware = board_config(scenario.board).whole
-    timeslots = None if firmware is None or firmware.cycle is None else firmware.cycle.slots
-    water = scenario.water
-    if water is None:
-        return Fleet(coordinator, host, timeslots=timeslots)
-    sea = Sea(sea_config(scenario, water), coordinator, host, now_ms, opened)
-    if water.links_file is None:
-        return Fleet(coordinator, host, sea, timeslots)
-    links = LinksFile(Path(water.links_file), scenario.theta)
-    sea.set_topology(links.read())
-    return Fleet(coordinator, host, sea, timeslots, links)
-
-
-def sea_config(scenario: Scenario, water: Water) -> SeaConfig:
+def sea_config(water: Water, seed: int, sinking: Sinking, modems: Generation) -> SeaConfig:
     settings, radio = water.sound, water.wifi
     return SeaConfig(
-        seed=scenario.seed,
+        seed=seed,
         sound=sound_of(settings),
         wifi=None
         if radio is None
@@ -114,11 +85,11 @@ def sea_config(scenario: Scenario, water: Water) -> SeaConfig:
             radio.apad_antenna_m,
             radio.slope_db,
         ),
-        sinking=sinking_of(scenario),
+        sinking=sinking,
         keel_um=round(settings.keel_m * 1e6),
         range_noise_m=settings.range_noise_m,
         thrusting_m_s=settings.thrusting_m_s,
-        modems=generation_of(water.modems),
+        modems=modems,
     )
 
 

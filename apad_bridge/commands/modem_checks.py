@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from apad_bridge.assembly import parts
 from apad_bridge.runs.exits import UserError
 from apad_bridge.scenario.run_options import Part, RunOptions, TimeSource
 from apad_bridge.scenario.schema import Scenario
@@ -19,7 +18,7 @@ def check_modems(options: RunOptions, scenario: Scenario) -> None:
 
 
 def _check_opened(options: RunOptions, scenario: Scenario) -> None:
-    ids = parts.agent_ids(scenario)
+    ids = scenario.fleet.ids
     for agent_id in options.open_modems:
         if agent_id not in ids:
             raise UserError(

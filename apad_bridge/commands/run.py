@@ -216,7 +216,7 @@ def run(arguments: argparse.Namespace) -> int:
         with peers_may_fail():
             return several.run(options, scenario, starts, arguments.out, arguments.json)
     if options.dry_run and options.apad is APadKind.SIM:
-        return print_plan(first_plan(scenario, starts), arguments.json)
+        return print_plan(first_plan(scenario), arguments.json)
     try:
         directory = RunDirectory.create(scenario.name, datetime.now(UTC), arguments.out)
     except RunDirectoryError as error:

@@ -78,7 +78,7 @@ def _refuse_unsupported(options: RunOptions) -> None:
 
 
 def _print_plans(all_members: Sequence[Member], as_json: bool) -> int:
-    plans = {member.name: first_plan(member.scenario, member.starts) for member in all_members}
+    plans = {member.name: first_plan(member.scenario) for member in all_members}
     if as_json:
         print(
             json.dumps(

@@ -31,7 +31,7 @@ from apad_bridge.records.uptime import UptimeMeter
 from apad_bridge.scenario.firmware_config import takes_samples
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import Start, save_starts
-from apad_bridge.supervisor.context import LearnedState
+from apad_bridge.supervisor.core import LearnedState
 from apad_bridge.supervisor.roster import Presence
 from apad_bridge.vehicle.commands import BatteryReported, PoseReported
 from firmware_model.packets.sample_record import SampleRecord

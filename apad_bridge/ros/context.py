@@ -11,7 +11,6 @@ from typing import Any, cast
 
 import rospy
 
-from apad_bridge.assembly import parts
 from apad_bridge.mission.allocation import Allocation
 from apad_bridge.ros.gateway.agent_topics import AgentReport
 from apad_bridge.ros.gateway.battery_alerts import BatteryAlerts
@@ -36,7 +35,7 @@ from apad_bridge.scenario.run_options import APadKind, Part, RunOptions, TimeSou
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.supervisor.clock import Pace, WallClock
 from apad_bridge.supervisor.context import FlightContext, Watcher
-from apad_bridge.supervisor.fleet import Fleet
+from apad_bridge.supervisor.fleet import Fleet, NoFleet
 from apad_bridge.supervisor.packet_relay import (
     FLEET_ALONE,
     MISSION_ALONE,
@@ -46,7 +45,7 @@ from apad_bridge.supervisor.packet_relay import (
     one_of_several,
     whole_flight,
 )
-from apad_bridge.supervisor.roster import Presences, Roster
+from apad_bridge.supervisor.roster import NoRoster, Presences, Roster
 from apad_bridge.vehicle.errors import PeerFailed, VehicleNotReady
 from apad_bridge.vehicle.listening_link import ListeningLink
 from apad_bridge.vehicle.telemetry import SilenceWatch
@@ -60,29 +59,30 @@ _NODES = {Part.WHOLE: "musselbed", Part.FLEET: "musselbed_fleet", Part.MISSION: 
 def open_flight_context(
     scenario: Scenario,
     options: RunOptions,
-    fleet: Fleet | None,
+    *,
+    fleet: Fleet | NoFleet,
     docked: Mapping[int, int],
     held: tuple[int, ...],
     now_ms: int,
     truths_at: TruthsAt,
     presences: Presences,
+    allocation: Allocation,
     tell: Callable[[str], None],
-    allocation: Allocation | None = None,
 ) -> Iterator[FlightContext]:
     """Keeps everything on the graph while it is entered. PeerFailed, in one line, when a part does not come up.
 
     `docked` maps the index of a dock to the aMussel that a former supervisor knew it to hold; `held` are the aMussels whose
     bodies feel a dock; `now_ms` is the mission time to go on from. `truths_at` is the recorder's, for a scenario that
     publishes the truth on the aMussels' own topics. `tell` prints a line for a person where the graph contradicts the
-    journal's `presences`. `allocation` belongs to one of several aPads that take over from each other.
+    journal's `presences`. The vehicle docks the aMussels of the `allocation` and no others.
     """
     # A mission alone publishes none of its aMussels' topics: they, or their fleet, do so themselves.
-    shown = () if options.part is Part.MISSION else parts.agent_ids(scenario)
+    shown = () if options.part is Part.MISSION else scenario.fleet.ids
     with ExitStack() as stack:
         try:
             gateway = _gateway(scenario, options, shown, presences, truths_at)
             stack.callback(gateway.close)
-            roster = None if fleet is None else _roster(stack, presences, options, tell)
+            roster = _roster(stack, fleet, presences, options, tell)
             laboratory = _laboratory(scenario)
             stack.callback(laboratory.close)
             beside = _beside_the_gateway(scenario, options, shown, presences)
@@ -98,31 +98,30 @@ def open_flight_context(
         is_bench = capabilities is not None and not capabilities.reports_contact
         link = LaboratoryLink(laboratory, vehicle, cast(DockAlertReceiver, vehicle) if is_bench else None)
         yield FlightContext(
-            ListeningLink(link) if options.part is Part.FLEET else link,
-            _pace(options, vehicle, now_ms, in_fine_steps=bool(watches)),
-            fleet,
-            lambda supervisor: (
+            vehicle=ListeningLink(link) if options.part is Part.FLEET else link,
+            pace=_pace(options, vehicle, now_ms, in_fine_steps=bool(watches)),
+            fleet=fleet,
+            watchers=lambda supervisor: (
                 gateway.watcher(supervisor),
                 *(it.watcher(supervisor) for it in beside),
                 *watches,
                 *_allocation_watcher(allocation, vehicle),
             ),
-            gateway.event,
-            relayed.relay,
-            held,
-            capabilities,
-            lambda: vehicle.dropped + laboratory.dropped + relayed.dropped,
-            _graph_events(stack, options, scenario, vehicle),
+            announce=gateway.event,
+            relay=relayed.relay,
+            held=held,
+            capabilities=capabilities,
+            dropped=lambda: vehicle.dropped + laboratory.dropped + relayed.dropped,
+            take_events=_graph_events(stack, options, scenario, vehicle),
             roster=roster,
             keeps_samples=options.part is not Part.FLEET,
-            allocation=allocation,
         )
 
 
 def _gateway(
     scenario: Scenario, options: RunOptions, shown: Sequence[int], presences: Presences, truths_at: TruthsAt
 ) -> Gateway:
-    ids = parts.agent_ids(scenario)
+    ids = scenario.fleet.ids
     return open_gateway(
         shown,
         scenario.theta,
@@ -148,7 +147,7 @@ def _beside_the_gateway(
 
 def _laboratory(scenario: Scenario) -> Laboratory:
     names = load_names(Path(scenario.apad.interface) if scenario.apad.interface else DEFAULT)
-    ids, codec = parts.agent_ids(scenario), load_codec(scenario.hearing.codec)
+    ids, codec = scenario.fleet.ids, load_codec(scenario.hearing.codec)
     return Laboratory(names, scenario.apad.name, ids, codec)
 
 
@@ -162,19 +161,20 @@ def _vehicle(
 ) -> tuple[APadLink | ContactsLink, tuple[Watcher, ...]]:
     """The link to the aPad, or to somebody else's dock contacts for a fleet alone; and the watchers that it needs."""
     if options.part is Part.FLEET and reports_contact(scenario):
-        return ContactsLink(
-            scenario.apad.name, parts.agent_ids(scenario), docked, now_ms, scenario.apad.docks
-        ), ()
+        return ContactsLink(scenario.apad.name, scenario.fleet.ids, docked, now_ms, scenario.apad.docks), ()
     opened = open_apad(scenario, options, docked, now_ms, truths_at)
     return opened.link, () if opened.watch is None else (opened.watch,)
 
 
 def _roster(
     stack: ExitStack,
+    fleet: Fleet | NoFleet,
     presences: Presences,
     options: RunOptions,
     tell: Callable[[str], None],
-) -> Roster:
+) -> Roster | NoRoster:
+    if isinstance(fleet, NoFleet):
+        return NoRoster()
     claims = ClaimBoard(rospy.get_name(), lambda: presences.simulated)
     if options.is_resumed:
         for line in claims.resume(presences):
@@ -183,7 +183,7 @@ def _roster(
         claims.refuse_overlap(presences.simulated)
     services = FleetServices(presences, claims)
     stack.callback(services.close)
-    return Roster(presences, services)
+    return Roster(presences, services, fleet.coordinator)
 
 
 @dataclass(frozen=True, slots=True)
@@ -207,12 +207,12 @@ def _open_relay(
     scenario: Scenario,
     vehicle: APadLink | ContactsLink,
     presences: Presences,
-    allocation: Allocation | None,
+    allocation: Allocation,
     laboratory: Laboratory,
 ) -> _RelayParts:
-    ids, codec = parts.agent_ids(scenario), load_codec(scenario.hearing.codec)
+    ids, codec = scenario.fleet.ids, load_codec(scenario.hearing.codec)
     division = _division(options, presences, allocation)
-    topics = PacketTopics(ids if allocation is None else scenario.fleet.all_ids, division.peers)
+    topics = PacketTopics(scenario.fleet.all_ids if options.is_one_of_several else ids, division.peers)
     channels: tuple[PacketTopics | AMusselServices | AMusselTopics, ...] = (topics,)
     if division is FLEET_ALONE:
         channels = (AMusselServices(ids, codec), topics)
@@ -223,19 +223,17 @@ def _open_relay(
     return _RelayParts(relay, channels)
 
 
-def _division(options: RunOptions, presences: Presences, allocation: Allocation | None) -> Division:
-    if allocation is not None:
+def _division(options: RunOptions, presences: Presences, allocation: Allocation) -> Division:
+    if options.is_one_of_several:
         return one_of_several(allocation, lambda: presences.simulated)
     if options.part is Part.FLEET:
         return FLEET_ALONE
     return MISSION_ALONE if options.part is Part.MISSION else whole_flight(lambda: presences.simulated)
 
 
-def _allocation_watcher(
-    allocation: Allocation | None, vehicle: APadLink | ContactsLink
-) -> tuple[Watcher, ...]:
+def _allocation_watcher(allocation: Allocation, vehicle: APadLink | ContactsLink) -> tuple[Watcher, ...]:
     """Passes a changed allocation on to the vehicle's link, which docks no other aMussels."""
-    if allocation is None or isinstance(vehicle, ContactsLink):
+    if isinstance(vehicle, ContactsLink):
         return ()
     served = allocation.own
 

@@ -15,7 +15,7 @@ from agents.hosting import interrupts
 from agents.hosting.in_process import InProcessHost
 from agents.hosting.process_host import ProcessHost
 from apad_bridge.assembly import parts
-from apad_bridge.assembly.water import fleet_of
+from apad_bridge.assembly.flight_config import FlightConfig, flight_config
 from apad_bridge.mission.call_queue import CallQueue
 from apad_bridge.mission.ending import EndReason, MissionEnd
 from apad_bridge.mission.manual import CommandSource
@@ -32,11 +32,11 @@ from apad_bridge.runs.status import Status
 from apad_bridge.scenario.schema import Hosting, Scenario
 from apad_bridge.scenario.starts import Start
 from apad_bridge.supervisor.clock import AsFastAsPossible
-from apad_bridge.supervisor.context import Announce, FlightContext, LearnedState
-from apad_bridge.supervisor.core import TICK_MS, Supervisor
+from apad_bridge.supervisor.context import Announce, FlightContext
+from apad_bridge.supervisor.core import TICK_MS, LearnedState, Supervisor
 from apad_bridge.supervisor.fleet import Fleet
 from apad_bridge.supervisor.loop import Flight
-from apad_bridge.supervisor.sample_collection import SampleCollection
+from apad_bridge.supervisor.sample_collection import NoSampleCollection, SampleCollection
 from apad_bridge.vehicle.commands import DockClosed
 from apad_bridge.vehicle.link import InProcessVehicle
 from apad_bridge.vehicle.primitives import PrimitiveFailed
@@ -90,14 +90,35 @@ def fly_in_process(
 ) -> dict[str, Any]:
     """Flies to the end and returns the summary. PeerFailed when the fleet does not start."""
     with interrupts.held_back(), ExitStack() as stack:
-        stack.enter_context(supervising(directory.path))
-        recorder = Recorder(directory, scenario, parts.agent_ids(scenario))
-        stack.callback(recorder.close)
-        journal_start(recorder, scenario, starts)
-        fleet = open_fleet(scenario, starts, directory.path / FOLDER)
-        stack.callback(fleet.host.close)
         spec = RunSpec(command_sources=tuple(command_sources))
-        return fly(scenario, in_process_context(scenario, fleet), recorder, progress, spec)
+        opened = open_in_process(stack, scenario, starts, directory, progress, spec)
+        with stopped_by_signals(opened.flight):
+            opened.flight.run()
+        return opened.finish()
+
+
+def open_in_process(
+    stack: ExitStack,
+    scenario: Scenario,
+    starts: Sequence[Start],
+    directory: RunDirectory,
+    progress: ProgressDisplay,
+    spec: RunSpec = FROM_START,
+    join: Callable[[FlightContext], FlightContext] = lambda context: context,
+) -> PreparedFlight:
+    """Opens a flight in virtual time with its fleet and records, which `stack` closes.
+
+    `join` adds to its context the parts by which several aPads' flights take over from each other. PeerFailed when the
+    fleet does not start, or another process flies this run.
+    """
+    stack.enter_context(supervising(directory.path))
+    config = flight_config(scenario)
+    recorder = Recorder(directory, scenario, config.ids)
+    stack.callback(recorder.close)
+    journal_start(recorder, scenario, starts)
+    fleet = open_fleet(config, starts, directory.path / FOLDER)
+    stack.callback(fleet.close)
+    return prepare(config, join(in_process_context(scenario, fleet)), recorder, progress, spec)
 
 
 def journal_start(recorder: Recorder, scenario: Scenario, starts: Sequence[Start]) -> None:
@@ -125,31 +146,33 @@ def journal_start(recorder: Recorder, scenario: Scenario, starts: Sequence[Start
     )
 
 
-def open_fleet(scenario: Scenario, starts: Sequence[Start], folder: Path) -> Fleet:
+def open_fleet(config: FlightConfig, starts: Sequence[Start], folder: Path) -> Fleet:
     """Starts a new fleet, hosted as the scenario states; a process per aMussel keeps its files in `folder`."""
-    config, initial_states = parts.fleet_config(scenario), parts.initial_states(scenario, starts)
+    scenario, fleet_config = config.scenario, parts.fleet_config(config)
+    initial_states = parts.initial_states(scenario, starts)
     if scenario.fleet.hosting is Hosting.ONE_PROCESS:
-        host: InProcessHost | ProcessHost = InProcessHost(config, initial_states)
+        host: InProcessHost | ProcessHost = InProcessHost(fleet_config, initial_states)
     else:
         folder.mkdir()
-        host = ProcessHost.start(str(folder), config, initial_states)
-    return fleet_of(scenario, host, dict.fromkeys(initial_states, 0))
+        host = ProcessHost.start(str(folder), fleet_config, initial_states)
+    return parts.fleet_of(config, host, dict.fromkeys(initial_states, 0))
 
 
 def in_process_context(scenario: Scenario, fleet: Fleet) -> FlightContext:
     """Virtual time with the simulated aPad in this process."""
-    return FlightContext(InProcessVehicle(parts.simulated_apad(scenario)), AsFastAsPossible(), fleet)
+    vehicle = InProcessVehicle(parts.simulated_apad(scenario))
+    return FlightContext(vehicle=vehicle, pace=AsFastAsPossible(), fleet=fleet)
 
 
 def fly(
-    scenario: Scenario,
+    config: FlightConfig,
     context: FlightContext,
     recorder: Recorder,
     progress: ProgressDisplay,
     spec: RunSpec = FROM_START,
 ) -> dict[str, Any]:
     """Flies to the end and returns the summary. SIGINT, SIGTERM and SIGHUP end it in order."""
-    prepared = prepare(scenario, context, recorder, progress, spec)
+    prepared = prepare(config, context, recorder, progress, spec)
     with interrupts.held_back():
         with stopped_by_signals(prepared.flight):
             prepared.flight.run()
@@ -173,19 +196,20 @@ class PreparedFlight:
     """A flight that is ready to run, and the function that makes its summary."""
 
     flight: Flight
+    recorder: Recorder
     finish: Callable[[], dict[str, Any]]
     """Writes the last records after the flight's end, and returns the summary."""
 
 
 def prepare(
-    scenario: Scenario,
+    config: FlightConfig,
     context: FlightContext,
     recorder: Recorder,
     progress: ProgressDisplay,
     spec: RunSpec = FROM_START,
 ) -> PreparedFlight:
     """Builds the flight that `fly` runs. `progress` shows its status at each tick, and its failures as they happen."""
-    supervisor = _supervisor(scenario, context, recorder, spec)
+    supervisor = _supervisor(config, context, recorder, spec)
 
     def show_tick(now_ms: int) -> None:
         progress.show_status(Status.of(supervisor, now_ms, context.pace.behind_s))
@@ -196,8 +220,7 @@ def prepare(
         if (line := failure_line(at_ms, kind, data)) is not None:
             progress.print_message(line)
 
-    listeners = [print_failure, *(() if context.announce is None else (context.announce,))]
-    flight_recorder = _AnnouncingRecorder(recorder, listeners)
+    flight_recorder = _AnnouncingRecorder(recorder, [print_failure, context.announce])
     flight = Flight(supervisor, context, flight_recorder, spec.start_ms, (show_tick,))
     recorder.dropped_in_flight = lambda: flight.all_dropped
 
@@ -206,25 +229,24 @@ def prepare(
         recorder.event(flight.now_ms, EventKind.END, reason=str(end), end_reason=end.reason.value)
         return recorder.finish(flight.now_ms, _ending(flight, spec.resume_point))
 
-    return PreparedFlight(flight, finish)
+    return PreparedFlight(flight, recorder, finish)
 
 
-def _supervisor(scenario: Scenario, context: FlightContext, recorder: Recorder, spec: RunSpec) -> Supervisor:
+def _supervisor(
+    config: FlightConfig, context: FlightContext, recorder: Recorder, spec: RunSpec
+) -> Supervisor:
     """Builds the supervisor, with the docks in their last state in the journal."""
     resume_point = spec.resume_point
     supervisor = parts.supervisor(
-        scenario,
+        config,
         None if resume_point is None else resume_point.state,
         first_command_id=1 + (0 if resume_point is None else resume_point.epoch * _COMMAND_IDS_PER_EPOCH),
-        samples=_collection(scenario, context, recorder),
+        samples=_collection(config, context, recorder),
         command_sources=spec.command_sources,
         takeover=spec.takeover,
-        # The aPad's modem is simulated with the water, and so with the fleet. A mission alone has none.
-        has_modem=context.fleet is not None,
         capabilities=context.capabilities,
-        breakdown=context.breakdown,
-        allocation=context.allocation,
-        known=spec.learned,
+        stands_down=context.stands_down,
+        learned=spec.learned,
     )
     if resume_point is not None:
         supervisor.port.first_failure = resume_point.first_failure
@@ -233,10 +255,12 @@ def _supervisor(scenario: Scenario, context: FlightContext, recorder: Recorder, 
     return supervisor
 
 
-def _collection(scenario: Scenario, context: FlightContext, recorder: Recorder) -> SampleCollection | None:
+def _collection(
+    config: FlightConfig, context: FlightContext, recorder: Recorder
+) -> SampleCollection | NoSampleCollection:
     if not context.keeps_samples:
-        return None
-    return SampleCollection(parts.agent_ids(scenario), recorder.samples_kept)
+        return NoSampleCollection()
+    return SampleCollection(config.ids, recorder.samples_kept)
 
 
 def _ending(flight: Flight, resume_point: ResumePoint | None) -> Ending:
@@ -250,7 +274,7 @@ def _ending(flight: Flight, resume_point: ResumePoint | None) -> Ending:
         services=supervisor.mission.state.services,
         apad_energy_fraction=_fraction_used(supervisor, resume_point),
         dropped=flight.all_dropped,
-        samples_gone={} if supervisor.samples is None else supervisor.samples.gone,
+        samples_gone=supervisor.samples.gone,
     )
 
 

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from agents.hosting.in_process import InProcessHost
 from agents.mussel.outputs import Truth
 from apad_bridge.assembly import parts
-from apad_bridge.assembly.water import fleet_of
+from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.beliefs.belief import Belief
-from apad_bridge.mission.breakdown import Breakdown
 from apad_bridge.mission.call_queue import CallQueue
 from apad_bridge.mission.manual import CommandSource
 from apad_bridge.mission.state import MissionState
@@ -23,7 +22,6 @@ from apad_bridge.scenario.starts import starts_of
 from apad_bridge.supervisor.clock import AsFastAsPossible
 from apad_bridge.supervisor.context import FlightContext
 from apad_bridge.supervisor.loop import Flight
-from apad_bridge.supervisor.packet_relay import PacketRelay
 from apad_bridge.supervisor.roster import Presence
 from apad_bridge.supervisor.sample_collection import SampleCollection
 from apad_bridge.vehicle.commands import BatteryReported, PoseReported
@@ -73,24 +71,26 @@ def open_flight(
     scenario: Scenario,
     command_sources: Sequence[CommandSource] = (),
     takeover: CallQueue | None = None,
-    relay: PacketRelay | None = None,
-    breakdown: Breakdown | None = None,
+    join: Callable[[FlightContext], FlightContext] = lambda context: context,
 ) -> tuple[Flight, MemoryRecorder]:
     """Opens a flight that is ready to `run`; returns it and its recorder.
 
-    With `command_sources` these command the aPad; `takeover` can take the mission over. The other options are for one of
-    several aPads.
+    With `command_sources` these command the aPad; `takeover` can take the mission over. `join` changes the flight's context
+    before the flight is built.
     """
-    initial_states = parts.initial_states(scenario, starts_of(scenario))
-    host = InProcessHost(parts.fleet_config(scenario), initial_states)
-    fleet = fleet_of(scenario, host, dict.fromkeys(initial_states, 0))
+    config, initial_states = flight_config(scenario), parts.initial_states(scenario, starts_of(scenario))
+    host = InProcessHost(parts.fleet_config(config), initial_states)
+    fleet = parts.fleet_of(config, host, dict.fromkeys(initial_states, 0))
     vehicle = InProcessVehicle(parts.simulated_apad(scenario))
-    samples = SampleCollection(parts.agent_ids(scenario))
+    context = join(FlightContext(vehicle=vehicle, pace=AsFastAsPossible(), fleet=fleet))
     supervisor = parts.supervisor(
-        scenario, command_sources=command_sources, samples=samples, takeover=takeover, breakdown=breakdown
+        config,
+        command_sources=command_sources,
+        samples=SampleCollection(config.ids),
+        takeover=takeover,
+        stands_down=context.stands_down,
     )
     recorder = MemoryRecorder(scenario)
-    context = FlightContext(vehicle, AsFastAsPossible(), fleet, relay=relay)
     return Flight(supervisor, context, recorder), recorder
 
 

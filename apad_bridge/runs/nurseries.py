@@ -11,7 +11,7 @@ from agents.hosting.nursery_client import Fenced, NurseryDied, NurseryLink
 from agents.hosting.process_host import ProcessHost
 from agents.nursery.launch import NurseryFailed, launch_nursery, prepare
 from apad_bridge.assembly import parts
-from apad_bridge.assembly.water import fleet_of
+from apad_bridge.assembly.flight_config import FlightConfig, flight_config
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import Start
 from apad_bridge.supervisor.fleet import Fleet
@@ -29,7 +29,7 @@ def start_nursery(scenario: Scenario, starts: Sequence[Start], run_dir: Path) ->
     """Starts a nursery with its fleet prepared in the run's directory; a supervisor that adopts them starts its agents."""
     folder = run_dir / FOLDER
     folder.mkdir()
-    prepare(str(folder), parts.fleet_config(scenario), parts.initial_states(scenario, starts))
+    prepare(str(folder), parts.fleet_config(flight_config(scenario)), parts.initial_states(scenario, starts))
     try:
         return launch_nursery(str(folder))
     except NurseryFailed as error:
@@ -51,11 +51,11 @@ def end_fleet(run_dir: Path, nursery: subprocess.Popen[bytes]) -> None:
 
 
 def adopt(
-    scenario: Scenario, run_dir: Path, epoch: int, now_ms: int, opened_modems: tuple[int, ...] = ()
+    config: FlightConfig, run_dir: Path, epoch: int, now_ms: int, opened_modems: tuple[int, ...] = ()
 ) -> Fleet:
     """Adopts the run's fleet for supervisor number `epoch` at mission time `now_ms`, with the `opened_modems`."""
     try:
         host = ProcessHost.adopt(str(run_dir / FOLDER), epoch)
     except (NurseryFailed, Fenced) as error:
         raise PeerFailed(f"the fleet cannot be taken over: {error}") from error
-    return fleet_of(scenario, host, host.granted_ms, now_ms, opened_modems)
+    return parts.fleet_of(config, host, host.granted_ms, now_ms, opened_modems)

@@ -11,7 +11,7 @@ from pathlib import Path
 from agents.coordinator import Coordinator
 from agents.mussel.stimuli import Placed, from_wire, to_wire
 from apad_bridge.assembly import parts
-from apad_bridge.beliefs.fleet import FleetBeliefs
+from apad_bridge.assembly.flight_config import FlightConfig
 from apad_bridge.mission.state import MissionState
 from apad_bridge.records.checkpoint import NoCheckpoint, restore
 from apad_bridge.records.event_kinds import EventKind
@@ -20,10 +20,8 @@ from apad_bridge.records.recorder import Recorder, Resumed
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.runs.flying import ResumePoint, journal_start
 from apad_bridge.scenario.run_options import Part, RunOptions
-from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
-from apad_bridge.supervisor.context import LearnedState
-from apad_bridge.supervisor.core import PRIMITIVE_NAMES
+from apad_bridge.supervisor.core import PRIMITIVE_NAMES, LearnedState
 from apad_bridge.supervisor.roster import Presence, PresenceChange, Presences
 from apad_bridge.vehicle.docking import PRE_EMPTED
 from apad_bridge.vehicle.errors import PeerFailed
@@ -114,45 +112,69 @@ class StartState:
     journal: JournalContents = field(default_factory=lambda: JournalContents([], 0))
 
     @property
-    def beliefs(self) -> FleetBeliefs:
-        return self.learned.beliefs
+    def docked(self) -> dict[int, int]:
+        """The aMussels that the former supervisor knew docks to hold, by the dock's index."""
+        return {} if self.resume_point is None else dict(self.resume_point.state.docked)
+
+    @property
+    def held(self) -> tuple[int, ...]:
+        """The aMussels whose bodies feel a dock.
+
+        The bodies' state counts, not the mission's: a contact that was on its way when a supervisor died is delivered
+        again, and one that a body has felt is not. The bodies of other fleets are not known here.
+        """
+        felt = tuple(it.agent_id for it in self.recorder.truths_at(self.start_ms) if it.docked)
+        others = self.learned.allocation.served_for_others & set(self.docked.values())
+        return felt + tuple(sorted(others))
 
     @property
     def start_ms(self) -> int:
         return 0 if self.resume_point is None else self.resume_point.now_ms
 
 
-def begin_run(directory: RunDirectory, scenario: Scenario, options: RunOptions) -> StartState:
+def begin_run(directory: RunDirectory, config: FlightConfig, options: RunOptions) -> StartState:
     """Starts a new run and its journal."""
-    ids = parts.agent_ids(scenario)
+    scenario, ids = config.scenario, config.ids
     recorder = Recorder(directory, scenario, ids)
     journal_start(recorder, scenario, starts_of(scenario))
-    return StartState(recorder, Presences(ids, scenario.area.depth_m), _nothing_learned(scenario, options))
+    return StartState(recorder, Presences(ids, scenario.area.depth_m), _nothing_learned(config, options))
 
 
 def resume_run(
-    directory: RunDirectory, scenario: Scenario, options: RunOptions, report: Callable[[str], None]
+    directory: RunDirectory, config: FlightConfig, options: RunOptions, report: Callable[[str], None]
 ) -> StartState:
     """Resumes a run whose supervisor died; `report` takes lines for a person on the state that is restored or lost.
 
     PeerFailed when the run has ended.
     """
     without_supervisor_ms = gap_ms(options, directory.journal, time.time())
-    ids = parts.agent_ids(scenario)
+    scenario, ids = config.scenario, config.ids
     if sum(path.stat().st_size for path in directory.bags) > _LARGE_BYTES:
         report("reading the records of a long run: this takes some seconds")
     recorder, resumed = Recorder.resume(directory, scenario, ids)
     start = find_resume_point(resumed.journal, options.epoch, without_supervisor_ms)
     presences = Presences(ids, scenario.area.depth_m, presence_changes(resumed.journal))
-    learned = _nothing_learned(scenario, options)
+    learned = _nothing_learned(config, options)
     beliefs_line, dropped = restore_learned(directory.checkpoint, learned, start.now_ms)
     if dropped is not None:
         recorder.dropped_before = dropped
+    restore_allocation(learned, resumed.journal)
     lines = [*loss_lines(resumed, dropped), *presence_lines(presences), beliefs_line]
     for line in lines:
         report(line)
     recorder.event(resumed.journal.last_ms, EventKind.RESTORED, told=lines)
     return StartState(recorder, presences, learned, start, resumed.journal)
+
+
+def restore_allocation(learned: LearnedState, journal: JournalContents) -> None:
+    """Restores the aMussels that the former supervisor of the run served, from its journal."""
+    for line in journal.lines:
+        if line["kind"] == "took_on":
+            learned.allocation.take(line["id"])
+        elif line["kind"] == "handed_on":
+            learned.allocation.give(line["id"])
+    for agent_id in learned.allocation.served_for_others:
+        learned.beliefs.admit(agent_id, None)
 
 
 def presence_lines(presences: Presences) -> list[str]:
@@ -165,9 +187,9 @@ def presence_lines(presences: Presences) -> list[str]:
     return lines
 
 
-def _nothing_learned(scenario: Scenario, options: RunOptions) -> LearnedState:
+def _nothing_learned(config: FlightConfig, options: RunOptions) -> LearnedState:
     # The aPad's modem is simulated with the water, and so with the fleet. A mission alone has none.
-    return parts.initial_learned_state(scenario, has_modem=options.part is not Part.MISSION)
+    return parts.initial_learned_state(config, has_modem=options.part is not Part.MISSION)
 
 
 def restore_learned(checkpoint: Path, learned: LearnedState, now_ms: int) -> tuple[str, Counter[str] | None]:

@@ -7,13 +7,15 @@ from __future__ import annotations
 
 import argparse
 import sys
-from contextlib import ExitStack
-from dataclasses import replace
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from agents.hosting.interrupts import held_back, let_in
 from apad_bridge.acoustics.serial.lines import open_serial_lines
+from apad_bridge.assembly.flight_config import FlightConfig, flight_config
 from apad_bridge.mission.call_queue import CallQueue
 from apad_bridge.mission.manual import CommandSource
 from apad_bridge.records.event_kinds import EventKind
@@ -28,14 +30,14 @@ from apad_bridge.runs.exits import Exit
 from apad_bridge.runs.nurseries import adopt
 from apad_bridge.runs.parent_protocol import Failed, Summary, say, write
 from apad_bridge.runs.progress import ParentDisplay
-from apad_bridge.runs.several.member import member_parts
+from apad_bridge.runs.several.member import join_others
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.run_options import Part, RunOptions
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scripting.program import ScriptSource, as_program
 from apad_bridge.scripting.rendezvous import REAL_TIME
 from apad_bridge.supervisor.context import FlightContext
-from apad_bridge.supervisor.fleet import Fleet
+from apad_bridge.supervisor.fleet import Fleet, NoFleet
 from apad_bridge.vehicle.errors import PeerFailed
 
 
@@ -55,101 +57,102 @@ def command_sources_of(
     return command_sources
 
 
+@dataclass(frozen=True, slots=True)
+class _Run:
+    """One supervisor's run: its directory, what it flies and how, and the state in which it starts."""
+
+    path: Path
+    config: FlightConfig
+    options: RunOptions
+    start_state: resuming.StartState
+
+
 def fly(run_dir: Path, resume: bool) -> int:
-    directory = RunDirectory(run_dir)
-    scenario, options = load(directory.scenario), RunOptions.load(run_dir)
-    if resume:
-        options = options.next_epoch()
-        options.save(run_dir)
-    start_state = (
-        resuming.resume_run(directory, scenario, options, say)
-        if resume
-        else resuming.begin_run(directory, scenario, options)
-    )
-    recorder, resume_point, start_ms = start_state.recorder, start_state.resume_point, start_state.start_ms
-    member = member_parts(scenario, options, run_dir, start_state, write)
-    if member is not None and resume_point is not None and options.keeps:
-        resume_point = replace(resume_point, state=resume_point.state.stood_down())
-        recorder.event(start_ms, EventKind.STANDS_DOWN, reason="its supervisor died")
+    """Flies, and writes the summary or the failure for the parent; returns the exit code."""
+    run = _open_run(run_dir, resume)
     try:
         with ExitStack() as stack:
             with let_in():  # it waits for others: for agents, the master, the aPad
-                fleet = (
-                    None
-                    if options.part is Part.MISSION
-                    else _adopt_fleet(scenario, options, run_dir, start_state)
-                )
-                docked = {} if resume_point is None else dict(resume_point.state.docked)
-                # The bodies' state, not the mission's: a contact that was on its way when a supervisor died is delivered
-                # again, and one that a body has felt is not.
-                docked_ids = tuple(it.agent_id for it in recorder.truths_at(start_ms) if it.docked)
-                if member is not None:
-                    docked_ids += tuple(sorted(member.allocation.served_for_others & set(docked.values())))
-                context = stack.enter_context(
-                    open_flight_context(
-                        scenario,
-                        options,
-                        fleet,
-                        docked,
-                        docked_ids,
-                        start_ms,
-                        recorder.truths_at,
-                        start_state.presences,
-                        say,
-                        None if member is None else member.allocation,
-                    )
-                )
-                call_queue = stack.enter_context(primitives_offered(scenario, options))
-                serial_lines = stack.enter_context(
-                    open_serial_lines(run_dir, options.open_modems, options.modem, start_ms, say)
-                )
-            context = replace(context, serial_lines=serial_lines)
-            if member is not None:
-                context = member.extend(context)
-            summary = _fly_mission(
-                scenario, options, replace(start_state, resume_point=resume_point), context, call_queue
-            )
+                fleet = _adopt_fleet(run)
+                context = stack.enter_context(_flight_context(run, fleet))
+                calls = stack.enter_context(primitives_offered(run.config.scenario, run.options))
+            summary = _fly_mission(run, context, calls)
     except (PeerFailed, TimeoutError) as error:
         # A node falls silent with its master: the master is then the cause to name.
-        why = why_silent(options.master_uri)
-        cause = str(error) if why is None else f"the ROS master at {options.master_uri} is gone ({why})"
-        write(Failed(cause))
+        why, uri = why_silent(run.options.master_uri), run.options.master_uri
+        write(Failed(str(error) if why is None else f"the ROS master at {uri} is gone ({why})"))
         return Exit.PEER_FAILED
     finally:
-        recorder.close()
-    if fleet is not None:
-        fleet.host.close()
+        run.start_state.recorder.close()
+    fleet.close()
     write(Summary(summary))
     return Exit.DONE
 
 
-def _adopt_fleet(
-    scenario: Scenario, options: RunOptions, run_dir: Path, start_state: resuming.StartState
-) -> Fleet:
+def _open_run(run_dir: Path, resume: bool) -> _Run:
+    """Opens the records of a new run, or of one whose supervisor died."""
+    directory = RunDirectory(run_dir)
+    config, options = flight_config(load(directory.scenario)), RunOptions.load(run_dir)
+    if not resume:
+        return _Run(run_dir, config, options, resuming.begin_run(directory, config, options))
+    options = options.next_epoch()
+    options.save(run_dir)
+    start_state = resuming.resume_run(directory, config, options, say)
+    resume_point = start_state.resume_point
+    if resume_point is not None and options.keeps:
+        resume_point = replace(resume_point, state=resume_point.state.stood_down())
+        start_state = replace(start_state, resume_point=resume_point)
+        start_state.recorder.event(start_state.start_ms, EventKind.STANDS_DOWN, reason="its supervisor died")
+    return _Run(run_dir, config, options, start_state)
+
+
+def _adopt_fleet(run: _Run) -> Fleet | NoFleet:
     """Adopts the run's fleet in the state in which the last supervisor left it."""
-    fleet = adopt(scenario, run_dir, options.epoch, start_state.start_ms, options.open_modems)
+    start_state, start_ms = run.start_state, run.start_state.start_ms
+    if run.options.part is Part.MISSION:
+        return NoFleet()
+    fleet = adopt(run.config, run.path, run.options.epoch, start_ms, run.options.open_modems)
     start_state.recorder.truths(fleet.take_truths())
     start_state.presences.mute_as_before(fleet.coordinator)
-    resuming.repeat_placements(
-        start_state.journal, fleet.coordinator, start_state.recorder, start_state.start_ms
-    )
+    resuming.repeat_placements(start_state.journal, fleet.coordinator, start_state.recorder, start_ms)
     return fleet
 
 
-def _fly_mission(
-    scenario: Scenario,
-    options: RunOptions,
-    start_state: resuming.StartState,
-    context: FlightContext,
-    call_queue: CallQueue | None,
-) -> dict[str, Any]:
+@contextmanager
+def _flight_context(run: _Run, fleet: Fleet | NoFleet) -> Iterator[FlightContext]:
+    """Opens the parts of the flight: those on the graph, the serial lines, and the link to other aPads' runs."""
+    scenario, options, start_state = run.config.scenario, run.options, run.start_state
+    with (
+        open_flight_context(
+            scenario,
+            options,
+            fleet=fleet,
+            docked=start_state.docked,
+            held=start_state.held,
+            now_ms=start_state.start_ms,
+            truths_at=start_state.recorder.truths_at,
+            presences=start_state.presences,
+            allocation=start_state.learned.allocation,
+            tell=say,
+        ) as context,
+        open_serial_lines(
+            run.path, options.open_modems, options.modem, start_state.start_ms, say
+        ) as serial_lines,
+    ):
+        context = replace(context, serial_lines=serial_lines)
+        context = join_others(context, scenario, options, run.path, write)
+        yield without_commands(context) if options.dry_run else context
+
+
+def _fly_mission(run: _Run, context: FlightContext, call_queue: CallQueue | None) -> dict[str, Any]:
     """Flies, and returns the summary. A script has ended by then, and its error is printed."""
-    command_sources = command_sources_of(scenario, options, call_queue)
+    options, start_state = run.options, run.start_state
+    command_sources = command_sources_of(run.config.scenario, options, call_queue)
     if not options.script:  # a script cannot be resumed in the middle
         start_state.recorder.begin_checkpoint(start_state.learned, start_state.start_ms)
     summary = flying.fly(
-        scenario,
-        without_commands(context) if options.dry_run else context,
+        run.config,
+        context,
         start_state.recorder,
         ParentDisplay(),
         flying.RunSpec(

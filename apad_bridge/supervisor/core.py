@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections import Counter, deque
+from dataclasses import dataclass
 
 from agents.packet_medium import Medium
-from apad_bridge.acoustics.ranging import RangingService
+from apad_bridge.acoustics.ranging import NoRanging, RangingService
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.fleet import FleetBeliefs
 from apad_bridge.beliefs.measurement import Docked, Permitted, Released
 from apad_bridge.mission.allocation import Allocation
-from apad_bridge.mission.breakdown import Breakdown
+from apad_bridge.mission.breakdown import StandDownRule
 from apad_bridge.mission.ending import EndReason, MissionEnd
 from apad_bridge.mission.events import (
     EndRequested,
@@ -26,7 +27,7 @@ from apad_bridge.mission.events import (
 from apad_bridge.mission.orders import Note, Order, PermitSurfacing, TellClear
 from apad_bridge.mission.role import Mission
 from apad_bridge.mission.state import Phase
-from apad_bridge.supervisor.sample_collection import SampleCollection
+from apad_bridge.supervisor.sample_collection import NoSampleCollection, SampleCollection
 from apad_bridge.vehicle.commands import (
     Arrived,
     BatteryReported,
@@ -75,6 +76,16 @@ PRIMITIVE_NAMES: dict[type, str] = {
 }
 
 
+@dataclass(frozen=True, slots=True)
+class LearnedState:
+    """The state that a supervisor learns, and that the next supervisor of the run continues with."""
+
+    beliefs: FleetBeliefs
+    ranging: RangingService | NoRanging
+    allocation: Allocation
+    """The aMussels that the aPad serves, over these beliefs."""
+
+
 class Supervisor:
     """Supervises one aPad in mission time. `receive` only keeps a fact; `advance`, called at ticks, acts on all due facts.
 
@@ -83,23 +94,19 @@ class Supervisor:
 
     def __init__(
         self,
-        beliefs: FleetBeliefs,
+        learned: LearnedState,
         mission: Mission,
         port: DockingPort,
         codec: Codec,
-        samples: SampleCollection | None,
+        samples: SampleCollection | NoSampleCollection,
         duration_ms: int,
         end_at_apad_fraction: float,
-        ranging: RangingService | None = None,
-        allocation: Allocation | None = None,
-        breakdown: Breakdown | None = None,
+        stands_down: StandDownRule,
     ) -> None:
-        """Without `ranging` the supervisor sends acoustic packets at once and sends no pings. `allocation` names the
-        aMussels that this one of several aPads serves; with a `breakdown` it stands down where a single aPad would try
-        again, or end."""
-        self.beliefs = beliefs
-        self.allocation = allocation or Allocation(beliefs, ())
-        self._breakdown = breakdown
+        """`stands_down` says when this aPad leaves its aMussels to others, instead of trying again, or ending."""
+        self.beliefs = learned.beliefs
+        self.allocation = learned.allocation
+        self._stands_down = stands_down
         self.mission = mission
         self.port = port
         self.pose: PoseReported | None = None
@@ -108,10 +115,9 @@ class Supervisor:
         self.dropped: Counter[str] = Counter()
         self._codec = codec
         self.samples = samples
-        """None where another process keeps and acknowledges the samples."""
         self._duration_ms = duration_ms
         self._end_at_apad_fraction = end_at_apad_fraction
-        self._ranging = ranging
+        self._ranging = learned.ranging
         self._facts: list[tuple[int, int, int, Fact]] = []
         self._counter = 0
         self._now_ms = 0
@@ -119,7 +125,7 @@ class Supervisor:
 
     @property
     def ranging_dropped(self) -> Counter[str]:
-        return Counter() if self._ranging is None else self._ranging.dropped
+        return self._ranging.dropped
 
     @property
     def primitive(self) -> str:
@@ -154,8 +160,6 @@ class Supervisor:
         elif (reason := self._reason_to_stand_down()) is not None:
             actions += self._carry_out(self.mission.stand_down(reason, now_ms), now_ms)
         actions += self._carry_out(self.mission.advance(now_ms), now_ms)
-        if self._ranging is None:
-            return actions
         return [
             *self._ranging.schedule_sends(actions, now_ms),
             *self._ranging.advance(self.beliefs.all(), now_ms),
@@ -166,7 +170,7 @@ class Supervisor:
 
         None if the same packet waits already.
         """
-        schedule_sends = [send] if self._ranging is None else self._ranging.schedule_sends([send], now_ms)
+        schedule_sends = self._ranging.schedule_sends([send], now_ms)
         return next((it for it in schedule_sends if isinstance(it, Send)), None)
 
     def _handle(self, fact: Fact, now_ms: int) -> list[SupervisorAction]:
@@ -179,9 +183,7 @@ class Supervisor:
                     self.dropped[reason] += 1
                 return []
             case RangeHeard():
-                return (
-                    [] if self._ranging is None else self._ranging.hear(fact, self.pose, self.beliefs, now_ms)
-                )
+                return self._ranging.hear(fact, self.pose, self.beliefs, now_ms)
             case EndRequested(_, end):
                 return self._carry_out(self.mission.end(end, now_ms), now_ms)
             case StandDownRequested(_, reason):
@@ -196,7 +198,7 @@ class Supervisor:
         return self._pass_on(self.port.receive(fact, now_ms), now_ms)
 
     def _collect_samples(self, packet: LogRecords) -> list[SupervisorAction]:
-        if self.samples is None or packet.agent_id in self.allocation.served_for_others:
+        if packet.agent_id in self.allocation.served_for_others:
             return []  # another fleet's aMussel: its samples are kept and acknowledged where it is simulated
         taken = self.samples.take(packet)
         if isinstance(taken, str):
@@ -211,7 +213,7 @@ class Supervisor:
         return actions
 
     def _acknowledge(self) -> list[SupervisorAction]:
-        acks = [] if self.samples is None else self.samples.acknowledgements()
+        acks = self.samples.acknowledgements()
         return [Send(Medium.WIFI, ack.agent_id, self._codec.encode(ack)) for ack in acks]
 
     def _believe_status(self, packet: Packet | None, at_ms: int) -> str | None:
@@ -223,17 +225,16 @@ class Supervisor:
         return self.beliefs.hear(basic_of(packet), at_ms)
 
     def _believe_short_status(self, packet: ShortStatus, at_ms: int) -> str | None:
-        if self._ranging is not None:
-            self._ranging.short_status_received(packet.agent_id)
+        self._ranging.short_status_received(packet.agent_id)
         return self.beliefs.hear_short(packet, at_ms)
 
     def _reason_to_end(self, now_ms: int) -> EndReason | None:
         if now_ms >= self._duration_ms:
             return EndReason.MISSION_TIME
-        return self._battery_ends if self._breakdown is None else None
+        return self._stands_down.reason_to_end(self._battery_ends)
 
     def _reason_to_stand_down(self) -> str | None:
-        return None if self._breakdown is None else self._battery_ends or self._breakdown.take()
+        return self._stands_down.reason_to_stand_down(self._battery_ends)
 
     @property
     def _battery_ends(self) -> EndReason | None:
@@ -295,8 +296,7 @@ class Supervisor:
         """Updates the belief of the aMussel in a dock that opened or closed, without a packet from it."""
         if not isinstance(outcome, DockChanged) or self.pose is None:
             return
-        if self._ranging is not None:
-            self._ranging.moved(outcome.agent_id, outcome.at_ms)
+        self._ranging.moved(outcome.agent_id, outcome.at_ms)
         if outcome.closed:
             self.beliefs.learn(outcome.agent_id, Docked(outcome.at_ms))
         else:
@@ -309,8 +309,8 @@ class Supervisor:
         primitive = self._named.pop(outcome.primitive_id, None)
         if primitive is None:
             return []
-        if self._breakdown is not None and isinstance(primitive, GoToPoint):
-            self._breakdown.go_to_ended(outcome)
+        if isinstance(primitive, GoToPoint):
+            self._stands_down.go_to_ended(outcome)
         if isinstance(outcome, PrimitiveFailed):
             return [_primitive_note(primitive, "failed", outcome.reason)]
         return [_primitive_note(primitive, "succeeded")]

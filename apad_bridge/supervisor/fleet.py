@@ -2,19 +2,27 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any, Protocol
 
 from agents.coordinator import Coordinator
 from agents.hosting.host import Host
 from agents.mussel.outputs import Truth
+from agents.mussel.stimuli import SoundArrived, Stimulus, WifiArrived
+from agents.packet_medium import Medium
+from agents.water.medium import PacketEnded
 from agents.water.sea import Sea
 from agents.water.sea_events import SeaResult
 from agents.water.topology import Topology
+from apad_bridge.mission.events import Send
 from apad_bridge.scenario.links import read_links
+from apad_bridge.supervisor.packet_notes import packet_data
 from firmware_model.config import Timeslots
+from firmware_model.packets.wire import EVERYONE
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,26 +69,197 @@ class LinksFile:
         return status.st_mtime_ns, status.st_size
 
 
-@dataclass(frozen=True, slots=True)
-class Fleet:
-    """The agents of a flight, their host, the clock authority over them, and the water that carries their sound.
+class NoLinks:
+    """The links of a fleet without such a file: they never change."""
 
-    Without a `sea` every packet is received. Packets are counted in `timeslots`; `links` is checked at each tick.
-    """
+    def look(self) -> None:
+        return None
 
-    coordinator: Coordinator
-    host: Host
-    sea: Sea | None = None
-    timeslots: Timeslots | None = None
-    links: LinksFile | None = None
 
-    def advance(self, now_ms: int) -> Sequence[SeaResult]:
-        return self.coordinator.advance(now_ms) if self.sea is None else self.sea.advance(now_ms)
+NO_LINKS = NoLinks()
+_NO_WATER_FOR_PING = "a ping without water to send it through"
+
+
+class Water(Protocol):
+    """The medium between the aPad and the agents."""
 
     @property
     def dropped(self) -> Counter[str]:
-        """Counts of losses in the water that are not the outcome of a packet."""
-        return Counter() if self.sea is None else self.sea.dropped
+        """Counts of losses that are not the outcome of a packet."""
+        ...
+
+    @property
+    def sound_speed_m_s(self) -> float: ...
+
+    def advance(self, now_ms: int) -> Sequence[SeaResult]:
+        """Advances the agents to mission time `now_ms`; returns what they did and what arrived."""
+        ...
+
+    def take_truths(self) -> list[Truth]: ...
+
+    def send(self, send: Send, now_ms: int) -> Stimulus | None:
+        """Sends the aPad's packet. Returns the aMussel's stimulus if the packet arrives at once, or else None."""
+        ...
+
+    def ping(self, agent_id: int, not_before_ms: int) -> None:
+        """Measures the range to an aMussel."""
+        ...
+
+    def carry_apad(self, north_m: float, east_m: float, at_ms: int) -> None:
+        """Places the aPad's modem."""
+        ...
+
+    def write(self, agent_id: int, data: bytes) -> None:
+        """Writes bytes to an opened modem's serial line."""
+        ...
+
+    def set_topology(self, topology: Topology) -> None:
+        """Replaces the links from now on."""
+        ...
+
+
+class InSea:
+    """Sound travels through the sea, and Wi-Fi through the air over it."""
+
+    def __init__(self, sea: Sea) -> None:
+        self._sea = sea
+        self.advance = sea.advance
+        self.take_truths = sea.take_truths
+        self.ping = sea.ping
+        self.carry_apad = sea.carry_apad
+        self.write = sea.write
+        self.set_topology = sea.set_topology
+
+    @property
+    def dropped(self) -> Counter[str]:
+        return self._sea.dropped
+
+    @property
+    def sound_speed_m_s(self) -> float:
+        return self._sea.config.sound.speed_m_s
+
+    def send(self, send: Send, now_ms: int) -> Stimulus | None:
+        if send.medium is Medium.SOUND:
+            agent_id = None if send.agent_id == EVERYONE else send.agent_id
+            self._sea.send_sound(agent_id, send.data, send.not_before_ms)
+            return None
+        return WifiArrived(send.data) if self._sea.wifi_reaches(send.agent_id, now_ms) else None
+
+
+class WithoutWater:
+    """Every packet arrives at once and whole, as in the paper's experiments."""
+
+    sound_speed_m_s = math.inf
+
+    def __init__(self, coordinator: Coordinator, host: Host) -> None:
+        self.dropped: Counter[str] = Counter()
+        self.advance = coordinator.advance
+        self.take_truths = host.take_truths
+
+    def send(self, send: Send, now_ms: int) -> Stimulus:
+        return SoundArrived(send.data) if send.medium is Medium.SOUND else WifiArrived(send.data)
+
+    def ping(self, agent_id: int, not_before_ms: int) -> None:
+        self.dropped[_NO_WATER_FOR_PING] += 1
+
+    def carry_apad(self, north_m: float, east_m: float, at_ms: int) -> None:
+        pass
+
+    def write(self, agent_id: int, data: bytes) -> None:
+        pass
+
+    def set_topology(self, topology: Topology) -> None:
+        pass
+
+
+class Fleet:
+    """The agents of a flight, their host, the clock authority over them, and the water between them and the aPad."""
+
+    def __init__(
+        self,
+        coordinator: Coordinator,
+        host: Host,
+        water: Water,
+        timeslots: Timeslots | None = None,
+        links: LinksFile | NoLinks = NO_LINKS,
+    ) -> None:
+        """Packets are counted in `timeslots`; `links` is checked at each tick."""
+        self.coordinator = coordinator
+        self._water = water
+        self._timeslots = timeslots
+        self._links = links
+        self._dropped: Counter[str] = Counter()
+        self.advance = water.advance
+        self.take_truths = water.take_truths
+        self.send = water.send
+        self.ping = water.ping
+        self.carry_apad = water.carry_apad
+        self.write = water.write
+        self.close = host.close
+
+    @property
+    def ids(self) -> Sequence[int]:
+        return self.coordinator.agent_ids
+
+    @property
+    def dropped(self) -> Counter[str]:
+        """Counts of losses that are not the outcome of a packet."""
+        return self._water.dropped + self._dropped
+
+    def receive(self, agent_id: int, stimulus: Stimulus, now_ms: int) -> int | None:
+        """Passes a stimulus to an agent; returns its agent time, or None, counted, for an agent of another fleet."""
+        agent_ms = self.coordinator.receive(agent_id, stimulus, now_ms)
+        if agent_ms is None:
+            self._dropped["for an aMussel that is not of this fleet"] += 1
+        return agent_ms
+
+    def update_links(self) -> Changed | None:
+        """Applies a change of the links file, and returns it; None without one."""
+        changed = self._links.look()
+        if changed is not None and changed.topology is not None:
+            self._water.set_topology(changed.topology)
+        return changed
+
+    def packet_data(self, packet: PacketEnded) -> dict[str, Any]:
+        """A packet as the journal has it."""
+        return packet_data(packet, self._timeslots, self._water.sound_speed_m_s)
+
+
+class NoFleet:
+    """The fleet of a mission alone: its aMussels are in other processes, and nothing reaches them from here."""
+
+    ids: Sequence[int] = ()
+
+    def __init__(self) -> None:
+        self.dropped: Counter[str] = Counter()
+
+    def advance(self, now_ms: int) -> Sequence[SeaResult]:
+        return ()
 
     def take_truths(self) -> list[Truth]:
-        return self.host.take_truths() if self.sea is None else self.sea.take_truths()
+        return []
+
+    def send(self, send: Send, now_ms: int) -> None:
+        return None
+
+    def ping(self, agent_id: int, not_before_ms: int) -> None:
+        self.dropped[_NO_WATER_FOR_PING] += 1
+
+    def carry_apad(self, north_m: float, east_m: float, at_ms: int) -> None:
+        pass
+
+    def write(self, agent_id: int, data: bytes) -> None:
+        pass
+
+    def receive(self, agent_id: int, stimulus: Stimulus, now_ms: int) -> None:
+        return None
+
+    def update_links(self) -> None:
+        return None
+
+    def packet_data(self, packet: PacketEnded) -> dict[str, Any]:
+        """Is never called: no packet ends here."""
+        return {}
+
+    def close(self) -> None:
+        pass

@@ -19,7 +19,6 @@ from agents.mussel.stimuli import (
     DockMoved,
     SoundArrived,
     Stimulus,
-    WifiArrived,
     to_wire,
 )
 from agents.packet_medium import Medium
@@ -39,8 +38,6 @@ from apad_bridge.mission.orders import Note
 from apad_bridge.supervisor.clock import StopSign
 from apad_bridge.supervisor.context import FlightContext, Watcher
 from apad_bridge.supervisor.core import TICK_MS, Supervisor
-from apad_bridge.supervisor.fleet import Fleet
-from apad_bridge.supervisor.packet_notes import packet_data
 from apad_bridge.supervisor.packet_relay import RemoteContact
 from apad_bridge.supervisor.recorder_interface import Recorder
 from apad_bridge.vehicle.commands import CloseDock, OpenDock, PoseReported
@@ -115,8 +112,7 @@ class Flight:
         """The counts of everything that was dropped in the flight, by reason."""
         supervisor = self.supervisor
         dropped = self.dropped + supervisor.dropped + supervisor.port.dropped + supervisor.ranging_dropped
-        dropped += self._context.dropped()
-        return dropped if self._fleet is None else dropped + self._fleet.dropped
+        return dropped + self._context.dropped() + self._fleet.dropped
 
     def stop(self, end: MissionEnd) -> None:
         self._stop_end = end
@@ -137,9 +133,8 @@ class Flight:
 
     def step(self) -> bool:
         """Waits for the next tick and runs it; True if the mission has ended with it."""
-        self._context.pace.reach(
-            self.now_ms, self._stopped, None if self._serial_lines is None else self._between
-        )
+        between = self._between if self._serial_lines.any_open else None
+        self._context.pace.reach(self.now_ms, self._stopped, between)
         self.tick(self.now_ms)
         if self.supervisor.has_ended:
             return True
@@ -169,8 +164,7 @@ class Flight:
             supervisor.primitive,
             supervisor.mission.docks,
         )
-        if self._roster is not None:
-            self._roster.answer()
+        self._roster.answer()
         for watch in self._watchers:
             watch(now_ms)
 
@@ -189,22 +183,16 @@ class Flight:
             match action:
                 case Note(kind, data):
                     self._recorder.event(now_ms, kind, **data)
-                case Send(Medium.SOUND, agent_id, data) if (
-                    self._serial_lines is not None and self._serial_lines.command(agent_id, data, now_ms)
-                ):
+                case Send(Medium.SOUND, agent_id, data) if self._serial_lines.command(agent_id, data, now_ms):
                     pass
                 case KeepSamples(agent_id, records):
                     self._recorder.samples(agent_id, records)
                 case Send() as send:
                     if send.agent_id not in self.supervisor.allocation.served_for_others:
                         self._send(send, now_ms)
-                    if self._relay is not None:
-                        self._relay.forward(send, now_ms)
+                    self._relay.forward(send, now_ms)
                 case Ping(agent_id, not_before_ms):
-                    if self._fleet is not None and self._fleet.sea is not None:
-                        self._fleet.sea.ping(agent_id, not_before_ms)
-                    else:
-                        self.dropped["a ping without water to send it through"] += 1
+                    self._fleet.ping(agent_id, not_before_ms)
                 case _:
                     mechanism_commanded |= isinstance(action, CloseDock | OpenDock)
                     self._vehicle.command(action, now_ms)
@@ -218,27 +206,19 @@ class Flight:
     def _advance_fleet(self, now_ms: int) -> list[SeaResult]:
         """Advances the fleet's time, and reads and writes the serial lines."""
         self._fleet_ms = now_ms
-        written = [] if self._serial_lines is None else self._serial_lines.poll(now_ms)
-        if self._fleet is None:
-            return []
-        for burst in written:
-            if self._fleet.sea is not None:
-                self._fleet.sea.write(burst.agent_id, burst.data)
-        results, serial_lines = self._fleet.advance(now_ms), self._serial_lines
-        return (
-            list(results)
-            if serial_lines is None
-            else [it for it in results if not serial_lines.route(it, now_ms)]
-        )
+        for burst in self._serial_lines.poll(now_ms):
+            self._fleet.write(burst.agent_id, burst.data)
+        results = self._fleet.advance(now_ms)
+        return [it for it in results if not self._serial_lines.route(it, now_ms)]
 
     def _receive_from_modem(self, now_ms: int) -> None:
         """Handles packets that a physical modem has received or sent."""
-        for item in [] if self._serial_lines is None else self._serial_lines.take():
+        for item in self._serial_lines.take():
             match item:
                 case SoundHeard():
                     self.supervisor.receive(item)
-                case Send(_, agent_id, data) if self._fleet is not None:
-                    ids = self._fleet.coordinator.agent_ids if agent_id == EVERYONE else [agent_id]
+                case Send(_, agent_id, data):
+                    ids = self._fleet.ids if agent_id == EVERYONE else [agent_id]
                     for each in ids:
                         self._stimulate(each, SoundArrived(data), now_ms)
                 case Note(kind, fields):
@@ -247,10 +227,7 @@ class Flight:
                         self.dropped[fields["dropped"]] += 1
 
     def _receive_from_fleet(self, now_ms: int) -> None:
-        if self._fleet is None:
-            self._advance_fleet(now_ms)
-            return
-        self._update_links(self._fleet, now_ms)
+        self._update_links(now_ms)
         results_before, self._fleet_results = self._fleet_results, []
         for result in [*results_before, *self._advance_fleet(now_ms)]:
             match result:
@@ -266,15 +243,15 @@ class Flight:
                     )
                 case Heard(at_ms, agent_id, WifiSent(_, data)):
                     self.supervisor.receive(WifiHeard(at_ms, data))
-                    self._relay_transmission(Medium.WIFI, agent_id, data, at_ms)
+                    self._relay.transmit(Medium.WIFI, agent_id, data, at_ms)
                 case Heard(at_ms, agent_id, SoundSent(_, data)):
                     self.supervisor.receive(SoundHeard(at_ms, data))
-                    self._relay_transmission(Medium.SOUND, agent_id, data, at_ms)
+                    self._relay.transmit(Medium.SOUND, agent_id, data, at_ms)
                 case Heard(_, _, Dropped(_, reason)):
                     self.dropped[reason] += 1
                 case SoundReached(at_ms, agent_id, data):
                     self.supervisor.receive(SoundHeard(at_ms, data))
-                    self._relay_transmission(Medium.SOUND, agent_id, data, at_ms)
+                    self._relay.transmit(Medium.SOUND, agent_id, data, at_ms)
                 case Ranged(at_ms, agent_id, range_m):
                     self.supervisor.receive(RangeHeard(at_ms, agent_id, range_m))
                     self._recorder.event(now_ms, "range", id=agent_id, range_m=round(range_m, 3))
@@ -284,30 +261,17 @@ class Flight:
                 case StimulusDelivered(_, agent_id, agent_ms, stimulus):
                     self._note_stimulus(now_ms, agent_id, agent_ms, stimulus)
                 case PacketEnded() as packet:
-                    self._note_packet(self._fleet, packet, now_ms)
+                    self._recorder.event(now_ms, "packet", **self._fleet.packet_data(packet))
         self._recorder.truths(self._fleet.take_truths())
 
-    def _note_packet(self, fleet: Fleet, packet: PacketEnded, now_ms: int) -> None:
-        assert fleet.sea is not None  # only the water reports packets
-        data = packet_data(packet, fleet.timeslots, fleet.sea.config.sound.speed_m_s)
-        self._recorder.event(now_ms, "packet", **data)
-
-    def _update_links(self, fleet: Fleet, now_ms: int) -> None:
-        changed = None if fleet.links is None else fleet.links.look()
-        if changed is None or fleet.sea is None:
+    def _update_links(self, now_ms: int) -> None:
+        changed = self._fleet.update_links()
+        if changed is None:
             return
-        if changed.topology is not None:
-            fleet.sea.set_topology(changed.topology)
         rules = None if changed.topology is None else [list(astuple(it)) for it in changed.topology.rules]
         self._recorder.event(now_ms, "links", rules=rules, problem=changed.problem)
 
-    def _relay_transmission(self, medium: Medium, agent_id: int, data: bytes, at_ms: int) -> None:
-        if self._relay is not None:
-            self._relay.transmit(medium, agent_id, data, at_ms)
-
     def _receive_from_relay(self, now_ms: int) -> None:
-        if self._relay is None:
-            return
         for item in self._relay.advance(now_ms):
             if isinstance(item, Send):
                 send = self.supervisor.schedule_sends(item, now_ms)
@@ -320,39 +284,28 @@ class Flight:
 
     def _apply_requests(self, now_ms: int) -> None:
         """Applies requests to make aMussels simulated, real or retired, and to cause faults."""
-        if self._roster is None or self._fleet is None:
-            return
-        for action in self._roster.advance(self._fleet.coordinator, self.supervisor.beliefs, now_ms):
+        for action in self._roster.advance(self.supervisor.beliefs, now_ms):
             if isinstance(action, Note):
                 self._recorder.event(now_ms, action.kind, **action.data)
             else:
                 self._stimulate(*action, now_ms)
 
     def _send(self, send: Send, now_ms: int) -> None:
-        sea = None if self._fleet is None else self._fleet.sea
-        if sea is not None and send.medium is Medium.SOUND:
-            sea.send_sound(
-                None if send.agent_id == EVERYONE else send.agent_id, send.data, send.not_before_ms
-            )
-            return
-        if sea is not None and not sea.wifi_reaches(send.agent_id, now_ms):
-            return
-        stimulus = SoundArrived(send.data) if send.medium is Medium.SOUND else WifiArrived(send.data)
-        self._stimulate(send.agent_id, stimulus, now_ms)
+        stimulus = self._fleet.send(send, now_ms)
+        if stimulus is not None:
+            self._stimulate(send.agent_id, stimulus, now_ms)
 
     def _receive_from_vehicle(self, now_ms: int) -> None:
-        sea = None if self._fleet is None else self._fleet.sea
         for fact in self._vehicle.advance(now_ms):
-            if sea is not None and isinstance(fact, PoseReported | APadSeen):
-                sea.carry_apad(fact.north_m, fact.east_m, fact.at_ms)
+            if isinstance(fact, PoseReported | APadSeen):
+                self._fleet.carry_apad(fact.north_m, fact.east_m, fact.at_ms)
             if isinstance(fact, APadSeen):
                 continue
             if isinstance(fact, (Carried, LetGo)):
                 stimulus = self._contacts.take(fact)
                 if stimulus is None:
                     continue
-                served_for_others = self.supervisor.allocation.served_for_others
-                if self._relay is not None and fact.agent_id in served_for_others:
+                if fact.agent_id in self.supervisor.allocation.served_for_others:
                     self._relay.send_contact(RemoteContact(fact.agent_id, stimulus), now_ms)
                 else:
                     self._stimulate(fact.agent_id, stimulus, now_ms)
@@ -360,13 +313,9 @@ class Flight:
                 self.supervisor.receive(fact)
 
     def _stimulate(self, agent_id: int, stimulus: Stimulus, now_ms: int) -> None:
-        if self._fleet is None:
-            return
-        agent_ms = self._fleet.coordinator.receive(agent_id, stimulus, now_ms)
-        if agent_ms is None:
-            self.dropped["for an aMussel that is not of this fleet"] += 1
-            return
-        self._note_stimulus(now_ms, agent_id, agent_ms, stimulus)
+        agent_ms = self._fleet.receive(agent_id, stimulus, now_ms)
+        if agent_ms is not None:
+            self._note_stimulus(now_ms, agent_id, agent_ms, stimulus)
 
     def _note_stimulus(self, now_ms: int, agent_id: int, agent_ms: int, stimulus: Stimulus) -> None:
         wire = [field.hex() if isinstance(field, bytes) else field for field in to_wire(stimulus)]

@@ -213,18 +213,17 @@ def _no_spawn(request: PresenceRequest) -> str | None:
 class Roster:
     """The presences of a flight's fleet, and the requests that change them."""
 
-    def __init__(self, presences: Presences, requests: RosterRequests) -> None:
+    def __init__(self, presences: Presences, requests: RosterRequests, coordinator: Coordinator) -> None:
         self.presences = presences
+        self._coordinator = coordinator
         self._requests = requests
         self._answers: list[tuple[RosterRequest, str | None]] = []
 
-    def advance(
-        self, coordinator: Coordinator, beliefs: FleetBeliefs, now_ms: int
-    ) -> list[tuple[int, Stimulus] | Note]:
+    def advance(self, beliefs: FleetBeliefs, now_ms: int) -> list[tuple[int, Stimulus] | Note]:
         """Applies the requests since the last tick. No caller gets an answer before `answer`."""
         actions: list[tuple[int, Stimulus] | Note] = []
         for request in self._requests.take():
-            outcome = self.presences.do(request, coordinator, beliefs, now_ms)
+            outcome = self.presences.do(request, self._coordinator, beliefs, now_ms)
             if isinstance(outcome, str):
                 self._answers.append((request, outcome))
                 continue
@@ -238,6 +237,16 @@ class Roster:
         answers, self._answers = self._answers, []
         for request, refusal in answers:
             self._requests.answer(request, refusal)
+
+
+class NoRoster:
+    """The roster of a flight that nobody asks for changes."""
+
+    def advance(self, beliefs: FleetBeliefs, now_ms: int) -> list[tuple[int, Stimulus] | Note]:
+        return []
+
+    def answer(self) -> None:
+        pass
 
 
 @dataclass(frozen=True, slots=True)

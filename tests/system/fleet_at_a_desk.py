@@ -16,6 +16,7 @@ from typing import Any
 from agents.coordinator import Coordinator
 from agents.hosting.in_process import InProcessHost
 from apad_bridge.assembly import parts
+from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.mission.ending import EndReason, MissionEnd
 from apad_bridge.ros.gateway.battery_alerts import BatteryAlerts
 from apad_bridge.ros.gateway.claims import ClaimBoard
@@ -29,7 +30,7 @@ from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
 from apad_bridge.supervisor.clock import WallClock
 from apad_bridge.supervisor.context import FlightContext
-from apad_bridge.supervisor.fleet import Fleet
+from apad_bridge.supervisor.fleet import Fleet, WithoutWater
 from apad_bridge.supervisor.loop import Flight
 from apad_bridge.supervisor.packet_relay import Outcome, PacketRelay, whole_flight
 from apad_bridge.supervisor.roster import Presence, PresenceChange, Presences, Roster
@@ -86,17 +87,18 @@ def main() -> None:
     division = whole_flight(lambda: presences.simulated)
     topics = PacketTopics(initial_states, division.peers)
     relay = PacketRelay(division, [topics.take], {Outcome.PUBLISH: topics.publish})
-    host = InProcessHost(parts.fleet_config(flown), initial_states)
-    supervisor = parts.supervisor(flown)
+    host = InProcessHost(parts.fleet_config(flight_config(flown)), initial_states)
+    coordinator = Coordinator(host, dict.fromkeys(initial_states, 0), flown.theta)
+    supervisor = parts.supervisor(flight_config(flown))
     flight = Flight(
         supervisor,
         FlightContext(
-            InProcessVehicle(parts.simulated_apad(flown)),
-            WallClock(SPEED),
-            Fleet(Coordinator(host, dict.fromkeys(initial_states, 0), flown.theta), host),
-            lambda flying: (gateway.watcher(flying), alerts.watcher(flying)),
+            vehicle=InProcessVehicle(parts.simulated_apad(flown)),
+            pace=WallClock(SPEED),
+            fleet=Fleet(coordinator, host, WithoutWater(coordinator, host)),
+            watchers=lambda flying: (gateway.watcher(flying), alerts.watcher(flying)),
             relay=relay,
-            roster=Roster(presences, services),
+            roster=Roster(presences, services, coordinator),
         ),
         PrintingRecorder(),
     )

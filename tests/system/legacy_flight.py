@@ -17,6 +17,7 @@ from typing import Any
 from agents.coordinator import Coordinator
 from agents.hosting.in_process import InProcessHost
 from apad_bridge.assembly import parts
+from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.ros.gateway.gateway import open_gateway
 from apad_bridge.ros.links.generation_a import GenerationALink
 from apad_bridge.ros.links.generation_b import GenerationBLink
@@ -26,7 +27,7 @@ from apad_bridge.scenario.schema import Generation, Scenario
 from apad_bridge.scenario.starts import starts_of
 from apad_bridge.supervisor.clock import AsFastAsPossible
 from apad_bridge.supervisor.context import FlightContext
-from apad_bridge.supervisor.fleet import Fleet
+from apad_bridge.supervisor.fleet import Fleet, WithoutWater
 from apad_bridge.supervisor.loop import Flight
 from apad_bridge.vehicle.errors import VehicleNotReady
 from apad_bridge.vehicle.link import InProcessVehicle, VehicleLink
@@ -66,9 +67,10 @@ class Decisions:
 def fly(scenario: Scenario, over_ros: bool, speed: float | None, patience_s: float) -> dict[str, Any]:
     decisions = Decisions()
     initial_states = parts.initial_states(scenario, starts_of(scenario))
-    host = InProcessHost(parts.fleet_config(scenario), initial_states)
-    fleet = Fleet(Coordinator(host, dict.fromkeys(initial_states, 0), scenario.theta), host)
-    supervisor = parts.supervisor(scenario)
+    host = InProcessHost(parts.fleet_config(flight_config(scenario)), initial_states)
+    coordinator = Coordinator(host, dict.fromkeys(initial_states, 0), scenario.theta)
+    fleet = Fleet(coordinator, host, WithoutWater(coordinator, host))
+    supervisor = parts.supervisor(flight_config(scenario))
     with ExitStack() as stack:
         vehicle: VehicleLink
         if over_ros:
@@ -92,10 +94,15 @@ def fly(scenario: Scenario, over_ros: bool, speed: float | None, patience_s: flo
             stack.callback(link.close)
             link.wait_until_ready(5 * patience_s)
             pace = OwnMasterClock(speed, link, patience_s=patience_s)
-            context = FlightContext(link, pace, fleet, lambda flying: (gateway.watcher(flying), ticked))
+            context = FlightContext(
+                vehicle=link,
+                pace=pace,
+                fleet=fleet,
+                watchers=lambda flying: (gateway.watcher(flying), ticked),
+            )
         else:
             vehicle = InProcessVehicle(parts.simulated_apad(scenario))
-            context = FlightContext(vehicle, AsFastAsPossible(), fleet)
+            context = FlightContext(vehicle=vehicle, pace=AsFastAsPossible(), fleet=fleet)
         flight = Flight(supervisor, context, decisions)
         begun_s = time.monotonic()
         ended_by = flight.run()

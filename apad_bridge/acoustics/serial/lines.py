@@ -25,12 +25,20 @@ from apad_bridge.mission.orders import Note
 
 @dataclass
 class SerialLines:
-    """The serial lines of a flight. `tell` gets a line for a person when a physical modem comes or goes."""
+    """The serial lines of a flight; the default has none, and carries nothing.
+
+    `tell` gets a line for a person when a physical modem comes or goes.
+    """
 
     opened: OpenedModems | None = None
     attached: AttachedModem | None = None
     tell: Callable[[str], None] = lambda line: None
     _results: list[Result] = field(default_factory=list)
+
+    @property
+    def any_open(self) -> bool:
+        """True if there is a line to poll between ticks."""
+        return self.opened is not None or self.attached is not None
 
     def poll(self, now_ms: int) -> list[Burst]:
         """Reads all lines at mission time `now_ms`; returns the bytes written to opened modems."""
@@ -97,15 +105,12 @@ def _action_of(result: Result) -> SoundHeard | Send | Note:
 @contextmanager
 def open_serial_lines(
     run_dir: Path, opened: tuple[int, ...], port: str, now_ms: int, tell: Callable[[str], None]
-) -> Iterator[SerialLines | None]:
-    """Opens a run's serial lines while it is entered; None if there are none.
+) -> Iterator[SerialLines]:
+    """Opens a run's serial lines while it is entered.
 
     `opened` are the aMussels whose modems to open, `port` is a physical modem's port or "". The devices' names are in the
     folder `modems` of the run's directory.
     """
-    if not opened and not port:
-        yield None
-        return
     serial_lines = SerialLines(
         OpenedModems(run_dir / FOLDER, opened) if opened else None,
         AttachedModem(SerialPort(port), now_ms) if port else None,

@@ -19,7 +19,6 @@ from typing import Any
 import rospy
 from actionlib_msgs.msg import GoalStatusArray
 
-from apad_bridge.assembly import parts
 from apad_bridge.ros.links.legacy_link import LegacyLink, OpenedAPad
 from apad_bridge.ros.links.legacy_subscribers import POSE_FIELDS, LegacySubscribers
 from apad_bridge.ros.system.inbox import Inbox
@@ -202,7 +201,7 @@ def _goal_message(order: GoalOrder) -> Any:
 def open_link(
     scenario: Scenario, sight: Sight, docked: Mapping[int, int], now_ms: int, *, our_clock: bool
 ) -> OpenedAPad:
-    battery, ids = scenario.apad.battery, parts.agent_ids(scenario)
+    battery, ids = scenario.apad.battery, scenario.fleet.ids
     return OpenedAPad(
         GenerationALink(
             scenario.apad.name,

@@ -320,7 +320,7 @@ _FIELDS = {primitive: tuple(fields) for primitive, fields in map(_fields, _ALL_O
 def open_link(
     scenario: Scenario, sight: Sight, docked: Mapping[int, int], now_ms: int, *, our_clock: bool
 ) -> OpenedAPad:
-    apad, docking, ids = scenario.apad, scenario.mission.docking, parts.agent_ids(scenario)
+    apad, docking, ids = scenario.apad, scenario.mission.docking, scenario.fleet.ids
     simulated_ids = [it for it in ids if docking.profile_of(it) is not DockingProfile.VISUAL]
     seen_ids = frozenset(it for it in ids if docking.profile_of(it) is DockingProfile.CAMERA)
     camera = VirtualCamera(apad.name) if seen_ids else None

@@ -12,24 +12,22 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 from agents.hosting import interrupts
-from apad_bridge.assembly import parts
 from apad_bridge.assembly.division import Member
 from apad_bridge.mission.breakdown import Breakdown
 from apad_bridge.records.event_kinds import EventKind
-from apad_bridge.records.recorder import Recorder
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.runs import flying
-from apad_bridge.runs.children import supervising
-from apad_bridge.runs.nurseries import FOLDER
 from apad_bridge.runs.progress import ProgressDisplay
 from apad_bridge.runs.several.assignment import Assignment, Move, view_of
 from apad_bridge.runs.several.summary import combined_status
 from apad_bridge.runs.status import Status
 from apad_bridge.scenario.another_apad import Sharing
 from apad_bridge.supervisor import recorder_interface
+from apad_bridge.supervisor.context import FlightContext
 from apad_bridge.supervisor.loop import Flight
 from apad_bridge.supervisor.packet_relay import (
     Division,
@@ -56,10 +54,11 @@ class Exchange:
         self.server = dict(self.home)
         self._waiting: dict[str, list[RelayedPacket]] = {name: [] for name in own}
 
-    def relay(self, name: str) -> PacketRelay:
-        """Makes the relay of the flight of this aPad."""
+    def join(self, name: str, sharing: Sharing, context: FlightContext) -> FlightContext:
+        """The same context, in which one of several aPads reaches the others."""
         division = Division(lambda agent_id: self._standing(name, agent_id), tuple(_AS_REMOTE.values()))
-        return PacketRelay(division, [lambda now_ms: self._take(name)], {Outcome.PUBLISH: self._carry})
+        relay = PacketRelay(division, [lambda now_ms: self._take(name)], {Outcome.PUBLISH: self._carry})
+        return replace(context, relay=relay, stands_down=Breakdown(sharing.failed_go_tos))
 
     def _standing(self, name: str, agent_id: int) -> Standing:
         is_served_here = self.server.get(agent_id) == name
@@ -172,25 +171,19 @@ def fly_in_step(
         return take
 
     with interrupts.held_back(), ExitStack() as stack:
-        prepared, flights = {}, {}
+        opened, flights = {}, {}
         for member in members:
             name, scenario = member.name, member.scenario
-            directory = directories[name]
-            stack.enter_context(supervising(directory.path))
-            recorder = Recorder(directory, scenario, parts.agent_ids(scenario))
-            stack.callback(recorder.close)
-            flying.journal_start(recorder, scenario, member.starts)
-            fleet = flying.open_fleet(scenario, member.starts, directory.path / FOLDER)
-            stack.callback(fleet.host.close)
-            context = replace(
-                flying.in_process_context(scenario, fleet),
-                relay=exchange.relay(name),
-                breakdown=Breakdown(sharing.failed_go_tos),
+            opened[name] = flying.open_in_process(
+                stack,
+                scenario,
+                member.starts,
+                directories[name],
+                _MemberDisplay(name, progress, status_listener(name)),
+                join=partial(exchange.join, name, sharing),
             )
-            display = _MemberDisplay(name, progress, status_listener(name))
-            prepared[name] = flying.prepare(scenario, context, recorder, display)
-            flights[name] = MemberFlight(scenario.apad.start_m, prepared[name].flight, recorder)
+            flights[name] = MemberFlight(scenario.apad.start_m, opened[name].flight, opened[name].recorder)
         runner = LockstepRunner(flights, exchange, Assignment(served) if sharing.transfers else None)
         with flying.stopped_by_signals(*(it.flight for it in flights.values())):
             runner.run()
-        return {name: it.finish() for name, it in prepared.items()}, runner.handed_on_count
+        return {name: it.finish() for name, it in opened.items()}, runner.handed_on_count

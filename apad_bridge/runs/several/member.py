@@ -6,17 +6,14 @@ The orders name the aMussels to serve; the reports are messages of `parent_proto
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
-from apad_bridge.mission.allocation import Allocation
 from apad_bridge.mission.breakdown import Breakdown
 from apad_bridge.mission.events import StandDownRequested
 from apad_bridge.records.event_kinds import EventKind
-from apad_bridge.records.journal import JournalContents
 from apad_bridge.runs.parent_protocol import Gave, HandedOver, Kept, MemberReport, Seen
-from apad_bridge.runs.resuming import StartState
 from apad_bridge.runs.several.assignment import APadView, view_of
 from apad_bridge.runs.several.lockstep import ASSIGNMENT_PERIOD_MS
 from apad_bridge.runs.several.protocol import ORDERS_FILE, Orders, TransferredBelief
@@ -124,50 +121,24 @@ class MemberLink:
         return replace(view, movable=view.movable - self._cannot_move)
 
 
-@dataclass(frozen=True, slots=True)
-class MemberParts:
-    """The additional parts of one of several aPads' supervisors: its link, and its allocation."""
-
-    link: MemberLink
-    allocation: Allocation
-    failed_go_tos: int
-
-    def extend(self, context: FlightContext) -> FlightContext:
-        """The same context with the link in it."""
-        watchers, take_events = context.watchers, context.take_events
-        return replace(
-            context,
-            watchers=lambda supervisor: (self.link.watcher(supervisor), *watchers(supervisor)),
-            take_events=lambda now_ms: [*self.link.take_events(now_ms), *take_events(now_ms)],
-            breakdown=Breakdown(self.failed_go_tos),
-        )
-
-
-def member_parts(
+def join_others(
+    context: FlightContext,
     scenario: Scenario,
     options: RunOptions,
     run_dir: Path,
-    start_state: StartState,
     report: Callable[[MemberReport], None],
-) -> MemberParts | None:
-    """None for an aPad that flies alone."""
+) -> FlightContext:
+    """The same context, with the link to the parent of all for one of several aPads that take over from each other."""
     if not options.is_one_of_several:
-        return None
-    allocation = Allocation(start_state.beliefs, scenario.fleet.ids)
-    restore_allocation(allocation, start_state.journal)
-    for agent_id in allocation.served_for_others:
-        start_state.beliefs.admit(agent_id, None)
+        return context
     apad, profile_of = scenario.apad, scenario.mission.docking.profile_of
     # Only the run that simulates an aMussel knows what a camera would see of it.
     cannot_move = frozenset(it for it in scenario.fleet.ids if profile_of(it) is DockingProfile.CAMERA)
     link = MemberLink(run_dir, apad.name, apad.start_m, report, cannot_move)
-    return MemberParts(link, allocation, scenario.sharing.failed_go_tos)
-
-
-def restore_allocation(allocation: Allocation, journal: JournalContents) -> None:
-    """Restores the allocation that a former supervisor of the run had, from its journal."""
-    for line in journal.lines:
-        if line["kind"] == EventKind.TOOK_ON:
-            allocation.take(line["id"])
-        elif line["kind"] == EventKind.HANDED_ON:
-            allocation.give(line["id"])
+    watchers, take_events = context.watchers, context.take_events
+    return replace(
+        context,
+        watchers=lambda supervisor: (link.watcher(supervisor), *watchers(supervisor)),
+        take_events=lambda now_ms: [*link.take_events(now_ms), *take_events(now_ms)],
+        stands_down=Breakdown(scenario.sharing.failed_go_tos),
+    )

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 from apad_bridge.assembly.division import Member
-from apad_bridge.mission.breakdown import Breakdown
 from apad_bridge.records.summary import uptime_figures
 from apad_bridge.runs.in_memory import MemoryRecorder, mission_figures, open_flight
 from apad_bridge.runs.several.assignment import Assignment
@@ -39,11 +39,8 @@ def open_lockstep(members: Sequence[Member], sharing: Sharing) -> OpenedLockstep
     exchange, assignment = Exchange(served), Assignment(served)
     recorders, flights = {}, {}
     for member in members:
-        flight, recorders[member.name] = open_flight(
-            member.scenario,
-            relay=exchange.relay(member.name),
-            breakdown=Breakdown(sharing.failed_go_tos),
-        )
+        join = partial(exchange.join, member.name, sharing)
+        flight, recorders[member.name] = open_flight(member.scenario, join=join)
         flights[member.name] = MemberFlight(member.scenario.apad.start_m, flight, recorders[member.name])
     runner = LockstepRunner(flights, exchange, assignment if sharing.transfers else None)
     return OpenedLockstep(runner, assignment, recorders, flights)

@@ -7,10 +7,12 @@ import numpy as np
 import pytest
 
 from agents.mussel.outputs import Truth
-from apad_bridge.assembly.estimator import fleet_beliefs, schedules_of, twin_parameters_of
-from apad_bridge.assembly.parts import agent_ids
+from apad_bridge.assembly.estimator import schedules
+from apad_bridge.assembly.flight_config import flight_config
+from apad_bridge.assembly.parts import fleet_beliefs
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.hold_last import HoldLast
+from apad_bridge.beliefs.twin_parameters import TwinParameters
 from apad_bridge.records.samples import Water
 from apad_bridge.runs.in_memory import open_flight
 from apad_bridge.scenario.estimator_options import Beliefs, Estimator, TwinModel
@@ -45,12 +47,19 @@ METERED = _metered()
 WITH_TWINS = replace(POOL, beliefs=Beliefs(estimator=Estimator.TWIN, twin=MODEL))
 
 
+def parameters_of(scenario: Scenario) -> TwinParameters:
+    """The parameters of the scenario's twins, with this laboratory's model."""
+    twin = flight_config(replace(scenario, beliefs=Beliefs(estimator=Estimator.TWIN, twin=MODEL))).twin
+    assert twin is not None
+    return twin.parameters
+
+
 def test_the_shipped_scenarios_hold_the_last_packet() -> None:
-    assert isinstance(fleet_beliefs(POOL, agent_ids(POOL)), HoldLast)
+    assert isinstance(fleet_beliefs(flight_config(POOL)), HoldLast)
 
 
 def test_a_twin_is_told_the_worst_cases_equations() -> None:
-    parameters = twin_parameters_of(WITH_TWINS, MODEL)
+    parameters = parameters_of(WITH_TWINS)
     assert set(parameters.drain.per_min[:5]) == {0.0010427134} and parameters.drain.per_min[5] == 0.0
     assert parameters.charger.segments == ((0.16197, 0.001045), (0.5634, 0.00223), (1.0, 0.002911))
     assert parameters.water.step_variance_m2 == pytest.approx(0.005**2 / 3)
@@ -70,7 +79,8 @@ def test_a_sleeper_is_told_what_its_board_will_draw(timeslot: int) -> None:
     bench.run(hours=1)
     began, began_ms = bench.primary_fraction, bench.now_ms
     first_id = WHOLE.fleet.first_id
-    cycle = schedules_of(WHOLE, [first_id + timeslot])[first_id + timeslot].cycle
+    agent_id = first_id + timeslot
+    cycle = schedules(bench.config.whole, first_id, [agent_id])[agent_id].cycle
     assert cycle is not None
     for _ in range(6 * 60):
         bench.run(minutes=1)
@@ -80,7 +90,7 @@ def test_a_sleeper_is_told_what_its_board_will_draw(timeslot: int) -> None:
 def test_a_twin_is_told_what_a_metered_board_reads() -> None:
     """Compares with the battery monitor's own sums, and by hand with a known figure: 24 of 600 mV of a charger."""
     board = board_config(METERED.board)
-    offsets = twin_parameters_of(METERED, MODEL).sensor.offsets
+    offsets = parameters_of(METERED).sensor.offsets
     whole = board.whole
     assert whole is not None and whole.power.metering is not None
     meter = Meter(board.charge, whole.power.metering, 1)
@@ -100,8 +110,8 @@ def test_a_twin_is_told_what_a_metered_board_reads() -> None:
     # 950 mW of radios beside an idle board are 257 mA at 3.7 V: 25.7 mV across 0.1 ohm.
     assert offsets[State.FLOATING] == pytest.approx((-0.0257 / 0.6, 0.0), abs=1e-4)
     assert offsets[State.TRANSMITTING][0] == 0.0 and State.EMPTY not in offsets
-    assert twin_parameters_of(METERED, MODEL).sensor.saturates
-    assert not twin_parameters_of(WITH_TWINS, MODEL).sensor.saturates
+    assert parameters_of(METERED).sensor.saturates
+    assert not parameters_of(WITH_TWINS).sensor.saturates
 
 
 @pytest.mark.parametrize("scenario", ["WHOLE", "METERED"])

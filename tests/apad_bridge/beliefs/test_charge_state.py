@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from apad_bridge.assembly.estimator import twin_parameters_of
+from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.beliefs import charge_state as charge
 from apad_bridge.beliefs.charge_state import ASLEEP, CHARGING, DRAIN, PRIMARY, RATE, SECONDARY, SIZE
 from apad_bridge.beliefs.modes import Mode
@@ -83,8 +83,9 @@ def test_a_dock_makes_the_charge_go_with_the_charging_rate() -> None:
 def test_the_drain_of_an_ageing_battery_wanders_by_a_days_deviation_in_a_day() -> None:
     """A random walk: after four days the deviation is twice that of one day."""
     scenario = load(Path(__file__).parents[3] / "launch_scripts/scenarios/sound-12.yaml")
-    assert scenario.beliefs.twin is not None
-    parameters = replace(twin_parameters_of(scenario, scenario.beliefs.twin), ageing_per_day=0.002)
+    twin = flight_config(scenario).twin
+    assert twin is not None
+    parameters = replace(twin.parameters, ageing_per_day=0.002)
     for days, deviation in ((1, 0.002), (4, 0.004)):
         noise = charge.process_noise(parameters, days * 86_400_000)
         assert sqrt(noise[DRAIN, DRAIN]) == pytest.approx(deviation)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import sqrt
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from apad_bridge.assembly.estimator import twin_parameters_of
+from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.beliefs import charge_state as charge
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.charge_state import PRIMARY, SIZE, Anchor
@@ -18,7 +19,7 @@ from apad_bridge.beliefs.packet_weighing import HypothesisWeigher, Reading
 from apad_bridge.beliefs.twin import Twin
 from apad_bridge.beliefs.twin_parameters import UNKNOWN
 from apad_bridge.beliefs.twin_state import TwinState
-from apad_bridge.scenario.estimator_options import TwinModel
+from apad_bridge.scenario.estimator_options import Beliefs, Estimator, TwinModel
 from apad_bridge.scenario.loader import load
 from firmware_model.packets import StatusPacket
 from firmware_model.states import State
@@ -32,7 +33,9 @@ MODEL = TwinModel(
     current_deviation_m_s=0.02,
 )
 POOL = load(Path(__file__).parents[3] / "launch_scripts" / "scenarios" / "pool-12.yaml")
-KNOWLEDGE = twin_parameters_of(POOL, MODEL)
+TWINS = flight_config(replace(POOL, beliefs=Beliefs(estimator=Estimator.TWIN, twin=MODEL))).twin
+assert TWINS is not None
+KNOWLEDGE = TWINS.parameters
 
 
 def anchor(weight: float, primary: float, sd: float = 0.02) -> Anchor:

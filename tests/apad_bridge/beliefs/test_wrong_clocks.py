@@ -10,7 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from apad_bridge.assembly.estimator import fleet_beliefs
+from apad_bridge.assembly.flight_config import flight_config
+from apad_bridge.assembly.parts import fleet_beliefs
 from apad_bridge.beliefs.fleet import FleetBeliefs
 from apad_bridge.beliefs.hold_last import HoldLast
 from apad_bridge.beliefs.measurement import ClockSet, Permitted
@@ -38,7 +39,8 @@ OVERTAKEN = "a status that a newer one overtook"
 
 
 def of_a_twin() -> FleetBeliefs:
-    return fleet_beliefs(replace(POOL, beliefs=Beliefs(estimator=Estimator.TWIN, twin=MODEL)), [5])
+    beliefs = Beliefs(estimator=Estimator.TWIN, twin=MODEL)
+    return fleet_beliefs(flight_config(replace(POOL, beliefs=beliefs)))
 
 
 def of_the_last_packet() -> FleetBeliefs:

@@ -12,7 +12,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from apad_bridge.assembly.estimator import fleet_beliefs
+from apad_bridge.assembly.flight_config import flight_config
+from apad_bridge.assembly.parts import fleet_beliefs
 from apad_bridge.beliefs.fleet import FleetBeliefs
 from apad_bridge.beliefs.hold_last import HoldLast
 from apad_bridge.beliefs.measurement import (
@@ -47,7 +48,8 @@ IDS = (1, 2, 3)
 
 
 def of_a_twin() -> FleetBeliefs:
-    return fleet_beliefs(replace(POOL, beliefs=TWIN), IDS)
+    fleet = replace(POOL.fleet, count=len(IDS))
+    return fleet_beliefs(flight_config(replace(POOL, fleet=fleet, beliefs=TWIN)))
 
 
 ESTIMATORS = {"hold_last": lambda: HoldLast(IDS), "twin": of_a_twin}

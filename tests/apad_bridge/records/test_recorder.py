@@ -16,6 +16,7 @@ from agents.hosting.in_process import InProcessHost
 from agents.mussel.outputs import Truth
 from agents.mussel.physical import Physical
 from apad_bridge.assembly import parts
+from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.mission.ending import EndReason, MissionEnd
 from apad_bridge.records.journal import read_journal
@@ -26,7 +27,7 @@ from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.starts import read_starts, starts_of
 from apad_bridge.supervisor.clock import AsFastAsPossible
 from apad_bridge.supervisor.context import FlightContext
-from apad_bridge.supervisor.fleet import Fleet
+from apad_bridge.supervisor.fleet import Fleet, WithoutWater
 from apad_bridge.supervisor.loop import Flight
 from apad_bridge.vehicle.commands import BatteryReported, PoseReported
 from apad_bridge.vehicle.link import InProcessVehicle
@@ -52,10 +53,15 @@ def new_directory(path):
 def fly(scenario, recorder, until_ms=None):
     """Flies the whole flight, or its ticks up to `until_ms`."""
     initial_states = parts.initial_states(scenario, list(starts_of(scenario)))
-    host = InProcessHost(parts.fleet_config(scenario), initial_states)
-    fleet = Fleet(Coordinator(host, dict.fromkeys(initial_states, 0), scenario.theta), host)
+    host = InProcessHost(parts.fleet_config(flight_config(scenario)), initial_states)
+    coordinator = Coordinator(host, dict.fromkeys(initial_states, 0), scenario.theta)
+    fleet = Fleet(coordinator, host, WithoutWater(coordinator, host))
     vehicle = InProcessVehicle(SimulatedAPad(scenario.apad))
-    flight = Flight(parts.supervisor(scenario), FlightContext(vehicle, AsFastAsPossible(), fleet), recorder)
+    flight = Flight(
+        parts.supervisor(flight_config(scenario)),
+        FlightContext(vehicle=vehicle, pace=AsFastAsPossible(), fleet=fleet),
+        recorder,
+    )
     if until_ms is None:
         flight.run()
     else:
@@ -86,7 +92,7 @@ class Tee:
 
 def test_a_flight_leaves_everything_behind(tmp_path, scenario):
     directory = new_directory(tmp_path / "run")
-    recorder = Recorder(directory, scenario, parts.agent_ids(scenario))
+    recorder = Recorder(directory, scenario, scenario.fleet.ids)
     fly(scenario, recorder)
     summary = recorder.finish(600_000, ENDING)
     assert json.loads(directory.summary.read_text()) == summary
@@ -119,7 +125,7 @@ def test_a_flight_leaves_everything_behind(tmp_path, scenario):
 
 
 def test_a_resumed_run_counts_as_if_nothing_had_happened(tmp_path, scenario):
-    ids = parts.agent_ids(scenario)
+    ids = scenario.fleet.ids
     resumed = []
 
     def die_and_resume():
@@ -283,7 +289,7 @@ def test_depth_in_the_bag_is_the_bodys(tmp_path, scenario):
     from agents.mussel.body import Body
     from apad_bridge.records.samples import Water
 
-    water_config = parts.fleet_config(scenario).maker().config(3).water
+    water_config = parts.fleet_config(flight_config(scenario)).maker().config(3).water
     water = Water(scenario)
     for buoyancy in Buoyancy:
         body = Body(3, water_config, 0, 0, 10_000, 1_234_567, buoyancy, False, 10_000)

@@ -11,7 +11,6 @@ from apad_bridge.runs.dry_run import first_plan
 from apad_bridge.runs.in_memory import fly_in_memory
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.schema import Scenario
-from apad_bridge.scenario.starts import starts_of
 
 SCENARIOS = Path(__file__).parents[3] / "launch_scripts" / "scenarios"
 
@@ -23,7 +22,7 @@ def shipped(name: str, duration_s: float) -> Scenario:
 @pytest.mark.parametrize(("name", "duration_s"), [("pool-12", 300.0), ("sound-12", 1800.0)])
 def test_it_is_the_plan_that_a_flight_makes(name: str, duration_s: float) -> None:
     scenario = shipped(name, duration_s)
-    plan = first_plan(scenario, starts_of(scenario))
+    plan = first_plan(scenario)
     _, recorder = fly_in_memory(scenario)
     made = next({"t": at_ms, **data} for at_ms, kind, data in recorder.events if kind == "plan")
     assert plan == made
@@ -32,4 +31,4 @@ def test_it_is_the_plan_that_a_flight_makes(name: str, duration_s: float) -> Non
 
 def test_none_is_made_before_there_are_candidates() -> None:
     scenario = shipped("whole-board-12", 60.0)
-    assert first_plan(scenario, starts_of(scenario)) is None
+    assert first_plan(scenario) is None

@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 
 from apad_bridge.assembly import parts
+from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.mission.ending import EndReason, MissionEnd
 from apad_bridge.mission.state import MissionState, Phase
 from apad_bridge.planning.solution import Solution, Step, StepKind
@@ -24,7 +25,7 @@ from apad_bridge.runs.resuming import find_resume_point, gap_ms, resume_run
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.run_options import APadKind, OnDeath, Part, RunOptions, TimeSource
 from apad_bridge.scenario.starts import starts_of
-from apad_bridge.supervisor.context import LearnedState
+from apad_bridge.supervisor.core import LearnedState
 from apad_bridge.vehicle.errors import PeerFailed
 from firmware_model.packets import StatusPacket
 from firmware_model.states import State
@@ -95,6 +96,7 @@ def test_options_of_another_version_are_refused_by_name(tmp_path: Path) -> None:
 
 
 POOL = load(Path(__file__).parents[3] / "launch_scripts/scenarios/pool-12.yaml")
+CONFIG = flight_config(POOL)
 FREE = (None, None, None, None)
 LOST = "lost: words on their way"
 
@@ -109,7 +111,10 @@ def a_crash(path: Path) -> tuple[RunDirectory, LearnedState]:
 
 def third_second(directory: RunDirectory) -> tuple[Recorder, LearnedState]:
     directory.path.mkdir()
-    recorder, learned = Recorder(directory, POOL, POOL.fleet.ids), parts.initial_learned_state(POOL)
+    recorder, learned = (
+        Recorder(directory, POOL, POOL.fleet.ids),
+        parts.initial_learned_state(CONFIG),
+    )
     recorder.begin_checkpoint(learned, 0)
     learned.beliefs.hear(StatusPacket(5, 0, State.ACTIVE, 0.5, 1.0, 2.0, 3.0, 3.0, 1000), 1000)
     recorder.event(1000, "presence", id=2, by="/lab", **{"is": "real"})
@@ -122,7 +127,9 @@ def third_second(directory: RunDirectory) -> tuple[Recorder, LearnedState]:
 def test_what_is_restored_and_what_is_lost_is_told_and_journaled(tmp_path: Path) -> None:
     directory, learned = a_crash(tmp_path)
     lines: list[str] = []
-    start_state = resume_run(directory, POOL, OPTIONS.on_own_master("http://h:2").next_epoch(), lines.append)
+    start_state = resume_run(
+        directory, CONFIG, OPTIONS.on_own_master("http://h:2").next_epoch(), lines.append
+    )
     assert lines == [
         LOST,
         "run.bag was repaired; 3 s of samples are lost",
@@ -131,7 +138,7 @@ def test_what_is_restored_and_what_is_lost_is_told_and_journaled(tmp_path: Path)
         "believed as before: 1 aMussels, as of 1 s of mission time; the longest silence is 2 s now",
     ]
     assert start_state.presences.simulated == set(POOL.fleet.ids) - {2, 3}
-    assert start_state.beliefs.all() == learned.beliefs.all() != []
+    assert start_state.learned.beliefs.all() == learned.beliefs.all() != []
     assert start_state.start_ms == 3000
     start_state.recorder.close()
     restored = read_journal(directory.journal).first("restored")
@@ -192,9 +199,9 @@ def test_without_a_checkpoint_it_goes_on_and_says_that_it_believes_nothing(
     if checkpoint is not None:
         directory.checkpoint.write_bytes(checkpoint)
     lines: list[str] = []
-    start_state = resume_run(directory, POOL, OPTIONS.next_epoch(), lines.append)
+    start_state = resume_run(directory, CONFIG, OPTIONS.next_epoch(), lines.append)
     start_state.recorder.close()
-    assert start_state.beliefs.all() == []
+    assert start_state.learned.beliefs.all() == []
     assert lines[-1].startswith(f"nothing is believed of an aMussel until it is heard again: {why}")
 
 
@@ -212,7 +219,10 @@ def killed(directory: RunDirectory, path: Path) -> RunDirectory:
 def test_counts_of_what_was_dropped_go_on_through_two_kills(tmp_path: Path) -> None:
     directory = RunDirectory(tmp_path / "first")
     directory.path.mkdir()
-    first, learned = Recorder(directory, POOL, POOL.fleet.ids), parts.initial_learned_state(POOL)
+    first, learned = (
+        Recorder(directory, POOL, POOL.fleet.ids),
+        parts.initial_learned_state(CONFIG),
+    )
     first.begin_checkpoint(learned, 0)
     ticked(first, 1000, {"echo": 1})
     ticked(first, 2000, {"echo": 2, "late": 1})
@@ -222,7 +232,7 @@ def test_counts_of_what_was_dropped_go_on_through_two_kills(tmp_path: Path) -> N
 
     lines: list[str] = []
     options = OPTIONS.on_own_master("http://h:2").next_epoch()
-    second = resume_run(left, POOL, options, lines.append)
+    second = resume_run(left, CONFIG, options, lines.append)
     assert lines[0] == LOST
     second.recorder.begin_checkpoint(second.learned, second.start_ms)
     at_once = killed(left, tmp_path / "at_once")
@@ -231,7 +241,7 @@ def test_counts_of_what_was_dropped_go_on_through_two_kills(tmp_path: Path) -> N
     second.recorder.close()
 
     for left, more in ((at_once, 0), (later, 4)):
-        third = resume_run(left, POOL, options, lines.append)
+        third = resume_run(left, CONFIG, options, lines.append)
         third.recorder.begin_checkpoint(third.learned, third.start_ms)
         summary = third.recorder.finish(
             4000, Ending(MissionEnd(EndReason.MISSION_TIME), 0.0, 0.0, 0, None, {"echo": 10})
@@ -246,10 +256,10 @@ def test_a_checkpoint_that_kept_no_counts_is_read_and_they_are_told_as_lost(tmp_
         line.pop("counts", None)
     directory.checkpoint.write_text("".join(json.dumps(line) + "\n" for line in lines))
     told: list[str] = []
-    start_state = resume_run(directory, POOL, OPTIONS.next_epoch(), told.append)
+    start_state = resume_run(directory, CONFIG, OPTIONS.next_epoch(), told.append)
     start_state.recorder.close()
     assert told[0] == LOST + ", and the counts of what was dropped so far"
-    assert start_state.beliefs.all() == learned.beliefs.all() != []
+    assert start_state.learned.beliefs.all() == learned.beliefs.all() != []
 
 
 def test_a_torn_checkpoint_gives_what_was_whole_and_says_so(tmp_path: Path) -> None:
@@ -257,10 +267,10 @@ def test_a_torn_checkpoint_gives_what_was_whole_and_says_so(tmp_path: Path) -> N
     with directory.checkpoint.open("ab") as file:
         file.write(b'{"t":4000,"lea')
     lines: list[str] = []
-    start_state = resume_run(directory, POOL, OPTIONS.next_epoch(), lines.append)
+    start_state = resume_run(directory, CONFIG, OPTIONS.next_epoch(), lines.append)
     start_state.recorder.close()
     assert lines[-1].endswith(". What was learned after 1 s is lost: checkpoint.jsonl is torn there")
-    assert [it.agent_id for it in start_state.beliefs.all()] == [5]
+    assert [it.agent_id for it in start_state.learned.beliefs.all()] == [5]
 
 
 def test_who_ends_a_run_takes_the_checkpoint_away_and_who_is_stopped_leaves_it(tmp_path: Path) -> None:
@@ -278,9 +288,9 @@ def test_on_a_real_apad_what_is_believed_is_as_old_as_it_is(tmp_path: Path) -> N
     two_minutes_ago_s = time.time() - 120
     os.utime(directory.journal, (two_minutes_ago_s, two_minutes_ago_s))
     lines: list[str] = []
-    start_state = resume_run(directory, POOL, OPTIONS.next_epoch(), lines.append)
+    start_state = resume_run(directory, CONFIG, OPTIONS.next_epoch(), lines.append)
     start_state.recorder.close()
     assert 122_000 <= start_state.start_ms <= 135_000
     assert lines[-1].endswith(f"the longest silence is {(start_state.start_ms - 1000) // 1000} s now")
-    start_state.beliefs.advance(start_state.start_ms)
-    assert [it.heard_ms for it in start_state.beliefs.all()] == [1000]
+    start_state.learned.beliefs.advance(start_state.start_ms)
+    assert [it.heard_ms for it in start_state.learned.beliefs.all()] == [1000]

@@ -7,6 +7,7 @@ import pytest
 
 from agents.packet_medium import Medium
 from apad_bridge.assembly import parts
+from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.mission.ending import EndReason, MissionEnd
 from apad_bridge.mission.events import EndRequested, Fact, Send, SoundHeard, SupervisorAction, WifiHeard
 from apad_bridge.scenario.loader import load
@@ -43,7 +44,7 @@ def facts_of_tick(*more: Fact) -> list[Fact]:
 
 
 def acts(facts: list[Fact], now_ms: int = 1000) -> list[SupervisorAction]:
-    supervisor = parts.supervisor(SCENARIO)
+    supervisor = parts.supervisor(flight_config(SCENARIO))
     for fact in facts:
         supervisor.receive(fact)
     return supervisor.advance(now_ms)
@@ -68,7 +69,7 @@ def test_facts_of_one_tick_act_alike_in_whatever_order_they_came() -> None:
 
 
 def test_a_fact_of_the_future_waits_for_its_tick() -> None:
-    supervisor = parts.supervisor(SCENARIO)
+    supervisor = parts.supervisor(flight_config(SCENARIO))
     supervisor.receive(PoseReported(1500, 7.0, 7.0, 0.0))
     supervisor.advance(1000)
     assert supervisor.pose is None
@@ -77,7 +78,7 @@ def test_a_fact_of_the_future_waits_for_its_tick() -> None:
 
 
 def test_bytes_that_are_nothing_are_counted_and_disturb_nothing() -> None:
-    supervisor = parts.supervisor(SCENARIO)
+    supervisor = parts.supervisor(flight_config(SCENARIO))
     for data in (b"", b"\xff" * 40, b"x" * 100_000, CommandPacket(Kind.RELEASE, 1).encode(), status(99, 0.5)):
         supervisor.receive(WifiHeard(500, data))
     supervisor.receive(WifiHeard(500, status(1, 0.5)))
@@ -98,7 +99,7 @@ def test_bytes_that_are_nothing_are_counted_and_disturb_nothing() -> None:
     ],
 )
 def test_a_flight_ends_by_the_operator_the_battery_or_the_time(fact: Fact, now_ms: int, reason: str) -> None:
-    supervisor = parts.supervisor(SCENARIO)
+    supervisor = parts.supervisor(flight_config(SCENARIO))
     supervisor.receive(PoseReported(900, 3.0, 4.0, 0.0))
     supervisor.receive(fact)
     actions = supervisor.advance(now_ms)
@@ -109,7 +110,7 @@ def test_a_flight_ends_by_the_operator_the_battery_or_the_time(fact: Fact, now_m
 
 
 def test_time_going_back_is_refused() -> None:
-    supervisor = parts.supervisor(SCENARIO)
+    supervisor = parts.supervisor(flight_config(SCENARIO))
     supervisor.advance(2000)
     with pytest.raises(ValueError, match="time went back"):
         supervisor.advance(1000)
@@ -128,7 +129,7 @@ def test_every_kind_of_status_is_believed(by: str) -> None:
         "sound": SoundHeard(2000, AcousticStatus(basic, (1, 2, 3, 4), 9, 9).encode()),
         "short": SoundHeard(2000, ShortStatus(1, State.EMPTY, 0.0, 0.8).encode()),
     }
-    supervisor = parts.supervisor(SCENARIO)
+    supervisor = parts.supervisor(flight_config(SCENARIO))
     supervisor.receive(WifiHeard(1000, status(1, 0.5)))
     supervisor.receive(fact_by_medium[by])
     supervisor.advance(2000)

@@ -12,7 +12,7 @@ import pytest
 from agents.hosting.in_process import InProcessHost
 from agents.packet_medium import Medium
 from apad_bridge.assembly import parts
-from apad_bridge.assembly.water import fleet_of
+from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.runs.in_memory import MemoryRecorder, fly_in_memory
 from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.loader import from_data, load, resolve
@@ -119,8 +119,8 @@ def test_a_dock_is_not_closed_around_one_that_never_heard_the_permission(tmp_pat
 def test_a_scenario_without_water_is_what_it_was() -> None:
     data = resolve(load(SCENARIOS / "pool-12.yaml"))
     assert data["water"] is None
-    assert parts.fleet_config(from_data(data, "again")) == parts.fleet_config(
-        load(SCENARIOS / "pool-12.yaml")
+    assert parts.fleet_config(flight_config(from_data(data, "again"))) == parts.fleet_config(
+        flight_config(load(SCENARIOS / "pool-12.yaml"))
     )
 
 
@@ -158,14 +158,18 @@ def test_links_may_change_while_a_run_flies(tmp_path: Path) -> None:
     path.write_text("from,to,loss\n")
     scenario = in_water(500, {"links_file": str(path)})
     initial_states = parts.initial_states(scenario, starts_of(scenario))
-    fleet = fleet_of(
-        scenario,
-        InProcessHost(parts.fleet_config(scenario), initial_states),
+    fleet = parts.fleet_of(
+        flight_config(scenario),
+        InProcessHost(parts.fleet_config(flight_config(scenario)), initial_states),
         dict.fromkeys(initial_states, 0),
     )
     recorder = MemoryRecorder(scenario)
     vehicle = InProcessVehicle(SimulatedAPad(scenario.apad))
-    flight = Flight(parts.supervisor(scenario), FlightContext(vehicle, AsFastAsPossible(), fleet), recorder)
+    flight = Flight(
+        parts.supervisor(flight_config(scenario)),
+        FlightContext(vehicle=vehicle, pace=AsFastAsPossible(), fleet=fleet),
+        recorder,
+    )
     for now_ms in range(0, 500_000, 1000):
         if now_ms == 200_000:
             path.write_text("from,to,loss\n*,apad,1\n")
@@ -260,17 +264,17 @@ def test_a_fleet_alone_shares_what_reached_the_aPad_and_hears_what_its_planner_s
     links.write_text("from,to,loss\n3,apad,1\n")
     scenario = in_water(200, {"links_file": str(links)})
     initial_states = parts.initial_states(scenario, starts_of(scenario))
-    fleet = fleet_of(
-        scenario,
-        InProcessHost(parts.fleet_config(scenario), initial_states),
+    fleet = parts.fleet_of(
+        flight_config(scenario),
+        InProcessHost(parts.fleet_config(flight_config(scenario)), initial_states),
         dict.fromkeys(initial_states, 0),
     )
     recorder = MemoryRecorder(scenario)
     permission = load_codec("musselbed-1").encode(CommandPacket(Kind.PERMISSION, 7))
     elsewhere = Elsewhere([RelayedPacket(Source.REMOTE_SUPERVISOR, 7, Medium.SOUND, permission, 0)])
     flight = Flight(
-        parts.supervisor(scenario),
-        FlightContext(SeenFromAfar(), AsFastAsPossible(), fleet, relay=elsewhere.relay),
+        parts.supervisor(flight_config(scenario)),
+        FlightContext(vehicle=SeenFromAfar(), pace=AsFastAsPossible(), fleet=fleet, relay=elsewhere.relay),
         recorder,
     )
     for now_ms in range(0, 200_000, 1000):

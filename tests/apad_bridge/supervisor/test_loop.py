@@ -16,6 +16,7 @@ from agents.hosting.in_process import InProcessHost
 from agents.mussel.outputs import Truth
 from agents.mussel.stimuli import from_wire
 from apad_bridge.assembly import parts
+from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.runs.in_memory import MemoryRecorder
 from apad_bridge.scenario.loader import from_data as scenario_from
 from apad_bridge.scenario.loader import load, resolve
@@ -23,7 +24,7 @@ from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
 from apad_bridge.supervisor.clock import AsFastAsPossible
 from apad_bridge.supervisor.context import FlightContext
-from apad_bridge.supervisor.fleet import Fleet
+from apad_bridge.supervisor.fleet import Fleet, NoFleet, WithoutWater
 from apad_bridge.supervisor.loop import Flight
 from apad_bridge.supervisor.packet_relay import (
     FLEET_ALONE,
@@ -70,24 +71,30 @@ class Witness(MemoryRecorder):
         self.kept += truths
 
 
-def new_fleet(scenario: Scenario) -> Fleet:
+def new_host(scenario: Scenario) -> InProcessHost:
     initial_states = parts.initial_states(scenario, starts_of(scenario))
-    host = InProcessHost(parts.fleet_config(scenario), initial_states)
-    return Fleet(Coordinator(host, dict.fromkeys(initial_states, 0), scenario.theta), host)
+    return InProcessHost(parts.fleet_config(flight_config(scenario)), initial_states)
+
+
+def fleet_in(host: InProcessHost, scenario: Scenario) -> Fleet:
+    coordinator = Coordinator(host, dict.fromkeys(scenario.fleet.ids, 0), scenario.theta)
+    return Fleet(coordinator, host, WithoutWater(coordinator, host))
 
 
 def flown(scenario: Scenario, kill_at_ms: dict[int, int] | None = None) -> tuple[Witness, Flight]:
-    fleet, witness = new_fleet(scenario), Witness(scenario)
+    host, witness = new_host(scenario), Witness(scenario)
+    fleet = fleet_in(host, scenario)
     flight = Flight(
-        parts.supervisor(scenario),
-        FlightContext(InProcessVehicle(SimulatedAPad(scenario.apad)), AsFastAsPossible(), fleet),
+        parts.supervisor(flight_config(scenario)),
+        FlightContext(
+            vehicle=InProcessVehicle(SimulatedAPad(scenario.apad)), pace=AsFastAsPossible(), fleet=fleet
+        ),
         witness,
     )
-    assert isinstance(fleet.host, InProcessHost)
     while not flight.supervisor.has_ended:
         for agent_id, at_ms in (kill_at_ms or {}).items():
             if at_ms == flight.now_ms:
-                fleet.host.kill(agent_id)
+                host.kill(agent_id)
         flight.tick(flight.now_ms)
         flight.now_ms += 1000
     return witness, flight
@@ -131,7 +138,7 @@ def test_recorded_stimuli_played_again_in_any_windows_give_the_same_truths(
     """Only the journal's `stimulus` and `died` lines go in; no mission, no vehicle and no coordinator take part."""
     scenario, recorded = SCENARIOS[board], RECORDED[board]
     initial_states = parts.initial_states(scenario, starts_of(scenario))
-    host = InProcessHost(parts.fleet_config(scenario), initial_states)
+    host = InProcessHost(parts.fleet_config(flight_config(scenario)), initial_states)
     assert any(kind == "died" for _, kind, _ in recorded.events)
     end_ms = 120_000 * scenario.theta
     for agent_id in initial_states:
@@ -206,21 +213,21 @@ def test_a_fleet_alone_and_a_mission_alone_joined_by_a_relay_serve_aMussels() ->
     vehicle = Shared(SimulatedAPad(scenario.apad))
     alone = short_scenario(collection="none")
     fleet_side = Flight(
-        parts.supervisor(alone),
+        parts.supervisor(flight_config(alone)),
         FlightContext(
-            vehicle.observer,  # type: ignore[arg-type]
-            AsFastAsPossible(),
-            new_fleet(alone),
+            vehicle=vehicle.observer,  # type: ignore[arg-type]
+            pace=AsFastAsPossible(),
+            fleet=fleet_in(new_host(alone), alone),
             relay=joined(FLEET_ALONE, Source.REMOTE_SUPERVISOR, to_mission, to_fleet),
         ),
         Witness(alone),
     )
     mission_side = Flight(
-        parts.supervisor(scenario),
+        parts.supervisor(flight_config(scenario)),
         FlightContext(
-            vehicle,
-            AsFastAsPossible(),
-            None,
+            vehicle=vehicle,
+            pace=AsFastAsPossible(),
+            fleet=NoFleet(),
             relay=joined(MISSION_ALONE, Source.REMOTE_AMUSSEL, to_fleet, to_mission),
         ),
         Witness(scenario),

@@ -14,6 +14,7 @@ from agents.hosting.in_process import InProcessHost
 from agents.mussel.outputs import Truth
 from agents.packet_medium import Medium
 from apad_bridge.assembly import parts
+from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.records.journal import JournalContents
 from apad_bridge.records.recorder import Recorder
 from apad_bridge.records.summary import uptime_figures
@@ -24,7 +25,7 @@ from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import starts_of
 from apad_bridge.supervisor.clock import AsFastAsPossible
 from apad_bridge.supervisor.context import FlightContext
-from apad_bridge.supervisor.fleet import Fleet
+from apad_bridge.supervisor.fleet import Fleet, WithoutWater
 from apad_bridge.supervisor.loop import Flight
 from apad_bridge.supervisor.packet_relay import PacketRelay, RelayedPacket, Source, whole_flight
 from apad_bridge.supervisor.roster import (
@@ -94,7 +95,7 @@ class Bench:
     def __init__(self, charge: float = 0.95) -> None:
         self.scenario = quiet_scenario(charge)
         initial_states = parts.initial_states(self.scenario, starts_of(self.scenario))
-        host = InProcessHost(parts.fleet_config(self.scenario), initial_states)
+        host = InProcessHost(parts.fleet_config(flight_config(self.scenario)), initial_states)
         self.paper, self.elsewhere = Paper(), Elsewhere()
         self.recorder = Witness(self.scenario)
         self.presences = Presences(initial_states, self.scenario.area.depth_m)
@@ -102,15 +103,15 @@ class Bench:
             host,
             Coordinator(host, dict.fromkeys(initial_states, 0), self.scenario.theta),
         )
-        self.flight = self.begin(self.recorder, Roster(self.presences, self.paper))
+        self.flight = self.begin(self.recorder, Roster(self.presences, self.paper, self.coordinator))
 
     def begin(self, recorder: MemoryRecorder, roster: Roster) -> Flight:
         return Flight(
-            parts.supervisor(self.scenario),
+            parts.supervisor(flight_config(self.scenario)),
             FlightContext(
-                InProcessVehicle(parts.simulated_apad(self.scenario)),
-                AsFastAsPossible(),
-                Fleet(self.coordinator, self.host),
+                vehicle=InProcessVehicle(parts.simulated_apad(self.scenario)),
+                pace=AsFastAsPossible(),
+                fleet=Fleet(self.coordinator, self.host, WithoutWater(self.coordinator, self.host)),
                 relay=PacketRelay(whole_flight(lambda: self.presences.simulated), [self.elsewhere.take], {}),
                 roster=roster,
             ),
@@ -298,7 +299,7 @@ def test_what_was_done_is_answered_when_it_is_recorded() -> None:
 
     requests = RosterRequests()
     requests.asked = [PresenceRequest(THE_ONE, Trigger.HAND_OVER, "a test")]
-    bench.flight = bench.begin(Records(bench.scenario), Roster(bench.presences, requests))
+    bench.flight = bench.begin(Records(bench.scenario), Roster(bench.presences, requests, bench.coordinator))
     bench.ticks(1)
     assert order == ["said", "on disk", "answered"]
 

@@ -15,7 +15,7 @@ import pytest
 from agents.fleet import drift_of
 from agents.hosting.in_process import InProcessHost
 from apad_bridge.assembly import parts
-from apad_bridge.assembly.water import fleet_of
+from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.runs.in_memory import MemoryRecorder
 from apad_bridge.scenario.loader import from_data, load, resolve
 from apad_bridge.scenario.schema import Scenario
@@ -51,11 +51,17 @@ def scenario(seed: int = 1, **water: Any) -> Scenario:
 def statuses(flown: Scenario, drift_ppb: int = 0) -> list[dict[str, Any]]:
     """Every packet of an aMussel's."""
     initial_states = parts.initial_states(flown, starts_of(flown))
-    config = replace(parts.fleet_config(flown), clock_drift_ppb=drift_ppb)
-    fleet = fleet_of(flown, InProcessHost(config, initial_states), dict.fromkeys(initial_states, 0))
+    config = replace(parts.fleet_config(flight_config(flown)), clock_drift_ppb=drift_ppb)
+    fleet = parts.fleet_of(
+        flight_config(flown), InProcessHost(config, initial_states), dict.fromkeys(initial_states, 0)
+    )
     recorder = MemoryRecorder(flown)
     vehicle = InProcessVehicle(SimulatedAPad(flown.apad))
-    Flight(parts.supervisor(flown), FlightContext(vehicle, AsFastAsPossible(), fleet), recorder).run()
+    Flight(
+        parts.supervisor(flight_config(flown)),
+        FlightContext(vehicle=vehicle, pace=AsFastAsPossible(), fleet=fleet),
+        recorder,
+    ).run()
     packets = [data for _, kind, data in recorder.events if kind == "packet"]
     return [it for it in packets if it["from"] != 0 and it["what"] == "unicast"]
 

@@ -11,6 +11,7 @@ from agents.coordinator import Coordinator
 from agents.hosting.in_process import InProcessHost
 from agents.mussel.outputs import Truth
 from apad_bridge.assembly import parts
+from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.records.samples import Water
 from apad_bridge.records.summary import uptime_figures
 from apad_bridge.runs.in_memory import MemoryRecorder, open_flight
@@ -19,7 +20,7 @@ from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import Start, starts_of
 from apad_bridge.supervisor.clock import AsFastAsPossible
 from apad_bridge.supervisor.context import FlightContext
-from apad_bridge.supervisor.fleet import Fleet
+from apad_bridge.supervisor.fleet import Fleet, WithoutWater
 from apad_bridge.supervisor.loop import Flight
 from apad_bridge.vehicle.link import InProcessVehicle
 from apad_bridge.vehicle.simulated.apad import SimulatedAPad
@@ -53,11 +54,16 @@ class Witness(MemoryRecorder):
 
 def flown(scenario: Scenario, starts: tuple[Start, ...] | None = None) -> tuple[Witness, Flight]:
     initial_states = parts.initial_states(scenario, starts or starts_of(scenario))
-    host = InProcessHost(parts.fleet_config(scenario), initial_states)
-    fleet = Fleet(Coordinator(host, dict.fromkeys(initial_states, 0), scenario.theta), host)
+    host = InProcessHost(parts.fleet_config(flight_config(scenario)), initial_states)
+    coordinator = Coordinator(host, dict.fromkeys(initial_states, 0), scenario.theta)
+    fleet = Fleet(coordinator, host, WithoutWater(coordinator, host))
     witness = Witness(scenario)
     vehicle = InProcessVehicle(SimulatedAPad(scenario.apad))
-    flight = Flight(parts.supervisor(scenario), FlightContext(vehicle, AsFastAsPossible(), fleet), witness)
+    flight = Flight(
+        parts.supervisor(flight_config(scenario)),
+        FlightContext(vehicle=vehicle, pace=AsFastAsPossible(), fleet=fleet),
+        witness,
+    )
     flight.run()
     return witness, flight
 

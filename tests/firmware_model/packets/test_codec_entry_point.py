@@ -16,6 +16,7 @@ from agents.hosting.in_process import InProcessHost
 from agents.mussel.outputs import WifiSent
 from agents.mussel.stimuli import SoundArrived
 from apad_bridge.assembly import parts
+from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.mission.events import WifiHeard
 from apad_bridge.scenario.loader import from_data, load, resolve
 from apad_bridge.scenario.starts import starts_of
@@ -78,11 +79,11 @@ def test_a_fleet_that_speaks_it_is_heard_and_obeys(lines: Codec) -> None:
     scenario = from_data(data, "test")
     initial_states = parts.initial_states(scenario, starts_of(scenario))
     fleet = Coordinator(
-        InProcessHost(parts.fleet_config(scenario), initial_states),
+        InProcessHost(parts.fleet_config(flight_config(scenario)), initial_states),
         dict.fromkeys(initial_states, 0),
         scenario.theta,
     )
-    supervisor = parts.supervisor(scenario)
+    supervisor = parts.supervisor(flight_config(scenario))
 
     spoken = {}
     for now_ms in (1000, 2000):
@@ -107,7 +108,7 @@ def test_a_fleet_that_speaks_it_is_heard_and_obeys(lines: Codec) -> None:
 
 
 def test_a_supervisor_of_another_layout_counts_what_it_cannot_read(lines: Codec) -> None:
-    supervisor = parts.supervisor(load(ROOT / "launch_scripts" / "scenarios" / "pool-12.yaml"))
+    supervisor = parts.supervisor(flight_config(load(ROOT / "launch_scripts" / "scenarios" / "pool-12.yaml")))
     supervisor.receive(WifiHeard(500, lines.encode(replace(STATUS, agent_id=1))))
     supervisor.advance(1000)
     assert supervisor.beliefs.all() == []

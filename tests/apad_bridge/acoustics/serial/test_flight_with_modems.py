@@ -17,7 +17,7 @@ from agents.mussel.stimuli import SoundArrived, to_wire
 from apad_bridge.acoustics.serial.lines import SerialLines, open_serial_lines
 from apad_bridge.acoustics.serial.nanomodem import AnswerReader, Direction, Message, RoutedPacket
 from apad_bridge.assembly import parts
-from apad_bridge.assembly.water import fleet_of
+from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.mission.ending import EndReason, MissionEnd
 from apad_bridge.runs.in_memory import MemoryRecorder
 from apad_bridge.scenario.loader import from_data, load, resolve
@@ -50,14 +50,16 @@ def flying(
 ) -> Iterator[tuple[Flight, MemoryRecorder]]:
     """A flight in a thread of its own, ended in order."""
     initial_states = parts.initial_states(scenario, starts_of(scenario))
-    host = InProcessHost(parts.fleet_config(scenario), initial_states)
+    host = InProcessHost(parts.fleet_config(flight_config(scenario)), initial_states)
     recorder = MemoryRecorder(scenario)
     flight = Flight(
-        parts.supervisor(scenario),
+        parts.supervisor(flight_config(scenario)),
         FlightContext(
-            InProcessVehicle(parts.simulated_apad(scenario)),
-            WallClock(1.0),
-            fleet_of(scenario, host, dict.fromkeys(initial_states, 0), opened=opened),
+            vehicle=InProcessVehicle(parts.simulated_apad(scenario)),
+            pace=WallClock(1.0),
+            fleet=parts.fleet_of(
+                flight_config(scenario), host, dict.fromkeys(initial_states, 0), opened=opened
+            ),
             serial_lines=serial_lines,
         ),
         recorder,
@@ -187,5 +189,5 @@ def test_reports_and_commands_go_into_the_water_with_their_ids(physical: Make, t
 @pytest.mark.parametrize("opened", [(), (7,)])
 def test_without_anything_to_open_nothing_is_made(tmp_path: Path, opened: tuple[int, ...]) -> None:
     with open_serial_lines(tmp_path, opened, "", 0, print) as serial_lines:
-        assert (serial_lines is None) == (not opened)
+        assert serial_lines.any_open == bool(opened)
         assert (tmp_path / "modems").exists() == bool(opened)

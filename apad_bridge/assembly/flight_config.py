@@ -1,0 +1,76 @@
+"""Resolves a scenario: everything that the parts of its flight are built from, computed once, as plain values."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from agents.modem.frames import Generation
+from agents.mussel.body import BodyConfig
+from agents.mussel.reporter import ReportConfig
+from agents.water.sea import SeaConfig
+from apad_bridge.assembly.acoustics import AcousticsConfig, acoustics_config
+from apad_bridge.assembly.estimator import TwinConfig, twin_config
+from apad_bridge.assembly.water import generation_of, leeway_um_s, sea_config
+from apad_bridge.scenario.firmware_config import board_config, clock_drift_ppb, sinking_of
+from apad_bridge.scenario.schema import DriftMode, HearingMode, Scenario
+from firmware_model.config import BoardConfig, Timeslots
+
+
+@dataclass(frozen=True, slots=True)
+class FlightConfig:
+    """A scenario, and the values that several parts of its flight share."""
+
+    scenario: Scenario
+    board: BoardConfig
+    """The board of every aMussel."""
+    clock_drift_ppb: int
+    """The largest drift of the boards' clocks in parts of 10^9."""
+    body: BodyConfig
+    reports: ReportConfig
+    sea: SeaConfig | None
+    """None: every packet arrives at once and whole."""
+    acoustics: AcousticsConfig | None
+    """None without water."""
+    twin: TwinConfig | None
+    """None for the estimator that holds the last packet."""
+
+    @property
+    def ids(self) -> Sequence[int]:
+        """The aMussels of this flight's fleet, ascending."""
+        return self.scenario.fleet.ids
+
+    @property
+    def timeslots(self) -> Timeslots | None:
+        """The timeslots in which the boards transmit; None for boards without any."""
+        whole = self.board.whole
+        return None if whole is None or whole.cycle is None else whole.cycle.slots
+
+
+def flight_config(scenario: Scenario) -> FlightConfig:
+    """Resolves the scenario. Reads no file: the current's file is read when a fleet starts."""
+    water, drift, theta = scenario.water, scenario.fleet.drift, scenario.theta
+    modems = Generation.V3 if water is None else generation_of(water.modems)
+    board = board_config(scenario.board, scenario.seed, modems)
+    body = BodyConfig(
+        sinking_of(scenario),
+        drifts_always=drift.mode is DriftMode.PAPER,
+        drift_amplitude_um=round(drift.amplitude_m * 1e6),
+        leeway_um_s=leeway_um_s(scenario),
+        coil_alignment_ms=round(scenario.board.coil_alignment_s * 1000),
+    )
+    reports = ReportConfig(
+        round(scenario.hearing.report_period_s * 1000) * theta,
+        heard_always=scenario.hearing.mode is HearingMode.PAPER,
+        modem=modems,
+    )
+    return FlightConfig(
+        scenario,
+        board,
+        clock_drift_ppb(scenario.board),
+        body,
+        reports,
+        None if water is None else sea_config(water, scenario.seed, body.sinking, modems),
+        None if water is None else acoustics_config(scenario, water, board.whole, modems),
+        twin_config(scenario, board, body, reports),
+    )
