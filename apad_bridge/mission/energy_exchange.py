@@ -101,7 +101,7 @@ class EnergyExchange(OrderBook):
         self._sink_reminders = SinkReminders(round(config.permission_repeat_s * 1000))
         self._breakdown = Breakdown(STUCK_AFTER)
         self._legs = 0
-        """Number of go-tos ordered for the step under way."""
+        """Number of go-tos to the aMussel of the step under way."""
         self._must_begin = True
         """The primitive of the state must be ordered: at the start, and after a resume."""
         self._began_ms: int | None = None
@@ -213,7 +213,7 @@ class EnergyExchange(OrderBook):
         if belief is None:
             self._give_up("it was never heard", now_ms)
             return
-        self._legs = 0
+        self._legs = 1
         self._go_to(belief.north_m, belief.east_m)
         self.docking_routine.call_up(belief.agent_id, now_ms)
         self._enter(Phase.GO_COLLECT, now_ms)
@@ -239,6 +239,7 @@ class EnergyExchange(OrderBook):
         if self._legs >= LEGS_PER_STEP:
             self._give_up(f"it still floats out of reach after {self._legs} go-tos", now_ms)
             return
+        self._legs += 1
         self._go_to(belief.north_m, belief.east_m)
         self._enter(Phase.GO_COLLECT, now_ms)
 
@@ -369,7 +370,6 @@ class EnergyExchange(OrderBook):
             self.order(TellClear(agent_id))
 
     def _go_to(self, north_m: float, east_m: float) -> None:
-        self._legs += 1
         config = self._config
         self.order(GoToPoint(self.next_id(), north_m, east_m, config.speed_m_s, config.victory_radius_m))
 

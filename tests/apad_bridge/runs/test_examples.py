@@ -62,6 +62,7 @@ def test_the_paper_s_mission_as_a_script_does_what_the_mission_does(
     assert flight.ended_by == "mission time"
     assert flight.state.services == figures["services"] > least
     assert flight.state.cost_m == pytest.approx(figures["cost_m"], abs=1e-6)
+    assert flight.state.planned_m == pytest.approx(figures["planned_m"], abs=1e-6)
     # Every dock closes and opens at the same second around the same aMussel.
     assert deeds(flight.events) == deeds(recorder.events)
 

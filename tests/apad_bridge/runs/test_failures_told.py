@@ -60,6 +60,24 @@ def test_a_stuck_aPad_is_told_and_costs_nothing(stuck: Scenario, tmp_path: Path)
     assert summary["left_alone"] == [] and len(given_up) > 5
 
 
+def test_aMussels_that_cannot_be_charged_are_left_alone_one_by_one(pool: Scenario) -> None:
+    mission = replace(pool.mission, collection_attempts=2, silence_timeout_s=40.0)
+    board = replace(pool.board, charge_segments=((1.0, 1e-7),))
+    flight, recorder = open_flight(replace(pool, duration_s=2400.0, mission=mission, board=board))
+    flight.run()
+    events = [(kind, data) for _, kind, data in recorder.events]
+    for agent_id in pool.fleet.ids:
+        own = [kind for kind, data in events if data.get("agent") == agent_id]
+        assert own.count("released") == 2 and own.count("left_alone") == 1, agent_id
+    last = max(n for n, (kind, _) in enumerate(events) if kind == "left_alone")
+    names = [
+        data["name"] for kind, data in events[last:] if kind == "primitive" and data["phase"] == "started"
+    ]
+    assert names == ["hold position", "hold position"]  # in idle wait, and at the end
+    line = failure_line(1000, *events[last])
+    assert line is not None and "is left alone from now on: 2 tries in a row failed" in line
+
+
 def test_the_counts_go_on_in_a_resumed_run(stuck: Scenario, tmp_path: Path) -> None:
     directory, summary, _ = flown(replace(stuck, duration_s=300.0), tmp_path)
     recorder, _ = Recorder.resume(directory, stuck, parts.agent_ids(stuck))
