@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from _blake2 import blake2b
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, replace
 from struct import Struct
 from typing import Any
 
@@ -13,7 +14,8 @@ from agents.mussel.body import BodyConfig, Sinking, WaterConfig
 from agents.mussel.physical import Physical
 from agents.mussel.reporter import ReportConfig
 from agents.water.chance import fates
-from agents.water.patches import CALM_BAY, FieldsConfig
+from agents.water.fields import Fields
+from agents.water.patches import CALM, Waters
 from agents.water.stream import STILL_CURRENT, CurrentConfig
 from firmware_model.actions import Buoyancy
 from firmware_model.config import (
@@ -77,11 +79,12 @@ class FleetConfig:
     body: BodyConfig
     reports: ReportConfig
     current: CurrentConfig = STILL_CURRENT
-    fields: FieldsConfig = CALM_BAY
     first_id: int = 1
     """The aMussel with the first acoustic timeslot; the others follow by their ids."""
     clock_drift_ppb: int = 0
     """The largest drift of a whole board's clock, either way, in parts of 10^9; each clock has a drift of its own."""
+    waters: Mapping[str, Waters] = field(default_factory=lambda: CALM)
+    """The water's true values, by the sensors' keys: each quantity that does not follow from the depth."""
     flash_pages: int = PAGES
     """Flash pages of `firmware_model.sampling.flash.PAGE_BYTES` each, for the log of one aMussel."""
     spread: Spread = Spread()
@@ -106,7 +109,7 @@ class FleetConfig:
                 ),
                 "reports": ReportConfig(**{**reports, "modem": Generation(reports["modem"])}),
                 "current": CurrentConfig.from_wire(wire["current"]),
-                "fields": FieldsConfig.from_wire(wire["fields"]),
+                "waters": {key: Waters.from_wire(it) for key, it in wire["waters"].items()},
                 "spread": Spread(**wire["spread"]),
             }
         )
@@ -168,7 +171,11 @@ class AgentConfigs:
         cycle = None if fleet.board.whole is None else fleet.board.whole.cycle
         self._has_slots = cycle is not None and cycle.slots is not None
         self._water = WaterConfig(
-            fleet.seed, 1000 * fleet.theta, fleet.body, fleet.current.stream(), fleet.fields.fields()
+            fleet.seed,
+            1000 * fleet.theta,
+            fleet.body,
+            fleet.current.stream(),
+            Fields.by_key({key: waters.field() for key, waters in fleet.waters.items()}),
         )
 
     def config(self, agent_id: int) -> AgentConfig:

@@ -6,10 +6,10 @@ from collections.abc import Iterator
 
 from agents.water.fields import Fields, unit_noises
 from firmware_model.packets.log_packets import RECORDS_AT_ONCE, LogRecords
-from firmware_model.packets.sample_record import NO_COUNTS, SampleRecord
+from firmware_model.packets.sample_record import SampleRecord
 from firmware_model.sampling.flash import Flash
 from firmware_model.sampling.flash_log import FlashLog
-from firmware_model.sampling.sensors import SENSORS, sample
+from firmware_model.sampling.sensors import NO_COUNTS, SENSORS, sample
 
 _PACKETS_AT_ONCE = 4
 """The number of packets sent before the next acknowledgement."""

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from math import sqrt
 from typing import Any
 
-from agents.water.fields import Constant, Field, Fields
+from agents.water.fields import Constant, Field
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,20 +91,5 @@ class Waters:
         )
 
 
-@dataclass(frozen=True, slots=True)
-class FieldsConfig:
-    """The water's true values as plain values that cross a link."""
-
-    oxygen_mg_l: Waters
-    temperature_c: Waters
-    turbidity_ntu: Waters
-
-    def fields(self) -> Fields:
-        return Fields(self.oxygen_mg_l.field(), self.temperature_c.field(), self.turbidity_ntu.field())
-
-    @classmethod
-    def from_wire(cls, wire: dict[str, Any]) -> FieldsConfig:
-        return cls(**{name: Waters.from_wire(it) for name, it in wire.items()})
-
-
-CALM_BAY = FieldsConfig(Waters(((0, 8.0),)), Waters(((0, 18.0),)), Waters(((0, 5.0),)))
+CALM = {sensor.key: Waters(((0, sensor.calm),)) for sensor in SENSORS if sensor.calm is not None}
+"""A calm bay, by the sensors' keys: each quantity that does not follow from the depth."""

@@ -9,13 +9,13 @@ from agents.coordinator import Coordinator
 from agents.fleet import FleetConfig, resting_on_bottom
 from agents.hosting.host import Host
 from agents.mussel.physical import Physical
-from agents.water.patches import CALM_BAY
+from agents.water.patches import CALM
 from agents.water.sea import Sea
 from apad_bridge.acoustics.locator import Locator
 from apad_bridge.acoustics.ranging import NoRanging, RangingService
 from apad_bridge.acoustics.schedule import AcousticScheduler
 from apad_bridge.assembly.flight_config import FlightConfig
-from apad_bridge.assembly.water import current_config, fields_config
+from apad_bridge.assembly.water import current_config, waters_config
 from apad_bridge.beliefs.fleet import FleetBeliefs
 from apad_bridge.beliefs.hold_last import HoldLast
 from apad_bridge.mission.allocation import Allocation
@@ -55,7 +55,7 @@ def fleet_config(config: FlightConfig) -> FleetConfig:
         body=config.body,
         reports=config.reports,
         current=current_config(scenario),
-        fields=CALM_BAY if scenario.water is None else fields_config(scenario.water.fields),
+        waters=CALM if scenario.water is None else waters_config(scenario.water.fields),
         first_id=scenario.fleet.first_id,
         clock_drift_ppb=config.clock_drift_ppb,
         spread=spread_of(scenario),

@@ -7,7 +7,7 @@ from pathlib import Path
 from agents.modem.frames import Generation
 from agents.mussel.body import Sinking
 from agents.water import sound, wifi
-from agents.water.patches import FieldsConfig, Patch, Waters
+from agents.water.patches import CALM, Patch, Waters
 from agents.water.sea import SeaConfig
 from agents.water.stream import CurrentConfig, Tide
 from apad_bridge.scenario.currents import current_text
@@ -36,11 +36,9 @@ def current_config(scenario: Scenario) -> CurrentConfig:
     )
 
 
-def fields_config(fields: Fields) -> FieldsConfig:
-    """Converts the water's true values."""
-    return FieldsConfig(
-        *(_waters(fields, name) for name in ("oxygen_mg_l", "temperature_c", "turbidity_ntu"))
-    )
+def waters_config(fields: Fields) -> dict[str, Waters]:
+    """Converts the water's true values, by the sensors' keys."""
+    return {key: _waters(fields, key) for key in CALM}
 
 
 def leeway_um_s(scenario: Scenario) -> tuple[int, int]:
@@ -50,8 +48,8 @@ def leeway_um_s(scenario: Scenario) -> tuple[int, int]:
     return round(wind.leeway * wind.north_m_s * 1e6), round(wind.leeway * wind.east_m_s * 1e6)
 
 
-def _waters(fields: Fields, name: str) -> Waters:
-    layers = tuple((round(depth_m * 1e6), value) for depth_m, value in getattr(fields, name))
+def _waters(fields: Fields, key: str) -> Waters:
+    layers = tuple((round(depth_m * 1e6), value) for depth_m, value in getattr(fields, key))
     patches = tuple(
         Patch(
             core,
@@ -65,7 +63,7 @@ def _waters(fields: Fields, name: str) -> Waters:
             round(patch.from_depth_m * 1e6),
         )
         for patch in fields.patches
-        if (core := getattr(patch, name)) is not None
+        if (core := getattr(patch, key)) is not None
     )
     return Waters(layers, patches)
 

@@ -14,11 +14,9 @@ from typing import Any
 from apad_bridge.records.line_file import Line, LineFile, read_lines
 from firmware_model.packets.sample_record import SampleRecord
 from firmware_model.sampling.flash import PAGE_BYTES, PAGES, Ring
-from firmware_model.sampling.sensors import SENSORS, Quantity, values
+from firmware_model.sampling.sensors import SENSORS, values
 
 SAMPLE_KEYS = ("samples_taken", "samples_uploaded", "samples_lost", "samples_waiting")
-_UNITS = ("oxygen_mg_l", "pressure_mbar", "temperature_c", "turbidity_ntu")
-"""The keys of the values, in the order of `Quantity`."""
 
 
 class SampleFile:
@@ -60,14 +58,14 @@ class SampleFile:
 
 def sample_line(agent_id: int, record: SampleRecord) -> Line:
     """A sample's line: raw counts, values in their units, and the readings outside their sensor's range."""
-    readings = zip(_UNITS, values(SENSORS, record.counts), strict=True)
+    readings = zip(SENSORS, values(SENSORS, record.counts), strict=True)
     return {
         "id": agent_id,
         "sequence": record.sequence,
         "agent_ms": record.agent_ms,
-        **{unit: round(value, 4) for unit, value in readings},
+        **{sensor.key: round(value, 4) for sensor, value in readings},
         "counts": list(record.counts),
-        "saturated": [it.name.lower() for it in Quantity if record.saturated >> it & 1],
+        "saturated": [it.name for place, it in enumerate(SENSORS) if record.saturated >> place & 1],
     }
 
 
@@ -84,7 +82,7 @@ def sample_figures(
     `apart` has the sequences that a real aMussel's twin took, or an aMussel out of the water: they are not counted. Nor are
     samples that a real aMussel uploaded under a simulated one's id, beyond those that the simulated one has taken.
 
-    A sample is one reading of all four sensors, written into the log. A sample is lost if the log overwrote it before its
+    A sample is one reading of all sensors, written into the log. A sample is lost if the log overwrote it before its
     upload, even if nobody knows of it, or if it became unreadable.
     """
     if not taken:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from enum import StrEnum
-from typing import Annotated
+from typing import Annotated, TypeVar
 
 from annotated_types import Ge, Gt, Le, Lt
 
@@ -16,6 +17,7 @@ from apad_bridge.scenario.quantities import (
     PositiveSeconds,
     frozen,
 )
+from firmware_model.sampling.sensors import SENSORS, Sensor
 
 Speed = Annotated[float, Ge(-20), Le(20)]
 
@@ -120,9 +122,32 @@ class Wind:
     """The share of the wind's speed: 3 % is the usual figure for what floats awash."""
 
 
+MEASURED = tuple(sensor for sensor in SENSORS if sensor.calm is not None)
+"""The sensors of quantities that a scenario gives. The others follow from the depth."""
+Schema = TypeVar("Schema")
+
+
+def _with_quantities(
+    key_of: Callable[[Sensor], tuple[object, object]],
+) -> Callable[[type[Schema]], type[Schema]]:
+    """Gives a schema a key for each measured quantity; `key_of` returns the type and the default."""
+
+    def extend(schema: type[Schema]) -> type[Schema]:
+        for sensor in MEASURED:
+            schema.__annotations__[sensor.key], default = key_of(sensor)
+            setattr(schema, sensor.key, default)
+        return schema
+
+    return extend
+
+
 @frozen
+@_with_quantities(lambda sensor: ((NotNegative if sensor.low >= 0 else float) | None, None))
 class Patch:
-    """A patch of changed water that grows and drifts, in agent time."""
+    """A patch of changed water that grows and drifts, in agent time.
+
+    A measured quantity is the value in the patch's middle; None: unchanged.
+    """
 
     begins_s: NotNegativeSeconds
     growing_s: PositiveSeconds
@@ -132,29 +157,26 @@ class Patch:
     radius_m: Positive
     from_depth_m: NotNegative = 0.0
     """The patch lies at this depth and below."""
-    oxygen_mg_l: NotNegative | None = None
-    """The value in the patch's middle; None: unchanged."""
-    temperature_c: float | None = None
-    turbidity_ntu: NotNegative | None = None
 
 
 Depths = tuple[tuple[NotNegative, float], ...]
 
 
 @frozen
-class Fields:
+@_with_quantities(lambda sensor: (Depths, ((0.0, sensor.calm),)))
+class CalmFields:
     """The quantities that the sensors measure: (depth in m, value) by rising depth, linear between."""
 
-    oxygen_mg_l: Depths = ((0.0, 8.0),)
-    temperature_c: Depths = ((0.0, 18.0),)
-    turbidity_ntu: Depths = ((0.0, 5.0),)
-    patches: tuple[Patch, ...] = ()
-
     def __post_init__(self) -> None:
-        for name in ("oxygen_mg_l", "temperature_c", "turbidity_ntu"):
-            depths = [depth for depth, _ in getattr(self, name)]
+        for sensor in MEASURED:
+            depths = [depth for depth, _ in getattr(self, sensor.key)]
             if not depths or depths != sorted(set(depths)):
-                raise ValueError(f"{name} must go down")
+                raise ValueError(f"{sensor.key} must go down")
+
+
+@frozen
+class Fields(CalmFields):
+    patches: tuple[Patch, ...] = ()
 
 
 @frozen

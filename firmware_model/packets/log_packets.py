@@ -10,7 +10,8 @@ from typing import ClassVar
 from firmware_model.packets.sample_record import RECORD_BYTES, SampleRecord
 from firmware_model.packets.wire import Kind, sealed
 
-RECORDS_AT_ONCE = 18
+_BEFORE = struct.Struct("<BBHIIB")
+RECORDS_AT_ONCE = min(18, (511 - _BEFORE.size - 2) // RECORD_BYTES)
 """Records in one packet, which keeps it below 512 bytes: beyond that an agent's process uses another memory allocator."""
 
 
@@ -23,7 +24,7 @@ class LogRecords:
 
     VERSION: ClassVar[int] = 2
     KIND: ClassVar[Kind] = Kind.LOG_RECORDS
-    HEAD: ClassVar[struct.Struct] = struct.Struct("<BBHIIB")
+    HEAD: ClassVar[struct.Struct] = _BEFORE
 
     agent_id: int
     oldest: int

@@ -1,4 +1,4 @@
-"""One sample as a record in flash and over Wi-Fi: 24 bytes with a check of their own."""
+"""One sample as a record in flash and over Wi-Fi, with a check of its own: 24 bytes with four sensors."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from binascii import crc_hqx
 from dataclasses import dataclass
 from typing import ClassVar
 
-from firmware_model.packets.status_packets import Counts
 from firmware_model.packets.wire import sealed, unsealed
+from firmware_model.sampling.sensors import COUNT_FIELDS, Counts
 
-RECORD_BYTES = 24
-NO_COUNTS: Counts = (0, 0, 0, 0)
+_FORMAT = struct.Struct(f"<BBIQ{COUNT_FIELDS}")
+RECORD_BYTES = _FORMAT.size + 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,7 +22,7 @@ class SampleRecord:
     """
 
     VERSION: ClassVar[int] = 1
-    FORMAT: ClassVar[struct.Struct] = struct.Struct("<BBIQHHHH")
+    FORMAT: ClassVar[struct.Struct] = _FORMAT
 
     sequence: int
     agent_ms: int
@@ -50,5 +50,5 @@ class SampleRecord:
         body = unsealed(data) if len(data) == RECORD_BYTES else None
         if body is None or body[0] != cls.VERSION:
             return None
-        _, saturated, sequence, agent_ms, oxygen, pressure, temperature, turbidity = cls.FORMAT.unpack(body)
-        return cls(sequence, agent_ms, (oxygen, pressure, temperature, turbidity), saturated)
+        _, saturated, sequence, agent_ms, *counts = cls.FORMAT.unpack(body)
+        return cls(sequence, agent_ms, tuple(counts), saturated)

@@ -11,15 +11,13 @@ from typing import ClassVar
 
 from firmware_model.packets.wire import CHARGE_STEPS, Kind, sealed
 from firmware_model.power.active_battery import ActiveBattery
+from firmware_model.sampling.sensors import COUNT_FIELDS, Counts
 from firmware_model.states import State
 from firmware_model.stimuli import ResetCause
 
 _STATES = {int(state): state for state in State}
 _FEEDS = {int(feed): feed for feed in ActiveBattery}
 _CAUSES = {int(cause): cause for cause in ResetCause}
-
-Counts = tuple[int, int, int, int]
-"""The sensors' raw counts: oxygen, pressure, temperature, turbidity."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,7 +89,7 @@ class AcousticStatus:
 
     VERSION: ClassVar[int] = 2
     KIND: ClassVar[Kind] = Kind.ACOUSTIC_STATUS
-    MORE: ClassVar[struct.Struct] = struct.Struct("<HHHHIH")
+    MORE: ClassVar[struct.Struct] = struct.Struct(f"<{COUNT_FIELDS}IH")
     SIZE: ClassVar[int] = StatusPacket.FORMAT.size + MORE.size
 
     basic: StatusPacket
@@ -111,10 +109,8 @@ class AcousticStatus:
         basic = StatusPacket.unpack_from(body) if len(body) == cls.SIZE else None
         if basic is None:
             return None
-        oxygen, pressure, temperature, turbidity, samples, waiting = cls.MORE.unpack_from(
-            body, StatusPacket.FORMAT.size
-        )
-        return cls(basic, (oxygen, pressure, temperature, turbidity), samples, waiting)
+        *counts, samples, waiting = cls.MORE.unpack_from(body, StatusPacket.FORMAT.size)
+        return cls(basic, tuple(counts), samples, waiting)
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,7 +119,7 @@ class WifiStatus:
 
     VERSION: ClassVar[int] = 2
     KIND: ClassVar[Kind] = Kind.WIFI_STATUS
-    MORE: ClassVar[struct.Struct] = struct.Struct("<HHHHIIIIHBBHi")
+    MORE: ClassVar[struct.Struct] = struct.Struct(f"<{COUNT_FIELDS}IIIIHBBHi")
     SIZE: ClassVar[int] = StatusPacket.FORMAT.size + MORE.size
 
     basic: StatusPacket
@@ -171,10 +167,9 @@ class WifiStatus:
         )
         if cause not in _CAUSES or feed not in _FEEDS:
             return None
-        oxygen, pressure, temperature, turbidity = counts
         return cls(
             basic,
-            (oxygen, pressure, temperature, turbidity),
+            tuple(counts),
             samples,
             acknowledged,
             oldest,

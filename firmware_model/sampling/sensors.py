@@ -1,35 +1,22 @@
-"""The four sensors as the board reads them: true values of the water become raw counts, and counts become values.
+"""The table of the board's sensors, `SENSORS`: true values of the water become raw counts, and counts become values.
 
 A sensor's calibration is a polynomial from raw counts to its unit. The board stores and sends counts, and a receiver with
 the coefficients converts them to values. Neither the paper nor any public text gives the aMussels' own coefficients: these
 are ours, plausible for 16-bit converters and for the ranges in a lagoon, and they are data.
+
+Records, packets, the water's fields and the keys of scenarios and of samples.jsonl follow the table: docs/packets.md.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import IntEnum
-
-from firmware_model.packets.status_packets import Counts
 
 MAX_COUNT = 65535
 
-
-class Quantity(IntEnum):
-    """The measured quantities, in their order in samples and packets."""
-
-    OXYGEN = 0
-    """Dissolved oxygen, mg/l."""
-    PRESSURE = 1
-    """Absolute pressure, mbar."""
-    TEMPERATURE = 2
-    """Degrees Celsius."""
-    TURBIDITY = 3
-    """NTU."""
-
-
-Values = tuple[float, float, float, float]
-"""One value for each `Quantity`."""
+Counts = tuple[int, ...]
+"""The raw count of each sensor, in the order of `SENSORS`."""
+Values = tuple[float, ...]
+"""A value for each sensor, in the order of `SENSORS`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,19 +24,29 @@ class Sensor:
     """One sensor. `coefficients` are those of the value's polynomial in the counts, constant first; it must rise.
 
     Below `low` and above `high` (the sensor's own range, in its unit) it reads as at that end. `noise` is a standard
-    deviation in its unit.
+    deviation in its unit. `calm` is the value of a calm bay, where a scenario says nothing else; None for a quantity that
+    follows from the depth (`agents.water.fields.BY_DEPTH`).
     """
 
+    name: str
+    unit: str
+    """As in a key: `mg_l`."""
     coefficients: tuple[float, ...]
     low: float
     high: float
     noise: float
+    calm: float | None
 
     def __post_init__(self) -> None:
         if not self.value(0) <= self.low < self.high <= self.value(MAX_COUNT):
             raise ValueError(f"the range {self.low:g} to {self.high:g} is not within what the counts can say")
         if self.noise < 0:
             raise ValueError("noise must not be negative")
+
+    @property
+    def key(self) -> str:
+        """The name of its values in scenarios and in samples.jsonl."""
+        return f"{self.name}_{self.unit}"
 
     def value(self, count: int) -> float:
         """The value of `count`, in the sensor's unit."""
@@ -77,32 +74,31 @@ class Sensor:
         return self.count(reading), False
 
 
-SENSORS: tuple[Sensor, Sensor, Sensor, Sensor] = (
+SENSORS = (
     # An optode is steeper near saturation: hence a square term. Its range is twice the saturation of water at 10 C.
-    Sensor((0.0, 2.4e-4, 1.2e-9), low=0.0, high=20.0, noise=0.05),
-    # 0.1 mbar, that is a millimetre of water, down to 50 m.
-    Sensor((500.0, 0.1), low=600.0, high=6500.0, noise=0.5),
-    Sensor((-10.0, 0.001), low=-5.0, high=45.0, noise=0.01),
+    Sensor("oxygen", "mg_l", (0.0, 2.4e-4, 1.2e-9), low=0.0, high=20.0, noise=0.05, calm=8.0),
+    # 0.1 mbar, that is a millimetre of water, down to 50 m. The pressure is absolute.
+    Sensor("pressure", "mbar", (500.0, 0.1), low=600.0, high=6500.0, noise=0.5, calm=None),
+    Sensor("temperature", "c", (-10.0, 0.001), low=-5.0, high=45.0, noise=0.01, calm=18.0),
     # Scattered light grows more slowly than the turbidity.
-    Sensor((0.0, 0.012, 6e-8), low=0.0, high=1000.0, noise=0.4),
+    Sensor("turbidity", "ntu", (0.0, 0.012, 6e-8), low=0.0, high=1000.0, noise=0.4, calm=5.0),
 )
-"""One sensor for each `Quantity`."""
+"""A row for each sensor, eight at most. A sensor's place in the table is its place in records and packets."""
+COUNT_FIELDS = len(SENSORS) * "H"
+"""The counts of a sample in a `struct` format."""
+NO_COUNTS: Counts = (0,) * len(SENSORS)
 
 
 def sample(sensors: tuple[Sensor, ...], true_values: Values, unit_noises: Values) -> tuple[Counts, int]:
-    """Reads all sensors: the counts, and a bit by `Quantity` for each sensor outside its range."""
-    counts = [0, 0, 0, 0]
-    saturated = 0
-    for quantity, sensor in enumerate(sensors):
-        counts[quantity], outside = sensor.read(true_values[quantity], unit_noises[quantity])
-        saturated |= outside << quantity
-    oxygen, pressure, temperature, turbidity = counts
-    return (oxygen, pressure, temperature, turbidity), saturated
+    """Reads all sensors: the counts, and a bit by its place for each sensor outside its range."""
+    counts, saturated = [], 0
+    for place, (sensor, value, noise) in enumerate(zip(sensors, true_values, unit_noises, strict=True)):
+        count, outside = sensor.read(value, noise)
+        counts.append(count)
+        saturated |= outside << place
+    return tuple(counts), saturated
 
 
 def values(sensors: tuple[Sensor, ...], counts: Counts) -> Values:
     """The values of a sample's counts."""
-    oxygen, pressure, temperature, turbidity = (
-        sensor.value(count) for sensor, count in zip(sensors, counts, strict=True)
-    )
-    return oxygen, pressure, temperature, turbidity
+    return tuple([sensor.value(count) for sensor, count in zip(sensors, counts, strict=True)])

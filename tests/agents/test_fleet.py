@@ -10,7 +10,7 @@ import pytest
 from fleets import PAPER, with_whole_boards
 
 from agents.fleet import FleetConfig, Spread, deviations_of, drift_of
-from agents.water.patches import CALM_BAY, Patch, Waters
+from agents.water.patches import CALM, Patch, Waters
 from agents.water.stream import CurrentConfig, Tide
 from firmware_model.config import FullFirmware, LastResort
 from firmware_model.power.charge import FULL
@@ -34,10 +34,10 @@ FLEETS = {
             (Tide(44_714, 300_000, -10_000, 250_000, 0), Tide(86_400, 1, 2, 3, 4)),
             ((0, 1_000_000), (3_000_000, 200_000)),
         ),
-        fields=replace(
-            CALM_BAY,
-            oxygen_mg_l=Waters(((0, 8.5), (3_000_000, 6.0)), (Patch(0.2, 1, 2, 3, 4, 5, 6, 7, 8),)),
-        ),
+        waters={
+            **CALM,
+            "oxygen_mg_l": Waters(((0, 8.5), (3_000_000, 6.0)), (Patch(0.2, 1, 2, 3, 4, 5, 6, 7, 8),)),
+        },
     ),
     "differing": replace(WORST, spread=Spread(7, drain=1000, capacity=500)),
     "never asleep": with_whole_boards(WORST, FullFirmware(POWER, None, 1000, 60_000, 600_000)),

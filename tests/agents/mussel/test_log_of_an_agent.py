@@ -12,7 +12,7 @@ from agents.modem.frames import Generation
 from agents.mussel.agent import Agent
 from agents.mussel.outputs import Dropped, Output, SoundSent, WifiSent
 from agents.mussel.stimuli import ContactClosed, SoundArrived, WifiArrived
-from agents.water.patches import FieldsConfig, Waters
+from agents.water.patches import Waters
 from firmware_model.config import FullFirmware, LastResort
 from firmware_model.packets import (
     AcousticStatus,
@@ -28,7 +28,7 @@ from firmware_model.packets import (
 from firmware_model.packets.codec import MusselbedCodec
 from firmware_model.packets.sample_record import SampleRecord
 from firmware_model.sampling.flash import MemoryFlash
-from firmware_model.sampling.sensors import SENSORS, Quantity, values
+from firmware_model.sampling.sensors import SENSORS, values
 from firmware_model.states import State
 from firmware_model.stimuli import ResetCause
 from firmware_model.table_one import FIELD, power
@@ -40,7 +40,11 @@ FLEET = with_whole_boards(
         reporting_every(STILL, 60_000),
         theta=1,
         first_id=7,
-        fields=FieldsConfig(*(Waters(((0, value),)) for value in (6.0, 25.0, 2000.0))),
+        waters={
+            "oxygen_mg_l": Waters(((0, 6.0),)),
+            "temperature_c": Waters(((0, 25.0),)),
+            "turbidity_ntu": Waters(((0, 2000.0),)),
+        },
     ),
     FullFirmware(power(LastResort.CALL), CYCLE, transmit_ms=1000, call_ms=600_000, hover_ms=600_000),
 )
@@ -82,7 +86,7 @@ def test_a_sample_is_what_is_true_of_the_water_but_for_noise_and_range() -> None
         assert pressure == pytest.approx(1013.25 + 301.6, abs=2.5)
         assert temperature == pytest.approx(25.0, abs=0.05)
         assert turbidity == pytest.approx(1000.0, abs=0.1)
-        assert record.saturated == 1 << Quantity.TURBIDITY
+        assert record.saturated == 0b1000  # the turbidity
     assert len({record.counts for record in found}) == 3
     assert (mussel.physical.samples, mussel.physical.acknowledged) == (3, 0)
 

@@ -6,7 +6,9 @@ import pytest
 
 from agents.water.fields import Constant, Fields, unit_noises
 
-WATER = Fields(Constant(8.0), Constant(21.5), Constant(4.0))
+WATER = Fields.by_key(
+    {"oxygen_mg_l": Constant(8.0), "temperature_c": Constant(21.5), "turbidity_ntu": Constant(4.0)}
+)
 
 
 def test_pressure_is_that_of_the_column_above() -> None:

@@ -11,14 +11,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from agents.mussel.logbook import Logbook
-from agents.water.fields import Constant, Fields
+from agents.water.fields import Fields
+from agents.water.patches import CALM
 from apad_bridge.records.sample_file import SampleFile, sample_line
 from apad_bridge.supervisor.sample_collection import SampleCollection, Taken
 from firmware_model.packets import LogAck, LogRecords, decode
 from firmware_model.packets.sample_record import RECORD_BYTES, SampleRecord
 from firmware_model.sampling.flash import MemoryFlash
 
-WATER = Fields(Constant(8.0), Constant(18.0), Constant(5.0))
+WATER = Fields.by_key({key: waters.field() for key, waters in CALM.items()})
 AGENT = 7
 
 
