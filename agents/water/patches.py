@@ -10,6 +10,7 @@ from math import sqrt
 from typing import Any
 
 from agents.water.fields import Constant, Field
+from firmware_model.sampling.sensors import SENSORS
 
 
 @dataclass(frozen=True, slots=True)

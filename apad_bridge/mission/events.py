@@ -73,11 +73,20 @@ class Ping:
 
 
 @dataclass(frozen=True, slots=True)
+class PlacedSample:
+    """An uploaded sample, and where the supervisor believes that it was taken."""
+
+    record: SampleRecord
+    place_m: tuple[float, float] | None
+    """(north, east); None where nothing was believed of the aMussel at that time."""
+
+
+@dataclass(frozen=True, slots=True)
 class KeepSamples:
     """Put an aMussel's samples on disk before anything else goes out: their acknowledgement follows."""
 
     agent_id: int
-    records: tuple[SampleRecord, ...]
+    samples: tuple[PlacedSample, ...]
 
 
 SupervisorAction = VehicleCommand | Send | Ping | Note | KeepSamples

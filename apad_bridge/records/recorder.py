@@ -10,6 +10,7 @@ from typing import Any
 
 from agents.mussel.outputs import Truth
 from apad_bridge.beliefs.belief import Belief
+from apad_bridge.mission.events import PlacedSample
 from apad_bridge.records.bag import BagWriter, repair_bag
 from apad_bridge.records.changes import APadChanges, BeliefChanges, differs_in_kind, has_moved
 from apad_bridge.records.checkpoint import Checkpoint
@@ -34,7 +35,6 @@ from apad_bridge.scenario.starts import Start, save_starts
 from apad_bridge.supervisor.core import LearnedState
 from apad_bridge.supervisor.roster import Presence
 from apad_bridge.vehicle.commands import BatteryReported, PoseReported
-from firmware_model.packets.sample_record import SampleRecord
 
 DAY_MS = 86_400_000
 _JOURNAL_ONLY = frozenset({EventKind.STIMULUS})
@@ -85,7 +85,7 @@ class Recorder:
         self._checkpoint: Checkpoint | None = None
         self._journal = Journal(directory.journal)
         self._bag = BagWriter(directory.next_bag, scenario.theta)
-        self._samples = SampleFile(directory.samples)
+        self._samples = SampleFile(directory.samples, scenario.theta)
 
     @classmethod
     def resume(
@@ -166,9 +166,9 @@ class Recorder:
         """The sequence numbers of the samples on disk, by aMussel."""
         return self._samples.kept
 
-    def samples(self, agent_id: int, records: Sequence[SampleRecord]) -> None:
+    def samples(self, agent_id: int, samples: Sequence[PlacedSample]) -> None:
         """Writes samples that an aMussel uploaded; they are on disk when it returns, so that they can be acknowledged."""
-        self._samples.append(agent_id, records)
+        self._samples.append(agent_id, samples)
 
     def tick(
         self,

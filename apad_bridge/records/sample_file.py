@@ -1,7 +1,7 @@
 """samples.jsonl: the samples that aMussels uploaded, one a line, appended; and the summary's counts of samples.
 
 A line is in the file before its record is acknowledged. So an aMussel forgets nothing that is not in the file, whatever
-kills the supervisor. Times are agent time; counts are raw, and values come from the built-in calibrations.
+kills the supervisor. Counts are raw, and values come from the built-in calibrations.
 """
 
 from __future__ import annotations
@@ -11,8 +11,8 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
+from apad_bridge.mission.events import PlacedSample
 from apad_bridge.records.line_file import Line, LineFile, read_lines
-from firmware_model.packets.sample_record import SampleRecord
 from firmware_model.sampling.flash import PAGE_BYTES, PAGES, Ring
 from firmware_model.sampling.sensors import SENSORS, values
 
@@ -22,8 +22,9 @@ SAMPLE_KEYS = ("samples_taken", "samples_uploaded", "samples_lost", "samples_wai
 class SampleFile:
     """The file with a run's samples. The first sample creates it; a last line that a kill tore is cut off."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, theta: int) -> None:
         self._path = path
+        self._theta = theta
         self._file: LineFile | None = None
         self.kept: dict[int, set[int]] = {}
         """The sequence numbers in the file, by aMussel."""
@@ -37,17 +38,17 @@ class SampleFile:
                 else:
                     self.kept.setdefault(line["id"], set()).add(line["sequence"])
 
-    def append(self, agent_id: int, records: Iterable[SampleRecord]) -> None:
-        """Writes the records that are not in the file yet; they are on disk when it returns."""
+    def append(self, agent_id: int, samples: Iterable[PlacedSample]) -> None:
+        """Writes the samples that are not in the file yet; they are on disk when it returns."""
         kept = self.kept.setdefault(agent_id, set())
-        new = [record for record in records if record.sequence not in kept]
+        new = [sample for sample in samples if sample.record.sequence not in kept]
         if not new:
             return
         if self._file is None:
             self._file = LineFile(self._path)
-        for record in new:
-            self._file.append(sample_line(agent_id, record))
-            kept.add(record.sequence)
+        for sample in new:
+            self._file.append(sample_line(agent_id, sample, self._theta))
+            kept.add(sample.record.sequence)
         self._file.flush()
 
     def close(self) -> None:
@@ -56,13 +57,22 @@ class SampleFile:
             self._file.close()
 
 
-def sample_line(agent_id: int, record: SampleRecord) -> Line:
-    """A sample's line: raw counts, values in their units, and the readings outside their sensor's range."""
+def sample_line(agent_id: int, sample: PlacedSample, theta: int) -> Line:
+    """A sample's line: times, place, values in their units, raw counts, and the readings outside their sensor's range.
+
+    `agent_ms` is the reading of the board's clock, and `mission_ms` its mission time if the clock was right.
+    The place is the supervisor's belief, and null where it had none.
+    """
+    record = sample.record
+    north_m, east_m = sample.place_m or (None, None)
     readings = zip(SENSORS, values(SENSORS, record.counts), strict=True)
     return {
         "id": agent_id,
         "sequence": record.sequence,
         "agent_ms": record.agent_ms,
+        "mission_ms": round(record.agent_ms / theta),
+        "north_m": None if north_m is None else round(north_m, 2),
+        "east_m": None if east_m is None else round(east_m, 2),
         **{sensor.key: round(value, 4) for sensor, value in readings},
         "counts": list(record.counts),
         "saturated": [it.name for place, it in enumerate(SENSORS) if record.saturated >> place & 1],

@@ -11,6 +11,7 @@ from apad_bridge.assembly import parts
 from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.mission.call_queue import CallQueue
+from apad_bridge.mission.events import PlacedSample
 from apad_bridge.mission.manual import CommandSource
 from apad_bridge.mission.state import MissionState
 from apad_bridge.records.event_kinds import EventKind, refuse_wrong
@@ -52,8 +53,8 @@ class MemoryRecorder:
             self.meter.take(truth)
             self.taken[truth.agent_id] = truth.physical.samples
 
-    def samples(self, agent_id: int, records: Sequence[SampleRecord]) -> None:
-        self.uploaded.setdefault(agent_id, []).extend(records)
+    def samples(self, agent_id: int, samples: Sequence[PlacedSample]) -> None:
+        self.uploaded.setdefault(agent_id, []).extend(it.record for it in samples)
 
     def tick(
         self,

@@ -205,8 +205,8 @@ class Supervisor:
             self.dropped[taken] += 1
             return []
         actions: list[SupervisorAction] = []
-        if taken.records:
-            actions.append(KeepSamples(packet.agent_id, taken.records))
+        if taken.samples:
+            actions.append(KeepSamples(packet.agent_id, taken.samples))
         if taken.gone:
             sequences = {"count": len(taken.gone), "first": min(taken.gone), "last": max(taken.gone)}
             actions.append(Note("samples_gone", {"id": packet.agent_id, **sequences}))
@@ -222,7 +222,12 @@ class Supervisor:
             return self._believe_short_status(packet, at_ms)
         if not isinstance(packet, Status):
             return "bytes that are no status packet"
-        return self.beliefs.hear(basic_of(packet), at_ms)
+        basic = basic_of(packet)
+        reason = self.beliefs.hear(basic, at_ms)
+        belief = self.beliefs.get(basic.agent_id)
+        if reason is None and belief is not None and self.samples is not None:
+            self.samples.note_place(belief, basic.agent_ms)
+        return reason
 
     def _believe_short_status(self, packet: ShortStatus, at_ms: int) -> str | None:
         self._ranging.short_status_received(packet.agent_id)

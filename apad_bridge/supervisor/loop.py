@@ -185,8 +185,8 @@ class Flight:
                     self._recorder.event(now_ms, kind, **data)
                 case Send(Medium.SOUND, agent_id, data) if self._serial_lines.command(agent_id, data, now_ms):
                     pass
-                case KeepSamples(agent_id, records):
-                    self._recorder.samples(agent_id, records)
+                case KeepSamples(agent_id, samples):
+                    self._recorder.samples(agent_id, samples)
                 case Send() as send:
                     if send.agent_id not in self.supervisor.allocation.served_for_others:
                         self._send(send, now_ms)

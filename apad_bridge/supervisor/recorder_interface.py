@@ -7,8 +7,8 @@ from typing import Any, Protocol
 
 from agents.mussel.outputs import Truth
 from apad_bridge.beliefs.belief import Belief
+from apad_bridge.mission.events import PlacedSample
 from apad_bridge.vehicle.commands import BatteryReported, PoseReported
-from firmware_model.packets.sample_record import SampleRecord
 
 
 class Recorder(Protocol):
@@ -16,7 +16,7 @@ class Recorder(Protocol):
 
     def truths(self, truths: list[Truth]) -> None: ...
 
-    def samples(self, agent_id: int, records: Sequence[SampleRecord]) -> None:
+    def samples(self, agent_id: int, samples: Sequence[PlacedSample]) -> None:
         """The samples are on disk when this returns, because an acknowledgement follows."""
         ...
 

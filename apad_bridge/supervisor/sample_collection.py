@@ -1,4 +1,6 @@
-"""Tracks the samples of each aMussel that the supervisor has, and makes acknowledgements. Pure: the recorder has the files.
+"""Tracks the samples of each aMussel that the supervisor has, where they were taken, and makes acknowledgements.
+
+It is pure: the recorder has the files.
 
 A sequence is settled when its record is kept, or when the aMussel has reported that it will never come: overwritten in
 the ring, or unreadable. An acknowledgement carries the sequence below which all are settled. A record that arrives late
@@ -7,14 +9,30 @@ after all, because packets overtook each other, is kept all the same.
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
+from apad_bridge.beliefs.belief import Belief
+from apad_bridge.mission.events import PlacedSample
 from firmware_model.packets import LogAck, LogRecords
-from firmware_model.packets.sample_record import SampleRecord
+from firmware_model.state_groups import AT_WORK, DOCKED, STRANDED
 
+_UNDER_WATER = AT_WORK | STRANDED
 _FURTHEST = 1_000_000
 """A log cannot be so far ahead of the settled sequence: a packet that claims so does not come from an aMussel."""
+
+
+_STAYS = 8
+"""The number of an aMussel's latest stays that are kept: its samples are uploaded in the dock after each."""
+
+
+@dataclass(slots=True)
+class _Stay:
+    """The time between two docks, from agent time `from_ms` on, and the believed place of the aMussel."""
+
+    from_ms: int
+    place_m: tuple[float, float]
 
 
 @dataclass(slots=True)
@@ -24,6 +42,9 @@ class _Account:
     settled: int = 0
     kept_beyond: set[int] = field(default_factory=set)
     gone: set[int] = field(default_factory=set)
+    stays: deque[_Stay] = field(default_factory=lambda: deque(maxlen=_STAYS))
+    next_stay_ms: int | None = 0
+    """The agent time from which the next stay counts; None during a stay. The first one counts from the start on."""
 
     def knows(self, sequence: int) -> bool:
         return sequence < self.settled or sequence in self.kept_beyond or sequence in self.gone
@@ -36,9 +57,9 @@ class _Account:
 
 @dataclass(frozen=True, slots=True)
 class Taken:
-    """The news in a packet: records that were not kept yet, and sequences that are now known never to come."""
+    """The news in a packet: samples that were not kept yet, and sequences that are now known never to come."""
 
-    records: tuple[SampleRecord, ...]
+    samples: tuple[PlacedSample, ...]
     gone: tuple[int, ...]
 
 
@@ -75,7 +96,26 @@ class SampleCollection:
         account.gone.update(gone)
         account.settle()
         self._received.add(packet.agent_id)
-        return Taken(tuple(new), gone)
+        return Taken(tuple([PlacedSample(record, _place(account, record.agent_ms)) for record in new]), gone)
+
+    def note_place(self, belief: Belief, agent_ms: int) -> None:
+        """Notes the belief after a status of the aMussel, which its clock stamped with `agent_ms`.
+
+        Samples are placed by the same clock. An aMussel samples under water: its place at the surface counts only while
+        none is believed under water.
+        """
+        account = self._accounts.get(belief.agent_id)
+        if account is None:
+            return
+        if belief.state in DOCKED:
+            account.next_stay_ms = agent_ms
+            return
+        place_m = (belief.north_m, belief.east_m)
+        if account.next_stay_ms is not None:
+            account.stays.append(_Stay(account.next_stay_ms, place_m))
+            account.next_stay_ms = None
+        elif belief.state in _UNDER_WATER:
+            account.stays[-1].place_m = place_m
 
     def acknowledgements(self) -> list[LogAck]:
         """One for each aMussel from which records arrived since the last call, sorted by id."""
@@ -96,5 +136,12 @@ class NoSampleCollection:
     def take(self, packet: LogRecords) -> Taken:
         return Taken((), ())
 
+    def note_place(self, belief: Belief, agent_ms: int) -> None:
+        pass
+
     def acknowledgements(self) -> list[LogAck]:
         return []
+
+
+def _place(account: _Account, agent_ms: int) -> tuple[float, float] | None:
+    return next((it.place_m for it in reversed(account.stays) if it.from_ms <= agent_ms), None)

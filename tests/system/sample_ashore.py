@@ -70,7 +70,7 @@ def main(run_dir: Path, epoch: int, until_s: int) -> None:
     granted_ms = host.granted_ms or dict.fromkeys(IDS, 0)
     now_s = max(granted_ms.values()) // 1000
     clock = Coordinator(host, granted_ms, 1, 1000 * now_s)
-    file = SampleFile(run_dir / "samples.jsonl")
+    file = SampleFile(run_dir / "samples.jsonl", FLEET.theta)
     collection = SampleCollection(IDS, file.kept)
     taken = dict.fromkeys(IDS, 0)
     while now_s < until_s:
@@ -82,7 +82,7 @@ def main(run_dir: Path, epoch: int, until_s: int) -> None:
                 if isinstance(packet, LogRecords):
                     found = collection.take(packet)
                     assert isinstance(found, Taken)
-                    file.append(packet.agent_id, found.records)
+                    file.append(packet.agent_id, found.samples)
         for ack in collection.acknowledgements():
             clock.receive(ack.agent_id, WifiArrived(CODEC.encode(ack)), 1000 * now_s)
         taken |= {truth.agent_id: truth.physical.samples for truth in host.take_truths()}

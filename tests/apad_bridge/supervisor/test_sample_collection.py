@@ -13,11 +13,14 @@ from hypothesis import strategies as st
 from agents.mussel.logbook import Logbook
 from agents.water.fields import Fields
 from agents.water.patches import CALM
+from apad_bridge.beliefs.belief import Belief
+from apad_bridge.mission.events import PlacedSample
 from apad_bridge.records.sample_file import SampleFile, sample_line
 from apad_bridge.supervisor.sample_collection import SampleCollection, Taken
 from firmware_model.packets import LogAck, LogRecords, decode
 from firmware_model.packets.sample_record import RECORD_BYTES, SampleRecord
 from firmware_model.sampling.flash import MemoryFlash
+from firmware_model.states import State
 
 WATER = Fields.by_key({key: waters.field() for key, waters in CALM.items()})
 AGENT = 7
@@ -27,6 +30,10 @@ def record(sequence: int) -> SampleRecord:
     return SampleRecord(sequence, 1000 * sequence, (1, 2, 3, 4), 0)
 
 
+def placed(sequence: int) -> PlacedSample:
+    return PlacedSample(record(sequence), None)
+
+
 def packet(first: int, covered: int, *sequences: int, oldest: int = 0) -> LogRecords:
     return LogRecords.of(AGENT, oldest, first, covered, tuple(map(record, sequences)))
 
@@ -34,7 +41,7 @@ def packet(first: int, covered: int, *sequences: int, oldest: int = 0) -> LogRec
 def taken(collection: SampleCollection, said: LogRecords) -> tuple[list[int], list[int]]:
     found = collection.take(said)
     assert isinstance(found, Taken)
-    return [it.sequence for it in found.records], list(found.gone)
+    return [it.record.sequence for it in found.samples], list(found.gone)
 
 
 def test_what_came_is_acknowledged_up_to_the_first_hole() -> None:
@@ -85,12 +92,49 @@ def test_it_goes_on_with_what_a_former_supervisor_kept() -> None:
     assert collection.acknowledgements() == [LogAck(AGENT, 6)]
 
 
+def believed(state: State, north_m: float) -> Belief:
+    return Belief(AGENT, 0, state, 0.5, 0.5, north_m, 2.0)
+
+
+def test_a_sample_was_taken_where_the_amussel_was_believed_under_water_between_two_docks() -> None:
+    collection = SampleCollection([AGENT])
+    for agent_ms, state, north_m in [
+        (2_500, State.TRANSMITTING, 10.0),
+        (3_500, State.SLEEPING, 11.0),
+        (4_500, State.FLOATING, 15.0),  # it drifts at the surface
+        (5_500, State.CHARGING, 90.0),
+        (6_500, State.REPORTING, 90.0),
+        (8_500, State.SINKING, 40.0),
+        (9_500, State.FLOATING, 44.0),
+        (10_500, State.CHARGING, 90.0),
+    ]:
+        collection.note_place(believed(state, north_m), agent_ms)
+    found = collection.take(packet(0, 10, *range(10)))
+    assert isinstance(found, Taken)
+    assert [it.place_m for it in found.samples] == [(11.0, 2.0)] * 7 + [(40.0, 2.0)] * 3
+
+
+def test_a_sample_from_before_anything_was_believed_has_no_place() -> None:
+    collection = SampleCollection([AGENT])
+    collection.note_place(believed(State.CHARGING, 90.0), 5_500)
+    collection.note_place(believed(State.SLEEPING, 10.0), 7_500)
+    found = collection.take(packet(5, 2, 5, 6))
+    assert isinstance(found, Taken)
+    assert [it.place_m for it in found.samples] == [None, (10.0, 2.0)]
+    line = sample_line(AGENT, found.samples[0], 1)
+    assert (line["north_m"], line["east_m"]) == (None, None)
+
+
 def test_a_line_of_the_file() -> None:
-    line = sample_line(7, SampleRecord(5, 18_000_000, (29_094, 8147, 28_013, 417), 0b1010))
+    record = SampleRecord(5, 18_000_007, (29_094, 8147, 28_013, 417), 0b1010)
+    line = sample_line(7, PlacedSample(record, (1.2345, -6.7)), theta=30)
     assert line == {
         "id": 7,
         "sequence": 5,
-        "agent_ms": 18_000_000,
+        "agent_ms": 18_000_007,
+        "mission_ms": 600_000,
+        "north_m": 1.23,
+        "east_m": -6.7,
         "oxygen_mg_l": 7.9983,  # 2.4e-4 * 29094 + 1.2e-9 * 29094^2
         "pressure_mbar": 1314.7,
         "temperature_c": 18.013,
@@ -102,17 +146,17 @@ def test_a_line_of_the_file() -> None:
 
 def test_the_file_keeps_a_sample_once_and_goes_on_behind_a_torn_line(tmp_path: Path) -> None:
     path = tmp_path / "samples.jsonl"
-    file = SampleFile(path)
+    file = SampleFile(path, 30)
     assert not path.exists()
-    file.append(7, [record(0), record(1)])
-    file.append(7, [record(1)])
-    file.append(8, [record(0)])
+    file.append(7, [placed(0), placed(1)])
+    file.append(7, [placed(1)])
+    file.append(8, [placed(0)])
     assert [(it["id"], it["sequence"]) for it in read(path)] == [(7, 0), (7, 1), (8, 0)]
     file.close()
     path.write_bytes(path.read_bytes()[:-5])
-    again = SampleFile(path)
+    again = SampleFile(path, 30)
     assert again.kept == {7: {0, 1}}
-    again.append(8, [record(0)])
+    again.append(8, [placed(0)])
     again.close()
     assert [(it["id"], it["sequence"]) for it in read(path)] == [(7, 0), (7, 1), (8, 0)]
 
@@ -120,7 +164,7 @@ def test_the_file_keeps_a_sample_once_and_goes_on_behind_a_torn_line(tmp_path: P
 def test_a_damaged_line_is_counted(tmp_path: Path) -> None:
     path = tmp_path / "samples.jsonl"
     path.write_text('{"id":7,"sequence":0}\n{"id":7,"sequ\n{"id":7,"sequence":"1"}\n')
-    file = SampleFile(path)
+    file = SampleFile(path, 30)
     assert (file.kept, file.unreadable) == ({7: {0}}, 2)
     file.close()
 
@@ -143,7 +187,7 @@ class Story:
 
     def start(self) -> None:
         """A supervisor, the first or one after a kill -9."""
-        self.file = SampleFile(self.path)
+        self.file = SampleFile(self.path, 30)
         self.collection = SampleCollection([AGENT], self.file.kept)
 
     def sample(self, count: int) -> None:
@@ -171,7 +215,7 @@ class Story:
             assert isinstance(heard, LogRecords)
             found = self.collection.take(heard)
             assert isinstance(found, Taken)
-            self.file.append(AGENT, found.records)
+            self.file.append(AGENT, found.samples)
         if tear_at is not None:
             if self.file._file is not None:
                 os.close(self.file._file._descriptor)  # buffered bytes are lost with it
@@ -235,7 +279,7 @@ def test_nothing_is_lost_and_nothing_is_there_twice(
     assert len(sequences) == len(set(sequences)), "a sample is there twice"
     by_sequence = {line["sequence"]: line for line in kept}
     for sequence, line in by_sequence.items():
-        assert line == sample_line(AGENT, story.truth[int(str(sequence))])
+        assert line == sample_line(AGENT, PlacedSample(story.truth[int(str(sequence))], None), 30)
     missing = set(range(len(story.truth))) - set(map(int, map(str, sequences)))
     if pages == 40:
         assert not missing
