@@ -225,7 +225,7 @@ class Supervisor:
         basic = basic_of(packet)
         reason = self.beliefs.hear(basic, at_ms)
         belief = self.beliefs.get(basic.agent_id)
-        if reason is None and belief is not None and self.samples is not None:
+        if reason is None and belief is not None:
             self.samples.note_place(belief, basic.agent_ms)
         return reason
 

@@ -12,7 +12,7 @@ from agents.modem.frames import Generation
 from agents.mussel.agent import Agent
 from agents.mussel.outputs import Dropped, Output, SoundSent, WifiSent
 from agents.mussel.stimuli import ContactClosed, SoundArrived, WifiArrived
-from agents.water.patches import Waters
+from agents.water.patches import CALM, Waters
 from firmware_model.config import FullFirmware, LastResort
 from firmware_model.packets import (
     AcousticStatus,
@@ -41,6 +41,7 @@ FLEET = with_whole_boards(
         theta=1,
         first_id=7,
         waters={
+            **CALM,
             "oxygen_mg_l": Waters(((0, 6.0),)),
             "temperature_c": Waters(((0, 25.0),)),
             "turbidity_ntu": Waters(((0, 2000.0),)),
@@ -81,7 +82,7 @@ def test_a_sample_is_what_is_true_of_the_water_but_for_noise_and_range() -> None
     found = records(outputs)
     assert [(it.sequence, it.agent_ms) for it in found] == [(n, 600_000 * (n + 1) + 10_000) for n in range(3)]
     for record in found:
-        oxygen, pressure, temperature, turbidity = values(SENSORS, record.counts)
+        oxygen, pressure, temperature, turbidity, *_ = values(SENSORS, record.counts)
         assert oxygen == pytest.approx(6.0, abs=0.25)
         assert pressure == pytest.approx(1013.25 + 301.6, abs=2.5)
         assert temperature == pytest.approx(25.0, abs=0.05)

@@ -20,6 +20,7 @@ from apad_bridge.supervisor.sample_collection import SampleCollection, Taken
 from firmware_model.packets import LogAck, LogRecords, decode
 from firmware_model.packets.sample_record import RECORD_BYTES, SampleRecord
 from firmware_model.sampling.flash import MemoryFlash
+from firmware_model.sampling.sensors import NO_COUNTS
 from firmware_model.states import State
 
 WATER = Fields.by_key({key: waters.field() for key, waters in CALM.items()})
@@ -27,7 +28,7 @@ AGENT = 7
 
 
 def record(sequence: int) -> SampleRecord:
-    return SampleRecord(sequence, 1000 * sequence, (1, 2, 3, 4), 0)
+    return SampleRecord(sequence, 1000 * sequence, NO_COUNTS, 0)
 
 
 def placed(sequence: int) -> PlacedSample:

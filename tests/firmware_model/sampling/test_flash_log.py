@@ -10,13 +10,14 @@ from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 from firmware_model.packets.sample_record import RECORD_BYTES, SampleRecord
 from firmware_model.sampling.flash import PAGE_BYTES, PAGES, MemoryFlash, Ring
 from firmware_model.sampling.flash_log import FlashLog
+from firmware_model.sampling.sensors import NO_COUNTS
 
 PAGES_HERE, A_PAGE = 4, 3
 SMALL = (PAGES_HERE, A_PAGE * RECORD_BYTES + 5)
 
 
 def record(sequence: int) -> SampleRecord:
-    return SampleRecord(sequence, 1000 * sequence, (sequence % 65536, 2, 3, 4), sequence % 16)
+    return SampleRecord(sequence, 1000 * sequence, (sequence % 65536, *NO_COUNTS[1:]), sequence % 16)
 
 
 def filled(count: int, flash: MemoryFlash | None = None, acknowledged: int = 0) -> FlashLog:
