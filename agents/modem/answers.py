@@ -5,6 +5,7 @@ from __future__ import annotations
 import struct
 from binascii import crc32, crc_hqx
 
+from agents.modem.facts import NoiseChanged
 from agents.modem.firmware import BUILT, RELEASE, Firmware, voltage_steps
 from agents.modem.frames import Generation
 
@@ -20,7 +21,9 @@ SPECTRUM_BINS = 257
 IMPULSE_STEPS = 128
 """Samples of a channel impulse response, one each 62.5 us. This number is our own choice."""
 _IMPULSE_STEP_US = 62.5
-_FULL_SCALE = 65535
+_UNITY = 50_000
+"""The word for an amplitude of 1.0 in an impulse response, by the makers' driver."""
+_MOST_UNSIGNED, _MOST_SIGNED = 65_535, 32_767
 
 
 def line(text: str) -> bytes:
@@ -63,31 +66,42 @@ def found(address: int, steps: int) -> bytes:
     return line(f"#R{address:03}T{steps:05}")
 
 
-def noise(rms: int, peak: int, mean: int) -> str:
-    return f"R{rms:06}P{peak:06}M{mean:06}"
+def noise(noise: NoiseChanged) -> str:
+    return f"R{noise.rms:06}P{noise.peak:06}M{noise.mean:06}"
 
 
-def remote_report(firmware: Firmware, supply_mv: int, rms: int, peak: int, mean: int) -> bytes:
+def remote_report(firmware: Firmware, supply_mv: int, measured: NoiseChanged) -> bytes:
     """The data of the broadcast that answers `$Vxxx`: voltage, and with firmware 1.6 the noise."""
     volts = f"V{voltage_steps(firmware, supply_mv):05}"
-    return (volts + noise(rms, peak, mean) if firmware is Firmware.V3 else volts).encode()
+    return (volts + noise(measured) if firmware is Firmware.V3 else volts).encode()
 
 
-def spectrum(mean: int) -> bytes:
-    """Flat at the mean, because the model's noise has no colour. The byte order is not public: little-endian here."""
-    bins = struct.pack(f"<{SPECTRUM_BINS}H", *[min(_FULL_SCALE, mean)] * SPECTRUM_BINS)
+def measured(name: str, measured: NoiseChanged) -> bytes:
+    """The result of `$N` or `$S`. A spectrum is flat at the mean, because the model's noise has no colour."""
+    if name == "N":
+        return line("#N" + noise(measured))
+    bins = struct.pack(f"<{SPECTRUM_BINS}H", *[min(_MOST_UNSIGNED, measured.mean)] * SPECTRUM_BINS)
     return f"#S{SPECTRUM_BINS:05}".encode() + bins + b"\r\n"
 
 
 def impulse_response(name: str, address: int, steps: int, echoes: tuple[tuple[int, float], ...]) -> bytes:
-    """`#CMxxxTtttttLzzzzz<uint16...>`: the direct sound first, at full scale, and each echo at its delay."""
-    taps = [_FULL_SCALE] + [0] * (IMPULSE_STEPS - 1)
+    """`#CMxxxTtttttLzzzzz<words>`: the direct sound first, and each echo at its delay, as parts of the direct sound.
+
+    The words of `$CM` are magnitudes, uint16. Those of `$CC` are complex, int16: the real and the imaginary part in turn.
+    There 1.0 is cut to the largest word. An echo of the model has a sign and no other phase, so imaginary parts are 0.
+    """
+    taps = [1.0] + [0.0] * (IMPULSE_STEPS - 1)
     for after_us, relative in echoes:
         at = round(after_us / _IMPULSE_STEP_US)
         if 0 <= at < IMPULSE_STEPS:
-            taps[at] = max(taps[at], min(_FULL_SCALE, round(abs(relative) * _FULL_SCALE)))
-    head = f"#{name}{address:03}T{steps:05}L{IMPULSE_STEPS:05}"
-    return head.encode() + struct.pack(f"<{IMPULSE_STEPS}H", *taps) + b"\r\n"
+            taps[at] = max(taps[at], relative, key=abs)
+    if name == "CM":
+        words = [min(_MOST_UNSIGNED, round(abs(tap) * _UNITY)) for tap in taps]
+    else:
+        real = [max(-_MOST_SIGNED, min(_MOST_SIGNED, round(tap * _UNITY))) for tap in taps]
+        words = [word for pair in zip(real, [0] * IMPULSE_STEPS, strict=True) for word in pair]
+    head = f"#{name}{address:03}T{steps:05}L{len(words):05}"
+    return head.encode() + struct.pack(f"<{len(words)}{'H' if name == 'CM' else 'h'}", *words) + b"\r\n"
 
 
 def identity(unique_id: int) -> bytes:

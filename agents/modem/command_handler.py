@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from agents.modem import answers, sending
 from agents.modem.commands import Command, Malformed
-from agents.modem.core import ModemCore
-from agents.modem.facts import Action, Dropped
+from agents.modem.core import MEASURING_MS, ModemCore
+from agents.modem.facts import Action, AddressChanged, Dropped
 from agents.modem.frames import ADDRESSES
 from agents.modem.serial_line import TICKS_PER_MS
 from agents.modem.states import ModemState, Trigger
@@ -29,20 +29,27 @@ def handle(
         return [Dropped(now_ms, "serial: an address is 0 to 255")]
     if sending.goes_out(item.name):
         return sending.send(modem, item, line_index, tick, now_ms)
-    return _handle_local(modem, item, line_index, tick)
+    return _handle_local(modem, item, line_index, tick, now_ms)
 
 
-def _handle_local(modem: ModemCore, command: Command, line_index: int, tick: int) -> list[Action]:
+def _handle_local(
+    modem: ModemCore, command: Command, line_index: int, tick: int, now_ms: int
+) -> list[Action]:
     """Carries out a command that sends nothing through the water."""
     actions: list[Action] = []
     name = command.name
     now_us = tick * _US_PER_MS // TICKS_PER_MS
-    if name in ("?", "A", "D", "H", "Q", "N", "S"):
+    if name in ("?", "A", "D", "H", "Q"):
         if name == "A":
             modem.address = command.address
-        if name in ("N", "S"):
-            modem.answer(line_index, answers.line(f"${name}"), tick)
+            actions = [AddressChanged(now_ms, command.address)]
         modem.answer(line_index, _report(modem, name), tick)
+    elif name in MEASURING_MS:
+        if modem.measurement is not None:
+            modem.answer(line_index, answers.ERROR, tick)
+            return [Dropped(now_ms, "serial: the noise is being measured already")]
+        modem.measure(name, line_index, tick)
+        modem.answer(line_index, answers.line(f"${name}"), tick)
     elif name in ("Z", "W", "R"):
         if name == "R":
             actions = modem.restart()
@@ -51,7 +58,9 @@ def _handle_local(modem: ModemCore, command: Command, line_index: int, tick: int
         modem.answer(line_index, answers.line(f"${name}"), tick)
     elif name.startswith("XT"):
         _set_timer(modem, name, now_us)
-        modem.answer(line_index, answers.line(f"#{name}{modem.timer.read_us(now_us):014}"), tick)
+        # The letter is the timer's state, whatever was asked: so the makers' driver reads it.
+        state = "E" if modem.timer.is_on else "D"
+        modem.answer(line_index, answers.line(f"#XT{state}{modem.timer.read_us(now_us):014}"), tick)
     else:
         if name.startswith("XQ"):
             modem.reports_quality = name == "XQE"
@@ -73,11 +82,7 @@ def _report(modem: ModemCore, name: str) -> bytes:
             return answers.HELP
         case "Q":
             return answers.line("$C-" if modem.corrected is None else f"$C{modem.corrected}")
-        case "N":
-            noise = modem.noise
-            return answers.line("#N" + answers.noise(noise.rms, noise.peak, noise.mean))
-        case _:
-            return answers.spectrum(modem.noise.mean)
+    raise ValueError(f"${name} reports nothing")
 
 
 def _set_timer(modem: ModemCore, name: str, now_us: int) -> None:

@@ -14,6 +14,10 @@ AHEAD_US = 2_000_000
 """A transmission can be put off by 2 s at most."""
 
 
+MEASURING_MS = {"N": 1000, "S": 2000}
+"""The time from a command until the noise, or its spectrum, is measured; the makers' driver waits about as long."""
+
+
 class MicrosecondTimer:
     """The modem's 1 MHz timer, controlled over the serial line. At power-on it is off and reads 0."""
 
@@ -37,6 +41,15 @@ class MicrosecondTimer:
         """From now until the timer reads `timer_us`; None if that is past, or further ahead than a modem can plan."""
         wait_us = timer_us - self.read_us(now_us)
         return wait_us if 0 <= wait_us <= AHEAD_US else None
+
+
+@dataclass(frozen=True, slots=True)
+class Measurement:
+    """A measurement of the noise, by the command `name` of a serial line."""
+
+    name: str
+    line: int
+    until_ms: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,6 +88,7 @@ class ModemCore:
         self.raises_rxs = False
         self.corrected: int | None = None
         self.question: Question | None = None
+        self.measurement: Measurement | None = None
         self.waiting: list[tuple[int, Frame]] = []
         """Frames to be sent, each with its time, the next one first."""
         self._sending: tuple[int, Frame] | None = None
@@ -95,6 +109,10 @@ class ModemCore:
         """Notes that the frame is a question of that line, by the command `name`. Its wait begins once it is sent."""
         self.question = Question(name, frame, awaited, line)
 
+    def measure(self, name: str, line: int, tick: int) -> None:
+        """Begins to measure the noise, by the command `name` that was whole at `tick`."""
+        self.measurement = Measurement(name, line, -(-tick // TICKS_PER_MS) + MEASURING_MS[name])
+
     def send(self, frame: Frame, at_ms: int) -> None:
         """Sends the frame at that time, or as soon after as nothing else is being sent."""
         self.waiting.append((at_ms, frame))
@@ -107,6 +125,7 @@ class ModemCore:
     def fall_asleep(self) -> list[Action]:
         self.waiting.clear()
         self.question = None
+        self.measurement = None
         return self.go(Trigger.SLEEP_TOLD)
 
     def go(self, trigger: Trigger) -> list[Action]:

@@ -60,7 +60,10 @@ class SupplyChanged:
 
 @dataclass(frozen=True, slots=True)
 class NoiseChanged:
-    """The receiver's measure of the noise while nobody sends, in its own units of 0 to 999999."""
+    """The receiver's measure of the noise while nobody sends, in its own units of 0 to 999999.
+
+    `peak` is peak to peak, and `mean` the mean magnitude.
+    """
 
     rms: int
     peak: int
@@ -141,6 +144,14 @@ class StateChanged:
 
 
 @dataclass(frozen=True, slots=True)
+class AddressChanged:
+    """The modem takes frames for this address from now on."""
+
+    at_ms: int
+    address: int
+
+
+@dataclass(frozen=True, slots=True)
 class PinRose:
     at_ms: int
     pin: Pin
@@ -154,4 +165,4 @@ class Dropped:
     reason: str
 
 
-Action = SerialOut | Delivered | Answered | EmitFrame | StateChanged | PinRose | Dropped
+Action = SerialOut | Delivered | Answered | EmitFrame | StateChanged | AddressChanged | PinRose | Dropped

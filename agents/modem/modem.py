@@ -1,8 +1,8 @@
 """A nanomodem: bytes on its serial line, frames in the water, and its state between them, moved by the three verbs.
 
 Events that are due at one time go in this order: the end of a transmission, the end of a sound, a question's time-out, a
-frame that waits to be sent, received bytes, and printed answers. While the modem transmits, it reads no bytes: they
-wait. A modem that is told to send while it receives sends, and loses the frame that was arriving.
+frame that waits to be sent, a measurement's end, received bytes, and printed answers. While the modem transmits, it reads
+no bytes: they wait. A modem that is told to send while it receives sends, and loses the frame that was arriving.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from agents.modem.receiving import receive_frame
 from agents.modem.serial_line import TICKS_PER_MS
 from agents.modem.states import RECEPTIVE, ModemState, Trigger
 
-_INPUT, _OUTPUT = 4, 5
+_INPUT, _OUTPUT = 5, 6
 
 
 class Modem(ModemCore):
@@ -107,6 +107,7 @@ class Modem(ModemCore):
             self._sound_until_ms,
             None if self.question is None else self.question.until_ms,
             self.waiting[0][0] if self.waiting and self._sending is None else None,
+            None if self.measurement is None else self.measurement.until_ms,
         )
 
     def _dues(self) -> list[tuple[int, int, int]]:
@@ -135,6 +136,11 @@ class Modem(ModemCore):
             if question.line is None:
                 return [Answered(now_ms, question.frame, None)]
             self.answer(question.line, answers.TIME_OUT)
+            return []
+        if which == 4:
+            measurement, self.measurement = self.measurement, None
+            assert measurement is not None
+            self.answer(measurement.line, answers.measured(measurement.name, self.noise))
             return []
         _, frame = self.waiting.pop(0)
         self._sending = (now_ms + frame.duration_ms, frame)

@@ -65,9 +65,7 @@ def _reply(modem: ModemCore, frame: Frame, propagation_us: int) -> Frame | None:
         return Frame(kind, modem.address, frame.source, b"", generation, propagation_us)
     match frame.kind:
         case FrameKind.STATUS_REQUEST:
-            noise = modem.noise
-            firmware, supply_mv = modem.config.firmware, modem.supply_mv
-            data = answers.remote_report(firmware, supply_mv, noise.rms, noise.peak, noise.mean)
+            data = answers.remote_report(modem.config.firmware, modem.supply_mv, modem.noise)
         case FrameKind.TEST_REQUEST:
             data = answers.TEST_TEXT
         case FrameKind.ECHO_REQUEST:

@@ -41,6 +41,8 @@ def send(modem: ModemCore, command: Command, line_index: int, tick: int, now_ms:
         wait_us = modem.timer.wait_us(command.timer_us, now_us)
     kind = _KINDS[command.name]
     reason = why_not(modem, kind)
+    if kind is FrameKind.PING and command.address == modem.address:
+        reason = "a ping to its own address"
     if wait_us is None:
         reason = "a transmission can be put off by 2 s at most, and not into the past"
     if reason is not None or wait_us is None:

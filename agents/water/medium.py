@@ -8,6 +8,7 @@ rounded up, so that no packet acts before it has arrived; ranging has the delay 
 from __future__ import annotations
 
 import heapq
+from bisect import insort
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from enum import IntEnum
@@ -67,11 +68,19 @@ class ThrustersRan:
 
 
 @dataclass(frozen=True, slots=True)
+class Readdressed:
+    """A modem takes frames for this address from now on."""
+
+    node: int
+    address: int
+
+
+@dataclass(frozen=True, slots=True)
 class LinksChanged:
     topology: Topology
 
 
-Stimulus = Began | Moved | ThrustersRan | LinksChanged
+Stimulus = Began | Moved | ThrustersRan | Readdressed | LinksChanged
 
 
 @dataclass(frozen=True, slots=True)
@@ -180,6 +189,11 @@ class Medium:
                 self._begin(node, frame, now_ms)
             case ThrustersRan(node, running):
                 (self._loud.add if running else self._loud.discard)(node)
+            case Readdressed(node, address):
+                for nodes in self._nodes_at.values():
+                    if node in nodes:
+                        nodes.remove(node)
+                insort(self._nodes_at.setdefault(address, []), node)
             case LinksChanged(topology):
                 self._topology = topology
         results += self._ended

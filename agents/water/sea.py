@@ -36,7 +36,7 @@ from agents.water.sea_events import (
     StimulusDelivered,
     address_of,
 )
-from agents.water.sea_modems import SeaModems
+from agents.water.sea_modems import SeaModems, noise_measured
 from agents.water.sound import Sound
 from agents.water.topology import Topology
 from agents.water.wifi import Wifi
@@ -101,6 +101,8 @@ class Sea:
             if opened
             else None
         )
+        if self._modems is not None:
+            self._modems.measure(noise_measured(config.sound.noise_db), nodes)
         self._places: dict[int, Place] = {}
         self._apad_at_ms: int | None = None
         self._truths: list[Truth] = []
@@ -134,6 +136,9 @@ class Sea:
         if before is not None and self._apad_at_ms is not None and at_ms > self._apad_at_ms:
             fast = 1000 * along_m(before, place) > self.config.thrusting_m_s * (at_ms - self._apad_at_ms)
             self._undelivered += self._medium.receive(ThrustersRan(APAD, fast), self.now_ms)
+            if self._modems is not None:
+                level_db = self.config.sound.noise_db + fast * self.config.sound.thruster_noise_db
+                self._modems.measure(noise_measured(level_db), [APAD])
         self._apad_at_ms = at_ms
         self._undelivered += self._move(APAD, place, self.now_ms)
 
@@ -227,6 +232,7 @@ class Sea:
                 events.append((sent.at_ms, 1, sent.node, Began(sent.node, sent.frame)))
                 if not sent.from_host and sent.node != APAD:
                     self._tell(sent.node, ModemSent(sent.frame.duration_ms), sent.at_ms, results)
+            events += [(at_ms, 0, it.node, it) for at_ms, it in self._modems.take_readdressed()]
         self._deliver(self._apply(events, horizon_ms, results), results)
         if self._modems is not None:
             results += [Printed(self._mission_ms(horizon_ms), *it) for it in self._modems.take_printed()]

@@ -7,16 +7,18 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from agents.modem.facts import (
     Action,
+    AddressChanged,
     Answered,
     Delivered,
     Dropped,
     EmitFrame,
     FrameArrived,
     FrameRequested,
+    NoiseChanged,
     PowerCame,
     PowerWent,
     SerialBytes,
@@ -26,6 +28,7 @@ from agents.modem.facts import (
 from agents.modem.firmware import Firmware, ModemConfig
 from agents.modem.frames import Frame
 from agents.modem.rack import NodeAction, Rack
+from agents.water.medium import Readdressed
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,6 +59,7 @@ class SeaModems:
         self._pending: list[tuple[int, int, int, Stimulus]] = []
         self._printed: list[tuple[int, bytes]] = []
         self._emitted: list[Emission] = []
+        self._readdressed: list[tuple[int, Readdressed]] = []
         self._requested: dict[int, Frame] = {}
         """The last frame that each node's host requested."""
 
@@ -68,7 +72,8 @@ class SeaModems:
         self._take(self._rack.receive(node, SerialBytes(data, 0, paused=True), self._now_ms))
 
     def ask(self, node: int, frame: Frame, at_ms: int) -> None:
-        """Requests a frame for the node's own host."""
+        """Requests a frame for the node's own host. Its source becomes the modem's present address."""
+        frame = replace(frame, source=self._rack[node].address)
         self._requested[node] = frame
         self._pending.append((at_ms, 1, node, FrameRequested(frame)))
 
@@ -96,6 +101,16 @@ class SeaModems:
         self._take(actions)
         return any(actor == node and _reaches_host(action) for actor, action in actions)
 
+    def take_readdressed(self) -> list[tuple[int, Readdressed]]:
+        """The changes of addresses since the last call, each with its time."""
+        readdressed, self._readdressed = self._readdressed, []
+        return readdressed
+
+    def measure(self, noise: NoiseChanged, nodes: Collection[int]) -> None:
+        """Sets the noise at these nodes' modems from now on."""
+        for node in nodes:
+            self._take(self._rack.receive(node, noise, self._now_ms))
+
     def take_printed(self) -> list[tuple[int, bytes]]:
         """The output of opened modems since the last call, as (node, bytes)."""
         printed, self._printed = self._printed, []
@@ -109,9 +124,21 @@ class SeaModems:
                 case EmitFrame(at_ms, frame):
                     from_host = self._requested.get(node) is frame
                     self._emitted.append(Emission(at_ms, node, frame, from_host))
+                case AddressChanged(at_ms, address):
+                    self._readdressed.append((at_ms, Readdressed(node, address)))
                 case Dropped(_, reason):
                     self.dropped[f"modem: {reason}"] += 1
 
 
 def _reaches_host(action: Action) -> bool:
     return isinstance(action, Answered) or (isinstance(action, Delivered) and bool(action.frame.data))
+
+
+def noise_measured(level_db: float) -> NoiseChanged:
+    """A modem's measure of Gaussian noise of this level in its band, in dB re 1 uPa.
+
+    The converter's scale is not public: here its 65535 steps are the level of a modem at 1 m, 168 dB. Of a second's 160 000
+    samples the largest and the least are 9 standard deviations apart; the mean magnitude is sqrt(2 / pi) of one.
+    """
+    rms = 65_535 * 10 ** ((level_db - 168) / 20)
+    return NoiseChanged(*(min(999_999, round(rms * part)) for part in (1.0, 9.0, 0.7979)))

@@ -195,7 +195,7 @@ def test_the_address_outlives_power_and_the_rest_does_not() -> None:
     it.receive(PowerCame(), 1200)
     answer = outs(it.receive(SerialBytes(b"$?$XTG"), 1200) + it.advance(1400))
     assert answer[0][1].startswith(b"#A077V21845")
-    assert answer[1][1] == b"#XTG00000000000000\r\n"
+    assert answer[1][1] == b"#XTD00000000000000\r\n"
     assert it.question is None and not it.reports_quality
 
 

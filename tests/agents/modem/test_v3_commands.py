@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from agents.modem.answers import impulse_response
 from agents.modem.facts import EmitFrame, NoiseChanged, SupplyChanged
 from agents.modem.firmware import Firmware
 from agents.modem.frames import FrameKind
@@ -41,8 +42,8 @@ ROWS = [
     ("noise", b"$N", b"$N\r\n", b"#NR000000P000000M000000\r\n", b""),
     ("quality on", b"$XQE", b"#XQE\r\n", b"", b""),
     ("quality off", b"$XQD", b"#XQD\r\n", b"", b""),
-    ("timer cleared", b"$XTC", b"#XTC00000000000000\r\n", b"", b""),
-    ("timer read", b"$XTG", b"#XTG00000000000000\r\n", b"", b""),
+    ("timer cleared", b"$XTC", b"#XTD00000000000000\r\n", b"", b""),
+    ("timer read", b"$XTG", b"#XTD00000000000000\r\n", b"", b""),
     ("timer on", b"$XTE", b"#XTE00000000000000\r\n", b"", b""),
     ("timer off", b"$XTD", b"#XTD00000000000000\r\n", b"", b""),
     ("RxS on", b"$XFE", b"#XFE\r\n", b"", b""),
@@ -104,7 +105,7 @@ def test_spectrum_is_257_words(pair: Pair) -> None:
     water = pair()
     water.tell("near", NoiseChanged(40, 900, 31))
     water.write("near", b"$S")
-    water.run(2000)
+    water.run(4000)
     answer = water.printed("near")
     assert answer.startswith(b"$S\r\n#S00257")
     assert len(answer) == 4 + 7 + 2 * 257 + 2
@@ -123,16 +124,86 @@ def test_noise_is_what_was_measured(pair: Pair) -> None:
     assert water.printed("near") == b"$V002\r\n#B00227V21408R000040P000900M000031\r\n"
 
 
-@pytest.mark.parametrize("name", [b"CM", b"CC"])
-def test_impulse_response_has_the_range_and_the_words(pair: Pair, name: bytes) -> None:
+@pytest.mark.parametrize(
+    ("name", "count", "kind", "unity"), [(b"CM", 128, "H", 50_000), (b"CC", 256, "h", 32_767)]
+)
+def test_impulse_response_has_the_range_and_the_words(
+    pair: Pair, name: bytes, count: int, kind: str, unity: int
+) -> None:
+    """The makers' driver takes 50 000 for 1.0, unsigned from $CM and signed from $CC, which cannot hold it."""
     water = pair()
     water.write("near", b"$" + name + b"002")
     water.run(3000)
     answer = water.printed("near").removeprefix(b"$" + name + b"002\r\n")
-    assert answer[:18] == b"#" + name + b"002T03200L00128"
-    words = struct.unpack("<128H", answer[18:-2])
-    assert words[0] == 65535 and set(words[1:]) == {0}
+    assert answer[:18] == b"#" + name + b"002T03200L%05d" % count
+    words = struct.unpack(f"<{count}{kind}", answer[18:-2])
+    assert words[0] == unity and set(words[1:]) == {0}
     assert answer[-2:] == b"\r\n"
+
+
+def test_an_echo_has_its_delay_and_in_a_complex_response_its_sign() -> None:
+    echoes = ((625, -0.5), (1250, 0.25))
+    magnitudes = struct.unpack("<128H", impulse_response("CM", 2, 0, echoes)[18:-2])
+    parts = struct.unpack("<256h", impulse_response("CC", 2, 0, echoes)[18:-2])
+    assert (magnitudes[10], magnitudes[20]) == (25_000, 12_500) and sum(magnitudes) == 87_500
+    assert (parts[20], parts[40]) == (-25_000, 12_500) and not any(parts[1::2])
+
+
+@pytest.mark.parametrize(("command", "took_ms"), [(b"$N", 1000), (b"$S", 2000)])
+def test_a_measurement_takes_its_time_and_sees_the_noise_at_its_end(
+    pair: Pair, command: bytes, took_ms: int
+) -> None:
+    water = pair()
+    water.tell("near", NoiseChanged(1, 1, 1))
+    water.write("near", command)
+    water.run(took_ms - 10)
+    assert water.printed("near") == command + b"\r\n"
+    water.write("near", b"$N")
+    water.run(took_ms)
+    water.tell("near", NoiseChanged(40, 900, 31))
+    water.run(took_ms + 3000)
+    printed = water.printed("near")
+    assert printed.startswith(b"E\r\n#"), "one measurement at a time"
+    assert (b"R000040P000900M000031" in printed) if command == b"$N" else (b"\x1f\x00\x1f\x00" in printed)
+
+
+def test_what_restarts_a_modem_ends_its_measurement(pair: Pair) -> None:
+    water = pair()
+    for ends in (b"$R", b"$Z"):
+        water.write("near", b"$N")
+        water.run(water.now_ms + 100)
+        water.write("near", ends)
+        water.run(water.now_ms + 3000)
+        assert b"#NR" not in water.printed("near")
+
+
+def test_a_timer_s_answer_begins_with_its_state(pair: Pair) -> None:
+    """The makers' driver takes the letter after #XT for the state, E for on."""
+    water = pair()
+    for command, state in [
+        (b"$XTG", b"D"),
+        (b"$XTE", b"E"),
+        (b"$XTG", b"E"),
+        (b"$XTC", b"E"),
+        (b"$XTD", b"D"),
+    ]:
+        water.write("near", command)
+        water.run(water.now_ms + 100)
+        answer = water.printed("near")
+        assert answer[:4] == b"#XT" + state and len(answer) == 4 + 14 + 2, command
+
+
+def test_a_ping_to_oneself_is_an_error(pair: Pair) -> None:
+    water = pair()
+    water.write("near", b"$P001")
+    water.run(6000)
+    assert water.printed("near") == b"E\r\n"
+    assert water.of("near", EmitFrame) == []
+    water.write("near", b"$A009")
+    water.run(6100)
+    water.write("near", b"$P009")
+    water.run(6200)
+    assert water.printed("near") == b"#A009\r\nE\r\n"
 
 
 def test_early_v3_tells_less(pair: Pair) -> None:

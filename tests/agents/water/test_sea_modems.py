@@ -15,6 +15,7 @@ from agents.mussel.stimuli import ModemSent, PingArrived, SoundArrived
 from agents.water.medium import PacketEnded
 from agents.water.sea import Sea, SeaConfig
 from agents.water.sea_events import NotRanged, Printed, Ranged, SeaResult, SoundReached, StimulusDelivered
+from agents.water.sound import Sound
 from firmware_model.packets import CommandPacket, Kind, ShortStatus
 from firmware_model.packets.codec import MusselbedCodec
 
@@ -66,6 +67,46 @@ def test_an_opened_modem_is_answered_by_those_that_are_not() -> None:
     assert bench.ask(1, b"$M00205hello") == b"$M00205\r\n#R002T03200\r\n"
     assert bench.ask(1, b"$?").startswith(b"#A001V")
     assert len(bench.ask(1, b"$T002")) == len(b"$T002\r\n#B00264") + 64 + 2
+
+
+def test_an_address_set_by_a_driver_is_the_one_that_the_water_knows() -> None:
+    bench = Bench(1, 2)
+    bench.run(5000)
+    assert bench.ask(2, b"$A042") == b"#A042\r\n"
+    assert bench.ask(1, b"$P042") == b"$P042\r\n#R042T03200\r\n"
+    assert bench.ask(1, b"$P002") == b"$P002\r\n#TO\r\n"
+    bench.ask(1, b"$U04205hello")
+    assert SoundArrived(b"hello") in [
+        it.stimulus for it in bench.came if isinstance(it, StimulusDelivered) and it.agent_id == 2
+    ]
+    # The aPad still calls aMussel 2 by the address that it was given, and the board sends under the new one.
+    bench.came.clear()
+    bench.sea.send_sound(2, b"hello")
+    bench.sea.send_sound(3, b"hello")
+    bench.run(3000)
+    told = {it.agent_id for it in bench.came if isinstance(it, StimulusDelivered)}
+    assert told == {3}
+    assert bench.ask(2, b"$B02ab").startswith(b"$B02")
+    assert bench.ask(1, b"$E04202ab") == b"$E04202\r\n#B04202ab\r\n"
+
+
+def test_each_modem_has_a_chip_of_its_own() -> None:
+    bench = Bench(1, 2)
+    bench.run(1000)
+    one, other = bench.ask(1, b"$D"), bench.ask(2, b"$D")
+    assert one.startswith(b"#DID:0x") and other.startswith(b"#DID:0x") and one != other
+    assert one == Bench(1).ask(1, b"$D"), "in each run the same"
+
+
+def test_the_noise_is_the_water_s_and_thrusters_add_to_the_apad_s() -> None:
+    """89.03 dB in the band, 168 dB are the full scale: 65535 x 10^(-78.97 / 20) = 7.38. Thrusters: ten times that."""
+    bench = Bench(1, sea=replace(SEA, sound=Sound()))
+    bench.run(5000)
+    assert bench.ask(1, b"$N").endswith(b"#NR000007P000066M000006\r\n")
+    assert b"R000007P000066M000006" in bench.ask(1, b"$V255")
+    bench.sea.carry_apad(5.0, 0.0, bench.now_ms)
+    assert b"R000074P000664M000059" in bench.ask(1, b"$V255")
+    assert b"R000007P000066M000006" in bench.ask(1, b"$V002")
 
 
 def test_its_words_reach_boards_and_the_apad_as_packets() -> None:
