@@ -13,7 +13,8 @@ from firmware_model.actions import MOTORS, REPORTS, Action, Dropped, RunBuoyancy
 from firmware_model.config import BoardConfig
 from firmware_model.packets import Command, Kind
 from firmware_model.packets.codec import Codec
-from firmware_model.packets.commands import TRIGGERS, parse_command
+from firmware_model.packets.command_packets import TRIGGERS
+from firmware_model.packets.commands import parse_command
 from firmware_model.power.active_battery import ActiveBattery, WorstCase
 from firmware_model.power.charge import Battery
 from firmware_model.power.charge_pin import ChargePin, Edge, Fault

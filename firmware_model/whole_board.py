@@ -25,7 +25,7 @@ from firmware_model.packets import (
     SlotAssignment,
 )
 from firmware_model.packets.codec import Codec
-from firmware_model.packets.commands import TRIGGERS
+from firmware_model.packets.command_packets import TRIGGERS
 from firmware_model.power.active_battery import ActiveBattery
 from firmware_model.power.charge import Battery
 from firmware_model.power.charge_pin import Edge

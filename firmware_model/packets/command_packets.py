@@ -12,16 +12,17 @@ from enum import IntEnum
 from typing import Any, ClassVar, Self
 
 from firmware_model.packets.wire import CHARGE_STEPS, HEAD, Kind, sealed
+from firmware_model.states import Trigger
 
-_PLAIN = {
-    Kind.PERMISSION: 1,
-    Kind.RELEASE: 1,
-    Kind.PING: 1,
-    Kind.HOVER: 1,
-    Kind.SINK: 2,
-    Kind.BACK_UP_LOG: 2,
+_PLAIN: dict[Kind, tuple[int, Trigger | None]] = {
+    Kind.PERMISSION: (1, Trigger.PERMISSION_HEARD),
+    Kind.RELEASE: (1, Trigger.CLEAR_TO_SINK),
+    Kind.PING: (1, Trigger.PING_HEARD),
+    Kind.HOVER: (1, Trigger.HOVER_TOLD),
+    Kind.SINK: (2, Trigger.SINK_TOLD),
+    Kind.BACK_UP_LOG: (2, None),
 }
-"""The commands without arguments, and the layout version that introduced each."""
+"""The commands without arguments: the layout version that introduced each, and its trigger of the transition table."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +35,7 @@ class CommandPacket:
 
     def encode(self) -> bytes:
         """KeyError for a kind that has arguments."""
-        return sealed(HEAD.pack(_PLAIN[self.kind], self.kind, self.agent_id))
+        return sealed(HEAD.pack(_PLAIN[self.kind][0], self.kind, self.agent_id))
 
 
 def decode_plain(body: bytes) -> CommandPacket | None:
@@ -46,7 +47,8 @@ def decode_plain(body: bytes) -> CommandPacket | None:
 
 PLAIN_KINDS = frozenset(_PLAIN)
 """The kinds of `CommandPacket`."""
-PLAIN = tuple((version, kind) for kind, version in _PLAIN.items())
+PLAIN = tuple((version, kind) for kind, (version, _) in _PLAIN.items())
+TRIGGERS = {kind: trigger for kind, (_, trigger) in _PLAIN.items() if trigger is not None}
 
 
 class Threshold(IntEnum):

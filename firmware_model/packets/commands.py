@@ -1,19 +1,12 @@
-"""Parses the commands for a board, and maps commands to the triggers of the transition table."""
+"""Parses the commands for a board."""
 
 from __future__ import annotations
 
 from firmware_model.config import BoardConfig
 from firmware_model.packets.codec import Codec
-from firmware_model.packets.packets import EVERYONE, Beacon, Command, CommandPacket, HoverAt, Kind
-from firmware_model.states import Trigger
+from firmware_model.packets.command_packets import Beacon, Command, CommandPacket, HoverAt
+from firmware_model.packets.wire import EVERYONE, Kind
 
-TRIGGERS = {
-    Kind.PERMISSION: Trigger.PERMISSION_HEARD,
-    Kind.RELEASE: Trigger.CLEAR_TO_SINK,
-    Kind.PING: Trigger.PING_HEARD,
-    Kind.HOVER: Trigger.HOVER_TOLD,
-    Kind.SINK: Trigger.SINK_TOLD,
-}
 LATEST_MS = 1 << 53
 """A beacon that names a later time (285 000 years) is nonsense."""
 _WORST_CASE_KINDS = frozenset({Kind.PERMISSION, Kind.RELEASE, Kind.PING, Kind.SINK})

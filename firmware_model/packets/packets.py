@@ -9,18 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from firmware_model.packets import command_packets
-from firmware_model.packets.command_packets import (
-    PLAIN_KINDS,
-    Beacon,
-    Command,
-    CommandPacket,
-    HoverAt,
-    LogAck,
-    SetThreshold,
-    SleepSchedule,
-    SlotAssignment,
-    Threshold,
-)
+from firmware_model.packets.command_packets import Command
 from firmware_model.packets.log_packets import LogRecords
 from firmware_model.packets.status_packets import (
     AcousticStatus,
@@ -28,33 +17,8 @@ from firmware_model.packets.status_packets import (
     Status,
     StatusPacket,
     WifiStatus,
-    basic_of,
 )
-from firmware_model.packets.wire import EVERYONE, Kind, unsealed
-
-__all__ = [
-    "EVERYONE",
-    "PLAIN_KINDS",
-    "AcousticStatus",
-    "Beacon",
-    "Command",
-    "CommandPacket",
-    "HoverAt",
-    "Kind",
-    "LogAck",
-    "LogRecords",
-    "Packet",
-    "SetThreshold",
-    "ShortStatus",
-    "SleepSchedule",
-    "SlotAssignment",
-    "Status",
-    "StatusPacket",
-    "Threshold",
-    "WifiStatus",
-    "basic_of",
-    "decode",
-]
+from firmware_model.packets.wire import unsealed
 
 Packet = Status | ShortStatus | LogRecords | Command
 

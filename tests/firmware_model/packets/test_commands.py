@@ -21,7 +21,8 @@ from firmware_model.packets import (
     Threshold,
 )
 from firmware_model.packets.codec import MusselbedCodec
-from firmware_model.packets.commands import TRIGGERS, parse_command
+from firmware_model.packets.command_packets import TRIGGERS
+from firmware_model.packets.commands import parse_command
 from firmware_model.power.active_battery import ActiveBattery
 from firmware_model.states import State, Trigger
 from firmware_model.table_one import FIELD, HOURLY, WORST_CASE, board, power
