@@ -7,6 +7,7 @@ from dataclasses import replace
 
 from apad_bridge.mission.orders import Note, Order
 from apad_bridge.mission.state import Leg, MissionState
+from apad_bridge.vehicle.docks import after_report
 from apad_bridge.vehicle.primitives import (
     DockChanged,
     GoToPoint,
@@ -66,10 +67,7 @@ class OrderBook:
 
     def _dock_changed(self, dock_index: int, agent_id: int, closed: bool) -> None:
         """Notes that a dock closed around an aMussel, or let it go."""
-        held = {at: agent for at, agent in self.state.docked if at != dock_index}
-        if closed:
-            held[dock_index] = agent_id
-        self.set(docked=tuple(sorted(held.items())))
+        self.set(docked=after_report(self.state.docked, dock_index, agent_id, closed=closed))
         self.note("dock", dock=dock_index, agent=agent_id, closed=closed)
 
     def note(self, kind: str, **data: object) -> None:

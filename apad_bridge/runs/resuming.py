@@ -24,6 +24,7 @@ from apad_bridge.scenario.starts import starts_of
 from apad_bridge.supervisor.core import PRIMITIVE_NAMES, LearnedState
 from apad_bridge.supervisor.roster import Presence, PresenceChange, Presences
 from apad_bridge.vehicle.docking import PRE_EMPTED
+from apad_bridge.vehicle.docks import after_report
 from apad_bridge.vehicle.errors import PeerFailed
 from apad_bridge.vehicle.primitives import HoldPosition, PrimitiveFailed
 
@@ -50,12 +51,8 @@ def find_resume_point(journal: JournalContents, epoch: int, gap_ms: int) -> Resu
         if line["kind"] == EventKind.MISSION:
             state = MissionState.from_json(line["snapshot"])
         elif line["kind"] == EventKind.DOCK:
-            agent_in_dock = {
-                dock_index: agent_id for dock_index, agent_id in state.docked if dock_index != line["dock"]
-            }
-            if line["closed"]:
-                agent_in_dock[line["dock"]] = line["agent"]
-            state = replace(state, docked=tuple(sorted(agent_in_dock.items())))
+            docked = after_report(state.docked, line["dock"], line["agent"], closed=line["closed"])
+            state = replace(state, docked=docked)
         elif line["kind"] == EventKind.APAD and fraction is None:
             fraction = line["battery"]
         elif line["kind"] == EventKind.END:

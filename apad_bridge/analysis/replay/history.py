@@ -12,6 +12,7 @@ from apad_bridge.records.journal import JournalContents, Line
 from apad_bridge.records.truth_lines import truth_of
 from apad_bridge.records.uptime import UptimeMeter
 from apad_bridge.supervisor.roster import Presence
+from apad_bridge.vehicle.docks import after_report
 from firmware_model.power.charge import ChargeModel
 
 
@@ -106,9 +107,9 @@ class History:
         self.now.docks = tuple(None if agent_id < 0 else agent_id for agent_id in line["docks"])
 
     def _take_dock(self, line: Line) -> None:
-        docks = list(self.now.docks)
-        docks[line["dock"]] = line["agent"] if line["closed"] else None
-        self.now.docks = tuple(docks)
+        before = tuple((at, agent_id) for at, agent_id in enumerate(self.now.docks) if agent_id is not None)
+        held = dict(after_report(before, line["dock"], line["agent"], closed=line["closed"]))
+        self.now.docks = tuple(held.get(at) for at in range(len(self.now.docks)))
 
     def _take_mission(self, line: Line) -> None:
         self.now.phase = line["phase"]
