@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 
 from agents.mussel.stimuli import ContactClosed, to_wire
 from agents.packet_medium import Medium
-from apad_bridge.beliefs.fleet import FleetBeliefs
 from apad_bridge.beliefs.hold_last import HoldLast
 from apad_bridge.mission.allocation import Allocation
 from apad_bridge.mission.events import Send, SoundHeard, WifiHeard
@@ -124,7 +123,7 @@ def processes_of(servers: list[str], real: frozenset[int]) -> dict[str, Process]
     processes = {}
     for n, name in enumerate(NAMES):
         own = frozenset(IDS[2 * n : 2 * n + 2])
-        allocation = Allocation(FleetBeliefs(HoldLast(IDS), IDS), own)
+        allocation = Allocation(HoldLast(IDS), own)
         for agent_id, server in zip(IDS, servers, strict=True):
             if server == name:
                 allocation.take(agent_id)
