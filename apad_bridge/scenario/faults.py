@@ -16,6 +16,11 @@ class Fault(StrEnum):
     PERCHES_NOTHING = "perches_nothing"
     """A perch succeeds and holds nothing."""
 
+    SERVER_DIES = "server_dies"
+    """The action server takes a go-to and dies; the vehicle moves on, and another node has position and docks."""
+    COUNTS_DOCKS = "counts_docks"
+    """As published: position_static comes for as many docks as are closed, counted from the first, and so not for all."""
+
     # Both generations.
     STUCK = "stuck"
     """A go-to is accepted and runs, but the vehicle does not move."""
@@ -36,6 +41,14 @@ class Fault(StrEnum):
 
 
 OF_A = frozenset(
-    {Fault.NONE, Fault.RELEASE_SILENT, Fault.RELEASE_CRASHES, Fault.PERCHES_NOTHING, Fault.STUCK}
+    {
+        Fault.NONE,
+        Fault.RELEASE_SILENT,
+        Fault.RELEASE_CRASHES,
+        Fault.PERCHES_NOTHING,
+        Fault.SERVER_DIES,
+        Fault.COUNTS_DOCKS,
+        Fault.STUCK,
+    }
 )
 OF_B = frozenset(set(Fault) - OF_A | {Fault.NONE, Fault.STUCK})

@@ -32,6 +32,8 @@ class Readings:
         self.dropped: Counter[str] = Counter()
         self.position_ms = -1
         """The newest stamp of an accepted position."""
+        self.heard_since_ms = -1
+        """The stamp of the first position after the last gap of `SILENT_MS`: no topic is silent since earlier."""
         self.state_ms = -1
         """The newest stamp of `stateRef`."""
         self._empty_v, self._full_v = battery_v
@@ -56,6 +58,8 @@ class Readings:
         elif message.at_ms < self.position_ms:
             self.dropped["position: a newer one overtook it"] += 1
         else:
+            if self.position_ms >= 0 and message.at_ms - self.position_ms >= SILENT_MS:
+                self.heard_since_ms = message.at_ms
             self.position_ms = message.at_ms
             self.pose = self._pose = PoseReported(
                 message.at_ms, message.north_m, message.east_m, message.heading_rad

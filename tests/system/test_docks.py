@@ -18,7 +18,7 @@ ROOT = Path(__file__).parents[2]
 PATIENCE_S = 120.0
 
 
-def scenario(tmp_path: Path, docks: int, generation: str) -> Path:
+def scenario(tmp_path: Path, docks: int, generation: str, fault: str = "none") -> Path:
     """Seven aMussels that are candidates from the start and charged within a minute."""
     rows = [(2, 3), (4, 8), (9, 5), (8, 9), (3, 6), (7, 3), (10, 8)]
     table = [f"{n},{north},{east},0.7{n}" for n, (north, east) in enumerate(rows, start=1)]
@@ -26,7 +26,7 @@ def scenario(tmp_path: Path, docks: int, generation: str) -> Path:
     data = loader.resolve(loader.load(ROOT / "launch_scripts" / "scenarios" / "pool-12.yaml"))
     data |= {"theta": 600, "duration_s": 330}
     data["fleet"] |= {"count": 7, "start": str(tmp_path / "seven.csv")}
-    data["apad"] |= {"start_m": [6, 6], "generation": generation, "docks": docks}
+    data["apad"] |= {"start_m": [6, 6], "generation": generation, "docks": docks, "fault": fault}
     del data["mission"]["batch"]
     path = tmp_path / "scenario.yaml"
     loader.write_resolved(path, loader.from_data(data, "seven"))
@@ -63,3 +63,25 @@ def test_a_run_over_ros_uses_all_docks_as_one_in_virtual_time_does(
     )
     assert summary["first_cause"] is None and summary["dropped"] == {}
     assert {len(line["docks"]) for line in lines if line["kind"] == "apad"} == {docks}
+
+
+def test_a_server_that_is_silent_about_higher_docks_loses_no_amussel(tmp_path: Path) -> None:
+    """As the published server is. All are brought home, and to the same places as by one that tells all it holds."""
+    path = scenario(tmp_path, 4, "a", "counts_docks")
+    summary, lines = flown(path, tmp_path / "ros", "--speed", "500")
+    virtual, virtual_lines = flown(path, tmp_path / "asap", "--time", "asap")
+    assert changes(lines) == changes(virtual_lines) and len(changes(lines)) >= 8
+    assert summary["services"] == virtual["services"] >= 4
+    reckoned = "silence on position_static of an aMussel that the aPad holds: reckoned"
+    assert summary["dropped"].keys() == {reckoned}
+    places, virtual_places = places_at_the_end(lines), places_at_the_end(virtual_lines)
+    assert places.keys() == virtual_places.keys()
+    assert all(places[it] == pytest.approx(virtual_places[it], abs=1.0) for it in places)
+
+
+def places_at_the_end(lines: list[Line]) -> dict[int, tuple[float, float]]:
+    return {
+        line["id"]: (line["north_um"] / 1e6, line["east_um"] / 1e6)
+        for line in lines
+        if line["kind"] == "truth"
+    }

@@ -122,9 +122,11 @@ function drawApad(ctx, [x, y], data, view, marked) {
   ctx.fill();
   ctx.stroke();
   ctx.restore();
+  // Full docks side by side have 17 pixels each.
+  const ring = Math.max(19, 17 * data.dock_bearings.length / (2 * Math.PI));
   data.dock_bearings.forEach((bearing, dock) => {
     const angle = (data.docks_turn ? heading : 0) + bearing;
-    const place = [x + 19 * Math.sin(angle), y - 19 * Math.cos(angle)];
+    const place = [x + ring * Math.sin(angle), y - ring * Math.cos(angle)];
     const agent = view.agents.find((it) => it.dock === dock);
     if (agent) { drawMussel(ctx, place, 8, agent, marked); return; }
     ctx.beginPath();

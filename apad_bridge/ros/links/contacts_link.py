@@ -4,18 +4,23 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from typing import Any
 
 import rospy
 
 from apad_bridge.beliefs.input_ranges import out_of_range
+from apad_bridge.ros.links.dock_inquiry import DockInquiry
 from apad_bridge.ros.system.inbox import Inbox
 from apad_bridge.ros.types.messages import use_generated_messages
-from apad_bridge.ros_names.names import of_amussel, of_apad
-from apad_bridge.vehicle.commands import VehicleCommand
+from apad_bridge.ros_names.names import AMUSSEL, of_amussel, of_apad
+from apad_bridge.vehicle.capabilities import published_docks
+from apad_bridge.vehicle.commands import PoseReported, VehicleCommand
 from apad_bridge.vehicle.generation_a.docks import ReportedDocks
-from apad_bridge.vehicle.generation_a.messages import HeldPositionReceived
+from apad_bridge.vehicle.generation_a.messages import DocksReceived, HeldPositionReceived
 from apad_bridge.vehicle.link import APadSeen, Carried, LetGo, LinkFact
+from apad_bridge.vehicle.stack_messages import UNSTAMPED, PoseReceived
+from apad_bridge.vehicle.telemetry import Readings
 
 use_generated_messages()
 
@@ -38,11 +43,12 @@ class ContactsLink:
         dock_count: int,
     ) -> None:
         ids = list(agent_ids)
-        self.dropped: Counter[str] = Counter()
-        self._docks = ReportedDocks(ids, docked, now_ms, dock_count)
-        self._inbox: Inbox[tuple[int, float, float, bool]] = Inbox()
-        self._apad_places: Inbox[tuple[float, float]] = Inbox()
-        self._apad_position_ms = now_ms
+        self._docks = ReportedDocks(
+            ids, docked, now_ms, published_docks(dock_count), rospy.resolve_name(AMUSSEL)[1:]
+        )
+        self._inbox: Inbox[HeldPositionReceived | PoseReceived | DocksReceived] = Inbox()
+        self._inquiry = DockInquiry(apad, self._inbox)
+        self._readings = Readings((0.0, 1.0))
         self._subscribers = [
             rospy.Subscriber(
                 of_amussel(agent_id, "position_static"), NavSts, self._take, agent_id, tcp_nodelay=True
@@ -51,23 +57,37 @@ class ContactsLink:
         ]
         self._subscribers.append(rospy.Subscriber(of_apad(apad, "position"), NavSts, self._note_apad))
 
+    @property
+    def dropped(self) -> Counter[str]:
+        """Unusable messages, by reason."""
+        return self._inbox.dropped + self._readings.dropped + self._docks.dropped
+
     def advance(self, now_ms: int) -> list[LinkFact]:
         """Contacts and the aPad's place, stamped `now_ms` because the clocks of a vehicle at sea are not ours."""
         facts: list[LinkFact] = []
-        for agent_id, north_m, east_m, released in self._inbox.take():
-            if (reason := out_of_range(north_m=north_m, east_m=east_m)) is not None:
-                self.dropped[f"position_static: {reason}"] += 1
-                continue
-            facts += self._docks.receive(HeldPositionReceived(now_ms, agent_id, north_m, east_m, released))
-        seen: list[LinkFact] = []
-        for north_m, east_m in self._apad_places.take():
-            self._apad_position_ms = now_ms
-            if (reason := out_of_range(north_m=north_m, east_m=east_m)) is not None:
-                self.dropped[f"position: {reason}"] += 1
-            else:
-                seen = [APadSeen(now_ms, north_m, east_m)]
-        facts += [*self._docks.silent(self._apad_position_ms), *self._docks.places()]
-        return [*seen, *(fact for fact in facts if isinstance(fact, Carried | LetGo))]
+        for message in self._inbox.take():
+            match replace(message, at_ms=now_ms):
+                case PoseReceived() as pose:
+                    self._readings.receive(pose)
+                case DocksReceived() as answer:
+                    facts += self._docks.receive_answer(answer)
+                case HeldPositionReceived() as held:
+                    if (reason := out_of_range(north_m=held.north_m, east_m=held.east_m)) is not None:
+                        self._docks.dropped[f"position_static: {reason}"] += 1
+                    else:
+                        facts += self._docks.receive(held)
+        facts += [*self._docks.silent(self._readings), *self._docks.places(self._readings)]
+        if self._docks.take_question():
+            self._inquiry.ask()
+        contacts = [fact for fact in facts if isinstance(fact, Carried | LetGo)]
+        return [*self._apad_seen(), *contacts]
+
+    def _apad_seen(self) -> list[LinkFact]:
+        return [
+            APadSeen(it.at_ms, it.north_m, it.east_m)
+            for it in self._readings.take()
+            if isinstance(it, PoseReported)
+        ]
 
     def command(self, command: VehicleCommand, now_ms: int) -> None:
         raise RuntimeError("a fleet alone commands no vehicle")
@@ -77,8 +97,10 @@ class ContactsLink:
             subscriber.unregister()
 
     def _note_apad(self, message: Any) -> None:
-        self._apad_places.put((message.position.north, message.position.east))
+        place, yaw = message.position, message.orientation.yaw
+        self._inbox.put(PoseReceived(UNSTAMPED, place.north, place.east, yaw))
 
     def _take(self, message: Any, agent_id: int) -> None:
-        position, released = message.position, message.status == 1
-        self._inbox.put((agent_id, position.north, position.east, released), always=released)
+        place, released = message.position, message.status == 1
+        contact = HeldPositionReceived(UNSTAMPED, agent_id, place.north, place.east, released)
+        self._inbox.put(contact, always=released)

@@ -19,6 +19,7 @@ from typing import Any
 import rospy
 from actionlib_msgs.msg import GoalStatusArray
 
+from apad_bridge.ros.links.dock_inquiry import DockInquiry
 from apad_bridge.ros.links.legacy_link import LegacyLink, OpenedAPad
 from apad_bridge.ros.links.legacy_subscribers import POSE_FIELDS, LegacySubscribers
 from apad_bridge.ros.system.inbox import Inbox
@@ -126,11 +127,15 @@ class GenerationALink(LegacyLink[GenerationACore]):
     ) -> None:
         ids, nonce = list(agent_ids), f"musselbed-{secrets.token_hex(4)}"
         prefix = rospy.resolve_name(AMUSSEL)[1:]
-        core = GenerationACore(ids, battery_v, nonce, docked, now_ms, prefix, sight, dock_count)
+        places = STACK.capabilities(dock_count).docks
+        core = GenerationACore(
+            ids, battery_v, nonce, docked, now_ms, prefix, sight, places, takes_back=our_clock
+        )
         super().__init__(name, core, now_ms, dock_count)
         self._answer_s = ANSWER_ON_OUR_CLOCK_S if our_clock else ANSWER_S
         self._mechanism_ms: int | None = None
         self._subscribers = Subscribers(name, ids, self._inbox, stamped=our_clock)
+        self._inquiry = DockInquiry(name, self._inbox)
         self._goals = rospy.Publisher(of_apad(name, "action_server") + "/goal", aPadActionGoal, queue_size=20)
         """Twenty: never more goals than that are on their way, and a server that reads none loses nothing by the limit."""
 
@@ -156,8 +161,10 @@ class GenerationALink(LegacyLink[GenerationACore]):
             self._mechanism_ms = None
             self._wait_while(lambda: self._core.awaited_mechanisms, self._answer_s)
         facts = self._core.advance(now_ms)
-        if (order := self._core.take_resend()) is not None:
+        for order in self._core.take_orders():
             self._goals.publish(_goal_message(order))
+        if self._core.take_question():
+            self._inquiry.ask()
         return facts
 
     def command(self, command: VehicleCommand, now_ms: int) -> None:

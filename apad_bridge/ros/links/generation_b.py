@@ -12,9 +12,8 @@ and whether a pilot steers.
 
 from __future__ import annotations
 
-import threading
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import rosgraph
@@ -26,6 +25,7 @@ from apad_bridge.doctor.graph import Graph
 from apad_bridge.doctor.network import Unreachable
 from apad_bridge.ros.links.legacy_link import LegacyLink, OpenedAPad
 from apad_bridge.ros.links.legacy_subscribers import LegacySubscribers
+from apad_bridge.ros.links.service_calls import ServiceCalls
 from apad_bridge.ros.links.virtual_camera import VirtualCamera
 from apad_bridge.ros.system.inbox import Inbox
 from apad_bridge.ros.types.live_types import live_services, unreadable_topics
@@ -113,40 +113,6 @@ SERVICES: dict[Primitive, Any] = {
 _SETTLE_S = 0.003
 """On our own clock: messages published before the tick's last `stateRef` have reached this machine by then, and are read
 within this time."""
-
-
-PATIENCE_S = 5.0
-"""A call waits so long for the one before it. Behind a call that hangs, the next goes ahead."""
-
-
-class ServiceCalls:
-    """Calls services in the order in which they are sent, without waiting for the answers.
-
-    rospy's calls have no time-out, and a call that hangs must not stop a flight. A thread of the call runs `answered` with
-    the response, and with the reason if the call was refused.
-    """
-
-    def __init__(self) -> None:
-        self._last: threading.Thread | None = None
-
-    def send(
-        self, service: str, kind: Any, request: Any, answered: Callable[[Any, str | None], None]
-    ) -> None:
-        before = self._last
-
-        def call() -> None:
-            if before is not None:
-                before.join(PATIENCE_S)
-            response: Any = None
-            refused: str | None = None
-            try:
-                response = rospy.ServiceProxy(service, kind)(request)
-            except (rospy.ServiceException, rospy.ROSException, OSError) as error:
-                refused = f"{service}: {error}"
-            answered(response, refused)
-
-        self._last = threading.Thread(target=call, name=f"call of {service}", daemon=True)
-        self._last.start()
 
 
 class GenerationBLink(LegacyLink[GenerationBCore]):

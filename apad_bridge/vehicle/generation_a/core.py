@@ -1,8 +1,11 @@
 """Turns the port's commands into goals for a generation A aPad, and its messages into facts. No ROS, no clock.
 
-For the docks it trusts `position_static` only: a successful perch may have done nothing (a fifth perch), and
-a release may never answer (the published server crashes in it). Every wait ends, by the constants below, in
-mission time.
+For the docks it trusts `position_static`, and what the aPad answers where that is silent: a successful perch may have done
+nothing (one more than there are docks), and a release may never answer (the published server crashes in it). Every wait
+ends, by the constants below, in mission time.
+
+Other parties send goals to the same server, which runs one at a time. Their orders are let end. Then the aPad is told again
+to hold where it should, if it `takes_back` its vehicle; otherwise it stays there until the next order.
 """
 
 from __future__ import annotations
@@ -12,7 +15,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from apad_bridge.beliefs.input_ranges import out_of_range
-from apad_bridge.scenario.schema import PAPER_DOCKS
+from apad_bridge.vehicle.capabilities import DockPlaces
 from apad_bridge.vehicle.commands import (
     Arrived,
     CloseDock,
@@ -22,13 +25,16 @@ from apad_bridge.vehicle.commands import (
     GoTo,
     Hold,
     OpenDock,
+    PoseReported,
 )
-from apad_bridge.vehicle.generation_a.docks import ReportedDocks
+from apad_bridge.vehicle.docking import GoToProgress
+from apad_bridge.vehicle.generation_a.docks import PAPERS_PLACES, ReportedDocks
 from apad_bridge.vehicle.generation_a.messages import (
     ENDS,
     GO_TO,
     PERCH,
     RELEASE,
+    DocksReceived,
     GoalCode,
     GoalOrder,
     GoalStatusEntry,
@@ -36,9 +42,17 @@ from apad_bridge.vehicle.generation_a.messages import (
     HeldPositionReceived,
     Received,
 )
+from apad_bridge.vehicle.generation_a.server_watch import SERVER_SILENT_MS, ServerWatch
 from apad_bridge.vehicle.link import LinkFact
 from apad_bridge.vehicle.stack_messages import BatteryReceived, PoseReceived, StateRefReceived
-from apad_bridge.vehicle.telemetry import DeferredMessages, Readings, Sight, SilenceWatch, why_out_of_reach
+from apad_bridge.vehicle.telemetry import (
+    FAR_M,
+    DeferredMessages,
+    Readings,
+    Sight,
+    SilenceWatch,
+    why_out_of_reach,
+)
 
 Command = GoTo | Hold | CloseDock | OpenDock
 TAKEN_MS = 5_000
@@ -46,6 +60,10 @@ TAKEN_MS = 5_000
 whole vehicle is silent, goals wait for it; the port's own time-outs go on."""
 PERCHED_MS = 1_000
 """The longest delay of `position_static` after a successful perch (the topic comes at 20 Hz)."""
+ARRIVED_MS = 3_000
+"""So long within the victory radius, while the action server is silent, counts as arrival."""
+LEFT_ALONE_MS = 60_000
+"""Another party's order is let end for so long, and no longer: a goal of an unknown kind never ends."""
 
 
 @dataclass(slots=True)
@@ -58,13 +76,19 @@ class _SentGoal:
     is_taken: bool = False
     ended_ms: int | None = None
     """The time at which the server ended the goal, while `position_static` does not confirm it yet."""
+    pre_empted_ms: int | None = None
+    """The time at which another party's goal took its place; it fails when that one has ended."""
+    progress: GoToProgress | None = None
+    """A go-to's way, watched while the server is silent."""
+    near_since_ms: int | None = None
 
 
 class GenerationACore:
     """`receive` takes a message, `command` returns the goal to send, `advance` the facts stamped up to its time.
 
     `battery_v` is (empty, full). `docked` are the agents by dock index that the vehicle is known to hold at
-    `now_ms`. Goal keys begin with `nonce`, which no two runs on one server may share.
+    `now_ms`, at `places`. Goal keys begin with `nonce`, which no two runs on one server may share. `take_orders` returns
+    the goals that the core sends by itself, `take_question` whether to ask the vehicle what it holds.
     """
 
     def __init__(
@@ -76,10 +100,14 @@ class GenerationACore:
         now_ms: int = 0,
         object_prefix: str = "amussel",
         sight: Sight = lambda now_ms: {},
-        dock_count: int = PAPER_DOCKS,
+        places: DockPlaces = PAPERS_PLACES,
+        *,
+        takes_back: bool = True,
     ) -> None:
         self.readings = Readings(battery_v)
-        self.docks = ReportedDocks(agent_ids, docked or {}, now_ms, dock_count)
+        self.docks = ReportedDocks(agent_ids, docked or {}, now_ms, places, object_prefix)
+        self._server = ServerWatch(nonce)
+        self._takes_back = takes_back
         self._sight = sight
         self._nonce = nonce
         self._object_prefix = object_prefix
@@ -89,19 +117,23 @@ class GenerationACore:
         self._latest_key = ""
         self._silence = SilenceWatch()
         self._is_silent = False
-        self._resend: GoalOrder | None = None
-        self._status_ms = -1
+        self._orders: list[GoalOrder] = []
+        self._own_orders = 0
+        self._post: GoTo | Hold | None = None
+        """The command at whose place the vehicle should stay."""
+        self._away_ms: int | None = None
+        """The time since which another party has sent it away from there."""
 
     @property
     def dropped(self) -> Counter[str]:
         """Unusable messages of the vehicle, by reason."""
-        return self.readings.dropped + self.docks.dropped
+        return self.readings.dropped + self.docks.dropped + self._server.dropped
 
     def silent_topics(self, now_ms: int) -> list[str]:
         """Topics without a message up to `now_ms`, below the aPad's namespace or an aMussel's."""
         newest = (
             ("position", self.readings.position_ms),
-            ("action_server/status", self._status_ms),
+            ("action_server/status", self._server.status_ms),
         )
         held = [f"/{self._object_prefix}{it}/position_static" for it in self.docks.unreported_ids(now_ms)]
         return [topic for topic, at_ms in newest if at_ms < now_ms] + held
@@ -117,29 +149,65 @@ class GenerationACore:
         return [key for key, sent in self._goals.items() if isinstance(sent.command, CloseDock | OpenDock)]
 
     def command(self, command: Command, now_ms: int) -> GoalOrder | None:
-        """The goal to send; None for a perch from afar, which the vehicle would report as done."""
-        if isinstance(command, CloseDock):
-            why = why_out_of_reach(command.agent_id, self.readings.pose, self._sight, now_ms)
-            if why is not None:
-                self._facts.append(CommandFailed(now_ms, command.command_id, why))
-                return None
-        key = f"{self._nonce}-{command.command_id}"
+        """The goal to send; None for a perch or release from afar, which the vehicle would report as done."""
+        if (
+            isinstance(command, CloseDock | OpenDock)
+            and (why := self._why_from_afar(command, now_ms)) is not None
+        ):
+            self._facts.append(CommandFailed(now_ms, command.command_id, why))
+            return None
+        return self._send(f"{self._nonce}-{command.command_id}", command, now_ms)
+
+    def _send(self, key: str, command: Command, now_ms: int) -> GoalOrder:
+        progress = None
         match command:
             case GoTo(_, north_m, east_m) | Hold(_, north_m, east_m):
                 order = GoalOrder(key, GO_TO, north_m, east_m)
+                progress = GoToProgress(north_m, east_m, SERVER_SILENT_MS, now_ms, self.readings.pose)
+                self._post = command if isinstance(command, Hold) else None
+                self._away_ms = None
             case CloseDock(_, _, agent_id):
                 order = GoalOrder(key, PERCH, name=f"{self._object_prefix}{agent_id}")
             case OpenDock(_, _, agent_id):
                 self.docks.order_release(agent_id, now_ms)
                 order = GoalOrder(key, RELEASE, name=f"{self._object_prefix}{agent_id}")
-        self._goals[key] = _SentGoal(command, order, now_ms)
+        self._goals[key] = _SentGoal(command, order, now_ms, progress=progress)
         self._latest_key = key
         return order
 
-    def take_resend(self) -> GoalOrder | None:
-        """A goal to repeat, returned once: the vehicle was silent when the goal was sent, and is back now."""
-        order, self._resend = self._resend, None
-        return order
+    def take_orders(self) -> list[GoalOrder]:
+        """The goals that nobody commanded just now, returned once.
+
+        They are a goal to repeat, because the vehicle was silent when it was sent; a hold after another party's order; and
+        the release by name of an aMussel whose dock opened by silence alone, as soon as no goal of ours runs.
+        """
+        if self.docks.unordered_releases and not self._goals and not self._server.others_run:
+            name = f"{self._object_prefix}{self.docks.unordered_releases.pop(0)}"
+            self._orders.append(GoalOrder(self._own_key(), RELEASE, name=name))
+        orders, self._orders = self._orders, []
+        return orders
+
+    def take_question(self) -> bool:
+        """True, once, when the vehicle should be asked what it holds (`check_docking_availability`)."""
+        return self.docks.take_question()
+
+    def _own_key(self) -> str:
+        self._own_orders += 1
+        return f"{self._nonce}-own-{self._own_orders}"
+
+    def _why_from_afar(self, command: CloseDock | OpenDock, now_ms: int) -> str | None:
+        pose, agent_id = self.readings.pose, command.agent_id
+        if isinstance(command, CloseDock):
+            return why_out_of_reach(agent_id, pose, self._sight, now_ms)
+        lost_m = self.docks.lost_m.get(agent_id)
+        if pose is None or lost_m is None:
+            return None
+        away_m = math.dist(lost_m, (pose.north_m, pose.east_m))
+        if away_m <= FAR_M:
+            return None
+        return (
+            f"aMussel {agent_id} is in no dock: its dock opened, as far as is heard, {away_m:.1f} m from here"
+        )
 
     def _watch_silence(self, now_ms: int) -> None:
         position_ms = self.readings.position_ms
@@ -149,7 +217,8 @@ class GenerationACore:
         self._is_silent = changed.is_silent
         latest = self._goals.get(self._latest_key)
         if not changed.is_silent and latest is not None and not latest.is_taken:
-            latest.sent_ms, self._resend = now_ms, latest.order
+            latest.sent_ms = now_ms
+            self._orders.append(latest.order)
 
     def receive(self, message: Received, now_ms: int) -> None:
         """Takes a message; one stamped after `now_ms` waits for its time."""
@@ -161,17 +230,22 @@ class GenerationACore:
             case HeldPositionReceived():
                 self._receive_held_position(message)
             case GoalStatusReceived():
+                self._server.receive(message)
                 self._receive_goals(message)
+            case DocksReceived():
+                self._apply_dock_facts(self.docks.receive_answer(message))
 
     def advance(self, now_ms: int) -> list[LinkFact]:
         """New facts, each stamped at or before `now_ms`; of poses and places only the newest."""
         for message in self._deferred.advance(now_ms):
             self.receive(message, now_ms)
         self._watch_silence(now_ms)
-        self._apply_dock_facts(self.docks.silent(self.readings.position_ms))
+        self._apply_dock_facts(self.docks.silent(self.readings))
+        self._server.look(self.readings)
         self._time_out_goals(now_ms)
+        self._watch_others(now_ms)
         facts, self._facts = self._facts, []
-        facts += self.docks.places()
+        facts += self.docks.places(self.readings)
         return facts + self.readings.take()
 
     def _receive_held_position(self, message: HeldPositionReceived) -> None:
@@ -197,9 +271,13 @@ class GenerationACore:
                     self._end_goal(status, sent, message.at_ms)
         if not message.whole:
             return
-        self._status_ms = max(self._status_ms, message.at_ms)
         for key, sent in list(self._goals.items()):
-            if sent.is_taken and key not in named_keys and sent.ended_ms is None:
+            if (
+                sent.is_taken
+                and key not in named_keys
+                and sent.ended_ms is None
+                and sent.pre_empted_ms is None
+            ):
                 self._end_goal(GoalStatusEntry(key, GoalCode.LOST, "did it restart?"), sent, message.at_ms)
 
     def _end_goal(self, status: GoalStatusEntry, sent: _SentGoal, at_ms: int) -> None:
@@ -214,6 +292,10 @@ class GenerationACore:
         if not is_over:
             sent.ended_ms = at_ms if sent.ended_ms is None else sent.ended_ms
             return
+        if status.key == self._latest_key and status.code is GoalCode.PREEMPTED:
+            if sent.pre_empted_ms is None:
+                sent.pre_empted_ms = at_ms
+            return
         del self._goals[status.key]
         if status.code is GoalCode.SUCCEEDED:
             self._report_success(sent.command, at_ms)
@@ -225,6 +307,7 @@ class GenerationACore:
         """Reports a finished go-to, or a mechanism that already was as commanded and would cause no report."""
         match command:
             case GoTo(command_id):
+                self._post = command
                 self._facts.append(Arrived(at_ms, command_id))
             case CloseDock(_, _, agent_id):
                 self._facts.append(DockClosed(at_ms, self.docks.dock_index_of(agent_id), agent_id))
@@ -234,8 +317,19 @@ class GenerationACore:
     def _time_out_goals(self, now_ms: int) -> None:
         for key, sent in list(self._goals.items()):
             reason = None
+            if sent.progress is not None and self.readings.pose is not None:
+                self._watch_way(sent, self.readings.pose, now_ms)
+            silent_ms = self._server.silent_for_ms(self.readings, sent.sent_ms)
             if not sent.is_taken and not self._is_silent and now_ms - sent.sent_ms >= TAKEN_MS:
                 reason = f"no action server took the goal within {TAKEN_MS / 1000:g} s"
+            elif sent.is_taken and silent_ms >= ARRIVED_MS and _has_come(sent, now_ms):
+                self._server.dropped["the action server was silent: arrival by position"] += 1
+                del self._goals[key]
+                self._report_success(sent.command, now_ms)
+            elif sent.is_taken and silent_ms >= SERVER_SILENT_MS and not _still_comes(sent, now_ms):
+                reason = "the aPad's action server fell silent after it took the goal"
+            elif sent.pre_empted_ms is not None and self._others_are_done(sent.pre_empted_ms, now_ms):
+                reason = "the aPad's action server says PREEMPTED: another's goal took its place"
             elif (
                 isinstance(sent.command, CloseDock)
                 and sent.ended_ms is not None
@@ -246,10 +340,55 @@ class GenerationACore:
                 del self._goals[key]
                 self._fail(sent.command, now_ms, reason)
 
+    def _watch_way(self, sent: _SentGoal, pose: PoseReported, now_ms: int) -> None:
+        assert sent.progress is not None
+        sent.progress.take(pose, now_ms)
+        radius_m = sent.command.victory_radius_m if isinstance(sent.command, GoTo) else 0.0
+        if math.dist((sent.order.north_m, sent.order.east_m), (pose.north_m, pose.east_m)) > radius_m:
+            sent.near_since_ms = None
+        elif sent.near_since_ms is None:
+            sent.near_since_ms = now_ms
+
+    def _others_are_done(self, since_ms: int, now_ms: int) -> bool:
+        """No other party's goal runs, by a status later than `since_ms`, or it has run for long enough."""
+        is_over = self._server.status_ms > since_ms and not self._server.others_run
+        return is_over or now_ms - since_ms >= LEFT_ALONE_MS
+
+    def _watch_others(self, now_ms: int) -> None:
+        """Notices that another party sends the vehicle away from where it should stay, and that it is done."""
+        has_new, runs_ours = (
+            self._server.take_new(),
+            any(it.pre_empted_ms is None for it in self._goals.values()),
+        )
+        for key, sent in list(self._goals.items()):
+            if isinstance(sent.command, Hold) and sent.pre_empted_ms is not None:
+                del self._goals[key]
+                has_new = True
+        if has_new and self._post is not None and not runs_ours and self._away_ms is None:
+            self._server.dropped["somebody else sent the aPad away from where it should hold"] += 1
+            self._away_ms = now_ms
+        if self._post is None or self._away_ms is None or not self._others_are_done(self._away_ms, now_ms):
+            return
+        self._away_ms = None
+        if self._takes_back:
+            hold = Hold(self._post.command_id, self._post.north_m, self._post.east_m)
+            self._orders.append(self._send(self._own_key(), hold, now_ms))
+
     def _fail(self, command: Command, at_ms: int, reason: str) -> None:
         if isinstance(command, OpenDock):
             self.docks.withdraw_release(command.agent_id)
         self._facts.append(CommandFailed(at_ms, command.command_id, reason))
+
+
+def _has_come(sent: _SentGoal, now_ms: int) -> bool:
+    return sent.near_since_ms is not None and now_ms - sent.near_since_ms >= ARRIVED_MS
+
+
+def _still_comes(sent: _SentGoal, now_ms: int) -> bool:
+    """A go-to that gets nearer, or has come, though its server is silent: the vehicle moves on without the server."""
+    return sent.progress is not None and (
+        sent.near_since_ms is not None or now_ms < sent.progress.deadline_ms
+    )
 
 
 def _fulfils(fact: LinkFact, command: Command) -> bool:

@@ -1,4 +1,9 @@
-"""Derives a generation A aPad's dock occupancy from `position_static`, the only topic about docks."""
+"""Derives a generation A aPad's dock occupancy from `position_static`, the only topic about docks.
+
+A silence of that topic is no proof. The published server publishes for as many docks as are closed, counted from the
+first, and so falls silent about a higher dock when a lower one opens. So the aPad is asked what it holds before a
+silence that nobody ordered counts as a release.
+"""
 
 from __future__ import annotations
 
@@ -7,16 +12,21 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from apad_bridge.scenario.schema import PAPER_DOCKS
+from apad_bridge.vehicle.capabilities import DockPlaces, published_docks
 from apad_bridge.vehicle.commands import DockClosed, DockOpened
-from apad_bridge.vehicle.generation_a.messages import HeldPositionReceived
+from apad_bridge.vehicle.generation_a.messages import DocksReceived, HeldPositionReceived
 from apad_bridge.vehicle.link import Carried, LetGo, LinkFact
+from apad_bridge.vehicle.telemetry import Readings
 
 RELEASE_SILENCE_MS = 2_000
 """After a release order, so long a silence of `position_static` counts as the release, because the published
 server crashes in it."""
 SILENCE_MS = 10_000
-"""The same without an order. It is longer, because a gap in the Wi-Fi is no release. For the same reason
-silence counts only up to the aPad's own last message."""
+"""After so long a silence without an order the aPad is asked what it holds, again and again while it lasts. It is longer,
+because a gap in the Wi-Fi is no release. For the same reason silence counts only while the aPad itself is heard."""
+ANSWER_MS = 5_000
+"""Without an answer for so long, the silence counts as a release."""
+PAPERS_PLACES = published_docks(PAPER_DOCKS)
 
 
 @dataclass(slots=True)
@@ -28,12 +38,17 @@ class _Holding:
     """The place was not returned by `places` yet."""
     release_ms: int | None = None
     """The time of the release order."""
+    asked_ms: int | None = None
+    """The time since which the aPad's answer is awaited."""
+    confirmed_ms: int = -1
+    """The time of the aPad's last answer that it holds this aMussel, whose `position_static` is silent."""
 
 
 class ReportedDocks:
     """Docks fill in the order of perches: the vehicle takes the first free dock, whatever the command named.
 
-    `docked` are the agents by dock index that the vehicle is known to hold at `now_ms`, as after a resume.
+    `docked` are the agents by dock index that the vehicle is known to hold at `now_ms`, as after a resume. Objects are
+    called `object_prefix` and the aMussel's id.
     """
 
     def __init__(
@@ -41,10 +56,17 @@ class ReportedDocks:
         agent_ids: Iterable[int],
         docked: Mapping[int, int],
         now_ms: int = 0,
-        count: int = PAPER_DOCKS,
+        places: DockPlaces = PAPERS_PLACES,
+        object_prefix: str = "amussel",
     ) -> None:
-        self._indices = range(count)
+        self._places = places
+        self._object_prefix = object_prefix
         self.dropped: Counter[str] = Counter()
+        self.unordered_releases: list[int] = []
+        """Agents whose dock opened by silence alone: the vehicle may hold them still, and should release them by name."""
+        self.lost_m: dict[int, tuple[float, float]] = {}
+        """The last place (north, east) of each free agent whose dock opened by silence alone."""
+        self._asks = False
         self._served = frozenset(agent_ids)
         self._served_before: frozenset[int] = frozenset()
         self._held = {
@@ -66,11 +88,13 @@ class ReportedDocks:
         return self._held[agent_id].dock_index
 
     def unreported_ids(self, now_ms: int) -> list[int]:
-        """Held agents without a position up to `now_ms`, except those under release."""
+        """Held agents without a position up to `now_ms`, except those under release and those known to be unreported."""
         return [
             agent_id
             for agent_id, holding in self._held.items()
-            if holding.heard_ms < now_ms and holding.release_ms is None
+            if holding.heard_ms < now_ms
+            and holding.release_ms is None
+            and holding.confirmed_ms < holding.heard_ms
         ]
 
     def order_release(self, agent_id: int, now_ms: int) -> None:
@@ -81,6 +105,11 @@ class ReportedDocks:
         """The vehicle refused the release."""
         if (holding := self._held.get(agent_id)) is not None:
             holding.release_ms = None
+
+    def take_question(self) -> bool:
+        """True, once, when the aPad should be asked what it holds."""
+        asks, self._asks = self._asks, False
+        return asks
 
     def receive(self, message: HeldPositionReceived) -> list[LinkFact]:
         """The changes at the docks. A position that only moved comes with `places`."""
@@ -98,39 +127,80 @@ class ReportedDocks:
         place_m = (message.north_m, message.east_m)
         if holding is not None:
             holding.heard_ms, holding.place_m, holding.is_new = message.at_ms, place_m, True
+            holding.asked_ms = None
             return []
         taken = {other.dock_index for other in self._held.values()}
-        free = [dock_index for dock_index in self._indices if dock_index not in taken]
+        free = [dock_index for dock_index in self._places.indices if dock_index not in taken]
         if not free:
             self.dropped["position_static of more aMussels than there are docks"] += 1
             return []
         self._held[message.agent_id] = _Holding(free[0], message.at_ms, place_m, False)
+        self.lost_m.pop(message.agent_id, None)
+        if message.agent_id in self.unordered_releases:
+            self.unordered_releases.remove(message.agent_id)
         return [
             DockClosed(message.at_ms, free[0], message.agent_id),
             Carried(message.at_ms, message.agent_id, *place_m),
         ]
 
-    def silent(self, vehicle_heard_ms: int) -> list[LinkFact]:
-        """Opens the docks of silent aMussels, while the aPad itself was heard up to `vehicle_heard_ms`."""
+    def receive_answer(self, answer: DocksReceived) -> list[LinkFact]:
+        """Takes the aPad's answer about aMussels whose `position_static` is silent."""
         facts: list[LinkFact] = []
         for agent_id, holding in list(self._held.items()):
-            if holding.release_ms is None:
-                due_ms = holding.heard_ms + SILENCE_MS
+            if holding.asked_ms is None:
+                continue
+            if answer.held is None:
+                facts += self._open_by_silence(agent_id, answer.at_ms)
+            elif f"{self._object_prefix}{agent_id}" in answer.held:
+                if holding.confirmed_ms < holding.heard_ms:
+                    self.dropped[
+                        "silence on position_static of an aMussel that the aPad holds: reckoned"
+                    ] += 1
+                holding.asked_ms, holding.confirmed_ms = None, answer.at_ms
             else:
-                due_ms = max(holding.heard_ms, holding.release_ms) + RELEASE_SILENCE_MS
-            if due_ms <= vehicle_heard_ms:
-                self.dropped["silence on position_static, taken for a release"] += 1
-                facts += self._open(agent_id, due_ms)
+                self.dropped["silence on position_static, and the aPad no longer holds it"] += 1
+                facts += self._open(agent_id, answer.at_ms)
         return facts
 
-    def places(self) -> list[Carried]:
-        """The newest position of each held aMussel that has one since the last call."""
-        carried = []
+    def silent(self, readings: Readings) -> list[LinkFact]:
+        """Opens the docks of silent aMussels, or asks about them. Silence counts while the aPad itself is heard."""
+        facts: list[LinkFact] = []
+        heard_ms = readings.position_ms
+        for agent_id, holding in list(self._held.items()):
+            since_ms = max(holding.heard_ms, holding.confirmed_ms, readings.heard_since_ms)
+            if holding.release_ms is not None:
+                due_ms = max(since_ms, holding.release_ms) + RELEASE_SILENCE_MS
+                if due_ms <= heard_ms:
+                    self.dropped["silence on position_static, taken for a release"] += 1
+                    facts += self._open(agent_id, due_ms)
+            elif since_ms + SILENCE_MS > heard_ms:
+                pass
+            elif holding.asked_ms is None:
+                holding.asked_ms, self._asks = heard_ms, True
+            elif holding.asked_ms + ANSWER_MS <= heard_ms:
+                facts += self._open_by_silence(agent_id, heard_ms)
+        return facts
+
+    def places(self, readings: Readings) -> list[Carried]:
+        """The newest position of each held aMussel that has one since the last call, or that is reckoned."""
+        carried, pose = [], readings.pose
         for agent_id, holding in sorted(self._held.items()):
             if holding.is_new and holding.place_m is not None:
                 holding.is_new = False
                 carried.append(Carried(holding.heard_ms, agent_id, *holding.place_m))
+            elif holding.confirmed_ms > holding.heard_ms and pose is not None:
+                holding.place_m = self._places.place_m(
+                    holding.dock_index, pose.north_m, pose.east_m, pose.heading_rad
+                )
+                carried.append(Carried(pose.at_ms, agent_id, *holding.place_m))
         return carried
+
+    def _open_by_silence(self, agent_id: int, at_ms: int) -> list[LinkFact]:
+        self.dropped["silence on position_static, taken for a release that nobody ordered"] += 1
+        self.unordered_releases.append(agent_id)
+        if (place_m := self._held[agent_id].place_m) is not None:
+            self.lost_m[agent_id] = place_m
+        return self._open(agent_id, at_ms)
 
     def _open(self, agent_id: int, at_ms: int) -> list[LinkFact]:
         holding = self._held.pop(agent_id)

@@ -85,7 +85,22 @@ class GoalStatusReceived:
     whole: bool
 
 
-Received = PoseReceived | StateRefReceived | BatteryReceived | HeldPositionReceived | GoalStatusReceived
+@dataclass(frozen=True, slots=True)
+class DocksReceived:
+    """The answer of `check_docking_availability`: the names of the held objects; None when nobody answered."""
+
+    at_ms: int
+    held: frozenset[str] | None
+
+
+Received = (
+    PoseReceived
+    | StateRefReceived
+    | BatteryReceived
+    | HeldPositionReceived
+    | GoalStatusReceived
+    | DocksReceived
+)
 
 
 # Messages of the simulated aPad: the goals that it takes, and the messages that it publishes.

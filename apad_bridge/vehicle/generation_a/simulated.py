@@ -120,7 +120,10 @@ class GenerationAVehicle(SimulatedStack[Published]):
         command = GoTo(
             self._next_serial(), goal.north_m, goal.east_m, self._speed_m_s, self._victory_radius_m
         )
-        return self._goal_end(self._apad.receive(command, self._apad_ms))
+        published = self._goal_end(self._apad.receive(command, self._apad_ms))
+        if self._fault is Fault.SERVER_DIES:
+            self.has_crashed, self._goal = True, None
+        return published
 
     def _perch(self, goal: Goal) -> list[Published]:
         free = self.free_docks
@@ -184,7 +187,7 @@ class GenerationAVehicle(SimulatedStack[Published]):
     def _step(self, at_ms: int, published: list[Published]) -> None:
         since_ms = at_ms - self._start_ms
         published += self._goal_end(self._apad.advance(since_ms))
-        published += [self._held(dock_index) for dock_index in sorted(self._docks)]
+        published += [self._held(dock_index) for dock_index in self._reported_docks]
         if since_ms % SLOW_PERIOD_MS == 0:
             key = None if self._goal is None else self._goal.key
             published.append(
@@ -192,6 +195,12 @@ class GenerationAVehicle(SimulatedStack[Published]):
             )
         if since_ms % POSE_PERIOD_MS == 0:
             published.append(PosePublished(at_ms, self.pose))
+
+    @property
+    def _reported_docks(self) -> list[int]:
+        if self._fault is Fault.COUNTS_DOCKS:
+            return [dock_index for dock_index in range(len(self._docks)) if dock_index in self._docks]
+        return sorted(self._docks)
 
     def _held(self, dock_index: int, *, released: bool = False) -> HeldPositionPublished:
         return HeldPositionPublished(

@@ -15,7 +15,9 @@ from apad_bridge.vehicle.docking import DockingPort
 from apad_bridge.vehicle.generation_a import messages as shown_a
 from apad_bridge.vehicle.generation_a.core import GenerationACore
 from apad_bridge.vehicle.generation_a.messages import (
+    DocksReceived,
     GoalCode,
+    GoalOrder,
     GoalStatusEntry,
     GoalStatusReceived,
     HeldPositionReceived,
@@ -25,6 +27,7 @@ from apad_bridge.vehicle.generation_b import messages as shown_b
 from apad_bridge.vehicle.generation_b.core import GenerationBCore
 from apad_bridge.vehicle.generation_b.messages import ArmReceived, ServiceAnswered, StatusReceived
 from apad_bridge.vehicle.generation_b.simulated import GenerationBVehicle
+from apad_bridge.vehicle.link import Carried, LinkFact
 from apad_bridge.vehicle.primitives import (
     DockChanged,
     DockMussel,
@@ -38,6 +41,7 @@ from apad_bridge.vehicle.primitives import (
 )
 from apad_bridge.vehicle.simulated.apad import SimulatedAPad
 from apad_bridge.vehicle.simulated.misses import Misses
+from apad_bridge.vehicle.simulated.motion import Coast
 from apad_bridge.vehicle.stack_messages import PosePublished, PoseReceived
 
 ROOT = Path(__file__).parents[4]
@@ -56,22 +60,34 @@ AWAY = GoToPoint(1, NORTH_M + 10.0, EAST_M, 0.5, 0.5)
 class WithA:
     """Generation A: converts the vehicle's output to the messages of its topics and its action server."""
 
-    def __init__(self, fault: Fault) -> None:
+    def __init__(self, fault: Fault, *, takes_back: bool = True) -> None:
         self.vehicle = GenerationAVehicle(SimulatedAPad(POOL.apad), 0.5, 0.5, 0, fault)
-        self.core = GenerationACore(range(1, 10), BATTERY_V, "run")
+        self.core = GenerationACore(range(1, 10), BATTERY_V, "run", takes_back=takes_back)
+        self.answers = True
+        """Its services answer."""
         self._active: list[str] = []
 
     def advance(self, now_ms: int) -> None:
         self._receive(self.vehicle.advance(now_ms), now_ms)
 
     def command(self, command: VehicleCommand, now_ms: int) -> None:
-        order = self.core.command(command, now_ms)
-        if order is None or self.vehicle.has_crashed:
+        if (order := self.core.command(command, now_ms)) is not None:
+            self.send(order, now_ms)
+
+    def send(self, order: GoalOrder, now_ms: int) -> None:
+        """Sends a goal, of the core or of another party."""
+        if self.vehicle.has_crashed:
             return
         goal = shown_a.Goal(order.key, order.kind, order.north_m, order.east_m, order.name)
         self._active.append(order.key)
         self._report(GoalStatusEntry(order.key, GoalCode.ACTIVE), now_ms)
         self._receive(self.vehicle.receive(goal, now_ms), now_ms)
+
+    def answer(self, now_ms: int) -> None:
+        for order in self.core.take_orders():
+            self.send(order, now_ms)
+        if self.core.take_question() and self.answers:
+            self.core.receive(DocksReceived(now_ms, frozenset(self.vehicle.held)), now_ms)
 
     def _report(self, status: GoalStatusEntry, at_ms: int) -> None:
         self.core.receive(GoalStatusReceived(at_ms, (status,), whole=False), at_ms)
@@ -145,6 +161,7 @@ class Bench:
         self.port = DockingPort(DOCKING)
         self.now_ms = 0
         self.outcomes: list[tuple[int, Outcome]] = []
+        self.facts: list[LinkFact] = []
         self.run(1_000)
 
     def order(self, primitive: Primitive) -> None:
@@ -174,9 +191,9 @@ class Bench:
     def _settle(self) -> None:
         """Receives the vehicle's messages within the tick, as a flight does."""
         for _ in range(4):
-            if isinstance(self.stack, WithB):
-                self.stack.answer(self.now_ms)
+            self.stack.answer(self.now_ms)
             for fact in self.stack.core.advance(self.now_ms):
+                self.facts.append(fact)
                 if not hasattr(fact, "agent_id") or hasattr(fact, "dock_index"):
                     self._pass_on(self.port.receive(fact, self.now_ms))
         self._pass_on(self.port.advance(self.now_ms))
@@ -187,6 +204,10 @@ class Bench:
                 self.outcomes.append((self.now_ms, action))
             else:
                 self.stack.command(action, self.now_ms)
+
+
+def carried(facts: list[LinkFact], agent_id: int) -> list[tuple[float, float]]:
+    return [(it.north_m, it.east_m) for it in facts if isinstance(it, Carried) and it.agent_id == agent_id]
 
 
 def documented(fault: Fault) -> str:
@@ -236,6 +257,135 @@ def test_after_a_release_that_crashes_the_server_the_next_order_fails() -> None:
     at_ms, outcome = bench.outcome(3)
     assert isinstance(outcome, PrimitiveFailed) and outcome.reason == documented(Fault.RELEASE_CRASHES)
     assert at_ms == begun_ms + 5_000
+
+
+def test_a_go_to_whose_server_died_arrives_by_its_position_and_the_next_order_fails() -> None:
+    loud, silent = Bench(WithA(Fault.NONE)), Bench(WithA(Fault.SERVER_DIES))
+    for bench in (loud, silent):
+        bench.order(AWAY)
+    (loud_ms, _), (silent_ms, outcome) = loud.outcome(1), silent.outcome(1)
+    assert isinstance(outcome, PrimitiveSucceeded)
+    assert loud_ms < silent_ms <= loud_ms + 4_000 and ROWS["server_dies"].startswith("3 s within")
+    assert silent.stack.core.dropped["the action server fell silent"] == 1
+    silent.order(DockMussel(2, 0, 7))
+    _, outcome = silent.outcome(2)
+    assert isinstance(outcome, PrimitiveFailed) and outcome.reason == documented(Fault.SERVER_DIES)
+
+
+def test_a_go_to_of_a_dead_server_that_comes_no_nearer_has_failed() -> None:
+    stack = WithA(Fault.SERVER_DIES)
+    bench = Bench(stack)
+    bench.order(AWAY)
+    bench.run(4_000)
+    stack.vehicle._apad.receive(Coast(), stack.vehicle.now_ms)  # the water stops it
+    at_ms, outcome = bench.outcome(1)
+    assert isinstance(outcome, PrimitiveFailed)
+    assert outcome.reason == "the aPad's action server fell silent after it took the goal"
+    assert at_ms < 20_000
+
+
+def test_a_higher_dock_that_falls_silent_with_a_lower_ones_release_is_still_closed() -> None:
+    stack = WithA(Fault.COUNTS_DOCKS)
+    bench = Bench(stack)
+    for n, agent_id in enumerate((7, 8, 9), start=1):
+        bench.order(DockMussel(n, 0, agent_id))
+        bench.outcome(n)
+    bench.order(UndockMussel(4, 0, 7))
+    bench.outcome(4)
+    bench.order(replace(AWAY, primitive_id=5))
+    bench.outcome(5)
+    bench.run(20_000)
+    assert bench.port.docks.docked == {1: 8, 2: 9}
+    assert carried(bench.facts, 9)[-1] == pytest.approx(stack.vehicle._apad.dock_position(2), abs=1e-6)
+    bench.order(UndockMussel(6, 2, 9))
+    assert isinstance(bench.outcome(6)[1], PrimitiveSucceeded)
+    assert stack.vehicle.held == ["amussel8"]
+    assert stack.core.dropped["silence on position_static of an aMussel that the aPad holds: reckoned"] == 1
+    assert "asked" in ROWS["counts_docks"]
+
+
+def test_a_silence_about_which_nobody_answers_opens_the_dock_and_is_released_by_name() -> None:
+    stack = WithA(Fault.COUNTS_DOCKS)
+    stack.answers = False
+    bench = Bench(stack)
+    for n, agent_id in enumerate((7, 8), start=1):
+        bench.order(DockMussel(n, 0, agent_id))
+        bench.outcome(n)
+    bench.order(UndockMussel(3, 0, 7))
+    bench.outcome(3)
+    begun_ms = bench.now_ms
+    assert stack.vehicle.held == ["amussel8"]
+    while bench.port.docks.docked:
+        bench.run(1_000)
+        assert bench.now_ms < begun_ms + 20_000
+    assert bench.now_ms >= begun_ms + 14_000
+    assert stack.vehicle.held == [], "the aPad was not told to release what is believed to be free"
+    assert stack.core.dropped["silence on position_static, taken for a release that nobody ordered"] == 1
+    bench.order(replace(AWAY, primitive_id=4))
+    bench.outcome(4)
+    bench.order(UndockMussel(5, 1, 8))
+    _, outcome = bench.outcome(5)
+    assert isinstance(outcome, PrimitiveFailed)
+    assert re.fullmatch(
+        r"aMussel 8 is in no dock: its dock opened, as far as is heard, \d+\.\d m from here", outcome.reason
+    )
+
+
+def foreign(north_m: float) -> GoalOrder:
+    return GoalOrder("another's-1", shown_a.GO_TO, north_m, EAST_M)
+
+
+def test_anothers_go_to_during_a_hold_is_let_end_and_then_the_hold_goes_on() -> None:
+    stack = WithA(Fault.NONE)
+    bench = Bench(stack)
+    bench.order(HoldPosition(1, NORTH_M, EAST_M))
+    bench.run(5_000)
+    stack.send(foreign(NORTH_M + 6.0), bench.now_ms)
+    north_m = []
+    for _ in range(60):
+        bench.run(1_000)
+        north_m.append(stack.vehicle.pose.north_m - NORTH_M)
+    assert max(north_m) > 5.5, "the other's go-to was cut short"
+    assert north_m[-1] == pytest.approx(0.0, abs=0.5)
+    assert stack.core.dropped == {"somebody else sent the aPad away from where it should hold": 1}
+    assert isinstance(bench.port.running, HoldPosition)
+
+
+def test_a_real_apad_stays_where_another_sent_it_until_the_next_order() -> None:
+    stack = WithA(Fault.NONE, takes_back=False)
+    bench = Bench(stack)
+    bench.order(HoldPosition(2, NORTH_M, EAST_M))
+    bench.run(5_000)
+    stack.send(foreign(NORTH_M + 6.0), bench.now_ms)
+    bench.run(90_000)
+    assert stack.vehicle.pose.north_m == pytest.approx(NORTH_M + 6.0, abs=0.5)
+    assert stack.core.dropped == {"somebody else sent the aPad away from where it should hold": 1}
+    bench.order(AWAY)
+    assert isinstance(bench.outcome(1)[1], PrimitiveSucceeded)
+
+
+def test_a_go_to_that_anothers_pre_empted_fails_when_the_others_has_ended() -> None:
+    stack = WithA(Fault.NONE)
+    bench = Bench(stack)
+    bench.order(AWAY)
+    bench.run(3_000)
+    stack.send(foreign(NORTH_M - 8.0), bench.now_ms)
+    _, outcome = bench.outcome(1)
+    assert isinstance(outcome, PrimitiveFailed)
+    assert outcome.reason == "the aPad's action server says PREEMPTED: another's goal took its place"
+    assert stack.vehicle.pose.north_m == pytest.approx(NORTH_M - 8.0, abs=0.6), "the other's was cut short"
+
+
+def test_anothers_goal_that_never_ends_is_left_alone_for_a_minute() -> None:
+    stack = WithA(Fault.NONE)
+    bench = Bench(stack)
+    bench.order(HoldPosition(1, NORTH_M, EAST_M))
+    bench.run(5_000)
+    stack.send(GoalOrder("another's-1", 7), bench.now_ms)  # of no known kind: active for ever
+    bench.run(59_000)
+    assert stack.vehicle._goal is not None and stack.vehicle._goal.key == "another's-1"
+    bench.run(3_000)
+    assert stack.vehicle._goal is None or stack.vehicle._goal.key != "another's-1"
 
 
 def test_a_perch_that_holds_nothing_fails() -> None:

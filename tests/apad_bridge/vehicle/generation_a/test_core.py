@@ -23,6 +23,7 @@ from apad_bridge.vehicle.generation_a.messages import (
     GO_TO,
     PERCH,
     RELEASE,
+    DocksReceived,
     GoalCode,
     GoalOrder,
     GoalStatusEntry,
@@ -81,14 +82,36 @@ def test_the_result_of_a_hold_is_no_news(core: GenerationACore) -> None:
     assert tells(core, 20_000) == []
 
 
-@pytest.mark.parametrize("code", [GoalCode.ABORTED, GoalCode.REJECTED, GoalCode.RECALLED, GoalCode.PREEMPTED])
+@pytest.mark.parametrize("code", [GoalCode.ABORTED, GoalCode.REJECTED, GoalCode.RECALLED])
 def test_a_goal_that_ends_otherwise_has_failed(core: GenerationACore, code: GoalCode) -> None:
-    """PREEMPTED too, when no newer goal of ours did it: somebody else commands the vehicle."""
     core.command(THERE, 0)
     says(core, 2_000, "run-1", code, "because")
     assert tells(core, 2_000) == [
         CommandFailed(2_000, 1, f"the aPad's action server says {code.name}: because")
     ]
+
+
+def test_a_goal_that_another_partys_pre_empted_fails_when_that_one_has_ended(core: GenerationACore) -> None:
+    core.command(THERE, 0)
+    says(core, 2_000, "run-1", GoalCode.PREEMPTED)
+    for now_ms in range(3_000, 9_000, 1_000):
+        others = (GoalStatusEntry("another's", GoalCode.ACTIVE),)
+        core.receive(GoalStatusReceived(now_ms, others, whole=True), now_ms)
+        assert tells(core, now_ms) == []
+    others = (GoalStatusEntry("another's", GoalCode.SUCCEEDED),)
+    core.receive(GoalStatusReceived(9_000, others, whole=True), 9_000)
+    assert tells(core, 9_000) == [
+        CommandFailed(9_000, 1, "the aPad's action server says PREEMPTED: another's goal took its place")
+    ]
+
+
+def test_a_goal_that_somebody_cancelled_fails_with_the_next_status(core: GenerationACore) -> None:
+    core.command(THERE, 0)
+    says(core, 2_000, "run-1", GoalCode.PREEMPTED)
+    core.receive(
+        GoalStatusReceived(3_000, (GoalStatusEntry("run-1", GoalCode.PREEMPTED),), whole=True), 3_000
+    )
+    assert [type(it) for it in tells(core, 3_000)] == [CommandFailed]
 
 
 def test_a_goal_pre_empted_by_our_next_one_has_not_failed(core: GenerationACore) -> None:
@@ -182,13 +205,66 @@ def test_a_release_that_never_answers_is_one_after_two_seconds_of_silence(core: 
     assert tells(core, 60_000) == []
 
 
-def test_without_an_order_silence_opens_after_ten_seconds(core: GenerationACore) -> None:
+def test_without_an_order_the_vehicle_is_asked_after_ten_seconds_of_silence(core: GenerationACore) -> None:
     shows(core, 0, 7)
     tells(core, 0)
     is_at(core, 9_900)
-    assert tells(core, 9_900) == []
+    assert tells(core, 9_900) == [] and not core.take_question()
     is_at(core, 10_000)
-    assert tells(core, 10_000) == [DockOpened(10_000, 0, 7), LetGo(10_000, 7)]
+    assert tells(core, 10_000) == [] and core.take_question() and not core.take_question()
+    core.receive(DocksReceived(10_500, frozenset({"amussel8"})), 10_500)
+    assert tells(core, 10_500) == [DockOpened(10_500, 0, 7), LetGo(10_500, 7)]
+
+
+@pytest.mark.parametrize("refused", [True, False])
+def test_without_an_answer_the_silence_is_a_release(core: GenerationACore, refused: bool) -> None:
+    shows(core, 0, 7)
+    is_at(core, 10_000)
+    tells(core, 10_000)
+    if refused:
+        core.receive(DocksReceived(11_000, None), 11_000)
+    at_ms = 11_000 if refused else 14_900
+    is_at(core, at_ms)
+    tells(core, at_ms)
+    if not refused:
+        assert core.docks.holds(7)
+        at_ms = 15_000
+        is_at(core, at_ms)
+        assert tells(core, at_ms) == [DockOpened(at_ms, 0, 7), LetGo(at_ms, 7)]
+    assert not core.docks.holds(7)
+    assert core.take_orders() == [GoalOrder("run-own-1", RELEASE, name="amussel7")]
+    assert core.take_orders() == []
+
+
+def test_an_amussel_that_the_vehicle_says_it_holds_is_carried_beside_it_and_asked_about_again(
+    core: GenerationACore,
+) -> None:
+    shows(core, 0, 7)
+    is_at(core, 10_000)
+    tells(core, 10_000)
+    assert core.take_question()
+    core.receive(DocksReceived(10_000, frozenset({"amussel7"})), 10_000)
+    is_at(core, 11_000)
+    assert tells(core, 11_000) == [Carried(11_000, 7, 2.0, 3.0)]
+    for now_ms in range(12_000, 20_000, 1_000):
+        is_at(core, now_ms)
+        tells(core, now_ms)
+        assert not core.take_question()
+    is_at(core, 20_000)
+    tells(core, 20_000)
+    assert core.take_question()
+
+
+def test_after_a_gap_in_the_wifi_the_silence_is_counted_anew(core: GenerationACore) -> None:
+    shows(core, 0, 7)
+    is_at(core, 1_000)
+    tells(core, 1_000)
+    is_at(core, 60_000)
+    assert tells(core, 60_000) == [] and not core.take_question()
+    is_at(core, 64_000)
+    shows(core, 64_000, 7)
+    tells(core, 64_000)
+    assert not core.take_question()
 
 
 def test_silence_of_the_whole_vehicle_is_no_release(core: GenerationACore) -> None:
@@ -202,8 +278,11 @@ def test_one_that_is_heard_again_is_docked_again(core: GenerationACore) -> None:
     shows(core, 0, 7)
     is_at(core, 10_000)
     tells(core, 10_000)
+    core.receive(DocksReceived(10_000, None), 10_000)
+    tells(core, 10_000)
     shows(core, 11_000, 7)
     assert tells(core, 11_000) == [DockClosed(11_000, 0, 7), Carried(11_000, 7, 2.0, 3.0)]
+    assert core.take_orders() == [], "it would be released, though it is held"
 
 
 def test_a_refused_release_leaves_the_dock_closed(core: GenerationACore) -> None:
@@ -232,7 +311,10 @@ def test_after_a_resume_the_docks_are_as_they_were() -> None:
         shows(core, at_ms, 7)
         shows(core, at_ms, 9)
         is_at(core, at_ms)
-    assert DockOpened(15_000, 2, 8) in tells(core, 16_000)
+    tells(core, 15_000)
+    assert core.take_question()
+    core.receive(DocksReceived(16_000, frozenset({"amussel7", "amussel9"})), 16_000)
+    assert DockOpened(16_000, 2, 8) in tells(core, 16_000)
 
 
 @pytest.mark.parametrize("bad", [math.nan, 1e308])
@@ -283,11 +365,11 @@ def test_a_goal_that_was_sent_to_a_silent_vehicle_is_sent_again_when_it_is_heard
     tells(core, 5_000)
     order = core.command(THERE, 6_000)
     for now_ms in range(7_000, 30_000, 1_000):
-        assert tells(core, now_ms) == [] and core.take_resend() is None
+        assert tells(core, now_ms) == [] and core.take_orders() == []
     is_at(core, 30_000)
     assert tells(core, 30_000) == []
-    assert core.take_resend() == order
-    assert core.take_resend() is None
+    assert core.take_orders() == [order]
+    assert core.take_orders() == []
     for now_ms in range(31_000, 35_000, 1_000):
         is_at(core, now_ms)
         assert tells(core, now_ms) == []
