@@ -27,10 +27,12 @@ from apad_bridge.mission.events import (
 from apad_bridge.mission.orders import Note, Order, PermitSurfacing, TellClear
 from apad_bridge.mission.role import Mission
 from apad_bridge.mission.state import Phase
+from apad_bridge.mission.takeover import Takeover
 from apad_bridge.supervisor.sample_collection import NoSampleCollection, SampleCollection
 from apad_bridge.vehicle.commands import (
     Arrived,
     BatteryReported,
+    CommandedByOthers,
     CommandFailed,
     DockClosed,
     DockOpened,
@@ -62,6 +64,7 @@ _PRIORITY: dict[type, int] = {
     BatteryReported: 1,
     Arrived: 2,
     CommandFailed: 2,
+    CommandedByOthers: 2,
     SoundHeard: 3,
     RangeHeard: 3,
     WifiHeard: 3,
@@ -188,6 +191,9 @@ class Supervisor:
                 return self._carry_out(self.mission.end(end, now_ms), now_ms)
             case StandDownRequested(_, reason):
                 return self._carry_out(self.mission.stand_down(reason, now_ms), now_ms)
+            case CommandedByOthers():
+                if isinstance(self.mission, Takeover) and not self.has_ended:
+                    self.mission.take_over()
             case PoseReported():
                 self.pose = fact
                 self.mission.moved(fact.north_m, fact.east_m)

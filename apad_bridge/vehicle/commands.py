@@ -120,4 +120,13 @@ class DockOpened:
     agent_id: int
 
 
-VehicleFact = PoseReported | BatteryReported | Arrived | CommandFailed | DockClosed | DockOpened
+@dataclass(frozen=True, slots=True)
+class CommandedByOthers:
+    """Another party commands a vehicle that is a person's to give back: the mission should stand aside."""
+
+    at_ms: int
+
+
+VehicleFact = (
+    PoseReported | BatteryReported | Arrived | CommandFailed | DockClosed | DockOpened | CommandedByOthers
+)

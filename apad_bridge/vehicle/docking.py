@@ -23,6 +23,7 @@ from apad_bridge.vehicle.commands import (
     Arrived,
     BatteryReported,
     CloseDock,
+    CommandedByOthers,
     CommandFailed,
     DockClosed,
     DockOpened,
@@ -222,8 +223,8 @@ class DockingPort:
                 )
             case DockClosed() | DockOpened():
                 self._take_dock(stimulus, now_ms, actions)
-            case BatteryReported():
-                pass  # the mission takes the battery's state from the vehicle directly
+            case BatteryReported() | CommandedByOthers():
+                pass  # the supervisor takes them from the vehicle directly
         return actions
 
     def _order(self, primitive: Primitive, now_ms: int, actions: list[Action]) -> None:

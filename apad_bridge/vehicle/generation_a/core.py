@@ -4,12 +4,14 @@ For the docks it trusts `position_static`, and what the aPad answers where that 
 nothing (one more than there are docks), and a release may never answer (the published server crashes in it). Every wait
 ends, by the constants below, in mission time.
 
-Other parties send goals to the same server, which runs one at a time. Their orders are let end. Then the aPad is told again
-to hold where it should, if it `takes_back` its vehicle; otherwise it stays there until the next order.
+Other parties send goals to the same server, which runs one at a time. Their orders are let end. A core that `takes_back`
+its vehicle then orders again the hold that should be. Any other core reports `CommandedByOthers`, and orders no hold that
+would stop the other's order: a person gives the vehicle back.
 """
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -19,6 +21,7 @@ from apad_bridge.vehicle.capabilities import DockPlaces
 from apad_bridge.vehicle.commands import (
     Arrived,
     CloseDock,
+    CommandedByOthers,
     CommandFailed,
     DockClosed,
     DockOpened,
@@ -155,6 +158,9 @@ class GenerationACore:
             and (why := self._why_from_afar(command, now_ms)) is not None
         ):
             self._facts.append(CommandFailed(now_ms, command.command_id, why))
+            return None
+        if isinstance(command, Hold) and not self._takes_back and self._server.others_run:
+            self._post, self._goals = None, {}
             return None
         return self._send(f"{self._nonce}-{command.command_id}", command, now_ms)
 
@@ -356,10 +362,10 @@ class GenerationACore:
 
     def _watch_others(self, now_ms: int) -> None:
         """Notices that another party sends the vehicle away from where it should stay, and that it is done."""
-        has_new, runs_ours = (
-            self._server.take_new(),
-            any(it.pre_empted_ms is None for it in self._goals.values()),
-        )
+        has_new = self._server.take_new()
+        if has_new and not self._takes_back:
+            self._facts.append(CommandedByOthers(now_ms))
+        runs_ours = any(it.pre_empted_ms is None for it in self._goals.values())
         for key, sent in list(self._goals.items()):
             if isinstance(sent.command, Hold) and sent.pre_empted_ms is not None:
                 del self._goals[key]

@@ -21,6 +21,7 @@ from apad_bridge.planning.solution import Solution, Step, StepKind
 from apad_bridge.runs.in_memory import MemoryRecorder, open_flight
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.supervisor.loop import Flight
+from apad_bridge.vehicle.commands import CommandedByOthers
 from apad_bridge.vehicle.primitives import DockChanged, GoToPoint, PrimitiveSucceeded, UndockMussel
 from firmware_model.states import State
 
@@ -204,3 +205,16 @@ def test_a_flight_by_hand_has_nobody_to_give_it_back_to(pool: Scenario) -> None:
     assert take_over(hand) == "no mission plans in this flight: orders are taken without it"
     with pytest.raises(Refused, match="no mission to give the aPad back to"):
         give_back(hand)
+
+
+def test_a_mission_stands_aside_while_another_party_commands_the_apad(pool: Scenario) -> None:
+    flying = Flying(pool)
+    flying.until(lambda: flying.phase is Phase.GO_COLLECT)
+    flying.flight.supervisor.receive(CommandedByOthers(flying.now_ms + 1000))
+    flying.seconds(2)
+    assert flying.phase is Phase.COMMANDED and flying.events("override") == [{"taken": True}]
+    plans = len(flying.events("plan"))
+    flying.seconds(300)
+    assert len(flying.events("plan")) == plans, "it planned, though another party commands the aPad"
+    flying.call_mission(give_back)
+    flying.until(lambda: len(flying.events("plan")) > plans)

@@ -10,7 +10,7 @@ import pytest
 
 from apad_bridge.scenario.faults import OF_A, OF_B, Fault
 from apad_bridge.scenario.loader import load
-from apad_bridge.vehicle.commands import VehicleCommand
+from apad_bridge.vehicle.commands import CommandedByOthers, VehicleCommand
 from apad_bridge.vehicle.docking import DockingPort
 from apad_bridge.vehicle.generation_a import messages as shown_a
 from apad_bridge.vehicle.generation_a.core import GenerationACore
@@ -360,8 +360,24 @@ def test_a_real_apad_stays_where_another_sent_it_until_the_next_order() -> None:
     bench.run(90_000)
     assert stack.vehicle.pose.north_m == pytest.approx(NORTH_M + 6.0, abs=0.5)
     assert stack.core.dropped == {"somebody else sent the aPad away from where it should hold": 1}
+    assert [type(it) for it in bench.facts if isinstance(it, CommandedByOthers)] == [CommandedByOthers]
     bench.order(AWAY)
     assert isinstance(bench.outcome(1)[1], PrimitiveSucceeded)
+
+
+def test_a_hold_does_not_stop_what_another_ordered_of_a_real_apad() -> None:
+    """A mission that stands aside orders a hold first."""
+    stack = WithA(Fault.NONE, takes_back=False)
+    bench = Bench(stack)
+    bench.order(AWAY)
+    bench.run(3_000)
+    stack.send(foreign(NORTH_M - 8.0), bench.now_ms)
+    bench.run(2_000)
+    assert any(isinstance(it, CommandedByOthers) for it in bench.facts)
+    bench.order(HoldPosition(2, stack.vehicle.pose.north_m, EAST_M))
+    bench.run(90_000)
+    assert stack.vehicle.pose.north_m == pytest.approx(NORTH_M - 8.0, abs=0.5)
+    assert isinstance(bench.port.running, HoldPosition)
 
 
 def test_a_go_to_that_anothers_pre_empted_fails_when_the_others_has_ended() -> None:
