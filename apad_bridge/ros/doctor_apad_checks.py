@@ -11,6 +11,7 @@ from apad_bridge.doctor.graph import Graph
 from apad_bridge.ros.types.messages import generated_folder
 from apad_bridge.ros.types.wire_probe import NotAnnounced, service_md5, stamp_offset_s, topic_md5
 from apad_bridge.ros.types.workspace_services import service_by_text
+from apad_bridge.scenario.schema import MOST_DOCKS
 from apad_bridge.vehicle.stack import Stack
 
 _LATE_S = 0.5
@@ -31,6 +32,7 @@ def check_apads(graph: Graph) -> Iterator[Finding]:
     for name, stack in sorted(found, key=lambda it: (it[0], it[1].generation)):
         yield _check_md5s(graph, name, stack, ours)
         yield from _check_beside(graph, name, stack, ours)
+        yield _tell_capabilities(name, stack)
         yield _check_offset(graph, f"{name}/position", name)
 
 
@@ -51,6 +53,19 @@ def _named_like(graph: Graph, stack: Stack) -> set[str]:
         for service in stack.recognised_services
     ]
     return set.intersection(*marks)
+
+
+def _tell_capabilities(name: str, stack: Stack) -> Finding:
+    """What a mission may ask of this aPad, and what it may not."""
+    able = stack.capabilities(1)
+    told = (
+        "docks by its own eyes" if able.sees_amussels else "has no eyes to dock by",
+        "holds a position" if able.can_hold else "holds a position by going there",
+        "tells what its docks hold" if able.reports_contact else "leaves it to the bench what its docks hold",
+        "obeys the speed of a go-to" if able.obeys_speed else "goes at a speed of its own",
+        f"has {MOST_DOCKS[stack.generation]} docks at most",
+    )
+    return ok(f"{name} capabilities", "; ".join(told))
 
 
 def _check_md5s(graph: Graph, name: str, stack: Stack, ours: Md5s) -> Finding:

@@ -146,7 +146,8 @@ class DockingPort:
 
     Every wait ends. Each try of a dock or undock ends `docking.timeout_s` after it began. A go-to ends
     `stall_s` after it last got 0.5 m nearer; the port then orders the vehicle to hold at its last known
-    position. A port that follows another port on the same vehicle numbers its commands from
+    position. A vehicle that does not obey speeds goes as it is set, which should be `usual_go_to` (speed, victory
+    radius): other orders are counted. A port that follows another port on the same vehicle numbers its commands from
     `first_command_id`, beyond the other's, so that late answers to the old commands match nothing.
     """
 
@@ -157,11 +158,13 @@ class DockingPort:
         stall_s: float = STALL_S,
         first_command_id: int = 1,
         capabilities: Capabilities = _SIMULATED,
+        usual_go_to: tuple[float, float] | None = None,
     ) -> None:
         if not stall_s > 0:
             raise ValueError("stall_s must be above 0")
         self._docking = docking
         self._capabilities = capabilities
+        self._usual_go_to = usual_go_to
         self._stall_ms = round(stall_s * 1000)
         self._next_command_id = first_command_id
         self._now_ms = 0
@@ -247,7 +250,10 @@ class DockingPort:
                 self._phase = Phase.GOING
                 self._progress = GoToProgress(north_m, east_m, self._stall_ms, now_ms, self._pose)
                 self._command_id = self._take_command_id()
-                actions.append(GoTo(self._command_id, north_m, east_m, speed_m_s, victory_radius_m))
+                wanted = (speed_m_s, victory_radius_m)
+                if not self._capabilities.obeys_speed and self._usual_go_to not in (None, wanted):
+                    self.dropped["speed or victory radius of a go-to: the aPad goes as it is set"] += 1
+                actions.append(GoTo(self._command_id, north_m, east_m, *wanted))
             case HoldPosition(_, north_m, east_m):
                 self._phase = Phase.HOLDING
                 self._command_id = self._take_command_id()

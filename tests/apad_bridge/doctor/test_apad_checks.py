@@ -39,6 +39,14 @@ def test_what_is_beside_and_differs_is_a_warning_with_both_md5s(monkeypatch: pyt
     assert "commander/go2point" not in line and "go2point/" not in line
 
 
+def test_it_tells_what_can_be_asked_of_the_apad(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert found_of(monkeypatch, SERVICES)["/boat capabilities"] == (
+        Status.OK,
+        "docks by its own eyes; holds a position; leaves it to the bench what its docks hold; "
+        "obeys the speed of a go-to; has 4 docks at most",
+    )
+
+
 def test_a_primitive_that_differs_is_a_failure(monkeypatch: pytest.MonkeyPatch) -> None:
     services = SERVICES | {"/boat/commander/primitive/go2point": "1" * 32}
     del services["/boat/commander/docking"]

@@ -341,6 +341,16 @@ def test_a_vehicle_without_an_order_for_its_arms_is_given_none() -> None:
     assert port.advance(15_000) == [CloseDock(1, 2, 9)]
 
 
+@pytest.mark.parametrize(("stack", "counted"), [(Generation.A, 2), (Generation.B, 0)])
+def test_a_speed_or_radius_that_a_stack_cannot_be_told_is_counted(stack: Generation, counted: int) -> None:
+    port = DockingPort(VIRTUAL, capabilities=stack_of(stack).capabilities(4), usual_go_to=(0.5, 0.5))
+    for n, (speed_m_s, radius_m) in enumerate([(0.5, 0.5), (0.2, 0.5), (0.5, 1.0)], start=1):
+        assert port.receive(GoToPoint(n, 10.0, 0.0, speed_m_s, radius_m), 0)[-1] == GoTo(
+            n, 10.0, 0.0, speed_m_s, radius_m
+        )
+    assert port.dropped["speed or victory radius of a go-to: the aPad goes as it is set"] == counted
+
+
 @pytest.mark.parametrize("docks", [1, 4, 6])
 def test_a_report_of_a_dock_that_the_vehicle_has_not_is_dropped(docks: int) -> None:
     port = DockingPort(VIRTUAL, capabilities=of_simulated_apad(docks))
