@@ -1,6 +1,7 @@
 """The stacks of aPad software that can be flown: one line each. ROS is imported only when a part is loaded.
 
-Another stack costs `vehicle/NAME`, `ros/links/NAME`, `ros/simulated_node/NAME`, a line here and a name in `Generation`.
+Another stack costs `vehicle/NAME`, `ros/links/NAME`, `ros/simulated_node/NAME` and a line here. Its
+name, the docks that it can name and its faults stand in `scenario/schema.py`.
 """
 
 from __future__ import annotations

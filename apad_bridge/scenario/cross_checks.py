@@ -10,7 +10,6 @@ from apad_bridge.planning.registry import collection, redeployment
 from apad_bridge.scenario import schema
 from apad_bridge.scenario.currents import problem_with_current
 from apad_bridge.scenario.estimator_options import Estimator
-from apad_bridge.scenario.faults import OF_A, OF_B
 from apad_bridge.scenario.firmware_config import can_fill
 from apad_bridge.scenario.full_firmware_options import FullFirmwareOptions, SleepCycle
 from apad_bridge.scenario.lab_interface.names import load_names
@@ -91,7 +90,7 @@ def _check_further_apads(scenario: Scenario) -> Iterator[Contradiction]:
     if scenario.fleet.count < len(names):
         yield "apads", f"{len(names)} aPads have no work with {scenario.fleet.count} aMussels: leave some out"
     for n, it in enumerate(scenario.apads):
-        possible = OF_B if scenario.apad.generation is schema.Generation.B else OF_A
+        possible = schema.POSSIBLE_FAULTS[scenario.apad.generation]
         if it.fault is not None and it.fault not in possible:
             yield f"apads[{n}].fault", f"of the other generation; possible are: {', '.join(sorted(possible))}"
     if scenario.fleet.share:

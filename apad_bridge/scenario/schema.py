@@ -277,6 +277,7 @@ class Generation(StrEnum):
     """Mission primitives: services below `commander/primitive`."""
 
 
+POSSIBLE_FAULTS = {Generation.AUTO: OF_A, Generation.A: OF_A, Generation.B: OF_B}
 MOST_DOCKS = {Generation.AUTO: MAX_DOCKS, Generation.A: MAX_DOCKS, Generation.B: 4}
 """The docks that a generation's messages can name: the docking primitive of B knows slots 0 to 3."""
 
@@ -310,7 +311,7 @@ class APad:
     battery: APadBattery
 
     def __post_init__(self) -> None:
-        possible = OF_B if self.generation is Generation.B else OF_A
+        possible = POSSIBLE_FAULTS[self.generation]
         if self.fault not in possible:
             raise ValueError(
                 f"fault: {self.fault} is of the other generation; possible are: {', '.join(sorted(possible))}"

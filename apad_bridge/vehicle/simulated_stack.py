@@ -7,7 +7,6 @@ from collections import Counter
 from typing import Generic, TypeVar
 
 from apad_bridge.scenario.faults import Fault
-from apad_bridge.vehicle.capabilities import DockPlaces
 from apad_bridge.vehicle.simulated.apad import SimulatedAPad
 from apad_bridge.vehicle.simulated.kinematics import Pose
 
@@ -41,8 +40,8 @@ class SimulatedStack(ABC, Generic[PublishedT]):
         return self._apad.pose
 
     @property
-    def docks(self) -> DockPlaces:
-        return self._apad.capabilities.docks
+    def dock_indices(self) -> range:
+        return self._apad.capabilities.docks.indices
 
     @property
     def battery_percent(self) -> float:

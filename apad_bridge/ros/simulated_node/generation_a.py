@@ -209,7 +209,7 @@ class Server(LegacyServer[GenerationAVehicle]):
         with self._lock:
             vehicle = self._running()
             return SendEnergyResponse(
-                request.coil in vehicle.docks.indices and request.coil not in vehicle.free_docks
+                request.coil in vehicle.dock_indices and request.coil not in vehicle.free_docks
             )
 
     def _answer_battery(self, _: Any) -> Any:

@@ -1,7 +1,7 @@
 """The simulated aPad with generation A's behaviour, without ROS: goals in, messages to publish out.
 
 It copies the published stack as observed on a running graph, surprises included: a perch requires no nearness
-and takes the first free dock, a fifth perch succeeds and does nothing, a cancelled go-to keeps moving, and a
+and takes the first free dock, a perch without a free dock succeeds and does nothing, a cancelled go-to keeps moving, and a
 goal of an unknown kind stays active for ever. A goal of generation A carries neither speed nor victory
 radius: both are settings of this vehicle. One behaviour is ours: with `misses`, a perch may abort because the
 mechanism missed.
@@ -62,7 +62,7 @@ class GenerationAVehicle(SimulatedStack[Published]):
 
     @property
     def free_docks(self) -> list[int]:
-        return [dock_index for dock_index in self.docks.indices if dock_index not in self._docks]
+        return [dock_index for dock_index in self.dock_indices if dock_index not in self._docks]
 
     @property
     def held(self) -> list[str]:
@@ -95,7 +95,7 @@ class GenerationAVehicle(SimulatedStack[Published]):
 
     def set_dock(self, dock_index: int, closed: bool, now_ms: int) -> list[Published]:
         """A person operates a mechanism. A refusal is a ValueError with its reason and changes nothing."""
-        if dock_index not in self.docks.indices:
+        if dock_index not in self.dock_indices:
             raise ValueError(f"there is no dock {dock_index}")
         if closed:
             raise ValueError("a dock closes by a perch, which names what it holds")

@@ -189,7 +189,7 @@ class GenerationBVehicle(SimulatedStack[Published]):
         return published
 
     def _begin_docking(self, order: DockingOrder, published: list[Published]) -> None:
-        if order.dock_index not in range(len(CAMERA_SERVO)):
+        if order.dock_index not in self.dock_indices:
             self.dropped["docking: no such dock"] += 1
             self._order = None
             return

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -206,3 +207,14 @@ def test_its_battery_can_be_charged_and_drained_by_percent_points() -> None:
     assert apad.battery_percent == 100.0
     apad.change_battery(float("nan"), 0)
     assert apad.battery_percent == 100.0 and apad.dropped.total() == 1
+
+
+@pytest.mark.parametrize("docks", [1, 6])
+def test_it_holds_as_many_as_it_has_docks(docks: int) -> None:
+    apad = GenerationAVehicle(SimulatedAPad(replace(POOL.apad, docks=docks)), 0.5, 0.5)
+    for number in range(docks + 1):
+        ended = apad.receive(Goal(f"{number}", PERCH, 0.0, 0.0, f"amussel{number}"), 0)
+        assert GoalEnded(0, f"{number}", Outcome.SUCCEEDED) in ended
+    assert apad.held == [f"amussel{number}" for number in range(docks)] and apad.free_docks == []
+    with pytest.raises(ValueError, match=f"there is no dock {docks}"):
+        apad.set_dock(docks, False, 0)

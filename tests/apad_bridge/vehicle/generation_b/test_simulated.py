@@ -255,3 +255,11 @@ def test_however_time_is_cut_the_same_is_shown(cuts: list[int]) -> None:
         return published, (apad.pose.north_m, apad.pose.east_m)
 
     assert flown(sorted(cuts)) == flown([])
+
+
+def test_a_dock_that_it_has_not_is_ordered_in_vain() -> None:
+    apad = GenerationBVehicle(SimulatedAPad(replace(POOL.apad, docks=2)), 0)
+    apad.receive(DockingOrder(True, 2, 0.2, 0.3, 0.15, 0.2), 0)
+    assert apad.dropped == {"docking: no such dock": 1} and apad.stage is Stage.OFF
+    apad.receive(DockingOrder(True, 1, 0.2, 0.3, 0.15, 0.2), 0)
+    assert apad.stage is Stage.SERVO
