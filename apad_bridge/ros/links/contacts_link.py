@@ -8,6 +8,7 @@ from dataclasses import replace
 from typing import Any
 
 import rospy
+from actionlib_msgs.msg import GoalStatusArray
 
 from apad_bridge.beliefs.input_ranges import out_of_range
 from apad_bridge.ros.links.dock_inquiry import DockInquiry
@@ -17,7 +18,8 @@ from apad_bridge.ros_names.names import AMUSSEL, of_amussel, of_apad
 from apad_bridge.vehicle.capabilities import published_docks
 from apad_bridge.vehicle.commands import PoseReported, VehicleCommand
 from apad_bridge.vehicle.generation_a.docks import ReportedDocks
-from apad_bridge.vehicle.generation_a.messages import DocksReceived, HeldPositionReceived
+from apad_bridge.vehicle.generation_a.messages import DocksReceived, GoalStatusReceived, HeldPositionReceived
+from apad_bridge.vehicle.generation_a.server_watch import ServerWatch
 from apad_bridge.vehicle.link import APadSeen, Carried, LetGo, LinkFact
 from apad_bridge.vehicle.stack_messages import UNSTAMPED, PoseReceived
 from apad_bridge.vehicle.telemetry import Readings
@@ -30,8 +32,8 @@ from auv_msgs.msg import NavSts  # noqa: E402
 class ContactsLink:
     """Gives a fleet alone the contacts of docks that somebody else's planner commands.
 
-    It also subscribes to the position of the aPad `apad` (its namespace), so that a gap in the Wi-Fi is not taken for a
-    release, and to know where the aPad's modem is.
+    It also subscribes to the position and the action server's status of the aPad `apad` (its namespace), so that neither a
+    gap in the Wi-Fi nor a server that is silent about a dock is taken for a release, and to know where its modem is.
     """
 
     def __init__(
@@ -46,16 +48,20 @@ class ContactsLink:
         self._docks = ReportedDocks(
             ids, docked, now_ms, published_docks(dock_count), rospy.resolve_name(AMUSSEL)[1:]
         )
-        self._inbox: Inbox[HeldPositionReceived | PoseReceived | DocksReceived] = Inbox()
+        self._inbox: Inbox[HeldPositionReceived | PoseReceived | DocksReceived | GoalStatusReceived] = Inbox()
         self._inquiry = DockInquiry(apad, self._inbox)
         self._readings = Readings((0.0, 1.0))
+        self._server = ServerWatch("")
         self._subscribers = [
             rospy.Subscriber(
                 of_amussel(agent_id, "position_static"), NavSts, self._take, agent_id, tcp_nodelay=True
             )
             for agent_id in ids
         ]
-        self._subscribers.append(rospy.Subscriber(of_apad(apad, "position"), NavSts, self._note_apad))
+        self._subscribers += [
+            rospy.Subscriber(of_apad(apad, "position"), NavSts, self._note_apad),
+            rospy.Subscriber(of_apad(apad, "action_server/status"), GoalStatusArray, self._note_server),
+        ]
 
     @property
     def dropped(self) -> Counter[str]:
@@ -70,13 +76,20 @@ class ContactsLink:
                 case PoseReceived() as pose:
                     self._readings.receive(pose)
                 case DocksReceived() as answer:
-                    facts += self._docks.receive_answer(answer)
+                    facts += self._docks.receive_answer(
+                        answer, server_lives=self._server.lives(self._readings)
+                    )
+                case GoalStatusReceived() as status:
+                    self._server.receive(status)
                 case HeldPositionReceived() as held:
                     if (reason := out_of_range(north_m=held.north_m, east_m=held.east_m)) is not None:
                         self._docks.dropped[f"position_static: {reason}"] += 1
                     else:
                         facts += self._docks.receive(held)
-        facts += [*self._docks.silent(self._readings), *self._docks.places(self._readings)]
+        facts += [
+            *self._docks.silent(self._readings, server_lives=self._server.lives(self._readings)),
+            *self._docks.places(self._readings),
+        ]
         if self._docks.take_question():
             self._inquiry.ask()
         contacts = [fact for fact in facts if isinstance(fact, Carried | LetGo)]
@@ -99,6 +112,9 @@ class ContactsLink:
     def _note_apad(self, message: Any) -> None:
         place, yaw = message.position, message.orientation.yaw
         self._inbox.put(PoseReceived(UNSTAMPED, place.north, place.east, yaw))
+
+    def _note_server(self, _: Any) -> None:
+        self._inbox.put(GoalStatusReceived(UNSTAMPED, (), whole=True))
 
     def _take(self, message: Any, agent_id: int) -> None:
         place, released = message.position, message.status == 1

@@ -239,14 +239,18 @@ class GenerationACore:
                 self._server.receive(message)
                 self._receive_goals(message)
             case DocksReceived():
-                self._apply_dock_facts(self.docks.receive_answer(message))
+                self._apply_dock_facts(
+                    self.docks.receive_answer(message, server_lives=self._server.lives(self.readings))
+                )
 
     def advance(self, now_ms: int) -> list[LinkFact]:
         """New facts, each stamped at or before `now_ms`; of poses and places only the newest."""
         for message in self._deferred.advance(now_ms):
             self.receive(message, now_ms)
         self._watch_silence(now_ms)
-        self._apply_dock_facts(self.docks.silent(self.readings))
+        self._apply_dock_facts(
+            self.docks.silent(self.readings, server_lives=self._server.lives(self.readings))
+        )
         self._server.look(self.readings)
         self._time_out_goals(now_ms)
         self._watch_others(now_ms)
@@ -381,9 +385,9 @@ class GenerationACore:
             self._orders.append(self._send(self._own_key(), hold, now_ms))
 
     def _fail(self, command: Command, at_ms: int, reason: str) -> None:
-        if isinstance(command, OpenDock):
-            self.docks.withdraw_release(command.agent_id)
         self._facts.append(CommandFailed(at_ms, command.command_id, reason))
+        if isinstance(command, OpenDock):
+            self._apply_dock_facts(self.docks.receive_refusal(command.agent_id, at_ms))
 
 
 def _has_come(sent: _SentGoal, now_ms: int) -> bool:

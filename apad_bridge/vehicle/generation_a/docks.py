@@ -2,7 +2,8 @@
 
 A silence of that topic is no proof. The published server publishes for as many docks as are closed, counted from the
 first, and so falls silent about a higher dock when a lower one opens. So the aPad is asked what it holds before a
-silence that nobody ordered counts as a release.
+silence that nobody ordered counts as a release. An answer that names none of the held aMussels is none: the public docking
+simulator counts by itself, and knows nothing of perches. Then a living action server holds what it held.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ SILENCE_MS = 10_000
 """After so long a silence without an order the aPad is asked what it holds, again and again while it lasts. It is longer,
 because a gap in the Wi-Fi is no release. For the same reason silence counts only while the aPad itself is heard."""
 ANSWER_MS = 5_000
-"""Without an answer for so long, the silence counts as a release."""
+"""So long an answer is awaited."""
 PAPERS_PLACES = published_docks(PAPER_DOCKS)
 
 
@@ -41,7 +42,7 @@ class _Holding:
     asked_ms: int | None = None
     """The time since which the aPad's answer is awaited."""
     confirmed_ms: int = -1
-    """The time of the aPad's last answer that it holds this aMussel, whose `position_static` is silent."""
+    """The time at which this aMussel, whose `position_static` is silent, was last found to be held all the same."""
 
 
 class ReportedDocks:
@@ -101,11 +102,6 @@ class ReportedDocks:
         if (holding := self._held.get(agent_id)) is not None:
             holding.release_ms = now_ms
 
-    def withdraw_release(self, agent_id: int) -> None:
-        """The vehicle refused the release."""
-        if (holding := self._held.get(agent_id)) is not None:
-            holding.release_ms = None
-
     def take_question(self) -> bool:
         """True, once, when the aPad should be asked what it holds."""
         asks, self._asks = self._asks, False
@@ -143,26 +139,31 @@ class ReportedDocks:
             Carried(message.at_ms, message.agent_id, *place_m),
         ]
 
-    def receive_answer(self, answer: DocksReceived) -> list[LinkFact]:
+    def receive_answer(self, answer: DocksReceived, *, server_lives: bool) -> list[LinkFact]:
         """Takes the aPad's answer about aMussels whose `position_static` is silent."""
         facts: list[LinkFact] = []
+        named = {it for it in self._held if f"{self._object_prefix}{it}" in (answer.held or ())}
         for agent_id, holding in list(self._held.items()):
             if holding.asked_ms is None:
                 continue
-            if answer.held is None:
-                facts += self._open_by_silence(agent_id, answer.at_ms)
-            elif f"{self._object_prefix}{agent_id}" in answer.held:
-                if holding.confirmed_ms < holding.heard_ms:
-                    self.dropped[
-                        "silence on position_static of an aMussel that the aPad holds: reckoned"
-                    ] += 1
-                holding.asked_ms, holding.confirmed_ms = None, answer.at_ms
-            else:
+            if agent_id in named or (not named and server_lives):
+                self._reckon(holding, answer.at_ms)
+            elif named:
                 self.dropped["silence on position_static, and the aPad no longer holds it"] += 1
                 facts += self._open(agent_id, answer.at_ms)
+            else:
+                facts += self._open_by_silence(agent_id, answer.at_ms)
         return facts
 
-    def silent(self, readings: Readings) -> list[LinkFact]:
+    def receive_refusal(self, agent_id: int, at_ms: int) -> list[LinkFact]:
+        """The vehicle refused to release this aMussel by its name: it does not hold one whose position is silent."""
+        holding = self._held.get(agent_id)
+        if holding is None:
+            return []
+        holding.release_ms = None
+        return self._open_by_silence(agent_id, at_ms) if holding.confirmed_ms > holding.heard_ms else []
+
+    def silent(self, readings: Readings, *, server_lives: bool) -> list[LinkFact]:
         """Opens the docks of silent aMussels, or asks about them. Silence counts while the aPad itself is heard."""
         facts: list[LinkFact] = []
         heard_ms = readings.position_ms
@@ -178,7 +179,7 @@ class ReportedDocks:
             elif holding.asked_ms is None:
                 holding.asked_ms, self._asks = heard_ms, True
             elif holding.asked_ms + ANSWER_MS <= heard_ms:
-                facts += self._open_by_silence(agent_id, heard_ms)
+                facts += self.receive_answer(DocksReceived(heard_ms, None), server_lives=server_lives)
         return facts
 
     def places(self, readings: Readings) -> list[Carried]:
@@ -194,6 +195,11 @@ class ReportedDocks:
                 )
                 carried.append(Carried(pose.at_ms, agent_id, *holding.place_m))
         return carried
+
+    def _reckon(self, holding: _Holding, at_ms: int) -> None:
+        if holding.confirmed_ms < holding.heard_ms:
+            self.dropped["silence on position_static of an aMussel that the aPad holds: reckoned"] += 1
+        holding.asked_ms, holding.confirmed_ms = None, at_ms
 
     def _open_by_silence(self, agent_id: int, at_ms: int) -> list[LinkFact]:
         self.dropped["silence on position_static, taken for a release that nobody ordered"] += 1

@@ -50,6 +50,9 @@ class ServerWatch:
         """How long the server has been silent, from `since_ms` on, while the aPad's positions came."""
         return readings.position_ms - max(self.status_ms, readings.heard_since_ms, since_ms)
 
+    def lives(self, readings: Readings) -> bool:
+        return self.status_ms >= 0 and self.silent_for_ms(readings) < SERVER_SILENT_MS
+
     def look(self, readings: Readings) -> None:
         """Counts each time at which the server falls silent."""
         is_silent = self.status_ms >= 0 and self.silent_for_ms(readings) >= SERVER_SILENT_MS

@@ -211,9 +211,28 @@ def test_without_an_order_the_vehicle_is_asked_after_ten_seconds_of_silence(core
     is_at(core, 9_900)
     assert tells(core, 9_900) == [] and not core.take_question()
     is_at(core, 10_000)
-    assert tells(core, 10_000) == [] and core.take_question() and not core.take_question()
+    shows(core, 10_000, 8)
+    tells(core, 10_000)
+    assert core.take_question() and not core.take_question()
     core.receive(DocksReceived(10_500, frozenset({"amussel8"})), 10_500)
     assert tells(core, 10_500) == [DockOpened(10_500, 0, 7), LetGo(10_500, 7)]
+
+
+@pytest.mark.parametrize("answer", [None, frozenset(), frozenset({"amussel9"})])
+def test_where_the_answer_tells_nothing_a_living_server_holds_what_it_held(
+    core: GenerationACore, answer: frozenset[str] | None
+) -> None:
+    shows(core, 0, 7)
+    for now_ms in range(1_000, 40_000, 1_000):
+        core.receive(GoalStatusReceived(now_ms, (), whole=True), now_ms)
+        is_at(core, now_ms)
+        assert not any(isinstance(it, DockOpened) for it in tells(core, now_ms))
+        if core.take_question() and answer is not None:
+            core.receive(DocksReceived(now_ms, answer), now_ms)
+    assert core.dropped["silence on position_static of an aMussel that the aPad holds: reckoned"] == 1
+    core.command(OpenDock(1, 0, 7), 40_000)
+    says(core, 40_000, "run-1", GoalCode.ABORTED, "holds no amussel7")
+    assert DockOpened(40_000, 0, 7) in tells(core, 40_000), "it is believed for good"
 
 
 @pytest.mark.parametrize("refused", [True, False])
@@ -234,6 +253,13 @@ def test_without_an_answer_the_silence_is_a_release(core: GenerationACore, refus
     assert not core.docks.holds(7)
     assert core.take_orders() == [GoalOrder("run-own-1", RELEASE, name="amussel7")]
     assert core.take_orders() == []
+    core.receive(PoseReceived(16_000, 26.0, 3.0, 0.0), 16_000)
+    assert core.command(OpenDock(5, 0, 7), 16_000) is None
+    assert tells(core, 16_000) == [
+        CommandFailed(
+            16_000, 5, "aMussel 7 is in no dock: its dock opened, as far as is heard, 24.0 m from here"
+        )
+    ]
 
 
 def test_an_amussel_that_the_vehicle_says_it_holds_is_carried_beside_it_and_asked_about_again(
