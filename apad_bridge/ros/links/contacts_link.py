@@ -60,7 +60,7 @@ class ContactsLink:
         ]
         self._subscribers += [
             rospy.Subscriber(of_apad(apad, "position"), NavSts, self._note_apad),
-            rospy.Subscriber(of_apad(apad, "action_server/status"), GoalStatusArray, self._note_server),
+            rospy.Subscriber(f"{of_apad(apad, 'action_server')}/status", GoalStatusArray, self._note_server),
         ]
 
     @property
