@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 from rosbags.rosbag1 import Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from scenario_files import POOL_FILE
 
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.schema import Scenario
@@ -29,7 +30,7 @@ THETA = 30
 @pytest.fixture(scope="session")
 def pool() -> Scenario:
     """12 aMussels in the paper's pool, with the simulated aPad among them."""
-    return load(Path(__file__).parents[2] / "launch_scripts/scenarios/pool-12.yaml")
+    return load(POOL_FILE)
 
 
 @pytest.fixture

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from scenario_files import POOL_FILE, SOUND_FILE
 
 from apad_bridge.runs.in_memory import MemoryRecorder, open_flight
 from apad_bridge.scenario.errors import ScenarioError
@@ -27,7 +28,7 @@ TWIN = {
 
 def scenario(**talk: float) -> dict[str, Any]:
     """Fifteen minutes of the pool with sound, on batteries so low that every aMussel has to be collected at some time."""
-    data = resolve(load(Path(__file__).parents[3] / "launch_scripts/scenarios/sound-12.yaml"))
+    data = resolve(load(SOUND_FILE))
     data.update(name="asking", duration_s=900)
     data["fleet"].update(count=4, start={"charge": [0.55, 0.62]})
     data["mission"]["batch"] = 4
@@ -127,7 +128,7 @@ def test_it_takes_beliefs_that_know_how_sure_they_are(key: str, wrong: dict[str,
 
 def test_the_worst_case_does_not_answer_and_so_is_not_asked() -> None:
     data = scenario(ask_worth_answers=1.0)
-    pool = resolve(load(Path(__file__).parents[3] / "launch_scripts/scenarios/pool-12.yaml"))
+    pool = resolve(load(POOL_FILE))
     data["board"], data["mission"]["full_when"] = pool["board"], "primary"
     with pytest.raises(
         ScenarioError, match=r"water\.talk\.ask_worth_answers.*the worst case does not answer"

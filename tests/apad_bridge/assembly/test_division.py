@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 import yaml
+from scenario_files import POOL_FILE
 
 from apad_bridge.assembly.division import members, with_apad
 from apad_bridge.commands.main import main
@@ -40,10 +41,10 @@ def test_five_aPads_serve_twenty_four_each(bay: Scenario) -> None:
 
 
 def test_one_that_stands_in_another_namespace_has_files_of_a_plain_name() -> None:
-    data = resolve(load(SCENARIOS / "pool-12.yaml"))
+    data = resolve(load(POOL_FILE))
     data["apad"]["name"] = "/lab/boat"
     alone = with_apad(from_data(data, "far"), "/lab/boat")
-    assert (alone.name, alone.apad.name) == ("pool-12-lab_boat", "/lab/boat")
+    assert (alone.name, alone.apad.name) == ("pool-lab_boat", "/lab/boat")
 
 
 def small(bay: Scenario, **apad: Any) -> dict[str, Any]:

@@ -1,10 +1,10 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
+from scenario_files import POOL_FILE, WHOLE_FILE
 
 from agents.mussel.outputs import Truth
 from apad_bridge.assembly.estimator import schedules
@@ -25,7 +25,7 @@ from firmware_model.power.rails import rails_of
 from firmware_model.power.voltage import Meter
 from firmware_model.states import State
 
-POOL = load(Path(__file__).parents[3] / "launch_scripts/scenarios/pool-12.yaml")
+POOL = load(POOL_FILE)
 MODEL = TwinModel(
     drain_deviation=0.01,
     sensor_noise=0.002,
@@ -33,7 +33,6 @@ MODEL = TwinModel(
     unscheduled=0.001,
     fix_deviation_m=0.05,
 )
-WHOLE_FILE = Path(__file__).parents[3] / "launch_scripts/scenarios/whole-board-12.yaml"
 WHOLE = load(WHOLE_FILE)
 
 

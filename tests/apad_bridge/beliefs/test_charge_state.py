@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 from math import sqrt
-from pathlib import Path
 
 import numpy as np
 import pytest
+from scenario_files import SOUND_FILE
 
 from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.beliefs import charge_state as charge
@@ -82,7 +82,7 @@ def test_a_dock_makes_the_charge_go_with_the_charging_rate() -> None:
 
 def test_the_drain_of_an_ageing_battery_wanders_by_a_days_deviation_in_a_day() -> None:
     """A random walk: after four days the deviation is twice that of one day."""
-    scenario = load(Path(__file__).parents[3] / "launch_scripts/scenarios/sound-12.yaml")
+    scenario = load(SOUND_FILE)
     twin = flight_config(scenario).twin
     assert twin is not None
     parameters = replace(twin.parameters, ageing_per_day=0.002)

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 from math import sqrt
-from pathlib import Path
 
 import numpy as np
 import pytest
+from scenario_files import POOL_FILE
 
 from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.beliefs import charge_state as charge
@@ -32,7 +32,7 @@ MODEL = TwinModel(
     fix_deviation_m=1.0,
     current_deviation_m_s=0.02,
 )
-POOL = load(Path(__file__).parents[3] / "launch_scripts" / "scenarios" / "pool-12.yaml")
+POOL = load(POOL_FILE)
 TWINS = flight_config(replace(POOL, beliefs=Beliefs(estimator=Estimator.TWIN, twin=MODEL))).twin
 assert TWINS is not None
 KNOWLEDGE = TWINS.parameters

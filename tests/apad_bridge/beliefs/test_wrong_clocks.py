@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scenario_files import POOL_FILE
 
 from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.assembly.parts import fleet_beliefs
@@ -23,7 +24,7 @@ from apad_bridge.scenario.loader import load
 from firmware_model.packets import StatusPacket
 from firmware_model.states import State
 
-POOL = load(Path(__file__).parents[3] / "launch_scripts" / "scenarios" / "pool-12.yaml")
+POOL = load(POOL_FILE)
 MODEL = TwinModel(
     drain_deviation=0.1,
     sensor_noise=0.015,

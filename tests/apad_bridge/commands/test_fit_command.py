@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from scenario_files import POOL_FILE
 
 from apad_bridge.commands.main import main
 from apad_bridge.runs.exits import Exit
 from apad_bridge.scenario.loader import load
 
 ROOT = Path(__file__).parents[3]
-POOL = ROOT / "launch_scripts/scenarios/pool-12.yaml"
 PAGE = ROOT / "docs/battery-fit.md"
 
 
@@ -38,7 +38,7 @@ def test_the_printed_block_makes_a_scenario(logs: Path, capsys: pytest.CaptureFi
     assert main(["fit", "battery", "charge.csv", "discharge.csv"]) == Exit.DONE
     told = capsys.readouterr().out
     block = yaml.safe_load(told[told.index("board:") :])["board"]
-    scenario = yaml.safe_load(POOL.read_text())
+    scenario = yaml.safe_load(POOL_FILE.read_text())
     scenario["board"] |= block
     scenario["fleet"]["start"] = {"charge": [0.6, 1.0]}
     (logs / "mine.yaml").write_text(yaml.safe_dump(scenario))

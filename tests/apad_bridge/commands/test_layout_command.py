@@ -6,10 +6,11 @@ import json
 from pathlib import Path
 
 import pytest
+from scenario_files import POOL_FILE
 
 from apad_bridge.commands.main import main
 
-POOL = str(Path(__file__).parents[3] / "launch_scripts" / "scenarios" / "pool-12.yaml")
+POOL = str(POOL_FILE)
 
 
 def test_a_file_is_written_and_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -7,13 +7,12 @@ from typing import Any
 
 import pytest
 import yaml
+from scenario_files import SCENARIO_FILES, WHOLE_FILE
 
 from apad_bridge.commands.main import main
 from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.run_options import OPTIONS_NAME, APadKind, OnDeath, Part, RunOptions, TimeSource
-
-SCENARIOS = Path(__file__).parents[3] / "launch_scripts" / "scenarios"
 
 
 @pytest.fixture
@@ -23,8 +22,8 @@ def scenario(tmp_path: Path) -> Path:
 
 
 def changed(tmp_path: Path, name: str, **changes: Any) -> Path:
-    data = yaml.safe_load((SCENARIOS / "whole-board-12.yaml").read_text())
-    data["fleet"]["start"] = str(SCENARIOS / "pool-12.csv")
+    data = yaml.safe_load(WHOLE_FILE.read_text())
+    data["fleet"]["start"] = str(SCENARIO_FILES / "pool.csv")
     path = tmp_path / f"{name}.yaml"
     path.write_text(yaml.safe_dump({**data, **changes}))
     return path

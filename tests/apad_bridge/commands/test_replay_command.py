@@ -3,9 +3,9 @@
 import argparse
 import json
 from datetime import UTC, datetime
-from pathlib import Path
 
 import pytest
+from scenario_files import POOL_FILE
 
 from apad_bridge.commands import replay
 from apad_bridge.records.recorder import Recorder
@@ -25,7 +25,7 @@ def command(*words):
 
 @pytest.fixture
 def run_dir(tmp_path):
-    scenario = load(Path(__file__).parents[3] / "launch_scripts" / "scenarios" / "pool-12.yaml")
+    scenario = load(POOL_FILE)
     directory = RunDirectory.create("pool-12", datetime(2026, 5, 4, tzinfo=UTC), tmp_path / "run")
     directory.write_inputs(scenario, starts_of(scenario))
     recorder = Recorder(directory, scenario, [1])

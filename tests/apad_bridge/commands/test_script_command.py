@@ -6,6 +6,7 @@ import shlex
 from pathlib import Path
 
 import pytest
+from scenario_files import POOL_FILE
 
 from apad_bridge.commands.main import main
 from apad_bridge.mission.ending import EndReason
@@ -18,7 +19,7 @@ from apad_bridge.scripting.api import Api
 
 ROOT = Path(__file__).parents[3]
 PAGE = ROOT / "docs/scripting.md"
-POOL = str(ROOT / "launch_scripts/scenarios/pool-12.yaml")
+POOL = str(POOL_FILE)
 HERE = ["--time", "asap", "--hosting", "one_process"]
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from scenario_files import POOL_FILE
 
 from apad_bridge.doctor import scenario_check
 from apad_bridge.doctor.finding import Status
@@ -21,7 +22,7 @@ def test_the_shipped_ones_are_fine(name: str) -> None:
 
 
 def changed(tmp_path: Path, old: str, new: str) -> Path:
-    text = (SCENARIOS / "pool-12.yaml").read_text().replace("pool-12.csv", str(SCENARIOS / "pool-12.csv"))
+    text = POOL_FILE.read_text().replace("pool.csv", str(POOL_FILE.with_name("pool.csv")))
     assert old in text
     path = tmp_path / "changed.yaml"
     path.write_text(text.replace(old, new))

@@ -1,9 +1,9 @@
 """The energy-exchange mission, with beliefs and port answers set by the test."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
+from scenario_files import POOL_FILE
 
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.mission.ending import EndReason, MissionEnd
@@ -25,7 +25,7 @@ from apad_bridge.vehicle.primitives import (
 )
 from firmware_model.states import State
 
-MISSION = load(Path(__file__).parents[3] / "launch_scripts/scenarios/pool-12.yaml").mission
+MISSION = load(POOL_FILE).mission
 
 
 class Told(dict[int, Belief]):

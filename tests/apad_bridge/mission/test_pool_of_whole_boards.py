@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
+from scenario_files import WHOLE_FILE
 
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.mission.charging_watch import ChargingWatch
@@ -16,7 +16,7 @@ from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.schema import FullWhen
 from firmware_model.states import TABLE, State, Trigger
 
-MISSION = load(Path(__file__).parents[3] / "launch_scripts/scenarios/whole-board-12.yaml").mission
+MISSION = load(WHOLE_FILE).mission
 DEAF = {State.TRANSMITTING, State.CALLING}
 """In these states a board receives no permission now, but will in a moment."""
 

@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from scenario_files import POOL_FILE
 
 from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.assembly.parts import fleet_beliefs
@@ -32,7 +33,7 @@ from apad_bridge.scenario.loader import load
 from firmware_model.packets import ShortStatus, StatusPacket
 from firmware_model.states import State
 
-POOL = load(Path(__file__).parents[3] / "launch_scripts" / "scenarios" / "pool-12.yaml")
+POOL = load(POOL_FILE)
 TWIN = Beliefs(
     estimator=Estimator.TWIN,
     twin=TwinModel(

@@ -5,11 +5,11 @@ import shutil
 from collections import Counter
 from dataclasses import replace
 from datetime import UTC, datetime
-from pathlib import Path
 from statistics import mean
 
 import pytest
 from rosbags.rosbag1 import Reader
+from scenario_files import POOL_FILE
 
 from agents.coordinator import Coordinator
 from agents.hosting.in_process import InProcessHost
@@ -36,14 +36,13 @@ from firmware_model.actions import Buoyancy
 from firmware_model.power.charge import FULL, Battery, Flow
 from firmware_model.states import State
 
-SCENARIOS = Path(__file__).parents[3] / "launch_scripts" / "scenarios"
 ENDING = Ending(MissionEnd(EndReason.MISSION_TIME), 12.5, 13.0, 3, 0.25, {"a packet": 2})
 FREE = (None, None, None, None)
 
 
 @pytest.fixture(scope="module")
 def scenario():
-    return replace(load(SCENARIOS / "pool-12.yaml"), duration_s=600.0)
+    return replace(load(POOL_FILE), duration_s=600.0)
 
 
 def new_directory(path):

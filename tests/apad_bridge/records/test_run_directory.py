@@ -2,15 +2,14 @@
 
 import json
 from datetime import UTC, datetime
-from pathlib import Path
 
 import pytest
+from scenario_files import POOL_FILE
 
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.starts import read_starts, starts_of
 
-SCENARIOS = Path(__file__).parents[3] / "launch_scripts" / "scenarios"
 NOW = datetime(2026, 5, 4, 3, 2, 1, tzinfo=UTC)
 
 
@@ -53,7 +52,7 @@ def test_each_resume_begins_another_bag(tmp_path):
 
 
 def test_the_inputs_make_the_same_run_again(tmp_path):
-    scenario = load(SCENARIOS / "pool-12.yaml")
+    scenario = load(POOL_FILE)
     starts = starts_of(scenario)
     directory = RunDirectory.create(scenario.name, NOW, tmp_path / "run")
     directory.write_inputs(scenario, starts)

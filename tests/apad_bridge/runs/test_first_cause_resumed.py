@@ -5,15 +5,15 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from itertools import pairwise
-from pathlib import Path
 from typing import Any
+
+from scenario_files import POOL_FILE
 
 from apad_bridge.records.journal import JournalContents
 from apad_bridge.runs.in_memory import open_flight
 from apad_bridge.runs.resuming import first_failure
 from apad_bridge.scenario.loader import load
 
-POOL = Path("launch_scripts/scenarios/pool-12.yaml")
 PRE_EMPTED = {
     "t": 1000,
     "kind": "primitive",
@@ -28,7 +28,7 @@ def journal(lines: list[dict[str, Any]]) -> JournalContents:
 
 
 def test_the_first_cause_is_the_same_after_a_kill_at_any_tick() -> None:
-    scenario = load(POOL)
+    scenario = load(POOL_FILE)
     apad = replace(scenario.apad, dock_miss_probability=0.6)
     flight, recorder = open_flight(replace(scenario, apad=apad, duration_s=600.0))
     ticks: list[tuple[int, str | None]] = []

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from scenario_files import POOL_FILE
 
 from apad_bridge.assembly import parts
 from apad_bridge.assembly.flight_config import flight_config
@@ -95,7 +96,7 @@ def test_options_of_another_version_are_refused_by_name(tmp_path: Path) -> None:
         RunOptions.load(tmp_path)
 
 
-POOL = load(Path(__file__).parents[3] / "launch_scripts/scenarios/pool-12.yaml")
+POOL = load(POOL_FILE)
 CONFIG = flight_config(POOL)
 FREE = (None, None, None, None)
 LOST = "lost: words on their way"

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scenario_files import POOL_FILE
 
 from agents.mussel.body import Body
 from agents.water.stream import parse_stream
@@ -21,7 +22,7 @@ from apad_bridge.scenario.starts import starts_of
 
 netCDF4 = pytest.importorskip("netCDF4")
 FRAME = LocalFrame(43.93, 15.44)
-POOL = Path(__file__).parents[3] / "launch_scripts" / "scenarios" / "pool-12.yaml"
+POOL = POOL_FILE
 
 
 def written(path: Path, kind: str, norths: list[float], easts: list[float], **names: str) -> Path:

@@ -7,6 +7,8 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+import yaml
+from scenario_files import POOL_FILE, SCENARIO_FILES, WHOLE_FILE
 
 from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.loader import load, with_overrides
@@ -14,15 +16,15 @@ from apad_bridge.scenario.schema import RandomStart
 from apad_bridge.scenario.starts import starts_of
 
 SCENARIOS = Path(__file__).parents[3] / "launch_scripts" / "scenarios"
-POOL = Path(__file__).with_name("pool.yaml").read_text()
+POOL = POOL_FILE.read_text()
 
 Refusals = Callable[..., list[str]]
 
 
 @pytest.fixture
 def refusals(tmp_path: Path) -> Refusals:
-    """Returns the messages for pool-12 with some texts replaced, each without the file's name in front."""
-    (tmp_path / "pool-12.csv").write_text((SCENARIOS / "pool-12.csv").read_text())
+    """Returns the messages for the pool with some texts replaced, each without the file's name in front."""
+    (tmp_path / "pool.csv").write_text((SCENARIO_FILES / "pool.csv").read_text())
     path = tmp_path / "changed.yaml"
 
     def edited(*changes: tuple[str, str]) -> list[str]:
@@ -105,17 +107,17 @@ def test_the_shipped_variants_of_the_pool_differ_in_nothing_else() -> None:
             "mission.docking.dock_s: must be a whole number of milliseconds, not 15.0004",
         ),
         (
-            "name: pool-12",
+            "name: pool",
             "name: ../pool",
             "name: must match pattern '^[A-Za-z0-9][A-Za-z0-9._-]*$', not '../pool'",
         ),
-        ("start: pool-12.csv", "start: {charge: [0.9, 0.2]}", "fleet.start: charge must be [low, high]"),
+        ("start: pool.csv", "start: {charge: [0.9, 0.2]}", "fleet.start: charge must be [low, high]"),
         (
-            "start: pool-12.csv",
+            "start: pool.csv",
             "start: {charge: [0.9, 2]}",
             "fleet.start.charge[1]: must be less than or equal to 1, not 2",
         ),
-        ("start: pool-12.csv", "start: 5", "fleet.start: must be a valid string, not 5"),
+        ("start: pool.csv", "start: 5", "fleet.start: must be a valid string, not 5"),
         (
             "mode: paper, amplitude_m",
             "mode: physical, amplitude_m",
@@ -240,7 +242,7 @@ def test_a_batch_that_does_not_fit_into_the_docks_is_refused(refusals: Refusals)
 
 
 def test_files_that_are_not_there_are_named(refusals: Refusals, tmp_path: Path) -> None:
-    lines = refusals(("start: pool-12.csv", "start: nix.csv"), ("0.005}", "0.005, current_file: tide.csv}"))
+    lines = refusals(("start: pool.csv", "start: nix.csv"), ("0.005}", "0.005, current_file: tide.csv}"))
     assert lines == [
         f"fleet.start: no such file or directory: {tmp_path}/nix.csv",
         f"fleet.drift.current_file: No such file or directory: {tmp_path}/tide.csv",
@@ -283,7 +285,7 @@ def test_a_file_that_cannot_be_read_is_one_line(tmp_path: Path) -> None:
 
 
 def test_numbers_are_read_as_they_look(tmp_path: Path) -> None:
-    starts = POOL.replace("pool-12.csv", str(SCENARIOS / "pool-12.csv"))
+    starts = POOL.replace("pool.csv", str(SCENARIO_FILES / "pool.csv"))
     (tmp_path / "plain.yaml").write_text(starts)
     text = starts.replace("duration_s: 2400", "duration_s: 2.4e3").replace(
         "amplitude_m: 0.005", "amplitude_m: 5e-3"
@@ -292,25 +294,30 @@ def test_numbers_are_read_as_they_look(tmp_path: Path) -> None:
     assert load(tmp_path / "x.yaml") == load(tmp_path / "plain.yaml")
 
 
-@pytest.mark.parametrize(("written", "shipped"), [("pool", "pool-12"), ("whole", "whole-board-12")])
+@pytest.mark.parametrize(("file", "profile"), [(POOL_FILE, "worst-case"), (WHOLE_FILE, "mu")])
 def test_a_hardware_profile_gives_the_numbers_that_a_scenario_may_write_itself(
-    written: str, shipped: str, tmp_path: Path
+    file: Path, profile: str, tmp_path: Path
 ) -> None:
-    text = Path(__file__).with_name(f"{written}.yaml").read_text()
-    (tmp_path / "x.yaml").write_text(text.replace("pool-12.csv", str(SCENARIOS / "pool-12.csv")))
-    by_hand, by_profile = load(tmp_path / "x.yaml"), load(SCENARIOS / f"{shipped}.yaml")
+    by_hand, data = load(file), yaml.safe_load(file.read_text())
+    data["board"] = {"profile": profile}
+    data["apad"] = {"profile": "paper", "start_m": data["apad"]["start_m"]}
+    data["fleet"]["start"] = by_hand.fleet.start
+    (tmp_path / "x.yaml").write_text(yaml.safe_dump(data))
+    by_profile = load(tmp_path / "x.yaml")
     assert (by_profile.board.profile is None, by_profile.apad.profile) == (False, "paper")
     board, apad = replace(by_profile.board, profile=None), replace(by_profile.apad, profile=None)
     assert replace(by_profile, board=board, apad=apad) == by_hand
 
 
 def test_a_value_beside_a_profile_wins_and_a_profile_that_is_none_is_one_line(tmp_path: Path) -> None:
-    text = (SCENARIOS / "pool-12.yaml").read_text().replace("pool-12.csv", str(SCENARIOS / "pool-12.csv"))
     path = tmp_path / "x.yaml"
-    path.write_text(text.replace("start_m: [14, 10.5]", "start_m: [14, 10.5]\n  battery: {capacity_wh: 500}"))
+    data = yaml.safe_load(POOL_FILE.read_text()) | {"board": {"profile": "worst-case"}}
+    data["fleet"]["start"] = str(SCENARIO_FILES / "pool.csv")
+    data["apad"] = {"profile": "paper", "start_m": [14, 10.5], "battery": {"capacity_wh": 500}}
+    path.write_text(yaml.safe_dump(data))
     battery = load(path).apad.battery
     assert (battery.capacity_wh, battery.hotel_w) == (500, 25)
-    path.write_text(text.replace("worst-case", "worst"))
+    path.write_text(path.read_text().replace("worst-case", "worst"))
     with pytest.raises(ScenarioError) as caught:
         load(path)
     assert caught.value.lines == (f"{path}: board.profile: must be 'worst-case' or 'mu', not 'worst'",)
@@ -333,7 +340,7 @@ def test_a_number_that_arithmetic_cannot_bear_is_refused_by_its_key(
 ) -> None:
     assert old in POOL
     (tmp_path / "x.yaml").write_text(
-        POOL.replace(old, new).replace("pool-12.csv", str(SCENARIOS / "pool-12.csv"))
+        POOL.replace(old, new).replace("pool.csv", str(SCENARIO_FILES / "pool.csv"))
     )
     with pytest.raises(ScenarioError) as caught:
         load(tmp_path / "x.yaml")
@@ -351,13 +358,13 @@ def test_aliases_that_multiply_are_refused_before_they_are_written_out(tmp_path:
 def test_a_device_is_no_scenario_and_no_starts(tmp_path: Path) -> None:
     with pytest.raises(ScenarioError, match="/dev/zero: is a device"):
         load(Path("/dev/zero"))
-    (tmp_path / "x.yaml").write_text(POOL.replace("pool-12.csv", "/dev/zero"))
+    (tmp_path / "x.yaml").write_text(POOL.replace("pool.csv", "/dev/zero"))
     with pytest.raises(ScenarioError, match="/dev/zero: is a device"):
         starts_of(load(tmp_path / "x.yaml"))
 
 
 def test_overrides_change_what_they_name_and_nothing_else() -> None:
-    pool = load(SCENARIOS / "pool-12.yaml")
+    pool = load(POOL_FILE)
     changed = with_overrides(pool, theta=1, agents=4, strategy="greedy", seed=7)
     assert (changed.theta, changed.fleet.count, changed.mission.collection, changed.seed) == (
         1,
@@ -370,7 +377,7 @@ def test_overrides_change_what_they_name_and_nothing_else() -> None:
 
 
 def test_overrides_are_checked_as_the_file_is() -> None:
-    pool = load(SCENARIOS / "pool-12.yaml")
+    pool = load(POOL_FILE)
     with pytest.raises(ScenarioError) as caught:
         with_overrides(pool, theta=0, agents=-1)
     assert caught.value.lines == (

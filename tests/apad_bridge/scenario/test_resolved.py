@@ -9,12 +9,12 @@ import pytest
 import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scenario_files import POOL_FILE, SCENARIO_FILES
 
 from apad_bridge.scenario.loader import from_data, load, resolve, write_resolved
 from apad_bridge.scenario.schema import DockingProfile, Scenario
 
-SCENARIOS = Path(__file__).parents[3] / "launch_scripts" / "scenarios"
-POOL = load(SCENARIOS / "pool-12.yaml")
+POOL = load(POOL_FILE)
 
 
 @st.composite
@@ -56,13 +56,13 @@ def test_defaults_are_written_out_and_nothing_else_is_left_behind(tmp_path: Path
     assert [path.name for path in tmp_path.iterdir()] == ["scenario.yaml"]
     written = yaml.safe_load((tmp_path / "scenario.yaml").read_text())
     assert written["mission"]["costs"] == {"distance_per_m": 1.0, "energy_per_charge": 1.0}
-    assert written["fleet"]["start"] == str(SCENARIOS / "pool-12.csv")
+    assert written["fleet"]["start"] == str(SCENARIO_FILES / "pool.csv")
 
 
 def test_a_run_that_holds_its_own_starts_can_be_moved(tmp_path: Path) -> None:
     first, second = tmp_path / "first", tmp_path / "second"
     first.mkdir()
-    (first / "starts.csv").write_text((SCENARIOS / "pool-12.csv").read_text())
+    (first / "starts.csv").write_text((SCENARIO_FILES / "pool.csv").read_text())
     write_resolved(
         first / "scenario.yaml", replace(POOL, fleet=replace(POOL.fleet, start=str(first / "starts.csv")))
     )

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scenario_files import POOL_FILE
 
 from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.loader import load, with_overrides
@@ -54,7 +55,7 @@ def test_random_starts_are_uniform() -> None:
 
 
 def test_an_agents_start_does_not_depend_on_the_others() -> None:
-    pool = load(SCENARIOS / "pool-12.yaml")
+    pool = load(POOL_FILE)
     twelve = replace(pool, fleet=replace(pool.fleet, start=ANY_CHARGE))
     assert starts_of(with_overrides(twelve, agents=5)) == starts_of(twelve)[:5]
     assert (
@@ -205,7 +206,7 @@ def test_a_failed_save_leaves_the_old_file_as_it_was(tmp_path: Path) -> None:
 def test_ids_with_gaps_are_refused_and_not_dropped(tmp_path: Path, first_id: int, shown: str) -> None:
     rows = "".join(f"{agent_id},1,1,0.9\n" for agent_id in (3, 7, 12, 24))
     (tmp_path / "s.csv").write_text("id,north,east,battery\n" + rows)
-    pool = load(SCENARIOS / "pool-12.yaml")
+    pool = load(POOL_FILE)
     fleet = replace(pool.fleet, start=str(tmp_path / "s.csv"), count=4, first_id=first_id)
     with pytest.raises(ScenarioError) as caught:
         starts_of(replace(pool, fleet=fleet))

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 import yaml
+from scenario_files import POOL_FILE, SCENARIO_FILES, WHOLE_FILE
 
 from apad_bridge.assembly import parts
 from apad_bridge.assembly.flight_config import flight_config
@@ -21,9 +22,8 @@ from firmware_model.config import LastResort, Timekeeping, Timeslots
 from firmware_model.power.charge import FULL
 from firmware_model.power.rails import Rail, bits
 
-SCENARIOS = Path(__file__).parents[3] / "launch_scripts" / "scenarios"
-TEXT = Path(__file__).with_name("whole.yaml").read_text()
-SHIPPED = load(SCENARIOS / "whole-board-12.yaml")
+TEXT = WHOLE_FILE.read_text()
+SHIPPED = load(Path(__file__).parents[3] / "launch_scripts" / "scenarios" / "whole-board-12.yaml")
 CYCLE_LINE = "cycle: field"
 
 
@@ -34,7 +34,7 @@ def changed(*changes: tuple[str, str]) -> Scenario:
         assert text.count(old) == 1, old
         text = text.replace(old, new)
     data = yaml.safe_load(text)
-    data["fleet"]["start"] = str(SCENARIOS / "pool-12.csv")
+    data["fleet"]["start"] = str(SCENARIO_FILES / "pool.csv")
     return from_data(data, "it")
 
 
@@ -53,7 +53,7 @@ def test_the_profiles_are_table_one_to_the_grain() -> None:
 
 
 def test_the_worst_case_has_no_whole_firmware() -> None:
-    pool = load(SCENARIOS / "pool-12.yaml")
+    pool = load(POOL_FILE)
     assert parts.fleet_config(flight_config(pool)).board.whole is None
     assert charge_model(pool.board) == table_one.WORST_CASE
 
@@ -266,7 +266,7 @@ def test_one_mistake_is_one_line_with_the_mend(old: str, new: str, message: str)
 @pytest.fixture
 def worst_case() -> Callable[..., dict[str, object]]:
     def data(**changes: object) -> dict[str, object]:
-        pool = resolve(load(SCENARIOS / "pool-12.yaml"))
+        pool = resolve(load(POOL_FILE))
         pool["board"].update(changes)
         return pool
 
@@ -282,7 +282,7 @@ def test_the_worst_case_needs_its_equations(worst_case: Callable[..., dict[str, 
 
 
 def test_the_worst_case_cannot_wait_for_a_battery_that_it_does_not_charge() -> None:
-    pool = resolve(load(SCENARIOS / "pool-12.yaml"))
+    pool = resolve(load(POOL_FILE))
     pool["mission"]["full_when"] = "both"
     with pytest.raises(
         ScenarioError, match=r"mission\.full_when: a board without `whole` charges its primary"

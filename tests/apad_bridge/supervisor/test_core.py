@@ -1,9 +1,9 @@
 """The supervisor's core on its own: ticks, the order of facts, dropped packets, and the end of a flight."""
 
 import random
-from pathlib import Path
 
 import pytest
+from scenario_files import POOL_FILE
 
 from agents.packet_medium import Medium
 from apad_bridge.assembly import parts
@@ -25,7 +25,7 @@ from firmware_model.power.active_battery import ActiveBattery
 from firmware_model.states import State
 from firmware_model.stimuli import ResetCause
 
-SCENARIO = load(Path(__file__).parents[3] / "launch_scripts/scenarios/pool-12.yaml")
+SCENARIO = load(POOL_FILE)
 
 
 def status(agent_id: int, charge: float, agent_ms: int = 30_000) -> bytes:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from scenario_files import POOL_FILE, WHOLE_FILE
 
 from agents.hosting.in_process import InProcessHost
 from agents.packet_medium import Medium
@@ -28,12 +29,11 @@ from firmware_model.packets import AcousticStatus, CommandPacket, Kind
 from firmware_model.packets.codec import load_codec
 from firmware_model.sampling.sensors import SENSORS, values
 
-SCENARIOS = Path(__file__).parents[3] / "launch_scripts" / "scenarios"
 APAD_M = (14.0, 10.5)
 
 
 def in_water(duration_s: float, water: dict[str, Any], **hearing: Any) -> Scenario:
-    data = resolve(load(SCENARIOS / "whole-board-12.yaml"))
+    data = resolve(load(WHOLE_FILE))
     data.update(duration_s=duration_s, water=water)
     data["hearing"]["mode"] = "physical"
     data["hearing"].update(hearing)
@@ -117,10 +117,10 @@ def test_a_dock_is_not_closed_around_one_that_never_heard_the_permission(tmp_pat
 
 
 def test_a_scenario_without_water_is_what_it_was() -> None:
-    data = resolve(load(SCENARIOS / "pool-12.yaml"))
+    data = resolve(load(POOL_FILE))
     assert data["water"] is None
     assert parts.fleet_config(flight_config(from_data(data, "again"))) == parts.fleet_config(
-        flight_config(load(SCENARIOS / "pool-12.yaml"))
+        flight_config(load(POOL_FILE))
     )
 
 

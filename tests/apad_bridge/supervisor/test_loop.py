@@ -3,12 +3,12 @@
 import json
 from collections.abc import Iterable
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scenario_files import POOL_FILE, WHOLE_FILE
 
 from agents.coordinator import Coordinator
 from agents.hosting.host import Grant
@@ -43,14 +43,14 @@ from firmware_model.stimuli import ResetCause
 
 def whole_board() -> dict[str, Any]:
     """A cycle so short that a window cuts every part of it, on batteries that a day at the bottom empties."""
-    data = resolve(load(Path(__file__).parents[3] / "launch_scripts/scenarios/whole-board-12.yaml"))["board"]
+    data = resolve(load(WHOLE_FILE))["board"]
     data["whole"]["cycle"].update(alarm_s=2500, report_s=601)
     data["whole"]["power"].update(kept_on=["gsm"])
     return dict(data)
 
 
 def short_scenario(board: dict[str, Any] | None = None, **changes: Any) -> Scenario:
-    data = resolve(load(Path(__file__).parents[3] / "launch_scripts/scenarios/pool-12.yaml"))
+    data = resolve(load(POOL_FILE))
     data.update(name="short", duration_s=120, theta=600)
     data["fleet"].update(count=6, start={"charge": [0.5, 0.75]})
     data["area"]["polygon_m"] = [[0, 0], [6, 0], [6, 4], [0, 4]]

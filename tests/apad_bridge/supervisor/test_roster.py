@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import json
 from itertools import product
-from pathlib import Path
 from typing import Any, cast
 
 import pytest
+from scenario_files import POOL_FILE
 
 from agents.coordinator import Coordinator, Heard
 from agents.hosting.in_process import InProcessHost
@@ -142,7 +142,7 @@ class Bench:
 
 
 def quiet_scenario(charge: float) -> Scenario:
-    data = resolve(load(Path(__file__).parents[3] / "launch_scripts/scenarios/pool-12.yaml"))
+    data = resolve(load(POOL_FILE))
     data.update(name="quiet", duration_s=600)
     data["fleet"].update(count=4, start={"charge": [charge, charge]}, drift={"mode": "physical"})
     return from_data(data, "quiet")

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from scenario_files import WHOLE_FILE
 
 from agents.fleet import drift_of
 from agents.hosting.in_process import InProcessHost
@@ -26,7 +27,6 @@ from apad_bridge.supervisor.loop import Flight
 from apad_bridge.vehicle.link import InProcessVehicle
 from apad_bridge.vehicle.simulated.apad import SimulatedAPad
 
-WHOLE_BOARDS = Path(__file__).parents[3] / "launch_scripts" / "scenarios" / "whole-board-12.yaml"
 AGENTS, HOURS = 24, 20
 SLOT_MS, FRAME_MS, PACKET_MS = 1700, 60_000, 868
 PPM_50 = 50_000
@@ -36,7 +36,7 @@ APAD_M = (100.0, 100.0, 0.5)
 
 def scenario(seed: int = 1, **water: Any) -> Scenario:
     """Places at random in 200 x 200 m, the aPad in the middle and staying there; a louder packet is no better off."""
-    data = resolve(load(WHOLE_BOARDS))
+    data = resolve(load(WHOLE_FILE))
     data.update(seed=seed, duration_s=(HOURS * 3600 + 600) / 30)
     data["area"]["polygon_m"] = [[0, 0], [200, 0], [200, 200], [0, 200]]
     data["fleet"].update(count=AGENTS, start={"charge": [0.95, 1.0]}, hosting="one_process")

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import pytest
+from scenario_files import SOUND_FILE, WHOLE_FILE
 
 from agents.coordinator import Coordinator
 from agents.hosting.in_process import InProcessHost
@@ -26,8 +26,6 @@ from apad_bridge.vehicle.link import InProcessVehicle
 from apad_bridge.vehicle.simulated.apad import SimulatedAPad
 from firmware_model.power.charge import FULL, grains
 from firmware_model.states import State
-
-SHIPPED = Path(__file__).parents[3] / "launch_scripts/scenarios/whole-board-12.yaml"
 
 
 class Witness(MemoryRecorder):
@@ -69,7 +67,7 @@ def flown(scenario: Scenario, starts: tuple[Start, ...] | None = None) -> tuple[
 
 
 def changed(**changes: Any) -> Scenario:
-    data = resolve(load(SHIPPED))
+    data = resolve(load(WHOLE_FILE))
     data.update({key: value for key, value in changes.items() if not isinstance(value, dict)})
     for key, value in changes.items():
         if isinstance(value, dict):
@@ -154,7 +152,7 @@ def test_one_that_came_up_for_its_life_is_left_up_there_and_fetched_alone() -> N
     scenario = changed(
         duration_s=2000,
         fleet={"count": 4},
-        board={"whole": {**resolve(load(SHIPPED))["board"]["whole"], "last_resort": LAST_RESORT}},
+        board={"whole": {**resolve(load(WHOLE_FILE))["board"]["whole"], "last_resort": LAST_RESORT}},
     )
     starts = (
         Start(1, 5.0, 5.0, 0.01, 0.201),
@@ -173,7 +171,7 @@ def test_one_that_came_up_for_its_life_is_left_up_there_and_fetched_alone() -> N
 
 
 def test_by_sound_alone_the_same_are_served_a_little_later() -> None:
-    data = resolve(load(SHIPPED.with_name("sound-12.yaml")))
+    data = resolve(load(SOUND_FILE))
     data.update(duration_s=2400, beliefs={"estimator": "hold_last"})
     flight, witness = open_flight(from_data(data, "sound"))
     flight.run()

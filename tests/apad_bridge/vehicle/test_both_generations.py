@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from pathlib import Path
 
 import pytest
+from scenario_files import POOL_FILE
 
 from apad_bridge.scenario.loader import load
 from apad_bridge.vehicle.commands import BatteryReported, PoseReported
@@ -18,7 +18,7 @@ from apad_bridge.vehicle.simulated.apad import SimulatedAPad
 from apad_bridge.vehicle.simulated.misses import Misses
 from apad_bridge.vehicle.stack_messages import BatteryReceived, PosePublished, PoseReceived, StateRefReceived
 
-POOL = load(Path(__file__).parents[3] / "launch_scripts" / "scenarios" / "pool-12.yaml")
+POOL = load(POOL_FILE)
 BATTERY_V = (10.5, 16.0)
 Core = GenerationACore | GenerationBCore
 Vehicle = GenerationAVehicle | GenerationBVehicle

@@ -1,8 +1,7 @@
 """A docking's own yaw rate and surge speed, from the order through the port to generation B's order."""
 
-from pathlib import Path
-
 import pytest
+from scenario_files import POOL_FILE
 
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.schema import Servo
@@ -15,7 +14,7 @@ from apad_bridge.vehicle.primitives import DockMussel, UndockMussel
 SERVO = Servo(
     search_yaw_rate_rad_s=0.3, max_yaw_rate_rad_s=0.4, max_surge_m_s=0.25, surge_stdev=0.2, search_s=100.0
 )
-DOCKING = load(Path(__file__).parents[3] / "launch_scripts/scenarios/pool-12.yaml").mission.docking
+DOCKING = load(POOL_FILE).mission.docking
 
 
 @pytest.mark.parametrize(

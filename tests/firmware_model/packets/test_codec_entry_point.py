@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scenario_files import POOL_FILE
 
 from agents.coordinator import Coordinator, Heard
 from agents.hosting.in_process import InProcessHost
@@ -74,7 +75,7 @@ def test_bad_bytes_are_none(lines: Codec) -> None:
 
 
 def test_a_fleet_that_speaks_it_is_heard_and_obeys(lines: Codec) -> None:
-    data = resolve(load(ROOT / "launch_scripts" / "scenarios" / "pool-12.yaml"))
+    data = resolve(load(POOL_FILE))
     data["hearing"]["codec"] = "lines"
     scenario = from_data(data, "test")
     initial_states = parts.initial_states(scenario, starts_of(scenario))

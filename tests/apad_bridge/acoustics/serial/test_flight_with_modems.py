@@ -11,6 +11,7 @@ from typing import Any
 
 import pytest
 import serial
+from scenario_files import WHOLE_FILE
 
 from agents.hosting.in_process import InProcessHost
 from agents.mussel.stimuli import SoundArrived, to_wire
@@ -32,12 +33,11 @@ from firmware_model.packets.codec import MusselbedCodec
 from firmware_model.states import State
 
 Make = Callable[..., Any]
-SCENARIOS = Path(__file__).parents[4] / "launch_scripts" / "scenarios"
 LONG_S = 600
 
 
 def whole_boards(**changes: Any) -> Scenario:
-    data = resolve(load(SCENARIOS / "whole-board-12.yaml"))
+    data = resolve(load(WHOLE_FILE))
     data.update(duration_s=LONG_S, theta=1, **changes)
     data["hearing"]["mode"] = "physical"
     data["fleet"]["hosting"] = "one_process"

@@ -1,9 +1,9 @@
 """Tests the page's data on journals written by hand, whose figures can be computed on paper."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
+from scenario_files import POOL_FILE
 
 from agents.mussel.outputs import Truth
 from agents.mussel.physical import Physical
@@ -16,9 +16,7 @@ from firmware_model.actions import Buoyancy
 from firmware_model.power.charge import Battery, Flow, grains
 from firmware_model.states import State
 
-SCENARIO = replace(
-    load(Path(__file__).parents[4] / "launch_scripts" / "scenarios" / "pool-12.yaml"), theta=10
-)
+SCENARIO = replace(load(POOL_FILE), theta=10)
 
 
 def truth(at_ms, agent_id, charge, flow=Flow.RESTING, *, docked=False, secondary=1.0, north_m=1.0):

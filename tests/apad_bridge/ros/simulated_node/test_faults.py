@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from scenario_files import POOL_FILE
 
 from apad_bridge.scenario.faults import OF_A, OF_B, Fault
 from apad_bridge.scenario.loader import load
@@ -45,7 +46,7 @@ from apad_bridge.vehicle.simulated.motion import Coast
 from apad_bridge.vehicle.stack_messages import PosePublished, PoseReceived
 
 ROOT = Path(__file__).parents[4]
-POOL = load(ROOT / "launch_scripts" / "scenarios" / "pool-12.yaml")
+POOL = load(POOL_FILE)
 NORTH_M, EAST_M = POOL.apad.start_m
 DOCKING = POOL.mission.docking
 BATTERY_V = (10.5, 16.0)

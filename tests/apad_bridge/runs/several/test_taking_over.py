@@ -5,13 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from scenario_files import WHOLE_FILE
+
 from apad_bridge.assembly.division import members
 from apad_bridge.runs.studies.several_in_memory import OpenedLockstep, open_lockstep
 from apad_bridge.scenario.loader import from_data, load, resolve
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import Start, save_starts, starts_of
 
-SHIPPED = Path(__file__).parents[4] / "launch_scripts" / "scenarios" / "whole-board-12.yaml"
 NEEDY = (5, 6, 7)
 """These lie in the north, where apad2 fetches them."""
 DURATION_S = 6000
@@ -19,14 +20,14 @@ DURATION_S = 6000
 
 def two_apads(folder: Path, *, transfers: bool, battery: float) -> Scenario:
     """Two heaps of four aMussels with the whole board; apad2, with a nearly empty battery, starts between them."""
-    data = resolve(load(SHIPPED))
+    data = resolve(load(WHOLE_FILE))
     data.update(name="two", theta=10, duration_s=DURATION_S, sharing={"transfers": transfers})
     data["area"]["polygon_m"] = [[0, 0], [60, 0], [60, 20], [0, 20]]
     starts = [
         Start(n, 5.0 + n if n <= 4 else 46.0 + n, 10.0, 0.12 if n in NEEDY else 0.9, 0.05)
         for n in range(1, 9)
     ]
-    save_starts(folder / "two.csv", starts, load(SHIPPED).area.origin)
+    save_starts(folder / "two.csv", starts, load(WHOLE_FILE).area.origin)
     data["fleet"].update(count=8, start=str(folder / "two.csv"), hosting="one_process")
     data["board"]["whole"]["cycle"]["alarm_s"] = 1200
     data["board"]["whole"]["last_resort"]["action"] = "wait"

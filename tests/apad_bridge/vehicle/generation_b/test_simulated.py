@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scenario_files import POOL_FILE
 
 from apad_bridge.scenario.faults import Fault
 from apad_bridge.scenario.loader import load
@@ -31,7 +31,7 @@ from apad_bridge.vehicle.generation_b.messages import (
 from apad_bridge.vehicle.generation_b.simulated import GenerationBVehicle, Stage
 from apad_bridge.vehicle.simulated.apad import SimulatedAPad
 
-POOL = load(Path(__file__).parents[4] / "launch_scripts" / "scenarios" / "pool-12.yaml")
+POOL = load(POOL_FILE)
 NORTH_M, EAST_M = POOL.apad.start_m
 DOCK = DockingOrder(True, 0, 0.3, 0.3, 0.2, 0.2)
 UNDOCK = replace(DOCK, docks=False)

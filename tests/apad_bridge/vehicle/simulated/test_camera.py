@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
+from scenario_files import POOL_FILE
 
 from apad_bridge.scenario.loader import load
 from apad_bridge.vehicle.generation_b.messages import (
@@ -20,7 +20,7 @@ from apad_bridge.vehicle.generation_b.simulated import GenerationBVehicle, Stage
 from apad_bridge.vehicle.simulated.apad import SimulatedAPad
 from apad_bridge.vehicle.simulated.camera import seen
 
-POOL = load(Path(__file__).parents[4] / "launch_scripts" / "scenarios" / "pool-12.yaml")
+POOL = load(POOL_FILE)
 NORTH_M, EAST_M = POOL.apad.start_m
 
 
