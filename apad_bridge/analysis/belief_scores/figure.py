@@ -15,6 +15,11 @@ _MAX_LABELS = 40
 
 def draw(scores: Scores, path: Path, title: str) -> None:
     """Writes the picture in the format of the file's ending: .png, .svg or .pdf. ValueError for another ending."""
+    figure_of(scores, title).savefig(path, dpi=110)
+
+
+def figure_of(scores: Scores, title: str) -> Any:
+    """Returns the matplotlib figure: a panel by age, by mode and by aMussel, and a second axis for coverage in each."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(11, 9), layout="constrained")
@@ -27,7 +32,7 @@ def draw(scores: Scores, path: Path, title: str) -> None:
         strict=True,
     ):
         _panel(panel, name, bins)
-    figure.savefig(path, dpi=110)
+    return figure
 
 
 def _panel(panel: Any, name: str, bins: dict[str, Score]) -> None:

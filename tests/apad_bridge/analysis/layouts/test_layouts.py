@@ -51,11 +51,26 @@ def of_scenario(name: str, namespace: str = "") -> LayoutFleet:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_what_is_shipped_is_what_is_written_for_the_pool(
-    kind: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_shipped_layouts_are_up_to_date(kind: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["layout", kind, str(LAUNCH / "scenarios" / "pool-12.yaml")]) == 0
-    assert capsys.readouterr().out == (SHIPPED / f"musselbed{KINDS[kind].ending}").read_text()
+    assert capsys.readouterr().out == shipped(kind)
+
+
+def shipped(kind: str) -> str:
+    return (SHIPPED / f"musselbed{KINDS[kind].ending}").read_text()
+
+
+@pytest.mark.parametrize("kind", ["rqt", "plotjuggler", "foxglove"])
+def test_the_shipped_layouts_plot_the_batteries_of_twelve_and_of_the_aPad(kind: str) -> None:
+    topics = re.findall(r"(/[a-z0-9_/]*battery_state)[/.]percentage", shipped(kind))
+    assert sorted(topics) == sorted(
+        ["/musselbed/apad/battery_state", *(f"/amussel{n}/battery_state" for n in range(1, 13))]
+    )
+
+
+def test_the_shipped_layout_for_rviz_shows_markers_plan_and_path() -> None:
+    topics = re.findall(r"Topic: (\S+)", shipped("rviz"))
+    assert topics == ["/musselbed/markers", "/musselbed/plan", "/musselbed/apad/path"]
 
 
 def rviz_topics(fleet: LayoutFleet) -> list[str]:
