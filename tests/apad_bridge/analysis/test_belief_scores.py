@@ -2,7 +2,10 @@ from __future__ import annotations
 
 import json
 import re
+import shutil
 from collections.abc import Callable
+from contextlib import redirect_stdout
+from io import StringIO
 from pathlib import Path
 
 import numpy as np
@@ -127,20 +130,38 @@ def test_the_figure_shows_error_and_coverage_in_each_bin() -> None:
     assert of_agents.lines[0].get_xydata().tolist() == [[0, 0], [1, 1]]
 
 
-def fly(folder: Path, twins: bool, capsys: pytest.CaptureFixture[str]) -> Path:
+Flown = Callable[[Path, bool], Path]
+
+
+@pytest.fixture(scope="module")
+def flown(tmp_path_factory: pytest.TempPathFactory) -> Flown:
+    """Copies a run into a folder, where a test may change it: a flight on twins or without, flown when first wanted."""
+    runs: dict[bool, Path] = {}
+
+    def copy_to(folder: Path, twins: bool) -> Path:
+        if twins not in runs:
+            runs[twins] = fly(tmp_path_factory.mktemp("flown"), twins)
+        return Path(shutil.copytree(runs[twins], folder / "run"))
+
+    return copy_to
+
+
+def fly(folder: Path, twins: bool) -> Path:
     text = POOL_FILE.read_text()
     text = text.replace("duration_s: 2400", "duration_s: 90").replace(
         "count: 12", "count: 3\n  hosting: one_process"
     )
     (folder / "few.yaml").write_text(text + (TWIN if twins else ""))
     (folder / "pool.csv").write_text((SCENARIO_FILES / "pool.csv").read_text())
-    assert main(["run", str(folder / "few.yaml"), "--time", "asap", "--out", str(folder / "run")]) == 0
-    capsys.readouterr()
+    with redirect_stdout(StringIO()):
+        assert main(["run", str(folder / "few.yaml"), "--time", "asap", "--out", str(folder / "run")]) == 0
     return folder / "run"
 
 
-def test_a_flight_on_twins_is_compared(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    run = fly(tmp_path, True, capsys)
+def test_a_flight_on_twins_is_compared(
+    tmp_path: Path, flown: Flown, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run = flown(tmp_path, True)
     picture = tmp_path / "beliefs.png"
     assert main(["beliefs", str(run), "--json", "--figure", str(picture)]) == 0
     found = json.loads(capsys.readouterr().out)
@@ -153,9 +174,9 @@ def test_a_flight_on_twins_is_compared(tmp_path: Path, capsys: pytest.CaptureFix
 
 
 def test_the_bag_and_the_journal_of_a_run_say_the_same(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, flown: Flown, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    run = fly(tmp_path, True, capsys)
+    run = flown(tmp_path, True)
     bag, journal = (
         {(it.at_ms, it.agent_id): it for it in comparisons_in(run, 5_000, record)} for record in Record
     )
@@ -179,8 +200,8 @@ def test_the_bag_and_the_journal_of_a_run_say_the_same(
         assert (output["overall"]["place_coverage"] is None) is (record is Record.JOURNAL)
 
 
-def test_an_instant_of_a_bag_is_scored_by_hand(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    run = fly(tmp_path, False, capsys)
+def test_an_instant_of_a_bag_is_scored_by_hand(tmp_path: Path, flown: Flown) -> None:
+    run = flown(tmp_path, False)
     (run / "run.bag").unlink()
     bag = BagWriter(run / "run.bag", theta=30)
     truth = TruthSample(7, int(State.ACTIVE), 0.5, 1.0, 10.0, 20.0, 3.0, False, 0)
@@ -220,11 +241,9 @@ def test_an_instant_of_a_bag_is_scored_by_hand(tmp_path: Path, capsys: pytest.Ca
     assert (scores.overall.place_coverage, scores.overall.place_nees) == (1.0, pytest.approx(8 / 3))
 
 
-def test_what_mostly_rests_at_an_end_is_told_by_its_moments(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_what_mostly_rests_at_an_end_is_told_by_its_moments(tmp_path: Path, flown: Flown) -> None:
     """The moments are of many charges drawn from a Gaussian and clamped, not from the closed form."""
-    run = fly(tmp_path, False, capsys)
+    run = flown(tmp_path, False)
     (run / "run.bag").unlink()
     bag = BagWriter(run / "run.bag", theta=30)
     truths, beliefs = [], []
@@ -246,9 +265,9 @@ def test_what_mostly_rests_at_an_end_is_told_by_its_moments(
 
 
 def test_a_run_whose_bag_is_torn_is_compared_by_its_journal(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, flown: Flown, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    run = fly(tmp_path, True, capsys)
+    run = flown(tmp_path, True)
     whole = (run / "run.bag").read_bytes()
     (run / "run.bag").write_bytes(whole[: len(whole) // 2])
     assert main(["beliefs", str(run), "--json"]) == 0
@@ -259,9 +278,9 @@ def test_a_run_whose_bag_is_torn_is_compared_by_its_journal(
 
 
 def test_a_journal_of_another_version_is_told_in_one_line(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, flown: Flown, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    run = fly(tmp_path, False, capsys)
+    run = flown(tmp_path, False)
     journal = run / "journal.jsonl"
     whole = journal.read_text()
     batteries = re.compile(r'"primary": ?\[(\d+), ?(\d+), ?(-?\d+), ?[^]]*\]')
@@ -275,9 +294,9 @@ def test_a_journal_of_another_version_is_told_in_one_line(
 
 
 def test_a_run_with_a_bag_of_means_is_scored(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], bag_of_means: Callable[..., Path]
+    tmp_path: Path, flown: Flown, capsys: pytest.CaptureFixture[str], bag_of_means: Callable[..., Path]
 ) -> None:
-    run = fly(tmp_path, True, capsys)
+    run = flown(tmp_path, True)
     (run / "run.bag").unlink()
     bag_of_means(run / "run.bag", seconds=31)
     assert main(["beliefs", str(run), "--json"]) == 0
