@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -49,9 +50,10 @@ _MISSED = 0.1
 """The largest fraction of Wi-Fi reports from the surface that an aPad beside the aMussel misses. An aPad farther off
 receives none, assumes that the aMussel stayed below, and repeats the permission; it receives them when it has come."""
 _COIL_DEVIATION = 0.02
-_RATE_DEVIATION = 0.1
-"""Capacities differ by a tenth: a battery that holds less is full sooner."""
-_MOTOR_DEVIATION = 0.003
+_CAPACITY_DEVIATION = 0.1
+"""Relative, between aMussels: a battery that holds less drains and charges faster."""
+_MOTOR_DEVIATION = 0.15
+"""The share of a motor run by which a whole way up or down differs: the run, its time and all that goes with it."""
 _AGEING_PER_DAY = 0.001
 _STEADY_CURRENT_S = 3600.0
 
@@ -120,7 +122,7 @@ def twin_parameters(
             seen_before=1.0,
         ),
         water=Water(step_m**2 / 3, model.current_deviation_m_s, _STEADY_CURRENT_S, model.fix_deviation_m),
-        drain_deviation=model.drain_deviation,
+        drain_deviation=math.hypot(model.drain_deviation, _CAPACITY_DEVIATION),
         ageing_per_day=_AGEING_PER_DAY,
         clock=ClockParameters(1000.0, 20.0, 1000.0 * theta),
         surfacing_ms=body.sinking.surfacing_ms,
@@ -162,7 +164,7 @@ def _drain(board: BoardConfig) -> Drain:
     return Drain(
         tuple(rates[mode] for mode in Mode),
         motor_run,
-        _MOTOR_DEVIATION,
+        _MOTOR_DEVIATION * motor_run,
         firmware.power.path / PATH_UNIT,
         listening=(rates[Mode.IDLE] - scheduled_per_min) * listening_ms / _MS_PER_MIN,
         release_wait=(draw_per_min(State.RELEASED) - scheduled_per_min) * release_wait_ms / _MS_PER_MIN,
@@ -232,4 +234,4 @@ def _charger(model: ChargeModel) -> Charger:
 
     one_coil = per_min(model.segments)
     coils = per_min(model.segments_by_two)[-1][1] / one_coil[-1][1] if model.segments_by_two else 1.0
-    return Charger(one_coil, coils, _COIL_DEVIATION, _RATE_DEVIATION)
+    return Charger(one_coil, coils, _COIL_DEVIATION, _CAPACITY_DEVIATION)

@@ -31,6 +31,8 @@ _NEAR_FULL = 2.5
 """A reading within so many noise deviations of the full voltage may come from a voltage that the charger holds there."""
 _CERTAIN = 1e-16
 """A smaller variance is only rounding."""
+_BIAS_WANDERS = 0.15
+"""The share of its deviation between aMussels by which a bias wanders in a day."""
 _MAX_ANCHORS = 4
 _ALIKE_TOLERANCE = 0.01
 _BIAS_OF = {
@@ -77,9 +79,14 @@ def prior_state(parameters: TwinParameters) -> tuple[Array, Array]:
 
 
 def process_noise(parameters: TwinParameters, elapsed_ms: int) -> Array:
-    """The 8 x 8 process noise: the drain of an ageing battery does a random walk."""
-    noise = np.zeros((SIZE, SIZE))
-    noise[DRAIN, DRAIN] = parameters.ageing_per_day**2 * elapsed_ms / 86_400_000
+    """The 8 x 8 process noise: the drain of an ageing battery does a random walk, and so do the biases.
+
+    Without theirs the filter would grow ever surer of a bias by what its model of the loads leaves out alike each time.
+    """
+    noise, days = np.zeros((SIZE, SIZE)), elapsed_ms / 86_400_000
+    noise[DRAIN, DRAIN] = parameters.ageing_per_day**2 * days
+    for row, deviation in zip((ASLEEP, AWAKE, HIGH, CHARGING), parameters.sensor.bias_deviation, strict=True):
+        noise[row, row] = (_BIAS_WANDERS * deviation) ** 2 * days
     return noise
 
 

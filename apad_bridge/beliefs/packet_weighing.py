@@ -26,8 +26,8 @@ from apad_bridge.beliefs.twin_state import (
     obey_probability,
     paths,
     released,
+    settled,
     spent_hypotheses,
-    submerged,
 )
 from firmware_model.states import State
 
@@ -203,13 +203,12 @@ class HypothesisWeigher:
             if reading.state is State.RELEASED:
                 return released(twin_state, self.parameters, schedule)
             spent = self._partial_motor_run() if reading.state is State.SINKING else NOTHING
-            spent = spent._replace(mean=spent.mean + self.parameters.drain.listening)
-            return submerged(twin_state, self.parameters, schedule, spent)
+            return settled(twin_state, self.parameters, schedule, spent)
         if reading.state is State.SURFACING:
             _, left, variance = self._partial_motor_run()
             return replace(twin_state, load=twin_state.load.add(left, variance))
         if reading.state is State.ACTIVE and reading.mode is Mode.ASLEEP:
-            return listening(twin_state, self.parameters)
+            return listening(twin_state, self.parameters, schedule)
         return twin_state
 
 

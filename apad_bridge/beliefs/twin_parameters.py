@@ -62,6 +62,10 @@ class Cycle:
     def spent(self, from_ms: int, to_ms: int) -> float:
         return self._spent_by(to_ms) - self._spent_by(from_ms)
 
+    def awake(self, from_ms: int, to_ms: int) -> float:
+        """The part of `spent` that is for wakes, beyond what sleep takes."""
+        return self.spent(from_ms, to_ms) - self.steps[-1][2] * (to_ms - from_ms) / _MS_PER_MIN
+
     def _spent_by(self, at_ms: int) -> float:
         """The charge spent since time 0."""
         periods, phase_ms = divmod(at_ms, self.period_ms)

@@ -272,17 +272,39 @@ def released(twin_state: TwinState, parameters: TwinParameters, schedule: Schedu
     _, mean, variance = sinking(NOTHING, parameters)
     wait, at_ms = parameters.drain.release_wait, twin_state.at_ms
     until_ms = at_ms + parameters.release_wait_ms + parameters.motor_run_ms
-    pending = Pending(at_ms, until_ms, mean + wait / 2, variance + wait**2 / 12, Mode.FLOATING)
+    mean += wait / 2 - missed_wakes(
+        schedule, at_ms, at_ms + parameters.release_wait_ms // 2 + _settling_ms(parameters)
+    )
+    pending = Pending(at_ms, until_ms, mean, variance + wait**2 / 12, Mode.FLOATING)
     return replace(submerged(twin_state, parameters, schedule, NOTHING), pending=pending)
 
 
-def listening(twin_state: TwinState, parameters: TwinParameters) -> TwinState:
+def missed_wakes(schedule: Schedule, from_ms: int, to_ms: int) -> float:
+    """The charge of the wakes in a span in which the board does not sleep: the alarm of one that is awake wakes nobody."""
+    return 0.0 if schedule.cycle is None else schedule.cycle.awake(from_ms, to_ms)
+
+
+def settled(twin_state: TwinState, parameters: TwinParameters, schedule: Schedule, spent: Spent) -> TwinState:
+    """Awake on its way to sleep on the bottom, with `spent` since the anchor until then, and no wake meanwhile."""
+    at_ms = twin_state.at_ms
+    mean = spent[1] + parameters.drain.listening
+    mean -= missed_wakes(schedule, at_ms, at_ms + _settling_ms(parameters))
+    return submerged(twin_state, parameters, schedule, spent._replace(mean=mean))
+
+
+def _settling_ms(parameters: TwinParameters) -> int:
+    """From the release of the ballast until the board sleeps."""
+    return parameters.sinking_ms + parameters.listening_ms
+
+
+def listening(twin_state: TwinState, parameters: TwinParameters, schedule: Schedule) -> TwinState:
     """Awake on the bottom at `at_ms`, and asleep after a part of the time for which it listens."""
     spends, at_ms = parameters.drain.listening, twin_state.at_ms
     if not parameters.listening_ms:
         return twin_state
     until_ms = at_ms + parameters.listening_ms
-    return replace(twin_state, pending=Pending(at_ms, until_ms, spends / 2, spends**2 / 12, Mode.IDLE))
+    mean = spends / 2 - missed_wakes(schedule, at_ms, until_ms)
+    return replace(twin_state, pending=Pending(at_ms, until_ms, mean, spends**2 / 12, Mode.IDLE))
 
 
 def submerged(

@@ -154,9 +154,10 @@ def _secondary_compared(belief: BeliefSample, truth: TruthSample) -> ChargeCompa
     deviation = _or_none(belief.secondary_deviation)
     if deviation is None:
         return None
-    charge, half = belief.secondary, _Z_95 * deviation
-    low = 0.0 if charge <= _MEETS_AN_END * deviation else charge - half
-    high = 1.0 if 1 - charge <= _MEETS_AN_END * deviation else charge + half
+    charge, half = belief.secondary, _Z_95 * deviation + _CERTAIN
+    reach = _MEETS_AN_END * deviation + _CERTAIN
+    low = 0.0 if charge <= reach else charge - half
+    high = 1.0 if 1 - charge <= reach else charge + half
     return _charge_compared(charge, truth.secondary, deviation, (low, high))
 
 

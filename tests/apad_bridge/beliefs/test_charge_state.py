@@ -80,8 +80,8 @@ def test_a_dock_makes_the_charge_go_with_the_charging_rate() -> None:
     assert found[RATE] == pytest.approx(1 + 0.06 * 0.3e-2 / (variance + 1e-4), rel=1e-3)
 
 
-def test_the_drain_of_an_ageing_battery_wanders_by_a_days_deviation_in_a_day() -> None:
-    """A random walk: after four days the deviation is twice that of one day."""
+def test_drain_and_biases_wander_by_a_days_deviation_in_a_day() -> None:
+    """Random walks: after four days the deviation is twice that of one day. A bias wanders by 15 % of 0.02."""
     scenario = load(SOUND_FILE)
     twin = flight_config(scenario).twin
     assert twin is not None
@@ -89,4 +89,7 @@ def test_the_drain_of_an_ageing_battery_wanders_by_a_days_deviation_in_a_day() -
     for days, deviation in ((1, 0.002), (4, 0.004)):
         noise = charge.process_noise(parameters, days * 86_400_000)
         assert sqrt(noise[DRAIN, DRAIN]) == pytest.approx(deviation)
-        assert np.count_nonzero(noise) == 1
+        assert np.sqrt(noise[[ASLEEP, CHARGING], [ASLEEP, CHARGING]]) == pytest.approx(
+            [0.003 * sqrt(days)] * 2
+        )
+        assert np.count_nonzero(noise) == 5

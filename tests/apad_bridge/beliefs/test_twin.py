@@ -325,6 +325,28 @@ def test_a_released_one_may_wait_before_its_motors_run() -> None:
     assert rests.primary == pytest.approx(1 - 0.027 - IDLE - 0.001 - 0.002 - 4 * ASLEEP, abs=3e-4)
 
 
+def test_one_that_is_released_at_the_full_hour_misses_that_wake() -> None:
+    """The alarm of a board that waits, sinks or listens wakes nobody: the next wake is an hour later."""
+    cycle = Cycle.of([(60_000, 0.01), (HOUR, ASLEEP)], HOUR)
+    twin = Twin(
+        replace(
+            KNOWLEDGE,
+            release_wait_ms=120_000,
+            listening_ms=60_000,
+            habits=replace(KNOWLEDGE.habits, unscheduled=0.0),
+        ),
+        {1: Schedule((0,), (Mode.ASLEEP,), cycle)},
+    )
+    docked = told(twin, heard(0, State.FLOATING, 0.9), Docked(1000))
+    let_go = twin.update(twin.predict(docked, 12 * HOUR), Released(12 * HOUR, 0.0, 0.0))
+    assert let_go is not None
+    before = 1 - 0.027 - IDLE
+    assert twin.predict(let_go, 13 * HOUR - 1000).primary == pytest.approx(before - 60 * ASLEEP, abs=3e-4)
+    assert twin.predict(let_go, 13 * HOUR + 600_000).primary == pytest.approx(
+        before - 69 * ASLEEP - 0.01, abs=3e-4
+    )
+
+
 def test_how_fast_one_charges_is_learned_in_its_dock() -> None:
     """Its batteries hold a sixth less: it charges 20 % faster than the kind, and in its next docking that is known."""
     twin = Twin(
