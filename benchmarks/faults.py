@@ -343,16 +343,24 @@ def _fleet_given_up(attempt: Try) -> str | None:
     for _ in range(4):
 
         def another() -> int | None:
-            return next((pid for pid in attempt.processes("agents.nursery") if pid not in killed), None)
+            found = set(attempt.processes("agents.nursery")) - killed
+            return next((pid for pid in found if not _comm(pid).startswith("amussel")), None)
 
         try:
             nursery = attempt.wait_for(another, "another nursery", 20.0)
         except TimeoutError:
             break
         killed.add(nursery)
-        # All agents have the nursery's command line: the nursery is the one with the lowest pid.
         os.kill(nursery, signal.SIGKILL)
-    return _expect(terminal, {3}, "nurseries died", within_s=60.0)
+    return _expect(terminal, {3}, "loss of the fleet: its nursery died", within_s=60.0)
+
+
+def _comm(pid: int) -> str:
+    """The name of a process: all agents have their nursery's command line, but a name of their own."""
+    try:
+        return Path(f"/proc/{pid}/comm").read_text()
+    except OSError:
+        return "amussel that has ended"
 
 
 def _master_stopped(attempt: Try) -> str | None:

@@ -36,6 +36,11 @@ class Death:
 
 
 class Host(Protocol):
+    @property
+    def lost(self) -> str | None:
+        """The reason why no agent can be restarted any more; None as long as one can."""
+        ...
+
     def grant(self, grants: Mapping[int, Grant]) -> dict[int, Reply | Death]:
         """Grants windows and waits for the outcome of each: an answer or a death, within a stated time-out."""
         ...

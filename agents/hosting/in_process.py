@@ -29,6 +29,7 @@ class InProcessHost:
         self._kept = dict(initial_states)
         """Each agent's physical state at the end of its last answered window."""
         self._truths: list[Truth] = []
+        self.lost: str | None = None
 
     def kill(self, agent_id: int) -> None:
         self._doomed.add(agent_id)

@@ -26,7 +26,7 @@ WINDOW_TIMEOUT_S = 2.0
 _END_TIMEOUT_S = 5.0
 _NURSERIES = 3
 _NURSERIES_SPAN_S = 60.0
-"""After more than `_NURSERIES` deaths of nurseries within this time, the host starts no other."""
+"""After more than `_NURSERIES` deaths of nurseries within this time, the host starts no other, and its fleet is lost."""
 
 
 class ProcessHost:
@@ -42,6 +42,7 @@ class ProcessHost:
     ) -> None:
         """Use `start` or `adopt`."""
         self.epoch = epoch
+        self.lost: str | None = None
         self.granted_ms: dict[int, int] = {}
         self.repeated: dict[int, Reply] = {}
         self._run_dir = run_dir
@@ -130,6 +131,8 @@ class ProcessHost:
         return outcomes
 
     def restart(self, agent_id: int, at_ms: int, cause: ResetCause) -> str | None:
+        if self.lost is not None:
+            return self.lost
         row = (agent_id, at_ms, cause, *self._committed.get(agent_id, NEVER))
         try:
             if self._links.nursery_died:
@@ -182,21 +185,36 @@ class ProcessHost:
         for agent_id, (pid, descriptor) in outcome.living.items():
             self._links.add(agent_id, pid, descriptor)
         if outcome.refused:
-            raise NurseryFailed("; ".join(outcome.refused.values()))
+            reasons = list(outcome.refused.values())
+            more = f", and {len(reasons) - 1} more" if len(reasons) > 1 else ""
+            raise NurseryFailed(f"{reasons[0]}{more}")
 
     def _replace_nursery(self) -> None:
-        """Starts another nursery for this run directory; it restarts agents from the file."""
-        now_s = time.monotonic()
-        recent = [at_s for at_s in self._nurseries_died_at_s if at_s > now_s - _NURSERIES_SPAN_S]
-        if len(recent) >= _NURSERIES:
-            raise NurseryFailed(
-                f"{_NURSERIES} nurseries died within {_NURSERIES_SPAN_S:g} s: no other is started"
-            )
-        self._nurseries_died_at_s = [*recent, now_s]
+        """Starts another nursery for this run directory, which restarts agents from the file; or the fleet is lost."""
+        why = ""
+        while True:
+            now_s = time.monotonic()
+            recent = [at_s for at_s in self._nurseries_died_at_s if at_s > now_s - _NURSERIES_SPAN_S]
+            self._nurseries_died_at_s = [*recent, now_s]
+            if len(recent) >= _NURSERIES:
+                died = f"its nursery died {len(recent) + 1} times within {_NURSERIES_SPAN_S:g} s"
+                self.lost = f"{died}, and no other is started{why}"
+                raise NurseryFailed(self.lost)
+            try:
+                process = launch_nursery(self._run_dir)
+            except (NurseryFailed, OSError) as error:
+                why = f" ({error})"
+                continue
+            try:
+                nursery = NurseryLink(self._run_dir, self.epoch)
+                break
+            except (NurseryDied, OSError) as error:
+                process.kill()
+                process.wait()
+                why = f" ({error})"
         self._dropped_before = self.dropped
         self._disconnect()
-        self._process = launch_nursery(self._run_dir)
-        self._nursery = NurseryLink(self._run_dir, self.epoch)
+        self._process, self._nursery = process, nursery
         self._links = AgentLinks(self._nursery, self._window_timeout_s)
 
     def _disconnect(self) -> None:

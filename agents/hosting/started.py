@@ -40,8 +40,11 @@ def outlive_starter() -> None:
 
 
 def main() -> None:
+    import logging  # here, because nurseries import this module and are to stay small
+
     leave_at_once()
     end_with_starter()
+    logging.raiseExceptions = False  # a log on a full disk must not fill another one with tracebacks
     _, module, *arguments = sys.argv
     sys.argv = [module, *arguments]
     runpy.run_module(module, run_name="__main__", alter_sys=True)

@@ -69,9 +69,9 @@ class AgentProcesses:
 
     def __init__(self, run_dir: str, file: FleetFile) -> None:
         """ValueError if another nursery, or an agent of one, keeps the physical file locked for too long."""
-        self._records_fd = os.open(os.path.join(run_dir, PHYSICAL_NAME), os.O_RDWR | os.O_CREAT, 0o644)
+        self._records_fd = os.open(os.path.join(run_dir, PHYSICAL_NAME), os.O_RDWR | os.O_CREAT, 0o600)
         _lock(self._records_fd)
-        self._flash_fd = os.open(os.path.join(run_dir, FLASH_NAME), os.O_RDWR | os.O_CREAT, 0o644)
+        self._flash_fd = os.open(os.path.join(run_dir, FLASH_NAME), os.O_RDWR | os.O_CREAT, 0o600)
         # These descriptors lie below those of all links, so that a child closes its siblings' links in one call.
         truth_fd = os.open(os.devnull, os.O_RDONLY)
         self._link = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
@@ -95,6 +95,8 @@ class AgentProcesses:
         if os.fstat(self._records_fd).st_size <= PAIR_BYTES * (len(self._index) - 1):
             for agent_id in self._index:
                 self._pair(agent_id).initial_state(file.initial_states[agent_id])
+            # An agent's state has its room from the start, so that a disk that fills up later ends no agent.
+            os.posix_fallocate(self._records_fd, 0, PAIR_BYTES * len(self._index))
 
     def warm(self) -> None:
         """Runs all code of an agent, then freezes its objects: the garbage collector must not write to shared pages."""
@@ -132,9 +134,14 @@ class AgentProcesses:
         gc.freeze()
         nursery_pid = os.getpid()
         link, link_fd, buffer, descriptors = self._link, self._link.fileno(), self._buffer, self._descriptors
-        pids = []
+        pids: list[int | None] = []
         for agent in pending:
-            pid = os.fork()
+            try:
+                pid = os.fork()
+            except OSError as error:
+                pids.append(None)
+                outcomes[agent.place] = NotStarted(f"aMussel {agent.agent_id}: no process: {error.strerror}")
+                continue
             if pid == 0:
                 live(
                     nursery_pid,
@@ -147,10 +154,13 @@ class AgentProcesses:
                     agent.handler,
                 )
             pids.append(pid)
-        for pid, agent in zip(pids, pending, strict=True):
+        for forked, agent in zip(pids, pending, strict=True):
             os.close(agent.agent_end)
-            outcomes[agent.place] = self.children[agent.agent_id] = Child(pid, agent.supervisor_end)
-            self._id_of_pid[pid] = agent.agent_id
+            if forked is None:
+                os.close(agent.supervisor_end)
+                continue
+            outcomes[agent.place] = self.children[agent.agent_id] = Child(forked, agent.supervisor_end)
+            self._id_of_pid[forked] = agent.agent_id
         return [outcomes[place] for place in range(len(wanted))]
 
     def _prepare_fork(self, place: int, boot: Boot) -> PendingFork:
@@ -166,7 +176,12 @@ class AgentProcesses:
             raise NotStarted(f"aMussel {agent_id}: {reason}")
         if boot.cause is not ResetCause.POWER_ON:
             self._count_restart(agent_id)
-        supervisor_end, agent_end = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        try:
+            supervisor_end, agent_end = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        except OSError as error:
+            raise NotStarted(
+                f"aMussel {agent_id}: {error.strerror} (ulimit -n is {self._descriptors})"
+            ) from None
         # Made before the fork, the agent costs its own process none of the memory that its making touches.
         flash = FlashRegion(self._flash_fd, self._index[agent_id], self._flash_pages)
         flash.roll_back(record.physical.samples)

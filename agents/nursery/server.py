@@ -7,6 +7,7 @@ import select
 import socket
 import sys
 import time
+from contextlib import suppress
 
 from agents.hosting.link_protocol import LinkError
 from agents.nursery import protocol
@@ -181,4 +182,5 @@ class NurseryServer:
 
 
 def _log(line: str) -> None:
-    print(f"nursery: {line}", file=sys.stderr, flush=True)
+    with suppress(OSError):  # a full disk is no reason to end
+        print(f"nursery: {line}", file=sys.stderr, flush=True)

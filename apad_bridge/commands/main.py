@@ -5,7 +5,6 @@ It imports little before `main` runs, so that Ctrl-C in the first second ends th
 
 from __future__ import annotations
 
-import errno
 import os
 import select
 import sys
@@ -13,7 +12,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any, TextIO
 
 from agents.hosting import interrupts
-from apad_bridge.runs.exits import EXITS, Exit, UserError
+from apad_bridge.runs.exits import EXITS, Exit, UserError, shortage
 
 if TYPE_CHECKING:
     import argparse
@@ -34,8 +33,6 @@ _COMMANDS = (
 )
 
 _NS = "__ns:="
-_MACHINE_IS_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EMFILE, errno.ENFILE)
-"""Errors of a disk, a quota, `ulimit -f` and `ulimit -n`: not the user's, and no bug of ours."""
 
 
 def parser() -> argparse.ArgumentParser:
@@ -109,10 +106,9 @@ def _run(arguments: list[str]) -> int:
         _discard(sys.stdout)
         return Exit.PEER_FAILED
     except OSError as error:
-        if error.errno not in _MACHINE_IS_FULL:
+        if (why := shortage(error)) is None:
             raise
-        where = error.filename or "the output, or the disk of the run's directory"
-        print(f"musselbed {chosen.command}: {where}: {error.strerror}", file=sys.stderr)
+        print(f"musselbed {chosen.command}: {why}", file=sys.stderr)
         _discard(sys.stdout)
         return Exit.PEER_FAILED
     return code

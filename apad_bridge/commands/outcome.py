@@ -38,7 +38,10 @@ def report(
             soft_wrap=True,
         )
     sys.stdout.flush()
-    return exit_of_all(end_reasons(summary))
+    reasons = end_reasons(summary)
+    if EndReason.FLEET_LOST in reasons:
+        print(f"musselbed: {summary['ended_by']}; see {directory.path}", file=sys.stderr)
+    return exit_of_all(reasons)
 
 
 def end_reasons(summary: dict[str, Any]) -> list[EndReason]:

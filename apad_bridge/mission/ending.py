@@ -23,6 +23,9 @@ class EndReason(StrEnum):
     """The script raised an error, or was stuck."""
     STRATEGY_FAILED = "failure of strategy"
     """A strategy raised an error, or gave a plan that cannot be flown."""
+    FLEET_LOST = "loss of the fleet"
+    """No agent lives, and none can be started again."""
+    DISK_FULL = "a disk that takes no more"
 
 
 @dataclass(frozen=True, slots=True)

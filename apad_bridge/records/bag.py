@@ -7,6 +7,7 @@ tools can read, and flushed to the file: a kill loses only the chunk that was be
 from __future__ import annotations
 
 import os
+from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from io import BytesIO
@@ -16,7 +17,7 @@ from typing import BinaryIO
 import lz4.frame
 from rosbags.interfaces import Connection
 from rosbags.rosbag1.reader import Header, ReaderError, RecordType, decompressors, read_bytes, read_uint32
-from rosbags.rosbag1.writer import WriteChunk, Writer
+from rosbags.rosbag1.writer import MAXSIZE, WriteChunk, Writer
 
 from apad_bridge.records.bag_messages import APAD, BELIEFS, EVENT, SOUND, TRUTH, Messages, typestore
 from apad_bridge.records.packet_lines import SoundRow
@@ -47,6 +48,8 @@ class _ChunkedWriter(Writer):
     After writing a chunk it keeps only the number of messages of each connection. The library keeps every message's place
     in its chunk for the whole bag, and that grows without bound.
 
+    When the disk takes no more, the file is cut to its last whole chunk, and `close` drops chunks until the index has room.
+
     The file header's padding is as long as ROS's own, 8 bytes more than the library's: `rosbag reindex` rewrites a header
     of ROS's size, and would overwrite the beginning of the first chunk.
     """
@@ -55,18 +58,53 @@ class _ChunkedWriter(Writer):
         super().open()
         assert self.bio is not None
         _pad(self.bio)
+        self.bio.flush()
+        self._end = self.bio.tell()
 
     def close(self) -> None:
-        super().close()
+        """OSError if not everything could be written; the bag is valid all the same, without its end."""
+        failure: OSError | None = None
+        try:
+            self.end_chunk()
+        except OSError as error:
+            failure = error
+        while self.bio is not None and not self.bio.closed:
+            try:
+                super().close()
+            except OSError as error:
+                failure = error
+                written = [chunk for chunk in self.chunks if chunk.pos >= 0]
+                if not written:
+                    raise
+                self._cut(written[-1].pos)
         with self.path.open("r+b") as file:
             _pad(file)
+        if failure is not None:
+            raise failure
 
     def write_chunk(self, chunk: WriteChunk) -> None:
-        super().write_chunk(chunk)
+        assert self.bio is not None
+        try:
+            super().write_chunk(chunk)
+            self.bio.flush()
+        except OSError:
+            self._cut(self._end)
+            raise
+        self._end = self.bio.tell()
         for connection_id, entries in chunk.connections.items():
             chunk.connections[connection_id] = range(len(entries))  # type: ignore[assignment]
+
+    def _cut(self, end: int) -> None:
+        """Cuts the file to its first `end` bytes, and forgets the chunks after them and what is still in memory."""
         assert self.bio is not None
-        self.bio.flush()
+        # A buffered file keeps what it could not write, and writes it when it is closed; not if its raw file is closed.
+        self.bio.raw.close()  # type: ignore[attr-defined]
+        os.truncate(self.path, end)
+        self.bio = self.path.open("r+b")
+        self.bio.seek(end)
+        self._end = end
+        whole = [chunk for chunk in self.chunks if 0 <= chunk.pos < end]
+        self.chunks = [*whole, WriteChunk(BytesIO(), -1, MAXSIZE, 0, defaultdict(list))]
 
     def end_chunk(self) -> None:
         self.write_chunk(self.chunks[-1])
@@ -109,7 +147,7 @@ class BagWriter:
 
     def close(self) -> None:
         """Ends the bag with its index; a second call does nothing."""
-        if self._writer.bio is not None:
+        if self._writer.bio is not None and not self._writer.bio.closed:
             self._writer.close()
 
     def _write(self, name: str, now_ms: int, data: bytes) -> None:

@@ -14,7 +14,7 @@ _encode = json.JSONEncoder(separators=(",", ":"), allow_nan=False).encode
 
 
 class LineFile:
-    """Appends lines to a file; they reach it at `flush`."""
+    """Appends lines to a file; they reach it at `flush`. It belongs to one writer alone."""
 
     def __init__(self, path: Path) -> None:
         """Opens the file at its end and creates it if needed; cuts off a torn last line."""
@@ -27,19 +27,27 @@ class LineFile:
         self._waiting.append(_encode(line))
 
     def flush(self) -> None:
+        """OSError when the file cannot take the lines: none of them is then in it."""
         if not self._waiting:
             return
         data = memoryview(("\n".join(self._waiting) + "\n").encode())
         self._waiting.clear()
-        while data:
-            data = data[os.write(self._descriptor, data) :]
+        written = 0
+        try:
+            while written < len(data):
+                written += os.write(self._descriptor, data[written:])
+        except OSError:
+            os.ftruncate(self._descriptor, os.fstat(self._descriptor).st_size - written)
+            raise
 
     def close(self) -> None:
         """Flushes; a second call does nothing."""
         if self._descriptor >= 0:
-            self.flush()
-            os.close(self._descriptor)
-            self._descriptor = -1
+            try:
+                self.flush()
+            finally:
+                os.close(self._descriptor)
+                self._descriptor = -1
 
 
 def read_lines(path: Path) -> Iterator[Line | None]:

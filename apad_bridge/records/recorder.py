@@ -6,7 +6,8 @@ import json
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence, Set
 from dataclasses import asdict, dataclass
-from typing import Any
+from functools import wraps
+from typing import Any, TypeVar, cast
 
 from agents.mussel.outputs import Truth
 from apad_bridge.beliefs.belief import Belief
@@ -35,10 +36,33 @@ from apad_bridge.scenario.starts import Start, save_starts
 from apad_bridge.supervisor.core import LearnedState
 from apad_bridge.supervisor.roster import Presence
 from apad_bridge.vehicle.commands import BatteryReported, PoseReported
+from apad_bridge.vehicle.errors import PeerFailed
 
 DAY_MS = 86_400_000
 _JOURNAL_ONLY = frozenset({EventKind.STIMULUS})
 """Kinds of events with too many lines for the bag, where nobody looks for them."""
+
+
+class RecordsFailed(PeerFailed):
+    """The disk takes no more of the records, which are whole up to there."""
+
+
+_Write = TypeVar("_Write", bound=Callable[..., None])
+
+
+def _on_disk(write: _Write) -> _Write:
+    """Makes an OSError of a recorder's method a RecordsFailed. After the first one such methods do nothing."""
+
+    @wraps(write)
+    def written(recorder: Recorder, *arguments: Any, **named: Any) -> None:
+        if recorder.has_failed:
+            return
+        try:
+            write(recorder, *arguments, **named)
+        except OSError as error:
+            raise recorder.fail(error) from error
+
+    return cast(_Write, written)
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +82,7 @@ class Recorder:
 
     Without any call of `truths` there are no uptimes, and summary.json gives the reason. Lines and samples reach the files
     at the end of each `tick`. `finish` writes the ends and the summary and closes the files; `close` alone leaves a valid
-    bag and a journal without an end.
+    bag and a journal without an end. RecordsFailed, once, when the disk takes no more.
     """
 
     def __init__(self, directory: RunDirectory, scenario: Scenario, agent_ids: Iterable[int]) -> None:
@@ -68,6 +92,7 @@ class Recorder:
         self.dropped_in_flight: Callable[[], Counter[str]] = Counter
         """Returns the counts of the recorded flight so far."""
         self._directory = directory
+        self.has_failed = False
         self._scenario = scenario
         self._agent_ids = frozenset(agent_ids)
         self._water = Water(scenario)
@@ -119,6 +144,7 @@ class Recorder:
         recorder._journal.flush()
         return recorder, Resumed(contents, torn_bytes, None if repair is None else bags[-1].name, lost_ms)
 
+    @_on_disk
     def event(self, at_ms: int, kind: str, **data: Any) -> None:
         """Records an event at mission time `at_ms`; plain data only."""
         self._journal.append(at_ms, kind, data)
@@ -155,6 +181,7 @@ class Recorder:
             self._journaled[agent_id] = truth
             self._journal.append(-(-truth.at_ms // self._scenario.theta), EventKind.TRUTH, truth_data(truth))
 
+    @_on_disk
     def begin_checkpoint(self, learned: LearnedState, now_ms: int) -> None:
         """Writes the checkpoint from mission time `now_ms` on, so that another supervisor can resume the run."""
         self._checkpoint = Checkpoint(
@@ -166,10 +193,12 @@ class Recorder:
         """The sequence numbers of the samples on disk, by aMussel."""
         return self._samples.kept
 
+    @_on_disk
     def samples(self, agent_id: int, samples: Sequence[PlacedSample]) -> None:
         """Writes samples that an aMussel uploaded; they are on disk when it returns, so that they can be acknowledged."""
         self._samples.append(agent_id, samples)
 
+    @_on_disk
     def tick(
         self,
         now_ms: int,
@@ -204,6 +233,7 @@ class Recorder:
             self._water.sample(truth, max(agent_ms, truth.at_ms)) for _, truth in sorted(self._newest.items())
         ]
 
+    @_on_disk
     def flush(self) -> None:
         """Writes the lines since the last tick to disk, before an act that cannot be undone."""
         self._journal.flush()
@@ -237,21 +267,37 @@ class Recorder:
             ),
             "dropped": dict(sorted(self._all_dropped(ending).items())),
         }
-        ends = self._ends(at_ms)
-        if ends:
-            save_starts(self._directory.ends, ends, scenario.area.origin)
-        self._directory.write_json(self._directory.summary, summary)
-        self.close()
-        self._directory.checkpoint.unlink(missing_ok=True)  # an ended run cannot be resumed
+        self._write_ending(at_ms, summary)
         return summary
 
     def close(self) -> None:
-        """Closes all files; a second call does nothing."""
-        self._journal.close()
-        self._bag.close()
-        self._samples.close()
-        if self._checkpoint is not None:
-            self._checkpoint.close()
+        """Closes all files, whatever becomes of one of them; a second call does nothing."""
+        failures = []
+        for file in (self._journal, self._bag, self._samples, self._checkpoint):
+            try:
+                if file is not None:
+                    file.close()
+            except OSError as error:
+                failures.append(error)
+        if failures and not self.has_failed:
+            raise self.fail(failures[0])
+
+    def fail(self, error: OSError) -> RecordsFailed:
+        """Nothing more is written after this; the result is to be raised."""
+        self.has_failed = True
+        return RecordsFailed(
+            f"the disk of {self._directory.path} takes no more ({error.strerror}): the run ends, "
+            "with its records whole up to there"
+        )
+
+    @_on_disk
+    def _write_ending(self, at_ms: int, summary: Line) -> None:
+        ends = self._ends(at_ms)
+        if ends:
+            save_starts(self._directory.ends, ends, self._scenario.area.origin)
+        self._directory.write_json(self._directory.summary, summary)
+        self.close()
+        self._directory.checkpoint.unlink(missing_ok=True)  # an ended run cannot be resumed
 
     def _dropped_so_far(self) -> Counter[str]:
         """The counts that the next supervisor would not count again."""

@@ -48,8 +48,8 @@ class SampleFile:
             self._file = LineFile(self._path)
         for sample in new:
             self._file.append(sample_line(agent_id, sample, self._theta))
-            kept.add(sample.record.sequence)
         self._file.flush()
+        kept.update(sample.record.sequence for sample in new)
 
     def close(self) -> None:
         """Closes the file; a second call does nothing."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+import resource
 from collections.abc import Iterable
 from enum import IntEnum
 from typing import assert_never
@@ -37,7 +39,7 @@ def exit_of(reason: EndReason) -> Exit:
             return Exit.DONE
         case EndReason.OPERATOR:
             return Exit.INTERRUPTED
-        case EndReason.SCRIPT_FAILED | EndReason.STRATEGY_FAILED:
+        case EndReason.SCRIPT_FAILED | EndReason.STRATEGY_FAILED | EndReason.FLEET_LOST | EndReason.DISK_FULL:
             return Exit.PEER_FAILED
         case _:
             assert_never(reason)
@@ -51,3 +53,13 @@ def exit_of_all(reasons: Iterable[EndReason]) -> Exit:
 
 class UserError(Exception):
     """A mistake of the user's: the text is one clear line, with the mend."""
+
+
+def shortage(error: OSError) -> str | None:
+    """One line for what the machine is short of: a disk's room, or open files. None for another error."""
+    if error.errno in (errno.EMFILE, errno.ENFILE):
+        soft, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
+        return f"too many open files: `ulimit -n` allows {soft} here; raise it"
+    if error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
+        return f"{error.filename or 'the output, or the disk of the run directory'}: {error.strerror}"
+    return None

@@ -13,7 +13,8 @@ from typing import Any
 
 from agents.hosting import interrupts
 from agents.hosting.in_process import InProcessHost
-from agents.hosting.process_host import ProcessHost
+from agents.hosting.nursery_client import NurseryDied
+from agents.hosting.process_host import NurseryFailed, ProcessHost
 from apad_bridge.assembly import parts
 from apad_bridge.assembly.flight_config import FlightConfig, flight_config
 from apad_bridge.mission.call_queue import CallQueue
@@ -22,7 +23,7 @@ from apad_bridge.mission.manual import CommandSource
 from apad_bridge.mission.state import MissionState
 from apad_bridge.records.event_kinds import EventKind
 from apad_bridge.records.journal import FORMAT_VERSION
-from apad_bridge.records.recorder import Recorder
+from apad_bridge.records.recorder import Recorder, RecordsFailed
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.records.summary import Ending
 from apad_bridge.runs.children import supervising
@@ -38,6 +39,7 @@ from apad_bridge.supervisor.fleet import Fleet
 from apad_bridge.supervisor.loop import Flight
 from apad_bridge.supervisor.sample_collection import NoSampleCollection, SampleCollection
 from apad_bridge.vehicle.commands import DockClosed
+from apad_bridge.vehicle.errors import PeerFailed
 from apad_bridge.vehicle.link import InProcessVehicle
 from apad_bridge.vehicle.primitives import PrimitiveFailed
 
@@ -154,7 +156,10 @@ def open_fleet(config: FlightConfig, starts: Sequence[Start], folder: Path) -> F
         host: InProcessHost | ProcessHost = InProcessHost(fleet_config, initial_states)
     else:
         folder.mkdir()
-        host = ProcessHost.start(str(folder), fleet_config, initial_states)
+        try:
+            host = ProcessHost.start(str(folder), fleet_config, initial_states)
+        except (NurseryFailed, NurseryDied) as error:
+            raise PeerFailed(f"the fleet cannot start: {error}; see {folder}") from error
     return parts.fleet_of(config, host, dict.fromkeys(initial_states, 0))
 
 
@@ -175,7 +180,13 @@ def fly(
     prepared = prepare(config, context, recorder, progress, spec)
     with interrupts.held_back():
         with stopped_by_signals(prepared.flight):
-            prepared.flight.run()
+            try:
+                prepared.flight.run()
+            except RecordsFailed:
+                # Without records, but in order: a vehicle holds its place, and a mission gives up its orders.
+                prepared.flight.stop(MissionEnd(EndReason.DISK_FULL))
+                prepared.flight.run()
+                raise
         return prepared.finish()
 
 

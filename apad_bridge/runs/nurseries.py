@@ -56,6 +56,6 @@ def adopt(
     """Adopts the run's fleet for supervisor number `epoch` at mission time `now_ms`, with the `opened_modems`."""
     try:
         host = ProcessHost.adopt(str(run_dir / FOLDER), epoch)
-    except (NurseryFailed, Fenced) as error:
-        raise PeerFailed(f"the fleet cannot be taken over: {error}") from error
+    except (NurseryFailed, NurseryDied, Fenced) as error:
+        raise PeerFailed(f"the fleet cannot be taken over: {error}; see {run_dir / FOLDER}") from error
     return parts.fleet_of(config, host, host.granted_ms, now_ms, opened_modems)

@@ -26,7 +26,7 @@ from apad_bridge.ros.system.route import why_silent
 from apad_bridge.runs import flying, resuming
 from apad_bridge.runs.children import supervising
 from apad_bridge.runs.dry_run import without_commands
-from apad_bridge.runs.exits import Exit
+from apad_bridge.runs.exits import Exit, shortage
 from apad_bridge.runs.nurseries import adopt
 from apad_bridge.runs.parent_protocol import Failed, Summary, say, write
 from apad_bridge.runs.progress import ParentDisplay
@@ -182,6 +182,11 @@ def main() -> int:
             return fly(arguments.run, arguments.resume)
     except KeyboardInterrupt:
         return Exit.INTERRUPTED
+    except OSError as error:
+        if (why := shortage(error)) is None:
+            raise
+        write(Failed(f"{arguments.run}: {why}"))
+        return Exit.PEER_FAILED
     except (
         PeerFailed,
         RunDirectoryError,

@@ -18,6 +18,7 @@ from agents.water.medium import PacketEnded
 from agents.water.sea import Sea
 from agents.water.sea_events import SeaResult
 from agents.water.topology import Topology
+from apad_bridge.mission.ending import EndReason, MissionEnd
 from apad_bridge.mission.events import Send
 from apad_bridge.scenario.links import read_links
 from apad_bridge.supervisor.packet_notes import packet_data
@@ -196,6 +197,7 @@ class Fleet:
         self.carry_apad = water.carry_apad
         self.write = water.write
         self.close = host.close
+        self._host = host
 
     @property
     def ids(self) -> Sequence[int]:
@@ -224,11 +226,24 @@ class Fleet:
         """A packet as the journal has it."""
         return packet_data(packet, self._timeslots, self._water.sound_speed_m_s)
 
+    @property
+    def lost(self) -> MissionEnd | None:
+        """The mission's end when no agent lives and none can be started again; None as long as one lives."""
+        if self._host.lost is not None:
+            why = self._host.lost
+        elif not self.coordinator.agent_ids:
+            why = "every aMussel died too often"
+        else:
+            return None
+        return MissionEnd(EndReason.FLEET_LOST, f"{EndReason.FLEET_LOST}: {why}")
+
 
 class NoFleet:
     """The fleet of a mission alone: its aMussels are in other processes, and nothing reaches them from here."""
 
     ids: Sequence[int] = ()
+
+    lost: MissionEnd | None = None
 
     def __init__(self) -> None:
         self.dropped: Counter[str] = Counter()

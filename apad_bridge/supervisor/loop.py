@@ -241,6 +241,8 @@ class Flight:
                         reason=reason,
                         gave_up=gave_up,
                     )
+                    if gave_up is not None and (why := self._fleet.lost) is not None:
+                        self.stop(why)
                 case Heard(at_ms, agent_id, WifiSent(_, data)):
                     self.supervisor.receive(WifiHeard(at_ms, data))
                     self._relay.transmit(Medium.WIFI, agent_id, data, at_ms)

@@ -414,11 +414,53 @@ def test_ending_is_bounded_though_an_agent_is_stopped(tmp_path: Path) -> None:
     host = ProcessHost.start(tmp_path, FLEET, BIRTHS, restart_policy=RestartPolicy(ending_s=ending_s))
     pids = dict(host.pids)
     os.kill(pids[8], signal.SIGSTOP)
+    # A process that has not stopped yet meets the earlier SIGTERM first, and ends by it.
+    wait_until_stopped(pids[8])
     began_s = time.monotonic()
     host.close()
     # Nothing else is waited for; the room is for a machine that is busy. One that is stopped never ends by itself.
     assert ending_s <= time.monotonic() - began_s < ending_s + PATIENCE_S
     assert all(gone(pid) for pid in [*pids.values(), host.nursery_pid])
+
+
+def wait_until_stopped(pid: int) -> None:
+    """For a process that is not a child of this one: the kernel tells its stop to nobody else."""
+    deadline_s = time.monotonic() + PATIENCE_S
+    while Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "T":
+        assert time.monotonic() < deadline_s
+        os.sched_yield()
+
+
+def test_a_fleet_whose_nursery_dies_again_and_again_is_lost(host: ProcessHost) -> None:
+    clock = coordinator(host)
+    clock.advance(1_000)
+    died: list[Died] = []
+    for second in range(2, 6):
+        assert host.lost is None
+        pids = dict(host.pids)
+        os.kill(host.nursery_pid, signal.SIGKILL)
+        assert all(gone(pid) for pid in pids.values())
+        died = [it for it in clock.advance(second * 1_000) if isinstance(it, Died)]
+    assert host.lost == "its nursery died 4 times within 60 s, and no other is started"
+    assert [(it.agent_id, it.gave_up) for it in died] == [(agent_id, host.lost) for agent_id in IDS]
+    assert clock.agent_ids == []
+
+
+def test_a_nursery_that_cannot_start_is_tried_again_and_then_given_up(
+    host: ProcessHost, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tried = []
+
+    def refuse(run_dir: str) -> subprocess.Popen[bytes]:
+        tried.append(run_dir)
+        raise NurseryFailed("it has no room")
+
+    monkeypatch.setattr("agents.hosting.process_host.launch_nursery", refuse)
+    clock = coordinator(host)
+    clock.advance(1_000)
+    os.kill(host.nursery_pid, signal.SIGKILL)
+    clock.advance(2_000)
+    assert len(tried) == 3 and host.lost is not None and host.lost.endswith("(it has no room)")
 
 
 def test_a_long_window_travels_in_parts(host: ProcessHost) -> None:

@@ -1,12 +1,16 @@
 """Tests run.bag without ROS: reading gives what was written, and the repair of an unclosed bag keeps all whole messages."""
 
 import os
+import resource
 import signal
 import subprocess
 import sys
+from contextlib import contextmanager, suppress
 from math import pi
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from rosbags.rosbag1 import Reader
 from rosbags.rosbag1.reader import ReaderError
 
@@ -171,3 +175,37 @@ def test_what_a_bag_keeps_in_memory_does_not_grow_with_its_messages(tmp_path):
     assert sum(len(entries) for entries in kept if isinstance(entries, list)) < 3 * (CHUNK_MS // 1000 + 1)
     bag.close()
     assert len(read_stamps(bag.path)) == 3 * 20 * CHUNK_MS // 1000
+
+
+@contextmanager
+def files_of_at_most(size):
+    """Files of this process grow no further, as on a full disk (EFBIG in the place of ENOSPC)."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+
+
+@settings(max_examples=20)
+@given(room=st.integers(0, 50_000))
+def test_a_full_disk_leaves_a_bag_that_opens_with_whole_chunks(tmp_path_factory, room):
+    tmp_path = tmp_path_factory.mktemp("full")
+    reference = BagWriter(tmp_path / "whole.bag", theta=30)
+    write_ticks(reference, 300)
+    reference.close()
+    bag = BagWriter(tmp_path / "run.bag", theta=30)
+    smallest = bag.path.stat().st_size + 20_000  # the header, and an index without chunks
+    with files_of_at_most(smallest + room):
+        try:
+            write_ticks(bag, 300)
+            bag.close()
+            failed = False
+        except OSError:
+            failed = True
+        with suppress(OSError):
+            bag.close()
+    kept, whole = read(bag.path), read(reference.path)
+    assert [(topic, stamp) for topic, stamp, _ in kept] == [it[:2] for it in whole[: len(kept)]]
+    assert failed is (len(kept) < len(whole))

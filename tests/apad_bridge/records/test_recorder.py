@@ -1,6 +1,7 @@
 """Tests the recorder on a real flight in virtual time, and on ticks made by hand."""
 
 import json
+import resource
 import shutil
 from collections import Counter
 from dataclasses import replace
@@ -20,8 +21,9 @@ from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.mission.ending import EndReason, MissionEnd
 from apad_bridge.records.journal import read_journal
-from apad_bridge.records.recorder import DAY_MS, Recorder
+from apad_bridge.records.recorder import DAY_MS, Recorder, RecordsFailed
 from apad_bridge.records.run_directory import RunDirectory
+from apad_bridge.records.sample_file import SampleFile
 from apad_bridge.records.summary import AMUSSEL, SUMMARY, Ending
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.starts import read_starts, starts_of
@@ -33,6 +35,7 @@ from apad_bridge.vehicle.commands import BatteryReported, PoseReported
 from apad_bridge.vehicle.link import InProcessVehicle
 from apad_bridge.vehicle.simulated.apad import SimulatedAPad
 from firmware_model.actions import Buoyancy
+from firmware_model.packets.sample_record import SampleRecord
 from firmware_model.power.charge import FULL, Battery, Flow
 from firmware_model.states import State
 
@@ -297,3 +300,41 @@ def test_depth_in_the_bag_is_the_bodys(tmp_path, scenario):
                 hand_made(0).physical, depth_anchor_ms=10_000, depth_um=1_234_567, buoyancy=buoyancy
             )
             assert water.depth_um(physical, now_ms) == body.depth_at_um(now_ms)
+
+
+def test_a_disk_that_takes_no_more_is_one_error_and_the_records_are_whole(recorder):
+    for second in range(1, 40):
+        recorder.event(1000 * second, "note", text="x" * 200)
+        recorder.tick(1000 * second, [], None, None, "", (None,) * 4)
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    full = recorder._directory.journal.stat().st_size + 100
+    resource.setrlimit(resource.RLIMIT_FSIZE, (full, hard))
+    try:
+        recorder.event(40_000, "note", text="x" * 200)
+        with pytest.raises(RecordsFailed, match=f"the disk of {recorder._directory.path} takes no more"):
+            recorder.tick(40_000, [], None, None, "", (None,) * 4)
+        recorder.event(41_000, "note", text="x")
+        recorder.tick(41_000, [], None, None, "", (None,) * 4)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    recorder.close()
+    contents = read_journal(recorder._directory.journal)
+    assert contents.dropped == 0 and contents.last_ms == 39_000
+    with Reader(recorder._directory.path / "run.bag"):
+        pass
+
+
+def test_a_sample_that_could_not_be_written_is_not_kept(tmp_path):
+    file = SampleFile(tmp_path / "samples.jsonl")
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (50, hard))
+    record = SampleRecord(3, 60_000, (1, 2, 3, 4), 0)
+    try:
+        with pytest.raises(OSError):
+            file.append(7, [record])
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert file.kept[7] == set()
+    file.append(7, [record])
+    file.close()
+    assert SampleFile(tmp_path / "samples.jsonl").kept == {7: {3}}

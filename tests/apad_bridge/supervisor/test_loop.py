@@ -237,3 +237,44 @@ def test_a_fleet_alone_and_a_mission_alone_joined_by_a_relay_serve_aMussels() ->
         mission_side.tick(now_ms)
     assert mission_side.supervisor.mission.state.services >= 4
     assert fleet_side.supervisor.mission.state.cost_m == 0
+
+
+class DoomedHost(InProcessHost):
+    """Restarts nobody."""
+
+    def __init__(self, scenario: Scenario, lost: str | None) -> None:
+        super().__init__(
+            parts.fleet_config(scenario), parts.initial_states(scenario, list(starts_of(scenario)))
+        )
+        self._lost = lost
+
+    def restart(self, agent_id: int, at_ms: int, cause: ResetCause) -> str | None:
+        self.lost = self._lost
+        return "it stays dead"
+
+
+@pytest.mark.parametrize(
+    ("lost", "killed", "ended_by"),
+    [
+        (None, 6, "loss of the fleet: every aMussel died too often"),
+        ("no nursery", 1, "loss of the fleet: no nursery"),
+        (None, 5, "mission time"),
+    ],
+)
+def test_a_mission_ends_with_its_whole_fleet_and_not_with_a_part_of_it(
+    lost: str | None, killed: int, ended_by: str
+) -> None:
+    scenario = short_scenario()
+    host = DoomedHost(scenario, lost)
+    ids = parts.agent_ids(scenario)
+    fleet = Fleet(Coordinator(host, dict.fromkeys(ids, 0), scenario.theta), host)
+    context = FlightContext(InProcessVehicle(SimulatedAPad(scenario.apad)), AsFastAsPossible(), fleet)
+    recorder = MemoryRecorder(scenario)
+    flight = Flight(parts.supervisor(scenario), context, recorder)
+    for _ in range(5):
+        flight.step()
+    for agent_id in list(ids)[:killed]:
+        host.kill(agent_id)
+    assert flight.run() == ended_by
+    gave_up = [data["gave_up"] for _, kind, data in recorder.events if kind == "died"]
+    assert gave_up == ["it stays dead"] * killed

@@ -1,0 +1,77 @@
+"""Runs on a machine that is short of something: one line that names it, exit code 3, nothing left, whole records."""
+
+from __future__ import annotations
+
+import os
+import resource
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from rosbags.rosbag1 import Reader
+
+from apad_bridge.records.journal import read_journal
+
+pytestmark = pytest.mark.system
+
+ROOT = Path(__file__).parents[2]
+MUSSELBED = [sys.executable, "-m", "apad_bridge.commands.main"]
+POOL = "launch_scripts/scenarios/pool-12.yaml"
+PATIENCE_S = 240.0
+OVER_ROS = ("--time", "wall", "--speed", "100")
+ASAP = ("--time", "asap")
+
+
+def fly(out: Path, limit: tuple[int, int], *options: str) -> subprocess.CompletedProcess[str]:
+    """Flies the pool with this limit of a resource, (which, how much)."""
+    return subprocess.run(
+        [*MUSSELBED, "run", POOL, "--out", str(out), "--json", *options],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE_S,
+        preexec_fn=lambda: resource.setrlimit(limit[0], (limit[1], limit[1])),
+    )
+
+
+def left_of(run: Path) -> list[str]:
+    """Processes that name the run's directory."""
+    found = []
+    for entry in Path("/proc").glob("[0-9]*"):
+        try:
+            line = (entry / "cmdline").read_bytes().replace(b"\0", b" ").decode(errors="replace")
+        except OSError:
+            continue
+        if str(run) in line and entry.name != str(os.getpid()):
+            found.append(line)
+    return found
+
+
+def check_failed(done: subprocess.CompletedProcess[str], run: Path, words: str) -> None:
+    """`done` failed for the reason with these words, in one line, and left nothing behind."""
+    assert done.returncode == 3, done.stderr
+    (line,) = done.stderr.splitlines()
+    assert words in line and str(run) in line
+    logs = [log for log in (run / "supervisor.log", run / "fleet" / "nursery.log") if log.exists()]
+    assert not any("Traceback" in log.read_text() for log in logs)
+    assert left_of(run) == []
+
+
+@pytest.mark.parametrize("options", [ASAP, OVER_ROS], ids=["asap", "over ROS"])
+def test_a_full_disk_ends_the_mission_in_order_with_whole_records(
+    tmp_path: Path, options: tuple[str, ...]
+) -> None:
+    run = tmp_path / "run"
+    done = fly(run, (resource.RLIMIT_FSIZE, 100_000), *options)
+    check_failed(done, run, "takes no more (File too large)")
+    contents = read_journal(run / "journal.jsonl")
+    assert contents.dropped == 0 and contents.last_ms > 60_000
+    with Reader(run / "run.bag") as bag:
+        assert bag.message_count > 0
+
+
+@pytest.mark.parametrize("options", [ASAP, OVER_ROS], ids=["asap", "over ROS"])
+def test_too_few_open_files_are_one_line(tmp_path: Path, options: tuple[str, ...]) -> None:
+    run = tmp_path / "run"
+    check_failed(fly(run, (resource.RLIMIT_NOFILE, 24), *options), run, "ulimit -n is 24")
