@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import socket
+import struct
 from collections.abc import Sequence
 from dataclasses import astuple, dataclass
 from typing import Any
@@ -13,6 +14,7 @@ import msgpack
 from agents.hosting.link_protocol import LIMIT_BYTES, LinkError
 
 SOCKET_NAME = "nursery.sock"
+_CREDENTIALS = struct.Struct("iII")
 DESCRIPTORS_AT_ONCE = 200
 """The most descriptors in a message; the kernel's limit is 253."""
 
@@ -188,14 +190,22 @@ def receive(sock: socket.socket) -> tuple[Message, list[int]] | None:
 
 
 def listen(run_dir: str) -> socket.socket:
-    """The nursery's socket in its run directory. It replaces a socket that a dead nursery left."""
+    """The nursery's socket in its run directory, for its user alone. It replaces a socket that a dead nursery left.
+
+    For a process with one thread: for a moment it changes the umask.
+    """
     sock = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     directory = os.open(run_dir, os.O_RDONLY | os.O_DIRECTORY)
     try:
         path = _short_path(directory)
         if os.path.lexists(path):
             os.unlink(path)
-        sock.bind(path)
+        # A socket is made with the mode that the umask leaves.
+        before = os.umask(0o177)
+        try:
+            sock.bind(path)
+        finally:
+            os.umask(before)
     finally:
         os.close(directory)
     sock.listen(8)
@@ -203,18 +213,26 @@ def listen(run_dir: str) -> socket.socket:
 
 
 def connect(run_dir: str, timeout_s: float) -> socket.socket:
-    """A link to the nursery of a run directory, with that time-out. OSError if there is no nursery."""
+    """A link to the nursery of a run directory, with that time-out. OSError if there is none, or another user's."""
     sock = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     directory = os.open(run_dir, os.O_RDONLY | os.O_DIRECTORY)
     try:
         sock.settimeout(timeout_s)
         sock.connect(_short_path(directory))
+        if not is_of_our_user(sock):
+            raise PermissionError(f"the nursery in {run_dir} is another user's")
     except OSError:
         sock.close()
         raise
     finally:
         os.close(directory)
     return sock
+
+
+def is_of_our_user(sock: socket.socket) -> bool:
+    """True if the process at the other end of a Unix socket is this user's, or root's (unix(7), SO_PEERCRED)."""
+    _, uid, _ = _CREDENTIALS.unpack(sock.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _CREDENTIALS.size))
+    return uid in (os.geteuid(), 0)
 
 
 def _short_path(directory: int) -> str:

@@ -69,7 +69,10 @@ class NurseryServer:
     def _accept(self) -> None:
         newcomer, _ = self._listener.accept()
         newcomer.settimeout(_SEND_TIMEOUT_S)
-        if len(self._newcomers) < _NEWCOMERS:
+        if not protocol.is_of_our_user(newcomer):
+            _log("a process of another user was refused")
+            newcomer.close()
+        elif len(self._newcomers) < _NEWCOMERS:
             self._newcomers[newcomer.fileno()] = newcomer
         else:
             newcomer.close()

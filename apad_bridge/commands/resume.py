@@ -12,7 +12,7 @@ from apad_bridge.commands.outcome import report
 from apad_bridge.commands.run import peers_may_fail
 from apad_bridge.records.journal import FORMAT_VERSION, format_of
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
-from apad_bridge.runs.children import supervisor_of
+from apad_bridge.runs.children import not_suspended, supervisor_of
 from apad_bridge.runs.exits import EXITS, UserError
 from apad_bridge.runs.parent import start_supervisor, watch_supervisor
 from apad_bridge.runs.progress import FlightProgress
@@ -68,7 +68,7 @@ def run(arguments: argparse.Namespace) -> int:
     scenario = load(directory.scenario)
     duration_ms = round(scenario.duration_s * 1000)
     flight = FlightProgress(scenario.name, duration_ms, quiet=arguments.json)
-    with peers_may_fail(), held_back(), flight as progress:
+    with peers_may_fail(), held_back(), not_suspended(), flight as progress:
         code, summary = watch_supervisor(start_supervisor(path, options, resume=True), progress)
         if summary is None:
             raise PeerFailed(f"the supervisor ended with status {code}; see {path}/supervisor.log")

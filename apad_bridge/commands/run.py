@@ -19,6 +19,7 @@ from apad_bridge.planning import registry
 from apad_bridge.records.event_kinds import EventKind
 from apad_bridge.records.journal import read_journal
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
+from apad_bridge.ros.system.route import somebodys_master
 from apad_bridge.runs import parent
 from apad_bridge.runs.dry_run import first_plan
 from apad_bridge.runs.exits import EXITS, Exit, UserError
@@ -209,6 +210,7 @@ def run(arguments: argparse.Namespace) -> int:
     options = options_of(arguments)
     scenario, starts = read_scenario(arguments)
     check_modems(options, scenario)
+    check_master(options)
     if options.apad is APadKind.SIM:
         for happens, mend in warnings(scenario):
             print(f"musselbed: warning: {happens}: {mend}", file=sys.stderr)
@@ -233,6 +235,13 @@ def run(arguments: argparse.Namespace) -> int:
         return print_plan(read_journal(directory.journal).first(EventKind.PLAN), arguments.json)
     flown_by = "by hand" if options.manual else scenario.mission.collection
     return report(scenario.name, flown_by, directory, summary, arguments.json, progress.messages)
+
+
+def check_master(options: RunOptions) -> None:
+    """Refuses a run on somebody's master that does not answer, before anything of the run is made."""
+    if options.apad is APadKind.ROS:
+        with peers_may_fail():
+            somebodys_master()
 
 
 @contextmanager

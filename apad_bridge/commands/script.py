@@ -66,6 +66,7 @@ def run(arguments: argparse.Namespace) -> int:
     scenario, starts = run_command.read_scenario(arguments)
     if scenario.apads:
         raise UserError("a script flies one aPad, and the scenario names several: leave `apads` out")
+    run_command.check_master(options)
     try:
         directory = RunDirectory.create(f"{file.stem}-{scenario.name}", datetime.now(UTC), arguments.out)
     except RunDirectoryError as error:

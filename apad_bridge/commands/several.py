@@ -9,7 +9,7 @@ from pathlib import Path
 
 from apad_bridge.assembly.division import Member, members
 from apad_bridge.commands.outcome import print_plan, report
-from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
+from apad_bridge.records.run_directory import PRIVATE, RunDirectory, RunDirectoryError
 from apad_bridge.runs.dry_run import first_plan
 from apad_bridge.runs.exits import Exit, UserError
 from apad_bridge.runs.progress import FlightProgress
@@ -37,7 +37,7 @@ def run(
     whole.write_inputs(scenario, starts)
     for member in all_members:
         directory = directory_of(member, whole)
-        directory.path.mkdir()
+        directory.path.mkdir(mode=PRIVATE)
         directory.write_inputs(member.scenario, member.starts)
         options.save(directory.path)
     failures: dict[str, str] = {}

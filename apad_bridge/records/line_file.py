@@ -40,6 +40,10 @@ class LineFile:
             os.ftruncate(self._descriptor, os.fstat(self._descriptor).st_size - written)
             raise
 
+    def sync(self) -> None:
+        """Returns when what was flushed survives a power cut, and not just the death of this process."""
+        os.fsync(self._descriptor)
+
     def close(self) -> None:
         """Flushes; a second call does nothing."""
         if self._descriptor >= 0:

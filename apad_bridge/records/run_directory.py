@@ -19,6 +19,8 @@ from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import ENDS_NAME, STARTS_NAME, Start, save_starts
 
 RUNS = Path("runs")
+PRIVATE = 0o700
+"""The mode of directories that we make for a run: other users of the machine can reach nothing in them."""
 _PACKAGES = ("musselbed", "numpy", "rosbags", "rospy")
 
 
@@ -34,7 +36,8 @@ class RunDirectory:
     def create(cls, scenario_name: str, now_utc: datetime, out: Path | None = None) -> RunDirectory:
         """Makes a new directory.
 
-        It is `out`, which must be new or empty, or `runs/<scenario>-<UTC stamp>`, with -2, -3 ... if that exists.
+        It is `out`, which must be new or empty, or `runs/<scenario>-<UTC stamp>`, with -2, -3 ... if that exists. An empty
+        one that is there keeps its mode.
         """
         if out is not None:
             return cls(_claim(out))
@@ -43,7 +46,7 @@ class RunDirectory:
         while True:
             path = RUNS / (stem if n == 1 else f"{stem}-{n}")
             try:
-                path.mkdir(parents=True)
+                path.mkdir(mode=PRIVATE, parents=True)
             except FileExistsError:
                 n += 1
             except OSError as error:
@@ -134,7 +137,7 @@ def versions() -> dict[str, str | None]:
 
 def _claim(out: Path) -> Path:
     try:
-        out.mkdir(parents=True, exist_ok=True)
+        out.mkdir(mode=PRIVATE, parents=True, exist_ok=True)
         taken = any(out.iterdir())
     except OSError as error:
         raise RunDirectoryError(f"{out}: {error.strerror}; --out wants a new or empty directory") from error

@@ -1,11 +1,12 @@
 """samples.jsonl: the samples that aMussels uploaded, one a line, appended; and the summary's counts of samples.
 
-A line is in the file before its record is acknowledged. So an aMussel forgets nothing that is not in the file, whatever
-kills the supervisor. Counts are raw, and values come from the built-in calibrations.
+A line is on disk before its record is acknowledged. So an aMussel forgets nothing that is not in the file, whatever kills
+the supervisor, or cuts its power. Counts are raw, and values come from the built-in calibrations.
 """
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable, Mapping, Sequence, Set
 from pathlib import Path
 from types import MappingProxyType
@@ -46,15 +47,26 @@ class SampleFile:
             return
         if self._file is None:
             self._file = LineFile(self._path)
+            _sync_directory(self._path.parent)
         for sample in new:
             self._file.append(sample_line(agent_id, sample, self._theta))
         self._file.flush()
+        self._file.sync()
         kept.update(sample.record.sequence for sample in new)
 
     def close(self) -> None:
         """Closes the file; a second call does nothing."""
         if self._file is not None:
             self._file.close()
+
+
+def _sync_directory(path: Path) -> None:
+    """Returns when the names in the directory survive a power cut."""
+    descriptor = os.open(path, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
 
 
 def sample_line(agent_id: int, sample: PlacedSample, theta: int) -> Line:

@@ -17,7 +17,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import IO
 
@@ -140,6 +140,25 @@ def read_children(
                     if unread[name]:
                         yield name, Said(unread[name].decode(errors="replace"))
                     yield name, None
+
+
+@contextmanager
+def not_suspended() -> Iterator[None]:
+    """Ctrl-Z suspends nothing while this is entered: it prints one line. For the main thread alone.
+
+    A parent that was suspended would read its supervisor's lines no more, and the supervisor would wait for it in flight.
+    """
+
+    def say(*_: object) -> None:
+        # Not print: this may interrupt a print.
+        with suppress(OSError):
+            os.write(2, b"\r\nCtrl-Z suspends no mission: it goes on, and Ctrl-C ends it in order\r\n")
+
+    before = signal.signal(signal.SIGTSTP, say)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTSTP, before)
 
 
 @contextmanager

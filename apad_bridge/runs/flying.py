@@ -24,7 +24,7 @@ from apad_bridge.mission.state import MissionState
 from apad_bridge.records.event_kinds import EventKind
 from apad_bridge.records.journal import FORMAT_VERSION
 from apad_bridge.records.recorder import Recorder, RecordsFailed
-from apad_bridge.records.run_directory import RunDirectory
+from apad_bridge.records.run_directory import PRIVATE, RunDirectory
 from apad_bridge.records.summary import Ending
 from apad_bridge.runs.children import supervising
 from apad_bridge.runs.nurseries import FOLDER
@@ -155,7 +155,7 @@ def open_fleet(config: FlightConfig, starts: Sequence[Start], folder: Path) -> F
     if scenario.fleet.hosting is Hosting.ONE_PROCESS:
         host: InProcessHost | ProcessHost = InProcessHost(fleet_config, initial_states)
     else:
-        folder.mkdir()
+        folder.mkdir(mode=PRIVATE)
         try:
             host = ProcessHost.start(str(folder), fleet_config, initial_states)
         except (NurseryFailed, NurseryDied) as error:

@@ -12,6 +12,7 @@ from agents.hosting.process_host import ProcessHost
 from agents.nursery.launch import NurseryFailed, launch_nursery, prepare
 from apad_bridge.assembly import parts
 from apad_bridge.assembly.flight_config import FlightConfig, flight_config
+from apad_bridge.records.run_directory import PRIVATE
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scenario.starts import Start
 from apad_bridge.supervisor.fleet import Fleet
@@ -28,7 +29,7 @@ _REAP_S = 10.0
 def start_nursery(scenario: Scenario, starts: Sequence[Start], run_dir: Path) -> subprocess.Popen[bytes]:
     """Starts a nursery with its fleet prepared in the run's directory; a supervisor that adopts them starts its agents."""
     folder = run_dir / FOLDER
-    folder.mkdir()
+    folder.mkdir(mode=PRIVATE)
     prepare(str(folder), parts.fleet_config(flight_config(scenario)), parts.initial_states(scenario, starts))
     try:
         return launch_nursery(str(folder))

@@ -20,7 +20,14 @@ from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.ros.simulated_node.apad_process import APadNodeFailed, start_apad_node, stop_apad_node
 from apad_bridge.ros.system.master import MasterFailed, start_master
 from apad_bridge.ros.system.route import environment_for, free_port, somebodys_master
-from apad_bridge.runs.children import Child, EndedTooSlowly, Interrupts, read_children, supervisor_of
+from apad_bridge.runs.children import (
+    Child,
+    EndedTooSlowly,
+    Interrupts,
+    not_suspended,
+    read_children,
+    supervisor_of,
+)
 from apad_bridge.runs.nurseries import end_fleet, start_nursery
 from apad_bridge.runs.parent_protocol import Broken, Failed, Gave, Kept, MemberReport, Said, Seen, Summary
 from apad_bridge.runs.progress import ProgressDisplay
@@ -53,7 +60,7 @@ def fly(
 
     For one of several aPads, `relay` takes the reports that its supervisor writes for the parent of all.
     """
-    with held_back(), ExitStack() as stack:
+    with held_back(), not_suspended(), ExitStack() as stack:
         options = _open_ros(stack, options, directory.path).at_port(free_port())
         if options.owns_master:
             progress.print_message(f"the run's own ROS master: ROS_MASTER_URI={options.master_uri}")
@@ -83,8 +90,7 @@ def fly(
                     "aPads go on to serve, and orders nothing"
                 )
                 relay(Broken(f"its supervisor died ({signal.Signals(-code).name})"))
-                options = replace(RunOptions.load(directory.path), keeps=True)
-                options.save(directory.path)
+                options = replace(options, keeps=True)
                 continue
             progress.print_message(
                 f"the supervisor died ({signal.Signals(-code).name}); the fleet is suspended and whole. "
@@ -95,11 +101,11 @@ def fly(
 
 
 def start_supervisor(run_dir: Path, options: RunOptions, *, resume: bool) -> Child:
-    """Starts a supervisor. One that resumes takes the next epoch itself, once it holds the run's lock."""
+    """Starts a supervisor. One that resumes saves its epoch and `keeps` itself, once it holds the run's lock."""
     return Child(
         "supervisor",
         "apad_bridge.runs.supervisor_process",
-        [str(run_dir), *(["--resume"] if resume else [])],
+        [str(run_dir), *(["--resume"] if resume else []), *(["--keeps"] if resume and options.keeps else [])],
         run_dir / "supervisor.log",
         environment_for(options.master_uri, options.namespace),
     )

@@ -1,4 +1,6 @@
-"""The supervisor of a run over ROS, a process of its own: python -m apad_bridge.runs.supervisor_process RUN [--resume]
+"""The supervisor of a run over ROS, a process of its own.
+
+    python -m apad_bridge.runs.supervisor_process RUN [--resume [--keeps]]
 
 Its standard output is for the parent: the messages of `parent_protocol`.
 """
@@ -67,9 +69,9 @@ class _Run:
     start_state: resuming.StartState
 
 
-def fly(run_dir: Path, resume: bool) -> int:
+def fly(run_dir: Path, *, resume: bool, keeps: bool) -> int:
     """Flies, and writes the summary or the failure for the parent; returns the exit code."""
-    run = _open_run(run_dir, resume)
+    run = _open_run(run_dir, resume=resume, keeps=keeps)
     try:
         with ExitStack() as stack:
             with let_in():  # it waits for others: for agents, the master, the aPad
@@ -89,13 +91,13 @@ def fly(run_dir: Path, resume: bool) -> int:
     return Exit.DONE
 
 
-def _open_run(run_dir: Path, resume: bool) -> _Run:
+def _open_run(run_dir: Path, *, resume: bool, keeps: bool) -> _Run:
     """Opens the records of a new run, or of one whose supervisor died."""
     directory = RunDirectory(run_dir)
     config, options = flight_config(load(directory.scenario)), RunOptions.load(run_dir)
     if not resume:
         return _Run(run_dir, config, options, resuming.begin_run(directory, config, options))
-    options = options.next_epoch()
+    options = replace(options.next_epoch(), keeps=options.keeps or keeps)
     options.save(run_dir)
     start_state = resuming.resume_run(directory, config, options, say)
     resume_point = start_state.resume_point
@@ -176,10 +178,15 @@ def main() -> int:
     )
     parser.add_argument("run", type=Path)
     parser.add_argument("--resume", action="store_true")
+    parser.add_argument(
+        "--keeps",
+        action="store_true",
+        help="with --resume: keep the fleet of one of several aPads, order nothing",
+    )
     arguments = parser.parse_args()
     try:
         with held_back(), supervising(arguments.run):
-            return fly(arguments.run, arguments.resume)
+            return fly(arguments.run, resume=arguments.resume, keeps=arguments.keeps)
     except KeyboardInterrupt:
         return Exit.INTERRUPTED
     except OSError as error:

@@ -17,7 +17,7 @@ class Recorder(Protocol):
     def truths(self, truths: list[Truth]) -> None: ...
 
     def samples(self, agent_id: int, samples: Sequence[PlacedSample]) -> None:
-        """The samples are on disk when this returns, because an acknowledgement follows."""
+        """The samples survive a power cut when this returns, because an acknowledgement follows."""
         ...
 
     def tick(

@@ -18,7 +18,7 @@ from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.ros.simulated_node.apad_process import APadNodeFailed, start_apad_node, stop_apad_node
 from apad_bridge.ros.system.master import MasterFailed, start_master
 from apad_bridge.ros.system.route import environment_for, somebodys_master
-from apad_bridge.runs.children import Child, EndedTooSlowly, Interrupts, read_children
+from apad_bridge.runs.children import Child, EndedTooSlowly, Interrupts, not_suspended, read_children
 from apad_bridge.runs.parent_protocol import Broken, Failed, Gave, Kept, Message, Said, Seen, Summary
 from apad_bridge.runs.progress import ProgressDisplay
 from apad_bridge.runs.several.reassignment import Reassigner
@@ -53,7 +53,7 @@ def fly_side_by_side(
     reassigner = (
         Reassigner({it.name: it.scenario.fleet.ids for it in members}, folders) if takes_over else None
     )
-    with held_back(), ExitStack() as stack:
+    with held_back(), not_suspended(), ExitStack() as stack:
         uri, time_source, nodes = _open_ros(stack, members, options, whole)
         children: dict[str, Child] = {}
         for member in members:

@@ -1,6 +1,7 @@
 """Tests the recorder on a real flight in virtual time, and on ticks made by hand."""
 
 import json
+import os
 import resource
 import shutil
 from collections import Counter
@@ -338,3 +339,17 @@ def test_a_sample_that_could_not_be_written_is_not_kept(tmp_path):
     file.append(7, [record])
     file.close()
     assert SampleFile(tmp_path / "samples.jsonl").kept == {7: {3}}
+
+
+def test_a_sample_is_on_disk_before_it_is_kept(tmp_path, monkeypatch):
+    synced = []
+
+    def sync(descriptor):
+        path = Path(os.readlink(f"/proc/self/fd/{descriptor}"))
+        synced.append((path.name, path.read_text().count("\n") if path.is_file() else 0, len(file.kept[7])))
+
+    monkeypatch.setattr("os.fsync", sync)
+    file = SampleFile(tmp_path / "samples.jsonl")
+    file.append(7, [SampleRecord(n, 60_000, (1, 2, 3, 4), 0) for n in range(2)])
+    file.append(7, [SampleRecord(2, 60_000, (1, 2, 3, 4), 0)])
+    assert synced == [(tmp_path.name, 0, 0), ("samples.jsonl", 2, 0), ("samples.jsonl", 3, 2)]

@@ -1,12 +1,27 @@
 import os
+import socket
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from apad_bridge.assembly.division import Member
+from apad_bridge.commands.main import main
+from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.runs.children import supervising, supervisor_of
+from apad_bridge.runs.flying import fly_in_process
+from apad_bridge.runs.several.lockstep import fly_in_step
+from apad_bridge.runs.status import Status
+from apad_bridge.scenario.loader import load
+from apad_bridge.scenario.schema import Hosting
+from apad_bridge.scenario.starts import starts_of
 from apad_bridge.vehicle.errors import PeerFailed
+
+LAUNCH = Path(__file__).parents[3] / "launch_scripts"
+POOL = LAUNCH / "scenarios" / "pool-12.yaml"
+LISTING = LAUNCH / "examples" / "listing_1.py"
 
 
 def test_a_living_supervisor_is_found_by_pid_and_start_time(tmp_path: Path) -> None:
@@ -65,3 +80,62 @@ def test_a_supervisor_s_child_does_not_keep_the_run_locked(tmp_path: Path) -> No
         pass
     child.kill()
     child.wait()
+
+
+class Watching:
+    """A ProgressDisplay that looks who supervises the run."""
+
+    def __init__(self, run_dir: Path) -> None:
+        self._run_dir = run_dir
+        self.supervisors: set[int | None] = set()
+
+    def print_message(self, text: str) -> None:
+        pass
+
+    def show_status(self, status: Status) -> None:
+        self.supervisors.add(supervisor_of(self._run_dir))
+        with pytest.raises(PeerFailed), supervising(self._run_dir):
+            pass
+
+
+def test_a_flight_in_virtual_time_is_its_run_s_one_supervisor(tmp_path: Path) -> None:
+    scenario = replace(load(POOL), duration_s=5.0)
+    scenario = replace(scenario, fleet=replace(scenario.fleet, hosting=Hosting.ONE_PROCESS))
+    progress = Watching(tmp_path)
+    fly_in_process(scenario, starts_of(scenario), RunDirectory(tmp_path), progress)
+    assert progress.supervisors == {os.getpid()}
+    assert supervisor_of(tmp_path) is None
+
+
+def test_flights_in_step_are_their_runs_supervisors_too(tmp_path: Path) -> None:
+    scenario = replace(load(POOL), duration_s=5.0)
+    scenario = replace(scenario, fleet=replace(scenario.fleet, hosting=Hosting.ONE_PROCESS))
+    member = Member(scenario.apad.name, scenario, starts_of(scenario))
+    progress = Watching(tmp_path)
+    fly_in_step([member], scenario.sharing, {member.name: RunDirectory(tmp_path)}, progress)
+    assert progress.supervisors == {os.getpid()}
+
+
+def test_ctrl_z_suspends_no_parent() -> None:
+    code = (
+        "import signal; from apad_bridge.runs.children import not_suspended\n"
+        "with not_suspended():\n    signal.raise_signal(signal.SIGTSTP)\n    print('goes on')\n"
+        "assert signal.getsignal(signal.SIGTSTP) is signal.SIG_DFL"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0 and done.stdout == "goes on\n"
+    assert done.stderr.strip() == "Ctrl-Z suspends no mission: it goes on, and Ctrl-C ends it in order"
+
+
+def test_a_run_that_is_refused_leaves_no_directory(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with socket.socket() as unused:
+        unused.bind(("127.0.0.1", 0))
+        monkeypatch.setenv("ROS_MASTER_URI", f"http://127.0.0.1:{unused.getsockname()[1]}")
+        for command in (["run", str(POOL)], ["script", str(LISTING), "--scenario", str(POOL)]):
+            with pytest.raises(SystemExit) as ended:
+                main([*command, "--apad", "ros", "--out", str(tmp_path / "run")])
+            assert ended.value.code == 3
+            assert capsys.readouterr().err.startswith("musselbed: no ROS master answers")
+    assert list(tmp_path.iterdir()) == []
