@@ -38,6 +38,7 @@ from apad_bridge.scenario.loader import load, write_resolved
 
 ROOT = Path(__file__).parents[1]
 SCENARIO = ROOT / "launch_scripts" / "scenarios" / "pool-12.yaml"
+SEVERAL = ROOT / "launch_scripts" / "scenarios" / "bay-120.yaml"
 MUSSELBED = Path(sys.executable).with_name("musselbed")
 TRIES = 3
 SEED = 20261122
@@ -280,10 +281,23 @@ def _expect(terminal: Terminal, codes: set[int], words: str = "", within_s: floa
     return None
 
 
-def _interrupted(attempt: Try, kind: signal.Signals, *, over_ros: bool) -> str | None:
-    options = _WALL if over_ros else ("--time", "asap")
-    terminal = attempt.run(*options)
-    terminal.run_for(attempt.rng.uniform(0.03, 6.0 if over_ros else 3.0))
+def _several_apads(attempt: Try) -> Terminal:
+    options = ("--agents", "15", "--time", "wall", "--speed", "10")
+    return attempt.start("run", SEVERAL, "--out", attempt.run_dir, *options)
+
+
+_STARTS: dict[str, tuple[Callable[[Try], Terminal], float]] = {
+    "asap": (lambda attempt: attempt.run("--time", "asap"), 3.0),
+    "over ROS": (lambda attempt: attempt.run(*_WALL), 6.0),
+    "several aPads": (_several_apads, 14.0),
+}
+"""How a run starts, and the time in seconds within which it certainly has."""
+
+
+def _interrupted(attempt: Try, kind: signal.Signals, where: str) -> str | None:
+    start, longest_s = _STARTS[where]
+    terminal = start(attempt)
+    terminal.run_for(attempt.rng.uniform(0.03, longest_s))
     match kind:
         case signal.SIGINT:
             terminal.press(b"\x03")
@@ -291,7 +305,7 @@ def _interrupted(attempt: Try, kind: signal.Signals, *, over_ros: bool) -> str |
             terminal.send(signal.SIGTERM)
         case signal.SIGHUP:
             terminal.hang_up()
-    lost = _expect(terminal, {0, 130}, within_s=30.0)
+    lost = _expect(terminal, {0, 130}, within_s=40.0)
     # Before it runs a line of ours, the interpreter ends by the signal itself.
     return None if terminal.code == -kind and not attempt.run_dir.exists() else lost
 
@@ -403,9 +417,9 @@ def _ports(pids: list[int]) -> set[int]:
 
 FAULTS = (
     *(
-        Fault(f"{kind.name} while a run starts, {where}", partial(_interrupted, kind=kind, over_ros=over_ros))
+        Fault(f"{kind.name} while a run starts, {where}", partial(_interrupted, kind=kind, where=where))
         for kind in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-        for where, over_ros in (("asap", False), ("over ROS", True))
+        for where in _STARTS
     ),
     Fault("two resumes at once", _resumed_twice),
     Fault("full disk, asap", partial(_disk_full, over_ros=False)),

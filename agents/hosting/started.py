@@ -9,11 +9,8 @@ from __future__ import annotations
 
 import ctypes
 import os
-import runpy
 import signal
 import sys
-
-from agents.hosting.interrupts import leave_at_once
 
 _VARIABLE = "MUSSELBED_STARTER"
 _PR_SET_PDEATHSIG = 1
@@ -40,7 +37,11 @@ def outlive_starter() -> None:
 
 
 def main() -> None:
-    import logging  # here, because nurseries import this module and are to stay small
+    # Imported here, because nurseries import this module and are to stay small.
+    import logging
+    import runpy
+
+    from agents.hosting.interrupts import leave_at_once
 
     leave_at_once()
     end_with_starter()
