@@ -57,9 +57,9 @@ class Child:
         return self._process.pid
 
     def ask_to_end(self) -> None:
-        """Sends SIGINT: end in order."""
+        """Sends SIGTERM: end in order. Unlike SIGINT, it also ends a child in silence that is not yet a program of ours."""
         if self._process.poll() is None:
-            self._process.send_signal(signal.SIGINT)
+            self._process.send_signal(signal.SIGTERM)
 
     def wait(self, timeout_s: float) -> int | None:
         """The exit code (negative: the signal that ended it); None when it still runs after `timeout_s`."""

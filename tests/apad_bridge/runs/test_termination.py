@@ -5,12 +5,17 @@ from __future__ import annotations
 import argparse
 import os
 import signal
+import subprocess
+import sys
+from pathlib import Path
 
 import pytest
 
 from agents.hosting.interrupts import ENDING
 from apad_bridge.commands import main as command
 from apad_bridge.runs.exits import Exit
+
+SCRIPT = Path(__file__).parents[3] / "launch_scripts" / "musselbed"
 
 
 @pytest.mark.parametrize("number", ENDING)
@@ -24,3 +29,31 @@ def test_a_terminated_command_says_so_by_its_exit_code(number: int, monkeypatch:
     top.set_defaults(run=is_terminated, command="run")
     monkeypatch.setattr(command, "parser", lambda: top)
     assert command.main([]) == Exit.INTERRUPTED
+
+
+@pytest.mark.parametrize("number", ENDING)
+def test_the_command_ends_in_silence_while_the_interpreter_loads_its_packages(
+    number: int, tmp_path: Path
+) -> None:
+    (tmp_path / "sitecustomize.py").write_text(
+        f"import signal; signal.raise_signal({int(number)}); print('goes on')"
+    )
+    done = subprocess.run(
+        [sys.executable, "-S", SCRIPT, "--version"],
+        env={**os.environ, "PYTHONPATH": str(tmp_path)},
+        capture_output=True,
+        timeout=60,
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (Exit.INTERRUPTED, b"", b"")
+
+
+def test_the_command_runs_by_the_python_beside_it(tmp_path: Path) -> None:
+    installed, elsewhere = tmp_path / "bin", tmp_path / "a link to it"
+    installed.mkdir()
+    (installed / "musselbed").write_bytes(SCRIPT.read_bytes())
+    (installed / "musselbed").chmod(0o755)
+    (installed / "python3").write_text(f'#!/bin/sh\nexec {sys.executable} "$@"\n')
+    (installed / "python3").chmod(0o755)
+    elsewhere.symlink_to(installed / "musselbed")
+    done = subprocess.run([elsewhere, "--version"], capture_output=True, text=True, timeout=60)
+    assert done.stdout.startswith("musselbed ") and done.stderr == ""
