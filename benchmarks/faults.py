@@ -223,7 +223,8 @@ def tried(fault: Fault, seed: str) -> Consequences:
             stack.callback(terminal.close)
         texts = {f"terminal {n}": it.output for n, it in enumerate(attempt.terminals)}
         for path in [*Path(folder).rglob("*.log"), *Path(folder).rglob("*.err")]:
-            texts[str(path.relative_to(folder))] = path.read_text(errors="replace")
+            if path.name != "master.log":  # rosmaster writes a traceback there for each node that was killed
+                texts[str(path.relative_to(folder))] = path.read_text(errors="replace")
         tracebacks = {name: text.count(_TRACEBACK) for name, text in texts.items() if _TRACEBACK in text}
         torn = [reason for run in Path(folder).rglob("journal.jsonl") for reason in _torn(run.parent)]
         notes = [
