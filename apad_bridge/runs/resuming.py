@@ -166,9 +166,9 @@ def resume_run(
 def restore_allocation(learned: LearnedState, journal: JournalContents) -> None:
     """Restores the aMussels that the former supervisor of the run served, from its journal."""
     for line in journal.lines:
-        if line["kind"] == "took_on":
+        if line["kind"] == EventKind.TOOK_ON:
             learned.allocation.take(line["id"])
-        elif line["kind"] == "handed_on":
+        elif line["kind"] == EventKind.HANDED_ON:
             learned.allocation.give(line["id"])
     for agent_id in learned.allocation.served_for_others:
         learned.beliefs.admit(agent_id, None)
