@@ -29,26 +29,27 @@ def steps() -> Iterator[tuple[str, str]]:
 
 @pytest.fixture
 def clone(tmp_path: Path) -> Path:
-    for name in ("firmware_model", "agents", "apad_bridge", "docs", "tests/firmware_model"):
+    for name in ("firmware_model", "agents", "apad_bridge", "docs", "tests/firmware_model", "tests/shared"):
         ignored = shutil.ignore_patterns("__pycache__")
         shutil.copytree(ROOT / name, tmp_path / name, ignore=ignored)
-    (tmp_path / "pytest.ini").write_text("[pytest]\naddopts = --import-mode=importlib -p no:cacheprovider\n")
+    (tmp_path / "pytest.ini").write_text(
+        "[pytest]\npythonpath = tests/shared\naddopts = --import-mode=importlib -p no:cacheprovider\n"
+    )
     return tmp_path
 
 
 def apply(clone: Path, diff: str) -> None:
-    """Each hunk's old lines must occur in the file exactly once; line numbers are ignored."""
-    head, *hunks = re.split(r"^@@\n", diff, flags=re.MULTILINE)
-    name = re.search(r"^\+\+\+ b/(.+)$", head, re.MULTILINE)
-    assert name is not None
-    path = clone / name[1]
-    for hunk in hunks:
-        lines = hunk.splitlines(keepends=True)
-        old = "".join(line[1:] for line in lines if line[0] in " -")
-        new = "".join(line[1:] for line in lines if line[0] in " +")
-        text = path.read_text()
-        assert text.count(old) == 1, f"{name[1]}: stands there {text.count(old)} times:\n{old}"
-        path.write_text(text.replace(old, new))
+    """As the page says: the block is saved, and `git apply` changes the clone by it."""
+    (clone / "change.diff").write_text(diff)
+    applied = subprocess.run(
+        ["git", "apply", "change.diff"],
+        cwd=clone,
+        env=os.environ | {"GIT_CEILING_DIRECTORIES": str(clone.parent)},
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
+    assert applied.returncode == 0, f"{applied.stderr}\n{diff}"
 
 
 def run(clone: Path, command: str) -> subprocess.CompletedProcess[str]:
