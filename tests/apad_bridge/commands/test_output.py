@@ -11,6 +11,7 @@ from rich.console import Console
 
 from apad_bridge.commands.main import main
 from apad_bridge.commands.table import print_table
+from apad_bridge.mission.ending import EndReason, MissionEnd
 from apad_bridge.records.summary import Ending, apad_energy
 
 ROOT = Path(__file__).parents[3]
@@ -108,7 +109,7 @@ def test_the_papers_row_stands_beside_the_papers_flight_alone(
 def test_the_apads_energy_is_a_figure_at_theta_1_alone(
     theta: int, used: float | None, figure: float | None, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    found = apad_energy(Ending("mission time", 1.0, 2, used, {}), theta)
+    found = apad_energy(Ending(MissionEnd(EndReason.MISSION_TIME), 1.0, 1.0, 2, used, {}), theta)
     assert found["apad_energy_fraction"] == figure
     assert (found["apad_energy_missing"] is None) is (figure is not None)
     print_table(Console(width=100), "pool-12", "cautious", SUMMARY | found)

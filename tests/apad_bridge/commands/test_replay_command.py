@@ -68,7 +68,7 @@ def test_a_browser_that_is_not_there_is_said(run_dir, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    "line", [b'{"t":9,"kind":"belief","id":1}', b'{"t":9,"kind":"dock","dock":7,"agent":1,"closed":true}']
+    "line", [b'{"t":9,"kind":"belief","id":1}', b'{"t":9,"kind":"dock","dock":99,"agent":1,"closed":true}']
 )
 def test_a_damaged_line_is_said_by_file_and_number(run_dir, line):
     journal = run_dir / "journal.jsonl"
