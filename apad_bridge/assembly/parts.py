@@ -183,6 +183,7 @@ def supervisor(
         first_command_id=first_command_id,
         capabilities=capabilities or of_simulated_apad(scenario.apad.docks),
         usual_go_to=(scenario.mission.speed_m_s, scenario.mission.victory_radius_m),
+        docked=state.docked,
     )
     return Supervisor(
         learned,

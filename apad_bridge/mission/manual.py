@@ -94,7 +94,7 @@ class ManualMission(OrderBook):
         self.now_ms = now_ms
         self.note_outcome(outcome)
         match outcome:
-            case DockChanged(_, dock_index, agent_id, closed):
+            case DockChanged(_, dock_index, agent_id, closed, _):
                 self.events.record(now_ms, "docked" if closed else "undocked", agent_id, dock_of(dock_index))
             case PrimitiveSucceeded():
                 self._end_primitive(outcome, Status.DONE, None)

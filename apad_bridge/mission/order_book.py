@@ -7,7 +7,6 @@ from dataclasses import replace
 
 from apad_bridge.mission.orders import Note, Order
 from apad_bridge.mission.state import Leg, MissionState
-from apad_bridge.vehicle.docks import after_report
 from apad_bridge.vehicle.primitives import (
     DockChanged,
     GoToPoint,
@@ -52,8 +51,9 @@ class OrderBook:
         """Notes what an outcome tells of a dock or of the leg under way."""
         leg = self.state.leg
         match outcome:
-            case DockChanged(_, dock_index, agent_id, closed):
-                self._dock_changed(dock_index, agent_id, closed)
+            case DockChanged(_, dock_index, agent_id, closed, docked):
+                self.set(docked=docked)
+                self.note("dock", dock=dock_index, agent=agent_id, closed=closed)
             case PrimitiveSucceeded(_, primitive_id) if leg is not None and primitive_id == leg.primitive_id:
                 self._end_leg(as_planned=True)
             case PrimitiveFailed(_, primitive_id, _) if leg is not None and primitive_id == leg.primitive_id:
@@ -64,11 +64,6 @@ class OrderBook:
         """The agent in each dock, None for a free one."""
         held = dict(self.state.docked)
         return tuple(held.get(dock_index) for dock_index in range(self.state.dock_count))
-
-    def _dock_changed(self, dock_index: int, agent_id: int, closed: bool) -> None:
-        """Notes that a dock closed around an aMussel, or let it go."""
-        self.set(docked=after_report(self.state.docked, dock_index, agent_id, closed=closed))
-        self.note("dock", dock=dock_index, agent=agent_id, closed=closed)
 
     def note(self, kind: str, **data: object) -> None:
         """An event for the journal."""

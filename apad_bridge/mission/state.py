@@ -12,6 +12,7 @@ from apad_bridge.beliefs.belief import Belief
 from apad_bridge.mission.ending import MissionEnd
 from apad_bridge.planning.solution import Solution
 from apad_bridge.scenario.schema import PAPER_DOCKS
+from apad_bridge.vehicle.docks import Occupancy
 from firmware_model.state_groups import DOCKED
 
 
@@ -60,8 +61,8 @@ class MissionState:
     since_ms: int = 0
     plan: Solution = field(default_factory=lambda: Solution(()))
     dock_count: int = PAPER_DOCKS
-    docked: tuple[tuple[int, int], ...] = ()
-    """(dock index, agent) of the closed docks, by dock index."""
+    docked: Occupancy = ()
+    """The docks as the docking port last told them."""
     homes: tuple[tuple[int, float, float], ...] = ()
     """(agent, north, east): the place where each aMussel was first heard and is brought back to."""
     primitive_id: int = 0

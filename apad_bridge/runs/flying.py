@@ -38,7 +38,6 @@ from apad_bridge.supervisor.core import TICK_MS, LearnedState, Supervisor
 from apad_bridge.supervisor.fleet import Fleet
 from apad_bridge.supervisor.loop import Flight
 from apad_bridge.supervisor.sample_collection import NoSampleCollection, SampleCollection
-from apad_bridge.vehicle.commands import DockClosed
 from apad_bridge.vehicle.errors import PeerFailed
 from apad_bridge.vehicle.link import InProcessVehicle
 from apad_bridge.vehicle.primitives import PrimitiveFailed
@@ -246,7 +245,7 @@ def prepare(
 def _supervisor(
     config: FlightConfig, context: FlightContext, recorder: Recorder, spec: RunSpec
 ) -> Supervisor:
-    """Builds the supervisor, with the docks in their last state in the journal."""
+    """Builds the supervisor; one that resumes goes on with the mission, the docks and the first failure of the journal."""
     resume_point = spec.resume_point
     supervisor = parts.supervisor(
         config,
@@ -261,8 +260,6 @@ def _supervisor(
     )
     if resume_point is not None:
         supervisor.port.first_failure = resume_point.first_failure
-        for dock_index, agent_id in resume_point.state.docked:
-            supervisor.port.docks.take(DockClosed(resume_point.now_ms, dock_index, agent_id))
     return supervisor
 
 

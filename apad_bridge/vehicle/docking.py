@@ -35,7 +35,7 @@ from apad_bridge.vehicle.commands import (
     VehicleCommand,
     VehicleFact,
 )
-from apad_bridge.vehicle.docks import DockTable
+from apad_bridge.vehicle.docks import Occupancy, after_report, dock_index_of
 from apad_bridge.vehicle.primitives import (
     DockChanged,
     DockMussel,
@@ -147,8 +147,9 @@ class DockingPort:
     Every wait ends. Each try of a dock or undock ends `docking.timeout_s` after it began. A go-to ends
     `stall_s` after it last got 0.5 m nearer; the port then orders the vehicle to hold at its last known
     position. A vehicle that does not obey speeds goes as it is set, which should be `usual_go_to` (speed, victory
-    radius): other orders are counted. A port that follows another port on the same vehicle numbers its commands from
-    `first_command_id`, beyond the other's, so that late answers to the old commands match nothing.
+    radius): other orders are counted. A port that follows another port on the same vehicle begins with the docks as the
+    other knew them, `docked`. It numbers its commands from `first_command_id`, beyond the other's, so that late answers to
+    the old commands match nothing.
     """
 
     def __init__(
@@ -159,6 +160,7 @@ class DockingPort:
         first_command_id: int = 1,
         capabilities: Capabilities = _SIMULATED,
         usual_go_to: tuple[float, float] | None = None,
+        docked: Occupancy = (),
     ) -> None:
         if not stall_s > 0:
             raise ValueError("stall_s must be above 0")
@@ -183,7 +185,8 @@ class DockingPort:
         self._deadline_ms: int | None = None
         self._progress: GoToProgress | None = None
         self._pose: PoseReported | None = None
-        self.docks = DockTable()
+        self.docked = docked
+        """The supervisor's table of the docks; `vehicle/docks.py` states its sources and its rule."""
         self.dropped: Counter[str] = Counter()
         """Unusable reports of the vehicle, by reason."""
         self.first_failure: PrimitiveFailed | None = None
@@ -266,7 +269,7 @@ class DockingPort:
     ) -> None:
         self._phase = Phase.WAITING
         self._tries += 1
-        if isinstance(primitive, DockMussel) and self.docks.dock_index_of(primitive.agent_id) is not None:
+        if isinstance(primitive, DockMussel) and dock_index_of(self.docked, primitive.agent_id) is not None:
             # A second request would make the public simulator hold the aMussel twice.
             self._apply(Event.MECHANISM_DONE, now_ms, actions)
             return
@@ -307,7 +310,7 @@ class DockingPort:
                 CloseDock(self._command_id, primitive.dock_index, primitive.agent_id, primitive.manoeuvre)
             )
             return
-        known_dock = self.docks.dock_index_of(primitive.agent_id)
+        known_dock = dock_index_of(self.docked, primitive.agent_id)
         dock_index = primitive.dock_index if known_dock is None else known_dock
         actions.append(OpenDock(self._command_id, dock_index, primitive.agent_id, primitive.manoeuvre))
 
@@ -333,8 +336,8 @@ class DockingPort:
             self.dropped["dock: no such dock"] += 1
             return
         closed = isinstance(fact, DockClosed)
-        self.docks.take(fact)
-        actions.append(DockChanged(fact.at_ms, fact.dock_index, fact.agent_id, closed))
+        self.docked = after_report(self.docked, fact.dock_index, fact.agent_id, closed=closed)
+        actions.append(DockChanged(fact.at_ms, fact.dock_index, fact.agent_id, closed, self.docked))
         wanted = DockMussel if closed else UndockMussel
         if isinstance(self._running, wanted) and self._running.agent_id == fact.agent_id:
             self._apply(Event.MECHANISM_DONE, now_ms, actions)

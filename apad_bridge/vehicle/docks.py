@@ -1,19 +1,27 @@
-"""The occupancy of an aPad's docks, as the supervisor knows it: one rule for the port, the mission and the journal.
+"""The rule for an aPad's docks, as the supervisor knows them: which aMussel is in which dock.
 
-Four sources tell of it, and may disagree. A vehicle's report of a mechanism decides (`after_report`), a later one over
-an earlier one; what counts as its report is the affair of each generation: the mechanism's own answer, or the positions
-of docked aMussels and their silence (`generation_a/docks.py`), or what the bench commanded (`generation_b/docks.py`).
-The mission's order decides nothing: it ends when the report comes. An aMussel's charge edge decides nothing here: it
-changes the belief of its state, by which the mission charges, and gives up one that does not gain. The bodies' contacts
-(`Contacts` in `supervisor/loop.py`) are the world's, and follow the vehicle's link.
+The supervisor keeps one table, `DockingPort.docked`. Each `DockChanged` carries the table after that change, and the
+mission's state repeats it for the snapshots, from which the next supervisor's port is filled. A resume applies the same
+rule, `after_report`, to the journal's lines since the newest snapshot. The replay shows the docks of the aPad's lines.
+
+Four sources tell of a dock, and may disagree:
+
+- the mechanism's report, which a vehicle's link gives as `DockClosed` and `DockOpened`. It alone decides, a later one over
+  an earlier one. What counts as a report is the affair of each generation: the mechanism's own answer, or what the bench
+  commanded (`generation_b/docks.py`).
+- radio silence of a docked aMussel. It becomes a report in `generation_a/docks.py` alone: after an order to open, or after
+  the aPad was asked what it holds.
+- the aMussel's charge edge. It decides nothing here: it changes the belief of the aMussel's state, by which the mission
+  charges, and gives up one that does not gain.
+- the mission's order. It decides nothing: it ends when the report comes, or fails at its time-out.
+
+The bodies' contacts (`Contacts` in `supervisor/loop.py`) are the world's, and follow the vehicle's link.
 """
 
 from __future__ import annotations
 
-from apad_bridge.vehicle.commands import DockClosed, DockOpened
-
 Occupancy = tuple[tuple[int, int], ...]
-"""(dock, aMussel) of each closed dock, by dock."""
+"""(dock index, agent) of each closed dock, by dock index."""
 
 
 def after_report(docked: Occupancy, dock_index: int, agent_id: int, *, closed: bool) -> Occupancy:
@@ -27,15 +35,6 @@ def after_report(docked: Occupancy, dock_index: int, agent_id: int, *, closed: b
     return tuple(sorted(held.items()))
 
 
-class DockTable:
-    """The port's occupancy."""
-
-    def __init__(self) -> None:
-        self.docked: Occupancy = ()
-
-    def take(self, fact: DockClosed | DockOpened) -> None:
-        closed = isinstance(fact, DockClosed)
-        self.docked = after_report(self.docked, fact.dock_index, fact.agent_id, closed=closed)
-
-    def dock_index_of(self, agent_id: int) -> int | None:
-        return next((dock_index for dock_index, holder in self.docked if holder == agent_id), None)
+def dock_index_of(docked: Occupancy, agent_id: int) -> int | None:
+    """The dock that holds the aMussel, None if none does."""
+    return next((dock_index for dock_index, holder in docked if holder == agent_id), None)

@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from apad_bridge.vehicle.commands import DEFAULT_MANOEUVRE, Manoeuvre
+from apad_bridge.vehicle.docks import Occupancy
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,6 +74,8 @@ class DockChanged:
     dock_index: int
     agent_id: int
     closed: bool
+    docked: Occupancy
+    """The port's occupancy after the change."""
 
 
 Outcome = PrimitiveSucceeded | PrimitiveFailed | DockChanged

@@ -12,7 +12,6 @@ from apad_bridge.records.journal import JournalContents, Line
 from apad_bridge.records.truth_lines import truth_of
 from apad_bridge.records.uptime import UptimeMeter
 from apad_bridge.supervisor.roster import Presence
-from apad_bridge.vehicle.docks import after_report
 from firmware_model.power.charge import ChargeModel
 
 
@@ -64,7 +63,6 @@ class History:
             EventKind.DIED: self._take_death,
             EventKind.PRESENCE: self._take_presence,
             EventKind.APAD: self._take_apad,
-            EventKind.DOCK: self._take_dock,
             EventKind.MISSION: self._take_mission,
             EventKind.PLAN: self._take_plan,
             EventKind.PRIMITIVE: self._take_primitive,
@@ -105,11 +103,6 @@ class History:
     def _take_apad(self, line: Line) -> None:
         self.now.apad = line
         self.now.docks = tuple(None if agent_id < 0 else agent_id for agent_id in line["docks"])
-
-    def _take_dock(self, line: Line) -> None:
-        before = tuple((at, agent_id) for at, agent_id in enumerate(self.now.docks) if agent_id is not None)
-        held = dict(after_report(before, line["dock"], line["agent"], closed=line["closed"]))
-        self.now.docks = tuple(held.get(at) for at in range(len(self.now.docks)))
 
     def _take_mission(self, line: Line) -> None:
         self.now.phase = line["phase"]

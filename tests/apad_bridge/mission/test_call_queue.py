@@ -108,7 +108,7 @@ def test_one_that_comes_up_is_docked_and_one_that_does_not_is_given_up(pool: Sce
     (order,) = mission.advance(51_000)
     assert isinstance(order, DockMussel)
     assert (order.dock_index, order.agent_id, order.manoeuvre) == (0, 7, Manoeuvre(0.2, 0.1))
-    mission.receive(DockChanged(52_000, 0, 7, True), 52_000)
+    mission.receive(DockChanged(52_000, 0, 7, True, ((0, 7),)), 52_000)
     mission.receive(PrimitiveSucceeded(52_000, order.primitive_id), 52_000)
     assert (mission.docking, mission.docks) == (Status.DONE, (7, None, None, None))
     late, stuck = commanded(pool)
@@ -149,11 +149,11 @@ def test_what_is_heard_of_an_older_go_to_changes_nothing(pool: Scenario) -> None
 
 def test_one_that_was_let_go_is_told_that_it_may_sink(pool: Scenario) -> None:
     mission, believed = commanded(pool)
-    mission.receive(DockChanged(2000, 1, 7, True), 2000)
+    mission.receive(DockChanged(2000, 1, 7, True, ((1, 7),)), 2000)
     believed.state, believed.primary = State.CHARGING, 0.995
     mission.undock(1)
     order = next(it for it in mission.advance(3000) if isinstance(it, UndockMussel))
-    mission.receive(DockChanged(8000, 1, 7, False), 8000)
+    mission.receive(DockChanged(8000, 1, 7, False, ()), 8000)
     told = mission.receive(PrimitiveSucceeded(8000, order.primitive_id), 8000)
     assert told[0] == TellClear(7)
     assert [(it.kind, it.data) for it in told if isinstance(it, Note) and it.kind == "released"] == [

@@ -13,6 +13,7 @@ from apad_bridge.mission.state import MissionState, Phase
 from apad_bridge.planning import registry
 from apad_bridge.planning.solution import Solution, Step, StepKind
 from apad_bridge.scenario.loader import load
+from apad_bridge.vehicle.docks import after_report
 from apad_bridge.vehicle.primitives import (
     DockChanged,
     DockMussel,
@@ -84,9 +85,9 @@ class Bench:
             self.mission.moved(done.north_m, done.east_m)
         if isinstance(done, DockMussel | UndockMussel):
             closed = isinstance(done, DockMussel)
-            self.mission.receive(
-                DockChanged(self.now_ms, done.dock_index, done.agent_id, closed), self.now_ms
-            )
+            docked = after_report(self.mission.state.docked, done.dock_index, done.agent_id, closed=closed)
+            changed = DockChanged(self.now_ms, done.dock_index, done.agent_id, closed, docked)
+            self.mission.receive(changed, self.now_ms)
         self.orders = self.mission.receive(PrimitiveSucceeded(self.now_ms, done.primitive_id), self.now_ms)
         return done
 
@@ -339,7 +340,7 @@ def test_an_answer_to_a_primitive_that_is_over_changes_nothing() -> None:
 
 def test_what_was_docked_by_hand_is_charged_first() -> None:
     bench = Bench()
-    bench.mission.receive(DockChanged(0, 2, 3, True), 0)
+    bench.mission.receive(DockChanged(0, 2, 3, True, ((2, 3),)), 0)
     bench.tick()
     assert bench.mission.state.phase is Phase.CHARGE
 
@@ -381,7 +382,7 @@ def test_a_resumed_mission_does_not_dock_twice_what_the_dock_holds() -> None:
 def undocking_state() -> MissionState:
     """A journal's state with one aMussel, believed full, being let go."""
     bench = Bench(agents=1)
-    bench.mission.receive(DockChanged(0, 2, 1, True), 0)
+    bench.mission.receive(DockChanged(0, 2, 1, True, ((2, 1),)), 0)
     bench.told.say(1, 0, State.CHARGING, 1.0)
     bench.tick()
     bench.tick()
@@ -422,7 +423,7 @@ def test_a_resumed_charging_wait_gives_nobody_up_before_it_was_heard_for_long_en
 
 def test_one_docked_by_hand_and_never_heard_does_not_take_a_dock_for_ever() -> None:
     bench = Bench(agents=1)
-    bench.mission.receive(DockChanged(0, 2, 77, True), 0)
+    bench.mission.receive(DockChanged(0, 2, 77, True, ((2, 77),)), 0)
     bench.tick()
     bench.tick(int(MISSION.silence_timeout_s) + 1)
     bench.succeed()

@@ -167,7 +167,7 @@ def test_a_mechanism_that_opens_when_a_person_takes_over_is_a_service_all_the_sa
     assert takeover.by_hand is not None and takeover.by_hand.docking is Status.RUNNING
     with pytest.raises(Refused, match="a docking is under way"):
         takeover.give_back()
-    takeover.receive(DockChanged(4000, 0, 3, False), 4000)
+    takeover.receive(DockChanged(4000, 0, 3, False, ()), 4000)
     orders = takeover.receive(PrimitiveSucceeded(4000, undock), 4000)
     assert TellClear(3) in orders
     assert takeover.state.services == 1

@@ -1,40 +1,71 @@
-"""One occupancy of the docks, whoever keeps it: the port, the mission, a resumed supervisor and the replay."""
+"""One table of the docks: the port's, which the mission, its journal and a resumed supervisor's port repeat."""
 
 from __future__ import annotations
 
 from hypothesis import given
 from hypothesis import strategies as st
+from scenario_files import POOL_FILE
 
+from apad_bridge.assembly import parts
+from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.mission.order_book import OrderBook
+from apad_bridge.mission.orders import Note
 from apad_bridge.mission.state import MissionState
 from apad_bridge.records.journal import JournalContents
 from apad_bridge.runs.resuming import find_resume_point
-from apad_bridge.vehicle.commands import DockClosed, DockOpened
-from apad_bridge.vehicle.docks import DockTable
+from apad_bridge.scenario.loader import load
+from apad_bridge.vehicle.commands import DockClosed, DockOpened, OpenDock
+from apad_bridge.vehicle.docking import DockingPort
+from apad_bridge.vehicle.primitives import DockChanged, DockMussel, PrimitiveSucceeded, UndockMussel
 
+POOL = load(POOL_FILE)
+CONFIG = flight_config(POOL)
 REPORTS = st.lists(st.tuples(st.integers(0, 3), st.integers(1, 6), st.booleans()), max_size=20)
 
 
-@given(REPORTS)
-def test_after_any_reports_all_know_the_same_docks_and_no_amussel_is_in_two(
-    reports: list[tuple[int, int, bool]],
+class Bench:
+    """A port, and a mission's book that hears of the docks from it."""
+
+    def __init__(self) -> None:
+        self.port, self.book = DockingPort(POOL.mission.docking), OrderBook(MissionState())
+
+    def report(self, at_ms: int, dock_index: int, agent_id: int, *, closed: bool) -> None:
+        fact = (DockClosed if closed else DockOpened)(at_ms, dock_index, agent_id)
+        for outcome in self.port.receive(fact, at_ms):
+            assert isinstance(outcome, DockChanged)
+            self.book.note_outcome(outcome)
+
+
+@given(REPORTS, st.integers(0, 20))
+def test_after_any_reports_and_a_kill_all_know_the_same_docks_and_no_amussel_is_in_two(
+    reports: list[tuple[int, int, bool]], snapshot_after: int
 ) -> None:
-    port, book, lines = DockTable(), OrderBook(MissionState()), []
+    bench = Bench()
     for at_ms, (dock_index, agent_id, closed) in enumerate(reports):
-        port.take((DockClosed if closed else DockOpened)(at_ms, dock_index, agent_id))
-        book.dock_changed(dock_index, agent_id, closed)
-        lines.append({"t": at_ms, "kind": "dock", "dock": dock_index, "agent": agent_id, "closed": closed})
-    resumed = find_resume_point(JournalContents(lines, 0), 2, 0).state
-    held = [agent_id for _, agent_id in book.state.docked]
+        if at_ms == snapshot_after:
+            bench.book.snapshot()
+        bench.report(at_ms, dock_index, agent_id, closed=closed)
+    held = [agent_id for _, agent_id in bench.port.docked]
     assert len(held) == len(set(held))
-    assert dict(port.docked) == dict(book.state.docked) == dict(resumed.docked)
+    notes = [it for it in bench.book.take_orders() if isinstance(it, Note)]
+    lines = [{"t": at_ms, "kind": it.kind, **it.data} for at_ms, it in enumerate(notes)]
+    state = find_resume_point(JournalContents(lines, 0), epoch=2, gap_ms=0).state
+    resumed = parts.supervisor(CONFIG, state)
+    assert bench.port.docked == bench.book.state.docked == resumed.mission.state.docked == resumed.port.docked
 
 
 def test_a_vehicle_s_later_report_moves_an_amussel_and_frees_no_other() -> None:
-    book = OrderBook(MissionState())
-    book.dock_changed(0, 7, closed=True)
-    book.dock_changed(1, 8, closed=True)
-    book.dock_changed(2, 7, closed=True)
-    assert book.docks == (None, 8, 7, None)
-    book.dock_changed(1, 7, closed=False)  # 7 was let go; the vehicle is mistaken about the dock
-    assert book.docks == (None, 8, None, None)
+    bench = Bench()
+    bench.report(0, 0, 7, closed=True)
+    bench.report(1, 1, 8, closed=True)
+    bench.report(2, 2, 7, closed=True)
+    assert bench.book.docks == (None, 8, 7, None)
+    bench.report(3, 1, 7, closed=False)  # 7 was let go; the vehicle is mistaken about the dock
+    assert bench.book.docks == (None, 8, None, None)
+
+
+def test_a_resumed_port_asks_for_no_amussel_twice_and_opens_the_dock_that_holds_it() -> None:
+    port = parts.supervisor(CONFIG, MissionState(docked=((3, 9),))).port
+    assert port.receive(DockMussel(1, 2, 9), 0) == [PrimitiveSucceeded(0, 1)]
+    assert port.receive(UndockMussel(2, 2, 9), 0) == []
+    assert [it for it in port.advance(60_000) if isinstance(it, OpenDock)] == [OpenDock(1, 3, 9)]

@@ -66,10 +66,10 @@ def test_virtual_docking_waits_then_closes_and_hears():
     assert port.advance(15_999) == []
     assert port.advance(16_000) == [CloseDock(1, 2, 9)]
     assert port.receive(DockClosed(16_010, 2, 9), 17_000) == [
-        DockChanged(16_010, 2, 9, True),
+        DockChanged(16_010, 2, 9, True, ((2, 9),)),
         PrimitiveSucceeded(17_000, 4),
     ]
-    assert dict(port.docks.docked) == {2: 9}
+    assert dict(port.docked) == {2: 9}
 
 
 def test_virtual_undocking_waits_its_own_time():
@@ -78,10 +78,10 @@ def test_virtual_undocking_waits_its_own_time():
     assert port.receive(UndockMussel(5, 2, 9), 1000) == []
     assert port.advance(6000) == [OpenDock(1, 2, 9)]
     assert port.receive(DockOpened(6000, 2, 9), 6000) == [
-        DockChanged(6000, 2, 9, False),
+        DockChanged(6000, 2, 9, False, ()),
         PrimitiveSucceeded(6000, 5),
     ]
-    assert dict(port.docks.docked) == {}
+    assert dict(port.docked) == {}
 
 
 def test_visual_docking_adds_no_time():
@@ -94,7 +94,10 @@ def test_visual_docking_adds_no_time():
 def test_the_vehicles_report_of_the_dock_wins():
     port = DockingPort(VISUAL)
     port.receive(DockMussel(4, 2, 9), 0)
-    assert port.receive(DockClosed(10, 0, 9), 10) == [DockChanged(10, 0, 9, True), PrimitiveSucceeded(10, 4)]
+    assert port.receive(DockClosed(10, 0, 9), 10) == [
+        DockChanged(10, 0, 9, True, ((0, 9),)),
+        PrimitiveSucceeded(10, 4),
+    ]
     assert port.receive(UndockMussel(5, 2, 9), 20) == [OpenDock(2, 0, 9)]
 
 
@@ -108,7 +111,7 @@ def test_docked_by_hand_while_the_port_still_waits():
     port = DockingPort(VIRTUAL)
     port.receive(DockMussel(4, 2, 9), 0)
     assert port.receive(DockClosed(3000, 1, 9), 3000) == [
-        DockChanged(3000, 1, 9, True),
+        DockChanged(3000, 1, 9, True, ((1, 9),)),
         PrimitiveSucceeded(3000, 4),
     ]
     assert port.advance(100_000) == []
@@ -117,8 +120,8 @@ def test_docked_by_hand_while_the_port_still_waits():
 def test_another_aMussel_in_the_dock_is_passed_on_and_is_not_the_one_asked_for():
     port = DockingPort(VISUAL)
     port.receive(DockMussel(4, 2, 9), 0)
-    assert port.receive(DockClosed(10, 2, 8), 10) == [DockChanged(10, 2, 8, True)]
-    assert port.receive(DockOpened(20, 2, 9), 20) == [DockChanged(20, 2, 9, False)]
+    assert port.receive(DockClosed(10, 2, 8), 10) == [DockChanged(10, 2, 8, True, ((2, 8),))]
+    assert port.receive(DockOpened(20, 2, 9), 20) == [DockChanged(20, 2, 9, False, ((2, 8),))]
     assert port.running == DockMussel(4, 2, 9)
 
 
@@ -139,7 +142,7 @@ def test_a_late_report_after_the_time_out_still_tells_of_the_dock():
     port = DockingPort(VISUAL)
     port.receive(DockMussel(4, 2, 9), 0)
     port.advance(60_000)
-    assert port.receive(DockClosed(61_000, 2, 9), 61_000) == [DockChanged(61_000, 2, 9, True)]
+    assert port.receive(DockClosed(61_000, 2, 9), 61_000) == [DockChanged(61_000, 2, 9, True, ((2, 9),))]
     assert port.receive(CommandFailed(61_001, 1, "?"), 61_001) == []
     assert port.dropped == {"command_failed: not of the running primitive": 1}
 
@@ -354,7 +357,9 @@ def test_a_speed_or_radius_that_a_stack_cannot_be_told_is_counted(stack: Generat
 @pytest.mark.parametrize("docks", [1, 4, 6])
 def test_a_report_of_a_dock_that_the_vehicle_has_not_is_dropped(docks: int) -> None:
     port = DockingPort(VIRTUAL, capabilities=of_simulated_apad(docks))
-    assert port.receive(DockClosed(0, docks - 1, 9), 0) == [DockChanged(0, docks - 1, 9, True)]
+    assert port.receive(DockClosed(0, docks - 1, 9), 0) == [
+        DockChanged(0, docks - 1, 9, True, ((docks - 1, 9),))
+    ]
     assert port.receive(DockClosed(0, docks, 8), 0) == []
     assert port.dropped == {"dock: no such dock": 1}
 

@@ -73,7 +73,7 @@ def test_collect_one_and_let_it_go_again():
     docked, changes = bench.outcome_of(DockMussel(2, 1, 9), 90_000)
     assert docked == PrimitiveSucceeded(arrived.at_ms + 15_000, 2)
     assert [(change.dock_index, change.agent_id, change.closed) for change in changes] == [(1, 9, True)]
-    assert dict(bench.apad.docked) == dict(bench.port.docks.docked) == {1: 9}
+    assert dict(bench.apad.docked) == dict(bench.port.docked) == {1: 9}
     assert bench.apad.dock_position(1) == pytest.approx((13.9, 0.1))
     undocked, changes = bench.outcome_of(UndockMussel(3, 1, 9), 90_000)
     assert undocked == PrimitiveSucceeded(docked.at_ms + 5_000, 3)

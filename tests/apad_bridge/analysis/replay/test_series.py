@@ -158,7 +158,7 @@ def test_texts_and_cost_follow_the_mission():
             "phase": "dock",
             "snapshot": {"plan": [["collect", 2, 1]], "cost_m": 3.5},
         },
-        {"t": 3000, "kind": "dock", "dock": 0, "agent": 4, "closed": True},
+        apad(3000, 9.0, docks=(4, -1, -1, -1)),
     ]
     data = data_of(run_line(2, 4), *lines)
     stages = [data["stages"][n] for n in data["stage"]]

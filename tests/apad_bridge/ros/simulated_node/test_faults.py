@@ -298,7 +298,7 @@ def test_a_higher_dock_that_falls_silent_with_a_lower_ones_release_is_still_clos
     bench.order(replace(AWAY, primitive_id=5))
     bench.outcome(5)
     bench.run(20_000)
-    assert bench.port.docks.docked == {1: 8, 2: 9}
+    assert bench.port.docked == ((1, 8), (2, 9))
     assert carried(bench.facts, 9)[-1] == pytest.approx(stack.vehicle._apad.dock_position(2), abs=1e-6)
     bench.order(UndockMussel(6, 2, 9))
     assert isinstance(bench.outcome(6)[1], PrimitiveSucceeded)
@@ -315,9 +315,9 @@ def test_what_a_crashed_server_held_is_let_go_after_a_silence() -> None:
         bench.outcome(n)
     bench.order(UndockMussel(3, 0, 7))
     bench.outcome(3)
-    assert bench.port.docks.docked == {1: 8}
+    assert bench.port.docked == ((1, 8),)
     bench.run(16_000)
-    assert not bench.port.docks.docked
+    assert not bench.port.docked
     assert stack.core.dropped["silence on position_static, taken for a release that nobody ordered"] == 1
 
 
