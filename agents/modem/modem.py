@@ -8,6 +8,7 @@ no bytes: they wait. A modem that is told to send while it receives sends, and l
 from __future__ import annotations
 
 from dataclasses import replace
+from enum import IntEnum
 
 from agents.modem import answers, command_handler, sending
 from agents.modem.core import ModemCore
@@ -32,7 +33,17 @@ from agents.modem.receiving import receive_frame
 from agents.modem.serial_line import TICKS_PER_MS
 from agents.modem.states import RECEPTIVE, ModemState, Trigger
 
-_INPUT, _OUTPUT = 5, 6
+
+class Timer(IntEnum):
+    """The events that a modem waits for; of those due at one time the first named goes first."""
+
+    SENDING_ENDS = 0
+    SOUND_ENDS = 1
+    QUESTION_TIMES_OUT = 2
+    FRAME_IS_DUE = 3
+    MEASUREMENT_ENDS = 4
+    INPUT = 5
+    OUTPUT = 6
 
 
 class Modem(ModemCore):
@@ -41,7 +52,7 @@ class Modem(ModemCore):
     @property
     def next_due_ms(self) -> int | None:
         """The time at which something may happen next. Until then bytes only gather."""
-        dues = [*self._timers(), *(line.output_due_ms for line in self.lines)]
+        dues = [*(due for due, _ in self._timers()), *(line.output_due_ms for line in self.lines)]
         if self._reads:
             dues += [line.wake_ms for line in self.lines]
         due_ms = min((due for due in dues if due is not None), default=None)
@@ -54,16 +65,16 @@ class Modem(ModemCore):
         actions: list[Action] = []
         while dues := [due for due in self._dues() if due[0] <= now_ms]:
             dues.sort()
-            due_ms, which, line_index = dues[0]
+            due_ms, timer, line_index = dues[0]
             self._now_ms = max(self._now_ms, due_ms)
-            if which == _INPUT:
+            if timer is Timer.INPUT:
                 # Reads bytes up to the next other event, or to just before it if the event goes first at the same time.
-                limits = [due - ((other, line) < (_INPUT, line_index)) for due, other, line in dues[1:]]
+                limits = [due - ((other, line) < (Timer.INPUT, line_index)) for due, other, line in dues[1:]]
                 actions += self._read(line_index, min([now_ms, *limits]))
-            elif which == _OUTPUT:
+            elif timer is Timer.OUTPUT:
                 actions.append(SerialOut(self._now_ms, self.lines[line_index].printed(), line_index))
             else:
-                actions += self._fire(which)
+                actions += self._fire(timer)
         self._now_ms = now_ms
         return actions
 
@@ -101,47 +112,52 @@ class Modem(ModemCore):
     def _reads(self) -> bool:
         return self.state not in (ModemState.TRANSMITTING, ModemState.OFF)
 
-    def _timers(self) -> tuple[int | None, ...]:
+    def _timers(self) -> tuple[tuple[int | None, Timer], ...]:
+        """Each timer but those of the serial lines, with its due time."""
         return (
-            None if self._sending is None else self._sending[0],
-            self._sound_until_ms,
-            None if self.question is None else self.question.until_ms,
-            self.waiting[0][0] if self.waiting and self._sending is None else None,
-            None if self.measurement is None else self.measurement.until_ms,
+            (None if self._sending is None else self._sending[0], Timer.SENDING_ENDS),
+            (self._sound_until_ms, Timer.SOUND_ENDS),
+            (None if self.question is None else self.question.until_ms, Timer.QUESTION_TIMES_OUT),
+            (self.waiting[0][0] if self.waiting and self._sending is None else None, Timer.FRAME_IS_DUE),
+            (None if self.measurement is None else self.measurement.until_ms, Timer.MEASUREMENT_ENDS),
         )
 
-    def _dues(self) -> list[tuple[int, int, int]]:
-        """(time, which, line) of everything that has a due time."""
-        dues = [(due, which, 0) for which, due in enumerate(self._timers()) if due is not None]
+    def _dues(self) -> list[tuple[int, Timer, int]]:
+        """(time, timer, line) of everything that has a due time."""
+        dues = [(due, timer, 0) for due, timer in self._timers() if due is not None]
         for line_index, line in enumerate(self.lines):
             if self._reads and (due := line.input_due_ms) is not None:
-                dues.append((due, _INPUT, line_index))
+                dues.append((due, Timer.INPUT, line_index))
             if (due := line.output_due_ms) is not None:
-                dues.append((due, _OUTPUT, line_index))
+                dues.append((due, Timer.OUTPUT, line_index))
         return dues
 
-    def _fire(self, which: int) -> list[Action]:
+    def _fire(self, timer: Timer) -> list[Action]:
         now_ms, question = self._now_ms, self.question
-        if which == 0:
+        if timer is Timer.SENDING_ENDS:
             assert self._sending is not None
             if question is not None and question.frame is self._sending[1]:
                 self.question = replace(question, until_ms=now_ms + self.config.answer_wait_ms)
             self._sending = None
             return self.go(Trigger.SENDING_ENDED)
-        if which == 1:
+        if timer is Timer.SOUND_ENDS:
             return self.go(Trigger.SOUND_ENDED)
-        if which == 2:
+        if timer is Timer.QUESTION_TIMES_OUT:
             assert question is not None
             self.question = None
             if question.line is None:
                 return [Answered(now_ms, question.frame, None)]
             self.answer(question.line, answers.TIME_OUT)
             return []
-        if which == 4:
+        if timer is Timer.MEASUREMENT_ENDS:
             measurement, self.measurement = self.measurement, None
             assert measurement is not None
             self.answer(measurement.line, answers.measured(measurement.name, self.noise))
             return []
+        return self._send_next()
+
+    def _send_next(self) -> list[Action]:
+        now_ms = self._now_ms
         _, frame = self.waiting.pop(0)
         self._sending = (now_ms + frame.duration_ms, frame)
         return [*self.go(Trigger.SENDING_BEGAN), EmitFrame(now_ms, frame)]
@@ -161,7 +177,7 @@ class Modem(ModemCore):
         if frame.kind in sending.AWAITED:
             self.ask("", frame, sending.AWAITED[frame.kind], None)
         self.send(frame, self._now_ms)
-        return self._fire(3) if self._sending is None and self.waiting[0][1] is frame else []
+        return self._send_next() if self._sending is None and self.waiting[0][1] is frame else []
 
     def _read(self, line_index: int, until_ms: int) -> list[Action]:
         read = self.lines[line_index].read(until_ms)

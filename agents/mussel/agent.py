@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -142,7 +142,8 @@ class Agent:
 
     @property
     def next_due_ms(self) -> int | None:
-        return min((due for due in self._dues() if due is not None), default=None)
+        timer = self._next_timer()
+        return None if timer is None else timer[0]
 
     def take_truths(self) -> list[Truth]:
         """The truths since the last call, in order."""
@@ -154,13 +155,10 @@ class Agent:
         if now_ms < self._now_ms:
             raise ValueError(f"time went back: {now_ms} before {self._now_ms}")
         outputs, self._boot_outputs = self._boot_outputs, []
-        while True:
-            dues = self._dues()
-            due_ms = min((due for due in dues if due is not None), default=None)
-            if due_ms is None or due_ms > now_ms:
-                break
+        while (timer := self._next_timer()) is not None and timer[0] <= now_ms:
+            due_ms, fire = timer
             self._now_ms = due_ms
-            outputs += self._fire(dues.index(due_ms), due_ms)
+            outputs += fire(due_ms)
             self._note_truth(due_ms)
         self._now_ms = now_ms
         return outputs
@@ -172,31 +170,44 @@ class Agent:
         self._note_truth(now_ms)
         return outputs
 
-    def _dues(self) -> tuple[int | None, ...]:
-        report_ms = (
-            self._report_due_ms
-            if self.config.reports.heard_always or self._at_surface(self._now_ms)
-            else None
-        )
+    def _next_timer(self) -> tuple[int, Callable[[int], list[Output]]] | None:
+        """When the next timer is due, and what it does then; of those due at one time the first in the stated order."""
         body = self.body
-        return body.arrival_ms, body.drift_due_ms, self.board.next_due_ms, body.pin_due_ms or None, report_ms
+        is_heard = self.config.reports.heard_always or self._at_surface(self._now_ms)
+        first = None
+        for due_ms, fire in (
+            (body.arrival_ms, self._arrive),
+            (body.drift_due_ms, self._drift),
+            (self.board.next_due_ms, self._advance_board),
+            (body.pin_due_ms or None, self._align),
+            (self._report_due_ms if is_heard else None, self._report),
+        ):
+            if due_ms is not None and (first is None or due_ms < first[0]):
+                first = due_ms, fire
+        return first
 
-    def _fire(self, which: int, now_ms: int) -> list[Output]:
-        if which == 0:
-            self.body.settle_depth(now_ms)
-            surfaced = self.body.depth_um == 0
-            self._report_due_ms = max(self._report_due_ms, self._report_after(now_ms))
-            return self._stimulate_board(
-                board_stimuli.SurfaceReached() if surfaced else board_stimuli.BottomReached(), now_ms
-            )
-        if which == 1:
-            self.body.drift(now_ms)
-            return []
-        if which == 2:
-            return self._carry_out(self.board.advance(now_ms))
-        if which == 3:
-            self.body.align()
-            return self._stimulate_board(board_stimuli.ChargePinRose(), now_ms)
+    def _arrive(self, now_ms: int) -> list[Output]:
+        """The body has reached the surface or the bottom."""
+        self.body.settle_depth(now_ms)
+        surfaced = self.body.depth_um == 0
+        self._report_due_ms = max(self._report_due_ms, self._report_after(now_ms))
+        return self._stimulate_board(
+            board_stimuli.SurfaceReached() if surfaced else board_stimuli.BottomReached(), now_ms
+        )
+
+    def _drift(self, now_ms: int) -> list[Output]:
+        self.body.drift(now_ms)
+        return []
+
+    def _advance_board(self, now_ms: int) -> list[Output]:
+        return self._carry_out(self.board.advance(now_ms))
+
+    def _align(self, now_ms: int) -> list[Output]:
+        """The coils have come together: the charger raises its pin."""
+        self.body.align()
+        return self._stimulate_board(board_stimuli.ChargePinRose(), now_ms)
+
+    def _report(self, now_ms: int) -> list[Output]:
         self._report_due_ms += self.config.reports.period_ms
         # In the paper's mode the report is the experiment's; else it needs the board's Wi-Fi, which the worst case has.
         is_off = not self.config.reports.heard_always and not self.board.has_wifi
