@@ -77,7 +77,9 @@ def test_they_serve_each_other_over_topics(scenario: Path, graph: dict[str, str]
     assert fleet.returncode == 0, fleet_mistakes
 
     summary = json.loads(said)
-    assert summary["services"] >= 1
+    ordered = read_journal(mission_run / "journal.jsonl").lines
+    served = [line["agent"] for line in ordered if line["kind"] == "released" and line["full"]]
+    assert served and summary["services"] == len(served)
     assert summary["uptime_paper"] is None  # a mission alone knows no truth
     lines = read_journal(fleet_run / "journal.jsonl").lines
     charged = {line["id"] for line in lines if line["kind"] == "truth" and line["state"] == "CHARGING"}
@@ -113,7 +115,8 @@ def test_on_a_real_aPad_nothing_moves_again_without_a_person_s_word(
     assert resumed.returncode == 0, resumed.stderr
     said, mistakes = run.communicate(timeout=PATIENCE_S)
     assert run.returncode == 0, mistakes
-    assert json.loads(said)["services"] >= 1
+    released = [line for line in read_journal(out / "journal.jsonl").lines if line["kind"] == "released"]
+    assert json.loads(said)["services"] == sum(line["full"] for line in released) > 0
 
 
 def with_first_id(scenario: Path, first_id: int) -> Path:

@@ -159,7 +159,9 @@ def test_each_serves_its_share_and_nobody_else(scenario: Path, tmp_path: Path) -
         lines = read_journal(run / apad / "journal.jsonl").lines
         assert {line["id"] for line in lines if line["kind"] == "truth"} == own
         assert {line["agent"] for line in lines if line["kind"] == "dock"} <= own
-        assert summary["apads"][apad]["services"] >= 1
+        served = [line["agent"] for line in lines if line["kind"] == "released" and line["full"]]
+        assert served and set(served) <= own
+        assert summary["apads"][apad]["services"] == len(served)
         assert summary["apads"][apad]["dropped"] == {}
         assert summary["apads"][apad]["ended_by"] == "the operator"
     assert summary["services"] == sum(summary["apads"][apad]["services"] for apad in APADS)
