@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from scenario_files import POOL_FILE, SOUND_FILE
 
 from apad_bridge.assembly import flight_config as resolving
 from apad_bridge.assembly import parts
@@ -17,12 +18,11 @@ from apad_bridge.runs.in_memory import open_flight
 from apad_bridge.scenario.loader import from_data, load, resolve
 from apad_bridge.scenario.schema import Scenario
 
-SCENARIOS = Path(__file__).parents[3] / "launch_scripts" / "scenarios"
-POOL = load(SCENARIOS / "pool-12.yaml")
+POOL = load(POOL_FILE)
 
 
 def sound(change: Callable[[dict[str, Any]], None]) -> Scenario:
-    data = resolve(load(SCENARIOS / "sound-12.yaml"))
+    data = resolve(load(SOUND_FILE))
     change(data)
     return from_data(data, "changed")
 
@@ -64,7 +64,7 @@ def test_the_board_is_built_once_for_a_whole_flight(monkeypatch: pytest.MonkeyPa
 
     board_config = resolving.board_config
     monkeypatch.setattr(resolving, "board_config", counted)
-    open_flight(load(SCENARIOS / "sound-12.yaml"))
+    open_flight(load(SOUND_FILE))
     assert len(built) == 1
 
 

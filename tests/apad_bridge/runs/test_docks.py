@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from scenario_files import POOL_FILE
 
 from apad_bridge.analysis.replay.series import page_data
 from apad_bridge.commands.main import main
@@ -19,12 +20,10 @@ from apad_bridge.scenario.loader import from_data, load, resolve, write_resolved
 from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scripting.api import Api
 
-POOL = Path(__file__).parents[3] / "launch_scripts" / "scenarios" / "pool-12.yaml"
-
 
 def eight(docks: int) -> Scenario:
     """Eight aMussels that are all candidates from the start."""
-    data = resolve(load(POOL))
+    data = resolve(load(POOL_FILE))
     data |= {"theta": 600, "duration_s": 500}
     data["fleet"] |= {"count": 8, "start": {"charge": [0.6, 0.7]}}
     data["apad"]["docks"] = docks
@@ -48,7 +47,8 @@ def test_the_mission_fills_all_docks_before_it_releases(docks: int) -> None:
     assert sorted(found[docks : 2 * docks]) == sorted(
         (dock, agent, False) for dock, agent, _ in found[:docks]
     )
-    assert figures["services"] >= docks
+    left_full = [data["agent"] for _, kind, data in recorder.events if kind == "released" and data["full"]]
+    assert figures["services"] == len(left_full) >= docks
 
 
 def test_a_script_uses_the_docks_that_there_are() -> None:
@@ -87,8 +87,9 @@ def test_a_runs_records_tell_how_many_docks_there_were(
     run = tmp_path / "run"
     words = ["run", str(scenario), "--time", "asap", "--hosting", "one_process", "--out", str(run), "--json"]
     assert main(words) == Exit.DONE
-    assert json.loads(capsys.readouterr().out)["services"] >= docks
     journal = read_journal(run / "journal.jsonl")
+    left_full = [line["agent"] for line in journal.lines if line["kind"] == "released" and line["full"]]
+    assert json.loads(capsys.readouterr().out)["services"] == len(left_full) >= docks
     assert {len(line["docks"]) for line in journal.lines if line["kind"] == "apad"} == {docks}
     assert {line["snapshot"]["dock_count"] for line in journal.lines if line["kind"] == "mission"} == {docks}
     data = page_data(load(run / "scenario.yaml"), journal, None)
@@ -96,7 +97,7 @@ def test_a_runs_records_tell_how_many_docks_there_were(
 
 
 def test_a_run_from_before_there_was_a_number_is_shown_with_four(tmp_path: Path) -> None:
-    data = resolve(load(POOL))
+    data = resolve(load(POOL_FILE))
     del data["apad"]["docks"]
     old = from_data(data, "old")
     assert old.apad.docks == 4

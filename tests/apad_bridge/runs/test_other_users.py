@@ -13,6 +13,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 import pytest
+from scenario_files import POOL_FILE
 
 from agents.nursery import protocol
 from apad_bridge.records.run_directory import RunDirectory
@@ -20,7 +21,6 @@ from apad_bridge.runs.flying import open_fleet
 from apad_bridge.scenario.loader import load
 from apad_bridge.scenario.starts import starts_of
 
-POOL = Path(__file__).parents[3] / "launch_scripts" / "scenarios" / "pool-12.yaml"
 CONNECTING = """
 import os, socket, sys
 os.setuid(65534)
@@ -44,7 +44,7 @@ def mode(path: Path) -> int:
 @pytest.mark.usefixtures("umask_of_none")
 def test_a_run_is_its_users_alone_whatever_the_umask_is(tmp_path: Path) -> None:
     directory = RunDirectory.create("pool-12", datetime(2026, 5, 4, tzinfo=UTC), tmp_path / "run")
-    scenario = load(POOL)
+    scenario = load(POOL_FILE)
     scenario = replace(scenario, fleet=replace(scenario.fleet, count=1))
     fleet = open_fleet(scenario, starts_of(scenario), directory.path / "fleet")
     try:

@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from scenario_files import POOL_FILE
 
 from apad_bridge.assembly.division import Member
 from apad_bridge.commands.main import main
@@ -19,9 +20,7 @@ from apad_bridge.scenario.schema import Hosting
 from apad_bridge.scenario.starts import starts_of
 from apad_bridge.vehicle.errors import PeerFailed
 
-LAUNCH = Path(__file__).parents[3] / "launch_scripts"
-POOL = LAUNCH / "scenarios" / "pool-12.yaml"
-LISTING = LAUNCH / "examples" / "listing_1.py"
+LISTING = Path(__file__).parents[3] / "launch_scripts" / "examples" / "listing_1.py"
 
 
 def test_a_living_supervisor_is_found_by_pid_and_start_time(tmp_path: Path) -> None:
@@ -99,7 +98,7 @@ class Watching:
 
 
 def test_a_flight_in_virtual_time_is_its_run_s_one_supervisor(tmp_path: Path) -> None:
-    scenario = replace(load(POOL), duration_s=5.0)
+    scenario = replace(load(POOL_FILE), duration_s=5.0)
     scenario = replace(scenario, fleet=replace(scenario.fleet, hosting=Hosting.ONE_PROCESS))
     progress = Watching(tmp_path)
     fly_in_process(scenario, starts_of(scenario), RunDirectory(tmp_path), progress)
@@ -108,7 +107,7 @@ def test_a_flight_in_virtual_time_is_its_run_s_one_supervisor(tmp_path: Path) ->
 
 
 def test_flights_in_step_are_their_runs_supervisors_too(tmp_path: Path) -> None:
-    scenario = replace(load(POOL), duration_s=5.0)
+    scenario = replace(load(POOL_FILE), duration_s=5.0)
     scenario = replace(scenario, fleet=replace(scenario.fleet, hosting=Hosting.ONE_PROCESS))
     member = Member(scenario.apad.name, scenario, starts_of(scenario))
     progress = Watching(tmp_path)
@@ -133,7 +132,7 @@ def test_a_run_that_is_refused_leaves_no_directory(
     with socket.socket() as unused:
         unused.bind(("127.0.0.1", 0))
         monkeypatch.setenv("ROS_MASTER_URI", f"http://127.0.0.1:{unused.getsockname()[1]}")
-        for command in (["run", str(POOL)], ["script", str(LISTING), "--scenario", str(POOL)]):
+        for command in (["run", str(POOL_FILE)], ["script", str(LISTING), "--scenario", str(POOL_FILE)]):
             with pytest.raises(SystemExit) as ended:
                 main([*command, "--apad", "ros", "--out", str(tmp_path / "run")])
             assert ended.value.code == 3

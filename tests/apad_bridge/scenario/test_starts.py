@@ -18,7 +18,6 @@ from apad_bridge.scenario.polygon import contains
 from apad_bridge.scenario.schema import Area, Origin, RandomStart, Spread
 from apad_bridge.scenario.starts import Start, random_start, read_starts, save_starts, starts_of
 
-SCENARIOS = Path(__file__).parents[3] / "launch_scripts" / "scenarios"
 ORIGIN = Origin(latitude_deg=43.9330937, longitude_deg=15.4443468)
 POOL = Area(origin=ORIGIN, polygon_m=((0, 0), (28, 0), (28, 21), (0, 21)), depth_m=3)
 # An L of 3 quarters of a square: 40 x 40 without its north-eastern 20 x 20.
@@ -221,7 +220,7 @@ def test_secondaries_start_below_full_where_nobody_states_their_charge(tmp_path:
     (tmp_path / "stated.csv").write_text(
         "id,north,east,battery,secondary\n1,5,5,0.7,1\n2,6,6,0.8,0.5\n3,7,7,0.9,1\n"
     )
-    pool = load(SCENARIOS / "pool-12.yaml")
+    pool = load(POOL_FILE)
     spread = Spread(secondary_start=0.1)
 
     def secondaries(start: str | RandomStart, spread: Spread) -> list[float]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pathlib import Path
+from scenario_files import POOL_FILE
 
 from agents.mussel.stimuli import SoundArrived, WifiArrived
 from agents.packet_medium import Medium
@@ -23,7 +23,7 @@ from apad_bridge.supervisor.sample_collection import NoSampleCollection
 from apad_bridge.vehicle.primitives import PrimitiveFailed
 from firmware_model.packets import LogRecords
 
-POOL = load(Path(__file__).parents[3] / "launch_scripts" / "scenarios" / "pool-12.yaml")
+POOL = load(POOL_FILE)
 PING = "a ping without water to send it through"
 SOUND, WIFI = Send(Medium.SOUND, 4, b"up"), Send(Medium.WIFI, 4, b"down")
 

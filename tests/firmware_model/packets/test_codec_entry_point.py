@@ -109,7 +109,7 @@ def test_a_fleet_that_speaks_it_is_heard_and_obeys(lines: Codec) -> None:
 
 
 def test_a_supervisor_of_another_layout_counts_what_it_cannot_read(lines: Codec) -> None:
-    supervisor = parts.supervisor(flight_config(load(ROOT / "launch_scripts" / "scenarios" / "pool-12.yaml")))
+    supervisor = parts.supervisor(flight_config(load(POOL_FILE)))
     supervisor.receive(WifiHeard(500, lines.encode(replace(STATUS, agent_id=1))))
     supervisor.advance(1000)
     assert supervisor.beliefs.all() == []
