@@ -167,14 +167,14 @@ def test_a_measurement_takes_its_time_and_sees_the_noise_at_its_end(
     assert (b"R000040P000900M000031" in printed) if command == b"$N" else (b"\x1f\x00\x1f\x00" in printed)
 
 
-def test_what_restarts_a_modem_ends_its_measurement(pair: Pair) -> None:
+@pytest.mark.parametrize(("meanwhile", "is_measured"), [(b"$A", True), (b"$R", False), (b"$Z", False)])
+def test_what_restarts_a_modem_ends_its_measurement(pair: Pair, meanwhile: bytes, is_measured: bool) -> None:
     water = pair()
-    for ends in (b"$R", b"$Z"):
-        water.write("near", b"$N")
-        water.run(water.now_ms + 100)
-        water.write("near", ends)
-        water.run(water.now_ms + 3000)
-        assert b"#NR" not in water.printed("near")
+    water.write("near", b"$N")
+    water.run(water.now_ms + 100)
+    water.write("near", meanwhile)
+    water.run(water.now_ms + 3000)
+    assert (b"#NR" in water.printed("near")) is is_measured
 
 
 def test_a_timer_s_answer_begins_with_its_state(pair: Pair) -> None:

@@ -6,6 +6,7 @@ import os
 import socket
 from pathlib import Path
 
+import msgpack
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -39,6 +40,27 @@ def test_garbage_is_a_link_error(data: bytes) -> None:
         protocol.decode(data)
     except LinkError:
         return
+
+
+WRONG_ROWS = [[None], [[]], [[1] * 8], *([[wrong] * width] for wrong in (-1, True) for width in (2, 5))]
+WRONG = [None, True, -1, 0.5, "word", b"bytes", {}, *WRONG_ROWS]
+"""No field may hold any of these, but that one is a word and one is true or false; no row has eight numbers."""
+
+
+@pytest.mark.parametrize("message", MESSAGES, ids=lambda message: type(message).__name__)
+def test_a_wrong_field_is_a_link_error(message: protocol.Message) -> None:
+    """Bytes at random are hardly ever msgpack: these differ from a message in one field, or in how many there are."""
+    right = msgpack.unpackb(protocol.encode(message))
+    wires = [right[:-1], [*right, 0]]
+    for at, field in enumerate(right):
+        wires += [
+            [*right[:at], wrong, *right[at + 1 :]]
+            for wrong in WRONG
+            if type(wrong) is not type(field) or not isinstance(field, bool | str)
+        ]
+    for wire in wires:
+        with pytest.raises(LinkError):
+            protocol.decode(msgpack.packb(wire))
 
 
 @pytest.mark.parametrize("message", MESSAGES, ids=lambda message: type(message).__name__)

@@ -17,11 +17,18 @@ SHIPPED, DOCS = ROOT / "launch_scripts" / "interfaces", ROOT / "docs" / "apads.m
 
 
 @pytest.mark.parametrize(
-    "path", [DEFAULT, SHIPPED / "modem.yaml", SHIPPED / "strings.yaml"], ids=lambda it: it.stem
+    ("path", "heard", "told"),
+    [
+        (DEFAULT, "docked released permission clear", "docked released"),
+        (SHIPPED / "modem.yaml", "packet docked released", "packet"),
+        (SHIPPED / "strings.yaml", "docked released permission clear", "permission clear wifi docked"),
+    ],
+    ids=["default", "modem", "strings"],
 )
-def test_shipped_names_can_be_read(path: Path) -> None:
+def test_shipped_names_can_be_read(path: Path, heard: str, told: str) -> None:
     names = load_names(path)
-    assert names.hear and names.tell
+    assert [it.what for it in names.hear] == heard.split()
+    assert [it.what for it in names.tell] == told.split()
 
 
 def test_names_in_the_docs_can_be_read(tmp_path: Path) -> None:
