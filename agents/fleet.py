@@ -81,6 +81,8 @@ class FleetConfig:
     current: CurrentConfig = STILL_CURRENT
     first_id: int = 1
     """The aMussel with the first acoustic timeslot; the others follow by their ids."""
+    agent_ids: tuple[int, ...] = ()
+    """All aMussels' ids, rising, where they have gaps: the place of an id is its timeslot. Empty for none."""
     clock_drift_ppb: int = 0
     """The largest drift of a whole board's clock, either way, in parts of 10^9; each clock has a drift of its own."""
     waters: Mapping[str, Waters] = field(default_factory=lambda: CALM)
@@ -100,6 +102,7 @@ class FleetConfig:
             **{
                 **wire,
                 "board": _board_of(wire["board"]),
+                "agent_ids": tuple(wire["agent_ids"]),
                 "body": BodyConfig(
                     **{
                         **body,
@@ -170,6 +173,7 @@ class AgentConfigs:
         self._fleet = fleet
         cycle = None if fleet.board.whole is None else fleet.board.whole.cycle
         self._has_slots = cycle is not None and cycle.slots is not None
+        self._slots = {agent_id: slot for slot, agent_id in enumerate(fleet.agent_ids)}
         self._water = WaterConfig(
             fleet.seed,
             1000 * fleet.theta,
@@ -183,10 +187,13 @@ class AgentConfigs:
         board = replace(
             fleet.board,
             agent_id=agent_id,
-            slot=agent_id - fleet.first_id if self._has_slots else 0,
+            slot=self._slot(agent_id) if self._has_slots else 0,
             drift_ppb=drift_of(fleet.seed, agent_id, fleet.clock_drift_ppb),
         )
         return AgentConfig(fleet.spread.applied(board), self._water, fleet.reports)
+
+    def _slot(self, agent_id: int) -> int:
+        return self._slots[agent_id] if self._slots else agent_id - self._fleet.first_id
 
 
 def drift_of(seed: int, agent_id: int, bound_ppb: int) -> int:

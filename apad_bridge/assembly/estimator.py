@@ -78,17 +78,27 @@ def twin_config(
         return None
     return TwinConfig(
         twin_parameters(scenario, model, board, body, reports),
-        schedules(board.whole, scenario.fleet.first_id, scenario.fleet.ids),
+        schedules(board.whole, scenario.fleet.all_ids, scenario.fleet.ids),
         reports.period_ms // scenario.theta,
     )
 
 
-def schedules(firmware: FullFirmware | None, first_id: int, ids: Sequence[int]) -> dict[int, Schedule]:
-    """Builds the boards' schedules: always awake, as the paper's worst case, or asleep but for the wakes of their cycle."""
+def schedules(
+    firmware: FullFirmware | None, all_ids: Sequence[int], ids: Sequence[int]
+) -> dict[int, Schedule]:
+    """Builds the schedules of the boards of `ids`.
+
+    A board is always awake, as the paper's worst case, or asleep but for the wakes of its cycle.
+
+    `all_ids` are the whole fleet's, ascending: an aMussel's place among them is its timeslot.
+    """
     if firmware is None or firmware.cycle is None:
         return dict.fromkeys(ids, Schedule((0,), (Mode.IDLE,)))
+    served = set(ids)
     return {
-        agent_id: Schedule((0,), (Mode.ASLEEP,), _cycle_of(firmware, agent_id - first_id)) for agent_id in ids
+        agent_id: Schedule((0,), (Mode.ASLEEP,), _cycle_of(firmware, timeslot))
+        for timeslot, agent_id in enumerate(all_ids)
+        if agent_id in served
     }
 
 

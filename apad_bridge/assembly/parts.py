@@ -57,6 +57,7 @@ def fleet_config(config: FlightConfig) -> FleetConfig:
         current=current_config(scenario),
         waters=CALM if scenario.water is None else waters_config(scenario.water.fields),
         first_id=scenario.fleet.first_id,
+        agent_ids=scenario.fleet.agent_ids,
         clock_drift_ppb=config.clock_drift_ppb,
         spread=spread_of(scenario),
     )

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from apad_bridge.runs.exits import UserError
+from apad_bridge.scenario.id_ranges import in_ranges
 from apad_bridge.scenario.run_options import Part, RunOptions, TimeSource
 from apad_bridge.scenario.schema import Scenario
 
@@ -22,7 +23,7 @@ def _check_opened(options: RunOptions, scenario: Scenario) -> None:
     for agent_id in options.open_modems:
         if agent_id not in ids:
             raise UserError(
-                f"--open-modem {agent_id}: there is no such aMussel; the fleet's are {ids[0]} to {ids[-1]}"
+                f"--open-modem {agent_id}: there is no such aMussel; the fleet's are {in_ranges(ids)}"
                 if ids
                 else f"--open-modem {agent_id}: the fleet is empty"
             )

@@ -109,7 +109,7 @@ def _ends(all_members: Sequence[Member], whole: RunDirectory) -> list[Start]:
     for member in all_members:
         fleet = member.scenario.fleet
         path = directory_of(member, whole).path
-        ends += read_starts(path, member.scenario.area, fleet.first_id, len(fleet.ids))
+        ends += read_starts(path, member.scenario.area, fleet.ids)
     return sorted(ends, key=lambda end: end.agent_id)
 
 

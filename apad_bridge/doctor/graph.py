@@ -24,6 +24,7 @@ from apad_bridge.doctor.network import (
     route_address,
 )
 from apad_bridge.ros_names.names import in_full
+from apad_bridge.scenario.id_ranges import in_ranges
 
 _AT_ONCE = 16
 _AGAIN_S = 0.1
@@ -215,24 +216,14 @@ def check_agents_present(graph: Graph, ids: Iterable[int] | None, namespace: str
             taken[int(found[1])] = nodes
     if not taken:
         return ok("aMussel ids", f"nobody publishes an {in_full(namespace, 'amusselK')}/position")
-    taken_ids = _ranges(taken)
+    taken_ids = in_ranges(taken)
     clash = sorted(set(taken) & set(ids or ()))
     if clash:
         who = ", ".join(sorted({node for agent_id in clash for node in taken[agent_id]}))
         beyond = max(taken) + 1
         mend = f"end {who}, or set fleet.first_id to {beyond} in the scenario"
-        return fail("aMussel ids", f"{_ranges(clash)} of the scenario are published already by {who}", mend)
+        return fail("aMussel ids", f"{in_ranges(clash)} of the scenario are published already by {who}", mend)
     if ids is None:
         mend = "give other ids to a fleet on this master: fleet.first_id in the scenario"
         return warn("aMussel ids", f"{taken_ids} are published already", mend)
     return ok("aMussel ids", f"{taken_ids} are published already, none of them the scenario's")
-
-
-def _ranges(ids: Iterable[Any]) -> str:
-    parts: list[list[int]] = []
-    for number in sorted(ids):
-        if parts and number == parts[-1][1] + 1:
-            parts[-1][1] = number
-        else:
-            parts.append([number, number])
-    return ", ".join(str(low) if low == high else f"{low}-{high}" for low, high in parts)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from apad_bridge.doctor.finding import Finding, fail, ok, warn
 from apad_bridge.scenario.errors import ScenarioError
+from apad_bridge.scenario.id_ranges import in_ranges
 
 if TYPE_CHECKING:
     from apad_bridge.scenario.schema import Scenario
@@ -41,7 +42,7 @@ def _check_starts_and_codec(scenario: Scenario) -> Iterator[Finding]:
     try:
         starts = starts_of(scenario)
         if starts:
-            yield ok("starts", f"{len(starts)} aMussels, ids {starts[0].agent_id} to {starts[-1].agent_id}")
+            yield ok("starts", f"{len(starts)} aMussels, ids {in_ranges(it.agent_id for it in starts)}")
         else:
             yield ok("starts", "no aMussels")
     except ScenarioError as error:

@@ -16,7 +16,8 @@ from typing import Any
 
 from apad_bridge.scenario.loader import write_atomically, write_resolved
 from apad_bridge.scenario.schema import Scenario
-from apad_bridge.scenario.starts import ENDS_NAME, STARTS_NAME, Start, save_starts
+from apad_bridge.scenario.starts import Start, save_starts
+from apad_bridge.scenario.starts_table import ENDS_NAME, STARTS_NAME
 
 RUNS = Path("runs")
 PRIVATE = 0o700

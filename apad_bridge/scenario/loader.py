@@ -18,8 +18,10 @@ from pydantic_core import ErrorDetails
 
 from apad_bridge.scenario.cross_checks import contradictions
 from apad_bridge.scenario.errors import ScenarioError
+from apad_bridge.scenario.id_ranges import in_ranges
 from apad_bridge.scenario.profiles import with_profiles
 from apad_bridge.scenario.schema import MAX_DOCKS, PAPER_DOCKS, RandomStart, Scenario
+from apad_bridge.scenario.starts_table import read_ids, table_of
 from apad_bridge.scenario.unknown_keys import explain_unknown_key
 from apad_bridge.scenario.yaml_text import parse_yaml
 
@@ -68,7 +70,9 @@ def from_data(data: Any, source: str) -> Scenario:
         )
     try:
         # JSON on the way, because only there the strict mode accepts lists for tuples and texts for enumerations.
-        scenario = _SCENARIO.validate_json(json.dumps(_with_batch(with_profiles(data))), strict=True)
+        scenario = _SCENARIO.validate_json(
+            json.dumps(_with_batch(_with_ids(with_profiles(data)))), strict=True
+        )
     except ValidationError as error:
         lines = [
             _error_line(source, data, details)
@@ -116,13 +120,19 @@ def with_overrides(
 ) -> Scenario:
     """Replaces values by those of the command line and checks the scenario again; None leaves a value as it is.
 
-    `agents` is the fleet's count, `strategy` the collection strategy's name, `generation` the aPad's. Raises ScenarioError.
+    `agents` is the fleet's count, of its lowest ids; `strategy` the collection strategy's name, `generation` the aPad's.
+    Raises ScenarioError.
     """
     data = resolve(scenario)
     if theta is not None:
         data["theta"] = theta
     if agents is not None:
-        data["fleet"]["count"] = agents
+        ids = data["fleet"]["agent_ids"]
+        if ids and agents > len(ids):
+            raise ScenarioError(
+                [f"command line: --agents {agents}: the fleet has {len(ids)}, {in_ranges(ids)}"]
+            )
+        data["fleet"].update(count=agents, agent_ids=ids[:agents])
     if strategy is not None:
         data["mission"]["collection"] = strategy
     if seed is not None:
@@ -201,6 +211,31 @@ def _with_batch(data: dict[str, Any]) -> dict[str, Any]:
     # Only a number of docks that the schema accepts, so that a wrong one is told of once.
     batch = docks if type(docks) is int and 1 <= docks <= MAX_DOCKS else PAPER_DOCKS
     return {**data, "mission": {**mission, "batch": batch}}
+
+
+def _with_ids(data: dict[str, Any]) -> dict[str, Any]:
+    """A fleet without a `count` has the ids of `agent_ids`, or those of the file that `start` names from `first_id` on."""
+    fleet = data.get("fleet")
+    if not isinstance(fleet, dict) or "count" in fleet:
+        return data
+    ids = fleet.get("agent_ids") or _ids_of_file(fleet)
+    if not isinstance(ids, list):
+        return data
+    first_id = ids[0] if ids else 1
+    has_gaps = type(first_id) is not int or ids != list(range(first_id, first_id + len(ids)))
+    found = {"count": len(ids), "first_id": first_id}
+    return {**data, "fleet": {**found, **fleet, "agent_ids": ids if has_gaps else []}}
+
+
+def _ids_of_file(fleet: dict[str, Any]) -> list[int] | None:
+    """Returns the ids of the file from `first_id` on; None for a random start."""
+    start, first_id = fleet.get("start"), fleet.get("first_id", 1)
+    if not isinstance(start, str) or type(first_id) is not int:
+        return None
+    try:
+        return [it for it in read_ids(table_of(Path(start))) if it >= first_id]
+    except ScenarioError:
+        return []  # what is wrong with the file is told when the starts are read
 
 
 def _error_line(source: str, data: Any, details: ErrorDetails) -> str:

@@ -28,6 +28,7 @@ from apad_bridge.scenario.quantities import (
     RosNamespace,
     frozen,
 )
+from apad_bridge.scenario.starts_table import MAX_AGENT_ID
 from apad_bridge.scenario.water import Water
 
 PAPER_DOCKS = 4
@@ -111,10 +112,12 @@ class Spread:
 class Fleet:
     count: Annotated[int, Ge(0), Le(20000)]
     first_id: Annotated[int, Ge(1)] = 1
+    agent_ids: tuple[Annotated[int, Ge(1), Le(MAX_AGENT_ID)], ...] = ()
+    """The ids, rising, where they have gaps; empty for `count` ids from `first_id` on. The loader takes these three from
+    the file that `start` names if a scenario leaves `count` out."""
     start: RandomStart | str = "starts.csv"
     """A mapping for a random start, the name of a CSV (id, lat, lon or north, east, battery), or a former run's directory.
-    Names are relative to the scenario file; the loader makes them absolute. The fleet takes a file's `count` lowest ids
-    from `first_id` on."""
+    Names are relative to the scenario file; the loader makes them absolute."""
     share: tuple[Annotated[int, Ge(1)], ...] = ()
     """The ids that this aPad serves if it is one of several; empty for all."""
     hosting: Hosting = Hosting.PROCESSES
@@ -122,7 +125,15 @@ class Fleet:
     spread: Spread = Spread()
 
     def __post_init__(self) -> None:
-        if list(self.share) != sorted(set(self.share)) or not all(it in self.all_ids for it in self.share):
+        ids = self.agent_ids
+        if list(ids) != sorted(set(ids)):
+            raise ValueError("agent_ids must be rising, each id once")
+        if ids and (self.first_id, self.count) != (ids[0], len(ids)):
+            raise ValueError(
+                f"agent_ids names {len(ids)} aMussels from {ids[0]} on, first_id and count say {self.count} from "
+                f"{self.first_id} on: leave fleet.count and fleet.first_id out"
+            )
+        if list(self.share) != sorted(set(self.share)) or not set(self.share) <= set(self.all_ids):
             raise ValueError("share must name some of the fleet's ids, each once and rising")
 
     @property
@@ -131,9 +142,9 @@ class Fleet:
         return self.share or self.all_ids
 
     @property
-    def all_ids(self) -> range:
-        """The whole fleet's ids, whichever aPad serves them."""
-        return range(self.first_id, self.first_id + self.count)
+    def all_ids(self) -> Sequence[int]:
+        """The whole fleet's ids, ascending, whichever aPad serves them. An aMussel's place among them is its timeslot."""
+        return self.agent_ids or range(self.first_id, self.first_id + self.count)
 
 
 class HearingMode(StrEnum):

@@ -6,7 +6,7 @@ agents nor on the order of the draws.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass, replace
 from hashlib import blake2b
 from pathlib import Path
@@ -14,14 +14,12 @@ from struct import Struct
 
 from agents.fleet import deviations_of
 from apad_bridge.scenario.errors import ScenarioError
+from apad_bridge.scenario.id_ranges import in_ranges
 from apad_bridge.scenario.loader import write_atomically
 from apad_bridge.scenario.local_frame import LocalFrame
 from apad_bridge.scenario.polygon import Point, bounding_box, contains
 from apad_bridge.scenario.schema import Area, Origin, RandomStart, Scenario
-from apad_bridge.scenario.starts_table import Row, read_table
-
-STARTS_NAME = "starts.csv"
-ENDS_NAME = "ends.csv"
+from apad_bridge.scenario.starts_table import Row, read_table, table_of
 
 _KEY = Struct("<QQQ")
 _DIGEST = Struct("<QQ")
@@ -41,7 +39,7 @@ class Start:
 
 
 def starts_of(scenario: Scenario) -> tuple[Start, ...]:
-    """Returns the fleet's starts in the order of their ids: `fleet.count` of them, or only those of its `share`.
+    """Returns the fleet's starts in the order of their ids: the whole fleet's, or only those of its `share`.
 
     Raises ScenarioError with a line for each mistake in the file that they come from.
     """
@@ -60,23 +58,7 @@ def starts_of(scenario: Scenario) -> tuple[Start, ...]:
             )
             for agent_id in fleet.ids
         )
-    starts = read_starts(Path(fleet.start), scenario.area, fleet.first_id, fleet.count, secondary_of)
-    if fleet.share:
-        return tuple(start for start in starts if start.agent_id in fleet.share)
-    if (ids := [start.agent_id for start in starts]) != list(fleet.ids):
-        last_id = fleet.first_id + fleet.count - 1
-        raise ScenarioError(
-            [
-                f"{fleet.start}: the ids {_abbreviated(ids)} are not {fleet.first_id} to {last_id}, "
-                "which fleet.first_id and fleet.count say: number the rows without gaps, and let first_id be the lowest"
-            ]
-        )
-    return starts
-
-
-def _abbreviated(ids: list[int]) -> str:
-    shown = [str(agent_id) for agent_id in ids[:6]]
-    return ", ".join([*shown, "..."] if len(ids) > len(shown) else shown)
+    return read_starts(Path(fleet.start), scenario.area, fleet.ids, secondary_of)
 
 
 def random_start(seed: int, agent_id: int, area: Area, start: RandomStart) -> Start:
@@ -93,9 +75,9 @@ def random_start(seed: int, agent_id: int, area: Area, start: RandomStart) -> St
 
 
 def read_starts(
-    path: Path, area: Area, first_id: int, count: int, secondary_of: Callable[[int], float] = lambda _: 1.0
+    path: Path, area: Area, ids: Collection[int], secondary_of: Callable[[int], float] = lambda _: 1.0
 ) -> tuple[Start, ...]:
-    """Reads the `count` lowest ids from `first_id` on from a CSV or a former run's directory.
+    """Reads the starts of `ids`, rising, from a CSV or a former run's directory; other rows do not count.
 
     `secondary_of` returns the charge of a secondary battery, by id, where the file has no such column.
 
@@ -103,17 +85,20 @@ def read_starts(
     area's bounding box; places of a former run need not, because its agents may have drifted. Raises ScenarioError.
     """
     former_run = path.is_dir()
-    table = _of_former_run(path) if former_run else path
+    table = table_of(path)
     frame = LocalFrame.about(area.origin)
     rows = read_table(table, frame)
     if not former_run:
         _refuse_far_rows(table, rows, area)
-    chosen = sorted((row for row in rows if row.agent_id >= first_id), key=lambda row: row.agent_id)[:count]
-    if len(chosen) < count:
+    wanted = set(ids)
+    chosen = sorted((row for row in rows if row.agent_id in wanted), key=lambda row: row.agent_id)
+    if missing := wanted - {row.agent_id for row in chosen}:
+        there = in_ranges(row.agent_id for row in rows) or "none"
         raise ScenarioError(
             [
-                f"{table}: {len(chosen)} rows with an id of {first_id} or above, but fleet.count is {count}: "
-                "add rows, or let starts be drawn: start: {charge: [0.7, 1.0]}"
+                f"{table}: no row for {in_ranges(missing)}; its ids are {there}: "
+                "leave fleet.count and fleet.first_id out to take the file's ids, or add rows, or let starts be drawn: "
+                "start: {charge: [0.7, 1.0]}"
             ]
         )
     return tuple(
@@ -142,13 +127,6 @@ def save_starts(path: Path, starts: Iterable[Start], origin: Origin) -> None:
         )
         lines.append(f"{start.agent_id},{latitude_deg:.9f},{longitude_deg:.9f},{exact}")
     write_atomically(path, "\n".join(lines) + "\n")
-
-
-def _of_former_run(directory: Path) -> Path:
-    for name in (ENDS_NAME, STARTS_NAME):
-        if (directory / name).is_file():
-            return directory / name
-    raise ScenarioError([f"{directory}: no former run: it holds neither {ENDS_NAME} nor {STARTS_NAME}"])
 
 
 def _refuse_far_rows(table: Path, rows: Iterable[Row], area: Area) -> None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from difflib import get_close_matches
 from math import hypot, isfinite
@@ -16,6 +17,8 @@ from pathlib import Path
 from apad_bridge.scenario.errors import ScenarioError
 from apad_bridge.scenario.local_frame import LocalFrame
 
+STARTS_NAME = "starts.csv"
+ENDS_NAME = "ends.csv"
 MAX_AGENT_ID = 2**31 - 1  # ids travel as int32 in ROS messages
 
 _ALIASES = {
@@ -53,8 +56,49 @@ class Row:
     """None if the file does not state it."""
 
 
+def table_of(start: Path) -> Path:
+    """Returns the CSV that `fleet.start` means: itself, or a former run's ends, or its starts if it did not come so far."""
+    if not start.is_dir():
+        return start
+    for name in (ENDS_NAME, STARTS_NAME):
+        if (start / name).is_file():
+            return start / name
+    raise ScenarioError([f"{start}: no former run: it holds neither {ENDS_NAME} nor {STARTS_NAME}"])
+
+
+def read_ids(path: Path) -> list[int]:
+    """Reads the ids alone, each once and rising. It skips a row without one, which `read_table` refuses.
+
+    Raises ScenarioError for a file without a readable header.
+    """
+    columns, lines = _read(path)
+    ids = set()
+    for _, line in lines:
+        with suppress(ValueError, IndexError):
+            ids.add(_agent_id(_cells(line)[columns.index("id")]))
+    return sorted(ids)
+
+
 def read_table(path: Path, frame: LocalFrame) -> list[Row]:
     """Reads all rows in the order of the file. Raises ScenarioError with a `FILE:LINE: message` for each wrong row."""
+    columns, lines = _read(path)
+    rows: dict[int, Row] = {}
+    problems: list[str] = []
+    for number, line in lines:
+        try:
+            row = _row(number, columns, _cells(line), frame)
+            if row.agent_id in rows:
+                raise ValueError(f"id {row.agent_id} stands in line {rows[row.agent_id].line} already")
+            rows[row.agent_id] = row
+        except ValueError as error:
+            problems.append(f"{path}:{number}: {error}")
+    if problems:
+        raise ScenarioError(problems)
+    return list(rows.values())
+
+
+def _read(path: Path) -> tuple[list[str], list[tuple[int, str]]]:
+    """Returns the columns, and the lines below them with their numbers."""
     if path.is_char_device() or path.is_block_device():
         raise ScenarioError([f"{path}: is a device, and not a file"])
     try:
@@ -68,22 +112,9 @@ def read_table(path: Path, frame: LocalFrame) -> list[Row]:
             [f"{path}: no header: the first line names the columns, such as id,north,east,battery"]
         )
     try:
-        columns = _columns(lines[0][1])
+        return _columns(lines[0][1]), lines[1:]
     except ValueError as error:
         raise ScenarioError([f"{path}:{lines[0][0]}: {error}"]) from error
-    rows: dict[int, Row] = {}
-    problems: list[str] = []
-    for number, line in lines[1:]:
-        try:
-            row = _row(number, columns, _cells(line), frame)
-            if row.agent_id in rows:
-                raise ValueError(f"id {row.agent_id} stands in line {rows[row.agent_id].line} already")
-            rows[row.agent_id] = row
-        except ValueError as error:
-            problems.append(f"{path}:{number}: {error}")
-    if problems:
-        raise ScenarioError(problems)
-    return list(rows.values())
 
 
 def _is_not_blank(line: str) -> bool:

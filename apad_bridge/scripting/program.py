@@ -120,9 +120,8 @@ class ScriptSource:
         turns: TurnTimeouts = AS_FAST_AS_POSSIBLE,
     ) -> None:
         self._rendezvous = Rendezvous(turns)
-        ids = range(scenario.fleet.first_id, scenario.fleet.first_id + scenario.fleet.count)
         frame = LocalFrame.about(scenario.area.origin)
-        self._api = Api(self._rendezvous, frame, scenario.apad.name, ids, tell)
+        self._api = Api(self._rendezvous, frame, scenario.apad.name, scenario.fleet.all_ids, tell)
         self._program = program
         self._name = name
         self._thread: threading.Thread | None = None

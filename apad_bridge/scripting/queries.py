@@ -7,7 +7,7 @@ as if nothing more were received and nothing more done until then.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TypeVar, cast
 
 from apad_bridge.beliefs.belief import Belief
@@ -23,6 +23,7 @@ from apad_bridge.beliefs.questions import (
 from apad_bridge.mission.manual import ManualMission
 from apad_bridge.mission.pool import ChargingPool
 from apad_bridge.mission.values import Agent, Location, Refused, dock_of
+from apad_bridge.scenario.id_ranges import in_ranges
 from apad_bridge.scenario.local_frame import LocalFrame
 from apad_bridge.scenario.schema import Mission
 from apad_bridge.scripting.arguments import checks_arguments
@@ -45,7 +46,7 @@ class Queries:
         rendezvous: Rendezvous,
         frame: LocalFrame,
         id_self: str,
-        agent_ids: range,
+        agent_ids: Sequence[int],
         tell: Callable[[str], None],
     ) -> None:
         self.id_self = id_self
@@ -199,7 +200,7 @@ class Queries:
         Raises Refused for an id that is not in the scenario.
         """
         if id not in self._agent_ids:
-            ids = f"{self._agent_ids.start} to {self._agent_ids.stop - 1}" if self._agent_ids else "none"
+            ids = in_ranges(self._agent_ids) or "none"
             raise Refused(f"aMussel {id!r} is not of this scenario; there are {ids}")
         if self._do(lambda mission: mission.beliefs.get(id)) is not None:
             return

@@ -22,6 +22,9 @@ POWER = power(LastResort.SURFACE, bits(Rail.PI))
 FLEETS = {
     "worst case": WORST,
     "field": with_whole_boards(replace(WORST, first_id=5), FullFirmware(POWER, FIELD, 1000, 60_000, 600_000)),
+    "gaps": with_whole_boards(
+        replace(WORST, first_id=3, agent_ids=(3, 7, 12)), FullFirmware(POWER, FIELD, 1000, 60_000, 600_000)
+    ),
     "hourly": with_whole_boards(WORST, FullFirmware(POWER, HOURLY, 1000, 60_000, 600_000)),
     "metered": with_whole_boards(
         replace(WORST, board=replace(WORST.board, pin_check_ms=1000)),
@@ -110,3 +113,8 @@ def test_crystals_differ_and_stay_within_the_bound() -> None:
     assert abs(sum(drifts) / 1000) < 4 * 913
     assert [drift_of(7, agent_id, 0) for agent_id in (1, 2)] == [0, 0]
     assert drift_of(8, 1, 50_000) != drift_of(7, 1, 50_000)
+
+
+def test_timeslots_follow_each_other_where_ids_have_gaps() -> None:
+    configs = replace(FLEETS["field"], first_id=3, agent_ids=(3, 7, 12, 999)).maker()
+    assert [configs.config(agent_id).board.slot for agent_id in (3, 7, 12, 999)] == [0, 1, 2, 3]

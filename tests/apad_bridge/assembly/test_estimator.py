@@ -79,7 +79,8 @@ def test_a_sleeper_is_told_what_its_board_will_draw(timeslot: int) -> None:
     began, began_ms = bench.primary_fraction, bench.now_ms
     first_id = WHOLE.fleet.first_id
     agent_id = first_id + timeslot
-    cycle = schedules(bench.config.whole, first_id, [agent_id])[agent_id].cycle
+    fleet = range(first_id, first_id + 60)
+    cycle = schedules(bench.config.whole, fleet, [agent_id])[agent_id].cycle
     assert cycle is not None
     for _ in range(6 * 60):
         bench.run(minutes=1)

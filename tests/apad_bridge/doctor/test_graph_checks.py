@@ -168,7 +168,7 @@ def test_ids_that_are_taken() -> None:
     some = a_graph(amussel2__position=["/them"], amussel3__position=["/them"], amussel9__position=["/one"])
     assert graph.check_agents_present(nobody, range(1, 13)).status is Status.OK
     clash = graph.check_agents_present(some, range(1, 4))
-    assert clash.status is Status.FAIL and "2-3 of the scenario" in clash.found and "/them" in clash.found
+    assert clash.status is Status.FAIL and "2 to 3 of the scenario" in clash.found and "/them" in clash.found
     assert "/one" not in clash.found and "first_id to 10" in str(clash.mend)
     assert graph.check_agents_present(some, range(10, 20)).status is Status.OK
     assert graph.check_agents_present(some, range(1, 4), "basin").status is Status.OK
@@ -176,4 +176,4 @@ def test_ids_that_are_taken() -> None:
     assert graph.check_agents_present(below, range(1, 4)).status is Status.OK
     assert graph.check_agents_present(below, range(1, 4), "basin").status is Status.FAIL
     unasked = graph.check_agents_present(some, None)
-    assert unasked.status is Status.WARN and "2-3, 9" in unasked.found
+    assert unasked.status is Status.WARN and "2 to 3, 9" in unasked.found

@@ -117,7 +117,7 @@ def test_a_flight_leaves_everything_behind(tmp_path, scenario):
     assert left_full and left_full == Counter({it: figures["services"] for it, figures in each.items()})
     assert summary["active_mean"] == pytest.approx(12 * summary["uptime_paper"]["mean"] / 100)
     assert 0 < summary["uptime_submerged"]["mean"] < summary["uptime_paper"]["mean"] < 100
-    ends = read_starts(tmp_path / "run", scenario.area, 1, 12)
+    ends = read_starts(tmp_path / "run", scenario.area, range(1, 13))
     assert summary["final_charge_mean"] == pytest.approx(sum(end.primary for end in ends) / 12)
     with Reader(directory.path / "run.bag") as reader:
         counts = {topic: info.msgcount for topic, info in reader.topics.items()}
@@ -230,7 +230,7 @@ def test_without_truth_the_summary_says_why(recorder, scenario, tmp_path):
     summary = recorder.finish(2000, ENDING)
     assert summary["uptime_paper"] is None and summary["amussels_lost"] is None
     assert summary["uptime_missing"].startswith("no truth was recorded")
-    (end,) = read_starts(tmp_path / "run", scenario.area, 1, 1)
+    (end,) = read_starts(tmp_path / "run", scenario.area, [3])
     assert (end.agent_id, end.north_m, end.primary, end.secondary) == (3, 4.0, 0.5, 0.75)
 
 

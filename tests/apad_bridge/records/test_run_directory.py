@@ -58,7 +58,7 @@ def test_the_inputs_make_the_same_run_again(tmp_path):
     directory.write_inputs(scenario, starts)
     again = load(directory.scenario)
     assert (again.board, again.mission, again.seed) == (scenario.board, scenario.mission, scenario.seed)
-    assert read_starts(directory.path, scenario.area, 1, scenario.fleet.count) == starts
+    assert read_starts(directory.path, scenario.area, scenario.fleet.ids) == starts
     versions = json.loads(directory.versions.read_text())
     assert versions["python"].startswith("3.") and versions["rosbags"] and "rospy" in versions
     assert sorted(path.name for path in directory.path.iterdir()) == [

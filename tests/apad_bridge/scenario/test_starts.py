@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,10 +13,10 @@ from hypothesis import strategies as st
 from scenario_files import POOL_FILE
 
 from apad_bridge.scenario.errors import ScenarioError
-from apad_bridge.scenario.loader import load, with_overrides
+from apad_bridge.scenario.loader import from_data, load, resolve, with_overrides, write_resolved
 from apad_bridge.scenario.local_frame import LocalFrame
 from apad_bridge.scenario.polygon import contains
-from apad_bridge.scenario.schema import Area, Origin, RandomStart, Spread
+from apad_bridge.scenario.schema import Area, Origin, RandomStart, Scenario, Spread
 from apad_bridge.scenario.starts import Start, random_start, read_starts, save_starts, starts_of
 
 ORIGIN = Origin(latitude_deg=43.9330937, longitude_deg=15.4443468)
@@ -27,7 +28,7 @@ ANY_CHARGE = RandomStart(charge=(0.0, 1.0))
 
 def refused(path: Path, area: Area = POOL, count: int = 1) -> list[str]:
     with pytest.raises(ScenarioError) as caught:
-        read_starts(path, area, first_id=1, count=count)
+        read_starts(path, area, range(1, count + 1))
     return [line.removeprefix(str(path)) for line in caught.value.lines]
 
 
@@ -67,7 +68,7 @@ def test_an_agents_start_does_not_depend_on_the_others() -> None:
 
 def test_a_hand_written_file_with_north_and_east(tmp_path: Path) -> None:
     (tmp_path / "s.csv").write_text("# mine\n\nid, north, east, battery\n7, 1.5, 2, 0.5\n3,10,20.25,1\n")
-    assert read_starts(tmp_path / "s.csv", POOL, 1, 2) == (
+    assert read_starts(tmp_path / "s.csv", POOL, (3, 7)) == (
         Start(3, 10.0, 20.25, 1.0),
         Start(7, 1.5, 2.0, 0.5),
     )
@@ -75,7 +76,7 @@ def test_a_hand_written_file_with_north_and_east(tmp_path: Path) -> None:
 
 def test_a_hand_written_file_with_lat_and_lon(tmp_path: Path) -> None:
     (tmp_path / "s.csv").write_text("battery,Longitude,latitude,ID\n0.5,15.4444,43.9331,2\n")
-    (start,) = read_starts(tmp_path / "s.csv", POOL, 1, 1)
+    (start,) = read_starts(tmp_path / "s.csv", POOL, [2])
     # 6.3e-6 deg at 111 105 m a degree of latitude, 5.32e-5 deg at 80 291 m a degree of longitude
     assert start.north_m == pytest.approx(0.700, abs=0.001)
     assert start.east_m == pytest.approx(4.2715, abs=0.001)
@@ -84,7 +85,7 @@ def test_a_hand_written_file_with_lat_and_lon(tmp_path: Path) -> None:
 @pytest.mark.parametrize("header", ["agent_id,north_m,east_m,charge", "\ufeffID,North,East,primary"])
 def test_other_names_of_columns(tmp_path: Path, header: str) -> None:
     (tmp_path / "s.csv").write_text(f"{header}\n1,2,3,0.5\n", encoding="utf-8")
-    assert read_starts(tmp_path / "s.csv", POOL, 1, 1) == (Start(1, 2.0, 3.0, 0.5),)
+    assert read_starts(tmp_path / "s.csv", POOL, [1]) == (Start(1, 2.0, 3.0, 0.5),)
 
 
 @pytest.mark.parametrize(
@@ -146,18 +147,20 @@ def test_files_that_say_nothing(tmp_path: Path) -> None:
 
 def test_two_places_that_differ_are_refused(tmp_path: Path) -> None:
     save_starts(tmp_path / "s.csv", [Start(1, 5.0, 6.0, 0.5)], ORIGIN)
-    assert read_starts(tmp_path / "s.csv", POOL, 1, 1)[0].north_m == 5.0
+    assert read_starts(tmp_path / "s.csv", POOL, [1])[0].north_m == 5.0
     elsewhere = replace(POOL, origin=Origin(latitude_deg=43.94, longitude_deg=15.4443468))
     (line,) = refused(tmp_path / "s.csv", elsewhere)
     assert re.match(r":2: lat, lon and north, east are 767\.\d\d m apart: ", line)
 
 
-def test_too_few_rows_are_refused_and_too_many_are_not(tmp_path: Path) -> None:
+def test_missing_rows_are_refused_and_others_are_not_taken(tmp_path: Path) -> None:
     (tmp_path / "s.csv").write_text("id,north,east,battery\n" + "".join(f"{k},1,1,1\n" for k in (9, 4, 6, 2)))
     (line,) = refused(tmp_path / "s.csv", count=5)
-    assert line.startswith(": 4 rows with an id of 1 or above, but fleet.count is 5: add rows, or ")
-    assert [start.agent_id for start in read_starts(tmp_path / "s.csv", POOL, 3, 2)] == [4, 6]
-    assert read_starts(tmp_path / "s.csv", POOL, 1, 0) == ()
+    assert line.startswith(
+        ": no row for 1, 3, 5; its ids are 2, 4, 6, 9: leave fleet.count and fleet.first_id out to take the file's ids, "
+    )
+    assert [start.agent_id for start in read_starts(tmp_path / "s.csv", POOL, (4, 6))] == [4, 6]
+    assert read_starts(tmp_path / "s.csv", POOL, ()) == ()
 
 
 charges = st.floats(0, 1)
@@ -172,7 +175,9 @@ charges = st.floats(0, 1)
 def test_saved_starts_are_read_exactly(tmp_path_factory: pytest.TempPathFactory, starts: list[Start]) -> None:
     path = tmp_path_factory.mktemp("saved") / "starts.csv"
     save_starts(path, starts, ORIGIN)
-    assert read_starts(path, POOL, 1, len(starts)) == tuple(sorted(starts, key=lambda start: start.agent_id))
+    assert read_starts(path, POOL, {it.agent_id for it in starts}) == tuple(
+        sorted(starts, key=lambda start: start.agent_id)
+    )
     assert [entry.name for entry in path.parent.iterdir()] == ["starts.csv"]
 
 
@@ -187,9 +192,9 @@ def test_saved_starts_hold_lat_and_lon(tmp_path: Path) -> None:
 
 def test_a_former_runs_ends_come_before_its_starts_and_may_have_drifted_away(tmp_path: Path) -> None:
     save_starts(tmp_path / "starts.csv", [Start(1, 5.0, 6.0, 0.5)], ORIGIN)
-    assert read_starts(tmp_path, POOL, 1, 1) == (Start(1, 5.0, 6.0, 0.5),)
+    assert read_starts(tmp_path, POOL, [1]) == (Start(1, 5.0, 6.0, 0.5),)
     save_starts(tmp_path / "ends.csv", [Start(1, -90.0, 6.0, 0.25, 0.0)], ORIGIN)
-    assert read_starts(tmp_path, POOL, 1, 1) == (Start(1, -90.0, 6.0, 0.25, 0.0),)
+    assert read_starts(tmp_path, POOL, [1]) == (Start(1, -90.0, 6.0, 0.25, 0.0),)
 
 
 def test_a_failed_save_leaves_the_old_file_as_it_was(tmp_path: Path) -> None:
@@ -201,18 +206,69 @@ def test_a_failed_save_leaves_the_old_file_as_it_was(tmp_path: Path) -> None:
     assert len(list(tmp_path.iterdir())) == 1
 
 
-@pytest.mark.parametrize(("first_id", "shown"), [(1, "1 to 4"), (3, "3 to 6")])
-def test_ids_with_gaps_are_refused_and_not_dropped(tmp_path: Path, first_id: int, shown: str) -> None:
-    rows = "".join(f"{agent_id},1,1,0.9\n" for agent_id in (3, 7, 12, 24))
-    (tmp_path / "s.csv").write_text("id,north,east,battery\n" + rows)
-    pool = load(POOL_FILE)
-    fleet = replace(pool.fleet, start=str(tmp_path / "s.csv"), count=4, first_id=first_id)
-    with pytest.raises(ScenarioError) as caught:
-        starts_of(replace(pool, fleet=fleet))
-    assert caught.value.lines == (
-        f"{tmp_path}/s.csv: the ids 3, 7, 12, 24 are not {shown}, which fleet.first_id and fleet.count say: "
-        "number the rows without gaps, and let first_id be the lowest",
-    )
+GAPS = (3, 7, 12, 24)
+
+
+def with_gaps(folder: Path, ids: Iterable[int] = GAPS, **fleet: object) -> Scenario:
+    """The pool with a CSV of these ids, and no count but one in `fleet`."""
+    rows = "".join(f"{agent_id},1,1,0.9\n" for agent_id in ids)
+    (folder / "s.csv").write_text("id,north,east,battery\n" + rows)
+    data = resolve(load(POOL_FILE))
+    for key in ("count", "first_id", "agent_ids"):
+        del data["fleet"][key]
+    data["fleet"] |= {"start": str(folder / "s.csv"), **fleet}
+    return from_data(data, "gaps.yaml")
+
+
+def test_a_fleet_takes_its_files_ids(tmp_path: Path) -> None:
+    scenario = with_gaps(tmp_path)
+    assert scenario.fleet.ids == scenario.fleet.all_ids == GAPS
+    assert (scenario.fleet.count, scenario.fleet.first_id) == (4, 3)
+    assert [start.agent_id for start in starts_of(scenario)] == list(GAPS)
+    write_resolved(tmp_path / "scenario.yaml", scenario)
+    assert load(tmp_path / "scenario.yaml") == scenario
+    (tmp_path / "s.csv").rename(tmp_path / "starts.csv")
+    assert with_gaps(tmp_path, GAPS, start=str(tmp_path)).fleet.ids == GAPS
+
+
+@given(ids=st.sets(st.integers(1, 2**31 - 1), max_size=30), agents=st.integers(0, 30))
+def test_the_lowest_ids_of_any_file_fly(
+    tmp_path_factory: pytest.TempPathFactory, ids: set[int], agents: int
+) -> None:
+    scenario = with_gaps(tmp_path_factory.mktemp("ids"), ids)
+    assert list(scenario.fleet.ids) == sorted(ids)
+    if agents <= len(ids):
+        fewer = with_overrides(scenario, agents=agents)
+        assert [start.agent_id for start in starts_of(fewer)] == sorted(ids)[:agents]
+
+
+def test_ids_from_first_id_on(tmp_path: Path) -> None:
+    assert with_gaps(tmp_path, first_id=7).fleet.ids == (7, 12, 24)
+    assert list(with_gaps(tmp_path, range(4, 9), first_id=6).fleet.ids) == [6, 7, 8]
+
+
+def test_ids_with_gaps_and_drawn_starts(tmp_path: Path) -> None:
+    drawn = with_gaps(tmp_path, start={"charge": [0.5, 0.9]}, agent_ids=[3, 7])
+    assert [start.agent_id for start in starts_of(drawn)] == [3, 7]
+
+
+@pytest.mark.parametrize("said", [{"count": 4}, {"count": 4, "first_id": 3}, {"first_id": 5}, {"count": 2}])
+def test_a_count_or_first_id_that_disagrees_with_the_file_is_refused(
+    tmp_path: Path, said: dict[str, object]
+) -> None:
+    with pytest.raises(ScenarioError, match=r"leave fleet\.count and fleet\.first_id out"):
+        starts_of(with_gaps(tmp_path, **said))
+
+
+@pytest.mark.parametrize("ids", [[7, 3], [3, 3], [0, 2], [2, "x"], ["x"], [2, 2**31]])
+def test_ids_that_do_not_rise_or_are_none_are_refused(tmp_path: Path, ids: list[object]) -> None:
+    with pytest.raises(ScenarioError, match="agent_ids"):
+        with_gaps(tmp_path, agent_ids=ids)
+
+
+def test_more_agents_than_ids_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(ScenarioError, match=r"--agents 5: the fleet has 4, 3, 7, 12, 24"):
+        with_overrides(with_gaps(tmp_path), agents=5)
 
 
 def test_secondaries_start_below_full_where_nobody_states_their_charge(tmp_path: Path) -> None:
