@@ -63,6 +63,8 @@ class FleetBeliefs:
         self._due_every_ms = due_every_ms
         self._known = frozenset(agent_ids)
         self._beliefs: dict[int, Belief] = {}
+        self._depths_m: dict[int, float] = {}
+        """By aMussel, the depth in its newest packet with a place. No estimator needs it, and no checkpoint keeps it."""
         self._stamp_checker = StampChecker(theta)
         self._now_ms = 0
         self._at_now: dict[int, Belief] = {}
@@ -88,6 +90,10 @@ class FleetBeliefs:
     def all(self) -> list[Belief]:
         """All beliefs, sorted by agent id."""
         return [belief for agent_id in sorted(self._beliefs) if (belief := self.get(agent_id)) is not None]
+
+    def depth_m(self, agent_id: int) -> float:
+        """The newest reported depth, positive down; 0 before the first packet that a supervisor hears."""
+        return self._depths_m.get(agent_id, 0.0)
 
     def _count_silence(self, belief: Belief) -> Belief:
         if self._due_every_ms is None:
@@ -149,6 +155,7 @@ class FleetBeliefs:
         """Drops the belief; the aMussel's next packet is accepted, whatever time it states."""
         self._beliefs.pop(agent_id, None)
         self._at_now.pop(agent_id, None)
+        self._depths_m.pop(agent_id, None)
         self._stamp_checker.forget(agent_id)
         if self.belief_log is not None:
             self.belief_log.forgot(agent_id)
@@ -166,6 +173,7 @@ class FleetBeliefs:
         self._at_now.pop(agent_id, None)
         if isinstance(measurement, Heard):
             self._stamp_checker.accept(measurement.packet, measurement.at_ms)
+            self._depths_m[agent_id] = measurement.packet.depth_m
         if self.belief_log is not None:
             self.belief_log.learned(agent_id, measurement)
         return None

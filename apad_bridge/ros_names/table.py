@@ -178,7 +178,12 @@ OURS_OF_APAD = Section(
 OF_AMUSSEL = Section(
     "An aMussel",
     (
-        _topic("amussel{id}/position", "auv_msgs/NavSts", "fleet", "10 Hz: its newest report"),
+        _topic(
+            "amussel{id}/position",
+            "auv_msgs/NavSts",
+            "fleet",
+            "10 Hz: its newest report, depth positive down",
+        ),
         _topic(
             "amussel{id}/battery_level",
             "std_msgs/Float64",

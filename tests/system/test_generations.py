@@ -301,7 +301,7 @@ def test_an_amussel_answers_for_its_battery_with_what_it_reported(
         return subprocess.run(command, env=environment, capture_output=True, text=True, timeout=PATIENCE_S)
 
     answer = asked("/amussel7/charge_info").stdout.splitlines()
-    assert {"battery_level: 75.0", "x: 1.5", "y: -2.5", 'type: "consumer"'} <= set(answer)
+    assert {"battery_level: 75.0", "x: 1.5", "y: -2.5", "z: 3.0", 'type: "consumer"'} <= set(answer)
     assert "amussel8 has not been heard yet" in asked("/amussel8/get_battery_level").stderr
 
     # One tick was made: what comes after is its report again, with its stamp.
@@ -309,9 +309,8 @@ def test_an_amussel_answers_for_its_battery_with_what_it_reported(
     echo = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=PATIENCE_S)
     header, *rows = (line.split(",") for line in echo.stdout.splitlines())
     repeated = [dict(zip(header, row, strict=True)) for row in rows]
-    assert [(it["field.header.stamp"], it["field.position.north"]) for it in repeated] == [
-        ("1000000000", "1.5")
-    ] * 5
+    fields = ("field.header.stamp", "field.position.north", "field.position.depth")
+    assert [tuple(it[field] for field in fields) for it in repeated] == [("1000000000", "1.5", "3.0")] * 5
     sequence = [int(it["field.header.seq"]) for it in repeated]
     assert sequence == list(range(sequence[0], sequence[0] + 5))
 

@@ -92,6 +92,9 @@ def test_how_sure_beliefs_are(environment: dict[str, str]) -> None:
 def test_frames_have_z_up(environment: dict[str, str]) -> None:
     transforms = {it["child_frame_id"]: it for it in one(environment, "/tf")["transforms"]}
     assert transforms.keys() == {"amussel1/base_link", "amussel3/base_link", "apad1/base_link"}
+    # Packets have a depth, positive down: 3 m. Nothing was heard of the depth of aMussel 3.
+    depths = {name: it["transform"]["translation"]["z"] for name, it in transforms.items()}
+    assert (depths["amussel1/base_link"], depths["amussel3/base_link"]) == (-3.0, 0.0)
     apad = transforms["apad1/base_link"]
     assert apad["header"]["frame_id"] == "musselbed/enu"
     # North 1, east 2 is x 2, y 1; heading east is along x: no turn.

@@ -41,9 +41,9 @@ class AgentReport:
     charge: float
 
     @classmethod
-    def of_belief(cls, belief: Belief) -> AgentReport:
-        """A report has no depth: it is published as 0."""
-        return cls(belief.north_m, belief.east_m, 0.0, belief.primary)
+    def of_belief(cls, belief: Belief, depth_m: float) -> AgentReport:
+        """`depth_m` is the newest reported depth, positive down: a belief has none."""
+        return cls(belief.north_m, belief.east_m, depth_m, belief.primary)
 
 
 class AgentTopics:

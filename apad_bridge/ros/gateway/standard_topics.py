@@ -131,8 +131,15 @@ class StandardTopics:
         world = frames.enu
 
         def transforms() -> list[Any]:
+            depth_m = supervisor.beliefs.depth_m
             known = [
-                make.transform(now_ms, world, frames.agent(it.agent_id), enu(it.north_m, it.east_m), UPRIGHT)
+                make.transform(
+                    now_ms,
+                    world,
+                    frames.agent(it.agent_id),
+                    enu(it.north_m, it.east_m, depth_m(it.agent_id)),
+                    UPRIGHT,
+                )
                 for it in beliefs
             ]
             if pose is not None:

@@ -24,6 +24,19 @@ def test_it_believes_the_newest_packet() -> None:
     assert [belief.agent_id for belief in beliefs.all()] == [5]
 
 
+def test_the_depth_is_that_of_the_newest_packet() -> None:
+    beliefs = HoldLast([5])
+    assert beliefs.depth_m(5) == 0.0
+    beliefs.hear(PACKET, 2000)
+    beliefs.hear_short(ShortStatus(5, State.ACTIVE, 0.6, 1.0), 2500)
+    assert beliefs.depth_m(5) == 3.0, "a short status has none"
+    beliefs.hear(replace(PACKET, depth_m=1.25, agent_ms=90_000), 3000)
+    beliefs.hear(PACKET, 4000)
+    assert beliefs.depth_m(5) == 1.25, "an overtaken packet changes nothing"
+    beliefs.forget(5)
+    assert beliefs.depth_m(5) == 0.0
+
+
 @pytest.mark.parametrize(
     ("packet", "reason"),
     [

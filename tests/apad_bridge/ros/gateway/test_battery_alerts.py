@@ -121,9 +121,9 @@ def test_who_was_low_before_a_supervisor_died_has_alerted() -> None:
     ("namespace", "frame_id"), [("", "/amussel24/"), ("lab/harbour", "/lab/harbour/amussel24/")]
 )
 def test_an_alert_says_whose_it_is_and_where(namespace: str, frame_id: str) -> None:
-    message = alert(Belief(24, 61_500, State.ACTIVE, 0.8, 1.0, 10.0, 20.0), BIOGRAD, namespace)
+    message = alert(Belief(24, 61_500, State.ACTIVE, 0.8, 1.0, 10.0, 20.0), 3.0, BIOGRAD, namespace)
     assert message.header.frame_id == frame_id and message.header.stamp.to_sec() == 61.5
-    assert (message.position.north, message.position.east, message.position.depth) == (10.0, 20.0, 0.0)
+    assert (message.position.north, message.position.east, message.position.depth) == (10.0, 20.0, 3.0)
     assert (message.origin.latitude, message.origin.longitude) == (43.9330937, 15.4443468)
     # A degree of latitude is 111 111 m within 0.5 % there; one of longitude that times cos 43.93 degrees, 0.7202.
     place = message.global_position
