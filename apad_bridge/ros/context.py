@@ -24,11 +24,17 @@ from apad_bridge.ros.gateway.standard_topics import StandardTopics
 from apad_bridge.ros.links.contacts_link import ContactsLink
 from apad_bridge.ros.links.laboratory import DockAlertReceiver, Laboratory, LaboratoryLink
 from apad_bridge.ros.links.legacy_link import LegacyLink
-from apad_bridge.ros.links.packet_topics import AMusselServices, AMusselTopics, PacketTopics
+from apad_bridge.ros.links.packet_topics import (
+    AMusselServices,
+    AMusselTopics,
+    LegacyOrders,
+    PacketTopics,
+)
 from apad_bridge.ros.links.vehicles import READY_S, TruthsAt, open_apad, reports_contact
 from apad_bridge.ros.system.master_watch import GraphEvent, MasterWatch
 from apad_bridge.ros.system.ros_pace import FollowedClock, OwnMasterClock
 from apad_bridge.ros_names.namespaces import beside_others, is_one_of_several
+from apad_bridge.scenario.firmware_config import charge_model
 from apad_bridge.scenario.lab_interface.names import DEFAULT, load_names
 from apad_bridge.scenario.local_frame import LocalFrame
 from apad_bridge.scenario.run_options import APadKind, Part, RunOptions, TimeSource
@@ -186,12 +192,15 @@ def _roster(
     return Roster(presences, services, fleet.coordinator)
 
 
+_Channel = PacketTopics | AMusselServices | AMusselTopics | LegacyOrders
+
+
 @dataclass(frozen=True, slots=True)
 class _RelayParts:
     """The relay to aMussels, or to a mission, that are elsewhere; and what it carries packets by."""
 
     relay: PacketRelay
-    channels: tuple[PacketTopics | AMusselServices | AMusselTopics, ...]
+    channels: tuple[_Channel, ...]
 
     @property
     def dropped(self) -> Counter[str]:
@@ -213,11 +222,16 @@ def _open_relay(
     ids, codec = scenario.fleet.ids, load_codec(scenario.hearing.codec)
     division = _division(options, presences, allocation)
     topics = PacketTopics(scenario.fleet.all_ids if options.is_one_of_several else ids, division.peers)
-    channels: tuple[PacketTopics | AMusselServices | AMusselTopics, ...] = (topics,)
+    channels: tuple[_Channel, ...] = (topics,)
     if division is FLEET_ALONE:
         channels = (AMusselServices(ids, codec), topics)
     elif division is MISSION_ALONE and not isinstance(vehicle, ContactsLink):
-        channels = (topics, AMusselTopics(ids, codec, scenario.theta, vehicle.holds, topics.senders))
+        legacy = AMusselTopics(
+            ids, codec, scenario.theta, vehicle.holds, topics.senders, charge_model(scenario.board)
+        )
+        channels = (topics, legacy)
+    if options.part is not Part.MISSION:
+        channels = (*channels, LegacyOrders(ids, codec, lambda: presences.simulated))
     inlets = [laboratory.take, *(channel.take for channel in channels)]
     relay = PacketRelay(division, inlets, {Outcome.PUBLISH: topics.publish, **laboratory.outlets})
     return _RelayParts(relay, channels)

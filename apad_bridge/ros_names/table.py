@@ -195,8 +195,23 @@ OF_AMUSSEL = Section(
         _topic(
             "amussel{id}/position_static", "auv_msgs/NavSts", "aPad, generation A", "20 Hz while it is docked"
         ),
+        _topic("amussel{id}/goto_surface", "std_msgs/Bool", "anybody", "true: it may surface"),
+        _topic(
+            "amussel{id}/charging",
+            "std_msgs/Float64",
+            "mission alone, or anybody",
+            "each tick at a dock: percent points that an aMussel known by topics alone gains; a fleet counts it",
+        ),
         _service("amussel{id}/get_battery_level", "misc_msgs/GetChargeInfo", "fleet", "its newest report"),
         _service("amussel{id}/charge_info", "misc_msgs/GetChargeInfo", "fleet", "its newest report"),
+        _service("amussel{id}/get_position", "misc_msgs/GetPosition", "fleet", "its newest report"),
+        _service(
+            "amussel{id}/get_sensory_reading",
+            "misc_msgs/GetSensoryReading",
+            "fleet",
+            "no current: an empty reading",
+        ),
+        _service("amussel{id}/send_energy", "misc_msgs/SendEnergy", "fleet", "false: it charges at a dock"),
         _service("amussel{id}/surface", "std_srvs/Trigger", "fleet without a mission", "it may surface"),
         _service("amussel{id}/sink", "std_srvs/Trigger", "fleet without a mission", "it may sink"),
     ),

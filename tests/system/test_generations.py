@@ -296,12 +296,15 @@ def test_an_amussel_answers_for_its_battery_with_what_it_reported(
     environment = loopback_environment(tmp_path / "ros", master.uri)
     environment["PYTHONPATH"] = str(Path(sys.prefix) / "share" / "musselbed" / "ros")
 
-    def asked(service: str) -> subprocess.CompletedProcess[str]:
-        command = ["/usr/bin/rosservice", "call", service]
+    def asked(service: str, *arguments: str) -> subprocess.CompletedProcess[str]:
+        command = ["/usr/bin/rosservice", "call", service, *arguments]
         return subprocess.run(command, env=environment, capture_output=True, text=True, timeout=PATIENCE_S)
 
     answer = asked("/amussel7/charge_info").stdout.splitlines()
     assert {"battery_level: 75.0", "x: 1.5", "y: -2.5", "z: 3.0", 'type: "consumer"'} <= set(answer)
+    assert asked("/amussel7/get_position").stdout.splitlines() == ["x: 1.5", "y: -2.5", "z: 3.0"]
+    assert asked("/amussel7/get_sensory_reading").stdout.splitlines() == ["current: []"]
+    assert asked("/amussel7/send_energy", "1").stdout.splitlines() == ["done: False"]
     assert "amussel8 has not been heard yet" in asked("/amussel8/get_battery_level").stderr
 
     # One tick was made: what comes after is its report again, with its stamp.

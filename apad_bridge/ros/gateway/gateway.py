@@ -40,7 +40,16 @@ from apad_bridge.supervisor.core import Supervisor
 
 use_generated_messages()
 
-from misc_msgs.srv import GetChargeInfo, GetChargeInfoResponse  # noqa: E402
+from misc_msgs.srv import (  # noqa: E402
+    GetChargeInfo,
+    GetChargeInfoResponse,
+    GetPosition,
+    GetPositionResponse,
+    GetSensoryReading,
+    GetSensoryReadingResponse,
+    SendEnergy,
+    SendEnergyResponse,
+)
 from musselbed_msgs.msg import AgentBelief, APadStatus, FleetBeliefs, MissionEvent  # noqa: E402
 from underwater_msgs.msg import MediumTransmission  # noqa: E402
 
@@ -126,9 +135,9 @@ class Gateway:
         self._events = _publisher(ours("mission"), MissionEvent, _EVENT_QUEUE)
         self._sound = _publisher(ours("sound"), MediumTransmission, _EVENT_QUEUE)
         self._services = [
-            rospy.Service(of_amussel(agent_id, name), GetChargeInfo, self._charge_service(agent_id))
+            rospy.Service(of_amussel(agent_id, name), kind, self._service(agent_id, answer))
             for agent_id in ids
-            for name in ("get_battery_level", "charge_info")
+            for name, (kind, answer) in _SERVICES.items()
         ]
 
     def watcher(self, supervisor: Supervisor) -> Watcher:
@@ -190,21 +199,41 @@ class Gateway:
         message.docks = [-1 if agent_id is None else agent_id for agent_id in supervisor.mission.docks]
         self._apad.publish(message)
 
-    def _charge_service(self, agent_id: int) -> Callable[[Any], Any]:
-        def answer(_: Any) -> Any:
+    def _service(self, agent_id: int, answer: Callable[[AgentReport], Any]) -> Callable[[Any], Any]:
+        def serve(_: Any) -> Any:
             shown = self._shown.get(agent_id)
             if shown is None:
                 raise rospy.ServiceException(f"amussel{agent_id} has not been heard yet")
-            return GetChargeInfoResponse(
-                battery_level=100 * shown.charge,
-                x=shown.north_m,
-                y=shown.east_m,
-                z=shown.depth_m,
-                type="consumer",
-                consumers=[],
-            )
+            return answer(shown)
 
-        return answer
+        return serve
+
+
+def _charge_info(shown: AgentReport) -> GetChargeInfoResponse:
+    return GetChargeInfoResponse(
+        battery_level=100 * shown.charge,
+        x=shown.north_m,
+        y=shown.east_m,
+        z=shown.depth_m,
+        type="consumer",
+        consumers=[],
+    )
+
+
+def _position(shown: AgentReport) -> GetPositionResponse:
+    return GetPositionResponse(shown.north_m, shown.east_m, shown.depth_m)
+
+
+_SERVICES: dict[str, tuple[Any, Callable[[AgentReport], Any]]] = {
+    "get_battery_level": (GetChargeInfo, _charge_info),
+    "charge_info": (GetChargeInfo, _charge_info),
+    "get_position": (GetPosition, _position),
+    # No packet has a current: legacy controllers ignore a reading that is not two numbers.
+    "get_sensory_reading": (GetSensoryReading, lambda shown: GetSensoryReadingResponse([])),
+    # No coil is switched on by a call: the board charges as long as a dock holds the aMussel.
+    "send_energy": (SendEnergy, lambda shown: SendEnergyResponse(False)),
+}
+"""The legacy services of an aMussel: the type, and how the newest report answers."""
 
 
 def _publisher(topic: str, kind: Any, queue_size: int) -> rospy.Publisher:

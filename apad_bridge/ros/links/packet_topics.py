@@ -12,7 +12,7 @@ from collections.abc import Callable, Container, Iterable
 from typing import Any, NamedTuple
 
 import rospy
-from std_msgs.msg import Float64
+from std_msgs.msg import Bool, Float64
 from std_srvs.srv import Trigger, TriggerResponse
 
 from agents.packet_medium import Medium
@@ -24,6 +24,7 @@ from apad_bridge.ros_names.names import of_amussel, ours
 from apad_bridge.supervisor.packet_relay import RelayedPacket, Source
 from firmware_model.packets import EVERYONE, CommandPacket, Kind, StatusPacket
 from firmware_model.packets.codec import Codec
+from firmware_model.power.charge import FULL, Battery, ChargeModel, Flow, fraction
 from firmware_model.states import State
 
 use_generated_messages()
@@ -45,6 +46,7 @@ _QUEUE = 5000
 _MEDIA: dict[str, Medium | None] = {**{medium.value: medium for medium in Medium}, _CONTACT: None}
 _LARGEST = 1024
 """Bytes; no packet of Wi-Fi or sound here comes near it."""
+_CHARGING_QUEUE = 10
 _SERVICES = (("surface", Kind.PERMISSION, Medium.SOUND), ("sink", Kind.RELEASE, Medium.WIFI))
 
 
@@ -136,6 +138,60 @@ class AMusselServices:
         return answer
 
 
+class LegacyOrders:
+    """`/amusselN/goto_surface` and `/amusselN/charging`, by which legacy controllers command an aMussel, of a fleet.
+
+    `goto_surface` is a permission to surface when it is true; false has no effect. `charging` has none either: a simulated
+    aMussel charges by its board as long as a dock holds it. Each message without an effect is counted.
+    """
+
+    def __init__(
+        self, agent_ids: Iterable[int], codec: Codec, simulated: Callable[[], Container[int]]
+    ) -> None:
+        """Only `simulated` aMussels are commanded: a real one subscribes to its own topics."""
+        self._codec = codec
+        self._simulated = simulated
+        self._dropped: Counter[str] = Counter()
+        self._inbox: Inbox[tuple[int, bool | None]] = Inbox()
+        """By aMussel, the permission; None for a message of `charging`."""
+        self._subscribers = [
+            subscriber
+            for agent_id in agent_ids
+            for subscriber in (
+                rospy.Subscriber(of_amussel(agent_id, "goto_surface"), Bool, self._take_permission, agent_id),
+                rospy.Subscriber(of_amussel(agent_id, "charging"), Float64, self._take_charging, agent_id),
+            )
+        ]
+
+    @property
+    def dropped(self) -> Counter[str]:
+        return self._dropped + self._inbox.dropped
+
+    def take(self, now_ms: int) -> list[RelayedPacket]:
+        packets = []
+        for agent_id, permission in self._inbox.take():
+            if agent_id not in self._simulated():
+                continue
+            if permission is None:
+                self._dropped["charging: a simulated aMussel charges at its dock"] += 1
+            elif not permission:
+                self._dropped["goto_surface: false has no effect"] += 1
+            else:
+                data = self._codec.encode(CommandPacket(Kind.PERMISSION, agent_id))
+                packets.append(RelayedPacket(Source.LABORATORY, agent_id, Medium.SOUND, data, now_ms))
+        return packets
+
+    def close(self) -> None:
+        for subscriber in self._subscribers:
+            subscriber.unregister()
+
+    def _take_permission(self, message: Any, agent_id: int) -> None:
+        self._inbox.put((agent_id, bool(message.data)), always=True)
+
+    def _take_charging(self, message: Any, agent_id: int) -> None:
+        self._inbox.put((agent_id, None))
+
+
 class PublishedPlace(NamedTuple):
     """The place in an aMussel's `position`."""
 
@@ -153,7 +209,8 @@ class AMusselTopics:
     """`/amusselN/position` and `battery_level` of aMussels that have no packets, as status packets.
 
     The topics of an aMussel in `senders`, which sends packets, are ignored. Topics carry no state: an aMussel known by
-    them alone is taken to float, as in the paper's experiments, and to charge while a dock holds it (`is_held`).
+    them alone is taken to float, as in the paper's experiments, and to charge while a dock holds it (`is_held`): then
+    `/amusselN/charging` is published at each tick, the percent points that the scenario's board gains since the last one.
     """
 
     def __init__(
@@ -163,18 +220,27 @@ class AMusselTopics:
         theta: int,
         is_held: Callable[[int], bool],
         senders: Container[int],
+        charge: ChargeModel,
     ) -> None:
         self._codec = codec
         self._theta = theta
         self._is_held = is_held
         self._senders = senders
+        self._charge = charge
+        self._charging_since_ms: dict[int, int] = {}
+        """By aMussel in a dock, the mission time up to which its charging is published."""
         self._places: dict[int, PublishedPlace] = {}
         self._charges: dict[int, float] = {}
         self._dropped: Counter[str] = Counter()
         self._inbox: Inbox[tuple[int, PublishedPlace | PublishedCharge]] = Inbox()
+        ids = list(agent_ids)
+        self._charging = {
+            agent_id: rospy.Publisher(of_amussel(agent_id, "charging"), Float64, queue_size=_CHARGING_QUEUE)
+            for agent_id in ids
+        }
         self._subscribers = [
             subscriber
-            for agent_id in agent_ids
+            for agent_id in ids
             for subscriber in (
                 rospy.Subscriber(of_amussel(agent_id, "position"), NavSts, self._take_place, agent_id),
                 rospy.Subscriber(of_amussel(agent_id, "battery_level"), Float64, self._take_charge, agent_id),
@@ -197,12 +263,28 @@ class AMusselTopics:
                     self._places[agent_id] = values
                 case PublishedCharge(percent):
                     self._charges[agent_id] = min(1.0, max(0.0, percent / 100))
+        self._publish_charging(now_ms)
         known = published & self._places.keys() & self._charges.keys()
         return [self._status(agent_id, now_ms) for agent_id in sorted(known) if agent_id not in self._senders]
 
     def close(self) -> None:
         for subscriber in self._subscribers:
             subscriber.unregister()
+        for publisher in self._charging.values():
+            publisher.unregister()
+
+    def _publish_charging(self, now_ms: int) -> None:
+        for agent_id, charge in self._charges.items():
+            if agent_id in self._senders or not self._is_held(agent_id):
+                self._charging_since_ms.pop(agent_id, None)
+                continue
+            since_ms = self._charging_since_ms.setdefault(agent_id, now_ms)
+            if since_ms == now_ms:
+                continue
+            self._charging_since_ms[agent_id] = now_ms
+            before = Battery(since_ms * self._theta, round(charge * FULL), Flow.CHARGING)
+            gained = self._charge.charge_at(before, now_ms * self._theta) - before.charge
+            self._charging[agent_id].publish(Float64(100 * fraction(gained)))
 
     def _status(self, agent_id: int, now_ms: int) -> RelayedPacket:
         state = State.CHARGING if self._is_held(agent_id) else State.FLOATING

@@ -9,11 +9,14 @@ import pytest
 
 from agents.packet_medium import Medium
 from apad_bridge.ros.links import packet_topics
-from apad_bridge.ros.links.packet_topics import AMusselTopics, PacketTopics
+from apad_bridge.ros.links.packet_topics import AMusselTopics, LegacyOrders, PacketTopics
 from apad_bridge.supervisor.packet_relay import FLEET_ALONE, MISSION_ALONE, RelayedPacket, Source
-from firmware_model.packets import EVERYONE, Beacon, StatusPacket, decode
+from firmware_model.packets import EVERYONE, Beacon, CommandPacket, Kind, StatusPacket, decode
 from firmware_model.packets.codec import load_codec
+from firmware_model.power.charge import ChargeModel
 from firmware_model.states import State
+
+CURVE = ChargeModel.from_minutes(0.01, ((0.5, 0.02), (1.0, 0.01)))
 
 
 class Graph:
@@ -75,7 +78,9 @@ def test_no_packet_of_this_fleet_is_dropped_and_counted(
 
 def test_legacy_topics_become_a_status_until_the_amussel_sends_packets(graph: Graph) -> None:
     topics = PacketTopics([3, 4], MISSION_ALONE.peers)
-    legacy = AMusselTopics([3, 4], load_codec("musselbed-1"), 30, lambda agent_id: False, topics.senders)
+    legacy = AMusselTopics(
+        [3, 4], load_codec("musselbed-1"), 30, lambda agent_id: False, topics.senders, CURVE
+    )
 
     def published() -> list[RelayedPacket]:
         for agent_id in (3, 4):
@@ -91,3 +96,48 @@ def test_legacy_topics_become_a_status_until_the_amussel_sends_packets(graph: Gr
     graph.deliver("musselbed/heard", agent=4, medium="wifi", data=b"status")
     topics.take(3_000)
     assert [it.agent_id for it in published()] == [3]
+
+
+def test_an_amussel_known_by_topics_is_charged_while_a_dock_of_ours_holds_it(graph: Graph) -> None:
+    """At theta 30 a mission second is half an agent minute: 1 point a second below 50 %, half a point above it."""
+    held: set[int] = set()
+    topics = PacketTopics([3, 4], MISSION_ALONE.peers)
+    legacy = AMusselTopics([3, 4], load_codec("musselbed-1"), 30, held.__contains__, topics.senders, CURVE)
+
+    def charged(now_ms: int) -> list[tuple[str, float]]:
+        graph.published.clear()
+        legacy.take(now_ms)
+        return [(topic, round(message.data, 9)) for topic, message in graph.published]
+
+    for agent_id, percent in ((3, 40.0), (4, 80.0)):
+        graph.deliver(f"amussel{agent_id}/battery_level", data=percent)
+    assert charged(1_000) == []
+    held |= {3, 4}
+    assert charged(2_000) == []
+    assert charged(3_000) == [("amussel3/charging", 1.0), ("amussel4/charging", 0.5)]
+    assert charged(5_000) == [("amussel3/charging", 2.0), ("amussel4/charging", 1.0)]
+    graph.deliver("amussel4/battery_level", data=99.8)
+    graph.deliver("musselbed/heard", agent=3, medium="wifi", data=b"status")
+    topics.take(6_000)
+    assert charged(6_000) == [("amussel4/charging", 0.2)], (
+        "no more than full; one with packets has its own charger"
+    )
+    held.clear()
+    assert charged(7_000) == []
+
+
+def test_legacy_orders_permit_simulated_amussels_to_surface(graph: Graph) -> None:
+    orders = LegacyOrders([3, 4], load_codec("musselbed-1"), lambda: {3})
+    for agent_id in (3, 4):
+        graph.deliver(f"amussel{agent_id}/goto_surface", data=True)
+    (packet,) = orders.take(2_000)
+    assert (packet.source, packet.agent_id, packet.medium) == (Source.LABORATORY, 3, Medium.SOUND)
+    assert decode(packet.data) == CommandPacket(Kind.PERMISSION, 3)
+    assert not orders.dropped
+    graph.deliver("amussel3/goto_surface", data=False)
+    graph.deliver("amussel3/charging", data=0.1)
+    assert orders.take(3_000) == []
+    assert orders.dropped == {
+        "goto_surface: false has no effect": 1,
+        "charging: a simulated aMussel charges at its dock": 1,
+    }

@@ -34,6 +34,8 @@ LEGACY_MD5 = {
     "misc_msgs/srv/DynamicPositioningPrimitiveService": "b012ae796923d5321c7c678ac0cc7797",
     "misc_msgs/srv/DockingPrimitiveService": "2f37c62380c61eaf8bf8692a9128c0fd",
     "misc_msgs/srv/SendEnergy": "1776bdc327ac593f29492e9bad1e15d2",
+    "misc_msgs/srv/GetPosition": "4a842b65f413084dc2b10fb484ea7f17",
+    "misc_msgs/srv/GetSensoryReading": "1634c573362b3eca9589d81d03b20094",
     "navcon_msgs/srv/EnableControl": "8c1211af706069c994c06e00eb59ac9e",
     "navcon_msgs/srv/ConfigureVelocityController": "0d3d3fedfba2222a7ab225c0011694f3",
     "navcon_msgs/msg/GoToPointGoal": "8156373f227e0e6c1ef30a6945ce353a",
