@@ -32,7 +32,7 @@ from apad_bridge.ros.links.packet_topics import (
 )
 from apad_bridge.ros.links.vehicles import READY_S, TruthsAt, open_apad, reports_contact
 from apad_bridge.ros.system.master_watch import GraphEvent, MasterWatch
-from apad_bridge.ros.system.ros_pace import FollowedClock, OwnMasterClock
+from apad_bridge.ros.system.ros_pace import FollowedClock, OwnMasterClock, StampedByMaster
 from apad_bridge.ros_names.namespaces import beside_others, is_one_of_several
 from apad_bridge.scenario.firmware_config import charge_model
 from apad_bridge.scenario.lab_interface.names import DEFAULT, load_names
@@ -306,6 +306,5 @@ def _shown_truth(truths_at: TruthsAt) -> TruthSource:
 def _pace(options: RunOptions, vehicle: APadLink | ContactsLink, now_ms: int, *, in_fine_steps: bool) -> Pace:
     if options.apad is APadKind.SIM and not isinstance(vehicle, ContactsLink):
         return OwnMasterClock(options.speed, vehicle, now_ms, in_fine_steps=in_fine_steps)
-    if options.time is TimeSource.ROS:
-        return FollowedClock(now_ms)
-    return WallClock(1.0)
+    pace = FollowedClock(now_ms) if options.time is TimeSource.ROS else WallClock(1.0)
+    return StampedByMaster(pace, now_ms)

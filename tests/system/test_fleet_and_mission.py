@@ -16,6 +16,7 @@ import yaml
 from apad_bridge.records.journal import read_journal
 from apad_bridge.ros.simulated_node.apad_process import start_apad_node, stop_apad_node
 from apad_bridge.ros.system.master import loopback_environment, start_master
+from apad_bridge.ros.types.messages import generated_folder
 
 pytestmark = pytest.mark.system
 
@@ -127,6 +128,17 @@ def with_first_id(scenario: Path, first_id: int) -> Path:
     return path
 
 
+def echoed_s(time: str, environment: dict[str, str]) -> float:
+    """The next time on a topic, by the field's name."""
+    paths = {"PYTHONPATH": str(generated_folder()), "ROS_PACKAGE_PATH": str(generated_folder())}
+    command = ["/usr/bin/rostopic", "echo", "-n", "1", time]
+    done = subprocess.run(
+        command, env=environment | paths, capture_output=True, text=True, timeout=PATIENCE_S, check=True
+    )
+    stamp = next(yaml.safe_load_all(done.stdout))
+    return float(stamp["secs"] + stamp["nsecs"] / 1e9)
+
+
 def wait_until_heard(run: Path, what: str = '"kind":"belief"') -> None:
     """Until its journal holds `what`: a belief means that it is on the graph. Files announce nothing, so it is polled."""
     journal, until_s, pause = run / "journal.jsonl", time.monotonic() + PATIENCE_S, threading.Event()
@@ -152,6 +164,11 @@ def test_two_fleets_on_one_master_need_disjoint_ids(
         assert second.returncode == 3, said
         assert why in mistakes
         assert len(mistakes.strip().splitlines()) == 1
+    clock = "/clock/clock"
+    for topic in ("/amussel1/position", "/musselbed/beliefs"):
+        before_s, stamp_s, after_s = (echoed_s(it, graph) for it in (clock, f"{topic}/header/stamp", clock))
+        # A position repeats the report of the last tick: less than two ticks before `before_s`.
+        assert before_s - 2.0 <= stamp_s <= after_s, f"the stamp of {topic} is that of the master"
     disjoint = start("fleet", with_first_id(scenario, 5), tmp_path / "disjoint", graph)
     wait_until_heard(tmp_path / "disjoint")
     for fleet in (disjoint, first):

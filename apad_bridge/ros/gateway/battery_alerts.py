@@ -99,7 +99,7 @@ class BatteryAlerts:
 
 
 def alert(belief: Belief, depth_m: float, frame: LocalFrame, namespace: str = "") -> NavSts:
-    """The believed place of the aMussel and its reported depth, stamped with the mission time of its newest packet."""
+    """The believed place of the aMussel and its reported depth, stamped with the time of its newest packet."""
     message = nav_sts(AgentReport.of_belief(belief, depth_m), belief.heard_ms, frame)
     message.header.frame_id = f"{amussel_in_full(namespace, belief.agent_id)}/"
     return message

@@ -8,7 +8,7 @@ from math import sqrt
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
 from apad_bridge.beliefs.belief import Belief
-from apad_bridge.ros.system.ros_time import to_ros
+from apad_bridge.ros.system.ros_time import stamp
 from apad_bridge.supervisor.core import Supervisor
 from firmware_model.state_groups import BEYOND_HELP, STRANDED
 
@@ -32,7 +32,7 @@ def diagnose(
     """Names the `apad`, if it is one of several, and the `namespace`, because all publish on one topic."""
     beliefs = {belief.agent_id: belief for belief in supervisor.beliefs.all()}
     array = DiagnosticArray(status=[_mission(supervisor, apad), _apad(supervisor, apad)])
-    array.header.stamp = to_ros(now_ms)
+    array.header.stamp = stamp(now_ms)
     array.status += [_agent(agent_id, beliefs.get(agent_id), limits, now_ms) for agent_id in agent_ids]
     if namespace:
         for status in array.status:

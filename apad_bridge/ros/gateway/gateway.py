@@ -31,7 +31,7 @@ from apad_bridge.records.samples import belief_sample
 from apad_bridge.ros.gateway.agent_topics import AgentReport, AgentTopics
 from apad_bridge.ros.gateway.fleet_guard import refuse_second_fleet
 from apad_bridge.ros.system.handshakes import bound_handshakes
-from apad_bridge.ros.system.ros_time import to_ros
+from apad_bridge.ros.system.ros_time import stamp
 from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros_names.names import of_amussel, ours
 from apad_bridge.scenario.local_frame import LocalFrame
@@ -170,7 +170,7 @@ class Gateway:
         if self._events.get_num_connections() == 0:
             return
         message = MissionEvent(mission_time_ms=at_ms, kind=kind, data=json.dumps(data))
-        message.header.stamp = to_ros(at_ms)
+        message.header.stamp = stamp(at_ms)
         self._events.publish(message)
 
     def close(self) -> None:
@@ -182,7 +182,7 @@ class Gateway:
         if self._beliefs.get_num_connections() == 0:
             return
         message = FleetBeliefs(mission_time_ms=now_ms, agent_time_ms=self._theta * now_ms)
-        message.header.stamp = to_ros(now_ms)
+        message.header.stamp = stamp(now_ms)
         message.agents = [AgentBelief(*belief_sample(it, now_ms)) for it in beliefs]
         self._beliefs.publish(message)
 
@@ -191,7 +191,7 @@ class Gateway:
         if self._apad.get_num_connections() == 0 or pose is None:
             return
         message = APadStatus(mission_time_ms=now_ms, primitive=supervisor.primitive)
-        message.header.stamp = to_ros(now_ms)
+        message.header.stamp = stamp(now_ms)
         message.header.frame_id = "local"
         message.north, message.east, message.heading = pose.north_m, pose.east_m, pose.heading_rad
         if battery is not None:
@@ -252,5 +252,5 @@ def _transmission(row: SoundRow, now_ms: int) -> MediumTransmission:
         listener_id=row.listener,
         conflict=row.conflict,
     )
-    message.header.stamp = to_ros(now_ms)
+    message.header.stamp = stamp(now_ms)
     return message

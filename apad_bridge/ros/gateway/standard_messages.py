@@ -14,7 +14,7 @@ from visualization_msgs.msg import Marker
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.modes import DOCKED as DOCKED_MODES
 from apad_bridge.beliefs.modes import Mode
-from apad_bridge.ros.system.ros_time import to_ros
+from apad_bridge.ros.system.ros_time import stamp
 from apad_bridge.ros_names.frames import UPRIGHT, Quaternion, Vector, ellipse_95, enu
 from apad_bridge.scenario.local_frame import LocalFrame
 from apad_bridge.scenario.polygon import bounding_box
@@ -35,7 +35,7 @@ _DISC_ALPHA = 0.3
 
 
 def header(now_ms: int, frame: str) -> Header:
-    return Header(stamp=to_ros(now_ms), frame_id=frame)
+    return Header(stamp=stamp(now_ms), frame_id=frame)
 
 
 def agent_battery(belief: Belief, body: str) -> BatteryState:

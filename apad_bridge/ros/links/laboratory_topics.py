@@ -9,7 +9,7 @@ from typing import Any
 import rospy
 
 from apad_bridge.ros.system.inbox import Inbox
-from apad_bridge.ros.system.ros_time import to_ros
+from apad_bridge.ros.system.ros_time import stamp
 from apad_bridge.ros.types.any_message import AnyMessages, UnknownType, class_of
 from apad_bridge.ros.types.user_texts import text_folders
 from apad_bridge.scenario.lab_interface.fields import read, write
@@ -128,7 +128,7 @@ class LaboratoryPublishers:
                 message = publisher.data_class()
                 _fill(message, publication, {"id": agent_id, "slot": dock_index, "on": on, "bytes": data})
                 if getattr(message, "_has_header", False):
-                    message.header.stamp = to_ros(now_ms)
+                    message.header.stamp = stamp(now_ms)
                 publisher.publish(message)
 
     def close(self) -> None:

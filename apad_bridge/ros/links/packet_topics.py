@@ -18,7 +18,7 @@ from std_srvs.srv import Trigger, TriggerResponse
 from agents.packet_medium import Medium
 from apad_bridge.beliefs.input_ranges import out_of_range
 from apad_bridge.ros.system.inbox import Inbox
-from apad_bridge.ros.system.ros_time import to_ros
+from apad_bridge.ros.system.ros_time import stamp
 from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros_names.names import of_amussel, ours
 from apad_bridge.supervisor.packet_relay import RelayedPacket, Source
@@ -91,7 +91,7 @@ class PacketTopics:
         """Publishes on the topic of the packet's source."""
         medium = _CONTACT if packet.medium is None else packet.medium.value
         message = Packet(mission_time_ms=packet.at_ms, agent=packet.agent_id, medium=medium, data=packet.data)
-        message.header.stamp = to_ros(packet.at_ms)
+        message.header.stamp = stamp(packet.at_ms)
         self._publishers[packet.source].publish(message)
 
     def close(self) -> None:

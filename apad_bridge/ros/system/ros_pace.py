@@ -2,6 +2,7 @@
 
     OwnMasterClock(speed, link, start_ms=0)       # we publish /clock; only ever on a master that we started
     FollowedClock(start_ms=0)                     # we follow /clock; mission time `start_ms` is the first one received
+    StampedByMaster(pace, start_ms=0)             # any pace on somebody else's master
 
 The node is initialised before (`open_gateway`).
 """
@@ -15,7 +16,7 @@ from typing import Any, Protocol
 import rospy
 from rosgraph_msgs.msg import Clock
 
-from apad_bridge.ros.system.ros_time import to_ms, to_ros
+from apad_bridge.ros.system.ros_time import follow_master, to_ms, to_ros
 from apad_bridge.ros_names.names import CLOCK
 from apad_bridge.supervisor.clock import (
     POLL_PERIOD_S,
@@ -161,3 +162,19 @@ class FollowedClock:
             f"/clock has not come nearer to {now_ms / 1000:g} s of mission time for {self._standstill_s:g} s: "
             f"is its publisher paused, gone or started anew?"
         )
+
+
+class StampedByMaster:
+    """A pace on somebody else's master: at each tick the stamps of our messages are set to that master's time."""
+
+    def __init__(self, pace: Pace, start_ms: int = 0) -> None:
+        self._pace = pace
+        follow_master(start_ms)
+
+    @property
+    def behind_s(self) -> float:
+        return self._pace.behind_s
+
+    def reach(self, now_ms: int, stopped: StopFlag, between: OnTimeReached | None = None) -> None:
+        self._pace.reach(now_ms, stopped, between)
+        follow_master(now_ms)

@@ -1,8 +1,16 @@
-"""Converts integer milliseconds to ROS time and back, here and nowhere else."""
+"""Converts integer milliseconds to ROS time and back, and decides the stamps of our messages, here and nowhere else.
+
+On a master that we started, /clock is mission time, and so is every stamp. On somebody else's master mission time begins at
+0 while the other nodes have that master's time: stamps there are its time, by the offset at the newest tick.
+"""
 
 from __future__ import annotations
 
 import genpy
+import rospy
+
+_offset_ms = 0
+"""The master's time minus mission time. A process has one node, so it has one master."""
 
 
 def to_ros(at_ms: int) -> genpy.Time:
@@ -12,3 +20,14 @@ def to_ros(at_ms: int) -> genpy.Time:
 def to_ms(stamp: genpy.Time) -> int:
     """Whole milliseconds, rounded down."""
     return int(stamp.secs * 1000 + stamp.nsecs // 1_000_000)
+
+
+def follow_master(now_ms: int) -> None:
+    """From now on mission time `now_ms` is stamped with the master's present time: its /clock, or the wall clock."""
+    global _offset_ms
+    _offset_ms = to_ms(rospy.get_rostime()) - now_ms
+
+
+def stamp(at_ms: int) -> genpy.Time:
+    """The stamp of a message about mission time `at_ms`. 0, no time, before a master with a /clock has sent one."""
+    return to_ros(max(0, at_ms + _offset_ms))

@@ -1,0 +1,45 @@
+"""The stamps of our messages: mission time on a master of our own, the master's time on somebody else's."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import genpy
+import pytest
+
+ros_pace = pytest.importorskip("apad_bridge.ros.system.ros_pace")
+ros_time = pytest.importorskip("apad_bridge.ros.system.ros_time")
+
+
+@pytest.fixture
+def master(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[genpy.Time]]:
+    """The time of the master, as its only element."""
+    time = [genpy.Time(1_800_000_000, 250_000_000)]
+    monkeypatch.setattr(ros_time.rospy, "get_rostime", lambda: time[0])
+    monkeypatch.setattr(ros_time, "_offset_ms", 0)
+    yield time
+
+
+class Pace:
+    behind_s = 1.5
+
+    def reach(self, *_: Any) -> None:
+        pass
+
+
+def test_stamps_are_mission_time_until_the_master_is_somebody_elses(master: list[genpy.Time]) -> None:
+    assert ros_time.stamp(61_500) == genpy.Time(61, 500_000_000)
+    pace = ros_pace.StampedByMaster(Pace(), 0)
+    assert ros_time.stamp(0) == master[0], "from the first event on"
+    master[0] = genpy.Time(1_800_000_001, 260_000_000)
+    pace.reach(1000, None)
+    assert ros_time.stamp(1000) == master[0] and pace.behind_s == 1.5
+    # A belief's stamp is that of its packet, 400 ms before the tick.
+    assert ros_time.stamp(600) == genpy.Time(1_800_000_000, 860_000_000)
+
+
+def test_a_master_whose_clock_has_not_begun_gives_no_time(master: list[genpy.Time]) -> None:
+    master[0] = genpy.Time()
+    ros_pace.StampedByMaster(Pace(), 5000)
+    assert ros_time.stamp(5000) == ros_time.stamp(4000) == genpy.Time()
