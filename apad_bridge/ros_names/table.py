@@ -182,7 +182,7 @@ OF_AMUSSEL = Section(
             "amussel{id}/position",
             "auv_msgs/NavSts",
             "fleet",
-            "10 Hz: its newest report, depth positive down",
+            "10 Hz of the master's time, at most 50 Hz of the wall clock: its newest report, depth positive down",
         ),
         _topic(
             "amussel{id}/battery_level",

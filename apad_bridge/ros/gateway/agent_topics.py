@@ -1,24 +1,25 @@
 """Publishes the aMussels' own topics, /amusselN/position and battery_level, from a thread of their own.
 
-The legacy stack's aMussels publish their position ten times a second and their charge once; here the rates are those of the
-wall clock, as of a node that follows no clock. The newest report is repeated with its stamp, so a reader sees its age. The
-flight hands over the reports at its ticks and never waits.
+The legacy stack's aMussels publish their position ten times a second and their charge once. Here these are seconds of the
+master's time, its /clock where it has one, as for the aPad's own topics. Between two looks at that time `LOOK_S` of wall
+time pass: however fast it runs, a report is repeated at most fifty times a wall second. The newest report is repeated with
+its stamp, so a reader sees its age. The flight hands over the reports at its ticks and never waits.
 """
 
 from __future__ import annotations
 
 import threading
-import time
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+import rospy
 from std_msgs.msg import Float64
 
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.ros.gateway.never_blocking import Stalls, never_blocking_publisher
-from apad_bridge.ros.system.ros_time import stamp
+from apad_bridge.ros.system.ros_time import stamp, to_ms
 from apad_bridge.ros.types.messages import use_generated_messages
 from apad_bridge.ros_names.names import of_amussel
 from apad_bridge.scenario.local_frame import LocalFrame
@@ -27,7 +28,9 @@ use_generated_messages()
 
 from auv_msgs.msg import NavSts  # noqa: E402
 
-PERIOD_S = 0.1
+PERIOD_MS = 100
+LOOK_S = 0.02
+"""Wall seconds; our own /clock comes no more often than that either."""
 _END_S = 5.0
 
 
@@ -91,27 +94,32 @@ class AgentTopics:
 
     def _publish(self) -> None:
         positions: dict[int, Any] = {}
-        due_s = time.monotonic()
+        due_ms = _now_ms()
         while True:
-            newest = self._wait(due_s)
+            newest = self._wait(due_ms)
             if self._ended:
                 return
-            now_s = time.monotonic()
+            now_ms = _now_ms()
             if newest is None:
-                due_s = max(due_s, now_s - PERIOD_S) + PERIOD_S
+                # A leap of the clock brings one message, and no second one to make up for it.
+                due_ms += PERIOD_MS
+                if not now_ms < due_ms <= now_ms + PERIOD_MS:
+                    due_ms = now_ms + PERIOD_MS
             else:
-                due_s = now_s + PERIOD_S
+                due_ms = now_ms + PERIOD_MS
                 at_ms, shown = newest
                 positions = {agent_id: nav_sts(it, at_ms, self._frame) for agent_id, it in shown.items()}
                 charges = {agent_id: Float64(100 * it.charge) for agent_id, it in shown.items()}
                 self._send("battery_level", self._batteries, charges)
             self._send("position", self._positions, positions)
 
-    def _wait(self, due_s: float) -> tuple[int, Mapping[int, AgentReport]] | None:
-        """Waits for new reports. None when it is time to repeat the former ones."""
+    def _wait(self, due_ms: int) -> tuple[int, Mapping[int, AgentReport]] | None:
+        """Waits for new reports. None when it is time to repeat the former ones, or when the master's time went back."""
         with self._changed:
-            while self._newest is None and not self._ended and (wait_s := due_s - time.monotonic()) > 0:
-                self._changed.wait(wait_s)
+            while self._newest is None and not self._ended:
+                self._changed.wait(LOOK_S)
+                if not due_ms - PERIOD_MS <= _now_ms() < due_ms:
+                    break
             newest, self._newest = self._newest, None
             return newest
 
@@ -122,6 +130,11 @@ class AgentTopics:
             if publisher is not None and publisher.get_num_connections() > 0:
                 publisher.publish(message)
                 self.published[name] += 1
+
+
+def _now_ms() -> int:
+    """The master's time."""
+    return to_ms(rospy.get_rostime())
 
 
 def nav_sts(shown: AgentReport, now_ms: int, frame: LocalFrame | None) -> NavSts:
