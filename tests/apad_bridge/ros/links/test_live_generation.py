@@ -16,7 +16,7 @@ EMPTY = Graph("http://here:1", {}, {}, {}, {})
 OF_A = Graph(
     "http://here:1",
     {},
-    {f"/apad1/{action}/goal": ["/apad1_simulated"] for action in STACKS[0].actions},
+    {f"/apad1/{action}/goal": ["/apad1_simulated"] for action in STACKS[0].recognised_actions},
     {f"/apad1/{service}": ["/apad1_simulated"] for service in STACKS[0].services},
     {},
 )
