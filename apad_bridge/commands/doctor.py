@@ -103,7 +103,7 @@ def _ros(master_uri: str, scenario: Scenario | None) -> Iterable[Finding]:
     yield from run_check("clock", lambda: [graph.check_clock(found)])
     yield from run_check("nodes", lambda: graph.check_nodes(found))
     yield from run_check("aMussel ids", lambda: [graph.check_agents_present(found, ids, namespace)])
-    yield from run_check("aPad", lambda: doctor_apad_checks.check_apads(found))
+    yield from run_check("aPad", lambda: doctor_apad_checks.check_apads(found, scenario))
     if scenario is not None:
         apad, origin = in_full(namespace, scenario.apad.name), scenario.area.origin
         yield from run_check("origin", lambda: [origin_check.check_origin(master_uri, apad, origin)])

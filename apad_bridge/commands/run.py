@@ -15,11 +15,15 @@ from typing import Any
 from apad_bridge.commands import several
 from apad_bridge.commands.modem_checks import check_modems
 from apad_bridge.commands.outcome import print_plan, report
+from apad_bridge.doctor.finding import Status
+from apad_bridge.doctor.graph import Graph
+from apad_bridge.doctor.network import Unreachable
 from apad_bridge.planning import registry
 from apad_bridge.records.event_kinds import EventKind
 from apad_bridge.records.journal import read_journal
 from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
 from apad_bridge.ros.system.route import somebodys_master
+from apad_bridge.ros_names.names import in_full
 from apad_bridge.runs import parent
 from apad_bridge.runs.dry_run import first_plan
 from apad_bridge.runs.exits import EXITS, Exit, UserError
@@ -211,6 +215,7 @@ def run(arguments: argparse.Namespace) -> int:
     scenario, starts = read_scenario(arguments)
     check_modems(options, scenario)
     check_master(options)
+    tell_docks_in_use(options, scenario)
     if options.apad is APadKind.SIM:
         for happens, mend in warnings(scenario):
             print(f"musselbed: warning: {happens}: {mend}", file=sys.stderr)
@@ -242,6 +247,24 @@ def check_master(options: RunOptions) -> None:
     if options.apad is APadKind.ROS:
         with peers_may_fail():
             somebodys_master()
+
+
+def tell_docks_in_use(options: RunOptions, scenario: Scenario) -> None:
+    """Warns of docks of somebody's aPad that hold something already, which a new run takes for empty or for its own."""
+    if options.apad is not APadKind.ROS:
+        return
+    from apad_bridge.ros.doctor_apad_checks import check_docks
+
+    try:
+        found = Graph.read(somebodys_master())
+    except (Unreachable, PeerFailed):
+        return  # the run itself says so
+    for name in (scenario.apad.name, *(it.name for it in scenario.apads)):
+        for finding in check_docks(found, in_full(options.namespace, name), scenario):
+            if finding.status is not Status.OK:
+                print(
+                    f"musselbed: warning: {finding.check}: {finding.found}: {finding.mend}", file=sys.stderr
+                )
 
 
 @contextmanager

@@ -2,26 +2,50 @@
 
 from __future__ import annotations
 
+import re
+import struct
 from collections.abc import Iterator
+
+from genpy import DeserializationError
 
 from apad_bridge.assembly.stacks import STACKS
 from apad_bridge.doctor.definitions import Md5s, python_md5s
 from apad_bridge.doctor.finding import Finding, fail, ok, warn
 from apad_bridge.doctor.graph import Graph
-from apad_bridge.ros.types.messages import generated_folder
-from apad_bridge.ros.types.wire_probe import NotAnnounced, service_md5, stamp_offset_s, topic_md5
+from apad_bridge.ros.types.messages import generated_folder, use_generated_messages
+from apad_bridge.ros.types.wire_probe import (
+    NotAnnounced,
+    call_without_words,
+    next_messages,
+    service_md5,
+    stamp_offset_s,
+    topic_md5,
+)
 from apad_bridge.ros.types.workspace_services import service_by_text
-from apad_bridge.scenario.schema import MOST_DOCKS
+from apad_bridge.ros_names.names import AMUSSEL
+from apad_bridge.scenario.schema import MOST_DOCKS, Generation, Scenario
+from apad_bridge.vehicle.generation_a.messages import RELEASE
+from apad_bridge.vehicle.generation_a.server_watch import SERVER_SILENT_MS
 from apad_bridge.vehicle.stack import Stack
 
+_PART_OF_A = re.compile(r"(.*)/action_server/(goal|feedback|result)")
+_FLOAT64 = struct.Struct("<d")
 _LATE_S = 0.5
 """A larger offset of clocks causes a warning: it is far above a network's delay."""
 
 
-def check_apads(graph: Graph) -> Iterator[Finding]:
-    """Asks the aPads on the graph, of any generation, for their md5s, and compares them with our definitions."""
+def check_apads(graph: Graph, scenario: Scenario | None = None) -> Iterator[Finding]:
+    """Asks the aPads on the graph, of any generation, for their md5s, and compares them with our definitions.
+
+    Of generation A it also asks whether the action server lives, and what the docks hold: by `scenario`, whose that is.
+    """
     found = [(name, stack) for stack in STACKS for name in _named_like(graph, stack)]
-    if not found:
+    dead = sorted(
+        _with_parts_of_a(graph) - {name for name, stack in found if stack.generation is Generation.A}
+    )
+    for name in dead:
+        yield _check_action_server(graph, name)
+    if not found and not dead:
         mend = (
             "start it, or fly the simulated one: musselbed run --apad sim; a real one has "
             f"{' or '.join(f'{stack.known_by} below its NAME' for stack in STACKS)}"
@@ -34,6 +58,112 @@ def check_apads(graph: Graph) -> Iterator[Finding]:
         yield from _check_beside(graph, name, stack, ours)
         yield _tell_capabilities(name, stack)
         yield _check_offset(graph, f"{name}/position", name)
+        yield _check_battery(graph, name)
+        if stack.generation is Generation.A:
+            yield _check_action_server(graph, name)
+            yield from check_docks(graph, name, scenario)
+
+
+def check_docks(graph: Graph, name: str, scenario: Scenario | None) -> Iterator[Finding]:
+    """Asks an aPad of generation A what its docks hold already, before a run that would begin with them empty."""
+    service = f"{name}/check_docking_availability"
+    if service not in graph.services:
+        return
+    use_generated_messages()
+    from misc_msgs.srv import GetDockingInfo, GetDockingInfoResponse
+
+    try:
+        answer = call_without_words(graph, service, GetDockingInfo._md5sum)
+        told = GetDockingInfoResponse().deserialize(answer)
+    except (NotAnnounced, DeserializationError) as error:
+        yield warn(
+            f"{name} docks", f"did not say what they hold: {error}", "start the node that offers its services"
+        )
+        return
+    held = [it.strip("/") for it in told.slots if it.strip("/")]
+    if not held:
+        yield ok(f"{name} docks", f"empty; free: {', '.join(map(str, told.available_slots)) or 'none said'}")
+        return
+    ours = (
+        []
+        if scenario is None
+        else [it for it in held if it in {f"{AMUSSEL}{n}" for n in scenario.fleet.all_ids}]
+    )
+    others = [it for it in held if it not in ours]
+    found = []
+    if ours:
+        found.append(
+            f"{', '.join(ours)}: a run believes them docked from its begin, and their bodies lie on the bottom"
+        )
+    if others:
+        found.append(f"{', '.join(others)}, which a run does not see: trips to fill these docks are wasted")
+    releases = "; ".join(
+        f"rostopic pub -1 {name}/action_server/goal apad/aPadActionGoal '{{goal: {{id: {RELEASE}, object: {it}}}}}'"
+        for it in held
+    )
+    mend = f"release by name: {releases}"
+    free = 0 if scenario is None else scenario.apad.docks - len(held)
+    if free > 0:
+        mend += f"; or leave these docks out: apad.docks: {free} in the scenario"
+    yield warn(f"{name} docks", f"hold {'; '.join(found)}", mend)
+
+
+def _with_parts_of_a(graph: Graph) -> set[str]:
+    """The namespaces below which something of generation A's action is on the graph."""
+    return {
+        found[1]
+        for topic, nodes in (*graph.publishers.items(), *graph.subscribers.items())
+        if nodes
+        and (found := _PART_OF_A.fullmatch(topic))
+        and graph.types.get(topic) == f"apad/aPadAction{found[2].capitalize()}"
+    }
+
+
+def _check_action_server(graph: Graph, name: str) -> Finding:
+    """Orders of generation A go by this alone: a server that is half there or silent takes none."""
+    check, server = f"{name} action server", f"{name}/action_server"
+    missing = [
+        f"publishes {it}"
+        for it in ("status", "feedback", "result")
+        if not graph.publishers.get(f"{server}/{it}")
+    ]
+    missing += [
+        f"subscribes to {it}" for it in ("goal", "cancel") if not graph.subscribers.get(f"{server}/{it}")
+    ]
+    mend = (
+        "it takes no orders: see the line of the clock, if it follows one; or end its node if it still runs, "
+        "rosnode cleanup, and start it again"
+    )
+    if missing:
+        return fail(check, f"dead: nobody {', '.join(missing)} of {server}", mend)
+    try:
+        # The first may be the last word of one that is dead, for actionlib latches it.
+        next_messages(graph, f"{server}/status", 2, SERVER_SILENT_MS / 1000)
+    except NotAnnounced as error:
+        return fail(check, f"dead: {server}/status is silent: {error}", mend)
+    return ok(check, f"lives: {server}/status comes")
+
+
+def _check_battery(graph: Graph, name: str) -> Finding:
+    check, topic = f"{name} battery", f"{name}/battery_level"
+    try:
+        (message,) = next_messages(graph, topic)
+    except NotAnnounced as error:
+        return warn(
+            check,
+            f"unknown: {topic}: {error}",
+            "start the node that publishes it; the published server speaks after start_sim alone",
+        )
+    if len(message) != _FLOAT64.size:
+        return warn(check, f"{topic} is no std_msgs/Float64", "see what publishes it: rostopic info")
+    (percent,) = _FLOAT64.unpack(message)
+    if not percent > 0:
+        return warn(
+            check,
+            f"{topic} says {percent:g} %: a run that ends at apad.battery's end is over at once",
+            "charge it, or set its gauge; the published server's is right after start_sim alone",
+        )
+    return ok(check, f"{percent:.0f} %")
 
 
 def _named_like(graph: Graph, stack: Stack) -> set[str]:

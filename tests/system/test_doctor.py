@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 import json
+import re
 import subprocess
 import sys
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from apad_bridge.commands.run import tell_docks_in_use
 from apad_bridge.doctor import network
 from apad_bridge.ros.system.master import Master, loopback_environment, start_master
+from apad_bridge.scenario.loader import load
+from apad_bridge.scenario.run_options import APadKind, OnDeath, Part, RunOptions, TimeSource
 
 pytestmark = pytest.mark.system
 ROOT = Path(__file__).parents[2]
@@ -141,3 +146,130 @@ def test_ids_of_another_fleet(tmp_path: Path, master: Master) -> None:
         fleet.communicate(timeout=20)
     assert found["aMussel ids"]["status"] == "FAIL"
     assert "/other_fleet" in found["aMussel ids"]["found"]
+
+
+HALF_A_SERVER = """
+import sys, rospy
+from apad_bridge.ros.types.messages import use_generated_messages
+use_generated_messages()
+from actionlib_msgs.msg import GoalStatusArray
+from apad.msg import aPadActionFeedback, aPadActionGoal, aPadActionResult
+from std_msgs.msg import Float64
+rospy.init_node("half_a_server", disable_signals=True)
+kinds = {"status": GoalStatusArray, "feedback": aPadActionFeedback, "result": aPadActionResult}
+topics = [rospy.Publisher(f"/apad1/action_server/{it}", kind, queue_size=1, latch=True) for it, kind in kinds.items()]
+topics[0].publish(GoalStatusArray())
+battery = rospy.Publisher("/apad1/battery_level", Float64, queue_size=1, latch=True)
+if "takes goals" in sys.argv:
+    battery.publish(0.0)
+    rospy.Subscriber("/apad1/action_server/goal", aPadActionGoal, print)
+    rospy.Subscriber("/apad1/action_server/cancel", rospy.AnyMsg, print)
+print("ready", flush=True)
+sys.stdin.read()
+rospy.signal_shutdown("the test is over")
+"""
+
+CLOCK = """
+import time, rospy
+from rosgraph_msgs.msg import Clock
+rospy.init_node("clock", disable_signals=True)
+clock = rospy.Publisher("/clock", Clock, queue_size=1)
+print("ready", flush=True)
+while True:
+    clock.publish(Clock(rospy.Time.from_sec(time.time())))
+    time.sleep(0.05)
+"""
+
+ORDER = """
+import sys, rospy, yaml
+from apad_bridge.ros.types.messages import use_generated_messages
+use_generated_messages()
+from apad.msg import aPadActionGoal
+from genpy.message import fill_message_args
+from misc_msgs.srv import GetDockingInfo
+rospy.init_node("somebody", disable_signals=True)
+topic = rospy.Publisher(sys.argv[1], aPadActionGoal, queue_size=1)
+docks = rospy.ServiceProxy("/apad1/check_docking_availability", GetDockingInfo)
+for text in sys.argv[2:]:
+    before = docks().slots
+    while not topic.get_num_connections():
+        rospy.rostime.wallsleep(0.02)
+    goal = aPadActionGoal()
+    fill_message_args(goal, [yaml.safe_load(text)])
+    topic.publish(goal)
+    while docks().slots == before:
+        rospy.rostime.wallsleep(0.02)
+rospy.signal_shutdown("done")
+"""
+
+
+@contextmanager
+def running(environment: dict[str, str], *arguments: str) -> Iterator[None]:
+    """A process that says `ready`, and ends when its stdin does or it is told to."""
+    with subprocess.Popen(
+        [sys.executable, *arguments],
+        env=environment,
+        cwd=ROOT,
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    ) as process:
+        try:
+            assert process.stdout is not None and process.stdout.readline() == "ready\n"
+            yield
+        finally:
+            process.terminate()
+            process.communicate(timeout=20)
+
+
+def order(environment: dict[str, str], topic: str, *goals: str) -> None:
+    subprocess.run(
+        [sys.executable, "-c", ORDER, topic, *goals], env=environment, cwd=ROOT, timeout=40, check=True
+    )
+
+
+def test_docks_in_use_are_told_with_commands_that_empty_them(
+    tmp_path: Path, master: Master, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    environment = loopback_environment(tmp_path, master.uri)
+    monkeypatch.setenv("ROS_MASTER_URI", master.uri)
+    options = RunOptions(Part.WHOLE, APadKind.ROS, TimeSource.WALL, 1.0, OnDeath.WAIT)
+    scenario = load(POOL)
+    node = ["-m", "apad_bridge.ros.simulated_node.apad_node", "--scenario", str(POOL), "--generation", "a"]
+    with running(environment, "-c", CLOCK), running(environment, *node):
+        assert checks(environment, str(POOL))["/apad1 docks"]["status"] == "OK"
+        tell_docks_in_use(options, scenario)
+        assert capsys.readouterr().err == ""
+        perches = [f"{{goal: {{id: 1, object: amussel{agent_id}}}}}" for agent_id in (3, 99)]
+        order(environment, "/apad1/action_server/goal", *perches)
+        found = checks(environment, str(POOL))
+        tell_docks_in_use(options, scenario)
+        docks = found["/apad1 docks"]
+        assert docks["status"] == "WARN" and "apad.docks: 2 in the scenario" in docks["mend"]
+        ours, others = docks["found"].split("; ")
+        assert ours.startswith("hold amussel3: ") and others.startswith("amussel99, which a run does not see")
+        assert (
+            capsys.readouterr().err
+            == f"musselbed: warning: /apad1 docks: {docks['found']}: {docks['mend']}\n"
+        )
+        commands = re.findall(r"rostopic pub -1 (\S+) apad/aPadActionGoal '([^']*)'", docks["mend"])
+        assert len(commands) == 2
+        for topic, goal in commands:
+            order(environment, topic, goal)
+        assert checks(environment, str(POOL))["/apad1 docks"]["status"] == "OK"
+    for name in ("/apad1 action server", "/apad1 battery"):
+        assert found[name]["status"] == "OK", found[name]
+
+
+def test_a_dead_action_server_and_a_silent_battery(tmp_path: Path, master: Master) -> None:
+    environment = loopback_environment(tmp_path, master.uri)
+    with running(environment, "-c", HALF_A_SERVER):
+        found = checks(environment)
+        assert "aPad" not in found
+        server = found["/apad1 action server"]
+        assert server["status"] == "FAIL" and "subscribes to goal" in server["found"]
+    with running(environment, "-c", HALF_A_SERVER, "takes goals"):
+        found = checks(environment)
+        server, battery = found["/apad1 action server"], found["/apad1 battery"]
+        assert server["status"] == "FAIL" and "/apad1/action_server/status is silent" in server["found"]
+        assert battery["status"] == "WARN" and "says 0 %" in battery["found"]

@@ -15,6 +15,7 @@ from rosgraph.network import ROSHandshakeException, encode_ros_handshake_header,
 from apad_bridge.doctor.graph import Graph
 from apad_bridge.doctor.network import CALLER, TIMEOUT_S, Unreachable, call, connect
 
+_LENGTH = struct.Struct("<I")
 _HEADER = struct.Struct("<III")
 """The begin of every message with a std_msgs/Header: sequence, seconds, nanoseconds."""
 
@@ -51,22 +52,67 @@ def service_md5(graph: Graph, service: str) -> str:
         return _md5_in(_handshake(connection, request, io.BytesIO()))
 
 
+def next_messages(graph: Graph, topic: str, count: int = 1, timeout_s: float = TIMEOUT_S) -> list[bytes]:
+    """The next `count` messages of the first publisher, serialised; the first may be a latched one.
+
+    NotAnnounced if they do not come within `timeout_s`.
+    """
+    messages = []
+    with _errors_as_not_told(), _subscribed(graph, topic) as (connection, rest, _):
+        stream = _Stream(connection, rest, time.monotonic() + timeout_s)
+        for _ in range(count):
+            messages.append(stream.read(*_LENGTH.unpack(stream.read(_LENGTH.size))))
+    return messages
+
+
+def call_without_words(graph: Graph, service: str, md5: str) -> bytes:
+    """Calls a service whose request is empty; its serialised answer. NotAnnounced if it refuses, or falls silent."""
+    with _errors_as_not_told(), connect(str(call(graph.uri, "lookupService", service))) as connection:
+        rest = io.BytesIO()
+        _md5_in(_handshake(connection, {"callerid": CALLER, "service": service, "md5sum": md5}, rest))
+        connection.sendall(_LENGTH.pack(0))
+        stream = _Stream(connection, rest, time.monotonic() + TIMEOUT_S)
+        is_answered = stream.read(1) == b"\x01"
+        answer = stream.read(*_LENGTH.unpack(stream.read(_LENGTH.size)))
+    if not is_answered:
+        raise NotAnnounced(answer.decode(errors="replace"))
+    return answer
+
+
 def stamp_offset_s(graph: Graph, topic: str) -> float:
     """The next stamp of `topic` minus this machine's clock. NotAnnounced if no message comes, or it has no stamp."""
-    with _errors_as_not_told(), _subscribed(graph, topic) as (connection, rest, _):
-        data = rest.getvalue()
-        until_s = time.monotonic() + TIMEOUT_S
-        while len(data) < 4 + _HEADER.size:
-            connection.settimeout(max(0.001, until_s - time.monotonic()))
-            piece = connection.recv(4096)
-            if not piece:
-                raise NotAnnounced("the connection ended before a message came")
-            data += piece
-        now_s = time.time()
-        _, seconds, nanoseconds = _HEADER.unpack_from(data, 4)
+    (message,) = next_messages(graph, topic)
+    now_s = time.time()
+    if len(message) < _HEADER.size:
+        raise NotAnnounced("its messages are not stamped")
+    _, seconds, nanoseconds = _HEADER.unpack_from(message)
     if seconds == 0:
         raise NotAnnounced("its messages are not stamped")
     return float(seconds + nanoseconds / 1e9 - now_s)
+
+
+class _Stream:
+    """Reads whole pieces of a connection until a time of `time.monotonic`."""
+
+    def __init__(self, connection: socket.socket, rest: io.BytesIO, until_s: float) -> None:
+        self._connection = connection
+        self._data = rest.getvalue()
+        self._until_s = until_s
+
+    def read(self, size: int) -> bytes:
+        while len(self._data) < size:
+            if (left_s := self._until_s - time.monotonic()) <= 0:
+                raise NotAnnounced("no message came in time")
+            self._connection.settimeout(left_s)
+            try:
+                piece = self._connection.recv(65_536)
+            except TimeoutError:
+                raise NotAnnounced("no message came in time") from None
+            if not piece:
+                raise NotAnnounced("the connection ended before a message came")
+            self._data += piece
+        read, self._data = self._data[:size], self._data[size:]
+        return read
 
 
 @contextlib.contextmanager

@@ -54,3 +54,8 @@ def test_a_primitive_that_differs_is_a_failure(monkeypatch: pytest.MonkeyPatch) 
     status, line = found["/boat"]
     assert status is Status.FAIL and "1" * 32 in line and GO_TO in line
     assert "/boat beside" not in found
+
+
+def test_a_silent_battery_is_a_warning(monkeypatch: pytest.MonkeyPatch) -> None:
+    status, line = found_of(monkeypatch, SERVICES)["/boat battery"]
+    assert status is Status.WARN and "/boat/battery_level: nobody publishes it" in line
