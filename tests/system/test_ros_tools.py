@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from rosbags.rosbag1 import Reader
 
 from apad_bridge.ros.system.master import Master, loopback_environment, start_master
 from apad_bridge.ros.types.generate import generate
@@ -149,7 +150,10 @@ def test_the_tools_that_read_every_package_xml_accept_ours(
     output = told.stdout + told.stderr
     assert told.returncode == 0 and "Traceback" not in output and "InvalidPackage" not in output, output
     assert "migrated successfully" in output
-    assert (tmp_path / "fixed.bag").stat().st_size > 0
+    with Reader(run / "run.bag") as bag, Reader(tmp_path / "fixed.bag") as fixed:
+        assert {it: topic.msgcount for it, topic in fixed.topics.items()} == {
+            it: topic.msgcount for it, topic in bag.topics.items() if topic.msgcount
+        }
 
 
 def test_a_workspace_that_was_sourced_before_wins(installed: Path, tmp_path: Path) -> None:
