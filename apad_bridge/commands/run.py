@@ -214,14 +214,14 @@ def run(arguments: argparse.Namespace) -> int:
     options = options_of(arguments)
     scenario, starts = read_scenario(arguments)
     check_modems(options, scenario)
-    check_master(options)
-    tell_docks_in_use(options, scenario)
     if options.apad is APadKind.SIM:
         for happens, mend in warnings(scenario):
             print(f"musselbed: warning: {happens}: {mend}", file=sys.stderr)
     if scenario.apads:
         with peers_may_fail():
             return several.run(options, scenario, starts, arguments.out, arguments.json)
+    check_master(options)
+    tell_docks_in_use(options, scenario)
     if options.dry_run and options.apad is APadKind.SIM:
         return print_plan(first_plan(scenario), arguments.json)
     try:

@@ -88,9 +88,9 @@ def test_bins_of_overconfident_beliefs_are_named() -> None:
 
 
 def test_released_aMussels_and_the_secondary_battery_have_rows_of_their_own(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, flown: Flown, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    run = fly(tmp_path, False, capsys)
+    run = flown(tmp_path, False)
     (run / "run.bag").unlink()
     bag = BagWriter(run / "run.bag", theta=30)
     place, charges = (10.0, 20.0), (0.01, 0.02, 0.0, 0.48, 0.52)
@@ -100,6 +100,7 @@ def test_released_aMussels_and_the_secondary_battery_have_rows_of_their_own(
     for second_of_mission in range(60):
         bag.sample(10_000 * second_of_mission, [truth, second], [belief, belief._replace(agent_id=2)], None)
     bag.close()
+    capsys.readouterr()  # of the flight
     assert main(["beliefs", str(run), "--json"]) == 0
     output, errors = capsys.readouterr()
     found = json.loads(output)

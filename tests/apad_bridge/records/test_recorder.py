@@ -22,6 +22,7 @@ from apad_bridge.assembly import parts
 from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.mission.ending import EndReason, MissionEnd
+from apad_bridge.mission.events import PlacedSample
 from apad_bridge.records.journal import read_journal
 from apad_bridge.records.recorder import DAY_MS, Recorder, RecordsFailed
 from apad_bridge.records.run_directory import RunDirectory
@@ -306,16 +307,16 @@ def test_depth_in_the_bag_is_the_bodys(tmp_path, scenario):
 
 def test_a_disk_that_takes_no_more_is_one_error_and_the_records_are_whole(recorder):
     for second in range(1, 40):
-        recorder.event(1000 * second, "note", text="x" * 200)
+        recorder.event(1000 * second, "script", said="x" * 200)
         recorder.tick(1000 * second, [], None, None, "", (None,) * 4)
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     full = recorder._directory.journal.stat().st_size + 100
     resource.setrlimit(resource.RLIMIT_FSIZE, (full, hard))
     try:
-        recorder.event(40_000, "note", text="x" * 200)
+        recorder.event(40_000, "script", said="x" * 200)
         with pytest.raises(RecordsFailed, match=f"the disk of {recorder._directory.path} takes no more"):
             recorder.tick(40_000, [], None, None, "", (None,) * 4)
-        recorder.event(41_000, "note", text="x")
+        recorder.event(41_000, "script", said="x")
         recorder.tick(41_000, [], None, None, "", (None,) * 4)
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
@@ -327,19 +328,19 @@ def test_a_disk_that_takes_no_more_is_one_error_and_the_records_are_whole(record
 
 
 def test_a_sample_that_could_not_be_written_is_not_kept(tmp_path):
-    file = SampleFile(tmp_path / "samples.jsonl")
+    file = SampleFile(tmp_path / "samples.jsonl", 30)
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (50, hard))
     record = SampleRecord(3, 60_000, (1, 2, 3, 4), 0)
     try:
         with pytest.raises(OSError):
-            file.append(7, [record])
+            file.append(7, [PlacedSample(record, None)])
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
     assert file.kept[7] == set()
-    file.append(7, [record])
+    file.append(7, [PlacedSample(record, None)])
     file.close()
-    assert SampleFile(tmp_path / "samples.jsonl").kept == {7: {3}}
+    assert SampleFile(tmp_path / "samples.jsonl", 30).kept == {7: {3}}
 
 
 def test_a_sample_is_on_disk_before_it_is_kept(tmp_path, monkeypatch):
@@ -350,7 +351,7 @@ def test_a_sample_is_on_disk_before_it_is_kept(tmp_path, monkeypatch):
         synced.append((path.name, path.read_text().count("\n") if path.is_file() else 0, len(file.kept[7])))
 
     monkeypatch.setattr("os.fsync", sync)
-    file = SampleFile(tmp_path / "samples.jsonl")
-    file.append(7, [SampleRecord(n, 60_000, (1, 2, 3, 4), 0) for n in range(2)])
-    file.append(7, [SampleRecord(2, 60_000, (1, 2, 3, 4), 0)])
+    file = SampleFile(tmp_path / "samples.jsonl", 30)
+    file.append(7, [PlacedSample(SampleRecord(n, 60_000, (1, 2, 3, 4), 0), None) for n in range(2)])
+    file.append(7, [PlacedSample(SampleRecord(2, 60_000, (1, 2, 3, 4), 0), None)])
     assert synced == [(tmp_path.name, 0, 0), ("samples.jsonl", 2, 0), ("samples.jsonl", 3, 2)]

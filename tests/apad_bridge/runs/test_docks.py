@@ -104,8 +104,10 @@ def test_a_run_from_before_there_was_a_number_is_shown_with_four(tmp_path: Path)
     agents = [{"id": 1, "north_m": 1.0, "east_m": 2.0, "primary": 1.0, "secondary": 1.0}]
     journal = tmp_path / "journal.jsonl"
     lines = [
-        {"t": 0, "kind": "run", "format": 2, "agents": agents},
-        {"t": 1000, "kind": "dock", "dock": 3, "agent": 1, "closed": True},
+        {"t": 0, "kind": "run", "format": 2, "scenario": "old", "theta": 30, "seed": 1, "duration_s": 60.0}
+        | {"pool_threshold": 0.8, "full_threshold": 0.99, "agents": agents},
+        {"t": 1000, "kind": "apad", "north_m": 1.0, "east_m": 2.0, "heading_rad": 0.0, "voltage_v": None}
+        | {"battery": None, "primitive": "none", "docks": [-1, -1, -1, 1]},
     ]
     journal.write_text("".join(json.dumps(line) + "\n" for line in lines))
     shown = page_data(old, read_journal(journal), None)

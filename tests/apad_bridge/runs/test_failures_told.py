@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from apad_bridge.assembly import parts
+from apad_bridge.mission.ending import EndReason, MissionEnd
 from apad_bridge.records.journal import read_journal
 from apad_bridge.records.recorder import Recorder
 from apad_bridge.records.run_directory import RunDirectory
@@ -80,9 +80,9 @@ def test_aMussels_that_cannot_be_charged_are_left_alone_one_by_one(pool: Scenari
 
 def test_the_counts_go_on_in_a_resumed_run(stuck: Scenario, tmp_path: Path) -> None:
     directory, summary, _ = flown(replace(stuck, duration_s=300.0), tmp_path)
-    recorder, _ = Recorder.resume(directory, stuck, parts.agent_ids(stuck))
+    recorder, _ = Recorder.resume(directory, stuck, stuck.fleet.ids)
     recorder.event(301_000, "given_up", agent=3, what="collect", reason="it does not come up")
-    again = recorder.finish(302_000, Ending("mission time", 0.0, 0.0, 0, None, {}))
+    again = recorder.finish(302_000, Ending(MissionEnd(EndReason.MISSION_TIME), 0.0, 0.0, 0, None, {}))
     assert again["steps_given_up"] == summary["steps_given_up"] + 1
     assert again["causes"] == summary["causes"] | {"it does not come up": 1}
 

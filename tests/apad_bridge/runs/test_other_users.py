@@ -16,6 +16,7 @@ import pytest
 from scenario_files import POOL_FILE
 
 from agents.nursery import protocol
+from apad_bridge.assembly.flight_config import flight_config
 from apad_bridge.records.run_directory import RunDirectory
 from apad_bridge.runs.flying import open_fleet
 from apad_bridge.scenario.loader import load
@@ -46,13 +47,13 @@ def test_a_run_is_its_users_alone_whatever_the_umask_is(tmp_path: Path) -> None:
     directory = RunDirectory.create("pool-12", datetime(2026, 5, 4, tzinfo=UTC), tmp_path / "run")
     scenario = load(POOL_FILE)
     scenario = replace(scenario, fleet=replace(scenario.fleet, count=1))
-    fleet = open_fleet(scenario, starts_of(scenario), directory.path / "fleet")
+    fleet = open_fleet(flight_config(scenario), starts_of(scenario), directory.path / "fleet")
     try:
         assert mode(directory.path) == mode(directory.path / "fleet") == 0o700
         assert mode(directory.path / "fleet" / "nursery.sock") == 0o600
         assert os.umask(0) == 0  # as it was
     finally:
-        fleet.host.close()
+        fleet.close()
 
 
 def test_a_directory_that_is_there_keeps_its_mode(tmp_path: Path) -> None:

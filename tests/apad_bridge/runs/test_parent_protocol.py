@@ -108,7 +108,7 @@ def test_a_failure_that_it_names_is_a_peers(tmp_path: Path, monkeypatch: pytest.
 
 def test_one_that_does_not_end_in_time_is_told_of(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "deaf.py").write_text(
-        "import signal\nsignal.signal(signal.SIGINT, signal.SIG_IGN)\nprint('up', flush=True)\nsignal.pause()\n"
+        "import signal\nsignal.signal(signal.SIGTERM, signal.SIG_IGN)\nprint('up', flush=True)\nsignal.pause()\n"
     )
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
     child = Child("supervisor", "deaf", [], tmp_path / "log", {})

@@ -18,6 +18,8 @@ from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scripting.api import Api
 
 DRAIN_DEVIATION = 0.1
+CAPACITY_DEVIATION = 0.1
+"""What a twin assumes of the batteries; the charge sinks as much faster as they hold less."""
 A_SECOND = 0.0010427134 / 60 * 30  # equation (1), at theta = 30
 LOW = 0.8
 
@@ -43,9 +45,9 @@ def results_of(scenario: Scenario, script: Callable[[Api], object]) -> list[Any]
 
 
 def expected_chance(belief: Belief, elapsed_s: float) -> float:
-    """P(charge <= LOW) of a Gaussian that sinks by equation (1) and widens, as the drain is known to a tenth only."""
+    """P(charge <= LOW) of a Gaussian that sinks by equation (1) and widens, as drain and capacity are known to a tenth."""
     spent = A_SECOND * elapsed_s
-    sd = math.sqrt(belief.charge_cov[0] + (DRAIN_DEVIATION * spent) ** 2)
+    sd = math.sqrt(belief.charge_cov[0] + (math.hypot(DRAIN_DEVIATION, CAPACITY_DEVIATION) * spent) ** 2)
     return NormalDist(belief.primary - spent, sd).cdf(LOW)
 
 

@@ -244,7 +244,8 @@ class DoomedHost(InProcessHost):
 
     def __init__(self, scenario: Scenario, lost: str | None) -> None:
         super().__init__(
-            parts.fleet_config(scenario), parts.initial_states(scenario, list(starts_of(scenario)))
+            parts.fleet_config(flight_config(scenario)),
+            parts.initial_states(scenario, list(starts_of(scenario))),
         )
         self._lost = lost
 
@@ -266,15 +267,15 @@ def test_a_mission_ends_with_its_whole_fleet_and_not_with_a_part_of_it(
 ) -> None:
     scenario = short_scenario()
     host = DoomedHost(scenario, lost)
-    ids = parts.agent_ids(scenario)
-    fleet = Fleet(Coordinator(host, dict.fromkeys(ids, 0), scenario.theta), host)
-    context = FlightContext(InProcessVehicle(SimulatedAPad(scenario.apad)), AsFastAsPossible(), fleet)
+    ids = scenario.fleet.ids
+    vehicle = InProcessVehicle(SimulatedAPad(scenario.apad))
+    context = FlightContext(vehicle=vehicle, pace=AsFastAsPossible(), fleet=fleet_in(host, scenario))
     recorder = MemoryRecorder(scenario)
-    flight = Flight(parts.supervisor(scenario), context, recorder)
+    flight = Flight(parts.supervisor(flight_config(scenario)), context, recorder)
     for _ in range(5):
         flight.step()
     for agent_id in list(ids)[:killed]:
         host.kill(agent_id)
-    assert flight.run() == ended_by
+    assert str(flight.run()) == ended_by
     gave_up = [data["gave_up"] for _, kind, data in recorder.events if kind == "died"]
     assert gave_up == ["it stays dead"] * killed

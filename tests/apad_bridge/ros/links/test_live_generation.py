@@ -17,7 +17,7 @@ OF_A = Graph(
     "http://here:1",
     {},
     {f"/apad1/{action}/goal": ["/apad1_simulated"] for action in STACKS[0].recognised_actions},
-    {f"/apad1/{service}": ["/apad1_simulated"] for service in STACKS[0].services},
+    {f"/apad1/{service}": ["/apad1_simulated"] for service in STACKS[0].recognised_services},
     {},
 )
 

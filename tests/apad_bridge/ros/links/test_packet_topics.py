@@ -26,7 +26,7 @@ class Graph:
         self.published: list[tuple[str, Any]] = []
         self._takers: dict[str, tuple[Any, tuple[Any, ...]]] = {}
 
-    def Publisher(self, topic: str, kind: Any, queue_size: int) -> Any:  # noqa: N802 - the name in rospy
+    def Publisher(self, topic: str, kind: Any, queue_size: int) -> Any:
         return SimpleNamespace(publish=lambda message: self.published.append((topic, message)))
 
     def Subscriber(self, topic: str, kind: Any, take: Any, *args: Any, **_: Any) -> Any:
