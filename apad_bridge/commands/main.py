@@ -11,8 +11,17 @@ import sys
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, TextIO
 
-from agents.hosting import interrupts
 from apad_bridge.runs.exits import EXITS, Exit, UserError, shortage
+
+try:
+    from agents.hosting.interrupts import interruptible, leave_at_once
+except ImportError:
+    # Another distribution's `agents` shadows ours. The doctor names it; signals act on it as Python has them.
+    from contextlib import nullcontext as interruptible  # type: ignore[assignment]
+
+    def leave_at_once() -> None:
+        pass
+
 
 if TYPE_CHECKING:
     import argparse
@@ -78,11 +87,11 @@ def main(arguments: list[str] | None = None) -> int:
     """Runs the command line; without `arguments` it is the program's own, whose process ends after this."""
     if arguments is not None:
         return _run(arguments)
-    interrupts.leave_at_once()
+    leave_at_once()
     try:
         return _run(sys.argv[1:])
     finally:
-        interrupts.leave_at_once()
+        leave_at_once()
 
 
 def _run(arguments: list[str]) -> int:
@@ -92,7 +101,7 @@ def _run(arguments: list[str]) -> int:
         top.print_help()
         return Exit.USER_MISTAKE
     try:
-        with interrupts.interruptible():
+        with interruptible():
             code: int = chosen.run(chosen)
             sys.stdout.flush()
     except UserError as error:

@@ -80,7 +80,7 @@ def spawn_low_until_somebody_hears_it(tools: dict[str, str]) -> None:
         heard.terminate()
         alert = next(yaml.safe_load_all(heard.communicate(timeout=PATIENCE_S)[0]))
     assert alert["header"]["frame_id"] == "/amussel2/"
-    assert alert["position"] == {"north": 5.0, "east": 6.0, "depth": 0.0}
+    assert alert["position"] == {"north": 5.0, "east": 6.0, "depth": 3.0}
 
 
 def test_services_change_who_an_amussel_is(
