@@ -20,7 +20,7 @@ from apad_bridge.ros.types.messages import use_generated_messages
 
 use_generated_messages()
 
-from apad.msg import aPadAction, aPadGoal  # noqa: E402
+from apad.msg import aPadAction, aPadActionGoal, aPadGoal  # noqa: E402
 from auv_msgs.msg import NavSts  # noqa: E402
 from musselbed_msgs.msg import MissionEvent  # noqa: E402
 
@@ -34,6 +34,12 @@ def main() -> None:
     rospy.init_node("somebody", disable_signals=True)
     events: queue.Queue[tuple[str, dict[str, Any]]] = queue.Queue()
     positions: queue.Queue[tuple[float, float]] = queue.Queue()
+    goals: queue.Queue[tuple[float, float]] = queue.Queue()
+    rospy.Subscriber(
+        "/apad1/action_server/goal",
+        aPadActionGoal,
+        lambda it: goals.put((it.goal.pose.position.x, it.goal.pose.position.y)),
+    )
     rospy.Subscriber(
         "/musselbed/mission", MissionEvent, lambda it: events.put((it.kind, json.loads(it.data)))
     )
@@ -50,7 +56,12 @@ def main() -> None:
     client = SimpleActionClient("/apad1/action_server", aPadAction)
     assert client.wait_for_server(rospy.Duration(PATIENCE_S))
     print("listening", flush=True)
-    until("primitive", name="go to point", phase="started")
+    kind, begun = events.get(timeout=PATIENCE_S)
+    while (kind, begun.get("name"), begun.get("phase")) != ("primitive", "go to point", "started"):
+        kind, begun = events.get(timeout=PATIENCE_S)
+    # The event may come before the mission's goal does, which would then send this one away.
+    while math.dist(goals.get(timeout=PATIENCE_S), (begun["north_m"], begun["east_m"])) > 0.01:
+        pass
     goal = aPadGoal(id=0)
     goal.pose.position.x, goal.pose.position.y = north_m, east_m
     client.send_goal(goal)
