@@ -27,7 +27,7 @@ from apad_bridge.vehicle.primitives import (
 
 
 class DockingStep(Enum):
-    """What the routine did at a tick."""
+    """The routine's act at a tick."""
 
     WAIT = auto()
     PERMIT = auto()

@@ -186,7 +186,7 @@ def _named_like(graph: Graph, stack: Stack) -> set[str]:
 
 
 def _tell_capabilities(name: str, stack: Stack) -> Finding:
-    """What a mission may ask of this aPad, and what it may not."""
+    """Lists the orders that a mission may give this aPad, and those that it may not."""
     able = stack.capabilities(1)
     told = (
         "docks by its own eyes" if able.sees_amussels else "has no eyes to dock by",

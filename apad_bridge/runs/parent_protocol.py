@@ -1,4 +1,4 @@
-"""What a run's processes write to their parent: messages, one JSON line each on standard output, {"NAME": {fields}}.
+"""The messages that a run's processes write to their parent: one JSON line each on standard output, {"NAME": {fields}}.
 
 A supervisor writes to its run's parent; of several aPads, that parent writes to the parent of all. A line that is no
 message is text for people: a library's warning, or a torn line. The writer continues without a reader.
@@ -81,7 +81,7 @@ class Broken:
 
 
 MemberReport = Seen | Gave | Kept | Broken
-"""What only the parent of several aPads needs."""
+"""The reports that only the parent of several aPads needs."""
 Message = Status | Said | Summary | Failed | MemberReport
 
 _KINDS: dict[str, Any] = {kind.__name__.lower(): kind for kind in get_args(Message)}

@@ -65,7 +65,7 @@ class Outcome(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Rule:
-    """What becomes of a packet from `source`, by its aMussel's standing and its medium; None stands for any."""
+    """The outcome of a packet from `source`, by its aMussel's standing and its medium; None stands for any."""
 
     source: Source
     standing: Standing | None

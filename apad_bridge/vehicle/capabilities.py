@@ -49,7 +49,7 @@ class DockPlaces:
 
 @dataclass(frozen=True, slots=True)
 class Capabilities:
-    """What a stack can do for a mission."""
+    """The abilities of a stack that a mission builds on."""
 
     docks: DockPlaces
     sees_amussels: bool
