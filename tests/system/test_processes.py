@@ -458,7 +458,9 @@ def test_a_nursery_that_cannot_start_is_tried_again_and_then_given_up(
     monkeypatch.setattr("agents.hosting.process_host.launch_nursery", refuse)
     clock = coordinator(host)
     clock.advance(1_000)
+    pids = dict(host.pids)
     os.kill(host.nursery_pid, signal.SIGKILL)
+    assert all(gone(pid) for pid in pids.values())
     clock.advance(2_000)
     assert len(tried) == 3 and host.lost is not None and host.lost.endswith("(it has no room)")
 
