@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 _COMMANDS = (
     "run",
     "resume",
+    "control",
     "fleet",
     "mission",
     "apad",

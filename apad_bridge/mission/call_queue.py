@@ -50,6 +50,10 @@ class FlightMission(Protocol):
 
     def finish(self, end: MissionEnd) -> None: ...
 
+    def note(self, kind: str, **data: object) -> None:
+        """An event for the journal."""
+        ...
+
 
 class _Call:
     def __init__(self, act: Callable[[FlightMission, ManualMission | None], Any]) -> None:
@@ -80,13 +84,16 @@ class CallQueue:
                 raise Refused("the mission flies the aPad: call take_over first")
             return act(manual)
 
-        return self._call(by_hand, timeout_s)
+        return self.call_any(by_hand, timeout_s)
 
     def call_mission(self, act: Callable[[FlightMission], T], timeout_s: float = ANSWER_S) -> T:
         """Like `call`, but also while a plan flies the aPad."""
-        return self._call(lambda flown, _: act(flown), timeout_s)
+        return self.call_any(lambda flown, _: act(flown), timeout_s)
 
-    def _call(self, act: Callable[[FlightMission, ManualMission | None], T], timeout_s: float) -> T:
+    def call_any(
+        self, act: Callable[[FlightMission, ManualMission | None], T], timeout_s: float = ANSWER_S
+    ) -> T:
+        """Like `call_mission`; `act` receives also the mission that follows calls, None while a plan flies the aPad."""
         call = _Call(act)
         with self._lock:
             if self._closed is not None:

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from apad_bridge.mission.call_queue import CallQueue, FlightMission
-from apad_bridge.mission.ending import MissionEnd
+from apad_bridge.mission.ending import EndReason, MissionEnd
 from apad_bridge.mission.energy_exchange import EnergyExchange
 from apad_bridge.mission.manual import ManualMission
 from apad_bridge.mission.orders import Note, Order
@@ -82,6 +82,10 @@ class Takeover:
         """Like `end`, from within a call."""
         self._orders += self.end(end, self._now_ms)
 
+    def note(self, kind: str, **data: object) -> None:
+        """An event for the journal."""
+        self._orders.append(Note(kind, data))
+
     def take_over(self) -> str:
         """The aPad holds its position and waits for orders; a commanded mechanism is not stopped half-way.
 
@@ -132,3 +136,43 @@ def give_back(mission: FlightMission) -> str:
     if not isinstance(mission, Takeover):
         raise Refused("in this flight there is no mission to give the aPad back to")
     return mission.give_back()
+
+
+def stop(mission: FlightMission, by_hand: ManualMission | None, by: str) -> str:
+    """The aPad holds its position until `go_on`; a commanded mechanism is not stopped half-way.
+
+    A mission that plans is taken over. A flight by hand or by a script is paused. `by` names the person.
+    """
+    mission.note("operator", order="stop", by=by)
+    if by_hand is None:
+        return take_over(mission)
+    if by_hand.paused or (isinstance(mission, Takeover) and not by_hand.is_busy):
+        return "the aPad holds its position already"
+    by_hand.pause()
+    return ""
+
+
+def go_on(mission: FlightMission, by_hand: ManualMission | None, by: str) -> str:
+    """Goes on where `stop` stopped. A mission that a person took over otherwise is given back."""
+    mission.note("operator", order="continue", by=by)
+    is_planner_waiting = isinstance(mission, Takeover)
+    if by_hand is not None and by_hand.resume():
+        return (
+            "a person goes on flying the aPad: continue again to give it back" if is_planner_waiting else ""
+        )
+    if by_hand is not None and not is_planner_waiting:
+        return "nothing was stopped"
+    return give_back(mission)
+
+
+def abort(mission: FlightMission, by: str) -> str:
+    """Ends the mission: the aPad holds its position, and nothing plans any more."""
+    mission.note("operator", order="abort", by=by)
+    mission.finish(MissionEnd(EndReason.CALL, f"{EndReason.CALL}: abort by {by}"))
+    return ""
+
+
+def remark(mission: FlightMission, text: str, by: str) -> str:
+    """Writes a person's remark into the journal, with the time of the mission."""
+    mission.note("remark", text=text, by=by)
+    return ""

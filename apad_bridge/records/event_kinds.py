@@ -43,6 +43,8 @@ class EventKind(StrEnum):
     LEFT_ALONE = "left_alone"
     STUCK = "stuck"
     OVERRIDE = "override"
+    OPERATOR = "operator"
+    REMARK = "remark"
     SCRIPT = "script"
     STANDS_DOWN = "stands_down"
     HANDED_ON = "handed_on"
@@ -340,6 +342,22 @@ KINDS: tuple[Kind, ...] = (
         EventKind.OVERRIDE,
         "a person took the aPad over, or gave it back",
         (Field("taken", BOOLEAN, "true when it was taken over"),),
+    ),
+    Kind(
+        EventKind.OPERATOR,
+        "a person gave the supervisor an order by a command",
+        (
+            Field("order", _one_of(("stop", "continue", "abort")), "the order"),
+            Field("by", TEXT, "the person's name on that machine"),
+        ),
+    ),
+    Kind(
+        EventKind.REMARK,
+        "a person made a remark",
+        (
+            Field("text", TEXT, "the remark"),
+            Field("by", TEXT, "who made it"),
+        ),
     ),
     Kind(
         EventKind.SCRIPT,

@@ -27,6 +27,7 @@ from apad_bridge.ros.gateway.primitive_services import primitives_offered
 from apad_bridge.ros.system.route import why_silent
 from apad_bridge.runs import flying, resuming
 from apad_bridge.runs.children import supervising
+from apad_bridge.runs.control import control_offered
 from apad_bridge.runs.dry_run import without_commands
 from apad_bridge.runs.exits import Exit, shortage
 from apad_bridge.runs.nurseries import adopt
@@ -78,6 +79,8 @@ def fly(run_dir: Path, *, resume: bool, keeps: bool) -> int:
                 fleet = _adopt_fleet(run)
                 context = stack.enter_context(_flight_context(run, fleet))
                 calls = stack.enter_context(primitives_offered(run.config.scenario, run.options))
+                if calls is not None:
+                    context = _under_control(stack, context, run.path, calls)
             summary = _fly_mission(run, context, calls)
     except (PeerFailed, TimeoutError) as error:
         # A node falls silent with its master: the master is then the cause to name.
@@ -144,6 +147,14 @@ def _flight_context(run: _Run, fleet: Fleet | NoFleet) -> Iterator[FlightContext
         context = replace(context, serial_lines=serial_lines)
         context = join_others(context, scenario, options, run.path, write)
         yield without_commands(context) if options.dry_run else context
+
+
+def _under_control(
+    stack: ExitStack, context: FlightContext, run_dir: Path, calls: CallQueue
+) -> FlightContext:
+    """Takes orders of commands, too, and counts those that it drops."""
+    dropped = stack.enter_context(control_offered(run_dir, calls))
+    return replace(context, dropped=lambda: context.dropped() + dropped)
 
 
 def _fly_mission(run: _Run, context: FlightContext, call_queue: CallQueue | None) -> dict[str, Any]:

@@ -186,6 +186,37 @@ def test_ctrl_c_ends_everything_in_order_within_5_s_with_a_valid_bag(fly: Any) -
     assert children_of(run) == []
 
 
+def test_a_person_stops_a_run_continues_and_aborts_it_by_commands(fly: Any) -> None:
+    process, run = fly(2)
+    wait_for(lambda: docked(run), "nothing was docked")
+    for order, printed in (
+        ("stop", "done"),
+        ("stop", "the aPad holds its position already"),
+        ("continue", "done"),
+    ):
+        answered = musselbed(order, run, "--by", "Anna")
+        assert (answered.returncode, answered.stdout) == (0, f"{printed}\n"), answered.stderr
+    assert musselbed("remark", run, "gulls [red]").returncode == 0
+    assert json.loads(musselbed("abort", run, "--by", "Anna", "--json").stdout) == {
+        run.name: {"accepted": True, "message": ""}
+    }
+    stdout, stderr = process.communicate(timeout=2 * PATIENCE_S)
+    assert process.returncode == 0, stderr
+    assert json.loads(stdout)["ended_by"] == "a call: abort by Anna"
+    lines = read_journal(run / "journal.jsonl").lines
+    assert [line["order"] for line in lines if line["kind"] == "operator"] == [
+        "stop",
+        "stop",
+        "continue",
+        "abort",
+    ]
+    stopped_ms, continued_ms = (line["t"] for line in lines if line["kind"] == "override")
+    between = [line for line in lines if stopped_ms < line["t"] < continued_ms]
+    assert not [line for line in between if line["kind"] == "plan" or line.get("name") == "go to point"]
+    assert [line["text"] for line in lines if line["kind"] == "remark"] == ["gulls [red]"]
+    assert not (run / "control.sock").exists() and children_of(run) == []
+
+
 def test_kill_9_of_the_supervisor_and_resume_goes_on_with_the_docks_as_they_were(fly: Any) -> None:
     # In a namespace that the shell of `resume` is told nothing of.
     process, run = fly(20, "__ns:=basin")

@@ -1,10 +1,7 @@
 """A mission is taken over in flight, flown by hand, and given back."""
 
-import threading
-from collections.abc import Callable
-from typing import Any
-
 import pytest
+from flying import Flying
 
 from apad_bridge.beliefs.belief import Belief
 from apad_bridge.beliefs.fleet import Estimator
@@ -18,65 +15,12 @@ from apad_bridge.mission.takeover import Takeover, give_back, take_over
 from apad_bridge.mission.values import Refused, Status
 from apad_bridge.planning import registry
 from apad_bridge.planning.solution import Solution, Step, StepKind
-from apad_bridge.runs.in_memory import MemoryRecorder, open_flight
+from apad_bridge.runs.control import Act, Request, carry_out
+from apad_bridge.runs.in_memory import open_flight
 from apad_bridge.scenario.schema import Scenario
-from apad_bridge.supervisor.loop import Flight
 from apad_bridge.vehicle.commands import CommandedByOthers
 from apad_bridge.vehicle.primitives import DockChanged, GoToPoint, PrimitiveSucceeded, UndockMussel
 from firmware_model.states import State
-
-
-class Flying:
-    """A flight of the pool that the test moves tick by tick, and calls as a ROS service would."""
-
-    def __init__(self, pool: Scenario) -> None:
-        self.calls = CallQueue()
-        self.flight: Flight
-        self.records: MemoryRecorder
-        self.flight, self.records = open_flight(pool, takeover=self.calls)
-        self.now_ms = -1000
-
-    def until(self, holds: Callable[[], bool], limit_s: int = 1200) -> None:
-        last_ms = self.now_ms + 1000 * limit_s
-        while not holds():
-            self.now_ms += 1000
-            assert self.now_ms <= last_ms, "it never came to that"
-            self.flight.tick(self.now_ms)
-
-    def seconds(self, count: int) -> None:
-        until_ms = self.now_ms + 1000 * count
-        self.until(lambda: self.now_ms >= until_ms)
-
-    def call(self, act: Callable[[ManualMission], Any]) -> Any:
-        return self._answered(lambda: self.calls.call(act, 30))
-
-    def call_mission(self, act: Callable[[Any], None]) -> None:
-        self._answered(lambda: self.calls.call_mission(act, 30))
-
-    def _answered(self, ask: Callable[[], Any]) -> Any:
-        answer: list[Any] = []
-
-        def caller() -> None:
-            try:
-                answer.append(ask())
-            except Refused as refused:
-                answer.append(refused)
-
-        thread = threading.Thread(target=caller)
-        thread.start()
-        while not self.calls._calls:
-            assert thread.is_alive()
-        self.until(lambda: bool(answer) or thread.join(0.05) is not None, limit_s=200)
-        if isinstance(answer[0], Refused):
-            raise answer[0]
-        return answer[0]
-
-    @property
-    def phase(self) -> Phase:
-        return self.flight.supervisor.mission.state.phase
-
-    def events(self, kind: str) -> list[dict[str, Any]]:
-        return [data for _, name, data in self.records.events if name == kind]
 
 
 def test_taken_over_it_does_as_it_is_told_and_given_back_it_plans_again(pool: Scenario) -> None:
@@ -218,3 +162,82 @@ def test_a_mission_stands_aside_while_another_party_commands_the_apad(pool: Scen
     assert len(flying.events("plan")) == plans, "it planned, though another party commands the aPad"
     flying.call_mission(give_back)
     flying.until(lambda: len(flying.events("plan")) > plans)
+
+
+def asked(flying: Flying, act: Act, text: str = "") -> tuple[bool, str]:
+    """A command's request, carried out while the flight goes on, and its answer."""
+    answer = flying.answered(lambda: carry_out(Request(act, "Anna", text), flying.calls))
+    return answer.accepted, answer.message
+
+
+def test_a_stopped_mission_holds_until_a_person_continues_however_often_it_was_stopped(
+    pool: Scenario,
+) -> None:
+    flying = Flying(pool)
+    flying.until(lambda: flying.phase is Phase.GO_COLLECT)
+    assert asked(flying, Act.STOP) == (True, "")
+    assert flying.phase is Phase.COMMANDED
+    assert asked(flying, Act.STOP) == (True, "the aPad holds its position already")
+    flying.seconds(5)
+    held = flying.flight.supervisor.pose
+    assert held is not None
+    plans = len(flying.events("plan"))
+    flying.seconds(120)
+    pose = flying.flight.supervisor.pose
+    assert pose is not None and (pose.north_m, pose.east_m) == (held.north_m, held.east_m)
+    assert len(flying.events("plan")) == plans
+    assert asked(flying, Act.CONTINUE) == (True, "")
+    flying.until(lambda: len(flying.events("plan")) > plans)
+    assert asked(flying, Act.CONTINUE) == (True, "the mission flies the aPad already")
+    assert flying.events("operator") == [
+        {"order": order, "by": "Anna"} for order in ("stop", "stop", "continue", "continue")
+    ]
+
+
+def test_a_go_to_of_a_person_is_stopped_and_continued(pool: Scenario) -> None:
+    flying = Flying(pool)
+    flying.seconds(3)
+    flying.call_mission(take_over)
+    flying.call(lambda mission: mission.go_to(10.0, 10.0))
+    assert asked(flying, Act.STOP) == (True, "")
+    assert flying.by_hand.paused
+    flying.seconds(60)
+    assert flying.by_hand.goto is Status.RUNNING
+    assert asked(flying, Act.CONTINUE) == (
+        True,
+        "a person goes on flying the aPad: continue again to give it back",
+    )
+    flying.until(lambda: flying.by_hand.goto is Status.DONE)
+    assert asked(flying, Act.CONTINUE) == (True, "")
+    assert flying.phase is not Phase.COMMANDED
+
+
+def test_an_aborted_mission_ends_with_a_hold_and_takes_no_more_orders(pool: Scenario) -> None:
+    flying = Flying(pool)
+    flying.until(lambda: flying.phase is Phase.GO_COLLECT)
+    assert asked(flying, Act.ABORT) == (True, "")
+    end = flying.flight.supervisor.mission.state.ended_by
+    assert end == MissionEnd(EndReason.CALL, "a call: abort by Anna")
+    started = [it["name"] for it in flying.events("primitive") if it["phase"] == "started"]
+    assert started[-1] == "hold position"
+    answer = carry_out(Request(Act.CONTINUE, "Anna"), flying.calls)
+    assert not answer.accepted and answer.message == "the mission is over: a call: abort by Anna"
+
+
+def test_a_remark_stands_in_the_journal_and_changes_nothing_else(pool: Scenario) -> None:
+    flying, undisturbed = Flying(pool), Flying(pool)
+    flying.seconds(5)
+    assert asked(flying, Act.REMARK, "a boat\nto the north") == (True, "")
+    flying.until(lambda: flying.now_ms >= 400_000)
+    undisturbed.until(lambda: undisturbed.now_ms >= flying.now_ms)
+    assert flying.events("remark") == [{"text": "a boat\nto the north", "by": "Anna"}]
+    others = [it for it in flying.records.events if it[1] != "remark"]
+    assert others == undisturbed.records.events
+
+
+def test_a_flight_by_hand_that_was_not_stopped_has_nothing_to_continue(pool: Scenario) -> None:
+    flying = Flying.by_calls(pool)
+    flying.seconds(3)
+    assert asked(flying, Act.CONTINUE) == (True, "nothing was stopped")
+    assert asked(flying, Act.STOP) == (True, "")
+    assert asked(flying, Act.CONTINUE) == (True, "")

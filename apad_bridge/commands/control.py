@@ -1,0 +1,109 @@
+"""`musselbed stop`, `continue`, `abort` and `remark`: a person's word to a run that flies, from any terminal."""
+
+from __future__ import annotations
+
+import argparse
+import getpass
+import json
+from pathlib import Path
+from typing import Any
+
+from apad_bridge.runs.control import LONGEST_REMARK, SOCKET_NAME, Act, Answer, NobodyListens, Request, ask
+from apad_bridge.runs.exits import EXITS, Exit, UserError
+from apad_bridge.vehicle.errors import PeerFailed
+
+_NO_EMERGENCY_STOP = "This is no emergency stop: it needs a living supervisor and a link to the vehicle."
+_COMMANDS: dict[Act, tuple[str, str, str]] = {
+    Act.STOP: (
+        "hold the aPad where it is, until `continue`",
+        "The aPad holds its position and the mission waits. A dock that moves already is not stopped half-way. "
+        f"{_NO_EMERGENCY_STOP}",
+        "musselbed stop runs/pool-12-1; musselbed continue runs/pool-12-1",
+    ),
+    Act.CONTINUE: (
+        "go on with a run that was stopped or taken over",
+        "The mission plans anew from where the aPad is. A script, or a flight by hand, goes on where it stopped.",
+        "musselbed stop runs/pool-12-1; musselbed continue runs/pool-12-1",
+    ),
+    Act.ABORT: (
+        "end the mission of a run; the aPad holds its position",
+        f"The run ends in order, with its summary, and exit code 0. {_NO_EMERGENCY_STOP}",
+        "musselbed abort runs/pool-12-1",
+    ),
+    Act.REMARK: (
+        "write a remark into the records of a run",
+        "The journal and the bag have the remark at the mission time at which it was made.",
+        'musselbed remark runs/pool-12-1 "fishing boat 200 m north"; musselbed remark runs/pool-12-1 "gone" --by Anna',
+    ),
+}
+
+
+def add_parser(commands: Any) -> None:
+    for act, (summary, description, examples) in _COMMANDS.items():
+        parser = commands.add_parser(
+            act.value,
+            help=summary,
+            description=description,
+            epilog=f"examples: {examples}. exit codes: {EXITS}",
+        )
+        parser.add_argument("directory", type=Path, metavar="RUN", help="the run's directory")
+        if act is Act.REMARK:
+            parser.add_argument("text", metavar="TEXT", help=f"at most {LONGEST_REMARK} characters")
+        parser.add_argument(
+            "--by", default=None, metavar="NAME", help="who you are (default: the user's name)"
+        )
+        parser.add_argument("--json", action="store_true", help="print the answers by aPad as JSON on stdout")
+        parser.set_defaults(run=run, act=act)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    request = _request(arguments)
+    answers: dict[str, Answer] = {}
+    silent: list[str] = []
+    for name, directory in _supervised(arguments.directory).items():
+        try:
+            answers[name] = ask(directory, request)
+        except NobodyListens:
+            silent.append(name)
+        except PeerFailed as error:  # the other aPads of the run are asked all the same
+            answers[name] = Answer(False, str(error))
+    if not answers:
+        raise UserError(
+            f"no supervisor of {arguments.directory} takes orders: {_why_nobody(arguments.directory)}"
+        )
+    if arguments.json:
+        print(
+            json.dumps(
+                {name: {"accepted": it.accepted, "message": it.message} for name, it in answers.items()}
+            )
+        )
+    else:
+        for name, answer in answers.items():
+            print(f"{name}: {answer.message or 'done'}" if len(answers) > 1 else answer.message or "done")
+        for name in silent:
+            print(f"{name}: its supervisor takes no orders")
+    return Exit.DONE if all(it.accepted for it in answers.values()) and not silent else Exit.PEER_FAILED
+
+
+def _request(arguments: argparse.Namespace) -> Request:
+    by = arguments.by or getpass.getuser()
+    text = getattr(arguments, "text", "")
+    if len(text) > LONGEST_REMARK or len(by) > 100:
+        raise UserError(f"a remark has at most {LONGEST_REMARK} characters, and a name 100")
+    return Request(arguments.act, by, text)
+
+
+def _supervised(directory: Path) -> dict[str, Path]:
+    """The directories with a supervisor of their own: the run's, or one for each of several aPads."""
+    if not (directory / "scenario.yaml").exists():
+        raise UserError(f"{directory} is no run: name the directory that `musselbed run` printed")
+    members = {it.parent.name: it.parent for it in sorted(directory.glob("*/scenario.yaml"))}
+    return members or {directory.name: directory}
+
+
+def _why_nobody(directory: Path) -> str:
+    if (directory / "summary.json").exists():
+        return "it has ended"
+    if not any(directory.rglob(SOCKET_NAME)):
+        return "it flies in virtual time (--time asap), has ended, or moves no aPad"
+    return f"its supervisor died; go on with: musselbed resume {directory}"

@@ -1,0 +1,170 @@
+"""A person's orders to the supervisor of a run, through a socket in the run's directory.
+
+A command connects, writes one request as a line of JSON and reads one answer. A thread of the supervisor's process takes
+the request and puts it on the call queue, so the supervisor's own thread acts on it at the next tick. Any process of the
+same user may give orders, and nobody else.
+"""
+
+from __future__ import annotations
+
+import os
+import socket
+import socketserver
+import threading
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated, assert_never
+
+from pydantic import Field, TypeAdapter, ValidationError
+
+from agents.nursery.protocol import is_of_our_user
+from apad_bridge.mission import takeover
+from apad_bridge.mission.call_queue import ANSWER_S, CallQueue, FlightMission
+from apad_bridge.mission.manual import ManualMission
+from apad_bridge.mission.values import Refused
+from apad_bridge.vehicle.errors import PeerFailed
+
+SOCKET_NAME = "control.sock"
+LONGEST_REMARK = 2000
+"""Characters."""
+_LONGEST_LINE = 16_384
+_CLIENT_S = 5.0
+"""A client that writes nothing for so many wall seconds is left."""
+
+
+class Act(StrEnum):
+    STOP = "stop"
+    CONTINUE = "continue"
+    ABORT = "abort"
+    REMARK = "remark"
+
+
+@dataclass(frozen=True, slots=True)
+class Request:
+    act: Act
+    by: Annotated[str, Field(min_length=1, max_length=100)]
+    """The person's name."""
+    text: Annotated[str, Field(max_length=LONGEST_REMARK)] = ""
+    """The remark."""
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    accepted: bool
+    message: str
+    """Why it was refused, or that it changed nothing; empty for an order that was carried out."""
+
+
+class NobodyListens(Exception):
+    """No supervisor of the run takes orders."""
+
+
+_REQUEST, _ANSWER = TypeAdapter(Request), TypeAdapter(Answer)
+
+
+def carry_out(request: Request, calls: CallQueue) -> Answer:
+    """Has the supervisor carry the request out at its next tick. It answers within `ANSWER_S`."""
+
+    def act(mission: FlightMission, by_hand: ManualMission | None) -> str:
+        match request.act:
+            case Act.STOP:
+                return takeover.stop(mission, by_hand, request.by)
+            case Act.CONTINUE:
+                return takeover.go_on(mission, by_hand, request.by)
+            case Act.ABORT:
+                return takeover.abort(mission, request.by)
+            case Act.REMARK:
+                return takeover.remark(mission, request.text, request.by)
+            case _:
+                assert_never(request.act)
+
+    try:
+        return Answer(True, calls.call_any(act))
+    except Refused as refused:
+        return Answer(False, str(refused))
+
+
+@contextmanager
+def control_offered(run_dir: Path, calls: CallQueue) -> Iterator[Counter[str]]:
+    """Listens in the run's directory while it is entered; yields the counts of dropped requests, by reason.
+
+    For the process that holds the run's lock: a socket that is there already is a dead supervisor's.
+    """
+    with _short_path(run_dir) as path:
+        with suppress(FileNotFoundError):
+            os.unlink(path)
+        server = _Server(path, calls)
+    thread = threading.Thread(target=server.serve_forever, name="control", daemon=True)
+    thread.start()
+    try:
+        yield server.dropped
+    finally:
+        server.shutdown()
+        server.server_close()
+        (run_dir / SOCKET_NAME).unlink(missing_ok=True)
+
+
+def ask(run_dir: Path, request: Request) -> Answer:
+    """The supervisor's answer. NobodyListens without a supervisor; PeerFailed if it does not answer in time."""
+    with _short_path(run_dir) as path, socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as link:
+        # The supervisor itself answers within ANSWER_S, so silence for longer is not the mission's.
+        link.settimeout(ANSWER_S + _CLIENT_S)
+        try:
+            link.connect(path)
+            link.sendall(_REQUEST.dump_json(request) + b"\n")
+            line = link.makefile("rb").readline(_LONGEST_LINE)
+            return _ANSWER.validate_json(line)
+        except (FileNotFoundError, ConnectionRefusedError) as error:
+            raise NobodyListens(str(run_dir)) from error
+        except (OSError, ValidationError) as error:
+            raise PeerFailed(f"the supervisor of {run_dir} does not answer: {error}") from error
+
+
+@contextmanager
+def _short_path(run_dir: Path) -> Iterator[str]:
+    """A path within a Unix socket's 107 bytes; a run directory's may be longer."""
+    directory = os.open(run_dir, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        yield f"/proc/self/fd/{directory}/{SOCKET_NAME}"
+    finally:
+        os.close(directory)
+
+
+class _Server(socketserver.ThreadingUnixStreamServer):
+    """A thread for each client, so that a silent one delays nobody's stop."""
+
+    request_queue_size = 64
+    daemon_threads = True
+    block_on_close = False
+
+    def __init__(self, path: str, calls: CallQueue) -> None:
+        self.calls = calls
+        self.dropped: Counter[str] = Counter()
+        super().__init__(path, _Handler)
+
+    def verify_request(self, request: object, client_address: object) -> bool:
+        assert isinstance(request, socket.socket)
+        if is_of_our_user(request):
+            return True
+        self.dropped["orders of another user"] += 1
+        return False
+
+
+class _Handler(socketserver.StreamRequestHandler):
+    timeout = _CLIENT_S
+    server: _Server
+
+    def handle(self) -> None:
+        with suppress(OSError):  # the client left: its order stands
+            try:
+                request = _REQUEST.validate_json(self.rfile.readline(_LONGEST_LINE))
+            except ValidationError as error:
+                self.server.dropped["orders that cannot be read"] += 1
+                answer = Answer(False, f"the request cannot be read: {error.errors()[0]['msg']}")
+            else:
+                answer = carry_out(request, self.server.calls)
+            self.wfile.write(_ANSWER.dump_json(answer) + b"\n")

@@ -1,0 +1,160 @@
+"""The socket in a run's directory by which commands give a supervisor orders."""
+
+import json
+import os
+import socket
+import stat
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from flying import Flying
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from apad_bridge.commands import main
+from apad_bridge.mission.state import Phase
+from apad_bridge.runs import control
+from apad_bridge.runs.control import (
+    SOCKET_NAME,
+    Act,
+    Answer,
+    NobodyListens,
+    Request,
+    ask,
+    control_offered,
+)
+from apad_bridge.scenario.schema import Scenario
+from apad_bridge.vehicle.errors import PeerFailed
+
+
+@pytest.fixture
+def run_dir(tmp_path: Path) -> Path:
+    """Its path is longer than a Unix socket's address may be."""
+    path = tmp_path / ("long" * 30)
+    path.mkdir()
+    (path / "scenario.yaml").touch()
+    return path
+
+
+@pytest.fixture
+def flying(pool: Scenario, run_dir: Path) -> Iterator[Flying]:
+    flying = Flying(pool)
+    flying.seconds(3)
+    with control_offered(run_dir, flying.calls):
+        yield flying
+
+
+def test_a_command_gives_an_order_and_prints_the_answer(
+    flying: Flying, run_dir: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert flying.answered(lambda: main.main(["stop", str(run_dir), "--by", "Anna", "--json"])) == 0
+    assert flying.phase is Phase.COMMANDED
+    assert json.loads(capsys.readouterr().out) == {run_dir.name: {"accepted": True, "message": ""}}
+    assert flying.answered(lambda: main.main(["stop", str(run_dir)])) == 0
+    assert capsys.readouterr().out == "the aPad holds its position already\n"
+    assert flying.answered(lambda: main.main(["abort", str(run_dir)])) == 0
+    flying.calls.close("the flight is over")
+    assert main.main(["stop", str(run_dir)]) == 3
+    assert "the mission is over" in capsys.readouterr().out
+
+
+def test_only_this_user_may_connect_and_the_socket_goes_with_its_supervisor(
+    flying: Flying, run_dir: Path, monkeypatch: pytest.MonkeyPatch, pool: Scenario
+) -> None:
+    assert stat.S_ISSOCK((run_dir / SOCKET_NAME).stat().st_mode)
+    monkeypatch.setattr(control, "is_of_our_user", lambda link: False)
+    with pytest.raises(PeerFailed, match="does not answer"):
+        ask(run_dir, Request(Act.STOP, "Mallory"))
+    assert flying.phase is not Phase.COMMANDED
+
+
+def test_without_a_supervisor_the_command_says_what_can_be_done(
+    run_dir: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main.main(["stop", str(tmp_path)]) == 2
+    assert "is no run: name the directory" in capsys.readouterr().err
+    assert main.main(["stop", str(run_dir)]) == 2
+    assert "no supervisor of" in capsys.readouterr().err
+    # What a killed supervisor leaves.
+    with socket.socket(socket.AF_UNIX) as left:
+        os.chdir(run_dir)
+        left.bind(SOCKET_NAME)
+        os.chdir(tmp_path)
+    assert main.main(["stop", str(run_dir)]) == 2
+    assert f"go on with: musselbed resume {run_dir}" in capsys.readouterr().err
+    (run_dir / "summary.json").write_text("{}")
+    assert main.main(["stop", str(run_dir)]) == 2
+    assert "it has ended" in capsys.readouterr().err
+
+
+def test_a_dead_supervisors_socket_is_replaced_and_its_own_removed(run_dir: Path, pool: Scenario) -> None:
+    (run_dir / SOCKET_NAME).write_text("left over")
+    flying = Flying(pool)
+    with control_offered(run_dir, flying.calls):
+        request = Request(Act.REMARK, "Anna", "after the crash")
+        assert flying.answered(lambda: ask(run_dir, request)) == Answer(True, "")
+    assert not (run_dir / SOCKET_NAME).exists()
+    with pytest.raises(NobodyListens):
+        ask(run_dir, request)
+
+
+def test_a_client_that_says_nothing_delays_nobodys_stop(flying: Flying, run_dir: Path) -> None:
+    silent = [connected(run_dir) for _ in range(20)]
+    assert flying.answered(lambda: ask(run_dir, Request(Act.STOP, "Anna"))) == Answer(True, "")
+    for link in silent:
+        link.close()
+
+
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(
+    st.one_of(
+        st.binary(max_size=200),
+        st.recursive(
+            st.none() | st.integers() | st.text(), lambda it: st.lists(it) | st.dictionaries(st.text(), it)
+        ).map(lambda it: json.dumps(it).encode()),
+        st.just(b'{"act": "stop", "by": ""}'),
+        st.just(b'{"act": "fly", "by": "Anna"}'),
+        st.just(b"[" * 16_000),
+    )
+)
+def test_what_is_no_request_is_answered_and_counted_and_orders_nothing(
+    flying: Flying, run_dir: Path, data: bytes
+) -> None:
+    with connected(run_dir) as link:
+        link.sendall(data.replace(b"\n", b" ") + b"\n")
+        line = link.makefile("rb").readline()
+    assert json.loads(line)["accepted"] is False
+    assert not flying.calls._calls
+
+
+def test_dropped_requests_are_counted_by_reason(run_dir: Path, pool: Scenario) -> None:
+    with control_offered(run_dir, Flying(pool).calls) as dropped:
+        for _ in range(3):
+            with connected(run_dir) as link:
+                link.sendall(b"stop\n")
+                assert b"cannot be read" in link.makefile("rb").readline()
+        assert dropped == {"orders that cannot be read": 3}
+
+
+def test_a_supervisor_that_does_not_tick_is_told_of_and_the_order_withdrawn(
+    run_dir: Path, pool: Scenario, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    flying = Flying(pool)
+    monkeypatch.setattr(
+        control, "carry_out", lambda request, calls: Answer(True, calls.call_any(lambda *_: "", 0.05))
+    )
+    threads = threading.active_count()
+    with control_offered(run_dir, flying.calls), pytest.raises(PeerFailed, match="does not answer"):
+        ask(run_dir, Request(Act.STOP, "Anna"))
+    assert all(it.withdrawn for it in flying.calls._calls)
+    assert threading.active_count() <= threads + 1
+
+
+def connected(run_dir: Path) -> socket.socket:
+    link = socket.socket(socket.AF_UNIX)
+    link.settimeout(30)
+    with control._short_path(run_dir) as path:
+        link.connect(path)
+    return link

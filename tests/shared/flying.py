@@ -1,0 +1,84 @@
+"""A flight that a test moves tick by tick, with calls of other threads."""
+
+import threading
+from collections.abc import Callable
+from typing import Any
+
+from apad_bridge.mission.call_queue import CallQueue
+from apad_bridge.mission.manual import ManualMission
+from apad_bridge.mission.state import Phase
+from apad_bridge.mission.takeover import Takeover
+from apad_bridge.mission.values import Refused
+from apad_bridge.runs.in_memory import MemoryRecorder, open_flight
+from apad_bridge.scenario.schema import Scenario
+from apad_bridge.supervisor.loop import Flight
+
+
+class Flying:
+    """A flight of the pool that the test moves tick by tick, and calls as a ROS service would."""
+
+    def __init__(self, pool: Scenario) -> None:
+        """The scenario's own mission, which the calls may take over."""
+        self.calls = CallQueue()
+        self.flight: Flight
+        self.records: MemoryRecorder
+        self.flight, self.records = open_flight(pool, takeover=self.calls)
+        self.now_ms = -1000
+
+    @classmethod
+    def by_calls(cls, pool: Scenario) -> "Flying":
+        """A flight by hand: no mission plans."""
+        flying = cls.__new__(cls)
+        flying.calls = CallQueue()
+        flying.flight, flying.records = open_flight(pool, (flying.calls,))
+        flying.now_ms = -1000
+        return flying
+
+    def until(self, holds: Callable[[], bool], limit_s: int = 1200) -> None:
+        last_ms = self.now_ms + 1000 * limit_s
+        while not holds():
+            self.now_ms += 1000
+            assert self.now_ms <= last_ms, "it never came to that"
+            self.flight.tick(self.now_ms)
+
+    def seconds(self, count: int) -> None:
+        until_ms = self.now_ms + 1000 * count
+        self.until(lambda: self.now_ms >= until_ms)
+
+    def call(self, act: Callable[[ManualMission], Any]) -> Any:
+        return self.answered(lambda: self.calls.call(act, 30))
+
+    def call_mission(self, act: Callable[[Any], None]) -> None:
+        self.answered(lambda: self.calls.call_mission(act, 30))
+
+    def answered(self, ask: Callable[[], Any]) -> Any:
+        answer: list[Any] = []
+
+        def caller() -> None:
+            try:
+                answer.append(ask())
+            except Refused as refused:
+                answer.append(refused)
+
+        thread = threading.Thread(target=caller)
+        thread.start()
+        while not self.calls._calls:
+            assert thread.is_alive()
+        self.until(lambda: bool(answer) or thread.join(0.05) is not None, limit_s=200)
+        if isinstance(answer[0], Refused):
+            raise answer[0]
+        return answer[0]
+
+    @property
+    def by_hand(self) -> ManualMission:
+        """The mission that follows calls; the flight was taken over."""
+        mission = self.flight.supervisor.mission
+        assert isinstance(mission, Takeover) and mission.by_hand is not None
+        return mission.by_hand
+
+    @property
+    def phase(self) -> Phase:
+        return self.flight.supervisor.mission.state.phase
+
+    def events(self, kind: str) -> list[dict[str, Any]]:
+        return [data for _, name, data in self.records.events if name == kind]
