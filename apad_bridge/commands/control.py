@@ -8,8 +8,16 @@ import json
 from pathlib import Path
 from typing import Any
 
-from apad_bridge.runs.control import LONGEST_REMARK, SOCKET_NAME, Act, Answer, NobodyListens, Request, ask
 from apad_bridge.runs.exits import EXITS, Exit, UserError
+from apad_bridge.supervisor.control import (
+    LONGEST_REMARK,
+    SOCKET_NAME,
+    Act,
+    Answer,
+    NobodyListens,
+    Request,
+    ask,
+)
 from apad_bridge.vehicle.errors import PeerFailed
 
 _NO_EMERGENCY_STOP = "This is no emergency stop: it needs a living supervisor and a link to the vehicle."
@@ -32,7 +40,7 @@ _COMMANDS: dict[Act, tuple[str, str, str]] = {
     ),
     Act.REMARK: (
         "write a remark into the records of a run",
-        "The journal and the bag have the remark at the mission time at which it was made.",
+        "The journal, the bag and the replay page show the remark at the mission time at which it was made.",
         'musselbed remark runs/pool-12-1 "fishing boat 200 m north"; musselbed remark runs/pool-12-1 "gone" --by Anna',
     ),
 }

@@ -35,6 +35,7 @@ _COMMANDS = (
     "apad",
     "script",
     "replay",
+    "console",
     "beliefs",
     "mu",
     "fit",

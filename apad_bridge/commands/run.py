@@ -7,12 +7,13 @@ import os
 import re
 import sys
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 from apad_bridge.commands import several
+from apad_bridge.commands.console import console_beside
 from apad_bridge.commands.modem_checks import check_modems
 from apad_bridge.commands.outcome import print_plan, report
 from apad_bridge.doctor.finding import Status
@@ -61,6 +62,11 @@ def add_parser(commands: Any) -> None:
         choices=[policy.value for policy in OnDeath],
         default=OnDeath.WAIT.value,
         help="wait for `musselbed resume`, or resume at once (default: wait)",
+    )
+    parser.add_argument(
+        "--console",
+        action="store_true",
+        help="serve a live page of the run to a browser on this machine, and print its address",
     )
     parser.set_defaults(run=run, part=Part.WHOLE)
 
@@ -231,7 +237,11 @@ def run(arguments: argparse.Namespace) -> int:
     directory.write_inputs(scenario, starts)
     options.save(directory.path)
     duration_ms = round(scenario.duration_s * 1000)
-    with peers_may_fail(), FlightProgress(scenario.name, duration_ms, quiet=arguments.json) as progress:
+    with ExitStack() as stack:
+        stack.enter_context(peers_may_fail())
+        progress = stack.enter_context(FlightProgress(scenario.name, duration_ms, quiet=arguments.json))
+        if getattr(arguments, "console", False):
+            progress.print_message(f"live page: {stack.enter_context(console_beside(directory.path))}")
         if options.time is TimeSource.ASAP:
             summary = fly_in_process(scenario, starts, directory, progress)
         else:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from apad_bridge.records.event_kinds import EventKind, fault_of, refuse_wrong
-from apad_bridge.records.line_file import Line, LineFile, numbered_lines, read_lines
+from apad_bridge.records.line_file import Line, LineFile, decoded, numbered_lines, read_lines
 from apad_bridge.records.run_directory import RunDirectoryError
 
 __all__ = [
@@ -19,6 +19,7 @@ __all__ = [
     "Journal",
     "JournalContents",
     "JournalDamaged",
+    "JournalTail",
     "Line",
     "format_of",
     "read_journal",
@@ -89,22 +90,57 @@ def read_journal(path: Path) -> JournalContents:
     OSError for no file; JournalDamaged for a line of a known kind without its fields. Further fields, and kinds of another
     version, are left as they are.
     """
-    lines: list[Line] = []
-    dropped, is_old = 0, False
+    reader = _LineReader(path)
     for number, line in numbered_lines(path, newest_of=_QUIET_TICK):
+        reader.take(number, line)
+    return JournalContents(reader.lines, reader.dropped)
+
+
+class JournalTail:
+    """Reads a journal that grows: each `read_new` gives the lines that were written since the last one."""
+
+    def __init__(self, path: Path) -> None:
+        """OSError for no file."""
+        self._file = path.open("rb")
+        self._reader = _LineReader(path)
+        self._number = 0
+        self._torn = b""
+
+    def read_new(self) -> JournalContents:
+        """The new whole lines, as `read_journal` gives them. A line whose end is not written yet comes later."""
+        self._reader.lines, self._reader.dropped = [], 0
+        *lines, self._torn = (self._torn + self._file.read()).split(b"\n")
+        for raw in lines:
+            self._number += 1
+            self._reader.take(self._number, decoded(raw + b"\n"))
+        return JournalContents(self._reader.lines, self._reader.dropped)
+
+    def close(self) -> None:
+        self._file.close()
+
+
+class _LineReader:
+    """Takes the lines of a journal in order, checks them and gives them the current format's keys."""
+
+    def __init__(self, path: Path) -> None:
+        self.lines: list[Line] = []
+        self.dropped = 0
+        self._path = path
+        self._is_old = False
+
+    def take(self, number: int, line: Line | None) -> None:
         if line is None or type(line.get("t")) is not int or type(line.get("kind")) is not str:
-            dropped += 1
-            continue
-        is_old = is_old or (line["kind"] == EventKind.RUN and line.get("format") == 1)
-        if is_old:
+            self.dropped += 1
+            return
+        self._is_old = self._is_old or (line["kind"] == EventKind.RUN and line.get("format") == 1)
+        if self._is_old:
             line = _of_format_2(line)
         if (fault := fault_of(line["kind"], line)) is not None:
             raise JournalDamaged(
-                f"{path}, line {number}: {fault}: damaged, or of another version: mend or remove the line, or use "
+                f"{self._path}, line {number}: {fault}: damaged, or of another version: mend or remove the line, or use "
                 "the version that flew the run (versions.json beside it)"
             )
-        lines.append(line)
-    return JournalContents(lines, dropped)
+        self.lines.append(line)
 
 
 def format_of(path: Path) -> int | None:

@@ -71,14 +71,15 @@ def numbered_lines(path: Path, newest_of: bytes = b"") -> Iterator[tuple[int, Li
                 waiting = raw
                 continue
             if waiting:
-                yield number - 1, _decode(waiting)
+                yield number - 1, decoded(waiting)
                 waiting = b""
-            yield number, _decode(raw)
+            yield number, decoded(raw)
     if waiting:
-        yield number, _decode(waiting)
+        yield number, decoded(waiting)
 
 
-def _decode(raw: bytes) -> Line | None:
+def decoded(raw: bytes) -> Line | None:
+    """The JSON object of one line with its end; None for anything else."""
     if not raw.endswith(b"\n"):
         return None
     try:

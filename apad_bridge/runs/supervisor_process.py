@@ -27,7 +27,6 @@ from apad_bridge.ros.gateway.primitive_services import primitives_offered
 from apad_bridge.ros.system.route import why_silent
 from apad_bridge.runs import flying, resuming
 from apad_bridge.runs.children import supervising
-from apad_bridge.runs.control import control_offered
 from apad_bridge.runs.dry_run import without_commands
 from apad_bridge.runs.exits import Exit, shortage
 from apad_bridge.runs.nurseries import adopt
@@ -40,6 +39,7 @@ from apad_bridge.scenario.schema import Scenario
 from apad_bridge.scripting.program import ScriptSource, as_program
 from apad_bridge.scripting.rendezvous import REAL_TIME
 from apad_bridge.supervisor.context import FlightContext
+from apad_bridge.supervisor.control import control_offered
 from apad_bridge.supervisor.fleet import Fleet, NoFleet
 from apad_bridge.vehicle.errors import PeerFailed
 

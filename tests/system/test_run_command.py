@@ -14,6 +14,7 @@ from typing import Any
 import pytest
 import yaml
 from rosbags.rosbag1 import Reader
+from stalled import stalled_s
 
 from apad_bridge.records.journal import read_journal
 
@@ -115,13 +116,6 @@ def children_of(run: Path) -> list[str]:
             if str(run) in line:
                 found.append(line)
     return found
-
-
-def stalled_s() -> float:
-    """Wall seconds so far in which some process waited for a processor or a disk; 0 where no kernel counts."""
-    files = [Path("/proc/pressure/cpu"), Path("/proc/pressure/io")]
-    totals = [int(it.read_text().split("total=")[1].split()[0]) for it in files if it.exists()]
-    return sum(totals) / 1e6
 
 
 def decisions(run: Path) -> list[tuple[str, list[int]]]:

@@ -42,7 +42,7 @@ def render(data: dict[str, Any]) -> str:
         "TITLE": escape(f"{data['name']} - musselbed replay"),
         "STYLE": _resource("page.css"),
         "DATA": encoded,
-        "SCRIPT": _resource("plots.js") + _resource("map.js") + _resource("page.js"),
+        "SCRIPT": _resource("plots.js") + _resource("map.js") + _resource("page.js") + _resource("live.js"),
     }
     page = _resource("page.html")
     for name, text in parts.items():

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 from agents.mussel.outputs import Truth
+from apad_bridge.analysis.replay.event_texts import event_text
 from apad_bridge.records.event_kinds import EventKind
 from apad_bridge.records.journal import JournalContents, Line
 from apad_bridge.records.truth_lines import truth_of
@@ -40,6 +41,14 @@ class RunState:
     plan: PlanView | None = None
 
 
+class Event(NamedTuple):
+    """An event for a person: its mission time, the kind of its line, and a text."""
+
+    at_ms: int
+    kind: str
+    text: str
+
+
 class History:
     """A run's history. `advance` takes all lines up to a mission time; `now` and `meter` are then as of that time."""
 
@@ -50,10 +59,16 @@ class History:
         charge_of: Callable[[int], ChargeModel],
         dock_count: int,
     ) -> None:
-        # Sorted by time; lines of the same time stay in the order in which they became known.
-        self._lines = sorted(journal.lines, key=lambda line: line["t"])
+        self._lines: list[Line] = []
         self._next = 0
-        self.end_ms = journal.last_ms
+        self.end_ms = 0
+        """The newest mission time of a line."""
+        self.trace: list[tuple[int, float, float]] = []
+        """The aPad's track as (mission ms, north, east), one for each line of it that was taken."""
+        self.events: list[Event] = []
+        """What a person may look for, among the lines that were taken."""
+        self.ended_by: str | None = None
+        self.add(journal)
         self.now = RunState(docks=(None,) * dock_count)
         self._theta = theta
         self.meter = UptimeMeter(theta, charge_of)
@@ -66,23 +81,26 @@ class History:
             EventKind.MISSION: self._take_mission,
             EventKind.PLAN: self._take_plan,
             EventKind.PRIMITIVE: self._take_primitive,
+            EventKind.END: self._take_end,
         }
 
+    def add(self, journal: JournalContents) -> None:
+        """Adds further lines of the journal. One from before the time of the last `advance` is taken by the next."""
+        # Sorted by time; lines of the same time stay in the order in which they became known.
+        self._lines = sorted([*self._lines[self._next :], *journal.lines], key=lambda line: line["t"])
+        self._next = 0
+        self.end_ms = max(self.end_ms, journal.last_ms)
+
     def advance(self, now_ms: int) -> None:
+        """Takes all lines up to a mission time."""
         while self._next < len(self._lines) and self._lines[self._next]["t"] <= now_ms:
             line = self._lines[self._next]
             self._next += 1
             handler = self._handlers.get(line["kind"])
             if handler is not None:
                 handler(line)
-
-    def trace(self) -> list[tuple[int, float, float]]:
-        """The aPad's track as (mission ms, north, east), one for each line of it."""
-        return [
-            (line["t"], line["north_m"], line["east_m"])
-            for line in self._lines
-            if line["kind"] == EventKind.APAD
-        ]
+            if (text := event_text(line)) is not None:
+                self.events.append(Event(line["t"], line["kind"], text))
 
     def _take_truth(self, line: Line) -> None:
         truth = truth_of(line)
@@ -102,6 +120,7 @@ class History:
 
     def _take_apad(self, line: Line) -> None:
         self.now.apad = line
+        self.trace.append((line["t"], line["north_m"], line["east_m"]))
         self.now.docks = tuple(None if agent_id < 0 else agent_id for agent_id in line["docks"])
 
     def _take_mission(self, line: Line) -> None:
@@ -113,6 +132,9 @@ class History:
     def _take_plan(self, line: Line) -> None:
         steps = tuple((step["agent"], step["dock"]) for step in line["steps"])
         self.now.plan = PlanView(line["what"], line["strategy"], steps, len(steps))
+
+    def _take_end(self, line: Line) -> None:
+        self.ended_by = line["reason"]
 
     def _take_primitive(self, line: Line) -> None:
         text = _primitive_text(line)

@@ -3,7 +3,8 @@
 
 const data = JSON.parse(document.getElementById("data").textContent);
 const $ = (id) => document.getElementById(id);
-const END_MS = data.times_ms[data.times_ms.length - 1];
+let endMs = data.times_ms[data.times_ms.length - 1];
+const MOST_EVENTS = 1000;
 const SPEEDS = [1, 5, 20, 60, 300, 1200, 7200, 43200];
 let nowMs = 0, playing = null, marked = null;
 
@@ -62,7 +63,7 @@ function wayOf({ phase, plan }, agents) {
 }
 
 function show(ms) {
-  nowMs = Math.max(0, Math.min(END_MS, ms));
+  nowMs = Math.max(0, Math.min(endMs, ms));
   const view = viewAt(nowMs);
   $("scrub").value = nowMs / 1000;
   $("mission-clock").textContent = clock(nowMs);
@@ -70,6 +71,7 @@ function show(ms) {
   document.body.dataset.timeMs = Math.round(nowMs);
   showWords(view);
   showAgents(view);
+  showEventNow();
   drawMap($("map"), data, view, marked);
   drawPlots(view);
 }
@@ -135,7 +137,8 @@ function drawPlots(view) {
   drawLines($("apad"), times, nowMs, [{ values: data.apad.map((it) => it && it[3]), colour: "#c77d0a", width: 1.8 }], { min: 0, max: 1, format: asPercent });
 }
 
-function setUp() {
+// The name of the run, why it ended, and the figures of its summary.
+function showHeader() {
   $("name").textContent = data.name;
   const ended = data.ended_by === null ? "has not ended" : "ended by " + data.ended_by;
   $("about").textContent = [data.description, `${data.agents.length} aMussels, ${data.collection} / ${data.redeployment}, theta ${data.theta}, seed ${data.seed}; ${ended}`].filter(Boolean).join(" · ");
@@ -147,16 +150,59 @@ function setUp() {
     ["services", known.services], ["emptied", known.emptied], ["lost", known.amussels_lost],
     ["samples", known.samples_taken || undefined],
   ].filter(([, value]) => value !== undefined && value !== null && value !== false);
-  for (const [name, value] of figures) {
+  $("figures").replaceChildren(...figures.map(([name, value]) => {
     const pair = document.createElement("div");
     pair.innerHTML = "<dt></dt><dd></dd>";
     pair.firstChild.textContent = name;
     pair.lastChild.textContent = value;
-    $("figures").append(pair);
-  }
+    return pair;
+  }));
+}
+
+const matches = ([, , text]) => text.toLowerCase().includes($("search").value.trim().toLowerCase());
+
+// Lists the events that the search matches, newest last; a click shows the run at that time.
+function listEvents() {
+  $("events").replaceChildren();
+  addEvents(data.events.filter(matches).slice(-MOST_EVENTS));
+}
+
+function addEvents(events) {
+  $("events").append(...events.filter(matches).map(([ms, kind, text]) => {
+    const item = document.createElement("li");
+    item.dataset.ms = ms;
+    item.dataset.kind = kind;
+    item.innerHTML = "<button><time></time><span></span></button>";
+    item.querySelector("time").textContent = clock(ms);
+    item.querySelector("span").textContent = text;
+    item.firstChild.addEventListener("click", () => { leaveEnd(); show(ms); history.replaceState(null, "", "#t=" + ms / 1000); });
+    return item;
+  }));
+  while ($("events").children.length > MOST_EVENTS) $("events").firstChild.remove();
+  const found = data.events.filter(matches).length, listed = $("events").children.length;
+  $("event-count").textContent = found > listed ? `the last ${listed} of ${found}` : found;
+  showEventNow();
+}
+
+// Marks the newest event up to the time shown, and keeps it in sight.
+function showEventNow() {
+  const items = [...$("events").children];
+  const now = items.findLast((it) => it.dataset.ms <= nowMs);
+  const before = $("events").querySelector(".now");
+  if (now === (before || undefined)) return;
+  if (before) before.classList.remove("now");
+  if (!now) return;
+  now.classList.add("now");
+  $("events").scrollTop = now.offsetTop - $("events").offsetTop - $("events").clientHeight / 2;
+}
+
+function setUp() {
+  showHeader();
   const warnings = [];
   if (!data.has_truth) warnings.push("No truth was recorded in this run: batteries and places are what the supervisor believed.");
   if (data.dropped_lines) warnings.push(`${data.dropped_lines} line(s) of the journal could not be read.`);
+  $("search").addEventListener("input", listEvents);
+  listEvents();
   $("warning").textContent = warnings.join(" ");
   $("warning").hidden = warnings.length === 0;
   $("shaded").hidden = !data.agents.some((it) => it.low);
@@ -170,13 +216,14 @@ function setUp() {
     item.addEventListener("mouseleave", () => { marked = null; show(nowMs); });
     return item;
   }));
-  $("scrub").max = END_MS / 1000;
-  const fitting = SPEEDS.find((speed) => END_MS / 1000 / speed <= 90) || SPEEDS[SPEEDS.length - 1];
+  $("scrub").max = endMs / 1000;
+  const fitting = SPEEDS.find((speed) => endMs / 1000 / speed <= 90) || SPEEDS[SPEEDS.length - 1];
   $("speed").replaceChildren(...SPEEDS.map((speed) => new Option(speed + " ×", speed, false, speed === fitting)));
 }
 
 function play(on) {
-  playing = on ? { from: nowMs >= END_MS ? 0 : nowMs, since: performance.now(), speed: +$("speed").value } : null;
+  if (on) document.body.classList.remove("following");
+  playing = on ? { from: nowMs >= endMs ? 0 : nowMs, since: performance.now(), speed: +$("speed").value } : null;
   $("play").textContent = on ? "\u275A\u275A" : "\u25B6";
   $("play").setAttribute("aria-label", on ? "Pause" : "Play");
   if (on) requestAnimationFrame(frame);
@@ -185,7 +232,7 @@ function play(on) {
 function frame() {
   if (!playing) return;
   show(playing.from + (performance.now() - playing.since) * playing.speed);
-  if (nowMs >= END_MS) play(false); else requestAnimationFrame(frame);
+  if (nowMs >= endMs) play(false); else requestAnimationFrame(frame);
 }
 
 function goToAddress() {
@@ -195,18 +242,24 @@ function goToAddress() {
   show(Number.isFinite(seconds) ? 1000 * seconds : 0);
 }
 
-$("scrub").addEventListener("input", () => { play(false); show(1000 * $("scrub").value); });
+// Looking at another time than the newest ends following a live run; live.js begins it again.
+function leaveEnd() {
+  play(false);
+  document.body.classList.remove("following");
+}
+
+$("scrub").addEventListener("input", () => { leaveEnd(); show(1000 * $("scrub").value); });
 $("scrub").addEventListener("change", () => history.replaceState(null, "", "#t=" + Math.round(nowMs / 1000)));
 $("play").addEventListener("click", () => play(!playing));
 $("speed").addEventListener("change", () => playing && play(true));
 for (const id of ["charge", "active", "cost", "apad"]) {
   $(id).addEventListener("click", (event) => {
-    play(false);
-    show(END_MS * (event.offsetX - 40) / ($(id).clientWidth - 50));
+    leaveEnd();
+    show(endMs * (event.offsetX - 40) / ($(id).clientWidth - 50));
   });
 }
 document.addEventListener("keydown", (event) => {
-  if (event.key === " " && event.target.tagName !== "BUTTON") { event.preventDefault(); play(!playing); }
+  if (event.key === " " && !["BUTTON", "INPUT"].includes(event.target.tagName)) { event.preventDefault(); play(!playing); }
 });
 window.addEventListener("hashchange", goToAddress);
 window.addEventListener("resize", () => show(nowMs));

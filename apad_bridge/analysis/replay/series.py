@@ -66,43 +66,107 @@ def sample_times(end_ms: int, agents: int) -> list[int]:
 
 
 def page_data(scenario: Scenario, journal: JournalContents, summary: dict[str, Any] | None) -> dict[str, Any]:
-    """The page's data, as plain data. ValueError when the journal has no line `run`."""
-    start = journal.first(EventKind.RUN)
-    if start is None:
-        raise ValueError("the journal has no line `run`: the flight never began")
-    history = History(journal, scenario.theta, charge_models(scenario), scenario.apad.docks)
-    sampler = _Sampler(scenario, history, [agent["id"] for agent in start["agents"]])
-    times = sample_times(history.end_ms, len(start["agents"]))
-    for now_ms in times:
-        sampler.sample(now_ms)
-    end = journal.first(EventKind.END)
-    places = stack_of(scenario.apad.generation).capabilities(scenario.apad.docks).docks
-    return {
-        "name": scenario.name,
-        "description": scenario.description,
-        "theta": scenario.theta,
-        "seed": scenario.seed,
-        "collection": scenario.mission.collection,
-        "redeployment": scenario.mission.redeployment,
-        "pool_threshold": scenario.mission.pool_threshold,
-        "polygon": [list(corner) for corner in scenario.area.polygon_m],
-        "dock_bearings": [round(it, 4) for it in places.bearings_rad],
-        "docks_turn": places.turn_with_hull,
-        "homes": {agent["id"]: [agent["north_m"], agent["east_m"]] for agent in start["agents"]},
-        "ended_by": None if end is None else end["reason"],
-        "dropped_lines": journal.dropped,
-        "summary": summary,
-        "times_ms": times,
-        "trace": _thinned(history.trace()),
-        **sampler.columns(),
-    }
+    """The page's data of a whole run, as plain data. ValueError when the journal has no line `run`."""
+    view = RunView(scenario, journal)
+    for now_ms in sample_times(view.end_ms, view.agent_count):
+        view.sample(now_ms)
+    return view.data(summary)
+
+
+class RunView:
+    """A run as the page shows it: columns of samples, taken at rising mission times from the journal so far."""
+
+    def __init__(self, scenario: Scenario, journal: JournalContents, run_ms: int | None = None) -> None:
+        """`run_ms` is the time of which uptimes are a share; None: that of the newest line.
+
+        ValueError when the journal has no line `run`.
+        """
+        start = journal.first(EventKind.RUN)
+        if start is None:
+            raise ValueError("the journal has no line `run`: the flight never began")
+        self._scenario = scenario
+        self._starts: list[dict[str, Any]] = start["agents"]
+        self._dropped = journal.dropped
+        self._history = History(journal, scenario.theta, charge_models(scenario), scenario.apad.docks)
+        ids = [agent["id"] for agent in self._starts]
+        self._sampler = _Sampler(scenario, self._history, ids, run_ms or self._history.end_ms)
+
+    @property
+    def agent_count(self) -> int:
+        return len(self._starts)
+
+    @property
+    def end_ms(self) -> int:
+        """The newest mission time of a line."""
+        return self._history.end_ms
+
+    @property
+    def times_ms(self) -> list[int]:
+        return self._sampler.times_ms
+
+    @property
+    def ended_by(self) -> str | None:
+        return self._history.ended_by
+
+    def add(self, journal: JournalContents) -> None:
+        """Adds further lines."""
+        self._dropped += journal.dropped
+        self._history.add(journal)
+
+    def sample(self, now_ms: int) -> None:
+        """Takes a sample at this time, which is after the last one."""
+        self._sampler.sample(now_ms)
+
+    def thin(self) -> None:
+        """Drops every second sample."""
+        self._sampler.thin()
+
+    def newest(self, since: tuple[int, int]) -> dict[str, Any]:
+        """The newest sample, with the track and the events that were added since these `counts`."""
+        traced, events = since
+        return {
+            **self._sampler.newest(),
+            "trace": _thinned(self._history.trace[traced:]),
+            "events": [list(it) for it in self._history.events[events:]],
+            "counts": self.counts,
+        }
+
+    @property
+    def counts(self) -> tuple[int, int]:
+        """The lengths of the track and of the list of events, as of the newest sample."""
+        return len(self._history.trace), len(self._history.events)
+
+    def data(self, summary: dict[str, Any] | None) -> dict[str, Any]:
+        """All that the page needs, as plain data."""
+        scenario = self._scenario
+        places = stack_of(scenario.apad.generation).capabilities(scenario.apad.docks).docks
+        return {
+            "name": scenario.name,
+            "description": scenario.description,
+            "theta": scenario.theta,
+            "seed": scenario.seed,
+            "collection": scenario.mission.collection,
+            "redeployment": scenario.mission.redeployment,
+            "pool_threshold": scenario.mission.pool_threshold,
+            "polygon": [list(corner) for corner in scenario.area.polygon_m],
+            "dock_bearings": [round(it, 4) for it in places.bearings_rad],
+            "docks_turn": places.turn_with_hull,
+            "homes": {agent["id"]: [agent["north_m"], agent["east_m"]] for agent in self._starts},
+            "ended_by": self.ended_by,
+            "dropped_lines": self._dropped,
+            "summary": summary,
+            "trace": _thinned(self._history.trace),
+            "events": [list(it) for it in self._history.events],
+            **self._sampler.columns(),
+        }
 
 
 class _Sampler:
-    def __init__(self, scenario: Scenario, history: History, agent_ids: list[int]) -> None:
+    def __init__(self, scenario: Scenario, history: History, agent_ids: list[int], run_ms: int) -> None:
+        self.times_ms: list[int] = []
         self._scenario = scenario
         self._history = history
-        self._ticks = max(1, history.end_ms // _TICK_MS)
+        self._ticks = max(1, run_ms // _TICK_MS)
         self._agents = [_Agent(agent_id, *([] for _ in range(8))) for agent_id in agent_ids]
         self._active: list[int] = []
         self._cost: list[float] = []
@@ -114,6 +178,7 @@ class _Sampler:
     def sample(self, now_ms: int) -> None:
         history, now = self._history, self._history.now
         history.advance(now_ms)
+        self.times_ms.append(now_ms)
         uptimes = {uptime.agent_id: uptime for uptime in history.meter.at(now_ms)}
         for agent in self._agents:
             uptime = uptimes.get(agent.agent_id)
@@ -166,8 +231,30 @@ class _Sampler:
             return Status.LOST
         return Status.CANDIDATE if charge <= self._scenario.mission.pool_threshold else Status.ABOVE
 
+    def thin(self) -> None:
+        """Drops every second sample, and never the newest."""
+        for agent in self._agents:
+            for name in _COLUMNS:
+                _halve(getattr(agent, name))
+        for column in (self.times_ms, self._active, self._cost, self._apad, self._docks, self._stage):
+            _halve(column)
+
+    def newest(self) -> dict[str, Any]:
+        """The newest sample alone; each aMussel's values are in the order of `_COLUMNS`."""
+        return {
+            "t": self.times_ms[-1],
+            "has_truth": bool(self._history.meter.agent_ids),
+            "agents": [[getattr(agent, name)[-1] for name in _COLUMNS] for agent in self._agents],
+            "active": self._active[-1],
+            "cost": self._cost[-1],
+            "apad": self._apad[-1],
+            "docks": self._docks[-1],
+            "stage": self._stages[self._stage[-1]],
+        }
+
     def columns(self) -> dict[str, Any]:
         return {
+            "times_ms": self.times_ms,
             "has_truth": bool(self._history.meter.agent_ids),
             "agents": [
                 {
@@ -190,6 +277,13 @@ class _Sampler:
             "stages": self._stages,
             "stage": self._stage,
         }
+
+
+_COLUMNS = ("north", "east", "charge", "status", "uptime", "believed", "low", "high")
+
+
+def _halve(column: list[Any]) -> None:
+    del column[-2::-2]
 
 
 def _plan_data(plan: PlanView | None) -> dict[str, Any] | None:

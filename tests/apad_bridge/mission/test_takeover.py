@@ -15,9 +15,9 @@ from apad_bridge.mission.takeover import Takeover, give_back, take_over
 from apad_bridge.mission.values import Refused, Status
 from apad_bridge.planning import registry
 from apad_bridge.planning.solution import Solution, Step, StepKind
-from apad_bridge.runs.control import Act, Request, carry_out
 from apad_bridge.runs.in_memory import open_flight
 from apad_bridge.scenario.schema import Scenario
+from apad_bridge.supervisor.control import Act, Request, carry_out
 from apad_bridge.vehicle.commands import CommandedByOthers
 from apad_bridge.vehicle.primitives import DockChanged, GoToPoint, PrimitiveSucceeded, UndockMussel
 from firmware_model.states import State

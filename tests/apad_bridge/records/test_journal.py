@@ -5,9 +5,18 @@ import math
 from pathlib import Path
 
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
 from apad_bridge.records.event_kinds import KINDS, EventKind
-from apad_bridge.records.journal import FORMAT_VERSION, Journal, JournalDamaged, format_of, read_journal
+from apad_bridge.records.journal import (
+    FORMAT_VERSION,
+    Journal,
+    JournalDamaged,
+    JournalTail,
+    format_of,
+    read_journal,
+)
 from apad_bridge.records.page import markdown
 
 ROOT = Path(__file__).parents[3]
@@ -196,3 +205,36 @@ def test_every_kind_has_its_row_and_the_page_is_current():
     assert [it.kind for it in KINDS] == list(EventKind)
     page = (ROOT / "docs" / "records.md").read_text()
     assert markdown() in page, "put what `python -m apad_bridge.records.page` prints into docs/records.md"
+
+
+@settings(max_examples=50, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(cuts=st.lists(st.integers(0, 400), max_size=12))
+def test_a_tail_reads_a_growing_file_as_it_is_read_whole_wherever_it_was_cut(path, cuts):
+    written = b"".join(
+        [
+            *(b'{"t":%d,"kind":"leg","metres":1.5}\n' % n for n in range(5)),
+            b"damaged\n",
+            '{"t":9,"kind":"remark","text":"größer","by":"Anna"}\n'.encode(),
+        ]
+    )
+    path.write_bytes(b"")
+    tail = JournalTail(path)
+    lines, dropped = [], 0
+    ends = [*sorted(min(cut, len(written)) for cut in cuts), len(written)]
+    for begin, end in zip([0, *ends], ends, strict=False):
+        with path.open("ab") as file:
+            file.write(written[begin:end])
+        new = tail.read_new()
+        lines += new.lines
+        dropped += new.dropped
+    tail.close()
+    assert [line["t"] for line in lines] == [0, 1, 2, 3, 4, 9] and dropped == 1
+    assert lines == read_journal(path).lines
+
+
+def test_a_tail_names_the_line_that_is_damaged(path):
+    path.write_bytes(b'{"t":0,"kind":"tick"}\n{"t":1,"kind":"leg"}\n')
+    tail = JournalTail(path)
+    with pytest.raises(JournalDamaged, match=r"journal\.jsonl, line 2: "):
+        tail.read_new()
+    tail.close()

@@ -8,7 +8,14 @@ from scenario_files import POOL_FILE
 from agents.mussel.outputs import Truth
 from agents.mussel.physical import Physical
 from apad_bridge.analysis.replay.build import render
-from apad_bridge.analysis.replay.series import MAX_SAMPLES, MAX_VALUES, Status, page_data, sample_times
+from apad_bridge.analysis.replay.series import (
+    MAX_SAMPLES,
+    MAX_VALUES,
+    RunView,
+    Status,
+    page_data,
+    sample_times,
+)
 from apad_bridge.records.journal import JournalContents
 from apad_bridge.records.truth_lines import truth_data, truth_of
 from apad_bridge.scenario.loader import load
@@ -261,3 +268,65 @@ def test_an_estimate_stands_beside_the_truth_with_its_interval():
     assert (agents[2]["believed"], agents[2]["low"], agents[2]["high"]) == ([0.8] * 5, None, None)
     assert agents[3]["believed"] is None and agents[3]["charge"] == [None, None, 0.6, 0.6, 0.6]
     assert agents[3]["low"] == [None, None, 0.58, 0.58, 0.58]
+
+
+def story():
+    return [
+        run_line(1, 2),
+        *truth_lines(truth(0, 1, 0.81), truth(0, 2, 0.5)),
+        apad(0, 3.0),
+        {"t": 1000, "kind": "dock", "dock": 0, "agent": 2, "closed": True},
+        *truth_lines(truth(20_000, 2, 0.5, Flow.CHARGING, docked=True)),
+        apad(3000, 5.0, docks=(2, -1, -1, -1)),
+        {"t": 3000, "kind": "remark", "text": "a <b>boat", "by": "Anna"},
+        {"t": 4000, "kind": "end", "reason": "mission time"},
+    ]
+
+
+def test_a_run_that_is_followed_shows_the_same_as_one_that_is_read_at_its_end():
+    lines = story()
+    followed = RunView(SCENARIO, JournalContents(lines[:1], 0), 4000)
+    followed.sample(-1)
+    for line in lines[1:]:
+        followed.add(JournalContents([line], 0))
+    for now_ms in range(0, 5000, 1000):
+        followed.sample(now_ms)
+    whole, live = data_of(*lines), followed.data(None)
+    for agent in live["agents"]:
+        for name in ("north", "east", "charge", "status", "uptime"):
+            del agent[name][0]
+    for name in ("times_ms", "active", "cost", "apad", "docks", "stage"):
+        del live[name][0]
+    assert live == whole
+
+
+def test_the_newest_sample_brings_what_a_page_lacks_and_no_more():
+    lines = story()
+    view = RunView(SCENARIO, JournalContents(lines[:4], 0), 4000)
+    view.sample(0)
+    before = view.counts
+    view.add(JournalContents(lines[4:], 0))
+    view.sample(4000)
+    newest = view.newest(before)
+    assert newest["t"] == 4000 and newest["docks"] == [2, None, None, None]
+    assert newest["trace"] == [[3000, 5.0, 0.0]]
+    assert newest["events"] == [
+        [1000, "dock", "dock 1 closed around aMussel 2"],
+        [3000, "remark", "Anna: a <b>boat"],
+        [4000, "end", "the mission ended: mission time"],
+    ]
+    assert view.newest(view.counts)["events"] == view.newest(view.counts)["trace"] == []
+
+
+def test_thinning_keeps_the_newest_sample_and_the_columns_alike_long():
+    view = RunView(SCENARIO, JournalContents(story(), 0), 4000)
+    for now_ms in range(0, 5000, 1000):
+        view.sample(now_ms)
+    view.thin()
+    data = view.data(None)
+    assert data["times_ms"] == [0, 2000, 4000]
+    assert [agent["status"] for agent in data["agents"]] == [
+        [Status.ABOVE] * 3,
+        [Status.CANDIDATE, Status.CHARGING, Status.CHARGING],
+    ]
+    assert {len(data[name]) for name in ("active", "cost", "apad", "docks", "stage")} == {3}

@@ -108,20 +108,38 @@ def control_offered(run_dir: Path, calls: CallQueue) -> Iterator[Counter[str]]:
         (run_dir / SOCKET_NAME).unlink(missing_ok=True)
 
 
+def listens(run_dir: Path) -> bool:
+    """True while the run has a supervisor that takes orders."""
+    try:
+        with _connected(run_dir, _CLIENT_S):
+            return True
+    except NobodyListens:
+        return False
+
+
 def ask(run_dir: Path, request: Request) -> Answer:
     """The supervisor's answer. NobodyListens without a supervisor; PeerFailed if it does not answer in time."""
-    with _short_path(run_dir) as path, socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as link:
+    try:
         # The supervisor itself answers within ANSWER_S, so silence for longer is not the mission's.
-        link.settimeout(ANSWER_S + _CLIENT_S)
-        try:
-            link.connect(path)
+        with _connected(run_dir, ANSWER_S + _CLIENT_S) as link:
             link.sendall(_REQUEST.dump_json(request) + b"\n")
             line = link.makefile("rb").readline(_LONGEST_LINE)
             return _ANSWER.validate_json(line)
+    except (OSError, ValidationError) as error:
+        raise PeerFailed(f"the supervisor of {run_dir} does not answer: {error}") from error
+
+
+@contextmanager
+def _connected(run_dir: Path, timeout_s: float) -> Iterator[socket.socket]:
+    """A link to the run's supervisor; NobodyListens without one."""
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as link:
+        link.settimeout(timeout_s)
+        try:
+            with _short_path(run_dir) as path:
+                link.connect(path)
         except (FileNotFoundError, ConnectionRefusedError) as error:
             raise NobodyListens(str(run_dir)) from error
-        except (OSError, ValidationError) as error:
-            raise PeerFailed(f"the supervisor of {run_dir} does not answer: {error}") from error
+        yield link
 
 
 @contextmanager

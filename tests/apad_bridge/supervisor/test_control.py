@@ -15,8 +15,9 @@ from hypothesis import strategies as st
 
 from apad_bridge.commands import main
 from apad_bridge.mission.state import Phase
-from apad_bridge.runs import control
-from apad_bridge.runs.control import (
+from apad_bridge.scenario.schema import Scenario
+from apad_bridge.supervisor import control
+from apad_bridge.supervisor.control import (
     SOCKET_NAME,
     Act,
     Answer,
@@ -25,7 +26,6 @@ from apad_bridge.runs.control import (
     ask,
     control_offered,
 )
-from apad_bridge.scenario.schema import Scenario
 from apad_bridge.vehicle.errors import PeerFailed
 
 

@@ -1,0 +1,122 @@
+// Follows a run that flies: takes what the console sends, and sends a person's orders. Nothing of it runs in a replay.
+
+const SILENT_MS = 3000;
+const MOST_SAMPLES = 1200;
+const COLUMNS = ["north", "east", "charge", "status", "uptime", "believed", "low", "high"];
+const ASKED_FIRST = {
+  continue: "The aPad will move again. Is the water around it clear?",
+  abort: "End the mission? The aPad holds its position, and nothing plans any more.",
+};
+let counts, heardMs, stream;
+
+function take({ sample, supervisor, ended_by, summary }) {
+  heardMs = performance.now();
+  const hasEnded = ended_by !== data.ended_by || (summary !== null && data.summary === null);
+  Object.assign(data, { ended_by, summary });
+  if (hasEnded) showHeader();
+  if (sample) takeSample(sample);
+  showLink(supervisor);
+}
+
+function takeSample(sample) {
+  counts = sample.counts;
+  if (sample.t > data.times_ms[data.times_ms.length - 1]) {
+    if (data.times_ms.length >= MOST_SAMPLES) thin();
+    append(sample);
+  }
+  data.trace.push(...sample.trace);
+  if (sample.events.length) {
+    data.events.push(...sample.events);
+    addEvents(sample.events);
+  }
+  endMs = data.times_ms[data.times_ms.length - 1];
+  $("scrub").max = endMs / 1000;
+  if (document.body.classList.contains("following")) show(endMs);
+}
+
+function append(sample) {
+  const length = data.times_ms.push(sample.t);
+  data.has_truth = sample.has_truth;
+  data.agents.forEach((agent, n) => COLUMNS.forEach((name, k) => {
+    const value = sample.agents[n][k];
+    // A column that had no value so far is null as a whole.
+    if (agent[name] === null && value !== null) agent[name] = Array(length - 1).fill(null);
+    if (agent[name] !== null) agent[name].push(value);
+  }));
+  for (const name of ["active", "cost", "apad", "docks"]) data[name].push(sample[name]);
+  const last = data.stages[data.stages.length - 1];
+  if (JSON.stringify(last) !== JSON.stringify(sample.stage)) data.stages.push(sample.stage);
+  data.stage.push(data.stages.length - 1);
+}
+
+// Drops every second sample, and never the newest.
+function thin() {
+  const halve = (list) => list && list.filter((_, i) => (list.length - 1 - i) % 2 === 0);
+  for (const agent of data.agents) for (const name of COLUMNS) agent[name] = halve(agent[name]);
+  for (const name of ["times_ms", "active", "cost", "apad", "docks", "stage"]) data[name] = halve(data[name]);
+}
+
+// Says what a person cannot rely on: a page without a console, a run without a supervisor.
+function showLink(supervisor) {
+  const silent = performance.now() - heardMs > SILENT_MS;
+  let words = "";
+  if (data.ended_by !== null) words = `The run has ended: ${data.ended_by}.`;
+  else if (silent) words = "The console does not answer: what is shown is old.";
+  else if (!supervisor) words = "No supervisor takes orders: it died, or the run flies in virtual time.";
+  $("warning").textContent = words;
+  $("warning").hidden = words === "";
+  const takesOrders = supervisor && !silent && data.ended_by === null;
+  for (const button of $("orders").querySelectorAll("button:not(#follow)")) button.disabled = !takesOrders;
+}
+
+async function order(act, text = "") {
+  if (ASKED_FIRST[act] && !(await isSure(ASKED_FIRST[act]))) return;
+  $("answer").textContent = "…";
+  try {
+    const answer = await fetch("/orders", { method: "POST", body: JSON.stringify({ act, by: "console", text }) });
+    const { accepted, message } = await answer.json();
+    $("answer").textContent = `${act}: ${message || (accepted ? "done" : "refused")}`;
+  } catch (error) {
+    $("answer").textContent = `${act}: the console does not answer`;
+  }
+}
+
+function isSure(question) {
+  $("sure").firstChild.textContent = question;
+  $("sure").returnValue = "no";
+  $("sure").showModal();
+  return new Promise((done) => $("sure").addEventListener("close", () => done($("sure").returnValue === "yes"), { once: true }));
+}
+
+function connect() {
+  stream = new EventSource(`/live?trace=${counts[0]}&events=${counts[1]}`);
+  stream.onmessage = (event) => take(JSON.parse(event.data));
+  // Not the browser's own reconnection, which would ask again for what the page has by now.
+  stream.onerror = () => {
+    stream.close();
+    if (data.ended_by === null) setTimeout(connect, 1000);
+  };
+}
+
+function follow() {
+  play(false);
+  document.body.classList.add("following");
+  show(endMs);
+}
+
+if (data.live) {
+  counts = data.live.counts;
+  heardMs = performance.now();
+  $("orders").hidden = false;
+  for (const act of ["stop", "continue", "abort"]) $(act).addEventListener("click", () => order(act));
+  $("remark").addEventListener("submit", (event) => {
+    event.preventDefault();
+    const text = $("remark-text").value.trim();
+    if (text) order("remark", text).then(() => { $("remark-text").value = ""; });
+  });
+  $("follow").addEventListener("click", follow);
+  setInterval(() => { if (performance.now() - heardMs > SILENT_MS) showLink(false); }, 500);
+  showLink(data.live.supervisor);
+  if (!location.hash) follow();
+  connect();
+}

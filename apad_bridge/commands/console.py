@@ -1,0 +1,96 @@
+"""`musselbed console RUN`: a run that flies, live in a browser."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import webbrowser
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from agents.hosting.link_protocol import readable
+from apad_bridge.records.run_directory import RunDirectoryError
+from apad_bridge.runs.children import Child
+from apad_bridge.runs.exits import EXITS, Exit, UserError
+
+LOOPBACK = "127.0.0.1"
+_LAST_PAGE_S = 2.0
+
+
+def add_parser(commands: Any) -> None:
+    parser = commands.add_parser(
+        "console",
+        help="show a run live in a browser, and give it orders from there",
+        description="Serves the replay page of a run with live data: the map, the batteries, the events, and buttons for "
+        "stop, continue, abort and remarks. Ctrl-C ends the console and not the run. Each console has a token of its own, "
+        "which is in the address that it prints: whoever has the address may give orders.",
+        epilog=f"examples: musselbed console runs/pool-12-1 --open; musselbed console runs/pool-12-1 --port 8080. "
+        f"exit codes: {EXITS}",
+    )
+    parser.add_argument("directory", type=Path, metavar="RUN", help="the run's directory")
+    parser.add_argument(
+        "--host",
+        default=LOOPBACK,
+        metavar="ADDRESS",
+        help="listen on this address; the token then travels without encryption (default: this machine alone)",
+    )
+    parser.add_argument(
+        "--port", type=int, default=0, metavar="N", help="listen on this port (default: a free one)"
+    )
+    parser.add_argument("--open", action="store_true", help="open the page in the browser")
+    parser.add_argument("--json", action="store_true", help="print the page's address as JSON on stdout")
+    parser.set_defaults(run=run)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    from apad_bridge.console.process import Address, serve
+
+    if not 0 <= arguments.port < 65536:
+        raise UserError(f"--port is 0 to 65535, not {arguments.port}")
+
+    def tell(url: str) -> None:
+        print(json.dumps({"url": url}) if arguments.json else url, flush=True)
+        if arguments.open and not webbrowser.open(url):
+            raise UserError(f"no browser could be started: open {url} in one")
+
+    def tell_end(reason: str) -> None:
+        print(
+            json.dumps({"ended_by": reason}) if arguments.json else f"the run has ended: {reason}", flush=True
+        )
+
+    try:
+        serve(arguments.directory, Address(arguments.host, arguments.port), tell, tell_end)
+    except RunDirectoryError as error:
+        raise UserError(str(error)) from error
+    except OSError as error:
+        raise UserError(
+            f"cannot listen on {arguments.host} port {arguments.port}: {error.strerror}"
+        ) from error
+    return Exit.DONE
+
+
+@contextmanager
+def console_beside(directory: Path) -> Iterator[str]:
+    """A console of the run in a process of its own while this is entered; yields the page's address.
+
+    It ends after its pages have the run's summary, or without that after `_LAST_PAGE_S`. UserError when it cannot start.
+    """
+    if not directory.is_dir():
+        raise UserError(f"{directory} is no run: it does not exist")
+    child = Child(
+        "console",
+        "apad_bridge.commands.main",
+        ["console", str(directory), "--json"],
+        directory / "console.log",
+        {},
+    )
+    try:
+        line = child.lines.readline()
+        if not line:
+            raise UserError(f"the console does not start: {child.last_log_line()}")
+        yield json.loads(line)["url"]
+        readable(child.lines.fileno(), _LAST_PAGE_S)
+    finally:
+        child.end(_LAST_PAGE_S)

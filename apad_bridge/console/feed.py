@@ -1,0 +1,95 @@
+"""What a console shows of a run: the page's data, read from the journal while the run flies.
+
+The journal has all that the page needs, so a console takes nothing from the supervisor's process and nothing of its time.
+"""
+
+from __future__ import annotations
+
+import json
+import time
+from pathlib import Path
+from typing import Any
+
+from apad_bridge.analysis.replay.series import MAX_SAMPLES, RunView, sample_times
+from apad_bridge.records.journal import JournalTail
+from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
+from apad_bridge.scenario.errors import ScenarioError
+from apad_bridge.scenario.loader import load
+from apad_bridge.supervisor.control import listens
+
+_TICK_MS = 1000
+_BEGINS_S = 30.0
+"""Wall seconds: agents, a master and an aPad start before the first line is written."""
+_LOOK_S = 0.1
+
+
+class Feed:
+    """Follows one run. `poll` gives what is new for pages that are open, `page_data` all for one that opens now."""
+
+    def __init__(self, run_dir: Path) -> None:
+        """Waits up to `_BEGINS_S` for a run that is just starting.
+
+        RunDirectoryError, one line, when the directory holds no run that can be shown.
+        """
+        _await_beginning(RunDirectory(run_dir))
+        self._directory = RunDirectory.open(run_dir)
+        try:
+            scenario = load(self._directory.scenario)
+            self._journal = JournalTail(self._directory.journal)
+            begun = self._journal.read_new()
+            self._view = RunView(scenario, begun, round(1000 * scenario.duration_s))
+        except ScenarioError as error:
+            raise RunDirectoryError(error.lines[0]) from error
+        except (OSError, KeyError, TypeError, ValueError) as error:
+            raise RunDirectoryError(f"{self._directory.journal}: cannot be shown: {error}") from error
+        for now_ms in sample_times(self._view.end_ms, self._view.agent_count):
+            self._view.sample(now_ms)
+
+    def poll(self) -> dict[str, Any]:
+        """The run's state now, and `sample`: the newest sample where there is a new one, else null."""
+        self._view.add(self._journal.read_new())
+        return {"sample": self._new_sample(), **self._state()}
+
+    def since(self, counts: tuple[int, int]) -> dict[str, Any]:
+        """The run's state at the last poll, for a page that has so much of the track and of the events."""
+        return {"sample": self._view.newest(counts), **self._state()}
+
+    def page_data(self) -> dict[str, Any]:
+        """The page's data so far. `live` tells the page to follow, and from where."""
+        state = self._state()
+        return {**self._view.data(state["summary"]), "live": {"counts": self._view.counts, **state}}
+
+    def close(self) -> None:
+        self._journal.close()
+
+    def _new_sample(self) -> dict[str, Any] | None:
+        now_ms = self._view.end_ms // _TICK_MS * _TICK_MS
+        if now_ms <= self._view.times_ms[-1]:
+            return None
+        before = self._view.counts
+        self._view.sample(now_ms)
+        if len(self._view.times_ms) > 2 * MAX_SAMPLES:
+            self._view.thin()
+        return self._view.newest(before)
+
+    def _state(self) -> dict[str, Any]:
+        """Whether a supervisor takes orders, why the mission ended, and its summary; null while it flies."""
+        summary: dict[str, Any] | None = None
+        if self._view.ended_by is not None and self._directory.summary.is_file():
+            summary = json.loads(self._directory.summary.read_text(encoding="utf-8"))
+        return {
+            "supervisor": listens(self._directory.path),
+            "ended_by": self._view.ended_by,
+            "summary": summary,
+        }
+
+
+def _await_beginning(directory: RunDirectory) -> None:
+    """Waits until the run of this directory has written the first line of its journal."""
+    deadline_s = time.monotonic() + _BEGINS_S
+    while directory.scenario.is_file() and not (
+        directory.journal.is_file() and directory.journal.stat().st_size
+    ):
+        if time.monotonic() > deadline_s:
+            raise RunDirectoryError(f"{directory.path}: no flight began within {_BEGINS_S:g} s")
+        time.sleep(_LOOK_S)

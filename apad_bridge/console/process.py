@@ -1,0 +1,58 @@
+"""Serves the console of one run until it is told to end: a process of its own, so that no browser slows the supervisor."""
+
+from __future__ import annotations
+
+import secrets
+import socket
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import uvicorn
+
+from agents.hosting.interrupts import received_by
+from apad_bridge.console.server import Ending, app_of
+from apad_bridge.records.run_directory import RunDirectory, RunDirectoryError
+
+_BACKLOG = 256
+
+
+@dataclass(frozen=True, slots=True)
+class Address:
+    """The address to listen on; port 0 takes a free one."""
+
+    host: str
+    port: int
+
+
+def serve(run_dir: Path, address: Address, tell: Callable[[str], None], ended: Callable[[str], None]) -> None:
+    """Serves until SIGINT or SIGTERM. `tell` takes the page's URL once the server listens, `ended` why the mission ended.
+
+    RunDirectoryError when the directory holds no run that can be shown; OSError when the address cannot be used.
+    """
+    if not RunDirectory(run_dir).scenario.is_file():
+        raise RunDirectoryError(f"{run_dir}: no run: there is no scenario.yaml in it")
+    token = secrets.token_urlsafe(16)
+    asked_to_end = threading.Event()
+    with socket.create_server((address.host, address.port), backlog=_BACKLOG) as listener:
+        host, port = listener.getsockname()[:2]
+        tell(f"http://{host}:{port}/?token={token}")
+        config = uvicorn.Config(
+            app_of(run_dir, token, Ending(ended, asked_to_end.is_set)),
+            log_level="warning",
+            lifespan="on",
+            timeout_graceful_shutdown=2,
+            access_log=False,
+        )
+        server = uvicorn.Server(config)
+
+        def end() -> None:
+            asked_to_end.set()
+            server.should_exit = True
+
+        # Beside the main thread uvicorn leaves the signals to us.
+        serving = threading.Thread(target=server.run, kwargs={"sockets": [listener]}, name="console")
+        with received_by(end):
+            serving.start()
+            serving.join()

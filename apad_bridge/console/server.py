@@ -1,0 +1,189 @@
+"""The console's web server: the replay page with live data, and a person's orders.
+
+Every request needs the console's token: as `?token=` once, then as a cookie that the browser sends to this server alone.
+Orders go to the supervisor as those of the commands do (`supervisor/control.py`), so the same rules refuse them.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import hmac
+import json
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from pydantic import TypeAdapter, ValidationError
+from starlette.applications import Starlette
+from starlette.requests import Request
+from starlette.responses import (
+    HTMLResponse,
+    JSONResponse,
+    PlainTextResponse,
+    RedirectResponse,
+    Response,
+    StreamingResponse,
+)
+from starlette.routing import Route
+
+from apad_bridge.analysis.replay.build import render
+from apad_bridge.console.feed import Feed
+from apad_bridge.supervisor import control
+from apad_bridge.vehicle.errors import PeerFailed
+
+_POLL_S = 0.25
+_BEAT_S = 1.0
+"""A page that hears nothing for three beats says so."""
+_WAITING = 40
+"""A page that leaves so many messages unread is left; its browser connects again."""
+_ORDER = TypeAdapter(control.Request)
+_REFUSED = PlainTextResponse(
+    "This console needs its token: open the address that `musselbed console` printed.\n", status_code=403
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Ending:
+    """How a console and its run end."""
+
+    run_ended: Callable[[str], None]
+    """Takes why the mission ended, once, after the pages have the run's summary."""
+    is_asked_to_end: Callable[[], bool]
+    """True when the console itself is to end: the streams to its pages then end."""
+
+
+class Broadcast:
+    """Sends what the feed gives to every open page, encoded once."""
+
+    def __init__(self, feed: Feed, ending: Ending) -> None:
+        self._feed = feed
+        self._ending = ending
+        self._has_told_end = False
+        self._pages: set[asyncio.Queue[bytes | None]] = set()
+        self._lock = asyncio.Lock()
+
+    async def run(self) -> None:
+        """Polls until the console is asked to end."""
+        told, told_s = b"", 0.0
+        loop = asyncio.get_running_loop()
+        while not self._ending.is_asked_to_end():
+            async with self._lock:
+                message = await asyncio.to_thread(self._feed.poll)
+                data = _encoded(message)
+                if message["sample"] is not None or data != told or loop.time() - told_s >= _BEAT_S:
+                    told, told_s = data, loop.time()
+                    self._send(data)
+            if message["summary"] is not None and not self._has_told_end:
+                self._has_told_end = True
+                self._ending.run_ended(message["ended_by"])
+            await asyncio.sleep(_POLL_S)
+        for queue in self._pages:
+            queue.put_nowait(None)
+
+    async def page(self) -> str:
+        """The page with the run so far."""
+        async with self._lock:
+            return await asyncio.to_thread(lambda: render(self._feed.page_data()))
+
+    async def stream(self, counts: tuple[int, int]) -> AsyncIterator[bytes]:
+        """What a page with so much of the track and of the events does not have yet, and then all that is new."""
+        queue: asyncio.Queue[bytes | None] = asyncio.Queue()
+        async with self._lock:
+            queue.put_nowait(_encoded(self._feed.since(counts)))
+            self._pages.add(queue)
+        try:
+            while (data := await queue.get()) is not None:
+                yield data
+        finally:
+            self._leave(queue)
+
+    def _leave(self, queue: asyncio.Queue[bytes | None]) -> None:
+        self._pages.discard(queue)
+
+    def _send(self, data: bytes) -> None:
+        for queue in list(self._pages):
+            if queue.qsize() >= _WAITING:
+                self._leave(queue)
+                queue.put_nowait(None)
+            else:
+                queue.put_nowait(data)
+
+
+def _encoded(message: dict[str, Any]) -> bytes:
+    """A server-sent event (HTML standard, 9.2)."""
+    return b"data: " + json.dumps(message, separators=(",", ":"), allow_nan=False).encode() + b"\n\n"
+
+
+def app_of(run_dir: Path, token: str, ending: Ending) -> Starlette:
+    """The console of a run. RunDirectoryError when the directory holds no run that can be shown."""
+    feed = Feed(run_dir)
+    broadcast = Broadcast(feed, ending)
+
+    @asynccontextmanager
+    async def lifespan(_: Starlette) -> AsyncIterator[None]:
+        polling = asyncio.create_task(broadcast.run())
+        try:
+            yield
+        finally:
+            polling.cancel()
+            feed.close()
+
+    def is_known(request: Request) -> bool:
+        return hmac.compare_digest(request.cookies.get(_cookie(request), ""), token)
+
+    async def page(request: Request) -> Response:
+        if hmac.compare_digest(request.query_params.get("token", ""), token):
+            answer = RedirectResponse("/", status_code=303)
+            answer.set_cookie(_cookie(request), token, httponly=True, samesite="strict")
+            return answer
+        return HTMLResponse(await broadcast.page()) if is_known(request) else _REFUSED
+
+    async def live(request: Request) -> Response:
+        if not is_known(request):
+            return _REFUSED
+        try:
+            counts = int(request.query_params["trace"]), int(request.query_params["events"])
+        except (KeyError, ValueError):
+            return PlainTextResponse("trace and events are numbers\n", status_code=400)
+        return StreamingResponse(
+            broadcast.stream(counts), media_type="text/event-stream", headers={"Cache-Control": "no-store"}
+        )
+
+    async def order(request: Request) -> Response:
+        if not is_known(request):
+            return _REFUSED
+        try:
+            asked = _ORDER.validate_json(await request.body())
+        except ValidationError as error:
+            return JSONResponse({"accepted": False, "message": error.errors()[0]["msg"]}, status_code=400)
+        answer = await asyncio.to_thread(_ask, run_dir, asked)
+        return JSONResponse({"accepted": answer.accepted, "message": answer.message})
+
+    async def icon(_: Request) -> Response:
+        return Response(status_code=204)
+
+    return Starlette(
+        routes=[
+            Route("/", page),
+            Route("/favicon.ico", icon),
+            Route("/live", live),
+            Route("/orders", order, methods=["POST"]),
+        ],
+        lifespan=lifespan,
+    )
+
+
+def _cookie(request: Request) -> str:
+    """A name for each port: browsers share cookies between the ports of a host, and each console has its own token."""
+    return f"musselbed_console_{request.scope['server'][1]}"
+
+
+def _ask(run_dir: Path, asked: control.Request) -> control.Answer:
+    try:
+        return control.ask(run_dir, asked)
+    except control.NobodyListens:
+        return control.Answer(False, "no supervisor takes orders: the run has ended, or its supervisor died")
+    except PeerFailed as error:
+        return control.Answer(False, str(error))

@@ -1,0 +1,39 @@
+"""Texts about events, from lines that the journal's own table accepts."""
+
+import pytest
+
+from apad_bridge.analysis.replay.event_texts import event_text
+from apad_bridge.records.event_kinds import fault_of
+
+TEXTS = [
+    ({"kind": "dock", "dock": 0, "agent": 2, "closed": False}, "dock 1 let go aMussel 2"),
+    (
+        {
+            "kind": "primitive",
+            "name": "dock",
+            "phase": "failed",
+            "agent": 3,
+            "dock": 1,
+            "reason": "it missed",
+        },
+        "dock failed: it missed",
+    ),
+    (
+        {"kind": "given_up", "agent": 3, "what": "collect", "reason": "it missed"},
+        "gave up to collect aMussel 3: it missed",
+    ),
+    (
+        {"kind": "left_alone", "agent": 3, "tries": 5, "reason": "it missed"},
+        "aMussel 3 is left alone: it missed",
+    ),
+    ({"kind": "override", "taken": True}, "a person took the aPad over"),
+    ({"kind": "operator", "order": "stop", "by": "Anna"}, "Anna ordered: stop"),
+    ({"kind": "remark", "text": "gulls", "by": "Anna"}, "Anna: gulls"),
+    ({"kind": "tick"}, None),
+]
+
+
+@pytest.mark.parametrize(("line", "text"), TEXTS)
+def test_an_event_has_its_text(line, text):
+    assert fault_of(line["kind"], line) is None
+    assert event_text({"t": 0, **line}) == text

@@ -1,0 +1,192 @@
+"""The live console in a real browser, beside a run that flies: what it shows, what it orders, and whom it refuses."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+import urllib.error
+import urllib.request
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from selenium import webdriver
+from selenium.webdriver.chrome.service import Service
+from selenium.webdriver.common.by import By
+from selenium.webdriver.support.wait import WebDriverWait
+from stalled import stalled_s
+
+from apad_bridge.commands.console import console_beside
+from apad_bridge.records.journal import read_journal
+from apad_bridge.runs.exits import UserError
+from apad_bridge.supervisor.control import listens
+
+pytestmark = pytest.mark.system
+ROOT = Path(__file__).parents[2]
+MUSSELBED = [sys.executable, "-m", "apad_bridge.commands.main"]
+PATIENCE_S = 90.0
+WATCH_WARNINGS = """
+window.warned = [];
+new MutationObserver(() => {
+  const text = document.getElementById("warning").textContent, last = window.warned[window.warned.length - 1];
+  if (text === (last ? last[0] : "")) return;
+  setTimeout(() => window.warned.push([text, !document.getElementById("stop").disabled, Date.now()]));
+}).observe(document.getElementById("warning"), {childList: true});
+"""
+FLAGS = (
+    "--headless=new",
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--window-size=1400,1200",
+    "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1",
+)
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[webdriver.Chrome]:
+    options = webdriver.ChromeOptions()
+    for flag in FLAGS:
+        options.add_argument(flag)
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
+    driver = webdriver.Chrome(options=options, service=Service("/usr/bin/chromedriver"))
+    yield driver
+    driver.quit()
+
+
+@pytest.fixture
+def run_dir(tmp_path: Path) -> Iterator[Path]:
+    """Six aMussels close together, flown over ROS ten times faster than real time."""
+    data = yaml.safe_load((ROOT / "launch_scripts/scenarios/pool-12.yaml").read_text())
+    data.update(name="live", description="<script>window.hurt = 1</script>", duration_s=2400, theta=30)
+    data["fleet"].update(count=6, start={"charge": [0.5, 0.75]})
+    path, out = tmp_path / "live.yaml", tmp_path / "run"
+    path.write_text(yaml.safe_dump(data))
+    process = subprocess.Popen(
+        [*MUSSELBED, "run", path, "--speed", "10", "--out", out, "--json", "--on-supervisor-death", "resume"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        cwd=ROOT,
+    )
+    wait_until(lambda: listens(out) if out.is_dir() else process.poll() is not None)
+    assert process.poll() is None
+    yield out
+    process.send_signal(signal.SIGINT)
+    process.communicate(timeout=PATIENCE_S)
+
+
+def wait_until(holds: Callable[[], Any]) -> Any:
+    """Polls what announces nothing."""
+    return WebDriverWait(None, PATIENCE_S, 0.05).until(lambda _: holds())  # type: ignore[arg-type]
+
+
+def text(browser: webdriver.Chrome, element: str) -> str:
+    return str(browser.execute_script("return document.getElementById(arguments[0]).textContent", element))
+
+
+def journalled(run_dir: Path, kind: str) -> list[dict[str, Any]]:
+    return [line for line in read_journal(run_dir / "journal.jsonl").lines if line["kind"] == kind]
+
+
+def seconds(browser: webdriver.Chrome) -> float:
+    return float(browser.execute_script("return document.body.dataset.timeMs")) / 1000
+
+
+def test_a_person_follows_a_run_stops_it_and_lets_it_go_on(browser: webdriver.Chrome, run_dir: Path) -> None:
+    with console_beside(run_dir) as url:
+        browser.get(url)
+        assert "token" not in browser.current_url
+        begun_s = seconds(browser)
+        wait_until(lambda: seconds(browser) > begun_s + 30)
+        assert browser.execute_script("return window.hurt === undefined")
+
+        browser.find_element(By.ID, "stop").click()
+        wait_until(lambda: text(browser, "answer") == "stop: done")
+        assert [line["order"] for line in journalled(run_dir, "operator")] == ["stop"]
+        browser.find_element(By.ID, "remark-text").send_keys("<b>gulls</b>\n")
+        wait_until(lambda: "<b>gulls</b>" in text(browser, "events"))
+        assert [line["text"] for line in journalled(run_dir, "remark")] == ["<b>gulls</b>"]
+
+        # An act that moves something asks first, and "no" orders nothing.
+        browser.find_element(By.ID, "continue").click()
+        browser.find_element(By.CSS_SELECTOR, "#sure button[value=no]").click()
+        browser.find_element(By.ID, "continue").click()
+        browser.find_element(By.CSS_SELECTOR, "#sure button[value=yes]").click()
+        wait_until(lambda: text(browser, "answer") == "continue: done")
+        assert [line["order"] for line in journalled(run_dir, "operator")] == ["stop", "continue"]
+
+        # A person who looks back is left there until "Live".
+        browser.execute_script("document.querySelector('#events button').click()")
+        looked_s = seconds(browser)
+        assert looked_s == journalled_first(run_dir)
+        shown = text(browser, "event-count")
+        wait_until(lambda: text(browser, "event-count") != shown)
+        assert seconds(browser) == looked_s
+        browser.find_element(By.ID, "follow").click()
+        assert seconds(browser) > looked_s
+
+        # The page says that a supervisor has died, and follows the next one.
+        browser.execute_script(WATCH_WARNINGS)
+        killed_s, others_s = time.time(), stalled_s()
+        os.kill(int((run_dir / "supervisor.pid").read_text().split()[0]), signal.SIGKILL)
+        wait_until(lambda: len(browser.execute_script("return window.warned")) == 2)
+        (said, could_stop, said_ms), (gone, can_stop, _) = browser.execute_script("return window.warned")
+        assert said.startswith("No supervisor takes orders") and not could_stop
+        assert gone == "" and can_stop
+        assert said_ms / 1000 - killed_s - (stalled_s() - others_s) < 3.0
+        resumed_s = seconds(browser)
+        wait_until(lambda: seconds(browser) > resumed_s + 10)
+
+        browser.find_element(By.ID, "abort").click()
+        browser.find_element(By.CSS_SELECTOR, "#sure button[value=yes]").click()
+        wait_until(lambda: text(browser, "warning") == "The run has ended: a call: abort by console.")
+        summary = json.loads((run_dir / "summary.json").read_text())
+        wait_until(lambda: f"{summary['cost_m']:.0f} m" in text(browser, "figures"))
+        assert f"{summary['uptime_paper']['mean']:.2f} %" in text(browser, "figures")
+    assert [it for it in browser.get_log("browser") if it["level"] == "SEVERE"] == []  # type: ignore[no-untyped-call]
+
+
+def journalled_first(run_dir: Path) -> float:
+    """Mission seconds of the first event that the page lists: here, always the first plan."""
+    return float(journalled(run_dir, "plan")[0]["t"]) / 1000
+
+
+def test_without_its_token_a_console_shows_and_orders_nothing(run_dir: Path) -> None:
+    with console_beside(run_dir) as url:
+        base, token = url.split("/?token=")
+        for path, cookie in (
+            ("/", ""),
+            ("/?token=guess", ""),
+            ("/live?trace=0&events=0", "guess"),
+            ("/orders", ""),
+        ):
+            request = urllib.request.Request(base + path, headers={"Cookie": f"musselbed_console={cookie}"})
+            if path == "/orders":
+                request.data = b'{"act": "abort", "by": "Mallory"}'
+            with pytest.raises(urllib.error.HTTPError) as refused:
+                urllib.request.urlopen(request, timeout=PATIENCE_S)
+            assert refused.value.code == 403
+            assert token not in refused.value.read().decode()
+            refused.value.close()
+    assert journalled(run_dir, "operator") == []
+
+
+def test_a_console_of_what_is_no_run_does_not_start(tmp_path: Path) -> None:
+    with (
+        pytest.raises(UserError, match=r"no run: there is no scenario\.yaml in it"),
+        console_beside(tmp_path),
+    ):
+        pytest.fail("it started")
+    answered = subprocess.run(
+        [*MUSSELBED, "console", str(tmp_path / "gone")], capture_output=True, text=True, timeout=PATIENCE_S
+    )
+    assert answered.returncode == 2 and answered.stderr.count("\n") == 1
